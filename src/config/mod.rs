@@ -1,0 +1,5 @@
+//! A YAML document as written -> a [`Plan`] as checked.
+
+pub mod plan;
+
+pub use plan::{Family, Plan, Split, Table};

@@ -1,0 +1,1 @@
+//! Arrow values -> Parquet shards, receipts, manifest; and back. The only user of arrow and parquet.

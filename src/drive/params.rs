@@ -1,0 +1,229 @@
+//! The `drive` section of a config, as written and as checked.
+
+use garde::Validate;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Rover;
+use crate::preset::Preset;
+use crate::random::{Dist, Law, within};
+
+/// The rover and its way through the yard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct DriveParams {
+    /// A shipped rover (kapvik, pioneer-3at, husky-a200), a path to one's own, or one written out.
+    #[garde(dive)]
+    pub rover: Preset<Rover>,
+    #[garde(dive)]
+    pub start: StartParams,
+    #[garde(dive)]
+    pub path: PathParams,
+    /// Places at which the rover stands and sweeps, evenly spread; the last is the path's end.
+    #[garde(range(min = 1, max = 10_000))]
+    pub stops: u32,
+    /// Which sweeps are written; all of them feed slam.
+    #[garde(skip)]
+    pub keep: Keep,
+    /// Try the drive and its sweeps again, in the same scene, until a kept sweep holds both classes; 1 = take the first.
+    #[garde(range(min = 1, max = 100))]
+    pub attempts: u32,
+    /// Speed while driving, metres per second; default: the rover's greatest.
+    #[garde(custom(within(1e-3, 50.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_mps: Option<Dist>,
+    /// Length of a control step along the path, metres.
+    #[garde(custom(within(1e-3, 1.0)))]
+    pub step_m: f64,
+    /// How the chassis is set on the ground.
+    #[garde(skip)]
+    pub contact: ContactSolver,
+    /// Noise of the true motion (the paper's bumpy ground); absent = the rover does as it is told.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control_noise: Option<ControlNoise>,
+    #[garde(dive)]
+    pub instruments: InstrumentsParams,
+}
+
+impl Default for DriveParams {
+    fn default() -> Self {
+        DriveParams {
+            rover: Preset::Name("kapvik".into()),
+            start: StartParams::default(),
+            path: PathParams::TowardObstacle(LengthParams { length_m: Dist::Constant(2.0) }),
+            stops: 4,
+            keep: Keep::Last,
+            attempts: 1,
+            speed_mps: None,
+            step_m: 0.05,
+            contact: ContactSolver::GaussNewton,
+            control_noise: None,
+            instruments: InstrumentsParams::default(),
+        }
+    }
+}
+
+/// Where the drive begins.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct StartParams {
+    /// Distance from the start to the nearest obstacle's surface, metres; absent = anywhere clear.
+    #[garde(custom(within(0.0, 1000.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_obstacle_m: Option<Dist>,
+    /// Distance kept from the yard's edge, metres.
+    #[garde(custom(within(0.0, 1000.0)))]
+    pub margin_m: f64,
+}
+
+impl Default for StartParams {
+    fn default() -> Self {
+        StartParams { near_obstacle_m: None, margin_m: 1.0 }
+    }
+}
+
+/// The way through the yard. Every path stops short of obstacles and of the yard's edge.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum PathParams {
+    /// Straight ahead, in a random direction.
+    Straight(#[garde(dive)] LengthParams),
+    /// A circular arc.
+    Arc(#[garde(dive)] ArcParams),
+    /// Through points given in the yard, turning in place between them.
+    Waypoints(#[garde(dive)] WaypointsParams),
+    /// Straight pieces with random turns in place.
+    RandomWalk(#[garde(dive)] RandomWalkParams),
+    /// Toward the nearest obstacle.
+    TowardObstacle(#[garde(dive)] LengthParams),
+    /// To a random goal, planned around obstacles (A*).
+    Planned(#[garde(dive)] PlannedParams),
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct LengthParams {
+    /// Length of the way, metres; drawn per scene.
+    #[garde(custom(within(0.0, 1e5)))]
+    pub length_m: Dist,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct ArcParams {
+    #[garde(custom(within(0.0, 1e5)))]
+    pub length_m: Dist,
+    /// Radius, metres; positive turns left, negative right.
+    #[garde(custom(within(-1e5, 1e5)))]
+    pub radius_m: Dist,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct WaypointsParams {
+    /// Points [x, y] in the yard, metres; the first is the start.
+    #[garde(length(min = 2))]
+    pub points_m: Vec<[f64; 2]>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct RandomWalkParams {
+    #[garde(custom(within(0.0, 1e5)))]
+    pub length_m: Dist,
+    /// Length of a straight piece, metres; drawn per piece.
+    #[garde(custom(within(0.05, 1e4)))]
+    pub leg_m: Dist,
+    /// Turn between pieces, degrees; drawn per turn.
+    #[garde(custom(within(-180.0, 180.0)))]
+    pub turn_deg: Dist,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedParams {
+    /// Distance of the goal from the start, metres; drawn per scene.
+    #[garde(custom(within(0.1, 1e5)))]
+    pub goal_m: Dist,
+    /// Distance kept from obstacles beside the rover's own half width, metres.
+    #[garde(custom(within(0.0, 10.0)))]
+    #[serde(default)]
+    pub clearance_m: f64,
+}
+
+/// Which sweeps are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Keep {
+    Last,
+    All,
+    /// Every n-th, counted so that the last is kept.
+    Every(u32),
+}
+
+/// How the pose on the ground is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactSolver {
+    /// Damped Gauss-Newton on the wheels' residuals.
+    GaussNewton,
+    /// The simplex search of MATLAB's fminsearch (the paper's).
+    NelderMead,
+    /// The plane through the ground under the wheels: fast and approximate.
+    PlaneFit,
+}
+
+/// Thrun's velocity model: variances grow with the squares of speed and yaw rate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct ControlNoise {
+    /// Standard deviation of the speed as a share of it, and of the yaw rate as a share of it, per step.
+    #[garde(custom(within(0.0, 1.0)))]
+    pub speed: Dist,
+    #[garde(custom(within(0.0, 1.0)))]
+    pub yaw_rate: Dist,
+    /// Random yaw, degrees per square root of a metre driven.
+    #[garde(custom(within(0.0, 45.0)))]
+    pub heading_deg_per_sqrt_m: Dist,
+}
+
+/// What the rover measures of itself, and how well; each drawn per scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct InstrumentsParams {
+    /// IMU roll and pitch: standard deviation, degrees.
+    #[garde(custom(within(0.0, 45.0)))]
+    pub imu_deg: Dist,
+    /// IMU roll and pitch: constant bias of the scene, degrees (its sign and axis are part of the draw).
+    #[garde(custom(within(-45.0, 45.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub imu_bias_deg: Option<Dist>,
+    /// Sun-sensor heading at stops: standard deviation, degrees; absent = no sun sensor.
+    #[garde(custom(within(0.0, 180.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sun_deg: Option<Dist>,
+    /// Odometry: noise of the distance, metres per square root of a metre.
+    #[garde(custom(within(0.0, 1.0)))]
+    pub odometry_m_per_sqrt_m: Dist,
+    /// Odometry: noise of the heading, degrees per square root of a metre.
+    #[garde(custom(within(0.0, 45.0)))]
+    pub odometry_deg_per_sqrt_m: Dist,
+    /// Slip: share of the odometry's distance that was not driven; absent = none.
+    #[garde(custom(within(-0.9, 0.9)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slip: Option<Dist>,
+}
+
+impl Default for InstrumentsParams {
+    fn default() -> Self {
+        InstrumentsParams {
+            imu_deg: Dist::Law(Law::Uniform([0.2, 1.0])),
+            imu_bias_deg: None,
+            sun_deg: Some(Dist::Law(Law::Uniform([0.5, 3.0]))),
+            odometry_m_per_sqrt_m: Dist::Constant(0.05),
+            odometry_deg_per_sqrt_m: Dist::Constant(2.0),
+            slip: None,
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! Scenes, sweeps and cells -> pictures a person can judge.

@@ -1,0 +1,252 @@
+//! A physical value of a config: a constant or a distribution, drawn once a scene (or once an object) at its address.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::normal::normal_from_open_unit;
+use super::{Purpose, Stream, Streams};
+use crate::math;
+
+/// A constant, or a distribution that is drawn anew for each scene (for each object where the key says so).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum Dist {
+    /// Always this value.
+    Constant(f64),
+    /// Drawn from a law.
+    Law(Law),
+}
+
+/// A law that a value is drawn from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Law {
+    /// Uniform between two bounds.
+    Uniform([f64; 2]),
+    /// Uniform in the logarithm between two positive bounds.
+    LogUniform([f64; 2]),
+    /// Normal, cut to [min, max] (by its inverse law, so that no draw is rejected).
+    Normal { mean: f64, sd: f64, min: f64, max: f64 },
+    /// One of the values, all equally likely.
+    Choice(Vec<f64>),
+    /// One of the values, by weight: [[weight, value], ...].
+    Weighted(Vec<[f64; 2]>),
+}
+
+impl From<f64> for Dist {
+    fn from(value: f64) -> Dist {
+        Dist::Constant(value)
+    }
+}
+
+impl Dist {
+    /// The value at one index of a stream.
+    pub fn at(&self, stream: &Stream, index: u64) -> f64 {
+        match self {
+            Dist::Constant(value) => *value,
+            Dist::Law(law) => law.quantile(stream.uniform(index)),
+        }
+    }
+
+    /// The value as a whole number: a uniform law gives each whole number of [a, b] the same chance.
+    pub fn count_at(&self, stream: &Stream, index: u64) -> u64 {
+        let value = match self {
+            Dist::Law(Law::Uniform([a, b])) => {
+                let (a, b) = (a.ceil(), b.floor());
+                (a + (stream.uniform(index) * (b - a + 1.0)).floor()).min(b)
+            }
+            other => other.at(stream, index).round(),
+        };
+        value.max(0.0) as u64
+    }
+
+    /// The smallest and largest value that can be drawn.
+    pub fn bounds(&self) -> (f64, f64) {
+        let of = |values: &mut dyn Iterator<Item = f64>| {
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
+        };
+        match self {
+            Dist::Constant(value) => (*value, *value),
+            Dist::Law(Law::Uniform([a, b]) | Law::LogUniform([a, b])) => (*a, *b),
+            Dist::Law(Law::Normal { min, max, .. }) => (*min, *max),
+            Dist::Law(Law::Choice(values)) => of(&mut values.iter().copied()),
+            Dist::Law(Law::Weighted(pairs)) => of(&mut pairs.iter().map(|p| p[1])),
+        }
+    }
+
+    /// What is wrong with the law itself, if anything.
+    pub fn fault(&self) -> Option<String> {
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        match self {
+            Dist::Constant(v) => (!v.is_finite()).then(|| format!("{v} is not a finite number")),
+            Dist::Law(Law::Uniform([a, b])) => {
+                (!finite(&[*a, *b]) || a > b).then(|| format!("uniform needs [low, high] with low <= high, got [{a}, {b}]"))
+            }
+            Dist::Law(Law::LogUniform([a, b])) => (!finite(&[*a, *b]) || a > b || *a <= 0.0)
+                .then(|| format!("log_uniform needs [low, high] with 0 < low <= high, got [{a}, {b}]")),
+            Dist::Law(Law::Normal { mean, sd, min, max }) => {
+                (!finite(&[*mean, *sd, *min, *max]) || *sd <= 0.0 || min > max || (mean - min) / sd < -8.0 || (max - mean) / sd < -8.0)
+                    .then(|| format!("normal needs sd > 0 and min <= max within 8 sd of the mean, got mean {mean}, sd {sd}, min {min}, max {max}"))
+            }
+            Dist::Law(Law::Choice(values)) => {
+                (values.is_empty() || !finite(values)).then(|| "choice needs at least one finite value".to_string())
+            }
+            Dist::Law(Law::Weighted(pairs)) => {
+                let total: f64 = pairs.iter().map(|p| p[0]).sum();
+                (pairs.is_empty() || pairs.iter().any(|p| !finite(p) || p[0] < 0.0) || !total.is_finite() || total <= 0.0)
+                    .then(|| "weighted needs [[weight, value], ...] with finite weights >= 0, not all 0".to_string())
+            }
+        }
+    }
+}
+
+impl Law {
+    /// The value below which a share `u` in (0, 1) of the draws falls.
+    fn quantile(&self, u: f64) -> f64 {
+        match self {
+            Law::Uniform([a, b]) => (a + u * (b - a)).clamp(*a, *b),
+            Law::LogUniform([a, b]) => (a * math::exp(u * math::ln(b / a))).clamp(*a, *b),
+            Law::Normal { mean, sd, min, max } => {
+                let below = |x: f64| 0.5 * libm::erfc(-(x - mean) / (sd * std::f64::consts::SQRT_2));
+                let (low, high) = (below(*min), below(*max));
+                let p = (low + u * (high - low)).clamp(1e-300, 1.0 - f64::EPSILON / 2.0);
+                (mean + sd * normal_from_open_unit(p)).clamp(*min, *max)
+            }
+            Law::Choice(values) => values[((u * values.len() as f64) as usize).min(values.len() - 1)],
+            Law::Weighted(pairs) => {
+                let total: f64 = pairs.iter().map(|p| p[0]).sum();
+                let mut left = u * total;
+                for [weight, value] in pairs {
+                    left -= weight;
+                    if left < 0.0 {
+                        return *value;
+                    }
+                }
+                pairs.iter().rev().find(|p| p[0] > 0.0).expect("checked: a positive weight").to_owned()[1]
+            }
+        }
+    }
+}
+
+/// The values drawn once for a scene, by purpose: what the stages read and the `scenes` table stores.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Drawn(BTreeMap<Purpose, f64>);
+
+impl Drawn {
+    /// Draws each value at its address (index 0 of its purpose's stream).
+    pub fn draw<'a>(streams: &Streams, dists: impl IntoIterator<Item = (Purpose, &'a Dist)>) -> Drawn {
+        Drawn(dists.into_iter().map(|(purpose, dist)| (purpose, dist.at(&streams.open(purpose), 0))).collect())
+    }
+
+    /// Adds the values of another stage.
+    pub fn extend(&mut self, other: Drawn) {
+        self.0.extend(other.0);
+    }
+
+    /// All values, in the order of the register.
+    pub fn iter(&self) -> impl Iterator<Item = (Purpose, f64)> + '_ {
+        self.0.iter().map(|(&purpose, &value)| (purpose, value))
+    }
+
+    /// The value, if the config names it.
+    pub fn get(&self, purpose: Purpose) -> Option<f64> {
+        self.0.get(&purpose).copied()
+    }
+}
+
+impl std::ops::Index<Purpose> for Drawn {
+    type Output = f64;
+
+    /// # Panics
+    /// Where the stage's `dists()` does not list the purpose: a bug of the stage, not of the config.
+    fn index(&self, purpose: Purpose) -> &f64 {
+        self.0.get(&purpose).unwrap_or_else(|| panic!("{} is read but not listed by its stage's dists()", purpose.key()))
+    }
+}
+
+/// Numbers that a rule can bound: `f64`, a [`Dist`] (all its values), or either of them optional.
+pub trait Bounded {
+    /// The smallest and largest value, or what is wrong.
+    fn extent(&self) -> Result<Option<(f64, f64)>, String>;
+}
+
+impl Bounded for f64 {
+    fn extent(&self) -> Result<Option<(f64, f64)>, String> {
+        if self.is_finite() { Ok(Some((*self, *self))) } else { Err(format!("{self} is not a finite number")) }
+    }
+}
+
+impl Bounded for Dist {
+    fn extent(&self) -> Result<Option<(f64, f64)>, String> {
+        self.fault().map_or_else(|| Ok(Some(self.bounds())), Err)
+    }
+}
+
+impl<T: Bounded> Bounded for Option<T> {
+    fn extent(&self) -> Result<Option<(f64, f64)>, String> {
+        self.as_ref().map_or(Ok(None), Bounded::extent)
+    }
+}
+
+/// The garde rule "every value lies in [low, high]"; refuses NaN, infinities and faulty laws too.
+pub fn within<T: Bounded>(low: f64, high: f64) -> impl Fn(&T, &()) -> garde::Result {
+    move |value, ()| match value.extent() {
+        Err(fault) => Err(garde::Error::new(fault)),
+        Ok(Some((a, b))) if a < low || b > high => {
+            let got = if a == b { format!("{a}") } else { format!("{a} to {b}") };
+            Err(garde::Error::new(format!("must lie in [{low}, {high}], got {got}")))
+        }
+        Ok(_) => Ok(()),
+    }
+}
+
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stage;
+
+    #[test]
+    fn dist_laws_stay_in_their_bounds_and_hit_their_means() {
+        let streams = Streams { seed: 7, scene: 0, attempt: 0, stage: Stage::Scene, step: 0 };
+        let stream = streams.open(Purpose::GroundRmsHeight);
+        let cases: [(Dist, f64); 4] = [
+            (Dist::Law(Law::Uniform([2.0, 4.0])), 3.0),
+            (Dist::Law(Law::LogUniform([0.1, 0.8])), 0.7 / math::ln(8.0)),
+            (Dist::Law(Law::Normal { mean: 1.0, sd: 0.5, min: 0.0, max: 2.0 }), 1.0),
+            (Dist::Law(Law::Weighted(vec![[1.0, 0.0], [3.0, 4.0]])), 3.0),
+        ];
+        for (dist, mean) in cases {
+            let (low, high) = dist.bounds();
+            let draws: Vec<f64> = (0..20_000).map(|i| dist.at(&stream, i)).collect();
+            assert!(draws.iter().all(|d| (low..=high).contains(d)), "{dist:?}");
+            let got = draws.iter().sum::<f64>() / draws.len() as f64;
+            // The widest of these laws has sd 1.73: 4 standard errors of 20,000 draws are 0.05.
+            assert!((got - mean).abs() < 0.05, "{dist:?}: {got} against {mean}");
+        }
+    }
+
+    #[test]
+    fn law_whole_number_draws_reach_both_ends_alike() {
+        let streams = Streams { seed: 7, scene: 0, attempt: 0, stage: Stage::Scene, step: 0 };
+        let stream = streams.open(Purpose::GroundRmsHeight);
+        let dist = Dist::Law(Law::Uniform([5.0, 8.0]));
+        let mut counts = [0u32; 4];
+        for i in 0..8000 {
+            counts[(dist.count_at(&stream, i) - 5) as usize] += 1;
+        }
+        // Binomial sd 39: five of them.
+        assert!(counts.iter().all(|&c| c.abs_diff(2000) < 195), "{counts:?}");
+    }
+
+    #[test]
+    fn extreme_faulty_laws_are_named() {
+        assert!(Dist::Constant(f64::NAN).fault().is_some());
+        assert!(Dist::Law(Law::Uniform([2.0, 1.0])).fault().is_some());
+        assert!(Dist::Law(Law::LogUniform([0.0, 1.0])).fault().is_some());
+        assert!(Dist::Law(Law::Weighted(vec![[0.0, 1.0]])).fault().is_some());
+        assert!(within::<Dist>(0.0, 1.0)(&Dist::Constant(2.0), &()).is_err());
+    }
+}

@@ -1,0 +1,79 @@
+//! The `slam` section of a config, as written and as checked.
+
+use garde::Validate;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::random::within;
+
+/// How the pose is estimated, from the paper's filter to the truth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum SlamParams {
+    /// FastSLAM 2.0 on features of the sweeps, IMU, sun sensor and odometry.
+    Fastslam(#[garde(dive)] FastslamParams),
+    /// IMU, sun sensor and odometry alone.
+    DeadReckoning,
+    /// The true pose plus Gaussian noise of stated size.
+    Surrogate(#[garde(dive)] SurrogateParams),
+    /// The true pose, sigmas 0.
+    Truth,
+}
+
+impl Default for SlamParams {
+    fn default() -> Self {
+        SlamParams::Fastslam(FastslamParams::default())
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct FastslamParams {
+    #[garde(range(min = 1, max = 100_000))]
+    pub particles: u32,
+    /// Resample when the effective sample size falls below this share of the particles.
+    #[garde(custom(within(0.0, 1.0)))]
+    pub resample_below: f64,
+    /// Features a sweep, at most (the ones with most points).
+    #[garde(range(min = 1, max = 1000))]
+    pub max_features: u32,
+    /// Factor on the features' measurement covariance; guards against optimism.
+    #[garde(custom(within(0.01, 1000.0)))]
+    pub measurement_inflation: f64,
+    /// Factor on the motion covariance; 6 where systematic slip is simulated.
+    #[garde(custom(within(0.01, 1000.0)))]
+    pub motion_inflation: f64,
+}
+
+impl Default for FastslamParams {
+    fn default() -> Self {
+        FastslamParams {
+            particles: 30,
+            resample_below: 0.5,
+            max_features: 12,
+            measurement_inflation: 4.0,
+            motion_inflation: 1.0,
+        }
+    }
+}
+
+/// Standard deviations of the surrogate's errors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct SurrogateParams {
+    #[garde(custom(within(0.0, 10.0)))]
+    pub xy_m: f64,
+    #[garde(custom(within(0.0, 10.0)))]
+    pub z_m: f64,
+    /// Of roll and pitch, degrees.
+    #[garde(custom(within(0.0, 45.0)))]
+    pub tilt_deg: f64,
+    #[garde(custom(within(0.0, 180.0)))]
+    pub yaw_deg: f64,
+}
+
+impl Default for SurrogateParams {
+    fn default() -> Self {
+        SurrogateParams { xy_m: 0.03, z_m: 0.02, tilt_deg: 0.3, yaw_deg: 0.7 }
+    }
+}

@@ -1,0 +1,230 @@
+//! The `sweep` section of a config, as written and as checked.
+
+use garde::Validate;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Sensor;
+use crate::preset::Preset;
+use crate::random::{Dist, within};
+
+/// The sensor, how exactly its beams are cast, and what its light suffers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct SweepParams {
+    /// A shipped sensor (urg-04lx, utm-30lx, lms111, lms291, vlp-16, os1-64, raster, rosette), a path, or one written out.
+    #[garde(dive)]
+    pub sensor: Preset<Sensor>,
+    /// Where the sensor sits, instead of the rover's own mast; each value drawn per scene.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mount: Option<MountParams>,
+    /// How well the ground is cast.
+    #[garde(dive)]
+    pub cast: Cast,
+    /// Each effect is absent unless it is named.
+    #[garde(dive)]
+    pub effects: Effects,
+}
+
+impl Default for SweepParams {
+    fn default() -> Self {
+        SweepParams {
+            sensor: Preset::Name("urg-04lx".into()),
+            mount: None,
+            cast: Cast::Exact,
+            effects: Effects::default(),
+        }
+    }
+}
+
+/// Overrides of the rover's mount; what is absent stays the rover's.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct MountParams {
+    #[garde(custom(within(-10.0, 10.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub x_m: Option<Dist>,
+    #[garde(custom(within(-10.0, 10.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub y_m: Option<Dist>,
+    #[garde(custom(within(0.02, 20.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub z_m: Option<Dist>,
+    #[garde(custom(within(-180.0, 180.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub yaw_deg: Option<Dist>,
+    #[garde(custom(within(-90.0, 90.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pitch_deg: Option<Dist>,
+    #[garde(custom(within(-180.0, 180.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roll_deg: Option<Dist>,
+}
+
+/// How the ground is cast: what the yard is stays the same.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Cast {
+    /// The first root of the ground as it is, in f64.
+    Exact,
+    /// The ground sampled on a grid, bilinear between nodes.
+    Raster(#[garde(dive)] SpacingParams),
+    /// Ground and obstacles as triangles in a tree of boxes, f32 (obvhs).
+    Mesh(#[garde(dive)] SpacingParams),
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct SpacingParams {
+    #[garde(custom(within(0.005, 10.0)))]
+    pub spacing_m: f64,
+}
+
+/// What the light and the clockwork do to a range; each effect has its own draws.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct Effects {
+    /// Gaussian noise of the range.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_noise: Option<RangeNoise>,
+    /// One constant range error per sweep, metres: its standard deviation.
+    #[garde(custom(within(0.0, 1.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_bias_m: Option<Dist>,
+    /// Round the range to the sensor's step (or to this one), metres.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quantisation: Option<Quantisation>,
+    /// Ranges outside the sensor's gates are reported as such; absent = only the greatest range counts.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gates: Option<Gates>,
+    /// Beams that return too little light.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dropout: Option<Dropout>,
+    /// Beams as cones: sub-rays and mixed pixels.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mixed_pixels: Option<MixedPixels>,
+    /// Error of the tilt encoder, degrees per line (known to nobody): its standard deviation.
+    #[garde(custom(within(0.0, 5.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tilt_jitter_deg: Option<Dist>,
+    /// Received intensity as a column and as features.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub intensity: Option<Intensity>,
+}
+
+/// sigma = absolute + relative * range, plus what an oblique footprint adds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct RangeNoise {
+    /// Default: the sensor's own figure, metres.
+    #[garde(custom(within(0.0, 1.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_m: Option<Dist>,
+    /// Default: the sensor's own figure, per metre of range.
+    #[garde(custom(within(0.0, 0.2)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sigma_per_m: Option<Dist>,
+    /// Add range * divergence * tan(incidence) / 4, incidence capped at 82 degrees.
+    #[garde(skip)]
+    pub incidence: bool,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct Quantisation {
+    #[garde(custom(within(1e-6, 1.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step_m: Option<f64>,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct Gates {
+    #[garde(custom(within(0.0, 1000.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_m: Option<f64>,
+    #[garde(custom(within(0.01, 10_000.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_m: Option<f64>,
+}
+
+/// A return is lost with a probability that grows as its power falls below the sensor's threshold, plus a flat rate.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct Dropout {
+    /// Share of beams lost whatever they meet.
+    #[garde(custom(within(0.0, 1.0)))]
+    pub rate: Dist,
+    /// Diffuse reflectance of the ground, and of obstacles; drawn per scene and per object.
+    #[garde(custom(within(0.01, 1.0)))]
+    pub ground_reflectance: Dist,
+    #[garde(custom(within(0.01, 1.0)))]
+    pub object_reflectance: Dist,
+    /// Width of the threshold in the logarithm of power.
+    #[garde(custom(within(1e-3, 10.0)))]
+    pub softness: f64,
+}
+
+impl Default for Dropout {
+    fn default() -> Self {
+        Dropout {
+            rate: Dist::Constant(0.0),
+            ground_reflectance: Dist::Constant(0.3),
+            object_reflectance: Dist::Constant(0.3),
+            softness: 0.3,
+        }
+    }
+}
+
+/// The footprint of a beam as rings of sub-rays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct MixedPixels {
+    /// Sub-rays a beam: 1, 7 or 19 (0, 1 or 2 rings round the centre).
+    #[garde(custom(one_seven_or_nineteen))]
+    pub sub_rays: u32,
+    /// Cast them only where the centre ray's neighbours differ in object or in range by more than this, metres;
+    /// 0 = everywhere.
+    #[garde(custom(within(0.0, 100.0)))]
+    pub only_at_jumps_m: f64,
+}
+
+impl Default for MixedPixels {
+    fn default() -> Self {
+        MixedPixels { sub_rays: 7, only_at_jumps_m: 0.05 }
+    }
+}
+
+fn one_seven_or_nineteen(value: &u32, _: &()) -> garde::Result {
+    if [1, 7, 19].contains(value) { Ok(()) } else { Err(garde::Error::new(format!("must be 1, 7 or 19, got {value}"))) }
+}
+
+/// I = reflectance * cos(incidence) / range^2, normalised to 1 at 1 m, 100 % and square incidence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct Intensity {
+    #[garde(custom(within(0.01, 1.0)))]
+    pub ground_reflectance: Dist,
+    #[garde(custom(within(0.01, 1.0)))]
+    pub object_reflectance: Dist,
+    /// Standard deviation of the intensity as a share of it.
+    #[garde(custom(within(0.0, 1.0)))]
+    pub noise: Dist,
+}
+
+impl Default for Intensity {
+    fn default() -> Self {
+        Intensity {
+            ground_reflectance: Dist::Constant(0.3),
+            object_reflectance: Dist::Constant(0.3),
+            noise: Dist::Constant(0.05),
+        }
+    }
+}
