@@ -2,4 +2,4 @@
 
 pub mod plan;
 
-pub use plan::{Family, Plan, Split, Table};
+pub use plan::{Family, Plan};
