@@ -5,7 +5,7 @@
 //! with the threshold at the datasheet's range on 10 % reflectance. Not modelled: atmosphere, the roll-off of near ranges,
 //! specular and retroreflecting surfaces.
 
-use super::returns::GROUND;
+use super::cast::Hit;
 use crate::math;
 use crate::random::{Dist, Purpose, Streams};
 
@@ -26,7 +26,7 @@ impl<'a> Reflectance<'a> {
     }
 
     pub fn of(&mut self, object: i32) -> f64 {
-        if object <= GROUND {
+        if object <= Hit::GROUND {
             return self.ground;
         }
         let id = object as usize;

@@ -16,7 +16,7 @@ mod returns;
 pub mod sensor;
 mod vegetation;
 
-pub use cast::Caster;
+pub use cast::{Caster, Hit, Inside, Origin};
 pub use measure::{Scratch, sweep};
 pub use params::SweepParams;
 pub use pattern::PatternError;

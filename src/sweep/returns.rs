@@ -6,10 +6,6 @@ use super::cast::{Caster, Hit};
 use crate::geometry::DVec3;
 use crate::scene::{Class, Obstacle, Shape};
 
-/// Object numbers of a hit.
-pub(super) const GROUND: i32 = -1;
-pub(super) const NOTHING: i32 = -2;
-
 /// Mean |cos| of the incidence on leaves that face all ways alike.
 const LEAF_COS_INCIDENCE: f64 = 0.5;
 
@@ -30,19 +26,19 @@ pub(super) struct Return {
 }
 
 impl Return {
-    pub const NOTHING: Return = Return { range_m: f64::INFINITY, object: NOTHING, class: -1 };
+    pub const NOTHING: Return = Return { range_m: f64::INFINITY, object: Hit::NOTHING, class: -1 };
 
     /// A hit of the caster, with its class.
     pub fn of(hit: Hit, obstacles: &[Obstacle]) -> Return {
         match hit.object {
-            GROUND => Return { range_m: hit.range_m, object: GROUND, class: Class::Ground as i8 },
+            Hit::GROUND => Return { range_m: hit.range_m, object: Hit::GROUND, class: Class::Ground as i8 },
             id if id >= 0 => Return { range_m: hit.range_m, object: id, class: obstacles[id as usize].class as i8 },
             _ => Return::NOTHING,
         }
     }
 
     pub fn is_hit(&self) -> bool {
-        self.object != NOTHING
+        self.object != Hit::NOTHING
     }
 
     /// Whether leaves sent the light back, not a surface.

@@ -12,8 +12,8 @@
 //! is used up, if that lies before the solid hit. One draw a ray serves all volumes it crosses; where volumes overlap their
 //! extinctions add, and the return is the denser one's (of two alike, the lower id's).
 
-use super::cast::Caster;
-use super::returns::{GROUND, Return};
+use super::cast::{Caster, Hit};
+use super::returns::Return;
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::random::Stream;
@@ -83,7 +83,7 @@ impl Vegetation {
     fn scatter_patches(&self, caster: &Caster, rays: &Rays, stream: &Stream, returns: &mut [Return]) {
         let foot = |i: usize, range_m: f64| (rays.origin_m + rays.directions[i] * range_m).truncate();
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for (i, ret) in returns.iter().enumerate().filter(|(_, ret)| ret.object == GROUND) {
+        for (i, ret) in returns.iter().enumerate().filter(|(_, ret)| ret.object == Hit::GROUND) {
             let point = foot(i, ret.range_m);
             (low, high) = (low.min(point), high.max(point));
         }
@@ -93,13 +93,13 @@ impl Vegetation {
         }
         let mut draws = [0.0; BLOCK];
         stream.fill_normal(rays.first_index, &mut draws[..returns.len()]);
-        for (i, ret) in returns.iter_mut().enumerate().filter(|(_, ret)| ret.object == GROUND) {
+        for (i, ret) in returns.iter_mut().enumerate().filter(|(_, ret)| ret.object == Hit::GROUND) {
             let point = foot(i, ret.range_m);
             let Some(patch) = self.patches.iter().find(|p| p.centre_m.distance(point) <= p.radius_m) else {
                 continue;
             };
             let direction = rays.directions[i];
-            let normal = caster.normal_at(GROUND, rays.origin_m + direction * ret.range_m);
+            let normal = caster.normal_at(Hit::GROUND, rays.origin_m + direction * ret.range_m);
             let height_m = (patch.sigma_m * draws[i]).abs();
             // Height above the tangent plane changes by |d . n| / n_z per metre along the ray.
             let back_m = height_m * normal.z / normal.dot(direction).abs();
