@@ -66,6 +66,11 @@ impl<'a> Caster<'a> {
         Caster { scene, ground, tree: Tree::new(&scene.obstacles) }
     }
 
+    /// The scene that is cast at.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
     /// What a ray of any origin meets within `max_m`.
     pub fn first_hit(&self, origin: DVec3, dir: DVec3, max_m: f64) -> Hit {
         let GroundCaster::Polynomial(ground) = &self.ground;
