@@ -154,10 +154,3 @@ pub enum SceneError {
     #[error("{path}: {reason}")]
     GroundFile { path: String, reason: String },
 }
-
-impl Ground {
-    /// STUB until the scene branch is merged.
-    pub fn gradient(&self, _x_m: f64, _y_m: f64) -> DVec2 {
-        DVec2::ZERO
-    }
-}
