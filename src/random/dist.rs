@@ -135,9 +135,14 @@ impl Law {
 pub struct Drawn(BTreeMap<Purpose, f64>);
 
 impl Drawn {
-    /// Draws each value at its address (index 0 of its purpose's stream).
+    /// Draws each value at its address (index 0 of its purpose's stream); counts as whole numbers.
     pub fn draw<'a>(streams: &Streams, dists: impl IntoIterator<Item = (Purpose, &'a Dist)>) -> Drawn {
-        Drawn(dists.into_iter().map(|(purpose, dist)| (purpose, dist.at(&streams.open(purpose), 0))).collect())
+        let value = |(purpose, dist): (Purpose, &Dist)| {
+            let stream = streams.open(purpose);
+            let value = if purpose.counts() { dist.count_at(&stream, 0) as f64 } else { dist.at(&stream, 0) };
+            (purpose, value)
+        };
+        Drawn(dists.into_iter().map(value).collect())
     }
 
     /// Adds the values of another stage.
@@ -162,7 +167,9 @@ impl std::ops::Index<Purpose> for Drawn {
     /// # Panics
     /// Where the stage's `dists()` does not list the purpose: a bug of the stage, not of the config.
     fn index(&self, purpose: Purpose) -> &f64 {
-        self.0.get(&purpose).unwrap_or_else(|| panic!("{} is read but not listed by its stage's dists()", purpose.key()))
+        self.0
+            .get(&purpose)
+            .unwrap_or_else(|| panic!("{} is read but not listed by its stage's dists()", purpose.key()))
     }
 }
 
@@ -201,7 +208,6 @@ pub fn within<T: Bounded>(low: f64, high: f64) -> impl Fn(&T, &()) -> garde::Res
         Ok(_) => Ok(()),
     }
 }
-
 
 #[cfg(test)]
 mod tests {

@@ -32,6 +32,11 @@ macro_rules! purposes {
             pub fn key(self) -> &'static str {
                 match self { $(Purpose::$name => $key,)* }
             }
+
+            /// Whether the values are whole numbers: those of the keys named `count`.
+            pub fn counts(self) -> bool {
+                self.key().ends_with(".count")
+            }
         }
     };
 }
@@ -43,6 +48,52 @@ purposes! {
     GroundNoise = 100, "scene.ground.source.random";
     GroundRmsHeight = 101, "scene.ground.source.random.rms_height_m";
     GroundCorrelationLength = 102, "scene.ground.source.random.correlation_length_m";
+    GroundFeatureCount = 103, "scene.ground.features.count";
+    GroundFeatureHeight = 104, "scene.ground.features.height_m";
+    GroundFeatureWidth = 105, "scene.ground.features.width_m";
+    GroundFeatureLength = 106, "scene.ground.features.length_m";
+    GroundFeaturePlace = 107, "scene.ground.features";
+    RoughnessNoise = 110, "scene.ground.roughness";
+    RoughnessRmsHeight = 111, "scene.ground.roughness.rms_height_m";
+    RoughnessCorrelationLength = 112, "scene.ground.roughness.correlation_length_m";
+    RockCount = 120, "scene.rocks.count";
+    RockAbundance = 121, "scene.rocks.golombek.abundance";
+    RockGolombekCount = 122, "scene.rocks.golombek";
+    RockGolombekDiameter = 123, "scene.rocks.golombek.diameter_m";
+    RockDiameter = 124, "scene.rocks.diameter_m";
+    RockAspect = 125, "scene.rocks.aspect";
+    RockElongation = 126, "scene.rocks.elongation";
+    RockOffset = 127, "scene.rocks.offset";
+    RockFaces = 128, "scene.rocks.faces";
+    RockTilt = 129, "scene.rocks.tilt_deg";
+    RockPlace = 130, "scene.rocks";
+    RockYaw = 131, "scene.rocks.yaw";
+    RockShape = 132, "scene.rocks.shape";
+    BoxCount = 140, "scene.boxes.count";
+    BoxLength = 141, "scene.boxes.length_m";
+    BoxWidth = 142, "scene.boxes.width_m";
+    BoxHeight = 143, "scene.boxes.height_m";
+    BoxPlace = 144, "scene.boxes";
+    BoxYaw = 145, "scene.boxes.yaw";
+    TreeCount = 150, "scene.trees.count";
+    TreeDiameter = 151, "scene.trees.diameter_m";
+    TreeHeight = 152, "scene.trees.height_m";
+    TreePlace = 153, "scene.trees";
+    CrownDiameter = 154, "scene.trees.crown.diameter_m";
+    CrownExtinction = 155, "scene.trees.crown.extinction_per_m";
+    GrassCount = 160, "scene.vegetation.grass.count";
+    GrassRadius = 161, "scene.vegetation.grass.radius_m";
+    GrassSigma = 162, "scene.vegetation.grass.sigma_m";
+    GrassPlace = 163, "scene.vegetation.grass";
+    BrushCount = 165, "scene.vegetation.brush.count";
+    BrushRadius = 166, "scene.vegetation.brush.radius_m";
+    BrushSigma = 167, "scene.vegetation.brush.sigma_m";
+    BrushPlace = 168, "scene.vegetation.brush";
+    BushCount = 170, "scene.vegetation.bushes.count";
+    BushDiameter = 171, "scene.vegetation.bushes.diameter_m";
+    BushHeight = 172, "scene.vegetation.bushes.height_m";
+    BushExtinction = 173, "scene.vegetation.bushes.extinction_per_m";
+    BushPlace = 174, "scene.vegetation.bushes";
     // Drive: 300-499
     // Sweep: 500-699
     // Slam: 700-799

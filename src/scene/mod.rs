@@ -5,11 +5,20 @@
 //! 1997 (rock sizes). What the config does not name is not built and not paid for. Not modelled: overhangs, loose soil,
 //! moving things. Outside the yard there is no ground.
 
+mod hull;
+mod legendre;
 pub mod params;
+pub mod polynomial;
+mod raster;
 
+pub use hull::{Convex, Plane};
+pub use legendre::MAX_DEGREE;
 pub use params::SceneParams;
+pub use polynomial::Polynomial;
+pub use raster::Raster;
 
 use crate::geometry::{DVec2, DVec3};
+use crate::random::{Drawn, Streams};
 
 /// A yard. The square [0, extent] x [0, extent] in x and y.
 #[derive(Clone, Debug)]
@@ -31,28 +40,44 @@ pub enum Ground {
     Raster(Raster),
 }
 
-/// z = sum of c_ij P_i(u) P_j(v), i + j <= degree, in orthonormal Legendre polynomials on [-1, 1]^2.
-#[derive(Clone, Debug)]
-pub struct Polynomial {
-    pub degree: usize,
-    /// Centre of the fitted square, world.
-    pub centre_m: DVec2,
-    /// Half the side of the fitted square (1.2 times the yard): u = (x - centre) / half.
-    pub half_m: f64,
-    /// Coefficients ordered by i (power in x), then j: (0,0), (0,1), ... (0,n), (1,0), ...
-    pub coefficients: Vec<f64>,
-}
+impl Ground {
+    /// Height at a world point.
+    #[inline]
+    pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+        match self {
+            Ground::Polynomial(ground) => ground.height_m(x_m, y_m),
+            Ground::Raster(ground) => ground.height_m(x_m, y_m),
+        }
+    }
 
-/// Heights at the nodes of a square grid, bilinear between them.
-#[derive(Clone, Debug)]
-pub struct Raster {
-    pub spacing_m: f64,
-    /// World position of node (row 0, col 0).
-    pub origin_m: DVec2,
-    pub rows: usize,
-    pub cols: usize,
-    /// Row-major: node (row, col) lies at origin + (col, row) * spacing.
-    pub heights_m: Vec<f64>,
+    /// Slope along x and y at a world point.
+    #[inline]
+    pub fn gradient(&self, x_m: f64, y_m: f64) -> DVec2 {
+        self.height_and_gradient(x_m, y_m).1
+    }
+
+    /// Height and gradient together, for little more than the price of one.
+    #[inline]
+    pub fn height_and_gradient(&self, x_m: f64, y_m: f64) -> (f64, DVec2) {
+        match self {
+            Ground::Polynomial(ground) => ground.height_and_gradient(x_m, y_m),
+            Ground::Raster(ground) => ground.height_and_gradient(x_m, y_m),
+        }
+    }
+
+    /// Upward unit normal at a world point.
+    pub fn normal(&self, x_m: f64, y_m: f64) -> DVec3 {
+        let slope = self.gradient(x_m, y_m);
+        DVec3::new(-slope.x, -slope.y, 1.0).normalize()
+    }
+
+    /// Whether there is ground: outside the yard there is none.
+    pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
+        match self {
+            Ground::Polynomial(ground) => ground.contains(x_m, y_m),
+            Ground::Raster(ground) => ground.contains(x_m, y_m),
+        }
+    }
 }
 
 /// What a thing is; its number is the `truth_class` of points and cells.
@@ -92,22 +117,6 @@ pub enum Shape {
     Cylinder(Cylinder),
 }
 
-/// A convex polyhedron: the points with n . x + d <= 0 for every plane.
-#[derive(Clone, Debug)]
-pub struct Convex {
-    /// Outward unit normals and offsets; coplanar faces merged.
-    pub planes: Vec<Plane>,
-    pub vertices_m: Vec<DVec3>,
-    /// Per plane: its vertices, counter-clockwise seen from outside.
-    pub faces: Vec<Vec<u32>>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
-    pub normal: DVec3,
-    pub offset_m: f64,
-}
-
 /// An upright capped cylinder.
 #[derive(Clone, Copy, Debug)]
 pub struct Cylinder {
@@ -142,6 +151,101 @@ pub struct Patch {
     /// Standard deviation of the added height.
     pub sigma_m: f64,
     pub untraversable: bool,
+}
+
+impl Scene {
+    /// A yard of ground alone: obstacles are added with [`Scene::with_obstacle`].
+    pub fn bare(extent_m: f64, ground: Ground) -> Scene {
+        Scene { extent_m, ground, obstacles: Vec::new(), volumes: Vec::new(), patches: Vec::new() }
+    }
+
+    /// The yard with one more solid thing; its id is its place in the row.
+    pub fn with_obstacle(mut self, class: Class, shape: Shape) -> Scene {
+        let id = self.obstacles.len() as i32;
+        self.obstacles.push(Obstacle::new(id, class, shape, &self));
+        self
+    }
+
+    /// Ground height below a point of a body, which may hang over the yard's edge: there the edge's height holds.
+    pub fn ground_below_m(&self, x_m: f64, y_m: f64) -> f64 {
+        self.ground.height_m(x_m.clamp(0.0, self.extent_m), y_m.clamp(0.0, self.extent_m))
+    }
+
+    /// Whether there is ground at the point.
+    pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
+        (0.0..=self.extent_m).contains(&x_m) && (0.0..=self.extent_m).contains(&y_m)
+    }
+
+    /// What the id of a return belongs to.
+    pub fn object(&self, id: i32) -> Option<Object<'_>> {
+        let mut k = usize::try_from(id).ok()?;
+        if let Some(obstacle) = self.obstacles.get(k) {
+            return Some(Object::Obstacle(obstacle));
+        }
+        k -= self.obstacles.len();
+        if let Some(volume) = self.volumes.get(k) {
+            return Some(Object::Volume(volume));
+        }
+        self.patches.get(k - self.volumes.len()).map(Object::Patch)
+    }
+}
+
+/// One thing of a scene, by its id.
+#[derive(Clone, Copy, Debug)]
+pub enum Object<'a> {
+    Obstacle(&'a Obstacle),
+    Volume(&'a Volume),
+    Patch(&'a Patch),
+}
+
+impl Obstacle {
+    /// A solid thing on a scene's ground, with its bounding sphere and protrusion worked out.
+    pub fn new(id: i32, class: Class, shape: Shape, scene: &Scene) -> Obstacle {
+        let (centre_m, radius_m) = shape.bounding_sphere();
+        let protrusion_m = shape.protrusion_m(scene);
+        Obstacle { id, class, shape, centre_m, radius_m, protrusion_m }
+    }
+}
+
+impl Shape {
+    /// Centre and radius of a sphere around the body.
+    pub fn bounding_sphere(&self) -> (DVec3, f64) {
+        match self {
+            Shape::Convex(convex) => convex.bounding_sphere(),
+            Shape::Cylinder(cylinder) => {
+                let half = DVec3::new(cylinder.radius_m, 0.0, 0.5 * cylinder.height_m);
+                (cylinder.base_m + DVec3::Z * half.z, half.length() * (1.0 + 4.0 * f64::EPSILON))
+            }
+        }
+    }
+
+    /// Greatest height above the ground right below: at the vertices of a polyhedron, on the axis and eight rim points of a
+    /// cylinder's top.
+    pub fn protrusion_m(&self, scene: &Scene) -> f64 {
+        let above = |p: DVec3| p.z - scene.ground_below_m(p.x, p.y);
+        match self {
+            Shape::Convex(convex) => convex.vertices_m.iter().fold(f64::NEG_INFINITY, |most, v| most.max(above(*v))),
+            Shape::Cylinder(cylinder) => {
+                let top = cylinder.base_m + DVec3::Z * cylinder.height_m;
+                disc(cylinder.radius_m).fold(f64::NEG_INFINITY, |most, rim| most.max(above(top + rim.extend(0.0))))
+            }
+        }
+    }
+}
+
+/// The centre of a disc and eight points of its rim.
+fn disc(radius_m: f64) -> impl Iterator<Item = DVec2> {
+    let rim = (0..8).map(move |k| {
+        let (sin, cos) = crate::math::sin_cos(f64::from(k) * std::f64::consts::FRAC_PI_4);
+        DVec2::new(cos, sin) * radius_m
+    });
+    std::iter::once(DVec2::ZERO).chain(rim)
+}
+
+/// Builds the yard of one scene.
+pub fn build(params: &SceneParams, drawn: &Drawn, streams: &Streams) -> Result<Scene, SceneError> {
+    let _ = (drawn, streams);
+    Ok(Scene::bare(params.extent_m, Ground::Polynomial(Polynomial::flat(params.extent_m))))
 }
 
 /// Why a scene could not be built; a failed scene is listed with its replay command, never dropped.

@@ -1,10 +1,13 @@
 //! The `scene` section of a config, as written and as checked.
 
+use std::sync::Arc;
+
 use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::random::{Dist, within};
+use super::Raster;
+use crate::random::{Dist, Purpose, within};
 
 /// The yard: its ground, and what stands and grows on it. A part that is not named is not modelled and costs nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
@@ -37,6 +40,35 @@ pub struct SceneParams {
 
 fn default_extent_m() -> f64 {
     20.0
+}
+
+impl SceneParams {
+    /// The values drawn once a scene: those that the config names, no others.
+    pub fn dists(&self) -> Vec<(Purpose, &Dist)> {
+        let mut dists = Vec::new();
+        if let GroundSource::Random(random) = &self.ground.source {
+            dists.push((Purpose::GroundRmsHeight, &random.rms_height_m));
+            dists.push((Purpose::GroundCorrelationLength, &random.correlation_length_m));
+        }
+        if let Some(roughness) = &self.ground.roughness {
+            dists.push((Purpose::RoughnessRmsHeight, &roughness.rms_height_m));
+            dists.push((Purpose::RoughnessCorrelationLength, &roughness.correlation_length_m));
+        }
+        if let Some(rocks) = &self.rocks {
+            dists.extend(rocks.count.iter().map(|count| (Purpose::RockCount, count)));
+            dists.extend(rocks.golombek.iter().map(|law| (Purpose::RockAbundance, &law.abundance)));
+        }
+        let vegetation = self.vegetation.as_ref();
+        let counts = [
+            (Purpose::BoxCount, self.boxes.as_ref().map(|p| &p.count)),
+            (Purpose::TreeCount, self.trees.as_ref().map(|p| &p.count)),
+            (Purpose::GrassCount, vegetation.and_then(|p| p.grass.as_ref()).map(|p| &p.count)),
+            (Purpose::BrushCount, vegetation.and_then(|p| p.brush.as_ref()).map(|p| &p.count)),
+            (Purpose::BushCount, vegetation.and_then(|p| p.bushes.as_ref()).map(|p| &p.count)),
+        ];
+        dists.extend(counts.into_iter().filter_map(|(purpose, count)| Some((purpose, count?))));
+        dists
+    }
 }
 
 /// The ground: where its heights come from, and the shape that is made of them.
@@ -120,6 +152,11 @@ pub struct FileGround {
     #[garde(skip)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blake3: Option<String>,
+    /// The heights, read by `config`; never part of the document.
+    #[garde(skip)]
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub raster: Option<Arc<Raster>>,
 }
 
 /// The shape that is made of the heights: what the yard is.
@@ -222,6 +259,10 @@ pub struct RocksParams {
     #[garde(custom(within(-0.9, 1.0)))]
     #[serde(default = "default_offset")]
     pub offset: Dist,
+    /// Longer over shorter horizontal axis of the ellipsoid; drawn per rock. The diameter is their geometric mean.
+    #[garde(custom(within(1.0, 10.0)))]
+    #[serde(default = "default_elongation")]
+    pub elongation: Dist,
     /// Faces of the hull, drawn per rock (8 to 40; the hull of n points has at most 2 n - 4).
     #[garde(custom(within(8.0, 40.0)))]
     #[serde(default = "default_faces")]
@@ -242,6 +283,9 @@ fn default_aspect() -> Dist {
 }
 fn default_offset() -> Dist {
     Dist::Law(crate::random::Law::Uniform([-0.3, 0.3]))
+}
+fn default_elongation() -> Dist {
+    Dist::Law(crate::random::Law::Uniform([1.0, 1.5]))
 }
 fn default_faces() -> Dist {
     Dist::Law(crate::random::Law::Uniform([8.0, 40.0]))

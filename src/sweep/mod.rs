@@ -4,9 +4,11 @@
 //! Source: Hewitt et al. 2017, "LiDAR model"; beam effects from `Not modelled` is said per module. The rover stands while
 //! it sweeps (no motion during a sweep); all beams of a sweep leave one point (the tilt head's own lever arm is not modelled).
 
+pub mod cast;
 pub mod params;
 pub mod sensor;
 
+pub use cast::{Caster, Hit, Inside, Origin};
 pub use params::SweepParams;
 pub use sensor::Sensor;
 

@@ -1,0 +1,227 @@
+//! The fitted ground: z = sum of c_ij p_i(u) p_j(v), i + j <= degree.
+//!
+//! In: world x, y in metres. Out: height, gradient, Hessian, and the Taylor coefficients about a point, which casting
+//! works in. Basis: orthonormal Legendre (`legendre.rs`) on the fitted square, u = (x - centre) / half; a monomial basis in
+//! metres would lose 17 digits at degree 12. Meant for the yard only, the inner 1/1.2 of the fitted square: a polynomial
+//! explodes outside.
+
+use super::legendre::{self, MAX_DEGREE};
+use crate::geometry::DVec2;
+
+/// The fitted square over the yard: edges of a least-squares polynomial run wild, so the yard keeps off them.
+pub const FIT_MARGIN: f64 = 1.2;
+
+/// z = sum of c_ij p_i(u) p_j(v), i + j <= degree, with p_i = sqrt(2 i + 1) P_i: Legendre polynomials whose mean square over
+/// [-1, 1] is one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Polynomial {
+    pub degree: usize,
+    /// Centre of the fitted square, world.
+    pub centre_m: DVec2,
+    /// Half the side of the fitted square (1.2 times the yard): u = (x - centre) / half.
+    pub half_m: f64,
+    /// Coefficients ordered by i (degree in x), then j: (0,0), (0,1), ... (0,n), (1,0), ...
+    pub coefficients: Vec<f64>,
+}
+
+/// How many coefficients a total degree has.
+pub fn term_count(degree: usize) -> usize {
+    (degree + 1) * (degree + 2) / 2
+}
+
+/// The pairs (i, j), i + j <= degree, in the order of the coefficients.
+pub fn terms(degree: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..=degree).flat_map(move |i| (0..=degree - i).map(move |j| (i, j)))
+}
+
+impl Polynomial {
+    /// A polynomial on the yard [0, extent]^2.
+    ///
+    /// # Panics
+    /// Where the degree is above 12 or the number of coefficients does not fit it.
+    pub fn new(extent_m: f64, degree: usize, coefficients: Vec<f64>) -> Polynomial {
+        assert!(degree <= MAX_DEGREE && coefficients.len() == term_count(degree), "degree and coefficients differ");
+        let centre_m = DVec2::splat(0.5 * extent_m);
+        Polynomial { degree, centre_m, half_m: 0.5 * FIT_MARGIN * extent_m, coefficients }
+    }
+
+    /// Height 0 everywhere.
+    pub fn flat(extent_m: f64) -> Polynomial {
+        Polynomial::new(extent_m, 0, vec![0.0])
+    }
+
+    /// The plane z = height at the yard's corner + slope . (x, y).
+    pub fn plane(extent_m: f64, corner_height_m: f64, slope: DVec2) -> Polynomial {
+        let unit = 0.5 * FIT_MARGIN * extent_m / 3.0_f64.sqrt();
+        let middle = corner_height_m + 0.5 * extent_m * (slope.x + slope.y);
+        Polynomial::new(extent_m, 1, vec![middle, slope.y * unit, slope.x * unit])
+    }
+
+    /// (u, v) of a world point.
+    #[inline]
+    fn local(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        ((x_m - self.centre_m.x) / self.half_m, (y_m - self.centre_m.y) / self.half_m)
+    }
+
+    /// Height at a world point.
+    #[inline]
+    pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+        let (u, v) = self.local(x_m, y_m);
+        let (p, q) = (legendre::values(self.degree, u), legendre::values(self.degree, v));
+        let mut rest = self.coefficients.as_slice();
+        let mut height = 0.0;
+        for (i, &pi) in p.iter().enumerate().take(self.degree + 1) {
+            let (row, next) = rest.split_at(self.degree + 1 - i);
+            height += pi * dot(row, &q);
+            rest = next;
+        }
+        height
+    }
+
+    /// Slope along x and y at a world point.
+    #[inline]
+    pub fn gradient(&self, x_m: f64, y_m: f64) -> DVec2 {
+        self.height_and_gradient(x_m, y_m).1
+    }
+
+    /// Height and gradient together, for little more than the price of one.
+    #[inline]
+    pub fn height_and_gradient(&self, x_m: f64, y_m: f64) -> (f64, DVec2) {
+        let (u, v) = self.local(x_m, y_m);
+        let [p, dp, _] = legendre::derivatives(self.degree, u);
+        let [q, dq, _] = legendre::derivatives(self.degree, v);
+        let mut rest = self.coefficients.as_slice();
+        let (mut height, mut gradient) = (0.0, DVec2::ZERO);
+        for i in 0..=self.degree {
+            let (row, next) = rest.split_at(self.degree + 1 - i);
+            let along_y = dot(row, &q);
+            height += p[i] * along_y;
+            gradient += DVec2::new(dp[i] * along_y, p[i] * dot(row, &dq));
+            rest = next;
+        }
+        (height, gradient / self.half_m)
+    }
+
+    /// Second derivatives (xx, xy, yy) at a world point, per metre.
+    pub fn hessian(&self, x_m: f64, y_m: f64) -> [f64; 3] {
+        let (u, v) = self.local(x_m, y_m);
+        let [p, dp, ddp] = legendre::derivatives(self.degree, u);
+        let [q, dq, ddq] = legendre::derivatives(self.degree, v);
+        let mut rest = self.coefficients.as_slice();
+        let mut hessian = [0.0; 3];
+        for i in 0..=self.degree {
+            let (row, next) = rest.split_at(self.degree + 1 - i);
+            hessian[0] += ddp[i] * dot(row, &q);
+            hessian[1] += dp[i] * dot(row, &dq);
+            hessian[2] += p[i] * dot(row, &ddq);
+            rest = next;
+        }
+        hessian.map(|h| h / (self.half_m * self.half_m))
+    }
+
+    /// Coefficients t_kl of z(x + dx, y + dy) = sum of t_kl dx^k dy^l, metres, in the order of `terms(degree)`.
+    pub fn taylor_at(&self, x_m: f64, y_m: f64) -> Vec<f64> {
+        let mut out = vec![0.0; self.coefficients.len()];
+        self.taylor_into(x_m, y_m, &mut out);
+        out
+    }
+
+    /// `taylor_at` into a slice of `term_count(degree)` places.
+    pub fn taylor_into(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
+        let n = self.degree;
+        let (u, v) = self.local(x_m, y_m);
+        let (a, b) = (legendre::taylor_rows(n, u), legendre::taylor_rows(n, v));
+        // Along y first: rows[i][l] = sum over j of c_ij b_j[l].
+        let mut rows = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
+        for ((i, j), c) in terms(n).zip(&self.coefficients) {
+            for l in 0..=j {
+                rows[i][l] += c * b[j][l];
+            }
+        }
+        let mut scale = [1.0; MAX_DEGREE + 1];
+        for k in 1..=n {
+            scale[k] = scale[k - 1] / self.half_m;
+        }
+        for ((k, l), value) in terms(n).zip(out) {
+            let sum: f64 = (k..=n - l).map(|i| a[i][k] * rows[i][l]).sum();
+            *value = sum * scale[k + l];
+        }
+    }
+
+    /// The yard: whether the point has ground (the border has).
+    pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
+        let reach = self.half_m / FIT_MARGIN * (1.0 + 4.0 * f64::EPSILON);
+        (x_m - self.centre_m.x).abs() <= reach && (y_m - self.centre_m.y).abs() <= reach
+    }
+}
+
+#[inline]
+fn dot(row: &[f64], basis: &legendre::Row) -> f64 {
+    row.iter().zip(basis).map(|(c, q)| c * q).sum()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::math;
+
+    /// A polynomial of any degree with coefficients that fall off like those of a smooth surface.
+    pub(in crate::scene) fn sample(degree: usize) -> Polynomial {
+        let coefficients =
+            terms(degree).enumerate().map(|(n, (i, j))| math::sin(3.0 * n as f64 + 1.0) / (1 + i + j) as f64).collect();
+        Polynomial::new(20.0, degree, coefficients)
+    }
+
+    #[test]
+    fn exact_plane_has_its_height_and_slope_everywhere() {
+        let plane = Polynomial::plane(20.0, 0.3, DVec2::new(0.1, -0.2));
+        for (x, y) in [(0.0, 0.0), (20.0, 20.0), (3.0, 17.5)] {
+            assert!((plane.height_m(x, y) - (0.3 + 0.1 * x - 0.2 * y)).abs() < 1e-14);
+            assert!((plane.gradient(x, y) - DVec2::new(0.1, -0.2)).length() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn equal_derivatives_and_central_differences() {
+        for degree in [2, 5, 8, 12] {
+            let poly = sample(degree);
+            for (x, y) in [(0.0, 0.0), (20.0, 3.0), (9.0, 11.0)] {
+                let h = 1e-4;
+                let slope =
+                    |dx: f64, dy: f64| (poly.height_m(x + dx, y + dy) - poly.height_m(x - dx, y - dy)) / (2.0 * h);
+                let (height, gradient) = poly.height_and_gradient(x, y);
+                assert_eq!(height, poly.height_and_gradient(x, y).0);
+                assert!((height - poly.height_m(x, y)).abs() < 1e-13);
+                // Truncation h^2 f''' / 6 dominates: f''' stays below 100 here.
+                assert!((gradient - DVec2::new(slope(h, 0.0), slope(0.0, h))).length() < 1e-6);
+                let bend = (poly.gradient(x + h, y) - poly.gradient(x - h, y)) / (2.0 * h);
+                let [xx, xy, yy] = poly.hessian(x, y);
+                let across = (poly.gradient(x, y + h) - poly.gradient(x, y - h)) / (2.0 * h);
+                assert!((xx - bend.x).abs() < 1e-5 && (xy - bend.y).abs() < 1e-5 && (yy - across.y).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn equal_taylor_series_and_surface() {
+        for degree in [0, 1, 5, 12] {
+            let poly = sample(degree);
+            let taylor = poly.taylor_at(7.0, 12.0);
+            for (dx, dy) in [(0.0, 0.0), (0.3, -0.4), (-5.0, 6.0), (13.0, 8.0), (-7.0, -12.0)] {
+                let mut sum = 0.0;
+                for ((k, l), t) in terms(degree).zip(&taylor) {
+                    sum += t * (0..k).fold(1.0, |p, _| p * dx) * (0..l).fold(1.0, |p, _| p * dy);
+                }
+                let height = poly.height_m(7.0 + dx, 12.0 + dy);
+                assert!((sum - height).abs() < 1e-9, "degree {degree} at {dx}, {dy}: {sum} {height}");
+            }
+        }
+    }
+
+    #[test]
+    fn law_the_yard_ends_at_its_border() {
+        let flat = Polynomial::flat(20.0);
+        assert!(flat.contains(0.0, 20.0) && flat.contains(20.0, 0.0) && flat.contains(10.0, 10.0));
+        assert!(!flat.contains(-1e-9, 5.0) && !flat.contains(5.0, 20.0 + 1e-9) && !flat.contains(f64::NAN, 5.0));
+    }
+}
