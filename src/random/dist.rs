@@ -162,7 +162,9 @@ impl std::ops::Index<Purpose> for Drawn {
     /// # Panics
     /// Where the stage's `dists()` does not list the purpose: a bug of the stage, not of the config.
     fn index(&self, purpose: Purpose) -> &f64 {
-        self.0.get(&purpose).unwrap_or_else(|| panic!("{} is read but not listed by its stage's dists()", purpose.key()))
+        self.0
+            .get(&purpose)
+            .unwrap_or_else(|| panic!("{} is read but not listed by its stage's dists()", purpose.key()))
     }
 }
 
@@ -201,7 +203,6 @@ pub fn within<T: Bounded>(low: f64, high: f64) -> impl Fn(&T, &()) -> garde::Res
         Ok(_) => Ok(()),
     }
 }
-
 
 #[cfg(test)]
 mod tests {

@@ -46,6 +46,11 @@ purposes! {
     // Drive: 300-499
     // Sweep: 500-699
     // Slam: 700-799
+    /// Index 6 i + k: component k of particle i.
+    SlamSample = 700, "slam.fastslam.sample";
+    SlamResample = 701, "slam.fastslam.resample";
+    /// Index k: component k of the pose.
+    SlamSurrogate = 702, "slam.surrogate";
     // Cells: 800-899
 }
 

@@ -147,7 +147,9 @@ pub struct Patch {
 /// Why a scene could not be built; a failed scene is listed with its replay command, never dropped.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    #[error("no ground under {limit_deg} degrees of slope in {tries} tries (the flattest had {best_deg:.1}); lower rms_height_m or raise correlation_length_m")]
+    #[error(
+        "no ground under {limit_deg} degrees of slope in {tries} tries (the flattest had {best_deg:.1}); lower rms_height_m or raise correlation_length_m"
+    )]
     TooSteep { limit_deg: f64, best_deg: f64, tries: u32 },
     #[error("{path}: {reason}")]
     GroundFile { path: String, reason: String },
