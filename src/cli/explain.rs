@@ -119,7 +119,7 @@ fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes:
     }
 }
 
-fn pick_scan(replay: &Replay, scan: Option<u32>) -> Result<&ScanOutput, Failure> {
+pub(super) fn pick_scan(replay: &Replay, scan: Option<u32>) -> Result<&ScanOutput, Failure> {
     let found = match scan {
         None => replay.scans.last(),
         Some(id) => replay.scans.iter().find(|s| s.scan_id == id),

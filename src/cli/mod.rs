@@ -9,6 +9,7 @@ mod generate;
 mod log;
 mod plan;
 mod preview;
+mod progress;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
