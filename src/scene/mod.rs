@@ -5,12 +5,16 @@
 //! 1997 (rock sizes). What the config does not name is not built and not paid for. Not modelled: overhangs, loose soil,
 //! moving things. Outside the yard there is no ground.
 
+mod field;
+mod fit;
 mod hull;
 mod legendre;
 pub mod params;
 pub mod polynomial;
 mod raster;
+mod slope;
 
+pub use field::RandomField;
 pub use hull::{Convex, Plane};
 pub use legendre::MAX_DEGREE;
 pub use params::SceneParams;
