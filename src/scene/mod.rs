@@ -44,7 +44,7 @@ pub struct Polynomial {
 }
 
 /// Heights at the nodes of a square grid, bilinear between them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Raster {
     pub spacing_m: f64,
     /// World position of node (row 0, col 0).

@@ -1,9 +1,12 @@
 //! The `scene` section of a config, as written and as checked.
 
+use std::sync::Arc;
+
 use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Raster;
 use crate::random::{Dist, within};
 
 /// The yard: its ground, and what stands and grows on it. A part that is not named is not modelled and costs nothing.
@@ -120,6 +123,11 @@ pub struct FileGround {
     #[garde(skip)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blake3: Option<String>,
+    /// The heights, read by `config`; never part of the document.
+    #[garde(skip)]
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub raster: Option<Arc<Raster>>,
 }
 
 /// The shape that is made of the heights: what the yard is.
