@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::Failure;
+use super::generate::{corpus_failure, spec_of};
 use crate::cells::{Placer, feature_columns};
 use crate::config::{self, Family, Plan};
-use crate::corpus::{self, ScanOutput, ScanPoints, Split, Table};
+use crate::corpus::{self, LocalFolder, ScanOutput, ScanPoints, Split};
 use crate::geometry::{CellIndex, DVec3};
 use crate::pipeline::{Hashes, Prepared, Replay, Scratch, replay_scene};
 use crate::scene::{Class, Scene};
@@ -72,7 +73,7 @@ pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
         Some(cell) => {
             let scan = pick_scan(&replay, args.scan)?;
             tell_cell(family, &replay, scan, cell)?;
-            corpus.map_or(Ok(()), |folder| compare_stored(folder, &prepared.plan, args.scene, scan, cell))
+            corpus.map_or(Ok(()), |folder| compare_stored(folder, &prepared.plan, args.scene, family, scan, cell))
         }
     }
 }
@@ -242,4 +243,39 @@ fn object_name(scene: &Scene, object: i32, class: i8) -> String {
         None if object >= 0 => format!("{name} {object}"),
         None => name.to_string(),
     }
+}
+
+/// Sets the replayed row beside the stored one.
+fn compare_stored(
+    folder: &Path,
+    plan: &Plan,
+    scene: u64,
+    family: &Family,
+    scan: &ScanOutput,
+    cell: CellIndex,
+) -> Result<(), Failure> {
+    let store = LocalFolder::new(folder);
+    let stored = corpus::stored_cell(&store, &spec_of(plan), scene, scan.scan_id, cell).map_err(corpus_failure)?;
+    let Some(stored) = stored else {
+        return Err(Failure::failed("the corpus has no row for this cell: it was built by another plan or binary"));
+    };
+    let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
+    let at = scan.cells.rows.iter().position(|row| row.index == cell).expect("told above");
+    let replayed = &scan.cells.features[at * columns.len()..][..columns.len()];
+    let mut differences = 0;
+    for ((name, there), here) in stored.features.iter().zip(replayed) {
+        if there.to_bits() != here.to_bits() {
+            differences += 1;
+            println!("  differs: {name} is stored as {there:e}, replayed as {here:e}");
+        }
+    }
+    if stored.label != scan.cells.rows[at].label {
+        differences += 1;
+        println!("  differs: the stored label is {:?}", stored.label);
+    }
+    if differences == 0 {
+        println!("\nthe stored row is the same, bit for bit");
+        return Ok(());
+    }
+    Err(Failure::failed(format!("{differences} values differ from the stored row")))
 }

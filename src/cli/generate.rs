@@ -91,7 +91,10 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let spec = spec_of(&plan);
     let store = LocalFolder::new(&out);
     let place = Place::open(&store, &spec).map_err(corpus_failure)?;
-    plan.copy_files(&out).map_err(|e| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(e)))?;
+    for file in &plan.files {
+        let bytes = std::fs::read(&file.from).map_err(|e| Failure::failed(format!("{}: {e}", file.from.display())))?;
+        store.put(&file.path, &bytes).map_err(corpus_failure)?;
+    }
     let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
     for (shard, reason) in status.damaged.iter().filter(|(shard, _)| range.contains(shard)) {
         tracing::warn!("shard {shard} is damaged and is built anew: {reason}");

@@ -16,7 +16,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::config::{self, Plan, SchemaKind};
+use crate::config::{self, Kind, Plan};
 
 /// Training corpora for rovers that must see where they can drive.
 ///
@@ -61,14 +61,19 @@ enum Verb {
     Preview(preview::PreviewArgs),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
-        #[arg(value_enum)]
-        kind: SchemaKind,
+        #[arg(value_parser = parse_kind)]
+        kind: Kind,
     },
     /// Print completions for a shell: marsyard completions bash > /etc/bash_completion.d/marsyard
     Completions {
         #[arg(value_enum)]
         shell: clap_complete::Shell,
     },
+}
+
+fn parse_kind(text: &str) -> Result<Kind, String> {
+    let names = Kind::ALL.map(Kind::name);
+    Kind::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| format!("one of {}", names.join(", ")))
 }
 
 /// A config and what is changed in it on the command line.
@@ -128,7 +133,7 @@ pub fn main() -> ExitCode {
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Schema { kind } => {
-            println!("{}", config::schema(*kind));
+            print!("{}", config::schema_text(*kind));
             Ok(())
         }
         Verb::Completions { shell } => {

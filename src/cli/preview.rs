@@ -9,7 +9,7 @@ use super::explain::{check_scene, plan_of};
 use crate::geometry::Pose;
 use crate::picture::{self, View};
 use crate::pipeline::{NoWatch, Prepared, Scratch, replay_scene};
-use crate::slam::tum;
+use crate::slam;
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -53,7 +53,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     };
     let stem = format!("scene-{}", args.scene);
     let trajectory = |pose: fn(&crate::corpus::PoseRow) -> &Pose| {
-        tum::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
+        slam::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
     };
     std::fs::create_dir_all(&args.out).map_err(|e| cannot_write(&args.out, &e))?;
     for (name, bytes) in [

@@ -10,7 +10,11 @@ use crate::sweep::Sweep;
 
 pub(super) enum Localiser<'p> {
     /// FastSLAM or dead reckoning.
-    Slam(Box<Slam>),
+    Slam {
+        filter: Box<Slam>,
+        /// Dead reckoning reads none.
+        reads_sweeps: bool,
+    },
     Surrogate(&'p slam::params::SurrogateParams),
     Truth,
 }
@@ -21,27 +25,28 @@ impl<'p> Localiser<'p> {
         noise: &InstrumentNoise,
         start: &Pose,
         rover_from_sensor: &Transform,
-    ) -> Self {
-        match params {
+    ) -> Result<Self, SlamError> {
+        Ok(match params {
             SlamParams::Truth => Localiser::Truth,
             SlamParams::Surrogate(surrogate) => Localiser::Surrogate(surrogate),
             SlamParams::Fastslam(_) | SlamParams::DeadReckoning => {
-                Localiser::Slam(Box::new(Slam::new(params, noise, start, rover_from_sensor)))
+                let filter = Box::new(Slam::new(params, noise, start, rover_from_sensor)?);
+                Localiser::Slam { filter, reads_sweeps: matches!(params, SlamParams::Fastslam(_)) }
             }
-        }
+        })
     }
 
     /// The filter reads sweeps, so every stop must be swept.
     pub(super) fn needs_sweeps(&self) -> bool {
-        matches!(self, Localiser::Slam(slam) if slam.uses_sweeps())
+        matches!(self, Localiser::Slam { reads_sweeps: true, .. })
     }
 
     /// The estimate after one control step.
     pub(super) fn step(&mut self, reading: &Reading, truth: &Pose, streams: &Streams) -> Result<Estimate, SlamError> {
         Ok(match self {
-            Localiser::Slam(slam) => {
-                slam.step(reading, streams)?;
-                slam.estimate()
+            Localiser::Slam { filter, .. } => {
+                filter.step(reading, streams)?;
+                filter.estimate()
             }
             Localiser::Surrogate(params) => slam::surrogate(params, truth, streams),
             Localiser::Truth => slam::truth(truth),
@@ -51,8 +56,8 @@ impl<'p> Localiser<'p> {
     /// The estimate after a sweep at the same place.
     pub(super) fn observe(&mut self, sweep: &Sweep, before: Estimate, streams: &Streams) -> Result<Estimate, SlamError> {
         match self {
-            Localiser::Slam(slam) => slam.observe(sweep, streams),
-            Localiser::Surrogate(_) | Localiser::Truth => Ok(before),
+            Localiser::Slam { filter, reads_sweeps: true } => filter.observe(sweep, streams),
+            Localiser::Slam { .. } | Localiser::Surrogate(_) | Localiser::Truth => Ok(before),
         }
     }
 }

@@ -14,7 +14,9 @@ use std::sync::Arc;
 use crate::cells::{self, WindowScan};
 use crate::config::{Family, Plan};
 use crate::corpus::{PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
-use crate::drive::{self, DriveLog, Keep};
+use crate::drive::params::Keep;
+use crate::drive::rover::Mount;
+use crate::drive::{self, DriveLog};
 use crate::geometry::{GridSpec, Transform};
 use crate::random::{Drawn, Stage};
 use crate::scene::{self, Scene};
@@ -101,8 +103,8 @@ pub fn replay_scene(
     watch: &mut impl Watch,
 ) -> Result<Replay, SceneFailure> {
     let plan = &prepared.plan;
-    let family_index = plan.family_index_of(scene_id);
-    let family = &plan.families[family_index];
+    let family = plan.family_of(scene_id);
+    let family_index = plan.families.iter().position(|f| f.name == family.name).expect("a family of the plan");
     let streams = plan.streams(scene_id, 0, Stage::Scene);
 
     watch.begin();
@@ -186,7 +188,7 @@ fn run_attempt(
     let caster = Caster::new(scene, &family.sweep.cast);
     watch.end(Stage::Sweep, |_| ());
     let noise = drive::InstrumentNoise::of(&family.drive.instruments, &drawn);
-    let mut localiser = Localiser::new(&family.slam, &noise, &drive.truth[0], &rover_from_sensor);
+    let mut localiser = Localiser::new(&family.slam, &noise, &drive.truth[0], &rover_from_sensor)?;
     let kept_stops = kept_stops(family.drive.keep, drive.stops.len());
     let window_scans = family.cells.window_scans as usize;
     let max_range_m = family.cells.max_range_m.unwrap_or(family.sweep.sensor.max_range_m);
@@ -234,7 +236,6 @@ fn run_attempt(
                     &mut scratch.cells,
                 );
                 watch.end(Stage::Cells, |hasher| cells.hash_into(hasher));
-                let last = window.back().expect("pushed above");
                 let points = prepared.keep_points.then(|| ScanPoints {
                     sweep: window.back().expect("pushed above").sweep.clone(),
                     map_from_sensor: estimate.pose.transform() * rover_from_sensor,
@@ -260,7 +261,7 @@ fn mount(family: &Family, drawn: &Drawn) -> Transform {
             drawn,
             [rover.x_m, rover.y_m, rover.z_m, rover.yaw_deg, rover.pitch_deg, rover.roll_deg],
         );
-        drive::Mount { x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg }
+        Mount { x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg }
     })
     .rover_from_sensor()
 }
