@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::output::{out, outln};
 use super::Failure;
 use super::explain::plan_of;
 use super::generate::{corpus_failure, spec_of};
@@ -47,9 +48,9 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
     if !args.missing {
-        print!("{status}");
+        out!("{status}");
     } else if !status.to_build().is_empty() {
-        println!("{}", ranges::to_text(&status.to_build()));
+        outln!("{}", ranges::to_text(&status.to_build()));
     }
     Ok(())
 }
@@ -64,7 +65,7 @@ pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
 pub(super) fn verify(args: &PlaceArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let findings = verify::verify(&store, &spec).map_err(corpus_failure)?;
-    findings.iter().for_each(|finding| println!("{finding}"));
+    findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
         eprintln!("{}: {} shards are as their receipts say", args.place.display(), spec.shards());
         return Ok(());
@@ -81,6 +82,6 @@ pub(super) fn verify(args: &PlaceArgs) -> Result<(), Failure> {
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let (_, store) = open(&args.place)?;
-    print!("{}", corpus::inspect(&store).map_err(corpus_failure)?);
+    out!("{}", corpus::inspect(&store).map_err(corpus_failure)?);
     Ok(())
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::output::outln;
 use super::Failure;
 use super::generate::{corpus_failure, spec_of};
 use crate::cells::{Placer, feature_columns};
@@ -80,43 +81,43 @@ pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
 
 fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes: &Hashes) {
     let shard = plan.shard_of(scene);
-    println!("scene {scene} of '{}' (seed {}), family {}", plan.name, plan.seed, family.name);
-    println!("shard {shard} ({}), attempts {}\n", Split::of_shard(shard).name(), replay.attempts);
-    println!("drawn values");
+    outln!("scene {scene} of '{}' (seed {}), family {}", plan.name, plan.seed, family.name);
+    outln!("shard {shard} ({}), attempts {}\n", Split::of_shard(shard).name(), replay.attempts);
+    outln!("drawn values");
     for (purpose, value) in replay.drawn.iter() {
-        println!("  {:<58} {value}", purpose.key());
+        outln!("  {:<58} {value}", purpose.key());
     }
-    println!("\nstages (hash of their f64 results)");
+    outln!("\nstages (hash of their f64 results)");
     let hash_of = |name: &str| hashes.finish().into_iter().find(|(n, _)| *n == name).map(|(_, h)| h).unwrap_or_default();
     let (yard, drive) = (&replay.scene, &replay.drive);
     let driven_m: f64 = drive.truth.windows(2).map(|w| (w[1].position_m - w[0].position_m).length()).sum();
     let sizes = format!("{} obstacles, {} volumes, {} patches", yard.obstacles.len(), yard.volumes.len(), yard.patches.len());
-    println!("  scene {}  {sizes}", hash_of("scene"));
-    println!("  drive {}  {} steps, {driven_m:.2} m, {} stops", hash_of("drive"), drive.truth.len(), drive.stops.len());
-    println!("  sweep {}", hash_of("sweep"));
-    println!("  slam  {}", hash_of("slam"));
-    println!("  cells {}", hash_of("cells"));
-    println!("\npose at each stop: estimate (truth), metres and degrees");
+    outln!("  scene {}  {sizes}", hash_of("scene"));
+    outln!("  drive {}  {} steps, {driven_m:.2} m, {} stops", hash_of("drive"), drive.truth.len(), drive.stops.len());
+    outln!("  sweep {}", hash_of("sweep"));
+    outln!("  slam  {}", hash_of("slam"));
+    outln!("  cells {}", hash_of("cells"));
+    outln!("\npose at each stop: estimate (truth), metres and degrees");
     for row in replay.poses.iter().filter(|row| row.stop) {
         let (e, t) = (&row.estimate.pose, &row.truth);
-        println!(
+        outln!(
             "  step {:>4}  x {:>7.3} ({:>7.3})  y {:>7.3} ({:>7.3})  z {:>6.3} ({:>6.3})  yaw {:>7.2} ({:>7.2})  pitch {:>6.2} ({:>6.2})  roll {:>6.2} ({:>6.2})",
             row.step, e.position_m.x, t.position_m.x, e.position_m.y, t.position_m.y, e.position_m.z, t.position_m.z,
             e.yaw_rad.to_degrees(), t.yaw_rad.to_degrees(), e.pitch_rad.to_degrees(), t.pitch_rad.to_degrees(),
             e.roll_rad.to_degrees(), t.roll_rad.to_degrees(),
         );
     }
-    println!("\nkept scans");
+    outln!("\nkept scans");
     for scan in &replay.scans {
         let cells = &scan.cells;
         let bad = cells.rows.iter().filter(|row| row.label == Some(1)).count();
-        println!(
+        outln!(
             "  scan {}: {} cells, {bad} untraversable; points in {} = binned {} + beyond range {} + off grid {}",
             scan.scan_id, cells.rows.len(), cells.points_in, cells.points_binned, cells.dropped_beyond_range, cells.dropped_off_grid
         );
     }
     if let Some(row) = replay.scans.last().and_then(|s| s.cells.rows.iter().find(|r| r.label == Some(1))) {
-        println!("\none cell in full: add --cell {},{}", row.index.row, row.index.col);
+        outln!("\none cell in full: add --cell {},{}", row.index.row, row.index.col);
     }
 }
 
@@ -173,18 +174,18 @@ fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellInde
     let row = &scan.cells.rows[at];
     let points = scan.points.as_ref().expect("explain keeps the sweeps");
     let size_m = family.cells.size_m;
-    println!(
+    outln!(
         "cell row {} col {} of scan {}: x {:.3} to {:.3} m, y {:.3} to {:.3} m (map)",
         cell.row, cell.col, scan.scan_id, f64::from(cell.col) * size_m, f64::from(cell.col + 1) * size_m,
         f64::from(cell.row) * size_m, f64::from(cell.row + 1) * size_m
     );
     let inside = points_in(family, replay, scan, points, cell);
     let rover_z_m = pose_of(replay, scan).estimate.pose.position_m.z;
-    println!("\npoints of the kept sweep (heights above the rover's estimated z, {rover_z_m:.4} m)");
-    println!("  {:>5} {:>5}  {:>8}  {:>8}  {:>8}  {:>8}  truth", "line", "beam", "range m", "x m", "y m", "height m");
+    outln!("\npoints of the kept sweep (heights above the rover's estimated z, {rover_z_m:.4} m)");
+    outln!("  {:>5} {:>5}  {:>8}  {:>8}  {:>8}  {:>8}  truth", "line", "beam", "range m", "x m", "y m", "height m");
     let beams = points.sweep.pattern.beams as usize;
     for p in &inside {
-        println!(
+        outln!(
             "  {:>5} {:>5}  {:>8.4}  {:>8.4}  {:>8.4}  {:>8.4}  {}{}",
             p.slot / beams, p.slot % beams, points.sweep.range_m[p.slot], p.map_m.x, p.map_m.y, p.map_m.z - rover_z_m,
             object_name(&replay.scene, p.object, p.class), if p.top { ", on its top" } else { "" }
@@ -192,38 +193,38 @@ fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellInde
     }
     let carried = row.points as usize - inside.len();
     if carried > 0 {
-        println!("  and {carried} points of earlier sweeps of the window");
+        outln!("  and {carried} points of earlier sweeps of the window");
     } else {
         let heights: Vec<f64> = inside.iter().map(|p| p.map_m.z - rover_z_m).collect();
         let count = heights.len() as f64;
         let mean = heights.iter().sum::<f64>() / count;
         let variance = heights.iter().map(|h| (h - mean) * (h - mean)).sum::<f64>() / count;
-        println!("\n  mean = sum / {count} = {mean:.6} m (eq. 3);  variance = sum of squares / {count} = {variance:.3e} m2 (eq. 4)");
+        outln!("\n  mean = sum / {count} = {mean:.6} m (eq. 3);  variance = sum of squares / {count} = {variance:.3e} m2 (eq. 4)");
     }
-    println!("\nfeatures (as stored, f32)");
+    outln!("\nfeatures (as stored, f32)");
     let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
     let features = &scan.cells.features[at * columns.len()..][..columns.len()];
     for (column, value) in columns.iter().zip(features) {
-        println!("  {:<24} {value:>14.6e} {}", column.name, column.unit);
+        outln!("  {:<24} {value:>14.6e} {}", column.name, column.unit);
     }
     let truth = &row.truth;
     let rule = &family.cells.labels;
-    println!("\nlabel");
-    println!(
+    outln!("\nlabel");
+    outln!(
         "  tallest object: {} standing {:.3} m above the ground",
         object_name(&replay.scene, truth.object, truth.class), truth.protrusion_m
     );
-    println!("  rule: {:?} (wheel {} m), at least {} points", rule.obstacle, family.drive.rover.wheel_diameter_m, rule.min_obstacle_points);
-    println!("  obstacle points {} of {} (on tops: {})", truth.obstacle_points, row.points, truth.top_points);
+    outln!("  rule: {:?} (wheel {} m), at least {} points", rule.obstacle, family.drive.rover.wheel_diameter_m, rule.min_obstacle_points);
+    outln!("  obstacle points {} of {} (on tops: {})", truth.obstacle_points, row.points, truth.top_points);
     if let Some(limit) = rule.max_ground_slope_deg {
-        println!("  ground slope {:.2} degrees, limit {limit}", f64::from(truth.slope_rad).to_degrees());
+        outln!("  ground slope {:.2} degrees, limit {limit}", f64::from(truth.slope_rad).to_degrees());
     }
     let word = match row.label {
         Some(0) => "0, traversable",
         Some(_) => "1, untraversable",
         None => "unknown",
     };
-    println!("  label: {word}");
+    outln!("  label: {word}");
     Ok(())
 }
 
@@ -266,15 +267,15 @@ fn compare_stored(
     for ((name, there), here) in stored.features.iter().zip(replayed) {
         if there.to_bits() != here.to_bits() {
             differences += 1;
-            println!("  differs: {name} is stored as {there:e}, replayed as {here:e}");
+            outln!("  differs: {name} is stored as {there:e}, replayed as {here:e}");
         }
     }
     if stored.label != scan.cells.rows[at].label {
         differences += 1;
-        println!("  differs: the stored label is {:?}", stored.label);
+        outln!("  differs: the stored label is {:?}", stored.label);
     }
     if differences == 0 {
-        println!("\nthe stored row is the same, bit for bit");
+        outln!("\nthe stored row is the same, bit for bit");
         return Ok(());
     }
     Err(Failure::failed(format!("{differences} values differ from the stored row")))

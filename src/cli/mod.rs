@@ -7,6 +7,7 @@ mod corpus;
 mod explain;
 mod generate;
 mod log;
+mod output;
 mod plan;
 mod preview;
 mod progress;
@@ -15,6 +16,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use output::out;
 
 use crate::config::{self, Kind, Plan};
 
@@ -133,7 +136,7 @@ pub fn main() -> ExitCode {
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Schema { kind } => {
-            print!("{}", config::schema_text(*kind));
+            out!("{}", config::schema_text(*kind));
             Ok(())
         }
         Verb::Completions { shell } => {

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::json;
 
+use super::output::outln;
 use super::generate::spec_of;
 use super::progress::{human, si};
 use super::{ConfigArgs, Failure};
@@ -35,7 +36,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let cost = if args.sample == 0 { None } else { Some(calibrate(plan.clone(), args.sample)?) };
     if args.json {
-        println!("{:#}", as_json(&plan, cost.as_ref(), args.threads));
+        outln!("{:#}", as_json(&plan, cost.as_ref(), args.threads));
     } else {
         tell(&plan, cost.as_ref(), args.threads);
     }
@@ -116,31 +117,31 @@ fn encode(plan: &Plan, outputs: &[SceneOutput]) -> Result<(u64, Duration), Failu
 }
 
 fn tell(plan: &Plan, cost: Option<&Cost>, threads: usize) {
-    println!("{}: {} scenes in {} shards of {}, seed {}", plan.name, plan.scenes, plan.shards(), plan.scenes_per_shard, plan.seed);
+    outln!("{}: {} scenes in {} shards of {}, seed {}", plan.name, plan.scenes, plan.shards(), plan.scenes_per_shard, plan.seed);
     let of = |split| (0..plan.shards()).filter(|&s| Split::of_shard(s) == split).count();
-    println!("shards: {} train, {} validation, {} test", of(Split::Train), of(Split::Validation), of(Split::Test));
+    outln!("shards: {} train, {} validation, {} test", of(Split::Train), of(Split::Validation), of(Split::Test));
     if plan.shards() < 7 {
-        println!("warning: fewer than 7 shards leave a split empty; raise scenes or lower scenes_per_shard");
+        outln!("warning: fewer than 7 shards leave a split empty; raise scenes or lower scenes_per_shard");
     }
     let total: f64 = plan.families.iter().map(|f| f.weight).sum();
     for family in &plan.families {
         let held = if family.hold_out { ", held out for the test split" } else { "" };
-        println!("\nfamily {} ({:.0} %{held})", family.name, 100.0 * family.weight / total);
+        outln!("\nfamily {} ({:.0} %{held})", family.name, 100.0 * family.weight / total);
         for (part, detail) in parts(family) {
-            println!("  {part:<12} {detail}");
+            outln!("  {part:<12} {detail}");
         }
     }
-    println!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
+    outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
     if let Some(cost) = cost {
-        println!("\ncost, measured on {} of its scenes, one thread:", cost.scenes);
+        outln!("\ncost, measured on {} of its scenes, one thread:", cost.scenes);
         for (stage, time) in cost.times.spent() {
-            println!("  {stage:<12} {:>9.2} ms a scene", 1e3 * cost.per_scene(time.as_secs_f64()));
+            outln!("  {stage:<12} {:>9.2} ms a scene", 1e3 * cost.per_scene(time.as_secs_f64()));
         }
-        println!("  {:<12} {:>9.2} ms a scene", "writing", 1e3 * cost.per_scene(cost.writing.as_secs_f64()));
+        outln!("  {:<12} {:>9.2} ms a scene", "writing", 1e3 * cost.per_scene(cost.writing.as_secs_f64()));
         if cost.failed > 0 {
-            println!("  {} of {} scenes failed: `marsyard generate` would list them", cost.failed, cost.scenes);
+            outln!("  {} of {} scenes failed: `marsyard generate` would list them", cost.failed, cost.scenes);
         }
-        println!(
+        outln!(
             "\nwhole build: {} rows of cells, {}B on disk, {} on {threads} threads",
             si(cost.total_rows(plan)),
             si(cost.total_bytes(plan)),

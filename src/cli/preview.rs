@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::output::outln;
 use super::Failure;
 use super::explain::{check_scene, plan_of};
 use crate::geometry::Pose;
@@ -66,7 +67,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     ] {
         let path = args.out.join(format!("{stem}-{name}"));
         std::fs::write(&path, bytes).map_err(|e| cannot_write(&path, &e))?;
-        println!("{}", path.display());
+        outln!("{}", path.display());
     }
     Ok(())
 }
