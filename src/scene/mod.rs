@@ -5,16 +5,25 @@
 //! 1997 (rock sizes). What the config does not name is not built and not paid for. Not modelled: overhangs, loose soil,
 //! moving things. Outside the yard there is no ground.
 
+pub mod boxes;
+mod digest;
 mod field;
 mod fit;
+mod golombek;
+mod ground;
 mod hull;
+mod landforms;
 mod legendre;
 pub mod params;
 pub mod polynomial;
 mod raster;
+mod rocks;
 mod slope;
+mod trees;
+mod vegetation;
 
 pub use field::RandomField;
+pub use golombek::Golombek;
 pub use hull::{Convex, Plane};
 pub use legendre::MAX_DEGREE;
 pub use params::SceneParams;
@@ -22,7 +31,7 @@ pub use polynomial::Polynomial;
 pub use raster::Raster;
 
 use crate::geometry::{DVec2, DVec3};
-use crate::random::{Drawn, Streams};
+use crate::random::{Drawn, Stream, Streams};
 
 /// A yard. The square [0, extent] x [0, extent] in x and y.
 #[derive(Clone, Debug)]
@@ -163,11 +172,23 @@ impl Scene {
         Scene { extent_m, ground, obstacles: Vec::new(), volumes: Vec::new(), patches: Vec::new() }
     }
 
-    /// The yard with one more solid thing; its id is its place in the row.
+    /// The yard with one more solid thing; its id is its place in the row. Before any volume or patch.
     pub fn with_obstacle(mut self, class: Class, shape: Shape) -> Scene {
-        let id = self.obstacles.len() as i32;
-        self.obstacles.push(Obstacle::new(id, class, shape, &self));
+        self.add_obstacle(class, shape);
         self
+    }
+
+    /// Adds a solid thing; its id is its place in the row.
+    fn add_obstacle(&mut self, class: Class, shape: Shape) {
+        let id = self.obstacles.len() as i32;
+        self.obstacles.push(Obstacle::new(id, class, shape, self));
+    }
+
+    /// Numbers the volumes after the obstacles and the patches after the volumes.
+    fn number_on(&mut self) {
+        let ids = self.obstacles.len() as i32..;
+        let later = self.volumes.iter_mut().map(|v| &mut v.id).chain(self.patches.iter_mut().map(|p| &mut p.id));
+        later.zip(ids).for_each(|(place, id)| *place = id);
     }
 
     /// Ground height below a point of a body, which may hang over the yard's edge: there the edge's height holds.
@@ -226,14 +247,18 @@ impl Shape {
     /// Greatest height above the ground right below: at the vertices of a polyhedron, on the axis and eight rim points of a
     /// cylinder's top.
     pub fn protrusion_m(&self, scene: &Scene) -> f64 {
-        let above = |p: DVec3| p.z - scene.ground_below_m(p.x, p.y);
         match self {
-            Shape::Convex(convex) => convex.vertices_m.iter().fold(f64::NEG_INFINITY, |most, v| most.max(above(*v))),
+            Shape::Convex(convex) => Shape::protrusion_of(&convex.vertices_m, scene),
             Shape::Cylinder(cylinder) => {
                 let top = cylinder.base_m + DVec3::Z * cylinder.height_m;
-                disc(cylinder.radius_m).fold(f64::NEG_INFINITY, |most, rim| most.max(above(top + rim.extend(0.0))))
+                let rim: Vec<DVec3> = disc(cylinder.radius_m).map(|rim| top + rim.extend(0.0)).collect();
+                Shape::protrusion_of(&rim, scene)
             }
         }
+    }
+
+    fn protrusion_of(points_m: &[DVec3], scene: &Scene) -> f64 {
+        points_m.iter().fold(f64::NEG_INFINITY, |most, p| most.max(p.z - scene.ground_below_m(p.x, p.y)))
     }
 }
 
@@ -246,10 +271,34 @@ fn disc(radius_m: f64) -> impl Iterator<Item = DVec2> {
     std::iter::once(DVec2::ZERO).chain(rim)
 }
 
+/// The place of thing `index`, anywhere in the yard.
+fn place_in_yard(stream: &Stream, index: u64, extent_m: f64) -> DVec2 {
+    let mut place = [0.0; 2];
+    stream.fill_uniform(2 * index, &mut place);
+    DVec2::from_array(place) * extent_m
+}
+
 /// Builds the yard of one scene.
+///
+/// Ids: rocks, boxes, trunks; then crowns, bushes; then grass, brush. Each kind has its own streams: adding one moves no
+/// draw of another, only the ids after it.
 pub fn build(params: &SceneParams, drawn: &Drawn, streams: &Streams) -> Result<Scene, SceneError> {
-    let _ = (drawn, streams);
-    Ok(Scene::bare(params.extent_m, Ground::Polynomial(Polynomial::flat(params.extent_m))))
+    let ground = ground::build(&params.ground, params.extent_m, drawn, streams)?;
+    let mut scene = Scene::bare(params.extent_m, ground);
+    if let Some(rocks) = &params.rocks {
+        rocks::build(rocks, drawn, streams, &mut scene)?;
+    }
+    if let Some(boxes) = &params.boxes {
+        boxes::build(boxes, drawn, streams, &mut scene);
+    }
+    if let Some(trees) = &params.trees {
+        trees::build(trees, drawn, streams, &mut scene);
+    }
+    if let Some(vegetation) = &params.vegetation {
+        vegetation::build(vegetation, drawn, streams, &mut scene);
+    }
+    scene.number_on();
+    Ok(scene)
 }
 
 /// Why a scene could not be built; a failed scene is listed with its replay command, never dropped.
@@ -259,6 +308,14 @@ pub enum SceneError {
         "no ground under {limit_deg} degrees of slope in {tries} tries (the flattest had {best_deg:.1}); lower rms_height_m or raise correlation_length_m"
     )]
     TooSteep { limit_deg: f64, best_deg: f64, tries: u32 },
+    #[error(
+        "a ground of {cells} x {cells} nodes at {spacing_m} m is above the limit of {limit} x {limit}; raise spacing_m to {coarsest_m:.3} or lower extent_m"
+    )]
+    TooFine { spacing_m: f64, cells: usize, limit: usize, coarsest_m: f64 },
+    #[error(
+        "{expected:.0} rocks to expect, above the limit of {limit:.0}; raise golombek.min_diameter_m (now {min_diameter_m}) or lower abundance"
+    )]
+    TooManyRocks { expected: f64, limit: f64, min_diameter_m: f64 },
     #[error("{path}: {reason}")]
     GroundFile { path: String, reason: String },
 }
