@@ -1,0 +1,3 @@
+//! Slow statistics, one module a stage: `cargo test --release --test statistics`.
+
+mod scene;
