@@ -22,8 +22,10 @@ macro_rules! out {
 
 /// `println!`, without the panic when nobody reads on.
 macro_rules! outln {
-    () => { $crate::cli::output::put(format_args!("\n")) };
-    ($format:literal $($part:tt)*) => { $crate::cli::output::put(format_args!(concat!($format, "\n") $($part)*)) };
+    ($($part:tt)*) => {{
+        $crate::cli::output::put(format_args!($($part)*));
+        $crate::cli::output::put(format_args!("\n"));
+    }};
 }
 
 pub(super) use {out, outln};
