@@ -59,7 +59,8 @@ impl Bumps {
         let way_m = outer_way_m(command.length_m, command.turn_rad, self.half_track_m);
         Command {
             length_m: command.length_m * (1.0 + drawn(&noise.speed)),
-            turn_rad: command.turn_rad * (1.0 + drawn(&noise.yaw_rate)) + drawn(&noise.heading_rad_per_sqrt_m) * way_m.sqrt(),
+            turn_rad: command.turn_rad * (1.0 + drawn(&noise.yaw_rate))
+                + drawn(&noise.heading_rad_per_sqrt_m) * way_m.sqrt(),
             dt_s: command.dt_s,
         }
     }

@@ -25,9 +25,8 @@ pub(super) fn guide(
     drawn: &Drawn,
     streams: &Streams,
 ) -> Result<Guide, DriveError> {
-    let drive = |length_m: f64, curvature_radpm: f64| {
-        Way::Pieces(VecDeque::from([Piece::Drive { length_m, curvature_radpm }]))
-    };
+    let drive =
+        |length_m: f64, curvature_radpm: f64| Way::Pieces(VecDeque::from([Piece::Drive { length_m, curvature_radpm }]));
     let way = match &params.path {
         PathParams::Straight(_) => drive(drawn[Purpose::StraightLength], 0.0),
         PathParams::TowardObstacle(_) => drive(drawn[Purpose::TowardLength], 0.0),

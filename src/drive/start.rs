@@ -4,11 +4,11 @@
 //! body is clear of obstacles, the margin is kept and the rover can stand. Near an obstacle: an obstacle is picked, and a
 //! point on the curve around it at the wanted distance; it is taken where no other obstacle is nearer.
 
+use super::DriveError;
 use super::contact::{Stance, Stander};
 use super::guide::heading;
 use super::params::{DriveParams, PathParams};
 use super::yard::{Yard, body};
-use super::DriveError;
 use crate::geometry::DVec2;
 use crate::random::{Drawn, Purpose, Streams};
 

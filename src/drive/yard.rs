@@ -35,10 +35,11 @@ pub(super) struct Yard {
 
 impl Yard {
     pub fn new(scene: &Scene, rover: &Rover) -> Yard {
-        let solid = scene.obstacles.iter().filter(|o| o.protrusion_m > rover.wheel_diameter_m).map(|o| match &o.shape {
-            Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
-            Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
-        });
+        let solid =
+            scene.obstacles.iter().filter(|o| o.protrusion_m > rover.wheel_diameter_m).map(|o| match &o.shape {
+                Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
+                Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
+            });
         let mast_m = rover.mount.z_m + HEADROOM_M;
         let porous = scene.volumes.iter().filter(|v| v.untraversable).filter(|v| {
             let below_m = scene.ground_below_m(v.centre_m.x, v.centre_m.y);
@@ -96,7 +97,8 @@ impl Yard {
             let apart = (core - point).length();
             let distance_m = (apart - outline.radius_m).max(0.0);
             if best.is_none_or(|(least, _)| distance_m < least) {
-                let surface = if apart > 0.0 { core + (point - core) * (outline.radius_m.min(apart) / apart) } else { point };
+                let surface =
+                    if apart > 0.0 { core + (point - core) * (outline.radius_m.min(apart) / apart) } else { point };
                 best = Some((distance_m, surface));
             }
         }

@@ -10,6 +10,8 @@
 mod gauss_newton;
 mod nelder_mead;
 mod residual;
+#[cfg(test)]
+mod tests;
 
 pub use nelder_mead::{Minimum, minimise};
 
