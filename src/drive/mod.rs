@@ -18,6 +18,8 @@ mod route;
 pub mod rover;
 mod start;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod travel;
 mod yard;
 

@@ -59,6 +59,7 @@ pub(super) fn choose(
         };
         let room = match &params.path {
             PathParams::Planned(path) => yard.clear(&[at], params.rover.turning_radius_m() + path.clearance_m),
+            PathParams::RandomWalk(_) => yard.clear_circle(at, params.rover.turning_radius_m()),
             _ => true,
         };
         if !room || !yard.clear(&body(&params.rover, at, yaw_rad), 0.0) {
