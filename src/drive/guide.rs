@@ -95,6 +95,11 @@ impl Guide {
         }
     }
 
+    /// Whether the rover must be able to turn in place wherever it goes.
+    pub fn needs_turning_room(&self) -> bool {
+        matches!(self.way, Way::Walk(_))
+    }
+
     /// Told that the last command could not be carried out: whether there is something else to try.
     pub fn barred(&mut self, command: &Command) -> bool {
         match &mut self.way {

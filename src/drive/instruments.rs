@@ -82,7 +82,8 @@ impl Instruments {
     fn over_step(&self, index: u64, from: &Pose, to: &Pose, dt_s: f64, stop: bool) -> Reading {
         let turn_rad = math::wrap_angle(to.yaw_rad - from.yaw_rad);
         let way_m = (to.position_m - from.position_m).length() * arc_over_chord(turn_rad);
-        let counted_m = way_m / (1.0 - self.slip) + draw(&self.distance, index, self.noise.odometry_m_per_sqrt_m) * way_m.sqrt();
+        let counted_m =
+            way_m / (1.0 - self.slip) + draw(&self.distance, index, self.noise.odometry_m_per_sqrt_m) * way_m.sqrt();
         let outer_m = outer_way_m(way_m, turn_rad, self.half_track_m);
         let counted_rad = turn_rad + draw(&self.heading, index, self.noise.heading_rad_per_sqrt_m) * outer_m.sqrt();
         self.after(index, to, dt_s, counted_m / dt_s, counted_rad / dt_s, stop)

@@ -6,16 +6,20 @@
 //! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise.
 
 mod contact;
+#[cfg(test)]
+mod fixtures;
 mod guide;
 mod instruments;
 mod linkage;
 mod motion;
 pub mod params;
 mod path;
-pub mod rover;
 mod route;
+pub mod rover;
 mod start;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod travel;
 mod yard;
 
@@ -84,7 +88,9 @@ impl DriveLog {
         }
         for contact in &self.contacts {
             let Contact { rocker_rad, bogie_left_rad, bogie_right_rad, residual_m, iterations } = *contact;
-            [rocker_rad, bogie_left_rad, bogie_right_rad, residual_m, f64::from(iterations)].into_iter().for_each(&mut number);
+            [rocker_rad, bogie_left_rad, bogie_right_rad, residual_m, f64::from(iterations)]
+                .into_iter()
+                .for_each(&mut number);
         }
         for reading in &self.readings {
             let Reading { dt_s, speed_mps, yaw_rate_radps, roll_rad, pitch_rad, yaw_rad } = *reading;
@@ -142,8 +148,10 @@ pub struct InstrumentNoise {
 /// Why a drive could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
-    #[error("no place to start: {tries} places were tried, each on an obstacle, too near the yard's edge or too steep; \
-             lower drive.start.margin_m or the number of obstacles")]
+    #[error(
+        "no place to start: {tries} places were tried, each on an obstacle, too near the yard's edge or too steep; \
+             lower drive.start.margin_m or the number of obstacles"
+    )]
     NoStart { tries: u32 },
     #[error("no way along drive.path: {reason}")]
     NoWay { reason: String },

@@ -59,7 +59,8 @@ impl Bumps {
         let way_m = outer_way_m(command.length_m, command.turn_rad, self.half_track_m);
         Command {
             length_m: command.length_m * (1.0 + drawn(&noise.speed)),
-            turn_rad: command.turn_rad * (1.0 + drawn(&noise.yaw_rate)) + drawn(&noise.heading_rad_per_sqrt_m) * way_m.sqrt(),
+            turn_rad: command.turn_rad * (1.0 + drawn(&noise.yaw_rate))
+                + drawn(&noise.heading_rad_per_sqrt_m) * way_m.sqrt(),
             dt_s: command.dt_s,
         }
     }
@@ -87,4 +88,43 @@ pub(super) fn arc_over_chord(turn_rad: f64) -> f64 {
     let half = 0.5 * turn_rad;
     // Below, the series' next term is under 1e-17.
     if half.abs() < 1e-4 { 1.0 + half * half / 6.0 } else { half / math::sin(half) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::DVec3;
+
+    #[test]
+    fn exact_steps_along_a_circle_lie_on_it_and_close_it() {
+        let (radius_m, steps) = (2.0, 36);
+        let turn_rad = std::f64::consts::TAU / f64::from(steps);
+        let command = Command { length_m: radius_m * turn_rad, turn_rad, dt_s: 1.0 };
+        let mut pose = Pose { position_m: DVec3::new(3.0, 1.0, 0.0), ..Pose::default() };
+        for _ in 0..steps {
+            let place = advance(&pose, &command);
+            assert!(((place.at_m - DVec2::new(3.0, 3.0)).length() - radius_m).abs() < 1e-13);
+            pose.position_m = place.at_m.extend(0.0);
+            pose.yaw_rad = place.yaw_rad;
+        }
+        assert!((pose.position_m - DVec3::new(3.0, 1.0, 0.0)).length() < 1e-13);
+        assert!(math::wrap_angle(pose.yaw_rad).abs() < 1e-13);
+    }
+
+    #[test]
+    fn exact_a_climb_shortens_the_way_over_the_map() {
+        let pose = Pose { pitch_rad: -0.5, yaw_rad: 0.8, ..Pose::default() };
+        let place = advance(&pose, &Command { length_m: 2.0, turn_rad: 0.0, dt_s: 1.0 });
+        assert!((place.at_m.length() - 2.0 * math::cos(0.5)).abs() < 1e-15);
+        assert_eq!(place.yaw_rad, 0.8);
+    }
+
+    #[test]
+    fn equal_arc_over_chord_by_series_and_by_sine() {
+        for turn in [1e-5_f64, 1.9e-4, 2.1e-4, 0.1, 3.0] {
+            let exact = 0.5 * turn / math::sin(0.5 * turn);
+            assert!((arc_over_chord(turn) - exact).abs() < 4e-16 * exact, "{turn}");
+        }
+        assert_eq!(arc_over_chord(0.0), 1.0);
+    }
 }

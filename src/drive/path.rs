@@ -25,9 +25,8 @@ pub(super) fn guide(
     drawn: &Drawn,
     streams: &Streams,
 ) -> Result<Guide, DriveError> {
-    let drive = |length_m: f64, curvature_radpm: f64| {
-        Way::Pieces(VecDeque::from([Piece::Drive { length_m, curvature_radpm }]))
-    };
+    let drive =
+        |length_m: f64, curvature_radpm: f64| Way::Pieces(VecDeque::from([Piece::Drive { length_m, curvature_radpm }]));
     let way = match &params.path {
         PathParams::Straight(_) => drive(drawn[Purpose::StraightLength], 0.0),
         PathParams::TowardObstacle(_) => drive(drawn[Purpose::TowardLength], 0.0),
@@ -69,7 +68,7 @@ fn planned(
     let from = DVec2::new(start.position_m.x, start.position_m.y);
     let directions = streams.open(Purpose::GoalDirection);
     let goals = (0..MAX_GOALS).map(|k| from + unit(std::f64::consts::TAU * directions.uniform(k)) * goal_m);
-    let free = goals.filter(|&goal| yard.inside(goal, distance_m) && yard.clear(&[goal], distance_m));
+    let free = goals.filter(|&goal| yard.clear_circle(goal, distance_m));
     let way = free.take(8).find_map(|goal| route::around(yard, from, goal, distance_m));
     way.map(|points| points.into_iter().skip(1).collect()).ok_or_else(|| DriveError::NoWay {
         reason: format!(

@@ -4,11 +4,11 @@
 //! body is clear of obstacles, the margin is kept and the rover can stand. Near an obstacle: an obstacle is picked, and a
 //! point on the curve around it at the wanted distance; it is taken where no other obstacle is nearer.
 
+use super::DriveError;
 use super::contact::{Stance, Stander};
 use super::guide::heading;
 use super::params::{DriveParams, PathParams};
 use super::yard::{Yard, body};
-use super::DriveError;
 use crate::geometry::DVec2;
 use crate::random::{Drawn, Purpose, Streams};
 
@@ -59,6 +59,7 @@ pub(super) fn choose(
         };
         let room = match &params.path {
             PathParams::Planned(path) => yard.clear(&[at], params.rover.turning_radius_m() + path.clearance_m),
+            PathParams::RandomWalk(_) => yard.clear_circle(at, params.rover.turning_radius_m()),
             _ => true,
         };
         if !room || !yard.clear(&body(&params.rover, at, yaw_rad), 0.0) {

@@ -2,7 +2,7 @@
 //!
 //! Each step: the guide's command, disturbed by the control noise, leads to a place; the rover is set on the ground there.
 //! The drive ends at the path's end, or before the step that would bring the body onto an obstacle or over the yard's edge,
-//! or onto ground that the rover cannot stand on.
+//! or onto ground that the rover cannot stand on. A random walk keeps room to turn in place, so that it can go on elsewhere.
 
 use super::contact::{Stance, Stander};
 use super::guide::Guide;
@@ -37,7 +37,8 @@ pub(super) fn follow(
             return Err(DriveError::NoWay { reason });
         }
         let place = advance(&now.pose, &bumps.disturb(command, travel.stances.len() as u64));
-        let clear = yard.clear(&body(rover, place.at_m, place.yaw_rad), 0.0);
+        let clear = yard.clear(&body(rover, place.at_m, place.yaw_rad), 0.0)
+            && (!guide.needs_turning_room() || yard.clear_circle(place.at_m, rover.turning_radius_m()));
         let next = clear.then(|| stander.stand(place.at_m.x, place.at_m.y, place.yaw_rad, Some(&now)));
         if let Some(Ok(stance)) = next {
             guide.done(&command);

@@ -35,10 +35,11 @@ pub(super) struct Yard {
 
 impl Yard {
     pub fn new(scene: &Scene, rover: &Rover) -> Yard {
-        let solid = scene.obstacles.iter().filter(|o| o.protrusion_m > rover.wheel_diameter_m).map(|o| match &o.shape {
-            Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
-            Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
-        });
+        let solid =
+            scene.obstacles.iter().filter(|o| o.protrusion_m > rover.wheel_diameter_m).map(|o| match &o.shape {
+                Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
+                Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
+            });
         let mast_m = rover.mount.z_m + HEADROOM_M;
         let porous = scene.volumes.iter().filter(|v| v.untraversable).filter(|v| {
             let below_m = scene.ground_below_m(v.centre_m.x, v.centre_m.y);
@@ -83,6 +84,11 @@ impl Yard {
         point.min_element() >= margin_m && point.max_element() <= self.extent_m - margin_m
     }
 
+    /// Whether a circle lies in the yard and clear of every outline.
+    pub fn clear_circle(&self, centre: DVec2, radius_m: f64) -> bool {
+        self.inside(centre, radius_m) && self.clear(&[centre], radius_m)
+    }
+
     /// The nearest outline to a point: its surface's distance (0 inside), and its nearest point.
     pub fn nearest(&self, point: DVec2) -> Option<(f64, DVec2)> {
         let mut best: Option<(f64, DVec2)> = None;
@@ -96,7 +102,8 @@ impl Yard {
             let apart = (core - point).length();
             let distance_m = (apart - outline.radius_m).max(0.0);
             if best.is_none_or(|(least, _)| distance_m < least) {
-                let surface = if apart > 0.0 { core + (point - core) * (outline.radius_m.min(apart) / apart) } else { point };
+                let surface =
+                    if apart > 0.0 { core + (point - core) * (outline.radius_m.min(apart) / apart) } else { point };
                 best = Some((distance_m, surface));
             }
         }
@@ -252,4 +259,166 @@ fn hull(points_m: &[DVec3]) -> Vec<DVec2> {
     let mut outline = chain(&mut points.iter().copied());
     outline.extend(chain(&mut points.iter().rev().copied()));
     outline
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures::{kapvik, plane, posts, streams};
+    use super::*;
+    use crate::geometry::DVec3;
+    use crate::random::Purpose;
+    use crate::scene::{Class, Convex, Patch, Volume};
+
+    /// A convex polygon of up to 12 corners around a random place, by the hull of random points.
+    fn shape(draws: &crate::random::Stream, k: u64) -> Vec<DVec2> {
+        let u = |i: u64| draws.uniform(100 * k + i);
+        let (x, y, size) = (10.0 * u(0), 10.0 * u(1), 0.2 + 2.0 * u(2));
+        let count = 1 + (12.0 * u(3)) as u64;
+        let points: Vec<DVec3> = (0..count)
+            .map(|i| DVec3::new(x + size * (u(10 + 2 * i) - 0.5), y + size * (u(11 + 2 * i) - 0.5), 0.0))
+            .collect();
+        hull(&points)
+    }
+
+    /// Points of a shape's border, close together.
+    fn sampled(shape: &[DVec2]) -> Vec<DVec2> {
+        let n = shape.len();
+        let between = |k: usize| (0..200).map(move |i| shape[k].lerp(shape[(k + 1) % n], f64::from(i) / 200.0));
+        (0..n).flat_map(between).collect()
+    }
+
+    #[test]
+    fn equal_distances_and_sampled_borders() {
+        let draws = streams(5).open(Purpose::StartPlace);
+        for k in 0..300 {
+            let (a, b) = (shape(&draws, 2 * k), shape(&draws, 2 * k + 1));
+            let got = distance(&a, &b);
+            let (many_a, many_b) = (sampled(&a), sampled(&b));
+            let inside = |shape: &[DVec2], p: DVec2| shape.len() >= 3 && nearest_point(shape, p) == p;
+            let overlap = many_a.iter().any(|&p| inside(&b, p)) || many_b.iter().any(|&p| inside(&a, p));
+            let near = many_a
+                .iter()
+                .map(|&p| many_b.iter().map(|&q| (p - q).length()).fold(9e9, f64::min))
+                .fold(9e9, f64::min);
+            // Samples lie at most 2 sqrt(2) / 200 apart on each border.
+            assert!(
+                if overlap { got == 0.0 } else { got <= near + 1e-12 && got >= near - 0.015 },
+                "{k}: {got} {near} {overlap}"
+            );
+            assert_eq!(got, distance(&b, &a));
+        }
+    }
+
+    #[test]
+    fn exact_distances_of_simple_shapes() {
+        let square = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+        assert_eq!(distance(&[DVec2::new(0.5, 0.5)], &square), 0.0);
+        assert_eq!(distance(&[DVec2::new(4.0, 5.0)], &square), 5.0);
+        assert_eq!(distance(&[DVec2::new(-1.0, 0.5), DVec2::new(2.0, 0.5)], &square), 0.0);
+        assert_eq!(distance(&[DVec2::new(2.0, -5.0), DVec2::new(2.0, 5.0)], &square), 1.0);
+        assert_eq!(distance(&[DVec2::ZERO, DVec2::X], &[DVec2::new(3.0, 0.0), DVec2::new(5.0, 0.0)]), 2.0);
+        assert_eq!(distance(&[DVec2::ONE], &[DVec2::ONE]), 0.0);
+    }
+
+    #[test]
+    fn law_an_outline_from_above_is_convex_and_holds_every_vertex() {
+        let draws = streams(6).open(Purpose::StartPlace);
+        for k in 0..50 {
+            let points: Vec<DVec3> = (0..30)
+                .map(|i| DVec3::new(draws.normal(90 * k + 3 * i), draws.normal(90 * k + 3 * i + 1), 0.0))
+                .collect();
+            let outline = hull(&points);
+            let n = outline.len();
+            for i in 0..n {
+                let edge = outline[(i + 1) % n] - outline[i];
+                assert!(edge.perp_dot(outline[(i + 2) % n] - outline[i]) > 0.0);
+                assert!(points.iter().all(|p| edge.perp_dot(DVec2::new(p.x, p.y) - outline[i]) > -1e-12));
+            }
+        }
+    }
+
+    #[test]
+    fn exact_the_curve_around_an_outline_keeps_its_distance() {
+        let draws = streams(7).open(Purpose::StartPlace);
+        for k in 0..100 {
+            let outline = Outline { corners_m: shape(&draws, k), radius_m: if k % 2 == 0 { 0.0 } else { 0.3 } };
+            for i in 0..50 {
+                let point = outline.around(0.7, f64::from(i) / 50.0);
+                let off = distance(&[point], &outline.corners_m) - outline.radius_m - 0.7;
+                assert!(off.abs() < 1e-12, "{outline:?} {i}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn dist_the_curve_around_a_wall_is_walked_evenly() {
+        // A 4 m x 1 m wall at distance 1: 10 m of sides, 2 pi of corners.
+        let corners_m = vec![DVec2::ZERO, DVec2::new(4.0, 0.0), DVec2::new(4.0, 1.0), DVec2::Y];
+        let outline = Outline { corners_m, radius_m: 0.0 };
+        let below = (0..10_000).filter(|&i| {
+            let p = outline.around(1.0, f64::from(i) / 10_000.0);
+            (p.y + 1.0).abs() < 1e-9 && (0.0..=4.0).contains(&p.x)
+        });
+        let share = below.count() as f64 / 10_000.0;
+        assert!((share - 4.0 / (10.0 + std::f64::consts::TAU)).abs() < 2e-4, "{share}");
+    }
+
+    #[test]
+    fn equal_clear_by_buckets_and_by_all_outlines() {
+        let draws = streams(8).open(Purpose::StartPlace);
+        let outlines: Vec<Outline> = (0..200)
+            .map(|k| Outline { corners_m: shape(&draws, k).iter().map(|p| *p * 20.0).collect(), radius_m: 0.2 })
+            .collect();
+        let yard = Yard::of(200.0, outlines.clone());
+        for k in 0..500 {
+            let probe = shape(&draws, 1000 + k).iter().map(|p| *p * 20.0).collect::<Vec<_>>();
+            let wanted_m = 3.0 * draws.uniform(99_000 + k);
+            let inside = probe.iter().all(|p| yard.inside(*p, 0.0));
+            let brute = inside && outlines.iter().all(|o| distance(&probe, &o.corners_m) > o.radius_m + wanted_m);
+            assert_eq!(yard.clear(&probe, wanted_m), brute, "{k}");
+        }
+    }
+
+    #[test]
+    fn exact_what_bars_a_rover() {
+        let mut scene = posts(plane(10.0, 0.0, DVec2::ZERO), &[(2.0, 2.0, 0.1)]);
+        // A stone lower than Kapvik's wheel, and a crate.
+        let stone = Convex::cuboid(DVec3::new(4.0, 4.0, 0.0), DVec3::new(0.2, 0.2, 0.09), 0.3);
+        let crate_ = Convex::cuboid(DVec3::new(6.0, 6.0, 0.2), DVec3::new(0.3, 0.2, 0.2), 0.3);
+        scene = scene.with_obstacle(Class::Rock, Shape::Convex(stone)).with_obstacle(Class::Box, Shape::Convex(crate_));
+        let volume = |x: f64, z: f64, untraversable: bool| Volume {
+            id: 0,
+            class: Class::Bush,
+            centre_m: DVec3::new(x, 8.0, z),
+            semi_axes_m: DVec3::new(0.4, 0.4, 0.5),
+            extinction_per_m: 5.0,
+            untraversable,
+            protrusion_m: 1.0,
+        };
+        scene.volumes = vec![volume(2.0, 0.5, true), volume(4.0, 0.5, false), volume(6.0, 3.0, true)];
+        let patch = |x: f64, class: Class| Patch {
+            id: 0,
+            class,
+            centre_m: DVec2::new(x, 9.5),
+            radius_m: 0.3,
+            sigma_m: 0.1,
+            untraversable: class == Class::Bush,
+        };
+        scene.patches = vec![patch(1.0, Class::Bush), patch(3.0, Class::Grass)];
+        let yard = Yard::new(&scene, &kapvik());
+        // Post, crate, bush on the ground and brush; not the stone, the soft bush, the high crown and the grass.
+        assert_eq!(yard.outlines.len(), 4);
+        for (x, y, free) in [
+            (2.0, 2.0, false),
+            (4.0, 4.0, true),
+            (6.0, 6.0, false),
+            (2.0, 8.0, false),
+            (4.0, 8.0, true),
+            (6.0, 8.0, true),
+            (1.0, 9.5, false),
+            (3.0, 9.5, true),
+        ] {
+            assert_eq!(yard.clear(&[DVec2::new(x, y)], 0.0), free, "({x}, {y})");
+        }
+    }
 }

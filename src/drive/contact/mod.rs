@@ -10,6 +10,8 @@
 mod gauss_newton;
 mod nelder_mead;
 mod residual;
+#[cfg(test)]
+mod tests;
 
 pub use nelder_mead::{Minimum, minimise};
 
@@ -18,6 +20,7 @@ use super::params::ContactSolver;
 use super::surface::Surface;
 use super::{Contact, DriveError, Rover};
 use crate::geometry::{DVec3, Pose};
+use crate::math;
 use crate::scene::Scene;
 use residual::{Problem, UNKNOWNS, Unknowns};
 
@@ -63,7 +66,10 @@ impl<'a> Stander<'a> {
         };
         let residuals = problem.residuals(&found).ok_or_else(|| no("a wheel is outside the yard"))?;
         let residual_m = residuals.iter().fold(0.0, |worst: f64, e| worst.max(e.abs()));
-        if found[1..].iter().any(|angle| angle.is_nan() || angle.abs() > TIP_OVER_RAD) {
+        let upright = math::cos(found[1]) * math::cos(found[2]);
+        let bent = found[3..].iter().any(|angle| angle.abs() > TIP_OVER_RAD);
+        // `upright` is the z component of the rover's z axis; written so that NaN fails too.
+        if bent || !(upright >= math::cos(TIP_OVER_RAD) && found[1].abs() <= TIP_OVER_RAD) {
             return Err(no("the ground is so steep that the rover would tip over"));
         }
         if self.linkage.articulated() && self.solver != ContactSolver::PlaneFit && residual_m > TOUCH_M {

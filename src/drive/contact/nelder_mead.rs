@@ -15,9 +15,9 @@ const STEP_RAD: f64 = 0.05;
 const RESTART_SHRINK: f64 = 0.25;
 const MAX_RESTARTS: u32 = 12;
 /// Size of the last simplex, metres and radians.
-const TOLERANCE: f64 = 1e-10;
+const TOLERANCE: f64 = 1e-8;
 /// Spread of squared residuals over the last simplex, square metres.
-const COST_TOLERANCE_M2: f64 = 1e-22;
+const COST_TOLERANCE_M2: f64 = 1e-17;
 const MAX_EVALUATIONS: u32 = 4000;
 
 /// Where a search ended.

@@ -118,9 +118,8 @@ impl<'a> Problem<'a> {
         let (x0, z0) = (mean(&|i| centres_m[i].x), mean(&|i| heights[i]));
         // Wheels stand in pairs at +y and -y, so that x and y do not mix.
         let spread = |by: &dyn Fn(usize) -> f64| {
-            let (over, under) = (0..count).fold((0.0, 0.0), |(over, under), i| {
-                (over + by(i) * (heights[i] - z0), under + by(i) * by(i))
-            });
+            let (over, under) = (0..count)
+                .fold((0.0, 0.0), |(over, under), i| (over + by(i) * (heights[i] - z0), under + by(i) * by(i)));
             over / under
         };
         let ahead = spread(&|i| centres_m[i].x - x0);
