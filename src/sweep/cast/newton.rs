@@ -31,6 +31,8 @@ pub struct Near {
     pub highest_m: f64,
     /// The yard as seen from the sensor: least and greatest x, then y.
     pub square_m: [f64; 4],
+    /// No ray can leave the yard within its reach.
+    pub within_yard: bool,
     /// Clearance that counts as arrival.
     pub arrival_m: f64,
 }
@@ -57,61 +59,11 @@ impl Block {
 /// Solves one block of rays up to `max_m`.
 #[inline(always)]
 pub fn solve<const N: usize>(near: &Near, dirs: &[DVec3; LANES], max_m: f64, block: &mut Block) {
-    let p = &mut block.series;
-    let (mut t, mut bound) = ([0.0; LANES], [0.0; LANES]);
-    for l in 0..LANES {
-        let (dx, dy, dz) = (dirs[l].x, dirs[l].y, dirs[l].z);
-        let inverse = |d: f64| 1.0 / if d == 0.0 { 1e-300 } else { d };
-        let (ix, iy, iz) = (inverse(dx), inverse(dy), inverse(dz));
-        // The part of the ray over the yard and between the lowest and the highest ground.
-        let [west, east, south, north] = near.square_m;
-        let out_x = larger(west * ix, east * ix);
-        let out_y = larger(south * iy, north * iy);
-        let (a, b) = ((near.lowest_m - near.z_m) * iz, (near.highest_m - near.z_m) * iz);
-        let end = smaller(smaller(max_m, larger(a, b)), smaller(out_x, out_y));
-        let end = smaller(end, near.reach_m);
-        let start = larger(0.0, smaller(a, b));
-        // NaN marks a ray that is done.
-        t[l] = if start <= end { start } else { f64::NAN };
-        block.end_m[l] = end;
-        block.range_m[l] = f64::INFINITY;
-
-        // Height along the ray: forms of the direction, degree by degree, in ascending powers of y.
-        let mut powers = [1.0; MAX_DEGREE + 1];
-        for k in 1..=N {
-            powers[k] = powers[k - 1] * dy;
-        }
-        p[0][l] = near.z_m - near.table[0][0];
-        for k in 1..=N {
-            let mut sum = near.table[k][0];
-            for j in 1..=k {
-                sum = sum.mul_add(dx, near.table[k][j] * powers[j]);
-            }
-            p[k][l] = if k == 1 { dz - sum } else { -sum };
-        }
-
-        // Bernstein coefficients of -g'' on [0, end].
-        let m = N - 2;
-        let mut b = [0.0; MAX_DEGREE + 1];
-        let (mut power, mut size) = (1.0, 0.0);
-        for k in 0..=m {
-            let term = p[k + 2][l] * power * BERNSTEIN[m][k];
-            size += term.abs();
-            b[k] = term;
-            power *= end;
-        }
-        for row in 1..=m {
-            for k in (row..=m).rev() {
-                b[k] += b[k - 1];
-            }
-        }
-        let mut most = 0.0;
-        for &value in &b[..=m] {
-            most = larger(most, value);
-        }
-        bound[l] = 1e-14f64.mul_add(size, most);
-    }
-
+    let (dx, dy, dz) = (each(|l| dirs[l].x), each(|l| dirs[l].y), each(|l| dirs[l].z));
+    let mut t = extent(near, &dx, &dy, &dz, max_m, block);
+    forms::<N>(near, &dx, &dy, &dz, &mut block.series);
+    let bound = curvature::<N>(&block.series, &block.end_m);
+    let p = &block.series;
     for _ in 0..STEPS {
         let mut open = 0u32;
         for l in 0..LANES {
@@ -138,6 +90,80 @@ pub fn solve<const N: usize>(near: &Near, dirs: &[DVec3; LANES], max_m: f64, blo
         }
     }
     block.stuck_m = t;
+}
+
+/// The part of each ray over the yard, between the lowest and the highest ground and within reach: its end goes to the
+/// block, its start is returned (NaN, the mark of a ray that is done, where there is no such part).
+#[inline(always)]
+fn extent(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, max_m: f64, block: &mut Block) -> Lanes {
+    let inverse = |d: f64| 1.0 / if d == 0.0 { 1e-300 } else { d };
+    let [west, east, south, north] = near.square_m;
+    let (lowest, highest) = (near.lowest_m - near.z_m, near.highest_m - near.z_m);
+    let mut end = [smaller(max_m, near.reach_m); LANES];
+    if !near.within_yard {
+        let out_x = each(|l| larger(west * inverse(dx[l]), east * inverse(dx[l])));
+        let out_y = each(|l| larger(south * inverse(dy[l]), north * inverse(dy[l])));
+        end = each(|l| smaller(end[l], smaller(out_x[l], out_y[l])));
+    }
+    let iz = each(|l| inverse(dz[l]));
+    block.end_m = each(|l| smaller(end[l], larger(lowest * iz[l], highest * iz[l])));
+    block.range_m = [f64::INFINITY; LANES];
+    each(|l| {
+        let start = larger(0.0, smaller(lowest * iz[l], highest * iz[l]));
+        if start <= block.end_m[l] { start } else { f64::NAN }
+    })
+}
+
+/// Clearance along each ray: forms of the direction, degree by degree, in ascending powers of y.
+#[inline(always)]
+fn forms<const N: usize>(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, p: &mut [Lanes; MAX_DEGREE + 1]) {
+    let mut powers = [[1.0; LANES]; MAX_DEGREE + 1];
+    for k in 1..N + 1 {
+        powers[k] = each(|l| powers[k - 1][l] * dy[l]);
+    }
+    p[0] = [near.z_m - near.table[0][0]; LANES];
+    for k in 1..N + 1 {
+        let row = &near.table[k];
+        let mut sum = [-row[0]; LANES];
+        for j in 1..k + 1 {
+            sum = each(|l| sum[l].mul_add(dx[l], -row[j] * powers[j][l]));
+        }
+        p[k] = sum;
+    }
+    p[1] = each(|l| p[1][l] + dz[l]);
+}
+
+/// An upper bound of -g'' on [0, end], at least 0: the largest Bernstein coefficient.
+#[inline(always)]
+fn curvature<const N: usize>(p: &[Lanes; MAX_DEGREE + 1], end: &Lanes) -> Lanes {
+    let mut b = [[0.0; LANES]; MAX_DEGREE - 1];
+    let (mut power, mut size) = ([1.0; LANES], [0.0; LANES]);
+    for k in 0..N - 1 {
+        b[k] = each(|l| p[k + 2][l] * power[l] * BERNSTEIN[N - 2][k]);
+        size = each(|l| size[l] + b[k][l].abs());
+        power = each(|l| power[l] * end[l]);
+    }
+    for row in 1..N - 1 {
+        for k in (row..N - 1).rev() {
+            b[k] = each(|l| b[k][l] + b[k - 1][l]);
+        }
+    }
+    let mut most = [0.0; LANES];
+    for value in b.iter().take(N - 1) {
+        most = each(|l| larger(most[l], value[l]));
+    }
+    // The sums above round; 1e-14 of the terms' size covers it for every degree up to 12.
+    each(|l| 1e-14f64.mul_add(size[l], most[l]))
+}
+
+/// One number a ray.
+#[inline(always)]
+pub fn each(value: impl Fn(usize) -> f64) -> Lanes {
+    let mut lanes = [0.0; LANES];
+    for (l, lane) in lanes.iter_mut().enumerate() {
+        *lane = value(l);
+    }
+    lanes
 }
 
 /// `BERNSTEIN[m][k]` = -(k + 1)(k + 2) / C(m, k): from the coefficients of g to those of -g'' in the Bernstein basis.

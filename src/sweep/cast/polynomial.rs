@@ -111,6 +111,8 @@ impl<'a> PolynomialCaster<'a> {
         }
         let (lowest_m, highest_m) = self.height_bounds(origin.x, origin.y, reach_m.min(max_m));
         let margin = 1e-9 * (1.0 + highest_m.abs().max(lowest_m.abs()));
+        let square_m = [-origin.x, self.extent_m - origin.x, -origin.y, self.extent_m - origin.y];
+        let to_border = square_m.iter().fold(f64::INFINITY, |least, side| least.min(side.abs()));
         Some(Near {
             degree: self.ground.degree,
             table,
@@ -118,7 +120,8 @@ impl<'a> PolynomialCaster<'a> {
             reach_m,
             lowest_m: lowest_m - margin,
             highest_m: highest_m + margin,
-            square_m: [-origin.x, self.extent_m - origin.x, -origin.y, self.extent_m - origin.y],
+            square_m,
+            within_yard: reach_m.min(max_m) * (1.0 + 1e-12) < to_border,
             arrival_m: series::ARRIVAL_M + 4.0 * f64::EPSILON * origin.z.abs(),
         })
     }
