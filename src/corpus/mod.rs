@@ -30,6 +30,8 @@ pub mod split;
 pub mod stats;
 pub mod store;
 mod tables;
+#[cfg(test)]
+mod tests;
 mod value_hash;
 pub mod verify;
 mod write;

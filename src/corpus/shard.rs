@@ -44,7 +44,11 @@ impl<'a> ShardWriter<'a> {
     }
 
     /// Another level gives other bytes and the same value hashes: for tests of that promise.
-    fn with_zstd_level(spec: &'a CorpusSpec, shard: u64, zstd_level: i32) -> Result<ShardWriter<'a>, CorpusError> {
+    pub(super) fn with_zstd_level(
+        spec: &'a CorpusSpec,
+        shard: u64,
+        zstd_level: i32,
+    ) -> Result<ShardWriter<'a>, CorpusError> {
         let mut writers = BTreeMap::new();
         for &table in &spec.tables {
             let columns = schema::columns(table, &spec.features, &spec.drawn);

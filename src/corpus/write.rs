@@ -67,11 +67,12 @@ impl TableWriter {
     }
 
     pub fn finish(mut self) -> Result<FinishedFile, ParquetError> {
-        let facts = self.writer.finish()?;
+        self.writer.flush()?;
+        let row_groups = self.writer.flushed_row_groups().len() as u32;
         let bytes = self.writer.into_inner()?;
         Ok(FinishedFile {
             rows: self.rows,
-            row_groups: facts.num_row_groups() as u32,
+            row_groups,
             sha256: sha256(&bytes),
             value_hash: self.hasher.finish(),
             bytes,
