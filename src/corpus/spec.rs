@@ -99,6 +99,8 @@ pub struct ScanPoints {
     pub grid: GridSpec,
     /// Points farther than this from the sensor, horizontally, are in no cell.
     pub max_range_m: f64,
+    /// By object id: its returns are an obstacle's, as the label's rule says (`cells::obstacles`).
+    pub obstacles: Vec<bool>,
 }
 
 /// One step of a drive.

@@ -4,6 +4,7 @@
 //! `cells.max_range_m`) has a position and no cell.
 
 use super::{Definition, Take, define};
+use crate::cells::Placer;
 use crate::corpus::schema::Role::{Info, Key, Truth};
 use crate::corpus::spec::ScanPoints;
 use crate::geometry::{CellIndex, DVec3};
@@ -21,6 +22,7 @@ pub struct Row {
     map_m: Option<DVec3>,
     intensity: Option<f32>,
     truth: TrueReturn,
+    obstacle: bool,
     cell: Option<CellIndex>,
 }
 
@@ -28,14 +30,12 @@ impl Row {
     /// One row a slot, in firing order.
     pub fn of_scan(scene_id: i64, scan_id: i32, points: &ScanPoints) -> Vec<Row> {
         let sweep = &points.sweep;
+        let placer = Placer::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
+        let is_obstacle = |object: i32| usize::try_from(object).ok().and_then(|id| points.obstacles.get(id)) == Some(&true);
         let row = |slot: usize| {
             let range_m = (sweep.status[slot] == Status::Hit).then(|| sweep.range_m[slot]);
-            let sensor_m = range_m.map(|range_m| sweep.pattern.directions[slot] * range_m);
-            let map_m = sensor_m.map(|point| points.map_from_sensor.point(point));
-            let origin_m = points.map_from_sensor.translation_m;
-            let cell = map_m
-                .filter(|point| (*point - origin_m).truncate().length() <= points.max_range_m)
-                .and_then(|point| points.grid.cell(point.x, point.y));
+            let direction = sweep.pattern.directions[slot];
+            let placed = range_m.map(|range_m| placer.place(direction, range_m));
             Row {
                 scene_id,
                 scan_id,
@@ -43,11 +43,12 @@ impl Row {
                 beam: (slot % sweep.pattern.beams as usize) as i32,
                 status: sweep.status[slot],
                 range_m,
-                sensor_m,
-                map_m,
+                sensor_m: range_m.map(|range_m| direction * range_m),
+                map_m: placed.map(|placed| placed.point_m),
                 intensity: sweep.intensity.as_ref().map(|values| values[slot]).filter(|_| range_m.is_some()),
                 truth: sweep.truth[slot],
-                cell,
+                obstacle: is_obstacle(sweep.truth[slot].object),
+                cell: placed.and_then(|placed| placed.cell.ok()),
             }
         };
         (0..sweep.status.len()).map(row).collect()
@@ -74,6 +75,7 @@ pub fn definitions() -> Vec<Definition<Row>> {
         define("truth_class", "1", Truth, "Class of what was met: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown, -1 nothing.", Take::I8(|r| r.truth.class)),
         define("truth_object_id", "1", Truth, "Id of the object met within the scene, -1 ground, -2 nothing.", Take::I32(|r| r.truth.object)),
         define("truth_top", "1", Truth, "The point lies on the flat top of an object.", Take::Bool(|r| r.truth.top)),
+        define("truth_obstacle", "1", Truth, "What was met is an obstacle by the label's rule: a cell with enough such points is untraversable.", Take::Bool(|r| r.obstacle)),
         define("row", "1", Info, "Row of the cell that holds the point; null where none does.", Take::I32OrNull(|r| r.cell.map(|c| c.row))),
         define("col", "1", Info, "Column of the cell that holds the point; null where none does.", Take::I32OrNull(|r| r.cell.map(|c| c.col))),
     ]

@@ -93,6 +93,7 @@ fn points() -> ScanPoints {
         map_from_sensor: Transform { rotation: DMat3::IDENTITY, translation_m: DVec3::new(5.0, 5.0, 1.0) },
         grid: GridSpec { size_m: 0.5 },
         max_range_m: 10.0,
+        obstacles: vec![true],
     }
 }
 
