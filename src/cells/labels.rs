@@ -41,6 +41,13 @@ pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64,
     out.extend(scene.patches.iter().map(patch));
 }
 
+/// Per object id: whether its points make a cell untraversable. Solid objects by the rule, others as they are marked.
+pub fn obstacles(params: &LabelParams, wheel_diameter_m: f64, scene: &Scene) -> Vec<bool> {
+    let mut by_id = Vec::new();
+    verdicts(scene, params.obstacle, wheel_diameter_m, &mut by_id);
+    by_id.iter().map(|verdict| verdict.untraversable).collect()
+}
+
 /// Gathers the truth of one cell's points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TruthSum {

@@ -14,6 +14,7 @@ mod tests;
 
 pub use bin::{Scratch, WindowScan, bin};
 pub use columns::{Offset, feature_columns, neighbour_offsets};
+pub use labels::obstacles;
 pub use params::CellParams;
 pub use place::{Placed, Placer, Unplaced};
 

@@ -241,6 +241,7 @@ fn run_attempt(
                     map_from_sensor: estimate.pose.transform() * rover_from_sensor,
                     grid: GridSpec { size_m: family.cells.size_m },
                     max_range_m,
+                    obstacles: cells::obstacles(&family.cells.labels, family.drive.rover.wheel_diameter_m, scene),
                 });
                 scan_id = Some(stop as u32);
                 scans.push(ScanOutput { scan_id: stop as u32, cells, points });
