@@ -5,8 +5,11 @@ use crate::yard::{Yard, text};
 #[test]
 fn law_a_bad_config_exits_2_and_writes_nothing() {
     let yard = Yard::new();
-    std::fs::write(yard.path("bad.yaml"), "marsyard: 1\nname: bad\nseed: 1\nscenes: 10\nscenes_per_shard: 5\nscene: {extend_m: 20}\n")
-        .expect("a scratch file");
+    std::fs::write(
+        yard.path("bad.yaml"),
+        "marsyard: 1\nname: bad\nseed: 1\nscenes: 10\nscenes_per_shard: 5\nscene: {extend_m: 20}\n",
+    )
+    .expect("a scratch file");
     let output = yard.marsyard(["generate", "bad.yaml"]);
     assert_eq!(output.status.code(), Some(2));
     let said = text(&output.stderr);
@@ -106,11 +109,14 @@ fn law_plan_names_the_parts_and_json_parses() {
 
 #[test]
 fn law_the_binary_imports_no_transcendental_function() {
-    let output = std::process::Command::new("nm").args(["-D", "--undefined-only", env!("CARGO_BIN_EXE_marsyard")]).output();
+    let output =
+        std::process::Command::new("nm").args(["-D", "--undefined-only", env!("CARGO_BIN_EXE_marsyard")]).output();
     let output = output.expect("nm, from binutils, which a C compiler brings");
     let symbols = text(&output.stdout);
-    for name in "sin cos sincos tan asin acos atan atan2 exp exp2 expm1 log log2 log10 log1p pow hypot cbrt".split(' ') {
-        let imported = symbols.lines().any(|line| line.split_whitespace().last().and_then(|s| s.split('@').next()) == Some(name));
+    for name in "sin cos sincos tan asin acos atan atan2 exp exp2 expm1 log log2 log10 log1p pow hypot cbrt".split(' ')
+    {
+        let imported =
+            symbols.lines().any(|line| line.split_whitespace().last().and_then(|s| s.split('@').next()) == Some(name));
         assert!(!imported, "{name} comes from the C library: its bits depend on the machine");
     }
 }

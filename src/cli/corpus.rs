@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::output::{out, outln};
 use super::Failure;
 use super::explain::plan_of;
 use super::generate::{corpus_failure, spec_of};
+use super::output::{out, outln};
 use crate::corpus::{self, CorpusSpec, LocalFolder, ranges, verify};
 
 #[derive(Debug, Args)]

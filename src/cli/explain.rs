@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::output::outln;
 use super::Failure;
 use super::generate::{corpus_failure, spec_of};
+use super::output::outln;
 use crate::cells::{Placer, feature_columns};
 use crate::config::{self, Family, Plan};
 use crate::corpus::{self, LocalFolder, ScanOutput, ScanPoints, Split};
@@ -88,10 +88,12 @@ fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes:
         outln!("  {:<58} {value}", purpose.key());
     }
     outln!("\nstages (hash of their f64 results)");
-    let hash_of = |name: &str| hashes.finish().into_iter().find(|(n, _)| *n == name).map(|(_, h)| h).unwrap_or_default();
+    let hash_of =
+        |name: &str| hashes.finish().into_iter().find(|(n, _)| *n == name).map(|(_, h)| h).unwrap_or_default();
     let (yard, drive) = (&replay.scene, &replay.drive);
     let driven_m: f64 = drive.truth.windows(2).map(|w| (w[1].position_m - w[0].position_m).length()).sum();
-    let sizes = format!("{} obstacles, {} volumes, {} patches", yard.obstacles.len(), yard.volumes.len(), yard.patches.len());
+    let sizes =
+        format!("{} obstacles, {} volumes, {} patches", yard.obstacles.len(), yard.volumes.len(), yard.patches.len());
     outln!("  scene {}  {sizes}", hash_of("scene"));
     outln!("  drive {}  {} steps, {driven_m:.2} m, {} stops", hash_of("drive"), drive.truth.len(), drive.stops.len());
     outln!("  sweep {}", hash_of("sweep"));
@@ -102,9 +104,19 @@ fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes:
         let (e, t) = (&row.estimate.pose, &row.truth);
         outln!(
             "  step {:>4}  x {:>7.3} ({:>7.3})  y {:>7.3} ({:>7.3})  z {:>6.3} ({:>6.3})  yaw {:>7.2} ({:>7.2})  pitch {:>6.2} ({:>6.2})  roll {:>6.2} ({:>6.2})",
-            row.step, e.position_m.x, t.position_m.x, e.position_m.y, t.position_m.y, e.position_m.z, t.position_m.z,
-            e.yaw_rad.to_degrees(), t.yaw_rad.to_degrees(), e.pitch_rad.to_degrees(), t.pitch_rad.to_degrees(),
-            e.roll_rad.to_degrees(), t.roll_rad.to_degrees(),
+            row.step,
+            e.position_m.x,
+            t.position_m.x,
+            e.position_m.y,
+            t.position_m.y,
+            e.position_m.z,
+            t.position_m.z,
+            e.yaw_rad.to_degrees(),
+            t.yaw_rad.to_degrees(),
+            e.pitch_rad.to_degrees(),
+            t.pitch_rad.to_degrees(),
+            e.roll_rad.to_degrees(),
+            t.roll_rad.to_degrees(),
         );
     }
     outln!("\nkept scans");
@@ -113,7 +125,12 @@ fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes:
         let bad = cells.rows.iter().filter(|row| row.label == Some(1)).count();
         outln!(
             "  scan {}: {} cells, {bad} untraversable; points in {} = binned {} + beyond range {} + off grid {}",
-            scan.scan_id, cells.rows.len(), cells.points_in, cells.points_binned, cells.dropped_beyond_range, cells.dropped_off_grid
+            scan.scan_id,
+            cells.rows.len(),
+            cells.points_in,
+            cells.points_binned,
+            cells.dropped_beyond_range,
+            cells.dropped_off_grid
         );
     }
     if let Some(row) = replay.scans.last().and_then(|s| s.cells.rows.iter().find(|r| r.label == Some(1))) {
@@ -168,7 +185,8 @@ fn pose_of<'r>(replay: &'r Replay, scan: &ScanOutput) -> &'r corpus::PoseRow {
 fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellIndex) -> Result<(), Failure> {
     let Some(at) = scan.cells.rows.iter().position(|row| row.index == cell) else {
         return Err(Failure::failed(format!(
-            "cell {},{} of scan {} is empty: it holds no point within range", cell.row, cell.col, scan.scan_id
+            "cell {},{} of scan {} is empty: it holds no point within range",
+            cell.row, cell.col, scan.scan_id
         )));
     };
     let row = &scan.cells.rows[at];
@@ -176,8 +194,13 @@ fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellInde
     let size_m = family.cells.size_m;
     outln!(
         "cell row {} col {} of scan {}: x {:.3} to {:.3} m, y {:.3} to {:.3} m (map)",
-        cell.row, cell.col, scan.scan_id, f64::from(cell.col) * size_m, f64::from(cell.col + 1) * size_m,
-        f64::from(cell.row) * size_m, f64::from(cell.row + 1) * size_m
+        cell.row,
+        cell.col,
+        scan.scan_id,
+        f64::from(cell.col) * size_m,
+        f64::from(cell.col + 1) * size_m,
+        f64::from(cell.row) * size_m,
+        f64::from(cell.row + 1) * size_m
     );
     let inside = points_in(family, replay, scan, points, cell);
     let rover_z_m = pose_of(replay, scan).estimate.pose.position_m.z;
@@ -187,8 +210,14 @@ fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellInde
     for p in &inside {
         outln!(
             "  {:>5} {:>5}  {:>8.4}  {:>8.4}  {:>8.4}  {:>8.4}  {}{}",
-            p.slot / beams, p.slot % beams, points.sweep.range_m[p.slot], p.map_m.x, p.map_m.y, p.map_m.z - rover_z_m,
-            object_name(&replay.scene, p.object, p.class), if p.top { ", on its top" } else { "" }
+            p.slot / beams,
+            p.slot % beams,
+            points.sweep.range_m[p.slot],
+            p.map_m.x,
+            p.map_m.y,
+            p.map_m.z - rover_z_m,
+            object_name(&replay.scene, p.object, p.class),
+            if p.top { ", on its top" } else { "" }
         );
     }
     let carried = row.points as usize - inside.len();
@@ -199,7 +228,9 @@ fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellInde
         let count = heights.len() as f64;
         let mean = heights.iter().sum::<f64>() / count;
         let variance = heights.iter().map(|h| (h - mean) * (h - mean)).sum::<f64>() / count;
-        outln!("\n  mean = sum / {count} = {mean:.6} m (eq. 3);  variance = sum of squares / {count} = {variance:.3e} m2 (eq. 4)");
+        outln!(
+            "\n  mean = sum / {count} = {mean:.6} m (eq. 3);  variance = sum of squares / {count} = {variance:.3e} m2 (eq. 4)"
+        );
     }
     outln!("\nfeatures (as stored, f32)");
     let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
@@ -212,9 +243,15 @@ fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellInde
     outln!("\nlabel");
     outln!(
         "  tallest object: {} standing {:.3} m above the ground",
-        object_name(&replay.scene, truth.object, truth.class), truth.protrusion_m
+        object_name(&replay.scene, truth.object, truth.class),
+        truth.protrusion_m
     );
-    outln!("  rule: {:?} (wheel {} m), at least {} points", rule.obstacle, family.drive.rover.wheel_diameter_m, rule.min_obstacle_points);
+    outln!(
+        "  rule: {:?} (wheel {} m), at least {} points",
+        rule.obstacle,
+        family.drive.rover.wheel_diameter_m,
+        rule.min_obstacle_points
+    );
     outln!("  obstacle points {} of {} (on tops: {})", truth.obstacle_points, row.points, truth.top_points);
     if let Some(limit) = rule.max_ground_slope_deg {
         outln!("  ground slope {:.2} degrees, limit {limit}", f64::from(truth.slope_rad).to_degrees());

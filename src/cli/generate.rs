@@ -78,7 +78,9 @@ pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
     let code = match &error {
         CorpusError::Io { .. } => Failure::TRY_AGAIN,
-        CorpusError::OtherPlan { .. } | CorpusError::ForeignPlan { .. } | CorpusError::BeyondPlan { .. } => Failure::USAGE,
+        CorpusError::OtherPlan { .. } | CorpusError::ForeignPlan { .. } | CorpusError::BeyondPlan { .. } => {
+            Failure::USAGE
+        }
         _ => Failure::FAILED,
     };
     Failure::new(code, miette::Report::msg(error.to_string()))
@@ -143,7 +145,10 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
 }
 
 fn interrupted() -> miette::Report {
-    miette::miette!(help = "the same command again goes on from here", "interrupted: finished shards are kept, the shard in hand was discarded")
+    miette::miette!(
+        help = "the same command again goes on from here",
+        "interrupted: finished shards are kept, the shard in hand was discarded"
+    )
 }
 
 fn shard_range(args: &GenerateArgs, plan: &Plan) -> Result<Range<u64>, Failure> {
@@ -263,9 +268,16 @@ fn finish(
         return Err(Failure::failed(format!(
             "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {}",
             plan.max_failed_share,
-            corpus::status(store, spec).ok().and_then(|_| Manifest::read(store).ok()).and_then(|m| m.failed.first().map(|f| format!(
-                "scene {}: {}; replay: {}", f.scene, f.error, manifest::replay(f.scene)
-            ))).unwrap_or_else(|| "listed above".into())
+            corpus::status(store, spec)
+                .ok()
+                .and_then(|_| Manifest::read(store).ok())
+                .and_then(|m| m.failed.first().map(|f| format!(
+                    "scene {}: {}; replay: {}",
+                    f.scene,
+                    f.error,
+                    manifest::replay(f.scene)
+                )))
+                .unwrap_or_else(|| "listed above".into())
         )));
     }
     Ok(())

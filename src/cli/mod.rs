@@ -140,7 +140,12 @@ pub fn main() -> ExitCode {
             Ok(())
         }
         Verb::Completions { shell } => {
-            clap_complete::generate(*shell, &mut <Cli as clap::CommandFactory>::command(), "marsyard", &mut std::io::stdout());
+            clap_complete::generate(
+                *shell,
+                &mut <Cli as clap::CommandFactory>::command(),
+                "marsyard",
+                &mut std::io::stdout(),
+            );
             Ok(())
         }
     };

@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde_json::json;
 
-use super::output::outln;
 use super::generate::spec_of;
+use super::output::outln;
 use super::progress::{human, si};
 use super::{ConfigArgs, Failure};
 use crate::config::{Family, Plan};
@@ -117,7 +117,14 @@ fn encode(plan: &Plan, outputs: &[SceneOutput]) -> Result<(u64, Duration), Failu
 }
 
 fn tell(plan: &Plan, cost: Option<&Cost>, threads: usize) {
-    outln!("{}: {} scenes in {} shards of {}, seed {}", plan.name, plan.scenes, plan.shards(), plan.scenes_per_shard, plan.seed);
+    outln!(
+        "{}: {} scenes in {} shards of {}, seed {}",
+        plan.name,
+        plan.scenes,
+        plan.shards(),
+        plan.scenes_per_shard,
+        plan.seed
+    );
     let of = |split| (0..plan.shards()).filter(|&s| Split::of_shard(s) == split).count();
     outln!("shards: {} train, {} validation, {} test", of(Split::Train), of(Split::Validation), of(Split::Test));
     if plan.shards() < 7 {
@@ -208,7 +215,10 @@ fn parts(family: &Family) -> Vec<(&'static str, String)> {
         parts.push(("boxes", say(&boxes.count)));
     }
     if let Some(trees) = &scene.trees {
-        parts.push(("trees", format!("{}{}", say(&trees.count), if trees.crown.is_some() { ", with crowns" } else { "" })));
+        parts.push((
+            "trees",
+            format!("{}{}", say(&trees.count), if trees.crown.is_some() { ", with crowns" } else { "" }),
+        ));
     }
     if let Some(v) = &scene.vegetation {
         let kinds = [("grass", v.grass.is_some()), ("brush", v.brush.is_some()), ("bushes", v.bushes.is_some())];
@@ -216,7 +226,13 @@ fn parts(family: &Family) -> Vec<(&'static str, String)> {
         parts.push(("vegetation", on.join(", ")));
     }
     let drive = &family.drive;
-    parts.push(("rover", format!("{}, {} stops, keep {:?}, up to {} attempts", drive.rover.name, drive.stops, drive.keep, drive.attempts)));
+    parts.push((
+        "rover",
+        format!(
+            "{}, {} stops, keep {:?}, up to {} attempts",
+            drive.rover.name, drive.stops, drive.keep, drive.attempts
+        ),
+    ));
     let cast = match &family.sweep.cast {
         Cast::Exact => "cast exactly".to_string(),
         Cast::Raster(s) => format!("cast on a raster of {} m", s.spacing_m),
@@ -234,7 +250,10 @@ fn parts(family: &Family) -> Vec<(&'static str, String)> {
     };
     parts.push(("slam", slam));
     let cells = &family.cells;
-    parts.push(("cells", format!("{} m, {} neighbours, {} scans a window", cells.size_m, cells.neighbours, cells.window_scans)));
+    parts.push((
+        "cells",
+        format!("{} m, {} neighbours, {} scans a window", cells.size_m, cells.neighbours, cells.window_scans),
+    ));
     parts
 }
 

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::output::outln;
 use super::Failure;
 use super::explain::{check_scene, plan_of};
+use super::output::outln;
 use crate::geometry::Pose;
 use crate::picture::{self, View};
 use crate::pipeline::{NoWatch, Prepared, Scratch, replay_scene};
@@ -38,7 +38,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
         .map_err(|e| Failure::failed(format!("scene {}: {e}", args.scene)))?;
     let scan = super::explain::pick_scan(&replay, args.scan)?;
     let family = &prepared.plan.families[replay.family];
-    let until = replay.poses.iter().position(|row| row.scan_id == Some(scan.scan_id)).expect("kept scans have a pose row");
+    let until =
+        replay.poses.iter().position(|row| row.scan_id == Some(scan.scan_id)).expect("kept scans have a pose row");
     let truth: Vec<Pose> = replay.poses[..=until].iter().map(|row| row.truth).collect();
     let estimates: Vec<Pose> = replay.poses[..=until].iter().map(|row| row.estimate.pose).collect();
     let view = View {
@@ -59,7 +60,6 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     std::fs::create_dir_all(&args.out).map_err(|e| cannot_write(&args.out, &e))?;
     for (name, bytes) in [
         ("top.png", picture::top_view(&view)),
-        ("perspective.png", picture::perspective(&view)),
         ("scan.png", picture::scan_view(&view)),
         ("cloud.ply", picture::labelled_cloud(&view)),
         ("truth.tum", trajectory(|row| &row.truth)),

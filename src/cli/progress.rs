@@ -120,9 +120,10 @@ impl Progress {
 }
 
 fn bar(scenes: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32.cyan/blue} {pos}/{len} scenes  {msg}  {elapsed} so far, {eta} left")
-        .expect("a constant template")
-        .progress_chars("━╸─");
+    let style =
+        ProgressStyle::with_template("{bar:32.cyan/blue} {pos}/{len} scenes  {msg}  {elapsed} so far, {eta} left")
+            .expect("a constant template")
+            .progress_chars("━╸─");
     let bar = ProgressBar::new(scenes).with_style(style);
     bar.enable_steady_tick(Duration::from_millis(250));
     bar
@@ -136,7 +137,13 @@ pub(super) fn si(value: f64) -> String {
         v if v >= 1e3 => (value / 1e3, " k"),
         _ => (value, ""),
     };
-    let digits = if scaled.abs() >= 100.0 { 0 } else if scaled.abs() >= 10.0 { 1 } else { 2 };
+    let digits = if scaled.abs() >= 100.0 {
+        0
+    } else if scaled.abs() >= 10.0 {
+        1
+    } else {
+        2
+    };
     format!("{scaled:.digits$}{unit}")
 }
 

@@ -57,7 +57,10 @@ impl ConfigError {
     pub fn new(config: impl Into<String>, sources: &[Source], mut faults: Vec<Fault>) -> ConfigError {
         faults.sort();
         faults.dedup();
-        ConfigError { config: config.into(), faults: faults.into_iter().map(|fault| Located::new(fault, sources)).collect() }
+        ConfigError {
+            config: config.into(),
+            faults: faults.into_iter().map(|fault| Located::new(fault, sources)).collect(),
+        }
     }
 }
 

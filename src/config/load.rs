@@ -46,8 +46,11 @@ impl Loader {
         let document = self.document(&root);
         let trees = family_trees(&root);
         let families: Vec<Option<Family>> = trees.iter().map(|(name, tree)| self.family(name, tree)).collect();
-        let families: Vec<(Family, Place)> =
-            families.into_iter().zip(&trees).filter_map(|(family, (_, tree))| Some((family?, Place { root: tree }))).collect();
+        let families: Vec<(Family, Place)> = families
+            .into_iter()
+            .zip(&trees)
+            .filter_map(|(family, (_, tree))| Some((family?, Place { root: tree })))
+            .collect();
         self.rules_of_families(&families, trees.len());
         if !self.faults.is_empty() || families.len() < trees.len() {
             return None;
@@ -214,7 +217,9 @@ impl Loader {
                 Ok(beams) => file.beams = beams,
                 Err(why) => {
                     let rule = format!("the pattern file {} cannot be used: {why}", path.display());
-                    self.faults.push(Fault::new(span, rule).cure("a CSV file with the header time_s,azimuth_deg,elevation_deg"));
+                    self.faults.push(
+                        Fault::new(span, rule).cure("a CSV file with the header time_s,azimuth_deg,elevation_deg"),
+                    );
                     return None;
                 }
             }
@@ -289,7 +294,9 @@ fn with_set(root: Node, argument: &str, reader: &mut Reader) -> Result<Node, Fau
         start += name.len() + 1;
     }
     if path.iter().any(|key| key.name.is_empty()) {
-        return Err(Fault::new(whole, "the key of an override has an empty part").cure("for example: scene.rocks.count=5"));
+        return Err(
+            Fault::new(whole, "the key of an override has an empty part").cure("for example: scene.rocks.count=5")
+        );
     }
     let value = tree::parse(source, argument, dotted.len() + 1)?;
     set(Some(root), &path, value, Some(Schema::of(schema(Kind::Corpus))))
@@ -332,7 +339,9 @@ fn sections_of(root: &Node, family: Option<&Node>) -> Node {
     for name in SECTIONS {
         let entry = |node: &Node| node.entries().iter().find(|(key, _)| key.name == name).cloned();
         let merged = match (entry(root), family.and_then(entry)) {
-            (Some((key, base)), Some((_, over))) => Some((key, merge(base, over, Schema::of(schema(Kind::Corpus)).child(name)))),
+            (Some((key, base)), Some((_, over))) => {
+                Some((key, merge(base, over, Schema::of(schema(Kind::Corpus)).child(name))))
+            }
             (base, over) => over.or(base),
         };
         sections.extend(merged);

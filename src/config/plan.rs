@@ -128,7 +128,8 @@ impl Plan {
         {
             let families = document.shift_remove("families");
             if let Some(Json::Object(sections)) = families.and_then(|mut list| list.get_mut(0).map(Json::take)) {
-                document.extend(sections.into_iter().filter(|(key, _)| super::document::SECTIONS.contains(&key.as_str())));
+                document
+                    .extend(sections.into_iter().filter(|(key, _)| super::document::SECTIONS.contains(&key.as_str())));
             }
         }
         document.into()

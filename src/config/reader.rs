@@ -91,9 +91,10 @@ fn pattern_of(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
     let header = table.headers().map_err(|error| error.to_string())?.clone();
     let mut columns = [0; 3];
     for (column, name) in columns.iter_mut().zip(["time_s", "azimuth_deg", "elevation_deg"]) {
-        *column = header.iter().position(|h| h == name).ok_or_else(|| {
-            format!("its header lacks '{name}': the first line is time_s,azimuth_deg,elevation_deg")
-        })?;
+        *column = header
+            .iter()
+            .position(|h| h == name)
+            .ok_or_else(|| format!("its header lacks '{name}': the first line is time_s,azimuth_deg,elevation_deg"))?;
     }
     let mut beams: Vec<[f64; 3]> = Vec::new();
     for record in table.records() {
@@ -103,7 +104,8 @@ fn pattern_of(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
         for (value, &column) in beam.iter_mut().zip(&columns) {
             let text = record.get(column).unwrap_or_default();
             let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
-            *value = number.ok_or_else(|| format!("line {line}: '{}' is not a finite number", tree::shortened(text)))?;
+            *value =
+                number.ok_or_else(|| format!("line {line}: '{}' is not a finite number", tree::shortened(text)))?;
         }
         let [time_s, azimuth_deg, elevation_deg] = beam;
         if azimuth_deg.abs() > 360.0 || elevation_deg.abs() > 90.0 {
@@ -130,7 +132,9 @@ fn height_map_of(path: &Path, bytes: &[u8], white_m: Option<f64>) -> Result<Heig
         _ => return Err("a height map is a .npy or a .png file".into()),
     };
     if rows != cols || rows < 2 {
-        return Err(format!("it has {rows} rows and {cols} columns; a yard is square: at least 2 x 2, as many rows as columns"));
+        return Err(format!(
+            "it has {rows} rows and {cols} columns; a yard is square: at least 2 x 2, as many rows as columns"
+        ));
     }
     if let Some(at) = heights_m.iter().position(|h| !h.is_finite() || h.abs() > 1e4) {
         return Err(format!("row {}, column {}: {} is no height in metres", at / cols, at % cols, heights_m[at]));

@@ -107,7 +107,9 @@ fn sample(schema: Schema, variant: usize, head_only: bool) -> Json {
         Form::Struct(part) | Form::Preset(part) => {
             let properties = part["properties"].as_object().into_iter().flatten();
             let kept = properties.filter(|(name, _)| !head_only || !SECTIONS.contains(&name.as_str()));
-            kept.map(|(name, part)| (name.clone(), sample(schema.at(part), variant, head_only))).collect::<Map<_, _>>().into()
+            kept.map(|(name, part)| (name.clone(), sample(schema.at(part), variant, head_only)))
+                .collect::<Map<_, _>>()
+                .into()
         }
         Form::Choice(variants) => {
             let chosen = &variants[variant % variants.len()];

@@ -174,7 +174,8 @@ fn syntax_fault(error: &serde_saphyr::Error, source: usize, text: &str, from: us
     match error {
         Error::DuplicateMappingKey { key, .. } => {
             let key = key.as_deref().unwrap_or("?");
-            Fault::new(span, format!("the key '{}' stands twice in one mapping", shortened(key))).cure("keep one of them")
+            Fault::new(span, format!("the key '{}' stands twice in one mapping", shortened(key)))
+                .cure("keep one of them")
         }
         Error::MultipleDocuments { .. } => {
             Fault::new(span, "a second document begins here").cure("one file holds one document: take the '---' out")
@@ -182,8 +183,10 @@ fn syntax_fault(error: &serde_saphyr::Error, source: usize, text: &str, from: us
         other => {
             let rendered = other.render();
             // The parser appends its own position; ours is in front.
-            let message = rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
-            let message = message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
+            let message =
+                rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
+            let message =
+                message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
             Fault::new(span, format!("this is not the YAML that a config needs: {message}"))
         }
     }

@@ -18,6 +18,7 @@ pub mod card;
 pub mod croissant;
 pub mod error;
 pub mod inspect;
+mod lookup;
 pub mod manifest;
 pub mod place;
 pub mod ranges;
@@ -38,6 +39,7 @@ mod write;
 
 pub use error::CorpusError;
 pub use inspect::{Inspection, inspect};
+pub use lookup::stored_cell;
 pub use manifest::Manifest;
 pub use place::{Place, Status, finalize, status};
 pub use receipt::Receipt;

@@ -95,7 +95,8 @@ pub fn generate<E: std::error::Error + Send + 'static>(
                 let mut scratch = Scratch::default();
                 while let Some(scene) = next_scene() {
                     let mut times = StageTimes::new();
-                    let result = catch_unwind(AssertUnwindSafe(|| run_scene(prepared, scene, &mut scratch, &mut times)));
+                    let result =
+                        catch_unwind(AssertUnwindSafe(|| run_scene(prepared, scene, &mut scratch, &mut times)));
                     let panicked = result.is_err();
                     let message = (scene, result.map_err(panic_message), times);
                     if sender.send(message).is_err() || panicked {

@@ -54,7 +54,12 @@ impl<'p> Localiser<'p> {
     }
 
     /// The estimate after a sweep at the same place.
-    pub(super) fn observe(&mut self, sweep: &Sweep, before: Estimate, streams: &Streams) -> Result<Estimate, SlamError> {
+    pub(super) fn observe(
+        &mut self,
+        sweep: &Sweep,
+        before: Estimate,
+        streams: &Streams,
+    ) -> Result<Estimate, SlamError> {
         match self {
             Localiser::Slam { filter, reads_sweeps: true } => filter.observe(sweep, streams),
             Localiser::Slam { .. } | Localiser::Surrogate(_) | Localiser::Truth => Ok(before),

@@ -257,14 +257,16 @@ fn run_attempt(
 /// The sensor's place: the rover's own mast, with what `sweep.mount` overrides.
 fn mount(family: &Family, drawn: &Drawn) -> Transform {
     let rover = family.drive.rover.mount;
-    family.sweep.mount.as_ref().map_or(rover, |over| {
-        let [x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg] = over.apply(
-            drawn,
-            [rover.x_m, rover.y_m, rover.z_m, rover.yaw_deg, rover.pitch_deg, rover.roll_deg],
-        );
-        Mount { x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg }
-    })
-    .rover_from_sensor()
+    family
+        .sweep
+        .mount
+        .as_ref()
+        .map_or(rover, |over| {
+            let [x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg] =
+                over.apply(drawn, [rover.x_m, rover.y_m, rover.z_m, rover.yaw_deg, rover.pitch_deg, rover.roll_deg]);
+            Mount { x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg }
+        })
+        .rover_from_sensor()
 }
 
 /// The stops whose sweeps are written.

@@ -25,7 +25,8 @@ fn golden_each_broken_config_is_refused_in_these_words() {
     let mut all = String::new();
     for path in files {
         let text = std::fs::read_to_string(&path).unwrap();
-        let sets: Vec<String> = text.lines().filter_map(|line| line.strip_prefix("# set: ")).map(str::to_owned).collect();
+        let sets: Vec<String> =
+            text.lines().filter_map(|line| line.strip_prefix("# set: ")).map(str::to_owned).collect();
         let error = config::load(&path, &sets).expect_err(&path.display().to_string());
         assert!(!error.faults.is_empty());
         writeln!(all, "== {} ==\n{}\n", path.file_stem().unwrap().display(), rendered(&error)).unwrap();

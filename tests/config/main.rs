@@ -2,6 +2,6 @@
 
 mod broken;
 mod fuzz;
+mod resolved;
 mod schemas;
 mod shipped;
-mod resolved;

@@ -123,7 +123,9 @@ fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
 fn table() {
     for (name, scenario) in [("A", Scenario::a()), ("B", Scenario::b())] {
         let seeds: Vec<u64> = seeds().collect();
-        let dr = mean(seeds.iter().map(|&s| run(&SlamParams::DeadReckoning, &drive(s, &scenario), &scenario.noise(), s).ate_m));
+        let dr = mean(
+            seeds.iter().map(|&s| run(&SlamParams::DeadReckoning, &drive(s, &scenario), &scenario.noise(), s).ate_m),
+        );
         let ekf: Vec<_> = seeds.iter().map(|&s| oracle(s, &scenario)).collect();
         println!("{name} DR {dr:.3} EKF {:.3}", mean(ekf.iter().map(|e| ate_m(e))));
         let report = |label: &str, runs: &[Vec<([f64; 6], [[f64; 6]; 6])>]| {

@@ -31,7 +31,8 @@ impl Row {
     pub fn of_scan(scene_id: i64, scan_id: i32, points: &ScanPoints) -> Vec<Row> {
         let sweep = &points.sweep;
         let placer = Placer::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
-        let is_obstacle = |object: i32| usize::try_from(object).ok().and_then(|id| points.obstacles.get(id)) == Some(&true);
+        let is_obstacle =
+            |object: i32| usize::try_from(object).ok().and_then(|id| points.obstacles.get(id)) == Some(&true);
         let row = |slot: usize| {
             let range_m = (sweep.status[slot] == Status::Hit).then(|| sweep.range_m[slot]);
             let direction = sweep.pattern.directions[slot];
