@@ -2,5 +2,6 @@
 //! `cargo test --release --test statistics`.
 #![cfg(not(debug_assertions))]
 
+mod cast;
 mod scene;
 mod slam;
