@@ -80,7 +80,7 @@ fn exact_flat_ground_lies_at_height_over_sine_of_depression() {
         if range_m <= 5.6 {
             hits += 1;
             assert_eq!((sweep.status[slot], sweep.truth[slot].object, sweep.truth[slot].class), (Status::Hit, -1, 0));
-            assert!((sweep.range_m[slot] - range_m).abs() < 1e-9, "{slot} {} {range_m} {d}", sweep.range_m[slot]);
+            assert!((sweep.range_m[slot] - range_m).abs() < 1e-9, "{slot}: {}", sweep.range_m[slot]);
             assert!((sweep.point_sensor(slot).unwrap().z + EYE.z).abs() < 1e-9);
             assert!(!sweep.truth[slot].top);
         } else if range_m > 5.600_001 {
@@ -89,7 +89,7 @@ fn exact_flat_ground_lies_at_height_over_sine_of_depression() {
             assert!(sweep.point_sensor(slot).is_none());
         }
     }
-    assert!(hits > 30_000, "{hits}");
+    assert!(hits > 25_000, "{hits}");
     assert!(sweep.intensity.is_none() && sweep.mixed.is_none());
 }
 
