@@ -104,3 +104,91 @@ pub(super) fn jumps(pattern: &Pattern, returns: &[Return], jump_m: f64, out: &mu
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sweep::fixtures::shipped;
+
+    #[test]
+    fn exact_rings_hold_1_7_and_19_sub_rays_of_weight_1() {
+        for (count, radii) in [(1, vec![0.0]), (7, vec![0.0, 2.0 / 3.0]), (19, vec![0.0, 0.4, 0.8])] {
+            let rays = sub_rays(count);
+            assert_eq!(rays.len(), count as usize);
+            assert!((rays.iter().map(|r| r.weight).sum::<f64>() - 1.0).abs() < 1e-15);
+            for (ring, radius) in radii.iter().enumerate() {
+                let on_ring = rays.iter().filter(|r| (r.radius - radius).abs() < 1e-15).count();
+                assert_eq!(on_ring, if ring == 0 { 1 } else { 6 * ring });
+            }
+            // Balanced about the axis.
+            let (x, y) = rays.iter().fold((0.0, 0.0), |(x, y), r| (x + r.radius * r.across, y + r.radius * r.along));
+            assert!(f64::max(x, y).abs() < 1e-14);
+        }
+        // Gaussian profile: weight per area falls by exp(-2 r^2).
+        let rays = sub_rays(19);
+        assert!((rays[7].weight / rays[1].weight - math::exp(-2.0 * (0.64 - 0.16))).abs() < 1e-15);
+        assert!((rays[1].weight / rays[0].weight - 4.0 / 3.0 * math::exp(-0.32)).abs() < 1e-15);
+    }
+
+    #[test]
+    fn equal_rings_have_the_second_moment_of_the_gaussian_beam_within_3_percent() {
+        // Mean of r^2 under exp(-2 r^2) cut at r = 1: (1 - 3 e^-2) / (2 (1 - e^-2)).
+        let cut = math::exp(-2.0);
+        let exact = (1.0 - 3.0 * cut) / (2.0 * (1.0 - cut));
+        for count in [7, 19] {
+            let moment: f64 = sub_rays(count).iter().map(|r| r.weight * r.radius * r.radius).sum();
+            assert!((moment / exact - 1.0).abs() < 0.03, "{count}: {moment} against {exact}");
+        }
+    }
+
+    #[test]
+    fn exact_sub_rays_leave_the_axis_by_their_share_of_the_half_angle() {
+        let axis = DVec3::new(0.6, -0.48, 0.64);
+        let rays = sub_rays(19);
+        let mut out = Vec::new();
+        spread(axis, 0.005, &rays, &mut out);
+        for (ray, d) in rays[1..].iter().zip(&out) {
+            assert!((d.length() - 1.0).abs() < 1e-15);
+            assert!((d.cross(axis).length() - math::sin(0.005 * ray.radius)).abs() < 1e-15);
+        }
+        out.clear();
+        spread(axis, 0.0, &rays, &mut out);
+        assert!(out.iter().all(|d| *d == axis), "a beam without width is its axis, bit for bit");
+    }
+
+    #[test]
+    fn exact_beam_width_is_exit_plus_divergence_times_range() {
+        let sensor = shipped("lms111");
+        for range_m in [0.5, 2.0, 18.0] {
+            let width_m = 2.0 * half_angle_rad(&sensor, range_m) * range_m;
+            assert!((width_m - (0.015 * range_m + 0.008)).abs() < 1e-15);
+        }
+        assert!(half_angle_rad(&sensor, 0.0).is_finite());
+    }
+
+    #[test]
+    fn exact_jumps_are_steps_and_borders_of_things_not_slopes() {
+        let grid = |lines: u32, beams: u32| Pattern { lines, beams, directions: vec![], times_s: vec![] };
+        let at = |range_m: f64, object: i32| Return { range_m, object, class: 0 };
+        let found = |pattern: &Pattern, returns: &[Return]| {
+            let mut out = Vec::new();
+            jumps(pattern, returns, 0.05, &mut out);
+            out
+        };
+        let line = grid(1, 8);
+        let slope: Vec<_> = (0..8).map(|k| at(1.0 + 0.3 * f64::from(k), -1)).collect();
+        assert_eq!(found(&line, &slope), [0u32; 0]);
+        let step: Vec<_> = (0..8).map(|k| at(if k < 4 { 1.0 } else { 1.06 }, -1)).collect();
+        assert_eq!(found(&line, &step), [3, 4]);
+        let rock: Vec<_> = (0..8).map(|k| at(1.0, if k < 5 { -1 } else { 3 })).collect();
+        assert_eq!(found(&line, &rock), [4, 5]);
+        let edge: Vec<_> = (0..8).map(|k| if k < 5 { at(1.0, -1) } else { Return::NOTHING }).collect();
+        assert_eq!(found(&line, &edge), [4, 5]);
+        // The same column on three lines.
+        let column = grid(3, 1);
+        assert_eq!(found(&column, &[at(1.0, -1), at(1.0, 2), at(1.0, 2)]), [0, 1]);
+        let mut all = Vec::new();
+        jumps(&line, &slope, 0.0, &mut all);
+        assert_eq!(all, [0, 1, 2, 3, 4, 5, 6, 7]);
+    }
+}

@@ -11,7 +11,7 @@
 use std::sync::Arc;
 
 use super::cast::{Caster, Hit, Inside};
-use super::footprint::{self, MAX_SUB_RAYS};
+use super::footprint::{self, MAX_SUB_RAYS, SubRay};
 use super::light::{self, Reflectance};
 use super::range_error::RangeError;
 use super::ranging::{self, Echo};
@@ -104,10 +104,10 @@ impl Setting<'_> {
     fn aim(&self, scratch: &mut Scratch) {
         let world_from_sensor = &self.world_from_sensor.rotation;
         scratch.directions.clear();
-        let Some(_) = self.params.effects.tilt_jitter_deg else {
+        if self.params.effects.tilt_jitter_deg.is_none() {
             scratch.directions.extend(self.pattern.directions.iter().map(|&d| *world_from_sensor * d));
             return;
-        };
+        }
         let sigma_rad = self.drawn[Purpose::SweepTiltSigma].to_radians();
         scratch.draws.clear();
         scratch.draws.resize(self.pattern.lines as usize, 0.0);
@@ -172,46 +172,29 @@ impl Setting<'_> {
     /// Casts the sub-rays of the slots that need them and reduces their echoes as the sensor does.
     fn mix(&self, scratch: &mut Scratch, truth: &mut [TrueReturn]) -> Option<Vec<f32>> {
         let pixels = self.params.effects.mixed_pixels.as_ref()?;
-        let sensor = &*self.params.sensor;
         let mut mixed: Vec<f32> = scratch.returns.iter().map(|ret| if ret.is_hit() { 0.0 } else { f32::NAN }).collect();
-        footprint::jumps(self.pattern, &scratch.returns, pixels.only_at_jumps_m, &mut scratch.jumps);
         let rays = footprint::sub_rays(pixels.sub_rays);
         let others = rays.len() - 1;
         if others == 0 {
             return Some(mixed);
         }
-        scratch.sub_directions.clear();
-        for &slot in &scratch.jumps {
-            let range_m = scratch.returns[slot as usize].range_m.min(self.reach_m);
-            let half_rad = footprint::half_angle_rad(sensor, range_m);
-            footprint::spread(scratch.directions[slot as usize], half_rad, &rays, &mut scratch.sub_directions);
-        }
-        self.caster.from(self.origin_m, self.reach_m).cast(&scratch.sub_directions, &mut scratch.hits);
-        let streams = [self.streams.open(Purpose::SweepPatchSubRay), self.streams.open(Purpose::SweepVolumeSubRay)];
-        let beams = scratch.sub_directions.chunks(others).zip(scratch.hits.chunks(others));
-        for (&slot, (directions, hits)) in scratch.jumps.iter().zip(beams) {
+        self.cast_sub_rays(pixels.only_at_jumps_m, &rays, scratch);
+        let Scratch { directions, returns, jumps, sub_directions, sub_returns, echoes, .. } = scratch;
+        let beams = sub_directions.chunks(others).zip(sub_returns.chunks(others));
+        for (&slot, (sub_directions, sub_returns)) in jumps.iter().zip(beams) {
             let slot = slot as usize;
-            scratch.sub_returns.clear();
-            scratch.sub_returns.extend(hits.iter().map(|&hit| Return::of(hit, &self.scene.obstacles)));
-            if !scratch.vegetation.is_empty() {
-                let first_index = (slot * MAX_SUB_RAYS + 1) as u64;
-                let rays = Rays { origin_m: self.origin_m, directions, first_index };
-                scratch.vegetation.scatter(self.caster, &rays, &streams, &mut scratch.sub_returns);
+            let beam = std::iter::once((returns[slot], directions[slot]))
+                .chain(sub_returns.iter().copied().zip(sub_directions.iter().copied()));
+            echoes.clear();
+            for (k, (ret, direction)) in beam.enumerate().filter(|(_, (ret, _))| ret.is_hit()) {
+                let cos_incidence = ret.cos_incidence(self.caster, self.origin_m, direction).max(LEAST_COS);
+                let power = rays[k].weight * gain(cos_incidence, ret.range_m);
+                echoes.push(Echo { ret, power, cos_incidence, sub_ray: k });
             }
-            let centre = (scratch.returns[slot], scratch.directions[slot]);
-            let sub_rays = scratch.sub_returns.iter().copied().zip(directions.iter().copied());
-            scratch.echoes.clear();
-            for (k, (ret, direction)) in std::iter::once(centre).chain(sub_rays).enumerate() {
-                if ret.is_hit() {
-                    let cos = ret.cos_incidence(self.caster, self.origin_m, direction);
-                    let power = rays[k].weight * gain(cos.max(LEAST_COS), ret.range_m);
-                    scratch.echoes.push(Echo { ret, power, cos_incidence: cos, sub_ray: k });
-                }
-            }
-            if scratch.echoes.is_empty() {
+            if echoes.is_empty() {
                 continue;
             }
-            let Some(pixel) = ranging::combine(&sensor.ranging, &mut scratch.echoes) else {
+            let Some(pixel) = ranging::combine(&self.params.sensor.ranging, echoes) else {
                 scratch.range_m[slot] = f64::NAN;
                 continue;
             };
@@ -220,13 +203,38 @@ impl Setting<'_> {
             mixed[slot] = pixel.mixed as f32;
             // Truth follows what is reported; where that is the centre's own return, it is known already.
             if pixel.label.sub_ray != 0 {
-                let direction = directions[pixel.label.sub_ray - 1];
-                let seen = self.true_return(&pixel.label.ret, direction);
+                let seen = self.true_return(&pixel.label.ret, sub_directions[pixel.label.sub_ray - 1]);
                 truth[slot] = TrueReturn { range_m: pixel.label_range_m, ..seen };
                 scratch.cos[slot] = pixel.label.cos_incidence;
             }
         }
         Some(mixed)
+    }
+
+    /// What the sub-rays of all slots that need them meet, slot by slot; the centres are known.
+    fn cast_sub_rays(&self, jump_m: f64, rays: &[SubRay], scratch: &mut Scratch) {
+        footprint::jumps(self.pattern, &scratch.returns, jump_m, &mut scratch.jumps);
+        scratch.sub_directions.clear();
+        for &slot in &scratch.jumps {
+            let range_m = scratch.returns[slot as usize].range_m.min(self.reach_m);
+            let half_rad = footprint::half_angle_rad(&self.params.sensor, range_m);
+            footprint::spread(scratch.directions[slot as usize], half_rad, rays, &mut scratch.sub_directions);
+        }
+        self.caster.from(self.origin_m, self.reach_m).cast(&scratch.sub_directions, &mut scratch.hits);
+        scratch.sub_returns.clear();
+        scratch.sub_returns.extend(scratch.hits.iter().map(|&hit| Return::of(hit, &self.scene.obstacles)));
+        if scratch.vegetation.is_empty() {
+            return;
+        }
+        let streams = [self.streams.open(Purpose::SweepPatchSubRay), self.streams.open(Purpose::SweepVolumeSubRay)];
+        let others = rays.len() - 1;
+        let beams = scratch.sub_directions.chunks(others).zip(scratch.sub_returns.chunks_mut(others));
+        for (&slot, (directions, returns)) in scratch.jumps.iter().zip(beams) {
+            // The centre is sub-ray 0.
+            let first_index = u64::from(slot) * MAX_SUB_RAYS as u64 + 1;
+            let rays = Rays { origin_m: self.origin_m, directions, first_index };
+            scratch.vegetation.scatter(self.caster, &rays, &streams, returns);
+        }
     }
 
     /// Which slots light came back from, and how many of them the sensor saw.
@@ -308,3 +316,6 @@ fn light_status(range_m: f64) -> Status {
         Status::None
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,6 +5,8 @@
 //! a sweep (the rover stands), the tilt head's lever arm (all beams leave one point), dust, crosstalk, several echoes a beam.
 
 pub mod cast;
+#[cfg(test)]
+mod fixtures;
 mod footprint;
 mod light;
 mod measure;

@@ -80,3 +80,77 @@ impl RangeError {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math;
+    use crate::random::Dist;
+    use crate::sweep::fixtures::{shipped, streams};
+    use crate::sweep::params::{Gates, Quantisation};
+
+    fn error(effects: &Effects) -> RangeError {
+        let params = crate::sweep::SweepParams { effects: effects.clone(), ..Default::default() };
+        let drawn = Drawn::draw(&streams(1), params.dists());
+        RangeError::new(&shipped("urg-04lx"), effects, &drawn, &streams(1))
+    }
+
+    #[test]
+    fn exact_sigma_is_absolute_plus_relative_plus_the_oblique_footprint() {
+        let sensors_own = error(&Effects { range_noise: Some(RangeNoise::default()), ..Effects::default() });
+        assert!((sensors_own.sigma_m(4.0, 0.5) - (0.010 + 0.005 * 4.0)).abs() < 1e-16);
+        let noise = RangeNoise { sigma_m: Some(Dist::Constant(0.0)), sigma_per_m: Some(0.001.into()), incidence: true };
+        let oblique = error(&Effects { range_noise: Some(noise), ..Effects::default() });
+        // R beta tan(alpha) / 4 at 60 degrees; capped at 82.
+        let at = |alpha_deg: f64| oblique.sigma_m(2.0, math::cos(alpha_deg.to_radians()));
+        assert!((at(60.0) - (0.002 + 2.0 * 0.010 * 3.0f64.sqrt() / 4.0)).abs() < 1e-15);
+        let capped = 0.002 + 2.0 * 0.010 * math::tan(82.0f64.to_radians()) / 4.0;
+        assert!((at(81.999_999) - capped).abs() < 1e-7);
+        for alpha_deg in [82.000_001, 89.0, 90.0] {
+            assert!((at(alpha_deg) - capped).abs() < 1e-14, "{alpha_deg}");
+        }
+        assert!(oblique.sigma_m(2.0, 0.0).is_finite());
+    }
+
+    #[test]
+    fn exact_steps_are_whole_and_at_most_half_a_step_off() {
+        let own = error(&Effects { quantisation: Some(Quantisation::default()), ..Effects::default() });
+        let coarse = error(&Effects { quantisation: Some(Quantisation { step_m: Some(0.25) }), ..Effects::default() });
+        for k in 1..2000 {
+            let range_m = 0.002_718_281_8 * f64::from(k);
+            let (fine_m, _) = own.report(range_m, 1.0, 0.0);
+            assert!((fine_m - range_m).abs() <= 0.0005 + 1e-15);
+            assert!((fine_m / 0.001 - (fine_m / 0.001).round()).abs() < 1e-9);
+            if range_m > 0.125 {
+                assert_eq!(coarse.report(range_m, 1.0, 0.0).0, (range_m * 4.0).round() / 4.0);
+            }
+        }
+    }
+
+    #[test]
+    fn exact_gates_shut_out_what_lies_beyond_them_and_without_them_only_the_far_end_counts() {
+        let open = error(&Effects::default());
+        assert_eq!(open.report(0.01, 1.0, 0.0), (0.01, Status::Hit));
+        assert_eq!(open.report(5.6, 1.0, 0.0), (5.6, Status::Hit));
+        assert_eq!(open.report(5.600_001, 1.0, 0.0).1, Status::OutOfRange);
+        let own = error(&Effects { gates: Some(Gates::default()), ..Effects::default() });
+        assert_eq!(own.report(0.06, 1.0, 0.0), (0.06, Status::Hit));
+        assert_eq!(own.report(0.059, 1.0, 0.0).1, Status::OutOfRange);
+        let gates = Gates { min_m: Some(1.0), max_m: Some(8.0) };
+        let effects = Effects { gates: Some(gates), ..Effects::default() };
+        let narrow = error(&effects);
+        assert_eq!(narrow.report(0.999, 1.0, 0.0).1, Status::OutOfRange);
+        assert_eq!(narrow.report(7.9, 1.0, 0.0), (7.9, Status::Hit));
+        assert_eq!(RangeError::reach_m(&shipped("urg-04lx"), &effects), 8.0);
+        assert_eq!(RangeError::reach_m(&shipped("urg-04lx"), &Effects::default()), 5.6);
+    }
+
+    #[test]
+    fn extreme_noise_that_makes_a_range_negative_or_nan_is_out_of_range() {
+        let noisy = error(&Effects { range_noise: Some(RangeNoise::default()), ..Effects::default() });
+        for (range_m, draw) in [(0.02, -9.0), (f64::NAN, 0.0), (1.0, f64::NEG_INFINITY), (1.0, f64::NAN)] {
+            let (measured_m, status) = noisy.report(range_m, 1.0, draw);
+            assert!(measured_m.is_nan() && status == Status::OutOfRange);
+        }
+    }
+}

@@ -120,3 +120,90 @@ fn centroid_m<'a>(echoes: impl Iterator<Item = &'a Echo> + Clone) -> f64 {
     let beyond_m: f64 = echoes.clone().map(|echo| echo.power * (echo.ret.range_m - near_m)).sum();
     near_m + beyond_m / energy(echoes)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sweep::sensor::{PhaseRanging, PulseRanging};
+
+    fn echo(sub_ray: usize, object: i32, range_m: f64, power: f64) -> Echo {
+        Echo { ret: Return { range_m, object, class: 0 }, power, cos_incidence: 1.0, sub_ray }
+    }
+
+    fn phase(modulation_mhz: f64) -> Ranging {
+        Ranging::Phase(PhaseRanging { modulation_mhz })
+    }
+
+    fn pulse(report: Report) -> Ranging {
+        Ranging::Pulse(PulseRanging { pulse_ns: 4.0, report })
+    }
+
+    #[test]
+    fn law_one_surface_gives_its_own_range_by_every_method() {
+        for ranging in [phase(46.55), pulse(Report::First), pulse(Report::Strongest), pulse(Report::Last)] {
+            let mut echoes: Vec<Echo> = (0..19).map(|k| echo(k, 4, 2.345_678_9, 0.1 + k as f64)).collect();
+            let pixel = combine(&ranging, &mut echoes).unwrap();
+            assert_eq!(pixel.range_m, 2.345_678_9);
+            assert_eq!((pixel.label.ret.object, pixel.label.sub_ray, pixel.mixed), (4, 0, 0.0));
+        }
+        assert!(combine(&phase(46.55), &mut []).is_none());
+    }
+
+    #[test]
+    fn exact_phase_of_two_equal_echoes_lies_midway() {
+        // arg(1 + e^(i p)) = p / 2 below half a turn.
+        let mut echoes = [echo(0, 1, 1.0, 2.0), echo(1, 2, 1.5, 2.0)];
+        let pixel = combine(&phase(46.55), &mut echoes).unwrap();
+        assert!((pixel.range_m - 1.25).abs() < 1e-15);
+        assert_eq!((pixel.label.ret.object, pixel.mixed), (1, 0.5));
+        // The sum's length is 2 cos(p / 2) times each.
+        let p = 4.0 * PI * 46.55e6 / LIGHT_MPS * 0.5;
+        assert!((pixel.power - 4.0 * math::cos(p / 2.0)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn exact_phase_of_unequal_echoes_follows_the_phasor_sum_and_may_lie_before_both() {
+        let k = 4.0 * PI * 46.55e6 / LIGHT_MPS;
+        for gap_m in [0.3, 0.9, 1.7, 2.3] {
+            let mut echoes = [echo(0, 1, 1.0, 3.0), echo(1, 2, 1.0 + gap_m, 1.0)];
+            let range_m = combine(&phase(46.55), &mut echoes).unwrap().range_m;
+            // tan of the sum's phase, from the strongest echo.
+            let (s, c) = math::sin_cos(k * gap_m);
+            assert!((math::tan(k * (range_m - 1.0)) - s / (3.0 + c)).abs() < 1e-12, "{gap_m}");
+        }
+        // 2.3 m are 0.71 of the ambiguity of 3.22 m: the far echo pulls the phase back.
+        let mut echoes = [echo(0, 1, 1.0, 3.0), echo(1, 2, 3.3, 1.0)];
+        assert!(combine(&phase(46.55), &mut echoes).unwrap().range_m < 1.0);
+    }
+
+    #[test]
+    fn extreme_phasors_that_cancel_have_no_range() {
+        let half_wave_m = LIGHT_MPS / 46.55e6 / 4.0;
+        let mut echoes = [echo(0, 1, 1.0, 1.0), echo(1, 2, 1.0 + half_wave_m, 1.0)];
+        assert!(combine(&phase(46.55), &mut echoes).is_none());
+    }
+
+    #[test]
+    fn exact_pulses_merge_below_half_their_length_and_are_chosen_beyond() {
+        // 4 ns: c tau / 2 = 0.5996 m.
+        let near = |gap_m: f64| [echo(0, 1, 2.0, 1.0), echo(1, 2, 2.0 + gap_m, 3.0)];
+        let merged = combine(&pulse(Report::First), &mut near(0.59)).unwrap();
+        assert!((merged.range_m - (2.0 + 0.59 * 0.75)).abs() < 1e-15);
+        assert_eq!((merged.label.ret.object, merged.mixed, merged.power), (2, 0.25, 4.0));
+        let of = |report, gap_m| combine(&pulse(report), &mut near(gap_m)).unwrap();
+        assert_eq!(of(Report::First, 0.61).range_m, 2.0);
+        assert_eq!(of(Report::Last, 0.61).range_m, 2.61);
+        let strongest = of(Report::Strongest, 0.61);
+        assert_eq!((strongest.range_m, strongest.label.ret.object, strongest.mixed), (2.61, 2, 0.0));
+    }
+
+    #[test]
+    fn law_the_label_is_the_surface_with_most_energy_in_what_is_reported() {
+        // Three weak echoes of the ground outweigh a rock's strong one; the centre is none of them.
+        let mut echoes = [echo(0, 7, 1.0, 2.0), echo(1, -1, 1.1, 0.8), echo(2, -1, 1.2, 0.9), echo(3, -1, 1.3, 0.7)];
+        let pixel = combine(&phase(10.0), &mut echoes).unwrap();
+        assert_eq!((pixel.label.ret.object, pixel.label.sub_ray), (-1, 2));
+        assert!((pixel.label_range_m - (0.8 * 1.1 + 0.9 * 1.2 + 0.7 * 1.3) / 2.4).abs() < 1e-15);
+        assert!((pixel.mixed - 2.0 / 4.4).abs() < 1e-15);
+    }
+}
