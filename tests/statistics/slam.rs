@@ -123,7 +123,9 @@ fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
 fn table() {
     for (name, scenario) in [("A", Scenario::a()), ("B", Scenario::b())] {
         let seeds: Vec<u64> = seeds().collect();
-        let dr = mean(seeds.iter().map(|&s| run(&SlamParams::DeadReckoning, &drive(s, &scenario), &scenario.noise(), s).ate_m));
+        let dr = mean(
+            seeds.iter().map(|&s| run(&SlamParams::DeadReckoning, &drive(s, &scenario), &scenario.noise(), s).ate_m),
+        );
         let ekf: Vec<_> = seeds.iter().map(|&s| oracle(s, &scenario)).collect();
         println!("{name} DR {dr:.3} EKF {:.3}", mean(ekf.iter().map(|e| ate_m(e))));
         let report = |label: &str, runs: &[Vec<([f64; 6], [[f64; 6]; 6])>]| {
@@ -171,5 +173,92 @@ fn table() {
             );
             report(label, &runs.iter().map(|r| r.errors.clone()).collect::<Vec<_>>());
         }
+    }
+}
+
+#[test]
+#[ignore = "exploration"]
+fn spread() {
+    for (name, scenario) in [("A", Scenario::a()), ("B", Scenario::b())] {
+        let mut rows = Vec::new();
+        for seed in seeds() {
+            let d = drive(seed, &scenario);
+            let dr = run(&SlamParams::DeadReckoning, &d, &scenario.noise(), seed).ate_m;
+            let ekf = ate_m(&oracle(seed, &scenario));
+            let fs = fastslam(&d, &scenario, params(100), seed).ate_m;
+            rows.push((dr, ekf, fs));
+            if fs > dr || fs > 0.2 {
+                println!("{name} seed {seed}: DR {dr:.3} EKF {ekf:.3} fast {fs:.3}");
+            }
+        }
+        let n = rows.len() as f64;
+        println!(
+            "{name}: DR {:.3} EKF {:.3} fast {:.3}; better in {} of {n}",
+            rows.iter().map(|r| r.0).sum::<f64>() / n,
+            rows.iter().map(|r| r.1).sum::<f64>() / n,
+            rows.iter().map(|r| r.2).sum::<f64>() / n,
+            rows.iter().filter(|r| r.2 < r.0).count()
+        );
+    }
+}
+
+#[test]
+#[ignore = "exploration"]
+fn variants() {
+    for (name, scenario) in [("A", Scenario::a())] {
+        println!(
+            "A EKF {:.3} nees {:.2}",
+            mean(seeds().map(|s| ate_m(&oracle(s, &scenario)))),
+            mean(seeds().map(|s| nees::<6>(&oracle(s, &scenario)[125], 0)))
+        );
+        for (label, known, infl, n) in
+            [("known R1 100", true, 1.0, 100), ("known R1 1000", true, 1.0, 1000), ("known R1 10000", true, 1.0, 10000)]
+        {
+            let scenario = Scenario { known, ..scenario.clone() };
+            let mut rows = Vec::new();
+            for seed in seeds() {
+                let d = drive(seed, &scenario);
+                let dr = run(&SlamParams::DeadReckoning, &d, &scenario.noise(), seed).ate_m;
+                let p = FastslamParams { measurement_inflation: infl, ..params(n) };
+                let r = fastslam(&d, &scenario, p, seed);
+                rows.push((dr, r.ate_m, nees::<6>(&r.errors[125], 0)));
+                if [31, 51, 59, 43, 90].contains(&seed) {
+                    print!("{seed}: {:.3} ", r.ate_m);
+                }
+            }
+            let m = rows.len() as f64;
+            println!(
+                "{name} {label}: DR {:.3} fast {:.3} better {} of {m} nees {:.2}",
+                rows.iter().map(|r| r.0).sum::<f64>() / m,
+                rows.iter().map(|r| r.1).sum::<f64>() / m,
+                rows.iter().filter(|r| r.1 < r.0).count(),
+                rows.iter().map(|r| r.2).sum::<f64>() / m
+            );
+        }
+    }
+}
+
+#[test]
+#[ignore = "exploration"]
+fn trace() {
+    let scenario = Scenario { known: true, ..Scenario::a() };
+    let d = drive(3, &scenario);
+    let p = FastslamParams { measurement_inflation: 1.0, ..params(10000) };
+    let r = fastslam(&d, &scenario, p, 3);
+    let e = oracle(3, &scenario);
+    let dr = run(&SlamParams::DeadReckoning, &d, &scenario.noise(), 3);
+    for k in (0..=125).step_by(5) {
+        let f = |x: &([f64; 6], [[f64; 6]; 6])| {
+            (0..6).map(|i| format!("{:7.4}/{:6.4}", x.0[i], x.1[i][i].sqrt())).collect::<Vec<_>>().join(" ")
+        };
+        println!(
+            "{k:3} fast {} ess {:.0} m {} f {}\n    ekf  {}\n    dr   {}",
+            f(&r.errors[k]),
+            r.estimates[k].effective_samples,
+            r.estimates[k].matched,
+            r.estimates[k].features,
+            f(&e[k]),
+            f(&dr.errors[k])
+        );
     }
 }

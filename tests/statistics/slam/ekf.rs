@@ -51,7 +51,9 @@ impl EkfSlam {
                 self.covariance[r][c] = belief.covariance[r][c];
             }
         }
-        for (i, reading, sigma) in [(3, reading.roll_rad, imu_rad), (4, reading.pitch_rad, imu_rad), (5, reading.yaw_rad, sun_rad)] {
+        for (i, reading, sigma) in
+            [(3, reading.roll_rad, imu_rad), (4, reading.pitch_rad, imu_rad), (5, reading.yaw_rad, sun_rad)]
+        {
             let Some(value) = reading else { continue };
             if self.started {
                 let mut row = vec![0.0; n];
@@ -77,7 +79,8 @@ impl EkfSlam {
                 fresh.push((id, feature));
                 continue;
             };
-            let prediction = view.predict(&[self.mean[slot], self.mean[slot + 1], self.mean[slot + 2]]).expect("in view");
+            let prediction =
+                view.predict(&[self.mean[slot], self.mean[slot + 1], self.mean[slot + 2]]).expect("in view");
             let nu = innovation(&feature.polar, &prediction.polar);
             for r in 0..3 {
                 let mut row = vec![0.0; n];
@@ -114,8 +117,9 @@ impl EkfSlam {
             })
             .collect();
         let n = self.mean.len();
-        let cross: Vec<Vec<f64>> =
-            (0..3).map(|r| (0..n).map(|c| (0..6).map(|k| by_pose[k][r] * self.covariance[k][c]).sum()).collect()).collect();
+        let cross: Vec<Vec<f64>> = (0..3)
+            .map(|r| (0..n).map(|c| (0..6).map(|k| by_pose[k][r] * self.covariance[k][c]).sum()).collect())
+            .collect();
         self.mean.extend(place);
         for r in 0..n {
             let new: Vec<f64> = (0..3).map(|k| cross[k][r]).collect();
@@ -136,9 +140,16 @@ impl EkfSlam {
         // P H', then S = H P H' + R, inverted by elimination.
         let ph: Vec<Vec<f64>> = (0..n).map(|r| rows.iter().map(|h| dot(&self.covariance[r], h)).collect()).collect();
         let mut s: Vec<Vec<f64>> = (0..m)
-            .map(|i| (0..m).map(|j| (0..n).map(|k| rows[i][k] * ph[k][j]).sum::<f64>() + if i == j { variances[i] } else { 0.0 }).collect())
+            .map(|i| {
+                (0..m)
+                    .map(|j| {
+                        (0..n).map(|k| rows[i][k] * ph[k][j]).sum::<f64>() + if i == j { variances[i] } else { 0.0 }
+                    })
+                    .collect()
+            })
             .collect();
-        let mut inverse: Vec<Vec<f64>> = (0..m).map(|i| (0..m).map(|j| f64::from(u8::from(i == j))).collect()).collect();
+        let mut inverse: Vec<Vec<f64>> =
+            (0..m).map(|i| (0..m).map(|j| f64::from(u8::from(i == j))).collect()).collect();
         for pivot in 0..m {
             let scale = 1.0 / s[pivot][pivot];
             for c in 0..m {
@@ -156,7 +167,8 @@ impl EkfSlam {
                 }
             }
         }
-        let gain: Vec<Vec<f64>> = (0..n).map(|r| (0..m).map(|j| (0..m).map(|k| ph[r][k] * inverse[k][j]).sum()).collect()).collect();
+        let gain: Vec<Vec<f64>> =
+            (0..n).map(|r| (0..m).map(|j| (0..m).map(|k| ph[r][k] * inverse[k][j]).sum()).collect()).collect();
         for r in 0..n {
             self.mean[r] += dot(&gain[r], residuals);
             for c in 0..n {
