@@ -171,15 +171,19 @@ impl Filter {
     /// Mean and variance of one angle over the cloud.
     pub fn angle(&self, component: usize) -> (f64, f64) {
         let reference = self.particles[0].belief.mean[component];
-        let (mut first, mut second, mut own) = (0.0, 0.0, 0.0);
+        // Within a step the weights are not normalised, and their logarithms may be large.
+        let most = self.particles[self.likeliest()].log_weight;
+        let (mut total, mut first, mut second, mut own) = (0.0, 0.0, 0.0, 0.0);
         for particle in &self.particles {
-            let weight = math::exp(particle.log_weight);
+            let weight = math::exp(particle.log_weight - most);
             let d = math::wrap_angle(particle.belief.mean[component] - reference);
+            total += weight;
             first += weight * d;
             second += weight * d * d;
             own += weight * particle.belief.covariance[component][component];
         }
-        (math::wrap_angle(reference + first), (second - first * first).max(0.0) + own)
+        let mean = first / total;
+        (math::wrap_angle(reference + mean), (second / total - mean * mean).max(0.0) + own / total)
     }
 
     /// A sweep's features and where it looked. The streams stand at the step.

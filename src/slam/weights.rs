@@ -58,7 +58,7 @@ pub struct Ancestry {
 }
 
 /// Stops that the tree reaches back.
-pub const LAG_STOPS: usize = 20;
+pub const LAG_STOPS: usize = 40;
 
 impl Ancestry {
     pub fn record(&mut self, parents: Option<Vec<u32>>) {
