@@ -115,7 +115,8 @@ pub(super) fn class_name(class: Class) -> &'static str {
 pub(super) fn scale(share: f64) -> Colour {
     const STOPS: [u32; 8] = [0x440154, 0x46327e, 0x365c8d, 0x277f8e, 0x1fa187, 0x4ac16d, 0xa0da39, 0xfde725];
     // NaN is as dark as 0.
-    let at = share.max(0.0).min(1.0) * (STOPS.len() - 1) as f64;
+    let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
+    let at = share * (STOPS.len() - 1) as f64;
     let left = (at as usize).min(STOPS.len() - 2);
     mix(srgb(STOPS[left]), srgb(STOPS[left + 1]), (at - left as f64) as f32)
 }

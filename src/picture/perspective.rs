@@ -36,21 +36,25 @@ pub enum Overlay {
 
 /// PNG: the rover in the yard, from behind and above, with its sweep or its labelled cells.
 pub fn perspective(view: &View, caster: &Caster, overlay: Overlay) -> Vec<u8> {
+    render(view, caster, overlay, WIDTH, HEIGHT)
+}
+
+pub(super) fn render(view: &View, caster: &Caster, overlay: Overlay, width: usize, height: usize) -> Vec<u8> {
     let palette = palette();
-    let picture = Picture::new(view, caster, overlay, &palette);
-    let coarse: Vec<Sample> = (0..WIDTH * HEIGHT)
+    let picture = Picture::new(view, caster, overlay, &palette, (width, height));
+    let coarse: Vec<Sample> = (0..width * height)
         .into_par_iter()
-        .map(|k| picture.sample((k % WIDTH) as f64 + 0.5, (k / WIDTH) as f64 + 0.5))
+        .map(|k| picture.sample((k % width) as f64 + 0.5, (k / width) as f64 + 0.5))
         .collect();
     let fine = |k: usize| {
-        let (x, y) = (k % WIDTH, k / WIDTH);
+        let (x, y) = (k % width, k / width);
         let near = [
             (x.saturating_sub(1), y),
-            ((x + 1).min(WIDTH - 1), y),
+            ((x + 1).min(width - 1), y),
             (x, y.saturating_sub(1)),
-            (x, (y + 1).min(HEIGHT - 1)),
+            (x, (y + 1).min(height - 1)),
         ];
-        if !near.iter().any(|&(x, y)| coarse[k].differs(&coarse[y * WIDTH + x])) {
+        if !near.iter().any(|&(x, y)| coarse[k].differs(&coarse[y * width + x])) {
             return coarse[k].colour;
         }
         let mut sum = [0.0_f32; 3];
@@ -61,8 +65,8 @@ pub fn perspective(view: &View, caster: &Caster, overlay: Overlay) -> Vec<u8> {
         }
         sum.map(|c| c / (FINE * FINE) as f32)
     };
-    let pixels = (0..WIDTH * HEIGHT).into_par_iter().map(fine).collect();
-    let mut canvas = Canvas { width: WIDTH, height: HEIGHT, pixels };
+    let pixels = (0..width * height).into_par_iter().map(fine).collect();
+    let mut canvas = Canvas { width, height, pixels };
     if overlay == Overlay::Points {
         picture.draw_points(&mut canvas, &coarse);
     }
@@ -107,6 +111,9 @@ struct Picture<'a> {
     overlay: Overlay,
     palette: &'a Palette,
     map_from_world: Transform,
+    /// Pixels.
+    width: usize,
+    height: usize,
     model: Model,
     eye_m: DVec3,
     /// Unit vectors of the camera: to its right, up, and ahead.
@@ -121,7 +128,13 @@ struct Picture<'a> {
 }
 
 impl<'a> Picture<'a> {
-    fn new(view: &'a View<'a>, caster: &'a Caster<'a>, overlay: Overlay, palette: &'a Palette) -> Picture<'a> {
+    fn new(
+        view: &'a View<'a>,
+        caster: &'a Caster<'a>,
+        overlay: Overlay,
+        palette: &'a Palette,
+        (width, height): (usize, usize),
+    ) -> Picture<'a> {
         let pose = view.true_pose();
         let model = Model::new(view.rover, &pose, &view.rover_from_sensor, view.scene, palette);
         let (sin, cos) = math::sin_cos(pose.yaw_rad);
@@ -155,6 +168,8 @@ impl<'a> Picture<'a> {
             caster,
             overlay,
             palette,
+            width,
+            height,
             map_from_world: view.estimated_pose().transform() * pose.transform().inverse(),
             model,
             eye_m,
@@ -169,8 +184,8 @@ impl<'a> Picture<'a> {
     }
 
     fn direction(&self, x: f64, y: f64) -> DVec3 {
-        let scale = HALF_FIELD / (WIDTH as f64 / 2.0);
-        let (across, above) = ((x - WIDTH as f64 / 2.0) * scale, (HEIGHT as f64 / 2.0 - y) * scale);
+        let scale = HALF_FIELD / (self.width as f64 / 2.0);
+        let (across, above) = ((x - self.width as f64 / 2.0) * scale, (self.height as f64 / 2.0 - y) * scale);
         (self.ahead + self.right * across + self.up * above).normalize()
     }
 
@@ -178,8 +193,11 @@ impl<'a> Picture<'a> {
     fn project(&self, point_m: DVec3) -> Option<(Spot, f64)> {
         let off = point_m - self.eye_m;
         let depth = off.dot(self.ahead);
-        let scale = WIDTH as f64 / 2.0 / HALF_FIELD / depth;
-        let spot = (WIDTH as f64 / 2.0 + off.dot(self.right) * scale, HEIGHT as f64 / 2.0 - off.dot(self.up) * scale);
+        let scale = self.width as f64 / 2.0 / HALF_FIELD / depth;
+        let spot = (
+            self.width as f64 / 2.0 + off.dot(self.right) * scale,
+            self.height as f64 / 2.0 - off.dot(self.up) * scale,
+        );
         (depth > 0.05).then(|| (spot, off.length()))
     }
 
@@ -345,7 +363,7 @@ impl<'a> Picture<'a> {
             let solid = sweep.truth[slot].object >= 0;
             let (colour, alpha) =
                 if solid { (self.palette.obstacle_point, 0.85) } else { (self.palette.ground_point, 0.55) };
-            let uncovered = |x: usize, y: usize| range_m <= seen[y * WIDTH + x].range_m + HIDDEN_M;
+            let uncovered = |x: usize, y: usize| range_m <= seen[y * self.width + x].range_m + HIDDEN_M;
             canvas.disc_where(clip, spot, (6.0 / range_m).clamp(0.6, 1.7), colour, alpha, uncovered);
         }
     }
@@ -363,7 +381,7 @@ fn chord(volume: &Volume, origin: DVec3, dir: DVec3) -> Option<(f64, f64)> {
 fn captions(canvas: &mut Canvas, view: &View, overlay: Overlay, palette: &Palette) {
     let whole = canvas.whole();
     canvas.haloed_text(view.title, (20.0, 16.0), TITLE, Alignment::Left, (palette.ink, palette.halo));
-    let bottom = HEIGHT as f64 - 32.0;
+    let bottom = canvas.height as f64 - 32.0;
     canvas.rectangle(whole, (14.0, bottom - 8.0), (488.0, bottom + 22.0), palette.paper, 0.85);
     let entries = match overlay {
         Overlay::Points => {

@@ -200,21 +200,21 @@ fn exact_the_map_shades_each_cell_by_its_label() {
 #[test]
 fn equal_pictures_have_the_same_bytes_on_one_thread_and_on_four() {
     with_view(|view, caster| {
-        let all = || [top_view(view), scan_view(view), perspective(view, caster, Overlay::Cells)];
+        let all = || [top_view(view), perspective::render(view, caster, Overlay::Cells, 240, 135)];
         let on = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool").install(all);
         assert!(on(1) == on(4));
     });
 }
 
 #[test]
-fn exact_the_perspective_shows_the_box_where_it_stands() {
+fn exact_the_perspective_lays_cells_on_the_ground_and_none_on_the_sky() {
     with_view(|view, caster| {
-        let (width, points) = decoded(&perspective(view, caster, Overlay::Points));
-        let (_, cells) = decoded(&perspective(view, caster, Overlay::Cells));
-        assert_eq!((width, points.len()), (1440, 1440 * 810));
-        // The sky shows no overlay, the middle of the picture does.
-        assert_eq!(points[100 * width + 700], cells[100 * width + 700]);
-        assert!((400..700).any(|y| points[y * width + 300] != cells[y * width + 300]));
+        let seen = |overlay| decoded(&perspective::render(view, caster, overlay, 360, 202));
+        let ((width, points), (_, cells)) = (seen(Overlay::Points), seen(Overlay::Cells));
+        assert_eq!((width, points.len()), (360, 360 * 202));
+        // The sky shows no overlay, the ground before the rover does.
+        assert_eq!(points[25 * width + 175], cells[25 * width + 175]);
+        assert!((122..150).all(|y| points[y * width + 75] != cells[y * width + 75]));
     });
 }
 
@@ -255,7 +255,7 @@ fn extreme_a_view_without_cells_poses_or_returns_still_makes_pictures() {
         let bare = View { truth: &view.truth[..1], estimates: &[], cells: &none, sweep: &blind, title: "", ..*view };
         decoded(&top_view(&bare));
         decoded(&scan_view(&bare));
-        decoded(&perspective(&bare, caster, Overlay::Points));
+        decoded(&perspective::render(&bare, caster, Overlay::Points, 160, 90));
         let rosette = Pattern { lines: 1, beams: 68_200, ..(*blind.pattern).clone() };
         let by_angles = Sweep { pattern: Arc::new(rosette), ..view.sweep.clone() };
         decoded(&scan_view(&View { sweep: &by_angles, ..*view }));
