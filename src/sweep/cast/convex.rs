@@ -9,12 +9,28 @@ use crate::scene::{Convex, Cylinder, Shape};
 
 /// Range of the first meeting with the shape's surface in [0, to].
 pub fn first_hit(shape: &Shape, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
-    let (enter, exit) = match shape {
-        Shape::Convex(convex) => convex_span(convex, origin, dir)?,
-        Shape::Cylinder(cylinder) => cylinder_span(cylinder, origin, dir)?,
+    match shape {
+        Shape::Convex(convex) => meeting(convex_span(convex, origin, dir)?, to, || contains(shape, origin)),
+        Shape::Cylinder(cylinder) => cylinder_first_hit(cylinder, origin, dir, to),
+    }
+}
+
+/// As [`first_hit`], for a cylinder.
+pub fn cylinder_first_hit(cylinder: &Cylinder, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
+    meeting(cylinder_span(cylinder, origin, dir)?, to, || cylinder_contains(cylinder, origin))
+}
+
+/// The end of a span that a ray meets: its entry, or its exit for a ray that starts inside. A ray that leaves a surface it
+/// starts on meets nothing.
+fn meeting((enter, exit): (f64, f64), to: f64, inside: impl Fn() -> bool) -> Option<f64> {
+    let range = if enter >= 0.0 {
+        enter
+    } else if inside() {
+        exit
+    } else {
+        return None;
     };
-    let range = if enter >= 0.0 { enter } else { exit };
-    (range >= 0.0 && range <= to).then_some(range)
+    (range <= to).then_some(range)
 }
 
 /// Entry and exit of the line; `None` where it misses.
@@ -74,13 +90,14 @@ pub fn contains(shape: &Shape, point: DVec3) -> bool {
         Shape::Convex(convex) => {
             !convex.planes.is_empty() && convex.planes.iter().all(|p| p.normal.dot(point) + p.offset_m < 0.0)
         }
-        Shape::Cylinder(cylinder) => {
-            let from = point - cylinder.base_m;
-            from.z > 0.0
-                && from.z < cylinder.height_m
-                && from.x * from.x + from.y * from.y < cylinder.radius_m * cylinder.radius_m
-        }
+        Shape::Cylinder(cylinder) => cylinder_contains(cylinder, point),
     }
+}
+
+fn cylinder_contains(cylinder: &Cylinder, point: DVec3) -> bool {
+    let from = point - cylinder.base_m;
+    let within = from.x * from.x + from.y * from.y < cylinder.radius_m * cylinder.radius_m;
+    within && from.z > 0.0 && from.z < cylinder.height_m
 }
 
 /// Outward normal of the surface nearest to a point on it.

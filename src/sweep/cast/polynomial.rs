@@ -5,7 +5,8 @@
 //! against the fitted square, and each piece is solved by [`series::first_crossing`] about its own centre. Beyond the
 //! yard there is no ground, although the fit goes on. A ray that starts below the surface meets it from below.
 
-use super::series::{self, MAX_DEGREE, Series};
+use super::newton::Near;
+use super::series::{self, Series};
 use crate::geometry::DVec3;
 use crate::scene::Polynomial;
 
@@ -77,7 +78,7 @@ impl<'a> PolynomialCaster<'a> {
         let level = (dir.x * dir.x + dir.y * dir.y).sqrt();
         let pieces = ((to - from) * level / (PIECE * self.ground.half_m)).ceil().max(1.0);
         let length = (to - from) / pieces;
-        let n = self.ground.degree.min(MAX_DEGREE);
+        let n = self.ground.degree;
         let mut below = None;
         for piece in 0..pieces as u64 {
             let start = from + piece as f64 * length;
@@ -92,6 +93,48 @@ impl<'a> PolynomialCaster<'a> {
         }
         None
     }
+
+    /// What rays from one point share, or `None` where they must be cast one by one: from off the yard or from below.
+    pub fn near(&self, origin: DVec3, max_m: f64) -> Option<Near> {
+        let yard = 0.0..=self.extent_m;
+        if !yard.contains(&origin.x) || !yard.contains(&origin.y) || !origin.z.is_finite() {
+            return None;
+        }
+        let table = series::taylor(self.ground, origin.x, origin.y);
+        if origin.z < table[0][0] {
+            return None;
+        }
+        // Farther out the terms outgrow their sum, and their rounding with them.
+        let mut reach_m = self.ground.half_m;
+        while rounding(&table, reach_m) > 1e-13 && reach_m > 0.05 * self.ground.half_m {
+            reach_m *= 0.8;
+        }
+        let (lowest_m, highest_m) = self.height_bounds(origin.x, origin.y, reach_m.min(max_m));
+        let margin = 1e-9 * (1.0 + highest_m.abs().max(lowest_m.abs()));
+        let square_m = [-origin.x, self.extent_m - origin.x, -origin.y, self.extent_m - origin.y];
+        let to_border = square_m.iter().fold(f64::INFINITY, |least, side| least.min(side.abs()));
+        Some(Near {
+            degree: self.ground.degree,
+            table,
+            z_m: origin.z,
+            reach_m,
+            lowest_m: lowest_m - margin,
+            highest_m: highest_m + margin,
+            square_m,
+            within_yard: reach_m.min(max_m) * (1.0 + 1e-12) < to_border,
+            arrival_m: series::ARRIVAL_M + 4.0 * f64::EPSILON * origin.z.abs(),
+        })
+    }
+}
+
+/// Rounding of the expansion's sum at a distance.
+fn rounding(table: &[Series], distance_m: f64) -> f64 {
+    let (mut size, mut power) = (0.0, 1.0);
+    for row in table {
+        size += power * row.iter().map(|c| c.abs()).sum::<f64>();
+        power *= distance_m;
+    }
+    f64::EPSILON * size
 }
 
 /// Certified bounds of the ground on a square tile: the centre's value, more or less the sum of the other terms' sizes.

@@ -10,9 +10,9 @@
 //! a sample.
 
 use crate::scene::Polynomial;
+use crate::scene::polynomial::{term_count, terms};
 
-/// Greatest total degree of a ground.
-pub const MAX_DEGREE: usize = 12;
+pub use crate::scene::MAX_DEGREE;
 /// Coefficients of a power series, lowest first.
 pub type Series = [f64; MAX_DEGREE + 1];
 
@@ -71,25 +71,11 @@ pub fn along(ground: &Polynomial, x_m: f64, y_m: f64, dx: f64, dy: f64) -> Serie
 
 /// The Taylor coefficients of the ground about (x, y), in metres: `table[k][j]` goes with X^(k-j) Y^j.
 pub fn taylor(ground: &Polynomial, x_m: f64, y_m: f64) -> [Series; MAX_DEGREE + 1] {
-    let n = ground.degree;
-    let pu = legendre_series(n, (x_m - ground.centre_m.x) / ground.half_m, 1.0 / ground.half_m);
-    let pv = legendre_series(n, (y_m - ground.centre_m.y) / ground.half_m, 1.0 / ground.half_m);
+    let mut flat = [0.0; (MAX_DEGREE + 1) * (MAX_DEGREE + 2) / 2];
+    ground.taylor_into(x_m, y_m, &mut flat[..term_count(ground.degree)]);
     let mut table = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
-    let mut index = 0;
-    for i in 0..=n {
-        let mut q = [0.0; MAX_DEGREE + 1];
-        for j in 0..=n - i {
-            let c = ground.coefficients[index] * orthonormal(i) * orthonormal(j);
-            index += 1;
-            for k in 0..=j {
-                q[k] += c * pv[j][k];
-            }
-        }
-        for a in 0..=i {
-            for (b, q) in q.iter().enumerate().take(n - i + 1) {
-                table[a + b][b] += pu[i][a] * q;
-            }
-        }
+    for ((i, j), value) in terms(ground.degree).zip(flat) {
+        table[i + j][j] = value;
     }
     table
 }
