@@ -1,0 +1,4 @@
+//! Slow statistics: laws that need many seeds. Release builds only (`cargo test --release --test statistics`).
+#![cfg(not(debug_assertions))]
+
+mod scene;
