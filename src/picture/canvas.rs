@@ -10,7 +10,7 @@ use embedded_graphics::pixelcolor::BinaryColor;
 use embedded_graphics::prelude::{Drawable, Pixel, Point};
 use embedded_graphics::text::{Alignment, Baseline, Text, TextStyleBuilder};
 
-use super::colour::{Colour, mix, srgb_byte};
+use super::colour::{Colour, Palette, mix, srgb_byte};
 
 /// A picture in the making.
 #[derive(Clone, Debug)]
@@ -84,6 +84,26 @@ impl Canvas {
 
     pub(super) fn disc(&mut self, clip: Clip, centre: Spot, radius: f64, colour: Colour, alpha: f64) {
         self.cover(clip, &[centre], radius, colour, alpha, |p| crate::math::hypot(p.0 - centre.0, p.1 - centre.1));
+    }
+
+    /// A disc on those pixels alone that `keep` names.
+    pub(super) fn disc_where(
+        &mut self,
+        clip: Clip,
+        centre: Spot,
+        radius: f64,
+        colour: Colour,
+        alpha: f64,
+        keep: impl Fn(usize, usize) -> bool,
+    ) {
+        let distance = |p: Spot| {
+            if keep(p.0 as usize, p.1 as usize) {
+                crate::math::hypot(p.0 - centre.0, p.1 - centre.1)
+            } else {
+                f64::INFINITY
+            }
+        };
+        self.cover(clip, &[centre], radius, colour, alpha, distance);
     }
 
     /// A straight stroke with round ends.
@@ -175,6 +195,32 @@ impl Canvas {
             self.text(text, (at.0 + dx, at.1 + dy), font, alignment, colours.1);
         }
         self.text(text, at, font, alignment, colours.0);
+    }
+
+    /// A line of a legend: a dot and what it stands for.
+    pub(super) fn dot_entry(&mut self, at: Spot, colour: Colour, text: &str, palette: &Palette) {
+        let centre = (at.0 + 7.0, at.1 + 7.0);
+        self.disc(self.whole(), centre, 6.0, palette.faint_ink, 1.0);
+        self.disc(self.whole(), centre, 5.0, colour, 1.0);
+        self.text(text, (at.0 + 21.0, at.1), NORMAL, Alignment::Left, palette.ink);
+    }
+
+    /// A line of a legend: a square and what it stands for.
+    pub(super) fn square_entry(&mut self, at: Spot, colour: Colour, text: &str, palette: &Palette) {
+        self.rectangle(self.whole(), at, (at.0 + 15.0, at.1 + 14.0), palette.faint_ink, 1.0);
+        self.rectangle(self.whole(), (at.0 + 1.0, at.1 + 1.0), (at.0 + 14.0, at.1 + 13.0), colour, 1.0);
+        self.text(text, (at.0 + 23.0, at.1), NORMAL, Alignment::Left, palette.ink);
+    }
+
+    /// A line of a legend: a stroke, solid or dashed, and what it stands for.
+    pub(super) fn line_entry(&mut self, at: Spot, dashed: bool, colour: Colour, text: &str, palette: &Palette) {
+        let ends = [(at.0, at.1 + 7.0), (at.0 + 34.0, at.1 + 7.0)];
+        if dashed {
+            self.dashed(self.whole(), &ends, 2.6, 7.0, colour)
+        } else {
+            self.polyline(self.whole(), &ends, 2.8, colour)
+        }
+        self.text(text, (at.0 + 42.0, at.1), NORMAL, Alignment::Left, palette.ink);
     }
 
     /// The file's bytes: PNG, 8-bit sRGB.

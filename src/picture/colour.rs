@@ -68,7 +68,7 @@ pub(super) fn palette() -> Palette {
         untraversable: srgb(0x33302d),
         low_ground: srgb(0xa8683f),
         high_ground: srgb(0xe8c295),
-        rover_body: srgb(0xe9e4da),
+        rover_body: srgb(0xd9d3c7),
         rover_deck: srgb(0x27364f),
         rover_metal: srgb(0x8d9196),
         wheel: srgb(0x3b3a3c),
@@ -114,7 +114,9 @@ pub(super) fn class_name(class: Class) -> &'static str {
 /// Viridis: dark blue at 0, yellow at 1.
 pub(super) fn scale(share: f64) -> Colour {
     const STOPS: [u32; 8] = [0x440154, 0x46327e, 0x365c8d, 0x277f8e, 0x1fa187, 0x4ac16d, 0xa0da39, 0xfde725];
-    let at = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    // NaN is as dark as 0.
+    let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
+    let at = share * (STOPS.len() - 1) as f64;
     let left = (at as usize).min(STOPS.len() - 2);
     mix(srgb(STOPS[left]), srgb(STOPS[left + 1]), (at - left as f64) as f32)
 }

@@ -7,11 +7,17 @@
 mod canvas;
 mod colour;
 mod map;
+mod model;
+mod noise;
+mod perspective;
 mod ply;
 mod relief;
 mod scan;
+#[cfg(test)]
+mod tests;
 mod top;
 
+pub use perspective::{Overlay, perspective};
 pub use ply::labelled_cloud;
 pub use scan::scan_view;
 pub use top::top_view;
@@ -51,9 +57,5 @@ impl View<'_> {
 
     fn world_from_sensor(&self) -> Transform {
         self.true_pose().transform() * self.rover_from_sensor
-    }
-
-    fn map_from_sensor(&self) -> Transform {
-        self.estimated_pose().transform() * self.rover_from_sensor
     }
 }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use super::canvas::Canvas;
 use super::colour::{Colour, Palette, lit, mix, of_class};
 use super::map::{Map, round_step};
+use super::noise::speckle;
 use crate::geometry::{DVec2, DVec3};
 use crate::scene::{Class, Convex, Obstacle, Scene, Shape};
 
@@ -228,14 +229,4 @@ fn tufted(soil: Colour, scene: &Scene, at_m: DVec2) -> Colour {
         let tuft = speckle(at_m, 0.05);
         mix(colour, lit(of_class(patch.class), 0.75 + 0.5 * tuft as f32), (0.35 + 0.5 * tuft) as f32)
     })
-}
-
-/// A number in [0, 1) that changes from square to square, for textures.
-pub(super) fn speckle(at_m: DVec2, size_m: f64) -> f64 {
-    let square = (at_m / size_m).floor();
-    let mut word = (square.x as i64 as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
-        ^ (square.y as i64 as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f);
-    word ^= word >> 29;
-    word = word.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    (word >> 40) as f64 / (1u64 << 24) as f64
 }

@@ -153,14 +153,7 @@ fn range_legend(canvas: &mut Canvas, at: Spot, far_m: f64, palette: &Palette) {
     }
     canvas.text("m", (at.0 + LENGTH as f64 + 20.0, at.1 + 14.0), SMALL, Alignment::Left, palette.ink);
     let empty = (at.0 + LENGTH as f64 + 70.0, at.1 - 1.0);
-    swatch(canvas, empty, palette.traversable, "no return", palette);
-}
-
-fn swatch(canvas: &mut Canvas, at: Spot, colour: Colour, text: &str, palette: &Palette) {
-    let whole = canvas.whole();
-    canvas.rectangle(whole, at, (at.0 + 15.0, at.1 + 14.0), palette.faint_ink, 1.0);
-    canvas.rectangle(whole, (at.0 + 1.0, at.1 + 1.0), (at.0 + 14.0, at.1 + 13.0), colour, 1.0);
-    canvas.text(text, (at.0 + 23.0, at.1), NORMAL, Alignment::Left, palette.ink);
+    canvas.square_entry(empty, palette.traversable, "no return", palette);
 }
 
 fn class_legend(canvas: &mut Canvas, at: Spot, sweep: &Sweep, palette: &Palette) {
@@ -171,6 +164,6 @@ fn class_legend(canvas: &mut Canvas, at: Spot, sweep: &Sweep, palette: &Palette)
     let classes = ALL_CLASSES.into_iter().map(|class| (class, met(class))).filter(|(_, count)| *count > 0);
     for (k, (class, count)) in classes.enumerate() {
         let text = format!("{} ({count})", class_name(class));
-        swatch(canvas, (at.0 + 180.0 * k as f64, at.1), of_class(class), &text, palette);
+        canvas.square_entry((at.0 + 180.0 * k as f64, at.1), of_class(class), &text, palette);
     }
 }

@@ -12,10 +12,10 @@ use crate::geometry::{DVec2, GridSpec, Pose};
 use crate::scene::{Class, Scene, Shape};
 use crate::sweep::Status;
 
-const SIDE: usize = 720;
-const LEFT: usize = 64;
-const TOP: usize = 84;
-const BETWEEN: usize = 84;
+pub(super) const SIDE: usize = 720;
+pub(super) const LEFT: usize = 64;
+pub(super) const TOP: usize = 84;
+pub(super) const BETWEEN: usize = 84;
 const BELOW: usize = 118;
 
 /// PNG: on the left the whole yard from above with the drive and the sweep's points; on the right the cells of the sweep.
@@ -49,7 +49,7 @@ fn hits(view: &View) -> usize {
 }
 
 /// The least square that holds all cells and the rover, with a border.
-fn scanned_square(view: &View) -> (DVec2, f64) {
+pub(super) fn scanned_square(view: &View) -> (DVec2, f64) {
     let grid = GridSpec { size_m: view.cell_size_m };
     let rover_m = view.estimated_pose().position_m.truncate();
     let centres = view.cells.rows.iter().map(|r| grid.centre_m(r.index)).map(|(x, y)| DVec2::new(x, y));
@@ -159,44 +159,24 @@ pub(super) fn axles(chassis: &Chassis) -> Vec<DVec2> {
 }
 
 fn legends(canvas: &mut Canvas, view: &View, right: f64, palette: &Palette) {
-    let top = (TOP + SIDE) as f64 + 50.0;
-    let left = LEFT as f64;
-    let whole = canvas.whole();
-    let line = |canvas: &mut Canvas, at: Spot, dashed: bool, colour: Colour, text: &str| {
-        let ends = [(at.0, at.1 + 7.0), (at.0 + 34.0, at.1 + 7.0)];
-        if dashed {
-            canvas.dashed(whole, &ends, 2.6, 7.0, colour)
-        } else {
-            canvas.polyline(whole, &ends, 2.8, colour)
-        }
-        canvas.text(text, (at.0 + 42.0, at.1), NORMAL, Alignment::Left, palette.ink);
-    };
-    line(canvas, (left, top), false, palette.true_path, "true path");
-    line(canvas, (left, top + 24.0), true, palette.estimated_path, "estimated path");
-    let dot = |canvas: &mut Canvas, at: Spot, colour: Colour, text: &str| {
-        canvas.disc(whole, (at.0 + 7.0, at.1 + 7.0), 6.0, palette.faint_ink, 1.0);
-        canvas.disc(whole, (at.0 + 7.0, at.1 + 7.0), 5.0, colour, 1.0);
-        canvas.text(text, (at.0 + 20.0, at.1), NORMAL, Alignment::Left, palette.ink);
-    };
-    dot(canvas, (left + 200.0, top), palette.ground_point, "point on the ground");
-    dot(canvas, (left + 200.0, top + 24.0), palette.obstacle_point, "point on a thing");
-    let square = |canvas: &mut Canvas, at: Spot, colour: Colour, text: &str| {
-        canvas.rectangle(whole, (at.0, at.1), (at.0 + 15.0, at.1 + 14.0), palette.faint_ink, 1.0);
-        canvas.rectangle(whole, (at.0 + 1.0, at.1 + 1.0), (at.0 + 14.0, at.1 + 13.0), colour, 1.0);
-        canvas.text(text, (at.0 + 23.0, at.1), NORMAL, Alignment::Left, palette.ink);
-    };
+    let (left, top) = (LEFT as f64, (TOP + SIDE) as f64 + 50.0);
+    let below = top + 24.0;
+    canvas.line_entry((left, top), false, palette.true_path, "true path", palette);
+    canvas.line_entry((left, below), true, palette.estimated_path, "estimated path", palette);
+    canvas.dot_entry((left + 200.0, top), palette.ground_point, "point on the ground", palette);
+    canvas.dot_entry((left + 200.0, below), palette.obstacle_point, "point on an object", palette);
     for (k, class) in present(view.scene).into_iter().enumerate() {
-        let at = (left + 430.0 + 96.0 * (k / 2) as f64, top + 24.0 * (k % 2) as f64);
-        square(canvas, at, of_class(class), class_name(class));
+        let at = (left + 430.0 + 96.0 * (k / 2) as f64, if k % 2 == 0 { top } else { below });
+        canvas.square_entry(at, of_class(class), class_name(class), palette);
     }
-    square(canvas, (right, top), palette.traversable, "traversable");
-    square(canvas, (right, top + 24.0), palette.untraversable, "untraversable");
-    line(canvas, (right + 190.0, top), false, palette.obstacle_point, "true outline");
-    line(canvas, (right + 190.0, top + 24.0), true, palette.estimated_path, "estimated path");
+    canvas.square_entry((right, top), palette.traversable, "traversable", palette);
+    canvas.square_entry((right, below), palette.untraversable, "untraversable", palette);
+    canvas.line_entry((right + 190.0, top), false, palette.obstacle_point, "true outline", palette);
+    canvas.line_entry((right + 190.0, below), true, palette.estimated_path, "estimated path", palette);
 }
 
 /// The classes that the yard holds, ground aside.
-pub(super) fn present(scene: &Scene) -> Vec<Class> {
+fn present(scene: &Scene) -> Vec<Class> {
     let mut classes: Vec<Class> = scene.obstacles.iter().map(|o| o.class).collect();
     classes.extend(scene.volumes.iter().map(|v| v.class).chain(scene.patches.iter().map(|p| p.class)));
     classes.sort_unstable();
