@@ -111,7 +111,8 @@ struct Rules<'a, 'p, 'f> {
 impl Rules<'_, '_, '_> {
     fn fault(&mut self, key: &str, rule: String, cure: &str, also: &[(&str, &str)]) {
         let mut fault = Fault::new(self.place.span(key), rule).cure(cure);
-        for (key, word) in also {
+        // A default stands nowhere: there is nothing to point at.
+        for (key, word) in also.iter().filter(|(key, _)| self.place.holds(key)) {
             fault = fault.also(self.place.span(key), *word);
         }
         self.faults.push(fault);
@@ -208,7 +209,7 @@ impl Rules<'_, '_, '_> {
     fn has_obstacles(&self) -> bool {
         let some = |count: &Dist| count.bounds().1 >= 0.5;
         let scene = &self.family.scene;
-        let rocks = scene.rocks.as_ref().is_some_and(|rocks| rocks.golombek.is_some() || rocks.count.as_ref().is_some_and(some));
+        let rocks = scene.rocks.as_ref().is_some_and(|rocks| rocks.count.as_ref().is_none_or(some) || rocks.golombek.is_some());
         rocks
             || scene.boxes.as_ref().is_some_and(|boxes| some(&boxes.count))
             || scene.trees.as_ref().is_some_and(|trees| some(&trees.count))
@@ -217,7 +218,7 @@ impl Rules<'_, '_, '_> {
     fn path(&mut self) {
         let (drive, extent_m) = (&self.family.drive, self.family.scene.extent_m);
         let across_m = extent_m * std::f64::consts::SQRT_2;
-        let by_default = if self.place.holds("drive.path") { "" } else { " (the default)" };
+        let (path, by_default) = if self.place.holds("drive.path") { ("drive.path", "") } else { ("scene", " (the default)") };
         if !self.has_obstacles() {
             let cure = "add rocks, boxes or trees, or take another path";
             if drive.start.near_obstacle_m.is_some() {
@@ -231,7 +232,7 @@ impl Rules<'_, '_, '_> {
             };
             if let Some(name) = name {
                 let rule = format!("the path '{name}'{by_default} needs obstacles, and the scene has none");
-                self.fault("drive.path", rule, cure, &[("scene", "the scene")]);
+                self.fault(path, rule, cure, &[("scene", "the scene")]);
             }
         }
         let too_long = |key: &str, what: &str, length: &Dist| {

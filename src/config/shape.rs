@@ -205,17 +205,19 @@ impl Shape<'_> {
             }
             (Form::Number, _) => self.wrong(node, path, "a number", quoted_number(node)),
             (Form::Integer(part), Value::Int(value)) => {
-                let default_low = if part["format"].as_str().is_some_and(|f| f.starts_with("uint")) { 0.0 } else { -1e18 };
-                let default_high = if part["format"] == "uint64" { u64::MAX as f64 } else { f64::from(u32::MAX) };
-                let low = part["minimum"].as_f64().unwrap_or(default_low);
-                let high = part["maximum"].as_f64().unwrap_or(default_high);
-                if (*value as f64) < low || *value as f64 > high {
+                let default_low = if part["format"].as_str().is_some_and(|f| f.starts_with("uint")) { 0 } else { i64::MIN.into() };
+                let default_high = if part["format"] == "uint64" { u64::MAX.into() } else { u32::MAX.into() };
+                let low = part["minimum"].as_i64().map_or(default_low, i128::from);
+                let high = part["maximum"].as_u64().map_or(default_high, i128::from);
+                if *value < low || *value > high {
                     let rule = format!("'{path}' must be a whole number in [{low}, {high}], got {value}");
-                    self.faults.push(Fault::new(node.span, rule));
+                    self.faults.push(with_cure(Fault::new(node.span, rule), meaning(schema, path)));
                 }
             }
             (Form::Integer(_), Value::Float(value)) => {
-                let cure = (value.is_finite() && *value == value.trunc()).then(|| format!("write {value:.0}"));
+                // Above 2^53 the decimals are not what was written.
+                let whole = value.abs() < 9e15 && *value == value.trunc();
+                let cure = if whole { Some(format!("write {value:.0}")) } else { meaning(schema, path) };
                 self.wrong(node, path, "a whole number", cure);
             }
             (Form::Integer(_), _) => self.wrong(node, path, "a whole number", quoted_number(node)),
@@ -262,13 +264,16 @@ impl Shape<'_> {
                 }
             }
         }
-        for name in required(part) {
-            if node.get(name).is_none() {
-                let place = if path.is_empty() { "the config".into() } else { format!("'{path}'") };
-                let fault = Fault::new(node.span, format!("{place} needs the key '{name}'"));
-                let meaning = schema.at(&part["properties"][name]).own_description();
-                self.faults.push(with_cure(fault, meaning.map(|text| format!("it is: {}", text.replace('\n', " ")))));
-            }
+        let missing: Vec<&str> = required(part).filter(|name| node.get(name).is_none()).collect();
+        if !missing.is_empty() {
+            let place = if path.is_empty() { "the config".into() } else { format!("'{path}'") };
+            let quoted: Vec<String> = missing.iter().map(|name| format!("'{name}'")).collect();
+            let names = listed(quoted.iter().map(String::as_str)).replace(" or ", " and ");
+            let plural = if missing.len() == 1 { "" } else { "s" };
+            let meanings = missing.iter().filter_map(|name| meaning(schema.at(&part["properties"][name]), name));
+            let meanings = meanings.collect::<Vec<_>>().join("\n");
+            let fault = Fault::new(node.span, format!("{place} needs the key{plural} {names}"));
+            self.faults.push(with_cure(fault, (!meanings.is_empty()).then_some(meanings)));
         }
     }
 
@@ -336,9 +341,13 @@ impl Shape<'_> {
         let least = part["minItems"].as_u64().unwrap_or(0) as usize;
         let most = part["maxItems"].as_u64().map_or(usize::MAX, |most| most as usize);
         if items.len() < least || items.len() > most {
-            let count = if least == most { format!("{least}") } else { format!("at least {least}") };
-            let rule = if items.len() > most && least != most { format!("at most {most}") } else { count };
-            self.faults.push(Fault::new(node.span, format!("'{path}' needs {rule} values, got {}", items.len())));
+            let limit = match items.len() > most {
+                _ if least == most => format!("{least}"),
+                true => format!("at most {most}"),
+                false => format!("at least {least}"),
+            };
+            let plural = if limit.ends_with(" 1") { "" } else { "s" };
+            self.faults.push(Fault::new(node.span, format!("'{path}' needs {limit} value{plural}, got {}", items.len())));
         }
         for (i, item) in items.iter().enumerate() {
             self.node(item, schema.at(&part["items"]), &format!("{path}[{i}]"));
@@ -406,6 +415,12 @@ fn quoted_number(node: &Node) -> Option<String> {
         Value::Text(text) if text.trim().parse::<f64>().is_ok() => Some("take the quotes off".into()),
         _ => None,
     }
+}
+
+/// "key: what it means", from the type's own words.
+pub fn meaning(schema: Schema, path: &str) -> Option<String> {
+    let name = path.rsplit('.').next().unwrap_or(path);
+    schema.own_description().map(|text| format!("{name}: {}", text.replace('\n', " ")))
 }
 
 fn with_cure(fault: Fault, cure: Option<String>) -> Fault {
