@@ -96,7 +96,7 @@ fn label(source: &Source, span: Span, word: Option<String>) -> LabeledSpan {
     let rest_of_line = text[start..].find('\n').unwrap_or(text.len() - start);
     let len = span.len.clamp(1, rest_of_line.max(1)).min(text.len() - start);
     match word {
-        None => LabeledSpan::new_primary_with_span(Some("here".into()), (start, len)),
+        None => LabeledSpan::new_primary_with_span(None, (start, len)),
         Some(word) => LabeledSpan::new_with_span(Some(word), (start, len)),
     }
 }

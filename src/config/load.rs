@@ -162,10 +162,25 @@ impl Loader {
         }
         let shape = shape::check(node, part, name, whole, &self.reader.sources);
         let sound = shape.is_empty();
+        let rest = if sound { Some(node.clone()) } else { self.sound_part(node, part, name, &shape) };
         self.faults.extend(shape);
-        let section = sound.then(|| self.typed(node, name))??;
+        // What has a wrong shape is left out, so that the values of the rest are judged in the same go.
+        let section = rest.map(|rest| self.typed(&rest, name))??;
         self.check_values(&section, &Place { root: tree }, name);
-        Some(section)
+        sound.then_some(section)
+    }
+
+    /// What is left of a section without the parts that have a wrong shape.
+    fn sound_part(&self, node: &Node, part: Schema, name: &str, faults: &[Fault]) -> Option<Node> {
+        let mut rest = without(node, faults)?;
+        // What loses a part it needs is wrong in its turn, at most once a level.
+        loop {
+            let faults = shape::check(&rest, part, name, schema(Kind::Corpus), &self.reader.sources);
+            if faults.is_empty() {
+                return Some(rest);
+            }
+            rest = without(&rest, &faults)?;
+        }
     }
 
     fn typed<T: DeserializeOwned>(&mut self, node: &Node, name: &str) -> Option<T> {
@@ -180,10 +195,11 @@ impl Loader {
         for (path, error) in report.iter() {
             let joint = if section.is_empty() || path.is_empty() { "" } else { "." };
             let found = place.find(&format!("{section}{joint}{path}"));
-            let fault = Fault::new(found.span, format!("'{}' {}", found.dotted, plain(error.message(), found.value)));
-            let meaning = described(Schema::of(schema(Kind::Corpus)), &found.dotted);
-            self.faults.push(match meaning {
-                Some(meaning) => fault.cure(format!("it is: {meaning}")),
+            let said = plain(error.message(), found.value);
+            let joint = if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
+            let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
+            self.faults.push(match described(Schema::of(schema(Kind::Corpus)), &found.dotted) {
+                Some(meaning) => fault.cure(meaning),
                 None => fault,
             });
         }
@@ -253,6 +269,23 @@ impl Loader {
     }
 }
 
+/// A tree without what the faults point at; `None` where they point at all of it.
+fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
+    let faulty = |span: Span| faults.iter().any(|fault| fault.at == span || fault.also.iter().any(|(also, _)| *also == span));
+    if faulty(node.span) {
+        return None;
+    }
+    let value = match &node.value {
+        Value::Map(entries) => {
+            let kept = entries.iter().filter(|(key, _)| !faulty(key.span));
+            Value::Map(kept.filter_map(|(key, node)| Some((key.clone(), without(node, faults)?))).collect())
+        }
+        Value::Seq(items) => Value::Seq(items.iter().map(|item| without(item, faults)).collect::<Option<_>>()?),
+        leaf => leaf.clone(),
+    };
+    Some(Node { span: node.span, value, whole: node.whole })
+}
+
 /// A range rule in words, with the value that broke it.
 fn plain(message: &str, value: Option<String>) -> String {
     let got = value.map_or(String::new(), |value| format!(", got {value}"));
@@ -275,7 +308,7 @@ fn described(schema: Schema<'static>, dotted: &str) -> Option<String> {
     for step in dotted.split(['.', '[']) {
         here = if step.ends_with(']') { here.item()? } else { here.child(step)? };
     }
-    here.own_description().map(|text| text.replace('\n', " "))
+    shape::meaning(here, dotted)
 }
 
 /// A `--set key=value` laid over the document.

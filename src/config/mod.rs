@@ -19,9 +19,6 @@ mod shape;
 mod tree;
 mod write;
 
-#[cfg(test)]
-mod tests;
-
 pub use error::{ConfigError, Located};
 pub use load::load;
 pub use plan::{Family, Plan, PlanFile};

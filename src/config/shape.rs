@@ -180,9 +180,7 @@ impl Shape<'_> {
             (Form::Preset(part), Value::Map(_)) => self.mapping(node, part, schema, path),
             // Names are looked up where presets are written out.
             (Form::Preset(_), Value::Text(_)) => (),
-            (Form::Preset(_), _) => {
-                self.wrong(node, path, "the name of a preset, a path to a file, or a mapping", None)
-            }
+            (Form::Preset(_), _) => self.wrong(node, path, "the name of a preset, a path to a file, or a mapping", None),
             (Form::Struct(part), _) => {
                 let keys = keys_of(part);
                 self.wrong(node, path, "a mapping", Some(format!("its keys are {}", listed(keys))));
@@ -196,35 +194,30 @@ impl Shape<'_> {
                 self.wrong(node, path, "a number or a distribution", Some(cure));
             }
             (Form::Dist(variants), _) => {
-                let cure =
-                    format!("a distribution is a mapping with one key: {}", listed(variants.iter().map(|v| v.name)));
+                let cure = format!("a distribution is a mapping with one key: {}", listed(variants.iter().map(|v| v.name)));
                 self.wrong(node, path, "a number or a distribution", Some(quoted_number(node).unwrap_or(cure)));
             }
             (Form::List(part), Value::Seq(items)) => self.list(node, items, part, schema, path),
             (Form::List(_), _) => self.wrong(node, path, "a list", Some("write [a, b, ...]".into())),
             (Form::Number, Value::Int(_) | Value::Float(_)) => self.finite(node, path),
             (Form::Number, Value::Map(entries)) if entries.first().is_some_and(|(key, _)| is_law(&key.name)) => {
-                self.wrong(
-                    node,
-                    path,
-                    "a number",
-                    Some("this value is fixed for the whole corpus: it cannot be drawn".into()),
-                );
+                self.wrong(node, path, "a number", Some("this value is fixed for the whole corpus: it cannot be drawn".into()));
             }
             (Form::Number, _) => self.wrong(node, path, "a number", quoted_number(node)),
             (Form::Integer(part), Value::Int(value)) => {
-                let default_low =
-                    if part["format"].as_str().is_some_and(|f| f.starts_with("uint")) { 0.0 } else { -1e18 };
-                let default_high = if part["format"] == "uint64" { u64::MAX as f64 } else { f64::from(u32::MAX) };
-                let low = part["minimum"].as_f64().unwrap_or(default_low);
-                let high = part["maximum"].as_f64().unwrap_or(default_high);
-                if (*value as f64) < low || *value as f64 > high {
+                let default_low = if part["format"].as_str().is_some_and(|f| f.starts_with("uint")) { 0 } else { i64::MIN.into() };
+                let default_high = if part["format"] == "uint64" { u64::MAX.into() } else { u32::MAX.into() };
+                let low = part["minimum"].as_i64().map_or(default_low, i128::from);
+                let high = part["maximum"].as_u64().map_or(default_high, i128::from);
+                if *value < low || *value > high {
                     let rule = format!("'{path}' must be a whole number in [{low}, {high}], got {value}");
-                    self.faults.push(Fault::new(node.span, rule));
+                    self.faults.push(with_cure(Fault::new(node.span, rule), meaning(schema, path)));
                 }
             }
             (Form::Integer(_), Value::Float(value)) => {
-                let cure = (value.is_finite() && *value == value.trunc()).then(|| format!("write {value:.0}"));
+                // Above 2^53 the decimals are not what was written.
+                let whole = value.abs() < 9e15 && *value == value.trunc();
+                let cure = if whole { Some(format!("write {value:.0}")) } else { meaning(schema, path) };
                 self.wrong(node, path, "a whole number", cure);
             }
             (Form::Integer(_), _) => self.wrong(node, path, "a whole number", quoted_number(node)),
@@ -242,17 +235,14 @@ impl Shape<'_> {
         let written = ["null", "~", "Null", "NULL"].iter().any(|word| text[node.span.start..].starts_with(word));
         if !schema.nullable() {
             let keys = match schema.form() {
-                Form::Struct(part) => {
-                    Some(format!("its keys are {}; take it out for its defaults", listed(keys_of(part))))
-                }
+                Form::Struct(part) => Some(format!("its keys are {}; take it out for its defaults", listed(keys_of(part)))),
                 Form::Choice(variants) => Some(format!("choose {}", listed(variants.iter().map(|v| v.name)))),
                 _ => None,
             };
             self.faults.push(with_cure(Fault::new(node.span, format!("'{path}' has no value")), keys));
         } else if !written {
             // `range_noise:` with nothing behind it might be meant as "on" or as "off".
-            let all_default =
-                matches!(schema.form(), Form::Struct(part) if part["required"].as_array().is_none_or(Vec::is_empty));
+            let all_default = matches!(schema.form(), Form::Struct(part) if part["required"].as_array().is_none_or(Vec::is_empty));
             let on = if all_default { "write {} for its defaults, " } else { "fill it in, " };
             let cure = format!("{on}null to switch it off, or take the key out");
             self.faults.push(Fault::new(node.span, format!("'{path}' is empty")).cure(cure));
@@ -274,13 +264,16 @@ impl Shape<'_> {
                 }
             }
         }
-        for name in required(part) {
-            if node.get(name).is_none() {
-                let place = if path.is_empty() { "the config".into() } else { format!("'{path}'") };
-                let fault = Fault::new(node.span, format!("{place} needs the key '{name}'"));
-                let meaning = schema.at(&part["properties"][name]).own_description();
-                self.faults.push(with_cure(fault, meaning.map(|text| format!("it is: {}", text.replace('\n', " ")))));
-            }
+        let missing: Vec<&str> = required(part).filter(|name| node.get(name).is_none()).collect();
+        if !missing.is_empty() {
+            let place = if path.is_empty() { "the config".into() } else { format!("'{path}'") };
+            let quoted: Vec<String> = missing.iter().map(|name| format!("'{name}'")).collect();
+            let names = listed(quoted.iter().map(String::as_str)).replace(" or ", " and ");
+            let plural = if missing.len() == 1 { "" } else { "s" };
+            let meanings = missing.iter().filter_map(|name| meaning(schema.at(&part["properties"][name]), name));
+            let meanings = meanings.collect::<Vec<_>>().join("\n");
+            let fault = Fault::new(node.span, format!("{place} needs the key{plural} {names}"));
+            self.faults.push(with_cure(fault, (!meanings.is_empty()).then_some(meanings)));
         }
     }
 
@@ -348,9 +341,13 @@ impl Shape<'_> {
         let least = part["minItems"].as_u64().unwrap_or(0) as usize;
         let most = part["maxItems"].as_u64().map_or(usize::MAX, |most| most as usize);
         if items.len() < least || items.len() > most {
-            let count = if least == most { format!("{least}") } else { format!("at least {least}") };
-            let rule = if items.len() > most && least != most { format!("at most {most}") } else { count };
-            self.faults.push(Fault::new(node.span, format!("'{path}' needs {rule} values, got {}", items.len())));
+            let limit = match items.len() > most {
+                _ if least == most => format!("{least}"),
+                true => format!("at most {most}"),
+                false => format!("at least {least}"),
+            };
+            let plural = if limit.ends_with(" 1") { "" } else { "s" };
+            self.faults.push(Fault::new(node.span, format!("'{path}' needs {limit} value{plural}, got {}", items.len())));
         }
         for (i, item) in items.iter().enumerate() {
             self.node(item, schema.at(&part["items"]), &format!("{path}[{i}]"));
@@ -389,9 +386,7 @@ fn find_key(schema: Schema, key: &str, path: &str, depth: usize, homes: &mut Vec
         return;
     }
     let entries: Vec<(&str, &serde_json::Value)> = match schema.form() {
-        Form::Struct(part) => {
-            part["properties"].as_object().into_iter().flatten().map(|(k, v)| (k.as_str(), v)).collect()
-        }
+        Form::Struct(part) => part["properties"].as_object().into_iter().flatten().map(|(k, v)| (k.as_str(), v)).collect(),
         Form::Choice(variants) => variants.iter().filter_map(|v| v.content.map(|content| (v.name, content))).collect(),
         _ => return,
     };
@@ -420,6 +415,12 @@ fn quoted_number(node: &Node) -> Option<String> {
         Value::Text(text) if text.trim().parse::<f64>().is_ok() => Some("take the quotes off".into()),
         _ => None,
     }
+}
+
+/// "key: what it means", from the type's own words.
+pub fn meaning(schema: Schema, path: &str) -> Option<String> {
+    let name = path.rsplit('.').next().unwrap_or(path);
+    schema.own_description().map(|text| format!("{name}: {}", text.replace('\n', " ")))
 }
 
 fn with_cure(fault: Fault, cure: Option<String>) -> Fault {

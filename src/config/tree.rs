@@ -15,6 +15,7 @@ use super::error::Fault;
 /// Bytes of the largest document; a resolved plan may hold a beam pattern.
 const MAX_BYTES: usize = 32 << 20;
 const MAX_NODES: usize = 1_200_000;
+const MAX_DEPTH: usize = 40;
 
 /// A text that nodes point into: a file, a preset of the binary, or a `--set` argument.
 #[derive(Clone, Debug)]
@@ -149,7 +150,7 @@ fn options() -> serde_saphyr::Options {
         budget: serde_saphyr::budget! {
             max_events: 3 * MAX_NODES,
             max_nodes: MAX_NODES,
-            max_depth: 40,
+            max_depth: MAX_DEPTH,
             max_documents: 2,
             max_anchors: 100,
             max_aliases: 1000,
@@ -169,27 +170,42 @@ fn syntax_fault(error: &serde_saphyr::Error, source: usize, text: &str, from: us
     use serde_saphyr::Error;
     let error = error.without_snippet();
     let location = error.location();
-    let start = location.and_then(|l| l.span().byte_offset()).map_or(from, |offset| from + offset as usize);
+    let start = location.map_or(from, |location| match location.span().byte_offset() {
+        Some(offset) => from + offset as usize,
+        None => from + offset_of(&text[from..], location.line() as usize, location.column() as usize),
+    });
     let span = Span { source, start: start.min(text.len()), len: 1 };
     match error {
         Error::DuplicateMappingKey { key, .. } => {
             let key = key.as_deref().unwrap_or("?");
-            Fault::new(span, format!("the key '{}' stands twice in one mapping", shortened(key)))
-                .cure("keep one of them")
+            Fault::new(span, format!("the key '{}' stands twice in one mapping", shortened(key))).cure("keep one of them")
         }
         Error::MultipleDocuments { .. } => {
             Fault::new(span, "a second document begins here").cure("one file holds one document: take the '---' out")
         }
+        Error::UnsupportedTag { tag, .. } => {
+            Fault::new(span, format!("the tag {} has no meaning here", shortened(tag))).cure("take it out")
+        }
         other => {
             let rendered = other.render();
+            let too_much = matches!(other, Error::AliasReplayLimitExceeded { .. } | Error::AliasExpansionLimitExceeded { .. });
+            if too_much || rendered.contains("budget breached") {
+                let rule = "here the file becomes larger or deeper than a config may be, aliases written out";
+                return Fault::new(span, rule).cure(format!("at most {MAX_DEPTH} levels, and few and small aliases"));
+            }
             // The parser appends its own position; ours is in front.
-            let message =
-                rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
-            let message =
-                message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
-            Fault::new(span, format!("this is not the YAML that a config needs: {message}"))
+            let message = rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
+            let message = message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
+            Fault::new(span, format!("this is no YAML: {message}"))
         }
     }
+}
+
+/// Byte offset of a line and column, both counted from 1.
+fn offset_of(text: &str, line: usize, column: usize) -> usize {
+    let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+    let within = text[start.min(text.len())..].chars().take_while(|c| *c != '\n').take(column.saturating_sub(1));
+    start + within.map(char::len_utf8).sum::<usize>()
 }
 
 fn located(tree: Spanned<Raw>, source: usize, from: usize) -> Node {
