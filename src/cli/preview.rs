@@ -8,9 +8,11 @@ use super::Failure;
 use super::explain::{check_scene, plan_of};
 use super::output::outln;
 use crate::geometry::Pose;
-use crate::picture::{self, View};
+use crate::picture::{self, Overlay, View};
 use crate::pipeline::{NoWatch, Prepared, Scratch, replay_scene};
 use crate::slam;
+use crate::sweep::Caster;
+use crate::sweep::params::Cast;
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
@@ -53,6 +55,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
         cells: &scan.cells,
         cell_size_m: family.cells.size_m,
     };
+    let caster = Caster::new(&replay.scene, &Cast::Exact);
     let stem = format!("scene-{}", args.scene);
     let trajectory = |pose: fn(&crate::corpus::PoseRow) -> &Pose| {
         slam::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
@@ -60,6 +63,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     std::fs::create_dir_all(&args.out).map_err(|e| cannot_write(&args.out, &e))?;
     for (name, bytes) in [
         ("top.png", picture::top_view(&view)),
+        ("perspective.png", picture::perspective(&view, &caster, Overlay::Points)),
+        ("cells.png", picture::perspective(&view, &caster, Overlay::Cells)),
         ("scan.png", picture::scan_view(&view)),
         ("cloud.ply", picture::labelled_cloud(&view)),
         ("truth.tum", trajectory(|row| &row.truth)),
