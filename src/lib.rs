@@ -31,6 +31,12 @@ pub mod cells;
 
 pub mod corpus;
 
+pub mod train;
+
+pub mod evaluate;
+
+pub mod cloud;
+
 pub mod config;
 
 pub mod picture;

@@ -1,0 +1,1 @@
+//! Outputs and labels -> honest numbers: confusion, Table 1, density, comparison.

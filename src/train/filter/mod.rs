@@ -1,0 +1,52 @@
+//! Innovations -> better weights: the Kalman filters, and back-propagation beside them.
+//!
+//! All learn through one face, so that a config can swap them. Symbols: w weights (s), P their covariance (s x s), b = dy/dw the
+//! Jacobian (s), d target, y output, nu = d - y innovation, R measurement noise, S = b'Pb + R, K = Pb / S gain, Q process noise.
+
+use super::Network;
+
+/// What learns.
+pub trait Filter: Send {
+    /// Learns rows in order: `inputs` is row-major (rows x inputs, scaled), `targets` and `noise` (R of each row) have one entry a
+    /// row; rows may be taken together as a mini-batch where the filter says so.
+    fn learn(&mut self, network: &mut Network, inputs: &[f64], targets: &[f64], noise: &[f64]);
+
+    /// What went wrong and was mended so far.
+    fn counters(&self) -> Counters;
+
+    /// Everything that the next update depends on, beside the weights: for checkpoints and for reverting to the best.
+    fn state(&self) -> FilterState;
+
+    /// Goes on from a state of a filter of the same kind and size.
+    fn restore(&mut self, state: &FilterState) -> Result<(), FilterError>;
+}
+
+/// Guards that were needed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Counters {
+    pub updates: u64,
+    /// Rows that were not finite, and were not learnt.
+    pub rejected: u64,
+    /// Times b'Pb came out negative and P was rebuilt from its diagonal.
+    pub rebuilt: u64,
+}
+
+/// A filter's memory as plain numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilterState {
+    /// Name of the filter, such as `ekf-f32`.
+    pub kind: String,
+    /// Its arrays by name, as bytes, with their element type (`F32`, `F64`, `U64`) and shape.
+    pub arrays: Vec<(String, &'static str, Vec<usize>, Vec<u8>)>,
+}
+
+/// Why a filter could not be made or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum FilterError {
+    #[error("the state is of '{there}', the filter is '{here}'")]
+    OtherKind { there: String, here: String },
+    #[error("the state holds {there} values where {here} are needed")]
+    OtherSize { there: usize, here: usize },
+    #[error("{0}")]
+    OutOfRange(String),
+}

@@ -1,0 +1,245 @@
+//! A training config, as written and as checked.
+
+use garde::Validate;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::random::within;
+
+/// How a network is trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainParams {
+    /// Of initial weights and of the order of rows.
+    #[garde(skip)]
+    pub seed: u64,
+    #[garde(dive)]
+    pub network: NetworkParams,
+    #[garde(dive)]
+    pub filter: FilterParams,
+    #[garde(dive)]
+    pub features: FeatureSet,
+    /// Outputs for traversable and untraversable.
+    #[garde(inner(custom(within(0.0, 1.0))))]
+    pub targets: [f64; 2],
+    /// Ascending borders between classes of the output.
+    #[garde(length(min = 1, max = 16), inner(custom(within(0.0, 1.0))))]
+    pub thresholds: Vec<f64>,
+    /// Weigh rows so that both classes count alike, or not at all (the paper).
+    #[garde(skip)]
+    pub balance: Balance,
+    /// Scaled inputs are clipped to this.
+    #[garde(custom(within(0.5, 1e6)))]
+    pub clip: f64,
+    /// Passes over the train split, at most.
+    #[garde(range(min = 1, max = 100_000))]
+    pub epochs: u32,
+    /// Rows between two looks at the validation split; default: min(20,000, rows / 5).
+    #[garde(skip)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub validate_every: Option<u64>,
+    /// Looks without a better validation error before training ends.
+    #[garde(range(min = 1, max = 100_000))]
+    pub patience: u32,
+    /// Train even where there are fewer rows than weights.
+    #[garde(skip)]
+    pub allow_few_rows: bool,
+}
+
+impl Default for TrainParams {
+    fn default() -> Self {
+        TrainParams {
+            seed: 1,
+            network: NetworkParams::default(),
+            filter: FilterParams::default(),
+            features: FeatureSet::Full,
+            targets: [0.1, 0.9],
+            thresholds: vec![0.5],
+            balance: Balance::Classes,
+            clip: 8.0,
+            epochs: 50,
+            validate_every: None,
+            patience: 5,
+            allow_few_rows: false,
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct NetworkParams {
+    /// Neurons of each hidden layer.
+    #[garde(length(min = 1, max = 8), inner(range(min = 1, max = 4096)))]
+    pub hidden: Vec<usize>,
+    /// A bias per neuron (the paper prints none).
+    #[garde(skip)]
+    pub bias: bool,
+}
+
+impl Default for NetworkParams {
+    fn default() -> Self {
+        NetworkParams { hidden: vec![16, 16], bias: true }
+    }
+}
+
+/// Which columns are inputs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(rename_all = "snake_case")]
+pub enum FeatureSet {
+    /// The paper's list: 14 with 8 neighbours.
+    Listed,
+    /// Listed, and the sigmas of z, roll and pitch.
+    Full,
+    /// Every feature column.
+    All,
+    /// These columns.
+    Columns(#[garde(length(min = 1))] Vec<String>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Balance {
+    /// R of a row is divided by its class's weight, so that both classes weigh alike.
+    Classes,
+    None,
+}
+
+/// What learns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum FilterParams {
+    /// The extended Kalman filter with one group of weights (the paper's).
+    Ekf(#[garde(dive)] EkfParams),
+    /// Groups of weights with a covariance each.
+    Decoupled(#[garde(dive)] DecoupledParams),
+    /// Gradient steps: the EKF under the paper's two assumptions (eqs 17 and 18).
+    Backprop(#[garde(dive)] BackpropParams),
+    /// The square-root unscented filter, for small networks.
+    Ukf(#[garde(dive)] UkfParams),
+}
+
+impl Default for FilterParams {
+    fn default() -> Self {
+        FilterParams::Ekf(EkfParams::default())
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct EkfParams {
+    #[garde(dive)]
+    pub noise: NoiseParams,
+    /// Type of the covariance.
+    #[garde(skip)]
+    pub precision: Precision,
+    /// Bierman's factored form: slower, and sound at any setting.
+    #[garde(skip)]
+    pub robust: bool,
+    /// Rows learnt together.
+    #[garde(range(min = 1, max = 64))]
+    pub batch: usize,
+}
+
+impl Default for EkfParams {
+    fn default() -> Self {
+        EkfParams { noise: NoiseParams::default(), precision: Precision::F32, robust: false, batch: 1 }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    F32,
+    F64,
+}
+
+/// Only ratios matter: P0 / R, and Q / R.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct NoiseParams {
+    /// Initial variance of a weight over R.
+    #[garde(custom(within(1e-9, 1e12)))]
+    pub p0_over_r: f64,
+    /// Process noise of a weight over R, added each update.
+    #[garde(custom(within(0.0, 1e6)))]
+    pub q_over_r: f64,
+    #[garde(skip)]
+    pub schedule: Schedule,
+}
+
+impl Default for NoiseParams {
+    fn default() -> Self {
+        NoiseParams { p0_over_r: 10.0, q_over_r: 0.0, schedule: Schedule::Constant }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Schedule {
+    Constant,
+    /// P0 = 100, R from 100 to 1 (time constant 4,000 rows), Q from 1e-2 to 1e-6.
+    PuskoriusFeldkamp,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct DecoupledParams {
+    #[garde(dive)]
+    pub noise: NoiseParams,
+    #[garde(skip)]
+    pub precision: Precision,
+    #[garde(skip)]
+    pub groups: Groups,
+}
+
+impl Default for DecoupledParams {
+    fn default() -> Self {
+        DecoupledParams { noise: NoiseParams::default(), precision: Precision::F64, groups: Groups::Node }
+    }
+}
+
+/// Weights that share a covariance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Groups {
+    /// All: the EKF.
+    One,
+    Layer,
+    /// Weights into one neuron.
+    Node,
+    /// Weights out of one node (the paper's suggestion).
+    InputNode,
+    /// Each weight alone.
+    Weight,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct BackpropParams {
+    /// Learning rate, eta.
+    #[garde(custom(within(1e-9, 1e3)))]
+    pub rate: f64,
+}
+
+impl Default for BackpropParams {
+    fn default() -> Self {
+        BackpropParams { rate: 0.5 }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct UkfParams {
+    #[garde(dive)]
+    pub noise: NoiseParams,
+    #[garde(custom(within(1e-4, 1.0)))]
+    pub alpha: f64,
+    #[garde(custom(within(0.0, 10.0)))]
+    pub beta: f64,
+}
+
+impl Default for UkfParams {
+    fn default() -> Self {
+        UkfParams { noise: NoiseParams::default(), alpha: 1.0, beta: 2.0 }
+    }
+}
