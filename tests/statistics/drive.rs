@@ -83,9 +83,7 @@ fn dist_control_noise_has_the_variances_of_its_keys() {
         .map(|seed| driven(&straight(4.0, quiet(), noise(0.0, 3.0)), &scene, seed))
         .map(|log| math::wrap_angle(log.truth.last().unwrap().yaw_rad - log.truth[0].yaw_rad).to_degrees())
         .collect();
-    // The way of the outer wheel is a little longer than the rover's: the turns' own, 0.2 m of track each. Some 7 % at
-    // these figures: E|turn| a step = 3 deg sqrt(0.05) sqrt(2 / pi) = 0.0093 rad, 1.9 mm on 50 mm would be 3.7 % in variance,
-    // but it is the commanded turn that counts, and that is none.
+    // The way that counts is the commanded one of the outer wheel: 4 m, since no turn is commanded.
     assert!(centred(&turns, 3.0 * 4.0_f64.sqrt()), "{:?}", moments(&turns));
 }
 
