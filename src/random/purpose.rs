@@ -131,7 +131,43 @@ purposes! {
     OdometryDistanceNoise = 374, "drive.instruments.odometry.distance";
     OdometryHeadingNoise = 375, "drive.instruments.odometry.heading";
     // Sweep: 500-699
+    SweepMountX = 500, "sweep.mount.x_m";
+    SweepMountY = 501, "sweep.mount.y_m";
+    SweepMountZ = 502, "sweep.mount.z_m";
+    SweepMountYaw = 503, "sweep.mount.yaw_deg";
+    SweepMountPitch = 504, "sweep.mount.pitch_deg";
+    SweepMountRoll = 505, "sweep.mount.roll_deg";
+    SweepRangeSigma = 510, "sweep.effects.range_noise.sigma_m";
+    SweepRangeSigmaPerM = 511, "sweep.effects.range_noise.sigma_per_m";
+    SweepBiasSigma = 512, "sweep.effects.range_bias_m";
+    SweepDropoutRate = 513, "sweep.effects.dropout.rate";
+    SweepDropoutGround = 514, "sweep.effects.dropout.ground_reflectance";
+    SweepTiltSigma = 515, "sweep.effects.tilt_jitter_deg";
+    SweepIntensityGround = 516, "sweep.effects.intensity.ground_reflectance";
+    SweepIntensitySigma = 517, "sweep.effects.intensity.noise";
+    /// Index: object id; the same draw for dropout and intensity, so that a dark rock is dark to both.
+    SweepObjectReflectance = 600, "sweep.object_reflectance";
+    /// Index: slot.
+    SweepRangeNoise = 601, "sweep.range_noise";
+    /// One draw a sweep.
+    SweepBias = 602, "sweep.range_bias";
+    /// Index: slot.
+    SweepDropout = 603, "sweep.dropout";
+    /// Index: line.
+    SweepTilt = 604, "sweep.tilt_jitter";
+    /// Index: slot.
+    SweepIntensity = 605, "sweep.intensity";
+    /// Index: slot, and slot * 19 + k for sub-ray k.
+    SweepPatch = 606, "sweep.patch";
+    SweepPatchSubRay = 607, "sweep.patch.sub_ray";
+    SweepVolume = 608, "sweep.volume";
+    SweepVolumeSubRay = 609, "sweep.volume.sub_ray";
     // Slam: 700-799
+    /// Index 6 i + k: component k of particle i.
+    SlamSample = 700, "slam.fastslam.sample";
+    SlamResample = 701, "slam.fastslam.resample";
+    /// Index k: component k of the pose.
+    SlamSurrogate = 702, "slam.surrogate";
     // Cells: 800-899
 }
 

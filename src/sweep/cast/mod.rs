@@ -1,0 +1,325 @@
+//! First-hit ray casting: a yard and rays -> ranges and what was met.
+//!
+//! In: a [`Scene`] and rays in the `world` frame (unit directions), f64. Out: a [`Hit`] a ray. Sources: curvature-bounded
+//! Newton on the polynomial (`series`), Haines 1991 for convex bodies (`convex`). [`Caster`] holds what is computed once a
+//! scene, [`Origin`] what is computed once a sweep, because all beams of a sweep leave one point. Ground and bodies are
+//! surfaces: a ray that starts below or inside meets them where it leaves. Outside the yard there is no ground.
+//! Porous volumes and patches are not met here; the beam effects see to them.
+
+mod convex;
+mod mesh;
+mod newton;
+mod packets;
+mod polynomial;
+mod raster;
+mod series;
+mod tree;
+
+use std::borrow::Cow;
+
+use mesh::MeshCaster;
+use newton::{Block, LANES, Lanes, Near};
+use packets::Packets;
+use polynomial::PolynomialCaster;
+use raster::RasterCaster;
+use tree::Tree;
+
+use super::params::Cast;
+use crate::geometry::DVec3;
+use crate::scene::{Ground, Raster, Scene};
+
+/// What a ray met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray, metres; infinite where nothing was met.
+    pub range_m: f64,
+    /// Id of the obstacle; [`Hit::GROUND`], or [`Hit::NOTHING`].
+    pub object: i32,
+}
+
+impl Hit {
+    pub const GROUND: i32 = -1;
+    pub const NOTHING: i32 = -2;
+    /// Nothing within reach.
+    pub const NONE: Hit = Hit { range_m: f64::INFINITY, object: Hit::NOTHING };
+}
+
+/// Where a sensor must not be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Inside {
+    /// Below the ground, by this much.
+    Ground {
+        depth_m: f64,
+    },
+    Obstacle(i32),
+}
+
+/// A scene, ready to be cast at.
+pub struct Caster<'a> {
+    scene: &'a Scene,
+    ground: GroundCaster<'a>,
+    tree: Tree,
+}
+
+enum GroundCaster<'a> {
+    Polynomial(PolynomialCaster<'a>),
+    Raster(RasterCaster<'a>),
+    /// Ground and obstacles together.
+    Mesh(MeshCaster),
+}
+
+impl<'a> Caster<'a> {
+    /// Prepares a scene: certified bounds of the ground, the tree of the obstacles.
+    pub fn new(scene: &'a Scene, cast: &Cast) -> Caster<'a> {
+        let extent_m = scene.extent_m;
+        let ground = match (cast, &scene.ground) {
+            (Cast::Exact, Ground::Polynomial(ground)) => {
+                GroundCaster::Polynomial(PolynomialCaster::new(ground, extent_m))
+            }
+            (Cast::Exact, Ground::Raster(raster)) => {
+                GroundCaster::Raster(RasterCaster::new(Cow::Borrowed(raster), extent_m))
+            }
+            (Cast::Raster(sampling), ground) => {
+                let raster = Raster::sampled(extent_m, sampling.spacing_m, |x, y| ground.height_m(x, y));
+                GroundCaster::Raster(RasterCaster::new(Cow::Owned(raster), extent_m))
+            }
+            (Cast::Mesh(sampling), _) => GroundCaster::Mesh(MeshCaster::new(scene, sampling.spacing_m)),
+        };
+        Caster { scene, ground, tree: Tree::new(&scene.obstacles) }
+    }
+
+    /// The scene that is cast at.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// What a ray of any origin meets within `max_m`.
+    pub fn first_hit(&self, origin: DVec3, dir: DVec3, max_m: f64) -> Hit {
+        let ground = match &self.ground {
+            GroundCaster::Polynomial(ground) => ground.first_hit(origin, dir, 0.0, max_m),
+            GroundCaster::Raster(ground) => ground.first_hit(origin, dir, 0.0, max_m),
+            GroundCaster::Mesh(mesh) => return mesh.first_hit(origin, dir, max_m),
+        };
+        let hit = ground.map_or(Hit::NONE, |range_m| Hit { range_m, object: Hit::GROUND });
+        match self.tree.first_hit(&self.scene.obstacles, origin, dir, hit.range_m.min(max_m)) {
+            Some((range_m, object)) if range_m < hit.range_m => Hit { range_m, object },
+            _ => hit,
+        }
+    }
+
+    /// Prepares a sensor position for rays up to `max_range_m`.
+    pub fn from(&self, origin_m: DVec3, max_range_m: f64) -> Origin<'_> {
+        let ground = match &self.ground {
+            GroundCaster::Polynomial(ground) => match ground.near(origin_m, max_range_m) {
+                Some(near) => GroundFrom::Near(Box::new(near), ground),
+                None => GroundFrom::Polynomial(ground),
+            },
+            GroundCaster::Raster(ground) => GroundFrom::Raster(ground),
+            GroundCaster::Mesh(mesh) => GroundFrom::Mesh(mesh),
+        };
+        // A mesh holds the obstacles itself.
+        let obstacles = if matches!(ground, GroundFrom::Mesh(_)) { &[][..] } else { &self.scene.obstacles };
+        Origin { ground, packets: Packets::new(obstacles, origin_m, max_range_m), origin_m, max_range_m }
+    }
+
+    /// Outward unit normal of what a ray met at a point; up for nothing.
+    pub fn normal_at(&self, object: i32, point_m: DVec3) -> DVec3 {
+        match object {
+            Hit::GROUND => self.scene.ground.normal(point_m.x, point_m.y),
+            Hit::NOTHING => DVec3::Z,
+            id => self.scene.obstacles.get(id as usize).map_or(DVec3::Z, |o| convex::normal(&o.shape, point_m)),
+        }
+    }
+
+    /// Whether a point lies below the ground or in an obstacle, where no sensor can be.
+    pub fn inside(&self, point_m: DVec3) -> Option<Inside> {
+        let ground = &self.scene.ground;
+        let depth_m = ground.height_m(point_m.x, point_m.y) - point_m.z;
+        if depth_m > 0.0 && ground.contains(point_m.x, point_m.y) {
+            return Some(Inside::Ground { depth_m });
+        }
+        self.tree.holds(&self.scene.obstacles, point_m).map(Inside::Obstacle)
+    }
+}
+
+/// A sensor position in a scene, ready to be cast from.
+pub struct Origin<'a> {
+    ground: GroundFrom<'a>,
+    packets: Packets,
+    origin_m: DVec3,
+    max_range_m: f64,
+}
+
+enum GroundFrom<'a> {
+    /// An expansion about the sensor, and the ground itself for what lies beyond its reach.
+    Near(Box<Near>, &'a PolynomialCaster<'a>),
+    Polynomial(&'a PolynomialCaster<'a>),
+    Raster(&'a RasterCaster<'a>),
+    Mesh(&'a MeshCaster),
+}
+
+impl Origin<'_> {
+    /// Casts rays in world unit directions; `hits` is overwritten, one entry a ray.
+    pub fn cast(&self, dirs: &[DVec3], hits: &mut Vec<Hit>) {
+        hits.clear();
+        if let GroundFrom::Mesh(mesh) = &self.ground {
+            hits.extend(dirs.iter().map(|&dir| mesh.first_hit(self.origin_m, dir, self.max_range_m)));
+            return;
+        }
+        hits.reserve(dirs.len());
+        cast_blocks(self, dirs, hits);
+    }
+
+    #[inline(always)]
+    fn blocks<const N: usize>(&self, dirs: &[DVec3], hits: &mut Vec<Hit>) {
+        let mut block = Block::new();
+        for rays in dirs.chunks(LANES) {
+            let mut padded = [rays[rays.len() - 1]; LANES];
+            padded[..rays.len()].copy_from_slice(rays);
+            self.ground_block::<N>(&padded, rays.len(), &mut block);
+            let mut inverse = [0.0; LANES];
+            let mut objects = [Hit::NOTHING; LANES];
+            for l in 0..LANES {
+                let met = block.range_m[l] < f64::INFINITY;
+                inverse[l] = 1.0 / if met { block.range_m[l] } else { self.max_range_m };
+                objects[l] = if met { Hit::GROUND } else { Hit::NOTHING };
+            }
+            if !self.packets.is_empty() {
+                self.packets.solve(&padded, &mut inverse, &mut objects);
+            }
+            hits.extend((0..rays.len()).map(|l| Hit {
+                range_m: if objects[l] >= 0 { 1.0 / inverse[l] } else { block.range_m[l] },
+                object: objects[l],
+            }));
+        }
+    }
+
+    /// The ground's part of a block: `block.range_m`.
+    #[inline(always)]
+    fn ground_block<const N: usize>(&self, dirs: &[DVec3; LANES], count: usize, block: &mut Block) {
+        match &self.ground {
+            GroundFrom::Near(near, ground) => {
+                newton::solve::<N>(near, dirs, self.max_range_m, block);
+                for l in 0..count {
+                    self.finish_ray(near, ground, dirs[l], l, block);
+                }
+            }
+            GroundFrom::Polynomial(ground) => self.each(dirs, count, &mut block.range_m, |dir| {
+                ground.first_hit(self.origin_m, dir, 0.0, self.max_range_m)
+            }),
+            GroundFrom::Raster(ground) => self.each(dirs, count, &mut block.range_m, |dir| {
+                ground.first_hit(self.origin_m, dir, 0.0, self.max_range_m)
+            }),
+            GroundFrom::Mesh(_) => block.range_m = [f64::INFINITY; LANES],
+        }
+    }
+
+    #[inline(always)]
+    fn each(&self, dirs: &[DVec3; LANES], count: usize, ranges: &mut Lanes, first_hit: impl Fn(DVec3) -> Option<f64>) {
+        for l in 0..count {
+            ranges[l] = first_hit(dirs[l]).unwrap_or(f64::INFINITY);
+        }
+    }
+
+    /// What the block left open: a ray that did not settle, and the way beyond the expansion's reach.
+    #[inline(always)]
+    fn finish_ray(&self, near: &Near, ground: &PolynomialCaster, dir: DVec3, l: usize, block: &mut Block) {
+        if !block.stuck_m[l].is_nan() {
+            let series = block.series.map(|coefficient| coefficient[l]);
+            let settled = series::first_crossing(&series, near.degree, block.stuck_m[l], block.end_m[l]);
+            block.range_m[l] = settled.unwrap_or(f64::INFINITY);
+        }
+        if block.range_m[l] == f64::INFINITY && block.end_m[l] == near.reach_m && near.reach_m < self.max_range_m {
+            let beyond = ground.first_hit(self.origin_m, dir, near.reach_m, self.max_range_m);
+            block.range_m[l] = beyond.unwrap_or(f64::INFINITY);
+        }
+    }
+}
+
+/// Casts with the widest vectors of the machine; every choice gives the same bits.
+fn cast_blocks(origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
+    let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree } else { 0 };
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+            // SAFETY: the machine has what the function is compiled for.
+            return unsafe { cast_avx512(degree, origin, dirs, hits) };
+        }
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: as above.
+            return unsafe { cast_avx2(degree, origin, dirs, hits) };
+        }
+    }
+    cast_of_degree(degree, origin, dirs, hits);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+fn cast_avx512(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
+    cast_of_degree(degree, origin, dirs, hits);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn cast_avx2(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
+    cast_of_degree(degree, origin, dirs, hits);
+}
+
+/// One loop a degree, so that each is unrolled; lower degrees are padded with zeros.
+#[inline(always)]
+fn cast_of_degree(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
+    match degree {
+        0..=3 => origin.blocks::<3>(dirs, hits),
+        4..=5 => origin.blocks::<5>(dirs, hits),
+        6..=8 => origin.blocks::<8>(dirs, hits),
+        _ => origin.blocks::<12>(dirs, hits),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Class, Convex, Cylinder, Obstacle, Plane, Polynomial, Shape};
+
+    fn plane_yard(obstacles: Vec<Obstacle>) -> Scene {
+        let ground = Polynomial::flat(20.0);
+        Scene { extent_m: 20.0, ground: Ground::Polynomial(ground), obstacles, volumes: vec![], patches: vec![] }
+    }
+
+    fn cube(id: i32, centre_m: DVec3, half_m: f64) -> Obstacle {
+        let planes = [DVec3::X, DVec3::Y, DVec3::Z]
+            .iter()
+            .flat_map(|&n| [n, -n])
+            .map(|normal| Plane { normal, offset_m: -normal.dot(centre_m) - half_m })
+            .collect();
+        let shape = Shape::Convex(Convex { planes, vertices_m: vec![], faces: vec![] });
+        Obstacle { id, class: Class::Box, shape, centre_m, radius_m: 1.8 * half_m, protrusion_m: half_m }
+    }
+
+    #[test]
+    fn exact_ranges_on_a_plane_a_cube_and_a_cylinder() {
+        let trunk = Cylinder { base_m: DVec3::new(10.0, 14.0, -1.0), radius_m: 0.5, height_m: 3.0 };
+        let trunk = Obstacle {
+            id: 1,
+            class: Class::Trunk,
+            shape: Shape::Cylinder(trunk),
+            centre_m: DVec3::new(10.0, 14.0, 0.5),
+            radius_m: 2.0,
+            protrusion_m: 2.0,
+        };
+        let scene = plane_yard(vec![cube(0, DVec3::new(13.0, 10.0, 0.0), 0.5), trunk]);
+        let caster = Caster::new(&scene, &Cast::Exact);
+        let origin = DVec3::new(10.0, 10.0, 0.4);
+        let down = DVec3::new(0.0, -0.8, -0.6);
+        let mut hits = Vec::new();
+        caster.from(origin, 30.0).cast(&[DVec3::X, DVec3::Y, -DVec3::Y, down, DVec3::Z, -DVec3::Z], &mut hits);
+        let expected = [(2.5, 0), (3.5, 1), (f64::INFINITY, -2), (0.4 / 0.6, -1), (f64::INFINITY, -2), (0.4, -1)];
+        for (hit, (range, object)) in hits.iter().zip(expected) {
+            assert!((hit.range_m - range).abs() < 1e-12 || hit.range_m == range, "{hit:?} {range}");
+            assert_eq!(hit.object, object);
+        }
+        assert_eq!(caster.inside(DVec3::new(13.0, 10.0, 0.2)), Some(Inside::Obstacle(0)));
+        assert_eq!(caster.inside(DVec3::new(1.0, 1.0, -0.25)), Some(Inside::Ground { depth_m: 0.25 }));
+        assert_eq!(caster.normal_at(0, DVec3::new(12.5, 10.1, 0.2)), -DVec3::X);
+    }
+}
