@@ -3,5 +3,6 @@
 #![cfg(not(debug_assertions))]
 
 mod cast;
+mod drive;
 mod scene;
 mod slam;
