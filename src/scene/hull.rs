@@ -98,6 +98,12 @@ impl Hull {
         self.triangles.len()
     }
 
+    /// The bounding box of the hull as it is.
+    pub(super) fn bounds(&self) -> (DVec3, DVec3) {
+        let corners = self.triangles.iter().flat_map(|t| t.corners).map(|k| self.points[k as usize]);
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+    }
+
     /// Takes one of the points into the hull.
     pub(super) fn insert(&mut self, point: u32) {
         let p = self.points[point as usize];
@@ -224,6 +230,11 @@ impl Convex {
         };
         let planes = faces.iter().map(plane).collect();
         Convex { planes, vertices_m, faces }
+    }
+
+    /// The body with its vertices moved by an affine map that keeps handedness.
+    pub fn mapped(&self, map: impl Fn(DVec3) -> DVec3) -> Convex {
+        Convex::from_faces(self.vertices_m.iter().map(|v| map(*v)).collect(), self.faces.clone())
     }
 
     /// Largest signed distance to a plane: negative inside, and the distance to the surface where positive is a lower bound.

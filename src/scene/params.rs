@@ -21,7 +21,7 @@ pub struct SceneParams {
     #[serde(default)]
     pub ground: GroundParams,
     /// Convex polyhedra lying on the ground.
-    #[garde(dive)]
+    #[garde(dive, custom(one_size_law))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rocks: Option<RocksParams>,
     /// Walls, crates and buckets: boxes standing on the ground.
@@ -40,6 +40,20 @@ pub struct SceneParams {
 
 fn default_extent_m() -> f64 {
     20.0
+}
+
+/// Rocks take their number and sizes either from `count` and `diameter_m` or from `golombek`.
+fn one_size_law(rocks: &Option<RocksParams>, _: &()) -> garde::Result {
+    let Some(rocks) = rocks else { return Ok(()) };
+    match (&rocks.count, &rocks.diameter_m, &rocks.golombek) {
+        (Some(_), Some(_), None) => Ok(()),
+        (None, None, Some(law)) if law.min_diameter_m < law.max_diameter_m => Ok(()),
+        (None, None, Some(law)) => Err(garde::Error::new(format!(
+            "golombek.min_diameter_m must be below max_diameter_m, got {} and {}",
+            law.min_diameter_m, law.max_diameter_m
+        ))),
+        _ => Err(garde::Error::new("needs either count and diameter_m, or golombek")),
+    }
 }
 
 impl SceneParams {
@@ -79,14 +93,16 @@ pub struct GroundParams {
     pub source: GroundSource,
     #[garde(dive)]
     pub shape: GroundShape,
-    /// Grounds steeper than this anywhere in the yard are drawn again (up to 100 times), degrees.
+    /// Random shapes steeper than this anywhere in the yard are drawn again (up to 100 times), degrees. Roughness and
+    /// features, which are steep on purpose, and files do not count.
     #[garde(custom(within(0.1, 60.0)))]
     pub max_slope_deg: f64,
     /// Small-scale roughness on top of the shape; makes the ground a raster.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roughness: Option<RoughnessParams>,
-    /// Ridges, steps, ditches and craters on top of the shape; makes the ground a raster.
+    /// Ridges, steps, ditches and craters on top of the shape; makes the ground a raster (of 0.05 m, unless the shape or the
+    /// roughness says otherwise).
     #[garde(dive)]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<FeatureParams>,
@@ -272,7 +288,7 @@ pub struct RocksParams {
     #[serde(default = "default_tilt_deg")]
     pub tilt_deg: Dist,
     /// Raise every rock until it stands at least this high above the ground, metres (the paper's rocks are all taller
-    /// than a wheel).
+    /// than a wheel); one that would have to leave the ground for it is enlarged instead.
     #[garde(custom(within(0.0, 100.0)))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_height_m: Option<f64>,

@@ -1,0 +1,7 @@
+//! Slow statistics, one module a stage: laws that need many seeds. Release builds only:
+//! `cargo test --release --test statistics`.
+#![cfg(not(debug_assertions))]
+
+mod cast;
+mod scene;
+mod slam;
