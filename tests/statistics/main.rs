@@ -1,4 +1,5 @@
 //! Slow statistics: laws that need many seeds. Release builds only (`cargo test --release --test statistics`).
 #![cfg(not(debug_assertions))]
 
+mod cells;
 mod scene;
