@@ -163,6 +163,11 @@ purposes! {
     SweepVolume = 608, "sweep.volume";
     SweepVolumeSubRay = 609, "sweep.volume.sub_ray";
     // Slam: 700-799
+    /// Index 6 i + k: component k of particle i.
+    SlamSample = 700, "slam.fastslam.sample";
+    SlamResample = 701, "slam.fastslam.resample";
+    /// Index k: component k of the pose.
+    SlamSurrogate = 702, "slam.surrogate";
     // Cells: 800-899
 }
 

@@ -3,3 +3,4 @@
 
 mod cells;
 mod scene;
+mod slam;
