@@ -6,7 +6,6 @@
 
 use super::params::{LabelParams, ObstacleRule};
 use super::{CellRow, CellTruth};
-use crate::geometry::DVec2;
 use crate::math;
 use crate::scene::{Class, Scene};
 
@@ -41,6 +40,13 @@ pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64,
     out.extend(scene.patches.iter().map(patch));
 }
 
+/// Per object id: whether its points make a cell untraversable. Solid objects by the rule, others as they are marked.
+pub fn obstacles(params: &LabelParams, wheel_diameter_m: f64, scene: &Scene) -> Vec<bool> {
+    let mut by_id = Vec::new();
+    verdicts(scene, params.obstacle, wheel_diameter_m, &mut by_id);
+    by_id.iter().map(|verdict| verdict.untraversable).collect()
+}
+
 /// Gathers the truth of one cell's points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TruthSum {
@@ -55,11 +61,11 @@ impl TruthSum {
         TruthSum { truth, tallest_m: f64::NEG_INFINITY, steepest_squared: 0.0 }
     }
 
-    /// Adds a point: its true object (-1 ground, -2 nothing) and the ground's gradient, squared, where it is ground.
+    /// Adds a point: its true object (-1 ground, -2 nothing) and the ground's slope, squared, where it is ground.
     #[inline]
-    pub(super) fn add(&mut self, object: i32, top: bool, gradient_squared: f64, verdicts: &[Verdict]) {
+    pub(super) fn add(&mut self, object: i32, top: bool, slope_squared: f64, verdicts: &[Verdict]) {
         let Some(verdict) = usize::try_from(object).ok().and_then(|id| verdicts.get(id)) else {
-            self.steepest_squared = self.steepest_squared.max(gradient_squared);
+            self.steepest_squared = self.steepest_squared.max(slope_squared);
             return;
         };
         self.truth.obstacle_points += i32::from(verdict.untraversable);
@@ -79,12 +85,6 @@ impl TruthSum {
         self.truth.slope_rad = math::atan(self.steepest_squared.sqrt()) as f32;
         self.truth
     }
-}
-
-/// The squared length of the ground's gradient under a true point; 0 where the ground has none (its border).
-#[inline]
-pub(super) fn gradient_squared(gradient: DVec2) -> f64 {
-    gradient.length_squared().max(0.0)
 }
 
 /// 1 untraversable, 0 traversable.

@@ -9,11 +9,13 @@ mod group;
 mod labels;
 pub mod params;
 mod place;
+mod slope;
 #[cfg(test)]
 mod tests;
 
 pub use bin::{Scratch, WindowScan, bin};
 pub use columns::{Offset, feature_columns, neighbour_offsets};
+pub use labels::obstacles;
 pub use params::CellParams;
 pub use place::{Placed, Placer, Unplaced};
 

@@ -35,8 +35,12 @@ pub enum Unplaced {
 impl Placer {
     /// For the sweep taken where `rover` is believed to stand (in the map).
     pub fn new(grid: GridSpec, max_range_m: f64, rover: &Pose, rover_from_sensor: &Transform) -> Placer {
-        let map_from_rover = rover.transform();
-        Placer { grid, max_range_m, map_from_sensor: map_from_rover * *rover_from_sensor }
+        Placer::of_sensor(grid, max_range_m, rover.transform() * *rover_from_sensor)
+    }
+
+    /// For the sweep whose sensor is believed to be there.
+    pub fn of_sensor(grid: GridSpec, max_range_m: f64, map_from_sensor: Transform) -> Placer {
+        Placer { grid, max_range_m, map_from_sensor }
     }
 
     /// Where a range along a unit direction of the sensor frame lies.

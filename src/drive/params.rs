@@ -236,9 +236,8 @@ pub struct InstrumentsParams {
     #[garde(custom(within(-45.0, 45.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imu_bias_deg: Option<Dist>,
-    /// Sun-sensor heading at stops: standard deviation, degrees; absent = no sun sensor.
+    /// Sun-sensor heading at stops: standard deviation, degrees; null = no sun sensor.
     #[garde(custom(within(0.0, 180.0)))]
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sun_deg: Option<Dist>,
     /// Odometry: noise of the distance, metres per square root of a metre.
     #[garde(custom(within(0.0, 1.0)))]

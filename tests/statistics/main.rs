@@ -1,6 +1,8 @@
-//! Slow statistics: laws that need many seeds. Release builds only (`cargo test --release --test statistics`).
+//! Slow statistics, one module a stage: laws that need many seeds. Release builds only:
+//! `cargo test --release --test statistics`.
 #![cfg(not(debug_assertions))]
 
+mod cast;
 mod cells;
 mod scene;
 mod slam;

@@ -26,7 +26,7 @@ pub struct Near {
     pub z_m: f64,
     /// Ranges up to which the expansion is exact to a tenth of a picometre.
     pub reach_m: f64,
-    /// Certified heights of the ground within the reach.
+    /// Certified heights of the ground as far as any ray goes: a ray that has left them meets nothing beyond either.
     pub lowest_m: f64,
     pub highest_m: f64,
     /// The yard as seen from the sensor: least and greatest x, then y.

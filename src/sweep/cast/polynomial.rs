@@ -109,7 +109,7 @@ impl<'a> PolynomialCaster<'a> {
         while rounding(&table, reach_m) > 1e-13 && reach_m > 0.05 * self.ground.half_m {
             reach_m *= 0.8;
         }
-        let (lowest_m, highest_m) = self.height_bounds(origin.x, origin.y, reach_m.min(max_m));
+        let (lowest_m, highest_m) = self.height_bounds(origin.x, origin.y, max_m);
         let margin = 1e-9 * (1.0 + highest_m.abs().max(lowest_m.abs()));
         let square_m = [-origin.x, self.extent_m - origin.x, -origin.y, self.extent_m - origin.y];
         let to_border = square_m.iter().fold(f64::INFINITY, |least, side| least.min(side.abs()));
