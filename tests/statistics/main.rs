@@ -3,6 +3,7 @@
 #![cfg(not(debug_assertions))]
 
 mod cast;
+mod cells;
 mod drive;
 mod scene;
 mod slam;
