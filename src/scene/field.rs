@@ -39,7 +39,9 @@ impl RandomField {
     pub fn cut_out(&self, spacing_m: f64, count: usize, stream: &Stream) -> Vec<f64> {
         // The noise grid: coarser than the nodes by a power of two where the field is smooth enough.
         let mut finer = 1;
-        while 2.0 * finer as f64 * spacing_m * CELLS_PER_LENGTH <= self.correlation_length_m {
+        // 1e-9: 0.6 m spans three cells of 0.2 m, whatever the last bit says.
+        let length_m = self.correlation_length_m * (1.0 + 1e-9);
+        while 2.0 * finer as f64 * spacing_m * CELLS_PER_LENGTH <= length_m {
             finer *= 2;
         }
         let noise_spacing_m = spacing_m * finer as f64;
