@@ -179,7 +179,7 @@ def check_scenes(corpus):
     """Each scene is in one split, and its counts are those of its rows."""
     scenes = pl.read_parquet(corpus.glob("scenes"))
     cells = pl.read_parquet(corpus.glob("cells"), columns=["scene_id", "label"])
-    expect(scenes["scene_id"].to_list().sort(), list(range(corpus.manifest["scenes"])).sort(), "scene numbers")
+    expect(sorted(scenes["scene_id"].to_list()), list(range(corpus.manifest["scenes"])), "scene numbers")
     counted = cells.group_by("scene_id").agg(
         cells_found=pl.len(), untraversable_found=(pl.col("label") == 1).sum()
     )

@@ -21,7 +21,11 @@ pub fn documents() -> Vec<(String, String)> {
     let named = |kind: &str, (name, document): (&str, Value)| {
         (format!("{name}.{kind}.json"), serde_json::to_string_pretty(&document).expect("plain JSON") + "\n")
     };
-    types.into_iter().map(|pair| named("schema", pair)).chain(tables.into_iter().map(|pair| named("columns", pair))).collect()
+    types
+        .into_iter()
+        .map(|pair| named("schema", pair))
+        .chain(tables.into_iter().map(|pair| named("columns", pair)))
+        .collect()
 }
 
 fn titled(schema: schemars::Schema, title: &str) -> Value {
