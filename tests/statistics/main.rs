@@ -5,3 +5,4 @@
 mod cast;
 mod scene;
 mod slam;
+mod sweep;
