@@ -194,15 +194,19 @@ def check_scenes(corpus):
 
 def check_datasets(corpus):
     """Hugging Face datasets reads the card's configs, splits and class names."""
+    import tempfile
+
     import datasets
 
-    for table in corpus.tables:
-        loaded = datasets.load_dataset(str(corpus.place.resolve()), table, cache_dir=str(corpus.place / ".cache"))
-        expected = {name: split["rows"][table] for name, split in corpus.splits().items()}
-        expect({name: split.num_rows for name, split in loaded.items()}, expected, f"datasets: rows of {table}")
-        if table == "cells":
-            label = loaded["train"].features["label"]
-            expect(label.names, ["traversable", "untraversable"], "datasets: class names")
+    datasets.disable_progress_bars()
+    with tempfile.TemporaryDirectory() as cache:
+        for table in corpus.tables:
+            loaded = datasets.load_dataset(str(corpus.place.resolve()), table, cache_dir=cache)
+            expected = {name: split["rows"][table] for name, split in corpus.splits().items()}
+            expect({name: split.num_rows for name, split in loaded.items()}, expected, f"datasets: rows of {table}")
+            if table == "cells":
+                label = loaded["train"].features["label"]
+                expect(label.names, ["traversable", "untraversable"], "datasets: class names")
 
 
 def check_croissant(corpus):

@@ -254,7 +254,7 @@ fn dist_matched_noise_gives_innovations_of_their_own_size() {
 
 #[test]
 fn dist_without_features_the_sigmas_of_dead_reckoning_hold() {
-    let scenario = Scenario { rocks: 0, ..Scenario::a() };
+    let scenario = Scenario { rocks: 0, bumps: true, ..Scenario::a() };
     let mut values = Vec::new();
     for seed in seeds() {
         let drive = drive(seed, &scenario);

@@ -14,6 +14,11 @@ use rand_distr::{Distribution, StandardNormal};
 pub const RADIUS_M: f64 = 5.0;
 pub const RANGE_M: f64 = 4.0;
 const STEP_M: f64 = 0.1;
+/// Sideways slip of the true path, and noise of a turn as a share of it.
+const LATERAL_M_PER_SQRT_M: f64 = 0.02;
+const TURN_SHARE: f64 = 0.05;
+/// Relief between two attitude readings, which no slope shows.
+const VERTICAL_M_PER_SQRT_M: f64 = 0.02;
 const STEPS_A_STOP: usize = 5;
 const HALF_VIEW_RAD: f64 = 120.0 / 180.0 * std::f64::consts::PI;
 
@@ -33,6 +38,8 @@ pub struct Scenario {
     pub first_yaw_rad: f64,
     /// +1 turns left, -1 right.
     pub side: f64,
+    /// Sideways slip and relief between readings, as the filter assumes them; the reference scenarios have neither.
+    pub bumps: bool,
     /// Features are lost between these distances.
     pub blind_m: std::ops::Range<f64>,
 }
@@ -50,6 +57,7 @@ impl Scenario {
             origin_m: DVec3::ZERO,
             first_yaw_rad: std::f64::consts::FRAC_PI_2,
             side: 1.0,
+            bumps: false,
             blind_m: 0.0..0.0,
         }
     }
@@ -140,21 +148,34 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
         rover_from_sensor,
         visibility: visibility(),
     };
+    // The circle around the origin that is left (right) of the heading, and how far slip has carried the rover off it.
+    let (s, c) = math::sin_cos(scenario.first_yaw_rad);
+    let (mut x, mut y) = (scenario.side * RADIUS_M * s, -scenario.side * RADIUS_M * c);
+    let (mut relief_m, mut on_slope_m) = (0.0, None);
     for k in 0..=steps {
         let yaw = math::wrap_angle(scenario.first_yaw_rad + turn * k as f64);
-        // The circle around the origin that is left (right) of the heading.
-        let (s, c) = math::sin_cos(yaw);
-        let (x, y) = (scenario.side * RADIUS_M * s, -scenario.side * RADIUS_M * c);
+        let aside_m = if k == 0 || !scenario.bumps { 0.0 } else { LATERAL_M_PER_SQRT_M * STEP_M.sqrt() * normal() };
+        if k > 0 {
+            let (s, c) = math::sin_cos(yaw - 0.5 * turn);
+            (x, y) = (x + STEP_M * c - aside_m * s, y + STEP_M * s + aside_m * c);
+        }
+        if k > 0 && scenario.bumps {
+            relief_m += VERTICAL_M_PER_SQRT_M * STEP_M.sqrt() * normal();
+        }
         let mut pose = waves.pose(x, y, yaw);
         pose.position_m += scenario.origin_m;
         let stop = k % STEPS_A_STOP == 0;
-        let driven_m = drive.truth.last().map_or(0.0, |last: &Pose| last.position_m.distance(pose.position_m));
+        let moved_m = on_slope_m.map_or(0.0, |last: DVec3| last.distance(pose.position_m));
+        on_slope_m = Some(pose.position_m);
+        pose.position_m.z += relief_m;
+        let driven_m = (moved_m * moved_m - aside_m * aside_m).max(0.0).sqrt();
         let slipped_m = driven_m / (1.0 - scenario.slip);
         let yaw_rate = if k == 0 { 0.0 } else { turn };
+        let yaw_sigma = noise.heading_rad_per_sqrt_m * driven_m.sqrt() + TURN_SHARE * yaw_rate.abs();
         drive.readings.push(Reading {
             dt_s: if k == 0 { 0.0 } else { 1.0 },
             speed_mps: slipped_m + noise.odometry_m_per_sqrt_m * driven_m.sqrt() * normal(),
-            yaw_rate_radps: yaw_rate + noise.heading_rad_per_sqrt_m * driven_m.sqrt() * normal(),
+            yaw_rate_radps: yaw_rate + yaw_sigma * normal(),
             roll_rad: Some(pose.roll_rad + scenario.imu_bias_rad + noise.imu_rad * normal()),
             pitch_rad: Some(pose.pitch_rad + scenario.imu_bias_rad + noise.imu_rad * normal()),
             yaw_rad: (scenario.sun && stop).then(|| math::wrap_angle(pose.yaw_rad + noise.sun_rad * normal())),
