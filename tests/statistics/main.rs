@@ -7,3 +7,4 @@ mod cells;
 mod drive;
 mod scene;
 mod slam;
+mod sweep;
