@@ -164,7 +164,8 @@ impl Filter {
         }
     }
 
-    fn weights(&self) -> Vec<f64> {
+    /// The particles' weights; they sum to 1.
+    pub fn weights(&self) -> Vec<f64> {
         self.particles.iter().map(|p| math::exp(p.log_weight)).collect()
     }
 

@@ -3,9 +3,11 @@
 //! Ratios bind; metres are printed (`--nocapture`). `MARSYARD_SEEDS` sets how many seeds each law takes: 100 unless set.
 
 mod ekf;
+mod extraction;
 mod world;
 
 use ekf::EkfSlam;
+use extraction::{Finding, Study, Tally};
 use marsyard::drive::InstrumentNoise;
 use marsyard::geometry::Pose;
 use marsyard::math;
@@ -19,6 +21,9 @@ use world::{Drive, Scenario, drive};
 fn seeds() -> std::ops::RangeInclusive<u64> {
     1..=std::env::var("MARSYARD_SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(100)
 }
+
+/// Yards of the extraction study, ten scans in each.
+const YARDS: u64 = 20;
 
 fn params(particles: u32) -> FastslamParams {
     FastslamParams { particles, ..FastslamParams::default() }
@@ -321,4 +326,45 @@ fn tum_files_for_evo() {
         lines += &format!("{seed} {}\n", run.ate_m);
     }
     std::fs::write(folder.join("ate.txt"), lines).expect("writable");
+}
+
+#[test]
+fn dist_features_of_polyhedra_lie_at_their_rocks_whatever_the_size() {
+    let study = Study::new();
+    let mut tally = Tally::default();
+    for seed in 1..=YARDS {
+        study.yard(seed, 10, &mut tally);
+    }
+    let precision = tally.findings.len() as f64 / (tally.findings.len() + tally.spurious) as f64;
+    println!(
+        "{} scans, {:.1} features a scan, precision {precision:.3}, {:.2} ms an extraction",
+        tally.scans,
+        tally.findings.len() as f64 / tally.scans as f64,
+        1e3 * tally.extraction_s / tally.scans as f64
+    );
+    for (low, high) in [(0.1, 0.2), (0.2, 0.3), (0.3, 0.4), (0.4, 0.6), (0.6, 0.9)] {
+        let within = |d: f64| (low..high).contains(&d);
+        let bin: Vec<_> = tally.findings.iter().filter(|f| within(f.rock_diameter_m)).collect();
+        let rocks: Vec<_> = tally.rocks.iter().filter(|(d, _)| within(*d)).collect();
+        let recall = rocks.iter().filter(|(_, found)| *found).count() as f64 / rocks.len() as f64;
+        let of = |value: fn(&Finding) -> f64| {
+            let m = mean(bin.iter().map(|f| value(f)));
+            let sd = mean(bin.iter().map(|f| (value(f) - m) * (value(f) - m))).sqrt();
+            (100.0 * m, 100.0 * sd)
+        };
+        let (along, across, top) = (of(|f| f.along_m), of(|f| f.across_m), of(|f| f.top_m));
+        // The share that would leave no bias in this bin.
+        let share =
+            mean(bin.iter().map(|f| 0.72 * f.half_width_m - f.along_m)) / mean(bin.iter().map(|f| f.half_width_m));
+        println!(
+            "rocks {low}-{high} m: {} found, recall {recall:.2}; along {:.1} +- {:.1} cm, across {:.1} +- {:.1}, top {:.1} +- {:.1}; share {share:.2}",
+            bin.len(),
+            along.0,
+            along.1,
+            across.0,
+            across.1,
+            top.0,
+            top.1
+        );
+    }
 }
