@@ -12,6 +12,8 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 
+use super::world::{Drive, RADIUS_M, Scenario, drive_on, on_slope};
+
 pub const RANGE_M: f64 = 3.75;
 /// Kapvik's.
 const MAST_M: DVec3 = DVec3::new(0.3, 0.0, 0.4);
@@ -90,6 +92,60 @@ impl Study {
     }
 }
 
+/// A yard of 60 rocks in 18 m squared with a free ring of 5 m radius around its centre, and a drive along it: scenario A
+/// with real rocks.
+pub struct RingDrive {
+    pub drive: Drive,
+    /// Per step: the sweep, at stops.
+    pub sweeps: Vec<Option<Sweep>>,
+}
+
+impl Study {
+    pub fn ring(&self, seed: u64, scenario: &Scenario) -> RingDrive {
+        let full = yard(seed);
+        let centre_m = DVec2::splat(10.0);
+        let mut scene = Scene::bare(full.extent_m, full.ground.clone());
+        for rock in &full.obstacles {
+            let from_ring_m = (rock.centre_m.truncate().distance(centre_m) - RADIUS_M).abs();
+            if scene.obstacles.len() < scenario.rocks && from_ring_m > rock.radius_m + 0.5 {
+                scene = scene.with_obstacle(rock.class, rock.shape.clone());
+            }
+        }
+        // Oracle features: the middles and tops of the rocks, relative to the ring's centre.
+        let origin_m = centre_m.extend(0.0);
+        let rocks: Vec<DVec3> = scene
+            .obstacles
+            .iter()
+            .map(|o| rock(&scene, o))
+            .filter(|r| r.middle_m.is_finite())
+            .map(|r| r.middle_m.extend(r.top_m))
+            .collect();
+        let scenario = Scenario { origin_m, ..scenario.clone() };
+        let ground = |at: DVec2| {
+            let at = at + centre_m;
+            (scene.ground.height_m(at.x, at.y), scene.ground.gradient(at.x, at.y))
+        };
+        let drive = drive_on(seed, &scenario, ground, &rocks);
+        let caster = Caster::new(&scene, &self.sweep.cast);
+        let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Sweep, step: 0 };
+        let drawn = Drawn::draw(&streams, self.sweep.dists());
+        let mut scratch = Scratch::default();
+        let sweeps = drive
+            .truth
+            .iter()
+            .zip(&drive.features)
+            .zip(0..)
+            .map(|((pose, stop), step)| {
+                stop.as_ref()?;
+                let world_from_sensor = pose.transform() * drive.rover_from_sensor;
+                let streams = streams.at_step(step);
+                sweep(&self.sweep, &self.pattern, &caster, &world_from_sensor, &drawn, &streams, &mut scratch).ok()
+            })
+            .collect();
+        RingDrive { drive, sweeps }
+    }
+}
+
 fn cartesian([range, bearing, elevation]: &[f64; 3]) -> DVec3 {
     let ((sb, cb), (se, ce)) = (math::sin_cos(*bearing), math::sin_cos(*elevation));
     *range * DVec3::new(ce * cb, ce * sb, se)
@@ -108,12 +164,7 @@ fn clear_place(scene: &Scene, rng: &mut ChaCha8Rng) -> Option<Pose> {
         let at = DVec2::new(rng.random_range(5.0..15.0), rng.random_range(5.0..15.0));
         let yaw_rad: f64 = rng.random_range(-3.1..3.1);
         if scene.obstacles.iter().all(|o| o.centre_m.truncate().distance(at) > o.radius_m + 0.5) {
-            return Some(super::world::on_slope(
-                at,
-                scene.ground.height_m(at.x, at.y),
-                scene.ground.gradient(at.x, at.y),
-                yaw_rad,
-            ));
+            return Some(on_slope(at, scene.ground.height_m(at.x, at.y), scene.ground.gradient(at.x, at.y), yaw_rad));
         }
     }
     None

@@ -125,10 +125,6 @@ pub fn on_slope(at_m: DVec2, height_m: f64, gradient: DVec2, yaw_rad: f64) -> Po
 
 pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(7919).wrapping_add(17));
-    let mut normal = {
-        let mut noise = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(104_729).wrapping_add(5));
-        move || -> f64 { StandardNormal.sample(&mut noise) }
-    };
     let waves = Waves { phases: std::array::from_fn(|_| rng.random_range(0.0..std::f64::consts::TAU)) };
     let rocks: Vec<DVec3> = (0..scenario.rocks)
         .map(|_| {
@@ -136,6 +132,15 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
             DVec3::new(x, y, waves.height_m(x, y) + rng.random_range(0.08..0.3)) + scenario.origin_m
         })
         .collect();
+    drive_on(seed, scenario, |at| (waves.height_m(at.x, at.y), waves.gradient(at.x, at.y)), &rocks)
+}
+
+/// The drive around the origin over any ground: its height and gradient at a place.
+pub fn drive_on(seed: u64, scenario: &Scenario, ground: impl Fn(DVec2) -> (f64, DVec2), rocks: &[DVec3]) -> Drive {
+    let mut normal = {
+        let mut noise = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(104_729).wrapping_add(5));
+        move || -> f64 { StandardNormal.sample(&mut noise) }
+    };
     let noise = scenario.noise();
     let steps = (scenario.length_m / STEP_M).round() as usize;
     let rover_from_sensor = mast();
@@ -161,7 +166,8 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
         if k > 0 && scenario.bumps {
             relief_m += VERTICAL_M_PER_SQRT_M * STEP_M.sqrt() * normal();
         }
-        let mut pose = on_slope(DVec2::new(x, y), waves.height_m(x, y), waves.gradient(x, y), yaw);
+        let (height_m, gradient) = ground(DVec2::new(x, y));
+        let mut pose = on_slope(DVec2::new(x, y), height_m, gradient, yaw);
         pose.position_m += scenario.origin_m;
         let stop = k % STEPS_A_STOP == 0;
         let moved_m = on_slope_m.map_or(0.0, |last: DVec3| last.distance(pose.position_m));
@@ -181,7 +187,7 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
         });
         drive.features.push(stop.then(|| {
             let blind = scenario.blind_m.contains(&(k as f64 * STEP_M));
-            let found = seen(&rocks, &(pose.transform() * rover_from_sensor), scenario.known, &mut normal);
+            let found = seen(rocks, &(pose.transform() * rover_from_sensor), scenario.known, &mut normal);
             if blind { Vec::new() } else { found }
         }));
         drive.truth.push(pose);
