@@ -164,7 +164,8 @@ impl Filter {
         }
     }
 
-    fn weights(&self) -> Vec<f64> {
+    /// The particles' weights; they sum to 1.
+    pub fn weights(&self) -> Vec<f64> {
         self.particles.iter().map(|p| math::exp(p.log_weight)).collect()
     }
 
@@ -208,7 +209,8 @@ impl Filter {
         let telling = |p: &Particle| p.associations.iter().any(|a| !matches!(a, Association::Ambiguous(_)));
         let draws = self.particles.iter().any(telling);
         let thin = mixture.effective_samples < self.resample_below * self.particles.len() as f64;
-        if draws && thin {
+        // Without a draw as well: readings alone wear weights thin while no feature is matched.
+        if thin {
             let parents = systematic(&self.weights(), streams.open(Purpose::SlamResample).uniform(0));
             self.descend(&parents);
             self.ancestry.record(&parents);

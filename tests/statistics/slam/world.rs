@@ -4,7 +4,7 @@
 //! and B of the SLAM acceptance.
 
 use marsyard::drive::{InstrumentNoise, Reading};
-use marsyard::geometry::{DMat3, DVec3, Pose, Transform};
+use marsyard::geometry::{DMat3, DVec2, DVec3, Pose, Transform};
 use marsyard::math;
 use marsyard::slam::{Feature, Visibility};
 use rand::rngs::ChaCha8Rng;
@@ -104,32 +104,27 @@ impl Waves {
         Waves::SHAPE.into_iter().zip(self.phases).map(wave).sum()
     }
 
-    fn gradient(&self, x: f64, y: f64) -> (f64, f64) {
-        let mut sum = (0.0, 0.0);
+    fn gradient(&self, x: f64, y: f64) -> DVec2 {
+        let mut sum = DVec2::ZERO;
         for ([a, kx, ky], phase) in Waves::SHAPE.into_iter().zip(self.phases) {
             let c = a * math::cos(kx * x + ky * y + phase);
-            sum = (sum.0 + kx * c, sum.1 + ky * c);
+            sum += c * DVec2::new(kx, ky);
         }
         sum
     }
+}
 
-    /// The pose of a rover that stands on the tangent plane.
-    fn pose(&self, x: f64, y: f64, yaw_rad: f64) -> Pose {
-        let (gx, gy) = self.gradient(x, y);
-        let up = DVec3::new(-gx, -gy, 1.0).normalize();
-        let (s, c) = math::sin_cos(yaw_rad);
-        let ahead = DVec3::new(c, s, gx * c + gy * s).normalize();
-        let rotation = DMat3::from_cols(ahead, up.cross(ahead), up);
-        Pose::from_transform(&Transform { rotation, translation_m: DVec3::new(x, y, self.height_m(x, y)) })
-    }
+/// The pose of a rover that stands on the tangent plane.
+pub fn on_slope(at_m: DVec2, height_m: f64, gradient: DVec2, yaw_rad: f64) -> Pose {
+    let up = DVec3::new(-gradient.x, -gradient.y, 1.0).normalize();
+    let (s, c) = math::sin_cos(yaw_rad);
+    let ahead = DVec3::new(c, s, gradient.x * c + gradient.y * s).normalize();
+    let rotation = DMat3::from_cols(ahead, up.cross(ahead), up);
+    Pose::from_transform(&Transform { rotation, translation_m: at_m.extend(height_m) })
 }
 
 pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(7919).wrapping_add(17));
-    let mut normal = {
-        let mut noise = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(104_729).wrapping_add(5));
-        move || -> f64 { StandardNormal.sample(&mut noise) }
-    };
     let waves = Waves { phases: std::array::from_fn(|_| rng.random_range(0.0..std::f64::consts::TAU)) };
     let rocks: Vec<DVec3> = (0..scenario.rocks)
         .map(|_| {
@@ -137,6 +132,15 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
             DVec3::new(x, y, waves.height_m(x, y) + rng.random_range(0.08..0.3)) + scenario.origin_m
         })
         .collect();
+    drive_on(seed, scenario, |at| (waves.height_m(at.x, at.y), waves.gradient(at.x, at.y)), &rocks)
+}
+
+/// The drive around the origin over any ground: its height and gradient at a place.
+pub fn drive_on(seed: u64, scenario: &Scenario, ground: impl Fn(DVec2) -> (f64, DVec2), rocks: &[DVec3]) -> Drive {
+    let mut normal = {
+        let mut noise = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(104_729).wrapping_add(5));
+        move || -> f64 { StandardNormal.sample(&mut noise) }
+    };
     let noise = scenario.noise();
     let steps = (scenario.length_m / STEP_M).round() as usize;
     let rover_from_sensor = mast();
@@ -162,7 +166,8 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
         if k > 0 && scenario.bumps {
             relief_m += VERTICAL_M_PER_SQRT_M * STEP_M.sqrt() * normal();
         }
-        let mut pose = waves.pose(x, y, yaw);
+        let (height_m, gradient) = ground(DVec2::new(x, y));
+        let mut pose = on_slope(DVec2::new(x, y), height_m, gradient, yaw);
         pose.position_m += scenario.origin_m;
         let stop = k % STEPS_A_STOP == 0;
         let moved_m = on_slope_m.map_or(0.0, |last: DVec3| last.distance(pose.position_m));
@@ -182,7 +187,7 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
         });
         drive.features.push(stop.then(|| {
             let blind = scenario.blind_m.contains(&(k as f64 * STEP_M));
-            let found = seen(&rocks, &(pose.transform() * rover_from_sensor), scenario.known, &mut normal);
+            let found = seen(rocks, &(pose.transform() * rover_from_sensor), scenario.known, &mut normal);
             if blind { Vec::new() } else { found }
         }));
         drive.truth.push(pose);
