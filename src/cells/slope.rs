@@ -92,7 +92,8 @@ impl Slopes {
 
     #[inline(always)]
     fn squared(&self, xs: &[f64], ys: &[f64], out: &mut [f64]) {
-        let blocks = xs.as_chunks::<LANES>().0.iter().zip(ys.as_chunks::<LANES>().0).zip(out.as_chunks_mut::<LANES>().0);
+        let blocks =
+            xs.as_chunks::<LANES>().0.iter().zip(ys.as_chunks::<LANES>().0).zip(out.as_chunks_mut::<LANES>().0);
         for ((xs, ys), out) in blocks {
             let x = xs.map(|x| x - self.centre_m.x);
             let y = ys.map(|y| y - self.centre_m.y);

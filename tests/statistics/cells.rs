@@ -51,7 +51,8 @@ fn law_points_a_cell_on_flat_ground_follow_the_tilted_scanners_density() {
     let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor };
     let cells = cells::bin(&params, &[scan], &head(h), 0.1, 5.6, &scene, &mut Scratch::default());
     let counted = |from: i32, to: i32| -> f64 {
-        let near = |r: &&cells::CellRow| (from..to).contains(&(r.index.col - 50)) && (-10..10).contains(&(r.index.row - 100));
+        let near =
+            |r: &&cells::CellRow| (from..to).contains(&(r.index.col - 50)) && (-10..10).contains(&(r.index.row - 100));
         cells.rows.iter().filter(near).map(|r| f64::from(r.points)).sum()
     };
     let density = |x: f64, y: f64| {
@@ -79,14 +80,25 @@ fn law_points_a_cell_on_flat_ground_follow_the_tilted_scanners_density() {
 }
 
 fn stony_yard(scene: u64) -> Scene {
-    let rocks: RocksParams = serde_saphyr::from_str("{count: 120, diameter_m: {log_uniform: [0.05, 1.0]}}").expect("rocks");
+    let rocks: RocksParams =
+        serde_saphyr::from_str("{count: 120, diameter_m: {log_uniform: [0.05, 1.0]}}").expect("rocks");
     let constant = |value| Dist::Constant(value);
     let params = SceneParams {
         extent_m: 20.0,
         ground: Default::default(),
         rocks: Some(rocks),
-        boxes: Some(BoxesParams { count: constant(12.0), length_m: constant(0.5), width_m: constant(0.4), height_m: constant(0.08) }),
-        trees: Some(TreesParams { count: constant(12.0), diameter_m: constant(0.25), height_m: constant(2.0), crown: None }),
+        boxes: Some(BoxesParams {
+            count: constant(12.0),
+            length_m: constant(0.5),
+            width_m: constant(0.4),
+            height_m: constant(0.08),
+        }),
+        trees: Some(TreesParams {
+            count: constant(12.0),
+            diameter_m: constant(0.25),
+            height_m: constant(2.0),
+            crown: None,
+        }),
         vegetation: None,
     };
     let streams = streams(scene, Stage::Scene);
@@ -171,7 +183,8 @@ fn rate_of_a_full_sweep_is_printed() {
         if sweep.status[slot] != Status::Hit {
             sweep.status[slot] = Status::Hit;
             sweep.range_m[slot] = 1.0 + 4.0 * (slot % 97) as f64 / 97.0;
-            sweep.truth[slot] = sweep::TrueReturn { range_m: sweep.range_m[slot], object: -1, class: ground, top: false };
+            sweep.truth[slot] =
+                sweep::TrueReturn { range_m: sweep.range_m[slot], object: -1, class: ground, top: false };
         }
     }
     let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor };
