@@ -196,7 +196,8 @@ impl Loader {
             let joint = if section.is_empty() || path.is_empty() { "" } else { "." };
             let found = place.find(&format!("{section}{joint}{path}"));
             let said = plain(error.message(), found.value);
-            let joint = if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
+            let joint =
+                if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
             let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
             self.faults.push(match described(Schema::of(schema(Kind::Corpus)), &found.dotted) {
                 Some(meaning) => fault.cure(meaning),
@@ -271,7 +272,8 @@ impl Loader {
 
 /// A tree without what the faults point at; `None` where they point at all of it.
 fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
-    let faulty = |span: Span| faults.iter().any(|fault| fault.at == span || fault.also.iter().any(|(also, _)| *also == span));
+    let faulty =
+        |span: Span| faults.iter().any(|fault| fault.at == span || fault.also.iter().any(|(also, _)| *also == span));
     if faulty(node.span) {
         return None;
     }

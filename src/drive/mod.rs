@@ -39,8 +39,7 @@ use yard::Yard;
 pub fn drive(params: &DriveParams, scene: &Scene, drawn: &Drawn, streams: &Streams) -> Result<DriveLog, DriveError> {
     let yard = Yard::new(scene, &params.rover);
     let stander = Stander::new(&params.rover, scene, params.contact);
-    let start = start::choose(params, &yard, &stander, drawn, streams)?;
-    let guide = path::guide(params, &yard, &start.pose, drawn, streams)?;
+    let (start, guide) = path::begin(params, &yard, &stander, drawn, streams)?;
     let bumps = motion::Bumps::new(params, drawn, streams);
     let travel = travel::follow(&params.rover, &yard, &stander, start, guide, &bumps)?;
     let stops = travel.stops(params.stops);
