@@ -138,7 +138,32 @@ fn height_map_of(path: &Path, bytes: &[u8], white_m: Option<f64>) -> Result<Heig
 
 type Heights = (usize, usize, Vec<f64>);
 
+/// Refuses headers that the reader would multiply, nest or allocate without end.
+fn check_npy_header(bytes: &[u8]) -> Result<(), String> {
+    let (start, length): (usize, usize) = match bytes {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, low, high, ..] => {
+            (10, usize::from(u16::from_le_bytes([*low, *high])))
+        }
+        [0x93, b'N', b'U', b'M', b'P', b'Y', _, _, a, b, c, d, ..] => {
+            (12, u32::from_le_bytes([*a, *b, *c, *d]) as usize)
+        }
+        _ => return Err("it is no NPY file".into()),
+    };
+    let header = bytes.get(start..length.saturating_add(start)).ok_or("it is no NPY file: its header ends early")?;
+    let brackets = header.iter().filter(|byte| b"([{".contains(byte)).count();
+    let numbers = || header.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty());
+    // A plain 2-D array has the numbers of '<f8' and of its shape, and two brackets.
+    if brackets > 2 || numbers().count() > 3 || length > 4096 {
+        return Err("it is no 2-D array of float32 or float64".into());
+    }
+    if numbers().any(|digits| digits.len() > 9) {
+        return Err(format!("its shape is absurd; at most {MAX_HEIGHTS} heights"));
+    }
+    Ok(())
+}
+
 fn npy_heights(bytes: &[u8]) -> Result<Heights, String> {
+    check_npy_header(bytes)?;
     let file = npyz::NpyFile::new(bytes).map_err(|error| format!("it is no NPY file: {error}"))?;
     let &[rows, cols] = file.shape() else {
         return Err(format!("it has {} dimensions; a height map has 2", file.shape().len()));
@@ -235,6 +260,9 @@ mod tests {
         for (bytes, expected) in [
             (npy("<f4", "False", "(99999999, 99999999)", &floats), "at most"),
             (npy("<f4", "False", "(18446744073709551615, 2)", &floats), "at most"),
+            (npy("<f4", "False", "(999999999, 999999999, 999999999)", &floats), "no 2-D array"),
+            (npy("<f4", "False", &"(".repeat(60), &floats), "no 2-D array"),
+            (b"\x93NUMPY\x02\x00\xff\xff\xff\xff{}".to_vec(), "its header ends early"),
             (npy("<f4", "False", "(2, 2)", &floats[..10]), "cannot be read"),
             (npy("<i4", "False", "(2, 2)", &floats), "holds float32 or float64"),
             (npy("<f4", "False", "(4,)", &floats), "it has 1 dimensions"),
