@@ -216,8 +216,8 @@ impl Origin<'_> {
         match &self.ground {
             GroundFrom::Near(near, ground) => {
                 newton::solve::<N>(near, dirs, self.max_range_m, block);
-                for l in 0..count {
-                    self.finish_ray(near, ground, dirs[l], l, block);
+                for (l, &dir) in dirs.iter().enumerate().take(count) {
+                    self.finish_ray(near, ground, dir, l, block);
                 }
             }
             GroundFrom::Polynomial(ground) => self.each(dirs, count, &mut block.range_m, |dir| {

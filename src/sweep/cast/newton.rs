@@ -122,13 +122,12 @@ fn forms<const N: usize>(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, p: &mu
         powers[k] = each(|l| powers[k - 1][l] * dy[l]);
     }
     p[0] = [near.z_m - near.table[0][0]; LANES];
-    for k in 1..N + 1 {
-        let row = &near.table[k];
+    for (k, (row, form)) in near.table.iter().zip(p.iter_mut()).enumerate().take(N + 1).skip(1) {
         let mut sum = [-row[0]; LANES];
         for j in 1..k + 1 {
             sum = each(|l| sum[l].mul_add(dx[l], -row[j] * powers[j][l]));
         }
-        p[k] = sum;
+        *form = sum;
     }
     p[1] = each(|l| p[1][l] + dz[l]);
 }

@@ -53,19 +53,19 @@ pub fn along(ground: &Polynomial, x_m: f64, y_m: f64, dx: f64, dy: f64) -> Serie
     let pv = legendre_series(n, (y_m - ground.centre_m.y) / ground.half_m, dy / ground.half_m);
     let mut height = [0.0; MAX_DEGREE + 1];
     let mut index = 0;
-    for i in 0..=n {
+    for (i, pu) in pu.iter().enumerate().take(n + 1) {
         // Q_i(s) = sum over j of c_ij P_j(v(s)); the height is the sum of P_i(u(s)) Q_i(s).
         let mut q = [0.0; MAX_DEGREE + 1];
-        for j in 0..=n - i {
+        for (j, pv) in pv.iter().enumerate().take(n - i + 1) {
             let c = ground.coefficients[index] * orthonormal(i) * orthonormal(j);
             index += 1;
             for k in 0..=j {
-                q[k] += c * pv[j][k];
+                q[k] += c * pv[k];
             }
         }
         for a in 0..=i {
             for b in 0..=n - i {
-                height[a + b] += pu[i][a] * q[b];
+                height[a + b] += pu[a] * q[b];
             }
         }
     }
@@ -88,7 +88,7 @@ fn shift(series: &Series, degree: usize, s: f64) -> Series {
     let mut out = *series;
     for low in 0..degree {
         for k in (low..degree).rev() {
-            out[k] = out[k] + s * out[k + 1];
+            out[k] += s * out[k + 1];
         }
     }
     out
