@@ -365,5 +365,5 @@ fn equal_packets_and_tree_among_100_000_rocks() {
         let ray = Ray { origin, dir: *dir, reach_m: 100.0 };
         assert!(same || doubt(&scene, &ray, *hit, single) < CLEARANCE_M, "{ray:?}: {hit:?} {single:?}");
     }
-    assert!(hits.iter().filter(|h| h.object >= 0).count() > 2000);
+    assert!(hits.iter().filter(|h| h.object >= 0).count() > 200);
 }

@@ -116,18 +116,23 @@ fn extent(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, max_m: f64, block: &m
 
 /// Clearance along each ray: forms of the direction, degree by degree, in ascending powers of y.
 #[inline(always)]
+#[expect(
+    clippy::needless_range_loop,
+    reason = "plain counted loops are unrolled; iterator chains cost a sixth of the rate"
+)]
 fn forms<const N: usize>(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, p: &mut [Lanes; MAX_DEGREE + 1]) {
     let mut powers = [[1.0; LANES]; MAX_DEGREE + 1];
     for k in 1..N + 1 {
         powers[k] = each(|l| powers[k - 1][l] * dy[l]);
     }
     p[0] = [near.z_m - near.table[0][0]; LANES];
-    for (k, (row, form)) in near.table.iter().zip(p.iter_mut()).enumerate().take(N + 1).skip(1) {
+    for k in 1..N + 1 {
+        let row = &near.table[k];
         let mut sum = [-row[0]; LANES];
         for j in 1..k + 1 {
             sum = each(|l| sum[l].mul_add(dx[l], -row[j] * powers[j][l]));
         }
-        *form = sum;
+        p[k] = sum;
     }
     p[1] = each(|l| p[1][l] + dz[l]);
 }
