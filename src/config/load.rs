@@ -196,7 +196,8 @@ impl Loader {
             let joint = if section.is_empty() || path.is_empty() { "" } else { "." };
             let found = place.find(&format!("{section}{joint}{path}"));
             let said = plain(error.message(), found.value);
-            let joint = if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
+            let joint =
+                if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
             let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
             self.faults.push(match described(Schema::of(schema(Kind::Corpus)), &found.dotted) {
                 Some(meaning) => fault.cure(meaning),
@@ -245,11 +246,10 @@ impl Loader {
 
     /// Puts the heights of a height map into the scene; its path becomes the one beside `plan.yaml`.
     fn read_height_map(&mut self, scene: &mut SceneParams, place: &Place) -> Option<PlanFile> {
-        let extent_m = scene.extent_m;
         let GroundSource::File(file) = &mut scene.ground.source else { return None };
         let span = place.span("scene.ground.source.file.path");
         let from = self.reader.folder(span).join(&file.path);
-        let map = match self.reader.height_map(&from, file.height_m, extent_m) {
+        let map = match self.reader.height_map(&from, file.height_m) {
             Ok(map) => map,
             Err(why) => {
                 self.faults.push(Fault::new(span, format!("the height map {} cannot be used: {why}", from.display())));
@@ -271,7 +271,8 @@ impl Loader {
 
 /// A tree without what the faults point at; `None` where they point at all of it.
 fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
-    let faulty = |span: Span| faults.iter().any(|fault| fault.at == span || fault.also.iter().any(|(also, _)| *also == span));
+    let faulty =
+        |span: Span| faults.iter().any(|fault| fault.at == span || fault.also.iter().any(|(also, _)| *also == span));
     if faulty(node.span) {
         return None;
     }

@@ -26,9 +26,12 @@ pub fn of_document(document: &Document, place: &Place, faults: &mut Vec<Fault>) 
         let below = scenes / per_shard * per_shard;
         let near = if below == 0 { format!("{per_shard}") } else { format!("{below} or {}", below + per_shard) };
         faults.push(
-            Fault::new(place.span("scenes"), format!("scenes ({scenes}) must be a multiple of scenes_per_shard ({per_shard})"))
-                .cure(format!("write scenes: {near}"))
-                .also(place.span("scenes_per_shard"), "a shard is full"),
+            Fault::new(
+                place.span("scenes"),
+                format!("scenes ({scenes}) must be a multiple of scenes_per_shard ({per_shard})"),
+            )
+            .cure(format!("write scenes: {near}"))
+            .also(place.span("scenes_per_shard"), "a shard is full"),
         );
     }
     for (i, table) in document.tables.iter().enumerate() {
@@ -43,9 +46,12 @@ pub fn of_document(document: &Document, place: &Place, faults: &mut Vec<Fault>) 
     for (i, family) in families.iter().enumerate() {
         if let Some(first) = families[..i].iter().position(|earlier| earlier.name == family.name) {
             faults.push(
-                Fault::new(place.span(&format!("families[{i}].name")), format!("two families are named '{}'", family.name))
-                    .cure("give each its own name")
-                    .also(place.span(&format!("families[{first}].name")), "first here"),
+                Fault::new(
+                    place.span(&format!("families[{i}].name")),
+                    format!("two families are named '{}'", family.name),
+                )
+                .cure("give each its own name")
+                .also(place.span(&format!("families[{first}].name")), "first here"),
             );
         }
     }
@@ -82,7 +88,12 @@ pub fn between_families(families: &[(Family, Place)], faults: &mut Vec<Fault>) {
         };
         let (a, b) = (&first.cells, &family.cells);
         differ("cells.size_m", a.size_m.to_string(), b.size_m.to_string(), "one corpus has one grid");
-        differ("cells.neighbours", a.neighbours.to_string(), b.neighbours.to_string(), "one corpus has one set of columns");
+        differ(
+            "cells.neighbours",
+            a.neighbours.to_string(),
+            b.neighbours.to_string(),
+            "one corpus has one set of columns",
+        );
         let on = |family: &Family| if family.sweep.effects.intensity.is_some() { "on" } else { "off" }.to_owned();
         differ("sweep.effects.intensity", on(first), on(family), "one corpus has one set of columns");
     }
@@ -132,14 +143,23 @@ impl Rules<'_, '_, '_> {
         }
         let too_fine = |spacing_m: f64| extent_m / spacing_m > MAX_NODES_A_SIDE;
         let needed = |spacing_m: f64| {
-            format!("{:.0} x {:.0} nodes, at most {MAX_NODES_A_SIDE} a side are held", extent_m / spacing_m, extent_m / spacing_m)
+            format!(
+                "{:.0} x {:.0} nodes, at most {MAX_NODES_A_SIDE} a side are held",
+                extent_m / spacing_m,
+                extent_m / spacing_m
+            )
         };
         let cure = "make the spacing wider or the yard smaller";
         if let GroundShape::Raw(raw) = &scene.ground.shape
             && too_fine(raw.spacing_m)
         {
             let key = "scene.ground.shape.raw.spacing_m";
-            self.fault(key, format!("the ground would have {}", needed(raw.spacing_m)), cure, &[("scene.extent_m", "the yard")]);
+            self.fault(
+                key,
+                format!("the ground would have {}", needed(raw.spacing_m)),
+                cure,
+                &[("scene.extent_m", "the yard")],
+            );
         }
         if let Some(roughness) = &scene.ground.roughness {
             let key = "scene.ground.roughness.spacing_m";
@@ -171,7 +191,12 @@ impl Rules<'_, '_, '_> {
         let (law, by_count) = ("scene.rocks.golombek", [("scene.rocks.count", "by count")]);
         match rocks {
             RocksParams { golombek: Some(_), count: Some(_), .. } => {
-                self.fault(law, "rocks come by golombek or by count, not both".into(), "take one of them out", &by_count);
+                self.fault(
+                    law,
+                    "rocks come by golombek or by count, not both".into(),
+                    "take one of them out",
+                    &by_count,
+                );
             }
             RocksParams { golombek: Some(_), diameter_m: Some(_), .. } => {
                 let also = [("scene.rocks.diameter_m", "sizes again")];
@@ -184,7 +209,12 @@ impl Rules<'_, '_, '_> {
                         golombek.max_diameter_m, golombek.min_diameter_m
                     );
                     let also = [("scene.rocks.golombek.min_diameter_m", "the smallest")];
-                    self.fault("scene.rocks.golombek.max_diameter_m", rule, "max_diameter_m must be above min_diameter_m", &also);
+                    self.fault(
+                        "scene.rocks.golombek.max_diameter_m",
+                        rule,
+                        "max_diameter_m must be above min_diameter_m",
+                        &also,
+                    );
                 }
             }
             RocksParams { count: None, .. } => {
@@ -192,7 +222,12 @@ impl Rules<'_, '_, '_> {
                 self.fault("scene.rocks", "'scene.rocks' needs count or golombek".into(), cure, &[]);
             }
             RocksParams { diameter_m: None, .. } => {
-                self.fault("scene.rocks", "'scene.rocks' with count needs diameter_m".into(), "say how large they are", &[]);
+                self.fault(
+                    "scene.rocks",
+                    "'scene.rocks' with count needs diameter_m".into(),
+                    "say how large they are",
+                    &[],
+                );
             }
             RocksParams { diameter_m: Some(diameter_m), .. } => {
                 let largest_m = diameter_m.bounds().1;
@@ -209,7 +244,8 @@ impl Rules<'_, '_, '_> {
     fn has_obstacles(&self) -> bool {
         let some = |count: &Dist| count.bounds().1 >= 0.5;
         let scene = &self.family.scene;
-        let rocks = scene.rocks.as_ref().is_some_and(|rocks| rocks.count.as_ref().is_none_or(some) || rocks.golombek.is_some());
+        let rocks =
+            scene.rocks.as_ref().is_some_and(|rocks| rocks.count.as_ref().is_none_or(some) || rocks.golombek.is_some());
         rocks
             || scene.boxes.as_ref().is_some_and(|boxes| some(&boxes.count))
             || scene.trees.as_ref().is_some_and(|trees| some(&trees.count))
@@ -218,12 +254,18 @@ impl Rules<'_, '_, '_> {
     fn path(&mut self) {
         let (drive, extent_m) = (&self.family.drive, self.family.scene.extent_m);
         let across_m = extent_m * std::f64::consts::SQRT_2;
-        let (path, by_default) = if self.place.holds("drive.path") { ("drive.path", "") } else { ("scene", " (the default)") };
+        let (path, by_default) =
+            if self.place.holds("drive.path") { ("drive.path", "") } else { ("scene", " (the default)") };
         if !self.has_obstacles() {
             let cure = "add rocks, boxes or trees, or take another path";
             if drive.start.near_obstacle_m.is_some() {
                 let rule = "near_obstacle_m needs an obstacle to be near to, and the scene has none".to_owned();
-                self.fault("drive.start.near_obstacle_m", rule, "add rocks, boxes or trees, or take it out", &[("scene", "the scene")]);
+                self.fault(
+                    "drive.start.near_obstacle_m",
+                    rule,
+                    "add rocks, boxes or trees, or take it out",
+                    &[("scene", "the scene")],
+                );
             }
             let name = match drive.path {
                 PathParams::TowardObstacle(_) => Some("toward_obstacle"),
@@ -248,24 +290,25 @@ impl Rules<'_, '_, '_> {
             PathParams::Arc(p) => {
                 // The chord of an arc that is bent least.
                 let (low, high) = p.radius_m.bounds();
-                let radius_m = low.abs().max(high.abs());
+                let radius_m = low.abs().max(high.abs()).max(0.1);
                 let half_turn = (p.length_m.bounds().1 / (2.0 * radius_m)).min(std::f64::consts::FRAC_PI_2);
                 let chord_m = 2.0 * radius_m * crate::math::sin(half_turn);
-                if low <= 0.0 && high >= 0.0 && (low == 0.0 || high == 0.0) {
-                    let rule = "an arc of radius 0 leads nowhere".to_owned();
-                    self.fault("drive.path.arc.radius_m", rule, "positive turns left, negative right", &[]);
-                    None
-                } else {
-                    let rule = format!("an arc that ends {chord_m:.1} m away leaves the yard ({across_m:.1} m corner to corner)");
-                    (chord_m > across_m).then(|| ("drive.path.arc.length_m".to_owned(), rule))
-                }
+                let rule =
+                    format!("an arc that ends {chord_m:.1} m away leaves the yard ({across_m:.1} m corner to corner)");
+                (chord_m > across_m).then(|| ("drive.path.arc.length_m".to_owned(), rule))
             }
             PathParams::Waypoints(p) => {
                 for (i, &[x_m, y_m]) in p.points_m.iter().enumerate() {
                     if ![x_m, y_m].iter().all(|c| (0.0..=extent_m).contains(c)) {
-                        let rule = format!("the point [{x_m}, {y_m}] lies outside the yard [0, {extent_m}] x [0, {extent_m}]");
+                        let rule =
+                            format!("the point [{x_m}, {y_m}] lies outside the yard [0, {extent_m}] x [0, {extent_m}]");
                         let key = format!("drive.path.waypoints.points_m[{i}]");
-                        self.fault(&key, rule, "points are metres from the yard's corner", &[("scene.extent_m", "the yard")]);
+                        self.fault(
+                            &key,
+                            rule,
+                            "points are metres from the yard's corner",
+                            &[("scene.extent_m", "the yard")],
+                        );
                     }
                 }
                 None
@@ -304,7 +347,8 @@ impl Rules<'_, '_, '_> {
             _ => (),
         }
         if cells.window_scans > drive.stops {
-            let rule = format!("a window of {} sweeps never fills: the rover makes {} stops", cells.window_scans, drive.stops);
+            let rule =
+                format!("a window of {} sweeps never fills: the rover makes {} stops", cells.window_scans, drive.stops);
             self.fault("cells.window_scans", rule, "make more stops or a shorter window", &also);
         }
     }
@@ -312,7 +356,6 @@ impl Rules<'_, '_, '_> {
     fn sensor(&mut self) {
         let sensor: &Sensor = &self.family.sweep.sensor;
         let key = |rest: &str| format!("sweep.sensor.pattern.{rest}");
-        let degrees = |values: &[f64], limit: f64| values.iter().position(|v| v.abs() > limit);
         let slots = match &sensor.pattern {
             PatternParams::Tilted(p) => {
                 let fan_deg = f64::from(p.beams - 1) * p.beam_step_deg;
@@ -323,13 +366,7 @@ impl Rules<'_, '_, '_> {
                 }
                 f64::from(p.beams) * ((p.tilt_to_deg - p.tilt_from_deg).abs() / p.tilt_step_deg + 1.0)
             }
-            PatternParams::Spinning(p) => {
-                if let Some(at) = degrees(&p.elevations_deg, 90.0) {
-                    let rule = format!("a ring cannot point {} degrees up", p.elevations_deg[at]);
-                    self.fault(&key(&format!("spinning.elevations_deg[{at}]")), rule, "elevations lie in [-90, 90]", &[]);
-                }
-                f64::from(p.columns) * p.elevations_deg.len() as f64
-            }
+            PatternParams::Spinning(p) => f64::from(p.columns) * p.elevations_deg.len() as f64,
             PatternParams::Raster(p) => f64::from(p.columns) * f64::from(p.rows),
             PatternParams::Rosette(p) => f64::from(p.beams),
             PatternParams::File(p) => p.beams.len() as f64,
@@ -345,7 +382,12 @@ impl Rules<'_, '_, '_> {
         {
             let rule = format!("mixed_pixels needs a beam with a width, and '{}' has none", sensor.name);
             let also = [("sweep.sensor.divergence_mrad", "no divergence")];
-            self.fault("sweep.effects.mixed_pixels", rule, "give the sensor a divergence, or take the effect out", &also);
+            self.fault(
+                "sweep.effects.mixed_pixels",
+                rule,
+                "give the sensor a divergence, or take the effect out",
+                &also,
+            );
         }
     }
 
@@ -360,7 +402,8 @@ impl Rules<'_, '_, '_> {
             let (min_m, max_m) = (gates.min_m.unwrap_or(sensor.min_range_m), gates.max_m.unwrap_or(sensor.max_range_m));
             if min_m >= max_m {
                 let own = |value: Option<f64>| if value.is_none() { " (the sensor's)" } else { "" };
-                let rule = format!("the gates are inverted: {min_m} m{} to {max_m} m{}", own(gates.min_m), own(gates.max_m));
+                let rule =
+                    format!("the gates are inverted: {min_m} m{} to {max_m} m{}", own(gates.min_m), own(gates.max_m));
                 let key = if gates.max_m.is_some() { "sweep.effects.gates.max_m" } else { "sweep.effects.gates.min_m" };
                 let also = [("sweep.effects.gates.min_m", "the near gate"), sensor_min[0]];
                 self.fault(key, rule, "min_m must be below max_m", &also[..1]);
@@ -369,7 +412,10 @@ impl Rules<'_, '_, '_> {
         if let Some(max_m) = self.family.cells.max_range_m
             && max_m <= sensor.min_range_m
         {
-            let rule = format!("cells up to {max_m} m are below the sensor's least range of {} m: all would be empty", sensor.min_range_m);
+            let rule = format!(
+                "cells up to {max_m} m are below the sensor's least range of {} m: all would be empty",
+                sensor.min_range_m
+            );
             self.fault("cells.max_range_m", rule, "take the key out for the sensor's own reach", &sensor_min);
         }
     }
@@ -386,7 +432,10 @@ impl Rules<'_, '_, '_> {
             PatternParams::Rosette(_) | PatternParams::File(_) => f64::INFINITY,
         };
         if lines < 2.0 {
-            let rule = format!("fastslam has nothing to read: '{}' sweeps a single line, and features need several", sensor.name);
+            let rule = format!(
+                "fastslam has nothing to read: '{}' sweeps a single line, and features need several",
+                sensor.name
+            );
             let also = [("sweep.sensor.pattern", "one line")];
             self.fault("slam", rule, "choose dead_reckoning or surrogate, or a sensor of several lines", &also);
         }
@@ -395,7 +444,8 @@ impl Rules<'_, '_, '_> {
     fn cells(&mut self) {
         let cells = &self.family.cells;
         if cells.size_m > self.family.scene.extent_m {
-            let rule = format!("a cell of {} m is larger than the yard of {} m", cells.size_m, self.family.scene.extent_m);
+            let rule =
+                format!("a cell of {} m is larger than the yard of {} m", cells.size_m, self.family.scene.extent_m);
             self.fault("cells.size_m", rule, "about one wheel diameter is usual", &[("scene.extent_m", "the yard")]);
         }
         if let Some(max_m) = cells.max_range_m

@@ -180,7 +180,9 @@ impl Shape<'_> {
             (Form::Preset(part), Value::Map(_)) => self.mapping(node, part, schema, path),
             // Names are looked up where presets are written out.
             (Form::Preset(_), Value::Text(_)) => (),
-            (Form::Preset(_), _) => self.wrong(node, path, "the name of a preset, a path to a file, or a mapping", None),
+            (Form::Preset(_), _) => {
+                self.wrong(node, path, "the name of a preset, a path to a file, or a mapping", None)
+            }
             (Form::Struct(part), _) => {
                 let keys = keys_of(part);
                 self.wrong(node, path, "a mapping", Some(format!("its keys are {}", listed(keys))));
@@ -194,18 +196,25 @@ impl Shape<'_> {
                 self.wrong(node, path, "a number or a distribution", Some(cure));
             }
             (Form::Dist(variants), _) => {
-                let cure = format!("a distribution is a mapping with one key: {}", listed(variants.iter().map(|v| v.name)));
+                let cure =
+                    format!("a distribution is a mapping with one key: {}", listed(variants.iter().map(|v| v.name)));
                 self.wrong(node, path, "a number or a distribution", Some(quoted_number(node).unwrap_or(cure)));
             }
             (Form::List(part), Value::Seq(items)) => self.list(node, items, part, schema, path),
             (Form::List(_), _) => self.wrong(node, path, "a list", Some("write [a, b, ...]".into())),
             (Form::Number, Value::Int(_) | Value::Float(_)) => self.finite(node, path),
             (Form::Number, Value::Map(entries)) if entries.first().is_some_and(|(key, _)| is_law(&key.name)) => {
-                self.wrong(node, path, "a number", Some("this value is fixed for the whole corpus: it cannot be drawn".into()));
+                self.wrong(
+                    node,
+                    path,
+                    "a number",
+                    Some("this value is fixed for the whole corpus: it cannot be drawn".into()),
+                );
             }
             (Form::Number, _) => self.wrong(node, path, "a number", quoted_number(node)),
             (Form::Integer(part), Value::Int(value)) => {
-                let default_low = if part["format"].as_str().is_some_and(|f| f.starts_with("uint")) { 0 } else { i64::MIN.into() };
+                let default_low =
+                    if part["format"].as_str().is_some_and(|f| f.starts_with("uint")) { 0 } else { i64::MIN.into() };
                 let default_high = if part["format"] == "uint64" { u64::MAX.into() } else { u32::MAX.into() };
                 let low = part["minimum"].as_i64().map_or(default_low, i128::from);
                 let high = part["maximum"].as_u64().map_or(default_high, i128::from);
@@ -235,14 +244,17 @@ impl Shape<'_> {
         let written = ["null", "~", "Null", "NULL"].iter().any(|word| text[node.span.start..].starts_with(word));
         if !schema.nullable() {
             let keys = match schema.form() {
-                Form::Struct(part) => Some(format!("its keys are {}; take it out for its defaults", listed(keys_of(part)))),
+                Form::Struct(part) => {
+                    Some(format!("its keys are {}; take it out for its defaults", listed(keys_of(part))))
+                }
                 Form::Choice(variants) => Some(format!("choose {}", listed(variants.iter().map(|v| v.name)))),
                 _ => None,
             };
             self.faults.push(with_cure(Fault::new(node.span, format!("'{path}' has no value")), keys));
         } else if !written {
             // `range_noise:` with nothing behind it might be meant as "on" or as "off".
-            let all_default = matches!(schema.form(), Form::Struct(part) if part["required"].as_array().is_none_or(Vec::is_empty));
+            let all_default =
+                matches!(schema.form(), Form::Struct(part) if part["required"].as_array().is_none_or(Vec::is_empty));
             let on = if all_default { "write {} for its defaults, " } else { "fill it in, " };
             let cure = format!("{on}null to switch it off, or take the key out");
             self.faults.push(Fault::new(node.span, format!("'{path}' is empty")).cure(cure));
@@ -347,7 +359,8 @@ impl Shape<'_> {
                 false => format!("at least {least}"),
             };
             let plural = if limit.ends_with(" 1") { "" } else { "s" };
-            self.faults.push(Fault::new(node.span, format!("'{path}' needs {limit} value{plural}, got {}", items.len())));
+            self.faults
+                .push(Fault::new(node.span, format!("'{path}' needs {limit} value{plural}, got {}", items.len())));
         }
         for (i, item) in items.iter().enumerate() {
             self.node(item, schema.at(&part["items"]), &format!("{path}[{i}]"));
@@ -386,7 +399,9 @@ fn find_key(schema: Schema, key: &str, path: &str, depth: usize, homes: &mut Vec
         return;
     }
     let entries: Vec<(&str, &serde_json::Value)> = match schema.form() {
-        Form::Struct(part) => part["properties"].as_object().into_iter().flatten().map(|(k, v)| (k.as_str(), v)).collect(),
+        Form::Struct(part) => {
+            part["properties"].as_object().into_iter().flatten().map(|(k, v)| (k.as_str(), v)).collect()
+        }
         Form::Choice(variants) => variants.iter().filter_map(|v| v.content.map(|content| (v.name, content))).collect(),
         _ => return,
     };
@@ -402,7 +417,8 @@ fn keys_of(part: &serde_json::Value) -> impl Iterator<Item = &str> {
     part["properties"].as_object().into_iter().flatten().map(|(name, _)| name.as_str())
 }
 
-fn required(part: &serde_json::Value) -> impl Iterator<Item = &str> {
+/// The keys that a mapping must have.
+pub fn required(part: &serde_json::Value) -> impl Iterator<Item = &str> {
     part["required"].as_array().into_iter().flatten().filter_map(|name| name.as_str())
 }
 
@@ -432,4 +448,25 @@ fn with_cure(fault: Fault, cure: Option<String>) -> Fault {
 
 pub fn joined(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_likely_slips_find_their_key() {
+        let keys = ["extent_m", "ground", "rocks", "boxes", "trees", "vegetation"];
+        for (typed, meant) in [
+            ("extent", Some("extent_m")),
+            ("Extent_M", Some("extent_m")),
+            ("rock", Some("rocks")),
+            ("rokcs", Some("rocks")),
+            ("vegitation", Some("vegetation")),
+            ("terrain", None),
+            ("", None),
+        ] {
+            assert_eq!(did_you_mean(typed, keys), meant, "{typed}");
+        }
+    }
 }

@@ -178,7 +178,8 @@ fn syntax_fault(error: &serde_saphyr::Error, source: usize, text: &str, from: us
     match error {
         Error::DuplicateMappingKey { key, .. } => {
             let key = key.as_deref().unwrap_or("?");
-            Fault::new(span, format!("the key '{}' stands twice in one mapping", shortened(key))).cure("keep one of them")
+            Fault::new(span, format!("the key '{}' stands twice in one mapping", shortened(key)))
+                .cure("keep one of them")
         }
         Error::MultipleDocuments { .. } => {
             Fault::new(span, "a second document begins here").cure("one file holds one document: take the '---' out")
@@ -188,14 +189,17 @@ fn syntax_fault(error: &serde_saphyr::Error, source: usize, text: &str, from: us
         }
         other => {
             let rendered = other.render();
-            let too_much = matches!(other, Error::AliasReplayLimitExceeded { .. } | Error::AliasExpansionLimitExceeded { .. });
+            let too_much =
+                matches!(other, Error::AliasReplayLimitExceeded { .. } | Error::AliasExpansionLimitExceeded { .. });
             if too_much || rendered.contains("budget breached") {
                 let rule = "here the file becomes larger or deeper than a config may be, aliases written out";
                 return Fault::new(span, rule).cure(format!("at most {MAX_DEPTH} levels, and few and small aliases"));
             }
             // The parser appends its own position; ours is in front.
-            let message = rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
-            let message = message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
+            let message =
+                rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
+            let message =
+                message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
             Fault::new(span, format!("this is no YAML: {message}"))
         }
     }

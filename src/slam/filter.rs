@@ -25,7 +25,7 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 const READING_GATE: f64 = 10.8;
 /// Features of one sweep stand at least this far apart, metres.
 const FEATURE_SPACING_M: f64 = 0.3;
-/// Fewer ancestors than this, and the position sigmas are too small.
+/// With fewer of the first particles' lines left, the position sigmas are too small.
 const FEW_ANCESTORS: usize = 3;
 
 /// Mean and covariance of the whole cloud, and how good it is; position relative to the start.
@@ -82,7 +82,7 @@ impl Filter {
             spare: vec![particle; count],
             started: false,
             at_sweep: None,
-            ancestry: Ancestry::default(),
+            ancestry: Ancestry::new(count),
             drew: false,
             scan: ScanCounts::default(),
             counters: Counters::default(),
@@ -164,7 +164,8 @@ impl Filter {
         }
     }
 
-    fn weights(&self) -> Vec<f64> {
+    /// The particles' weights; they sum to 1.
+    pub fn weights(&self) -> Vec<f64> {
         self.particles.iter().map(|p| math::exp(p.log_weight)).collect()
     }
 
@@ -208,12 +209,12 @@ impl Filter {
         let telling = |p: &Particle| p.associations.iter().any(|a| !matches!(a, Association::Ambiguous(_)));
         let draws = self.particles.iter().any(telling);
         let thin = mixture.effective_samples < self.resample_below * self.particles.len() as f64;
-        let parents = (draws && thin).then(|| {
+        // Without a draw as well: readings alone wear weights thin while no feature is matched.
+        if thin {
             let parents = systematic(&self.weights(), streams.open(Purpose::SlamResample).uniform(0));
             self.descend(&parents);
-            parents
-        });
-        self.ancestry.record(parents);
+            self.ancestry.record(&parents);
+        }
         if draws {
             let mut normals = vec![0.0; 6 * self.particles.len()];
             streams.open(Purpose::SlamSample).fill_normal(0, &mut normals);
@@ -341,7 +342,7 @@ impl Filter {
     }
 
     pub fn ancestors(&self) -> usize {
-        self.ancestry.distinct(self.particles.len())
+        self.ancestry.distinct()
     }
 
     /// Too few ancestors are left for the positions' spread to mean much.

@@ -44,7 +44,7 @@ pub struct Estimate {
     pub landmarks: u32,
     /// Measurements left out so far: not finite, gated, ambiguous.
     pub skipped: u32,
-    /// Distinct ancestors at a lag of 40 stops fell below 3: the position sigmas are too small.
+    /// Fewer than 3 of the first particles have descendants left: the position sigmas are too small.
     pub sigma_optimistic: bool,
 }
 
@@ -207,7 +207,7 @@ impl Slam {
         self.filter.mean_innovation()
     }
 
-    /// Distinct particles of 40 stops ago that today's descend from.
+    /// How many of the first particles today's descend from.
     pub fn ancestors(&self) -> usize {
         self.filter.ancestors()
     }

@@ -296,3 +296,147 @@ fn joseph<const N: usize>(p: &Matrix<N, N>, gain: &Matrix<N, 3>, h: &Matrix<3, N
     symmetrise(&mut out);
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{DVec3, Pose};
+
+    const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
+    const LANDMARKS: [Vector<3>; 3] = [[2.0, 0.5, 0.2], [-1.0, 2.0, 0.1], [1.5, -2.5, 0.4]];
+
+    fn mounting() -> Mounting {
+        Mounting::new(&Pose { position_m: DVec3::new(0.2, 0.0, 0.5), ..Pose::default() }.transform())
+    }
+
+    /// A full-rank covariance: A A' for a fixed A, times `scale`.
+    fn covariance(scale: f64) -> Matrix<6, 6> {
+        let a: Matrix<6, 6> = std::array::from_fn(|r| {
+            std::array::from_fn(|c| if r == c { 0.05 } else { 0.01 * math::sin((6 * r + c) as f64) })
+        });
+        product(&a, &transpose(&a)).map(|row| row.map(|v| scale * v))
+    }
+
+    fn particle(scale: f64) -> Particle {
+        let mean = [0.1, -0.2, 0.05, 0.1, -0.15, 0.7];
+        let landmarks = LANDMARKS
+            .iter()
+            .zip(0..)
+            .map(|(&mean_m, id)| Landmark {
+                mean_m,
+                covariance_m2: diagonal(&[4e-4 * scale, 6e-4 * scale, 3e-4 * scale]),
+                existence: 2.0,
+                known: Some(id),
+            })
+            .collect();
+        Particle { belief: Belief { mean, covariance: covariance(scale) }, landmarks, ..Particle::default() }
+    }
+
+    fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Feature> {
+        let view = View::new(&particle.belief.mean, &mounting());
+        (0..3)
+            .map(|i| {
+                let polar = view.predict(&LANDMARKS[i]).expect("in view").polar;
+                let polar = std::array::from_fn(|k| polar[k] + off(i, k));
+                Feature { polar, points: 20, half_width_m: 0.1, known: Some(i as u32) }
+            })
+            .collect()
+    }
+
+    /// Inverse by solving for the unit vectors.
+    fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {
+        let l = cholesky(a).expect("positive definite");
+        let columns: Matrix<6, 6> = std::array::from_fn(|i| {
+            let mut unit = [0.0; 6];
+            unit[i] = 1.0;
+            solve(&l, &unit)
+        });
+        transpose(&columns)
+    }
+
+    #[test]
+    fn equal_sequential_gain_form_and_stacked_information_form() {
+        // Measurements as predicted: the mean stays, so that one linearisation holds for all three.
+        let mut refined = particle(1.0);
+        let found = features(&refined, |_, _| 0.0);
+        let view = View::new(&refined.belief.mean, &mounting());
+        let mut information = inverse(&refined.belief.covariance);
+        for landmark in &refined.landmarks {
+            let h = view.predict(&landmark.mean_m).expect("in view");
+            let hm = &h.by_landmark;
+            let q = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), &diagonal(&VARIANCES));
+            let l = cholesky(&q).expect("positive definite");
+            let rows: Matrix<6, 3> = transpose(&h.by_pose).map(|column| solve(&l, &column));
+            information = sum(&information, &product(&rows, &h.by_pose));
+        }
+        refined.refine(&found, &VARIANCES, &mounting());
+        let want = inverse(&information);
+        for r in 0..6 {
+            for c in 0..6 {
+                let got = refined.belief.covariance[r][c];
+                assert!((got - want[r][c]).abs() < 1e-9 * want[r][r].max(want[c][c]), "({r}, {c}): {got}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_product_of_weights_and_the_density_of_the_stacked_measurement() {
+        // Everything scaled down to where the model is linear; the tolerance is what is left of its bend.
+        let scale: f64 = 1e-14;
+        let variances = VARIANCES.map(|v| v * scale);
+        let mut refined = particle(scale);
+        let found = features(&refined, |i, k| 0.02 * scale.sqrt() * math::sin((3 * i + k + 1) as f64));
+        let view = View::new(&refined.belief.mean, &mounting());
+        let p = refined.belief.covariance;
+        let predictions: Vec<Prediction> = LANDMARKS.iter().map(|m| view.predict(m).expect("in view")).collect();
+        let mut stacked = [[0.0; 9]; 9];
+        let mut residual = [0.0; 9];
+        for (i, a) in predictions.iter().enumerate() {
+            let nu = innovation(&found[i].polar, &a.polar);
+            for (j, b) in predictions.iter().enumerate() {
+                let mut block = product(&product(&a.by_pose, &p), &transpose(&b.by_pose));
+                if i == j {
+                    let hm = &a.by_landmark;
+                    let own = product(&product(hm, &refined.landmarks[i].covariance_m2), &transpose(hm));
+                    block = sum(&block, &sum(&own, &diagonal(&variances)));
+                }
+                for r in 0..3 {
+                    residual[3 * i + r] = nu[r];
+                    for c in 0..3 {
+                        stacked[3 * i + r][3 * j + c] = block[r][c];
+                    }
+                }
+            }
+        }
+        let l = cholesky(&stacked).expect("positive definite");
+        let want =
+            -0.5 * (square(&half_solve(&l, &residual)) + ln_determinant(&l) + 9.0 * math::ln(std::f64::consts::TAU));
+        refined.refine(&found, &variances, &mounting());
+        assert!((refined.log_weight - want).abs() < 1e-6, "{} {want}", refined.log_weight);
+    }
+
+    #[test]
+    fn law_every_feature_adds_one_term_of_comparable_size() {
+        // On the gate a match and a newcomer weigh the same.
+        let matched =
+            -0.5 * (GATE + math::ln(VARIANCES.iter().map(|v| std::f64::consts::TAU * 2.0 * v).product::<f64>()));
+        assert!((ln_unmatched(&VARIANCES) - matched).abs() < 1e-12);
+        let mut lone = Particle::default();
+        let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
+        lone.refine(&[far, far], &VARIANCES, &mounting());
+        assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn law_two_landmarks_of_like_likelihood_are_left_alone() {
+        let mut torn = Particle::default();
+        let view = View::new(&torn.belief.mean, &mounting());
+        for aside in [-0.02, 0.02] {
+            let (mean_m, covariance_m2) = view.locate(&[2.0, aside, 0.0], &VARIANCES);
+            torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
+        }
+        let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
+        torn.refine(&[between], &VARIANCES, &mounting());
+        assert_eq!(torn.associations, vec![Association::Ambiguous(Some(0))]);
+    }
+}

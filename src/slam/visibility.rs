@@ -2,12 +2,12 @@
 //!
 //! In: a pattern and the ranges of one sweep. Out: yes or no for a point in the sensor frame. Directions are binned on the
 //! unfolded octahedron (Cigolle et al. 2014): a few additions and one division a beam, where azimuth and elevation would
-//! cost two arc tangents; bins of about 4 degrees.
+//! cost two arc tangents; bins of about 3 degrees.
 
 use super::matrix::Vector;
 use crate::geometry::DVec3;
 
-const SIDE: usize = 32;
+const SIDE: usize = 64;
 /// A surface this much nearer than a landmark hides it, metres: a rock's own front is nearer than its centre.
 const HIDING_M: f64 = 0.5;
 
@@ -82,7 +82,7 @@ mod tests {
             let (s, c) = math::sin_cos(f64::from(i) * 2.399_963_229_728_653);
             let d = DVec3::new(c * (1.0 - z * z).sqrt(), s * (1.0 - z * z).sqrt(), z);
             let first = firsts[direction_bin(d.x, d.y, d.z)].get_or_insert(d);
-            assert!(first.dot(d) > math::cos(0.2), "{first} {d}");
+            assert!(first.dot(d) > math::cos(0.12), "{first} {d}");
         }
         assert!(firsts.iter().all(Option::is_some), "every bin stands for a direction");
     }

@@ -3,8 +3,6 @@
 //! In: one logarithm a particle. Out: normalised weights, the parents of a systematic resampling (Kitagawa 1996; Carpenter
 //! et al. 1999). Logarithms throughout: products of densities underflow within a few sweeps.
 
-use std::collections::VecDeque;
-
 use crate::math;
 
 /// Normalises in place to weights that sum to 1. All equal, and `false`, where no weight is left (all zero or not a number).
@@ -50,35 +48,24 @@ pub fn systematic(weights: &[f64], start: f64) -> Vec<u32> {
     parents
 }
 
-/// The family tree of the particles over the last stops.
-#[derive(Clone, Debug, Default)]
-pub struct Ancestry {
-    /// Parents of each of the last resamplings; `None` where a stop went without.
-    generations: VecDeque<Option<Vec<u32>>>,
-}
-
-/// Stops that the tree reaches back.
-pub const LAG_STOPS: usize = 40;
+/// The family tree of the particles: which of the first each descends from.
+#[derive(Clone, Debug)]
+pub struct Ancestry(Vec<u32>);
 
 impl Ancestry {
-    pub fn record(&mut self, parents: Option<Vec<u32>>) {
-        if self.generations.len() == LAG_STOPS {
-            self.generations.pop_front();
-        }
-        self.generations.push_back(parents);
+    pub fn new(particles: usize) -> Ancestry {
+        Ancestry((0..particles as u32).collect())
     }
 
-    /// Distinct particles of `LAG_STOPS` stops ago (of the start, before that) that today's particles descend from.
-    pub fn distinct(&self, particles: usize) -> usize {
-        let mut alive: Vec<u32> = (0..particles as u32).collect();
-        for parents in self.generations.iter().rev().flatten() {
-            for one in &mut alive {
-                *one = parents[*one as usize];
-            }
-            // Systematic resampling keeps the order, so equal ancestors are neighbours.
-            alive.dedup();
-        }
-        alive.len()
+    /// A resampling: the parent of each particle.
+    pub fn record(&mut self, parents: &[u32]) {
+        self.0 = parents.iter().map(|&p| self.0[p as usize]).collect();
+    }
+
+    /// Distinct ancestors at the start. What the filter got wrong before the last common ancestor lived, no spread shows.
+    pub fn distinct(&self) -> usize {
+        // Systematic resampling keeps the order: equal ancestors are neighbours.
+        1 + self.0.windows(2).filter(|pair| pair[0] != pair[1]).count()
     }
 }
 
@@ -137,16 +124,12 @@ mod tests {
     }
 
     #[test]
-    fn exact_ancestors_are_counted_through_generations_and_forgotten_after_the_lag() {
-        let mut tree = Ancestry::default();
-        assert_eq!(tree.distinct(4), 4);
-        tree.record(Some(vec![0, 0, 2, 3]));
-        assert_eq!(tree.distinct(4), 3);
-        tree.record(Some(vec![0, 1, 1, 1]));
-        assert_eq!(tree.distinct(4), 1);
-        for _ in 0..LAG_STOPS {
-            tree.record(None);
-        }
-        assert_eq!(tree.distinct(4), 4);
+    fn exact_ancestors_are_counted_through_generations() {
+        let mut tree = Ancestry::new(4);
+        assert_eq!(tree.distinct(), 4);
+        tree.record(&[0, 0, 2, 3]);
+        assert_eq!(tree.distinct(), 3);
+        tree.record(&[0, 1, 1, 1]);
+        assert_eq!(tree.distinct(), 1);
     }
 }

@@ -27,10 +27,10 @@ fn reloaded(plan: &Plan, folder: &Path) -> Plan {
 fn assert_comes_back(plan: &Plan) {
     let folder = tempfile::tempdir().unwrap();
     let again = reloaded(plan, folder.path());
-    assert_eq!(*plan, again);
+    assert_eq!(plan.difference(&again), Vec::<String>::new());
     assert_eq!(plan.to_yaml(), again.to_yaml());
+    assert!(*plan == again, "serialised alike, but not equal");
     assert_eq!(plan.scene_plan_hash(), again.scene_plan_hash());
-    assert!(plan.difference(&again).is_empty());
 }
 
 #[test]
@@ -47,8 +47,15 @@ fn equal_shipped_plans_and_their_resolved_forms() {
 #[test]
 fn equal_plans_with_every_part_switched_on_and_off() {
     let variants: &[&[&str]] = &[
-        &["drive.instruments.sun_deg=null", "scene.rocks=null", "drive.path={straight: {length_m: 2}}", "drive.start={}"],
-        &["scene.ground={source: flat, shape: {raw: {spacing_m: 0.5}}, features: [{ridge: {count: 2, height_m: 0.2, width_m: 1}}]}"],
+        &[
+            "drive.instruments.sun_deg=null",
+            "scene.rocks=null",
+            "drive.path={straight: {length_m: 2}}",
+            "drive.start={}",
+        ],
+        &[
+            "scene.ground={source: flat, shape: {raw: {spacing_m: 0.5}}, features: [{ridge: {count: 2, height_m: 0.2, width_m: 1}}]}",
+        ],
         &["scene.ground.roughness={rms_height_m: 0.01, correlation_length_m: 0.5}"],
         &["scene.rocks={golombek: {abundance: {choice: [0.02, 0.05]}}}"],
         &["scene.boxes={count: 3, length_m: 1, width_m: {normal: {mean: 1, sd: 0.5, min: 0.1, max: 2}}, height_m: 1}"],
@@ -60,8 +67,16 @@ fn equal_plans_with_every_part_switched_on_and_off() {
         &["drive.keep={every: 2}", "drive.path={waypoints: {points_m: [[3, 3], [6, 6.5]]}}"],
         &["sweep.cast={mesh: {spacing_m: 0.1}}", "sweep.mount={z_m: {uniform: [0.5, 1]}}", "sweep.sensor=os1-64"],
         &["sweep.effects={mixed_pixels: {}, dropout: {}, intensity: {}, tilt_jitter_deg: 0.1}", "sweep.sensor=rosette"],
-        &["cells.labels={obstacle: {taller_than_m: 0.3}, max_ground_slope_deg: 20}", "seed=0", "tables=[cells, points]"],
-        &["drive.rover=husky-a200", "drive.contact=nelder_mead", "drive.control_noise={speed: 0.05, yaw_rate: 0.05, heading_deg_per_sqrt_m: 1}"],
+        &[
+            "cells.labels={obstacle: {taller_than_m: 0.3}, max_ground_slope_deg: 20}",
+            "seed=0",
+            "tables=[cells, points]",
+        ],
+        &[
+            "drive.rover=husky-a200",
+            "drive.contact=nelder_mead",
+            "drive.control_noise={speed: 0.05, yaw_rate: 0.05, heading_deg_per_sqrt_m: 1}",
+        ],
         &["seed=18446744073709551615", "name=on", "max_failed_share=0"],
     ];
     for sets in variants {
@@ -75,7 +90,8 @@ fn law_the_scene_plan_hash_ignores_name_and_scenes_alone() {
     let hash = base.scene_plan_hash();
     assert_eq!(hash, plan(&["name=other", "scenes=400"]).scene_plan_hash());
     assert!(base.difference(&plan(&["name=other", "scenes=400"])).is_empty());
-    for set in ["seed=43", "scenes_per_shard=20", "scene.rocks.count=5", "tables=[cells]", "slam.fastslam.particles=31"] {
+    for set in ["seed=43", "scenes_per_shard=20", "scene.rocks.count=5", "tables=[cells]", "slam.fastslam.particles=31"]
+    {
         let other = plan(&[set]);
         assert_ne!(hash, other.scene_plan_hash(), "{set}");
         assert_eq!(base.difference(&other).len(), 1, "{set}: {:?}", base.difference(&other));
@@ -83,13 +99,17 @@ fn law_the_scene_plan_hash_ignores_name_and_scenes_alone() {
     assert_eq!(base.difference(&plan(&["seed=43"])), ["seed: 42 here, 43 there"]);
     assert_eq!(
         base.difference(&plan(&["slam=truth"])),
-        ["slam: {\"fastslam\":{\"particles\":30,\"resample_b... here, truth there"]
+        ["slam: {\"fastslam\":{\"particles\":30,\"resample... here, truth there"]
     );
 }
 
 #[test]
 fn exact_overrides_reach_their_keys() {
-    let plan = plan(&["scene.rocks.count=5", "scene.rocks.diameter_m={uniform: [0.2, 0.4]}", "drive.rover.wheel_diameter_m=0.3"]);
+    let plan = plan(&[
+        "scene.rocks.count=5",
+        "scene.rocks.diameter_m={uniform: [0.2, 0.4]}",
+        "drive.rover.wheel_diameter_m=0.3",
+    ]);
     let rocks = plan.families[0].scene.rocks.as_ref().unwrap();
     assert_eq!(rocks.count, Some(Dist::Constant(5.0)));
     assert_eq!(rocks.diameter_m, Some(Dist::Law(Law::Uniform([0.2, 0.4]))));
@@ -129,7 +149,10 @@ families:
     let [plain, other, third] = plan.families.as_slice() else { panic!("three families") };
     assert_eq!((plain.weight, plain.hold_out, other.weight, other.hold_out), (3.0, false, 1.0, true));
     let rocks = other.scene.rocks.as_ref().unwrap();
-    assert_eq!((rocks.count.clone(), rocks.diameter_m.clone()), (Some(Dist::Law(Law::Uniform([1.0, 5.0]))), Some(0.3.into())));
+    assert_eq!(
+        (rocks.count.clone(), rocks.diameter_m.clone()),
+        (Some(Dist::Law(Law::Uniform([1.0, 5.0]))), Some(0.3.into()))
+    );
     assert!(plain.scene.trees.is_some() && other.scene.trees.is_none());
     assert_eq!((other.drive.rover.name.as_str(), other.drive.stops, plain.drive.stops), ("husky-a200", 6, 4));
     assert_eq!((other.sweep.sensor.name.as_str(), other.sweep.sensor.max_range_m), ("urg-04lx", 5.0));
@@ -173,16 +196,17 @@ fn exact_height_maps_lie_as_their_files_say() {
         let path = folder.path().join("corpus.yaml");
         let text = std::fs::read_to_string("configs/quickstart.yaml").unwrap();
         std::fs::write(&path, text).unwrap();
-        load(&path, &[format!("scene.ground.source={{file: {source}}}")]).unwrap_or_else(|error| panic!("{}", error.lines()))
+        load(&path, &[format!("scene.ground.source={{file: {source}}}")])
+            .unwrap_or_else(|error| panic!("{}", error.lines()))
     };
-    // The file's first row is the south edge of an NPY, the north edge of a PNG; it is stretched over the 20 m yard.
+    // The file's first row is the south edge of an NPY, the north edge of a PNG.
     for (source, expected) in
         [("{path: hill.npy}", [0.0, 1.0, 2.0, 3.0]), ("{path: hill.png, height_m: 5}", [1.0, 2.0, 0.0, 5.0])]
     {
         let plan = with(source);
         let GroundSource::File(file) = &plan.families[0].scene.ground.source else { panic!("a file") };
         let raster = file.raster.as_ref().unwrap();
-        assert_eq!((raster.rows, raster.cols, raster.spacing_m), (2, 2, 20.0));
+        assert_eq!((raster.rows, raster.cols, raster.spacing_m), (2, 2, 1.0));
         assert!(raster.heights_m.iter().zip(expected).all(|(h, e)| (h - e).abs() < 1e-12), "{:?}", raster.heights_m);
         assert_eq!(plan.files.len(), 1);
         assert_comes_back(&plan);
@@ -214,8 +238,11 @@ fn exact_a_pattern_file_is_written_into_the_plan() {
     let sensor = "name: mine\npattern: {file: {path: beams.csv}}\nmin_range_m: 0.1\nmax_range_m: 9\nrange_sigma_m: 0.01
 range_step_m: 0.001\ndivergence_mrad: 1\nrange_at_10_percent_m: 4\nranging: {pulse: {pulse_ns: 5, report: first}}\n";
     std::fs::write(folder.path().join("mine/sensor.yaml"), sensor).unwrap();
-    let plan = load(&config, &["sweep.sensor=mine/sensor.yaml".into()]).unwrap_or_else(|error| panic!("{}", error.lines()));
-    let marsyard::sweep::sensor::PatternParams::File(file) = &plan.families[0].sweep.sensor.pattern else { panic!("a file") };
+    let plan =
+        load(&config, &["sweep.sensor=mine/sensor.yaml".into()]).unwrap_or_else(|error| panic!("{}", error.lines()));
+    let marsyard::sweep::sensor::PatternParams::File(file) = &plan.families[0].sweep.sensor.pattern else {
+        panic!("a file")
+    };
     assert_eq!(file.beams, [[0.0, 0.0, -10.0], [0.1, 1.0, -20.5]]);
     // The resolved plan needs neither the sensor's file nor the pattern's.
     assert_comes_back(&plan);

@@ -24,7 +24,8 @@ fn numbers_without_a_range(part: &Json, path: &str, found: &mut Vec<String>) {
     match part {
         _ if exempt => (),
         Json::Object(entries) => {
-            let is_number = part["type"] == "number" || part["type"].as_array().is_some_and(|t| t.contains(&"number".into()));
+            let is_number =
+                part["type"] == "number" || part["type"].as_array().is_some_and(|t| t.contains(&"number".into()));
             let is_dist = part["$ref"] == "#/$defs/Dist"
                 || part["anyOf"].as_array().is_some_and(|any| any.iter().any(|p| p["$ref"] == "#/$defs/Dist"));
             let in_list = path.ends_with("/items");

@@ -4,5 +4,7 @@
 
 mod cast;
 mod cells;
+mod drive;
 mod scene;
 mod slam;
+mod sweep;

@@ -4,7 +4,7 @@
 //! and B of the SLAM acceptance.
 
 use marsyard::drive::{InstrumentNoise, Reading};
-use marsyard::geometry::{DMat3, DVec3, Pose, Transform};
+use marsyard::geometry::{DMat3, DVec2, DVec3, Pose, Transform};
 use marsyard::math;
 use marsyard::slam::{Feature, Visibility};
 use rand::rngs::ChaCha8Rng;
@@ -14,6 +14,11 @@ use rand_distr::{Distribution, StandardNormal};
 pub const RADIUS_M: f64 = 5.0;
 pub const RANGE_M: f64 = 4.0;
 const STEP_M: f64 = 0.1;
+/// Sideways slip of the true path, and noise of a turn as a share of it.
+const LATERAL_M_PER_SQRT_M: f64 = 0.02;
+const TURN_SHARE: f64 = 0.05;
+/// Relief between two attitude readings, which no slope shows.
+const VERTICAL_M_PER_SQRT_M: f64 = 0.02;
 const STEPS_A_STOP: usize = 5;
 const HALF_VIEW_RAD: f64 = 120.0 / 180.0 * std::f64::consts::PI;
 
@@ -33,6 +38,8 @@ pub struct Scenario {
     pub first_yaw_rad: f64,
     /// +1 turns left, -1 right.
     pub side: f64,
+    /// Sideways slip and relief between readings, as the filter assumes them; the reference scenarios have neither.
+    pub bumps: bool,
     /// Features are lost between these distances.
     pub blind_m: std::ops::Range<f64>,
 }
@@ -50,6 +57,7 @@ impl Scenario {
             origin_m: DVec3::ZERO,
             first_yaw_rad: std::f64::consts::FRAC_PI_2,
             side: 1.0,
+            bumps: false,
             blind_m: 0.0..0.0,
         }
     }
@@ -96,32 +104,27 @@ impl Waves {
         Waves::SHAPE.into_iter().zip(self.phases).map(wave).sum()
     }
 
-    fn gradient(&self, x: f64, y: f64) -> (f64, f64) {
-        let mut sum = (0.0, 0.0);
+    fn gradient(&self, x: f64, y: f64) -> DVec2 {
+        let mut sum = DVec2::ZERO;
         for ([a, kx, ky], phase) in Waves::SHAPE.into_iter().zip(self.phases) {
             let c = a * math::cos(kx * x + ky * y + phase);
-            sum = (sum.0 + kx * c, sum.1 + ky * c);
+            sum += c * DVec2::new(kx, ky);
         }
         sum
     }
+}
 
-    /// The pose of a rover that stands on the tangent plane.
-    fn pose(&self, x: f64, y: f64, yaw_rad: f64) -> Pose {
-        let (gx, gy) = self.gradient(x, y);
-        let up = DVec3::new(-gx, -gy, 1.0).normalize();
-        let (s, c) = math::sin_cos(yaw_rad);
-        let ahead = DVec3::new(c, s, gx * c + gy * s).normalize();
-        let rotation = DMat3::from_cols(ahead, up.cross(ahead), up);
-        Pose::from_transform(&Transform { rotation, translation_m: DVec3::new(x, y, self.height_m(x, y)) })
-    }
+/// The pose of a rover that stands on the tangent plane.
+pub fn on_slope(at_m: DVec2, height_m: f64, gradient: DVec2, yaw_rad: f64) -> Pose {
+    let up = DVec3::new(-gradient.x, -gradient.y, 1.0).normalize();
+    let (s, c) = math::sin_cos(yaw_rad);
+    let ahead = DVec3::new(c, s, gradient.x * c + gradient.y * s).normalize();
+    let rotation = DMat3::from_cols(ahead, up.cross(ahead), up);
+    Pose::from_transform(&Transform { rotation, translation_m: at_m.extend(height_m) })
 }
 
 pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(7919).wrapping_add(17));
-    let mut normal = {
-        let mut noise = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(104_729).wrapping_add(5));
-        move || -> f64 { StandardNormal.sample(&mut noise) }
-    };
     let waves = Waves { phases: std::array::from_fn(|_| rng.random_range(0.0..std::f64::consts::TAU)) };
     let rocks: Vec<DVec3> = (0..scenario.rocks)
         .map(|_| {
@@ -129,6 +132,15 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
             DVec3::new(x, y, waves.height_m(x, y) + rng.random_range(0.08..0.3)) + scenario.origin_m
         })
         .collect();
+    drive_on(seed, scenario, |at| (waves.height_m(at.x, at.y), waves.gradient(at.x, at.y)), &rocks)
+}
+
+/// The drive around the origin over any ground: its height and gradient at a place.
+pub fn drive_on(seed: u64, scenario: &Scenario, ground: impl Fn(DVec2) -> (f64, DVec2), rocks: &[DVec3]) -> Drive {
+    let mut normal = {
+        let mut noise = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(104_729).wrapping_add(5));
+        move || -> f64 { StandardNormal.sample(&mut noise) }
+    };
     let noise = scenario.noise();
     let steps = (scenario.length_m / STEP_M).round() as usize;
     let rover_from_sensor = mast();
@@ -140,28 +152,42 @@ pub fn drive(seed: u64, scenario: &Scenario) -> Drive {
         rover_from_sensor,
         visibility: visibility(),
     };
+    // The circle around the origin that is left (right) of the heading, and how far slip has carried the rover off it.
+    let (s, c) = math::sin_cos(scenario.first_yaw_rad);
+    let (mut x, mut y) = (scenario.side * RADIUS_M * s, -scenario.side * RADIUS_M * c);
+    let (mut relief_m, mut on_slope_m) = (0.0, None);
     for k in 0..=steps {
         let yaw = math::wrap_angle(scenario.first_yaw_rad + turn * k as f64);
-        // The circle around the origin that is left (right) of the heading.
-        let (s, c) = math::sin_cos(yaw);
-        let (x, y) = (scenario.side * RADIUS_M * s, -scenario.side * RADIUS_M * c);
-        let mut pose = waves.pose(x, y, yaw);
+        let aside_m = if k == 0 || !scenario.bumps { 0.0 } else { LATERAL_M_PER_SQRT_M * STEP_M.sqrt() * normal() };
+        if k > 0 {
+            let (s, c) = math::sin_cos(yaw - 0.5 * turn);
+            (x, y) = (x + STEP_M * c - aside_m * s, y + STEP_M * s + aside_m * c);
+        }
+        if k > 0 && scenario.bumps {
+            relief_m += VERTICAL_M_PER_SQRT_M * STEP_M.sqrt() * normal();
+        }
+        let (height_m, gradient) = ground(DVec2::new(x, y));
+        let mut pose = on_slope(DVec2::new(x, y), height_m, gradient, yaw);
         pose.position_m += scenario.origin_m;
         let stop = k % STEPS_A_STOP == 0;
-        let driven_m = drive.truth.last().map_or(0.0, |last: &Pose| last.position_m.distance(pose.position_m));
+        let moved_m = on_slope_m.map_or(0.0, |last: DVec3| last.distance(pose.position_m));
+        on_slope_m = Some(pose.position_m);
+        pose.position_m.z += relief_m;
+        let driven_m = (moved_m * moved_m - aside_m * aside_m).max(0.0).sqrt();
         let slipped_m = driven_m / (1.0 - scenario.slip);
         let yaw_rate = if k == 0 { 0.0 } else { turn };
+        let yaw_sigma = noise.heading_rad_per_sqrt_m * driven_m.sqrt() + TURN_SHARE * yaw_rate.abs();
         drive.readings.push(Reading {
             dt_s: if k == 0 { 0.0 } else { 1.0 },
             speed_mps: slipped_m + noise.odometry_m_per_sqrt_m * driven_m.sqrt() * normal(),
-            yaw_rate_radps: yaw_rate + noise.heading_rad_per_sqrt_m * driven_m.sqrt() * normal(),
+            yaw_rate_radps: yaw_rate + yaw_sigma * normal(),
             roll_rad: Some(pose.roll_rad + scenario.imu_bias_rad + noise.imu_rad * normal()),
             pitch_rad: Some(pose.pitch_rad + scenario.imu_bias_rad + noise.imu_rad * normal()),
             yaw_rad: (scenario.sun && stop).then(|| math::wrap_angle(pose.yaw_rad + noise.sun_rad * normal())),
         });
         drive.features.push(stop.then(|| {
             let blind = scenario.blind_m.contains(&(k as f64 * STEP_M));
-            let found = seen(&rocks, &(pose.transform() * rover_from_sensor), scenario.known, &mut normal);
+            let found = seen(rocks, &(pose.transform() * rover_from_sensor), scenario.known, &mut normal);
             if blind { Vec::new() } else { found }
         }));
         drive.truth.push(pose);
