@@ -372,7 +372,7 @@ impl<'a> Picture<'a> {
                 (self.palette.ground_point, 0.55)
             };
             let uncovered = |x: usize, y: usize| range_m <= seen[y * self.width + x].range_m + HIDDEN_M;
-            canvas.disc_where(clip, spot, (4.5 / range_m).clamp(0.6, 1.3), colour, alpha, uncovered);
+            canvas.disc_where(clip, spot, (5.5 / range_m).clamp(0.7, 1.5), colour, alpha, uncovered);
         }
     }
 }
