@@ -36,3 +36,5 @@ pub mod config;
 pub mod picture;
 
 pub mod pipeline;
+
+pub mod cli;

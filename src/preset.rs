@@ -9,12 +9,23 @@ use serde::{Deserialize, Serialize};
 /// A preset as the document gives it. `config` writes every name out before any stage runs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(untagged)]
+#[schemars(rename = "{T}Preset")]
 #[garde(context(()))]
 pub enum Preset<T: Validate<Context = ()>> {
     /// The name of a shipped preset, or a path (with a `/` or ending in `.yaml`) relative to the config file.
     Name(#[garde(length(min = 1))] String),
     /// Written out in place.
     Inline(#[garde(dive)] Box<T>),
+}
+
+impl<T: Validate<Context = ()>> Preset<T> {
+    /// The name it was given by; empty for one written out in place.
+    pub fn name(&self) -> String {
+        match self {
+            Preset::Name(name) => name.clone(),
+            Preset::Inline(_) => String::new(),
+        }
+    }
 }
 
 impl<T: Validate<Context = ()>> Deref for Preset<T> {

@@ -3,9 +3,21 @@
 //! In: sweeps of a window with their estimates, the mount, and (for labels and `truth_` columns only) the scene.
 //! Out: [`Cells`], sorted by (row, col), frame `map`. Source: Hewitt et al. 2017, "Cell inputs", eqs 3 and 4.
 
+mod bin;
+mod columns;
+mod group;
+mod labels;
 pub mod params;
+mod place;
+mod slope;
+#[cfg(test)]
+mod tests;
 
+pub use bin::{Scratch, WindowScan, bin};
+pub use columns::{Offset, feature_columns, neighbour_offsets};
+pub use labels::obstacles;
 pub use params::CellParams;
+pub use place::{Placed, Placer, Unplaced};
 
 use crate::geometry::CellIndex;
 
@@ -30,6 +42,32 @@ pub struct FeatureColumn {
     pub description: String,
 }
 
+impl Cells {
+    /// Feeds every bit of the cells, in order, to a stage hash.
+    pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
+        for count in [self.points_in, self.points_binned, self.dropped_beyond_range, self.dropped_off_grid] {
+            hasher.update(&count.to_le_bytes());
+        }
+        hasher.update(&(self.rows.len() as u64).to_le_bytes());
+        for row in &self.rows {
+            let truth = &row.truth;
+            // No label is a value of its own.
+            let label = row.label.map_or(i32::from(i8::MIN), i32::from);
+            let class = i32::from(truth.class);
+            let whole = [row.index.row, row.index.col, label, row.points, row.neighbour_mask];
+            for value in whole.into_iter().chain([truth.obstacle_points, truth.top_points, class, truth.object]) {
+                hasher.update(&value.to_le_bytes());
+            }
+            for value in [row.range_m, truth.protrusion_m, truth.slope_rad] {
+                hasher.update(&value.to_bits().to_le_bytes());
+            }
+        }
+        for value in &self.features {
+            hasher.update(&value.to_bits().to_le_bytes());
+        }
+    }
+}
+
 /// One non-empty cell.
 #[derive(Clone, Debug)]
 pub struct CellRow {
@@ -39,7 +77,7 @@ pub struct CellRow {
     pub points: i32,
     /// Mean horizontal distance of the points from the sensor, metres.
     pub range_m: f32,
-    /// Bit k set: neighbour k (order sw, s, se, w, e, nw, n, ne) is not empty.
+    /// Bit k set: neighbour k (order of the columns: sw, s, se, w, e, nw, n, ne) is not empty.
     pub neighbour_mask: i32,
     pub truth: CellTruth,
 }
@@ -47,13 +85,15 @@ pub struct CellRow {
 /// What the label is made of: another rover's rule can be applied without a rebuild.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellTruth {
+    /// Points of what the config's rule calls an obstacle.
     pub obstacle_points: i32,
+    /// Those of them that lie on a top.
     pub top_points: i32,
-    /// Class of the tallest object among the points (0 ground).
+    /// Class of the tallest object among the points (0: ground alone).
     pub class: i8,
-    /// Its id, -1 for ground.
+    /// Its id (the smallest of equals), -1 for ground alone.
     pub object: i32,
-    /// Its height above the ground, 0 for ground.
+    /// Its height above the ground, 0 for patches and ground.
     pub protrusion_m: f32,
     /// Steepest true ground slope under the cell's ground points.
     pub slope_rad: f32,

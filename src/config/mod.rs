@@ -1,5 +1,26 @@
 //! A YAML document as written -> a [`Plan`] as checked.
+//!
+//! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
+//! fault, its place and its cure. The way: text -> tree ([`tree`]) -> presets written out ([`presets`]) -> overrides laid over
+//! ([`merge`]) -> shape checked against the schema ([`shape`], [`schema`]) -> types and their own rules -> rules between keys
+//! ([`rules`]). Nothing is written, and nothing but the files that the config names is read.
 
+pub mod document;
+pub mod error;
+mod load;
+mod merge;
+mod place;
 pub mod plan;
+mod presets;
+mod reader;
+mod rules;
+mod schema;
+mod shape;
+mod tree;
+mod write;
 
-pub use plan::{Family, Plan};
+pub use error::{ConfigError, Located};
+pub use load::load;
+pub use plan::{Family, Plan, PlanFile};
+pub use presets::shipped;
+pub use schema::{Kind, schema, schema_text};

@@ -1,7 +1,9 @@
 //! The checked config: everything resolved, every default written out.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use serde_json::{Value as Json, json};
 
+use super::write::yaml;
 use crate::cells::CellParams;
 use crate::corpus::{Split, Table};
 use crate::drive::DriveParams;
@@ -11,7 +13,7 @@ use crate::slam::SlamParams;
 use crate::sweep::SweepParams;
 
 /// A corpus, ready to build: presets written out, families resolved, rules checked.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
     /// Version of the config format.
     pub marsyard: u32,
@@ -24,10 +26,29 @@ pub struct Plan {
     pub max_failed_share: f64,
     /// At least one; a config without families has one named `default`.
     pub families: Vec<Family>,
+    /// Files that the plan names and `plan.yaml` needs beside it: their path there, and where they lie now.
+    #[serde(skip)]
+    pub files: Vec<PlanFile>,
+}
+
+/// A file (a height map) to be copied beside `plan.yaml`.
+#[derive(Clone, Debug, Eq)]
+pub struct PlanFile {
+    /// Path relative to `plan.yaml`.
+    pub path: String,
+    /// Where it was read from.
+    pub from: std::path::PathBuf,
+}
+
+/// Where a file lay before does not make a plan another one.
+impl PartialEq for PlanFile {
+    fn eq(&self, other: &Self) -> bool {
+        self.path == other.path
+    }
 }
 
 /// One kind of yard, rover and sensor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Family {
     pub name: String,
     pub weight: f64,
@@ -67,5 +88,80 @@ impl Plan {
             }
         }
         open.last().expect("checked: at least one family is not held out")
+    }
+
+    /// The whole plan as a document: every default written out, presets in place. [`load`](super::load) gives the same plan.
+    pub fn to_yaml(&self) -> String {
+        format!("# The resolved config: every default written out.\n{}", yaml(&self.to_document()))
+    }
+
+    /// Hash of the plan without `name` and `scenes`: the same for a corpus and the same corpus with more scenes.
+    pub fn scene_plan_hash(&self) -> String {
+        let mut document = self.to_document();
+        if let Some(entries) = document.as_object_mut() {
+            entries.shift_remove("name");
+            entries.shift_remove("scenes");
+        }
+        // Keys in the order of the types, numbers in their shortest form: the same plan, the same bytes.
+        blake3::hash(document.to_string().as_bytes()).to_hex().to_string()
+    }
+
+    /// What differs from another plan, one dotted key a line with both values; `name` and `scenes` are no difference.
+    pub fn difference(&self, other: &Plan) -> Vec<String> {
+        let mut lines = Vec::new();
+        let (mut ours, mut theirs) = (self.to_document(), other.to_document());
+        for document in [&mut ours, &mut theirs] {
+            document["name"] = Json::Null;
+            document["scenes"] = Json::Null;
+        }
+        differences(&ours, &theirs, "", &mut lines);
+        lines
+    }
+
+    /// The plan in the form of a document. One family named `default` is the document's own sections.
+    fn to_document(&self) -> Json {
+        let plan = serde_json::to_value(self).expect("a plan holds finite numbers and text keys");
+        let Json::Object(mut document) = plan else { unreachable!("a struct is an object") };
+        let is_default = |family: &Family| family.name == "default" && family.weight == 1.0 && !family.hold_out;
+        if let [family] = self.families.as_slice()
+            && is_default(family)
+        {
+            let families = document.shift_remove("families");
+            if let Some(Json::Object(sections)) = families.and_then(|mut list| list.get_mut(0).map(Json::take)) {
+                document
+                    .extend(sections.into_iter().filter(|(key, _)| super::document::SECTIONS.contains(&key.as_str())));
+            }
+        }
+        document.into()
+    }
+}
+
+fn differences(ours: &Json, theirs: &Json, path: &str, lines: &mut Vec<String>) {
+    let nothing = json!(null);
+    match (ours, theirs) {
+        (Json::Object(a), Json::Object(b)) => {
+            let only_theirs = b.keys().filter(|key| !a.contains_key(*key));
+            for key in a.keys().chain(only_theirs) {
+                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+                differences(a.get(key).unwrap_or(&nothing), b.get(key).unwrap_or(&nothing), &path, lines);
+            }
+        }
+        (Json::Array(a), Json::Array(b)) if a.len() == b.len() && a.iter().chain(b).all(|item| item.is_object()) => {
+            for (i, (a, b)) in a.iter().zip(b).enumerate() {
+                let name = a["name"].as_str().filter(|_| a["name"] == b["name"]);
+                differences(a, b, &format!("{path}[{}]", name.map_or(i.to_string(), str::to_owned)), lines);
+            }
+        }
+        (a, b) if a != b => lines.push(format!("{path}: {} here, {} there", shown(a), shown(b))),
+        _ => (),
+    }
+}
+
+fn shown(value: &Json) -> String {
+    let text = yaml(value).trim().to_owned();
+    match value {
+        Json::Null => "absent".into(),
+        Json::Object(_) | Json::Array(_) => super::tree::shortened(&value.to_string()),
+        _ => text,
     }
 }

@@ -14,8 +14,36 @@ pub enum Table {
     Points,
 }
 
+impl Table {
+    pub const ALL: [Table; 4] = [Table::Cells, Table::Scenes, Table::Poses, Table::Points];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Table::Cells => "cells",
+            Table::Scenes => "scenes",
+            Table::Poses => "poses",
+            Table::Points => "points",
+        }
+    }
+
+    /// What one row is.
+    pub fn row_is(self) -> &'static str {
+        match self {
+            Table::Cells => "a non-empty cell of a kept scan",
+            Table::Scenes => "a scene",
+            Table::Poses => "a step of a drive: the true and the estimated pose",
+            Table::Points => "a beam slot of a kept scan, misses included",
+        }
+    }
+
+    /// Where a shard's rows of this table lie.
+    pub fn path(self, shard: u64) -> String {
+        format!("data/{}/{}-{shard:07}.parquet", self.name(), Split::of_shard(shard).name())
+    }
+}
+
 /// Which part of the 70 / 15 / 15 split a shard is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
     Train,
@@ -24,6 +52,8 @@ pub enum Split {
 }
 
 impl Split {
+    pub const ALL: [Split; 3] = [Split::Train, Split::Validation, Split::Test];
+
     /// 14 + 3 + 3 in every 20 shards.
     pub fn of_shard(shard: u64) -> Split {
         match shard % 20 {
@@ -39,5 +69,31 @@ impl Split {
             Split::Validation => "validation",
             Split::Test => "test",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_every_twenty_shards_hold_14_train_3_validation_3_test() {
+        for start in [0, 1, 7, 20, 1_000_003] {
+            let count = |split| (start..start + 20).filter(|&shard| Split::of_shard(shard) == split).count();
+            assert_eq!([14, 3, 3], Split::ALL.map(count), "from shard {start}");
+        }
+    }
+
+    #[test]
+    fn exact_every_split_has_a_shard_from_seven_on() {
+        let splits = |shards: u64| Split::ALL.iter().filter(|&&s| (0..shards).any(|i| Split::of_shard(i) == s)).count();
+        assert_eq!(splits(6), 2);
+        assert_eq!(splits(7), 3);
+    }
+
+    #[test]
+    fn exact_paths_carry_table_split_and_shard() {
+        assert_eq!(Table::Cells.path(7), "data/cells/train-0000007.parquet");
+        assert_eq!(Table::Points.path(12_345_669), "data/points/validation-12345669.parquet");
     }
 }

@@ -3,15 +3,56 @@
 //! In: [`DriveParams`], a [`Scene`], drawn values, streams. Out: a [`DriveLog`]; truth and readings stand apart, since slam
 //! sees readings only. Source: Hewitt et al. 2017, "Rover model"; Thrun et al. 2005 (velocity motion); Tarokh & McDermott
 //! 2005 (contact). Frames: `rover` has its origin at the chassis centre projected onto the wheel-contact plane, so that
-//! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise.
+//! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise, and
+//! obstacles no taller than a wheel, which the rover drives over as if they were not there.
 
+mod contact;
+#[cfg(test)]
+mod fixtures;
+mod guide;
+mod instruments;
+mod linkage;
+mod motion;
 pub mod params;
+mod path;
+mod route;
 pub mod rover;
+mod start;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod travel;
+mod yard;
 
+pub use contact::{Minimum, Stance, Stander, minimise};
 pub use params::DriveParams;
 pub use rover::Rover;
 
 use crate::geometry::Pose;
+use crate::random::{Drawn, Streams};
+use crate::scene::Scene;
+use yard::Yard;
+
+/// Drives the rover through a scene.
+///
+/// Fails where there is no place to start or no way to the goal; a path that meets an obstacle, the yard's edge or ground
+/// the rover cannot stand on just ends there.
+pub fn drive(params: &DriveParams, scene: &Scene, drawn: &Drawn, streams: &Streams) -> Result<DriveLog, DriveError> {
+    let yard = Yard::new(scene, &params.rover);
+    let stander = Stander::new(&params.rover, scene, params.contact);
+    let (start, guide) = path::begin(params, &yard, &stander, drawn, streams)?;
+    let bumps = motion::Bumps::new(params, drawn, streams);
+    let travel = travel::follow(&params.rover, &yard, &stander, start, guide, &bumps)?;
+    let stops = travel.stops(params.stops);
+    let readings = instruments::Instruments::new(params, drawn, streams).read(&travel, &stops);
+    Ok(DriveLog {
+        truth: travel.stances.iter().map(|stance| stance.pose).collect(),
+        contacts: travel.stances.iter().map(|stance| stance.contact).collect(),
+        readings,
+        stops,
+        cut_short: travel.cut_short,
+    })
+}
 
 /// A finished drive. Step 0 is the start, at rest.
 #[derive(Clone, Debug)]
@@ -24,17 +65,55 @@ pub struct DriveLog {
     pub readings: Vec<Reading>,
     /// Steps at which the rover stands and sweeps, ascending; the last step is one of them.
     pub stops: Vec<usize>,
+    /// Whether an obstacle, the yard's edge or the ground ended the path before its length or its goal.
+    pub cut_short: bool,
+}
+
+impl DriveLog {
+    /// The log's bits, in order: the stage hash.
+    pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
+        let mut count = |n: usize| {
+            hasher.update(&(n as u64).to_le_bytes());
+        };
+        count(self.truth.len());
+        count(self.stops.len());
+        count(usize::from(self.cut_short));
+        self.stops.iter().for_each(|&stop| count(stop));
+        let mut number = |value: f64| {
+            hasher.update(&value.to_bits().to_le_bytes());
+        };
+        for pose in &self.truth {
+            let Pose { position_m, roll_rad, pitch_rad, yaw_rad } = *pose;
+            [position_m.x, position_m.y, position_m.z, roll_rad, pitch_rad, yaw_rad].into_iter().for_each(&mut number);
+        }
+        for contact in &self.contacts {
+            let Contact { rocker_rad, bogie_left_rad, bogie_right_rad, residual_m, iterations } = *contact;
+            [rocker_rad, bogie_left_rad, bogie_right_rad, residual_m, f64::from(iterations)]
+                .into_iter()
+                .for_each(&mut number);
+        }
+        for reading in &self.readings {
+            let Reading { dt_s, speed_mps, yaw_rate_radps, roll_rad, pitch_rad, yaw_rad } = *reading;
+            [dt_s, speed_mps, yaw_rate_radps].into_iter().for_each(&mut number);
+            for value in [roll_rad, pitch_rad, yaw_rad] {
+                // A pair, so that no reading and a reading of 0 differ.
+                [f64::from(u8::from(value.is_some())), value.unwrap_or(0.0)].into_iter().for_each(&mut number);
+            }
+        }
+    }
 }
 
 /// How the chassis stands on the ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Contact {
-    /// Rocker-bogie: rocker difference (beta) and left and right bogie angles (rho), radians; 0 for a rigid chassis.
+    /// Rocker-bogie, nose down positive, radians: the left rocker against the chassis (beta; the right one's is -beta), and
+    /// the left and right bogie against their rockers (rho); 0 for a rigid chassis.
     pub rocker_rad: f64,
     pub bogie_left_rad: f64,
     pub bogie_right_rad: f64,
     /// Largest distance of a wheel from touching, metres.
     pub residual_m: f64,
+    /// Linearisations (Gauss-Newton) or evaluations (Nelder-Mead) that it took.
     pub iterations: u32,
 }
 
@@ -58,19 +137,23 @@ pub struct Reading {
 pub struct InstrumentNoise {
     /// Of roll and pitch.
     pub imu_rad: f64,
+    /// Of the sun sensor's heading; 0 where the rover has none (and no reading then holds one).
     pub sun_rad: f64,
     /// Of driven distance, metres per square root of a metre driven.
     pub odometry_m_per_sqrt_m: f64,
-    /// Of heading, radians per square root of a metre driven.
+    /// Of heading, radians per square root of a metre driven by the outer wheels (way + |turn| * track / 2).
     pub heading_rad_per_sqrt_m: f64,
 }
 
 /// Why a drive could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
-    #[error("no place to start: {tries} places were tried, each on an obstacle or too near the yard's edge")]
+    #[error(
+        "no place to start: {tries} places were tried, each on an obstacle, too near the yard's edge or too steep; \
+             lower drive.start.margin_m or the number of obstacles"
+    )]
     NoStart { tries: u32 },
-    #[error("no way along the path: {reason}")]
+    #[error("no way along drive.path: {reason}")]
     NoWay { reason: String },
     #[error("the rover cannot stand at ({x_m:.2}, {y_m:.2}): {reason}")]
     NoContact { x_m: f64, y_m: f64, reason: String },

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Rover;
 use crate::preset::Preset;
-use crate::random::{Dist, Law, within};
+use crate::random::{Dist, Law, Purpose, within};
 
 /// The rover and its way through the yard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
@@ -28,7 +28,7 @@ pub struct DriveParams {
     /// Try the drive and its sweeps again, in the same scene, until a kept sweep holds both classes; 1 = take the first.
     #[garde(range(min = 1, max = 100))]
     pub attempts: u32,
-    /// Speed while driving, metres per second; default: the rover's greatest.
+    /// Speed while driving, metres per second, up to the rover's greatest (the default).
     #[garde(custom(within(1e-3, 50.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_mps: Option<Dist>,
@@ -64,11 +64,48 @@ impl Default for DriveParams {
     }
 }
 
+impl DriveParams {
+    /// The values drawn once per scene, of those that the config names.
+    pub fn dists(&self) -> Vec<(Purpose, &Dist)> {
+        let instruments = &self.instruments;
+        let mut dists = vec![
+            (Purpose::ImuSd, &instruments.imu_deg),
+            (Purpose::OdometryDistanceSd, &instruments.odometry_m_per_sqrt_m),
+            (Purpose::OdometryHeadingSd, &instruments.odometry_deg_per_sqrt_m),
+        ];
+        match &self.path {
+            PathParams::Straight(p) => dists.push((Purpose::StraightLength, &p.length_m)),
+            PathParams::Arc(p) => dists.extend([(Purpose::ArcLength, &p.length_m), (Purpose::ArcRadius, &p.radius_m)]),
+            PathParams::Waypoints(_) => {}
+            PathParams::RandomWalk(p) => dists.push((Purpose::WalkLength, &p.length_m)),
+            PathParams::TowardObstacle(p) => dists.push((Purpose::TowardLength, &p.length_m)),
+            PathParams::Planned(p) => dists.push((Purpose::PlannedGoal, &p.goal_m)),
+        }
+        if let Some(noise) = &self.control_noise {
+            dists.extend([
+                (Purpose::ControlSpeedSd, &noise.speed),
+                (Purpose::ControlYawRateSd, &noise.yaw_rate),
+                (Purpose::ControlHeadingSd, &noise.heading_deg_per_sqrt_m),
+            ]);
+        }
+        let optional = [
+            (Purpose::DriveSpeed, &self.speed_mps),
+            (Purpose::StartNearObstacle, &self.start.near_obstacle_m),
+            (Purpose::ImuBias, &instruments.imu_bias_deg),
+            (Purpose::SunSd, &instruments.sun_deg),
+            (Purpose::Slip, &instruments.slip),
+        ];
+        dists.extend(optional.into_iter().filter_map(|(purpose, dist)| Some((purpose, dist.as_ref()?))));
+        dists
+    }
+}
+
 /// Where the drive begins.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields, default)]
 pub struct StartParams {
-    /// Distance from the start to the nearest obstacle's surface, metres; absent = anywhere clear.
+    /// Distance from the start to the nearest untraversable obstacle's surface, seen from above, metres; absent = anywhere
+    /// clear. Where the yard has no such place, the one found that comes nearest to it is taken.
     #[garde(custom(within(0.0, 1000.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_obstacle_m: Option<Dist>,
@@ -114,7 +151,7 @@ pub struct LengthParams {
 pub struct ArcParams {
     #[garde(custom(within(0.0, 1e5)))]
     pub length_m: Dist,
-    /// Radius, metres; positive turns left, negative right.
+    /// Radius, metres; positive turns left, negative right. Less than 0.1 m counts as 0.1 m.
     #[garde(custom(within(-1e5, 1e5)))]
     pub radius_m: Dist,
 }
@@ -146,7 +183,7 @@ pub struct PlannedParams {
     /// Distance of the goal from the start, metres; drawn per scene.
     #[garde(custom(within(0.1, 1e5)))]
     pub goal_m: Dist,
-    /// Distance kept from obstacles beside the rover's own half width, metres.
+    /// Distance kept from obstacles beside the circle that the rover turns in, metres.
     #[garde(custom(within(0.0, 10.0)))]
     #[serde(default)]
     pub clearance_m: f64,
@@ -199,9 +236,8 @@ pub struct InstrumentsParams {
     #[garde(custom(within(-45.0, 45.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imu_bias_deg: Option<Dist>,
-    /// Sun-sensor heading at stops: standard deviation, degrees; absent = no sun sensor.
+    /// Sun-sensor heading at stops: standard deviation, degrees; null = no sun sensor.
     #[garde(custom(within(0.0, 180.0)))]
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub sun_deg: Option<Dist>,
     /// Odometry: noise of the distance, metres per square root of a metre.
     #[garde(custom(within(0.0, 1.0)))]

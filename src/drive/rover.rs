@@ -4,6 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::geometry::{DVec3, Pose, Transform};
 use crate::random::within;
 
 /// A rover: where its wheels are, and where it carries the sensor.
@@ -36,6 +37,25 @@ pub struct Rover {
     pub mount: Mount,
 }
 
+impl Rover {
+    pub fn wheel_radius_m(&self) -> f64 {
+        0.5 * self.wheel_diameter_m
+    }
+
+    /// Radius of the circle that the outline sweeps when the rover turns in place.
+    pub fn turning_radius_m(&self) -> f64 {
+        0.5 * (self.length_m * self.length_m + self.width_m * self.width_m).sqrt()
+    }
+
+    /// Distance between left and right wheels.
+    pub fn track_m(&self) -> f64 {
+        match &self.chassis {
+            Chassis::Rigid(chassis) => chassis.track_m,
+            Chassis::RockerBogie(chassis) => chassis.track_m,
+        }
+    }
+}
+
 /// Where a sensor sits on its rover: position in the rover frame, then yaw, pitch (nose-down positive) and roll.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields)]
@@ -56,6 +76,19 @@ pub struct Mount {
     #[garde(custom(within(-180.0, 180.0)))]
     #[serde(default)]
     pub roll_deg: f64,
+}
+
+impl Mount {
+    /// The sensor's frame in the rover's.
+    pub fn rover_from_sensor(&self) -> Transform {
+        let pose = Pose {
+            position_m: DVec3::new(self.x_m, self.y_m, self.z_m),
+            roll_rad: self.roll_deg.to_radians(),
+            pitch_rad: self.pitch_deg.to_radians(),
+            yaw_rad: self.yaw_deg.to_radians(),
+        };
+        pose.transform()
+    }
 }
 
 /// How the wheels hang together.

@@ -1,1 +1,61 @@
-//! Scenes, sweeps and cells -> pictures a person can judge.
+//! A scene and what was made in it -> pictures and point clouds, as bytes.
+//!
+//! In: a [`View`], what one kept sweep was made of. Out: PNG ([`top_view`], [`perspective`], [`scan_view`]; figure 8 of Hewitt
+//! et al. 2017) and PLY ([`labelled_cloud`]). Writes no files. Cells are shaded as in the paper: light traversable, dark
+//! untraversable.
+
+mod canvas;
+mod colour;
+mod map;
+mod model;
+mod noise;
+mod perspective;
+mod ply;
+mod relief;
+mod scan;
+#[cfg(test)]
+mod tests;
+mod top;
+
+pub use perspective::{Overlay, perspective};
+pub use ply::labelled_cloud;
+pub use scan::scan_view;
+pub use top::top_view;
+
+use crate::cells::Cells;
+use crate::drive::Rover;
+use crate::geometry::{Pose, Transform};
+use crate::scene::Scene;
+use crate::sweep::Sweep;
+
+/// What a picture shows: one kept sweep and the drive up to it.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// What the picture is of, for its title: "quickstart, scene 7, scan 3".
+    pub title: &'a str,
+    pub scene: &'a Scene,
+    pub rover: &'a Rover,
+    /// True poses up to the sweep; the last is where it was taken.
+    pub truth: &'a [Pose],
+    /// Estimated poses up to the sweep; the last is the one its cells were made with.
+    pub estimates: &'a [Pose],
+    pub rover_from_sensor: Transform,
+    pub sweep: &'a Sweep,
+    pub cells: &'a Cells,
+    /// Side of a cell.
+    pub cell_size_m: f64,
+}
+
+impl View<'_> {
+    fn true_pose(&self) -> Pose {
+        self.truth.last().copied().unwrap_or_default()
+    }
+
+    fn estimated_pose(&self) -> Pose {
+        self.estimates.last().copied().unwrap_or_default()
+    }
+
+    fn world_from_sensor(&self) -> Transform {
+        self.true_pose().transform() * self.rover_from_sensor
+    }
+}

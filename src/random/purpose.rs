@@ -95,8 +95,78 @@ purposes! {
     BushExtinction = 173, "scene.vegetation.bushes.extinction_per_m";
     BushPlace = 174, "scene.vegetation.bushes";
     // Drive: 300-499
+    DriveSpeed = 300, "drive.speed_mps";
+    StartNearObstacle = 301, "drive.start.near_obstacle_m";
+    StraightLength = 302, "drive.path.straight.length_m";
+    ArcLength = 303, "drive.path.arc.length_m";
+    ArcRadius = 304, "drive.path.arc.radius_m";
+    WalkLength = 305, "drive.path.random_walk.length_m";
+    WalkLeg = 306, "drive.path.random_walk.leg_m";
+    WalkTurn = 307, "drive.path.random_walk.turn_deg";
+    TowardLength = 308, "drive.path.toward_obstacle.length_m";
+    PlannedGoal = 309, "drive.path.planned.goal_m";
+    ControlSpeedSd = 310, "drive.control_noise.speed";
+    ControlYawRateSd = 311, "drive.control_noise.yaw_rate";
+    ControlHeadingSd = 312, "drive.control_noise.heading_deg_per_sqrt_m";
+    ImuSd = 320, "drive.instruments.imu_deg";
+    ImuBias = 321, "drive.instruments.imu_bias_deg";
+    SunSd = 322, "drive.instruments.sun_deg";
+    OdometryDistanceSd = 323, "drive.instruments.odometry_m_per_sqrt_m";
+    OdometryHeadingSd = 324, "drive.instruments.odometry_deg_per_sqrt_m";
+    Slip = 325, "drive.instruments.slip";
+    /// Index = try * 4 + which number.
+    StartPlace = 350, "drive.start.place";
+    StartHeading = 351, "drive.start.heading";
+    /// Index = try.
+    GoalDirection = 352, "drive.path.planned.direction";
+    /// The rest: index = control step.
+    ControlSpeedNoise = 360, "drive.control_noise.speed.draws";
+    ControlYawRateNoise = 361, "drive.control_noise.yaw_rate.draws";
+    ControlHeadingNoise = 362, "drive.control_noise.heading.draws";
+    ImuRollNoise = 370, "drive.instruments.imu.roll";
+    ImuPitchNoise = 371, "drive.instruments.imu.pitch";
+    /// Index 0: how the bias is shared between roll and pitch.
+    ImuBiasAxis = 372, "drive.instruments.imu_bias.axis";
+    SunNoise = 373, "drive.instruments.sun.draws";
+    OdometryDistanceNoise = 374, "drive.instruments.odometry.distance";
+    OdometryHeadingNoise = 375, "drive.instruments.odometry.heading";
     // Sweep: 500-699
+    SweepMountX = 500, "sweep.mount.x_m";
+    SweepMountY = 501, "sweep.mount.y_m";
+    SweepMountZ = 502, "sweep.mount.z_m";
+    SweepMountYaw = 503, "sweep.mount.yaw_deg";
+    SweepMountPitch = 504, "sweep.mount.pitch_deg";
+    SweepMountRoll = 505, "sweep.mount.roll_deg";
+    SweepRangeSigma = 510, "sweep.effects.range_noise.sigma_m";
+    SweepRangeSigmaPerM = 511, "sweep.effects.range_noise.sigma_per_m";
+    SweepBiasSigma = 512, "sweep.effects.range_bias_m";
+    SweepDropoutRate = 513, "sweep.effects.dropout.rate";
+    SweepDropoutGround = 514, "sweep.effects.dropout.ground_reflectance";
+    SweepTiltSigma = 515, "sweep.effects.tilt_jitter_deg";
+    SweepIntensityGround = 516, "sweep.effects.intensity.ground_reflectance";
+    SweepIntensitySigma = 517, "sweep.effects.intensity.noise";
+    /// Index: object id; the same draw for dropout and intensity, so that a dark rock is dark to both.
+    SweepObjectReflectance = 600, "sweep.object_reflectance";
+    /// Index: slot.
+    SweepRangeNoise = 601, "sweep.range_noise";
+    /// One draw a sweep.
+    SweepBias = 602, "sweep.range_bias";
+    /// Index: slot.
+    SweepDropout = 603, "sweep.dropout";
+    /// Index: line.
+    SweepTilt = 604, "sweep.tilt_jitter";
+    /// Index: slot.
+    SweepIntensity = 605, "sweep.intensity";
+    /// Index: slot.
+    SweepPatch = 606, "sweep.patch";
+    /// Index: slot.
+    SweepVolume = 607, "sweep.volume";
     // Slam: 700-799
+    /// Index 6 i + k: component k of particle i.
+    SlamSample = 700, "slam.fastslam.sample";
+    SlamResample = 701, "slam.fastslam.resample";
+    /// Index k: component k of the pose.
+    SlamSurrogate = 702, "slam.surrogate";
     // Cells: 800-899
 }
 

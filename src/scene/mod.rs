@@ -5,20 +5,35 @@
 //! 1997 (rock sizes). What the config does not name is not built and not paid for. Not modelled: overhangs, loose soil,
 //! moving things. Outside the yard there is no ground.
 
+pub mod boxes;
+mod digest;
+mod field;
+mod fit;
+mod golombek;
+mod ground;
 mod hull;
+mod landforms;
 mod legendre;
 pub mod params;
 pub mod polynomial;
 mod raster;
+mod rocks;
+mod slope;
+mod things;
+mod trees;
+mod vegetation;
 
+pub use field::RandomField;
+pub use golombek::Golombek;
 pub use hull::{Convex, Plane};
 pub use legendre::MAX_DEGREE;
 pub use params::SceneParams;
 pub use polynomial::Polynomial;
 pub use raster::Raster;
+pub use things::{Class, Cylinder, Object, Obstacle, Patch, Shape, Volume};
 
 use crate::geometry::{DVec2, DVec3};
-use crate::random::{Drawn, Streams};
+use crate::random::{Drawn, Stream, Streams};
 
 /// A yard. The square [0, extent] x [0, extent] in x and y.
 #[derive(Clone, Debug)]
@@ -80,90 +95,29 @@ impl Ground {
     }
 }
 
-/// What a thing is; its number is the `truth_class` of points and cells.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(i8)]
-pub enum Class {
-    Ground = 0,
-    Rock = 1,
-    /// A wall, crate or bucket.
-    Box = 2,
-    /// A tree's trunk.
-    Trunk = 3,
-    /// A return scattered by a grass patch.
-    Grass = 4,
-    /// A return from inside a bush (or scattered by a bush patch).
-    Bush = 5,
-    /// A return from inside a tree's crown.
-    Crown = 6,
-}
-
-/// A solid thing that stands on (and in) the ground.
-#[derive(Clone, Debug)]
-pub struct Obstacle {
-    pub id: i32,
-    pub class: Class,
-    pub shape: Shape,
-    /// Bounding sphere, world.
-    pub centre_m: DVec3,
-    pub radius_m: f64,
-    /// Greatest height of the body above the ground right below it: what "taller than a wheel" is judged by.
-    pub protrusion_m: f64,
-}
-
-#[derive(Clone, Debug)]
-pub enum Shape {
-    Convex(Convex),
-    Cylinder(Cylinder),
-}
-
-/// An upright capped cylinder.
-#[derive(Clone, Copy, Debug)]
-pub struct Cylinder {
-    /// Centre of the bottom disc.
-    pub base_m: DVec3,
-    pub radius_m: f64,
-    pub height_m: f64,
-}
-
-/// An upright ellipsoid of leaves and twigs: a ray that has entered travels an exponential length before it returns.
-#[derive(Clone, Copy, Debug)]
-pub struct Volume {
-    pub id: i32,
-    /// `Bush` or `Crown`.
-    pub class: Class,
-    pub centre_m: DVec3,
-    pub semi_axes_m: DVec3,
-    pub extinction_per_m: f64,
-    pub untraversable: bool,
-    /// Height of its top above the ground below its centre.
-    pub protrusion_m: f64,
-}
-
-/// A disc of ground whose returns scatter in height (the paper's grass and bushes).
-#[derive(Clone, Copy, Debug)]
-pub struct Patch {
-    pub id: i32,
-    /// `Grass` or `Bush`.
-    pub class: Class,
-    pub centre_m: DVec2,
-    pub radius_m: f64,
-    /// Standard deviation of the added height.
-    pub sigma_m: f64,
-    pub untraversable: bool,
-}
-
 impl Scene {
     /// A yard of ground alone: obstacles are added with [`Scene::with_obstacle`].
     pub fn bare(extent_m: f64, ground: Ground) -> Scene {
         Scene { extent_m, ground, obstacles: Vec::new(), volumes: Vec::new(), patches: Vec::new() }
     }
 
-    /// The yard with one more solid thing; its id is its place in the row.
+    /// The yard with one more solid thing; its id is its place in the row. Before any volume or patch.
     pub fn with_obstacle(mut self, class: Class, shape: Shape) -> Scene {
-        let id = self.obstacles.len() as i32;
-        self.obstacles.push(Obstacle::new(id, class, shape, &self));
+        self.add_obstacle(class, shape);
         self
+    }
+
+    /// Adds a solid thing; its id is its place in the row.
+    fn add_obstacle(&mut self, class: Class, shape: Shape) {
+        let id = self.obstacles.len() as i32;
+        self.obstacles.push(Obstacle::new(id, class, shape, self));
+    }
+
+    /// Numbers the volumes after the obstacles and the patches after the volumes.
+    fn number_on(&mut self) {
+        let ids = self.obstacles.len() as i32..;
+        let later = self.volumes.iter_mut().map(|v| &mut v.id).chain(self.patches.iter_mut().map(|p| &mut p.id));
+        later.zip(ids).for_each(|(place, id)| *place = id);
     }
 
     /// Ground height below a point of a body, which may hang over the yard's edge: there the edge's height holds.
@@ -190,62 +144,34 @@ impl Scene {
     }
 }
 
-/// One thing of a scene, by its id.
-#[derive(Clone, Copy, Debug)]
-pub enum Object<'a> {
-    Obstacle(&'a Obstacle),
-    Volume(&'a Volume),
-    Patch(&'a Patch),
-}
-
-impl Obstacle {
-    /// A solid thing on a scene's ground, with its bounding sphere and protrusion worked out.
-    pub fn new(id: i32, class: Class, shape: Shape, scene: &Scene) -> Obstacle {
-        let (centre_m, radius_m) = shape.bounding_sphere();
-        let protrusion_m = shape.protrusion_m(scene);
-        Obstacle { id, class, shape, centre_m, radius_m, protrusion_m }
-    }
-}
-
-impl Shape {
-    /// Centre and radius of a sphere around the body.
-    pub fn bounding_sphere(&self) -> (DVec3, f64) {
-        match self {
-            Shape::Convex(convex) => convex.bounding_sphere(),
-            Shape::Cylinder(cylinder) => {
-                let half = DVec3::new(cylinder.radius_m, 0.0, 0.5 * cylinder.height_m);
-                (cylinder.base_m + DVec3::Z * half.z, half.length() * (1.0 + 4.0 * f64::EPSILON))
-            }
-        }
-    }
-
-    /// Greatest height above the ground right below: at the vertices of a polyhedron, on the axis and eight rim points of a
-    /// cylinder's top.
-    pub fn protrusion_m(&self, scene: &Scene) -> f64 {
-        let above = |p: DVec3| p.z - scene.ground_below_m(p.x, p.y);
-        match self {
-            Shape::Convex(convex) => convex.vertices_m.iter().fold(f64::NEG_INFINITY, |most, v| most.max(above(*v))),
-            Shape::Cylinder(cylinder) => {
-                let top = cylinder.base_m + DVec3::Z * cylinder.height_m;
-                disc(cylinder.radius_m).fold(f64::NEG_INFINITY, |most, rim| most.max(above(top + rim.extend(0.0))))
-            }
-        }
-    }
-}
-
-/// The centre of a disc and eight points of its rim.
-fn disc(radius_m: f64) -> impl Iterator<Item = DVec2> {
-    let rim = (0..8).map(move |k| {
-        let (sin, cos) = crate::math::sin_cos(f64::from(k) * std::f64::consts::FRAC_PI_4);
-        DVec2::new(cos, sin) * radius_m
-    });
-    std::iter::once(DVec2::ZERO).chain(rim)
+/// The place of thing `index`, anywhere in the yard.
+fn place_in_yard(stream: &Stream, index: u64, extent_m: f64) -> DVec2 {
+    let mut place = [0.0; 2];
+    stream.fill_uniform(2 * index, &mut place);
+    DVec2::from_array(place) * extent_m
 }
 
 /// Builds the yard of one scene.
+///
+/// Ids: rocks, boxes, trunks; then crowns, bushes; then grass, brush. Each kind has its own streams: adding one moves no
+/// draw of another, only the ids after it.
 pub fn build(params: &SceneParams, drawn: &Drawn, streams: &Streams) -> Result<Scene, SceneError> {
-    let _ = (drawn, streams);
-    Ok(Scene::bare(params.extent_m, Ground::Polynomial(Polynomial::flat(params.extent_m))))
+    let ground = ground::build(&params.ground, params.extent_m, drawn, streams)?;
+    let mut scene = Scene::bare(params.extent_m, ground);
+    if let Some(rocks) = &params.rocks {
+        rocks::build(rocks, drawn, streams, &mut scene)?;
+    }
+    if let Some(boxes) = &params.boxes {
+        boxes::build(boxes, drawn, streams, &mut scene);
+    }
+    if let Some(trees) = &params.trees {
+        trees::build(trees, drawn, streams, &mut scene);
+    }
+    if let Some(vegetation) = &params.vegetation {
+        vegetation::build(vegetation, drawn, streams, &mut scene);
+    }
+    scene.number_on();
+    Ok(scene)
 }
 
 /// Why a scene could not be built; a failed scene is listed with its replay command, never dropped.
@@ -255,6 +181,167 @@ pub enum SceneError {
         "no ground under {limit_deg} degrees of slope in {tries} tries (the flattest had {best_deg:.1}); lower rms_height_m or raise correlation_length_m"
     )]
     TooSteep { limit_deg: f64, best_deg: f64, tries: u32 },
+    #[error(
+        "a ground of {cells} x {cells} nodes at {spacing_m} m is above the limit of {limit} x {limit}; raise spacing_m to {coarsest_m:.3} or lower extent_m"
+    )]
+    TooFine { spacing_m: f64, cells: usize, limit: usize, coarsest_m: f64 },
+    #[error(
+        "{expected:.0} rocks to expect, above the limit of {limit:.0}; raise golombek.min_diameter_m (now {min_diameter_m}) or lower abundance"
+    )]
+    TooManyRocks { expected: f64, limit: f64, min_diameter_m: f64 },
     #[error("{path}: {reason}")]
     GroundFile { path: String, reason: String },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Stage;
+
+    const YARD: &str = r"
+extent_m: 20
+ground: {source: {random: {rms_height_m: {uniform: [0.05, 0.3]}, correlation_length_m: {uniform: [6, 10]}}}}
+rocks: {count: {uniform: [5, 40]}, diameter_m: {log_uniform: [0.1, 0.8]}}
+boxes: {count: {uniform: [1, 5]}, length_m: {uniform: [0.2, 4]}, width_m: 0.3, height_m: {uniform: [0.2, 1]}}
+trees:
+  count: {uniform: [1, 5]}
+  diameter_m: {uniform: [0.1, 0.5]}
+  height_m: {uniform: [2, 5]}
+  crown: {diameter_m: {uniform: [1, 3]}, extinction_per_m: {uniform: [1, 15]}}
+vegetation:
+  grass: {count: {uniform: [1, 5]}, radius_m: {uniform: [0.5, 3]}, sigma_m: {uniform: [0.02, 0.1]}}
+  brush: {count: {uniform: [1, 5]}, radius_m: {uniform: [0.5, 3]}, sigma_m: {uniform: [0.02, 0.1]}}
+  bushes: {count: {uniform: [1, 5]}, diameter_m: {uniform: [0.5, 2]}, height_m: 0.8, extinction_per_m: 4}
+";
+
+    fn streams(scene: u64) -> Streams {
+        Streams { seed: 21, scene, attempt: 0, stage: Stage::Scene, step: 0 }
+    }
+
+    fn yard(params: &SceneParams, scene: u64) -> Scene {
+        let drawn = Drawn::draw(&streams(scene), params.dists());
+        build(params, &drawn, &streams(scene)).unwrap()
+    }
+
+    /// What is there of one kind, without the ids, which may shift.
+    fn kind(scene: &Scene, class: Class) -> Vec<String> {
+        let obstacles = scene.obstacles.iter().filter(|o| o.class == class);
+        let volumes = scene.volumes.iter().filter(|v| v.class == class);
+        let patches = scene.patches.iter().filter(|p| p.class == class);
+        obstacles
+            .map(|o| format!("{:?}", Obstacle { id: 0, ..o.clone() }))
+            .chain(volumes.map(|v| format!("{:?}", Volume { id: 0, ..*v })))
+            .chain(patches.map(|p| format!("{:?}", Patch { id: 0, ..*p })))
+            .collect()
+    }
+
+    #[test]
+    fn equal_draws_of_a_kind_whichever_others_are_on() {
+        let full: SceneParams = serde_saphyr::from_str(YARD).unwrap();
+        let classes = [Class::Rock, Class::Box, Class::Trunk, Class::Crown, Class::Grass, Class::Bush];
+        for scene in 0..8 {
+            let all = yard(&full, scene);
+            assert!(classes.iter().all(|class| !kind(&all, *class).is_empty()));
+            // Every set of the four families, and each part of the vegetation alone.
+            for set in 0..16_u32 {
+                let on = |bit: u32| set & (1 << bit) != 0;
+                let mut some = full.clone();
+                some.rocks = some.rocks.filter(|_| on(0));
+                some.boxes = some.boxes.filter(|_| on(1));
+                some.trees = some.trees.filter(|_| on(2));
+                some.vegetation = some.vegetation.filter(|_| on(3));
+                let part = yard(&some, scene);
+                for (class, on) in classes.into_iter().zip([on(0), on(1), on(2), on(2), on(3), on(3)]) {
+                    let expected = if on { kind(&all, class) } else { Vec::new() };
+                    assert_eq!(kind(&part, class), expected, "{class:?} with families {set:04b}");
+                }
+                assert_eq!(part.ground.height_m(3.3, 4.4).to_bits(), all.ground.height_m(3.3, 4.4).to_bits());
+            }
+            let mut grassless = full.clone();
+            grassless.vegetation.as_mut().unwrap().grass = None;
+            assert_eq!(kind(&yard(&grassless, scene), Class::Bush), kind(&all, Class::Bush));
+            let mut crownless = full.clone();
+            crownless.trees.as_mut().unwrap().crown = None;
+            assert_eq!(kind(&yard(&crownless, scene), Class::Trunk), kind(&all, Class::Trunk));
+        }
+    }
+
+    #[test]
+    fn law_ids_run_through_obstacles_volumes_and_patches() {
+        let scene = yard(&serde_saphyr::from_str(YARD).unwrap(), 0);
+        let total = scene.obstacles.len() + scene.volumes.len() + scene.patches.len();
+        for id in 0..total as i32 {
+            let found = match scene.object(id).unwrap() {
+                Object::Obstacle(obstacle) => obstacle.id,
+                Object::Volume(volume) => volume.id,
+                Object::Patch(patch) => patch.id,
+            };
+            assert_eq!(found, id);
+        }
+        assert!(scene.object(total as i32).is_none() && scene.object(-1).is_none());
+    }
+
+    #[test]
+    fn law_things_stand_in_the_ground_at_their_height() {
+        let params: SceneParams = serde_saphyr::from_str(YARD).unwrap();
+        for scene in 0..8 {
+            let yard = yard(&params, scene);
+            for obstacle in &yard.obstacles {
+                assert!((0.0..=20.0).contains(&obstacle.centre_m.x) || obstacle.class == Class::Rock);
+                match &obstacle.shape {
+                    Shape::Convex(body) if obstacle.class == Class::Box => {
+                        assert_eq!((body.planes.len(), body.vertices_m.len()), (6, 8));
+                        let low = body.vertices_m.iter().fold(f64::MAX, |low, v| low.min(v.z));
+                        let bottom = body.vertices_m.iter().filter(|v| v.z < low + 1e-9);
+                        assert!(bottom.clone().count() == 4);
+                        bottom.for_each(|v| assert!(v.z <= yard.ground_below_m(v.x, v.y) + 1e-12));
+                        assert!(obstacle.protrusion_m >= 0.2 - 1e-9);
+                    }
+                    Shape::Cylinder(trunk) => {
+                        let ground = yard.ground_below_m(trunk.base_m.x, trunk.base_m.y);
+                        let height = trunk.base_m.z + trunk.height_m - ground;
+                        assert!(trunk.base_m.z <= ground && (2.0..=5.0 + 1e-9).contains(&height));
+                        assert!(obstacle.protrusion_m >= height - 1e-12);
+                    }
+                    Shape::Convex(_) => {}
+                }
+            }
+            for volume in &yard.volumes {
+                let ground = yard.ground_below_m(volume.centre_m.x, volume.centre_m.y);
+                assert!((volume.centre_m.z + volume.semi_axes_m.z - ground - volume.protrusion_m).abs() < 1e-12);
+                assert!(volume.untraversable);
+            }
+            assert!(yard.patches.iter().all(|patch| patch.untraversable == (patch.class == Class::Bush)));
+        }
+    }
+
+    #[test]
+    fn law_the_stage_hash_sees_every_part() {
+        let digest = |scene: &Scene| {
+            let mut hasher = blake3::Hasher::new();
+            scene.hash_into(&mut hasher);
+            hasher.finalize()
+        };
+        let scene = yard(&serde_saphyr::from_str(YARD).unwrap(), 0);
+        assert_eq!(digest(&scene), digest(&yard(&serde_saphyr::from_str(YARD).unwrap(), 0)));
+        let changes: [fn(&mut Scene); 5] = [
+            |s| s.obstacles[1].protrusion_m += 1e-16,
+            |s| s.volumes[0].extinction_per_m += 1e-15,
+            |s| s.patches[0].untraversable = !s.patches[0].untraversable,
+            |s| _ = s.obstacles.pop(),
+            |s| s.extent_m = 21.0,
+        ];
+        for change in changes {
+            let mut other = scene.clone();
+            change(&mut other);
+            assert_ne!(digest(&scene), digest(&other));
+        }
+    }
+
+    #[test]
+    fn golden_stage_hash() {
+        let mut hasher = blake3::Hasher::new();
+        yard(&serde_saphyr::from_str(YARD).unwrap(), 0).hash_into(&mut hasher);
+        insta::assert_snapshot!(hasher.finalize().to_hex().to_string());
+    }
 }

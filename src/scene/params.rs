@@ -79,14 +79,16 @@ pub struct GroundParams {
     pub source: GroundSource,
     #[garde(dive)]
     pub shape: GroundShape,
-    /// Grounds steeper than this anywhere in the yard are drawn again (up to 100 times), degrees.
+    /// Random shapes steeper than this anywhere in the yard are drawn again (up to 100 times), degrees. Roughness and
+    /// features, which are steep on purpose, and files do not count.
     #[garde(custom(within(0.1, 60.0)))]
     pub max_slope_deg: f64,
     /// Small-scale roughness on top of the shape; makes the ground a raster.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roughness: Option<RoughnessParams>,
-    /// Ridges, steps, ditches and craters on top of the shape; makes the ground a raster.
+    /// Ridges, steps, ditches and craters on top of the shape; makes the ground a raster (of 0.05 m, unless the shape or the
+    /// roughness says otherwise).
     #[garde(dive)]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<FeatureParams>,
@@ -272,7 +274,7 @@ pub struct RocksParams {
     #[serde(default = "default_tilt_deg")]
     pub tilt_deg: Dist,
     /// Raise every rock until it stands at least this high above the ground, metres (the paper's rocks are all taller
-    /// than a wheel).
+    /// than a wheel); one that would have to leave the ground for it is enlarged instead.
     #[garde(custom(within(0.0, 100.0)))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_height_m: Option<f64>,

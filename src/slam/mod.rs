@@ -1,13 +1,34 @@
 //! Readings and sweeps -> estimated poses with covariance. Never the truth.
 //!
-//! In: [`SlamParams`], the start pose (known), [`Reading`](crate::drive::Reading)s, [`Sweep`](crate::sweep::Sweep)s.
-//! Out: an [`Estimate`] per step, frame `map`. Source: Montemerlo et al. 2003 (FastSLAM 2.0), in six degrees of freedom.
+//! In: [`SlamParams`], the start pose (known), [`Reading`]s, [`Sweep`]s. Out: an [`Estimate`] per step, frame `map`.
+//! Source: Montemerlo et al. 2003 (FastSLAM 2.0), in six degrees of freedom on terrain. All of it runs relative to the
+//! start, so that coordinates of any size lose no digits. Of the start only the position is believed: the attitude comes
+//! from the first readings, where the rover has the instruments.
 
+pub mod features;
+pub mod filter;
+pub mod matrix;
+pub mod measurement;
+pub mod motion;
 pub mod params;
+pub mod particle;
+mod tum;
+pub mod visibility;
+pub mod weights;
 
-pub use params::SlamParams;
+pub use params::{FastslamParams, SlamParams, SurrogateParams};
+pub use particle::{Feature, Landmark};
+pub use tum::tum;
+pub use visibility::Visibility;
 
-use crate::geometry::Pose;
+use crate::drive::{InstrumentNoise, Reading};
+use crate::geometry::{DVec3, Pose, Transform};
+use crate::math;
+use crate::random::{Purpose, Streams};
+use crate::sweep::Sweep;
+use features::Extractor;
+use filter::Filter;
+use measurement::Mounting;
 
 /// What is believed of the pose. Order of the covariance: x, y, z, roll, pitch, yaw (metres, radians).
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +44,7 @@ pub struct Estimate {
     pub landmarks: u32,
     /// Measurements left out so far: not finite, gated, ambiguous.
     pub skipped: u32,
-    /// Distinct ancestors at a lag of 20 stops fell below 3: the position sigmas are too small.
+    /// Fewer than 3 of the first particles have descendants left: the position sigmas are too small.
     pub sigma_optimistic: bool,
 }
 
@@ -32,11 +53,217 @@ impl Estimate {
     pub fn sigmas(&self) -> [f64; 6] {
         std::array::from_fn(|i| self.covariance[i][i].max(0.0).sqrt())
     }
+
+    /// Feeds every bit of the estimate, in the order of the fields.
+    pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
+        let Pose { position_m, roll_rad, pitch_rad, yaw_rad } = self.pose;
+        let pose = [position_m.x, position_m.y, position_m.z, roll_rad, pitch_rad, yaw_rad];
+        for value in pose.iter().chain(self.covariance.iter().flatten()).chain([&self.effective_samples]) {
+            hasher.update(&value.to_bits().to_le_bytes());
+        }
+        for count in [self.features, self.matched, self.new_landmarks, self.landmarks, self.skipped] {
+            hasher.update(&count.to_le_bytes());
+        }
+        hasher.update(&[u8::from(self.sigma_optimistic)]);
+    }
+}
+
+/// Measurements left out, by cause.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Controls, angles and features that make no sense: not finite, beyond reason, too near or too steep for a bearing.
+    pub not_finite: u32,
+    /// Angles too far from what is believed.
+    pub gated: u32,
+    /// Features that may be of two landmarks, or of none.
+    pub ambiguous: u32,
+    /// Times at which no particle had any weight left, and all were made equal.
+    pub weight_collapses: u32,
+}
+
+/// What carries the estimate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Features.
+    Slam,
+    /// No feature has been matched at the last three stops or more.
+    DeadReckoning,
 }
 
 /// Why slam gave up.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SlamError {
     #[error("the estimated pitch is {pitch_deg:.1} degrees: beyond 80 the angles have no meaning")]
     Upended { pitch_deg: f64 },
+    #[error("slam.fastslam.particles is 0: give at least 1")]
+    NoParticles,
+    #[error("the start pose holds a value that is not finite")]
+    StartNotFinite,
+    #[error("the method {method} reads no instruments: ask it for its estimate directly")]
+    NoFilter { method: &'static str },
 }
+
+/// The running estimate of one drive.
+#[derive(Clone, Debug)]
+pub struct Slam {
+    filter: Filter,
+    /// `None` for dead reckoning.
+    extractor: Option<Extractor>,
+    start_m: DVec3,
+}
+
+/// The belief of a pose ends here: 80 degrees.
+const MOST_PITCH_RAD: f64 = 80.0 / 180.0 * std::f64::consts::PI;
+
+impl Slam {
+    /// A filter that stands at the start. Fed with one reading a step, the one taken at the start first.
+    pub fn new(
+        params: &SlamParams,
+        noise: &InstrumentNoise,
+        start: &Pose,
+        rover_from_sensor: &Transform,
+    ) -> Result<Slam, SlamError> {
+        let alone = FastslamParams { particles: 1, ..FastslamParams::default() };
+        let (params, extractor) = match params {
+            SlamParams::Fastslam(params) => (params, Some(Extractor::new(params.feature_range_m, rover_from_sensor))),
+            SlamParams::DeadReckoning => (&alone, None),
+            SlamParams::Surrogate(_) => return Err(SlamError::NoFilter { method: "surrogate" }),
+            SlamParams::Truth => return Err(SlamError::NoFilter { method: "truth" }),
+        };
+        if params.particles == 0 {
+            return Err(SlamError::NoParticles);
+        }
+        let attitude = [start.roll_rad, start.pitch_rad, start.yaw_rad];
+        if !start.position_m.is_finite() || attitude.iter().any(|a| !a.is_finite()) {
+            return Err(SlamError::StartNotFinite);
+        }
+        upright(start.pitch_rad)?;
+        let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor));
+        Ok(Slam { filter, extractor, start_m: start.position_m })
+    }
+
+    /// One step of the drive: odometry over it, angles after it. The streams are not drawn from.
+    pub fn step(&mut self, reading: &Reading, _streams: &Streams) -> Result<(), SlamError> {
+        self.filter.step(reading);
+        upright(self.filter.angle(motion::PITCH).0)
+    }
+
+    /// The sweep made where the rover stands now; streams at the step.
+    pub fn observe(&mut self, sweep: &Sweep, streams: &Streams) -> Result<Estimate, SlamError> {
+        if let Some(extractor) = &mut self.extractor {
+            let mean = self.filter.believed().mean;
+            let (features, visibility) = extractor.extract(sweep, mean[motion::ROLL], mean[motion::PITCH]);
+            self.filter.observe(features, visibility, streams);
+        }
+        upright(self.filter.angle(motion::PITCH).0)?;
+        Ok(self.estimate())
+    }
+
+    /// Features from elsewhere than a sweep, for tests and for one's own front end.
+    pub fn observe_features(
+        &mut self,
+        features: &[Feature],
+        visibility: &Visibility,
+        streams: &Streams,
+    ) -> Result<Estimate, SlamError> {
+        self.filter.observe(features, visibility, streams);
+        upright(self.filter.angle(motion::PITCH).0)?;
+        Ok(self.estimate())
+    }
+
+    /// What is believed now.
+    pub fn estimate(&self) -> Estimate {
+        let mixture = self.filter.believed();
+        let (scan, counters) = (self.filter.scan(), self.filter.counters());
+        Estimate {
+            pose: self.pose(&mixture.mean),
+            covariance: mixture.covariance,
+            effective_samples: mixture.effective_samples,
+            features: scan.features,
+            matched: scan.matched,
+            new_landmarks: scan.new_landmarks,
+            landmarks: scan.landmarks,
+            skipped: counters.not_finite + counters.gated + counters.ambiguous,
+            sigma_optimistic: self.filter.optimistic(),
+        }
+    }
+
+    fn pose(&self, mean: &[f64; 6]) -> Pose {
+        let [x, y, z, roll_rad, pitch_rad, yaw_rad] = *mean;
+        Pose { position_m: self.start_m + DVec3::new(x, y, z), roll_rad, pitch_rad, yaw_rad }
+    }
+
+    /// What was left out so far.
+    pub fn counters(&self) -> Counters {
+        self.filter.counters()
+    }
+
+    pub fn mode(&self) -> Mode {
+        if self.filter.lost() { Mode::DeadReckoning } else { Mode::Slam }
+    }
+
+    /// Mean normalised innovation squared of the last sweep's matches (3 when all is as modelled).
+    pub fn mean_innovation(&self) -> Option<f64> {
+        self.filter.mean_innovation()
+    }
+
+    /// How many of the first particles today's descend from.
+    pub fn ancestors(&self) -> usize {
+        self.filter.ancestors()
+    }
+
+    /// The likeliest particle's pose and landmarks; their positions are relative to the start's.
+    pub fn best(&self) -> (Pose, &[Landmark]) {
+        let (mean, landmarks) = self.filter.best();
+        (self.pose(mean), landmarks)
+    }
+}
+
+fn upright(pitch_rad: f64) -> Result<(), SlamError> {
+    if pitch_rad.abs() <= MOST_PITCH_RAD {
+        Ok(())
+    } else {
+        Err(SlamError::Upended { pitch_deg: pitch_rad.to_degrees() })
+    }
+}
+
+/// The truth plus Gaussian noise of stated size: for corpora that need no filter. The streams stand at the step.
+pub fn surrogate(params: &SurrogateParams, truth: &Pose, streams: &Streams) -> Estimate {
+    let tilt_rad = params.tilt_deg.to_radians();
+    let sigmas = [params.xy_m, params.xy_m, params.z_m, tilt_rad, tilt_rad, params.yaw_deg.to_radians()];
+    let mut error = [0.0; 6];
+    streams.open(Purpose::SlamSurrogate).fill_normal(0, &mut error);
+    for (error, sigma) in error.iter_mut().zip(sigmas) {
+        *error *= sigma;
+    }
+    let [x, y, z, roll, pitch, yaw] = error;
+    let pose = Pose {
+        position_m: truth.position_m + DVec3::new(x, y, z),
+        roll_rad: math::wrap_angle(truth.roll_rad + roll),
+        pitch_rad: truth.pitch_rad + pitch,
+        yaw_rad: math::wrap_angle(truth.yaw_rad + yaw),
+    };
+    Estimate { covariance: matrix::diagonal(&sigmas.map(|s| s * s)), ..truth_estimate(pose) }
+}
+
+/// The truth itself, sigmas 0.
+pub fn truth(truth: &Pose) -> Estimate {
+    truth_estimate(*truth)
+}
+
+fn truth_estimate(pose: Pose) -> Estimate {
+    Estimate {
+        pose,
+        covariance: [[0.0; 6]; 6],
+        effective_samples: 1.0,
+        features: 0,
+        matched: 0,
+        new_landmarks: 0,
+        landmarks: 0,
+        skipped: 0,
+        sigma_optimistic: false,
+    }
+}
+
+#[cfg(test)]
+mod tests;

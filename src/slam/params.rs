@@ -37,6 +37,9 @@ pub struct FastslamParams {
     /// Features a sweep, at most (the ones with most points).
     #[garde(range(min = 1, max = 1000))]
     pub max_features: u32,
+    /// Features are taken up to this distance from the sensor, metres.
+    #[garde(custom(within(0.5, 20.0)))]
+    pub feature_range_m: f64,
     /// Factor on the features' measurement covariance; guards against optimism.
     #[garde(custom(within(0.01, 1000.0)))]
     pub measurement_inflation: f64,
@@ -51,6 +54,7 @@ impl Default for FastslamParams {
             particles: 30,
             resample_below: 0.5,
             max_features: 12,
+            feature_range_m: 3.75,
             measurement_inflation: 4.0,
             motion_inflation: 1.0,
         }

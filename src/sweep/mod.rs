@@ -1,22 +1,35 @@
 //! A yard and a sensor pose -> one sweep: a range, a status and the truth of every beam slot.
 //!
 //! In: [`SweepParams`], a [`Scene`], `world_from_sensor`, streams, scratch. Out: a [`Sweep`] in the `sensor` frame.
-//! Source: Hewitt et al. 2017, "LiDAR model"; beam effects from `Not modelled` is said per module. The rover stands while
-//! it sweeps (no motion during a sweep); all beams of a sweep leave one point (the tilt head's own lever arm is not modelled).
+//! Source: Hewitt et al. 2017, "LiDAR model"; the sources of beam effects stand in their modules. Not modelled: motion during
+//! a sweep (the rover stands), the tilt head's lever arm (all beams leave one point), dust, crosstalk, several echoes a beam.
 
 pub mod cast;
+#[cfg(test)]
+mod fixtures;
+mod footprint;
+mod light;
+mod measure;
 pub mod params;
+mod pattern;
+mod range_error;
+mod ranging;
+mod returns;
 pub mod sensor;
+mod vegetation;
 
 pub use cast::{Caster, Hit, Inside, Origin};
+pub use measure::{Scratch, sweep};
 pub use params::SweepParams;
+pub use pattern::PatternError;
 pub use sensor::Sensor;
 
 use std::sync::Arc;
 
 use crate::geometry::DVec3;
 
-/// The beam directions of a sensor: `lines` rows of `beams` slots each, in firing order.
+/// The beam directions of a sensor: `lines` rows of `beams` slots each; neighbours on a line are neighbours in angle. A line
+/// is a fan (tilted), a ring (spinning), a row (raster) or the whole (rosette, file).
 #[derive(Clone, Debug)]
 pub struct Pattern {
     pub lines: u32,
@@ -48,9 +61,10 @@ pub struct Sweep {
     /// Measured range, metres; NaN unless the status is `Hit`.
     pub range_m: Vec<f64>,
     pub status: Vec<Status>,
-    /// Received intensity, where the effect is on.
+    /// Received intensity, where the effect is on; NaN unless the status is `Hit`.
     pub intensity: Option<Vec<f32>>,
-    /// Share of the return's energy that came off other surfaces than the labelled one, where sub-rays are cast.
+    /// Share of the return's energy that came off other surfaces than the labelled one, where sub-rays are cast; NaN where
+    /// no light came back.
     pub mixed: Option<Vec<f32>>,
     /// Truth, for labels and scoring only: never read by slam or by features.
     pub truth: Vec<TrueReturn>,
@@ -59,19 +73,55 @@ pub struct Sweep {
 /// What a beam truly met.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrueReturn {
-    /// True first-hit range along the measured beam's axis, metres; infinite where nothing was met.
+    /// True range of the surface (or leaf) that the return is labelled with, along the beam, metres; infinite where nothing
+    /// was met.
     pub range_m: f64,
     /// Id of the obstacle, volume or patch; -1 ground, -2 nothing.
     pub object: i32,
     /// A `scene::Class` as its number; -1 where nothing was met.
     pub class: i8,
-    /// The hit lies on an upward face (normal within 30 degrees of up) and off the rim: a rock's top.
+    /// The hit lies on an upward face (normal within 30 degrees of up) of a solid body, at least 2 cm from its other faces: a
+    /// rock's top.
     pub top: bool,
 }
 
+impl Sweep {
+    /// The measured point of a slot, sensor frame: the reported range along the reported direction.
+    #[inline]
+    pub fn point_sensor(&self, slot: usize) -> Option<DVec3> {
+        (self.status[slot] == Status::Hit).then(|| self.pattern.directions[slot] * self.range_m[slot])
+    }
+
+    /// Feeds all bits in order: what two builds of one sweep must share.
+    pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
+        let mut feed = |bytes: &[u8]| {
+            hasher.update(bytes);
+        };
+        feed(&self.pattern.lines.to_le_bytes());
+        feed(&self.pattern.beams.to_le_bytes());
+        for (range_m, status) in self.range_m.iter().zip(&self.status) {
+            feed(&range_m.to_bits().to_le_bytes());
+            feed(&(*status as i8).to_le_bytes());
+        }
+        for column in [&self.intensity, &self.mixed] {
+            feed(&[u8::from(column.is_some())]);
+            for value in column.iter().flatten() {
+                feed(&value.to_bits().to_le_bytes());
+            }
+        }
+        for truth in &self.truth {
+            feed(&truth.range_m.to_bits().to_le_bytes());
+            feed(&truth.object.to_le_bytes());
+            feed(&[truth.class as u8, u8::from(truth.top)]);
+        }
+    }
+}
+
 /// Why a sweep could not be made.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, PartialEq, thiserror::Error)]
 pub enum SweepError {
+    #[error("the sensor's pose at ({x_m}, {y_m}, {z_m}) is not finite")]
+    NoPose { x_m: f64, y_m: f64, z_m: f64 },
     #[error("the sensor is below the ground at ({x_m:.2}, {y_m:.2}): by {depth_m:.3} m")]
     Buried { x_m: f64, y_m: f64, depth_m: f64 },
     #[error("the sensor is inside obstacle {object}")]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Sensor;
 use crate::preset::Preset;
-use crate::random::{Dist, within};
+use crate::random::{Dist, Drawn, Purpose, within};
 
 /// The sensor, how exactly its beams are cast, and what its light suffers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
@@ -38,6 +38,39 @@ impl Default for SweepParams {
     }
 }
 
+impl SweepParams {
+    /// The values drawn once a scene: those that the config names, by dotted key.
+    pub fn dists(&self) -> Vec<(Purpose, &Dist)> {
+        let mut dists = Vec::new();
+        let mut add = |purpose, dist| {
+            if let Some(dist) = dist {
+                dists.push((purpose, dist));
+            }
+        };
+        if let Some(mount) = &self.mount {
+            for (purpose, dist) in mount.values() {
+                add(purpose, dist);
+            }
+        }
+        let effects = &self.effects;
+        if let Some(noise) = &effects.range_noise {
+            add(Purpose::SweepRangeSigma, noise.sigma_m.as_ref());
+            add(Purpose::SweepRangeSigmaPerM, noise.sigma_per_m.as_ref());
+        }
+        add(Purpose::SweepBiasSigma, effects.range_bias_m.as_ref());
+        if let Some(dropout) = &effects.dropout {
+            add(Purpose::SweepDropoutRate, Some(&dropout.rate));
+            add(Purpose::SweepDropoutGround, Some(&dropout.ground_reflectance));
+        }
+        add(Purpose::SweepTiltSigma, effects.tilt_jitter_deg.as_ref());
+        if let Some(intensity) = &effects.intensity {
+            add(Purpose::SweepIntensityGround, Some(&intensity.ground_reflectance));
+            add(Purpose::SweepIntensitySigma, Some(&intensity.noise));
+        }
+        dists
+    }
+}
+
 /// Overrides of the rover's mount; what is absent stays the rover's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields, default)]
@@ -60,6 +93,25 @@ pub struct MountParams {
     #[garde(custom(within(-180.0, 180.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roll_deg: Option<Dist>,
+}
+
+impl MountParams {
+    fn values(&self) -> [(Purpose, Option<&Dist>); 6] {
+        [
+            (Purpose::SweepMountX, self.x_m.as_ref()),
+            (Purpose::SweepMountY, self.y_m.as_ref()),
+            (Purpose::SweepMountZ, self.z_m.as_ref()),
+            (Purpose::SweepMountYaw, self.yaw_deg.as_ref()),
+            (Purpose::SweepMountPitch, self.pitch_deg.as_ref()),
+            (Purpose::SweepMountRoll, self.roll_deg.as_ref()),
+        ]
+    }
+
+    /// The rover's own mount (x, y, z in metres, then yaw, pitch, roll in degrees) with this scene's overrides.
+    pub fn apply(&self, drawn: &Drawn, rover: [f64; 6]) -> [f64; 6] {
+        let values = self.values();
+        std::array::from_fn(|i| if values[i].1.is_some() { drawn[values[i].0] } else { rover[i] })
+    }
 }
 
 /// How the ground is cast: what the yard is stays the same.
@@ -109,7 +161,8 @@ pub struct Effects {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mixed_pixels: Option<MixedPixels>,
-    /// Error of the tilt encoder, degrees per line (known to nobody): its standard deviation.
+    /// Error of the tilt encoder, degrees: its standard deviation. Each line turns about the sensor's y axis by a draw of
+    /// its own that nobody is told.
     #[garde(custom(within(0.0, 5.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tilt_jitter_deg: Option<Dist>,
@@ -162,7 +215,8 @@ pub struct Dropout {
     /// Share of beams lost whatever they meet.
     #[garde(custom(within(0.0, 1.0)))]
     pub rate: Dist,
-    /// Diffuse reflectance of the ground, and of obstacles; drawn per scene and per object.
+    /// Diffuse reflectance of the ground (drawn per scene) and of things on it (drawn per object; `intensity` draws the
+    /// same number, so that equal laws give equal reflectances).
     #[garde(custom(within(0.01, 1.0)))]
     pub ground_reflectance: Dist,
     #[garde(custom(within(0.01, 1.0)))]
@@ -190,8 +244,8 @@ pub struct MixedPixels {
     /// Sub-rays a beam: 1, 7 or 19 (0, 1 or 2 rings round the centre).
     #[garde(custom(one_seven_or_nineteen))]
     pub sub_rays: u32,
-    /// Cast them only where the centre ray's neighbours differ in object or in range by more than this, metres;
-    /// 0 = everywhere.
+    /// Cast them only where the centre ray's neighbours differ in object, or its range departs from the straight line
+    /// through theirs by more than this, metres; 0 = everywhere.
     #[garde(custom(within(0.0, 100.0)))]
     pub only_at_jumps_m: f64,
 }

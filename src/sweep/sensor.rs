@@ -104,7 +104,7 @@ pub enum PatternParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields)]
 pub struct TiltedParams {
-    /// Beams of one fan, and the angle between them, degrees; the fan is centred on the sensor's x axis.
+    /// Beams of one fan, and the angle between them, degrees.
     #[garde(range(min = 1, max = 100_000))]
     pub beams: u32,
     #[garde(custom(within(1e-4, 90.0)))]
@@ -128,8 +128,8 @@ pub struct TiltedParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields)]
 pub struct SpinningParams {
-    /// Elevation of each ring, degrees.
-    #[garde(length(min = 1, max = 4096))]
+    /// Elevation of each ring, degrees; a ring is a line of the pattern.
+    #[garde(length(min = 1, max = 4096), inner(custom(within(-90.0, 90.0))))]
     pub elevations_deg: Vec<f64>,
     /// Columns in one turn.
     #[garde(range(min = 1, max = 100_000))]

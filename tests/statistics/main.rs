@@ -1,4 +1,10 @@
-//! Slow statistics: laws that need many seeds. Release builds only (`cargo test --release --test statistics`).
+//! Slow statistics, one module a stage: laws that need many seeds. Release builds only:
+//! `cargo test --release --test statistics`.
 #![cfg(not(debug_assertions))]
 
 mod cast;
+mod cells;
+mod drive;
+mod scene;
+mod slam;
+mod sweep;

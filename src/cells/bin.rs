@@ -1,0 +1,209 @@
+//! The sweeps of a window -> cells: place, order by cell, sum up each cell, look at its neighbours.
+//!
+//! Source: Hewitt et al. 2017, "Cell inputs", eqs 3 and 4. Sums run in slot order, sweep after sweep. Heights are taken
+//! from the rover's estimated z before anything is summed, and the variance in two passes, so that a map a thousand
+//! kilometres up costs no more digits than its points have lost already.
+
+use super::columns::{Offset, neighbour_offsets};
+use super::group::Order;
+use super::labels::{self, TruthSum, Verdict};
+use super::place::{Placer, Unplaced};
+use super::slope::GroundPlaces;
+use super::{CellParams, CellRow, Cells};
+use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
+use crate::scene::Scene;
+use crate::slam::Estimate;
+use crate::sweep::{Status, Sweep};
+
+/// One sweep of a window.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowScan<'a> {
+    pub sweep: &'a Sweep,
+    /// What was believed when it was taken.
+    pub estimate: &'a Estimate,
+    /// Where the sensor truly was: for the true slope of the ground only.
+    pub world_from_sensor: Transform,
+}
+
+/// Reused memory; has no meaning between calls.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    cells: Vec<CellIndex>,
+    points: Vec<Point>,
+    grounds: GroundPlaces,
+    order: Order,
+    verdicts: Vec<Verdict>,
+    mean_heights_m: Vec<f64>,
+}
+
+/// A point in a cell.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    /// Above the kept sweep's rover.
+    height_m: f64,
+    distance_m: f64,
+    /// Received intensity times squared range; NaN without intensity.
+    intensity: f64,
+    /// Its number among the places on the ground; `NOT_GROUND` for others.
+    ground: u32,
+    object: i32,
+    top: bool,
+}
+
+const NOT_GROUND: u32 = u32::MAX;
+
+/// The cells of the last sweep of `window`, from the points of all of it.
+///
+/// - `max_range_m`: the sensor's reach, used where `params` sets none
+/// - `wheel_diameter_m`: of the rover, for labels
+/// - `scene`: read for labels and `truth_` columns only
+pub fn bin(
+    params: &CellParams,
+    window: &[WindowScan],
+    rover_from_sensor: &Transform,
+    wheel_diameter_m: f64,
+    max_range_m: f64,
+    scene: &Scene,
+    scratch: &mut Scratch,
+) -> Cells {
+    let mut cells = Cells::default();
+    let Some(kept) = window.last() else { return cells };
+    let grid = GridSpec { size_m: params.size_m };
+    let max_range_m = params.max_range_m.unwrap_or(max_range_m);
+    scratch.cells.clear();
+    scratch.points.clear();
+    scratch.grounds.clear();
+    for scan in window {
+        let placer = Placer::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
+        place(scan, &placer, kept.estimate.pose.position_m.z, scratch, &mut cells);
+    }
+    scratch.grounds.steepen(&scene.ground);
+    cells.points_binned = scratch.cells.len() as u64;
+    labels::verdicts(scene, params.labels.obstacle, wheel_diameter_m, &mut scratch.verdicts);
+    scratch.order.sort(&scratch.cells);
+    summarise(params, kept, scratch, &mut cells);
+    cells
+}
+
+/// Appends the points of one sweep that have a cell, and counts those that have none.
+fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scratch: &mut Scratch, cells: &mut Cells) {
+    let sweep = scan.sweep;
+    for (slot, &direction) in sweep.pattern.directions.iter().enumerate() {
+        if sweep.status[slot] != Status::Hit {
+            continue;
+        }
+        cells.points_in += 1;
+        let range_m = sweep.range_m[slot];
+        let placed = placer.place(direction, range_m);
+        let cell = match placed.cell {
+            Ok(cell) => cell,
+            Err(Unplaced::BeyondRange) => {
+                cells.dropped_beyond_range += 1;
+                continue;
+            }
+            Err(Unplaced::OffGrid) => {
+                cells.dropped_off_grid += 1;
+                continue;
+            }
+        };
+        let truth = &sweep.truth[slot];
+        let ground = if truth.object == GROUND {
+            let point_m: DVec3 = scan.world_from_sensor.point(direction * truth.range_m);
+            scratch.grounds.push(point_m.x, point_m.y)
+        } else {
+            NOT_GROUND
+        };
+        scratch.cells.push(cell);
+        scratch.points.push(Point {
+            height_m: placed.point_m.z - rover_z_m,
+            distance_m: placed.distance_m,
+            intensity: sweep.intensity.as_ref().map_or(f64::NAN, |i| f64::from(i[slot]) * range_m * range_m),
+            ground,
+            object: truth.object,
+            top: truth.top,
+        });
+    }
+}
+
+/// The id that stands for ground in `TrueReturn::object`.
+const GROUND: i32 = -1;
+
+/// Sums the points of each cell into its row and features.
+fn summarise(params: &CellParams, kept: &WindowScan, scratch: &mut Scratch, cells: &mut Cells) {
+    let offsets = neighbour_offsets(params.neighbours);
+    let intensity = kept.sweep.intensity.is_some();
+    let width = super::feature_columns(params, intensity).len();
+    let estimate = kept.estimate;
+    let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
+    let Scratch { cells: of_point, points, grounds, order, verdicts, mean_heights_m } = scratch;
+    mean_heights_m.clear();
+    for members in order.by_cell.chunk_by(|&a, &b| of_point[a as usize] == of_point[b as usize]) {
+        let of_cell = || members.iter().map(|&i| &points[i as usize]);
+        let count = members.len() as f64;
+        // Eq. (3)
+        let mean_m = of_cell().map(|p| p.height_m).sum::<f64>() / count;
+        let (mut squares, mut low, mut high) = (0.0, f64::INFINITY, f64::NEG_INFINITY);
+        let (mut distance_m, mut truth) = (0.0, TruthSum::new());
+        for point in of_cell() {
+            // Eq. (4)
+            squares += (point.height_m - mean_m) * (point.height_m - mean_m);
+            low = f64::min(low, point.height_m);
+            high = f64::max(high, point.height_m);
+            distance_m += point.distance_m;
+            let slope_squared = grounds.slope_squared.get(point.ground as usize).copied().unwrap_or(0.0);
+            truth.add(point.object, point.top, slope_squared, verdicts);
+        }
+        let truth = truth.finish();
+        mean_heights_m.push(mean_m);
+        cells.rows.push(CellRow {
+            index: of_point[members[0] as usize],
+            label: Some(labels::label(&params.labels, &truth)),
+            points: members.len() as i32,
+            range_m: (distance_m / count) as f32,
+            neighbour_mask: 0,
+            truth,
+        });
+        let features = &mut cells.features;
+        let own = [mean_m, squares / count, high - low, count, estimate.pose.pitch_rad, estimate.pose.roll_rad];
+        features.extend(own.map(|f| f as f32));
+        features.extend(std::iter::repeat_n(mean_m as f32, offsets.len()));
+        features.extend([sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32));
+        if intensity {
+            let (mean, variance) = mean_and_variance(of_cell().map(|p| p.intensity));
+            features.extend([mean as f32, variance as f32]);
+        }
+    }
+    debug_assert_eq!(cells.features.len(), width * cells.rows.len());
+    add_neighbours(&offsets, mean_heights_m, width, cells);
+}
+
+/// Mean and population variance in two passes.
+fn mean_and_variance(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let count = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    (mean, values.map(|v| (v - mean) * (v - mean)).sum::<f64>() / count)
+}
+
+/// Where the neighbours stand among the features.
+const FIRST_NEIGHBOUR: usize = 6;
+
+/// Writes the means of the neighbours that hold points, and the mask.
+///
+/// Rows are sorted, so each offset's neighbour moves forward only: one pointer an offset.
+fn add_neighbours(offsets: &[Offset], mean_heights_m: &[f64], width: usize, cells: &mut Cells) {
+    for (k, offset) in offsets.iter().enumerate() {
+        let mut at = 0;
+        for row in 0..cells.rows.len() {
+            let CellIndex { row: r, col: c } = cells.rows[row].index;
+            // Indices keep 16 cells clear of the i32 range: no overflow.
+            let wanted = CellIndex { row: r + offset.rows, col: c + offset.cols };
+            while at < cells.rows.len() && cells.rows[at].index < wanted {
+                at += 1;
+            }
+            if at < cells.rows.len() && cells.rows[at].index == wanted {
+                cells.rows[row].neighbour_mask |= 1 << k;
+                cells.features[row * width + FIRST_NEIGHBOUR + k] = mean_heights_m[at] as f32;
+            }
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! Cell parameters -> the feature columns: names, units, meaning and order, said here once.
+//!
+//! Source: Hewitt et al. 2017, "Cell inputs" and figure 4; paper-notes A16-A23. The order is part of the data contract.
+
+use super::{CellParams, FeatureColumn};
+
+/// A cell near another: columns to the east and rows to the north.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Offset {
+    pub cols: i32,
+    pub rows: i32,
+}
+
+/// The neighbours whose means are features, from the bottom left, row by row: sw, s, se, w, e, nw, n, ne.
+///
+/// 4 keeps those that share a side (s, w, e, n); 24 reaches two cells out.
+pub fn neighbour_offsets(neighbours: u32) -> Vec<Offset> {
+    let reach = if neighbours == 24 { 2 } else { 1 };
+    let square = (-reach..=reach).flat_map(|rows| (-reach..=reach).map(move |cols| Offset { cols, rows }));
+    square
+        .filter(|o| if neighbours == 4 { o.cols.abs() + o.rows.abs() == 1 } else { (o.cols, o.rows) != (0, 0) })
+        .collect()
+}
+
+impl Offset {
+    /// Compass letters, one a cell: `sw` is one south and one west, `nnee` two north and two east.
+    pub fn name(self) -> String {
+        let letters = |count: i32, minus: &str, plus: &str| {
+            (if count < 0 { minus } else { plus }).repeat(count.unsigned_abs() as usize)
+        };
+        letters(self.rows, "s", "n") + &letters(self.cols, "w", "e")
+    }
+}
+
+/// The feature columns of a corpus, in order. `intensity`: whether the sweeps carry intensities.
+pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColumn> {
+    let column = |name: &str, unit, description: &str| FeatureColumn {
+        name: name.to_string(),
+        unit,
+        description: description.to_string(),
+    };
+    let mut columns = vec![
+        column("mean_height_m", "m", "mean height of the points above the rover's estimated z (eq. 3)"),
+        column("height_variance_m2", "m2", "population variance of the points' heights, 0 for one point (eq. 4)"),
+        column("height_difference_m", "m", "highest minus lowest point"),
+        column("point_count", "1", "number of points"),
+        column("pitch_rad", "rad", "estimated pitch of the rover, positive nose down"),
+        column("roll_rad", "rad", "estimated roll of the rover, positive right side down"),
+    ];
+    columns.extend(neighbour_offsets(params.neighbours).into_iter().map(|offset| {
+        let name = offset.name();
+        let description =
+            format!("mean height of the neighbour to the {name}, as mean_height_m; own mean where that cell is empty");
+        FeatureColumn { name: format!("neighbour_{name}_m"), unit: "m", description }
+    }));
+    columns.extend([("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("x", "m"), ("y", "m"), ("yaw", "rad")].map(
+        |(axis, unit)| {
+            let description = format!("standard deviation of the rover's estimated {axis}");
+            FeatureColumn { name: format!("sigma_{axis}_{unit}"), unit, description }
+        },
+    ));
+    if intensity {
+        columns.push(column(
+            "intensity_mean",
+            "1",
+            "mean of the received intensity times the squared range, over range^2 of 1 m",
+        ));
+        columns.push(column("intensity_variance", "1", "population variance of the same"));
+    }
+    columns
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(neighbours: u32, intensity: bool) -> Vec<String> {
+        let params = CellParams { neighbours, ..CellParams::default() };
+        feature_columns(&params, intensity).into_iter().map(|c| c.name).collect()
+    }
+
+    #[test]
+    fn golden_columns_stand_in_the_order_of_the_data_contract() {
+        let expected = "mean_height_m height_variance_m2 height_difference_m point_count pitch_rad roll_rad \
+            neighbour_sw_m neighbour_s_m neighbour_se_m neighbour_w_m neighbour_e_m neighbour_nw_m neighbour_n_m neighbour_ne_m \
+            sigma_z_m sigma_roll_rad sigma_pitch_rad sigma_x_m sigma_y_m sigma_yaw_rad";
+        assert_eq!(names(8, false).join(" "), expected);
+        assert_eq!(names(8, true).join(" "), format!("{expected} intensity_mean intensity_variance"));
+    }
+
+    #[test]
+    fn exact_four_and_twenty_four_neighbours_are_named_by_compass() {
+        assert_eq!(names(4, false)[6..10].join(" "), "neighbour_s_m neighbour_w_m neighbour_e_m neighbour_n_m");
+        let far: Vec<String> = neighbour_offsets(24).into_iter().map(Offset::name).collect();
+        assert_eq!(
+            far.join(" "),
+            "ssww ssw ss sse ssee sww sw s se see ww w e ee nww nw n ne nee nnww nnw nn nne nnee"
+        );
+    }
+}

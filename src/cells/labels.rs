@@ -1,0 +1,103 @@
+//! Scene and rule -> which objects are obstacles; true returns -> a cell's truth and label.
+//!
+//! Source: Hewitt et al. 2017, "Training": a cell is untraversable when any of its points belongs to an obstacle; paper-notes
+//! E6 and E7. A point's object is its true one, its cell is where the *estimated* pose puts it: that label noise stays.
+//! The label follows from the truth columns alone: obstacle points, or the slope where a config limits it.
+
+use super::params::{LabelParams, ObstacleRule};
+use super::{CellRow, CellTruth};
+use crate::math;
+use crate::scene::{Class, Scene};
+
+/// What a label asks of an object.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Verdict {
+    untraversable: bool,
+    class: Class,
+    protrusion_m: f64,
+}
+
+/// Solid objects by the rule, porous ones and patches as they are marked; indexed by object id.
+pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64, out: &mut Vec<Verdict>) {
+    let taller_than_m = match rule {
+        ObstacleRule::All => f64::NEG_INFINITY,
+        ObstacleRule::TallerThanWheel => wheel_diameter_m,
+        ObstacleRule::TallerThanM(height_m) => height_m,
+    };
+    out.clear();
+    out.extend(scene.obstacles.iter().map(|o| Verdict {
+        untraversable: o.protrusion_m > taller_than_m,
+        class: o.class,
+        protrusion_m: o.protrusion_m,
+    }));
+    out.extend(scene.volumes.iter().map(|v| Verdict {
+        untraversable: v.untraversable,
+        class: v.class,
+        protrusion_m: v.protrusion_m,
+    }));
+    // A patch scatters returns; it has no body to stand up.
+    let patch = |p: &crate::scene::Patch| Verdict { untraversable: p.untraversable, class: p.class, protrusion_m: 0.0 };
+    out.extend(scene.patches.iter().map(patch));
+}
+
+/// Per object id: whether its points make a cell untraversable. Solid objects by the rule, others as they are marked.
+pub fn obstacles(params: &LabelParams, wheel_diameter_m: f64, scene: &Scene) -> Vec<bool> {
+    let mut by_id = Vec::new();
+    verdicts(scene, params.obstacle, wheel_diameter_m, &mut by_id);
+    by_id.iter().map(|verdict| verdict.untraversable).collect()
+}
+
+/// Gathers the truth of one cell's points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TruthSum {
+    truth: CellTruth,
+    tallest_m: f64,
+    steepest_squared: f64,
+}
+
+impl TruthSum {
+    pub(super) fn new() -> TruthSum {
+        let truth = CellTruth { class: Class::Ground as i8, object: -1, ..CellTruth::default() };
+        TruthSum { truth, tallest_m: f64::NEG_INFINITY, steepest_squared: 0.0 }
+    }
+
+    /// Adds a point: its true object (-1 ground, -2 nothing) and the ground's slope, squared, where it is ground.
+    #[inline]
+    pub(super) fn add(&mut self, object: i32, top: bool, slope_squared: f64, verdicts: &[Verdict]) {
+        let Some(verdict) = usize::try_from(object).ok().and_then(|id| verdicts.get(id)) else {
+            self.steepest_squared = self.steepest_squared.max(slope_squared);
+            return;
+        };
+        self.truth.obstacle_points += i32::from(verdict.untraversable);
+        self.truth.top_points += i32::from(verdict.untraversable && top);
+        // Of two as tall, the first by id: the order of points does not matter.
+        if verdict.protrusion_m > self.tallest_m
+            || (verdict.protrusion_m == self.tallest_m && object < self.truth.object)
+        {
+            self.tallest_m = verdict.protrusion_m;
+            self.truth.class = verdict.class as i8;
+            self.truth.object = object;
+            self.truth.protrusion_m = verdict.protrusion_m as f32;
+        }
+    }
+
+    pub(super) fn finish(mut self) -> CellTruth {
+        self.truth.slope_rad = math::atan(self.steepest_squared.sqrt()) as f32;
+        self.truth
+    }
+}
+
+/// 1 untraversable, 0 traversable.
+pub(super) fn label(params: &LabelParams, truth: &CellTruth) -> i8 {
+    let obstacle = i64::from(truth.obstacle_points) >= i64::from(params.min_obstacle_points);
+    let steep =
+        params.max_ground_slope_deg.is_some_and(|limit_deg| f64::from(truth.slope_rad) > limit_deg.to_radians());
+    i8::from(obstacle || steep)
+}
+
+impl CellRow {
+    /// Whether the label says that a rover must not cross.
+    pub fn untraversable(&self) -> bool {
+        self.label == Some(1)
+    }
+}

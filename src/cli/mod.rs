@@ -1,0 +1,159 @@
+//! Verbs: what was typed -> what happens, and the exit code.
+//!
+//! Data goes to stdout, talk to stderr. Exit codes: 0 done, 1 failed, 2 bad config or usage, 75 try again (storage,
+//! interrupted).
+
+mod corpus;
+mod explain;
+mod generate;
+mod log;
+mod output;
+mod plan;
+mod preview;
+mod progress;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use output::out;
+
+use crate::config::{self, Kind, Plan};
+
+/// Training corpora for rovers that must see where they can drive.
+///
+/// From one YAML file marsyard builds random yards, drives rovers through them, scans them with simulated LiDAR, estimates
+/// the rover's pose with FastSLAM 2.0, and writes per-cell features and labels as Parquet shards.
+///
+/// Start with:  marsyard plan configs/quickstart.yaml   (what would be built, and what it costs)
+/// then:        marsyard generate configs/quickstart.yaml
+#[derive(Debug, Parser)]
+#[command(name = "marsyard", version, verbatim_doc_comment)]
+pub struct Cli {
+    /// How to log: for people, or one JSON object a line for machines.
+    #[arg(long, global = true, value_enum, default_value_t = LogFormat::Text)]
+    log: LogFormat,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LogFormat {
+    Text,
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Check a config; say what it models, and what it costs in time, rows and bytes.
+    Plan(plan::PlanArgs),
+    /// Build a corpus, or go on where an earlier run stopped (the same command again).
+    Generate(generate::GenerateArgs),
+    /// Say which shards are done, missing, failed or damaged, as ranges ready for --shards.
+    Status(corpus::StatusArgs),
+    /// Merge the receipts of all shards (of many machines) into the manifest; refuses gaps.
+    Finalize(corpus::PlaceArgs),
+    /// Check every shard of a corpus against its manifest: hashes, schema, counts.
+    Verify(corpus::PlaceArgs),
+    /// Balance of labels, ranges of features, dead features.
+    Inspect(corpus::InspectArgs),
+    /// Replay one scene and say what was drawn and computed; for a cell, the arithmetic of each feature and label.
+    Explain(explain::ExplainArgs),
+    /// Pictures (PNG), cloud (PLY) and trajectories (TUM) of one scene.
+    Preview(preview::PreviewArgs),
+    /// Print the JSON Schema of a file that marsyard reads or writes.
+    Schema {
+        #[arg(value_parser = parse_kind)]
+        kind: Kind,
+    },
+    /// Print completions for a shell: marsyard completions bash > /etc/bash_completion.d/marsyard
+    Completions {
+        #[arg(value_enum)]
+        shell: clap_complete::Shell,
+    },
+}
+
+fn parse_kind(text: &str) -> Result<Kind, String> {
+    let names = Kind::ALL.map(Kind::name);
+    Kind::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| format!("one of {}", names.join(", ")))
+}
+
+/// A config and what is changed in it on the command line.
+#[derive(Debug, Args)]
+struct ConfigArgs {
+    /// A corpus config (YAML); or the plan.yaml of a corpus.
+    config: PathBuf,
+    /// Override a key: --set scene.rocks.count=5 (repeatable).
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    sets: Vec<String>,
+}
+
+impl ConfigArgs {
+    fn load(&self) -> Result<Plan, Failure> {
+        config::load(&self.config, &self.sets).map_err(|e| Failure::usage(miette::Report::new(e)))
+    }
+}
+
+/// Why a verb failed, and with which exit code.
+#[derive(Debug)]
+struct Failure {
+    code: u8,
+    report: miette::Report,
+}
+
+impl Failure {
+    const FAILED: u8 = 1;
+    const USAGE: u8 = 2;
+    const TRY_AGAIN: u8 = 75;
+
+    fn new(code: u8, report: impl Into<miette::Report>) -> Failure {
+        Failure { code, report: report.into() }
+    }
+
+    /// Bad config or usage.
+    fn usage(report: miette::Report) -> Failure {
+        Failure { code: Failure::USAGE, report }
+    }
+
+    /// What was asked could not be done, and would fail again.
+    fn failed(message: impl std::fmt::Display) -> Failure {
+        Failure { code: Failure::FAILED, report: miette::Report::msg(message.to_string()) }
+    }
+}
+
+/// Parses the command line, runs the verb and gives the process its exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    log::start(cli.log);
+    let done = match &cli.verb {
+        Verb::Plan(args) => plan::run(args),
+        Verb::Generate(args) => generate::run(args, cli.log),
+        Verb::Status(args) => corpus::status(args),
+        Verb::Finalize(args) => corpus::finalize(args),
+        Verb::Verify(args) => corpus::verify(args),
+        Verb::Inspect(args) => corpus::inspect(args),
+        Verb::Explain(args) => explain::run(args),
+        Verb::Preview(args) => preview::run(args),
+        Verb::Schema { kind } => {
+            out!("{}", config::schema_text(*kind));
+            Ok(())
+        }
+        Verb::Completions { shell } => {
+            clap_complete::generate(
+                *shell,
+                &mut <Cli as clap::CommandFactory>::command(),
+                "marsyard",
+                &mut std::io::stdout(),
+            );
+            Ok(())
+        }
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            log::failure(cli.log, &failure);
+            ExitCode::from(failure.code)
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Pictures, a cloud and trajectories of one scene.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::Failure;
+use super::explain::{check_scene, plan_of};
+use super::output::outln;
+use crate::geometry::Pose;
+use crate::picture::{self, Overlay, View};
+use crate::pipeline::{NoWatch, Prepared, Scratch, replay_scene};
+use crate::slam;
+use crate::sweep::Caster;
+use crate::sweep::params::Cast;
+
+#[derive(Debug, Args)]
+pub(super) struct PreviewArgs {
+    /// A config, a plan.yaml, or the folder of a corpus.
+    place: PathBuf,
+    /// Number of the scene.
+    #[arg(long)]
+    scene: u64,
+    /// Number of the scan (the stop); default: the last kept one.
+    #[arg(long)]
+    scan: Option<u32>,
+    /// Folder for the files.
+    #[arg(long, default_value = "preview")]
+    out: PathBuf,
+    /// Override a key of a config.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    sets: Vec<String>,
+}
+
+pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
+    let (plan, _) = plan_of(&args.place, &args.sets)?;
+    check_scene(&plan, args.scene)?;
+    let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();
+    let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut NoWatch)
+        .map_err(|e| Failure::failed(format!("scene {}: {e}", args.scene)))?;
+    let scan = super::explain::pick_scan(&replay, args.scan)?;
+    let family = &prepared.plan.families[replay.family];
+    let until =
+        replay.poses.iter().position(|row| row.scan_id == Some(scan.scan_id)).expect("kept scans have a pose row");
+    let truth: Vec<Pose> = replay.poses[..=until].iter().map(|row| row.truth).collect();
+    let estimates: Vec<Pose> = replay.poses[..=until].iter().map(|row| row.estimate.pose).collect();
+    let view = View {
+        title: &format!("{}, scene {}, scan {}", prepared.plan.name, args.scene, scan.scan_id),
+        scene: &replay.scene,
+        rover: &family.drive.rover,
+        truth: &truth,
+        estimates: &estimates,
+        rover_from_sensor: replay.rover_from_sensor,
+        sweep: &scan.points.as_ref().expect("preview keeps the sweeps").sweep,
+        cells: &scan.cells,
+        cell_size_m: family.cells.size_m,
+    };
+    let caster = Caster::new(&replay.scene, &Cast::Exact);
+    let stem = format!("scene-{}", args.scene);
+    let trajectory = |pose: fn(&crate::corpus::PoseRow) -> &Pose| {
+        slam::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
+    };
+    std::fs::create_dir_all(&args.out).map_err(|e| cannot_write(&args.out, &e))?;
+    for (name, bytes) in [
+        ("top.png", picture::top_view(&view)),
+        ("perspective.png", picture::perspective(&view, &caster, Overlay::Points)),
+        ("cells.png", picture::perspective(&view, &caster, Overlay::Cells)),
+        ("scan.png", picture::scan_view(&view)),
+        ("cloud.ply", picture::labelled_cloud(&view)),
+        ("truth.tum", trajectory(|row| &row.truth)),
+        ("estimate.tum", trajectory(|row| &row.estimate.pose)),
+    ] {
+        let path = args.out.join(format!("{stem}-{name}"));
+        std::fs::write(&path, bytes).map_err(|e| cannot_write(&path, &e))?;
+        outln!("{}", path.display());
+    }
+    Ok(())
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display())))
+}

@@ -1,0 +1,143 @@
+//! The document as a user may write it, for the schema and for the keys outside the sections.
+
+use garde::Validate;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::cells::CellParams;
+use crate::corpus::Table;
+use crate::drive::DriveParams;
+use crate::random::within;
+use crate::scene::SceneParams;
+use crate::slam::SlamParams;
+use crate::sweep::SweepParams;
+
+/// Version of the config format that this program reads.
+pub const FORMAT: u32 = 1;
+
+/// The keys that hold a stage's parameters, in the order of the flow.
+pub const SECTIONS: [&str; 5] = ["scene", "drive", "sweep", "slam", "cells"];
+
+/// One YAML file is one corpus.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct Document {
+    /// Version of this format: 1.
+    #[garde(custom(this_format))]
+    pub marsyard: u32,
+    /// Name of the corpus, and of its folder.
+    #[garde(custom(folder_name))]
+    pub name: String,
+    /// Everything that is drawn follows from it. 0 is a seed like any other.
+    #[garde(skip)]
+    pub seed: u64,
+    /// How many scenes; a multiple of `scenes_per_shard`. Raising it later only adds shards.
+    #[garde(range(min = 1, max = 1_000_000_000))]
+    pub scenes: u64,
+    /// Scenes in one shard. A shard is one file a table and one split.
+    #[garde(range(min = 1, max = 100_000))]
+    pub scenes_per_shard: u32,
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "SceneParams")]
+    pub scene: Option<SceneParams>,
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "DriveParams")]
+    pub drive: Option<DriveParams>,
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "SweepParams")]
+    pub sweep: Option<SweepParams>,
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "SlamParams")]
+    pub slam: Option<SlamParams>,
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "CellParams")]
+    pub cells: Option<CellParams>,
+    /// The tables to write.
+    #[garde(length(min = 1))]
+    #[serde(default = "default_tables")]
+    pub tables: Vec<Table>,
+    /// The run fails when more than this share of its scenes fails.
+    #[garde(custom(within(0.0, 1.0)))]
+    #[serde(default = "default_max_failed_share")]
+    pub max_failed_share: f64,
+    /// Kinds of yard, rover and sensor to mix: each scene belongs to one of them, drawn by weight.
+    #[garde(dive)]
+    #[serde(default)]
+    pub families: Vec<FamilyDocument>,
+}
+
+/// One kind of yard, rover and sensor: what it changes in the document's sections.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct FamilyDocument {
+    /// Stands in the `scenes` table.
+    #[garde(custom(folder_name))]
+    pub name: String,
+    /// Share of the scenes, relative to the other families' weights.
+    #[garde(custom(within(0.0, 1e6)))]
+    #[serde(default = "default_weight")]
+    pub weight: f64,
+    /// Keep its scenes out of training: only test shards hold them.
+    #[garde(skip)]
+    #[serde(default)]
+    pub hold_out: bool,
+    /// What differs from the document's `scene`; null takes an optional part away.
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "SceneParams")]
+    pub scene: Option<SceneParams>,
+    /// What differs from the document's `drive`.
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "DriveParams")]
+    pub drive: Option<DriveParams>,
+    /// What differs from the document's `sweep`.
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "SweepParams")]
+    pub sweep: Option<SweepParams>,
+    /// What differs from the document's `slam`.
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "SlamParams")]
+    pub slam: Option<SlamParams>,
+    /// What differs from the document's `cells`.
+    #[garde(skip)]
+    #[serde(default, skip_serializing)]
+    #[schemars(with = "CellParams")]
+    pub cells: Option<CellParams>,
+}
+
+fn default_tables() -> Vec<Table> {
+    vec![Table::Cells, Table::Scenes, Table::Poses]
+}
+
+fn default_max_failed_share() -> f64 {
+    0.05
+}
+
+fn default_weight() -> f64 {
+    1.0
+}
+
+fn this_format(version: &u32, _: &()) -> garde::Result {
+    if *version == FORMAT {
+        Ok(())
+    } else {
+        Err(garde::Error::new(format!("must be {FORMAT}, the format this program reads, got {version}")))
+    }
+}
+
+fn folder_name(name: &str, _: &()) -> garde::Result {
+    let legal = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    if (1..=64).contains(&name.len()) && name.chars().all(legal) && !name.starts_with('.') {
+        Ok(())
+    } else {
+        Err(garde::Error::new("must be 1 to 64 letters, digits, '-', '_' or '.', not beginning with '.'"))
+    }
+}

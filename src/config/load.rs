@@ -1,0 +1,384 @@
+//! Path and overrides -> plan: the steps in their order.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use garde::Validate;
+use serde::de::DeserializeOwned;
+
+use super::document::{Document, SECTIONS};
+use super::error::{ConfigError, Fault};
+use super::merge::{merge, set};
+use super::place::Place;
+use super::plan::{Family, Plan, PlanFile};
+use super::presets;
+use super::reader::Reader;
+use super::rules;
+use super::schema::{Kind, schema};
+use super::shape::{self, Schema};
+use super::tree::{self, Key, Node, Source, Span, Value};
+use crate::preset::Preset;
+use crate::scene::SceneParams;
+use crate::scene::params::GroundSource;
+use crate::sweep::SweepParams;
+use crate::sweep::sensor::PatternParams;
+
+/// Reads, resolves and checks a config; `sets` are overrides like `scene.rocks.count=5`.
+///
+/// A resolved plan (`plan.yaml`) is a config too, and gives the same plan again.
+pub fn load(path: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
+    let mut loader = Loader { reader: Reader::default(), faults: Vec::new() };
+    match loader.plan(path, sets) {
+        Some(plan) if loader.faults.is_empty() => Ok(plan),
+        _ => Err(ConfigError::new(path.display().to_string(), &loader.reader.sources, loader.faults)),
+    }
+}
+
+struct Loader {
+    reader: Reader,
+    faults: Vec<Fault>,
+}
+
+impl Loader {
+    /// The plan, or at least one fault.
+    fn plan(&mut self, path: &Path, sets: &[String]) -> Option<Plan> {
+        let root = self.root(path, sets)?;
+        let document = self.document(&root);
+        let trees = family_trees(&root);
+        let families: Vec<Option<Family>> = trees.iter().map(|(name, tree)| self.family(name, tree)).collect();
+        let families: Vec<(Family, Place)> = families
+            .into_iter()
+            .zip(&trees)
+            .filter_map(|(family, (_, tree))| Some((family?, Place { root: tree })))
+            .collect();
+        self.rules_of_families(&families, trees.len());
+        if !self.faults.is_empty() || families.len() < trees.len() {
+            return None;
+        }
+        let document = document?;
+        let mut plan = Plan {
+            marsyard: document.marsyard,
+            name: document.name,
+            seed: document.seed,
+            scenes: document.scenes,
+            scenes_per_shard: document.scenes_per_shard,
+            tables: document.tables,
+            max_failed_share: document.max_failed_share,
+            families: Vec::new(),
+            files: Vec::new(),
+        };
+        for (i, (mut family, place)) in families.into_iter().enumerate() {
+            if let Some(head) = document.families.get(i) {
+                (family.weight, family.hold_out) = (head.weight, head.hold_out);
+            }
+            let file = self.read_height_map(&mut family.scene, &place);
+            plan.files.extend(file.filter(|file| !plan.files.contains(file)));
+            plan.families.push(family);
+        }
+        Some(plan)
+    }
+
+    /// The document's tree with presets written out and overrides laid over; `None` where there is nothing to go on with.
+    fn root(&mut self, path: &Path, sets: &[String]) -> Option<Node> {
+        let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+        let shown = path.display().to_string();
+        let text = self.reader.text_of(path);
+        let (text, unreadable) = text.map_or_else(|why| (String::new(), Some(why)), |text| (text, None));
+        if let Some(why) = unreadable {
+            self.reader.sources.push(Source { name: shown, text: text.into(), folder });
+            self.faults.push(Fault::new(Span::default(), format!("the config cannot be read: {why}")));
+            return None;
+        }
+        let mut root = self.kept(|reader| reader.parse(Source { name: shown, text: text.into(), folder }))?;
+        if !matches!(root.value, Value::Map(_)) {
+            let fault = Fault::new(root.span, format!("a config is a mapping, got {}", root.kind()));
+            self.faults.push(fault.cure("begin with 'marsyard: 1'"));
+            return None;
+        }
+        self.write_out_presets(&mut root);
+        for argument in sets {
+            root = self.kept(|reader| with_set(root, argument, reader))?;
+            self.write_out_presets(&mut root);
+        }
+        Some(root)
+    }
+
+    fn kept<T>(&mut self, step: impl FnOnce(&mut Reader) -> Result<T, Fault>) -> Option<T> {
+        step(&mut self.reader).map_err(|fault| self.faults.push(fault)).ok()
+    }
+
+    fn write_out_presets(&mut self, root: &mut Node) {
+        presets::name_defaults(root);
+        presets::write_out(root, &mut self.reader, &mut self.faults);
+        if let Some(Node { value: Value::Seq(families), .. }) = root.get_mut("families") {
+            families.iter_mut().for_each(|family| presets::write_out(family, &mut self.reader, &mut self.faults));
+        }
+    }
+
+    /// The keys outside the sections.
+    fn document(&mut self, root: &Node) -> Option<Document> {
+        let head = without_sections(root);
+        let whole = schema(Kind::Corpus);
+        let shape = shape::check(&head, Schema::of(whole), "", whole, &self.reader.sources);
+        let sound = shape.is_empty();
+        self.faults.extend(shape);
+        let document: Document = sound.then(|| self.typed(&head, "the config"))??;
+        let place = Place { root: &head };
+        self.check_values(&document, &place, "");
+        rules::of_document(&document, &place, &mut self.faults);
+        Some(document)
+    }
+
+    /// One family's sections, if all of them have the right shape.
+    fn family(&mut self, name: &str, tree: &Node) -> Option<Family> {
+        let scene = self.section(tree, "scene");
+        let drive = self.section(tree, "drive");
+        let sweep = self.section(tree, "sweep");
+        let slam = self.section(tree, "slam");
+        let cells = self.section(tree, "cells");
+        let mut family = Family {
+            name: name.to_owned(),
+            weight: 1.0,
+            hold_out: false,
+            scene: scene?,
+            drive: drive?,
+            sweep: sweep?,
+            slam: slam.unwrap_or_default(),
+            cells: cells?,
+        };
+        // A preset that could not be read has its fault already.
+        let resolved = matches!((&family.drive.rover, &family.sweep.sensor), (Preset::Inline(_), Preset::Inline(_)));
+        (resolved && self.read_pattern(&mut family.sweep, &Place { root: tree }).is_some()).then_some(family)
+    }
+
+    /// A section as its type; the faults of its shape, or else of its values, are noted.
+    fn section<T: DeserializeOwned + Validate<Context = ()>>(&mut self, tree: &Node, name: &str) -> Option<T> {
+        let whole = schema(Kind::Corpus);
+        let part = Schema::of(whole).child(name)?;
+        let absent = Node::new(tree.span, Value::Map(Vec::new()));
+        let node = tree.get(name).unwrap_or(&absent);
+        if tree.get(name).is_none() && name == "slam" {
+            return None;
+        }
+        let shape = shape::check(node, part, name, whole, &self.reader.sources);
+        let sound = shape.is_empty();
+        let rest = if sound { Some(node.clone()) } else { self.sound_part(node, part, name, &shape) };
+        self.faults.extend(shape);
+        // What has a wrong shape is left out, so that the values of the rest are judged in the same go.
+        let section = rest.map(|rest| self.typed(&rest, name))??;
+        self.check_values(&section, &Place { root: tree }, name);
+        sound.then_some(section)
+    }
+
+    /// What is left of a section without the parts that have a wrong shape.
+    fn sound_part(&self, node: &Node, part: Schema, name: &str, faults: &[Fault]) -> Option<Node> {
+        let mut rest = without(node, faults)?;
+        // What loses a part it needs is wrong in its turn, at most once a level.
+        loop {
+            let faults = shape::check(&rest, part, name, schema(Kind::Corpus), &self.reader.sources);
+            if faults.is_empty() {
+                return Some(rest);
+            }
+            rest = without(&rest, &faults)?;
+        }
+    }
+
+    fn typed<T: DeserializeOwned>(&mut self, node: &Node, name: &str) -> Option<T> {
+        let read = serde_json::from_value(node.to_json());
+        // The shape was checked against the schema of this very type.
+        read.map_err(|error| self.faults.push(Fault::new(node.span, format!("'{name}' cannot be read: {error}")))).ok()
+    }
+
+    /// The types' own rules: ranges, lengths, laws.
+    fn check_values<T: Validate<Context = ()>>(&mut self, value: &T, place: &Place, section: &str) {
+        let Err(report) = value.validate() else { return };
+        for (path, error) in report.iter() {
+            let joint = if section.is_empty() || path.is_empty() { "" } else { "." };
+            let found = place.find(&format!("{section}{joint}{path}"));
+            let said = plain(error.message(), found.value);
+            let joint =
+                if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
+            let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
+            self.faults.push(match described(Schema::of(schema(Kind::Corpus)), &found.dotted) {
+                Some(meaning) => fault.cure(meaning),
+                None => fault,
+            });
+        }
+    }
+
+    /// Rules between keys, for those families that could be read. A fault of some families says of which.
+    fn rules_of_families(&mut self, families: &[(Family, Place)], all: usize) {
+        let mut found: BTreeMap<Fault, Vec<&str>> = BTreeMap::new();
+        for (family, place) in families {
+            let mut faults = Vec::new();
+            rules::of_family(family, place, &mut faults);
+            faults.into_iter().for_each(|fault| found.entry(fault).or_default().push(&family.name));
+        }
+        for (mut fault, names) in found {
+            if names.len() < all {
+                fault.rule += &format!(" (in family '{}')", names.join("', '"));
+            }
+            self.faults.push(fault);
+        }
+        rules::between_families(families, &mut self.faults);
+    }
+
+    /// Puts the beams of a pattern file into the sensor.
+    fn read_pattern(&mut self, sweep: &mut SweepParams, place: &Place) -> Option<()> {
+        let Preset::Inline(sensor) = &mut sweep.sensor else { return Some(()) };
+        let PatternParams::File(file) = &mut sensor.pattern else { return Some(()) };
+        if file.beams.is_empty() {
+            let span = place.span("sweep.sensor.pattern.file.path");
+            let path = self.reader.folder(span).join(&file.path);
+            match self.reader.pattern(&path) {
+                Ok(beams) => file.beams = beams,
+                Err(why) => {
+                    let rule = format!("the pattern file {} cannot be used: {why}", path.display());
+                    self.faults.push(
+                        Fault::new(span, rule).cure("a CSV file with the header time_s,azimuth_deg,elevation_deg"),
+                    );
+                    return None;
+                }
+            }
+        }
+        Some(())
+    }
+
+    /// Puts the heights of a height map into the scene; its path becomes the one beside `plan.yaml`.
+    fn read_height_map(&mut self, scene: &mut SceneParams, place: &Place) -> Option<PlanFile> {
+        let GroundSource::File(file) = &mut scene.ground.source else { return None };
+        let span = place.span("scene.ground.source.file.path");
+        let from = self.reader.folder(span).join(&file.path);
+        let map = match self.reader.height_map(&from, file.height_m) {
+            Ok(map) => map,
+            Err(why) => {
+                self.faults.push(Fault::new(span, format!("the height map {} cannot be used: {why}", from.display())));
+                return None;
+            }
+        };
+        if file.blake3.as_ref().is_some_and(|expected| *expected != map.blake3) {
+            let rule = format!("the height map {} is another one: its BLAKE3 hash is {}", from.display(), map.blake3);
+            let hash = place.span("scene.ground.source.file.blake3");
+            self.faults.push(Fault::new(hash, rule).cure("bring the old file back, or take the hash out"));
+        }
+        let extension = from.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        file.path = format!("height-maps/{}.{extension}", &map.blake3[..16]);
+        file.raster = Some(map.raster);
+        file.blake3 = Some(map.blake3);
+        Some(PlanFile { path: file.path.clone(), from })
+    }
+}
+
+/// A tree without what the faults point at; `None` where they point at all of it.
+fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
+    let faulty =
+        |span: Span| faults.iter().any(|fault| fault.at == span || fault.also.iter().any(|(also, _)| *also == span));
+    if faulty(node.span) {
+        return None;
+    }
+    let value = match &node.value {
+        Value::Map(entries) => {
+            let kept = entries.iter().filter(|(key, _)| !faulty(key.span));
+            Value::Map(kept.filter_map(|(key, node)| Some((key.clone(), without(node, faults)?))).collect())
+        }
+        Value::Seq(items) => Value::Seq(items.iter().map(|item| without(item, faults)).collect::<Option<_>>()?),
+        leaf => leaf.clone(),
+    };
+    Some(Node { span: node.span, value, whole: node.whole })
+}
+
+/// A range rule in words, with the value that broke it.
+fn plain(message: &str, value: Option<String>) -> String {
+    let got = value.map_or(String::new(), |value| format!(", got {value}"));
+    for (said, meant) in [
+        ("length is lower than ", "needs at least this many entries: "),
+        ("length is greater than ", "may have at most this many entries: "),
+        ("lower than ", "must be at least "),
+        ("greater than ", "must be at most "),
+    ] {
+        if let Some(limit) = message.strip_prefix(said) {
+            return format!("{meant}{limit}{got}");
+        }
+    }
+    message.to_owned()
+}
+
+/// What the schema says that a key means.
+fn described(schema: Schema<'static>, dotted: &str) -> Option<String> {
+    let mut here = schema;
+    for step in dotted.split(['.', '[']) {
+        here = if step.ends_with(']') { here.item()? } else { here.child(step)? };
+    }
+    shape::meaning(here, dotted)
+}
+
+/// A `--set key=value` laid over the document.
+fn with_set(root: Node, argument: &str, reader: &mut Reader) -> Result<Node, Fault> {
+    let source = reader.sources.len();
+    let text = std::sync::Arc::new(argument.to_owned());
+    reader.sources.push(Source { name: "--set".into(), text, folder: reader.folder(root.span) });
+    let whole = Span { source, start: 0, len: argument.len() };
+    let Some((dotted, _)) = argument.split_once('=') else {
+        return Err(Fault::new(whole, "an override has the form key=value").cure("for example: scene.rocks.count=5"));
+    };
+    let mut path = Vec::new();
+    let mut start = 0;
+    for name in dotted.split('.') {
+        path.push(Key { name: name.trim().to_owned(), span: Span { source, start, len: name.len() } });
+        start += name.len() + 1;
+    }
+    if path.iter().any(|key| key.name.is_empty()) {
+        return Err(
+            Fault::new(whole, "the key of an override has an empty part").cure("for example: scene.rocks.count=5")
+        );
+    }
+    let value = tree::parse(source, argument, dotted.len() + 1)?;
+    set(Some(root), &path, value, Some(Schema::of(schema(Kind::Corpus))))
+}
+
+/// The document's keys outside the sections, families included.
+fn without_sections(root: &Node) -> Node {
+    let kept = root.entries().iter().filter(|(key, _)| !SECTIONS.contains(&key.name.as_str()));
+    let head = |(key, node): &(Key, Node)| match &node.value {
+        Value::Seq(families) if key.name == "families" => {
+            let bare = |family: &Node| match &family.value {
+                Value::Map(_) => without_sections(family),
+                _ => family.clone(),
+            };
+            (key.clone(), Node::new(node.span, Value::Seq(families.iter().map(bare).collect())))
+        }
+        _ => (key.clone(), node.clone()),
+    };
+    Node::new(root.span, Value::Map(kept.map(head).collect()))
+}
+
+/// Name and sections of each family, its overrides laid over the document's; one named `default` where there is none.
+fn family_trees(root: &Node) -> Vec<(String, Node)> {
+    let written = match root.get("families").map(|node| &node.value) {
+        Some(Value::Seq(families)) => families.iter().filter(|family| matches!(family.value, Value::Map(_))).collect(),
+        _ => Vec::new(),
+    };
+    if written.is_empty() {
+        return vec![("default".into(), sections_of(root, None))];
+    }
+    let name = |family: &Node| match family.get("name").map(|node| &node.value) {
+        Some(Value::Text(name)) => name.clone(),
+        _ => "?".into(),
+    };
+    written.into_iter().map(|family| (name(family), sections_of(root, Some(family)))).collect()
+}
+
+fn sections_of(root: &Node, family: Option<&Node>) -> Node {
+    let mut sections = Vec::new();
+    for name in SECTIONS {
+        let entry = |node: &Node| node.entries().iter().find(|(key, _)| key.name == name).cloned();
+        let merged = match (entry(root), family.and_then(entry)) {
+            (Some((key, base)), Some((_, over))) => {
+                Some((key, merge(base, over, Schema::of(schema(Kind::Corpus)).child(name))))
+            }
+            (base, over) => over.or(base),
+        };
+        sections.extend(merged);
+    }
+    Node::new(family.unwrap_or(root).span, Value::Map(sections))
+}

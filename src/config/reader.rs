@@ -1,0 +1,286 @@
+//! Files that a config names -> texts, beam patterns and height maps, each read once and within limits.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::error::Fault;
+use super::tree::{self, Node, Source, Span};
+use crate::geometry::DVec2;
+use crate::scene::Raster;
+
+/// Bytes of the largest file that a config may name.
+const MAX_FILE_BYTES: u64 = 256 << 20;
+/// Beams of the largest pattern; all of them stand in the resolved plan.
+const MAX_BEAMS: usize = 250_000;
+/// Nodes of the largest height map: 4096 x 4096.
+const MAX_HEIGHTS: usize = 1 << 24;
+
+/// The sources of one config, and what was read for it.
+#[derive(Default)]
+pub struct Reader {
+    pub sources: Vec<Source>,
+    height_maps: BTreeMap<(PathBuf, Option<u64>), Result<HeightMap, String>>,
+    patterns: BTreeMap<PathBuf, Result<Vec<[f64; 3]>, String>>,
+}
+
+/// A height map as it lies in its file; stretched over a yard later.
+#[derive(Clone)]
+pub struct HeightMap {
+    pub raster: Arc<Raster>,
+    pub blake3: String,
+}
+
+impl Reader {
+    /// Takes a source in and reads its tree.
+    pub fn parse(&mut self, source: Source) -> Result<Node, Fault> {
+        let number = self.sources.len();
+        self.sources.push(source);
+        tree::parse(number, &self.sources[number].text, 0)
+    }
+
+    /// Where relative paths written at a place start.
+    pub fn folder(&self, span: Span) -> PathBuf {
+        self.sources[span.source].folder.clone()
+    }
+
+    /// The text of a YAML file.
+    pub fn text_of(&self, path: &Path) -> Result<String, String> {
+        String::from_utf8(bytes_of(path)?).map_err(|_| "it is not UTF-8 text".into())
+    }
+
+    /// The beams of a pattern file: time_s, azimuth_deg, elevation_deg under a header of these names.
+    pub fn pattern(&mut self, path: &Path) -> Result<Vec<[f64; 3]>, String> {
+        self.patterns.entry(path.to_owned()).or_insert_with(|| pattern_of(&bytes_of(path)?)).clone()
+    }
+
+    /// A height map (NPY or PNG), a metre from node to node: the scene stretches it over its yard.
+    pub fn height_map(&mut self, path: &Path, white_m: Option<f64>) -> Result<HeightMap, String> {
+        let key = (path.to_owned(), white_m.map(f64::to_bits));
+        let map = self.height_maps.entry(key).or_insert_with(|| height_map_of(path, &bytes_of(path)?, white_m));
+        map.clone()
+    }
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>, String> {
+    let said = |error: std::io::Error| match error.kind() {
+        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
+        std::io::ErrorKind::PermissionDenied => "no permission".to_owned(),
+        _ => error.to_string(),
+    };
+    let file = std::fs::File::open(path).map_err(said)?;
+    if !file.metadata().map_err(said)?.is_file() {
+        return Err("it is not a file".into());
+    }
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(said)?;
+    if bytes.len() as u64 > MAX_FILE_BYTES {
+        return Err(format!("it is larger than {} MB", MAX_FILE_BYTES >> 20));
+    }
+    Ok(bytes)
+}
+
+fn pattern_of(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
+    let mut table = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(bytes);
+    let header = table.headers().map_err(|error| error.to_string())?.clone();
+    let mut columns = [0; 3];
+    for (column, name) in columns.iter_mut().zip(["time_s", "azimuth_deg", "elevation_deg"]) {
+        *column = header
+            .iter()
+            .position(|h| h == name)
+            .ok_or_else(|| format!("its header lacks '{name}': the first line is time_s,azimuth_deg,elevation_deg"))?;
+    }
+    let mut beams: Vec<[f64; 3]> = Vec::new();
+    for record in table.records() {
+        let record = record.map_err(|error| error.to_string())?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let mut beam = [0.0; 3];
+        for (value, &column) in beam.iter_mut().zip(&columns) {
+            let text = record.get(column).unwrap_or_default();
+            let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+            *value =
+                number.ok_or_else(|| format!("line {line}: '{}' is not a finite number", tree::shortened(text)))?;
+        }
+        let [time_s, azimuth_deg, elevation_deg] = beam;
+        if azimuth_deg.abs() > 360.0 || elevation_deg.abs() > 90.0 {
+            return Err(format!("line {line}: azimuth must lie in [-360, 360] and elevation in [-90, 90] degrees"));
+        }
+        if time_s < 0.0 || beams.last().is_some_and(|last| last[0] > time_s) {
+            return Err(format!("line {line}: times must begin at 0 or later and never fall"));
+        }
+        if beams.len() == MAX_BEAMS {
+            return Err(format!("it has more than {MAX_BEAMS} beams"));
+        }
+        beams.push(beam);
+    }
+    if beams.is_empty() { Err("it holds no beam".into()) } else { Ok(beams) }
+}
+
+fn height_map_of(path: &Path, bytes: &[u8], white_m: Option<f64>) -> Result<HeightMap, String> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    let (rows, cols, heights_m) = match (extension.as_str(), white_m) {
+        ("npy", None) => npy_heights(bytes)?,
+        ("npy", Some(_)) => return Err("an NPY file is in metres already: take height_m out".into()),
+        ("png", Some(white_m)) => png_heights(bytes, white_m)?,
+        ("png", None) => return Err("a PNG needs height_m, the height of white above black".into()),
+        _ => return Err("a height map is a .npy or a .png file".into()),
+    };
+    if rows < 2 || cols < 2 {
+        return Err(format!("it has {rows} rows and {cols} columns; at least 2 of each are needed"));
+    }
+    if let Some(at) = heights_m.iter().position(|h| !h.is_finite() || h.abs() > 1e4) {
+        return Err(format!("row {}, column {}: {} is no height in metres", at / cols, at % cols, heights_m[at]));
+    }
+    let raster = Raster { spacing_m: 1.0, origin_m: DVec2::ZERO, rows, cols, heights_m };
+    Ok(HeightMap { raster: Arc::new(raster), blake3: blake3::hash(bytes).to_hex().to_string() })
+}
+
+type Heights = (usize, usize, Vec<f64>);
+
+/// Refuses headers that the reader would multiply, nest or allocate without end.
+fn check_npy_header(bytes: &[u8]) -> Result<(), String> {
+    let (start, length): (usize, usize) = match bytes {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, low, high, ..] => {
+            (10, usize::from(u16::from_le_bytes([*low, *high])))
+        }
+        [0x93, b'N', b'U', b'M', b'P', b'Y', _, _, a, b, c, d, ..] => {
+            (12, u32::from_le_bytes([*a, *b, *c, *d]) as usize)
+        }
+        _ => return Err("it is no NPY file".into()),
+    };
+    let header = bytes.get(start..length.saturating_add(start)).ok_or("it is no NPY file: its header ends early")?;
+    let brackets = header.iter().filter(|byte| b"([{".contains(byte)).count();
+    let numbers = || header.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty());
+    // A plain 2-D array has the numbers of '<f8' and of its shape, and two brackets.
+    if brackets > 2 || numbers().count() > 3 || length > 4096 {
+        return Err("it is no 2-D array of float32 or float64".into());
+    }
+    if numbers().any(|digits| digits.len() > 9) {
+        return Err(format!("its shape is absurd; at most {MAX_HEIGHTS} heights"));
+    }
+    Ok(())
+}
+
+fn npy_heights(bytes: &[u8]) -> Result<Heights, String> {
+    check_npy_header(bytes)?;
+    let file = npyz::NpyFile::new(bytes).map_err(|error| format!("it is no NPY file: {error}"))?;
+    let &[rows, cols] = file.shape() else {
+        return Err(format!("it has {} dimensions; a height map has 2", file.shape().len()));
+    };
+    let (rows, cols) = (rows as usize, cols as usize);
+    let count = rows.checked_mul(cols).filter(|&count| count <= MAX_HEIGHTS);
+    let count = count.ok_or_else(|| format!("it has {rows} x {cols} heights; at most {MAX_HEIGHTS}"))?;
+    let by_row = file.order() == npyz::Order::C;
+    let read = |error: std::io::Error| format!("its heights cannot be read: {error}");
+    let flat: Vec<f64> = match file.dtype() {
+        npyz::DType::Plain(plain) if plain.type_char() == npyz::TypeChar::Float && plain.size_field() == 4 => {
+            file.into_vec::<f32>().map_err(read)?.into_iter().map(f64::from).collect()
+        }
+        npyz::DType::Plain(plain) if plain.type_char() == npyz::TypeChar::Float && plain.size_field() == 8 => {
+            file.into_vec::<f64>().map_err(read)?
+        }
+        other => return Err(format!("its numbers are {}; a height map holds float32 or float64", other.descr())),
+    };
+    if flat.len() != count {
+        return Err("it ends early".into());
+    }
+    if by_row {
+        return Ok((rows, cols, flat));
+    }
+    let transposed = (0..count).map(|at| flat[(at % cols) * rows + at / cols]).collect();
+    Ok((rows, cols, transposed))
+}
+
+/// 16-bit grey; row 0 of the picture is the north edge, row 0 of a raster the south.
+fn png_heights(bytes: &[u8], white_m: f64) -> Result<Heights, String> {
+    let decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+    let mut reader = decoder.read_info().map_err(|error| format!("it is no PNG: {error}"))?;
+    let info = reader.info();
+    let (rows, cols) = (info.height as usize, info.width as usize);
+    if info.color_type != png::ColorType::Grayscale || info.bit_depth != png::BitDepth::Sixteen {
+        return Err("it is not a 16-bit grey PNG".into());
+    }
+    if rows.checked_mul(cols).is_none_or(|count| count > MAX_HEIGHTS) {
+        return Err(format!("it has {rows} x {cols} heights; at most {MAX_HEIGHTS}"));
+    }
+    let mut samples = vec![0; rows * cols * 2];
+    reader.next_frame(&mut samples).map_err(|error| format!("its picture cannot be read: {error}"))?;
+    let height = |at: usize| f64::from(u16::from_be_bytes([samples[2 * at], samples[2 * at + 1]])) / 65_535.0 * white_m;
+    let heights_m = (0..rows).rev().flat_map(|row| (0..cols).map(move |col| row * cols + col)).map(height).collect();
+    Ok((rows, cols, heights_m))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_faulty_patterns_are_refused_by_line() {
+        for (text, expected) in [
+            ("", "its header lacks 'time_s'"),
+            ("time_s,azimuth_deg\n0,0\n", "its header lacks 'elevation_deg'"),
+            ("time_s,azimuth_deg,elevation_deg\n", "it holds no beam"),
+            ("time_s,azimuth_deg,elevation_deg\n0,0,0\n1,nan,0\n", "line 3: 'nan' is not a finite number"),
+            ("time_s,azimuth_deg,elevation_deg\n0,0,91\n", "line 2: azimuth must lie in"),
+            (
+                "time_s,azimuth_deg,elevation_deg\n1,0,0\n0.5,0,0\n",
+                "line 3: times must begin at 0 or later and never fall",
+            ),
+            ("time_s,azimuth_deg,elevation_deg\n0,0\n", "CSV error"),
+        ] {
+            let fault = pattern_of(text.as_bytes()).expect_err(text);
+            assert!(fault.contains(expected), "{text:?}: {fault}");
+        }
+    }
+
+    /// An NPY file of version 1.0 as numpy writes it.
+    fn npy(descr: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}");
+        let header = format!("{header:<117}\n");
+        [b"\x93NUMPY\x01\x00", (header.len() as u16).to_le_bytes().as_slice(), header.as_bytes(), data].concat()
+    }
+
+    #[test]
+    fn exact_npy_heights_in_either_order_and_width() {
+        let f32s: Vec<u8> = [1f32, 2.0, 3.0, 4.0, 5.0, 6.0].iter().flat_map(|h| h.to_le_bytes()).collect();
+        let f64s: Vec<u8> = [1f64, 2.0, 3.0, 4.0, 5.0, 6.0].iter().flat_map(|h| h.to_be_bytes()).collect();
+        let by_row = npy_heights(&npy("<f4", "False", "(2, 3)", &f32s)).unwrap();
+        assert_eq!(by_row, (2, 3, vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+        let by_column = npy_heights(&npy(">f8", "True", "(2, 3)", &f64s)).unwrap();
+        assert_eq!(by_column, (2, 3, vec![1.0, 3.0, 5.0, 2.0, 4.0, 6.0]));
+    }
+
+    #[test]
+    fn extreme_hostile_height_maps_are_refused() {
+        let map = |name: &str, bytes: &[u8], white_m| {
+            height_map_of(Path::new(name), bytes, white_m).err().unwrap_or_default()
+        };
+        let floats = 0f32.to_le_bytes().repeat(4);
+        for (bytes, expected) in [
+            (npy("<f4", "False", "(99999999, 99999999)", &floats), "at most"),
+            (npy("<f4", "False", "(18446744073709551615, 2)", &floats), "at most"),
+            (npy("<f4", "False", "(999999999, 999999999, 999999999)", &floats), "no 2-D array"),
+            (npy("<f4", "False", &"(".repeat(60), &floats), "no 2-D array"),
+            (b"\x93NUMPY\x02\x00\xff\xff\xff\xff{}".to_vec(), "its header ends early"),
+            (npy("<f4", "False", "(2, 2)", &floats[..10]), "cannot be read"),
+            (npy("<i4", "False", "(2, 2)", &floats), "holds float32 or float64"),
+            (npy("<f4", "False", "(4,)", &floats), "it has 1 dimensions"),
+            (npy("<f4", "False", "(1, 4)", &floats), "at least 2 of each"),
+            (npy("<f4", "False", "(2, 2)", &f32::NAN.to_le_bytes().repeat(4)), "no height in metres"),
+            (b"\x93NUMPY".to_vec(), "no NPY file"),
+        ] {
+            let fault = map("x.npy", &bytes, None);
+            assert!(fault.contains(expected), "{fault}");
+        }
+        assert!(map("x.npy", &npy("<f4", "False", "(2, 2)", &floats), Some(1.0)).contains("take height_m out"));
+        assert!(map("x.png", b"", None).contains("needs height_m"));
+        assert!(map("x.png", b"\x89PNG", Some(1.0)).contains("no PNG"));
+        assert!(map("x.tif", b"", None).contains(".npy or a .png"));
+        let mut grey8 = Vec::new();
+        let mut encoder = png::Encoder::new(&mut grey8, 2, 2);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.write_header().unwrap().write_image_data(&[0; 4]).unwrap();
+        assert!(map("x.png", &grey8, Some(1.0)).contains("not a 16-bit grey PNG"));
+    }
+}

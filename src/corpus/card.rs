@@ -1,0 +1,143 @@
+//! Manifest -> `README.md`: the dataset card, with the front matter that Hugging Face reads.
+
+use std::fmt::Write;
+
+use super::schema::{self, Column, Role};
+use super::{CorpusSpec, Manifest, Split, Table};
+
+pub const NAME: &str = "README.md";
+
+/// The card as text.
+pub fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = front_matter(&mut out, spec, manifest);
+    let _ = body(&mut out, spec, manifest);
+    out
+}
+
+fn front_matter(out: &mut String, spec: &CorpusSpec, manifest: &Manifest) -> std::fmt::Result {
+    writeln!(out, "---\npretty_name: {}\nlicense: {}", quoted(&spec.name), spec.license)?;
+    writeln!(out, "tags:\n- lidar\n- robotics\n- traversability\n- synthetic\n- tabular\n- marsyard")?;
+    let rows = manifest.tables.get(&Table::Cells).map_or(0, |totals| totals.rows);
+    writeln!(out, "task_categories:\n- tabular-classification\nsize_categories:\n- {}\nconfigs:", size_category(rows))?;
+    for table in &spec.tables {
+        let name = table.name();
+        writeln!(out, "- config_name: {name}")?;
+        if *table == Table::Cells {
+            writeln!(out, "  default: true")?;
+        }
+        writeln!(out, "  data_files:")?;
+        for split in full_splits(manifest) {
+            let split = split.name();
+            writeln!(out, "  - split: {split}\n    path: data/{name}/{split}-*.parquet")?;
+        }
+    }
+    writeln!(out, "dataset_info:")?;
+    for &table in &spec.tables {
+        writeln!(out, "- config_name: {}\n  features:", table.name())?;
+        for column in schema::columns(table, &spec.features, &spec.drawn) {
+            writeln!(out, "  - name: {}", column.name)?;
+            if column.role == Role::Label {
+                writeln!(out, "    dtype:\n      class_label:\n        names:")?;
+                for (value, label) in schema::LABELS.iter().enumerate() {
+                    writeln!(out, "          '{value}': {label}")?;
+                }
+            } else {
+                writeln!(out, "    dtype: {}", column.kind.name())?;
+            }
+        }
+    }
+    writeln!(out, "---\n")
+}
+
+fn body(out: &mut String, spec: &CorpusSpec, manifest: &Manifest) -> std::fmt::Result {
+    writeln!(out, "# {}\n", spec.name)?;
+    writeln!(
+        out,
+        "Simulated lidar sweeps of random yards, as cells of a grid with features and labels: which ground can a rover cross?\n\
+         Made by `marsyard {}`. The same `plan.yaml` gives the same bytes.\n",
+        manifest.build.version
+    )?;
+    writeln!(out, "| | |\n|---|---|")?;
+    writeln!(out, "| seed | {} |\n| scenes | {} ({} failed) |", manifest.seed, manifest.scenes, manifest.failed.len())?;
+    writeln!(out, "| families | {} |", manifest.families.join(", "))?;
+    writeln!(out, "| corpus_id | `{}` |\n| scene_plan_hash | `{}` |\n", manifest.corpus_id, manifest.scene_plan_hash)?;
+    writeln!(out, "| split | shards | scenes | cells | untraversable |\n|---|---|---|---|---|")?;
+    for split in Split::ALL {
+        let Some(totals) = manifest.splits.get(&split) else { continue };
+        let share = totals.labels.untraversable_share().map_or("-".into(), |share| format!("{:.2} %", 100.0 * share));
+        writeln!(
+            out,
+            "| {} | {} | {} | {} | {share} |",
+            split.name(),
+            totals.shards,
+            totals.scenes,
+            totals.labels.total()
+        )?;
+    }
+    writeln!(
+        out,
+        "\nNo scene is in two splits. Statistics of the features (train split) are in `manifest.json`, hashes of the files in `shards.jsonl`.\n"
+    )?;
+    writeln!(out, "## Reading\n\n```python")?;
+    writeln!(out, "import polars as pl")?;
+    writeln!(out, "cells = pl.read_parquet(\"data/cells/train-*.parquet\")\n```\n")?;
+    writeln!(
+        out,
+        "```sql\nSELECT label, count(*), avg(height_difference_m) FROM 'data/cells/train-*.parquet' GROUP BY label;\n```\n"
+    )?;
+    writeln!(
+        out,
+        "`datasets.load_dataset(\"/absolute/path/of/this/folder\", \"cells\")` works too (a bare `\".\"` does not).\n"
+    )?;
+    for &table in &spec.tables {
+        writeln!(
+            out,
+            "## `{}`: one row is {}\n\n| column | type | unit | role | meaning |\n|---|---|---|---|---|",
+            table.name(),
+            table.row_is()
+        )?;
+        for Column { name, kind, nullable, unit, role, description } in
+            schema::columns(table, &spec.features, &spec.drawn)
+        {
+            let null = if nullable { ", nullable" } else { "" };
+            let role = format!("{role:?}").to_lowercase();
+            writeln!(
+                out,
+                "| `{name}` | {}{null} | {unit} | {role} | {} |",
+                kind.name(),
+                description.replace('|', "\\|")
+            )?;
+        }
+        writeln!(out)?;
+    }
+    writeln!(
+        out,
+        "Columns of the role `truth` are known to the simulator only: never train on them. `info` columns are not features either."
+    )
+}
+
+/// Splits that have a shard: loaders refuse a pattern that matches nothing.
+fn full_splits(manifest: &Manifest) -> Vec<Split> {
+    Split::ALL.into_iter().filter(|split| manifest.splits.get(split).is_some_and(|totals| totals.shards > 0)).collect()
+}
+
+/// Hugging Face's classes of size, by rows.
+fn size_category(rows: u64) -> &'static str {
+    match rows {
+        0..1_000 => "n<1K",
+        1_000..10_000 => "1K<n<10K",
+        10_000..100_000 => "10K<n<100K",
+        100_000..1_000_000 => "100K<n<1M",
+        1_000_000..10_000_000 => "1M<n<10M",
+        10_000_000..100_000_000 => "10M<n<100M",
+        100_000_000..1_000_000_000 => "100M<n<1B",
+        _ => "n>1B",
+    }
+}
+
+/// A YAML scalar that is text whatever it looks like.
+fn quoted(text: &str) -> String {
+    serde_json::to_string(text).expect("text")
+}

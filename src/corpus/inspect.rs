@@ -1,0 +1,198 @@
+//! A corpus -> what its owner should know before training on it: balance, feature ranges, dead features, odd scenes.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use arrow::array::{Array, BooleanArray, Int64Array, RecordBatch, StringArray};
+
+use super::manifest::{self, FeatureSummary, Manifest};
+use super::reader::TableFile;
+use super::stats::LabelCounts;
+use super::{CorpusError, Split, Store, Table};
+
+/// What `marsyard inspect` shows.
+#[derive(Clone, Debug)]
+pub struct Inspection {
+    pub manifest: Manifest,
+    pub features: Vec<FeatureReport>,
+    /// By family; empty where the `scenes` table is off.
+    pub families: BTreeMap<String, FamilyReport>,
+}
+
+/// A feature of the train split.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeatureReport {
+    pub summary: FeatureSummary,
+    pub fault: Option<FeatureFault>,
+}
+
+/// Why a feature teaches nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FeatureFault {
+    Empty,
+    Constant,
+    NotFinite,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FamilyReport {
+    pub scenes: u64,
+    pub failed: u64,
+    pub with_both_classes: u64,
+    pub labels: LabelCounts,
+}
+
+/// Reads the manifest and the (small) `scenes` tables of a finished corpus.
+pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
+    let manifest = Manifest::read(store)?;
+    let features = manifest
+        .features
+        .iter()
+        .map(|summary| FeatureReport { fault: fault(summary), summary: summary.clone() })
+        .collect();
+    let mut families = BTreeMap::new();
+    for line in manifest::read_shard_lines(store)? {
+        if let Some(facts) = line.tables.get(&Table::Scenes) {
+            for batch in TableFile::open(store, &facts.path)?.batches() {
+                add_scenes(&batch?, &mut families);
+            }
+        }
+    }
+    Ok(Inspection { manifest, features, families })
+}
+
+fn fault(summary: &FeatureSummary) -> Option<FeatureFault> {
+    let moments = &summary.moments;
+    if moments.not_finite > 0 {
+        Some(FeatureFault::NotFinite)
+    } else if moments.count == 0 {
+        Some(FeatureFault::Empty)
+    } else {
+        moments.is_constant().then_some(FeatureFault::Constant)
+    }
+}
+
+fn add_scenes(batch: &RecordBatch, families: &mut BTreeMap<String, FamilyReport>) {
+    fn column<'a, T: 'static>(batch: &'a RecordBatch, name: &str) -> Option<&'a T> {
+        batch.column_by_name(name)?.as_any().downcast_ref::<T>()
+    }
+    let count = |name: &str, row: usize| column::<Int64Array>(batch, name).map_or(0, |column| column.value(row) as u64);
+    let text =
+        |name: &str, row: usize| column::<StringArray>(batch, name).map_or("", |column| column.value(row)).to_string();
+    for row in 0..batch.num_rows() {
+        let family = families.entry(text("family", row)).or_default();
+        family.scenes += 1;
+        family.failed += u64::from(text("status", row) == "failed");
+        family.with_both_classes +=
+            u64::from(column::<BooleanArray>(batch, "both_classes").is_some_and(|c| c.value(row)));
+        family.labels = family.labels
+            + LabelCounts {
+                traversable: count("cells_traversable", row),
+                untraversable: count("cells_untraversable", row),
+                unknown: count("cells_unknown", row),
+            };
+    }
+}
+
+impl Inspection {
+    /// What should be put right before training; empty where all is well.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for feature in &self.features {
+            let name = &feature.summary.name;
+            warnings.extend(feature.fault.map(|fault| match fault {
+                FeatureFault::Empty => format!("{name} has no value in the train split"),
+                FeatureFault::Constant => {
+                    format!("{name} is always {}: it teaches nothing", feature.summary.moments.mean)
+                }
+                FeatureFault::NotFinite => {
+                    format!("{name} is NaN or infinite in {} train cells", feature.summary.moments.not_finite)
+                }
+            }));
+        }
+        for (split, totals) in &self.manifest.splits {
+            let name = split.name();
+            if totals.shards == 0 {
+                warnings.push(format!("the {name} split is empty: build at least 7 shards"));
+            } else if totals.labels.traversable == 0 || totals.labels.untraversable == 0 {
+                warnings.push(format!("the {name} split lacks one of the two classes"));
+            }
+        }
+        if !self.manifest.points.add_up() {
+            warnings.push("points in are not points binned plus points dropped".into());
+        }
+        let failed = self.manifest.failed.len();
+        if failed > 0 {
+            warnings.push(format!(
+                "{failed} of {} scenes failed; replay: {}",
+                self.manifest.scenes, self.manifest.failed[0].replay
+            ));
+        }
+        warnings
+    }
+}
+
+impl fmt::Display for Inspection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let manifest = &self.manifest;
+        writeln!(f, "{}  seed {}  corpus_id {}", manifest.name, manifest.seed, &manifest.corpus_id)?;
+        writeln!(f, "{} scenes in {} shards, {} failed", manifest.scenes, manifest.shards, manifest.failed.len())?;
+        for (table, totals) in &manifest.tables {
+            writeln!(f, "  {:<7} {:>12} rows  {:>10.1} MB", table.name(), totals.rows, totals.bytes as f64 / 1e6)?;
+        }
+        let points = manifest.points;
+        writeln!(
+            f,
+            "points: {} in, {} binned, {} beyond range, {} off the grid",
+            points.points_in, points.binned, points.beyond_range, points.off_grid
+        )?;
+        writeln!(
+            f,
+            "\n{:<12} {:>7} {:>8} {:>12} {:>13} {:>9} {:>7}",
+            "split", "shards", "scenes", "traversable", "untraversable", "unknown", "share"
+        )?;
+        for split in Split::ALL {
+            let Some(totals) = manifest.splits.get(&split) else { continue };
+            write!(f, "{:<12} {:>7} {:>8} ", split.name(), totals.shards, totals.scenes)?;
+            balance(f, &totals.labels)?;
+        }
+        if !self.families.is_empty() {
+            writeln!(
+                f,
+                "\n{:<12} {:>7} {:>8} {:>12} {:>13} {:>9} {:>7}",
+                "family", "scenes", "failed", "traversable", "untraversable", "unknown", "share"
+            )?;
+            for (name, family) in &self.families {
+                write!(f, "{:<12} {:>7} {:>8} ", name, family.scenes, family.failed)?;
+                balance(f, &family.labels)?;
+            }
+        }
+        writeln!(
+            f,
+            "\n{:<24} {:<5} {:>12} {:>12} {:>12} {:>12}  train split",
+            "feature", "unit", "min", "mean", "sd", "max"
+        )?;
+        for FeatureReport { summary, fault } in &self.features {
+            let moments = &summary.moments;
+            let (min, max) = (moments.min.unwrap_or(f64::NAN), moments.max.unwrap_or(f64::NAN));
+            let note = fault.map_or("", |fault| match fault {
+                FeatureFault::Empty => "  EMPTY",
+                FeatureFault::Constant => "  CONSTANT",
+                FeatureFault::NotFinite => "  NOT FINITE",
+            });
+            let sd = moments.variance().sqrt();
+            let (name, unit) = (&summary.name, &summary.unit);
+            writeln!(f, "{name:<24} {unit:<5} {min:>12.5} {:>12.5} {sd:>12.5} {max:>12.5}{note}", moments.mean)?;
+        }
+        let warnings = self.warnings();
+        if !warnings.is_empty() {
+            writeln!(f)?;
+        }
+        warnings.iter().try_for_each(|warning| writeln!(f, "warning: {warning}"))
+    }
+}
+
+fn balance(f: &mut fmt::Formatter<'_>, labels: &LabelCounts) -> fmt::Result {
+    let share = labels.untraversable_share().map_or("-".into(), |share| format!("{:.2} %", 100.0 * share));
+    writeln!(f, "{:>12} {:>13} {:>9} {share:>7}", labels.traversable, labels.untraversable, labels.unknown)
+}

@@ -1,0 +1,215 @@
+//! Receipts, in shard order -> `manifest.json` and `shards.jsonl`.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::receipt::{FileFacts, Receipt};
+use super::spec::{Build, CorpusSpec};
+use super::stats::{LabelCounts, Moments, PointCounts};
+use super::{CorpusError, FORMAT, Split, Store, Table, ranges, value_hash};
+
+pub const NAME: &str = "manifest.json";
+pub const SHARDS: &str = "shards.jsonl";
+
+/// What is known of a whole corpus. No time, host or path: equal plans and programs give equal manifests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Manifest {
+    pub format: u32,
+    pub name: String,
+    pub seed: u64,
+    pub scene_plan_hash: String,
+    /// Hash over the sorted value hashes of all files.
+    pub corpus_id: String,
+    pub scenes: u64,
+    pub scenes_per_shard: u32,
+    pub shards: u64,
+    pub families: Vec<String>,
+    pub tables: BTreeMap<Table, TableTotals>,
+    pub splits: BTreeMap<Split, SplitTotals>,
+    /// Of the train split alone, shards merged in order: what a trainer scales by.
+    pub features: Vec<FeatureSummary>,
+    pub points: PointCounts,
+    pub failed: Vec<FailedEntry>,
+    /// The program that wrote shard 0.
+    pub build: Build,
+    /// Programs that wrote the other shards, where they differ from it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub other_builds: Vec<OtherBuild>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct TableTotals {
+    pub rows: u64,
+    pub bytes: u64,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct SplitTotals {
+    pub shards: u64,
+    pub scenes: u64,
+    pub failed_scenes: u64,
+    pub rows: BTreeMap<Table, u64>,
+    pub labels: LabelCounts,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FeatureSummary {
+    pub name: String,
+    pub unit: String,
+    #[serde(flatten)]
+    pub moments: Moments,
+}
+
+/// A scene that gave no rows, and how to see why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct FailedEntry {
+    pub scene: u64,
+    pub error: String,
+    /// To be run in the corpus folder.
+    pub replay: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct OtherBuild {
+    /// As `3..5,9`.
+    pub shards: String,
+    pub build: Build,
+}
+
+/// The command that replays one scene, to be run in the corpus folder.
+pub fn replay(scene: u64) -> String {
+    format!("marsyard explain plan.yaml --scene {scene}")
+}
+
+impl Manifest {
+    /// Merges the receipts of all shards, ascending.
+    pub fn merge(spec: &CorpusSpec, receipts: &[Receipt]) -> Manifest {
+        let mut tables: BTreeMap<Table, TableTotals> = BTreeMap::new();
+        let mut splits: BTreeMap<Split, SplitTotals> =
+            Split::ALL.iter().map(|&split| (split, SplitTotals::default())).collect();
+        let mut moments = vec![Moments::default(); spec.features.len()];
+        let mut points = PointCounts::default();
+        let mut failed = Vec::new();
+        for receipt in receipts {
+            points = points + receipt.points;
+            let split = splits.entry(receipt.split).or_default();
+            split.shards += 1;
+            split.scenes += receipt.scenes[1] - receipt.scenes[0];
+            split.failed_scenes += receipt.failed.len() as u64;
+            split.labels = split.labels + receipt.labels;
+            for (&table, facts) in &receipt.tables {
+                *split.rows.entry(table).or_default() += facts.rows;
+                let totals = tables.entry(table).or_default();
+                totals.rows += facts.rows;
+                totals.bytes += facts.bytes;
+            }
+            if receipt.split == Split::Train {
+                for (merged, of_shard) in moments.iter_mut().zip(&receipt.features) {
+                    *merged = merged.merge(&of_shard.moments);
+                }
+            }
+            failed.extend(receipt.failed.iter().map(|scene| FailedEntry {
+                scene: scene.scene,
+                error: scene.error.clone(),
+                replay: replay(scene.scene),
+            }));
+        }
+        let value_hashes = receipts.iter().flat_map(|r| r.tables.values()).map(|facts| facts.value_hash.as_str());
+        let (build, other_builds) = builds(receipts);
+        Manifest {
+            format: FORMAT,
+            name: spec.name.clone(),
+            seed: spec.seed,
+            scene_plan_hash: spec.scene_plan_hash.clone(),
+            corpus_id: value_hash::corpus_id(value_hashes),
+            scenes: spec.scenes,
+            scenes_per_shard: spec.scenes_per_shard,
+            shards: spec.shards(),
+            families: spec.families.clone(),
+            tables,
+            splits,
+            features: spec
+                .features
+                .iter()
+                .zip(moments)
+                .map(|(feature, moments)| FeatureSummary {
+                    name: feature.name.clone(),
+                    unit: feature.unit.into(),
+                    moments,
+                })
+                .collect(),
+            points,
+            failed,
+            build,
+            other_builds,
+        }
+    }
+
+    pub fn write(&self, store: &dyn Store) -> Result<(), CorpusError> {
+        let text = serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n";
+        store.replace(NAME, text.as_bytes())
+    }
+
+    pub fn read(store: &dyn Store) -> Result<Manifest, CorpusError> {
+        let bad = |reason: String| CorpusError::BadManifest { place: store.place(), name: NAME.into(), reason };
+        if store.size(NAME)?.is_none() {
+            return Err(bad("there is no manifest: the corpus is not finished, or this is not a corpus".into()));
+        }
+        let manifest: Manifest = serde_json::from_slice(&store.read(NAME)?)
+            .map_err(|error| bad(format!("not a whole manifest ({error})")))?;
+        if manifest.format != FORMAT {
+            return Err(bad(format!("written in format {}, this program reads format {FORMAT}", manifest.format)));
+        }
+        Ok(manifest)
+    }
+
+    pub fn labels(&self) -> LabelCounts {
+        self.splits.values().map(|split| split.labels).sum()
+    }
+}
+
+/// The first shard's program, and the others with the shards that they wrote.
+fn builds(receipts: &[Receipt]) -> (Build, Vec<OtherBuild>) {
+    let first = receipts.first().map(|receipt| receipt.build.clone()).unwrap_or_default();
+    let mut others: Vec<(Build, Vec<u64>)> = Vec::new();
+    for receipt in receipts.iter().filter(|receipt| receipt.build != first) {
+        match others.iter_mut().find(|(build, _)| *build == receipt.build) {
+            Some((_, shards)) => shards.push(receipt.shard),
+            None => others.push((receipt.build.clone(), vec![receipt.shard])),
+        }
+    }
+    let named = |(build, shards): (Build, Vec<u64>)| OtherBuild { shards: ranges::to_text(&shards), build };
+    (first, others.into_iter().map(named).collect())
+}
+
+/// One line of `shards.jsonl`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ShardLine {
+    pub shard: u64,
+    pub split: Split,
+    pub scenes: [u64; 2],
+    pub tables: BTreeMap<Table, FileFacts>,
+}
+
+/// `shards.jsonl` as text.
+pub fn shard_lines(receipts: &[Receipt]) -> String {
+    let line = |receipt: &Receipt| {
+        let tables = receipt.tables.clone();
+        let line = ShardLine { shard: receipt.shard, split: receipt.split, scenes: receipt.scenes, tables };
+        serde_json::to_string(&line).expect("a line is plain data") + "\n"
+    };
+    receipts.iter().map(line).collect()
+}
+
+/// `shards.jsonl` read back.
+pub fn read_shard_lines(store: &dyn Store) -> Result<Vec<ShardLine>, CorpusError> {
+    let bad = |reason: String| CorpusError::BadManifest { place: store.place(), name: SHARDS.into(), reason };
+    let bytes = store.read(SHARDS)?;
+    let text = std::str::from_utf8(&bytes).map_err(|error| bad(error.to_string()))?;
+    let line = |(number, line): (usize, &str)| {
+        serde_json::from_str(line).map_err(|error| bad(format!("line {}: {error}", number + 1)))
+    };
+    text.lines().enumerate().map(line).collect()
+}

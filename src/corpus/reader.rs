@@ -1,0 +1,172 @@
+//! A corpus's Parquet files -> Arrow record batches, row group by row group, without the whole file in memory.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::sync::Arc;
+
+use arrow::array::{BooleanArray, Int64Array, RecordBatch};
+use arrow::compute::{concat_batches, filter_record_batch};
+use arrow::datatypes::SchemaRef;
+use bytes::Bytes;
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
+use parquet::errors::ParquetError;
+use parquet::file::reader::{ChunkReader, Length};
+
+use super::{CorpusError, Store};
+
+/// A Parquet file in a store, opened: its footer is read, its rows are not.
+#[derive(Clone)]
+pub struct TableFile {
+    file: StoredFile,
+    facts: ArrowReaderMetadata,
+}
+
+impl TableFile {
+    pub fn open(store: &dyn Store, name: &str) -> Result<TableFile, CorpusError> {
+        let Some(length) = store.size(name)? else {
+            let source = std::io::ErrorKind::NotFound.into();
+            return Err(CorpusError::Io { place: store.place(), name: name.into(), source });
+        };
+        let file = StoredFile { store: store.share(), name: name.into(), length };
+        let options = ArrowReaderOptions::new();
+        let facts = ArrowReaderMetadata::load(&file, options)
+            .map_err(|source| CorpusError::Parquet { name: name.into(), source })?;
+        Ok(TableFile { file, facts })
+    }
+
+    pub fn name(&self) -> &str {
+        &self.file.name
+    }
+
+    pub fn schema(&self) -> &SchemaRef {
+        self.facts.schema()
+    }
+
+    /// Rows of each row group.
+    pub fn row_groups(&self) -> Vec<u64> {
+        self.facts.metadata().row_groups().iter().map(|group| group.num_rows() as u64).collect()
+    }
+
+    pub fn rows(&self) -> u64 {
+        self.row_groups().iter().sum()
+    }
+
+    /// The file's key-values, less Arrow's own schema blob.
+    pub fn key_values(&self) -> BTreeMap<String, String> {
+        let pairs = self.facts.metadata().file_metadata().key_value_metadata();
+        pairs
+            .into_iter()
+            .flatten()
+            .filter(|pair| pair.key != "ARROW:schema")
+            .map(|pair| (pair.key.clone(), pair.value.clone().unwrap_or_default()))
+            .collect()
+    }
+
+    /// One row group as one batch, all columns or (in the file's order) those named.
+    pub fn read_row_group(&self, group: usize, columns: Option<&[&str]>) -> Result<RecordBatch, CorpusError> {
+        let failed = |source: ParquetError| CorpusError::Parquet { name: self.file.name.to_string(), source };
+        let mut builder = ParquetRecordBatchReaderBuilder::new_with_metadata(self.file.clone(), self.facts.clone())
+            .with_row_groups(vec![group])
+            .with_batch_size(super::write::ROW_GROUP_ROWS);
+        if let Some(columns) = columns {
+            let known = |name: &&&str| self.schema().field_with_name(name).is_err();
+            if let Some(unknown) = columns.iter().find(known) {
+                return Err(failed(ParquetError::General(format!("there is no column '{unknown}'"))));
+            }
+            let indices = self
+                .schema()
+                .fields()
+                .iter()
+                .enumerate()
+                .filter(|(_, f)| columns.contains(&f.name().as_str()))
+                .map(|(i, _)| i);
+            let mask = ProjectionMask::roots(builder.parquet_schema(), indices);
+            builder = builder.with_projection(mask);
+        }
+        let reader = builder.build().map_err(failed)?;
+        let schema = arrow::array::RecordBatchReader::schema(&reader);
+        let arrow = |source| CorpusError::Arrow { name: self.file.name.to_string(), source };
+        let batches = reader.collect::<Result<Vec<_>, _>>().map_err(arrow)?;
+        concat_batches(&schema, &batches).map_err(arrow)
+    }
+
+    /// All row groups in order.
+    pub fn batches(&self) -> impl Iterator<Item = Result<RecordBatch, CorpusError>> + '_ {
+        (0..self.row_groups().len()).map(|group| self.read_row_group(group, None))
+    }
+
+    /// The rows of one scene.
+    pub fn rows_of_scene(&self, scene_id: u64) -> Result<RecordBatch, CorpusError> {
+        let arrow = |source| CorpusError::Arrow { name: self.file.name.to_string(), source };
+        let mut found = Vec::new();
+        for batch in self.batches() {
+            let batch = batch?;
+            let ids = batch.column_by_name("scene_id").and_then(|column| column.as_any().downcast_ref::<Int64Array>());
+            let Some(ids) = ids else { continue };
+            let mask: BooleanArray = ids.iter().map(|id| Some(id == Some(scene_id as i64))).collect();
+            let rows = filter_record_batch(&batch, &mask).map_err(arrow)?;
+            if rows.num_rows() > 0 {
+                found.push(rows);
+            }
+        }
+        concat_batches(self.schema(), &found).map_err(arrow)
+    }
+}
+
+/// A stored file as the Parquet reader wants it: parts on demand.
+#[derive(Clone)]
+struct StoredFile {
+    store: Arc<dyn Store>,
+    name: Arc<str>,
+    length: u64,
+}
+
+impl Length for StoredFile {
+    fn len(&self) -> u64 {
+        self.length
+    }
+}
+
+impl ChunkReader for StoredFile {
+    type T = StoredReader;
+
+    fn get_read(&self, start: u64) -> Result<StoredReader, ParquetError> {
+        Ok(StoredReader { file: self.clone(), offset: start, buffer: Vec::new(), used: 0 })
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        let bytes =
+            self.store.read_range(&self.name, start, length).map_err(|e| ParquetError::External(Box::new(e)))?;
+        if bytes.len() < length {
+            return Err(ParquetError::EOF(format!("{} ends within the {length} bytes from {start}", self.name)));
+        }
+        Ok(bytes.into())
+    }
+}
+
+/// Reads on from an offset, a block at a time.
+struct StoredReader {
+    file: StoredFile,
+    offset: u64,
+    buffer: Vec<u8>,
+    used: usize,
+}
+
+/// Page headers are small; this holds a few of them.
+const BLOCK_BYTES: usize = 64 * 1024;
+
+impl Read for StoredReader {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        if self.used == self.buffer.len() {
+            let block = self.file.store.read_range(&self.file.name, self.offset, BLOCK_BYTES);
+            self.buffer = block.map_err(std::io::Error::other)?;
+            self.offset += self.buffer.len() as u64;
+            self.used = 0;
+        }
+        let length = out.len().min(self.buffer.len() - self.used);
+        out[..length].copy_from_slice(&self.buffer[self.used..self.used + length]);
+        self.used += length;
+        Ok(length)
+    }
+}

@@ -1,0 +1,118 @@
+//! What a finished shard leaves behind, and how it is read back.
+//!
+//! A receipt is written after the shard's tables, create-only: where it is, the shard is whole. The manifest and
+//! `shards.jsonl` are merged from receipts alone, so that many machines can build one corpus.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::spec::Build;
+use super::stats::{LabelCounts, Moments, PointCounts};
+use super::store::{Put, Store};
+use super::{CorpusError, FORMAT, Split, Table};
+
+pub const FOLDER: &str = "receipts";
+
+/// What is known of a finished shard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Receipt {
+    pub format: u32,
+    pub scene_plan_hash: String,
+    pub shard: u64,
+    pub split: Split,
+    /// First scene, and the one after the last.
+    pub scenes: [u64; 2],
+    pub tables: BTreeMap<Table, FileFacts>,
+    /// By feature, in the order of the columns.
+    pub features: Vec<FeatureMoments>,
+    pub labels: LabelCounts,
+    pub points: PointCounts,
+    pub failed: Vec<FailedScene>,
+    pub build: Build,
+}
+
+/// A data file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FileFacts {
+    pub path: String,
+    pub rows: u64,
+    pub row_groups: u32,
+    pub bytes: u64,
+    pub sha256: String,
+    pub value_hash: String,
+}
+
+/// A feature's moments under its name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FeatureMoments {
+    pub name: String,
+    #[serde(flatten)]
+    pub moments: Moments,
+}
+
+/// A scene that gave no rows, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FailedScene {
+    pub scene: u64,
+    pub error: String,
+}
+
+impl Receipt {
+    pub fn path(shard: u64) -> String {
+        format!("{FOLDER}/{shard:07}.json")
+    }
+
+    /// Writes the receipt. One that is there already and differs by the program alone that wrote it is the same shard.
+    pub fn put(&self, store: &dyn Store) -> Result<Put, CorpusError> {
+        let name = Receipt::path(self.shard);
+        let text = serde_json::to_string_pretty(self).expect("a receipt is plain data") + "\n";
+        match store.put(&name, text.as_bytes()) {
+            Err(refused @ CorpusError::Differs { .. }) => match Receipt::read(store, self.shard, &self.scene_plan_hash)
+            {
+                Ok(there) if Receipt { build: self.build.clone(), ..there.clone() } == *self => Ok(Put::Same),
+                _ => Err(refused),
+            },
+            other => other,
+        }
+    }
+
+    /// Reads and checks a receipt: whole, of this format, of this plan, of this shard.
+    pub fn read(store: &dyn Store, shard: u64, scene_plan_hash: &str) -> Result<Receipt, CorpusError> {
+        let name = Receipt::path(shard);
+        let bytes = store.read(&name)?;
+        let bad = |reason: String| CorpusError::BadReceipt { place: store.place(), name: name.clone(), reason };
+        let receipt: Receipt =
+            serde_json::from_slice(&bytes).map_err(|error| bad(format!("not a whole receipt ({error})")))?;
+        if receipt.format != FORMAT {
+            return Err(bad(format!("written in format {}, this program writes format {FORMAT}", receipt.format)));
+        }
+        if receipt.scene_plan_hash != scene_plan_hash {
+            let short = |hash: &str| hash.chars().take(12).collect::<String>();
+            let (theirs, ours) = (short(&receipt.scene_plan_hash), short(scene_plan_hash));
+            return Err(bad(format!("it belongs to another plan (scene_plan_hash {theirs}, not {ours})")));
+        }
+        if receipt.shard != shard {
+            return Err(bad(format!("it is the receipt of shard {}", receipt.shard)));
+        }
+        if receipt.split != Split::of_shard(shard)
+            || receipt.tables.iter().any(|(table, file)| file.path != table.path(shard))
+        {
+            return Err(bad("its split or paths are not those of its shard".into()));
+        }
+        Ok(receipt)
+    }
+}
+
+/// Numbers of the shards that have a receipt file, ascending.
+pub fn numbers(store: &dyn Store) -> Result<Vec<u64>, CorpusError> {
+    let files = store.list(FOLDER)?;
+    let number = |name: &str| name.strip_prefix(FOLDER)?.strip_prefix('/')?.strip_suffix(".json")?.parse::<u64>().ok();
+    let mut numbers: Vec<u64> = files.iter().filter_map(|(name, _)| number(name)).collect();
+    numbers.sort_unstable();
+    Ok(numbers)
+}

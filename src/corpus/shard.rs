@@ -1,0 +1,254 @@
+//! The scenes of one shard, in order -> its files and its receipt.
+//!
+//! Pure until [`FinishedShard::commit`]: equal scenes give equal bytes, wherever and how often the shard is made.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use arrow::array::{ArrayRef, Float32Array, Float64Array, RecordBatch};
+use arrow::datatypes::SchemaRef;
+
+use super::receipt::{FailedScene, FeatureMoments, FileFacts, Receipt};
+use super::spec::{Build, CorpusSpec, ScanOutput, SceneOutput};
+use super::stats::{LabelCounts, Moments, PointCounts};
+use super::store::{Put, Store};
+use super::write::{FinishedFile, TableWriter};
+use super::{CorpusError, FORMAT, Split, Table, schema, tables};
+
+/// zstd's own default; higher levels cost more time than they save space here.
+pub const ZSTD_LEVEL: i32 = 3;
+
+/// Takes the scenes of one shard in order.
+pub struct ShardWriter<'a> {
+    spec: &'a CorpusSpec,
+    shard: u64,
+    next_scene: u64,
+    tables: BTreeMap<Table, (SchemaRef, TableWriter)>,
+    scene_batches: Vec<RecordBatch>,
+    moments: Vec<Moments>,
+    labels: LabelCounts,
+    points: PointCounts,
+    failed: Vec<FailedScene>,
+}
+
+/// A shard whose bytes are known and not yet in any place.
+pub struct FinishedShard {
+    pub receipt: Receipt,
+    /// Path and bytes of each table.
+    pub files: Vec<(String, Vec<u8>)>,
+}
+
+impl<'a> ShardWriter<'a> {
+    pub fn new(spec: &'a CorpusSpec, shard: u64) -> Result<ShardWriter<'a>, CorpusError> {
+        ShardWriter::with_zstd_level(spec, shard, ZSTD_LEVEL)
+    }
+
+    /// Another level gives other bytes and the same value hashes: for tests of that promise.
+    pub(super) fn with_zstd_level(
+        spec: &'a CorpusSpec,
+        shard: u64,
+        zstd_level: i32,
+    ) -> Result<ShardWriter<'a>, CorpusError> {
+        let mut writers = BTreeMap::new();
+        for &table in &spec.tables {
+            let columns = schema::columns(table, &spec.features, &spec.drawn);
+            let arrow = schema::arrow_schema(&columns);
+            let range = spec.scenes_of(shard);
+            let key_values = [
+                ("marsyard.columns", schema::columns_json(&columns)),
+                ("marsyard.format", FORMAT.to_string()),
+                ("marsyard.scene_plan_hash", spec.scene_plan_hash.clone()),
+                ("marsyard.scenes", format!("{}..{}", range.start, range.end)),
+                ("marsyard.shard", shard.to_string()),
+                ("marsyard.split", Split::of_shard(shard).name().to_string()),
+                ("marsyard.table", table.name().to_string()),
+            ];
+            let writer = TableWriter::new(&arrow, &columns, schema::sort_keys(table), &key_values, zstd_level)
+                .map_err(|source| CorpusError::Parquet { name: table.path(shard), source })?;
+            writers.insert(table, (arrow, writer));
+        }
+        Ok(ShardWriter {
+            spec,
+            shard,
+            next_scene: spec.scenes_of(shard).start,
+            tables: writers,
+            scene_batches: Vec::new(),
+            moments: vec![Moments::default(); spec.features.len()],
+            labels: LabelCounts::default(),
+            points: PointCounts::default(),
+            failed: Vec::new(),
+        })
+    }
+
+    /// The next scene of the shard.
+    pub fn push(&mut self, scene: &SceneOutput) -> Result<(), CorpusError> {
+        self.check(scene)?;
+        self.next_scene += 1;
+        if let Some(error) = &scene.error {
+            self.failed.push(FailedScene { scene: scene.scene_id, error: error.clone() });
+        }
+        for scan in &scene.scans {
+            self.count(scan);
+            self.write(Table::Cells, |schema, spec| cells_batch(schema, spec, scene, scan))?;
+            if let Some(points) = &scan.points {
+                self.write(Table::Points, |schema, _| {
+                    let rows = tables::points::Row::of_scan(scene.scene_id as i64, scan.scan_id as i32, points);
+                    tables::batch(schema, &tables::points::definitions(), &rows, [])
+                })?;
+            }
+        }
+        self.write(Table::Poses, |schema, _| poses_batch(schema, scene))?;
+        if let Some((schema, _)) = self.tables.get(&Table::Scenes) {
+            let batch = scene_batch(schema, self.spec, scene).map_err(|source| self.arrow(Table::Scenes, source))?;
+            self.scene_batches.push(batch);
+        }
+        Ok(())
+    }
+
+    /// The shard's bytes; all its scenes must have been pushed.
+    pub fn finish(mut self) -> Result<FinishedShard, CorpusError> {
+        let range = self.spec.scenes_of(self.shard);
+        if self.next_scene != range.end {
+            return Err(self.rows(format!("scene {} is missing", self.next_scene)));
+        }
+        if let Some((schema, _)) = self.tables.get(&Table::Scenes) {
+            // One batch a shard: a row at a time would cost a page each.
+            let whole = arrow::compute::concat_batches(schema, &self.scene_batches);
+            self.write(Table::Scenes, |_, _| whole)?;
+        }
+        let mut files = Vec::new();
+        let mut facts = BTreeMap::new();
+        for (table, (_, writer)) in std::mem::take(&mut self.tables) {
+            let path = table.path(self.shard);
+            let FinishedFile { bytes, rows, row_groups, sha256, value_hash } =
+                writer.finish().map_err(|source| CorpusError::Parquet { name: path.clone(), source })?;
+            let size = bytes.len() as u64;
+            facts.insert(table, FileFacts { path: path.clone(), rows, row_groups, bytes: size, sha256, value_hash });
+            files.push((path, bytes));
+        }
+        let named = |(feature, &moments): (&crate::cells::FeatureColumn, &Moments)| FeatureMoments {
+            name: feature.name.clone(),
+            moments,
+        };
+        let receipt = Receipt {
+            format: FORMAT,
+            scene_plan_hash: self.spec.scene_plan_hash.clone(),
+            shard: self.shard,
+            split: Split::of_shard(self.shard),
+            scenes: [range.start, range.end],
+            tables: facts,
+            features: self.spec.features.iter().zip(&self.moments).map(named).collect(),
+            labels: self.labels,
+            points: self.points,
+            failed: self.failed,
+            build: Build::of_this_binary().clone(),
+        };
+        Ok(FinishedShard { receipt, files })
+    }
+
+    fn rows(&self, reason: String) -> CorpusError {
+        CorpusError::Rows { shard: self.shard, reason }
+    }
+
+    fn arrow(&self, table: Table, source: arrow::error::ArrowError) -> CorpusError {
+        CorpusError::Arrow { name: table.path(self.shard), source }
+    }
+
+    /// What the stages promise of a scene; a breach is a bug there, and is told before a byte is written.
+    fn check(&self, scene: &SceneOutput) -> Result<(), CorpusError> {
+        let id = scene.scene_id;
+        let range = self.spec.scenes_of(self.shard);
+        if id != self.next_scene || !range.contains(&id) {
+            return Err(self.rows(format!("scene {id} came where scene {} was due ({range:?})", self.next_scene)));
+        }
+        if scene.error.is_some() && !scene.scans.is_empty() {
+            return Err(self.rows(format!("scene {id} failed and has scans all the same")));
+        }
+        if let Some((purpose, _)) = scene.drawn.iter().find(|(purpose, _)| !self.spec.drawn.contains(purpose)) {
+            return Err(self.rows(format!("scene {id} draws {}, which the plan does not list", purpose.key())));
+        }
+        if !scene.scans.windows(2).all(|pair| pair[0].scan_id < pair[1].scan_id) {
+            return Err(self.rows(format!("scene {id}: scans do not ascend")));
+        }
+        for ScanOutput { scan_id, cells, points } in &scene.scans {
+            let place = format!("scene {id} scan {scan_id}");
+            if cells.features.len() != cells.rows.len() * self.spec.features.len() {
+                let (values, rows, columns) = (cells.features.len(), cells.rows.len(), self.spec.features.len());
+                return Err(
+                    self.rows(format!("{place}: {values} feature values for {rows} rows of {columns} features"))
+                );
+            }
+            if !cells.rows.windows(2).all(|pair| pair[0].index < pair[1].index) {
+                return Err(self.rows(format!("{place}: cells do not ascend by (row, col)")));
+            }
+            if let Some(bad) = cells.rows.iter().find_map(|cell| cell.label.filter(|label| !(0..=1).contains(label))) {
+                return Err(self.rows(format!("{place}: label {bad} is neither 0, 1 nor unknown")));
+            }
+            if !PointCounts::of(cells).add_up() {
+                return Err(self.rows(format!("{place}: points in are not points binned plus points dropped")));
+            }
+            if points.is_none() && self.tables.contains_key(&Table::Points) {
+                return Err(self.rows(format!("{place}: the points table is on, and the scan has no points")));
+            }
+        }
+        Ok(())
+    }
+
+    fn count(&mut self, scan: &ScanOutput) {
+        self.labels = self.labels + LabelCounts::of(&scan.cells);
+        self.points = self.points + PointCounts::of(&scan.cells);
+        if !self.moments.is_empty() {
+            for row in scan.cells.features.chunks_exact(self.moments.len()) {
+                self.moments.iter_mut().zip(row).for_each(|(moments, &value)| moments.add(f64::from(value)));
+            }
+        }
+    }
+
+    /// Writes a batch to a table, if the table is on.
+    fn write(
+        &mut self,
+        table: Table,
+        batch: impl FnOnce(&SchemaRef, &CorpusSpec) -> Result<RecordBatch, arrow::error::ArrowError>,
+    ) -> Result<(), CorpusError> {
+        let name = table.path(self.shard);
+        let Some((schema, writer)) = self.tables.get_mut(&table) else { return Ok(()) };
+        let batch = batch(schema, self.spec).map_err(|source| CorpusError::Arrow { name: name.clone(), source })?;
+        writer.write(&batch).map_err(|source| CorpusError::Parquet { name, source })
+    }
+}
+
+impl FinishedShard {
+    /// Puts the tables, then the receipt: where the receipt is, the shard is whole.
+    pub fn commit(&self, store: &dyn Store) -> Result<Put, CorpusError> {
+        for (path, bytes) in &self.files {
+            store.put(path, bytes)?;
+        }
+        self.receipt.put(store)
+    }
+}
+
+type Batch = Result<RecordBatch, arrow::error::ArrowError>;
+
+fn cells_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput, scan: &ScanOutput) -> Batch {
+    let row = |cell| tables::cells::Row { scene_id: scene.scene_id as i64, scan_id: scan.scan_id as i32, cell };
+    let rows: Vec<_> = scan.cells.rows.iter().map(row).collect();
+    let stride = spec.features.len();
+    let features = (0..stride).map(|k| {
+        let column = scan.cells.features.iter().skip(k).step_by(stride).map(|&value| tables::canonical_f32(value));
+        Arc::new(Float32Array::from_iter_values(column)) as ArrayRef
+    });
+    tables::batch(schema, &tables::cells::definitions(), &rows, features)
+}
+
+fn poses_batch(schema: &SchemaRef, scene: &SceneOutput) -> Batch {
+    let rows: Vec<_> = scene.poses.iter().map(|pose| tables::poses::Row::of(scene.scene_id, pose)).collect();
+    tables::batch(schema, &tables::poses::definitions(), &rows, [])
+}
+
+fn scene_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput) -> Batch {
+    let drawn = spec.drawn.iter().map(|&purpose| {
+        let value = scene.drawn.get(purpose).map(tables::canonical_f64);
+        Arc::new(Float64Array::from(vec![value])) as ArrayRef
+    });
+    tables::batch(schema, &tables::scenes::definitions(), &[tables::scenes::Row::of(scene)], drawn)
+}

@@ -1,0 +1,145 @@
+//! What the corpus is told: the plan's facts about the whole, and one scene's rows.
+
+use std::sync::OnceLock;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::split::Table;
+use crate::cells::{Cells, FeatureColumn};
+use crate::geometry::{GridSpec, Pose, Transform};
+use crate::random::{Drawn, Purpose};
+use crate::slam::Estimate;
+use crate::sweep::Sweep;
+
+/// What the plan says of the corpus as a whole.
+#[derive(Clone, Debug)]
+pub struct CorpusSpec {
+    pub name: String,
+    pub seed: u64,
+    pub scenes: u64,
+    pub scenes_per_shard: u32,
+    pub tables: Vec<Table>,
+    /// The feature columns of `cells`, in order; the same for all families.
+    pub features: Vec<FeatureColumn>,
+    /// What is drawn once per scene, of all families: the last columns of `scenes`, in the order of the register.
+    pub drawn: Vec<Purpose>,
+    pub families: Vec<String>,
+    /// Hash of the resolved plan without `name` and `scenes`, hexadecimal.
+    pub scene_plan_hash: String,
+    /// The resolved plan as text.
+    pub plan_yaml: String,
+    /// SPDX name in lower case, as Hugging Face writes it, of the licence that the data is given under.
+    pub license: String,
+}
+
+impl CorpusSpec {
+    /// Whole shards of the plan; `scenes` is a multiple of `scenes_per_shard`.
+    pub fn shards(&self) -> u64 {
+        self.scenes.div_ceil(u64::from(self.scenes_per_shard.max(1)))
+    }
+
+    /// The scenes of a shard, half open.
+    pub fn scenes_of(&self, shard: u64) -> std::ops::Range<u64> {
+        let size = u64::from(self.scenes_per_shard);
+        shard * size..((shard + 1) * size).min(self.scenes)
+    }
+}
+
+/// One scene, done or failed.
+#[derive(Clone, Debug, Default)]
+pub struct SceneOutput {
+    pub scene_id: u64,
+    pub family: String,
+    /// Drives tried; the last one is the one written.
+    pub attempts: u32,
+    /// Why the scene failed; a failed scene has no scans.
+    pub error: Option<String>,
+    pub drawn: Drawn,
+    pub counts: SceneCounts,
+    /// Kept scans, ascending by scan_id.
+    pub scans: Vec<ScanOutput>,
+    /// Ascending by step.
+    pub poses: Vec<PoseRow>,
+}
+
+impl SceneOutput {
+    /// A scene that failed: a row in `scenes`, and an entry in the manifest with the command that replays it.
+    pub fn failed(scene_id: u64, family: &str, attempts: u32, drawn: Drawn, error: String) -> SceneOutput {
+        SceneOutput { scene_id, family: family.into(), attempts, error: Some(error), drawn, ..SceneOutput::default() }
+    }
+}
+
+/// What stood in the yard, and how often the rover stopped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SceneCounts {
+    pub rocks: u32,
+    pub boxes: u32,
+    pub trees: u32,
+    pub volumes: u32,
+    pub patches: u32,
+    pub stops: u32,
+}
+
+/// One kept scan.
+#[derive(Clone, Debug)]
+pub struct ScanOutput {
+    /// Number of the stop, from 0.
+    pub scan_id: u32,
+    pub cells: Cells,
+    /// Only where the `points` table is on.
+    pub points: Option<ScanPoints>,
+}
+
+/// A sweep and where its points fall, for the `points` table.
+#[derive(Clone, Debug)]
+pub struct ScanPoints {
+    pub sweep: Sweep,
+    /// The estimated pose times the mount: sensor coordinates -> map.
+    pub map_from_sensor: Transform,
+    pub grid: GridSpec,
+    /// Points farther than this from the sensor, horizontally, are in no cell.
+    pub max_range_m: f64,
+    /// By object id: its returns are an obstacle's, as the label's rule says (`cells::obstacles`).
+    pub obstacles: Vec<bool>,
+}
+
+/// One step of a drive.
+#[derive(Clone, Debug)]
+pub struct PoseRow {
+    pub step: u32,
+    /// Time from the start, seconds.
+    pub time_s: f64,
+    /// The rover stands and sweeps here.
+    pub stop: bool,
+    /// The scan made here, if it is kept.
+    pub scan_id: Option<u32>,
+    pub truth: Pose,
+    pub estimate: Estimate,
+}
+
+/// Which program wrote a shard.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Build {
+    pub version: String,
+    pub commit: String,
+    pub binary_sha256: String,
+    pub rustc: String,
+    pub target: String,
+}
+
+impl Build {
+    /// The running program. Its own file is read once; "unknown" where that cannot be done.
+    pub fn of_this_binary() -> &'static Build {
+        static BUILD: OnceLock<Build> = OnceLock::new();
+        BUILD.get_or_init(|| Build {
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: env!("MARSYARD_COMMIT").into(),
+            binary_sha256: std::env::current_exe()
+                .and_then(std::fs::read)
+                .map_or_else(|_| "unknown".into(), |bytes| super::sha256(&bytes)),
+            rustc: env!("MARSYARD_RUSTC").into(),
+            target: env!("MARSYARD_TARGET").into(),
+        })
+    }
+}

@@ -1,0 +1,225 @@
+//! Feature values and labels -> what a trainer scales by and a reader of the card wants to know.
+//!
+//! Source: Welford 1962 for the running mean and sum of squares, Chan, Golub & LeVeque 1979 for merging two of them. Values
+//! are f32, sums f64; rows are taken in order and shards merged in order, so that the bits do not depend on who did it when.
+//! Values that are not finite are counted apart.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::cells::Cells;
+
+/// Count, mean, sum of squared distances from the mean, and range of one feature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Moments {
+    pub count: u64,
+    pub mean: f64,
+    pub m2: f64,
+    /// `None` where nothing was counted.
+    pub min: Option<f64>,
+    pub max: Option<f64>,
+    /// NaN or infinite; in no other figure.
+    pub not_finite: u64,
+}
+
+impl Moments {
+    pub fn add(&mut self, value: f64) {
+        if !value.is_finite() {
+            self.not_finite += 1;
+            return;
+        }
+        self.count += 1;
+        let before = value - self.mean;
+        self.mean += before / self.count as f64;
+        self.m2 += before * (value - self.mean);
+        self.min = Some(self.min.map_or(value, |min| min.min(value)));
+        self.max = Some(self.max.map_or(value, |max| max.max(value)));
+    }
+
+    /// Both together; `other` comes after `self`.
+    pub fn merge(&self, other: &Moments) -> Moments {
+        let not_finite = self.not_finite + other.not_finite;
+        if other.count == 0 || self.count == 0 {
+            return Moments { not_finite, ..if self.count == 0 { *other } else { *self } };
+        }
+        let (n_a, n_b) = (self.count as f64, other.count as f64);
+        let n = n_a + n_b;
+        let delta = other.mean - self.mean;
+        let pick = |a: Option<f64>, b: Option<f64>, of: fn(f64, f64) -> f64| a.zip(b).map(|(a, b)| of(a, b));
+        Moments {
+            count: self.count + other.count,
+            mean: self.mean + delta * (n_b / n),
+            m2: self.m2 + other.m2 + delta * delta * (n_a * n_b / n),
+            min: pick(self.min, other.min, f64::min),
+            max: pick(self.max, other.max, f64::max),
+            not_finite,
+        }
+    }
+
+    /// Population variance; 0 for nothing.
+    pub fn variance(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { self.m2 / self.count as f64 }
+    }
+
+    /// All values are one.
+    pub fn is_constant(&self) -> bool {
+        self.min == self.max
+    }
+}
+
+/// Cells by label.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct LabelCounts {
+    pub traversable: u64,
+    pub untraversable: u64,
+    pub unknown: u64,
+}
+
+impl LabelCounts {
+    pub fn of(cells: &Cells) -> LabelCounts {
+        let mut counts = LabelCounts::default();
+        for cell in &cells.rows {
+            counts.add(cell.label);
+        }
+        counts
+    }
+
+    pub fn add(&mut self, label: Option<i8>) {
+        match label {
+            Some(0) => self.traversable += 1,
+            Some(_) => self.untraversable += 1,
+            None => self.unknown += 1,
+        }
+    }
+
+    pub fn total(&self) -> u64 {
+        self.traversable + self.untraversable + self.unknown
+    }
+
+    /// Share of the known labels that are untraversable; `None` where none is known.
+    pub fn untraversable_share(&self) -> Option<f64> {
+        let known = self.traversable + self.untraversable;
+        (known > 0).then(|| self.untraversable as f64 / known as f64)
+    }
+}
+
+impl std::ops::Add for LabelCounts {
+    type Output = LabelCounts;
+
+    fn add(self, other: LabelCounts) -> LabelCounts {
+        LabelCounts {
+            traversable: self.traversable + other.traversable,
+            untraversable: self.untraversable + other.untraversable,
+            unknown: self.unknown + other.unknown,
+        }
+    }
+}
+
+impl std::iter::Sum for LabelCounts {
+    fn sum<I: Iterator<Item = LabelCounts>>(counts: I) -> LabelCounts {
+        counts.fold(LabelCounts::default(), |a, b| a + b)
+    }
+}
+
+/// Where the points of the kept scans went: in = binned + dropped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct PointCounts {
+    pub points_in: u64,
+    pub binned: u64,
+    pub beyond_range: u64,
+    pub off_grid: u64,
+}
+
+impl PointCounts {
+    pub fn of(cells: &Cells) -> PointCounts {
+        PointCounts {
+            points_in: cells.points_in,
+            binned: cells.points_binned,
+            beyond_range: cells.dropped_beyond_range,
+            off_grid: cells.dropped_off_grid,
+        }
+    }
+
+    /// No point is lost or counted twice.
+    pub fn add_up(&self) -> bool {
+        self.points_in == self.binned + self.beyond_range + self.off_grid
+    }
+}
+
+impl std::ops::Add for PointCounts {
+    type Output = PointCounts;
+
+    fn add(self, other: PointCounts) -> PointCounts {
+        PointCounts {
+            points_in: self.points_in + other.points_in,
+            binned: self.binned + other.binned,
+            beyond_range: self.beyond_range + other.beyond_range,
+            off_grid: self.off_grid + other.off_grid,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math;
+
+    fn of(values: &[f64]) -> Moments {
+        let mut moments = Moments::default();
+        values.iter().for_each(|&v| moments.add(v));
+        moments
+    }
+
+    fn direct(values: &[f64]) -> (f64, f64) {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (mean, values.iter().map(|v| (v - mean) * (v - mean)).sum())
+    }
+
+    #[test]
+    fn equal_running_moments_and_two_passes() {
+        let values: Vec<f64> = (0..5000).map(|i| 3.0 + math::sin(f64::from(i) * 0.37)).collect();
+        let (mean, m2) = direct(&values);
+        let moments = of(&values);
+        assert!((moments.mean - mean).abs() < 1e-12 && (moments.m2 / m2 - 1.0).abs() < 1e-11);
+        assert_eq!(moments.count, 5000);
+        let folded = |of: fn(f64, f64) -> f64| values.iter().copied().reduce(of);
+        assert_eq!((moments.min, moments.max), (folded(f64::min), folded(f64::max)));
+    }
+
+    #[test]
+    fn equal_merged_parts_and_the_whole() {
+        let values: Vec<f64> = (0..1000).map(|i| math::cos(f64::from(i))).collect();
+        let whole = of(&values);
+        for cut in [0, 1, 10, 500, 999, 1000] {
+            let merged = of(&values[..cut]).merge(&of(&values[cut..]));
+            assert_eq!((merged.count, merged.min, merged.max), (whole.count, whole.min, whole.max));
+            assert!(
+                (merged.mean - whole.mean).abs() < 1e-14 && (merged.m2 / whole.m2 - 1.0).abs() < 1e-12,
+                "cut {cut}"
+            );
+        }
+    }
+
+    #[test]
+    fn extreme_a_small_spread_on_a_large_mean_keeps_its_variance() {
+        let values: Vec<f64> = (0..1000).map(|i| 1e9 + f64::from(i % 2)).collect();
+        assert!((of(&values).variance() - 0.25).abs() < 1e-9);
+        let merged = of(&values[..300]).merge(&of(&values[300..]));
+        assert!((merged.variance() - 0.25).abs() < 1e-9);
+    }
+
+    #[test]
+    fn extreme_values_that_are_not_finite_are_counted_apart() {
+        let moments = of(&[1.0, f64::NAN, f64::INFINITY, 3.0]);
+        assert_eq!((moments.count, moments.mean, moments.not_finite), (2, 2.0, 2));
+        let none = Moments::default().merge(&of(&[f64::NAN]));
+        assert_eq!((none.count, none.min, none.not_finite), (0, None, 1));
+    }
+
+    #[test]
+    fn equal_moments_survive_json_to_the_last_bit() {
+        let moments = of(&[0.1, 0.2, 1.0 / 3.0, 1e-300, 7e22]);
+        let text = serde_json::to_string(&moments).unwrap();
+        assert_eq!(serde_json::from_str::<Moments>(&text).unwrap(), moments);
+    }
+}

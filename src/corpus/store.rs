@@ -1,0 +1,298 @@
+//! Names -> bytes: what stands between the corpus and the disk.
+//!
+//! A [`Store`] holds whole files under names such as `data/cells/train-0000007.parquet`. A file is there whole or not at
+//! all: it is written to a temporary name of its own, synced, and renamed without replacing; then the folder is synced.
+//! Two writers of the same bytes are both right. What ends in a crash is a file whose name begins with `.tmp-`; it is never
+//! listed and never taken for whole.
+
+use std::fs::{self, File, Permissions};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::{CorpusError, sha256};
+
+/// Unfinished files begin with this.
+const TEMPORARY: &str = ".tmp-";
+
+/// What a create-only put found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Put {
+    Created,
+    /// The same bytes were there already.
+    Same,
+}
+
+/// A place for whole files.
+pub trait Store: Send + Sync {
+    /// Writes a new file; the same bytes twice are fine, other bytes are refused ([`CorpusError::Differs`]).
+    fn put(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError>;
+    /// Writes a file that may be there already with other bytes (the derived ones: manifest, card).
+    fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError>;
+    fn read(&self, name: &str) -> Result<Vec<u8>, CorpusError>;
+    /// The bytes from `offset` on, `length` of them, or fewer at the file's end.
+    fn read_range(&self, name: &str, offset: u64, length: usize) -> Result<Vec<u8>, CorpusError>;
+    /// Names and sizes of the files right in a folder, ascending by name; empty where there is no such folder.
+    fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError>;
+    /// Size in bytes, or `None` where there is no such file.
+    fn size(&self, name: &str) -> Result<Option<u64>, CorpusError>;
+    /// Removes a file; no such file is fine.
+    fn remove(&self, name: &str) -> Result<(), CorpusError>;
+    /// Removes what crashed writers left in a folder; for when nobody writes.
+    fn sweep_temporaries(&self, folder: &str) -> Result<(), CorpusError>;
+    /// A handle of its own, for readers that outlive a borrow.
+    fn share(&self) -> Arc<dyn Store>;
+    /// The place as the user named it, for messages only.
+    fn place(&self) -> String;
+}
+
+/// A folder on a local (or network) file system.
+#[derive(Clone, Debug)]
+pub struct LocalFolder {
+    root: PathBuf,
+}
+
+impl LocalFolder {
+    /// The folder need not exist; the first file creates it.
+    pub fn new(root: impl Into<PathBuf>) -> LocalFolder {
+        LocalFolder { root: root.into() }
+    }
+
+    fn path(&self, name: &str) -> Result<PathBuf, CorpusError> {
+        let sound = !name.is_empty()
+            && name
+                .split('/')
+                .all(|part| !part.is_empty() && part != "." && part != ".." && !part.starts_with(TEMPORARY))
+            && !name.contains(['\\', '\0']);
+        if sound { Ok(self.root.join(name)) } else { Err(CorpusError::BadName { name: name.into() }) }
+    }
+
+    fn failed(&self, name: &str) -> impl Fn(std::io::Error) -> CorpusError {
+        move |source| CorpusError::Io { place: self.place(), name: name.into(), source }
+    }
+
+    /// The bytes, synced, under a temporary name beside their final one.
+    fn written(&self, path: &Path, bytes: &[u8]) -> std::io::Result<tempfile::NamedTempFile> {
+        let folder = path.parent().unwrap_or(&self.root);
+        create_synced(folder)?;
+        // Mode 666 less the umask, as any other new file: others shall read a corpus.
+        let mut file = tempfile::Builder::new()
+            .prefix(&format!("{TEMPORARY}{}-", std::process::id()))
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        Ok(file)
+    }
+
+    /// A file of that name is there: the same bytes, or not?
+    fn compare(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError> {
+        let there = self.read(name)?;
+        if there == bytes {
+            return Ok(Put::Same);
+        }
+        let (there, here) = (sha256(&there), sha256(bytes));
+        Err(CorpusError::Differs {
+            place: self.place(),
+            name: name.into(),
+            there: there[..12].into(),
+            here: here[..12].into(),
+        })
+    }
+}
+
+impl Store for LocalFolder {
+    fn put(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError> {
+        let path = self.path(name)?;
+        if self.size(name)?.is_some() {
+            return self.compare(name, bytes);
+        }
+        let file = self.written(&path, bytes).map_err(self.failed(name))?;
+        match file.persist_noclobber(&path) {
+            Ok(_) => {
+                sync_folder_of(&path).map_err(self.failed(name))?;
+                Ok(Put::Created)
+            }
+            // Another writer was faster.
+            Err(_) if self.size(name)?.is_some() => self.compare(name, bytes),
+            Err(error) => Err(self.failed(name)(error.error)),
+        }
+    }
+
+    fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
+        let path = self.path(name)?;
+        if self.size(name)? == Some(bytes.len() as u64) && self.read(name)? == bytes {
+            return Ok(());
+        }
+        let file = self.written(&path, bytes).map_err(self.failed(name))?;
+        file.persist(&path).map_err(|error| self.failed(name)(error.error))?;
+        sync_folder_of(&path).map_err(self.failed(name))
+    }
+
+    fn read(&self, name: &str) -> Result<Vec<u8>, CorpusError> {
+        fs::read(self.path(name)?).map_err(self.failed(name))
+    }
+
+    fn read_range(&self, name: &str, offset: u64, length: usize) -> Result<Vec<u8>, CorpusError> {
+        let read = || {
+            let mut file = File::open(self.root.join(name))?;
+            file.seek(SeekFrom::Start(offset))?;
+            let mut bytes = Vec::new();
+            file.take(length as u64).read_to_end(&mut bytes)?;
+            Ok(bytes)
+        };
+        self.path(name)?;
+        read().map_err(self.failed(name))
+    }
+
+    fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
+        let entries = match fs::read_dir(self.path(folder)?) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            other => other.map_err(self.failed(folder))?,
+        };
+        let mut files = Vec::new();
+        for entry in entries {
+            let entry = entry.map_err(self.failed(folder))?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if name.starts_with(TEMPORARY) {
+                continue;
+            }
+            let facts = entry.metadata().map_err(self.failed(folder))?;
+            if facts.is_file() {
+                files.push((format!("{folder}/{name}"), facts.len()));
+            }
+        }
+        files.sort();
+        Ok(files)
+    }
+
+    fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {
+        match fs::metadata(self.path(name)?) {
+            Ok(facts) => Ok(facts.is_file().then_some(facts.len())),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(self.failed(name)(error)),
+        }
+    }
+
+    fn remove(&self, name: &str) -> Result<(), CorpusError> {
+        match fs::remove_file(self.path(name)?) {
+            Err(error) if error.kind() != ErrorKind::NotFound => Err(self.failed(name)(error)),
+            _ => Ok(()),
+        }
+    }
+
+    fn sweep_temporaries(&self, folder: &str) -> Result<(), CorpusError> {
+        let Ok(entries) = fs::read_dir(self.path(folder)?) else { return Ok(()) };
+        for entry in entries.flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if name.starts_with(TEMPORARY) {
+                match fs::remove_file(entry.path()) {
+                    Err(error) if error.kind() != ErrorKind::NotFound => return Err(self.failed(folder)(error)),
+                    _ => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn share(&self) -> Arc<dyn Store> {
+        Arc::new(self.clone())
+    }
+
+    fn place(&self) -> String {
+        self.root.display().to_string()
+    }
+}
+
+/// Creates a folder and those above it; each new name is synced into the folder that holds it.
+fn create_synced(folder: &Path) -> std::io::Result<()> {
+    if folder.as_os_str().is_empty() || folder.is_dir() {
+        return Ok(());
+    }
+    if let Some(above) = folder.parent() {
+        create_synced(above)?;
+    }
+    match fs::create_dir(folder) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
+        _ => sync_folder_of(folder),
+    }
+}
+
+/// A name is on disk only once its folder is.
+fn sync_folder_of(path: &Path) -> std::io::Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder() -> (tempfile::TempDir, LocalFolder) {
+        let dir = tempfile::tempdir().unwrap();
+        let store = LocalFolder::new(dir.path().join("corpus"));
+        (dir, store)
+    }
+
+    #[test]
+    fn law_same_bytes_twice_are_fine_and_other_bytes_are_refused() {
+        let (_dir, store) = folder();
+        assert_eq!(store.put("data/a", b"one").unwrap(), Put::Created);
+        assert_eq!(store.put("data/a", b"one").unwrap(), Put::Same);
+        let refused = store.put("data/a", b"two").unwrap_err().to_string();
+        assert!(refused.contains("data/a is there already with other bytes"), "{refused}");
+        assert_eq!(store.read("data/a").unwrap(), b"one");
+    }
+
+    #[test]
+    fn law_of_many_writers_of_one_name_exactly_one_creates_it() {
+        let (_dir, store) = folder();
+        let created: usize = std::thread::scope(|scope| {
+            let writers: Vec<_> = (0..8).map(|_| scope.spawn(|| store.put("data/a", &[7; 100_000]).unwrap())).collect();
+            writers.into_iter().map(|w| usize::from(w.join().unwrap() == Put::Created)).sum()
+        });
+        assert_eq!(created, 1);
+        assert_eq!(store.list("data").unwrap(), vec![("data/a".to_string(), 100_000)]);
+        assert_eq!(fs::read_dir(store.root.join("data")).unwrap().count(), 1, "no temporary file stays");
+    }
+
+    #[test]
+    fn law_what_a_killed_writer_leaves_is_never_taken_for_whole() {
+        let (_dir, store) = folder();
+        store.put("data/a", b"whole").unwrap();
+        fs::write(store.root.join("data/.tmp-4711-x1"), b"half").unwrap();
+        assert_eq!(store.list("data").unwrap(), vec![("data/a".to_string(), 5)]);
+        assert!(store.read("data/.tmp-4711-x1").is_err());
+        store.sweep_temporaries("data").unwrap();
+        assert_eq!(fs::read_dir(store.root.join("data")).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn law_others_may_read_what_is_written() {
+        let (_dir, store) = folder();
+        store.put("a", b"x").unwrap();
+        let plain = store.root.join("plain");
+        fs::write(&plain, b"x").unwrap();
+        let mode = |path: PathBuf| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(store.root.join("a")), mode(plain));
+    }
+
+    #[test]
+    fn extreme_names_that_leave_the_place_are_refused() {
+        let (_dir, store) = folder();
+        for name in ["", "/etc/passwd", "../x", "a/../../x", "a//b", "a/.", "a\\b"] {
+            assert!(matches!(store.put(name, b""), Err(CorpusError::BadName { .. })), "{name}");
+        }
+    }
+
+    #[test]
+    fn exact_ranges_end_with_the_file() {
+        let (_dir, store) = folder();
+        store.put("a", b"0123456789").unwrap();
+        assert_eq!(store.read_range("a", 3, 4).unwrap(), b"3456");
+        assert_eq!(store.read_range("a", 8, 4).unwrap(), b"89");
+        assert!(store.size("b").unwrap().is_none() && store.list("none").unwrap().is_empty());
+        store.remove("b").unwrap();
+    }
+}

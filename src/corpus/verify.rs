@@ -1,0 +1,238 @@
+//! A corpus -> what is wrong with it: files against receipts, rows against the schema and against each other.
+
+use std::fmt;
+
+use arrow::array::{Array, Float32Array, Int8Array, RecordBatch};
+use arrow::util::display::array_value_to_string;
+
+use super::reader::TableFile;
+use super::receipt::{FileFacts, Receipt};
+use super::stats::{LabelCounts, Moments};
+use super::value_hash::ValueHasher;
+use super::{CorpusError, CorpusSpec, Manifest, Store, Table, manifest, schema, sha256};
+
+/// Something that is not as it must be.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finding {
+    /// The file.
+    pub name: String,
+    pub what: String,
+    /// The shard to build anew, where that would help.
+    pub shard: Option<u64>,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.name, self.what)
+    }
+}
+
+/// Reads every byte of the corpus and checks it: sha256, schema, row counts, value hashes, statistics, manifest.
+pub fn verify(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, CorpusError> {
+    let mut findings = Vec::new();
+    let mut receipts = Vec::new();
+    for shard in 0..spec.shards() {
+        let name = Receipt::path(shard);
+        let mut find =
+            |name: &str, what: String| findings.push(Finding { name: name.into(), what, shard: Some(shard) });
+        if store.size(&name)?.is_none() {
+            find(&name, "is missing".into());
+            continue;
+        }
+        let receipt = match Receipt::read(store, shard, &spec.scene_plan_hash) {
+            Ok(receipt) => receipt,
+            Err(error @ CorpusError::BadReceipt { .. }) => {
+                find(&name, error.to_string());
+                continue;
+            }
+            Err(error) => return Err(error),
+        };
+        for &table in &spec.tables {
+            match receipt.tables.get(&table) {
+                None => find(&name, format!("says nothing of {}", table.name())),
+                Some(facts) => {
+                    verify_file(store, spec, table, facts, &receipt)?
+                        .into_iter()
+                        .for_each(|what| find(&facts.path, what));
+                }
+            }
+        }
+        receipts.push(receipt);
+    }
+    if receipts.len() as u64 == spec.shards() {
+        verify_merged(store, spec, &receipts, &mut findings)?;
+    }
+    Ok(findings)
+}
+
+/// The files that `finalize` writes, against the receipts.
+fn verify_merged(
+    store: &dyn Store,
+    spec: &CorpusSpec,
+    receipts: &[Receipt],
+    findings: &mut Vec<Finding>,
+) -> Result<(), CorpusError> {
+    let mut find =
+        |name: &str, what: &str| findings.push(Finding { name: name.into(), what: what.into(), shard: None });
+    match Manifest::read(store) {
+        Err(error @ CorpusError::BadManifest { .. }) => find(manifest::NAME, &error.to_string()),
+        Err(error) => return Err(error),
+        Ok(there) if there != Manifest::merge(spec, receipts) => {
+            find(manifest::NAME, "is not what the receipts add up to; run `marsyard finalize` again");
+        }
+        Ok(_) => {}
+    }
+    let lines = match store.size(manifest::SHARDS)? {
+        None => Vec::new(),
+        Some(_) => store.read(manifest::SHARDS)?,
+    };
+    if lines != manifest::shard_lines(receipts).as_bytes() {
+        find(manifest::SHARDS, "is not what the receipts add up to; run `marsyard finalize` again");
+    }
+    Ok(())
+}
+
+fn verify_file(
+    store: &dyn Store,
+    spec: &CorpusSpec,
+    table: Table,
+    facts: &FileFacts,
+    receipt: &Receipt,
+) -> Result<Vec<String>, CorpusError> {
+    if store.size(&facts.path)?.is_none() {
+        return Ok(vec!["is missing".into()]);
+    }
+    let bytes = store.read(&facts.path)?;
+    if bytes.len() as u64 != facts.bytes {
+        return Ok(vec![format!("has {} bytes, its receipt says {}", bytes.len(), facts.bytes)]);
+    }
+    if sha256(&bytes) != facts.sha256 {
+        return Ok(vec!["its sha256 is not the receipt's: bytes have changed".into()]);
+    }
+    drop(bytes);
+    let file = match TableFile::open(store, &facts.path) {
+        Ok(file) => file,
+        Err(error) => return Ok(vec![error.to_string()]),
+    };
+    let mut faults = Vec::new();
+    let expected = schema::arrow_schema(&schema::columns(table, &spec.features, &spec.drawn));
+    if file.schema().fields() != expected.fields() {
+        faults.push("its columns are not those of the plan".to_string());
+    }
+    if file.rows() != facts.rows {
+        faults.push(format!("has {} rows, its receipt says {}", file.rows(), facts.rows));
+    }
+    let mut hasher = ValueHasher::new(file.schema());
+    let mut labels = LabelCounts::default();
+    let mut moments = vec![Moments::default(); receipt.features.len()];
+    for batch in file.batches() {
+        let batch = match batch {
+            Ok(batch) => batch,
+            Err(error) => return Ok(vec![error.to_string()]),
+        };
+        hasher.update(&batch);
+        if table == Table::Cells {
+            count(&batch, receipt, &mut labels, &mut moments);
+        }
+    }
+    if hasher.finish() != facts.value_hash {
+        faults.push("its value hash is not the receipt's: values have changed".into());
+    }
+    if table == Table::Cells {
+        if labels != receipt.labels {
+            faults.push(format!("its labels are {labels:?}, the receipt says {:?}", receipt.labels));
+        }
+        let wrong = receipt.features.iter().zip(&moments).filter(|(said, counted)| said.moments != **counted);
+        faults.extend(wrong.map(|(said, _)| format!("the statistics of {} are not the receipt's", said.name)));
+    }
+    Ok(faults)
+}
+
+fn count(batch: &RecordBatch, receipt: &Receipt, labels: &mut LabelCounts, moments: &mut [Moments]) {
+    if let Some(column) = batch.column_by_name("label").and_then(|c| c.as_any().downcast_ref::<Int8Array>()) {
+        column.iter().for_each(|label| labels.add(label));
+    }
+    for (feature, moments) in receipt.features.iter().zip(moments) {
+        if let Some(column) =
+            batch.column_by_name(&feature.name).and_then(|c| c.as_any().downcast_ref::<Float32Array>())
+        {
+            column.values().iter().for_each(|&value| moments.add(f64::from(value)));
+        }
+    }
+}
+
+/// The first place at which two versions of a table differ.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FirstDifference {
+    pub row: u64,
+    /// Empty where one table ends before the other.
+    pub column: String,
+    pub there: String,
+    pub here: String,
+}
+
+impl fmt::Display for FirstDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "row {}, column {}: {} in the corpus, {} when built again",
+            self.row, self.column, self.there, self.here
+        )
+    }
+}
+
+/// Compares a table in the corpus with the same table built again; `None` where all values are equal.
+pub fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<FirstDifference>, CorpusError> {
+    let read = |file: &TableFile| -> Result<RecordBatch, CorpusError> {
+        let batches = file.batches().collect::<Result<Vec<_>, _>>()?;
+        arrow::compute::concat_batches(file.schema(), &batches)
+            .map_err(|source| CorpusError::Arrow { name: file.name().into(), source })
+    };
+    let (there, here) = (read(there)?, read(here)?);
+    let names = |batch: &RecordBatch| batch.schema().fields().iter().map(|f| f.name().clone()).collect::<Vec<_>>();
+    if names(&there) != names(&here) {
+        let (there, here) = (names(&there).join(" "), names(&here).join(" "));
+        return Ok(Some(FirstDifference { row: 0, column: "names".into(), there, here }));
+    }
+    let rows = there.num_rows().min(here.num_rows());
+    let differs = |k: usize| first_row(there.column(k).as_ref(), here.column(k).as_ref(), rows).map(|row| (row, k));
+    let first = (0..there.num_columns()).filter_map(differs).min();
+    let text = |batch: &RecordBatch, row: usize, k: usize| {
+        if batch.column(k).is_null(row) { Ok("null".into()) } else { array_value_to_string(batch.column(k), row) }
+            .unwrap_or_else(|error| error.to_string())
+    };
+    Ok(match first {
+        Some((row, k)) => Some(FirstDifference {
+            row: row as u64,
+            column: there.schema().field(k).name().clone(),
+            there: text(&there, row, k),
+            here: text(&here, row, k),
+        }),
+        None if there.num_rows() != here.num_rows() => Some(FirstDifference {
+            row: rows as u64,
+            column: "(number of rows)".into(),
+            there: format!("{} rows", there.num_rows()),
+            here: format!("{} rows", here.num_rows()),
+        }),
+        None => None,
+    })
+}
+
+/// The first of `rows` rows in which two columns differ: found by halving, since slices compare fast.
+fn first_row(a: &dyn Array, b: &dyn Array, rows: usize) -> Option<usize> {
+    let same = |from: usize, length: usize| a.slice(from, length).to_data() == b.slice(from, length).to_data();
+    if same(0, rows) {
+        return None;
+    }
+    let (mut from, mut length) = (0, rows);
+    while length > 1 {
+        let half = length / 2;
+        if same(from, half) {
+            from += half;
+            length -= half;
+        } else {
+            length = half;
+        }
+    }
+    Some(from)
+}

@@ -1,0 +1,104 @@
+//! Position, heading and ground -> how the rover stands.
+//!
+//! In: x, y and yaw in the world, and a guess. Out: z, pitch, roll and the linkage's angles, with which the wheels touch.
+//! A wheel touches at one point along the local normal; its residual is e = (c_z - f(c_xy)) / sqrt(1 + |grad f|^2) - r for
+//! a wheel of radius r with its centre at c. A rocker-bogie has six wheels and six unknowns: every e is 0. A rigid chassis
+//! has four wheels and three unknowns: the sum of e^2 is least. Source: Tarokh & McDermott 2005; Hewitt et al. 2017,
+//! "Rover model". The pose's origin is the chassis centre projected onto the wheel-contact plane. Not modelled: wheel width,
+//! sinkage, play, weight (a rigid rover's fourth wheel does not lift off, it shares the error), and the belly.
+
+mod gauss_newton;
+mod nelder_mead;
+mod residual;
+#[cfg(test)]
+mod tests;
+
+pub use nelder_mead::{Minimum, minimise};
+
+use super::linkage::Linkage;
+use super::params::ContactSolver;
+use super::surface::Surface;
+use super::{Contact, DriveError, Rover};
+use crate::geometry::{DVec3, Pose};
+use crate::math;
+use crate::scene::Scene;
+use residual::{Problem, UNKNOWNS, Unknowns};
+
+/// Beyond this tilt, or linkage angle, a rover lies rather than stands, radians (60 degrees).
+const TIP_OVER_RAD: f64 = std::f64::consts::FRAC_PI_3;
+/// What a wheel of an articulated chassis may lack of touching, metres.
+const TOUCH_M: f64 = 1e-6;
+
+/// A rover that stands on the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stance {
+    pub pose: Pose,
+    pub contact: Contact,
+}
+
+/// Sets one rover on the ground of one scene.
+#[derive(Clone, Debug)]
+pub struct Stander<'a> {
+    linkage: Linkage,
+    surface: Surface<'a>,
+    solver: ContactSolver,
+}
+
+impl<'a> Stander<'a> {
+    pub fn new(rover: &Rover, scene: &'a Scene, solver: ContactSolver) -> Stander<'a> {
+        Stander { linkage: Linkage::new(rover), surface: Surface::new(scene), solver }
+    }
+
+    /// The rover at (x, y) with this heading. `near` is a stance close by (the step before), to start from.
+    pub fn stand(&self, x_m: f64, y_m: f64, yaw_rad: f64, near: Option<&Stance>) -> Result<Stance, DriveError> {
+        let no = |reason: &str| DriveError::NoContact { x_m, y_m, reason: reason.to_string() };
+        let problem = Problem::new(&self.linkage, &self.surface, x_m, y_m, yaw_rad);
+        let plane = problem.plane().ok_or_else(|| no("a wheel is outside the yard"))?;
+        // A guess from the step before may reach over the edge or lie worse than the plane does.
+        let start = near
+            .map(unknowns_of)
+            .filter(|guess| problem.cost(guess).is_some_and(|cost| problem.cost(&plane).is_none_or(|flat| cost < flat)))
+            .unwrap_or(plane);
+        let (found, iterations) = match self.solver {
+            ContactSolver::GaussNewton => gauss_newton::solve(&problem, start),
+            ContactSolver::NelderMead => nelder_mead::solve(&problem, start),
+            ContactSolver::PlaneFit => (plane, 1),
+        };
+        let residuals = problem.residuals(&found).ok_or_else(|| no("a wheel is outside the yard"))?;
+        let residual_m = residuals.iter().fold(0.0, |worst: f64, e| worst.max(e.abs()));
+        let upright = math::cos(found[1]) * math::cos(found[2]);
+        let bent = found[3..].iter().any(|angle| angle.abs() > TIP_OVER_RAD);
+        // `upright` is the z component of the rover's z axis; written so that NaN fails too.
+        if bent || !(upright >= math::cos(TIP_OVER_RAD) && found[1].abs() <= TIP_OVER_RAD) {
+            return Err(no("the ground is so steep that the rover would tip over"));
+        }
+        if self.linkage.articulated() && self.solver != ContactSolver::PlaneFit && residual_m > TOUCH_M {
+            return Err(no("its wheels cannot all touch the ground"));
+        }
+        let [z_m, pitch_rad, roll_rad, rocker_rad, bogie_left_rad, bogie_right_rad] = found;
+        Ok(Stance {
+            pose: Pose { position_m: DVec3::new(x_m, y_m, z_m), roll_rad, pitch_rad, yaw_rad },
+            contact: Contact { rocker_rad, bogie_left_rad, bogie_right_rad, residual_m, iterations },
+        })
+    }
+
+    /// Signed distance of each wheel from touching, metres: what the solvers bring to zero.
+    pub fn residuals_m(&self, stance: &Stance) -> Option<Vec<f64>> {
+        let position = stance.pose.position_m;
+        let problem = Problem::new(&self.linkage, &self.surface, position.x, position.y, stance.pose.yaw_rad);
+        Some(problem.residuals(&unknowns_of(stance))?[..self.linkage.wheel_count()].to_vec())
+    }
+}
+
+fn unknowns_of(stance: &Stance) -> Unknowns {
+    let Stance { pose, contact } = stance;
+    let unknowns: [f64; UNKNOWNS] = [
+        pose.position_m.z,
+        pose.pitch_rad,
+        pose.roll_rad,
+        contact.rocker_rad,
+        contact.bogie_left_rad,
+        contact.bogie_right_rad,
+    ];
+    unknowns
+}

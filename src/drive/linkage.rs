@@ -1,0 +1,111 @@
+//! Chassis angles -> wheel centres in the rover frame.
+//!
+//! Rigid: the wheels do not move. Rocker-bogie (Tarokh & McDermott 2005): the differential turns the left rocker by beta
+//! and the right one by -beta about the pivot; each bogie turns by rho about its pivot on the rocker. Positive angles are
+//! nose down, as pitch. Links are rigid, pivots have no play and no stops.
+
+use super::rover::{Chassis, RigidChassis, RockerBogieChassis, Rover};
+use crate::geometry::DVec3;
+use crate::math;
+
+pub(super) const MAX_WHEELS: usize = 6;
+/// beta, rho left, rho right.
+pub(super) const ANGLES: usize = 3;
+
+/// The wheels of one rover.
+#[derive(Clone, Debug)]
+pub(super) struct Linkage {
+    chassis: Chassis,
+    pub wheel_radius_m: f64,
+}
+
+/// Wheel centres, rover frame, and their derivatives by each angle; wheels that the chassis lacks stay at zero.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Wheels {
+    pub centres_m: [DVec3; MAX_WHEELS],
+    pub by_angle: [[DVec3; ANGLES]; MAX_WHEELS],
+}
+
+impl Linkage {
+    pub fn new(rover: &Rover) -> Linkage {
+        Linkage { chassis: rover.chassis.clone(), wheel_radius_m: rover.wheel_radius_m() }
+    }
+
+    pub fn wheel_count(&self) -> usize {
+        match self.chassis {
+            Chassis::Rigid(_) => 4,
+            Chassis::RockerBogie(_) => 6,
+        }
+    }
+
+    /// Whether the chassis can set every wheel on any ground.
+    pub fn articulated(&self) -> bool {
+        matches!(self.chassis, Chassis::RockerBogie(_))
+    }
+
+    /// The wheels at beta, rho left and rho right.
+    pub fn place(&self, angles: &[f64; ANGLES]) -> Wheels {
+        match &self.chassis {
+            Chassis::Rigid(chassis) => rigid(chassis, self.wheel_radius_m),
+            Chassis::RockerBogie(chassis) => rocker_bogie(chassis, self.wheel_radius_m, angles),
+        }
+    }
+}
+
+fn rigid(chassis: &RigidChassis, radius_m: f64) -> Wheels {
+    let (x, y) = (0.5 * chassis.wheelbase_m, 0.5 * chassis.track_m);
+    let mut wheels = Wheels::default();
+    for (centre, (sx, sy)) in wheels.centres_m.iter_mut().zip([(x, y), (x, -y), (-x, y), (-x, -y)]) {
+        *centre = DVec3::new(sx, sy, radius_m);
+    }
+    wheels
+}
+
+fn rocker_bogie(chassis: &RockerBogieChassis, radius_m: f64, angles: &[f64; ANGLES]) -> Wheels {
+    let [beta, rho_left, rho_right] = *angles;
+    let mut wheels = Wheels::default();
+    for (side, sign, rho) in [(0, 1.0, rho_left), (1, -1.0, rho_right)] {
+        let y = 0.5 * sign * chassis.track_m;
+        let pivot = DVec3::new(chassis.rocker_pivot_x_m, y, chassis.rocker_pivot_z_m);
+        let bogie_pivot = DVec3::new(chassis.bogie_pivot_x_m, y, chassis.bogie_pivot_z_m);
+        let rocker = Turn::about_y(sign * beta);
+        let bogie = Turn::about_y(sign * beta + rho);
+
+        let arm = DVec3::new(chassis.rocker_wheel_x_m, y, radius_m) - pivot;
+        wheels.centres_m[3 * side] = pivot + rocker.of(arm);
+        wheels.by_angle[3 * side][0] = rocker.rate(arm) * sign;
+
+        let bogie_at = pivot + rocker.of(bogie_pivot - pivot);
+        let bogie_by_beta = rocker.rate(bogie_pivot - pivot) * sign;
+        for (place, x) in [(1, chassis.bogie_front_x_m), (2, chassis.bogie_rear_x_m)] {
+            let arm = DVec3::new(x, y, radius_m) - bogie_pivot;
+            let wheel = 3 * side + place;
+            wheels.centres_m[wheel] = bogie_at + bogie.of(arm);
+            wheels.by_angle[wheel][0] = bogie_by_beta + bogie.rate(arm) * sign;
+            wheels.by_angle[wheel][1 + side] = bogie.rate(arm);
+        }
+    }
+    wheels
+}
+
+/// A turn about the y axis, nose down positive.
+struct Turn {
+    sin: f64,
+    cos: f64,
+}
+
+impl Turn {
+    fn about_y(angle_rad: f64) -> Turn {
+        let (sin, cos) = math::sin_cos(angle_rad);
+        Turn { sin, cos }
+    }
+
+    fn of(&self, v: DVec3) -> DVec3 {
+        DVec3::new(v.x * self.cos + v.z * self.sin, v.y, v.z * self.cos - v.x * self.sin)
+    }
+
+    /// Derivative of `of` by the angle.
+    fn rate(&self, v: DVec3) -> DVec3 {
+        DVec3::new(v.z * self.cos - v.x * self.sin, 0.0, -v.x * self.cos - v.z * self.sin)
+    }
+}

@@ -1,0 +1,109 @@
+//! Ground at a point -> height, derivatives and the slope that a wheel feels.
+//!
+//! All that a contact solver needs of one wheel. Polynomial: value, gradient and Hessian. Raster: the height is the
+//! bilinear patch's, whose gradient jumps at grid lines; a wheel's residual would jump with it, so that no stand might
+//! exist. Deviation: on a raster the slope under a wheel is interpolated between the central differences at the nodes,
+//! which is continuous (and exact on planes). Frame: world, metres. Outside the yard there is no ground.
+
+use crate::geometry::DVec2;
+use crate::scene::{Ground, Raster, Scene};
+
+/// The ground of one scene, as wheels feel it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Surface<'a> {
+    scene: &'a Scene,
+}
+
+/// The ground at one point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Touch {
+    pub height_m: f64,
+    /// Derivative of the height.
+    pub gradient: DVec2,
+    /// The slope that enters the wheel's residual; for a polynomial, the gradient.
+    pub slope: DVec2,
+    /// Derivatives of the slope by x and by y.
+    pub slope_by_x: DVec2,
+    pub slope_by_y: DVec2,
+}
+
+impl<'a> Surface<'a> {
+    pub fn new(scene: &'a Scene) -> Surface<'a> {
+        Surface { scene }
+    }
+
+    /// The height at (x, y) alone; `None` outside the yard, or where the ground is not finite.
+    pub fn height_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
+        if !self.scene.contains(x_m, y_m) {
+            return None;
+        }
+        Some(self.scene.ground.height_m(x_m, y_m)).filter(|height| height.is_finite())
+    }
+
+    /// Height and slope at (x, y), without derivatives of the slope.
+    pub fn height_and_slope(&self, x_m: f64, y_m: f64) -> Option<(f64, DVec2)> {
+        match &self.scene.ground {
+            Ground::Polynomial(polynomial) if self.scene.contains(x_m, y_m) => {
+                let (height_m, slope) = polynomial.height_and_gradient(x_m, y_m);
+                (height_m.is_finite() && slope.is_finite()).then_some((height_m, slope))
+            }
+            _ => self.touch(x_m, y_m).map(|touch| (touch.height_m, touch.slope)),
+        }
+    }
+
+    /// The ground at (x, y); `None` outside the yard, or where the ground is not finite.
+    pub fn touch(&self, x_m: f64, y_m: f64) -> Option<Touch> {
+        if !self.scene.contains(x_m, y_m) {
+            return None;
+        }
+        let touch = match &self.scene.ground {
+            Ground::Polynomial(polynomial) => {
+                let (height_m, gradient) = polynomial.height_and_gradient(x_m, y_m);
+                let [xx, xy, yy] = polynomial.hessian(x_m, y_m);
+                let (slope_by_x, slope_by_y) = (DVec2::new(xx, xy), DVec2::new(xy, yy));
+                Touch { height_m, gradient, slope: gradient, slope_by_x, slope_by_y }
+            }
+            Ground::Raster(raster) => on_raster(raster, x_m, y_m),
+        };
+        let finite = touch.height_m.is_finite()
+            && touch.gradient.is_finite()
+            && touch.slope.is_finite()
+            && touch.slope_by_x.is_finite()
+            && touch.slope_by_y.is_finite();
+        finite.then_some(touch)
+    }
+}
+
+fn on_raster(raster: &Raster, x_m: f64, y_m: f64) -> Touch {
+    let step = raster.spacing_m;
+    let (col, u) = cell((x_m - raster.origin_m.x) / step, raster.cols);
+    let (row, v) = cell((y_m - raster.origin_m.y) / step, raster.rows);
+    let (gsw, gse) = (node_slope(raster, row, col), node_slope(raster, row, col + 1));
+    let (gnw, gne) = (node_slope(raster, row + 1, col), node_slope(raster, row + 1, col + 1));
+    let (height_m, gradient) = raster.height_and_gradient(x_m, y_m);
+    Touch {
+        height_m,
+        gradient,
+        slope: (gsw * (1.0 - u) + gse * u) * (1.0 - v) + (gnw * (1.0 - u) + gne * u) * v,
+        slope_by_x: ((gse - gsw) * (1.0 - v) + (gne - gnw) * v) / step,
+        slope_by_y: ((gnw - gsw) * (1.0 - u) + (gne - gse) * u) / step,
+    }
+}
+
+/// The slope at a node: central differences, one-sided at the border.
+fn node_slope(raster: &Raster, row: usize, col: usize) -> DVec2 {
+    let height = |row: usize, col: usize| raster.heights_m[row * raster.cols + col];
+    let (west, east) = (col.saturating_sub(1), (col + 1).min(raster.cols - 1));
+    let (south, north) = (row.saturating_sub(1), (row + 1).min(raster.rows - 1));
+    DVec2::new(
+        (height(row, east) - height(row, west)) / ((east - west) as f64 * raster.spacing_m),
+        (height(north, col) - height(south, col)) / ((north - south) as f64 * raster.spacing_m),
+    )
+}
+
+/// The cell of a grid coordinate, and the place in it.
+fn cell(at: f64, nodes: usize) -> (usize, f64) {
+    // Float-to-integer casts saturate, so that rounding below zero lands in cell 0.
+    let index = (at as usize).min(nodes - 2);
+    (index, at - index as f64)
+}

@@ -1,0 +1,72 @@
+//! Start and guide -> the true way: one stance per control step.
+//!
+//! Each step: the guide's command, disturbed by the control noise, leads to a place; the rover is set on the ground there.
+//! The drive ends at the path's end, or before the step that would bring the body onto an obstacle or over the yard's edge,
+//! or onto ground that the rover cannot stand on. A random walk keeps room to turn in place, so that it can go on elsewhere.
+
+use super::contact::{Stance, Stander};
+use super::guide::Guide;
+use super::motion::{Bumps, advance};
+use super::yard::{Yard, body};
+use super::{DriveError, Rover};
+
+const MAX_STEPS: usize = 200_000;
+
+/// The true way of a drive.
+pub(super) struct Travel {
+    /// The start, then one per step.
+    pub stances: Vec<Stance>,
+    /// One per step.
+    pub durations_s: Vec<f64>,
+    pub cut_short: bool,
+}
+
+pub(super) fn follow(
+    rover: &Rover,
+    yard: &Yard,
+    stander: &Stander,
+    start: Stance,
+    mut guide: Guide,
+    bumps: &Bumps,
+) -> Result<Travel, DriveError> {
+    let mut travel = Travel { stances: vec![start], durations_s: Vec::new(), cut_short: false };
+    let mut now = start;
+    while let Some(command) = guide.next(&now.pose) {
+        if travel.stances.len() > MAX_STEPS {
+            let reason = format!("it takes more than {MAX_STEPS} control steps; raise drive.step_m or shorten it");
+            return Err(DriveError::NoWay { reason });
+        }
+        let place = advance(&now.pose, &bumps.disturb(command, travel.stances.len() as u64));
+        let clear = yard.clear(&body(rover, place.at_m, place.yaw_rad), 0.0)
+            && (!guide.needs_turning_room() || yard.clear_circle(place.at_m, rover.turning_radius_m()));
+        let next = clear.then(|| stander.stand(place.at_m.x, place.at_m.y, place.yaw_rad, Some(&now)));
+        if let Some(Ok(stance)) = next {
+            guide.done(&command);
+            travel.stances.push(stance);
+            travel.durations_s.push(command.dt_s);
+            now = stance;
+        } else if !guide.barred(&command) {
+            travel.cut_short = true;
+            break;
+        }
+    }
+    Ok(travel)
+}
+
+impl Travel {
+    /// At most `count` steps at which the rover has come an even share of its way, ascending; the last is the last step.
+    pub fn stops(&self, count: u32) -> Vec<usize> {
+        let mut way_m = vec![0.0];
+        for pair in self.stances.windows(2) {
+            way_m.push(way_m[way_m.len() - 1] + (pair[1].pose.position_m - pair[0].pose.position_m).length());
+        }
+        let last = self.stances.len() - 1;
+        let share_m = way_m[last] / f64::from(count);
+        // A nanometre of slack, so that rounding does not push a stop to the next step.
+        let mut stops: Vec<usize> =
+            (1..count).map(|k| way_m.partition_point(|&w| w < share_m * f64::from(k) - 1e-9).min(last)).collect();
+        stops.push(last);
+        stops.dedup();
+        stops
+    }
+}

@@ -1,1 +1,0 @@
-//! The whole flow on one screen: a plan and a scene number -> one scene's rows.

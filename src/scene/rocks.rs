@@ -1,0 +1,328 @@
+//! The `rocks` section of a config -> convex polyhedra lying in the ground.
+//!
+//! In: parameters, drawn count (or abundance), streams, the ground. Out: obstacles of class `Rock`.
+//! Each is the hull of random points on a sphere, roughened by up to 15 % inwards, taken one by one until the hull has the
+//! drawn number of faces; stretched so that its bounding box is that of the drawn ellipsoid; tilted about a random
+//! horizontal axis and turned; and set into the ground with its centre `offset` vertical semi-axes above it (on average:
+//! half buried). Source: Hewitt et al. 2017 (polyhedra, random in size and place, mean height zero); Golombek & Rapp 1997
+//! (sizes). Not modelled: clustering; rocks may overlap.
+//!
+//! Draws: rock k stands at index k of every purpose, so that no rock's draws depend on another's.
+
+use std::f64::consts::TAU;
+
+use super::golombek::Golombek;
+use super::hull::Hull;
+use super::params::{GolombekParams, RocksParams};
+use super::{Class, Convex, Scene, SceneError, Shape};
+use crate::geometry::{DMat3, DVec3};
+use crate::math;
+use crate::random::{Drawn, Purpose, Stream, Streams};
+
+/// More rocks than this are a config gone wrong.
+const MAX_ROCKS: f64 = 1e6;
+/// Points a rock may use; 40 faces need 22 of them on the hull.
+const POINTS: usize = 64;
+/// How deep a point may lie below the sphere.
+const ROUGHNESS: f64 = 0.15;
+/// Share of a rock's depth in the ground that it may be lifted by: the rest keeps it in.
+const MAX_LIFT: f64 = 0.8;
+
+/// The streams of everything that is drawn per rock.
+struct RockStreams {
+    aspect: Stream,
+    elongation: Stream,
+    offset: Stream,
+    faces: Stream,
+    tilt: Stream,
+    place: Stream,
+    yaw: Stream,
+    shape: Stream,
+}
+
+pub(super) fn build(
+    params: &RocksParams,
+    drawn: &Drawn,
+    streams: &Streams,
+    scene: &mut Scene,
+) -> Result<(), SceneError> {
+    let diameters_m = diameters(params, scene.extent_m, drawn, streams)?;
+    let open = |purpose| streams.open(purpose);
+    let streams = RockStreams {
+        aspect: open(Purpose::RockAspect),
+        elongation: open(Purpose::RockElongation),
+        offset: open(Purpose::RockOffset),
+        faces: open(Purpose::RockFaces),
+        tilt: open(Purpose::RockTilt),
+        place: open(Purpose::RockPlace),
+        yaw: open(Purpose::RockYaw),
+        shape: open(Purpose::RockShape),
+    };
+    for (rock, diameter_m) in diameters_m.into_iter().enumerate() {
+        let body = rock_at(params, rock as u64, diameter_m, &streams, scene);
+        scene.add_obstacle(Class::Rock, Shape::Convex(body));
+    }
+    Ok(())
+}
+
+fn diameters(params: &RocksParams, extent_m: f64, drawn: &Drawn, streams: &Streams) -> Result<Vec<f64>, SceneError> {
+    if let Some(golombek) = &params.golombek {
+        return golombek_diameters(golombek, extent_m, drawn, streams);
+    }
+    let Some(diameter_m) = &params.diameter_m else { return Ok(Vec::new()) };
+    let count = drawn.get(Purpose::RockCount).unwrap_or(0.0);
+    let stream = streams.open(Purpose::RockDiameter);
+    Ok((0..count as u64).map(|rock| diameter_m.at(&stream, rock)).collect())
+}
+
+/// A Poisson number of rocks, each of a size of its own.
+fn golombek_diameters(
+    params: &GolombekParams,
+    extent_m: f64,
+    drawn: &Drawn,
+    streams: &Streams,
+) -> Result<Vec<f64>, SceneError> {
+    let (min_m, max_m) = (params.min_diameter_m, params.max_diameter_m);
+    let law = Golombek::of(drawn[Purpose::RockAbundance]);
+    let expected = extent_m * extent_m * (law.rocks_per_m2_above(min_m) - law.rocks_per_m2_above(max_m));
+    if expected > MAX_ROCKS {
+        return Err(SceneError::TooManyRocks { expected, limit: MAX_ROCKS, min_diameter_m: min_m });
+    }
+    // No rocks: a law that is below 1e-12 of one, or whose largest diameter is not above its smallest.
+    let Ok(poisson) = rand_distr::Poisson::new(expected) else { return Ok(Vec::new()) };
+    let mut generator = streams.open(Purpose::RockGolombekCount).generator_at(0);
+    let count: f64 = rand_distr::Distribution::sample(&poisson, &mut generator);
+    let stream = streams.open(Purpose::RockGolombekDiameter);
+    Ok((0..count as u64).map(|rock| law.diameter_m(stream.uniform(rock), min_m, max_m)).collect())
+}
+
+fn rock_at(params: &RocksParams, rock: u64, diameter_m: f64, streams: &RockStreams, scene: &Scene) -> Convex {
+    // The diameter is the geometric mean of the two horizontal axes.
+    let stretch = params.elongation.at(&streams.elongation, rock).sqrt();
+    let aspect = params.aspect.at(&streams.aspect, rock);
+    let semi_axes_m = 0.5 * diameter_m * DVec3::new(stretch, 1.0 / stretch, aspect);
+    let offset_m = params.offset.at(&streams.offset, rock) * semi_axes_m.z;
+    let faces = params.faces.count_at(&streams.faces, rock) as usize;
+    let tilt_rad = params.tilt_deg.at(&streams.tilt, rock).to_radians();
+    let mut place = [0.0; 2];
+    streams.place.fill_uniform(2 * rock, &mut place);
+    let mut yaws = [0.0; 2];
+    streams.yaw.fill_uniform(2 * rock, &mut yaws);
+
+    let (x_m, y_m) = (place[0] * scene.extent_m, place[1] * scene.extent_m);
+    let seat = DVec3::new(x_m, y_m, scene.ground_below_m(x_m, y_m));
+    // Turned first, so that it tilts about any of its own horizontal axes.
+    let world_from_rock =
+        DMat3::from_cols_array(&turn(yaws[0])) * tilt(tilt_rad) * DMat3::from_cols_array(&turn(yaws[1]));
+    let hull = angular_sphere(faces, rock, &streams.shape);
+    let (low, high) = hull.bounds();
+    let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+    let centre = seat + DVec3::Z * offset_m;
+    let body = hull.finish(|p| centre + world_from_rock * ((p - middle) / half * semi_axes_m));
+    match params.min_height_m {
+        Some(min_height_m) => risen(body, seat, min_height_m, scene),
+        None => body,
+    }
+}
+
+/// Rotation about the vertical by a share of a turn.
+fn turn(share: f64) -> [f64; 9] {
+    let (sin, cos) = math::sin_cos(TAU * share);
+    [cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0]
+}
+
+/// Rotation about the x axis.
+fn tilt(angle_rad: f64) -> DMat3 {
+    let (sin, cos) = math::sin_cos(angle_rad);
+    DMat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, cos, sin, 0.0, -sin, cos])
+}
+
+/// The hull of so many points near the unit sphere that it has at least the wanted number of triangles (one more at most,
+/// their number being even).
+fn angular_sphere(faces: usize, rock: u64, shape: &Stream) -> Hull {
+    let mut draws = [0.0; 3 * POINTS];
+    shape.fill_uniform(rock * draws.len() as u64, &mut draws);
+    let point = |u: &[f64]| {
+        let z = 2.0 * u[0] - 1.0;
+        let (sin, cos) = math::sin_cos(TAU * u[1]);
+        let level = (1.0 - z * z).sqrt();
+        DVec3::new(level * cos, level * sin, z) * (1.0 - ROUGHNESS * u[2])
+    };
+    let points = draws.chunks_exact(3).map(point).collect();
+    let mut hull = Hull::seed(points).expect("64 random points on a sphere span a volume");
+    let mut next = 0;
+    while hull.triangle_count() < faces && next < POINTS as u32 {
+        hull.insert(next);
+        next += 1;
+    }
+    hull
+}
+
+/// The rock lifted until it stands high enough, but not out of the ground; then grown about its seat, where that is not
+/// enough.
+fn risen(mut body: Convex, seat: DVec3, min_height_m: f64, scene: &Scene) -> Convex {
+    let above_m = |v: &DVec3| v.z - scene.ground_below_m(v.x, v.y);
+    let protrusion_m = |body: &Convex| body.vertices_m.iter().map(above_m).fold(f64::NEG_INFINITY, f64::max);
+    let lacking_m = min_height_m - protrusion_m(&body);
+    if lacking_m <= 0.0 {
+        return body;
+    }
+    let depth_m = -body.vertices_m.iter().map(above_m).fold(f64::INFINITY, f64::min);
+    let lift = DVec3::Z * lacking_m.min((MAX_LIFT * depth_m).max(0.0));
+    body = body.mapped(|v| v + lift);
+    // Doubled in one step at most: on uneven ground the rock grows into the hill, too.
+    for _ in 0..64 {
+        let height_m = protrusion_m(&body);
+        if height_m >= min_height_m {
+            break;
+        }
+        let growth = if height_m > 0.0 { (min_height_m / height_m * (1.0 + 1e-12)).min(2.0) } else { 2.0 };
+        body = body.mapped(|v| seat + (v - seat) * growth);
+    }
+    body
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::DVec2;
+    use crate::random::{Dist, Law, Stage};
+    use crate::scene::{Ground, Polynomial, SceneParams};
+
+    fn streams(scene: u64) -> Streams {
+        Streams { seed: 8, scene, attempt: 0, stage: Stage::Scene, step: 0 }
+    }
+
+    fn params(count: f64, diameter_m: f64) -> RocksParams {
+        let yaml = format!("{{count: {count}, diameter_m: {diameter_m}}}");
+        serde_saphyr::from_str(&yaml).unwrap()
+    }
+
+    fn on_slope(params: &RocksParams, slope: f64, scene: u64) -> Scene {
+        let ground = Ground::Polynomial(Polynomial::plane(20.0, 1.0, DVec2::new(slope, 0.0)));
+        let mut yard = Scene::bare(20.0, ground);
+        let config = SceneParams {
+            extent_m: 20.0,
+            ground: Default::default(),
+            rocks: Some(params.clone()),
+            boxes: None,
+            trees: None,
+            vegetation: None,
+        };
+        let drawn = Drawn::draw(&streams(scene), config.dists());
+        build(params, &drawn, &streams(scene), &mut yard).unwrap();
+        yard
+    }
+
+    fn body(scene: &Scene, k: usize) -> &Convex {
+        let Shape::Convex(body) = &scene.obstacles[k].shape else { panic!("a rock is a polyhedron") };
+        body
+    }
+
+    #[test]
+    fn law_rocks_are_closed_convex_bodies_of_8_to_40_faces_and_the_drawn_size() {
+        let mut params = params(300.0, 0.5);
+        params.tilt_deg = 0.0.into();
+        params.elongation = 1.0.into();
+        params.aspect = 0.8.into();
+        let scene = on_slope(&params, 0.1, 0);
+        assert_eq!(scene.obstacles.len(), 300);
+        let mut seen = [false; 41];
+        for k in 0..300 {
+            let (rock, obstacle) = (body(&scene, k), &scene.obstacles[k]);
+            assert!((8..=40).contains(&rock.planes.len()), "{} faces", rock.planes.len());
+            seen[rock.planes.len()] = true;
+            // Untilted: the full height is that of the ellipsoid, 0.8 x 0.5 m.
+            let (low, high) = rock.vertices_m.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v.z), h.max(v.z)));
+            assert!((high - low - 0.4).abs() < 1e-12);
+            assert!(rock.volume_m3() > 0.1 * 0.4 * 0.25 && rock.volume_m3() < 0.4 * 0.25);
+            for v in &rock.vertices_m {
+                assert!(rock.depth_m(*v) < 1e-9 && v.distance(obstacle.centre_m) <= obstacle.radius_m);
+            }
+            assert!(rock.contains(rock.vertices_m.iter().sum::<DVec3>() / rock.vertices_m.len() as f64));
+        }
+        assert!(seen[8] && seen[40], "no rock of 8 or none of 40 faces among 300");
+    }
+
+    #[test]
+    fn dist_rocks_are_half_buried_on_average() {
+        let scene = on_slope(&params(2000.0, 0.4), 0.0, 1);
+        let above: f64 = (0..2000)
+            .map(|k| {
+                let (low, high) =
+                    body(&scene, k).vertices_m.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v.z), h.max(v.z)));
+                (high - 1.0) / (high - low)
+            })
+            .sum();
+        // The offset is uniform in +-0.3 semi-axes: the share above has mean 1/2 and sd 0.09; 4 standard errors.
+        assert!((above / 2000.0 - 0.5).abs() < 0.008, "{}", above / 2000.0);
+    }
+
+    #[test]
+    fn law_rocks_rise_to_the_least_height_and_stay_in_the_ground() {
+        for (diameter_m, slope) in [(0.05, 0.0), (0.15, 0.3), (0.3, 0.45), (1.0, 0.0)] {
+            let mut params = params(100.0, diameter_m);
+            params.min_height_m = Some(0.12);
+            let scene = on_slope(&params, slope, 2);
+            for (k, obstacle) in scene.obstacles.iter().enumerate() {
+                assert!(obstacle.protrusion_m >= 0.12, "{}", obstacle.protrusion_m);
+                let vertices_m = &body(&scene, k).vertices_m;
+                let depth = vertices_m.iter().map(|v| v.z - scene.ground_below_m(v.x, v.y)).fold(f64::MAX, f64::min);
+                assert!(depth < 0.0, "the rock hovers {depth} m above the ground");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_rocks_whatever_comes_after_them() {
+        let (few, many) = (on_slope(&params(7.0, 0.4), 0.1, 3), on_slope(&params(30.0, 0.4), 0.1, 3));
+        for k in 0..7 {
+            assert_eq!(body(&few, k), body(&many, k));
+        }
+    }
+
+    #[test]
+    fn dist_golombek_yards_hold_the_expected_rocks() {
+        let mut params = params(0.0, 1.0);
+        (params.count, params.diameter_m) = (None, None);
+        let law = GolombekParams { abundance: 0.1.into(), min_diameter_m: 0.2, max_diameter_m: 3.0 };
+        params.golombek = Some(law);
+        let (mut total, mut large) = (0, 0);
+        for scene in 0..50 {
+            let drawn = Drawn::draw(&streams(scene), [(Purpose::RockAbundance, &Dist::from(0.1))]);
+            let diameters_m = diameters(&params, 20.0, &drawn, &streams(scene)).unwrap();
+            assert!(diameters_m.iter().all(|d| (0.2..=3.0).contains(d)));
+            total += diameters_m.len();
+            large += diameters_m.iter().filter(|d| **d >= 0.5).count();
+        }
+        // 50 yards of 400 m^2: 200 x (52.61, 4.993) rocks per 100 m^2; Poisson, 4 standard deviations.
+        assert!((total as f64 - 10_522.0).abs() < 4.0 * 102.6, "{total}");
+        assert!((large as f64 - 998.7).abs() < 4.0 * 31.6, "{large}");
+    }
+
+    #[test]
+    fn extreme_rocks_small_large_many_and_none() {
+        assert!(on_slope(&params(0.0, 1.0), 0.0, 4).obstacles.is_empty());
+        for diameter_m in [1e-3, 1e4] {
+            let scene = on_slope(&params(20.0, diameter_m), 0.1, 4);
+            for k in 0..20 {
+                assert!(body(&scene, k).planes.len() >= 8 && scene.obstacles[k].protrusion_m.is_finite());
+            }
+        }
+        let mut wild = params(50.0, 0.3);
+        wild.tilt_deg = Dist::Law(Law::Uniform([0.0, 90.0]));
+        wild.aspect = Dist::Law(Law::Choice(vec![0.05, 5.0]));
+        wild.elongation = 10.0.into();
+        let scene = on_slope(&wild, 0.4, 5);
+        for k in 0..50 {
+            let rock = body(&scene, k);
+            assert!((8..=40).contains(&rock.planes.len()));
+            assert!(rock.vertices_m.iter().all(|v| rock.depth_m(*v) < 1e-9));
+        }
+        let mut crowded = params(0.0, 1.0);
+        crowded.golombek = Some(GolombekParams { abundance: 0.6.into(), min_diameter_m: 0.01, max_diameter_m: 3.0 });
+        let drawn = Drawn::draw(&streams(0), [(Purpose::RockAbundance, &Dist::from(0.6))]);
+        let refused = diameters(&crowded, 1000.0, &drawn, &streams(0));
+        assert!(matches!(refused, Err(SceneError::TooManyRocks { .. })));
+    }
+}

@@ -1,0 +1,363 @@
+//! Readings and features -> a cloud of particles: FastSLAM 2.0, and dead reckoning as its one-particle case.
+//!
+//! In: control steps, angle readings, a sweep's features. Out: [`Estimate`]s relative to the start. Source: Montemerlo et al.
+//! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Between sweeps
+//! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
+//! modelled: constant instrument biases; they make the angles' sigmas too small.
+
+use super::matrix::{Matrix, Vector};
+use super::measurement::{Mounting, usable};
+use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, ln_unmatched};
+use super::visibility::Visibility;
+use super::weights::{Ancestry, effective_samples, normalise, systematic};
+use super::{Counters, FastslamParams};
+use crate::drive::{InstrumentNoise, Reading};
+use crate::math;
+use crate::random::{Purpose, Streams};
+
+/// Base noise of a feature: range, metres; bearing and elevation, radians. Covers the extraction's own errors once inflated.
+const FEATURE_SIGMA: Vector<3> = [0.03, DEGREE, DEGREE];
+/// Least noise of a feature: with less, linearisation errors look like information.
+const LEAST_FEATURE_SIGMA: Vector<3> = [0.01, 0.25 * DEGREE, 0.25 * DEGREE];
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// Chi-square of one degree of freedom at 99.9 %.
+const READING_GATE: f64 = 10.8;
+/// Features of one sweep stand at least this far apart, metres.
+const FEATURE_SPACING_M: f64 = 0.3;
+/// With fewer of the first particles' lines left, the position sigmas are too small.
+const FEW_ANCESTORS: usize = 3;
+
+/// Mean and covariance of the whole cloud, and how good it is; position relative to the start.
+#[derive(Clone, Debug)]
+pub struct Mixture {
+    pub mean: Vector<6>,
+    pub covariance: Matrix<6, 6>,
+    pub effective_samples: f64,
+}
+
+/// What the last sweep brought; of matches and landmarks, the likeliest particle's.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ScanCounts {
+    pub features: u32,
+    pub matched: u32,
+    pub new_landmarks: u32,
+    pub landmarks: u32,
+}
+
+/// A cloud of particles.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    particles: Vec<Particle>,
+    spare: Vec<Particle>,
+    started: bool,
+    /// Mixture right after the last sweep, before the draw; until the next step.
+    at_sweep: Option<Mixture>,
+    ancestry: Ancestry,
+    drew: bool,
+    scan: ScanCounts,
+    counters: Counters,
+    stops_without_match: u32,
+    mean_innovation: Option<f64>,
+    motion: MotionNoise,
+    mounting: Mounting,
+    imu_variance_rad2: f64,
+    sun_variance_rad2: f64,
+    feature_variances: Vector<3>,
+    resample_below: f64,
+    max_features: usize,
+}
+
+impl Filter {
+    /// `attitude`: roll, pitch and yaw believed until the first reading replaces them.
+    pub fn new(params: &FastslamParams, noise: &InstrumentNoise, attitude: Vector<3>, mounting: Mounting) -> Filter {
+        let count = params.particles as usize;
+        let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
+        let belief = Belief { mean, ..Belief::default() };
+        let log_weight = -math::ln(count as f64);
+        let particle = Particle { belief, log_weight, ..Particle::default() };
+        let inflation = params.measurement_inflation.sqrt();
+        Filter {
+            particles: vec![particle.clone(); count],
+            spare: vec![particle; count],
+            started: false,
+            at_sweep: None,
+            ancestry: Ancestry::new(count),
+            drew: false,
+            scan: ScanCounts::default(),
+            counters: Counters::default(),
+            stops_without_match: 0,
+            mean_innovation: None,
+            motion: MotionNoise::new(noise, params.motion_inflation),
+            mounting,
+            imu_variance_rad2: angle_sigma_rad(noise.imu_rad) * angle_sigma_rad(noise.imu_rad),
+            sun_variance_rad2: angle_sigma_rad(noise.sun_rad) * angle_sigma_rad(noise.sun_rad),
+            feature_variances: std::array::from_fn(|i| {
+                let sigma = (FEATURE_SIGMA[i] * inflation).max(LEAST_FEATURE_SIGMA[i]);
+                sigma * sigma
+            }),
+            resample_below: params.resample_below,
+            max_features: params.max_features as usize,
+        }
+    }
+
+    /// One control step and the angles read after it.
+    pub fn step(&mut self, reading: &Reading) {
+        self.at_sweep = None;
+        match Control::of(reading) {
+            Some(control) => {
+                for particle in &mut self.particles {
+                    particle.belief.drive(control, &self.motion);
+                }
+            }
+            None => self.counters.not_finite += 1,
+        }
+        let angles = [
+            (ROLL, reading.roll_rad, self.imu_variance_rad2),
+            (PITCH, reading.pitch_rad, self.imu_variance_rad2),
+            (YAW, reading.yaw_rad, self.sun_variance_rad2),
+        ];
+        for (component, angle_rad, variance_rad2) in angles {
+            if let Some(angle_rad) = angle_rad {
+                self.read(component, angle_rad, variance_rad2);
+            }
+        }
+        self.started = true;
+        self.equalise();
+    }
+
+    fn read(&mut self, component: usize, angle_rad: f64, variance_rad2: f64) {
+        if !angle_rad.is_finite() {
+            self.counters.not_finite += 1;
+            return;
+        }
+        if !self.started {
+            // Nothing is known of the attitude before the first reading: it is taken as it is.
+            for Particle { belief, .. } in &mut self.particles {
+                belief.mean[component] = math::wrap_angle(angle_rad);
+                belief.covariance[component] = [0.0; 6];
+                belief.covariance.iter_mut().for_each(|row| row[component] = 0.0);
+                belief.covariance[component][component] = variance_rad2;
+            }
+            return;
+        }
+        // Decided once for all: particles that use a reading and particles that do not could not be compared.
+        let (mean_rad, spread_rad2) = self.angle(component);
+        let apart = math::wrap_angle(angle_rad - mean_rad);
+        if apart * apart > READING_GATE * (spread_rad2 + variance_rad2) {
+            self.counters.gated += 1;
+            return;
+        }
+        for particle in &mut self.particles {
+            particle.log_weight += particle.belief.read_angle(component, angle_rad, variance_rad2);
+        }
+    }
+
+    /// Keeps the log weights normalised, so that none drifts out of range over a long drive.
+    fn equalise(&mut self) {
+        let mut logs: Vec<f64> = self.particles.iter().map(|p| p.log_weight).collect();
+        if !normalise(&mut logs) {
+            self.counters.weight_collapses += 1;
+        }
+        for (particle, log) in self.particles.iter_mut().zip(logs) {
+            particle.log_weight = log;
+        }
+    }
+
+    /// The particles' weights; they sum to 1.
+    pub fn weights(&self) -> Vec<f64> {
+        self.particles.iter().map(|p| math::exp(p.log_weight)).collect()
+    }
+
+    /// Mean and variance of one angle over the cloud.
+    pub fn angle(&self, component: usize) -> (f64, f64) {
+        let reference = self.particles[0].belief.mean[component];
+        // Within a step the weights are not normalised, and their logarithms may be large.
+        let most = self.particles[self.likeliest()].log_weight;
+        let (mut total, mut first, mut second, mut own) = (0.0, 0.0, 0.0, 0.0);
+        for particle in &self.particles {
+            let weight = math::exp(particle.log_weight - most);
+            let d = math::wrap_angle(particle.belief.mean[component] - reference);
+            total += weight;
+            first += weight * d;
+            second += weight * d * d;
+            own += weight * particle.belief.covariance[component][component];
+        }
+        let mean = first / total;
+        (math::wrap_angle(reference + mean), (second / total - mean * mean).max(0.0) + own / total)
+    }
+
+    /// A sweep's features and where it looked. The streams stand at the step.
+    pub fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
+        let features = self.choose(found);
+        let prior = self.weights();
+        for particle in &mut self.particles {
+            particle.refine(&features, &self.feature_variances, &self.mounting);
+        }
+        self.mean_innovation = self.innovation(&prior);
+        self.equalise();
+        let mixture = self.mixture();
+        let best = self.likeliest();
+        let kinds = &self.particles[best].associations;
+        let count = |is: fn(&Association) -> bool| kinds.iter().filter(|a| is(a)).count() as u32;
+        self.scan.features = features.len() as u32;
+        self.scan.matched = count(|a| matches!(a, Association::Matched(_)));
+        self.scan.new_landmarks = count(|a| matches!(a, Association::New));
+        self.counters.ambiguous += count(|a| matches!(a, Association::Ambiguous(_)));
+        self.stops_without_match = if self.scan.matched > 0 { 0 } else { self.stops_without_match + 1 };
+
+        let telling = |p: &Particle| p.associations.iter().any(|a| !matches!(a, Association::Ambiguous(_)));
+        let draws = self.particles.iter().any(telling);
+        let thin = mixture.effective_samples < self.resample_below * self.particles.len() as f64;
+        // Without a draw as well: readings alone wear weights thin while no feature is matched.
+        if thin {
+            let parents = systematic(&self.weights(), streams.open(Purpose::SlamResample).uniform(0));
+            self.descend(&parents);
+            self.ancestry.record(&parents);
+        }
+        if draws {
+            let mut normals = vec![0.0; 6 * self.particles.len()];
+            streams.open(Purpose::SlamSample).fill_normal(0, &mut normals);
+            for (particle, normals) in self.particles.iter_mut().zip(normals.as_chunks::<6>().0) {
+                particle.settle(normals);
+            }
+            self.drew = true;
+        }
+        for particle in &mut self.particles {
+            particle.chart(&features, &self.feature_variances, &self.mounting, visibility);
+        }
+        let sure = |l: &&Landmark| l.existence >= EXISTENCE_SURE;
+        self.scan.landmarks = self.particles[self.likeliest()].landmarks.iter().filter(sure).count() as u32;
+        self.at_sweep = Some(mixture);
+    }
+
+    /// The usable features: those of most points (the nearer of two), apart from one another, nearest first.
+    fn choose(&mut self, found: &[Feature]) -> Vec<Feature> {
+        let mut order: Vec<Feature> = found.iter().copied().filter(|f| usable(&f.polar)).collect();
+        self.counters.not_finite += (found.len() - order.len()) as u32;
+        order.sort_by(|a, b| b.points.cmp(&a.points).then(a.polar[0].total_cmp(&b.polar[0])));
+        let mut chosen: Vec<(Feature, Vector<3>)> = Vec::with_capacity(self.max_features);
+        for feature in order {
+            if chosen.len() == self.max_features {
+                break;
+            }
+            let [range, bearing, elevation] = feature.polar;
+            let (sb, cb) = math::sin_cos(bearing);
+            let (se, ce) = math::sin_cos(elevation);
+            let place = [range * ce * cb, range * ce * sb, range * se];
+            let apart = |other: &Vector<3>| (0..3).map(|i| (place[i] - other[i]) * (place[i] - other[i])).sum::<f64>();
+            let near = |other: &Vector<3>| apart(other) < FEATURE_SPACING_M * FEATURE_SPACING_M;
+            // Known features cannot be doubles of one another.
+            if feature.known.is_some() || !chosen.iter().any(|(_, other)| near(other)) {
+                chosen.push((feature, place));
+            }
+        }
+        chosen.sort_by(|(a, _), (b, _)| a.polar[0].total_cmp(&b.polar[0]));
+        chosen.into_iter().map(|(feature, _)| feature).collect()
+    }
+
+    /// Normalised innovation squared of a match, averaged with the weights from before the sweep.
+    fn innovation(&self, prior: &[f64]) -> Option<f64> {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (particle, weight) in self.particles.iter().zip(prior) {
+            let matches = particle.associations.iter().filter(|a| matches!(a, Association::Matched(_))).count();
+            sum += weight * particle.innovation_sum;
+            count += weight * matches as f64;
+        }
+        (count > 0.0).then(|| sum / count)
+    }
+
+    fn descend(&mut self, parents: &[u32]) {
+        let equal = -math::ln(self.particles.len() as f64);
+        for (child, &parent) in self.spare.iter_mut().zip(parents) {
+            child.clone_from(&self.particles[parent as usize]);
+            child.log_weight = equal;
+        }
+        std::mem::swap(&mut self.particles, &mut self.spare);
+    }
+
+    fn likeliest(&self) -> usize {
+        let mut best = 0;
+        for (i, particle) in self.particles.iter().enumerate() {
+            if particle.log_weight > self.particles[best].log_weight {
+                best = i;
+            }
+        }
+        best
+    }
+
+    /// Mean and covariance of the cloud as it is, angles as differences to the first particle's.
+    fn mixture(&self) -> Mixture {
+        let weights = self.weights();
+        let reference = self.particles[0].belief.mean;
+        let apart = |mean: &Vector<6>| -> Vector<6> {
+            std::array::from_fn(|i| {
+                let d = mean[i] - reference[i];
+                if i == ROLL || i == YAW { math::wrap_angle(d) } else { d }
+            })
+        };
+        let mut shift = [0.0; 6];
+        for (particle, &weight) in self.particles.iter().zip(&weights) {
+            let d = apart(&particle.belief.mean);
+            for i in 0..6 {
+                shift[i] += weight * d[i];
+            }
+        }
+        let mut covariance = [[0.0; 6]; 6];
+        for (particle, &weight) in self.particles.iter().zip(&weights) {
+            let d = apart(&particle.belief.mean);
+            for r in 0..6 {
+                for c in 0..6 {
+                    let spread = (d[r] - shift[r]) * (d[c] - shift[c]);
+                    covariance[r][c] += weight * (particle.belief.covariance[r][c] + spread);
+                }
+            }
+        }
+        let mut mean: Vector<6> = std::array::from_fn(|i| reference[i] + shift[i]);
+        mean[ROLL] = math::wrap_angle(mean[ROLL]);
+        mean[YAW] = math::wrap_angle(mean[YAW]);
+        Mixture { mean, covariance, effective_samples: effective_samples(&weights) }
+    }
+
+    /// The belief now: right after a sweep that of before the draw, whose variance is lower.
+    pub fn believed(&self) -> Mixture {
+        self.at_sweep.clone().unwrap_or_else(|| self.mixture())
+    }
+
+    pub fn scan(&self) -> ScanCounts {
+        self.scan
+    }
+
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Matched no feature for more than two stops.
+    pub fn lost(&self) -> bool {
+        self.stops_without_match > 2 || !self.drew
+    }
+
+    pub fn mean_innovation(&self) -> Option<f64> {
+        self.mean_innovation
+    }
+
+    pub fn ancestors(&self) -> usize {
+        self.ancestry.distinct()
+    }
+
+    /// Too few ancestors are left for the positions' spread to mean much.
+    pub fn optimistic(&self) -> bool {
+        self.drew && self.ancestors() < FEW_ANCESTORS
+    }
+
+    /// Pose and map of the likeliest particle, relative to the start.
+    pub fn best(&self) -> (&Vector<6>, &[Landmark]) {
+        let particle = &self.particles[self.likeliest()];
+        (&particle.belief.mean, &particle.landmarks)
+    }
+
+    /// ln of the likelihood that an unmatched feature counts as.
+    pub fn ln_unmatched(&self) -> f64 {
+        ln_unmatched(&self.feature_variances)
+    }
+}

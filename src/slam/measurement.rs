@@ -1,0 +1,246 @@
+//! A pose and a landmark -> range, bearing and elevation in the sensor frame, with derivatives; and back.
+//!
+//! In: pose mean, landmark position (both relative to the start), the mount. Out: the predicted measurement and its
+//! Jacobians by the landmark and by the pose. Frames: `map` and `sensor`; metres, radians. Source: the range-bearing model
+//! of Thrun et al. 2005, chapter 6, with an elevation. Not modelled: the tilt head's own lever arm.
+
+use super::matrix::{Matrix, Vector, apply, product, transpose};
+use crate::geometry::Transform;
+use crate::math;
+
+/// Nearer than this a bearing means nothing.
+pub const LEAST_RANGE_M: f64 = 0.2;
+/// Steeper than this a bearing means nothing: 85 degrees.
+pub const MOST_ELEVATION_RAD: f64 = 85.0 / 180.0 * std::f64::consts::PI;
+
+/// Range, bearing, elevation.
+pub type Polar = Vector<3>;
+
+/// Where the sensor sits on the rover.
+#[derive(Clone, Copy, Debug)]
+pub struct Mounting {
+    /// sensor_from_rover rotation.
+    rotation: Matrix<3, 3>,
+    /// The sensor's origin, sensor axes, from the rover's origin.
+    offset_m: Vector<3>,
+}
+
+impl Mounting {
+    pub fn new(rover_from_sensor: &Transform) -> Mounting {
+        let columns = rover_from_sensor.rotation.to_cols_array_2d();
+        let offset = rover_from_sensor.rotation.transpose() * rover_from_sensor.translation_m;
+        // glam stores columns: the rows of the transpose.
+        Mounting { rotation: columns, offset_m: offset.to_array() }
+    }
+}
+
+/// A pose as the sensor needs it: rotations and their derivatives, computed once for many landmarks.
+#[derive(Clone, Debug)]
+pub struct View {
+    position_m: Vector<3>,
+    offset_m: Vector<3>,
+    /// sensor_from_map.
+    rotation: Matrix<3, 3>,
+    /// Derivatives of the same by roll, pitch and yaw.
+    by_angle: [Matrix<3, 3>; 3],
+}
+
+/// A predicted measurement.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    pub polar: Polar,
+    pub by_landmark: Matrix<3, 3>,
+    pub by_pose: Matrix<3, 6>,
+}
+
+impl View {
+    pub fn new(pose: &Vector<6>, mounting: &Mounting) -> View {
+        let (sr, cr) = math::sin_cos(pose[3]);
+        let (sp, cp) = math::sin_cos(pose[4]);
+        let (sy, cy) = math::sin_cos(pose[5]);
+        // rover_from_map = (Rz Ry Rx)': its rows are the columns of map_from_rover.
+        let rover = [
+            [cy * cp, sy * cp, -sp],
+            [cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr],
+            [cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr],
+        ];
+        let by_roll = [[0.0; 3], rover[2], rover[1].map(|v| -v)];
+        let by_pitch =
+            [[-cy * sp, -sy * sp, -cp], [cy * cp * sr, sy * cp * sr, -sp * sr], [cy * cp * cr, sy * cp * cr, -sp * cr]];
+        let by_yaw = rover.map(|row| [-row[1], row[0], 0.0]);
+        View {
+            position_m: [pose[0], pose[1], pose[2]],
+            offset_m: mounting.offset_m,
+            rotation: product(&mounting.rotation, &rover),
+            by_angle: [by_roll, by_pitch, by_yaw].map(|d| product(&mounting.rotation, &d)),
+        }
+    }
+
+    /// A map point in the sensor frame.
+    #[inline]
+    pub fn in_sensor(&self, point_m: &Vector<3>) -> Vector<3> {
+        let w: Vector<3> = std::array::from_fn(|i| point_m[i] - self.position_m[i]);
+        let q = apply(&self.rotation, &w);
+        std::array::from_fn(|i| q[i] - self.offset_m[i])
+    }
+
+    /// What would be measured of a landmark; `None` where the bearing means nothing.
+    pub fn predict(&self, landmark_m: &Vector<3>) -> Option<Prediction> {
+        let q = self.in_sensor(landmark_m);
+        let level2 = q[0] * q[0] + q[1] * q[1];
+        let range2 = level2 + q[2] * q[2];
+        let (level, range) = (level2.sqrt(), range2.sqrt());
+        if !(level > 1e-6 && range < f64::INFINITY) {
+            return None;
+        }
+        let by_sensor_point = [
+            [q[0] / range, q[1] / range, q[2] / range],
+            [-q[1] / level2, q[0] / level2, 0.0],
+            [-q[0] * q[2] / (range2 * level), -q[1] * q[2] / (range2 * level), level / range2],
+        ];
+        let by_landmark = product(&by_sensor_point, &self.rotation);
+        let w: Vector<3> = std::array::from_fn(|i| landmark_m[i] - self.position_m[i]);
+        let turned = self.by_angle.each_ref().map(|d| apply(&by_sensor_point, &apply(d, &w)));
+        let by_pose = std::array::from_fn(|r| {
+            let [x, y, z] = by_landmark[r];
+            [-x, -y, -z, turned[0][r], turned[1][r], turned[2][r]]
+        });
+        Some(Prediction { polar: [range, math::atan2(q[1], q[0]), math::atan2(q[2], level)], by_landmark, by_pose })
+    }
+
+    /// The map point of a measurement, and its covariance for diagonal measurement variances (the pose taken as exact).
+    pub fn locate(&self, polar: &Polar, variances: &Vector<3>) -> (Vector<3>, Matrix<3, 3>) {
+        let [range, bearing, elevation] = *polar;
+        let (sb, cb) = math::sin_cos(bearing);
+        let (se, ce) = math::sin_cos(elevation);
+        let q: Vector<3> = [range * ce * cb, range * ce * sb, range * se];
+        let from_rover: Vector<3> = std::array::from_fn(|i| q[i] + self.offset_m[i]);
+        let map_from_sensor = transpose(&self.rotation);
+        let w = apply(&map_from_sensor, &from_rover);
+        // Columns: derivatives of q by range, bearing, elevation.
+        let by_polar = [
+            [ce * cb, -range * ce * sb, -range * se * cb],
+            [ce * sb, range * ce * cb, -range * se * sb],
+            [se, 0.0, range * ce],
+        ];
+        let j = product(&map_from_sensor, &by_polar);
+        let covariance = std::array::from_fn(|r| {
+            std::array::from_fn(|c| (0..3).map(|k| j[r][k] * variances[k] * j[c][k]).sum::<f64>())
+        });
+        (std::array::from_fn(|i| self.position_m[i] + w[i]), covariance)
+    }
+}
+
+/// Measured minus predicted, angles wrapped.
+#[inline]
+pub fn innovation(measured: &Polar, predicted: &Polar) -> Vector<3> {
+    [
+        measured[0] - predicted[0],
+        math::wrap_angle(measured[1] - predicted[1]),
+        math::wrap_angle(measured[2] - predicted[2]),
+    ]
+}
+
+/// Whether a measurement can be used at all; decided once, for all particles alike.
+pub fn usable(polar: &Polar) -> bool {
+    polar.iter().all(|v| v.is_finite()) && polar[0] >= LEAST_RANGE_M && polar[2].abs() <= MOST_ELEVATION_RAD
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{DVec3, Pose};
+
+    fn mounting() -> Mounting {
+        let pose = Pose { position_m: DVec3::new(0.3, -0.1, 0.8), roll_rad: 0.1, pitch_rad: 0.2, yaw_rad: -0.4 };
+        Mounting::new(&pose.transform())
+    }
+
+    const POSES: [Vector<6>; 4] = [
+        [0.0; 6],
+        [1.0, -2.0, 0.3, 0.2, -0.3, 3.1],
+        [-4.0, 0.5, 0.1, -0.7, 0.7, -1.9],
+        [10.0, 3.0, -2.0, 0.75, -0.75, 0.01],
+    ];
+
+    #[test]
+    fn exact_jacobians_against_central_differences() {
+        let mounting = mounting();
+        for pose in POSES {
+            for landmark in [[2.0, 1.0, 0.4], [-3.0, 2.5, -0.7], [0.5, -6.0, 1.0]] {
+                let prediction = View::new(&pose, &mounting).predict(&landmark).expect("usable");
+                let step = 1e-6;
+                let slope = |plus: Option<Prediction>, minus: Option<Prediction>| {
+                    innovation(&plus.expect("usable").polar, &minus.expect("usable").polar).map(|v| v / (2.0 * step))
+                };
+                for i in 0..6 {
+                    let moved = |by: f64| {
+                        let mut pose = pose;
+                        pose[i] += by;
+                        View::new(&pose, &mounting).predict(&landmark)
+                    };
+                    for (r, got) in slope(moved(step), moved(-step)).iter().enumerate() {
+                        let want = prediction.by_pose[r][i];
+                        assert!((got - want).abs() < 1e-6 * want.abs().max(1.0), "pose {i}, row {r}: {got} {want}");
+                    }
+                }
+                for i in 0..3 {
+                    let moved = |by: f64| {
+                        let mut landmark = landmark;
+                        landmark[i] += by;
+                        View::new(&pose, &mounting).predict(&landmark)
+                    };
+                    for (r, got) in slope(moved(step), moved(-step)).iter().enumerate() {
+                        let want = prediction.by_landmark[r][i];
+                        assert!((got - want).abs() < 1e-6 * want.abs().max(1.0), "landmark {i}, row {r}: {got} {want}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_prediction_and_the_geometry_of_transforms() {
+        let rover_from_sensor =
+            Pose { position_m: DVec3::new(0.3, -0.1, 0.8), pitch_rad: 0.2, ..Pose::default() }.transform();
+        for p in POSES {
+            let pose =
+                Pose { position_m: DVec3::new(p[0], p[1], p[2]), roll_rad: p[3], pitch_rad: p[4], yaw_rad: p[5] };
+            let world_from_sensor = pose.transform() * rover_from_sensor;
+            let q = DVec3::new(2.0, -1.0, 0.5);
+            let landmark = world_from_sensor.point(q).to_array();
+            let view = View::new(&p, &Mounting::new(&rover_from_sensor));
+            let polar = view.predict(&landmark).expect("usable").polar;
+            assert!((polar[0] - q.length()).abs() < 1e-12);
+            assert!((polar[1] - math::atan2(q.y, q.x)).abs() < 1e-12);
+            let (back, _) = view.locate(&polar, &[1.0; 3]);
+            assert!((0..3).all(|i| (back[i] - landmark[i]).abs() < 1e-12), "{back:?} {landmark:?}");
+        }
+    }
+
+    #[test]
+    fn exact_first_landmark_covariance_maps_back_to_the_measurement_noise() {
+        let variances = [0.01, 0.002, 0.003];
+        let view = View::new(&POSES[1], &mounting());
+        let polar = [3.0, 0.4, -0.2];
+        let (landmark, covariance) = view.locate(&polar, &variances);
+        let h = view.predict(&landmark).expect("usable").by_landmark;
+        let back = product(&product(&h, &covariance), &transpose(&h));
+        for r in 0..3 {
+            for c in 0..3 {
+                let want = if r == c { variances[r] } else { 0.0 };
+                assert!((back[r][c] - want).abs() < 1e-15, "{back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn extreme_features_without_a_bearing_are_unusable() {
+        assert!(!usable(&[0.1, 0.0, 0.0]));
+        assert!(!usable(&[2.0, 0.0, 1.5]));
+        assert!(!usable(&[f64::NAN, 0.0, 0.0]));
+        assert!(!usable(&[f64::INFINITY, 0.0, 0.0]));
+        let identity = Mounting::new(&Transform::IDENTITY);
+        assert!(View::new(&[0.0; 6], &identity).predict(&[0.0, 0.0, 1.0]).is_none());
+    }
+}

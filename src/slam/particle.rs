@@ -1,0 +1,442 @@
+//! One particle and one sweep's features -> its refined pose, its weight, its map.
+//!
+//! In: a [`Particle`], [`Feature`]s, the mount. Out: the same particle. Source: Montemerlo et al. 2003, in the gain form of
+//! T. Bailey's fastslam2: the covariance is carried and never inverted (it is singular right after a step), and every
+//! feature of a sweep refines the pose before it is drawn. Deviations: likelihood instead of distance picks a landmark
+//! (MRPT's matching likelihood), and a feature that may be of two landmarks is left alone.
+
+use super::matrix::{
+    Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, product, solve, square, sum, symmetrise,
+    transpose,
+};
+use super::measurement::{Mounting, Polar, Prediction, View, innovation};
+use super::motion::Belief;
+use super::visibility::Visibility;
+use crate::math;
+
+/// A thing seen in a sweep, sensor frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feature {
+    /// Range (metres), bearing and elevation (radians).
+    pub polar: Polar,
+    /// How many points of the sweep lie on it.
+    pub points: u32,
+    /// Half its width across the line of sight, metres.
+    pub half_width_m: f64,
+    /// Which landmark it is, where a test knows; features of sweeps never do.
+    pub known: Option<u32>,
+}
+
+/// A mapped feature; position relative to the start.
+#[derive(Clone, Debug)]
+pub struct Landmark {
+    pub mean_m: Vector<3>,
+    pub covariance_m2: Matrix<3, 3>,
+    /// Log-odds of being there at all.
+    pub existence: f64,
+    pub known: Option<u32>,
+}
+
+/// What a particle takes a feature for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Association {
+    Matched(usize),
+    New,
+    /// Near a landmark but not near enough, or near two; the less likely of the two.
+    Ambiguous(Option<usize>),
+}
+
+/// One belief of pose and map.
+#[derive(Debug, Default)]
+pub struct Particle {
+    pub belief: Belief,
+    pub log_weight: f64,
+    pub landmarks: Vec<Landmark>,
+    /// Of the current sweep's features, in their order.
+    pub associations: Vec<Association>,
+    /// Normalised innovations squared of the current sweep's matches, summed.
+    pub innovation_sum: f64,
+}
+
+/// Chi-square of three degrees of freedom at 99 %.
+const GATE: f64 = 11.34;
+/// A feature is new beyond this distance squared from every landmark; between the two nothing is said.
+const NEW_BEYOND: f64 = 25.0;
+/// Two landmarks are told apart from this ratio of likelihoods on.
+const LN_RATIO: f64 = 1.098_612_288_668_109_8;
+const EXISTENCE_NEW: f64 = 0.4;
+const EXISTENCE_SEEN: f64 = 0.85;
+const EXISTENCE_MISSED: f64 = -0.4;
+const EXISTENCE_BOUNDS: (f64, f64) = (-2.0, 4.0);
+const EXISTENCE_DELETE: f64 = -1.0;
+/// Landmarks above this are counted as there.
+pub const EXISTENCE_SURE: f64 = 0.8;
+
+impl Default for Belief {
+    fn default() -> Self {
+        Belief { mean: [0.0; 6], covariance: [[0.0; 6]; 6] }
+    }
+}
+
+impl Clone for Particle {
+    fn clone(&self) -> Self {
+        let mut copy = Particle::default();
+        copy.clone_from(self);
+        copy
+    }
+
+    // Written out so that resampling reuses the maps' memory.
+    fn clone_from(&mut self, source: &Self) {
+        self.belief.clone_from(&source.belief);
+        self.log_weight = source.log_weight;
+        self.landmarks.clone_from(&source.landmarks);
+        self.associations.clone_from(&source.associations);
+        self.innovation_sum = source.innovation_sum;
+    }
+}
+
+/// A landmark judged against a feature.
+struct Candidate {
+    index: usize,
+    prediction: Prediction,
+    innovation: Vector<3>,
+    /// Covariance of the measurement and of the landmark alone, and the factor of all of it with the pose's.
+    spread: Matrix<3, 3>,
+    factor: Matrix<3, 3>,
+    distance2: f64,
+    ln_likelihood: f64,
+}
+
+/// ln of the likelihood that a match has on the gate: what new and ambiguous features count as.
+pub fn ln_unmatched(variances: &Vector<3>) -> f64 {
+    let volume: f64 = variances.iter().map(|v| std::f64::consts::TAU * 2.0 * v).product();
+    -0.5 * (GATE + math::ln(volume))
+}
+
+impl Particle {
+    /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
+    /// log term a feature whatever becomes of it, so that particles stay comparable.
+    pub fn refine(&mut self, features: &[Feature], variances: &Vector<3>, mounting: &Mounting) {
+        self.associations.clear();
+        self.innovation_sum = 0.0;
+        let noise = diagonal(variances);
+        let unmatched = ln_unmatched(variances);
+        let mut taken = vec![false; self.landmarks.len()];
+        let mut view = View::new(&self.belief.mean, mounting);
+        for feature in features {
+            let (association, candidate) = self.associate(feature, &view, &noise, variances, &taken);
+            self.associations.push(association);
+            let Some(candidate) = candidate else {
+                self.log_weight += unmatched;
+                continue;
+            };
+            taken[candidate.index] = true;
+            self.innovation_sum += candidate.distance2;
+            self.log_weight += candidate.ln_likelihood - 1.5 * math::ln(std::f64::consts::TAU);
+            self.absorb(&candidate);
+            view = View::new(&self.belief.mean, mounting);
+        }
+    }
+
+    fn associate(
+        &self,
+        feature: &Feature,
+        view: &View,
+        noise: &Matrix<3, 3>,
+        variances: &Vector<3>,
+        taken: &[bool],
+    ) -> (Association, Option<Candidate>) {
+        if let Some(id) = feature.known {
+            let index = self.landmarks.iter().position(|l| l.known == Some(id));
+            return match index.and_then(|i| self.judge(i, feature, view, noise)) {
+                Some(candidate) => (Association::Matched(candidate.index), Some(candidate)),
+                None => (Association::New, None),
+            };
+        }
+        let place = view.locate(&feature.polar, variances).0;
+        let p = &self.belief.covariance;
+        let (moved, turned) = (p[0][0] + p[1][1] + p[2][2], p[3][3] + p[4][4] + p[5][5]);
+        // Farther away than this, no landmark can lie within NEW_BEYOND.
+        let reach_m = 1.0 + 5.0 * (moved.sqrt() + feature.polar[0] * turned.sqrt());
+        let mut best: Option<Candidate> = None;
+        let mut runner_up: Option<(usize, f64)> = None;
+        let mut nearest = f64::INFINITY;
+        let mut crowded = false;
+        for (index, landmark) in self.landmarks.iter().enumerate() {
+            let apart: Vector<3> = std::array::from_fn(|i| landmark.mean_m[i] - place[i]);
+            if square(&apart) > reach_m * reach_m {
+                continue;
+            }
+            let Some(candidate) = self.judge(index, feature, view, noise) else { continue };
+            if taken[index] {
+                crowded |= candidate.distance2 <= GATE;
+                continue;
+            }
+            nearest = nearest.min(candidate.distance2);
+            if candidate.distance2 > GATE {
+                continue;
+            }
+            let rival = match &best {
+                Some(leader) if leader.ln_likelihood >= candidate.ln_likelihood => (index, candidate.ln_likelihood),
+                _ => {
+                    let Some(loser) = best.replace(candidate) else { continue };
+                    (loser.index, loser.ln_likelihood)
+                }
+            };
+            if runner_up.is_none_or(|(_, ln)| rival.1 > ln) {
+                runner_up = Some(rival);
+            }
+        }
+        match (best, runner_up) {
+            (Some(best), Some((loser, ln))) if best.ln_likelihood - ln < LN_RATIO => {
+                (Association::Ambiguous(Some(loser)), None)
+            }
+            (Some(best), _) => (Association::Matched(best.index), Some(best)),
+            (None, _) if nearest > NEW_BEYOND && !crowded => (Association::New, None),
+            (None, _) => (Association::Ambiguous(None), None),
+        }
+    }
+
+    fn judge(&self, index: usize, feature: &Feature, view: &View, noise: &Matrix<3, 3>) -> Option<Candidate> {
+        let landmark = &self.landmarks[index];
+        let prediction = view.predict(&landmark.mean_m)?;
+        let innovation = innovation(&feature.polar, &prediction.polar);
+        let hm = &prediction.by_landmark;
+        let spread = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), noise);
+        let hs = &prediction.by_pose;
+        let whole = sum(&product(&product(hs, &self.belief.covariance), &transpose(hs)), &spread);
+        let factor = cholesky(&whole)?;
+        let distance2 = square(&half_solve(&factor, &innovation));
+        let ln_likelihood = -0.5 * (distance2 + ln_determinant(&factor));
+        Some(Candidate { index, prediction, innovation, spread, factor, distance2, ln_likelihood })
+    }
+
+    /// Kalman update of the pose by a match, Joseph form.
+    fn absorb(&mut self, candidate: &Candidate) {
+        let hs = &candidate.prediction.by_pose;
+        let ph: Matrix<6, 3> = product(&self.belief.covariance, &transpose(hs));
+        let gain: Matrix<6, 3> = std::array::from_fn(|r| solve(&candidate.factor, &ph[r]));
+        let moved = apply(&gain, &candidate.innovation);
+        for (mean, by) in self.belief.mean.iter_mut().zip(moved) {
+            *mean += by;
+        }
+        self.belief.wrap();
+        self.belief.covariance = joseph(&self.belief.covariance, &gain, hs, &candidate.spread);
+    }
+
+    /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly.
+    pub fn settle(&mut self, normals: &Vector<6>) {
+        let factor = super::matrix::cholesky_clamped(&self.belief.covariance);
+        let step = apply(&factor, normals);
+        for (mean, by) in self.belief.mean.iter_mut().zip(step) {
+            *mean += by;
+        }
+        self.belief.wrap();
+        self.belief.covariance = [[0.0; 6]; 6];
+    }
+
+    /// Updates the landmarks from the pose as it now is: matches, newcomers, what should have been seen.
+    pub fn chart(&mut self, features: &[Feature], variances: &Vector<3>, mounting: &Mounting, visibility: &Visibility) {
+        let view = View::new(&self.belief.mean, mounting);
+        let noise = diagonal(variances);
+        let mut seen = vec![false; self.landmarks.len()];
+        for (feature, association) in features.iter().zip(&self.associations) {
+            match *association {
+                Association::Matched(index) => {
+                    seen[index] = true;
+                    let landmark = &mut self.landmarks[index];
+                    landmark.existence += EXISTENCE_SEEN;
+                    landmark.absorb(feature, &view, &noise);
+                }
+                Association::New => {
+                    let (mean_m, covariance_m2) = view.locate(&feature.polar, variances);
+                    let known = feature.known;
+                    self.landmarks.push(Landmark { mean_m, covariance_m2, existence: EXISTENCE_NEW, known });
+                }
+                Association::Ambiguous(Some(loser)) => {
+                    // One of a pair of doubles fades away; two real neighbours take turns and both stay.
+                    seen[loser] = true;
+                    self.landmarks[loser].existence += EXISTENCE_MISSED;
+                }
+                Association::Ambiguous(None) => {}
+            }
+        }
+        for (landmark, seen) in self.landmarks.iter_mut().zip(seen) {
+            if !seen && visibility.sees(&view.in_sensor(&landmark.mean_m)) {
+                landmark.existence += EXISTENCE_MISSED;
+            }
+            landmark.existence = landmark.existence.clamp(EXISTENCE_BOUNDS.0, EXISTENCE_BOUNDS.1);
+        }
+        self.landmarks.retain(|l| l.existence >= EXISTENCE_DELETE);
+    }
+}
+
+impl Landmark {
+    /// Kalman update of the landmark from an exact pose, Joseph form.
+    fn absorb(&mut self, feature: &Feature, view: &View, noise: &Matrix<3, 3>) {
+        let Some(prediction) = view.predict(&self.mean_m) else { return };
+        let hm = &prediction.by_landmark;
+        let ph = product(&self.covariance_m2, &transpose(hm));
+        let Some(factor) = cholesky(&sum(&product(hm, &ph), noise)) else { return };
+        let gain: Matrix<3, 3> = std::array::from_fn(|r| solve(&factor, &ph[r]));
+        let moved = apply(&gain, &innovation(&feature.polar, &prediction.polar));
+        for (mean, by) in self.mean_m.iter_mut().zip(moved) {
+            *mean += by;
+        }
+        self.covariance_m2 = joseph(&self.covariance_m2, &gain, hm, noise);
+    }
+}
+
+/// (I - K H) P (I - K H)' + K Q K', symmetric to the last bit.
+fn joseph<const N: usize>(p: &Matrix<N, N>, gain: &Matrix<N, 3>, h: &Matrix<3, N>, q: &Matrix<3, 3>) -> Matrix<N, N> {
+    let kh = product(gain, h);
+    let rest: Matrix<N, N> =
+        std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 1.0 - kh[r][c] } else { -kh[r][c] }));
+    let mut out = sum(&product(&product(&rest, p), &transpose(&rest)), &product(&product(gain, q), &transpose(gain)));
+    symmetrise(&mut out);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{DVec3, Pose};
+
+    const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
+    const LANDMARKS: [Vector<3>; 3] = [[2.0, 0.5, 0.2], [-1.0, 2.0, 0.1], [1.5, -2.5, 0.4]];
+
+    fn mounting() -> Mounting {
+        Mounting::new(&Pose { position_m: DVec3::new(0.2, 0.0, 0.5), ..Pose::default() }.transform())
+    }
+
+    /// A full-rank covariance: A A' for a fixed A, times `scale`.
+    fn covariance(scale: f64) -> Matrix<6, 6> {
+        let a: Matrix<6, 6> = std::array::from_fn(|r| {
+            std::array::from_fn(|c| if r == c { 0.05 } else { 0.01 * math::sin((6 * r + c) as f64) })
+        });
+        product(&a, &transpose(&a)).map(|row| row.map(|v| scale * v))
+    }
+
+    fn particle(scale: f64) -> Particle {
+        let mean = [0.1, -0.2, 0.05, 0.1, -0.15, 0.7];
+        let landmarks = LANDMARKS
+            .iter()
+            .zip(0..)
+            .map(|(&mean_m, id)| Landmark {
+                mean_m,
+                covariance_m2: diagonal(&[4e-4 * scale, 6e-4 * scale, 3e-4 * scale]),
+                existence: 2.0,
+                known: Some(id),
+            })
+            .collect();
+        Particle { belief: Belief { mean, covariance: covariance(scale) }, landmarks, ..Particle::default() }
+    }
+
+    fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Feature> {
+        let view = View::new(&particle.belief.mean, &mounting());
+        (0..3)
+            .map(|i| {
+                let polar = view.predict(&LANDMARKS[i]).expect("in view").polar;
+                let polar = std::array::from_fn(|k| polar[k] + off(i, k));
+                Feature { polar, points: 20, half_width_m: 0.1, known: Some(i as u32) }
+            })
+            .collect()
+    }
+
+    /// Inverse by solving for the unit vectors.
+    fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {
+        let l = cholesky(a).expect("positive definite");
+        let columns: Matrix<6, 6> = std::array::from_fn(|i| {
+            let mut unit = [0.0; 6];
+            unit[i] = 1.0;
+            solve(&l, &unit)
+        });
+        transpose(&columns)
+    }
+
+    #[test]
+    fn equal_sequential_gain_form_and_stacked_information_form() {
+        // Measurements as predicted: the mean stays, so that one linearisation holds for all three.
+        let mut refined = particle(1.0);
+        let found = features(&refined, |_, _| 0.0);
+        let view = View::new(&refined.belief.mean, &mounting());
+        let mut information = inverse(&refined.belief.covariance);
+        for landmark in &refined.landmarks {
+            let h = view.predict(&landmark.mean_m).expect("in view");
+            let hm = &h.by_landmark;
+            let q = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), &diagonal(&VARIANCES));
+            let l = cholesky(&q).expect("positive definite");
+            let rows: Matrix<6, 3> = transpose(&h.by_pose).map(|column| solve(&l, &column));
+            information = sum(&information, &product(&rows, &h.by_pose));
+        }
+        refined.refine(&found, &VARIANCES, &mounting());
+        let want = inverse(&information);
+        for r in 0..6 {
+            for c in 0..6 {
+                let got = refined.belief.covariance[r][c];
+                assert!((got - want[r][c]).abs() < 1e-9 * want[r][r].max(want[c][c]), "({r}, {c}): {got}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_product_of_weights_and_the_density_of_the_stacked_measurement() {
+        // Everything scaled down to where the model is linear; the tolerance is what is left of its bend.
+        let scale: f64 = 1e-14;
+        let variances = VARIANCES.map(|v| v * scale);
+        let mut refined = particle(scale);
+        let found = features(&refined, |i, k| 0.02 * scale.sqrt() * math::sin((3 * i + k + 1) as f64));
+        let view = View::new(&refined.belief.mean, &mounting());
+        let p = refined.belief.covariance;
+        let predictions: Vec<Prediction> = LANDMARKS.iter().map(|m| view.predict(m).expect("in view")).collect();
+        let mut stacked = [[0.0; 9]; 9];
+        let mut residual = [0.0; 9];
+        for (i, a) in predictions.iter().enumerate() {
+            let nu = innovation(&found[i].polar, &a.polar);
+            for (j, b) in predictions.iter().enumerate() {
+                let mut block = product(&product(&a.by_pose, &p), &transpose(&b.by_pose));
+                if i == j {
+                    let hm = &a.by_landmark;
+                    let own = product(&product(hm, &refined.landmarks[i].covariance_m2), &transpose(hm));
+                    block = sum(&block, &sum(&own, &diagonal(&variances)));
+                }
+                for r in 0..3 {
+                    residual[3 * i + r] = nu[r];
+                    for c in 0..3 {
+                        stacked[3 * i + r][3 * j + c] = block[r][c];
+                    }
+                }
+            }
+        }
+        let l = cholesky(&stacked).expect("positive definite");
+        let want =
+            -0.5 * (square(&half_solve(&l, &residual)) + ln_determinant(&l) + 9.0 * math::ln(std::f64::consts::TAU));
+        refined.refine(&found, &variances, &mounting());
+        assert!((refined.log_weight - want).abs() < 1e-6, "{} {want}", refined.log_weight);
+    }
+
+    #[test]
+    fn law_every_feature_adds_one_term_of_comparable_size() {
+        // On the gate a match and a newcomer weigh the same.
+        let matched =
+            -0.5 * (GATE + math::ln(VARIANCES.iter().map(|v| std::f64::consts::TAU * 2.0 * v).product::<f64>()));
+        assert!((ln_unmatched(&VARIANCES) - matched).abs() < 1e-12);
+        let mut lone = Particle::default();
+        let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
+        lone.refine(&[far, far], &VARIANCES, &mounting());
+        assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn law_two_landmarks_of_like_likelihood_are_left_alone() {
+        let mut torn = Particle::default();
+        let view = View::new(&torn.belief.mean, &mounting());
+        for aside in [-0.02, 0.02] {
+            let (mean_m, covariance_m2) = view.locate(&[2.0, aside, 0.0], &VARIANCES);
+            torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
+        }
+        let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
+        torn.refine(&[between], &VARIANCES, &mounting());
+        assert_eq!(torn.associations, vec![Association::Ambiguous(Some(0))]);
+    }
+}

@@ -1,0 +1,452 @@
+//! Rays among grass, bushes and crowns -> where the light truly turned back.
+//!
+//! In: solid first hits, patches and porous volumes, one stream each. Out: the same returns, moved.
+//!
+//! Patches: a return from the ground of a patch comes off a blade whose height above the ground is |N(0, sigma)|, and so
+//! moves toward the sensor until it has that height (to first order in the ground's slope), no farther than the near edge of
+//! the patch. Source: Hewitt et al. 2017, "added variance on measurements from designated areas". Deviation: the paper's
+//! two-sided N(0, sigma) would put half of the returns below ground that light cannot enter; one-sided, sigma is the root mean
+//! square height above the ground. Not modelled: blades that stop a ray on its way to something beyond the patch.
+//!
+//! Volumes: a ray travels an exponential optical depth (Macedo et al. 2000: free path ~ Exp(extinction)) and returns where it
+//! is used up, if that lies before the solid hit. One draw a ray serves all volumes it crosses; where volumes overlap their
+//! extinctions add, and the return is the denser one's (of two alike, the lower id's).
+//!
+//! The sub-rays of a beam share its draws: a footprint is narrower than a tuft, and so switching sub-rays on leaves the
+//! scatter of foliage as it was.
+
+use super::cast::{Caster, Hit};
+use super::returns::Return;
+use crate::geometry::{DVec2, DVec3};
+use crate::math;
+use crate::random::Stream;
+use crate::scene::{Patch, Scene, Volume};
+
+/// Rays are looked at in blocks of this many, so that most are dismissed without a test of their own.
+pub(super) const BLOCK: usize = 32;
+
+/// The vegetation that a sweep can reach, and room for a block's draws.
+#[derive(Debug, Default)]
+pub(super) struct Vegetation {
+    patches: Vec<Patch>,
+    volumes: Vec<NearVolume>,
+    /// Volumes that a block of rays may touch.
+    touched: Vec<usize>,
+    /// Parts of one ray inside volumes: (entry, exit, volume), metres.
+    spans: Vec<(f64, f64, usize)>,
+    borders: Vec<f64>,
+}
+
+/// A volume with the cone that holds it as seen from the sensor.
+#[derive(Clone, Copy, Debug)]
+struct NearVolume {
+    volume: Volume,
+    toward: DVec3,
+    /// Cosine and sine of the cone's half angle; `None` where the sensor is inside the bounding sphere.
+    cone: Option<(f64, f64)>,
+}
+
+/// A run of rays of one origin, and the addresses of their draws.
+pub(super) struct Rays<'a> {
+    pub origin_m: DVec3,
+    pub directions: &'a [DVec3],
+    pub draws: Draws,
+}
+
+/// Where a block's draws stand in their stream.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Draws {
+    /// One a ray, from this index on.
+    From(u64),
+    /// One for all: the sub-rays of one beam.
+    Shared(u64),
+}
+
+impl Draws {
+    fn uniform(self, stream: &Stream, out: &mut [f64]) {
+        match self {
+            Draws::From(first_index) => stream.fill_uniform(first_index, out),
+            Draws::Shared(index) => out.fill(stream.uniform(index)),
+        }
+    }
+
+    fn normal(self, stream: &Stream, out: &mut [f64]) {
+        match self {
+            Draws::From(first_index) => stream.fill_normal(first_index, out),
+            Draws::Shared(index) => out.fill(stream.normal(index)),
+        }
+    }
+}
+
+impl Vegetation {
+    /// Takes the part of the scene's vegetation that lies within reach.
+    pub fn reach(&mut self, scene: &Scene, origin_m: DVec3, reach_m: f64) {
+        let near_patch = |p: &&Patch| p.centre_m.distance(origin_m.truncate()) <= reach_m + p.radius_m;
+        self.patches.clear();
+        self.patches.extend(scene.patches.iter().filter(near_patch).copied());
+        self.volumes.clear();
+        for volume in &scene.volumes {
+            let to_centre = volume.centre_m - origin_m;
+            let (distance_m, radius_m) = (to_centre.length(), volume.semi_axes_m.max_element());
+            if distance_m > reach_m + radius_m {
+                continue;
+            }
+            let sin = radius_m / distance_m;
+            let cone = (sin < 1.0).then(|| ((1.0 - sin * sin).sqrt(), sin));
+            self.volumes.push(NearVolume { volume: *volume, toward: to_centre / distance_m, cone });
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.patches.is_empty() && self.volumes.is_empty()
+    }
+
+    /// Moves the returns of one block of rays.
+    pub fn scatter(&mut self, caster: &Caster, rays: &Rays, streams: &[Stream; 2], returns: &mut [Return]) {
+        debug_assert!(returns.len() <= BLOCK, "draws are made in blocks");
+        self.scatter_patches(caster, rays, &streams[0], returns);
+        self.scatter_volumes(rays, &streams[1], returns);
+    }
+
+    fn scatter_patches(&self, caster: &Caster, rays: &Rays, stream: &Stream, returns: &mut [Return]) {
+        let foot = |i: usize, range_m: f64| (rays.origin_m + rays.directions[i] * range_m).truncate();
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for (i, ret) in returns.iter().enumerate().filter(|(_, ret)| ret.object == Hit::GROUND) {
+            let point = foot(i, ret.range_m);
+            (low, high) = (low.min(point), high.max(point));
+        }
+        let touches = |p: &Patch| p.centre_m.distance(p.centre_m.clamp(low, high)) <= p.radius_m;
+        if low.x > high.x || !self.patches.iter().any(touches) {
+            return;
+        }
+        let mut draws = [0.0; BLOCK];
+        rays.draws.normal(stream, &mut draws[..returns.len()]);
+        for (i, ret) in returns.iter_mut().enumerate().filter(|(_, ret)| ret.object == Hit::GROUND) {
+            let point = foot(i, ret.range_m);
+            let Some(patch) = self.patches.iter().find(|p| p.centre_m.distance(point) <= p.radius_m) else {
+                continue;
+            };
+            let direction = rays.directions[i];
+            let normal = caster.normal_at(Hit::GROUND, rays.origin_m + direction * ret.range_m);
+            let height_m = (patch.sigma_m * draws[i]).abs();
+            // Height above the tangent plane changes by |d . n| / n_z per metre along the ray.
+            let back_m = height_m * normal.z / normal.dot(direction).abs();
+            let edge_m = entry_of_disc(patch, rays.origin_m.truncate(), direction.truncate());
+            // A height of zero leaves the range as it was, also where the ray lies in the tangent plane (0 / 0).
+            let range_m = if height_m > 0.0 { (ret.range_m - back_m).max(edge_m) } else { ret.range_m };
+            *ret = Return { range_m: range_m.min(ret.range_m), object: patch.id, class: patch.class as i8 };
+        }
+    }
+
+    fn scatter_volumes(&mut self, rays: &Rays, stream: &Stream, returns: &mut [Return]) {
+        let block = Cone::around(rays.directions);
+        self.touched.clear();
+        self.touched.extend((0..self.volumes.len()).filter(|&k| block.may_touch(&self.volumes[k])));
+        if self.touched.is_empty() {
+            return;
+        }
+        let mut draws = [0.0; BLOCK];
+        let mut drawn = false;
+        for i in 0..returns.len() {
+            self.spans.clear();
+            for &k in &self.touched {
+                let near = &self.volumes[k];
+                if let Some((entry_m, exit_m)) = crossing(&near.volume, rays.origin_m, rays.directions[i]) {
+                    let exit_m = exit_m.min(returns[i].range_m);
+                    if entry_m < exit_m {
+                        self.spans.push((entry_m, exit_m, k));
+                    }
+                }
+            }
+            if self.spans.is_empty() {
+                continue;
+            }
+            if !drawn {
+                rays.draws.uniform(stream, &mut draws[..returns.len()]);
+                drawn = true;
+            }
+            if let Some((range_m, k)) = self.turning_point(-math::ln(draws[i])) {
+                let volume = &self.volumes[k].volume;
+                returns[i] = Return { range_m, object: volume.id, class: volume.class as i8 };
+            }
+        }
+    }
+
+    /// Where the optical depth is used up along the ray's spans, and in which volume.
+    fn turning_point(&mut self, mut depth: f64) -> Option<(f64, usize)> {
+        self.borders.clear();
+        self.borders.extend(self.spans.iter().flat_map(|&(entry_m, exit_m, _)| [entry_m, exit_m]));
+        self.borders.sort_unstable_by(f64::total_cmp);
+        for borders in self.borders.windows(2) {
+            let (from_m, to_m) = (borders[0], borders[1]);
+            let (mut extinction_per_m, mut densest) = (0.0, None::<(f64, usize)>);
+            for &(_, _, k) in self.spans.iter().filter(|s| s.0 <= from_m && to_m <= s.1) {
+                let own_per_m = self.volumes[k].volume.extinction_per_m;
+                extinction_per_m += own_per_m;
+                if densest.is_none_or(|(most, _)| own_per_m > most) {
+                    densest = Some((own_per_m, k));
+                }
+            }
+            let Some((_, k)) = densest else { continue };
+            let range_m = from_m + depth / extinction_per_m;
+            if range_m < to_m {
+                return Some((range_m, k));
+            }
+            depth -= extinction_per_m * (to_m - from_m);
+        }
+        None
+    }
+}
+
+/// Range at which the ray comes over the patch; 0 where the sensor stands in it.
+fn entry_of_disc(patch: &Patch, origin_m: DVec2, direction: DVec2) -> f64 {
+    let from_centre = origin_m - patch.centre_m;
+    let a = direction.length_squared();
+    let b = from_centre.dot(direction);
+    let c = from_centre.length_squared() - patch.radius_m * patch.radius_m;
+    if c <= 0.0 || a == 0.0 {
+        return 0.0;
+    }
+    // The smaller root in the form that does not cancel; the ray is known to reach the disc.
+    (c / (-b + (b * b - a * c).max(0.0).sqrt())).max(0.0)
+}
+
+/// Ranges at which a ray enters and leaves an ellipsoid, from the origin on.
+fn crossing(volume: &Volume, origin_m: DVec3, direction: DVec3) -> Option<(f64, f64)> {
+    let o = (origin_m - volume.centre_m) / volume.semi_axes_m;
+    let d = direction / volume.semi_axes_m;
+    let (a, b) = (d.length_squared(), o.dot(d));
+    // Distance of the ray's nearest point from the centre, squared: free of the cancellation in b^2 - a c.
+    let miss_sq = (o - d * (b / a)).length_squared();
+    if miss_sq >= 1.0 {
+        return None;
+    }
+    let half = ((1.0 - miss_sq) / a).sqrt();
+    let (entry_m, exit_m) = (-b / a - half, -b / a + half);
+    (exit_m > 0.0).then_some((entry_m.max(0.0), exit_m))
+}
+
+/// A cone that holds a block of directions.
+struct Cone {
+    axis: DVec3,
+    cos: f64,
+    sin: f64,
+}
+
+impl Cone {
+    fn around(directions: &[DVec3]) -> Cone {
+        let axis = directions.iter().copied().sum::<DVec3>().normalize_or_zero();
+        let cos = directions.iter().map(|d| d.dot(axis)).fold(1.0, f64::min);
+        Cone { axis, cos, sin: (1.0 - cos * cos).max(0.0).sqrt() }
+    }
+
+    /// False only where no ray of the block meets the volume's bounding sphere.
+    fn may_touch(&self, near: &NearVolume) -> bool {
+        // Half angles below a right angle each add up to less than a half turn, where the cosine falls.
+        match near.cone {
+            Some((cos, sin)) if self.cos > 0.0 => {
+                // The margin covers rounding: 1e-9 in the cosine.
+                near.toward.dot(self.axis) >= self.cos * cos - self.sin * sin - 1e-9
+            }
+            _ => true,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Law, Purpose};
+    use crate::scene::Class;
+    use crate::sweep::fixtures::{flat_yard, streams};
+    use crate::sweep::params::Cast;
+
+    const EYE: DVec3 = DVec3::new(10.0, 10.0, 1.0);
+
+    fn bush(id: i32, centre_m: DVec3, semi_axes_m: DVec3, extinction_per_m: f64) -> Volume {
+        Volume {
+            id,
+            class: Class::Bush,
+            centre_m,
+            semi_axes_m,
+            extinction_per_m,
+            untraversable: true,
+            protrusion_m: 1.0,
+        }
+    }
+
+    fn two_streams(seed: u64) -> [Stream; 2] {
+        [streams(seed).open(Purpose::SweepPatch), streams(seed).open(Purpose::SweepVolume)]
+    }
+
+    /// Returns of many rays, block by block, that had solid hits at `solid`.
+    fn scattered(scene: &Scene, directions: &[DVec3], solid: Return, seed: u64) -> Vec<Return> {
+        let caster = Caster::new(scene, &Cast::Exact);
+        let mut vegetation = Vegetation::default();
+        vegetation.reach(scene, EYE, 30.0);
+        let mut returns = vec![solid; directions.len()];
+        let streams = two_streams(seed);
+        for (k, (directions, returns)) in directions.chunks(BLOCK).zip(returns.chunks_mut(BLOCK)).enumerate() {
+            let rays = Rays { origin_m: EYE, directions, draws: Draws::From((k * BLOCK) as u64) };
+            vegetation.scatter(&caster, &rays, &streams, returns);
+        }
+        returns
+    }
+
+    /// Greatest distance of the sorted values' distribution from a law (Kolmogorov-Smirnov).
+    fn ks_distance(mut values: Vec<f64>, law: impl Fn(f64) -> f64) -> f64 {
+        values.sort_unstable_by(f64::total_cmp);
+        let n = values.len() as f64;
+        let gap = |(i, v): (usize, &f64)| (law(*v) - i as f64 / n).abs().max((law(*v) - (i + 1) as f64 / n).abs());
+        values.iter().enumerate().map(gap).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn exact_crossings_of_a_ball_and_an_ellipsoid() {
+        let ball = bush(0, EYE + DVec3::X * 5.0, DVec3::splat(2.0), 1.0);
+        assert_eq!(crossing(&ball, EYE, DVec3::X), Some((3.0, 7.0)));
+        assert_eq!(crossing(&ball, EYE, -DVec3::X), None);
+        assert_eq!(crossing(&ball, EYE, DVec3::Z), None);
+        // Chord at an angle: half-length sqrt(r^2 - (d sin a)^2).
+        let (s, c) = math::sin_cos(0.3);
+        let (entry_m, exit_m) = crossing(&ball, EYE, DVec3::new(c, s, 0.0)).unwrap();
+        assert!((0.5 * (exit_m - entry_m) - (4.0 - 25.0 * s * s).sqrt()).abs() < 1e-14);
+        let flat = bush(0, EYE + DVec3::X * 5.0, DVec3::new(1.0, 2.0, 0.5), 1.0);
+        assert_eq!(crossing(&flat, EYE, DVec3::X), Some((4.0, 6.0)));
+        assert_eq!(crossing(&flat, EYE + DVec3::X * 5.0, DVec3::Z), Some((0.0, 0.5)));
+    }
+
+    #[test]
+    fn dist_free_paths_follow_the_exponential_law_cut_at_the_far_side() {
+        // A ball of 2 m across, extinction 1.5 per metre: 1 - exp(-3) of the rays return inside.
+        let mut scene = flat_yard();
+        scene.volumes.push(bush(0, EYE + DVec3::X * 4.0, DVec3::splat(1.0), 1.5));
+        let rays = vec![DVec3::X; 20_000];
+        let returns = scattered(&scene, &rays, Return { range_m: 9.0, object: 5, class: 1 }, 3);
+        let inside: Vec<f64> = returns.iter().filter(|r| r.object == 0).map(|r| r.range_m - 3.0).collect();
+        let share = inside.len() as f64 / 20_000.0;
+        let expected = 1.0 - math::exp(-3.0);
+        // Four binomial standard errors.
+        assert!((share - expected).abs() < 4.0 * (expected * (1.0 - expected) / 20_000.0).sqrt(), "{share}");
+        assert!(inside.iter().all(|depth| (0.0..2.0).contains(depth)));
+        // KS critical value at 0.1 %: 1.95 / sqrt(n).
+        let bound = 1.95 / (inside.len() as f64).sqrt();
+        let distance = ks_distance(inside, |depth| (1.0 - math::exp(-1.5 * depth)) / expected);
+        assert!(distance < bound, "{distance} against {bound}");
+        assert!(returns.iter().all(|r| r.object == 0 || (r.range_m, r.object) == (9.0, 5)));
+    }
+
+    #[test]
+    fn exact_optical_depth_is_spent_over_gaps_and_overlaps() {
+        let mut vegetation = Vegetation::default();
+        for (k, extinction_per_m) in [1.0, 4.0, 2.0].into_iter().enumerate() {
+            let volume = bush(k as i32, DVec3::ZERO, DVec3::ONE, extinction_per_m);
+            vegetation.volumes.push(NearVolume { volume, toward: DVec3::X, cone: None });
+        }
+        // [1, 3] of 1 per metre overlaps [2, 4] of 4 per metre; then a gap; then [5, 6] of 2 per metre.
+        vegetation.spans = vec![(1.0, 3.0, 0), (2.0, 4.0, 1), (5.0, 6.0, 2)];
+        let mut at = |depth| vegetation.turning_point(depth);
+        assert_eq!(at(0.5), Some((1.5, 0)));
+        assert_eq!(at(1.0 + 2.5), Some((2.5, 1)));
+        assert_eq!(at(1.0 + 5.0 + 2.0), Some((3.5, 1)));
+        assert_eq!(at(1.0 + 5.0 + 4.0 + 1.0), Some((5.5, 2)));
+        assert_eq!(at(1.0 + 5.0 + 4.0 + 2.1), None);
+    }
+
+    #[test]
+    fn equal_dismissing_blocks_by_their_cones_changes_no_return() {
+        let stream = streams(9).open(Purpose::SweepTilt);
+        let number = Law::Uniform([-1.0, 1.0]);
+        let number = |i: u64| crate::random::Dist::Law(number.clone()).at(&stream, i);
+        let mut scene = flat_yard();
+        for k in 0..12u64 {
+            let at = EYE + DVec3::new(8.0 * number(3 * k), 8.0 * number(3 * k + 1), number(3 * k + 2));
+            scene.volumes.push(bush(k as i32, at, DVec3::new(0.3, 0.5, 0.9), 3.0));
+        }
+        let rays: Vec<DVec3> = (0..6400)
+            .map(|i| {
+                let (s, c) = math::sin_cos(f64::from(i) * 0.002);
+                DVec3::new(c, s, 0.1 * math::sin(f64::from(i) * 0.01)).normalize()
+            })
+            .collect();
+        let fast = scattered(&scene, &rays, Return::NOTHING, 4);
+        // Every ray in a block of its own kind: no cone, all volumes.
+        let mut vegetation = Vegetation::default();
+        vegetation.reach(&scene, EYE, 30.0);
+        vegetation.volumes.iter_mut().for_each(|near| near.cone = None);
+        let mut slow = vec![Return::NOTHING; rays.len()];
+        for (i, ret) in slow.iter_mut().enumerate() {
+            let ray = Rays { origin_m: EYE, directions: &rays[i..=i], draws: Draws::From(i as u64) };
+            vegetation.scatter_volumes(&ray, &two_streams(4)[1], std::slice::from_mut(ret));
+        }
+        assert_eq!(fast, slow);
+        let inside = fast.iter().filter(|r| r.is_hit()).count();
+        assert!((300..6000).contains(&inside), "{inside} of 6400 rays return from bushes");
+    }
+
+    #[test]
+    fn dist_grass_stands_above_the_ground_with_half_normal_heights() {
+        let mut scene = flat_yard();
+        let centre_m = DVec2::new(12.0, 10.0);
+        scene.patches.push(Patch {
+            id: 0,
+            class: Class::Grass,
+            centre_m,
+            radius_m: 1.5,
+            sigma_m: 0.1,
+            untraversable: false,
+        });
+        // The foot lies 2.5 m ahead, 2 m inside the patch: no height within reach of 7 sigma meets its edge.
+        let ray = DVec3::new(2.5, 0.0, -1.0).normalize();
+        let solid = Return { range_m: (2.5f64 * 2.5 + 1.0).sqrt(), object: Hit::GROUND, class: 0 };
+        let returns = scattered(&scene, &vec![ray; 20_000], solid, 6);
+        assert!(returns.iter().all(|r| (r.object, r.class) == (0, Class::Grass as i8)));
+        let heights: Vec<f64> = returns.iter().map(|r| EYE.z + r.range_m * ray.z).collect();
+        assert!(heights.iter().all(|h| (-1e-15..0.8).contains(h)));
+        let distance = ks_distance(heights, |h| libm::erf(h.max(0.0) / (0.1 * 2.0f64.sqrt())));
+        assert!(distance < 1.95 / 20_000.0f64.sqrt(), "{distance}");
+    }
+
+    #[test]
+    fn exact_grass_ends_at_the_near_edge_of_its_patch_and_keeps_to_the_slope() {
+        let patch = |sigma_m| Patch {
+            id: 0,
+            class: Class::Grass,
+            centre_m: DVec2::new(14.0, 10.0),
+            radius_m: 1.0,
+            sigma_m,
+            untraversable: false,
+        };
+        assert!((entry_of_disc(&patch(1.0), EYE.truncate(), DVec2::X) - 3.0).abs() < 1e-15);
+        assert_eq!(entry_of_disc(&patch(1.0), DVec2::new(14.5, 10.0), DVec2::X), 0.0);
+        assert_eq!(entry_of_disc(&patch(1.0), DVec2::new(14.5, 10.0), DVec2::ZERO), 0.0);
+        let ray = DVec3::new(4.5, 0.0, -1.0).normalize();
+        let range_m = (4.5f64 * 4.5 + 1.0).sqrt();
+        let solid = Return { range_m, object: Hit::GROUND, class: 0 };
+        let mut scene = flat_yard();
+        scene.patches.push(patch(50.0));
+        // Heights of metres: every return comes off the near edge, 3 m ahead, or off a blade between.
+        let edge_m = range_m * 3.0 / 4.5;
+        let tall = scattered(&scene, &vec![ray; 64], solid, 2);
+        assert!(tall.iter().all(|r| r.range_m >= edge_m - 1e-12 && r.range_m <= range_m));
+        assert!(tall.iter().any(|r| (r.range_m - edge_m).abs() < 1e-12));
+        scene.patches[0] = patch(0.0);
+        let none = scattered(&scene, &vec![ray; 64], solid, 2);
+        assert!(none.iter().all(|r| r.range_m == range_m && r.object == 0), "no height leaves every range as it was");
+    }
+
+    #[test]
+    fn extreme_endless_extinction_returns_at_the_surface_and_grazing_rays_stay_finite() {
+        let mut scene = flat_yard();
+        scene.volumes.push(bush(0, EYE + DVec3::X * 4.0, DVec3::splat(1.0), 1e12));
+        let (s, c) = math::sin_cos(math::asin(0.25) - 1e-12);
+        let rays = [DVec3::X, DVec3::new(c, s, 0.0), DVec3::new(c, -s, 0.0)];
+        for ret in scattered(&scene, &rays, Return::NOTHING, 1) {
+            assert!(ret.range_m.is_finite() && (3.0..4.0).contains(&ret.range_m), "{ret:?}");
+        }
+        // The sensor in the middle of the bush.
+        scene.volumes[0].centre_m = EYE;
+        let ret = scattered(&scene, &rays[..1], Return::NOTHING, 1)[0];
+        assert!(ret.range_m >= 0.0 && ret.range_m < 1e-9 && ret.object == 0);
+    }
+}

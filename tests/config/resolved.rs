@@ -1,0 +1,249 @@
+//! Contract: a plan written out is a config that gives the same plan; its hash is blind to name and scenes alone.
+
+use std::path::Path;
+
+use marsyard::config::{Plan, load};
+use marsyard::random::{Dist, Law};
+use marsyard::scene::params::GroundSource;
+use marsyard::slam::SlamParams;
+
+fn plan(sets: &[&str]) -> Plan {
+    let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+    load(Path::new("configs/quickstart.yaml"), &sets).unwrap_or_else(|error| panic!("{}", error.lines()))
+}
+
+fn reloaded(plan: &Plan, folder: &Path) -> Plan {
+    for file in &plan.files {
+        let to = folder.join(&file.path);
+        std::fs::create_dir_all(to.parent().unwrap()).unwrap();
+        std::fs::copy(&file.from, to).unwrap();
+    }
+    let path = folder.join("plan.yaml");
+    std::fs::write(&path, plan.to_yaml()).unwrap();
+    load(&path, &[]).unwrap_or_else(|error| panic!("{}\n{}", error.lines(), plan.to_yaml()))
+}
+
+/// The same plan, text and hash, twice over.
+fn assert_comes_back(plan: &Plan) {
+    let folder = tempfile::tempdir().unwrap();
+    let again = reloaded(plan, folder.path());
+    assert_eq!(plan.difference(&again), Vec::<String>::new());
+    assert_eq!(plan.to_yaml(), again.to_yaml());
+    assert!(*plan == again, "serialised alike, but not equal");
+    assert_eq!(plan.scene_plan_hash(), again.scene_plan_hash());
+}
+
+#[test]
+fn equal_shipped_plans_and_their_resolved_forms() {
+    for entry in std::fs::read_dir("configs").unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "yaml") {
+            let plan = load(&path, &[]).unwrap_or_else(|error| panic!("{}", error.lines()));
+            assert_comes_back(&plan);
+        }
+    }
+}
+
+#[test]
+fn equal_plans_with_every_part_switched_on_and_off() {
+    let variants: &[&[&str]] = &[
+        &[
+            "drive.instruments.sun_deg=null",
+            "scene.rocks=null",
+            "drive.path={straight: {length_m: 2}}",
+            "drive.start={}",
+        ],
+        &[
+            "scene.ground={source: flat, shape: {raw: {spacing_m: 0.5}}, features: [{ridge: {count: 2, height_m: 0.2, width_m: 1}}]}",
+        ],
+        &["scene.ground.roughness={rms_height_m: 0.01, correlation_length_m: 0.5}"],
+        &["scene.rocks={golombek: {abundance: {choice: [0.02, 0.05]}}}"],
+        &["scene.boxes={count: 3, length_m: 1, width_m: {normal: {mean: 1, sd: 0.5, min: 0.1, max: 2}}, height_m: 1}"],
+        &["scene.trees={count: 3, diameter_m: 0.2, height_m: 2, crown: {diameter_m: 2, extinction_per_m: 2}}"],
+        &["scene.vegetation={grass: {count: 3, radius_m: 1, sigma_m: 0.05}, brush: null}"],
+        &["slam=truth"],
+        &["slam=dead_reckoning"],
+        &["slam={surrogate: {}}"],
+        &["drive.keep={every: 2}", "drive.path={waypoints: {points_m: [[3, 3], [6, 6.5]]}}"],
+        &["sweep.cast={mesh: {spacing_m: 0.1}}", "sweep.mount={z_m: {uniform: [0.5, 1]}}", "sweep.sensor=os1-64"],
+        &["sweep.effects={mixed_pixels: {}, dropout: {}, intensity: {}, tilt_jitter_deg: 0.1}", "sweep.sensor=rosette"],
+        &[
+            "cells.labels={obstacle: {taller_than_m: 0.3}, max_ground_slope_deg: 20}",
+            "seed=0",
+            "tables=[cells, points]",
+        ],
+        &[
+            "drive.rover=husky-a200",
+            "drive.contact=nelder_mead",
+            "drive.control_noise={speed: 0.05, yaw_rate: 0.05, heading_deg_per_sqrt_m: 1}",
+        ],
+        &["seed=18446744073709551615", "name=on", "max_failed_share=0"],
+    ];
+    for sets in variants {
+        assert_comes_back(&plan(sets));
+    }
+}
+
+#[test]
+fn law_the_scene_plan_hash_ignores_name_and_scenes_alone() {
+    let base = plan(&[]);
+    let hash = base.scene_plan_hash();
+    assert_eq!(hash, plan(&["name=other", "scenes=400"]).scene_plan_hash());
+    assert!(base.difference(&plan(&["name=other", "scenes=400"])).is_empty());
+    for set in ["seed=43", "scenes_per_shard=20", "scene.rocks.count=5", "tables=[cells]", "slam.fastslam.particles=31"]
+    {
+        let other = plan(&[set]);
+        assert_ne!(hash, other.scene_plan_hash(), "{set}");
+        assert_eq!(base.difference(&other).len(), 1, "{set}: {:?}", base.difference(&other));
+    }
+    assert_eq!(base.difference(&plan(&["seed=43"])), ["seed: 42 here, 43 there"]);
+    assert_eq!(
+        base.difference(&plan(&["slam=truth"])),
+        ["slam: {\"fastslam\":{\"particles\":30,\"resample... here, truth there"]
+    );
+}
+
+#[test]
+fn exact_overrides_reach_their_keys() {
+    let plan = plan(&[
+        "scene.rocks.count=5",
+        "scene.rocks.diameter_m={uniform: [0.2, 0.4]}",
+        "drive.rover.wheel_diameter_m=0.3",
+    ]);
+    let rocks = plan.families[0].scene.rocks.as_ref().unwrap();
+    assert_eq!(rocks.count, Some(Dist::Constant(5.0)));
+    assert_eq!(rocks.diameter_m, Some(Dist::Law(Law::Uniform([0.2, 0.4]))));
+    assert_eq!(plan.families[0].drive.rover.wheel_diameter_m, 0.3);
+    assert_eq!(plan.families[0].drive.rover.name, "kapvik");
+}
+
+/// Overrides merge key by key; another variant, another preset and null replace.
+#[test]
+fn exact_families_override_the_document() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("corpus.yaml");
+    let text = "
+marsyard: 1
+name: families
+seed: 0
+scenes: 20
+scenes_per_shard: 10
+scene:
+  rocks: {count: 20, diameter_m: 0.3}
+  trees: {count: 3, diameter_m: 0.2, height_m: 2}
+drive: {rover: kapvik, stops: 4}
+sweep: {sensor: urg-04lx, effects: {range_noise: {}, dropout: {rate: 0.01}}}
+slam: {fastslam: {particles: 40}}
+families:
+  - {name: plain, weight: 3}
+  - name: other
+    hold_out: true
+    scene: {rocks: {count: {uniform: [1, 5]}}, trees: null}
+    drive: {rover: husky-a200, stops: 6}
+    sweep: {sensor: {max_range_m: 5.0}, effects: {dropout: {rate: 0.02}}}
+    slam: {surrogate: {}}
+  - {name: third, sweep: {sensor: vlp-16}, slam: {fastslam: {max_features: 20}}}
+";
+    std::fs::write(&path, text).unwrap();
+    let plan = load(&path, &[]).unwrap_or_else(|error| panic!("{}", error.lines()));
+    let [plain, other, third] = plan.families.as_slice() else { panic!("three families") };
+    assert_eq!((plain.weight, plain.hold_out, other.weight, other.hold_out), (3.0, false, 1.0, true));
+    let rocks = other.scene.rocks.as_ref().unwrap();
+    assert_eq!(
+        (rocks.count.clone(), rocks.diameter_m.clone()),
+        (Some(Dist::Law(Law::Uniform([1.0, 5.0]))), Some(0.3.into()))
+    );
+    assert!(plain.scene.trees.is_some() && other.scene.trees.is_none());
+    assert_eq!((other.drive.rover.name.as_str(), other.drive.stops, plain.drive.stops), ("husky-a200", 6, 4));
+    assert_eq!((other.sweep.sensor.name.as_str(), other.sweep.sensor.max_range_m), ("urg-04lx", 5.0));
+    assert!(other.sweep.effects.range_noise.is_some());
+    assert_eq!(other.sweep.effects.dropout.as_ref().unwrap().rate, 0.02.into());
+    assert!(matches!(other.slam, SlamParams::Surrogate(_)));
+    assert_eq!(third.sweep.sensor.name, "vlp-16");
+    let SlamParams::Fastslam(slam) = &third.slam else { panic!("fastslam") };
+    assert_eq!((slam.particles, slam.max_features), (40, 20));
+    assert_comes_back(&plan);
+    // Held-out families are drawn in test shards alone: shards 0 and 1 train.
+    assert!((0..20).all(|scene| plan.family_of(scene).name != "other"));
+}
+
+fn npy(rows: usize, cols: usize, heights: &[f32]) -> Vec<u8> {
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({rows}, {cols}), }}");
+    let header = format!("{header:<117}\n");
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(heights.iter().flat_map(|h| h.to_le_bytes()));
+    bytes
+}
+
+fn png(side: u32, samples: &[u16]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, side, side);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let data: Vec<u8> = samples.iter().flat_map(|s| s.to_be_bytes()).collect();
+    encoder.write_header().unwrap().write_image_data(&data).unwrap();
+    bytes
+}
+
+#[test]
+fn exact_height_maps_lie_as_their_files_say() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("hill.npy"), npy(2, 2, &[0.0, 1.0, 2.0, 3.0])).unwrap();
+    std::fs::write(folder.path().join("hill.png"), png(2, &[0, 65_535, 13_107, 26_214])).unwrap();
+    let with = |source: &str| {
+        let path = folder.path().join("corpus.yaml");
+        let text = std::fs::read_to_string("configs/quickstart.yaml").unwrap();
+        std::fs::write(&path, text).unwrap();
+        load(&path, &[format!("scene.ground.source={{file: {source}}}")])
+            .unwrap_or_else(|error| panic!("{}", error.lines()))
+    };
+    // The file's first row is the south edge of an NPY, the north edge of a PNG.
+    for (source, expected) in
+        [("{path: hill.npy}", [0.0, 1.0, 2.0, 3.0]), ("{path: hill.png, height_m: 5}", [1.0, 2.0, 0.0, 5.0])]
+    {
+        let plan = with(source);
+        let GroundSource::File(file) = &plan.families[0].scene.ground.source else { panic!("a file") };
+        let raster = file.raster.as_ref().unwrap();
+        assert_eq!((raster.rows, raster.cols, raster.spacing_m), (2, 2, 1.0));
+        assert!(raster.heights_m.iter().zip(expected).all(|(h, e)| (h - e).abs() < 1e-12), "{:?}", raster.heights_m);
+        assert_eq!(plan.files.len(), 1);
+        assert_comes_back(&plan);
+    }
+}
+
+#[test]
+fn law_a_changed_height_map_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("corpus.yaml");
+    let map = folder.path().join("hill.npy");
+    std::fs::copy("configs/quickstart.yaml", &config).unwrap();
+    std::fs::write(&map, npy(2, 2, &[0.0; 4])).unwrap();
+    let plan = load(&config, &["scene.ground.source={file: {path: hill.npy}}".into()]).unwrap();
+    reloaded(&plan, folder.path());
+    std::fs::write(folder.path().join(&plan.files[0].path), npy(2, 2, &[1.0; 4])).unwrap();
+    let error = load(&folder.path().join("plan.yaml"), &[]).unwrap_err();
+    assert!(error.lines().contains("is another one: its BLAKE3 hash is"), "{}", error.lines());
+}
+
+#[test]
+fn exact_a_pattern_file_is_written_into_the_plan() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("corpus.yaml");
+    std::fs::copy("configs/quickstart.yaml", &config).unwrap();
+    std::fs::create_dir(folder.path().join("mine")).unwrap();
+    let csv = "# my own\nelevation_deg, azimuth_deg, time_s\n-10, 0, 0\n-20.5, 1, 0.1\n";
+    std::fs::write(folder.path().join("mine/beams.csv"), csv).unwrap();
+    let sensor = "name: mine\npattern: {file: {path: beams.csv}}\nmin_range_m: 0.1\nmax_range_m: 9\nrange_sigma_m: 0.01
+range_step_m: 0.001\ndivergence_mrad: 1\nrange_at_10_percent_m: 4\nranging: {pulse: {pulse_ns: 5, report: first}}\n";
+    std::fs::write(folder.path().join("mine/sensor.yaml"), sensor).unwrap();
+    let plan =
+        load(&config, &["sweep.sensor=mine/sensor.yaml".into()]).unwrap_or_else(|error| panic!("{}", error.lines()));
+    let marsyard::sweep::sensor::PatternParams::File(file) = &plan.families[0].sweep.sensor.pattern else {
+        panic!("a file")
+    };
+    assert_eq!(file.beams, [[0.0, 0.0, -10.0], [0.1, 1.0, -20.5]]);
+    // The resolved plan needs neither the sensor's file nor the pattern's.
+    assert_comes_back(&plan);
+}

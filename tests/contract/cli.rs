@@ -1,0 +1,122 @@
+//! Verbs from the outside: exit codes, what is written, what is said.
+
+use crate::yard::{Yard, text};
+
+#[test]
+fn law_a_bad_config_exits_2_and_writes_nothing() {
+    let yard = Yard::new();
+    std::fs::write(
+        yard.path("bad.yaml"),
+        "marsyard: 1\nname: bad\nseed: 1\nscenes: 10\nscenes_per_shard: 5\nscene: {extend_m: 20}\n",
+    )
+    .expect("a scratch file");
+    let output = yard.marsyard(["generate", "bad.yaml"]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = text(&output.stderr);
+    assert!(said.contains("bad.yaml") && said.contains("extend_m") && said.contains("extent_m"), "{said}");
+    assert_eq!(std::fs::read_dir(yard.path("")).expect("the folder").count(), 1, "something was written");
+}
+
+#[test]
+fn law_another_plan_in_the_same_place_is_refused_with_the_difference() {
+    let yard = Yard::new();
+    yard.generate(&Yard::everything(), "place", &["--shards", "0..1"]);
+    let before = yard.identity("place");
+    let config = Yard::everything().display().to_string();
+    let output = yard.marsyard(["generate", &config, "--out", "place", "--set", "seed=1"]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = text(&output.stderr);
+    assert!(said.contains("seed") && said.contains('0') && said.contains('1'), "{said}");
+    crate::yard::assert_same(&before, &yard.identity("place"));
+}
+
+#[test]
+fn law_finalize_refuses_gaps_and_names_them() {
+    let yard = Yard::new();
+    yard.generate(&Yard::everything(), "gap", &["--shards", "0..1"]);
+    yard.generate(&Yard::everything(), "gap", &["--shards", "3..4"]);
+    let output = yard.marsyard(["finalize", "gap"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("1..3"), "{}", text(&output.stderr));
+    let output = yard.marsyard(["status", "gap", "--missing"]);
+    assert_eq!(text(&output.stdout).trim(), "1..3");
+}
+
+#[test]
+fn equal_the_resolved_plan_builds_the_same_corpus() {
+    let yard = Yard::new();
+    yard.generate(&Yard::everything(), "first", &[]);
+    let plan = yard.path("first/plan.yaml");
+    yard.generate(&plan, "second", &[]);
+    crate::yard::assert_same(&yard.identity("first"), &yard.identity("second"));
+}
+
+#[test]
+fn law_verify_finds_a_flipped_bit() {
+    let yard = Yard::new();
+    yard.generate(&Yard::everything(), "corpus", &[]);
+    assert!(yard.marsyard(["verify", "corpus"]).status.success());
+    let shard = yard.path("corpus/data/cells/train-0000001.parquet");
+    let mut bytes = std::fs::read(&shard).expect("a shard");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&shard, bytes).expect("a writable shard");
+    let output = yard.marsyard(["verify", "corpus"]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert!(said.contains("train-0000001.parquet"), "{said}");
+}
+
+#[test]
+fn law_preview_writes_pictures_a_cloud_and_trajectories() {
+    let yard = Yard::new();
+    let config = Yard::everything().display().to_string();
+    let output = yard.marsyard(["preview", &config, "--scene", "1", "--out", "pictures"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let starts = |name: &str, magic: &[u8]| {
+        let bytes = std::fs::read(yard.path("pictures").join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert!(bytes.starts_with(magic), "{name}");
+    };
+    for name in ["scene-1-top.png", "scene-1-perspective.png", "scene-1-scan.png"] {
+        starts(name, b"\x89PNG");
+    }
+    starts("scene-1-cloud.ply", b"ply\n");
+    let truth = std::fs::read_to_string(yard.path("pictures/scene-1-truth.tum")).expect("a trajectory");
+    assert!(truth.lines().all(|line| line.split_whitespace().count() == 8), "{truth}");
+}
+
+#[test]
+fn law_explain_gives_the_arithmetic_of_a_cell() {
+    let yard = Yard::new();
+    yard.generate(&Yard::everything(), "corpus", &[]);
+    let output = yard.marsyard(["explain", "corpus", "--scene", "1"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let said = text(&output.stdout);
+    assert!(said.contains("scene.ground.source.random.rms_height_m"), "{said}");
+}
+
+#[test]
+fn law_plan_names_the_parts_and_json_parses() {
+    let yard = Yard::new();
+    let config = Yard::everything().display().to_string();
+    let output = yard.marsyard(["plan", &config]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("rocks"));
+    let output = yard.marsyard(["plan", &config, "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    assert_eq!(json["scenes"], 8);
+}
+
+#[test]
+fn law_the_binary_imports_no_transcendental_function() {
+    let output =
+        std::process::Command::new("nm").args(["-D", "--undefined-only", env!("CARGO_BIN_EXE_marsyard")]).output();
+    let output = output.expect("nm, from binutils, which a C compiler brings");
+    let symbols = text(&output.stdout);
+    for name in "sin cos sincos tan asin acos atan atan2 exp exp2 expm1 log log2 log10 log1p pow hypot cbrt".split(' ')
+    {
+        let imported =
+            symbols.lines().any(|line| line.split_whitespace().last().and_then(|s| s.split('@').next()) == Some(name));
+        assert!(!imported, "{name} comes from the C library: its bits depend on the machine");
+    }
+}
