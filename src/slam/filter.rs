@@ -1,6 +1,6 @@
 //! Readings and features -> a cloud of particles: FastSLAM 2.0, and dead reckoning as its one-particle case.
 //!
-//! In: control steps, angle readings, a sweep's features. Out: [`Estimate`]s relative to the start. Source: Montemerlo et al.
+//! In: control steps, angle readings, a sweep's features. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
 //! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Between sweeps
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
 //! modelled: constant instrument biases; they make the angles' sigmas too small.

@@ -124,8 +124,11 @@ fn sensor(random: &mut Random, scene: &Scene, caster: &Caster) -> DVec3 {
     }
 }
 
+/// The direction of the k-th ray.
+type Beam = fn(&mut Random, usize) -> DVec3;
+
 /// Beam directions in the manner of the sensors: name, reach, rays.
-fn patterns() -> Vec<(&'static str, f64, fn(&mut Random, usize) -> DVec3)> {
+fn patterns() -> Vec<(&'static str, f64, Beam)> {
     fn polar(azimuth: f64, elevation: f64) -> DVec3 {
         DVec3::new(
             math::cos(azimuth) * math::cos(elevation),
