@@ -107,7 +107,8 @@ impl Study {
         let mut scene = Scene::bare(full.extent_m, full.ground.clone());
         for rock in &full.obstacles {
             let from_ring_m = (rock.centre_m.truncate().distance(centre_m) - RADIUS_M).abs();
-            if scene.obstacles.len() < scenario.rocks && from_ring_m > rock.radius_m + 0.5 {
+            let inside = (rock.centre_m.truncate() - centre_m).abs().max_element() < 9.0;
+            if scene.obstacles.len() < scenario.rocks && inside && from_ring_m > rock.radius_m + 0.5 {
                 scene = scene.with_obstacle(rock.class, rock.shape.clone());
             }
         }
