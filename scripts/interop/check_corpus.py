@@ -179,7 +179,7 @@ def check_scenes(corpus):
     """Each scene is in one split, and its counts are those of its rows."""
     scenes = pl.read_parquet(corpus.glob("scenes"))
     cells = pl.read_parquet(corpus.glob("cells"), columns=["scene_id", "label"])
-    expect(scenes["scene_id"].to_list().sort(), list(range(corpus.manifest["scenes"])).sort(), "scene numbers")
+    expect(sorted(scenes["scene_id"].to_list()), list(range(corpus.manifest["scenes"])), "scene numbers")
     counted = cells.group_by("scene_id").agg(
         cells_found=pl.len(), untraversable_found=(pl.col("label") == 1).sum()
     )
@@ -194,15 +194,19 @@ def check_scenes(corpus):
 
 def check_datasets(corpus):
     """Hugging Face datasets reads the card's configs, splits and class names."""
+    import tempfile
+
     import datasets
 
-    for table in corpus.tables:
-        loaded = datasets.load_dataset(str(corpus.place.resolve()), table, cache_dir=str(corpus.place / ".cache"))
-        expected = {name: split["rows"][table] for name, split in corpus.splits().items()}
-        expect({name: split.num_rows for name, split in loaded.items()}, expected, f"datasets: rows of {table}")
-        if table == "cells":
-            label = loaded["train"].features["label"]
-            expect(label.names, ["traversable", "untraversable"], "datasets: class names")
+    datasets.disable_progress_bars()
+    with tempfile.TemporaryDirectory() as cache:
+        for table in corpus.tables:
+            loaded = datasets.load_dataset(str(corpus.place.resolve()), table, cache_dir=cache)
+            expected = {name: split["rows"][table] for name, split in corpus.splits().items()}
+            expect({name: split.num_rows for name, split in loaded.items()}, expected, f"datasets: rows of {table}")
+            if table == "cells":
+                label = loaded["train"].features["label"]
+                expect(label.names, ["traversable", "untraversable"], "datasets: class names")
 
 
 def check_croissant(corpus):

@@ -29,23 +29,20 @@ def rotation(roll, pitch, yaw):
     return rz @ ry @ rx
 
 
-def mount_of(family):
-    """rover_from_sensor: rotation and position; the sweep's own mount goes before the rover's. None where it is drawn."""
-    mount = family["sweep"].get("mount") or family["drive"]["rover"]["mount"]
-    angles = [mount.get(key, 0.0) for key in ("roll_deg", "pitch_deg", "yaw_deg")]
-    place = [mount.get(key, 0.0) for key in ("x_m", "y_m", "z_m")]
-    if not all(isinstance(value, (int, float)) for value in angles + place):
-        return None
-    return rotation(*np.radians(angles)), np.array(place)
+def mount_of(family, scene):
+    """rover_from_sensor, rotation and position: the rover's mount, with what the scene drew for `sweep.mount`."""
+    drawn = {key.removeprefix("sweep.mount."): value for key, value in scene.items() if key.startswith("sweep.mount.")}
+    mount = family["drive"]["rover"]["mount"] | {key: value for key, value in drawn.items() if value is not None}
+    angles = [mount[key] for key in ("roll_deg", "pitch_deg", "yaw_deg")]
+    return rotation(*np.radians(angles)), np.array([mount[key] for key in ("x_m", "y_m", "z_m")])
 
 
 class Scan:
     """A kept scan: the pose it was taken at, as believed, and its points."""
 
-    def __init__(self, points, pose, family):
-        self.pose, self.family = pose, family
+    def __init__(self, points, pose, mount):
+        self.pose = pose
         hits = points.filter(pl.col("status") == 0)
-        self.slots = len(points)
         self.hits = len(hits)
         self.sensor = hits.select("sensor_x_m", "sensor_y_m", "sensor_z_m").to_numpy()
         self.map = hits.select("map_x_m", "map_y_m", "map_z_m").to_numpy()
@@ -57,18 +54,13 @@ class Scan:
         self.placed = hits["row"].is_not_null().to_numpy()
         self.row = hits["row"].fill_null(0).to_numpy()
         self.col = hits["col"].fill_null(0).to_numpy()
-        self.distance_m = self.distances()
+        self.distance_m = self.distances(*mount)
 
-    def distances(self):
+    def distances(self, rover_from_sensor, lever):
         """Horizontal distance of each point from the sensor; checks the points' places on the way."""
-        mount = mount_of(self.family)
         position = np.array([self.pose[key] for key in ("x_m", "y_m", "z_m")])
         turn = rotation(self.pose["roll_rad"], self.pose["pitch_rad"], self.pose["yaw_rad"])
         expect_close(np.linalg.norm(self.sensor, axis=1), self.range_m, 1e-9, "length of points and range", self)
-        if mount is None:
-            # A drawn mount: the sensor stands where map - turned(sensor) is the same for all points.
-            sys.exit("FAILED: this check needs a mount that is not drawn")
-        rover_from_sensor, lever = mount
         there = self.sensor @ (turn @ rover_from_sensor).T + (turn @ lever + position)
         expect_close(there, self.map, 1e-9, "points in the map", self)
         offset = self.map - (turn @ lever + position)
@@ -180,21 +172,22 @@ def compare(cells, window, kept, params, worst):
 
 def check_cells(corpus):
     plan = yaml.safe_load((corpus.place / "plan.yaml").read_text())
-    families = {family["name"]: family for family in plan["families"]}
+    # A plan of one kind of scene has no families: its own sections are the one named default.
+    families = {family["name"]: family for family in plan.get("families", [plan | {"name": "default"}])}
     worst, scans, rows = {}, 0, 0
     for shard in corpus.shards:
         tables = {name: pl.read_parquet(corpus.place / facts["path"]) for name, facts in shard["tables"].items()}
         poses = tables["poses"].filter(pl.col("scan_id").is_not_null())
-        family_of = dict(tables["scenes"].select("scene_id", "family").iter_rows())
-        points_in = dict(tables["scenes"].select("scene_id", "points_in").iter_rows())
+        scene_of = {scene["scene_id"]: scene for scene in tables["scenes"].iter_rows(named=True)}
         points = tables["points"].partition_by("scene_id", "scan_id", as_dict=True)
         cells = tables["cells"].partition_by("scene_id", "scan_id", as_dict=True)
         earlier, hits = [], {}
         for pose in poses.iter_rows(named=True):
             address = (pose["scene_id"], pose["scan_id"])
-            family = families[family_of[pose["scene_id"]]]
+            scene = scene_of[pose["scene_id"]]
+            family = families[scene["family"]]
             params = family["cells"]
-            scan = Scan(points[address], pose, family)
+            scan = Scan(points[address], pose, mount_of(family, scene))
             max_range_m = params.get("max_range_m") or family["sweep"]["sensor"]["max_range_m"]
             scan.check_places(params["size_m"], max_range_m)
             earlier = [s for s in earlier if s.pose["scene_id"] == pose["scene_id"]] + [scan]
@@ -207,6 +200,6 @@ def check_cells(corpus):
             compare(stored, window, scan, params, worst)
             scans, rows = scans + 1, rows + len(stored)
         for scene, count in hits.items():
-            if points_in[scene] != count:
-                sys.exit(f"FAILED points_in of scene {scene}: stored {points_in[scene]}, counted {count}")
+            if scene_of[scene]["points_in"] != count:
+                sys.exit(f"FAILED points_in of scene {scene}: stored {scene_of[scene]['points_in']}, counted {count}")
     print(f"    recomputed {rows} cells of {scans} scans; worst: {max(worst.values(), default=0)} units in the last place")

@@ -8,6 +8,7 @@ use super::columns::{Offset, neighbour_offsets};
 use super::group::Order;
 use super::labels::{self, TruthSum, Verdict};
 use super::place::{Placer, Unplaced};
+use super::slope::GroundPlaces;
 use super::{CellParams, CellRow, Cells};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 use crate::scene::Scene;
@@ -29,6 +30,7 @@ pub struct WindowScan<'a> {
 pub struct Scratch {
     cells: Vec<CellIndex>,
     points: Vec<Point>,
+    grounds: GroundPlaces,
     order: Order,
     verdicts: Vec<Verdict>,
     mean_heights_m: Vec<f64>,
@@ -42,10 +44,13 @@ struct Point {
     distance_m: f64,
     /// Received intensity times squared range; NaN without intensity.
     intensity: f64,
-    gradient_squared: f64,
+    /// Its number among the places on the ground; `NOT_GROUND` for others.
+    ground: u32,
     object: i32,
     top: bool,
 }
+
+const NOT_GROUND: u32 = u32::MAX;
 
 /// The cells of the last sweep of `window`, from the points of all of it.
 ///
@@ -67,10 +72,12 @@ pub fn bin(
     let max_range_m = params.max_range_m.unwrap_or(max_range_m);
     scratch.cells.clear();
     scratch.points.clear();
+    scratch.grounds.clear();
     for scan in window {
         let placer = Placer::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
-        place(scan, &placer, kept.estimate.pose.position_m.z, scene, scratch, &mut cells);
+        place(scan, &placer, kept.estimate.pose.position_m.z, scratch, &mut cells);
     }
+    scratch.grounds.steepen(&scene.ground);
     cells.points_binned = scratch.cells.len() as u64;
     labels::verdicts(scene, params.labels.obstacle, wheel_diameter_m, &mut scratch.verdicts);
     scratch.order.sort(&scratch.cells);
@@ -79,7 +86,7 @@ pub fn bin(
 }
 
 /// Appends the points of one sweep that have a cell, and counts those that have none.
-fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scene: &Scene, scratch: &mut Scratch, cells: &mut Cells) {
+fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scratch: &mut Scratch, cells: &mut Cells) {
     let sweep = scan.sweep;
     for (slot, &direction) in sweep.pattern.directions.iter().enumerate() {
         if sweep.status[slot] != Status::Hit {
@@ -100,18 +107,18 @@ fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scene: &Scene, scra
             }
         };
         let truth = &sweep.truth[slot];
-        let gradient_squared = if truth.object == GROUND {
+        let ground = if truth.object == GROUND {
             let point_m: DVec3 = scan.world_from_sensor.point(direction * truth.range_m);
-            labels::gradient_squared(scene.ground.gradient(point_m.x, point_m.y))
+            scratch.grounds.push(point_m.x, point_m.y)
         } else {
-            0.0
+            NOT_GROUND
         };
         scratch.cells.push(cell);
         scratch.points.push(Point {
             height_m: placed.point_m.z - rover_z_m,
             distance_m: placed.distance_m,
             intensity: sweep.intensity.as_ref().map_or(f64::NAN, |i| f64::from(i[slot]) * range_m * range_m),
-            gradient_squared,
+            ground,
             object: truth.object,
             top: truth.top,
         });
@@ -128,7 +135,7 @@ fn summarise(params: &CellParams, kept: &WindowScan, scratch: &mut Scratch, cell
     let width = super::feature_columns(params, intensity).len();
     let estimate = kept.estimate;
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
-    let Scratch { cells: of_point, points, order, verdicts, mean_heights_m } = scratch;
+    let Scratch { cells: of_point, points, grounds, order, verdicts, mean_heights_m } = scratch;
     mean_heights_m.clear();
     for members in order.by_cell.chunk_by(|&a, &b| of_point[a as usize] == of_point[b as usize]) {
         let of_cell = || members.iter().map(|&i| &points[i as usize]);
@@ -143,7 +150,8 @@ fn summarise(params: &CellParams, kept: &WindowScan, scratch: &mut Scratch, cell
             low = f64::min(low, point.height_m);
             high = f64::max(high, point.height_m);
             distance_m += point.distance_m;
-            truth.add(point.object, point.top, point.gradient_squared, verdicts);
+            let slope_squared = grounds.slope_squared.get(point.ground as usize).copied().unwrap_or(0.0);
+            truth.add(point.object, point.top, slope_squared, verdicts);
         }
         let truth = truth.finish();
         mean_heights_m.push(mean_m);

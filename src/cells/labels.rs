@@ -6,7 +6,6 @@
 
 use super::params::{LabelParams, ObstacleRule};
 use super::{CellRow, CellTruth};
-use crate::geometry::DVec2;
 use crate::math;
 use crate::scene::{Class, Scene};
 
@@ -62,11 +61,11 @@ impl TruthSum {
         TruthSum { truth, tallest_m: f64::NEG_INFINITY, steepest_squared: 0.0 }
     }
 
-    /// Adds a point: its true object (-1 ground, -2 nothing) and the ground's gradient, squared, where it is ground.
+    /// Adds a point: its true object (-1 ground, -2 nothing) and the ground's slope, squared, where it is ground.
     #[inline]
-    pub(super) fn add(&mut self, object: i32, top: bool, gradient_squared: f64, verdicts: &[Verdict]) {
+    pub(super) fn add(&mut self, object: i32, top: bool, slope_squared: f64, verdicts: &[Verdict]) {
         let Some(verdict) = usize::try_from(object).ok().and_then(|id| verdicts.get(id)) else {
-            self.steepest_squared = self.steepest_squared.max(gradient_squared);
+            self.steepest_squared = self.steepest_squared.max(slope_squared);
             return;
         };
         self.truth.obstacle_points += i32::from(verdict.untraversable);
@@ -86,12 +85,6 @@ impl TruthSum {
         self.truth.slope_rad = math::atan(self.steepest_squared.sqrt()) as f32;
         self.truth
     }
-}
-
-/// The squared length of the ground's gradient under a true point; 0 where the ground has none (its border).
-#[inline]
-pub(super) fn gradient_squared(gradient: DVec2) -> f64 {
-    gradient.length_squared().max(0.0)
 }
 
 /// 1 untraversable, 0 traversable.

@@ -9,6 +9,7 @@ mod group;
 mod labels;
 pub mod params;
 mod place;
+mod slope;
 #[cfg(test)]
 mod tests;
 

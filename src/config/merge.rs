@@ -3,7 +3,7 @@
 //! A choice (`source: {random: ...}`) with another variant replaces the old one; with the same variant it is merged.
 
 use super::error::Fault;
-use super::shape::{Form, Schema};
+use super::shape::{Form, Schema, required};
 use super::tree::{Key, Node, Span, Value};
 
 /// `over` laid over `base`.
@@ -14,7 +14,9 @@ pub fn merge(base: Node, over: Node, schema: Option<Schema>) -> Node {
         (Value::Map(old), Value::Map(new)) => {
             let same_variant = || old.len() == 1 && new.len() == 1 && old[0].0.name == new[0].0.name;
             let by_key = match schema.form() {
-                Form::Struct(_) | Form::Preset(_) => true,
+                Form::Struct(_) => true,
+                // A rover or sensor written out in full is another one; a few keys change the one there is.
+                Form::Preset(part) => required(part).any(|name| new.iter().all(|(key, _)| key.name != name)),
                 Form::Choice(_) | Form::Dist(_) => same_variant(),
                 _ => false,
             };

@@ -417,7 +417,8 @@ fn keys_of(part: &serde_json::Value) -> impl Iterator<Item = &str> {
     part["properties"].as_object().into_iter().flatten().map(|(name, _)| name.as_str())
 }
 
-fn required(part: &serde_json::Value) -> impl Iterator<Item = &str> {
+/// The keys that a mapping must have.
+pub fn required(part: &serde_json::Value) -> impl Iterator<Item = &str> {
     part["required"].as_array().into_iter().flatten().filter_map(|name| name.as_str())
 }
 
@@ -447,4 +448,25 @@ fn with_cure(fault: Fault, cure: Option<String>) -> Fault {
 
 pub fn joined(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_likely_slips_find_their_key() {
+        let keys = ["extent_m", "ground", "rocks", "boxes", "trees", "vegetation"];
+        for (typed, meant) in [
+            ("extent", Some("extent_m")),
+            ("Extent_M", Some("extent_m")),
+            ("rock", Some("rocks")),
+            ("rokcs", Some("rocks")),
+            ("vegitation", Some("vegetation")),
+            ("terrain", None),
+            ("", None),
+        ] {
+            assert_eq!(did_you_mean(typed, keys), meant, "{typed}");
+        }
+    }
 }

@@ -12,7 +12,7 @@ pub enum CorpusError {
     BadName { name: String },
     #[error(
         "{place}/{name} is there already with other bytes ({there}, not {here}); the same plan gives the same bytes, so it was \
-             damaged, or written by another binary: `marsyard verify --repair` builds it anew, or choose another place"
+             damaged, or written by another binary: delete it and run `marsyard generate` again, or choose another place"
     )]
     Differs { place: String, name: String, there: String, here: String },
     #[error("{place}/{name}: {reason}; delete the file and run `marsyard generate` again: it builds that shard anew")]

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::receipt::{FileFacts, Receipt};
@@ -13,7 +14,7 @@ pub const NAME: &str = "manifest.json";
 pub const SHARDS: &str = "shards.jsonl";
 
 /// What is known of a whole corpus. No time, host or path: equal plans and programs give equal manifests.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Manifest {
     pub format: u32,
     pub name: String,
@@ -38,13 +39,13 @@ pub struct Manifest {
     pub other_builds: Vec<OtherBuild>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct TableTotals {
     pub rows: u64,
     pub bytes: u64,
 }
 
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SplitTotals {
     pub shards: u64,
     pub scenes: u64,
@@ -53,7 +54,7 @@ pub struct SplitTotals {
     pub labels: LabelCounts,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FeatureSummary {
     pub name: String,
     pub unit: String,
@@ -62,7 +63,7 @@ pub struct FeatureSummary {
 }
 
 /// A scene that gave no rows, and how to see why.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct FailedEntry {
     pub scene: u64,
     pub error: String,
@@ -70,7 +71,7 @@ pub struct FailedEntry {
     pub replay: String,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct OtherBuild {
     /// As `3..5,9`.
     pub shards: String,
@@ -184,7 +185,7 @@ fn builds(receipts: &[Receipt]) -> (Build, Vec<OtherBuild>) {
 }
 
 /// One line of `shards.jsonl`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ShardLine {
     pub shard: u64,
     pub split: Split,

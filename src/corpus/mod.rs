@@ -16,6 +16,7 @@
 
 pub mod card;
 pub mod croissant;
+pub mod documents;
 pub mod error;
 pub mod inspect;
 mod lookup;

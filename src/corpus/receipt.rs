@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::spec::Build;
@@ -15,7 +16,7 @@ use super::{CorpusError, FORMAT, Split, Table};
 pub const FOLDER: &str = "receipts";
 
 /// What is known of a finished shard.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Receipt {
     pub format: u32,
@@ -34,7 +35,7 @@ pub struct Receipt {
 }
 
 /// A data file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FileFacts {
     pub path: String,
@@ -46,7 +47,7 @@ pub struct FileFacts {
 }
 
 /// A feature's moments under its name.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FeatureMoments {
     pub name: String,
     #[serde(flatten)]
@@ -54,7 +55,7 @@ pub struct FeatureMoments {
 }
 
 /// A scene that gave no rows, and why.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FailedScene {
     pub scene: u64,

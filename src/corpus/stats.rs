@@ -4,12 +4,13 @@
 //! are f32, sums f64; rows are taken in order and shards merged in order, so that the bits do not depend on who did it when.
 //! Values that are not finite are counted apart.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::cells::Cells;
 
 /// Count, mean, sum of squared distances from the mean, and range of one feature.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Moments {
     pub count: u64,
     pub mean: f64,
@@ -67,7 +68,7 @@ impl Moments {
 }
 
 /// Cells by label.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LabelCounts {
     pub traversable: u64,
     pub untraversable: u64,
@@ -121,7 +122,7 @@ impl std::iter::Sum for LabelCounts {
 }
 
 /// Where the points of the kept scans went: in = binned + dropped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PointCounts {
     pub points_in: u64,
     pub binned: u64,

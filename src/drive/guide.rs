@@ -13,8 +13,10 @@ use crate::random::{Dist, Stream};
 
 /// A step turns by at most this, radians (10 degrees), so that a turn in place is seen as it happens.
 const STEP_TURN_RAD: f64 = std::f64::consts::PI / 18.0;
-/// A point farther to the side than this is turned to in place, radians (20 degrees).
-const SIDE_RAD: f64 = 2.0 * STEP_TURN_RAD;
+/// A point farther to the side than the first is turned to in place until it is no farther than the second, radians (5 and
+/// 1 degrees): an arc toward a point 1 degree aside leaves the straight line by a hundredth of its half length at most.
+const SIDE_RAD: f64 = 0.5 * STEP_TURN_RAD;
+const AHEAD_RAD: f64 = 0.1 * STEP_TURN_RAD;
 /// Turns that a walk tries where its way is barred.
 const MAX_DETOURS: u32 = 36;
 /// Below these, a piece is done: metres, radians.
@@ -41,7 +43,13 @@ pub(super) enum Way {
     /// Legs and turns drawn as they come.
     Walk(Walk),
     /// Points to reach, in order.
-    Points(VecDeque<DVec2>),
+    Points(Points),
+}
+
+pub(super) struct Points {
+    pub left_m: VecDeque<DVec2>,
+    /// Whether a turn in place to the next point has begun.
+    pub turning: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,11 +94,11 @@ impl Guide {
                 walk.turn_or_go();
             },
             Way::Points(points) => loop {
-                let target = *points.front()?;
-                if let Some(command) = self.pace.toward(target, pose) {
+                let target = *points.left_m.front()?;
+                if let Some(command) = self.pace.toward(target, pose, &mut points.turning) {
                     return Some(command);
                 }
-                points.pop_front();
+                points.left_m.pop_front();
             },
         }
     }
@@ -180,7 +188,7 @@ impl Pace {
     }
 
     /// A step toward a point; `None` where it is reached.
-    fn toward(&self, target: DVec2, pose: &Pose) -> Option<Command> {
+    fn toward(&self, target: DVec2, pose: &Pose, turning: &mut bool) -> Option<Command> {
         let way = target - DVec2::new(pose.position_m.x, pose.position_m.y);
         let left_m = way.length();
         let aside_rad = math::wrap_angle(math::atan2(way.y, way.x) - pose.yaw_rad);
@@ -188,7 +196,8 @@ impl Pace {
         if left_m < 0.25 * self.step_m || passed {
             return None;
         }
-        if aside_rad.abs() > SIDE_RAD {
+        *turning = aside_rad.abs() > if *turning { AHEAD_RAD } else { SIDE_RAD };
+        if *turning {
             return Some(self.command(0.0, aside_rad.clamp(-STEP_TURN_RAD, STEP_TURN_RAD)));
         }
         // The arc that leaves along the nose and ends at the point turns by twice the bearing.

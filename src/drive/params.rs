@@ -28,7 +28,7 @@ pub struct DriveParams {
     /// Try the drive and its sweeps again, in the same scene, until a kept sweep holds both classes; 1 = take the first.
     #[garde(range(min = 1, max = 100))]
     pub attempts: u32,
-    /// Speed while driving, metres per second; default: the rover's greatest.
+    /// Speed while driving, metres per second, up to the rover's greatest (the default).
     #[garde(custom(within(1e-3, 50.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_mps: Option<Dist>,

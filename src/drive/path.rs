@@ -1,24 +1,45 @@
-//! The config's path -> a guide along it.
+//! The config's path -> a start and a guide along it.
 //!
 //! Lengths, radius and goal are the scene's drawn values; a random walk's legs and turns are drawn as they come. Source:
 //! Hewitt et al. 2017, "Rover model" (a limited drive; a path planner as an option).
 
 use std::collections::VecDeque;
 
-use super::DriveError;
-use super::guide::{Guide, Pace, Piece, Walk, Way};
+use super::contact::{Stance, Stander};
+use super::guide::{Guide, Pace, Piece, Points, Walk, Way};
 use super::params::{DriveParams, PathParams};
-use super::route;
 use super::yard::{Yard, unit};
+use super::{DriveError, route, start};
 use crate::geometry::{DVec2, Pose};
 use crate::random::{Drawn, Purpose, Streams};
 
 /// The tightest arc, metres: below it, steps would be too many.
 const MIN_RADIUS_M: f64 = 0.1;
+/// Starts from which a way is looked for.
+const MAX_STARTS: u32 = 8;
 /// Directions in which a goal is looked for.
 const MAX_GOALS: u64 = 64;
 
-pub(super) fn guide(
+/// A start, and a guide from there. Where no goal can be reached from one start, another is looked for.
+pub(super) fn begin(
+    params: &DriveParams,
+    yard: &Yard,
+    stander: &Stander,
+    drawn: &Drawn,
+    streams: &Streams,
+) -> Result<(Stance, Guide), DriveError> {
+    let mut tries = 0;
+    for _ in 1..MAX_STARTS {
+        let start = start::choose(params, yard, stander, drawn, streams, &mut tries)?;
+        if let Ok(guide) = guide(params, yard, &start.pose, drawn, streams) {
+            return Ok((start, guide));
+        }
+    }
+    let start = start::choose(params, yard, stander, drawn, streams, &mut tries)?;
+    Ok((start, guide(params, yard, &start.pose, drawn, streams)?))
+}
+
+fn guide(
     params: &DriveParams,
     yard: &Yard,
     start: &Pose,
@@ -34,7 +55,7 @@ pub(super) fn guide(
             let radius_m = drawn[Purpose::ArcRadius];
             drive(drawn[Purpose::ArcLength], 1.0 / radius_m.abs().max(MIN_RADIUS_M).copysign(radius_m))
         }
-        PathParams::Waypoints(path) => Way::Points(path.points_m[1..].iter().map(|&p| DVec2::from(p)).collect()),
+        PathParams::Waypoints(path) => through(path.points_m[1..].iter().map(|&p| DVec2::from(p))),
         PathParams::RandomWalk(path) => Way::Walk(Walk {
             left_m: drawn[Purpose::WalkLength],
             leg_m: path.leg_m.clone(),
@@ -48,7 +69,7 @@ pub(super) fn guide(
         }),
         PathParams::Planned(path) => {
             let distance_m = params.rover.turning_radius_m() + path.clearance_m;
-            Way::Points(planned(yard, start, drawn[Purpose::PlannedGoal], distance_m, streams)?)
+            through(planned(yard, start, drawn[Purpose::PlannedGoal], distance_m, streams)?.into_iter().skip(1))
         }
     };
     let fastest_mps = params.rover.max_speed_mps;
@@ -57,20 +78,25 @@ pub(super) fn guide(
     Ok(Guide { pace: Pace { step_m: params.step_m, speed_mps, max_yaw_rate_radps }, way })
 }
 
-/// The points of a way to the first goal, of those drawn, that can be reached.
+fn through(points: impl Iterator<Item = DVec2>) -> Way {
+    // The first point may lie anywhere: the turn to it goes all the way.
+    Way::Points(Points { left_m: points.collect(), turning: true })
+}
+
+/// The points of a way to the first goal, of those drawn, that can be reached; the first is the start.
 fn planned(
     yard: &Yard,
     start: &Pose,
     goal_m: f64,
     distance_m: f64,
     streams: &Streams,
-) -> Result<VecDeque<DVec2>, DriveError> {
+) -> Result<Vec<DVec2>, DriveError> {
     let from = DVec2::new(start.position_m.x, start.position_m.y);
     let directions = streams.open(Purpose::GoalDirection);
     let goals = (0..MAX_GOALS).map(|k| from + unit(std::f64::consts::TAU * directions.uniform(k)) * goal_m);
     let free = goals.filter(|&goal| yard.clear_circle(goal, distance_m));
     let way = free.take(8).find_map(|goal| route::around(yard, from, goal, distance_m));
-    way.map(|points| points.into_iter().skip(1).collect()).ok_or_else(|| DriveError::NoWay {
+    way.ok_or_else(|| DriveError::NoWay {
         reason: format!(
             "no goal {goal_m:.2} m from the start can be reached with {distance_m:.2} m to every obstacle; lower goal_m, \
              clearance_m or the number of obstacles"

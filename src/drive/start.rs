@@ -18,12 +18,14 @@ const ENOUGH_TRIES: u32 = 200;
 /// A distance to the nearest obstacle is met when it is off by less, metres.
 const MET_M: f64 = 1e-6;
 
+/// The next place to start at, from try `tries` on; counts the tries.
 pub(super) fn choose(
     params: &DriveParams,
     yard: &Yard,
     stander: &Stander,
     drawn: &Drawn,
     streams: &Streams,
+    tries: &mut u32,
 ) -> Result<Stance, DriveError> {
     if let PathParams::Waypoints(path) = &params.path {
         return at_first_point(params, yard, stander, &path.points_m);
@@ -33,10 +35,10 @@ pub(super) fn choose(
     let wanted_m = near_m.filter(|_| !yard.outlines.is_empty());
     let margin_m = params.start.margin_m;
     let mut best: Option<(f64, Stance)> = None;
-    for index in 0..MAX_TRIES {
-        if best.is_some() && index >= ENOUGH_TRIES {
-            break;
-        }
+    let first = *tries;
+    while *tries < first + if best.is_some() { ENOUGH_TRIES } else { MAX_TRIES } {
+        let index = *tries;
+        *tries += 1;
         let draw = |which: u64| places.uniform(u64::from(index) * 4 + which);
         let at = match wanted_m {
             Some(distance_m) => {

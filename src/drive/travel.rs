@@ -10,7 +10,7 @@ use super::motion::{Bumps, advance};
 use super::yard::{Yard, body};
 use super::{DriveError, Rover};
 
-const MAX_STEPS: usize = 1_000_000;
+const MAX_STEPS: usize = 200_000;
 
 /// The true way of a drive.
 pub(super) struct Travel {

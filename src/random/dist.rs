@@ -248,6 +248,17 @@ mod tests {
     }
 
     #[test]
+    fn law_counts_are_drawn_as_whole_numbers() {
+        let dist = Dist::Law(Law::Uniform([5.0, 40.0]));
+        for scene in 0..100 {
+            let streams = Streams { seed: 7, scene, attempt: 0, stage: Stage::Scene, step: 0 };
+            let drawn = Drawn::draw(&streams, [(Purpose::RockCount, &dist), (Purpose::GroundRmsHeight, &dist)]);
+            assert_eq!(drawn[Purpose::RockCount], dist.count_at(&streams.open(Purpose::RockCount), 0) as f64);
+            assert_ne!(drawn[Purpose::GroundRmsHeight].fract(), 0.0);
+        }
+    }
+
+    #[test]
     fn extreme_faulty_laws_are_named() {
         assert!(Dist::Constant(f64::NAN).fault().is_some());
         assert!(Dist::Law(Law::Uniform([2.0, 1.0])).fault().is_some());

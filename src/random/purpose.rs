@@ -157,11 +157,10 @@ purposes! {
     SweepTilt = 604, "sweep.tilt_jitter";
     /// Index: slot.
     SweepIntensity = 605, "sweep.intensity";
-    /// Index: slot, and slot * 19 + k for sub-ray k.
+    /// Index: slot.
     SweepPatch = 606, "sweep.patch";
-    SweepPatchSubRay = 607, "sweep.patch.sub_ray";
-    SweepVolume = 608, "sweep.volume";
-    SweepVolumeSubRay = 609, "sweep.volume.sub_ray";
+    /// Index: slot.
+    SweepVolume = 607, "sweep.volume";
     // Slam: 700-799
     /// Index 6 i + k: component k of particle i.
     SlamSample = 700, "slam.fastslam.sample";

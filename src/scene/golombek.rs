@@ -70,6 +70,9 @@ fn exponential_integral(x: f64) -> f64 {
             let k = f64::from(k);
             power *= -x / k;
             sum += power / k;
+            if power.abs() < 1e-18 {
+                break;
+            }
         }
         return sum;
     }

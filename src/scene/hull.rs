@@ -43,13 +43,15 @@ struct Triangle {
     corners: [u32; 3],
     normal: DVec3,
     offset: f64,
+    area: f64,
 }
 
 impl Triangle {
     fn new(points: &[DVec3], corners: [u32; 3]) -> Triangle {
         let [a, b, c] = corners.map(|k| points[k as usize]);
-        let normal = (b - a).cross(c - a).normalize_or_zero();
-        Triangle { corners, normal, offset: -normal.dot((a + b + c) / 3.0) }
+        let doubled = (b - a).cross(c - a);
+        let normal = doubled.normalize_or_zero();
+        Triangle { corners, normal, offset: -normal.dot((a + b + c) / 3.0), area: 0.5 * doubled.length() }
     }
 
     fn distance(&self, point: DVec3) -> f64 {
@@ -131,12 +133,8 @@ impl Hull {
     /// The polyhedron: coplanar triangles merged, points inside dropped. `place` maps each point to where it shall be and
     /// must be affine and keep handedness.
     pub(super) fn finish(&self, place: impl Fn(DVec3) -> DVec3) -> Convex {
-        let group = self.groups();
-        let polygons: Vec<Vec<u32>> = (0..self.triangles.len())
-            .filter(|&k| group[k] == k)
-            .map(|k| boundary(self.triangles.iter().zip(&group).filter(|(_, g)| **g == k).flat_map(|(t, _)| t.edges())))
-            .filter(|polygon| polygon.len() >= 3)
-            .collect();
+        let polygons: Vec<Vec<u32>> =
+            self.groups().iter().map(|group| self.outline(group)).filter(|polygon| polygon.len() >= 3).collect();
         // A vertex of fewer than three faces lies inside an edge.
         let mut faces_at = vec![0; self.points.len()];
         polygons.iter().flatten().for_each(|&v| faces_at[v as usize] += 1);
@@ -153,27 +151,42 @@ impl Hull {
         Convex::from_faces(vertices_m, faces)
     }
 
-    /// Per triangle, the first triangle of the face it belongs to.
-    fn groups(&self) -> Vec<usize> {
+    /// The triangles of each face.
+    fn groups(&self) -> Vec<Vec<usize>> {
         let merge = self.flat * (MERGE / FLAT);
-        let mut group: Vec<usize> = (0..self.triangles.len()).collect();
-        for k in 0..self.triangles.len() {
-            if group[k] != k {
-                continue;
-            }
-            // Grow the face from its first triangle's plane, so that a curved strip of near-coplanar triangles is not merged.
-            let plane = &self.triangles[k];
-            for other in k + 1..self.triangles.len() {
-                let near = self.triangles[other]
-                    .corners
-                    .iter()
-                    .all(|&c| plane.distance(self.points[c as usize]).abs() <= merge);
-                if group[other] == other && near && plane.normal.dot(self.triangles[other].normal) > 0.0 {
-                    group[other] = k;
+        // From the largest triangle on: a sliver's plane is not to be trusted, so it joins a face and never starts one that
+        // has a larger triangle. Each face keeps to its first triangle's plane, so that a gently curved strip is not merged.
+        let mut open: Vec<usize> = (0..self.triangles.len()).collect();
+        open.sort_by(|&a, &b| self.triangles[b].area.total_cmp(&self.triangles[a].area));
+        let mut groups = Vec::with_capacity(open.len());
+        while let Some(&first) = open.first() {
+            let plane = &self.triangles[first];
+            let off = |&corner: &u32| plane.distance(self.points[corner as usize]).abs();
+            let joins = |&k: &usize| {
+                let triangle = &self.triangles[k];
+                // The normals alone decide for most pairs.
+                plane.normal.dot(triangle.normal) > 0.5 && triangle.corners.iter().all(|corner| off(corner) <= merge)
+            };
+            let mut group = vec![first];
+            open.remove(0);
+            open.retain(|k| {
+                let joins = joins(k);
+                if joins {
+                    group.push(*k);
                 }
-            }
+                !joins
+            });
+            groups.push(group);
         }
-        group
+        groups
+    }
+
+    /// The corners around a face.
+    fn outline(&self, group: &[usize]) -> Vec<u32> {
+        match group {
+            [only] => self.triangles[*only].corners.to_vec(),
+            _ => boundary(group.iter().flat_map(|&k| self.triangles[k].edges())),
+        }
     }
 }
 

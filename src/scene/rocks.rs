@@ -22,7 +22,7 @@ use crate::random::{Drawn, Purpose, Stream, Streams};
 /// More rocks than this are a config gone wrong.
 const MAX_ROCKS: f64 = 1e6;
 /// Points a rock may use; 40 faces need 22 of them on the hull.
-const POINTS: usize = 96;
+const POINTS: usize = 64;
 /// How deep a point may lie below the sphere.
 const ROUGHNESS: f64 = 0.15;
 /// Share of a rock's depth in the ground that it may be lifted by: the rest keeps it in.
@@ -149,7 +149,7 @@ fn angular_sphere(faces: usize, rock: u64, shape: &Stream) -> Hull {
         DVec3::new(level * cos, level * sin, z) * (1.0 - ROUGHNESS * u[2])
     };
     let points = draws.chunks_exact(3).map(point).collect();
-    let mut hull = Hull::seed(points).expect("96 random points on a sphere span a volume");
+    let mut hull = Hull::seed(points).expect("64 random points on a sphere span a volume");
     let mut next = 0;
     while hull.triangle_count() < faces && next < POINTS as u32 {
         hull.insert(next);

@@ -6,7 +6,8 @@
 //! Not modelled: branches, roots, leaning trunks. Draws: tree k stands at index k of every purpose.
 
 use super::params::TreesParams;
-use super::{Class, Cylinder, Scene, Shape, Volume, disc};
+use super::things::disc;
+use super::{Class, Cylinder, Scene, Shape, Volume};
 use crate::geometry::DVec3;
 use crate::random::{Drawn, Purpose, Streams};
 

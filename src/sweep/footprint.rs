@@ -9,13 +9,11 @@
 use std::f64::consts::TAU;
 
 use super::Pattern;
+use super::cast::Hit;
 use super::returns::Return;
 use super::sensor::Sensor;
 use crate::geometry::DVec3;
 use crate::math;
-
-/// Most sub-rays a beam can have; the stride of their draw addresses.
-pub(super) const MAX_SUB_RAYS: usize = 19;
 
 /// One sub-ray: where it leaves the axis, and its share of the beam's energy.
 #[derive(Clone, Copy, Debug)]
@@ -70,12 +68,12 @@ pub(super) fn spread(axis: DVec3, half_angle_rad: f64, rays: &[SubRay], out: &mu
     }
 }
 
-/// The slots whose neighbours (on the line, or on the next lines) met another thing, or whose range departs from the
-/// straight line through two opposite neighbours by more than `jump_m` (0 = every slot).
+/// The slots whose neighbours (on the line, or on the next lines) met another thing, or whose solid hit departs in range from
+/// the straight line through two opposite neighbours' by more than `jump_m` (0 = every slot).
 ///
 /// The straight line is what keeps ground at grazing angles from counting as one long jump; beside a step of height J the
-/// departure is J.
-pub(super) fn jumps(pattern: &Pattern, returns: &[Return], jump_m: f64, out: &mut Vec<u32>) {
+/// departure is J. Foliage scatters at every beam: only its borders count.
+pub(super) fn jumps(pattern: &Pattern, solid: &[Hit], returns: &[Return], jump_m: f64, out: &mut Vec<u32>) {
     out.clear();
     let (lines, beams) = (pattern.lines as usize, pattern.beams as usize);
     if jump_m == 0.0 {
@@ -85,18 +83,13 @@ pub(super) fn jumps(pattern: &Pattern, returns: &[Return], jump_m: f64, out: &mu
     for line in 0..lines {
         for beam in 0..beams {
             let slot = line * beams + beam;
-            let before = |there: bool, step: usize| there.then(|| &returns[slot - step]);
-            let after = |there: bool, step: usize| there.then(|| &returns[slot + step]);
-            let on_line = (before(beam > 0, 1), after(beam + 1 < beams, 1));
-            let on_beam = (before(line > 0, beams), after(line + 1 < lines, beams));
-            let here = &returns[slot];
-            let jump = [on_line, on_beam].iter().any(|(a, b)| {
-                let other = |side: &Option<&Return>| side.is_some_and(|r| r.object != here.object);
-                let bend = match (a, b) {
-                    (Some(a), Some(b)) if here.is_hit() => (a.range_m - 2.0 * here.range_m + b.range_m).abs(),
-                    _ => 0.0,
-                };
-                other(a) || other(b) || bend > jump_m
+            let neighbours = [(beam > 0, beam + 1 < beams, 1), (line > 0, line + 1 < lines, beams)];
+            let jump = neighbours.iter().any(|&(before, after, stride)| {
+                let other = |neighbour: usize| returns[neighbour].object != returns[slot].object;
+                // NaN, of a hit beside nothing, is no bend; that the things differ tells enough.
+                let bend_m =
+                    || (solid[slot - stride].range_m - 2.0 * solid[slot].range_m + solid[slot + stride].range_m).abs();
+                before && other(slot - stride) || after && other(slot + stride) || before && after && bend_m() > jump_m
             });
             if jump {
                 out.push(slot as u32);
@@ -172,7 +165,8 @@ mod tests {
         let at = |range_m: f64, object: i32| Return { range_m, object, class: 0 };
         let found = |pattern: &Pattern, returns: &[Return]| {
             let mut out = Vec::new();
-            jumps(pattern, returns, 0.05, &mut out);
+            let solid: Vec<Hit> = returns.iter().map(|r| Hit { range_m: r.range_m, object: r.object }).collect();
+            jumps(pattern, &solid, returns, 0.05, &mut out);
             out
         };
         let line = grid(1, 8);
@@ -188,7 +182,7 @@ mod tests {
         let column = grid(3, 1);
         assert_eq!(found(&column, &[at(1.0, -1), at(1.0, 2), at(1.0, 2)]), [0, 1]);
         let mut all = Vec::new();
-        jumps(&line, &slope, 0.0, &mut all);
+        jumps(&line, &[], &slope, 0.0, &mut all);
         assert_eq!(all, [0, 1, 2, 3, 4, 5, 6, 7]);
     }
 }

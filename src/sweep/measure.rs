@@ -2,25 +2,25 @@
 //!
 //! In: parameters, pattern, a prepared scene, `world_from_sensor`, drawn values, streams at the sweep's step. Out: [`Sweep`].
 //! Order: directions (with the tilt's error), first hits, vegetation, mixed pixels, dropout, range errors, intensity. An
-//! effect that is not named costs nothing and draws nothing; each has its own purpose and one draw a slot (or line, or
-//! slot * 19 + k for sub-ray k), so that no effect moves another's draws.
+//! effect that is not named costs nothing and draws nothing; each has its own purpose and one draw a slot (or line, object or
+//! sweep), so that no effect moves another's draws. Sub-rays have no draws of their own: they share their beam's.
 //!
 //! Truth of a mixed pixel: the surface with most energy in what is reported; its range is the centre ray's where that met the
 //! same surface, else the energy-weighted mean of the sub-rays that did.
 
 use std::sync::Arc;
 
-use super::cast::{Caster, Hit, Inside};
-use super::footprint::{self, MAX_SUB_RAYS, SubRay};
+use super::cast::{Caster, Hit, Inside, Origin};
+use super::footprint::{self, SubRay};
 use super::light::{self, Reflectance};
 use super::range_error::RangeError;
 use super::ranging::{self, Echo};
 use super::returns::Return;
-use super::vegetation::{BLOCK, Rays, Vegetation};
+use super::vegetation::{BLOCK, Draws, Rays, Vegetation};
 use super::{Pattern, Status, Sweep, SweepError, SweepParams, TrueReturn};
 use crate::geometry::{DVec3, Transform};
 use crate::math;
-use crate::random::{Drawn, Purpose, Streams};
+use crate::random::{Drawn, Purpose, Stream, Streams};
 use crate::scene::Scene;
 
 /// Grazing light still returns a little: keeps the energies of a beam's echoes from being all zero.
@@ -55,8 +55,11 @@ struct Setting<'a> {
     world_from_sensor: &'a Transform,
     origin_m: DVec3,
     reach_m: f64,
+    origin: Origin<'a>,
     drawn: &'a Drawn,
     streams: &'a Streams,
+    /// Draws of patches and of volumes, one a slot.
+    foliage: [Stream; 2],
 }
 
 /// Casts one sweep and measures it. `streams` stand at the sweep's step; the pattern is the sensor's own.
@@ -72,8 +75,19 @@ pub fn sweep(
     let origin_m = world_from_sensor.translation_m;
     check_place(caster, world_from_sensor)?;
     let reach_m = RangeError::reach_m(&params.sensor, &params.effects);
-    let scene = caster.scene();
-    let setting = Setting { params, pattern, caster, scene, world_from_sensor, origin_m, reach_m, drawn, streams };
+    let setting = Setting {
+        params,
+        pattern,
+        caster,
+        scene: caster.scene(),
+        world_from_sensor,
+        origin_m,
+        reach_m,
+        origin: caster.from(origin_m, reach_m),
+        drawn,
+        streams,
+        foliage: [streams.open(Purpose::SweepPatch), streams.open(Purpose::SweepVolume)],
+    };
 
     setting.aim(scratch);
     setting.meet(scratch);
@@ -123,7 +137,7 @@ impl Setting<'_> {
 
     /// First hits on solid things, then what vegetation makes of them.
     fn meet(&self, scratch: &mut Scratch) {
-        self.caster.from(self.origin_m, self.reach_m).cast(&scratch.directions, &mut scratch.hits);
+        self.origin.cast(&scratch.directions, &mut scratch.hits);
         let obstacles = &self.scene.obstacles;
         scratch.returns.clear();
         scratch.returns.extend(scratch.hits.iter().map(|&hit| Return::of(hit, obstacles)));
@@ -131,11 +145,10 @@ impl Setting<'_> {
         if scratch.vegetation.is_empty() {
             return;
         }
-        let streams = [self.streams.open(Purpose::SweepPatch), self.streams.open(Purpose::SweepVolume)];
         let blocks = scratch.directions.chunks(BLOCK).zip(scratch.returns.chunks_mut(BLOCK));
         for (k, (directions, returns)) in blocks.enumerate() {
-            let rays = Rays { origin_m: self.origin_m, directions, first_index: (k * BLOCK) as u64 };
-            scratch.vegetation.scatter(self.caster, &rays, &streams, returns);
+            let rays = Rays { origin_m: self.origin_m, directions, draws: Draws::From((k * BLOCK) as u64) };
+            scratch.vegetation.scatter(self.caster, &rays, &self.foliage, returns);
         }
     }
 
@@ -213,27 +226,24 @@ impl Setting<'_> {
 
     /// What the sub-rays of all slots that need them meet, slot by slot; the centres are known.
     fn cast_sub_rays(&self, jump_m: f64, rays: &[SubRay], scratch: &mut Scratch) {
-        footprint::jumps(self.pattern, &scratch.returns, jump_m, &mut scratch.jumps);
+        footprint::jumps(self.pattern, &scratch.hits, &scratch.returns, jump_m, &mut scratch.jumps);
         scratch.sub_directions.clear();
         for &slot in &scratch.jumps {
             let range_m = scratch.returns[slot as usize].range_m.min(self.reach_m);
             let half_rad = footprint::half_angle_rad(&self.params.sensor, range_m);
             footprint::spread(scratch.directions[slot as usize], half_rad, rays, &mut scratch.sub_directions);
         }
-        self.caster.from(self.origin_m, self.reach_m).cast(&scratch.sub_directions, &mut scratch.hits);
+        self.origin.cast(&scratch.sub_directions, &mut scratch.hits);
         scratch.sub_returns.clear();
         scratch.sub_returns.extend(scratch.hits.iter().map(|&hit| Return::of(hit, &self.scene.obstacles)));
         if scratch.vegetation.is_empty() {
             return;
         }
-        let streams = [self.streams.open(Purpose::SweepPatchSubRay), self.streams.open(Purpose::SweepVolumeSubRay)];
         let others = rays.len() - 1;
         let beams = scratch.sub_directions.chunks(others).zip(scratch.sub_returns.chunks_mut(others));
         for (&slot, (directions, returns)) in scratch.jumps.iter().zip(beams) {
-            // The centre is sub-ray 0.
-            let first_index = u64::from(slot) * MAX_SUB_RAYS as u64 + 1;
-            let rays = Rays { origin_m: self.origin_m, directions, first_index };
-            scratch.vegetation.scatter(self.caster, &rays, &streams, returns);
+            let rays = Rays { origin_m: self.origin_m, directions, draws: Draws::Shared(slot.into()) };
+            scratch.vegetation.scatter(self.caster, &rays, &self.foliage, returns);
         }
     }
 

@@ -11,6 +11,9 @@
 //! Volumes: a ray travels an exponential optical depth (Macedo et al. 2000: free path ~ Exp(extinction)) and returns where it
 //! is used up, if that lies before the solid hit. One draw a ray serves all volumes it crosses; where volumes overlap their
 //! extinctions add, and the return is the denser one's (of two alike, the lower id's).
+//!
+//! The sub-rays of a beam share its draws: a footprint is narrower than a tuft, and so switching sub-rays on leaves the
+//! scatter of foliage as it was.
 
 use super::cast::{Caster, Hit};
 use super::returns::Return;
@@ -43,11 +46,36 @@ struct NearVolume {
     cone: Option<(f64, f64)>,
 }
 
-/// A run of rays of one origin, and the index of the first one's draw.
+/// A run of rays of one origin, and the addresses of their draws.
 pub(super) struct Rays<'a> {
     pub origin_m: DVec3,
     pub directions: &'a [DVec3],
-    pub first_index: u64,
+    pub draws: Draws,
+}
+
+/// Where a block's draws stand in their stream.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Draws {
+    /// One a ray, from this index on.
+    From(u64),
+    /// One for all: the sub-rays of one beam.
+    Shared(u64),
+}
+
+impl Draws {
+    fn uniform(self, stream: &Stream, out: &mut [f64]) {
+        match self {
+            Draws::From(first_index) => stream.fill_uniform(first_index, out),
+            Draws::Shared(index) => out.fill(stream.uniform(index)),
+        }
+    }
+
+    fn normal(self, stream: &Stream, out: &mut [f64]) {
+        match self {
+            Draws::From(first_index) => stream.fill_normal(first_index, out),
+            Draws::Shared(index) => out.fill(stream.normal(index)),
+        }
+    }
 }
 
 impl Vegetation {
@@ -92,7 +120,7 @@ impl Vegetation {
             return;
         }
         let mut draws = [0.0; BLOCK];
-        stream.fill_normal(rays.first_index, &mut draws[..returns.len()]);
+        rays.draws.normal(stream, &mut draws[..returns.len()]);
         for (i, ret) in returns.iter_mut().enumerate().filter(|(_, ret)| ret.object == Hit::GROUND) {
             let point = foot(i, ret.range_m);
             let Some(patch) = self.patches.iter().find(|p| p.centre_m.distance(point) <= p.radius_m) else {
@@ -134,7 +162,7 @@ impl Vegetation {
                 continue;
             }
             if !drawn {
-                stream.fill_uniform(rays.first_index, &mut draws[..returns.len()]);
+                rays.draws.uniform(stream, &mut draws[..returns.len()]);
                 drawn = true;
             }
             if let Some((range_m, k)) = self.turning_point(-math::ln(draws[i])) {
@@ -259,7 +287,7 @@ mod tests {
         let mut returns = vec![solid; directions.len()];
         let streams = two_streams(seed);
         for (k, (directions, returns)) in directions.chunks(BLOCK).zip(returns.chunks_mut(BLOCK)).enumerate() {
-            let rays = Rays { origin_m: EYE, directions, first_index: (k * BLOCK) as u64 };
+            let rays = Rays { origin_m: EYE, directions, draws: Draws::From((k * BLOCK) as u64) };
             vegetation.scatter(&caster, &rays, &streams, returns);
         }
         returns
@@ -348,7 +376,7 @@ mod tests {
         vegetation.volumes.iter_mut().for_each(|near| near.cone = None);
         let mut slow = vec![Return::NOTHING; rays.len()];
         for (i, ret) in slow.iter_mut().enumerate() {
-            let ray = Rays { origin_m: EYE, directions: &rays[i..=i], first_index: i as u64 };
+            let ray = Rays { origin_m: EYE, directions: &rays[i..=i], draws: Draws::From(i as u64) };
             vegetation.scatter_volumes(&ray, &two_streams(4)[1], std::slice::from_mut(ret));
         }
         assert_eq!(fast, slow);

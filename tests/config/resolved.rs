@@ -27,10 +27,10 @@ fn reloaded(plan: &Plan, folder: &Path) -> Plan {
 fn assert_comes_back(plan: &Plan) {
     let folder = tempfile::tempdir().unwrap();
     let again = reloaded(plan, folder.path());
-    assert_eq!(*plan, again);
+    assert_eq!(plan.difference(&again), Vec::<String>::new());
     assert_eq!(plan.to_yaml(), again.to_yaml());
+    assert!(*plan == again, "serialised alike, but not equal");
     assert_eq!(plan.scene_plan_hash(), again.scene_plan_hash());
-    assert!(plan.difference(&again).is_empty());
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn law_the_scene_plan_hash_ignores_name_and_scenes_alone() {
     assert_eq!(base.difference(&plan(&["seed=43"])), ["seed: 42 here, 43 there"]);
     assert_eq!(
         base.difference(&plan(&["slam=truth"])),
-        ["slam: {\"fastslam\":{\"particles\":30,\"resample_b... here, truth there"]
+        ["slam: {\"fastslam\":{\"particles\":30,\"resample... here, truth there"]
     );
 }
 
@@ -199,14 +199,14 @@ fn exact_height_maps_lie_as_their_files_say() {
         load(&path, &[format!("scene.ground.source={{file: {source}}}")])
             .unwrap_or_else(|error| panic!("{}", error.lines()))
     };
-    // The file's first row is the south edge of an NPY, the north edge of a PNG; it is stretched over the 20 m yard.
+    // The file's first row is the south edge of an NPY, the north edge of a PNG.
     for (source, expected) in
         [("{path: hill.npy}", [0.0, 1.0, 2.0, 3.0]), ("{path: hill.png, height_m: 5}", [1.0, 2.0, 0.0, 5.0])]
     {
         let plan = with(source);
         let GroundSource::File(file) = &plan.families[0].scene.ground.source else { panic!("a file") };
         let raster = file.raster.as_ref().unwrap();
-        assert_eq!((raster.rows, raster.cols, raster.spacing_m), (2, 2, 20.0));
+        assert_eq!((raster.rows, raster.cols, raster.spacing_m), (2, 2, 1.0));
         assert!(raster.heights_m.iter().zip(expected).all(|(h, e)| (h - e).abs() < 1e-12), "{:?}", raster.heights_m);
         assert_eq!(plan.files.len(), 1);
         assert_comes_back(&plan);

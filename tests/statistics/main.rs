@@ -3,5 +3,8 @@
 #![cfg(not(debug_assertions))]
 
 mod cast;
+mod cells;
+mod drive;
 mod scene;
 mod slam;
+mod sweep;

@@ -80,7 +80,7 @@ impl<R> Take<R> {
             Take::F64(take) => Arc::new(Float64Array::from_iter_values(rows.iter().map(|r| canonical_f64(take(r))))),
             Take::F64OrNull(take) => Arc::new(Float64Array::from_iter(rows.iter().map(|r| take(r).map(canonical_f64)))),
             Take::Bool(take) => Arc::new(BooleanArray::from_iter(rows.iter().map(|r| Some(take(r))))),
-            Take::Text(take) => Arc::new(StringArray::from_iter_values(rows.iter().map(|r| take(r)))),
+            Take::Text(take) => Arc::new(StringArray::from_iter_values(rows.iter().map(take))),
             Take::TextOrNull(take) => Arc::new(StringArray::from_iter(rows.iter().map(|r| take(r)))),
         }
     }

@@ -57,7 +57,7 @@ fn law_verify_finds_every_kind_of_damage_and_discard_cures_it() {
         assert!(findings.len() == 1 && findings[0].what.contains(what) && findings[0].shard == Some(1), "{findings:?}");
     }
     let refused = write_shard(&spec, 1).commit(&store).unwrap_err().to_string();
-    assert!(refused.contains("is there already with other bytes") && refused.contains("--repair"), "{refused}");
+    assert!(refused.contains("is there already with other bytes") && refused.contains("delete it"), "{refused}");
     fs::remove_file(&cells).unwrap();
     assert!(verify(&store, &spec).unwrap()[0].to_string().contains("train-0000001.parquet: is missing"));
     Place::open(&store, &spec).unwrap().discard(1).unwrap();

@@ -5,8 +5,10 @@ use std::fs;
 use super::fixture::{corpus, spec, write_shard};
 use crate::corpus::place::difference;
 use crate::corpus::{
-    CorpusError, LocalFolder, Manifest, Place, Split, Store, Table, finalize, inspect, status, verify,
+    CorpusError, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Split, Store, Table, finalize, inspect,
+    status, verify,
 };
+use crate::random::Drawn;
 
 fn place() -> (tempfile::TempDir, LocalFolder) {
     let dir = tempfile::tempdir().unwrap();
@@ -14,7 +16,7 @@ fn place() -> (tempfile::TempDir, LocalFolder) {
     (dir, store)
 }
 
-/// Every file of a place but the programs' own marks, by name.
+/// The files of a place, by name.
 fn bytes_of(store: &LocalFolder) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for folder in ["receipts", "data/cells", "data/scenes", "data/poses", "data/points"] {
@@ -131,6 +133,30 @@ fn equal_manifest_written_and_read_back_and_its_sums() {
 }
 
 #[test]
+fn exact_failed_scenes_are_listed_with_the_command_that_replays_them() {
+    let spec = spec(4, &Table::ALL);
+    let (_dir, store) = place();
+    Place::open(&store, &spec).unwrap();
+    write_shard(&spec, 0).commit(&store).unwrap();
+    let mut writer = ShardWriter::new(&spec, 1).unwrap();
+    writer.push(&super::fixture::scene(2, 40)).unwrap();
+    writer.push(&SceneOutput::failed(3, "default", 2, Drawn::default(), "drive: no place to start".into())).unwrap();
+    writer.finish().unwrap().commit(&store).unwrap();
+    let found = status(&store, &spec).unwrap();
+    assert_eq!((found.failed_scenes, found.with_failed_scenes.clone(), found.to_build()), (1, vec![1], vec![]));
+    let manifest = finalize(&store, &spec).unwrap();
+    assert_eq!(manifest.failed.len(), 1);
+    assert_eq!(
+        (manifest.failed[0].scene, manifest.failed[0].replay.as_str()),
+        (3, "marsyard explain plan.yaml --scene 3")
+    );
+    assert_eq!(manifest.splits[&Split::Train].failed_scenes, 1);
+    let said = inspect(&store).unwrap().to_string();
+    assert!(said.contains("1 of 4 scenes failed; replay: marsyard explain plan.yaml --scene 3"), "{said}");
+    assert!(verify::verify(&store, &spec).unwrap().is_empty());
+}
+
+#[test]
 fn law_shards_of_another_program_are_named_in_the_manifest() {
     let spec = spec(8, &[Table::Cells]);
     let (_dir, store) = place();
@@ -158,7 +184,7 @@ fn exact_inspection_finds_constant_features_and_empty_splits() {
     spec.features.truncate(1);
     let (_dir, store) = place();
     Place::open(&store, &spec).unwrap();
-    let mut writer = crate::corpus::ShardWriter::new(&spec, 0).unwrap();
+    let mut writer = ShardWriter::new(&spec, 0).unwrap();
     for id in 0..2 {
         let mut scene = super::fixture::scene(id, 8);
         scene.scans.iter_mut().for_each(|scan| scan.cells.features = vec![0.5; 8]);

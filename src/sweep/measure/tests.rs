@@ -353,7 +353,7 @@ fn equal_a_used_scratch_gives_the_sweep_of_a_new_one() {
     let caster = Caster::new(&scene, &Cast::Exact);
     let pose = Transform { translation_m: EYE, ..Transform::IDENTITY };
     let mut scratch = Scratch::default();
-    let mut hash_of = |name: &str, scratch: &mut Scratch| {
+    let hash_of = |name: &str, scratch: &mut Scratch| {
         let params = params(shipped(name), effects.clone());
         let pattern = Arc::new(Pattern::build(&params.sensor).unwrap());
         let drawn = Drawn::draw(&streams(3), params.dists());
@@ -390,4 +390,36 @@ fn exact_mount_overrides_replace_what_they_name() {
     let drawn = Drawn::draw(&streams(0), params.dists());
     assert_eq!(mount.apply(&drawn, [0.3, 0.0, 0.4, 5.0, 0.0, 1.0]), [0.3, 0.0, 1.2, 5.0, 15.0, 1.0]);
     assert_eq!(drawn.iter().map(|(p, _)| p.key()).collect::<Vec<_>>(), ["sweep.mount.z_m", "sweep.mount.pitch_deg"]);
+}
+
+#[test]
+fn extreme_sensors_on_the_ground_and_with_kilometres_of_reach_give_finite_ranges() {
+    let everything = Effects {
+        range_noise: noise(),
+        range_bias_m: Some(1.0.into()),
+        quantisation: Some(Quantisation { step_m: Some(1e-6) }),
+        gates: Some(Gates::default()),
+        dropout: Some(Dropout { softness: 1e-3, ..Dropout::default() }),
+        mixed_pixels: Some(MixedPixels { sub_rays: 19, only_at_jumps_m: 0.0 }),
+        tilt_jitter_deg: Some(5.0.into()),
+        intensity: Some(Intensity::default()),
+    };
+    for name in ["urg-04lx", "lms111"] {
+        for (height_m, reach_m, divergence_mrad) in [(1e-9, 5.6, 100.0), (0.8, 10_000.0, 0.0), (15.0, 0.05, 100.0)] {
+            let PatternParams::Tilted(tilted) = shipped(name).pattern else { panic!("a tilted fan") };
+            let tilted =
+                crate::sweep::sensor::TiltedParams { beams: 60, beam_step_deg: 4.0, first_beam_deg: None, ..tilted };
+            let pattern = PatternParams::Tilted(tilted);
+            let sensor = Sensor { pattern, max_range_m: reach_m, divergence_mrad, ..shipped(name) };
+            let pose = Transform { translation_m: DVec3::new(10.0, 10.0, height_m), ..Transform::IDENTITY };
+            let sweep = run_at(&full_yard(), &params(sensor, everything.clone()), &streams(2), &pose).unwrap();
+            for slot in 0..sweep.status.len() {
+                let hit = sweep.status[slot] == Status::Hit;
+                assert_eq!(sweep.range_m[slot].is_finite(), hit);
+                assert!(!hit || sweep.range_m[slot] > 0.0 && sweep.range_m[slot] <= reach_m);
+                assert_eq!(sweep.intensity.as_ref().unwrap()[slot].is_finite(), hit);
+                assert!(!sweep.truth[slot].range_m.is_nan());
+            }
+        }
+    }
 }
