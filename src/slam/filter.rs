@@ -8,7 +8,7 @@
 use super::matrix::{Matrix, Vector};
 use super::measurement::{Mounting, usable};
 use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, ln_unmatched};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle};
 use super::visibility::Visibility;
 use super::weights::{Ancestry, effective_samples, normalise, systematic};
 use super::{Counters, FastslamParams};
@@ -354,10 +354,5 @@ impl Filter {
     pub fn best(&self) -> (&Vector<6>, &[Landmark]) {
         let particle = &self.particles[self.likeliest()];
         (&particle.belief.mean, &particle.landmarks)
-    }
-
-    /// ln of the likelihood that an unmatched feature counts as.
-    pub fn ln_unmatched(&self) -> f64 {
-        ln_unmatched(&self.feature_variances)
     }
 }

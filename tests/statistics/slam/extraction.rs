@@ -14,7 +14,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::world::{Drive, RADIUS_M, Scenario, drive_on, on_slope};
 
-pub const RANGE_M: f64 = 3.75;
+pub const RANGE_M: f64 = 5.3;
 /// Kapvik's.
 const MAST_M: DVec3 = DVec3::new(0.3, 0.0, 0.4);
 
