@@ -6,6 +6,8 @@
 //! distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a
 //! random walk.
 
+#![allow(clippy::needless_range_loop, reason = "indices as in the formulas")]
+
 use super::matrix::{Matrix, Vector, symmetrise};
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;

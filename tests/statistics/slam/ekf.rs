@@ -2,6 +2,8 @@
 //!
 //! Same models as the filter's (they are the question's data), other algebra: dense joint covariance, stacked updates.
 
+#![allow(clippy::needless_range_loop, reason = "indices as in the formulas")]
+
 use std::collections::BTreeMap;
 
 use marsyard::drive::Reading;
