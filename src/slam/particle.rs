@@ -108,6 +108,7 @@ struct Candidate {
 }
 
 /// What a feature turns out to be.
+#[allow(clippy::large_enum_variant, reason = "lives for one feature; a box would cost an allocation each")]
 enum Verdict {
     Match(Candidate),
     /// Of one of two landmarks; `ln_likelihood` without the density's constant.

@@ -314,11 +314,11 @@ fn extreme_measurement_noise_from_the_floor_to_useless() {
     for seed in 0..seeds {
         let useless = run(1e12, seed);
         let off_m = useless.pose.position_m - reckoned.pose.position_m;
-        for i in 0..6 {
-            ratios[i] += useless.covariance[i][i] / reckoned.covariance[i][i] / seeds as f64;
+        for (i, ratio) in ratios.iter_mut().enumerate() {
+            *ratio += useless.covariance[i][i] / reckoned.covariance[i][i] / seeds as f64;
         }
-        for i in 0..3 {
-            offs[i] += off_m[i] / reckoned.sigmas()[i] / seeds as f64;
+        for (i, off) in offs.iter_mut().enumerate() {
+            *off += off_m[i] / reckoned.sigmas()[i] / seeds as f64;
         }
     }
     // Each of the few resamplings of some 50 effective particles knows a variance to 20 %, a mean to 14 % of a sigma; with
