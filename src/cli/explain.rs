@@ -167,7 +167,7 @@ fn points_in(family: &Family, replay: &Replay, scan: &ScanOutput, points: &ScanP
     hits.filter_map(|slot| {
         let placed = placer.place(sweep.pattern.directions[slot], sweep.range_m[slot]);
         let truth = &sweep.truth[slot];
-        (placed.cell == Ok(cell)).then(|| Point {
+        (placed.cell == Ok(cell)).then_some(Point {
             slot,
             map_m: placed.point_m,
             object: truth.object,

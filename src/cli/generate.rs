@@ -70,7 +70,7 @@ pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
         families: plan.families.iter().map(|f| f.name.clone()).collect(),
         scene_plan_hash: plan.scene_plan_hash(),
         plan_yaml: plan.to_yaml(),
-        license: "cc-by-4.0".into(),
+        license: "unknown".into(),
     }
 }
 

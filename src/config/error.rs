@@ -157,3 +157,17 @@ impl Diagnostic for Located {
         Some(Box::new(self.labels.iter().cloned()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_lines_and_columns_count_characters_from_one() {
+        let text = "a: 1\né: ü\n";
+        let places = [0, 3, 5, 7, 9, 11, 12, 99].map(|offset| line_column(text, offset));
+        assert_eq!(places, [(1, 1), (1, 4), (2, 1), (2, 2), (2, 4), (2, 5), (3, 1), (3, 1)]);
+        // Inside a character: its beginning.
+        assert_eq!(line_column(text, 6), (2, 1));
+    }
+}

@@ -246,11 +246,10 @@ impl Loader {
 
     /// Puts the heights of a height map into the scene; its path becomes the one beside `plan.yaml`.
     fn read_height_map(&mut self, scene: &mut SceneParams, place: &Place) -> Option<PlanFile> {
-        let extent_m = scene.extent_m;
         let GroundSource::File(file) = &mut scene.ground.source else { return None };
         let span = place.span("scene.ground.source.file.path");
         let from = self.reader.folder(span).join(&file.path);
-        let map = match self.reader.height_map(&from, file.height_m, extent_m) {
+        let map = match self.reader.height_map(&from, file.height_m) {
             Ok(map) => map,
             Err(why) => {
                 self.faults.push(Fault::new(span, format!("the height map {} cannot be used: {why}", from.display())));

@@ -1,9 +1,9 @@
 //! A YAML document as written -> a [`Plan`] as checked.
 //!
 //! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
-//! fault, its place and its cure. The way: text -> tree ([`tree`]) -> presets written out ([`presets`]) -> overrides laid over
-//! ([`merge`]) -> shape checked against the schema ([`shape`], [`schema`]) -> types and their own rules -> rules between keys
-//! ([`rules`]). Nothing is written, and nothing but the files that the config names is read.
+//! fault, its place and its cure. The way: text -> tree (`tree`) -> presets written out (`presets`) -> overrides laid over
+//! (`merge`) -> shape checked against the schema (`shape`, `schema`) -> types and their own rules -> rules between keys
+//! (`rules`). Nothing is written, and nothing but the files that the config names is read.
 
 pub mod document;
 pub mod error;

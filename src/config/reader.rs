@@ -55,16 +55,11 @@ impl Reader {
         self.patterns.entry(path.to_owned()).or_insert_with(|| pattern_of(&bytes_of(path)?)).clone()
     }
 
-    /// A height map (NPY or PNG) stretched over a square yard.
-    pub fn height_map(&mut self, path: &Path, white_m: Option<f64>, extent_m: f64) -> Result<HeightMap, String> {
+    /// A height map (NPY or PNG), a metre from node to node: the scene stretches it over its yard.
+    pub fn height_map(&mut self, path: &Path, white_m: Option<f64>) -> Result<HeightMap, String> {
         let key = (path.to_owned(), white_m.map(f64::to_bits));
         let map = self.height_maps.entry(key).or_insert_with(|| height_map_of(path, &bytes_of(path)?, white_m));
-        let HeightMap { raster, blake3 } = map.clone()?;
-        let spacing_m = extent_m / (raster.cols - 1) as f64;
-        if raster.spacing_m == spacing_m {
-            return Ok(HeightMap { raster, blake3 });
-        }
-        Ok(HeightMap { raster: Arc::new(Raster { spacing_m, ..(*raster).clone() }), blake3 })
+        map.clone()
     }
 }
 
@@ -131,10 +126,8 @@ fn height_map_of(path: &Path, bytes: &[u8], white_m: Option<f64>) -> Result<Heig
         ("png", None) => return Err("a PNG needs height_m, the height of white above black".into()),
         _ => return Err("a height map is a .npy or a .png file".into()),
     };
-    if rows != cols || rows < 2 {
-        return Err(format!(
-            "it has {rows} rows and {cols} columns; a yard is square: at least 2 x 2, as many rows as columns"
-        ));
+    if rows < 2 || cols < 2 {
+        return Err(format!("it has {rows} rows and {cols} columns; at least 2 of each are needed"));
     }
     if let Some(at) = heights_m.iter().position(|h| !h.is_finite() || h.abs() > 1e4) {
         return Err(format!("row {}, column {}: {} is no height in metres", at / cols, at % cols, heights_m[at]));
@@ -145,7 +138,32 @@ fn height_map_of(path: &Path, bytes: &[u8], white_m: Option<f64>) -> Result<Heig
 
 type Heights = (usize, usize, Vec<f64>);
 
+/// Refuses headers that the reader would multiply, nest or allocate without end.
+fn check_npy_header(bytes: &[u8]) -> Result<(), String> {
+    let (start, length): (usize, usize) = match bytes {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, low, high, ..] => {
+            (10, usize::from(u16::from_le_bytes([*low, *high])))
+        }
+        [0x93, b'N', b'U', b'M', b'P', b'Y', _, _, a, b, c, d, ..] => {
+            (12, u32::from_le_bytes([*a, *b, *c, *d]) as usize)
+        }
+        _ => return Err("it is no NPY file".into()),
+    };
+    let header = bytes.get(start..length.saturating_add(start)).ok_or("it is no NPY file: its header ends early")?;
+    let brackets = header.iter().filter(|byte| b"([{".contains(byte)).count();
+    let numbers = || header.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty());
+    // A plain 2-D array has the numbers of '<f8' and of its shape, and two brackets.
+    if brackets > 2 || numbers().count() > 3 || length > 4096 {
+        return Err("it is no 2-D array of float32 or float64".into());
+    }
+    if numbers().any(|digits| digits.len() > 9) {
+        return Err(format!("its shape is absurd; at most {MAX_HEIGHTS} heights"));
+    }
+    Ok(())
+}
+
 fn npy_heights(bytes: &[u8]) -> Result<Heights, String> {
+    check_npy_header(bytes)?;
     let file = npyz::NpyFile::new(bytes).map_err(|error| format!("it is no NPY file: {error}"))?;
     let &[rows, cols] = file.shape() else {
         return Err(format!("it has {} dimensions; a height map has 2", file.shape().len()));
@@ -191,4 +209,78 @@ fn png_heights(bytes: &[u8], white_m: f64) -> Result<Heights, String> {
     let height = |at: usize| f64::from(u16::from_be_bytes([samples[2 * at], samples[2 * at + 1]])) / 65_535.0 * white_m;
     let heights_m = (0..rows).rev().flat_map(|row| (0..cols).map(move |col| row * cols + col)).map(height).collect();
     Ok((rows, cols, heights_m))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_faulty_patterns_are_refused_by_line() {
+        for (text, expected) in [
+            ("", "its header lacks 'time_s'"),
+            ("time_s,azimuth_deg\n0,0\n", "its header lacks 'elevation_deg'"),
+            ("time_s,azimuth_deg,elevation_deg\n", "it holds no beam"),
+            ("time_s,azimuth_deg,elevation_deg\n0,0,0\n1,nan,0\n", "line 3: 'nan' is not a finite number"),
+            ("time_s,azimuth_deg,elevation_deg\n0,0,91\n", "line 2: azimuth must lie in"),
+            (
+                "time_s,azimuth_deg,elevation_deg\n1,0,0\n0.5,0,0\n",
+                "line 3: times must begin at 0 or later and never fall",
+            ),
+            ("time_s,azimuth_deg,elevation_deg\n0,0\n", "CSV error"),
+        ] {
+            let fault = pattern_of(text.as_bytes()).expect_err(text);
+            assert!(fault.contains(expected), "{text:?}: {fault}");
+        }
+    }
+
+    /// An NPY file of version 1.0 as numpy writes it.
+    fn npy(descr: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}");
+        let header = format!("{header:<117}\n");
+        [b"\x93NUMPY\x01\x00", (header.len() as u16).to_le_bytes().as_slice(), header.as_bytes(), data].concat()
+    }
+
+    #[test]
+    fn exact_npy_heights_in_either_order_and_width() {
+        let f32s: Vec<u8> = [1f32, 2.0, 3.0, 4.0, 5.0, 6.0].iter().flat_map(|h| h.to_le_bytes()).collect();
+        let f64s: Vec<u8> = [1f64, 2.0, 3.0, 4.0, 5.0, 6.0].iter().flat_map(|h| h.to_be_bytes()).collect();
+        let by_row = npy_heights(&npy("<f4", "False", "(2, 3)", &f32s)).unwrap();
+        assert_eq!(by_row, (2, 3, vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+        let by_column = npy_heights(&npy(">f8", "True", "(2, 3)", &f64s)).unwrap();
+        assert_eq!(by_column, (2, 3, vec![1.0, 3.0, 5.0, 2.0, 4.0, 6.0]));
+    }
+
+    #[test]
+    fn extreme_hostile_height_maps_are_refused() {
+        let map = |name: &str, bytes: &[u8], white_m| {
+            height_map_of(Path::new(name), bytes, white_m).err().unwrap_or_default()
+        };
+        let floats = 0f32.to_le_bytes().repeat(4);
+        for (bytes, expected) in [
+            (npy("<f4", "False", "(99999999, 99999999)", &floats), "at most"),
+            (npy("<f4", "False", "(18446744073709551615, 2)", &floats), "at most"),
+            (npy("<f4", "False", "(999999999, 999999999, 999999999)", &floats), "no 2-D array"),
+            (npy("<f4", "False", &"(".repeat(60), &floats), "no 2-D array"),
+            (b"\x93NUMPY\x02\x00\xff\xff\xff\xff{}".to_vec(), "its header ends early"),
+            (npy("<f4", "False", "(2, 2)", &floats[..10]), "cannot be read"),
+            (npy("<i4", "False", "(2, 2)", &floats), "holds float32 or float64"),
+            (npy("<f4", "False", "(4,)", &floats), "it has 1 dimensions"),
+            (npy("<f4", "False", "(1, 4)", &floats), "at least 2 of each"),
+            (npy("<f4", "False", "(2, 2)", &f32::NAN.to_le_bytes().repeat(4)), "no height in metres"),
+            (b"\x93NUMPY".to_vec(), "no NPY file"),
+        ] {
+            let fault = map("x.npy", &bytes, None);
+            assert!(fault.contains(expected), "{fault}");
+        }
+        assert!(map("x.npy", &npy("<f4", "False", "(2, 2)", &floats), Some(1.0)).contains("take height_m out"));
+        assert!(map("x.png", b"", None).contains("needs height_m"));
+        assert!(map("x.png", b"\x89PNG", Some(1.0)).contains("no PNG"));
+        assert!(map("x.tif", b"", None).contains(".npy or a .png"));
+        let mut grey8 = Vec::new();
+        let mut encoder = png::Encoder::new(&mut grey8, 2, 2);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.write_header().unwrap().write_image_data(&[0; 4]).unwrap();
+        assert!(map("x.png", &grey8, Some(1.0)).contains("not a 16-bit grey PNG"));
+    }
 }

@@ -290,19 +290,12 @@ impl Rules<'_, '_, '_> {
             PathParams::Arc(p) => {
                 // The chord of an arc that is bent least.
                 let (low, high) = p.radius_m.bounds();
-                let radius_m = low.abs().max(high.abs());
+                let radius_m = low.abs().max(high.abs()).max(0.1);
                 let half_turn = (p.length_m.bounds().1 / (2.0 * radius_m)).min(std::f64::consts::FRAC_PI_2);
                 let chord_m = 2.0 * radius_m * crate::math::sin(half_turn);
-                if low <= 0.0 && high >= 0.0 && (low == 0.0 || high == 0.0) {
-                    let rule = "an arc of radius 0 leads nowhere".to_owned();
-                    self.fault("drive.path.arc.radius_m", rule, "positive turns left, negative right", &[]);
-                    None
-                } else {
-                    let rule = format!(
-                        "an arc that ends {chord_m:.1} m away leaves the yard ({across_m:.1} m corner to corner)"
-                    );
-                    (chord_m > across_m).then(|| ("drive.path.arc.length_m".to_owned(), rule))
-                }
+                let rule =
+                    format!("an arc that ends {chord_m:.1} m away leaves the yard ({across_m:.1} m corner to corner)");
+                (chord_m > across_m).then(|| ("drive.path.arc.length_m".to_owned(), rule))
             }
             PathParams::Waypoints(p) => {
                 for (i, &[x_m, y_m]) in p.points_m.iter().enumerate() {
@@ -363,7 +356,6 @@ impl Rules<'_, '_, '_> {
     fn sensor(&mut self) {
         let sensor: &Sensor = &self.family.sweep.sensor;
         let key = |rest: &str| format!("sweep.sensor.pattern.{rest}");
-        let degrees = |values: &[f64], limit: f64| values.iter().position(|v| v.abs() > limit);
         let slots = match &sensor.pattern {
             PatternParams::Tilted(p) => {
                 let fan_deg = f64::from(p.beams - 1) * p.beam_step_deg;
@@ -374,18 +366,7 @@ impl Rules<'_, '_, '_> {
                 }
                 f64::from(p.beams) * ((p.tilt_to_deg - p.tilt_from_deg).abs() / p.tilt_step_deg + 1.0)
             }
-            PatternParams::Spinning(p) => {
-                if let Some(at) = degrees(&p.elevations_deg, 90.0) {
-                    let rule = format!("a ring cannot point {} degrees up", p.elevations_deg[at]);
-                    self.fault(
-                        &key(&format!("spinning.elevations_deg[{at}]")),
-                        rule,
-                        "elevations lie in [-90, 90]",
-                        &[],
-                    );
-                }
-                f64::from(p.columns) * p.elevations_deg.len() as f64
-            }
+            PatternParams::Spinning(p) => f64::from(p.columns) * p.elevations_deg.len() as f64,
             PatternParams::Raster(p) => f64::from(p.columns) * f64::from(p.rows),
             PatternParams::Rosette(p) => f64::from(p.beams),
             PatternParams::File(p) => p.beams.len() as f64,

@@ -11,6 +11,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json, json};
 
 use super::document::{Document, SECTIONS};
+use super::presets::shipped;
 use super::shape::{Form, Schema};
 use crate::cells::CellParams;
 use crate::drive::{DriveParams, Rover};
@@ -64,6 +65,11 @@ fn corpus() -> Json {
     }
     for (path, rule) in bounds {
         bound(&mut schema, &path, &rule);
+    }
+    // Editors offer the shipped names.
+    for (def, key) in [("RoverPreset", "rover"), ("SensorPreset", "sensor")] {
+        let names: Vec<&str> = shipped(key).iter().map(|(name, _)| *name).collect();
+        schema["$defs"][def]["anyOf"][0]["examples"] = json!(names);
     }
     families_are_partial(&mut schema);
     schema

@@ -449,3 +449,24 @@ fn with_cure(fault: Fault, cure: Option<String>) -> Fault {
 pub fn joined(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_likely_slips_find_their_key() {
+        let keys = ["extent_m", "ground", "rocks", "boxes", "trees", "vegetation"];
+        for (typed, meant) in [
+            ("extent", Some("extent_m")),
+            ("Extent_M", Some("extent_m")),
+            ("rock", Some("rocks")),
+            ("rokcs", Some("rocks")),
+            ("vegitation", Some("vegetation")),
+            ("terrain", None),
+            ("", None),
+        ] {
+            assert_eq!(did_you_mean(typed, keys), meant, "{typed}");
+        }
+    }
+}

@@ -9,7 +9,7 @@ const WIDTH: usize = 110;
 pub fn yaml(value: &Json) -> String {
     let mut out = String::new();
     match value {
-        Json::Object(entries) => block_mapping(entries, 0, &mut out),
+        Json::Object(entries) if !entries.is_empty() => block_mapping(entries, 0, &mut out),
         other => {
             out.push_str(&inline(other));
             out.push('\n');
@@ -84,4 +84,53 @@ fn scalar_text(text: &str) -> String {
         && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-./".contains(c))
         && !["null", "true", "false", "yes", "no", "on", "off", "y", "n"].contains(&text.to_lowercase().as_str());
     if plain { text.to_owned() } else { Json::from(text).to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::config::tree::parse;
+
+    fn any_json() -> impl Strategy<Value = Json> {
+        let leaf = prop_oneof![
+            Just(Json::Null),
+            any::<bool>().prop_map(Json::from),
+            any::<u64>().prop_map(Json::from),
+            any::<i64>().prop_map(Json::from),
+            any::<f64>().prop_filter("JSON has finite numbers", |x| x.is_finite()).prop_map(Json::from),
+            "\\PC{0,30}".prop_map(Json::from),
+            "[a-z0-9.:#{}\\[\\],&*!|>'\"%@` \n\t~-]{0,12}".prop_map(Json::from),
+            prop::sample::select(vec![
+                "null", "Yes", "off", "1e5", "0x1", ".nan", "~", "-", "", " a", "a ", "1:2", "é"
+            ])
+            .prop_map(Json::from),
+        ];
+        leaf.prop_recursive(5, 60, 6, |inner| {
+            prop_oneof![
+                prop::collection::vec(inner.clone(), 0..6).prop_map(Json::from),
+                prop::collection::vec(("[a-z_0-9 :-]{1,12}", inner), 0..6)
+                    .prop_map(|entries| Json::from(entries.into_iter().collect::<Map<_, _>>())),
+            ]
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn equal_values_written_and_read_back(value in any_json()) {
+            let text = yaml(&value);
+            let read = parse(0, &text, 0).map_err(|fault| TestCaseError::fail(format!("{fault:?}\n{text}")))?;
+            prop_assert_eq!(read.to_json(), value, "{}", text);
+        }
+    }
+
+    #[test]
+    fn exact_short_parts_stand_on_one_line() {
+        let value = serde_json::json!({"a": {"b": [1, 2.5, "x y"], "c": {}}, "list": ["w".repeat(60), "v".repeat(60)]});
+        let (w, v) = ("w".repeat(60), "v".repeat(60));
+        assert_eq!(yaml(&value), format!("a: {{b: [1, 2.5, \"x y\"], c: {{}}}}\nlist:\n  - {w}\n  - {v}\n"));
+    }
 }

@@ -3,7 +3,8 @@
 //! In: [`DriveParams`], a [`Scene`], drawn values, streams. Out: a [`DriveLog`]; truth and readings stand apart, since slam
 //! sees readings only. Source: Hewitt et al. 2017, "Rover model"; Thrun et al. 2005 (velocity motion); Tarokh & McDermott
 //! 2005 (contact). Frames: `rover` has its origin at the chassis centre projected onto the wheel-contact plane, so that
-//! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise.
+//! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise, and
+//! obstacles no taller than a wheel, which the rover drives over as if they were not there.
 
 mod contact;
 #[cfg(test)]

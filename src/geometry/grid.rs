@@ -24,7 +24,7 @@ impl GridSpec {
         let col = (x_m / self.size_m).floor();
         // Headroom of 16 cells keeps neighbour arithmetic inside i32.
         let limit = f64::from(i32::MAX - 16);
-        (row.abs() < limit && col.abs() < limit).then(|| CellIndex { row: row as i32, col: col as i32 })
+        (row.abs() < limit && col.abs() < limit).then_some(CellIndex { row: row as i32, col: col as i32 })
     }
 
     /// The cell's centre (x, y).

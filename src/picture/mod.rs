@@ -55,6 +55,12 @@ impl View<'_> {
         self.estimates.last().copied().unwrap_or_default()
     }
 
+    /// Whether a slot met a body, solid or porous; a patch is a kind of ground.
+    fn on_object(&self, slot: usize) -> bool {
+        let bodies = self.scene.obstacles.len() + self.scene.volumes.len();
+        usize::try_from(self.sweep.truth[slot].object).is_ok_and(|id| id < bodies)
+    }
+
     fn world_from_sensor(&self) -> Transform {
         self.true_pose().transform() * self.rover_from_sensor
     }

@@ -338,8 +338,14 @@ impl<'a> Picture<'a> {
         if dir.z < 0.0 && down_m > 0.0 && down_m < 2000.0 {
             let point_m = self.eye_m + dir * down_m;
             let (dunes, _) = grain(point_m.truncate(), 3.0);
-            let soil = lit(mix(self.palette.low_ground, self.palette.high_ground, 0.35 + 0.3 * dunes as f32), 0.88);
-            return sample(self.light(soil, DVec3::Z, 1.0), down_m, SKY - 1);
+            let fade = 1.0 / (1.0 + down_m / 12.0);
+            let (coarse, coarse_slope) = grain(point_m.truncate(), 0.3);
+            let (fine, fine_slope) = grain(point_m.truncate(), 0.09);
+            let soil = mix(self.palette.low_ground, self.palette.high_ground, 0.35 + 0.3 * dunes as f32);
+            let soil = lit(soil, (0.88 + (0.14 * (coarse - 0.5) + 0.12 * (fine - 0.5)) * fade) as f32);
+            let rough = ((coarse_slope * 0.03 + fine_slope * 0.01) * fade).extend(0.0);
+            let sunny = if self.sunny(point_m) { 1.0 } else { 0.0 };
+            return sample(self.light(soil, (DVec3::Z - rough).normalize(), sunny), down_m, SKY - 1);
         }
         let share = (dir.z.max(0.0) / 0.45).min(1.0).sqrt() as f32;
         sample(mix(self.palette.horizon, self.palette.zenith, share), FAR_M, SKY)
@@ -360,11 +366,13 @@ impl<'a> Picture<'a> {
             let Some((spot, range_m)) = self.project(world_from_sensor.point(direction * sweep.range_m[slot])) else {
                 continue;
             };
-            let solid = sweep.truth[slot].object >= 0;
-            let (colour, alpha) =
-                if solid { (self.palette.obstacle_point, 0.85) } else { (self.palette.ground_point, 0.55) };
+            let (colour, alpha) = if self.view.on_object(slot) {
+                (self.palette.obstacle_point, 0.85)
+            } else {
+                (self.palette.ground_point, 0.55)
+            };
             let uncovered = |x: usize, y: usize| range_m <= seen[y * self.width + x].range_m + HIDDEN_M;
-            canvas.disc_where(clip, spot, (6.0 / range_m).clamp(0.6, 1.7), colour, alpha, uncovered);
+            canvas.disc_where(clip, spot, (5.5 / range_m).clamp(0.7, 1.5), colour, alpha, uncovered);
         }
     }
 }

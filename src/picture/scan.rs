@@ -148,10 +148,10 @@ fn range_legend(canvas: &mut Canvas, at: Spot, far_m: f64, palette: &Palette) {
         canvas.rectangle(canvas.whole(), (left, at.1), (left + 1.0, at.1 + 10.0), colour, 1.0);
     }
     for share in [0.0, 0.25, 0.5, 0.75, 1.0] {
-        let label = format!("{:.1}", far_m * share * share);
+        let unit = if share == 1.0 { " m" } else { "" };
+        let label = format!("{:.1}{unit}", far_m * share * share);
         canvas.text(&label, (at.0 + share * LENGTH as f64, at.1 + 14.0), SMALL, Alignment::Center, palette.ink);
     }
-    canvas.text("m", (at.0 + LENGTH as f64 + 20.0, at.1 + 14.0), SMALL, Alignment::Left, palette.ink);
     let empty = (at.0 + LENGTH as f64 + 70.0, at.1 - 1.0);
     canvas.square_entry(empty, palette.traversable, "no return", palette);
 }

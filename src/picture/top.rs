@@ -64,8 +64,8 @@ fn draw_yard(canvas: &mut Canvas, map: &Map, view: &View, palette: &Palette) {
     for (slot, &direction) in view.sweep.pattern.directions.iter().enumerate() {
         if view.sweep.status[slot] == Status::Hit {
             let point_m = world_from_sensor.point(direction * view.sweep.range_m[slot]);
-            let solid = view.sweep.truth[slot].object >= 0;
-            let (colour, alpha) = if solid { (palette.obstacle_point, 0.8) } else { (palette.ground_point, 0.4) };
+            let (colour, alpha) =
+                if view.on_object(slot) { (palette.obstacle_point, 0.8) } else { (palette.ground_point, 0.4) };
             canvas.disc(map.clip(), map.spot(point_m.truncate()), 0.8, colour, alpha);
         }
     }

@@ -21,7 +21,7 @@ pub struct SceneParams {
     #[serde(default)]
     pub ground: GroundParams,
     /// Convex polyhedra lying on the ground.
-    #[garde(dive, custom(one_size_law))]
+    #[garde(dive)]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rocks: Option<RocksParams>,
     /// Walls, crates and buckets: boxes standing on the ground.
@@ -40,20 +40,6 @@ pub struct SceneParams {
 
 fn default_extent_m() -> f64 {
     20.0
-}
-
-/// Rocks take their number and sizes either from `count` and `diameter_m` or from `golombek`.
-fn one_size_law(rocks: &Option<RocksParams>, _: &()) -> garde::Result {
-    let Some(rocks) = rocks else { return Ok(()) };
-    match (&rocks.count, &rocks.diameter_m, &rocks.golombek) {
-        (Some(_), Some(_), None) => Ok(()),
-        (None, None, Some(law)) if law.min_diameter_m < law.max_diameter_m => Ok(()),
-        (None, None, Some(law)) => Err(garde::Error::new(format!(
-            "golombek.min_diameter_m must be below max_diameter_m, got {} and {}",
-            law.min_diameter_m, law.max_diameter_m
-        ))),
-        _ => Err(garde::Error::new("needs either count and diameter_m, or golombek")),
-    }
 }
 
 impl SceneParams {

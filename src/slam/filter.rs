@@ -1,6 +1,6 @@
 //! Readings and features -> a cloud of particles: FastSLAM 2.0, and dead reckoning as its one-particle case.
 //!
-//! In: control steps, angle readings, a sweep's features. Out: [`Estimate`]s relative to the start. Source: Montemerlo et al.
+//! In: control steps, angle readings, a sweep's features. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
 //! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Between sweeps
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
 //! modelled: constant instrument biases; they make the angles' sigmas too small.
@@ -8,7 +8,7 @@
 use super::matrix::{Matrix, Vector};
 use super::measurement::{Mounting, usable};
 use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, ln_unmatched};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle};
 use super::visibility::Visibility;
 use super::weights::{Ancestry, effective_samples, normalise, systematic};
 use super::{Counters, FastslamParams};
@@ -354,10 +354,5 @@ impl Filter {
     pub fn best(&self) -> (&Vector<6>, &[Landmark]) {
         let particle = &self.particles[self.likeliest()];
         (&particle.belief.mean, &particle.landmarks)
-    }
-
-    /// ln of the likelihood that an unmatched feature counts as.
-    pub fn ln_unmatched(&self) -> f64 {
-        ln_unmatched(&self.feature_variances)
     }
 }

@@ -3,6 +3,9 @@
 //! In and out: row-major arrays of f64. Own code instead of a library's: the filter needs five operations on sizes 3 and 6,
 //! unrolled by the compiler, with one order of summation everywhere.
 
+// Algebra reads by its indices.
+#![allow(clippy::needless_range_loop)]
+
 use crate::math;
 
 /// A column of `N` numbers.

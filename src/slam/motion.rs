@@ -6,6 +6,9 @@
 //! distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a
 //! random walk.
 
+// Algebra reads by its indices.
+#![allow(clippy::needless_range_loop)]
+
 use super::matrix::{Matrix, Vector, symmetrise};
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;

@@ -3,7 +3,7 @@
 //! In: a [`Particle`], [`Feature`]s, the mount. Out: the same particle. Source: Montemerlo et al. 2003, in the gain form of
 //! T. Bailey's fastslam2: the covariance is carried and never inverted (it is singular right after a step), and every
 //! feature of a sweep refines the pose before it is drawn. Deviations: likelihood instead of distance picks a landmark
-//! (MRPT's matching likelihood), and a feature that may be of two landmarks is left alone.
+//! (MRPT's matching likelihood); a feature that may be of two landmarks weighs as the mean of both and updates neither.
 
 use super::matrix::{
     Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, product, solve, square, sum, symmetrise,
@@ -37,7 +37,7 @@ pub struct Landmark {
     pub known: Option<u32>,
 }
 
-/// What a particle takes a feature for.
+/// What a particle took a feature for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Association {
     Matched(usize),
@@ -107,8 +107,24 @@ struct Candidate {
     ln_likelihood: f64,
 }
 
+/// What a feature turns out to be.
+#[allow(clippy::large_enum_variant, reason = "lives for one feature; a box would cost an allocation each")]
+enum Verdict {
+    Match(Candidate),
+    /// Of one of two landmarks; `ln_likelihood` without the density's constant.
+    Torn {
+        loser: usize,
+        ln_likelihood: f64,
+    },
+    New,
+    Unclear,
+}
+
+/// -3/2 ln 2 pi: the constant of a density in three dimensions.
+const LN_DENSITY: f64 = -2.756_815_599_614_018_3;
+
 /// ln of the likelihood that a match has on the gate: what new and ambiguous features count as.
-pub fn ln_unmatched(variances: &Vector<3>) -> f64 {
+fn ln_unmatched(variances: &Vector<3>) -> f64 {
     let volume: f64 = variances.iter().map(|v| std::f64::consts::TAU * 2.0 * v).product();
     -0.5 * (GATE + math::ln(volume))
 }
@@ -124,17 +140,29 @@ impl Particle {
         let mut taken = vec![false; self.landmarks.len()];
         let mut view = View::new(&self.belief.mean, mounting);
         for feature in features {
-            let (association, candidate) = self.associate(feature, &view, &noise, variances, &taken);
-            self.associations.push(association);
-            let Some(candidate) = candidate else {
-                self.log_weight += unmatched;
-                continue;
+            let association = match self.associate(feature, &view, &noise, variances, &taken) {
+                Verdict::Match(candidate) => {
+                    taken[candidate.index] = true;
+                    self.innovation_sum += candidate.distance2;
+                    self.log_weight += candidate.ln_likelihood + LN_DENSITY;
+                    self.absorb(&candidate);
+                    view = View::new(&self.belief.mean, mounting);
+                    Association::Matched(candidate.index)
+                }
+                Verdict::Torn { loser, ln_likelihood } => {
+                    self.log_weight += ln_likelihood + LN_DENSITY;
+                    Association::Ambiguous(Some(loser))
+                }
+                Verdict::New => {
+                    self.log_weight += unmatched;
+                    Association::New
+                }
+                Verdict::Unclear => {
+                    self.log_weight += unmatched;
+                    Association::Ambiguous(None)
+                }
             };
-            taken[candidate.index] = true;
-            self.innovation_sum += candidate.distance2;
-            self.log_weight += candidate.ln_likelihood - 1.5 * math::ln(std::f64::consts::TAU);
-            self.absorb(&candidate);
-            view = View::new(&self.belief.mean, mounting);
+            self.associations.push(association);
         }
     }
 
@@ -145,13 +173,10 @@ impl Particle {
         noise: &Matrix<3, 3>,
         variances: &Vector<3>,
         taken: &[bool],
-    ) -> (Association, Option<Candidate>) {
+    ) -> Verdict {
         if let Some(id) = feature.known {
             let index = self.landmarks.iter().position(|l| l.known == Some(id));
-            return match index.and_then(|i| self.judge(i, feature, view, noise)) {
-                Some(candidate) => (Association::Matched(candidate.index), Some(candidate)),
-                None => (Association::New, None),
-            };
+            return index.and_then(|i| self.judge(i, feature, view, noise)).map_or(Verdict::New, Verdict::Match);
         }
         let place = view.locate(&feature.polar, variances).0;
         let p = &self.belief.covariance;
@@ -189,11 +214,13 @@ impl Particle {
         }
         match (best, runner_up) {
             (Some(best), Some((loser, ln))) if best.ln_likelihood - ln < LN_RATIO => {
-                (Association::Ambiguous(Some(loser)), None)
+                // The mean of the two likelihoods: it is one of them, and neither is known to be it.
+                let ln_likelihood = best.ln_likelihood + math::ln(0.5 * (1.0 + math::exp(ln - best.ln_likelihood)));
+                Verdict::Torn { loser, ln_likelihood }
             }
-            (Some(best), _) => (Association::Matched(best.index), Some(best)),
-            (None, _) if nearest > NEW_BEYOND && !crowded => (Association::New, None),
-            (None, _) => (Association::Ambiguous(None), None),
+            (Some(best), _) => Verdict::Match(best),
+            (None, _) if nearest > NEW_BEYOND && !crowded => Verdict::New,
+            (None, _) => Verdict::Unclear,
         }
     }
 

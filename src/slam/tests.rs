@@ -79,17 +79,30 @@ fn field(start_m: DVec3) -> Vec<DVec3> {
 
 /// A drive straight ahead on flat ground with a sweep every 0.5 m; noise-free unless `normal` is used by the caller.
 fn drive_ahead(slam: &mut Slam, start: &Pose, rocks: &[DVec3], steps: u32) -> Pose {
+    drive_among(slam, start, rocks, steps, 11, false)
+}
+
+/// `known`: the features say which rock they are.
+fn drive_among(slam: &mut Slam, start: &Pose, rocks: &[DVec3], steps: u32, seed: u64, known: bool) -> Pose {
+    let streams = |step| Streams { seed, ..streams(step) };
+    let seen = |pose: &Pose| -> Vec<Feature> {
+        let rocks = rocks.iter().zip(0..);
+        rocks
+            .flat_map(|(r, id)| seen(&[*r], pose).into_iter().map(move |f| (f, id)))
+            .map(|(f, id)| Feature { known: known.then_some(id), ..f })
+            .collect()
+    };
     let view = everywhere(3.6);
     let mut pose = *start;
     slam.step(&rest(&pose), &streams(0)).expect("upright");
-    slam.observe_features(&seen(rocks, &pose), &view, &streams(0)).expect("upright");
+    slam.observe_features(&seen(&pose), &view, &streams(0)).expect("upright");
     for k in 1..=steps {
         let (s, c) = math::sin_cos(pose.yaw_rad);
         pose.position_m += 0.1 * DVec3::new(c, s, 0.0);
         let reading = Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&pose) };
         slam.step(&reading, &streams(k)).expect("upright");
         if k % 5 == 0 {
-            slam.observe_features(&seen(rocks, &pose), &view, &streams(k)).expect("upright");
+            slam.observe_features(&seen(&pose), &view, &streams(k)).expect("upright");
             sound(slam);
         }
     }
@@ -285,26 +298,33 @@ fn extreme_one_particle_and_noise_free_instruments_stay_sound() {
 #[test]
 fn extreme_measurement_noise_from_the_floor_to_useless() {
     let start = Pose::default();
-    let run = |inflation: f64| {
-        let params = FastslamParams { particles: 1000, measurement_inflation: inflation, ..FastslamParams::default() };
+    let run = |inflation: f64, seed: u64| {
+        let params = FastslamParams { particles: 100, measurement_inflation: inflation, ..FastslamParams::default() };
         let mut slam = slam(&SlamParams::Fastslam(params), &start);
-        drive_ahead(&mut slam, &start, &field(DVec3::ZERO), 20);
+        drive_among(&mut slam, &start, &field(DVec3::ZERO), 20, seed, inflation > 1.0);
         sound(&slam);
         slam.estimate()
     };
-    run(1e-12);
-    let useless = run(1e12);
+    run(1e-12, 1);
+    // Known landmarks: gates of any width would leave the associations to chance.
     let mut reckoned = slam(&SlamParams::DeadReckoning, &start);
     drive_ahead(&mut reckoned, &start, &[], 20);
     let reckoned = reckoned.estimate();
-    for i in 0..6 {
-        // At least 500 effective particles: the spread of the cloud is known to 3 %; four of these.
-        let ratio = useless.sigmas()[i] / reckoned.sigmas()[i];
-        assert!((ratio - 1.0).abs() < 0.13, "component {i}: {ratio}");
+    let (mut ratios, mut offs, seeds) = ([0.0; 6], [0.0; 3], 40);
+    for seed in 0..seeds {
+        let useless = run(1e12, seed);
+        let off_m = useless.pose.position_m - reckoned.pose.position_m;
+        for (i, ratio) in ratios.iter_mut().enumerate() {
+            *ratio += useless.covariance[i][i] / reckoned.covariance[i][i] / seeds as f64;
+        }
+        for (i, off) in offs.iter_mut().enumerate() {
+            *off += off_m[i] / reckoned.sigmas()[i] / seeds as f64;
+        }
     }
-    // And its mean to a 22nd of a sigma.
-    let apart_m = useless.pose.position_m - reckoned.pose.position_m;
-    assert!(apart_m.x.abs() < 4.0 / 22.0 * reckoned.sigmas()[0], "{apart_m}");
+    // Each of the few resamplings of some 50 effective particles knows a variance to 20 %, a mean to 14 % of a sigma; with
+    // five of them and 40 seeds the averages are known to 7 and 5 %: three of these.
+    assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.21), "{ratios:?}");
+    assert!(offs.iter().all(|off| off.abs() < 0.15), "{offs:?}");
 }
 
 #[test]

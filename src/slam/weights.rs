@@ -8,7 +8,7 @@ use crate::math;
 /// Normalises in place to weights that sum to 1. All equal, and `false`, where no weight is left (all zero or not a number).
 pub fn normalise(log_weights: &mut [f64]) -> bool {
     let most = log_weights.iter().copied().filter(|w| !w.is_nan()).fold(f64::NEG_INFINITY, f64::max);
-    if most == f64::NEG_INFINITY || most == f64::INFINITY {
+    if most.is_infinite() {
         log_weights.fill(-math::ln(log_weights.len() as f64));
         return false;
     }

@@ -1,6 +1,6 @@
 //! A yard and a sensor pose -> one sweep: a range, a status and the truth of every beam slot.
 //!
-//! In: [`SweepParams`], a [`Scene`], `world_from_sensor`, streams, scratch. Out: a [`Sweep`] in the `sensor` frame.
+//! In: [`SweepParams`], a [`Scene`](crate::scene::Scene), `world_from_sensor`, streams, scratch. Out: a [`Sweep`] in the `sensor` frame.
 //! Source: Hewitt et al. 2017, "LiDAR model"; the sources of beam effects stand in their modules. Not modelled: motion during
 //! a sweep (the rover stands), the tilt head's lever arm (all beams leave one point), dust, crosstalk, several echoes a beam.
 

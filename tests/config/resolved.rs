@@ -199,14 +199,14 @@ fn exact_height_maps_lie_as_their_files_say() {
         load(&path, &[format!("scene.ground.source={{file: {source}}}")])
             .unwrap_or_else(|error| panic!("{}", error.lines()))
     };
-    // The file's first row is the south edge of an NPY, the north edge of a PNG; it is stretched over the 20 m yard.
+    // The file's first row is the south edge of an NPY, the north edge of a PNG.
     for (source, expected) in
         [("{path: hill.npy}", [0.0, 1.0, 2.0, 3.0]), ("{path: hill.png, height_m: 5}", [1.0, 2.0, 0.0, 5.0])]
     {
         let plan = with(source);
         let GroundSource::File(file) = &plan.families[0].scene.ground.source else { panic!("a file") };
         let raster = file.raster.as_ref().unwrap();
-        assert_eq!((raster.rows, raster.cols, raster.spacing_m), (2, 2, 20.0));
+        assert_eq!((raster.rows, raster.cols, raster.spacing_m), (2, 2, 1.0));
         assert!(raster.heights_m.iter().zip(expected).all(|(h, e)| (h - e).abs() < 1e-12), "{:?}", raster.heights_m);
         assert_eq!(plan.files.len(), 1);
         assert_comes_back(&plan);

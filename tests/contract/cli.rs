@@ -120,3 +120,24 @@ fn law_the_binary_imports_no_transcendental_function() {
         assert!(!imported, "{name} comes from the C library: its bits depend on the machine");
     }
 }
+
+#[test]
+fn law_failed_scenes_are_listed_with_their_replay_and_fail_the_run_past_the_share() {
+    let yard = Yard::new();
+    // No random ground of this roughness stays under a degree of slope.
+    let steep = |share: &str| {
+        let config = Yard::everything().display().to_string();
+        let share = format!("max_failed_share={share}");
+        let extra = ["--set", "scene.ground.max_slope_deg=0.1", "--set", &share, "--out", &share];
+        yard.marsyard(["generate", &config].into_iter().chain(extra))
+    };
+    let output = steep("0.5");
+    assert_eq!(output.status.code(), Some(1));
+    let said = text(&output.stderr);
+    assert!(said.contains("8 of 8 scenes failed") && said.contains("--scene 0"), "{said}");
+    let manifest = std::fs::read(yard.path("max_failed_share=0.5/manifest.json")).expect("a manifest all the same");
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).expect("JSON");
+    assert_eq!(manifest["failed"].as_array().map(Vec::len), Some(8));
+    assert!(manifest["failed"][3]["replay"].as_str().is_some_and(|r| r.contains("--scene 3")), "{manifest}");
+    assert!(steep("1").status.success(), "all may fail where the config says so");
+}

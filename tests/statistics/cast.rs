@@ -124,8 +124,11 @@ fn sensor(random: &mut Random, scene: &Scene, caster: &Caster) -> DVec3 {
     }
 }
 
+/// The direction of the k-th ray.
+type Beam = fn(&mut Random, usize) -> DVec3;
+
 /// Beam directions in the manner of the sensors: name, reach, rays.
-fn patterns() -> Vec<(&'static str, f64, fn(&mut Random, usize) -> DVec3)> {
+fn patterns() -> Vec<(&'static str, f64, Beam)> {
     fn polar(azimuth: f64, elevation: f64) -> DVec3 {
         DVec3::new(
             math::cos(azimuth) * math::cos(elevation),
@@ -335,4 +338,35 @@ fn equal_first_hits_of_a_second_solver_and_of_marching() {
 #[ignore = "10^6 rays a pattern take minutes: cargo test --release --test statistics cast -- --ignored --nocapture"]
 fn equal_first_hits_of_a_second_solver_and_of_marching_at_length() {
     check(1_000_000, 10_000);
+}
+
+#[test]
+fn equal_packets_and_tree_among_100_000_rocks() {
+    let mut random = Random(7);
+    let extent_m = 300.0;
+    let ground = Ground::Polynomial(polynomial(&mut random, extent_m, 6));
+    let mut obstacles = Vec::new();
+    while obstacles.len() < 100_000 {
+        let (x, y) = (random.within(0.0, extent_m), random.within(0.0, extent_m));
+        let size = random.log_within(0.02, 1.0);
+        let centre = DVec3::new(x, y, ground.height_m(x, y));
+        if let Some(shape) = rock(&mut random, centre, size) {
+            let id = obstacles.len() as i32;
+            let radius_m = size;
+            obstacles.push(Obstacle { id, class: Class::Rock, shape, centre_m: centre, radius_m, protrusion_m: size });
+        }
+    }
+    let scene = Scene { extent_m, ground, obstacles, volumes: Vec::new(), patches: Vec::new() };
+    let caster = Caster::new(&scene, &Cast::Exact);
+    let origin = sensor(&mut random, &scene, &caster);
+    let dirs: Vec<DVec3> = (0..20_000).map(|_| (random.direction() * DVec3::new(1.0, 1.0, 0.2)).normalize()).collect();
+    let mut hits = Vec::new();
+    caster.from(origin, 100.0).cast(&dirs, &mut hits);
+    for (dir, hit) in dirs.iter().zip(&hits) {
+        let single = caster.first_hit(origin, *dir, 100.0);
+        let same = single.object == hit.object && (single == *hit || (single.range_m - hit.range_m).abs() < 1e-9);
+        let ray = Ray { origin, dir: *dir, reach_m: 100.0 };
+        assert!(same || doubt(&scene, &ray, *hit, single) < CLEARANCE_M, "{ray:?}: {hit:?} {single:?}");
+    }
+    assert!(hits.iter().filter(|h| h.object >= 0).count() > 200);
 }

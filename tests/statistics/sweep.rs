@@ -272,9 +272,9 @@ fn law_mixed_pixels_stand_at_jumps_alone_and_say_their_share() {
         let shares = mixed.mixed.as_ref().unwrap();
         let touched = (0..shares.len()).filter(|&slot| shares[slot] > 0.0).count();
         assert!(touched > 20, "{name}: {touched} mixed pixels");
-        for slot in 0..shares.len() {
-            assert!(shares[slot].is_nan() == (mixed.status[slot] == Status::None), "{name} {slot}");
-            assert!(shares[slot].is_nan() || (0.0..=0.95).contains(&shares[slot]));
+        for (slot, share) in shares.iter().enumerate() {
+            assert!(share.is_nan() == (mixed.status[slot] == Status::None), "{name} {slot}");
+            assert!(share.is_nan() || (0.0..=0.95).contains(share));
         }
         let same = (0..shares.len()).filter(|&s| mixed.range_m[s].to_bits() == clean.range_m[s].to_bits()).count();
         assert!(same * 10 > shares.len() * 6, "{name}: {same} of {} untouched", shares.len());

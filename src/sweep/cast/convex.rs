@@ -56,17 +56,17 @@ fn convex_span(convex: &Convex, origin: DVec3, dir: DVec3) -> Option<(f64, f64)>
 fn cylinder_span(cylinder: &Cylinder, origin: DVec3, dir: DVec3) -> Option<(f64, f64)> {
     let from = origin - cylinder.base_m;
     let (mut enter, mut exit) = (f64::NEG_INFINITY, f64::INFINITY);
-    let level2 = dir.x.mul_add(dir.x, dir.y * dir.y);
+    let level2 = dir.x * dir.x + dir.y * dir.y;
     // (distance from the axis - radius)(distance + radius) keeps the digits that x^2 + y^2 - r^2 would lose.
     let distance = (from.x * from.x + from.y * from.y).sqrt();
     let outside = (distance - cylinder.radius_m) * (distance + cylinder.radius_m);
     if level2 > 0.0 {
         let cross = from.x * dir.y - from.y * dir.x;
-        let room = level2.mul_add(cylinder.radius_m * cylinder.radius_m, -(cross * cross));
+        let room = level2 * cylinder.radius_m * cylinder.radius_m - cross * cross;
         if room < 0.0 {
             return None;
         }
-        let along = from.x.mul_add(dir.x, from.y * dir.y);
+        let along = from.x * dir.x + from.y * dir.y;
         let root = room.sqrt();
         // Both roots of level2 t^2 + 2 along t + outside = 0, without cancellation.
         let far = if along > 0.0 { -along - root } else { root - along };

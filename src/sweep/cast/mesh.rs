@@ -51,6 +51,9 @@ impl MeshCaster {
     pub fn first_hit(&self, origin: DVec3, dir: DVec3, to: f64) -> Hit {
         let from = origin - self.centre_m;
         let single = |v: DVec3| Vec3A::new(v.x as f32, v.y as f32, v.z as f32);
+        if !single(from).is_finite() {
+            return Hit::NONE;
+        }
         let mut hit = RayHit::none();
         // The tree wants finite numbers.
         let reach = to.min(1e30) as f32;

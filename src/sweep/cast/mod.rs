@@ -21,7 +21,7 @@ use mesh::MeshCaster;
 use newton::{Block, LANES, Lanes, Near};
 use packets::Packets;
 use polynomial::PolynomialCaster;
-use raster::RasterCaster;
+use raster::{RasterCaster, Waiting};
 use tree::Tree;
 
 use super::params::Cast;
@@ -95,9 +95,12 @@ impl<'a> Caster<'a> {
 
     /// What a ray of any origin meets within `max_m`.
     pub fn first_hit(&self, origin: DVec3, dir: DVec3, max_m: f64) -> Hit {
+        if !is_ray(origin, dir) {
+            return Hit::NONE;
+        }
         let ground = match &self.ground {
             GroundCaster::Polynomial(ground) => ground.first_hit(origin, dir, 0.0, max_m),
-            GroundCaster::Raster(ground) => ground.first_hit(origin, dir, 0.0, max_m),
+            GroundCaster::Raster(ground) => ground.first_hit(origin, dir, max_m),
             GroundCaster::Mesh(mesh) => return mesh.first_hit(origin, dir, max_m),
         };
         let hit = ground.map_or(Hit::NONE, |range_m| Hit { range_m, object: Hit::GROUND });
@@ -163,7 +166,13 @@ impl Origin<'_> {
     pub fn cast(&self, dirs: &[DVec3], hits: &mut Vec<Hit>) {
         hits.clear();
         if let GroundFrom::Mesh(mesh) = &self.ground {
-            hits.extend(dirs.iter().map(|&dir| mesh.first_hit(self.origin_m, dir, self.max_range_m)));
+            hits.extend(dirs.iter().map(|&dir| {
+                if is_ray(self.origin_m, dir) {
+                    mesh.first_hit(self.origin_m, dir, self.max_range_m)
+                } else {
+                    Hit::NONE
+                }
+            }));
             return;
         }
         hits.reserve(dirs.len());
@@ -173,10 +182,11 @@ impl Origin<'_> {
     #[inline(always)]
     fn blocks<const N: usize>(&self, dirs: &[DVec3], hits: &mut Vec<Hit>) {
         let mut block = Block::new();
+        let mut waiting = Waiting::default();
         for rays in dirs.chunks(LANES) {
             let mut padded = [rays[rays.len() - 1]; LANES];
             padded[..rays.len()].copy_from_slice(rays);
-            self.ground_block::<N>(&padded, rays.len(), &mut block);
+            self.ground_block::<N>(&padded, rays.len(), &mut block, &mut waiting);
             let mut inverse = [0.0; LANES];
             let mut objects = [Hit::NOTHING; LANES];
             for l in 0..LANES {
@@ -196,28 +206,41 @@ impl Origin<'_> {
 
     /// The ground's part of a block: `block.range_m`.
     #[inline(always)]
-    fn ground_block<const N: usize>(&self, dirs: &[DVec3; LANES], count: usize, block: &mut Block) {
+    fn ground_block<const N: usize>(
+        &self,
+        dirs: &[DVec3; LANES],
+        count: usize,
+        block: &mut Block,
+        waiting: &mut Waiting,
+    ) {
         match &self.ground {
             GroundFrom::Near(near, ground) => {
                 newton::solve::<N>(near, dirs, self.max_range_m, block);
-                for l in 0..count {
-                    self.finish_ray(near, ground, dirs[l], l, block);
+                for (l, &dir) in dirs.iter().enumerate().take(count) {
+                    self.finish_ray(near, ground, dir, l, block);
                 }
             }
             GroundFrom::Polynomial(ground) => self.each(dirs, count, &mut block.range_m, |dir| {
                 ground.first_hit(self.origin_m, dir, 0.0, self.max_range_m)
             }),
             GroundFrom::Raster(ground) => self.each(dirs, count, &mut block.range_m, |dir| {
-                ground.first_hit(self.origin_m, dir, 0.0, self.max_range_m)
+                ground.first_hit_with(waiting, self.origin_m, dir, self.max_range_m)
             }),
             GroundFrom::Mesh(_) => block.range_m = [f64::INFINITY; LANES],
         }
     }
 
     #[inline(always)]
-    fn each(&self, dirs: &[DVec3; LANES], count: usize, ranges: &mut Lanes, first_hit: impl Fn(DVec3) -> Option<f64>) {
+    fn each(
+        &self,
+        dirs: &[DVec3; LANES],
+        count: usize,
+        ranges: &mut Lanes,
+        mut first_hit: impl FnMut(DVec3) -> Option<f64>,
+    ) {
         for l in 0..count {
-            ranges[l] = first_hit(dirs[l]).unwrap_or(f64::INFINITY);
+            let met = if is_ray(self.origin_m, dirs[l]) { first_hit(dirs[l]) } else { None };
+            ranges[l] = met.unwrap_or(f64::INFINITY);
         }
     }
 
@@ -229,11 +252,17 @@ impl Origin<'_> {
             let settled = series::first_crossing(&series, near.degree, block.stuck_m[l], block.end_m[l]);
             block.range_m[l] = settled.unwrap_or(f64::INFINITY);
         }
-        if block.range_m[l] == f64::INFINITY && block.end_m[l] == near.reach_m && near.reach_m < self.max_range_m {
+        let beyond = block.range_m[l] == f64::INFINITY && block.end_m[l] == near.reach_m;
+        if beyond && near.reach_m < self.max_range_m && is_ray(self.origin_m, dir) {
             let beyond = ground.first_hit(self.origin_m, dir, near.reach_m, self.max_range_m);
             block.range_m[l] = beyond.unwrap_or(f64::INFINITY);
         }
     }
+}
+
+/// Whether there is a ray at all: finite, and with a direction.
+fn is_ray(origin: DVec3, dir: DVec3) -> bool {
+    origin.is_finite() && dir.is_finite() && dir != DVec3::ZERO
 }
 
 /// Casts with the widest vectors of the machine; every choice gives the same bits.
@@ -277,49 +306,4 @@ fn cast_of_degree(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::{Class, Convex, Cylinder, Obstacle, Plane, Polynomial, Shape};
-
-    fn plane_yard(obstacles: Vec<Obstacle>) -> Scene {
-        let ground = Polynomial::flat(20.0);
-        Scene { extent_m: 20.0, ground: Ground::Polynomial(ground), obstacles, volumes: vec![], patches: vec![] }
-    }
-
-    fn cube(id: i32, centre_m: DVec3, half_m: f64) -> Obstacle {
-        let planes = [DVec3::X, DVec3::Y, DVec3::Z]
-            .iter()
-            .flat_map(|&n| [n, -n])
-            .map(|normal| Plane { normal, offset_m: -normal.dot(centre_m) - half_m })
-            .collect();
-        let shape = Shape::Convex(Convex { planes, vertices_m: vec![], faces: vec![] });
-        Obstacle { id, class: Class::Box, shape, centre_m, radius_m: 1.8 * half_m, protrusion_m: half_m }
-    }
-
-    #[test]
-    fn exact_ranges_on_a_plane_a_cube_and_a_cylinder() {
-        let trunk = Cylinder { base_m: DVec3::new(10.0, 14.0, -1.0), radius_m: 0.5, height_m: 3.0 };
-        let trunk = Obstacle {
-            id: 1,
-            class: Class::Trunk,
-            shape: Shape::Cylinder(trunk),
-            centre_m: DVec3::new(10.0, 14.0, 0.5),
-            radius_m: 2.0,
-            protrusion_m: 2.0,
-        };
-        let scene = plane_yard(vec![cube(0, DVec3::new(13.0, 10.0, 0.0), 0.5), trunk]);
-        let caster = Caster::new(&scene, &Cast::Exact);
-        let origin = DVec3::new(10.0, 10.0, 0.4);
-        let down = DVec3::new(0.0, -0.8, -0.6);
-        let mut hits = Vec::new();
-        caster.from(origin, 30.0).cast(&[DVec3::X, DVec3::Y, -DVec3::Y, down, DVec3::Z, -DVec3::Z], &mut hits);
-        let expected = [(2.5, 0), (3.5, 1), (f64::INFINITY, -2), (0.4 / 0.6, -1), (f64::INFINITY, -2), (0.4, -1)];
-        for (hit, (range, object)) in hits.iter().zip(expected) {
-            assert!((hit.range_m - range).abs() < 1e-12 || hit.range_m == range, "{hit:?} {range}");
-            assert_eq!(hit.object, object);
-        }
-        assert_eq!(caster.inside(DVec3::new(13.0, 10.0, 0.2)), Some(Inside::Obstacle(0)));
-        assert_eq!(caster.inside(DVec3::new(1.0, 1.0, -0.25)), Some(Inside::Ground { depth_m: 0.25 }));
-        assert_eq!(caster.normal_at(0, DVec3::new(12.5, 10.1, 0.2)), -DVec3::X);
-    }
-}
+mod tests;

@@ -116,6 +116,10 @@ fn extent(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, max_m: f64, block: &m
 
 /// Clearance along each ray: forms of the direction, degree by degree, in ascending powers of y.
 #[inline(always)]
+#[expect(
+    clippy::needless_range_loop,
+    reason = "plain counted loops are unrolled; iterator chains cost a sixth of the rate"
+)]
 fn forms<const N: usize>(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, p: &mut [Lanes; MAX_DEGREE + 1]) {
     let mut powers = [[1.0; LANES]; MAX_DEGREE + 1];
     for k in 1..N + 1 {

@@ -78,7 +78,8 @@ impl<'a> PolynomialCaster<'a> {
         let level = (dir.x * dir.x + dir.y * dir.y).sqrt();
         let pieces = ((to - from) * level / (PIECE * self.ground.half_m)).ceil().max(1.0);
         let length = (to - from) / pieces;
-        let n = self.ground.degree;
+        // The ray itself is of degree 1.
+        let n = self.ground.degree.max(1);
         let mut below = None;
         for piece in 0..pieces as u64 {
             let start = from + piece as f64 * length;
@@ -114,7 +115,7 @@ impl<'a> PolynomialCaster<'a> {
         let square_m = [-origin.x, self.extent_m - origin.x, -origin.y, self.extent_m - origin.y];
         let to_border = square_m.iter().fold(f64::INFINITY, |least, side| least.min(side.abs()));
         Some(Near {
-            degree: self.ground.degree,
+            degree: self.ground.degree.max(1),
             table,
             z_m: origin.z,
             reach_m,
@@ -151,7 +152,7 @@ fn tile_bounds(ground: &Polynomial, x_m: f64, y_m: f64, half_m: f64) -> (f64, f6
 }
 
 fn value(series: &Series, degree: usize, s: f64) -> f64 {
-    (0..=degree).rev().fold(0.0, |sum, k| s.mul_add(sum, series[k]))
+    (0..=degree).rev().fold(0.0, |sum, k| series[k] + s * sum)
 }
 
 /// Distance from a coordinate to an interval.

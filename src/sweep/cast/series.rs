@@ -20,6 +20,9 @@ pub type Series = [f64; MAX_DEGREE + 1];
 /// rounding of g. The last step goes on from here to the root itself.
 pub const ARRIVAL_M: f64 = 4e-13;
 
+/// Steps after which a ray counts as arrived.
+const MOST_STEPS: u32 = 100_000;
+
 /// Factor of the ground's Legendre polynomial of degree i on [-1, 1]: the mean of its square is 1.
 pub fn orthonormal(i: usize) -> f64 {
     ((2 * i + 1) as f64).sqrt()
@@ -50,19 +53,19 @@ pub fn along(ground: &Polynomial, x_m: f64, y_m: f64, dx: f64, dy: f64) -> Serie
     let pv = legendre_series(n, (y_m - ground.centre_m.y) / ground.half_m, dy / ground.half_m);
     let mut height = [0.0; MAX_DEGREE + 1];
     let mut index = 0;
-    for i in 0..=n {
+    for (i, pu) in pu.iter().enumerate().take(n + 1) {
         // Q_i(s) = sum over j of c_ij P_j(v(s)); the height is the sum of P_i(u(s)) Q_i(s).
         let mut q = [0.0; MAX_DEGREE + 1];
-        for j in 0..=n - i {
+        for (j, pv) in pv.iter().enumerate().take(n - i + 1) {
             let c = ground.coefficients[index] * orthonormal(i) * orthonormal(j);
             index += 1;
             for k in 0..=j {
-                q[k] += c * pv[j][k];
+                q[k] += c * pv[k];
             }
         }
         for a in 0..=i {
             for b in 0..=n - i {
-                height[a + b] += pu[i][a] * q[b];
+                height[a + b] += pu[a] * q[b];
             }
         }
     }
@@ -85,7 +88,7 @@ fn shift(series: &Series, degree: usize, s: f64) -> Series {
     let mut out = *series;
     for low in 0..degree {
         for k in (low..degree).rev() {
-            out[k] = s.mul_add(out[k + 1], out[k]);
+            out[k] += s * out[k + 1];
         }
     }
     out
@@ -123,7 +126,10 @@ fn curvature_bound(g: &Series, degree: usize, width: f64) -> f64 {
 pub fn first_crossing(g: &Series, degree: usize, from: f64, to: f64) -> Option<f64> {
     let mut s = from;
     let mut window = to - from;
-    while s <= to {
+    for _ in 0..MOST_STEPS {
+        if s > to {
+            return None;
+        }
         let here = shift(g, degree, s);
         let arrived = ARRIVAL_M + 4.0 * f64::EPSILON * g[0].abs();
         let width = window.min(to - s);
@@ -145,13 +151,14 @@ pub fn first_crossing(g: &Series, degree: usize, from: f64, to: f64) -> Option<f
             window = window.min(8.0 * step.max(1e-12));
         }
     }
-    None
+    // So many steps are only taken within rounding of the ground.
+    Some(s)
 }
 
 /// Distance to the first root of g + g' s - M s^2 / 2 (infinite where it has none).
 #[inline(always)]
 pub fn parabola_step(g: f64, slope: f64, bound: f64) -> f64 {
-    let root = slope.mul_add(slope, 2.0 * bound * g).sqrt();
+    let root = (slope * slope + 2.0 * bound * g).sqrt();
     // Two forms of the same root; each adds where the other cancels.
     if slope > 0.0 { (slope + root) / bound } else { 2.0 * g / (root - slope) }
 }

@@ -2,6 +2,9 @@
 //!
 //! Same models as the filter's (they are the question's data), other algebra: dense joint covariance, stacked updates.
 
+// Algebra reads by its indices.
+#![allow(clippy::needless_range_loop)]
+
 use std::collections::BTreeMap;
 
 use marsyard::drive::Reading;

@@ -14,7 +14,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::world::{Drive, RADIUS_M, Scenario, drive_on, on_slope};
 
-pub const RANGE_M: f64 = 3.75;
+pub const RANGE_M: f64 = 5.3;
 /// Kapvik's.
 const MAST_M: DVec3 = DVec3::new(0.3, 0.0, 0.4);
 
@@ -107,7 +107,8 @@ impl Study {
         let mut scene = Scene::bare(full.extent_m, full.ground.clone());
         for rock in &full.obstacles {
             let from_ring_m = (rock.centre_m.truncate().distance(centre_m) - RADIUS_M).abs();
-            if scene.obstacles.len() < scenario.rocks && from_ring_m > rock.radius_m + 0.5 {
+            let inside = (rock.centre_m.truncate() - centre_m).abs().max_element() < 9.0;
+            if scene.obstacles.len() < scenario.rocks && inside && from_ring_m > rock.radius_m + 0.5 {
                 scene = scene.with_obstacle(rock.class, rock.shape.clone());
             }
         }

@@ -1,0 +1,340 @@
+//! Casting at shapes whose ranges are known on paper, at the extremes, and by every code path alike.
+
+use super::*;
+use crate::geometry::DVec2;
+use crate::scene::{Class, Convex, Cylinder, Obstacle, Polynomial, Shape};
+use crate::sweep::params::SpacingParams;
+
+fn yard(extent_m: f64, ground: Polynomial, shapes: Vec<Shape>) -> Scene {
+    let obstacles = shapes
+        .into_iter()
+        .enumerate()
+        .map(|(id, shape)| {
+            let (centre_m, radius_m) = match &shape {
+                Shape::Convex(hull) => hull.bounding_sphere(),
+                Shape::Cylinder(c) => (c.base_m + 0.5 * c.height_m * DVec3::Z, c.radius_m + c.height_m),
+            };
+            Obstacle { id: id as i32, class: Class::Rock, shape, centre_m, radius_m, protrusion_m: 0.0 }
+        })
+        .collect();
+    Scene { extent_m, ground: Ground::Polynomial(ground), obstacles, volumes: vec![], patches: vec![] }
+}
+
+fn cube(centre_m: DVec3, half_m: f64) -> Shape {
+    Shape::Convex(Convex::cuboid(centre_m, DVec3::splat(half_m), 0.0))
+}
+
+/// A bumpy ground of some degree.
+fn bumps(extent_m: f64, degree: usize) -> Polynomial {
+    let count = (degree + 1) * (degree + 2) / 2;
+    Polynomial::new(
+        extent_m,
+        degree,
+        (0..count).map(|k| 0.3 * crate::math::sin(2.7 * k as f64) / (1 + k) as f64).collect(),
+    )
+}
+
+/// Directions all over the sphere.
+fn fan(count: usize) -> Vec<DVec3> {
+    (0..count)
+        .map(|k| {
+            let z = 1.0 - 2.0 * (k as f64 + 0.5) / count as f64;
+            let (sin, cos) = crate::math::sin_cos(2.399_963 * k as f64);
+            let level = (1.0 - z * z).sqrt();
+            DVec3::new(level * cos, level * sin, z).normalize()
+        })
+        .collect()
+}
+
+/// One ray by both paths: from a prepared origin and alone.
+fn both(caster: &Caster, origin: DVec3, dir: DVec3, reach_m: f64) -> [Hit; 2] {
+    let mut hits = Vec::new();
+    caster.from(origin, reach_m).cast(&[dir], &mut hits);
+    [hits[0], caster.first_hit(origin, dir, reach_m)]
+}
+
+fn expect(caster: &Caster, origin: DVec3, dir: DVec3, reach_m: f64, range_m: f64, object: i32, tolerance_m: f64) {
+    for hit in both(caster, origin, dir, reach_m) {
+        assert_eq!(hit.object, object, "{origin} {dir}: {hit:?}, expected {range_m}");
+        assert!(hit.range_m == range_m || (hit.range_m - range_m).abs() <= tolerance_m, "{hit:?}, expected {range_m}");
+    }
+}
+
+#[test]
+fn exact_ranges_on_a_plane_a_cube_and_a_cylinder() {
+    let trunk = Cylinder { base_m: DVec3::new(10.0, 14.0, -1.0), radius_m: 0.5, height_m: 3.0 };
+    let shapes = vec![cube(DVec3::new(13.0, 10.0, 0.0), 0.5), Shape::Cylinder(trunk)];
+    let scene = yard(20.0, Polynomial::flat(20.0), shapes);
+    let caster = Caster::new(&scene, &Cast::Exact);
+    let origin = DVec3::new(10.0, 10.0, 0.4);
+    let nothing = (f64::INFINITY, Hit::NOTHING);
+    for (dir, (range, object)) in [
+        (DVec3::X, (2.5, 0)),
+        (DVec3::Y, (3.5, 1)),
+        (-DVec3::Y, nothing),
+        (DVec3::new(0.0, -0.8, -0.6), (0.4 / 0.6, Hit::GROUND)),
+        (DVec3::Z, nothing),
+        (-DVec3::Z, (0.4, Hit::GROUND)),
+    ] {
+        expect(&caster, origin, dir, 30.0, range, object, 1e-12);
+    }
+    // From above: on the cylinder's cap, and down its side.
+    expect(&caster, DVec3::new(10.1, 14.2, 5.0), -DVec3::Z, 30.0, 3.0, 1, 1e-12);
+    expect(&caster, DVec3::new(10.6, 14.0, 5.0), -DVec3::Z, 30.0, 5.0, Hit::GROUND, 1e-12);
+    assert_eq!(caster.inside(DVec3::new(13.0, 10.0, 0.2)), Some(Inside::Obstacle(0)));
+    assert_eq!(caster.inside(DVec3::new(1.0, 1.0, -0.25)), Some(Inside::Ground { depth_m: 0.25 }));
+    assert_eq!(caster.inside(origin), None);
+    assert_eq!(caster.normal_at(0, DVec3::new(12.5, 10.1, 0.2)), -DVec3::X);
+    assert_eq!(caster.normal_at(1, DVec3::new(10.0, 13.5, 1.0)), -DVec3::Y);
+    assert_eq!(caster.normal_at(1, DVec3::new(10.1, 14.1, 2.0)), DVec3::Z);
+}
+
+#[test]
+fn equal_bits_with_every_instruction_set_and_in_every_company() {
+    let shapes = (0..40)
+        .map(|k| {
+            let (sin, cos) = crate::math::sin_cos(f64::from(k));
+            let centre = DVec3::new(10.0 + 0.2 * f64::from(k + 6) * cos, 10.0 + 0.2 * f64::from(k + 6) * sin, 0.1);
+            Shape::Convex(Convex::cuboid(centre, DVec3::new(0.2, 0.1, 0.3), f64::from(k)))
+        })
+        .collect();
+    for degree in [2, 5, 8, 12] {
+        let scene = yard(20.0, bumps(20.0, degree), Vec::clone(&shapes));
+        let caster = Caster::new(&scene, &Cast::Exact);
+        let from = caster.from(DVec3::new(10.0, 10.0, 1.0), 30.0);
+        let dirs = fan(777);
+        let (mut plain, mut best) = (Vec::new(), Vec::new());
+        cast_of_degree(degree, &from, &dirs, &mut plain);
+        from.cast(&dirs, &mut best);
+        let bits = |hits: &[Hit]| hits.iter().map(|h| (h.range_m.to_bits(), h.object)).collect::<Vec<_>>();
+        assert_eq!(bits(&plain), bits(&best));
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            let mut narrow = Vec::new();
+            // SAFETY: the machine has what the function is compiled for.
+            unsafe { cast_avx2(degree, &from, &dirs, &mut narrow) };
+            assert_eq!(bits(&narrow), bits(&best));
+        }
+        // Alone, and in another block: the same bits.
+        let mut shifted = Vec::new();
+        from.cast(&dirs[5..], &mut shifted);
+        assert_eq!(bits(&shifted), bits(&best[5..]));
+        for (dir, hit) in dirs.iter().zip(&best).step_by(50) {
+            from.cast(&[*dir], &mut shifted);
+            assert_eq!(bits(&shifted), bits(&[*hit]));
+        }
+    }
+}
+
+#[test]
+fn equal_prepared_origins_and_single_rays() {
+    let shapes = (0..200)
+        .map(|k| {
+            let (a, b) = (f64::from(k), 1.7 * f64::from(k));
+            let centre = DVec3::new(10.0 + 9.0 * crate::math::sin(a), 10.0 + 9.0 * crate::math::cos(b), 0.2);
+            if k % 3 == 0 {
+                Shape::Cylinder(Cylinder { base_m: centre - DVec3::Z, radius_m: 0.1, height_m: 2.0 })
+            } else {
+                Shape::Convex(Convex::cuboid(centre, DVec3::new(0.15, 0.1, 0.2), a))
+            }
+        })
+        .collect();
+    let scene = yard(20.0, bumps(20.0, 7), shapes);
+    let caster = Caster::new(&scene, &Cast::Exact);
+    let mut hits = Vec::new();
+    // In the yard, at its corner, off it and below it.
+    for origin in [(10.0, 10.0, 1.0), (0.0, 0.0, 2.0), (-3.0, 25.0, 4.0), (4.0, 5.0, -3.0)] {
+        let origin = DVec3::new(origin.0, origin.1, origin.2);
+        let dirs = fan(3000);
+        caster.from(origin, 60.0).cast(&dirs, &mut hits);
+        let mut met = 0;
+        for (dir, hit) in dirs.iter().zip(&hits) {
+            let single = caster.first_hit(origin, *dir, 60.0);
+            assert_eq!(single.object, hit.object, "{origin} {dir}");
+            met += usize::from(hit.object != Hit::NOTHING);
+            assert!(single.range_m == hit.range_m || (single.range_m - hit.range_m).abs() < 1e-9);
+        }
+        assert!(met > 20, "{origin}: {met}");
+    }
+}
+
+#[test]
+fn law_certified_heights_hold_every_height() {
+    for degree in [0, 1, 3, 8, 12] {
+        let ground = bumps(20.0, degree);
+        let caster = PolynomialCaster::new(&ground, 20.0);
+        for k in 0..4000 {
+            let (x, y) = (20.0 * f64::from(k % 63) / 62.0, 20.0 * f64::from(k / 63) / 63.0);
+            let (low, high) = caster.height_bounds(x, y, 0.01);
+            let height = ground.height_m(x, y);
+            assert!(low <= height && height <= high, "degree {degree} at {x}, {y}: {low} {height} {high}");
+            assert!(high - low < 1.0, "bounds this wide are of no use");
+        }
+    }
+}
+
+#[test]
+fn extreme_grazing_rays_meet_a_plane_where_geometry_says() {
+    let scene = yard(10_000.0, Polynomial::flat(10_000.0), vec![]);
+    let caster = Caster::new(&scene, &Cast::Exact);
+    for angle in [1e-3, 1e-6, 1e-9f64] {
+        let origin = DVec3::new(4000.0, 5000.0, 1000.0 * angle);
+        let dir = DVec3::new((1.0 - angle * angle).sqrt(), 0.0, -angle);
+        expect(&caster, origin, dir, 5000.0, 1000.0, Hit::GROUND, 1e-9 + 1e-12 / angle);
+        let away = DVec3::new(dir.x, 0.0, angle);
+        expect(&caster, origin, away, 5000.0, f64::INFINITY, Hit::NOTHING, 0.0);
+    }
+}
+
+#[test]
+fn extreme_a_tangent_to_a_crest_turns_at_the_crest() {
+    // z = -c (3 u^2 - 1) / 2 with its crest, c / 2 high, along u = 0.
+    let crest = 0.4;
+    let mut coefficients = vec![0.0; 6];
+    coefficients[5] = -crest / 5f64.sqrt();
+    let ground = Polynomial::new(20.0, 2, coefficients);
+    assert!((ground.height_m(10.0, 3.0) - 0.5 * crest).abs() < 1e-15);
+    let scene = yard(20.0, ground, vec![]);
+    let caster = Caster::new(&scene, &Cast::Exact);
+    for gap in [1e-3, 1e-6, 1e-9, 1e-10f64] {
+        let above = DVec3::new(1.0, 3.0, 0.5 * crest + gap);
+        expect(&caster, above, DVec3::X, 30.0, f64::INFINITY, Hit::NOTHING, 0.0);
+        let below = DVec3::new(1.0, 3.0, 0.5 * crest - gap);
+        let before = 12.0 * (gap / (1.5 * crest)).sqrt();
+        let slope = 2.0 * gap / before;
+        expect(&caster, below, DVec3::X, 30.0, 9.0 - before, Hit::GROUND, 1e-9 + 1e-12 / slope);
+    }
+}
+
+#[test]
+fn extreme_sensors_in_and_on_a_body_meet_its_surface_on_the_way_out_or_not_at_all() {
+    let scene = yard(20.0, Polynomial::flat(20.0), vec![cube(DVec3::new(10.0, 10.0, 5.0), 1.0)]);
+    let caster = Caster::new(&scene, &Cast::Exact);
+    expect(&caster, DVec3::new(10.0, 10.0, 5.5), DVec3::X, 30.0, 1.0, 0, 1e-15);
+    expect(&caster, DVec3::new(10.0, 10.0, 5.5), DVec3::Z, 30.0, 0.5, 0, 1e-15);
+    // On a face: outwards nothing, inwards at once.
+    expect(&caster, DVec3::new(11.0, 10.0, 5.0), DVec3::X, 30.0, f64::INFINITY, Hit::NOTHING, 0.0);
+    expect(&caster, DVec3::new(11.0, 10.0, 5.0), -DVec3::X, 30.0, 0.0, 0, 1e-15);
+    // On the ground, upwards; a hair above it, downwards.
+    expect(&caster, DVec3::new(3.0, 3.0, 0.0), DVec3::Z, 30.0, f64::INFINITY, Hit::NOTHING, 0.0);
+    expect(&caster, DVec3::new(3.0, 3.0, 0.01), -DVec3::Z, 0.02, 0.01, Hit::GROUND, 1e-15);
+    // From below the ground it is met from below.
+    expect(&caster, DVec3::new(3.0, 3.0, -2.0), DVec3::Z, 30.0, 2.0, Hit::GROUND, 1e-12);
+}
+
+#[test]
+fn extreme_rays_through_vertices_and_along_edges_end_on_the_body_or_pass_it() {
+    let scene = yard(20.0, Polynomial::flat(20.0), vec![cube(DVec3::new(10.0, 10.0, 5.0), 1.0)]);
+    let caster = Caster::new(&scene, &Cast::Exact);
+    let origin = DVec3::new(4.0, 7.0, 8.0);
+    for corner in [(9.0, 9.0, 6.0), (11.0, 9.0, 6.0), (9.0, 11.0, 4.0), (9.0, 9.0, 5.0), (10.0, 9.0, 6.0)] {
+        let way = DVec3::new(corner.0, corner.1, corner.2) - origin;
+        for hit in both(&caster, origin, way.normalize(), 30.0) {
+            // A silhouette may be passed; whatever is met is met at the corner or behind it.
+            assert!(hit.object != 0 || hit.range_m >= way.length() - 1e-12, "{hit:?}");
+        }
+        // A nanometre inside the corner it is met for certain.
+        let inside = DVec3::new(corner.0, corner.1, corner.2) * (1.0 - 1e-9) + DVec3::new(10.0, 10.0, 5.0) * 1e-9;
+        let way = inside - origin;
+        for hit in both(&caster, origin, way.normalize(), 30.0) {
+            assert!(hit.object == 0 && (hit.range_m - way.length()).abs() < 1e-7, "{hit:?}");
+        }
+    }
+    // In the plane of the top, along its edge.
+    for hit in both(&caster, DVec3::new(4.0, 9.0, 6.0), DVec3::X, 30.0) {
+        assert!(hit == Hit::NONE || (hit.range_m - 5.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn extreme_bodies_of_a_millimetre_and_of_ten_kilometres_far_from_the_corner() {
+    for size in [1e-3, 1.0, 30.0, 1e4] {
+        let distance = 2.0 * size + 3.0;
+        let sensor = DVec3::new(40_000.0, 40_000.0, 1.0);
+        let centre = sensor + DVec3::new(distance, 0.0, 0.0);
+        let scene = yard(90_000.0, Polynomial::flat(90_000.0), vec![cube(centre, 0.5 * size)]);
+        let caster = Caster::new(&scene, &Cast::Exact);
+        expect(&caster, sensor, DVec3::X, 1e5, distance - 0.5 * size, 0, 1e-10);
+        // Just past its edge; heights of 40 km round at 1e-11.
+        let edge = DVec3::new(distance - 0.5 * size, 0.5 * size * (1.0 + 1e-6), 0.0);
+        for hit in both(&caster, sensor, edge.normalize(), 1e5) {
+            assert_eq!(hit.object, Hit::NOTHING, "size {size}");
+        }
+    }
+}
+
+#[test]
+fn extreme_no_rays_one_ray_and_senseless_rays() {
+    let scene = yard(20.0, bumps(20.0, 8), vec![cube(DVec3::new(12.0, 10.0, 0.0), 0.5)]);
+    let nan = f64::NAN;
+    for cast in
+        [Cast::Exact, Cast::Raster(SpacingParams { spacing_m: 0.5 }), Cast::Mesh(SpacingParams { spacing_m: 0.5 })]
+    {
+        let caster = Caster::new(&scene, &cast);
+        let mut hits = vec![Hit::NONE; 3];
+        let origin = DVec3::new(10.0, 10.0, 2.0);
+        caster.from(origin, 30.0).cast(&[], &mut hits);
+        assert!(hits.is_empty());
+        caster.from(origin, 30.0).cast(&[-DVec3::Z], &mut hits);
+        assert_eq!((hits.len(), hits[0].object), (1, Hit::GROUND));
+        let odd = [DVec3::splat(nan), DVec3::ZERO, DVec3::new(nan, 0.0, -1.0)];
+        for from in [origin, DVec3::splat(nan), DVec3::splat(f64::INFINITY), DVec3::splat(1e200)] {
+            caster.from(from, 30.0).cast(&odd, &mut hits);
+            assert!(hits.iter().all(|h| *h == Hit::NONE), "{from}: {hits:?}");
+            caster.from(from, f64::INFINITY).cast(&[DVec3::X, DVec3::Z], &mut hits);
+        }
+        // A senseless ray does not disturb its neighbours.
+        let mut dirs = fan(40);
+        caster.from(origin, 30.0).cast(&dirs, &mut hits);
+        let before = hits.clone();
+        dirs[7] = DVec3::splat(nan);
+        caster.from(origin, 30.0).cast(&dirs, &mut hits);
+        assert!(before.iter().zip(&hits).enumerate().all(|(k, (a, b))| k == 7 || a == b));
+    }
+}
+
+#[test]
+fn exact_no_ground_beyond_the_yard() {
+    let scene = yard(20.0, Polynomial::plane(20.0, 0.0, DVec2::new(0.1, 0.0)), vec![]);
+    for cast in [Cast::Exact, Cast::Raster(SpacingParams { spacing_m: 0.25 })] {
+        let caster = Caster::new(&scene, &cast);
+        let origin = DVec3::new(15.0, 10.0, 3.0);
+        let to = |x: f64| (DVec3::new(x, 10.0, 0.1 * x) - origin).normalize();
+        let range = |x: f64| (DVec3::new(x, 10.0, 0.1 * x) - origin).length();
+        expect(&caster, origin, to(19.999), 30.0, range(19.999), Hit::GROUND, 1e-11);
+        expect(&caster, origin, to(20.001), 30.0, f64::INFINITY, Hit::NOTHING, 0.0);
+        // From off the yard, in over the border.
+        let outside = DVec3::new(25.0, 10.0, 3.0);
+        let way = DVec3::new(18.0, 10.0, 1.8) - outside;
+        expect(&caster, outside, way.normalize(), 30.0, way.length(), Hit::GROUND, 1e-11);
+        let past = DVec3::new(20.5, 10.0, 2.05) - outside;
+        expect(&caster, outside, past.normalize(), 5.0, f64::INFINITY, Hit::NOTHING, 0.0);
+    }
+}
+
+#[test]
+fn order_raster_and_mesh_approach_the_surface_with_the_square_of_their_spacing() {
+    let scene = yard(20.0, bumps(20.0, 6), vec![cube(DVec3::new(12.0, 10.0, 0.0), 0.5)]);
+    let (origin, dirs) = (DVec3::new(10.0, 10.0, 1.5), fan(2000));
+    let cast = |method: &Cast| {
+        let caster = Caster::new(&scene, method);
+        let mut hits = Vec::new();
+        caster.from(origin, 8.0).cast(&dirs, &mut hits);
+        hits
+    };
+    let exact = cast(&Cast::Exact);
+    let error = |method: &Cast| -> f64 {
+        let pairs =
+            cast(method).into_iter().zip(&exact).filter(|(a, b)| a.object == Hit::GROUND && b.object == Hit::GROUND);
+        let errors: Vec<f64> = pairs.map(|(a, b)| (a.range_m - b.range_m).abs()).collect();
+        assert!(errors.len() > 500);
+        errors.iter().sum::<f64>() / errors.len() as f64
+    };
+    for method in
+        [|spacing_m| Cast::Raster(SpacingParams { spacing_m }), |spacing_m| Cast::Mesh(SpacingParams { spacing_m })]
+    {
+        let (coarse, fine) = (error(&method(0.8)), error(&method(0.2)));
+        // Four times finer, sixteen times nearer: within a third, for a mean over one scene.
+        assert!((10.0..24.0).contains(&(coarse / fine)), "{coarse} {fine}");
+    }
+}
