@@ -168,6 +168,9 @@ purposes! {
     /// Index k: component k of the pose.
     SlamSurrogate = 702, "slam.surrogate";
     // Cells: 800-899
+    // Train: 900-999
+    /// Index: weight.
+    InitialWeights = 900, "network.weights";
 }
 
 #[cfg(test)]
