@@ -110,8 +110,7 @@ impl Confusion {
         let [tn, fp, fneg, tp] =
             [self.true_traversable, self.false_untraversable, self.missed_untraversable, self.true_untraversable]
                 .map(|count| count as f64);
-        // A root each, so that the product of four counts cannot overflow.
-        let scale = (tp + fp).sqrt() * (tp + fneg).sqrt() * (tn + fp).sqrt() * (tn + fneg).sqrt();
+        let scale = ((tp + fp) * (tp + fneg) * (tn + fp) * (tn + fneg)).sqrt();
         (scale > 0.0).then(|| ((tp * tn - fp * fneg) / scale).clamp(-1.0, 1.0))
     }
 

@@ -82,7 +82,7 @@ fn rho(at_each_value: impl Iterator<Item = [u64; 2]> + Clone) -> Option<f64> {
         products += rank * (without as f64 * without_rank + with as f64 * with_rank);
         before += here;
     }
-    let scale = squares.sqrt() * mark_squares.sqrt();
+    let scale = (squares * mark_squares).sqrt();
     (scale > 0.0).then(|| (products / scale).clamp(-1.0, 1.0))
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::judge::{Group, Threshold, ThresholdOrigin};
-use super::report::{AtThreshold, GroupReport, Judged, Report, SpreadReport};
+use super::report::{AtThreshold, Judged, Report, SpreadReport};
 use super::spread::Bin;
 
 impl Display for Report {
@@ -67,7 +67,7 @@ impl Report {
     fn rates(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:<34} {:>11} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
+            "{:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
             "by cells, percent", "untraversable", "majority", "accuracy", "balanced", "MCC", "AUC", "missed", "false"
         )?;
         for group in &self.groups {
@@ -86,7 +86,7 @@ impl Report {
                     let r = &at.cells.rates;
                     writeln!(
                         f,
-                        "{label:<36} {:>11} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
+                        "{label:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
                         percent(r.prevalence),
                         percent(r.majority_baseline),
                         percent(r.accuracy),
@@ -124,39 +124,19 @@ impl Report {
     }
 }
 
-impl GroupReport {
-    /// The network at one threshold.
-    pub fn network_at(&self, threshold: &Threshold) -> Option<&AtThreshold> {
-        self.network.at.iter().find(|at| at.threshold == *threshold)
-    }
-}
-
 fn confusion(f: &mut Formatter<'_>, at: &AtThreshold) -> fmt::Result {
-    let (cells, threshold) = (&at.cells.counts, at.threshold);
-    writeln!(
-        f,
-        "confusion from {:.3}{}, cells {:>20} {:>21}",
-        threshold.value,
-        origin(threshold),
-        "called traversable",
-        "called untraversable"
-    )?;
-    for (name, right_first, a, b, whole) in [
-        ("truly traversable", true, cells.true_traversable, cells.false_untraversable, cells.traversable()),
-        ("truly untraversable", false, cells.missed_untraversable, cells.true_untraversable, cells.untraversable()),
+    let cells = &at.cells.counts;
+    let title = format!("confusion from {:.3}{}, cells", at.threshold.value, origin(at.threshold));
+    writeln!(f, "{title:<42} {:>24} {:>24}", "called traversable", "called untraversable")?;
+    for (name, counts, whole) in [
+        ("traversable", [cells.true_traversable, cells.false_untraversable], cells.traversable()),
+        ("untraversable", [cells.missed_untraversable, cells.true_untraversable], cells.untraversable()),
     ] {
-        let share = |count: u64| percent((whole > 0).then(|| count as f64 / whole as f64));
-        let mark = |right: bool| if right { ' ' } else { '!' };
-        writeln!(
-            f,
-            "  {name:<34} {:>11} {:>6} %{} {:>12} {:>6} %{}",
-            thousands(a),
-            share(a),
-            mark(right_first),
-            thousands(b),
-            share(b),
-            mark(!right_first)
-        )?;
+        let [a, b] = counts.map(|count| {
+            let share = percent((whole > 0).then(|| count as f64 / whole as f64));
+            format!("{} ({share} %)", thousands(count))
+        });
+        writeln!(f, "  truly {name:<34} {a:>24} {b:>24}")?;
     }
     Ok(())
 }

@@ -25,7 +25,8 @@ struct Layer<'a> {
 /// Rows over the whole range that was trained on, and beyond it, with the outputs that marsyard computes.
 #[derive(Debug, Serialize)]
 struct Check {
-    features: Vec<Vec<f32>>,
+    /// Each the exact value of a float, as a column would hold it.
+    features: Vec<Vec<f64>>,
     outputs: Vec<f64>,
 }
 
@@ -46,8 +47,9 @@ pub fn json(model: &Model) -> String {
             biases: layer.chunks_exact(row).map(|w| w.get(pair[0]).copied().unwrap_or(0.0)).collect(),
         });
     }
-    let features = check_rows(model);
-    let outputs = features.iter().map(|row| model.output(row)).collect();
+    let rows = check_rows(model);
+    let outputs = rows.iter().map(|row| model.output(row)).collect();
+    let features = rows.iter().map(|row| row.iter().map(|&x| f64::from(x)).collect()).collect();
     let export = Export { about: &model.about, layers, check: Check { features, outputs } };
     serde_json::to_string(&export).expect("a model is plain data") + "\n"
 }
