@@ -4,7 +4,9 @@
 //! interrupted).
 
 mod corpus;
+mod evaluate;
 mod explain;
+mod export;
 mod generate;
 mod log;
 mod output;
@@ -62,6 +64,10 @@ enum Verb {
     Explain(explain::ExplainArgs),
     /// Pictures (PNG), cloud (PLY) and trajectories (TUM) of one scene.
     Preview(preview::PreviewArgs),
+    /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
+    Evaluate(evaluate::EvaluateArgs),
+    /// Write a model for other programs: ONNX, or weights as JSON.
+    Export(export::ExportArgs),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
         #[arg(value_parser = parse_kind)]
@@ -135,6 +141,8 @@ pub fn main() -> ExitCode {
         Verb::Inspect(args) => corpus::inspect(args),
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
+        Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Export(args) => export::run(args),
         Verb::Schema { kind } => {
             out!("{}", config::schema_text(*kind));
             Ok(())

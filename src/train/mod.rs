@@ -5,12 +5,15 @@
 //! Feldkamp 1991 (decoupled), Bierman 1977 (factored). Memory does not grow with the corpus. Rows come in an order that is a
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
+pub mod export;
 pub mod filter;
+pub mod labels;
 pub mod model;
 pub mod network;
+pub mod onnx;
 pub mod params;
 
 pub use filter::Filter;
-pub use model::{Model, Scaler};
+pub use model::{About, MODEL_FORMAT, Model, ModelError, Scaler};
 pub use network::{Layout, Network};
 pub use params::TrainParams;

@@ -1,0 +1,315 @@
+//! Reports of corpora whose every number is known, and numbers that scikit-learn and SciPy gave for the same cells.
+
+use super::*;
+use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn};
+use crate::corpus::{
+    CorpusSpec, LocalFolder, Place, ScanOutput, SceneOutput, ShardWriter, Split, Store, Table, finalize,
+};
+use crate::geometry::CellIndex;
+use crate::train::labels::{LabelRule, Obstacle};
+use crate::train::model::tests::model;
+use crate::train::{Model, Scaler};
+
+/// Calls a cell untraversable from a height difference of 0.1 m on.
+fn steps_model() -> Model {
+    let mut model = model(&["height_difference_m"], &[1], true);
+    model.network.weights = vec![2.0, 0.0, 10.0, -5.0];
+    model.about.scaler = Scaler { mean: vec![0.1], scale: vec![0.1], clip: 8.0 };
+    model
+}
+
+/// One cell of the corpus in the making: label, points, obstacle points, top points, height difference.
+type Known = (Option<i8>, i32, i32, i32, f32);
+
+/// Of each scan, in one row: two cells of ground, an obstacle, a missed top, a false alarm.
+const SCAN: [Known; 7] = [
+    (Some(0), 1, 0, 0, 0.0),
+    (Some(0), 6, 0, 0, 0.05),
+    (Some(1), 10, 4, 1, 0.4),
+    (Some(1), 5, 5, 5, 0.02),
+    (Some(0), 2, 0, 0, 0.2),
+    (None, 9, 0, 0, 0.3),
+    (Some(1), 3, 3, 0, f32::NAN),
+];
+
+fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
+    let feature = |name: &str| FeatureColumn { name: name.into(), unit: "m", description: name.into() };
+    CorpusSpec {
+        name: "known".into(),
+        seed: 1,
+        scenes,
+        scenes_per_shard: 1,
+        tables: tables.to_vec(),
+        features: vec![feature("mean_height_m"), feature("height_difference_m")],
+        drawn: Vec::new(),
+        families: vec!["even".into(), "odd".into()],
+        scene_plan_hash: "cd".repeat(32),
+        plan_yaml: "marsyard: 1\nname: known\nseed: 1\nscenes: 7\n".into(),
+        license: "cc0-1.0".into(),
+    }
+}
+
+fn scene(scene_id: u64, known: &[Known]) -> SceneOutput {
+    let row = |(k, &(label, points, obstacle_points, top_points, _)): (usize, &Known)| CellRow {
+        index: CellIndex { row: 0, col: k as i32 },
+        label,
+        points,
+        range_m: 0.5 + k as f32,
+        neighbour_mask: 0,
+        truth: CellTruth {
+            obstacle_points,
+            top_points,
+            class: i8::from(obstacle_points > 0),
+            object: if obstacle_points > 0 { 0 } else { -1 },
+            protrusion_m: 0.1 * obstacle_points as f32,
+            slope_rad: 0.0,
+        },
+    };
+    let cells = Cells {
+        rows: known.iter().enumerate().map(row).collect(),
+        features: known.iter().flat_map(|cell| [0.0, cell.4]).collect(),
+        points_in: 36,
+        points_binned: 36,
+        dropped_beyond_range: 0,
+        dropped_off_grid: 0,
+    };
+    let family = ["even", "odd"][scene_id as usize % 2].into();
+    let scans = [0, 1].map(|scan_id| ScanOutput { scan_id, cells: cells.clone(), points: None });
+    SceneOutput { scene_id, family, attempts: 1, scans: scans.into(), ..SceneOutput::default() }
+}
+
+fn corpus(scenes: u64, tables: &[Table], known: &[Known]) -> (tempfile::TempDir, LocalFolder) {
+    let spec = spec(scenes, tables);
+    let dir = tempfile::tempdir().unwrap();
+    let store = LocalFolder::new(dir.path().join("known"));
+    Place::open(&store, &spec).unwrap();
+    for shard in 0..spec.shards() {
+        let mut writer = ShardWriter::new(&spec, shard).unwrap();
+        writer.push(&scene(shard, known)).unwrap();
+        writer.finish().unwrap().commit(&store).unwrap();
+    }
+    finalize(&store, &spec).unwrap();
+    (dir, store)
+}
+
+fn families() -> Vec<FamilyFacts> {
+    let facts = |name: &str, sensor: &str| FamilyFacts {
+        name: name.into(),
+        sensor: sensor.into(),
+        cell_size_m: 0.1,
+        labels: "as built".into(),
+    };
+    vec![facts("even", "urg"), facts("odd", "lms")]
+}
+
+const TABLES: [Table; 2] = [Table::Cells, Table::Scenes];
+
+#[test]
+fn exact_a_report_of_a_corpus_counted_by_hand() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let report = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Test)).unwrap();
+    // One test shard (6) with two scans of five cells that can be judged.
+    assert_eq!((report.data.scans, report.data.unknown_cells, report.data.not_finite_cells), (2, 2, 2));
+    let all = &report.groups[0];
+    assert_eq!((all.cells, all.points), (10, 48));
+    let at = &all.network.at[0];
+    let counts =
+        |c: Confusion| [c.true_traversable, c.false_untraversable, c.missed_untraversable, c.true_untraversable];
+    assert_eq!(counts(at.cells.counts), [4, 2, 2, 2]);
+    assert_eq!(counts(at.points.counts), [14, 4, 10, 20]);
+    // The obstacle's cell holds six points of ground, which are called untraversable with it.
+    assert_eq!(counts(at.own_points.counts), [14, 16, 10, 8]);
+    // The missed cell is all top; the obstacle's cell has one top point.
+    assert_eq!(counts(at.cells_without_tops.counts), [4, 2, 0, 2]);
+    assert_eq!(counts(at.points_without_tops.counts), [14, 4, 0, 18]);
+    assert_eq!(counts(at.own_points_without_tops.counts), [14, 16, 0, 6]);
+    // The missed top lies between the obstacle and the false alarm: enclosed; nothing is above and below it: not walled in.
+    assert_eq!(report.missed_tops[0], MissedTops { cells: 2, enclosed: 2, walled_in: 0 });
+    // Outputs rise with the height difference: of six pairs, the top at 0.02 m loses to the ground at 0.05 and 0.2 m.
+    assert_eq!(all.network.auc, Some(4.0 / 6.0));
+    assert_eq!(all.height_difference.auc, Some(4.0 / 6.0));
+}
+
+#[test]
+fn exact_groups_are_all_well_seen_family_and_sensor() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let report = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Test)).unwrap();
+    let groups = serde_json::to_value(report.groups.iter().map(|g| (&g.group, g.cells)).collect::<Vec<_>>()).unwrap();
+    let expected =
+        serde_json::json!([["all", 10], [{"points": 3}, 6], [{"family": "even"}, 10], [{"sensor": "urg"}, 10]]);
+    assert_eq!(groups, expected);
+    let bins: Vec<(f64, u64)> = report.points_per_cell.bins.iter().map(|b| (b.from, b.counts.total())).collect();
+    assert_eq!(bins, [(1.0, 2), (2.0, 2), (5.0, 4), (9.0, 2)]);
+    let ranges: Vec<(f64, u64)> = report.range_m.bins.iter().map(|b| (b.from, b.counts.total())).collect();
+    assert_eq!(ranges, [(0.0, 2), (1.0, 2), (2.0, 2), (3.0, 2), (4.0, 2)]);
+    let all = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Train)).unwrap();
+    assert_eq!(all.groups.len(), 6, "two families with a sensor each");
+    assert!(all.notes.iter().any(|note| note.contains("quote the test split")));
+}
+
+#[test]
+fn law_thresholds_are_chosen_on_the_validation_split() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let report = evaluate(&steps_model(), &store, &[], &Options::of(Split::Test)).unwrap();
+    assert_eq!(report.thresholds.len(), 2);
+    assert_eq!(report.thresholds[1].origin, ThresholdOrigin::Validation);
+    let height = report.height_threshold_m.unwrap();
+    // Above 0.2 m there is the obstacle alone; from 0.02 m on there are both obstacles and two of three ground cells.
+    assert!((0.2..=0.4).contains(&height.value), "{}", height.value);
+    let chosen = &report.groups[0].height_difference.at[0];
+    assert_eq!(chosen.cells.counts.missed_untraversable, 2);
+    let own = evaluate(&steps_model(), &store, &[], &Options::of(Split::Validation)).unwrap();
+    assert!(own.notes.iter().any(|note| note.contains("flatter")), "{:?}", own.notes);
+}
+
+#[test]
+fn exact_labels_of_another_rover_come_from_the_truth_columns() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let rule = LabelRule { obstacle: Obstacle::TallerThanM(0.45), ..LabelRule::default() };
+    let options = Options { labels: Some(rule), ..Options::of(Split::Test) };
+    let report = evaluate(&steps_model(), &store, &families(), &options).unwrap();
+    // The obstacle of four points stands 0.4 m: traversable now. The one of five points stands 0.5 m.
+    let counts = report.groups[0].network.at[0].cells.counts;
+    assert_eq!((counts.untraversable(), counts.traversable()), (2, 8));
+    assert!(report.data.labels.contains("taller_than_m"), "{}", report.data.labels);
+}
+
+#[test]
+fn extreme_bad_input_is_refused_with_the_cure() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let error = |model: &Model, families: &[FamilyFacts], options: &Options| {
+        evaluate(model, &store, families, options).unwrap_err().to_string()
+    };
+    let test = Options::of(Split::Test);
+    let other = error(&model(&["height_difference_m", "intensity_mean"], &[2], true), &families(), &test);
+    assert!(other.contains("the model takes intensity_mean, which the data does not have"), "{other}");
+    let mut large = families();
+    large[1].cell_size_m = 0.2;
+    let size = error(&steps_model(), &large, &test);
+    assert!(size.contains("family 'odd'") && size.contains("cells of 0.1 m, the data has cells of 0.2 m"), "{size}");
+    let odd = error(&steps_model(), &[], &Options { thresholds: vec![0.7, 0.2], ..test.clone() });
+    assert!(odd.contains("rising numbers"), "{odd}");
+    // A truncated shard names its file.
+    let path = Table::Cells.path(6);
+    let bytes = store.read(&path).unwrap();
+    store.replace(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let cut = error(&steps_model(), &[], &test);
+    assert!(cut.contains(&path), "{cut}");
+}
+
+#[test]
+fn extreme_empty_splits_and_one_class_give_no_numbers_rather_than_wrong_ones() {
+    let (_dir, store) = corpus(2, &TABLES, &SCAN);
+    let error = evaluate(&steps_model(), &store, &[], &Options::of(Split::Test)).unwrap_err().to_string();
+    assert!(error.contains("the test split holds no cell with a known label"), "{error}");
+    let unknown: Vec<Known> =
+        SCAN.iter().map(|&(_, points, obstacle, top, height)| (None, points, obstacle, top, height)).collect();
+    let (_dir, store) = corpus(7, &TABLES, &unknown);
+    assert!(evaluate(&steps_model(), &store, &[], &Options::of(Split::Test)).is_err());
+    let (_dir, store) = corpus(7, &[Table::Cells], &SCAN[..2]);
+    let report = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Test)).unwrap();
+    let at = &report.groups[0].network.at[0];
+    assert_eq!(
+        (at.cells.rates.mcc, at.cells.rates.balanced_accuracy, report.groups[0].network.auc),
+        (None, None, None)
+    );
+    assert_eq!(at.cells.rates.false_untraversable, Some(0.0));
+    assert_eq!(report.groups.len(), 2, "no scenes table, no families");
+    assert!(report.notes.iter().any(|note| note.contains("no threshold was chosen")));
+    let text = report.to_string() + &report.to_json();
+    assert!(!text.contains("NaN"), "{text}");
+    assert_eq!(figures(&report).unwrap().len(), 3);
+}
+
+#[test]
+fn law_reports_are_read_back_and_show_every_figure() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let report = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Test)).unwrap();
+    let back: Report = serde_json::from_str(&report.to_json()).unwrap();
+    assert_eq!(back, report);
+    let figures = figures(&report).unwrap();
+    let names: Vec<&str> = figures.iter().map(|(name, _)| *name).collect();
+    assert_eq!(names, ["confusion.svg", "error-against-points.svg", "error-against-range.svg", "roc.svg"]);
+    assert!(figures.iter().all(|(_, svg)| svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>")));
+}
+
+/// Cells whose numbers Python makes by the same whole-number formulas.
+fn many() -> Vec<(Cell, f64)> {
+    (0..2000i64)
+        .map(|k| {
+            let a = k * 7919 % 1009;
+            let untraversable = k * 104_729 % 1013 < 150 + a / 2;
+            let points = (k * 31 % 17 + 1) as i32;
+            (Cell { row: k as i32, untraversable, points, ..Cell::default() }, a as f64 / 1024.0)
+        })
+        .collect()
+}
+
+/// Made by scikit-learn and SciPy from the formulas of [`many`]: `accuracy_score`, `balanced_accuracy_score`, `matthews_corrcoef`, and
+/// the same with `sample_weight=points`.
+#[test]
+fn golden_rates_are_scikit_learns() {
+    let golden = [
+        (0.3, [470, 736, 140, 654], [0.562, 0.6066978290746101, 0.2267760394739803]),
+        (0.5, [731, 475, 284, 510], [0.6205, 0.6242266835428232, 0.24315189327469125]),
+        (0.75, [1008, 198, 513, 281], [0.6445, 0.5948625888191286, 0.21750863828978106]),
+    ];
+    let by_points = [
+        [0.5649927785801577, 0.6083717030380565, 0.2296671651739779],
+        [0.6228752360848795, 0.6261047127267932, 0.2469832456195734],
+        [0.6445950449950005, 0.5949982128473102, 0.21877061130620093],
+    ];
+    let judge = judge_many();
+    let all = &judge.groups[&judge::Group::All];
+    for ((counts, (_, expected, rates)), points) in all.network.at.iter().zip(golden).zip(by_points) {
+        let c = counts.cells[judge::WITH_TOPS];
+        let found = [c.true_traversable, c.false_untraversable, c.missed_untraversable, c.true_untraversable];
+        assert_eq!(found, expected);
+        for (counts, expected) in [(c, rates), (counts.points[judge::WITH_TOPS], points)] {
+            let r = counts.rates();
+            for (found, expected) in [r.accuracy, r.balanced_accuracy, r.mcc].into_iter().zip(expected) {
+                assert!((found.unwrap() - expected).abs() < 1e-14, "{found:?} {expected}");
+            }
+        }
+    }
+}
+
+/// `roc_auc_score`, with ties: scores are multiples of 1/1024, so that no two unequal ones share a bin.
+#[test]
+fn golden_auc_with_ties_is_scikit_learns() {
+    let all = |coarse: fn(f64) -> f64| {
+        let mut scores = Scores::new(1.0);
+        many().iter().for_each(|(cell, output)| scores.add(cell.untraversable, coarse(*output)));
+        scores.auc().unwrap()
+    };
+    assert!((all(|s| s) - 0.6696163389601112).abs() < 1e-14);
+    assert!((all(|s| (s * 16.0).floor() / 16.0) - 0.6688639088353365).abs() < 1e-14);
+    assert!((all(|s| f64::from(u8::from(s > 0.5))) - 0.6240115543190847).abs() < 1e-14);
+}
+
+/// `scipy.stats.spearmanr(points, wrong)`, and of the traversable cells `spearmanr(points, called)`.
+#[test]
+fn golden_rank_correlations_are_scipys() {
+    let spread = judge_many_from_half().by_points;
+    assert!((spread.rho().unwrap() - -0.008993271751772215).abs() < 1e-14);
+    assert!((spread.rho_false_untraversable().unwrap() - -0.01535014013464973).abs() < 1e-14);
+}
+
+fn judge_at(thresholds: &[f64]) -> Judge {
+    let origin = ThresholdOrigin::Given;
+    let mut judge = Judge::new(thresholds.iter().map(|&value| Threshold { value, origin }).collect(), None);
+    let (cells, outputs): (Vec<Cell>, Vec<f64>) = many().into_iter().unzip();
+    // In three scans: the split must not matter.
+    for part in [0..500, 500..501, 501..2000] {
+        judge.add_scan("", "", &cells[part.clone()], &outputs[part]);
+    }
+    judge
+}
+
+fn judge_many() -> Judge {
+    judge_at(&[0.3, 0.5, 0.75])
+}
+
+fn judge_many_from_half() -> Judge {
+    judge_at(&[0.5])
+}

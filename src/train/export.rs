@@ -1,0 +1,112 @@
+//! A model -> plain JSON: its metadata, its weights as rows, and rows to check any other program against.
+//!
+//! Layer by layer from the input on: `weights` has one row a neuron with one number an input, `biases` one number a neuron.
+//! To apply it: (x - mean) / scale, clipped to +-clip, then for each layer 1 / (1 + exp(-(weights x + biases))).
+
+use serde::Serialize;
+
+use super::Model;
+use super::model::About;
+
+/// The JSON file.
+#[derive(Debug, Serialize)]
+struct Export<'a> {
+    about: &'a About,
+    layers: Vec<Layer<'a>>,
+    check: Check,
+}
+
+#[derive(Debug, Serialize)]
+struct Layer<'a> {
+    weights: Vec<&'a [f64]>,
+    biases: Vec<f64>,
+}
+
+/// Rows over the whole range that was trained on, and beyond it, with the outputs that marsyard computes.
+#[derive(Debug, Serialize)]
+struct Check {
+    /// Each the exact value of a float, as a column would hold it.
+    features: Vec<Vec<f64>>,
+    outputs: Vec<f64>,
+}
+
+/// Rows of the check besides the seven that hold one quantile in all features.
+const MIXED_ROWS: u32 = 249;
+
+/// The model as JSON text.
+pub fn json(model: &Model) -> String {
+    let layout = &model.network.layout;
+    let mut rest = model.network.weights.as_slice();
+    let mut layers = Vec::new();
+    for pair in layout.sizes().windows(2) {
+        let row = pair[0] + usize::from(layout.bias);
+        let (layer, after) = rest.split_at(row * pair[1]);
+        rest = after;
+        layers.push(Layer {
+            weights: layer.chunks_exact(row).map(|w| &w[..pair[0]]).collect(),
+            biases: layer.chunks_exact(row).map(|w| w.get(pair[0]).copied().unwrap_or(0.0)).collect(),
+        });
+    }
+    let rows = check_rows(model);
+    let outputs = rows.iter().map(|row| model.output(row)).collect();
+    let features = rows.iter().map(|row| row.iter().map(|&x| f64::from(x)).collect()).collect();
+    let export = Export { about: &model.about, layers, check: Check { features, outputs } };
+    serde_json::to_string(&export).expect("a model is plain data") + "\n"
+}
+
+/// One quantile in all features; then each feature at a place of its own between its quantiles, every eighth row ten times as far
+/// out, where inputs are clipped.
+fn check_rows(model: &Model) -> Vec<Vec<f32>> {
+    let quantiles = &model.about.quantiles;
+    let equal = (0..7).map(|k| quantiles.iter().map(|q| q[k] as f32).collect());
+    let mixed = (1..=MIXED_ROWS).map(|row| {
+        let feature = |(k, q): (usize, &[f64; 7])| {
+            // Weyl's sequence with another irrational step a feature.
+            let place = 6.0 * (f64::from(row) * (2.0 + k as f64).sqrt() * 0.618_033_988_749_894_9).fract();
+            let below = (place as usize).min(5);
+            let value = q[below] + (q[below + 1] - q[below]) * (place - below as f64);
+            (if row % 8 == 0 { 10.0 * value } else { value }) as f32
+        };
+        quantiles.iter().enumerate().map(feature).collect()
+    });
+    equal.chain(mixed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math;
+    use crate::train::model::tests::model;
+
+    #[test]
+    fn equal_the_json_applied_as_its_documentation_says_and_the_model() {
+        for bias in [true, false] {
+            let model = model(&["a", "b", "c"], &[4, 2], bias);
+            let value: serde_json::Value = serde_json::from_str(&json(&model)).unwrap();
+            let numbers = |v: &serde_json::Value| -> Vec<f64> {
+                v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+            };
+            let scaler = &value["about"]["scaler"];
+            let (mean, scale) = (numbers(&scaler["mean"]), numbers(&scaler["scale"]));
+            let clip = scaler["clip"].as_f64().unwrap();
+            let rows = value["check"]["features"].as_array().unwrap();
+            let outputs = numbers(&value["check"]["outputs"]);
+            assert_eq!(rows.len(), 7 + MIXED_ROWS as usize);
+            for (row, output) in rows.iter().zip(outputs) {
+                let mut x = numbers(row);
+                for k in 0..3 {
+                    x[k] = ((x[k] - mean[k]) / scale[k]).clamp(-clip, clip);
+                }
+                for layer in value["layers"].as_array().unwrap() {
+                    let sums = layer["weights"].as_array().unwrap().iter().zip(numbers(&layer["biases"]));
+                    let neuron = |(w, bias): (&serde_json::Value, f64)| {
+                        let sum: f64 = numbers(w).iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + bias;
+                        1.0 / (1.0 + math::exp(-sum))
+                    };
+                    x = sums.map(neuron).collect();
+                }
+                assert!((x[0] - output).abs() < 1e-14, "{} {output}", x[0]);
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! A model -> an ONNX file: raw features in, the output in (0, 1) out, scaling and clipping inside the graph.
+//!
+//! Format: protocol buffers as `onnx.proto` (IR version 8, operator set 13) lays them out; the few messages that a network of this
+//! kind needs are written here by hand, field numbers beside them, so that no code generator has to run. Input `features`: float
+//! [rows, inputs], as the columns hold them; output `untraversable`: float [rows, 1]. In between everything is double, so that the
+//! output is marsyard's own to the rounding of a float: a feature with a large mean and a small spread would lose it in float.
+//! The model's metadata stand in `metadata_props` under `marsyard`.
+
+use super::Model;
+
+/// Element types of `TensorProto`.
+const FLOAT: u64 = 1;
+const DOUBLE: u64 = 11;
+
+/// The bytes of the ONNX file.
+pub fn onnx(model: &Model) -> Vec<u8> {
+    let mut graph = Graph::default();
+    let (about, layout) = (&model.about, &model.network.layout);
+    graph.message.text(2, "marsyard");
+    graph.message.message(11, &tensor_type("features", FLOAT, layout.inputs));
+    graph.message.message(12, &tensor_type("untraversable", FLOAT, 1));
+
+    graph.node("Cast", &["features"], "exact", &[("to", DOUBLE)]);
+    graph.tensor("mean", &[layout.inputs], &about.scaler.mean);
+    graph.tensor("scale", &[layout.inputs], &about.scaler.scale);
+    graph.tensor("lowest", &[], &[-about.scaler.clip]);
+    graph.tensor("highest", &[], &[about.scaler.clip]);
+    graph.node("Sub", &["exact", "mean"], "centred", &[]);
+    graph.node("Div", &["centred", "scale"], "scaled", &[]);
+    graph.node("Clip", &["scaled", "lowest", "highest"], "layer0", &[]);
+
+    let mut rest = model.network.weights.as_slice();
+    let layers = layout.sizes();
+    for (k, pair) in layers.windows(2).enumerate() {
+        let row = pair[0] + usize::from(layout.bias);
+        let (layer, after) = rest.split_at(row * pair[1]);
+        rest = after;
+        let weights: Vec<f64> = layer.chunks_exact(row).flat_map(|w| &w[..pair[0]]).copied().collect();
+        let biases: Vec<f64> = layer.chunks_exact(row).map(|w| w.get(pair[0]).copied().unwrap_or(0.0)).collect();
+        let name = |what: &str, layer: usize| format!("{what}{layer}");
+        graph.tensor(&name("weights", k), &[pair[1], pair[0]], &weights);
+        graph.tensor(&name("bias", k), &[pair[1]], &biases);
+        let inputs = [name("layer", k), name("weights", k), name("bias", k)];
+        graph.node("Gemm", &[&inputs[0], &inputs[1], &inputs[2]], &name("sum", k), &[("transB", 1)]);
+        graph.node("Sigmoid", &[&name("sum", k)], &name("layer", k + 1), &[]);
+    }
+    graph.node("Cast", &[&format!("layer{}", layers.len() - 1)], "untraversable", &[("to", FLOAT)]);
+
+    let mut operators = Message::default();
+    operators.text(1, "");
+    operators.number(2, 13);
+    let mut metadata = Message::default();
+    metadata.text(1, "marsyard");
+    metadata.text(2, &about.to_json());
+    let mut file = Message::default();
+    file.number(1, 8);
+    file.text(2, "marsyard");
+    file.text(3, env!("CARGO_PKG_VERSION"));
+    file.message(7, &graph.message);
+    file.message(8, &operators);
+    file.message(14, &metadata);
+    file.bytes
+}
+
+/// `GraphProto` in the making: nodes (1), initializers (5).
+#[derive(Default)]
+struct Graph {
+    message: Message,
+}
+
+impl Graph {
+    /// `NodeProto`: inputs (1), outputs (2), name (3), operator (4), whole-number attributes (5).
+    fn node(&mut self, operator: &str, inputs: &[&str], output: &str, attributes: &[(&str, u64)]) {
+        let mut node = Message::default();
+        inputs.iter().for_each(|input| node.text(1, input));
+        node.text(2, output);
+        node.text(3, output);
+        node.text(4, operator);
+        for (name, value) in attributes {
+            // `AttributeProto`: name (1), whole number (3), type (20) INT.
+            let mut attribute = Message::default();
+            attribute.text(1, name);
+            attribute.number(3, *value);
+            attribute.number(20, 2);
+            node.message(5, &attribute);
+        }
+        self.message.message(1, &node);
+    }
+
+    /// `TensorProto`: dimensions (1), element type (2), name (8), raw little-endian data (9).
+    fn tensor(&mut self, name: &str, shape: &[usize], values: &[f64]) {
+        let mut tensor = Message::default();
+        shape.iter().for_each(|&size| tensor.number(1, size as u64));
+        tensor.number(2, DOUBLE);
+        tensor.text(8, name);
+        let raw: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        tensor.block(9, &raw);
+        self.message.message(5, &tensor);
+    }
+}
+
+/// `ValueInfoProto` of a matrix with any number of rows.
+fn tensor_type(name: &str, element: u64, columns: usize) -> Message {
+    let (mut rows, mut cols) = (Message::default(), Message::default());
+    rows.text(2, "rows");
+    cols.number(1, columns as u64);
+    let (mut shape, mut tensor, mut of_type, mut info) =
+        (Message::default(), Message::default(), Message::default(), Message::default());
+    shape.message(1, &rows);
+    shape.message(1, &cols);
+    tensor.number(1, element);
+    tensor.message(2, &shape);
+    of_type.message(1, &tensor);
+    info.text(1, name);
+    info.message(2, &of_type);
+    info
+}
+
+/// A protocol-buffers message in the making.
+#[derive(Default)]
+struct Message {
+    bytes: Vec<u8>,
+}
+
+impl Message {
+    /// Seven bits a byte, the lowest first, the top bit set on all but the last.
+    fn varint(&mut self, mut value: u64) {
+        while value >= 0x80 {
+            self.bytes.push(value as u8 | 0x80);
+            value >>= 7;
+        }
+        self.bytes.push(value as u8);
+    }
+
+    /// A field of wire type 0.
+    fn number(&mut self, field: u64, value: u64) {
+        self.varint(field << 3);
+        self.varint(value);
+    }
+
+    /// A field of wire type 2.
+    fn block(&mut self, field: u64, bytes: &[u8]) {
+        self.varint(field << 3 | 2);
+        self.varint(bytes.len() as u64);
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    fn text(&mut self, field: u64, text: &str) {
+        self.block(field, text.as_bytes());
+    }
+
+    fn message(&mut self, field: u64, message: &Message) {
+        self.block(field, &message.bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::model::tests::model;
+
+    #[test]
+    fn exact_fields_are_encoded_as_protocol_buffers_says() {
+        let mut message = Message::default();
+        // The examples of the encoding's own documentation: field 1 = 150, field 2 = "testing".
+        message.number(1, 150);
+        message.text(2, "testing");
+        assert_eq!(message.bytes, [0x08, 0x96, 0x01, 0x12, 0x07, 0x74, 0x65, 0x73, 0x74, 0x69, 0x6e, 0x67]);
+        let mut large = Message::default();
+        large.number(20, u64::MAX);
+        assert_eq!(large.bytes, [&[0xa0, 0x01], [0xff; 9].as_slice(), &[0x01]].concat());
+    }
+
+    #[test]
+    fn law_the_file_names_its_operators_and_holds_every_weight() {
+        let model = model(&["a", "b"], &[3], true);
+        let bytes = onnx(&model);
+        let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
+        for word in ["Cast", "Sub", "Div", "Clip", "Gemm", "Sigmoid", "features", "untraversable", "marsyard_model"] {
+            assert!(holds(word.as_bytes()), "{word}");
+        }
+        assert!(model.network.weights.iter().all(|weight| holds(&weight.to_le_bytes())));
+    }
+}
