@@ -11,6 +11,7 @@ mod output;
 mod plan;
 mod preview;
 mod progress;
+mod train;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -62,6 +63,8 @@ enum Verb {
     Explain(explain::ExplainArgs),
     /// Pictures (PNG), cloud (PLY) and trajectories (TUM) of one scene.
     Preview(preview::PreviewArgs),
+    /// Train a network on finished corpora, or go on where a training was interrupted (--resume).
+    Train(train::TrainArgs),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
         #[arg(value_parser = parse_kind)]
@@ -135,6 +138,7 @@ pub fn main() -> ExitCode {
         Verb::Inspect(args) => corpus::inspect(args),
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
+        Verb::Train(args) => train::run(args, cli.log),
         Verb::Schema { kind } => {
             out!("{}", config::schema_text(*kind));
             Ok(())

@@ -168,6 +168,11 @@ purposes! {
     /// Index k: component k of the pose.
     SlamSurrogate = 702, "slam.surrogate";
     // Cells: 800-899
+    // Train: 900-999
+    /// Step 0, scene = epoch: the order of the row groups.
+    TrainGroups = 910, "train.order.row_groups";
+    /// Step 0, scene = epoch, index = window: the order of its rows.
+    TrainRows = 911, "train.order.rows";
 }
 
 #[cfg(test)]

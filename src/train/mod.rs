@@ -5,12 +5,30 @@
 //! Feldkamp 1991 (decoupled), Bierman 1977 (factored). Memory does not grow with the corpus. Rows come in an order that is a
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
+pub mod curves;
+pub mod error;
 pub mod filter;
+pub mod folder;
+pub mod labels;
+mod learner;
 pub mod model;
 pub mod network;
+mod order;
 pub mod params;
+pub mod quantiles;
+pub mod rows;
+pub mod run;
+pub mod scaling;
+pub mod source;
+mod state;
+pub mod stopping;
+mod stream;
+pub mod validation;
 
+pub use error::TrainError;
 pub use filter::Filter;
 pub use model::{Model, Scaler};
 pub use network::{Layout, Network};
-pub use params::TrainParams;
+pub use params::{FeatureSet, TrainParams};
+pub use run::{Event, Outcome, Setup, train};
+pub use source::{Source, Sources};
