@@ -4,6 +4,7 @@
 //! interrupted).
 
 mod corpus;
+mod evaluate;
 mod explain;
 mod generate;
 mod log;
@@ -65,6 +66,8 @@ enum Verb {
     Preview(preview::PreviewArgs),
     /// Train a network on finished corpora, or go on where a training was interrupted (--resume).
     Train(train::TrainArgs),
+    /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
+    Evaluate(evaluate::EvaluateArgs),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
         #[arg(value_parser = parse_kind)]
@@ -139,6 +142,7 @@ pub fn main() -> ExitCode {
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Train(args) => train::run(args, cli.log),
+        Verb::Evaluate(args) => evaluate::run(args),
         Verb::Schema { kind } => {
             out!("{}", config::schema_text(*kind));
             Ok(())

@@ -1,6 +1,7 @@
 //! What can go wrong between a corpus and a network; each message names the place, the rule and the cure.
 
 use super::filter::FilterError;
+use super::model::ModelError;
 use crate::corpus::CorpusError;
 
 /// Why a network could not be trained.
@@ -10,6 +11,8 @@ pub enum TrainError {
     Corpus(#[from] CorpusError),
     #[error("filter: {0}")]
     Filter(#[from] FilterError),
+    #[error(transparent)]
+    Model(#[from] ModelError),
     #[error(
         "{place}/{name}: {reason}; it is not the file that its corpus was finalized with: run `marsyard verify {place}`, which names \
          the shards to build again"
@@ -45,6 +48,4 @@ pub enum TrainError {
     BadState { path: String, reason: String },
     #[error("{path} cannot be started from: {reason}")]
     Init { path: String, reason: String },
-    #[error("the reader of the corpus ended early; this is a bug")]
-    ReaderGone,
 }

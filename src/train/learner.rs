@@ -96,11 +96,3 @@ impl Filter for Steps {
         Ok(())
     }
 }
-
-pub fn model_bytes(model: &super::Model) -> Vec<u8> {
-    let snapshot = super::state::Snapshot {
-        weights: model.network.weights.clone(),
-        filter: FilterState { kind: String::new(), arrays: Vec::new() },
-    };
-    super::state::to_bytes(&serde_json::to_value(&model.about).expect("plain data"), &[("network", &snapshot)])
-}

@@ -27,7 +27,7 @@ pub mod validation;
 
 pub use error::TrainError;
 pub use filter::Filter;
-pub use model::{Model, Scaler};
+pub use model::{About, MODEL_FORMAT, Model, ModelError, Scaler};
 pub use network::{Layout, Network};
 pub use params::{FeatureSet, TrainParams};
 pub use run::{Event, Outcome, Setup, train};

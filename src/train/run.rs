@@ -15,14 +15,13 @@ use serde_json::{Value as Json, json};
 use super::filter::{Counters, Filter};
 use super::folder::{self, Line, LookLog, RunFolder};
 use super::learner::{self, Forward};
-use super::model::About;
 use super::rows::LeftOut;
 use super::scaling::{Weights, scaler};
 use super::state::{self, Snapshot};
 use super::stopping::{Look, Stop, Stopping};
 use super::stream::{Course, Stream, Window};
 use super::validation::{ErrorSum, Judge, Validation, each_group};
-use super::{Layout, Model, Network, Sources, TrainError, TrainParams, curves, quantiles};
+use super::{About, Layout, MODEL_FORMAT, Model, Network, Sources, TrainError, TrainParams, curves, quantiles};
 use crate::cells::CellParams;
 use crate::corpus::Split;
 use crate::drive::Rover;
@@ -472,7 +471,7 @@ impl<'s> Training<'s> {
         self.network.weights.clone_from(&self.best.weights);
         let summary = self.summary();
         let model = self.model(quantiles::of_train_split(sources, self.setup.params.seed, &self.judge.scaler)?);
-        self.run.write(folder::MODEL, &learner::model_bytes(&model))?;
+        self.run.write(folder::MODEL, &model.save()?)?;
         let about = json!({"features": sources.features, "best": summary.best});
         self.run.write(folder::FILTER, &state::to_bytes(&about, &[("best", &self.best)]))?;
         if let Some(svg) = curves::svg(&self.run.read_looks()?, Some(&summary.best)) {
@@ -515,7 +514,7 @@ impl<'s> Training<'s> {
         Model {
             network: self.network.clone(),
             about: About {
-                marsyard_model: 1,
+                marsyard_model: MODEL_FORMAT,
                 inputs: self.network.layout.inputs,
                 hidden: self.network.layout.hidden.clone(),
                 bias: self.network.layout.bias,
