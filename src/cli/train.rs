@@ -12,10 +12,14 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
+use super::evaluate::{family_facts, read_model};
+use super::explain::plan_of;
 use super::generate::{corpus_failure, default_threads, stop_on_signals};
+use super::output::out;
 use super::{Failure, LogFormat};
 use crate::config;
-use crate::corpus::{Build, LocalFolder};
+use crate::corpus::{Build, LocalFolder, Split, Store};
+use crate::evaluate::{EvaluateError, Options, evaluate, figures};
 use crate::train::run::{Init, Origin, Summary};
 use crate::train::{Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
 
@@ -153,7 +157,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
         Outcome::Done(summary) => {
             write_report(&setup.out, &progress, args)?;
             tell_end(&setup.out, &summary, &progress, log);
-            Ok(())
+            evaluate_on_test(args, &setup, log)
         }
     }
 }
@@ -177,7 +181,7 @@ fn out_folder(args: &TrainArgs, corpus: &str) -> Result<PathBuf, Failure> {
 
 /// What the corpus's own plan says of its cells, rover and sensor: of the first family.
 fn origin_of(corpus: &Path) -> Result<Origin, Failure> {
-    let (plan, _) = super::explain::plan_of(corpus, &[])?;
+    let (plan, _) = plan_of(corpus, &[])?;
     let family = &plan.families[0];
     let rover = &family.drive.rover;
     let mast = rover.mount;
@@ -210,7 +214,7 @@ fn check_grids((first, ours): (&Path, &Origin), (other, theirs): (&Path, &Origin
 /// A model file, or the one in a run folder; and the filter's memory beside it.
 fn read_init(path: &Path) -> Result<Init, Failure> {
     let file = if path.is_dir() { path.join(folder::MODEL) } else { path.to_owned() };
-    let model = crate::train::Model::read(&file).map_err(|error| Failure::usage(miette::Report::msg(error.to_string())))?;
+    let model = read_model(&file)?;
     let beside = file.with_file_name(folder::FILTER);
     let filter = match std::fs::read(&beside) {
         Ok(bytes) => Some(bytes),
@@ -218,6 +222,35 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
         Err(error) => return Err(Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", beside.display())))),
     };
     Ok(Init { path: file.display().to_string(), model, filter })
+}
+
+/// Judges the model on the test split of each corpus: `evaluation.json` and its figures, in a folder of their own for each where there
+/// are several corpora.
+fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(), Failure> {
+    let model = read_model(&setup.out)?;
+    let options = Options { labels: setup.params.labels.clone(), ..Options::of(Split::Test) };
+    for ((path, _), source) in args.corpora.iter().zip(&setup.sources.list) {
+        let (plan, _) = plan_of(path, &[])?;
+        let report = match evaluate(&model, &LocalFolder::new(path), &family_facts(&plan), &options) {
+            Ok(report) => report,
+            Err(error @ EvaluateError::EmptySplit { .. }) => {
+                tracing::warn!("not judged: {error}");
+                continue;
+            }
+            Err(EvaluateError::Corpus(error)) => return Err(corpus_failure(error)),
+            Err(error) => return Err(Failure::failed(error)),
+        };
+        let folder = if args.corpora.len() == 1 { setup.out.clone() } else { setup.out.join("evaluation").join(&source.name) };
+        let store = LocalFolder::new(folder);
+        store.replace("evaluation.json", report.to_json().as_bytes()).map_err(corpus_failure)?;
+        for (name, svg) in figures(&report).map_err(Failure::failed)? {
+            store.replace(name, svg.as_bytes()).map_err(corpus_failure)?;
+        }
+        if log == LogFormat::Text {
+            out!("{report}");
+        }
+    }
+    Ok(())
 }
 
 /// Times and rates, which are no part of what a training is.

@@ -23,6 +23,8 @@ pub mod source;
 mod state;
 pub mod stopping;
 mod stream;
+#[cfg(test)]
+mod tests;
 pub mod validation;
 
 pub use error::TrainError;
