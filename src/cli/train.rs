@@ -219,7 +219,9 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
     let filter = match std::fs::read(&beside) {
         Ok(bytes) => Some(bytes),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-        Err(error) => return Err(Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", beside.display())))),
+        Err(error) => {
+            return Err(Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", beside.display()))));
+        }
     };
     Ok(Init { path: file.display().to_string(), model, filter })
 }
@@ -240,7 +242,8 @@ fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(
             Err(EvaluateError::Corpus(error)) => return Err(corpus_failure(error)),
             Err(error) => return Err(Failure::failed(error)),
         };
-        let folder = if args.corpora.len() == 1 { setup.out.clone() } else { setup.out.join("evaluation").join(&source.name) };
+        let folder =
+            if args.corpora.len() == 1 { setup.out.clone() } else { setup.out.join("evaluation").join(&source.name) };
         let store = LocalFolder::new(folder);
         store.replace("evaluation.json", report.to_json().as_bytes()).map_err(corpus_failure)?;
         for (name, svg) in figures(&report).map_err(Failure::failed)? {
@@ -295,7 +298,10 @@ fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) 
         super::progress::si(progress.rate())
     );
     if left_out.unlabelled + left_out.not_finite > 0 {
-        eprintln!("left out: {} rows without a label, {} with a value that is not finite", left_out.unlabelled, left_out.not_finite);
+        eprintln!(
+            "left out: {} rows without a label, {} with a value that is not finite",
+            left_out.unlabelled, left_out.not_finite
+        );
     }
     let counters = summary.counters;
     if counters.rejected + counters.rebuilt > 0 {

@@ -113,7 +113,11 @@ mod tests {
     fn equal_a_resolved_config_and_what_it_is_read_to() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("train.yaml");
-        let sets = ["filter={decoupled: {groups: layer}}", "features={columns: [a, b]}", "labels={obstacle: {taller_than_m: 0.2}}"];
+        let sets = [
+            "filter={decoupled: {groups: layer}}",
+            "features={columns: [a, b]}",
+            "labels={obstacle: {taller_than_m: 0.2}}",
+        ];
         let params = load_train(None, &sets.map(String::from)).unwrap();
         std::fs::write(&path, train_yaml(&params)).unwrap();
         assert_eq!(load_train(Some(&path), &[]).unwrap(), params);
@@ -130,7 +134,8 @@ mod tests {
         ] {
             assert!(told.contains(part), "{part} in:\n{told}");
         }
-        let told = faults("labels: {obstacle: all, min_obstacle_points: 3}\nthresholds: [0.5, 0.5]\nvalidate_every: 0", &[]);
+        let told =
+            faults("labels: {obstacle: all, min_obstacle_points: 3}\nthresholds: [0.5, 0.5]\nvalidate_every: 0", &[]);
         for part in ["as_built", "'thresholds' must rise", "'validate_every' must be at least 1"] {
             assert!(told.contains(part), "{part} in:\n{told}");
         }

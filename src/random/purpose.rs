@@ -169,6 +169,8 @@ purposes! {
     SlamSurrogate = 702, "slam.surrogate";
     // Cells: 800-899
     // Train: 900-999
+    /// Index: weight.
+    InitialWeights = 900, "network.weights";
     /// Step 0, scene = epoch: the order of the row groups.
     TrainGroups = 910, "train.order.row_groups";
     /// Step 0, scene = epoch, index = window: the order of its rows.

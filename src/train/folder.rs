@@ -131,10 +131,10 @@ impl RunFolder {
         let path = self.path.join(LOOKS);
         let text = fs::read_to_string(&path).map_err(|source| io(&path, source))?;
         let parse = |line: &str| serde_json::from_str::<Line>(line).map(|line| line.look);
-        text.lines().map(parse).collect::<Result<_, _>>().map_err(|error| TrainError::BadState {
-            path: path.display().to_string(),
-            reason: error.to_string(),
-        })
+        text.lines()
+            .map(parse)
+            .collect::<Result<_, _>>()
+            .map_err(|error| TrainError::BadState { path: path.display().to_string(), reason: error.to_string() })
     }
 }
 

@@ -10,7 +10,6 @@ pub mod error;
 pub mod filter;
 pub mod folder;
 pub mod labels;
-mod learner;
 pub mod model;
 pub mod network;
 mod order;

@@ -55,7 +55,10 @@ mod tests {
     #[test]
     fn exact_quantiles_of_a_thousand_numbers() {
         let values: Vec<f32> = (1..=1000).map(|i| i as f32).collect();
-        assert_eq!(SHARES.map(|share| quantile(&values, share).unwrap()), [1.0, 1.0, 10.0, 500.0, 990.0, 999.0, 1000.0]);
+        assert_eq!(
+            SHARES.map(|share| quantile(&values, share).unwrap()),
+            [1.0, 1.0, 10.0, 500.0, 990.0, 999.0, 1000.0]
+        );
         assert_eq!(SHARES.map(|share| quantile(&[7.0], share).unwrap()), [7.0; 7]);
         assert_eq!(quantile(&[], 0.5), None);
     }

@@ -152,7 +152,8 @@ mod tests {
 
     #[test]
     fn extreme_columns_that_are_absent_or_of_another_type_are_named() {
-        let there = batch(vec![("a", Arc::new(Int8Array::from(vec![1]))), ("label", Arc::new(Int8Array::from(vec![7])))]);
+        let there =
+            batch(vec![("a", Arc::new(Int8Array::from(vec![1]))), ("label", Arc::new(Int8Array::from(vec![7])))]);
         let push = |features: &[&str]| {
             let features: Vec<String> = features.iter().map(|f| (*f).to_owned()).collect();
             Rows::new(features.len()).push(&there, &features, None, 0).unwrap_err()

@@ -12,9 +12,8 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
-use super::filter::{Counters, Filter};
+use super::filter::{self, Counters, Filter};
 use super::folder::{self, Line, LookLog, RunFolder};
-use super::learner::{self, Forward};
 use super::rows::LeftOut;
 use super::scaling::{Weights, scaler};
 use super::state::{self, Snapshot};
@@ -25,6 +24,7 @@ use super::{About, Layout, MODEL_FORMAT, Model, Network, Sources, TrainError, Tr
 use crate::cells::CellParams;
 use crate::corpus::Split;
 use crate::drive::Rover;
+use crate::random::{Stage, Streams};
 use crate::sweep::Sensor;
 
 /// Rows learnt in one portion, at most; between two portions training may be interrupted.
@@ -263,11 +263,8 @@ impl<'s> Training<'s> {
         let (params, sources) = (&setup.params, &setup.sources);
         let counts = class_counts(sources)?;
         let labelled: u64 = counts.iter().flatten().sum();
-        let layout = Layout {
-            inputs: sources.features.len(),
-            hidden: params.network.hidden.clone(),
-            bias: params.network.bias,
-        };
+        let layout =
+            Layout { inputs: sources.features.len(), hidden: params.network.hidden.clone(), bias: params.network.bias };
         let validation = Validation::open(Arc::clone(sources))?;
         if labelled == 0 {
             return Err(no_rows(sources, Split::Train, LeftOut::default()));
@@ -286,9 +283,11 @@ impl<'s> Training<'s> {
         }
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
         let judge = Judge { scaler, targets: params.targets, weights: Weights::new(&counts, &corpora, params.balance) };
-        let mut filter = learner::filter(params, &layout)?;
-        let mut network = learner::initial(layout, params.seed);
-        let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut network, filter.as_mut())).transpose()?;
+        let mut filter = filter::build(&params.filter, &layout)?;
+        let streams = Streams { seed: params.seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
+        let mut network = Network::random(layout, &streams);
+        let covariance =
+            setup.init.as_ref().map(|init| start_from(init, sources, &mut network, filter.as_mut())).transpose()?;
         let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
         let mut training = Training {
             identity,
@@ -335,7 +334,8 @@ impl<'s> Training<'s> {
         let (header, mut snapshots) = state::from_bytes(&self.run.read(folder::CHECKPOINT)?).map_err(bad)?;
         check_identity(&self.run, &header["identity"], &self.identity)?;
         self.place = serde_json::from_value(header["place"].clone()).map_err(|error| bad(error.to_string()))?;
-        let (now, best) = snapshots.remove("now").zip(snapshots.remove("best")).ok_or_else(|| bad("it is not whole".into()))?;
+        let (now, best) =
+            snapshots.remove("now").zip(snapshots.remove("best")).ok_or_else(|| bad("it is not whole".into()))?;
         if now.weights.len() != self.network.weights.len() || best.weights.len() != now.weights.len() {
             return Err(bad(format!("it holds {} weights", now.weights.len())));
         }
@@ -388,7 +388,7 @@ impl<'s> Training<'s> {
             (self.place.epoch, self.place.window, self.place.offset) = (window.epoch, window.window, 0);
         }
         let count = window.order.len();
-        let mut portion = Portion::new(&self.network);
+        let mut portion = Portion::default();
         while (self.place.offset as usize) < count {
             if stop.load(Ordering::Relaxed) {
                 return Ok(false);
@@ -535,18 +535,15 @@ impl<'s> Training<'s> {
 }
 
 /// Rows as the filter takes them.
+#[derive(Default)]
 struct Portion {
     inputs: Vec<f64>,
     targets: Vec<f64>,
     noise: Vec<f64>,
-    forward: Forward,
+    outputs: Vec<f64>,
 }
 
 impl Portion {
-    fn new(network: &Network) -> Portion {
-        Portion { inputs: Vec::new(), targets: Vec::new(), noise: Vec::new(), forward: Forward::new(&network.layout) }
-    }
-
     fn fill(&mut self, window: &Window, range: std::ops::Range<usize>, judge: &Judge) {
         let width = window.rows.width;
         self.inputs.resize(range.len() * width, 0.0);
@@ -564,10 +561,11 @@ impl Portion {
 
     /// The error before these rows are learnt.
     fn error(&mut self, network: &Network) -> ErrorSum {
+        self.outputs.resize(self.targets.len(), 0.0);
+        network.outputs(&self.inputs, &mut self.outputs);
         let mut sum = ErrorSum::default();
-        let rows = self.inputs.chunks_exact(network.layout.inputs).zip(&self.targets).zip(&self.noise);
-        for ((inputs, target), noise) in rows {
-            let error = target - self.forward.output(network, inputs);
+        for ((target, noise), output) in self.targets.iter().zip(&self.noise).zip(&self.outputs) {
+            let error = target - output;
             sum += ErrorSum { squared: error * error / noise, weight: 1.0 / noise };
         }
         sum
@@ -596,7 +594,12 @@ fn no_rows(sources: &Sources, split: Split, left_out: LeftOut) -> TrainError {
 }
 
 /// Takes over weights, and the filter's memory where it fits; whether it did.
-fn start_from(init: &Init, sources: &Sources, network: &mut Network, filter: &mut dyn Filter) -> Result<bool, TrainError> {
+fn start_from(
+    init: &Init,
+    sources: &Sources,
+    network: &mut Network,
+    filter: &mut dyn Filter,
+) -> Result<bool, TrainError> {
     let refuse = |reason: String| Err(TrainError::Init { path: init.path.clone(), reason });
     if init.model.about.features != sources.features {
         let (there, here) = (init.model.about.features.join(" "), sources.features.join(" "));
@@ -605,7 +608,9 @@ fn start_from(init: &Init, sources: &Sources, network: &mut Network, filter: &mu
     if init.model.network.layout != network.layout {
         let shape = |layout: &Layout| format!("{:?} with bias {}", layout.sizes(), layout.bias);
         let (there, here) = (shape(&init.model.network.layout), shape(&network.layout));
-        return refuse(format!("its layers are {there}, the config's {here}; choose the same with --set network.hidden=..."));
+        return refuse(format!(
+            "its layers are {there}, the config's {here}; choose the same with --set network.hidden=..."
+        ));
     }
     network.weights.clone_from(&init.model.network.weights);
     let Some(bytes) = &init.filter else { return Ok(false) };
@@ -613,7 +618,9 @@ fn start_from(init: &Init, sources: &Sources, network: &mut Network, filter: &mu
     match read {
         Ok(Some(best)) if best.weights == network.weights => match filter.restore(&best.filter) {
             Ok(()) => Ok(true),
-            Err(error) => refuse(format!("its covariance does not fit ({error}); take the same filter, or move filter.safetensors away")),
+            Err(error) => refuse(format!(
+                "its covariance does not fit ({error}); take the same filter, or move filter.safetensors away"
+            )),
         },
         Ok(_) => refuse("the filter.safetensors beside it belongs to other weights; move it away".into()),
         Err(reason) => refuse(format!("filter.safetensors: {reason}; move it away")),

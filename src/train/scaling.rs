@@ -4,9 +4,9 @@
 
 use std::sync::Arc;
 
-use super::source::{Source, Sources};
-use super::params::Balance;
 use super::Scaler;
+use super::params::Balance;
+use super::source::{Source, Sources};
 use crate::corpus::stats::Moments;
 
 /// The scaler, and the names of the features that never vary: they get scale 1 and teach nothing.

@@ -242,9 +242,8 @@ impl Sources {
         if let Some(absent) = wanted.iter().find(|name| table.schema().field_with_name(name).is_err()) {
             return Err(fault(format!("it has no column '{absent}'")));
         }
-        let batch = table
-            .read_row_group(group.group as usize, Some(&wanted))
-            .map_err(|error| shard_fault(error, &fault))?;
+        let batch =
+            table.read_row_group(group.group as usize, Some(&wanted)).map_err(|error| shard_fault(error, &fault))?;
         rows.features.reserve_exact(batch.num_rows() * rows.width);
         rows.labels.reserve_exact(batch.num_rows());
         rows.corpora.reserve_exact(batch.num_rows());
@@ -267,7 +266,8 @@ fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> 
     let keep: &dyn Fn(&str) -> bool = match set {
         FeatureSet::Listed => &|name| !name.starts_with("sigma_") && !is_effect(name),
         FeatureSet::Full => &|name| {
-            let sigma = !name.starts_with("sigma_") || ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name);
+            let sigma =
+                !name.starts_with("sigma_") || ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name);
             sigma && !is_effect(name)
         },
         FeatureSet::All => &|_| true,

@@ -8,7 +8,6 @@ use std::sync::mpsc::sync_channel;
 
 use rayon::prelude::*;
 
-use super::learner::Forward;
 use super::rows::{LeftOut, Rows};
 use super::scaling::Weights;
 use super::source::Sources;
@@ -61,13 +60,17 @@ impl Judge {
     }
 
     fn chunk(&self, network: &Network, rows: &Rows, chunk: usize) -> ErrorSum {
-        let mut scaled = vec![0.0; rows.width];
-        let mut forward = Forward::new(&network.layout);
+        let range = chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS);
+        let mut scaled = vec![0.0; rows.width * range.len()];
+        let mut outputs = vec![0.0; range.len()];
+        for (row, scaled) in range.clone().zip(scaled.chunks_exact_mut(rows.width)) {
+            self.scaler.scale(rows.row(row), scaled);
+        }
+        network.outputs(&scaled, &mut outputs);
         let mut sum = ErrorSum::default();
-        for row in chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS) {
-            self.scaler.scale(rows.row(row), &mut scaled);
+        for (row, output) in range.zip(outputs) {
             let label = rows.labels[row];
-            let error = self.targets[usize::from(label)] - forward.output(network, &scaled);
+            let error = self.targets[usize::from(label)] - output;
             let weight = self.weights.of(label, rows.corpora[row]);
             sum += ErrorSum { squared: weight * error * error, weight };
         }

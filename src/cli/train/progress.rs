@@ -99,7 +99,8 @@ impl Progress {
             warnings.iter().for_each(|warning| tracing::warn!(event = "warning", warning));
             return;
         }
-        let resumed = if start.resumed_at > 0 { format!(", going on after {} rows", start.resumed_at) } else { String::new() };
+        let resumed =
+            if start.resumed_at > 0 { format!(", going on after {} rows", start.resumed_at) } else { String::new() };
         self.say(&format!(
             "{} -> {}: {} rows to learn ({:.1} % untraversable), {} to validate by every {}; {} features, {} weights; {}B for the \
              stream{resumed}",
@@ -205,9 +206,11 @@ fn warnings(start: &Start) -> Vec<String> {
 }
 
 fn bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32.cyan/blue} {pos}/{len} rows  {msg}  {elapsed} so far, at most {eta} left")
-        .expect("a constant template")
-        .progress_chars("━╸─");
+    let style = ProgressStyle::with_template(
+        "{bar:32.cyan/blue} {pos}/{len} rows  {msg}  {elapsed} so far, at most {eta} left",
+    )
+    .expect("a constant template")
+    .progress_chars("━╸─");
     let bar = ProgressBar::new(0).with_style(style);
     bar.enable_steady_tick(Duration::from_millis(250));
     bar

@@ -3,6 +3,24 @@
 //! All learn through one face, so that a config can swap them. Symbols: w weights (s), P their covariance (s x s), b = dy/dw the
 //! Jacobian (s), d target, y output, nu = d - y innovation, R measurement noise, S = b'Pb + R, K = Pb / S gain, Q process noise.
 
+mod backprop;
+mod build;
+mod covariance;
+mod diagonal;
+mod ekf;
+mod groups;
+pub(super) mod lanes;
+mod linearised;
+mod noise;
+mod state;
+#[cfg(test)]
+mod tests;
+mod triangle;
+mod ud;
+mod ukf;
+
+pub use build::{build, build_unchecked};
+
 use super::Network;
 
 /// What learns.

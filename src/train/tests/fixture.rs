@@ -5,9 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::cells::{CellParams, CellRow, CellTruth, Cells, FeatureColumn};
-use crate::corpus::{
-    CorpusSpec, LocalFolder, ScanOutput, SceneOutput, ShardWriter, Store, Table, finalize,
-};
+use crate::corpus::{CorpusSpec, LocalFolder, ScanOutput, SceneOutput, ShardWriter, Store, Table, finalize};
 use crate::geometry::CellIndex;
 use crate::math;
 use crate::random::{Purpose, Stage, Streams};

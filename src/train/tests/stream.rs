@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use super::fixture::{self, Row};
 use crate::corpus::Split;
-use crate::train::stream::{Course, Stream, Window};
 use crate::train::Sources;
+use crate::train::stream::{Course, Stream, Window};
 
 /// Every row has a number of its own in its first feature.
 fn numbered(dir: &tempfile::TempDir, shards: usize) -> std::path::PathBuf {
-    let rows = |shard: usize| (0..10 + shard % 5).map(move |row| (Some((row % 2) as i8), [(shard * 100 + row) as f32, 1.0, 0.5]));
+    let rows = |shard: usize| {
+        (0..10 + shard % 5).map(move |row| (Some((row % 2) as i8), [(shard * 100 + row) as f32, 1.0, 0.5]))
+    };
     fixture::corpus(dir, "numbered", &(0..shards).map(|shard| rows(shard).collect::<Vec<Row>>()).collect::<Vec<_>>())
 }
 

@@ -16,7 +16,8 @@ fn with(sets: &[&str]) -> TrainParams {
 #[test]
 fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
     let dir = tempfile::tempdir().unwrap();
-    let setup = setup(&[circles(&dir, "a", 400)], &with(&["network.hidden=[8]", "epochs=20"]), dir.path().join("run")).unwrap();
+    let setup =
+        setup(&[circles(&dir, "a", 400)], &with(&["network.hidden=[8]", "epochs=20"]), dir.path().join("run")).unwrap();
     let summary = run(&setup).unwrap();
     assert_eq!((summary.train_rows, summary.validation_rows, summary.weights), (2000, 400, 41));
     let first = fixture::looks(&setup)[0];
@@ -75,7 +76,8 @@ fn law_training_stops_when_the_validation_error_rises_and_reverts() {
         rows.map(|(label, row)| (label.map(|l| if shard == 3 { 1 - l } else { l }), row)).collect()
     };
     let place = corpus(&dir, "a", &(0..7).map(opposite).collect::<Vec<_>>());
-    let setup = setup(&[place], &with(&["patience=2", "validate_every=500", "epochs=50"]), dir.path().join("run")).unwrap();
+    let setup =
+        setup(&[place], &with(&["patience=2", "validate_every=500", "epochs=50"]), dir.path().join("run")).unwrap();
     let summary = run(&setup).unwrap();
     assert_eq!(summary.stopped, Stop::Patience);
     assert!(summary.best.rows <= 500 && summary.last.rows == summary.best.rows + 1000, "{summary:?}");
@@ -110,7 +112,9 @@ fn extreme_one_class_a_single_row_and_a_constant_feature_train_and_stay_finite()
     let mut single = vec![Vec::new(); 7];
     single[0] = vec![(Some(1), [0.5, 0.25, 1e-8])];
     single[3] = vec![(Some(1), [0.5, 0.25, 1e-8])];
-    for (name, shards) in [("one-class", one_class.collect::<Vec<_>>()), ("constant", constant.collect()), ("single", single)] {
+    for (name, shards) in
+        [("one-class", one_class.collect::<Vec<_>>()), ("constant", constant.collect()), ("single", single)]
+    {
         let place = corpus(&dir, name, &shards);
         let params = with(&["allow_few_rows=true"]);
         let setup = setup(&[place], &params, dir.path().join(format!("run-{name}"))).unwrap();
@@ -118,7 +122,9 @@ fn extreme_one_class_a_single_row_and_a_constant_feature_train_and_stay_finite()
         let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
         assert!(model.network.weights.iter().all(|w| w.is_finite()), "{name}");
         match name {
-            "one-class" => assert!(summary.best.validation_error.unwrap() < 1e-3 && summary.class_weights == [1.0, 1.0]),
+            "one-class" => {
+                assert!(summary.best.validation_error.unwrap() < 1e-3 && summary.class_weights == [1.0, 1.0])
+            }
             "constant" => {
                 assert_eq!(summary.constant_features, ["sigma_x_m"]);
                 assert_eq!((model.about.scaler.mean[2], model.about.scaler.scale[2]), (1e8, 1.0));

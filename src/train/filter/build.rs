@@ -1,0 +1,109 @@
+//! Settings -> a filter.
+
+use super::backprop::Backprop;
+use super::diagonal::Diagonal;
+use super::ekf::Ekf;
+use super::groups::groups;
+use super::lanes::{Isa, Real};
+use super::linearised::Linearised;
+use super::noise::Noise;
+use super::ud::Ud;
+use super::ukf::{MOST_WEIGHTS, Ukf};
+use super::{Filter, FilterError};
+use crate::train::Layout;
+use crate::train::params::{DecoupledParams, EkfParams, FilterParams, Groups, Precision};
+
+/// Largest memory for covariances, bytes.
+const MOST_BYTES: u64 = 8 << 30;
+
+/// The filter that the settings ask for, at its start. Refuses, with the reason, settings that it cannot hold.
+pub fn build(params: &FilterParams, layout: &Layout) -> Result<Box<dyn Filter>, FilterError> {
+    check(params, layout)?;
+    Ok(build_unchecked(params, layout))
+}
+
+/// As [`build`], without the check of ranges: to see what the guards do at settings that it refuses.
+pub fn build_unchecked(params: &FilterParams, layout: &Layout) -> Box<dyn Filter> {
+    match params {
+        FilterParams::Ekf(ekf) => match ekf.precision {
+            Precision::F32 => one_group::<f32>(ekf, layout),
+            Precision::F64 => one_group::<f64>(ekf, layout),
+        },
+        FilterParams::Decoupled(decoupled) => match decoupled.precision {
+            Precision::F32 => several_groups::<f32>(decoupled, layout),
+            Precision::F64 => several_groups::<f64>(decoupled, layout),
+        },
+        FilterParams::Backprop(backprop) => {
+            Box::new(Linearised::new(Backprop { rate: backprop.rate }, Noise::none(), layout.weights()))
+        }
+        FilterParams::Ukf(ukf) => Box::new(Ukf::new(ukf, layout.weights())),
+    }
+}
+
+fn one_group<T: Real>(params: &EkfParams, layout: &Layout) -> Box<dyn Filter> {
+    let (noise, size, isa) = (Noise::of(&params.noise), layout.weights(), Isa::detect());
+    if params.robust {
+        Box::new(Linearised::new(Ud::<T>::new(size, noise.p0, params.batch, isa), noise, size))
+    } else {
+        let learner = Ekf::<T>::new("ekf", groups(layout, Groups::One), noise.p0, params.batch, isa);
+        Box::new(Linearised::new(learner, noise, size))
+    }
+}
+
+fn several_groups<T: Real>(params: &DecoupledParams, layout: &Layout) -> Box<dyn Filter> {
+    let (noise, size) = (Noise::of(&params.noise), layout.weights());
+    let name = match params.groups {
+        Groups::One => "decoupled-one",
+        Groups::Layer => "decoupled-layer",
+        Groups::Node => "decoupled-node",
+        Groups::InputNode => "decoupled-input_node",
+        Groups::Weight => return Box::new(Linearised::new(Diagonal::new(size, noise.p0, 1), noise, size)),
+    };
+    let learner = Ekf::<T>::new(name, groups(layout, params.groups), noise.p0, 1, Isa::detect());
+    Box::new(Linearised::new(learner, noise, size))
+}
+
+fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
+    let size = layout.weights();
+    let (by, precision) = match params {
+        FilterParams::Ekf(ekf) => {
+            if !ekf.robust {
+                Noise::of(&ekf.noise)
+                    .check(ekf.precision, "set `robust: true`, or a smaller ratio (10 is the default)")?;
+            }
+            (Groups::One, ekf.precision)
+        }
+        FilterParams::Decoupled(decoupled) => {
+            let cure = "set a smaller ratio (10 is the default), or the filter `ekf` with `robust: true`";
+            Noise::of(&decoupled.noise).check(decoupled.precision, cure)?;
+            (decoupled.groups, decoupled.precision)
+        }
+        FilterParams::Backprop(_) => return Ok(()),
+        FilterParams::Ukf(ukf) => {
+            Noise::of(&ukf.noise).check(Precision::F64, "set a smaller ratio (10 is the default)")?;
+            if size > MOST_WEIGHTS {
+                return Err(FilterError::OutOfRange(format!(
+                    "the unscented filter runs the network {} times a row with {size} weights; it takes {MOST_WEIGHTS} weights \
+                     at most: set fewer neurons, or the filter `ekf`",
+                    2 * size + 1
+                )));
+            }
+            (Groups::One, Precision::F64)
+        }
+    };
+    let element = if precision == Precision::F32 { 4 } else { 8 };
+    let bytes = match by {
+        Groups::Weight => size as u64 * 8,
+        // A bound first, so that no list of groups is made for a network that cannot be held anyway.
+        Groups::One => size as u64 * (size as u64 + 1) / 2 * element,
+        by => groups(layout, by).iter().map(|g| g.len() as u64 * (g.len() as u64 + 1) / 2 * element).sum(),
+    };
+    if bytes > MOST_BYTES {
+        return Err(FilterError::OutOfRange(format!(
+            "the covariance of {size} weights takes {} GiB, more than {}: set fewer neurons, or `decoupled` with smaller groups",
+            bytes >> 30,
+            MOST_BYTES >> 30
+        )));
+    }
+    Ok(())
+}

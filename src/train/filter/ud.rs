@@ -1,0 +1,170 @@
+//! The extended Kalman filter on a factored covariance, P = U D U': slower, and sound at any setting.
+//!
+//! In: Jacobians and innovations. Out: better weights. Source: Bierman 1977, *Factorization Methods for Discrete Sequential
+//! Estimation*, ch. V: U is unit upper triangular, D diagonal and never negative, so that S >= R holds by construction. The
+//! columns of U are the rows of a packed lower triangle, and go through the memory once an update; U is `T`, D and S are f64.
+//! Deviation: Q is added to D, that is, P += U q U' (exact for Q = 0; the exact sum costs O(s^3)). Rows of a batch are learnt
+//! one by one against weights that stand still, which equals learning them together.
+
+use super::FilterError;
+use super::lanes::{Isa, Kernel, Real, Simd};
+use super::linearised::{Learner, Outcome, Rows};
+use super::state::{Reader, Writer};
+use super::triangle::{ROWS, Triangle, chunks, width};
+
+/// The filter with factors of element type `T`.
+pub struct Ud<T: Real> {
+    isa: Isa,
+    name: String,
+    batch: usize,
+    p0: f64,
+    /// U': row j holds column j of U, its unit diagonal included.
+    factor: Triangle<T>,
+    /// D, padded to whole strips.
+    variances: Vec<f64>,
+    slopes: Vec<T::Chunk>,
+    gain: Vec<T::Chunk>,
+    step: Vec<f64>,
+}
+
+impl<T: Real> Ud<T> {
+    pub fn new(size: usize, p0: f64, batch: usize, isa: Isa) -> Ud<T> {
+        let room = vec![T::Chunk::default(); chunks::<T>(size)];
+        let mut filter = Ud {
+            isa,
+            name: format!("ud-{}", T::NAME.to_lowercase()),
+            batch,
+            p0,
+            factor: Triangle::diagonal(size, 1.0),
+            variances: Vec::new(),
+            slopes: room.clone(),
+            gain: room,
+            step: vec![0.0; size],
+        };
+        filter.reset();
+        filter
+    }
+
+    /// P = P0 I.
+    fn reset(&mut self) {
+        let size = self.step.len();
+        self.factor = Triangle::diagonal(size, 1.0);
+        self.variances = vec![self.p0; size];
+        self.variances.resize(size.next_multiple_of(ROWS), 0.0);
+    }
+
+    /// One row: leaves S K in `gain`, returns S.
+    #[inline(always)]
+    fn measure<V: Simd<T>>(&mut self, noise: f64) -> f64 {
+        self.gain.fill(T::Chunk::default());
+        let mut alpha = noise;
+        let mut rest = &mut self.factor.tiles[..];
+        for (strip, d) in self.variances.chunks_exact_mut(ROWS).enumerate() {
+            let (tiles, others) = rest.split_at_mut(width::<T>(strip));
+            rest = others;
+            let mut sums = [V::splat(T::of(0.0)); ROWS];
+            for (tile, b) in tiles.iter().zip(&self.slopes) {
+                let b = V::load(b);
+                for r in 0..ROWS {
+                    sums[r] = V::load(&tile.0[r]).mul_add(b, sums[r]);
+                }
+            }
+            let (mut p, mut v) = ([V::splat(T::of(0.0)); ROWS], [V::splat(T::of(0.0)); ROWS]);
+            for r in 0..ROWS {
+                let f = sums[r].sum().f64(); // f = U' b
+                let vf = d[r] * f;
+                let next = vf.mul_add(f, alpha);
+                d[r] *= alpha / next;
+                p[r] = V::splat(T::of(-f / alpha));
+                v[r] = V::splat(T::of(vf));
+                alpha = next;
+            }
+            for (tile, gain) in tiles.iter_mut().zip(&mut self.gain) {
+                let mut k = V::load(gain);
+                for r in 0..ROWS {
+                    let u = V::load(&tile.0[r]);
+                    // Entries of the gain below row j are still 0 at column j, so zeros and the diagonal stay.
+                    k.mul_add(p[r], u).store(&mut tile.0[r]);
+                    k = u.mul_add(v[r], k);
+                }
+                k.store(gain);
+            }
+        }
+        alpha
+    }
+}
+
+struct Update<'a, T: Real> {
+    filter: &'a mut Ud<T>,
+    weights: &'a mut [f64],
+    rows: &'a Rows<'a>,
+}
+
+impl<T: Real> Kernel<T> for Update<'_, T> {
+    type Out = Outcome;
+
+    #[inline(always)]
+    fn run<V: Simd<T>>(self) -> Outcome {
+        let Update { filter, weights, rows } = self;
+        let size = weights.len();
+        filter.step.fill(0.0);
+        filter.variances[..size].iter_mut().for_each(|d| *d += rows.q); // Eq. (11), approximately
+        for ((slopes, &innovation), &noise) in rows.jacobian.chunks_exact(size).zip(rows.innovations).zip(rows.noise) {
+            let mut left = innovation;
+            for (chunk, slopes) in filter.slopes.iter_mut().zip(slopes.chunks(T::LANES)) {
+                for (b, slope) in chunk.as_mut().iter_mut().zip(slopes) {
+                    *b = T::of(*slope);
+                }
+            }
+            for (slope, step) in slopes.iter().zip(&filter.step) {
+                left -= slope * step;
+            }
+            let s = filter.measure::<V>(noise); // Eqs (13) and (14)
+            let scale = left / s;
+            for (chunk, steps) in filter.gain.iter().zip(filter.step.chunks_mut(T::LANES)) {
+                for (k, step) in chunk.as_ref().iter().zip(steps) {
+                    *step = k.f64().mul_add(scale, *step); // Eq. (15)
+                }
+            }
+            if !(s < f64::INFINITY && filter.variances.iter().all(|d| d.is_finite())) {
+                filter.reset();
+                return Outcome { rebuilt: 1, rejected: true };
+            }
+        }
+        if !weights.iter().zip(&filter.step).all(|(w, step)| (w + step).is_finite()) {
+            filter.reset();
+            return Outcome { rebuilt: 1, rejected: true };
+        }
+        for (w, step) in weights.iter_mut().zip(&filter.step) {
+            *w += step;
+        }
+        Outcome::default()
+    }
+}
+
+impl<T: Real> Learner for Ud<T> {
+    fn kind(&self) -> &str {
+        &self.name
+    }
+
+    fn batch(&self) -> usize {
+        self.batch
+    }
+
+    fn update(&mut self, weights: &mut [f64], rows: &Rows) -> Outcome {
+        self.isa.run(Update { filter: self, weights, rows })
+    }
+
+    fn save(&self, to: &mut Writer) {
+        to.reals("factor", self.factor.elements());
+        to.reals("variances", self.variances[..self.step.len()].iter().copied());
+    }
+
+    fn load(&mut self, from: &Reader) -> Result<(), FilterError> {
+        let factor = from.reals::<T>("factor", self.factor.count())?;
+        let variances = from.reals::<f64>("variances", self.step.len())?;
+        self.factor.set_elements(factor.into_iter());
+        self.variances[..variances.len()].copy_from_slice(&variances);
+        Ok(())
+    }
+}
