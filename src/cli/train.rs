@@ -220,7 +220,10 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
         Ok(bytes) => Some(bytes),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
         Err(error) => {
-            return Err(Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", beside.display()))));
+            return Err(Failure::new(
+                Failure::TRY_AGAIN,
+                miette::Report::msg(format!("{}: {error}", beside.display())),
+            ));
         }
     };
     Ok(Init { path: file.display().to_string(), model, filter })

@@ -136,6 +136,7 @@ pub struct Summary {
     pub features: Vec<String>,
     pub constant_features: Vec<String>,
     pub filter: String,
+    /// Of the filter at its last update; where it started from another run's covariance, that run's included.
     pub counters: Counters,
     pub corpora: Json,
     /// Hash of the network and covariance it started from.
@@ -153,7 +154,6 @@ struct Place {
     rows: u64,
     train_sum: SumBits,
     left_out: LeftOut,
-    counters: Counters,
     stopping: Stopping,
     stopped: Option<Stop>,
 }
@@ -176,14 +176,18 @@ impl From<SumBits> for ErrorSum {
 
 /// Trains, or goes on training, until the validation error rises, the epochs are over, or `stop` is raised.
 pub fn train(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
-    let run = if setup.resume { RunFolder::resume(&setup.out)? } else { RunFolder::create(&setup.out)? };
     let identity = identity(setup);
-    if let Some(there) = finished(&run)? {
-        let begun = json!({"config": there.config, "corpora": there.corpora, "init": there.init});
-        check_identity(&run, &begun, &identity)?;
-        return Ok(Outcome::Done(Box::new(there)));
+    if setup.resume {
+        if let Some(there) = finished(setup)? {
+            let begun = json!({"config": there.config, "corpora": there.corpora, "init": there.init});
+            check_identity(setup, &begun, &identity)?;
+            return Ok(Outcome::Done(Box::new(there)));
+        }
+    } else if setup.out.exists() {
+        // Said before the corpora are read; creating the folder says it again, whoever was faster.
+        return Err(TrainError::Exists { path: setup.out.display().to_string() });
     }
-    let mut training = Training::prepare(setup, run, identity)?;
+    let mut training = Training::prepare(setup, identity)?;
     tell(Event::Start(&training.start));
     training.learn(stop, tell)
 }
@@ -213,8 +217,8 @@ fn identity(setup: &Setup) -> Json {
     json!({"config": setup.params, "corpora": corpora, "init": init})
 }
 
-fn check_identity(run: &RunFolder, there: &Json, here: &Json) -> Result<(), TrainError> {
-    let differs = |what: &str| TrainError::OtherRun { path: run.path().display().to_string(), what: what.into() };
+fn check_identity(setup: &Setup, there: &Json, here: &Json) -> Result<(), TrainError> {
+    let differs = |what: &str| TrainError::OtherRun { path: setup.out.display().to_string(), what: what.into() };
     for (key, what) in [
         ("config", "the config is another one (its own is in train.yaml)"),
         ("corpora", "the corpora, or their weights, are others"),
@@ -227,15 +231,43 @@ fn check_identity(run: &RunFolder, there: &Json, here: &Json) -> Result<(), Trai
     Ok(())
 }
 
-fn finished(run: &RunFolder) -> Result<Option<Summary>, TrainError> {
-    if !run.holds(folder::SUMMARY) {
+fn finished(setup: &Setup) -> Result<Option<Summary>, TrainError> {
+    let path = setup.out.join(folder::SUMMARY);
+    if !path.is_file() {
         return Ok(None);
     }
-    let summary = serde_json::from_slice(&run.read(folder::SUMMARY)?);
-    summary.map(Some).map_err(|error| TrainError::BadState {
-        path: run.path().join(folder::SUMMARY).display().to_string(),
-        reason: error.to_string(),
-    })
+    let bad = |reason: String| TrainError::BadState { path: path.display().to_string(), reason };
+    let bytes = std::fs::read(&path).map_err(|error| bad(error.to_string()))?;
+    serde_json::from_slice(&bytes).map(Some).map_err(|error| bad(error.to_string()))
+}
+
+/// What a killed run left.
+struct Checkpoint {
+    place: Place,
+    now: Snapshot,
+    best: Snapshot,
+}
+
+fn read_checkpoint(
+    setup: &Setup,
+    run: &RunFolder,
+    identity: &Json,
+    weights: usize,
+) -> Result<Option<Checkpoint>, TrainError> {
+    if !run.holds(folder::CHECKPOINT) {
+        return Ok(None);
+    }
+    let path = run.path().join(folder::CHECKPOINT).display().to_string();
+    let bad = |reason: String| TrainError::BadState { path: path.clone(), reason };
+    let (header, mut snapshots) = state::from_bytes(&run.read(folder::CHECKPOINT)?).map_err(bad)?;
+    check_identity(setup, &header["identity"], identity)?;
+    let place: Place = serde_json::from_value(header["place"].clone()).map_err(|error| bad(error.to_string()))?;
+    let both = snapshots.remove("now").zip(snapshots.remove("best"));
+    let (now, best) = both.ok_or_else(|| bad("it is not whole".into()))?;
+    if now.weights.len() != weights || best.weights.len() != weights {
+        return Err(bad(format!("it holds {} weights", now.weights.len())));
+    }
+    Ok(Some(Checkpoint { place, now, best }))
 }
 
 struct Training<'s> {
@@ -246,8 +278,6 @@ struct Training<'s> {
     validation: Validation,
     network: Network,
     filter: Box<dyn Filter>,
-    /// What the filter counted before the last resume.
-    counted: Counters,
     best: Snapshot,
     place: Place,
     log: LookLog,
@@ -259,7 +289,7 @@ struct Training<'s> {
 }
 
 impl<'s> Training<'s> {
-    fn prepare(setup: &'s Setup, run: RunFolder, identity: Json) -> Result<Training<'s>, TrainError> {
+    fn prepare(setup: &'s Setup, identity: Json) -> Result<Training<'s>, TrainError> {
         let (params, sources) = (&setup.params, &setup.sources);
         let counts = class_counts(sources)?;
         let labelled: u64 = counts.iter().flatten().sum();
@@ -267,7 +297,8 @@ impl<'s> Training<'s> {
             Layout { inputs: sources.features.len(), hidden: params.network.hidden.clone(), bias: params.network.bias };
         let validation = Validation::open(Arc::clone(sources))?;
         if labelled == 0 {
-            return Err(no_rows(sources, Split::Train, LeftOut::default()));
+            let unlabelled = sources.list.iter().map(|source| source.labels(Split::Train).unknown).sum();
+            return Err(no_rows(sources, Split::Train, LeftOut { unlabelled, ..LeftOut::default() }));
         }
         if validation.rows == 0 {
             return Err(no_rows(sources, Split::Validation, validation.left_out));
@@ -288,10 +319,19 @@ impl<'s> Training<'s> {
         let mut network = Network::random(layout, &streams);
         let covariance =
             setup.init.as_ref().map(|init| start_from(init, sources, &mut network, filter.as_mut())).transpose()?;
+        // Nothing is written before everything is known to be sound.
+        let run = if setup.resume { RunFolder::resume(&setup.out)? } else { RunFolder::create(&setup.out)? };
+        let mut place = Place::default();
+        let mut best = Snapshot { weights: network.weights.clone(), filter: filter.state() };
+        if let Some(checkpoint) = read_checkpoint(setup, &run, &identity, network.weights.len())? {
+            filter.restore(&checkpoint.now.filter)?;
+            network.weights = checkpoint.now.weights;
+            (place, best) = (checkpoint.place, checkpoint.best);
+        }
+        let (log, elapsed_s) = run.looks(place.stopping.looks)?;
+        run.write(folder::CONFIG, setup.config_yaml.as_bytes())?;
         let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
-        let mut training = Training {
-            identity,
-            best: Snapshot { weights: network.weights.clone(), filter: filter.state() },
+        Ok(Training {
             start: Start {
                 train_rows: labelled,
                 validation_rows: validation.rows,
@@ -302,55 +342,24 @@ impl<'s> Training<'s> {
                 class_weights: judge.weights.class,
                 validate_every: params.validate_every.unwrap_or_else(|| 20_000.min(labelled / 5)).max(1),
                 stream_bytes: super::stream::memory_bytes(sources, setup.ahead),
-                resumed_at: 0,
+                resumed_at: place.rows,
                 one_class: untraversable == 0 || untraversable == labelled,
                 covariance,
             },
+            identity,
+            best,
             judge,
             validation,
             network,
             filter,
-            counted: Counters::default(),
-            place: Place::default(),
-            log: run.looks(0)?.0,
+            place,
+            log,
             started: Instant::now(),
-            elapsed_before: Duration::ZERO,
+            elapsed_before: Duration::try_from_secs_f64(elapsed_s).unwrap_or_default(),
             checkpoint: (Instant::now(), Duration::ZERO),
             setup,
             run,
-        };
-        training.go_on()?;
-        training.run.write(folder::CONFIG, setup.config_yaml.as_bytes())?;
-        Ok(training)
-    }
-
-    /// Takes the checkpoint up, where there is one.
-    fn go_on(&mut self) -> Result<(), TrainError> {
-        if !self.run.holds(folder::CHECKPOINT) {
-            return Ok(());
-        }
-        let path = self.run.path().join(folder::CHECKPOINT).display().to_string();
-        let bad = |reason: String| TrainError::BadState { path: path.clone(), reason };
-        let (header, mut snapshots) = state::from_bytes(&self.run.read(folder::CHECKPOINT)?).map_err(bad)?;
-        check_identity(&self.run, &header["identity"], &self.identity)?;
-        self.place = serde_json::from_value(header["place"].clone()).map_err(|error| bad(error.to_string()))?;
-        let (now, best) =
-            snapshots.remove("now").zip(snapshots.remove("best")).ok_or_else(|| bad("it is not whole".into()))?;
-        if now.weights.len() != self.network.weights.len() || best.weights.len() != now.weights.len() {
-            return Err(bad(format!("it holds {} weights", now.weights.len())));
-        }
-        self.filter.restore(&now.filter)?;
-        self.network.weights = now.weights;
-        self.best = best;
-        self.counted = self.place.counters;
-        let fresh = self.filter.counters();
-        self.counted.updates -= fresh.updates.min(self.counted.updates);
-        self.counted.rejected -= fresh.rejected.min(self.counted.rejected);
-        self.counted.rebuilt -= fresh.rebuilt.min(self.counted.rebuilt);
-        self.start.resumed_at = self.place.rows;
-        let (log, elapsed_s) = self.run.looks(self.place.stopping.looks)?;
-        (self.log, self.elapsed_before) = (log, Duration::from_secs_f64(elapsed_s.max(0.0)));
-        Ok(())
+        })
     }
 
     fn learn(&mut self, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
@@ -445,18 +454,8 @@ impl<'s> Training<'s> {
         Snapshot { weights: self.network.weights.clone(), filter: self.filter.state() }
     }
 
-    fn counters(&self) -> Counters {
-        let now = self.filter.counters();
-        Counters {
-            updates: self.counted.updates + now.updates,
-            rejected: self.counted.rejected + now.rejected,
-            rebuilt: self.counted.rebuilt + now.rebuilt,
-        }
-    }
-
     fn save(&mut self, tell: &mut dyn FnMut(Event)) -> Result<(), TrainError> {
         let begun = Instant::now();
-        self.place.counters = self.counters();
         let header = json!({"identity": self.identity, "place": self.place});
         let bytes = state::to_bytes(&header, &[("now", &self.snapshot()), ("best", &self.best)]);
         self.run.write(folder::CHECKPOINT, &bytes)?;
@@ -502,7 +501,7 @@ impl<'s> Training<'s> {
             features: self.setup.sources.features.clone(),
             constant_features: self.start.constant.clone(),
             filter: self.best.filter.kind.clone(),
-            counters: self.counters(),
+            counters: self.filter.counters(),
             corpora: self.identity["corpora"].clone(),
             init: self.identity["init"].as_str().map(str::to_string),
             config: self.setup.params.clone(),
