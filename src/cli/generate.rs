@@ -187,7 +187,7 @@ fn tell_start(plan: &Plan, out: &std::path::Path, range: &Range<u64>, shards: &[
 }
 
 /// SIGINT and SIGTERM ask the build to stop; a second one ends the process at once.
-fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
+pub(super) fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {

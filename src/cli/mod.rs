@@ -13,6 +13,7 @@ mod output;
 mod plan;
 mod preview;
 mod progress;
+mod train;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -64,6 +65,8 @@ enum Verb {
     Explain(explain::ExplainArgs),
     /// Pictures (PNG), cloud (PLY) and trajectories (TUM) of one scene.
     Preview(preview::PreviewArgs),
+    /// Train a network on finished corpora, or go on where a training was interrupted (--resume).
+    Train(train::TrainArgs),
     /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
     Evaluate(evaluate::EvaluateArgs),
     /// Write a model for other programs: ONNX, or weights as JSON.
@@ -141,6 +144,7 @@ pub fn main() -> ExitCode {
         Verb::Inspect(args) => corpus::inspect(args),
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
+        Verb::Train(args) => train::run(args, cli.log),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Export(args) => export::run(args),
         Verb::Schema { kind } => {

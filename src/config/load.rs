@@ -97,7 +97,7 @@ impl Loader {
         }
         self.write_out_presets(&mut root);
         for argument in sets {
-            root = self.kept(|reader| with_set(root, argument, reader))?;
+            root = self.kept(|reader| with_set(root, argument, reader, Kind::Corpus))?;
             self.write_out_presets(&mut root);
         }
         Some(root)
@@ -191,19 +191,7 @@ impl Loader {
 
     /// The types' own rules: ranges, lengths, laws.
     fn check_values<T: Validate<Context = ()>>(&mut self, value: &T, place: &Place, section: &str) {
-        let Err(report) = value.validate() else { return };
-        for (path, error) in report.iter() {
-            let joint = if section.is_empty() || path.is_empty() { "" } else { "." };
-            let found = place.find(&format!("{section}{joint}{path}"));
-            let said = plain(error.message(), found.value);
-            let joint =
-                if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
-            let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
-            self.faults.push(match described(Schema::of(schema(Kind::Corpus)), &found.dotted) {
-                Some(meaning) => fault.cure(meaning),
-                None => fault,
-            });
-        }
+        self.faults.extend(value_faults(value, place, section, Kind::Corpus));
     }
 
     /// Rules between keys, for those families that could be read. A fault of some families says of which.
@@ -270,7 +258,7 @@ impl Loader {
 }
 
 /// A tree without what the faults point at; `None` where they point at all of it.
-fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
+pub(super) fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
     let faulty =
         |span: Span| faults.iter().any(|fault| fault.at == span || fault.also.iter().any(|(also, _)| *also == span));
     if faulty(node.span) {
@@ -285,6 +273,30 @@ fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
         leaf => leaf.clone(),
     };
     Some(Node { span: node.span, value, whole: node.whole })
+}
+
+/// What a type's own rules say of a value.
+pub(super) fn value_faults<T: Validate<Context = ()>>(
+    value: &T,
+    place: &Place,
+    section: &str,
+    kind: Kind,
+) -> Vec<Fault> {
+    let Err(report) = value.validate() else { return Vec::new() };
+    let mut faults = Vec::new();
+    for (path, error) in report.iter() {
+        let joint = if section.is_empty() || path.is_empty() { "" } else { "." };
+        let found = place.find(&format!("{section}{joint}{path}"));
+        let said = plain(error.message(), found.value);
+        let joint =
+            if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
+        let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
+        faults.push(match described(Schema::of(schema(kind)), &found.dotted) {
+            Some(meaning) => fault.cure(meaning),
+            None => fault,
+        });
+    }
+    faults
 }
 
 /// A range rule in words, with the value that broke it.
@@ -313,13 +325,17 @@ fn described(schema: Schema<'static>, dotted: &str) -> Option<String> {
 }
 
 /// A `--set key=value` laid over the document.
-fn with_set(root: Node, argument: &str, reader: &mut Reader) -> Result<Node, Fault> {
+pub(super) fn with_set(root: Node, argument: &str, reader: &mut Reader, kind: Kind) -> Result<Node, Fault> {
+    let example = match kind {
+        Kind::Train => "for example: network.hidden=[8]",
+        _ => "for example: scene.rocks.count=5",
+    };
     let source = reader.sources.len();
     let text = std::sync::Arc::new(argument.to_owned());
     reader.sources.push(Source { name: "--set".into(), text, folder: reader.folder(root.span) });
     let whole = Span { source, start: 0, len: argument.len() };
     let Some((dotted, _)) = argument.split_once('=') else {
-        return Err(Fault::new(whole, "an override has the form key=value").cure("for example: scene.rocks.count=5"));
+        return Err(Fault::new(whole, "an override has the form key=value").cure(example));
     };
     let mut path = Vec::new();
     let mut start = 0;
@@ -328,12 +344,10 @@ fn with_set(root: Node, argument: &str, reader: &mut Reader) -> Result<Node, Fau
         start += name.len() + 1;
     }
     if path.iter().any(|key| key.name.is_empty()) {
-        return Err(
-            Fault::new(whole, "the key of an override has an empty part").cure("for example: scene.rocks.count=5")
-        );
+        return Err(Fault::new(whole, "the key of an override has an empty part").cure(example));
     }
     let value = tree::parse(source, argument, dotted.len() + 1)?;
-    set(Some(root), &path, value, Some(Schema::of(schema(Kind::Corpus))))
+    set(Some(root), &path, value, Some(Schema::of(schema(kind))))
 }
 
 /// The document's keys outside the sections, families included.

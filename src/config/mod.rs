@@ -1,4 +1,4 @@
-//! A YAML document as written -> a [`Plan`] as checked.
+//! A YAML document as written -> a [`Plan`] (or the parameters of a training) as checked.
 //!
 //! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
 //! fault, its place and its cure. The way: text -> tree (`tree`) -> presets written out (`presets`) -> overrides laid over
@@ -16,6 +16,7 @@ mod reader;
 mod rules;
 mod schema;
 mod shape;
+mod train;
 mod tree;
 mod write;
 
@@ -24,3 +25,4 @@ pub use load::load;
 pub use plan::{Family, Plan, PlanFile};
 pub use presets::shipped;
 pub use schema::{Kind, schema, schema_text};
+pub use train::{load_train, train_yaml};

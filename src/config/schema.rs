@@ -18,6 +18,7 @@ use crate::drive::{DriveParams, Rover};
 use crate::scene::SceneParams;
 use crate::slam::SlamParams;
 use crate::sweep::{Sensor, SweepParams};
+use crate::train::TrainParams;
 
 /// A kind of file that has a schema.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,10 +26,11 @@ pub enum Kind {
     Corpus,
     Rover,
     Sensor,
+    Train,
 }
 
 impl Kind {
-    pub const ALL: [Kind; 3] = [Kind::Corpus, Kind::Rover, Kind::Sensor];
+    pub const ALL: [Kind; 4] = [Kind::Corpus, Kind::Rover, Kind::Sensor, Kind::Train];
 
     /// As in `schemas/NAME.schema.json`.
     pub fn name(self) -> &'static str {
@@ -36,6 +38,7 @@ impl Kind {
             Kind::Corpus => "corpus",
             Kind::Rover => "rover",
             Kind::Sensor => "sensor",
+            Kind::Train => "train",
         }
     }
 }
@@ -45,10 +48,12 @@ pub fn schema(kind: Kind) -> &'static Json {
     static CORPUS: LazyLock<Json> = LazyLock::new(corpus);
     static ROVER: LazyLock<Json> = LazyLock::new(|| ranged::<Rover>("rover"));
     static SENSOR: LazyLock<Json> = LazyLock::new(|| ranged::<Sensor>("sensor"));
+    static TRAIN: LazyLock<Json> = LazyLock::new(|| ranged::<TrainParams>("train"));
     match kind {
         Kind::Corpus => &CORPUS,
         Kind::Rover => &ROVER,
         Kind::Sensor => &SENSOR,
+        Kind::Train => &TRAIN,
     }
 }
 

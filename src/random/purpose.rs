@@ -171,6 +171,10 @@ purposes! {
     // Train: 900-999
     /// Index: weight.
     InitialWeights = 900, "network.weights";
+    /// Step 0, scene = epoch: the order of the row groups.
+    TrainGroups = 910, "train.order.row_groups";
+    /// Step 0, scene = epoch, index = window: the order of its rows.
+    TrainRows = 911, "train.order.rows";
 }
 
 #[cfg(test)]

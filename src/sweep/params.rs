@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Sensor;
 use crate::preset::Preset;
-use crate::random::{Dist, Drawn, Purpose, within};
+use crate::random::{Bounded, Dist, Drawn, Purpose, within};
 
 /// The sensor, how exactly its beams are cast, and what its light suffers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
@@ -105,6 +105,15 @@ impl MountParams {
             (Purpose::SweepMountPitch, self.pitch_deg.as_ref()),
             (Purpose::SweepMountRoll, self.roll_deg.as_ref()),
         ]
+    }
+
+    /// The mount where nothing is drawn: the middle of each law's range.
+    pub fn middle(&self, rover: [f64; 6]) -> [f64; 6] {
+        let values = self.values();
+        std::array::from_fn(|i| match values[i].1.map(Bounded::extent) {
+            Some(Ok(Some((low, high)))) => 0.5 * (low + high),
+            _ => rover[i],
+        })
     }
 
     /// The rover's own mount (x, y, z in metres, then yaw, pitch, roll in degrees) with this scene's overrides.

@@ -5,15 +5,33 @@
 //! Feldkamp 1991 (decoupled), Bierman 1977 (factored). Memory does not grow with the corpus. Rows come in an order that is a
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
+pub mod curves;
+pub mod error;
 pub mod export;
 pub mod filter;
+pub mod folder;
 pub mod labels;
 pub mod model;
 pub mod network;
 pub mod onnx;
+mod order;
 pub mod params;
+pub mod quantiles;
+pub mod rows;
+pub mod run;
+pub mod scaling;
+pub mod source;
+mod state;
+pub mod stopping;
+mod stream;
+#[cfg(test)]
+mod tests;
+pub mod validation;
 
+pub use error::TrainError;
 pub use filter::Filter;
 pub use model::{About, MODEL_FORMAT, Model, ModelError, Scaler};
 pub use network::{Layout, Network};
-pub use params::TrainParams;
+pub use params::{FeatureSet, TrainParams};
+pub use run::{Event, Outcome, Setup, train};
+pub use source::{Source, Sources};

@@ -4,6 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::labels::LabelRule;
 use crate::random::within;
 
 /// How a network is trained.
@@ -19,6 +20,10 @@ pub struct TrainParams {
     pub filter: FilterParams,
     #[garde(dive)]
     pub features: FeatureSet,
+    /// Another rule for the labels, read off the corpus's `truth_` columns; absent = the corpus's own labels.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub labels: Option<LabelRule>,
     /// Outputs for traversable and untraversable.
     #[garde(inner(custom(within(0.0, 1.0))))]
     pub targets: [f64; 2],
@@ -53,6 +58,7 @@ impl Default for TrainParams {
             network: NetworkParams::default(),
             filter: FilterParams::default(),
             features: FeatureSet::Full,
+            labels: None,
             targets: [0.1, 0.9],
             thresholds: vec![0.5],
             balance: Balance::Classes,

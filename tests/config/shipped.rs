@@ -15,6 +15,7 @@ fn yaml_files(folder: &str) -> Vec<PathBuf> {
 fn law_every_shipped_file_names_its_schema() {
     for (folder, schema) in [
         ("configs", "../schemas/corpus.schema.json"),
+        ("configs/train", "../../schemas/train.schema.json"),
         ("configs/rovers", "../../schemas/rover.schema.json"),
         ("configs/sensors", "../../schemas/sensor.schema.json"),
     ] {
@@ -53,4 +54,15 @@ fn law_shipped_configs_have_full_splits() {
         assert_eq!(plan.shards() % 20, 0, "{}: 14 + 3 + 3 in every 20 shards", path.display());
         assert_eq!(path.file_stem().unwrap().to_str(), Some(plan.name.as_str()));
     }
+}
+
+#[test]
+fn equal_the_default_training_config_and_the_defaults() {
+    let read = |name: &str| {
+        let path = PathBuf::from(format!("configs/train/{name}.yaml"));
+        config::load_train(Some(&path), &[]).unwrap_or_else(|error| panic!("{}", error.lines()))
+    };
+    assert_eq!(read("default"), config::load_train(None, &[]).unwrap());
+    assert!(!read("paper").network.bias);
+    assert_ne!(read("robust"), read("default"));
 }

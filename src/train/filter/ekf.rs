@@ -4,12 +4,12 @@
 //! after Puskorius & Feldkamp 1991: S = R + sum_g B_g P_g B_g' is shared, each group has its own gain. A batch is linearised at
 //! the same weights and learnt together (S is m x m). The covariance is `T`; weights, innovations and S are f64.
 
+use super::FilterError;
 use super::covariance::Covariance;
 use super::lanes::{Isa, Kernel, Real, Simd};
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
 use super::triangle::{Masks, Triangle};
-use super::FilterError;
 
 /// Variances are not rebuilt below this share of P0.
 const REBUILD_FLOOR: f64 = 1e-7;

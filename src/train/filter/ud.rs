@@ -6,11 +6,11 @@
 //! Deviation: Q is added to D, that is, P += U q U' (exact for Q = 0; the exact sum costs O(s^3)). Rows of a batch are learnt
 //! one by one against weights that stand still, which equals learning them together.
 
+use super::FilterError;
 use super::lanes::{Isa, Kernel, Real, Simd};
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
 use super::triangle::{ROWS, Triangle, chunks, width};
-use super::FilterError;
 
 /// The filter with factors of element type `T`.
 pub struct Ud<T: Real> {

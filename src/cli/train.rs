@@ -1,0 +1,347 @@
+//! Trains a network on finished corpora, or goes on where a training was interrupted.
+//!
+//! The verb ties configs and corpora to the training loop, and talks. All that is learnt from is in the run folder's files;
+//! times go to `report.json` and `training.jsonl`.
+
+mod progress;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use serde_json::json;
+
+use self::progress::Progress;
+use super::evaluate::{family_facts, read_model};
+use super::explain::plan_of;
+use super::generate::{corpus_failure, default_threads, stop_on_signals};
+use super::output::out;
+use super::{Failure, LogFormat};
+use crate::config;
+use crate::corpus::{Build, LocalFolder, Split, Store};
+use crate::evaluate::{EvaluateError, Options, evaluate, figures};
+use crate::train::run::{Init, Origin, Summary};
+use crate::train::{Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
+
+#[derive(Debug, Args)]
+pub(super) struct TrainArgs {
+    /// Folders of finished corpora, learnt together; with :WEIGHT behind it, a row of that corpus counts so many times.
+    #[arg(required = true, value_name = "CORPUS[:WEIGHT]", value_parser = parse_corpus)]
+    corpora: Vec<(PathBuf, f64)>,
+    /// A training config (YAML), such as configs/train/paper.yaml; default: all defaults.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// The run folder, which must not be there yet; default: runs/<corpus>-1, or the next free number.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Override a key: --set network.hidden=[8] (repeatable).
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    sets: Vec<String>,
+    /// Go on in the run folder where training was interrupted; begin where nothing is there. Default --out: the last number.
+    #[arg(long)]
+    resume: bool,
+    /// Start from a trained network (a model.safetensors or its run folder) and, where it is beside it, its covariance.
+    #[arg(long, value_name = "MODEL")]
+    init: Option<PathBuf>,
+    /// Labels for another rover: taller_than_wheel=DIAMETER_M, taller_than_m=X, all or as_built; then, with commas,
+    /// min_obstacle_points=N and max_ground_slope_deg=X. Short for --set labels={...}.
+    #[arg(long, value_name = "RULE")]
+    labels: Option<String>,
+    /// Of initial weights and of the order of rows; short for --set seed=N.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Threads that look at the validation split; never changes a bit.
+    #[arg(long, default_value_t = default_threads())]
+    threads: usize,
+    /// Windows of eight row groups read ahead; never changes a bit.
+    #[arg(long, default_value_t = 1, value_name = "WINDOWS", hide_short_help = true)]
+    prefetch: usize,
+}
+
+/// `corpora/mixed:0.5`; a path that holds a colon itself needs a weight behind it.
+fn parse_corpus(text: &str) -> Result<(PathBuf, f64), String> {
+    match text.rsplit_once(':').map(|(path, weight)| (path, weight.parse::<f64>())) {
+        Some((path, Ok(weight))) if !path.is_empty() => {
+            if weight > 0.0 && weight.is_finite() {
+                Ok((path.into(), weight))
+            } else {
+                Err(format!("the weight {weight} is not a positive number"))
+            }
+        }
+        _ => Ok((text.into(), 1.0)),
+    }
+}
+
+/// `taller_than_m=0.2,max_ground_slope_deg=20` as an override.
+fn labels_set(rule: &str) -> Result<String, Failure> {
+    let mut parts = Vec::new();
+    for part in rule.split(',').map(str::trim) {
+        parts.push(match part.split_once('=') {
+            Some((key @ ("taller_than_wheel" | "taller_than_m"), value)) => format!("obstacle: {{{key}: {value}}}"),
+            Some((key @ ("min_obstacle_points" | "max_ground_slope_deg"), value)) => format!("{key}: {value}"),
+            None if ["all", "as_built"].contains(&part) => format!("obstacle: {part}"),
+            _ => {
+                return Err(Failure::usage(miette::miette!(
+                    help = "for example: --labels taller_than_wheel=0.15, or --labels taller_than_m=0.2,max_ground_slope_deg=20",
+                    "--labels: '{part}' is not part of a rule"
+                )));
+            }
+        });
+    }
+    Ok(format!("labels={{{}}}", parts.join(", ")))
+}
+
+impl TrainArgs {
+    fn params(&self) -> Result<TrainParams, Failure> {
+        let mut sets = self.sets.clone();
+        sets.extend(self.labels.as_deref().map(labels_set).transpose()?);
+        sets.extend(self.seed.map(|seed| format!("seed={seed}")));
+        config::load_train(self.config.as_deref(), &sets).map_err(|error| Failure::usage(miette::Report::new(error)))
+    }
+}
+
+/// Storage that fails may work again; what the user gave wrong is usage; everything else will not get better.
+fn train_failure(error: TrainError) -> Failure {
+    let code = match error {
+        TrainError::Corpus(error) => return corpus_failure(error),
+        TrainError::Io { .. } => Failure::TRY_AGAIN,
+        TrainError::NoFeature { .. }
+        | TrainError::FeatureTwice { .. }
+        | TrainError::Unlike { .. }
+        | TrainError::Twice { .. }
+        | TrainError::FewRows { .. }
+        | TrainError::Exists { .. }
+        | TrainError::NoRun { .. }
+        | TrainError::OtherRun { .. }
+        | TrainError::Init { .. }
+        | TrainError::Filter(_) => Failure::USAGE,
+        _ => Failure::FAILED,
+    };
+    Failure::new(code, miette::Report::msg(error.to_string()))
+}
+
+pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
+    let params = args.params()?;
+    let mut list = Vec::new();
+    let mut origins: Vec<(PathBuf, Origin)> = Vec::new();
+    for (path, weight) in &args.corpora {
+        list.push(Source::open(&LocalFolder::new(path), *weight).map_err(train_failure)?);
+        origins.push((path.clone(), origin_of(path)?));
+    }
+    let out = out_folder(args, &list[0].name)?;
+    let (place, origin) = origins.remove(0);
+    for (other, theirs) in &origins {
+        check_grids((&place, &origin), (other, theirs))?;
+    }
+    let sources = Arc::new(Sources::new(list, &params.features, params.labels.clone()).map_err(train_failure)?);
+    let setup = Setup {
+        config_yaml: config::train_yaml(&params),
+        params,
+        sources,
+        origin,
+        out,
+        resume: args.resume,
+        init: args.init.as_deref().map(read_init).transpose()?,
+        ahead: args.prefetch,
+    };
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads)
+        .build_global()
+        .map_err(|error| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())))?;
+    let stop = stop_on_signals()?;
+    let mut progress = Progress::new(&setup, log);
+    let outcome = train(&setup, &stop, &mut |event| progress.take(&event));
+    progress.finish();
+    match outcome.map_err(train_failure)? {
+        Outcome::Interrupted { rows } => Err(Failure::new(Failure::TRY_AGAIN, interrupted(&setup, rows))),
+        Outcome::Done(summary) => {
+            write_report(&setup.out, &progress, args)?;
+            tell_end(&setup.out, &summary, &progress, log);
+            evaluate_on_test(args, &setup, log)
+        }
+    }
+}
+
+fn interrupted(setup: &Setup, rows: u64) -> miette::Report {
+    miette::miette!(
+        help = format!("the same command with --resume --out {} goes on from here", setup.out.display()),
+        "interrupted after {rows} rows: the checkpoint is written"
+    )
+}
+
+/// The folder that was asked for, or a numbered one.
+fn out_folder(args: &TrainArgs, corpus: &str) -> Result<PathBuf, Failure> {
+    if let Some(out) = &args.out {
+        return Ok(out.clone());
+    }
+    let numbered = |number: u64| PathBuf::from("runs").join(format!("{corpus}-{number}"));
+    let free = (1..).find(|&number| !numbered(number).exists()).unwrap_or(1);
+    Ok(numbered(if args.resume && free > 1 { free - 1 } else { free }))
+}
+
+/// What the corpus's own plan says of its cells, rover and sensor: of the first family.
+fn origin_of(corpus: &Path) -> Result<Origin, Failure> {
+    let (plan, _) = plan_of(corpus, &[])?;
+    let family = &plan.families[0];
+    let rover = &family.drive.rover;
+    let mast = rover.mount;
+    let own = [mast.x_m, mast.y_m, mast.z_m, mast.yaw_deg, mast.pitch_deg, mast.roll_deg];
+    Ok(Origin {
+        cells: family.cells.clone(),
+        mount: family.sweep.mount.as_ref().map_or(own, |mount| mount.middle(own)),
+        rover: (**rover).clone(),
+        sensor: (*family.sweep.sensor).clone(),
+    })
+}
+
+/// Features mean the same on the same grid only.
+fn check_grids((first, ours): (&Path, &Origin), (other, theirs): (&Path, &Origin)) -> Result<(), Failure> {
+    let differ = |what: &str, ours: String, theirs: String| {
+        if ours == theirs {
+            return Ok(());
+        }
+        Err(Failure::usage(miette::miette!(
+            help = "train on corpora with the same grid, or on one of them",
+            "{} has cells.{what} {theirs}, {} has {ours}",
+            other.display(),
+            first.display()
+        )))
+    };
+    differ("size_m", ours.cells.size_m.to_string(), theirs.cells.size_m.to_string())?;
+    differ("neighbours", ours.cells.neighbours.to_string(), theirs.cells.neighbours.to_string())
+}
+
+/// A model file, or the one in a run folder; and the filter's memory beside it.
+fn read_init(path: &Path) -> Result<Init, Failure> {
+    let file = if path.is_dir() { path.join(folder::MODEL) } else { path.to_owned() };
+    let model = read_model(&file)?;
+    let beside = file.with_file_name(folder::FILTER);
+    let filter = match std::fs::read(&beside) {
+        Ok(bytes) => Some(bytes),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
+        Err(error) => {
+            return Err(Failure::new(
+                Failure::TRY_AGAIN,
+                miette::Report::msg(format!("{}: {error}", beside.display())),
+            ));
+        }
+    };
+    Ok(Init { path: file.display().to_string(), model, filter })
+}
+
+/// Judges the model on the test split of each corpus: `evaluation.json` and its figures, in a folder of their own for each where there
+/// are several corpora.
+fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(), Failure> {
+    let model = read_model(&setup.out)?;
+    let options = Options { labels: setup.params.labels.clone(), ..Options::of(Split::Test) };
+    for ((path, _), source) in args.corpora.iter().zip(&setup.sources.list) {
+        let (plan, _) = plan_of(path, &[])?;
+        let report = match evaluate(&model, &LocalFolder::new(path), &family_facts(&plan), &options) {
+            Ok(report) => report,
+            Err(error @ EvaluateError::EmptySplit { .. }) => {
+                tracing::warn!("not judged: {error}");
+                continue;
+            }
+            Err(EvaluateError::Corpus(error)) => return Err(corpus_failure(error)),
+            Err(error) => return Err(Failure::failed(error)),
+        };
+        let folder =
+            if args.corpora.len() == 1 { setup.out.clone() } else { setup.out.join("evaluation").join(&source.name) };
+        let store = LocalFolder::new(folder);
+        store.replace("evaluation.json", report.to_json().as_bytes()).map_err(corpus_failure)?;
+        for (name, svg) in figures(&report).map_err(Failure::failed)? {
+            store.replace(name, svg.as_bytes()).map_err(corpus_failure)?;
+        }
+        if log == LogFormat::Text {
+            out!("{report}");
+        }
+    }
+    Ok(())
+}
+
+/// Times and rates, which are no part of what a training is.
+fn write_report(out: &Path, progress: &Progress, args: &TrainArgs) -> Result<(), Failure> {
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let report = json!({
+        "wall_s": progress.elapsed().as_secs_f64(),
+        "rows_learnt": progress.rows_here(),
+        "rows_per_s": progress.rate(),
+        "threads": args.threads,
+        "prefetch": args.prefetch,
+        "host": host.trim(),
+        "build": Build::of_this_binary(),
+    });
+    let path = out.join(folder::REPORT);
+    if progress.rows_here() == 0 && path.exists() {
+        return Ok(());
+    }
+    std::fs::write(&path, format!("{report:#}\n"))
+        .map_err(|error| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display()))))
+}
+
+fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) {
+    let best = summary.best;
+    let error = best.validation_error.unwrap_or(f64::NAN);
+    if log == LogFormat::Json {
+        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
+        return;
+    }
+    let why = match summary.stopped {
+        crate::train::stopping::Stop::Patience => {
+            format!("no better validation error for {} looks", summary.config.patience)
+        }
+        crate::train::stopping::Stop::Epochs => "all epochs are over".to_string(),
+    };
+    let left_out = summary.left_out;
+    eprintln!(
+        "{}: {} rows in {} ({} rows/s); {why}",
+        out.display(),
+        summary.rows_learnt,
+        super::progress::human(progress.elapsed()),
+        super::progress::si(progress.rate())
+    );
+    if left_out.unlabelled + left_out.not_finite > 0 {
+        eprintln!(
+            "left out: {} rows without a label, {} with a value that is not finite",
+            left_out.unlabelled, left_out.not_finite
+        );
+    }
+    let counters = summary.counters;
+    if counters.rejected + counters.rebuilt > 0 {
+        eprintln!(
+            "the filter rejected {} rows and rebuilt its covariance {} times; `robust: true` needs neither",
+            counters.rejected, counters.rebuilt
+        );
+    }
+    eprintln!(
+        "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",
+        best.rows,
+        out.join(folder::MODEL).display()
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_corpora_carry_weights_behind_a_colon() {
+        assert_eq!(parse_corpus("a/b:0.5"), Ok(("a/b".into(), 0.5)));
+        assert_eq!(parse_corpus("a/b"), Ok(("a/b".into(), 1.0)));
+        assert_eq!(parse_corpus("a:b/c"), Ok(("a:b/c".into(), 1.0)));
+        for wrong in ["a:0", "a:-1", "a:nan", "a:inf"] {
+            assert!(parse_corpus(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn exact_label_rules_become_overrides() {
+        let set = |rule| labels_set(rule).map_err(|failure| failure.report.to_string());
+        assert_eq!(set("all").unwrap(), "labels={obstacle: all}");
+        assert_eq!(
+            set("taller_than_m=0.2, max_ground_slope_deg=20").unwrap(),
+            "labels={obstacle: {taller_than_m: 0.2}, max_ground_slope_deg: 20}"
+        );
+        assert!(set("tall").unwrap_err().contains("'tall' is not part of a rule"));
+    }
+}

@@ -1,0 +1,145 @@
+//! A training config as written -> [`TrainParams`] as checked, by the same steps as a corpus config.
+
+use std::path::Path;
+
+use super::error::{ConfigError, Fault};
+use super::load::{value_faults, with_set, without};
+use super::place::Place;
+use super::reader::Reader;
+use super::schema::{Kind, schema};
+use super::shape::{self, Schema};
+use super::tree::{Source, Span, Value};
+use super::write::yaml;
+use crate::train::TrainParams;
+
+/// Reads and checks a training config; without a path, the defaults. `sets` are overrides like `network.hidden=[8]`.
+pub fn load_train(path: Option<&Path>, sets: &[String]) -> Result<TrainParams, ConfigError> {
+    let shown = path.map_or("the default training config".to_string(), |path| path.display().to_string());
+    let mut reader = Reader::default();
+    read(path, &shown, sets, &mut reader).map_err(|faults| ConfigError::new(shown, &reader.sources, faults))
+}
+
+/// The parameters as a config with every default written out; [`load_train`] gives the same again.
+pub fn train_yaml(params: &TrainParams) -> String {
+    let document = serde_json::to_value(params).expect("parameters are finite numbers and text keys");
+    format!("# The resolved training config: every default written out.\n{}", yaml(&document))
+}
+
+fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) -> Result<TrainParams, Vec<Fault>> {
+    let one = |fault: Fault| vec![fault];
+    let folder = path.and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
+    let text = path.map_or(Ok("{}".to_string()), |path| reader.text_of(path));
+    let (text, unreadable) = text.map_or_else(|why| (String::new(), Some(why)), |text| (text, None));
+    let source = Source { name: shown.into(), text: text.into(), folder };
+    if let Some(why) = unreadable {
+        reader.sources.push(source);
+        return Err(one(Fault::new(Span::default(), format!("the config cannot be read: {why}"))));
+    }
+    let mut root = reader.parse(source).map_err(one)?;
+    if matches!(root.value, Value::Null) {
+        // Nothing but comments: all defaults.
+        root.value = Value::Map(Vec::new());
+    }
+    for argument in sets {
+        root = with_set(root, argument, reader, Kind::Train).map_err(one)?;
+    }
+    let whole = schema(Kind::Train);
+    let mut faults = shape::check(&root, Schema::of(whole), "", whole, &reader.sources);
+    let sound = faults.is_empty();
+    // What has a wrong shape is left out, so that the rest is judged in the same go.
+    let rest = if sound { Some(root.clone()) } else { without(&root, &faults) };
+    if let Some(rest) = rest {
+        match serde_json::from_value::<TrainParams>(rest.to_json()) {
+            Ok(params) => {
+                let place = Place { root: &root };
+                faults.extend(value_faults(&params, &place, "", Kind::Train));
+                rules(&params, &place, &mut faults);
+                if faults.is_empty() {
+                    return Ok(params);
+                }
+            }
+            Err(error) if sound => faults.push(Fault::new(root.span, format!("the config cannot be read: {error}"))),
+            Err(_) => (),
+        }
+    }
+    Err(faults)
+}
+
+/// Rules between keys.
+fn rules(params: &TrainParams, place: &Place, faults: &mut Vec<Fault>) {
+    let [low, high] = params.targets;
+    if low >= high {
+        let rule = format!("'targets' must rise, from traversable to untraversable, got [{low}, {high}]");
+        faults.push(Fault::new(place.span("targets"), rule).cure("the paper's are [0.1, 0.9]"));
+    }
+    if params.thresholds.windows(2).any(|pair| pair[0] >= pair[1]) {
+        let rule = "'thresholds' must rise: each is the border between two classes";
+        faults.push(Fault::new(place.span("thresholds"), rule).cure("one border: [0.5]"));
+    }
+    if params.validate_every == Some(0) {
+        let rule = "'validate_every' must be at least 1, got 0";
+        faults.push(Fault::new(place.span("validate_every"), rule).cure("take it out for min(20,000, rows / 5)"));
+    }
+    if params.labels.as_ref().is_some_and(|rule| !rule.is_answerable()) {
+        let rule = "'labels.min_obstacle_points' above 1 goes with 'labels.obstacle: as_built' only: the corpus counts the points of \
+                    its own obstacles alone";
+        let at = Fault::new(place.span("labels.min_obstacle_points"), rule);
+        faults.push(at.also(place.span("labels.obstacle"), "another rule than the corpus's"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn faults(text: &str, sets: &[&str]) -> String {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("train.yaml");
+        std::fs::write(&path, text).unwrap();
+        let sets: Vec<String> = sets.iter().map(|set| (*set).to_string()).collect();
+        match load_train(Some(&path), &sets) {
+            Ok(params) => format!("fine: {params:?}"),
+            Err(error) => error.lines().replace(&format!("{}/", dir.path().display()), ""),
+        }
+    }
+
+    #[test]
+    fn equal_defaults_and_an_empty_config() {
+        assert_eq!(load_train(None, &[]).unwrap(), TrainParams::default());
+        assert!(faults("# nothing\n", &[]).starts_with("fine"));
+    }
+
+    #[test]
+    fn equal_a_resolved_config_and_what_it_is_read_to() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("train.yaml");
+        let sets = [
+            "filter={decoupled: {groups: layer}}",
+            "features={columns: [a, b]}",
+            "labels={obstacle: {taller_than_m: 0.2}}",
+        ];
+        let params = load_train(None, &sets.map(String::from)).unwrap();
+        std::fs::write(&path, train_yaml(&params)).unwrap();
+        assert_eq!(load_train(Some(&path), &[]).unwrap(), params);
+    }
+
+    #[test]
+    fn exact_every_fault_is_told_with_its_place_in_one_go() {
+        let told = faults("epoch: 3\nnetwork: {hidden: [0]}\ntargets: [0.9, 0.1]\n", &["clip=-1"]);
+        for part in [
+            "train.yaml:1:1: unknown key 'epoch'; did you mean 'epochs'?",
+            "network.hidden",
+            "'targets' must rise",
+            "--set:1:6: 'clip' must lie in [0.5, 1000000], got -1",
+        ] {
+            assert!(told.contains(part), "{part} in:\n{told}");
+        }
+        let told =
+            faults("labels: {obstacle: all, min_obstacle_points: 3}\nthresholds: [0.5, 0.5]\nvalidate_every: 0", &[]);
+        for part in ["as_built", "'thresholds' must rise", "'validate_every' must be at least 1"] {
+            assert!(told.contains(part), "{part} in:\n{told}");
+        }
+        assert!(faults("filter: ekf", &[]).contains("write {ekf: {}} for its defaults"));
+        assert!(faults("", &["epochs"]).contains("network.hidden=[8]"));
+    }
+}

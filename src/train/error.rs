@@ -1,0 +1,51 @@
+//! What can go wrong between a corpus and a network; each message names the place, the rule and the cure.
+
+use super::filter::FilterError;
+use super::model::ModelError;
+use crate::corpus::CorpusError;
+
+/// Why a network could not be trained.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    #[error(transparent)]
+    Corpus(#[from] CorpusError),
+    #[error("filter: {0}")]
+    Filter(#[from] FilterError),
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    #[error(
+        "{place}/{name}: {reason}; it is not the file that its corpus was finalized with: run `marsyard verify {place}`, which names \
+         the shards to build again"
+    )]
+    Shard { place: String, name: String, reason: String },
+    #[error("{place} has no feature '{feature}'; its features are {known}; choose others with --set features=...")]
+    NoFeature { place: String, feature: String, known: String },
+    #[error("the feature '{feature}' is named twice; name it once")]
+    FeatureTwice { feature: String },
+    #[error("{place} and {other} cannot be learnt together: {what}; train on corpora with the same grid and features")]
+    Unlike { place: String, other: String, what: String },
+    #[error("{place} is given twice; give it once, with a weight: {place}:2")]
+    Twice { place: String },
+    #[error(
+        "the {split} split holds no row with a label ({shards} shards, {unlabelled} rows without a label, {not_finite} rows with a \
+         value that is not finite); a corpus has all three splits from 7 shards on: raise `scenes`, or lower `scenes_per_shard`"
+    )]
+    NoRows { split: &'static str, shards: u64, unlabelled: u64, not_finite: u64 },
+    #[error(
+        "{rows} rows to learn for {weights} weights: a training set must hold at least as many rows as there are weights; build \
+         more scenes, take a smaller network, or set allow_few_rows: true"
+    )]
+    FewRows { rows: u64, weights: usize },
+    #[error("{path}: {source}")]
+    Io { path: String, source: std::io::Error },
+    #[error("{path} is there already; choose another --out, or go on with it by --resume")]
+    Exists { path: String },
+    #[error("{path} is no run folder to go on with: {reason}")]
+    NoRun { path: String, reason: String },
+    #[error("{path} was begun otherwise: {what}; give what it was begun with, or begin another run")]
+    OtherRun { path: String, what: String },
+    #[error("{path}: {reason}; delete the run folder and train again")]
+    BadState { path: String, reason: String },
+    #[error("{path} cannot be started from: {reason}")]
+    Init { path: String, reason: String },
+}

@@ -1,0 +1,165 @@
+//! Record batches of the `cells` table -> rows as the trainer holds them.
+//!
+//! A row whose label is unknown, and a row with a value that is not finite, are counted and left out.
+
+use arrow::array::{Array, ArrowPrimitiveType, PrimitiveArray, RecordBatch};
+use arrow::datatypes::{Float32Type, Int8Type, Int32Type};
+
+use super::labels::{self, LabelRule, Truth};
+
+/// Rows that can be learnt, one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rows {
+    /// Features a row.
+    pub width: usize,
+    /// Row-major, as stored.
+    pub features: Vec<f32>,
+    /// 1 untraversable, 0 traversable.
+    pub labels: Vec<u8>,
+    /// The corpus that each row comes from.
+    pub corpora: Vec<u16>,
+    pub left_out: LeftOut,
+}
+
+/// Rows that are there and cannot be learnt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct LeftOut {
+    /// Their label is null.
+    pub unlabelled: u64,
+    /// A feature is NaN or infinite.
+    pub not_finite: u64,
+}
+
+impl std::ops::AddAssign for LeftOut {
+    fn add_assign(&mut self, other: LeftOut) {
+        self.unlabelled += other.unlabelled;
+        self.not_finite += other.not_finite;
+    }
+}
+
+impl Rows {
+    pub fn new(width: usize) -> Rows {
+        Rows { width, ..Rows::default() }
+    }
+
+    pub fn len(&self) -> usize {
+        self.labels.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.labels.is_empty()
+    }
+
+    pub fn row(&self, row: usize) -> &[f32] {
+        &self.features[row * self.width..][..self.width]
+    }
+
+    /// Adds the rows of a batch; `Err` names the column that is not as it must be.
+    pub fn push(
+        &mut self,
+        batch: &RecordBatch,
+        features: &[String],
+        rule: Option<&LabelRule>,
+        corpus: u16,
+    ) -> Result<(), String> {
+        let columns: Vec<&PrimitiveArray<Float32Type>> =
+            features.iter().map(|name| column(batch, name)).collect::<Result<_, _>>()?;
+        let stored = column::<Int8Type>(batch, "label")?;
+        let truth = rule.map(|rule| TruthColumns::of(batch).map(|truth| (rule, truth))).transpose()?;
+        for row in 0..batch.num_rows() {
+            if stored.is_null(row) {
+                self.left_out.unlabelled += 1;
+                continue;
+            }
+            let start = self.features.len();
+            self.features.extend(columns.iter().map(|column| column.value(row)));
+            let whole = columns.iter().all(|column| column.is_valid(row));
+            if !whole || self.features[start..].iter().any(|value| !value.is_finite()) {
+                self.features.truncate(start);
+                self.left_out.not_finite += 1;
+                continue;
+            }
+            self.labels.push(match &truth {
+                Some((rule, truth)) => rule.label(&truth.at(row)),
+                None => match stored.value(row) {
+                    label @ (0 | 1) => label as u8,
+                    label => return Err(format!("its column 'label' holds {label}; labels are 0, 1 or null")),
+                },
+            });
+            self.corpora.push(corpus);
+        }
+        Ok(())
+    }
+}
+
+struct TruthColumns<'b> {
+    obstacle_points: &'b PrimitiveArray<Int32Type>,
+    class: &'b PrimitiveArray<Int8Type>,
+    protrusion_m: &'b PrimitiveArray<Float32Type>,
+    slope_rad: &'b PrimitiveArray<Float32Type>,
+}
+
+impl TruthColumns<'_> {
+    fn of(batch: &RecordBatch) -> Result<TruthColumns<'_>, String> {
+        let [obstacle_points, class, protrusion_m, slope_rad] = labels::COLUMNS;
+        Ok(TruthColumns {
+            obstacle_points: column(batch, obstacle_points)?,
+            class: column(batch, class)?,
+            protrusion_m: column(batch, protrusion_m)?,
+            slope_rad: column(batch, slope_rad)?,
+        })
+    }
+
+    fn at(&self, row: usize) -> Truth {
+        Truth {
+            obstacle_points: self.obstacle_points.value(row),
+            class: self.class.value(row),
+            protrusion_m: self.protrusion_m.value(row),
+            slope_rad: self.slope_rad.value(row),
+        }
+    }
+}
+
+fn column<'b, T: ArrowPrimitiveType>(batch: &'b RecordBatch, name: &str) -> Result<&'b PrimitiveArray<T>, String> {
+    let found = batch.column_by_name(name).ok_or_else(|| format!("it has no column '{name}'"))?;
+    let typed = found.as_any().downcast_ref::<PrimitiveArray<T>>();
+    typed.ok_or_else(|| format!("its column '{name}' is {:?}, not {:?}", found.data_type(), T::DATA_TYPE))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use arrow::array::{ArrayRef, Float32Array, Int8Array};
+
+    use super::*;
+
+    fn batch(columns: Vec<(&str, ArrayRef)>) -> RecordBatch {
+        RecordBatch::try_from_iter_with_nullable(columns.into_iter().map(|(name, array)| (name, array, true))).unwrap()
+    }
+
+    #[test]
+    fn exact_unknown_labels_and_values_that_are_not_finite_are_counted_and_left_out() {
+        let a = Float32Array::from(vec![Some(1.0), Some(f32::NAN), Some(3.0), Some(4.0), None]);
+        let b = Float32Array::from(vec![5.0, 6.0, f32::NEG_INFINITY, 8.0, 9.0]);
+        let label = Int8Array::from(vec![Some(1), Some(0), Some(1), None, Some(0)]);
+        let batch = batch(vec![("a", Arc::new(a)), ("b", Arc::new(b)), ("label", Arc::new(label))]);
+        let mut rows = Rows::new(2);
+        rows.push(&batch, &["b".into(), "a".into()], None, 3).unwrap();
+        assert_eq!((rows.features, rows.labels, rows.corpora), (vec![5.0, 1.0], vec![1], vec![3]));
+        assert_eq!(rows.left_out, LeftOut { unlabelled: 1, not_finite: 3 });
+    }
+
+    #[test]
+    fn extreme_columns_that_are_absent_or_of_another_type_are_named() {
+        let there =
+            batch(vec![("a", Arc::new(Int8Array::from(vec![1]))), ("label", Arc::new(Int8Array::from(vec![7])))]);
+        let push = |features: &[&str]| {
+            let features: Vec<String> = features.iter().map(|f| (*f).to_owned()).collect();
+            Rows::new(features.len()).push(&there, &features, None, 0).unwrap_err()
+        };
+        assert_eq!(push(&["b"]), "it has no column 'b'");
+        assert_eq!(push(&["a"]), "its column 'a' is Int8, not Float32");
+        assert_eq!(push(&[]), "its column 'label' holds 7; labels are 0, 1 or null");
+    }
+}

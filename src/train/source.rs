@@ -1,0 +1,295 @@
+//! Finished corpora -> what a trainer reads of them: which files and row groups, and their rows.
+//!
+//! The manifest and `shards.jsonl` are read once; of each shard a few dozen bytes are kept. A shard's size and sha256 are
+//! checked when it is first opened, so that a truncated, damaged or foreign file is never learnt from.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use sha2::Digest;
+
+use super::labels::{self, LabelRule};
+use super::rows::Rows;
+use super::{FeatureSet, TrainError};
+use crate::corpus::manifest::{self, FeatureSummary, ShardLine};
+use crate::corpus::reader::TableFile;
+use crate::corpus::stats::LabelCounts;
+use crate::corpus::{CorpusError, Manifest, Split, Store, Table, sha256};
+
+/// One corpus.
+pub struct Source {
+    store: Arc<dyn Store>,
+    pub name: String,
+    pub corpus_id: String,
+    pub scene_plan_hash: String,
+    pub manifest_sha256: String,
+    /// How much one of its rows counts, against a row of another corpus.
+    pub weight: f64,
+    /// Of the train split.
+    pub features: Vec<FeatureSummary>,
+    labels: [LabelCounts; 3],
+    files: [Vec<ShardFile>; 3],
+}
+
+/// The `cells` file of one shard.
+struct ShardFile {
+    shard: u64,
+    rows: u64,
+    bytes: u64,
+    row_groups: u32,
+    sha256: String,
+    verified: AtomicBool,
+}
+
+/// The address of a row group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Group {
+    pub source: u16,
+    pub file: u32,
+    pub group: u32,
+}
+
+/// Files are checked in pieces of this size.
+const PIECE_BYTES: usize = 1 << 20;
+
+impl Source {
+    pub fn open(store: &dyn Store, weight: f64) -> Result<Source, TrainError> {
+        let manifest = Manifest::read(store)?;
+        let manifest_sha256 = sha256(&store.read(manifest::NAME)?);
+        let mut files: [Vec<ShardFile>; 3] = Default::default();
+        for line in manifest::read_shard_lines(store)? {
+            let ShardLine { shard, split, tables, .. } = line;
+            if let Some(facts) = tables.get(&Table::Cells) {
+                files[at(split)].push(ShardFile {
+                    shard,
+                    rows: facts.rows,
+                    bytes: facts.bytes,
+                    row_groups: facts.row_groups,
+                    sha256: facts.sha256.clone(),
+                    verified: AtomicBool::new(false),
+                });
+            }
+        }
+        if !manifest.tables.contains_key(&Table::Cells) {
+            return Err(TrainError::Unlike {
+                place: store.place(),
+                other: "a trainer".into(),
+                what: "it holds no table `cells`".into(),
+            });
+        }
+        Ok(Source {
+            store: store.share(),
+            labels: Split::ALL.map(|split| manifest.splits.get(&split).map(|s| s.labels).unwrap_or_default()),
+            name: manifest.name,
+            corpus_id: manifest.corpus_id,
+            scene_plan_hash: manifest.scene_plan_hash,
+            manifest_sha256,
+            weight,
+            features: manifest.features,
+            files,
+        })
+    }
+
+    pub fn place(&self) -> String {
+        self.store.place()
+    }
+
+    pub fn rows(&self, split: Split) -> u64 {
+        self.files[at(split)].iter().map(|file| file.rows).sum()
+    }
+
+    pub fn shards(&self, split: Split) -> u64 {
+        self.files[at(split)].len() as u64
+    }
+
+    /// Labels as the corpus has them.
+    pub fn labels(&self, split: Split) -> LabelCounts {
+        self.labels[at(split)]
+    }
+
+    /// The file, its bytes checked if nobody has done so before.
+    fn open_file(&self, split: Split, file: &ShardFile) -> Result<TableFile, TrainError> {
+        let name = path(split, file.shard);
+        let fault = |reason: String| TrainError::Shard { place: self.place(), name: name.clone(), reason };
+        if !file.verified.load(Ordering::Acquire) {
+            let bytes = self.store.size(&name)?.ok_or_else(|| fault("it is missing".into()))?;
+            if bytes != file.bytes {
+                return Err(fault(format!("it has {bytes} bytes, shards.jsonl says {}", file.bytes)));
+            }
+            if self.sha256_of(&name, bytes)? != file.sha256 {
+                return Err(fault("its sha256 is not that of shards.jsonl: bytes have changed".into()));
+            }
+        }
+        let table = TableFile::open(self.store.as_ref(), &name).map_err(|error| shard_fault(error, &fault))?;
+        if table.row_groups().len() != file.row_groups as usize || table.rows() != file.rows {
+            return Err(fault(format!(
+                "it holds {} rows in {} row groups, shards.jsonl says {} in {}",
+                table.rows(),
+                table.row_groups().len(),
+                file.rows,
+                file.row_groups
+            )));
+        }
+        file.verified.store(true, Ordering::Release);
+        Ok(table)
+    }
+
+    fn sha256_of(&self, name: &str, bytes: u64) -> Result<String, CorpusError> {
+        let mut hasher = sha2::Sha256::new();
+        let mut offset = 0;
+        while offset < bytes {
+            let piece = self.store.read_range(name, offset, PIECE_BYTES)?;
+            if piece.is_empty() {
+                break;
+            }
+            hasher.update(&piece);
+            offset += piece.len() as u64;
+        }
+        Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    }
+}
+
+fn path(split: Split, shard: u64) -> String {
+    let path = Table::Cells.path(shard);
+    debug_assert!(path.contains(split.name()));
+    path
+}
+
+fn at(split: Split) -> usize {
+    split as usize
+}
+
+/// What the Parquet reader says of a file, as a fault of that file.
+fn shard_fault(error: CorpusError, fault: &dyn Fn(String) -> TrainError) -> TrainError {
+    match error {
+        CorpusError::Parquet { source, .. } => fault(format!("it cannot be read as Parquet ({source})")),
+        CorpusError::Arrow { source, .. } => fault(format!("it cannot be read as Parquet ({source})")),
+        other => TrainError::Corpus(other),
+    }
+}
+
+/// All corpora of a run, and what is read of each.
+pub struct Sources {
+    pub list: Vec<Arc<Source>>,
+    /// The inputs, in order.
+    pub features: Vec<String>,
+    pub rule: Option<LabelRule>,
+}
+
+impl Sources {
+    pub fn new(list: Vec<Source>, set: &FeatureSet, rule: Option<LabelRule>) -> Result<Sources, TrainError> {
+        for (i, source) in list.iter().enumerate() {
+            if list[..i].iter().any(|other| other.corpus_id == source.corpus_id) {
+                return Err(TrainError::Twice { place: source.place() });
+            }
+        }
+        let features = choose(&list[0], set)?;
+        for source in &list[1..] {
+            for name in &features {
+                let ours = unit_of(&list[0], name)?;
+                let theirs = unit_of(source, name)?;
+                if ours != theirs {
+                    return Err(TrainError::Unlike {
+                        place: source.place(),
+                        other: list[0].place(),
+                        what: format!("'{name}' is in {theirs} there and in {ours} here"),
+                    });
+                }
+            }
+            let names = |source: &Source| choose(source, set);
+            if names(source)? != features {
+                return Err(TrainError::Unlike {
+                    place: source.place(),
+                    other: list[0].place(),
+                    what: format!(
+                        "the features are {} there and {} here",
+                        names(source)?.join(" "),
+                        features.join(" ")
+                    ),
+                });
+            }
+        }
+        Ok(Sources { list: list.into_iter().map(Arc::new).collect(), features, rule })
+    }
+
+    /// The same corpora, to read labels from and nothing else.
+    pub fn labels_alone(&self) -> Sources {
+        Sources { list: self.list.clone(), features: Vec::new(), rule: self.rule.clone() }
+    }
+
+    /// Every row group of a split: corpus by corpus, shard by shard.
+    pub fn groups(&self, split: Split) -> Vec<Group> {
+        let mut groups = Vec::new();
+        for (source, of) in self.list.iter().enumerate() {
+            for (file, facts) in of.files[at(split)].iter().enumerate() {
+                let group = |group| Group { source: source as u16, file: file as u32, group };
+                groups.extend((0..facts.row_groups).map(group));
+            }
+        }
+        groups
+    }
+
+    /// Adds the rows of a row group.
+    pub fn read(&self, split: Split, group: Group, rows: &mut Rows) -> Result<(), TrainError> {
+        let source = &self.list[usize::from(group.source)];
+        let file = &source.files[at(split)][group.file as usize];
+        let name = path(split, file.shard);
+        let fault = |reason: String| TrainError::Shard { place: source.place(), name: name.clone(), reason };
+        let table = source.open_file(split, file)?;
+        let truth = if self.rule.is_some() { &labels::COLUMNS[..] } else { &[] };
+        let mut wanted: Vec<&str> = self.features.iter().map(String::as_str).chain(["label"]).collect();
+        wanted.extend(truth);
+        if let Some(absent) = wanted.iter().find(|name| table.schema().field_with_name(name).is_err()) {
+            return Err(fault(format!("it has no column '{absent}'")));
+        }
+        let batch =
+            table.read_row_group(group.group as usize, Some(&wanted)).map_err(|error| shard_fault(error, &fault))?;
+        rows.features.reserve_exact(batch.num_rows() * rows.width);
+        rows.labels.reserve_exact(batch.num_rows());
+        rows.corpora.reserve_exact(batch.num_rows());
+        rows.push(&batch, &self.features, self.rule.as_ref(), group.source).map_err(fault)
+    }
+
+    pub fn rows(&self, split: Split) -> u64 {
+        self.list.iter().map(|source| source.rows(split)).sum()
+    }
+
+    pub fn shards(&self, split: Split) -> u64 {
+        self.list.iter().map(|source| source.shards(split)).sum()
+    }
+}
+
+/// The columns of a preset, in the corpus's order.
+fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> {
+    let names = source.features.iter().map(|feature| &feature.name);
+    let is_effect = |name: &str| name.starts_with("intensity_");
+    let keep: &dyn Fn(&str) -> bool = match set {
+        FeatureSet::Listed => &|name| !name.starts_with("sigma_") && !is_effect(name),
+        FeatureSet::Full => &|name| {
+            let sigma =
+                !name.starts_with("sigma_") || ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name);
+            sigma && !is_effect(name)
+        },
+        FeatureSet::All => &|_| true,
+        FeatureSet::Columns(columns) => {
+            for (i, column) in columns.iter().enumerate() {
+                unit_of(source, column)?;
+                if columns[..i].contains(column) {
+                    return Err(TrainError::FeatureTwice { feature: column.clone() });
+                }
+            }
+            return Ok(columns.clone());
+        }
+    };
+    Ok(names.filter(|name| keep(name)).cloned().collect())
+}
+
+fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
+    source.features.iter().find(|feature| feature.name == name).map(|feature| feature.unit.as_str()).ok_or_else(|| {
+        TrainError::NoFeature {
+            place: source.place(),
+            feature: name.into(),
+            known: source.features.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(" "),
+        }
+    })
+}

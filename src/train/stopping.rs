@@ -1,0 +1,93 @@
+//! Validation errors at set intervals -> when to stop, and which weights were the best.
+//!
+//! Source: Hewitt et al. 2017, "Training": the validation error is looked at at set intervals; when it rises, training ends and
+//! the weights revert to those at the minimum. Deviation: it may rise `patience` times in a row before that is believed.
+
+use serde::{Deserialize, Serialize};
+
+/// One look at the validation split.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Look {
+    /// Rows learnt before it.
+    pub rows: u64,
+    /// Epochs begun before it.
+    pub epoch: u32,
+    /// Weighted mean squared error of the rows since the last look, each judged before it was learnt; `None` at the first.
+    pub train_error: Option<f64>,
+    /// Weighted mean squared error over the validation split; `None` where it is not finite.
+    pub validation_error: Option<f64>,
+}
+
+/// What the looks so far say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stopping {
+    pub looks: u64,
+    pub last: Option<Look>,
+    pub best: Option<Look>,
+    /// Looks since the best.
+    pub worse: u32,
+}
+
+/// Why training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stop {
+    /// No better validation error for as many looks as the patience is.
+    Patience,
+    /// All epochs are over.
+    Epochs,
+}
+
+impl Stopping {
+    /// Takes a look in; whether it is the best so far.
+    pub fn take(&mut self, look: Look) -> bool {
+        let finite = |look: &Look| look.validation_error.filter(|error| error.is_finite());
+        let better = match (finite(&look), self.best.as_ref().and_then(finite)) {
+            (Some(error), Some(best)) => error < best,
+            (Some(_), None) => true,
+            (None, _) => self.best.is_none(),
+        };
+        self.looks += 1;
+        self.last = Some(look);
+        if better {
+            (self.best, self.worse) = (Some(look), 0);
+        } else {
+            self.worse += 1;
+        }
+        better
+    }
+
+    pub fn is_over(&self, patience: u32) -> bool {
+        self.worse >= patience
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn look(rows: u64, error: f64) -> Look {
+        Look { rows, epoch: 1, train_error: None, validation_error: Some(error).filter(|e| e.is_finite()) }
+    }
+
+    #[test]
+    fn exact_patience_counts_looks_since_the_best() {
+        let mut stopping = Stopping::default();
+        let taken: Vec<bool> =
+            [0.3, 0.2, 0.25, 0.2, 0.1, 0.1, 0.11].iter().zip(1..).map(|(&e, i)| stopping.take(look(i, e))).collect();
+        assert_eq!(taken, [true, true, false, false, true, false, false]);
+        assert_eq!((stopping.best.map(|b| b.rows), stopping.worse, stopping.looks), (Some(5), 2, 7));
+        assert!(stopping.is_over(2) && !stopping.is_over(3));
+    }
+
+    #[test]
+    fn extreme_an_error_that_is_not_finite_is_never_the_best() {
+        let mut stopping = Stopping::default();
+        assert!(stopping.take(look(0, 0.3)));
+        assert!(!stopping.take(look(1, f64::NAN)));
+        assert_eq!(stopping.best.map(|b| b.rows), Some(0));
+        let mut from_the_start = Stopping::default();
+        assert!(from_the_start.take(look(0, f64::NAN)));
+        assert!(from_the_start.take(look(1, 0.5)));
+    }
+}

@@ -1,0 +1,6 @@
+//! Training as a whole, on corpora whose every row is known.
+
+mod faults;
+mod fixture;
+mod stream;
+mod whole;

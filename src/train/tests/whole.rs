@@ -1,0 +1,178 @@
+//! A training from its first row to its files.
+
+use std::sync::Arc;
+
+use super::fixture::{self, circle, circles, corpus, identity, params, run, run_until, setup};
+use crate::config::load_train;
+use crate::train::stopping::Stop;
+use crate::train::{Model, Setup, TrainParams, folder};
+
+fn with(sets: &[&str]) -> TrainParams {
+    let base = ["network.hidden=[4]", "features=all", "epochs=3", "validate_every=300"];
+    let sets: Vec<String> = base.iter().chain(sets).map(|set| (*set).to_string()).collect();
+    load_train(None, &sets).unwrap()
+}
+
+#[test]
+fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
+    let dir = tempfile::tempdir().unwrap();
+    let setup =
+        setup(&[circles(&dir, "a", 400)], &with(&["network.hidden=[8]", "epochs=20"]), dir.path().join("run")).unwrap();
+    let summary = run(&setup).unwrap();
+    assert_eq!((summary.train_rows, summary.validation_rows, summary.weights), (2000, 400, 41));
+    let first = fixture::looks(&setup)[0];
+    let (begun, best) = (first.validation_error.unwrap(), summary.best.validation_error.unwrap());
+    assert!(best < 0.5 * begun, "{begun} -> {best}");
+    let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
+    let rows = circle(99, 2000);
+    let right = rows.iter().filter(|(label, row)| *label == Some(model.class(model.output(row)) as i8)).count();
+    assert!(right > 1600, "{right} of 2000");
+    assert_eq!(model.about.features, fixture::FEATURES);
+    assert!((model.about.scaler.mean[1] - 10.0).abs() < 0.3 && (model.about.scaler.scale[1] - 3.0).abs() < 0.2);
+    assert!(!setup.out.join(folder::CHECKPOINT).exists());
+}
+
+#[test]
+fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = circles(&dir, "a", 300);
+    let one = |name: &str, ahead: usize, threads: usize| {
+        let setup = Setup { ahead, ..setup(std::slice::from_ref(&place), &params(), dir.path().join(name)).unwrap() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(&setup)).unwrap();
+        identity(&setup)
+    };
+    let first = one("first", 0, 1);
+    for (name, ahead, threads) in [("second", 1, 2), ("third", 4, 3)] {
+        assert_eq!(one(name, ahead, threads), first);
+    }
+}
+
+#[test]
+fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = circles(&dir, "a", 300);
+    let whole = setup(std::slice::from_ref(&place), &params(), dir.path().join("whole")).unwrap();
+    run(&whole).unwrap();
+    for crash in [false, true] {
+        let out = dir.path().join(format!("broken-{crash}"));
+        let broken = Setup { resume: true, ..setup(std::slice::from_ref(&place), &params(), out).unwrap() };
+        for rows in [1, 250, 299, 301, 700, 1490, 1501, 2000, 3100, 4400] {
+            run_until(&broken, rows, crash);
+        }
+        run(&broken).unwrap();
+        assert_eq!(identity(&broken), identity(&whole), "crash {crash}");
+        // Once more: nothing is left to do.
+        run(&broken).unwrap();
+    }
+}
+
+#[test]
+fn law_training_stops_when_the_validation_error_rises_and_reverts() {
+    let dir = tempfile::tempdir().unwrap();
+    // Validation says the opposite of training: every step makes it worse.
+    let opposite = |shard: u64| -> Vec<fixture::Row> {
+        let rows = circle(shard, 400).into_iter();
+        rows.map(|(label, row)| (label.map(|l| if shard == 3 { 1 - l } else { l }), row)).collect()
+    };
+    let place = corpus(&dir, "a", &(0..7).map(opposite).collect::<Vec<_>>());
+    let setup =
+        setup(&[place], &with(&["patience=2", "validate_every=500", "epochs=50"]), dir.path().join("run")).unwrap();
+    let summary = run(&setup).unwrap();
+    assert_eq!(summary.stopped, Stop::Patience);
+    assert!(summary.best.rows <= 500 && summary.last.rows == summary.best.rows + 1000, "{summary:?}");
+    let looks = fixture::looks(&setup);
+    assert_eq!(looks.len() as u64, summary.looks);
+}
+
+#[test]
+fn exact_rows_that_cannot_be_learnt_are_counted_in_each_epoch() {
+    let dir = tempfile::tempdir().unwrap();
+    let spoilt = |shard: u64| {
+        let mut rows = circle(shard, 300);
+        rows[0].1[1] = f32::NAN;
+        rows[1].1[2] = f32::INFINITY;
+        rows[2].0 = None;
+        rows
+    };
+    let place = corpus(&dir, "a", &(0..7).map(spoilt).collect::<Vec<_>>());
+    let setup = setup(&[place], &params(), dir.path().join("run")).unwrap();
+    let summary = run(&setup).unwrap();
+    assert_eq!((summary.left_out.unlabelled, summary.left_out.not_finite), (5 * 3, 5 * 3 * 2));
+    assert_eq!((summary.left_out_of_validation.unlabelled, summary.left_out_of_validation.not_finite), (1, 2));
+    assert_eq!(summary.rows_learnt, 3 * 5 * 297);
+    assert_eq!(summary.counters.rejected, 0, "the filter never saw them");
+}
+
+#[test]
+fn extreme_one_class_a_single_row_and_a_constant_feature_train_and_stay_finite() {
+    let dir = tempfile::tempdir().unwrap();
+    let one_class = (0..7).map(|shard| circle(shard, 200).into_iter().map(|(_, row)| (Some(0), row)).collect());
+    let constant = (0..7).map(|s| circle(s, 200).into_iter().map(|(l, [a, b, _])| (l, [a, b, 1e8])).collect());
+    let mut single = vec![Vec::new(); 7];
+    single[0] = vec![(Some(1), [0.5, 0.25, 1e-8])];
+    single[3] = vec![(Some(1), [0.5, 0.25, 1e-8])];
+    for (name, shards) in
+        [("one-class", one_class.collect::<Vec<_>>()), ("constant", constant.collect()), ("single", single)]
+    {
+        let place = corpus(&dir, name, &shards);
+        let params = with(&["allow_few_rows=true"]);
+        let setup = setup(&[place], &params, dir.path().join(format!("run-{name}"))).unwrap();
+        let summary = run(&setup).unwrap();
+        let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
+        assert!(model.network.weights.iter().all(|w| w.is_finite()), "{name}");
+        match name {
+            "one-class" => {
+                assert!(summary.best.validation_error.unwrap() < 1e-3 && summary.class_weights == [1.0, 1.0])
+            }
+            "constant" => {
+                assert_eq!(summary.constant_features, ["sigma_x_m"]);
+                assert_eq!((model.about.scaler.mean[2], model.about.scaler.scale[2]), (1e8, 1.0));
+            }
+            _ => assert_eq!((summary.train_rows, summary.rows_learnt), (1, 3)),
+        }
+    }
+}
+
+#[test]
+fn equal_a_training_that_starts_from_a_model_begins_with_its_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = circles(&dir, "a", 300);
+    let first = setup(std::slice::from_ref(&place), &params(), dir.path().join("first")).unwrap();
+    let summary = run(&first).unwrap();
+    let other = circles(&dir, "b", 500);
+    for covariance in [true, false] {
+        let init = crate::train::run::Init {
+            path: "first".into(),
+            model: Model::read(&first.out.join(folder::MODEL)).unwrap(),
+            filter: covariance.then(|| std::fs::read(first.out.join(folder::FILTER)).unwrap()),
+        };
+        let out = dir.path().join(format!("on-{covariance}"));
+        let on = Setup { init: Some(init.clone()), ..setup(std::slice::from_ref(&place), &params(), out).unwrap() };
+        run(&on).unwrap();
+        assert_eq!(fixture::looks(&on)[0].validation_error, summary.best.validation_error);
+        // Another corpus, scaled as the model was.
+        let out = dir.path().join(format!("other-{covariance}"));
+        let on = Setup { init: Some(init), ..setup(std::slice::from_ref(&other), &params(), out).unwrap() };
+        run(&on).unwrap();
+        let scaler = |setup: &Setup| Model::read(&setup.out.join(folder::MODEL)).unwrap().about.scaler;
+        assert_eq!(scaler(&on), scaler(&first));
+    }
+}
+
+#[test]
+fn equal_weights_of_one_corpus_alone_change_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = circles(&dir, "a", 300);
+    let one = |weight: f64, name: &str| {
+        let store = crate::corpus::LocalFolder::new(&place);
+        let source = crate::train::Source::open(&store, weight).unwrap();
+        let params = params();
+        let sources = crate::train::Sources::new(vec![source], &params.features, None).unwrap();
+        let setup = setup(std::slice::from_ref(&place), &params, dir.path().join(name)).unwrap();
+        let setup = Setup { sources: Arc::new(sources), ..setup };
+        run(&setup).unwrap();
+        Model::read(&setup.out.join(folder::MODEL)).unwrap().network.weights
+    };
+    assert_eq!(one(1.0, "one"), one(4.0, "four"));
+}

@@ -1,0 +1,142 @@
+//! A split and a network -> its weighted mean squared error.
+//!
+//! Small splits are kept in memory, others are read again at each look, one row group at a time and one ahead. Chunks of rows are
+//! taken by all threads; their sums are added in the order of the rows, so that the number of threads changes no bit.
+
+use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
+
+use rayon::prelude::*;
+
+use super::rows::{LeftOut, Rows};
+use super::scaling::Weights;
+use super::source::Sources;
+use super::{Network, Scaler, TrainError};
+use crate::corpus::Split;
+
+/// A split is kept up to this size.
+const HELD_BYTES: usize = 8 << 20;
+/// Rows of one partial sum.
+const CHUNK_ROWS: usize = 1024;
+
+/// What turns a stored row into a term of the error.
+#[derive(Clone, Debug)]
+pub struct Judge {
+    pub scaler: Scaler,
+    pub targets: [f64; 2],
+    pub weights: Weights,
+}
+
+/// Weighted squared errors added up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct ErrorSum {
+    pub squared: f64,
+    pub weight: f64,
+}
+
+impl ErrorSum {
+    /// The weighted mean squared error; NaN for nothing.
+    pub fn mean(&self) -> f64 {
+        self.squared / self.weight
+    }
+}
+
+impl std::ops::AddAssign for ErrorSum {
+    fn add_assign(&mut self, other: ErrorSum) {
+        self.squared += other.squared;
+        self.weight += other.weight;
+    }
+}
+
+impl Judge {
+    /// Adds rows in order.
+    pub fn sum(&self, network: &Network, rows: &Rows) -> ErrorSum {
+        let chunks = rows.len().div_ceil(CHUNK_ROWS);
+        let parts: Vec<ErrorSum> = (0..chunks).into_par_iter().map(|chunk| self.chunk(network, rows, chunk)).collect();
+        parts.into_iter().fold(ErrorSum::default(), |mut sum, part| {
+            sum += part;
+            sum
+        })
+    }
+
+    fn chunk(&self, network: &Network, rows: &Rows, chunk: usize) -> ErrorSum {
+        let range = chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS);
+        let mut scaled = vec![0.0; rows.width * range.len()];
+        let mut outputs = vec![0.0; range.len()];
+        for (row, scaled) in range.clone().zip(scaled.chunks_exact_mut(rows.width)) {
+            self.scaler.scale(rows.row(row), scaled);
+        }
+        network.outputs(&scaled, &mut outputs);
+        let mut sum = ErrorSum::default();
+        for (row, output) in range.zip(outputs) {
+            let label = rows.labels[row];
+            let error = self.targets[usize::from(label)] - output;
+            let weight = self.weights.of(label, rows.corpora[row]);
+            sum += ErrorSum { squared: weight * error * error, weight };
+        }
+        sum
+    }
+}
+
+/// The rows that decide when training ends.
+pub struct Validation {
+    sources: Arc<Sources>,
+    held: Option<Vec<Rows>>,
+    pub rows: u64,
+    pub left_out: LeftOut,
+}
+
+impl Validation {
+    /// Reads the split once: to check it, to count it, and to keep it where it is small.
+    pub fn open(sources: Arc<Sources>) -> Result<Validation, TrainError> {
+        let mut validation = Validation { sources, held: Some(Vec::new()), rows: 0, left_out: LeftOut::default() };
+        let mut bytes = 0;
+        let (mut kept, mut rows, mut left_out) = (Some(Vec::new()), 0, LeftOut::default());
+        validation.each(|part| {
+            rows += part.len() as u64;
+            left_out += part.left_out;
+            bytes += part.features.len() * 4 + part.len() * 3;
+            match &mut kept {
+                Some(parts) if bytes <= HELD_BYTES => parts.push(part),
+                _ => kept = None,
+            }
+        })?;
+        (validation.held, validation.rows, validation.left_out) = (kept, rows, left_out);
+        Ok(validation)
+    }
+
+    /// The error over the whole split.
+    pub fn error(&self, judge: &Judge, network: &Network) -> Result<f64, TrainError> {
+        let mut sum = ErrorSum::default();
+        match &self.held {
+            Some(parts) => parts.iter().for_each(|rows| sum += judge.sum(network, rows)),
+            None => self.each(|rows| sum += judge.sum(network, &rows))?,
+        }
+        Ok(sum.mean())
+    }
+
+    fn each(&self, take: impl FnMut(Rows)) -> Result<(), TrainError> {
+        each_group(&self.sources, Split::Validation, take)
+    }
+}
+
+/// Hands over the rows of a split, row group by row group in their order; the next one is read meanwhile.
+pub fn each_group(sources: &Sources, split: Split, mut take: impl FnMut(Rows)) -> Result<(), TrainError> {
+    std::thread::scope(|scope| {
+        let (sender, groups) = sync_channel(0);
+        scope.spawn(move || {
+            for group in sources.groups(split) {
+                let mut rows = Rows::new(sources.features.len());
+                let read = sources.read(split, group, &mut rows).map(|()| rows);
+                let failed = read.is_err();
+                if sender.send(read).is_err() || failed {
+                    return;
+                }
+            }
+        });
+        for rows in groups {
+            take(rows?);
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,180 @@
+//! The contract of `train`: the same corpora and config give the same bits, for any prefetch and thread setting and after any kill
+//! and resume; what is refused is refused with the cure.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use crate::yard::{Yard, assert_same, text};
+
+fn corpus_config() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/training.yaml")
+}
+
+fn with_corpus() -> Yard {
+    let yard = Yard::new();
+    yard.generate(&corpus_config(), "corpus", &[]);
+    yard
+}
+
+const QUICK: [&str; 8] =
+    ["--set", "network.hidden=[6]", "--set", "epochs=4", "--set", "validate_every=700", "--set", "patience=100"];
+
+fn train(yard: &Yard, out: &str, extra: &[&str]) -> std::process::Output {
+    yard.marsyard(["train", "corpus", "--out", out].iter().chain(&QUICK).chain(extra))
+}
+
+/// The files of a run whose bits are promised; the times in `training.jsonl` are taken out.
+fn promised(yard: &Yard, out: &str) -> BTreeMap<String, Vec<u8>> {
+    let mut files = yard.identity(out);
+    let looks = files.get_mut("training.jsonl").expect("training.jsonl");
+    let timeless = |line: &str| line.split(",\"elapsed_s\"").next().unwrap_or_default().to_owned() + "\n";
+    *looks = text(looks).lines().map(timeless).collect::<String>().into_bytes();
+    files
+}
+
+#[test]
+fn law_train_writes_a_run_folder_and_judges_on_the_test_split() {
+    let yard = with_corpus();
+    let output = yard.marsyard(["train", "corpus", "--set", "network.hidden=[6]", "--set", "epochs=2"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    for name in "train.yaml model.safetensors filter.safetensors training.json training.jsonl curves.svg report.json evaluation.json"
+        .split(' ')
+    {
+        assert!(yard.path("runs/training-1").join(name).is_file(), "{name}");
+    }
+    assert!(!yard.path("runs/training-1/checkpoint.safetensors").exists());
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(yard.path("runs/training-1/training.json")).expect("a summary"))
+            .expect("JSON");
+    assert_eq!(summary["features"].as_array().map(Vec::len), Some(17));
+    assert_eq!(summary["corpora"][0]["corpus_id"].as_str().map(str::len), Some(64));
+    // The resolved config is a config, and the next run gets the next number.
+    let config = yard.path("runs/training-1/train.yaml").display().to_string();
+    let output = yard.marsyard(["train", "corpus", "--config", &config]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let model = |run: &str| std::fs::read(yard.path(run).join("model.safetensors")).expect("a model");
+    assert!(model("runs/training-1") == model("runs/training-2"));
+}
+
+#[test]
+fn equal_bits_for_any_prefetch_and_thread_number() {
+    let yard = with_corpus();
+    for (out, extra) in [
+        ("one", ["--threads", "1", "--prefetch", "0"]),
+        ("two", ["--threads", "2", "--prefetch", "1"]),
+        ("three", ["--threads", "3", "--prefetch", "5"]),
+    ] {
+        let output = train(&yard, out, &extra);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        assert_same(&promised(&yard, "one"), &promised(&yard, out));
+    }
+}
+
+#[test]
+fn equal_bits_after_kills_and_resumes() {
+    let yard = with_corpus();
+    let whole = ["--set", "filter={ekf: {precision: f64}}", "--set", "network.hidden=[16, 16]"];
+    assert!(train(&yard, "whole", &whole).status.success());
+    let mut kills = 0;
+    for delay_ms in (100..).step_by(150) {
+        let arguments = ["train", "corpus", "--out", "killed", "--resume"];
+        let mut command = yard.command(arguments.iter().chain(&QUICK).chain(&whole));
+        let mut child = command
+            .stderr(std::process::Stdio::null())
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .expect("the binary starts");
+        std::thread::sleep(Duration::from_millis(delay_ms));
+        if let Some(status) = child.try_wait().expect("a child to wait for") {
+            assert!(status.success());
+            break;
+        }
+        child.kill().expect("a child to kill");
+        child.wait().expect("a child to wait for");
+        kills += 1;
+    }
+    assert!(kills > 0, "no run was killed: training is quicker than the first delay");
+    let mut killed = promised(&yard, "killed");
+    killed.retain(|name, _| !name.contains(".tmp"));
+    assert_same(&promised(&yard, "whole"), &killed);
+}
+
+#[test]
+fn law_an_interrupted_training_exits_75_and_says_how_to_go_on() {
+    let yard = with_corpus();
+    let arguments = ["train", "corpus", "--out", "run", "--set", "epochs=100000", "--set", "patience=100000"];
+    let child = yard
+        .command(arguments)
+        .stderr(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .expect("the binary starts");
+    let checkpoint = yard.path("run/checkpoint.safetensors");
+    let waited = (0..600).find(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        checkpoint.exists()
+    });
+    assert!(waited.is_some(), "no checkpoint within a minute");
+    let signal = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(signal.expect("kill").success());
+    let output = child.wait_with_output().expect("a child to wait for");
+    assert_eq!(output.status.code(), Some(75), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("--resume --out run"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn exact_faults_of_a_training_exit_2_with_the_cure() {
+    let yard = with_corpus();
+    for (arguments, says) in [
+        (vec!["train", "corpus", "--set", "filter.ekf.noise.p0_over_r=-1"], "p0_over_r"),
+        (vec!["train", "corpus", "--set", "networks.hidden=[3]"], "did you mean 'network'"),
+        (vec!["train", "corpus", "--labels", "tall"], "taller_than_wheel=0.15"),
+        (vec!["train", "corpus", "--set", "features={columns: [slope]}"], "no feature 'slope'"),
+        (vec!["train", "corpus", "corpus"], "given twice"),
+        (vec!["train", "corpus", "--set", "network.hidden=[400, 400]"], "allow_few_rows"),
+        (vec!["train", "corpus:0"], "not a positive number"),
+        (vec!["train", "corpus", "--init", "corpus"], "model.safetensors"),
+    ] {
+        let output = yard.marsyard(&arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output.stderr));
+        assert!(text(&output.stderr).replace("\n  │ ", " ").contains(says), "{arguments:?}: {}", text(&output.stderr));
+    }
+    assert!(!yard.path("runs").exists(), "nothing was written");
+}
+
+#[test]
+fn law_another_rule_gives_other_labels_and_is_recorded() {
+    let yard = with_corpus();
+    assert!(train(&yard, "small", &["--labels", "taller_than_m=0.05"]).status.success());
+    assert!(train(&yard, "tall", &["--labels", "taller_than_m=5"]).status.success());
+    let summary = |out: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(yard.path(out).join("training.json")).expect("a summary")).expect("JSON")
+    };
+    assert_eq!(summary("small")["config"]["labels"]["obstacle"]["taller_than_m"], 0.05);
+    // No rock stands 5 m tall: one class is left, and is not weighed.
+    assert_eq!(summary("tall")["class_weights"], serde_json::json!([1.0, 1.0]));
+    assert_ne!(summary("small")["class_weights"], serde_json::json!([1.0, 1.0]));
+}
+
+#[test]
+#[ignore = "builds two corpora of 20 and 400 shards: cargo test --release --test contract memory -- --ignored"]
+fn law_memory_does_not_grow_with_the_corpus() {
+    let yard = Yard::new();
+    let peak_kb = |name: &str, scenes: &str| {
+        yard.generate(&corpus_config(), name, &["--set", &format!("scenes={scenes}")]);
+        let out = format!("run-{name}");
+        let quick = ["--set", "epochs=2", "--set", "validate_every=20000", "--threads", "2"];
+        let mut command = std::process::Command::new("/usr/bin/env");
+        command
+            .arg("time")
+            .args(["-f", "%M", env!("CARGO_BIN_EXE_marsyard"), "train", name, "--out", &out])
+            .args(quick);
+        let output = command.current_dir(yard.path("")).output().expect("GNU time, of the package time");
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let said = text(&output.stderr);
+        said.lines().rev().find_map(|line| line.trim().parse::<f64>().ok()).expect("the peak in kB")
+    };
+    let (small, large) = (peak_kb("small", "40"), peak_kb("large", "800"));
+    assert!(large < 1.1 * small, "{small} kB for 20 shards, {large} kB for 400");
+}
