@@ -4,6 +4,7 @@
 //! interrupted).
 
 mod corpus;
+mod evaluate;
 mod explain;
 mod generate;
 mod log;
@@ -62,6 +63,8 @@ enum Verb {
     Explain(explain::ExplainArgs),
     /// Pictures (PNG), cloud (PLY) and trajectories (TUM) of one scene.
     Preview(preview::PreviewArgs),
+    /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
+    Evaluate(evaluate::EvaluateArgs),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
         #[arg(value_parser = parse_kind)]
@@ -135,6 +138,7 @@ pub fn main() -> ExitCode {
         Verb::Inspect(args) => corpus::inspect(args),
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
+        Verb::Evaluate(args) => evaluate::run(args),
         Verb::Schema { kind } => {
             out!("{}", config::schema_text(*kind));
             Ok(())

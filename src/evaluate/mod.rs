@@ -1,1 +1,30 @@
 //! Outputs and labels -> honest numbers: confusion, Table 1, density, comparison.
+//!
+//! In: a [`Model`](crate::train::Model) and the cells of one split of a corpus, row group by row group, or scans from elsewhere
+//! through [`Judge`]. Out: a [`Report`], as a table for people, as JSON, and as figures. Source: Hewitt et al. 2017, "Results",
+//! table 1 and figures 9 and 13; paper-notes A57-A63, E13. Deviation: prevalence, majority baseline, balanced accuracy, MCC and
+//! AUC stand beside accuracy, and one tuned threshold on the height difference stands beside the network, so that no number
+//! looks better than it is. Memory: one row group and a few MB for each family and sensor.
+//!
+//! Not here: training, and the drawing of scans (`cloud` and `picture` do that).
+
+mod confusion;
+mod corpus;
+mod figures;
+mod judge;
+mod report;
+mod scores;
+mod spread;
+mod table;
+#[cfg(test)]
+mod tests;
+mod tops;
+
+pub use self::corpus::{EvaluateError, FamilyFacts, Options, evaluate};
+pub use confusion::{Confusion, FiveRows, Rates, Table1};
+pub use figures::{FigureError, figures};
+pub use judge::{Cell, Judge, Threshold, ThresholdOrigin};
+pub use report::Report;
+pub use scores::{RocPoint, Scores};
+pub use spread::{Bin, Spread};
+pub use tops::MissedTops;

@@ -6,11 +6,12 @@
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
 pub mod filter;
+pub mod labels;
 pub mod model;
 pub mod network;
 pub mod params;
 
 pub use filter::Filter;
-pub use model::{Model, Scaler};
+pub use model::{About, MODEL_FORMAT, Model, ModelError, Scaler};
 pub use network::{Layout, Network};
 pub use params::TrainParams;

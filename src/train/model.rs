@@ -1,16 +1,28 @@
 //! A trained network with everything that its use needs.
 //!
-//! On disk: one `model.safetensors` with the weights, and one metadata key `marsyard` of sorted JSON (the rest of this struct).
+//! In: the bytes of a model file, rows of features. Out: a [`Model`], and one output in (0, 1) a row: low is traversable, high
+//! untraversable. On disk: one `model.safetensors` with the weights, and one metadata key `marsyard` of sorted JSON (the rest of
+//! the struct); the layout of the file stands in `model/file.rs`.
+//!
+//! The output of a row is scaled features, clipped, through the network: f64 throughout. A row of finite features never gives a
+//! NaN, because [`Model::load`] takes finite numbers of sane size only; a NaN feature gives a NaN, which is the caller's to count.
 
+mod file;
+
+use garde::Validate;
 use serde::{Deserialize, Serialize};
 
-use super::Network;
+use super::{Layout, Network};
 use crate::cells::CellParams;
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
+/// Version of the model format.
+pub const MODEL_FORMAT: u32 = 1;
+
 /// Features -> what the network takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Scaler {
     /// Subtracted, then divided by; from the train split. A feature that never varied has scale 1.
     pub mean: Vec<f64>,
@@ -28,6 +40,7 @@ pub struct Model {
 
 /// The metadata of a model file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct About {
     /// Version of the model format.
     pub marsyard_model: u32,
@@ -53,6 +66,33 @@ pub struct About {
     pub corpus_names: Vec<String>,
 }
 
+/// Why a model cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    #[error("{name}: {source}")]
+    Io { name: String, source: std::io::Error },
+    #[error("not a marsyard model: {reason}; give the `model.safetensors` of a run folder of `marsyard train`")]
+    NotAModel { reason: String },
+    #[error(
+        "a model of format {there}, this marsyard reads format {MODEL_FORMAT}: use the marsyard that wrote it, or train again"
+    )]
+    OtherVersion { there: u64 },
+    #[error("the model contradicts itself: {reason}; the file was damaged or changed by hand: train again")]
+    Contradiction { reason: String },
+    #[error(
+        "the model takes {}, which the data does not have; build the corpus with the effects that give {}, or train with \
+         `features: listed`",
+        missing.join(", "),
+        if missing.len() == 1 { "it" } else { "them" }
+    )]
+    MissingFeatures { missing: Vec<String> },
+    #[error(
+        "the model was trained on cells of {model_m} m, the data has cells of {data_m} m: a model fits its own cell size only; \
+         build the data with `cells.size_m: {model_m}`, or train a model on cells of {data_m} m"
+    )]
+    OtherCellSize { model_m: f64, data_m: f64 },
+}
+
 impl Scaler {
     /// Scales one row of features.
     pub fn scale(&self, features: &[f32], out: &mut [f64]) {
@@ -61,3 +101,147 @@ impl Scaler {
         }
     }
 }
+
+/// The greatest weight, scale or mean that a file may hold: far beyond use, and no sum of such products overflows.
+const SANE: f64 = 1e100;
+
+impl Model {
+    /// Where each input of the model stands among the columns of some data.
+    pub fn inputs_of<S: AsRef<str>>(&self, columns: &[S]) -> Result<Vec<usize>, ModelError> {
+        let place = |name: &String| columns.iter().position(|column| column.as_ref() == name);
+        let missing: Vec<String> = self.about.features.iter().filter(|name| place(name).is_none()).cloned().collect();
+        if !missing.is_empty() {
+            return Err(ModelError::MissingFeatures { missing });
+        }
+        Ok(self.about.features.iter().filter_map(place).collect())
+    }
+
+    /// Refuses data whose cells have another size.
+    pub fn check_cell_size(&self, data_m: f64) -> Result<(), ModelError> {
+        let model_m = self.about.cells.size_m;
+        if (model_m - data_m).abs() <= 1e-9 * model_m {
+            return Ok(());
+        }
+        Err(ModelError::OtherCellSize { model_m, data_m })
+    }
+
+    /// The output for one row of features, in the order of `about.features`.
+    pub fn output(&self, features: &[f32]) -> f64 {
+        let mut outputs = Vec::with_capacity(1);
+        self.outputs(features, &mut outputs);
+        outputs.first().copied().unwrap_or(f64::NAN)
+    }
+
+    /// The outputs of rows that lie one after another, put after what `out` holds.
+    pub fn outputs(&self, rows: &[f32], out: &mut Vec<f64>) {
+        let inputs = self.about.inputs;
+        let mut layers = Layers::of(&self.network.layout);
+        out.extend(rows.chunks_exact(inputs).map(|row| {
+            self.about.scaler.scale(row, layers.inputs());
+            layers.output(&self.network)
+        }));
+    }
+
+    /// Class of an output: the number of thresholds at or below it.
+    pub fn class(&self, output: f64) -> usize {
+        self.about.thresholds.iter().filter(|&&threshold| output >= threshold).count()
+    }
+
+    /// Everything that the rest of the program relies on; [`Model::load`] and [`Model::save`] both ask.
+    fn check(&self) -> Result<(), ModelError> {
+        let fault = self.fault();
+        fault.map_or(Ok(()), |reason| Err(ModelError::Contradiction { reason }))
+    }
+
+    fn fault(&self) -> Option<String> {
+        let (about, layout) = (&self.about, &self.network.layout);
+        let finite = |values: &[f64]| values.iter().all(|v| v.abs() <= SANE);
+        let ascending = |values: &[f64]| values.windows(2).all(|pair| pair[0] <= pair[1]);
+        let in_unit = |values: &[f64]| values.iter().all(|v| (0.0..=1.0).contains(v));
+        let per_feature =
+            [about.features.len(), about.scaler.mean.len(), about.scaler.scale.len(), about.quantiles.len()];
+        if (layout.inputs, &layout.hidden, layout.bias) != (about.inputs, &about.hidden, about.bias) {
+            return Some("its network is not the one that its metadata tells of".into());
+        }
+        if let Some(other) = per_feature.iter().find(|&&count| count != about.inputs) {
+            return Some(format!("{} inputs, but features, scaling or quantiles of {other}", about.inputs));
+        }
+        if self.network.weights.len() != layout.weights() {
+            let (there, needed) = (self.network.weights.len(), layout.weights());
+            return Some(format!("{there} weights where its layers need {needed}"));
+        }
+        if let Some(at) = self.network.weights.iter().position(|w| w.abs() > SANE || w.is_nan()) {
+            return Some(format!("weight {at} is {}", self.network.weights[at]));
+        }
+        let mut names: Vec<&String> = about.features.iter().collect();
+        names.sort();
+        if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Some(format!("the feature {} is named twice", pair[0]));
+        }
+        let scaler = &about.scaler;
+        if !finite(&scaler.mean) || scaler.scale.iter().any(|s| !(1e-300..=SANE).contains(s)) {
+            return Some("a mean that is not finite, or a scale that is not positive".into());
+        }
+        if !(1e-3..=1e6).contains(&scaler.clip) {
+            return Some(format!("inputs are clipped to {}, not to 0.001 to 1e6", scaler.clip));
+        }
+        if about.quantiles.iter().any(|q| !finite(q) || !ascending(q)) {
+            return Some("quantiles that do not ascend".into());
+        }
+        if !in_unit(&about.targets) || about.targets[0] >= about.targets[1] {
+            return Some(format!("targets {:?} are not two rising numbers within 0 and 1", about.targets));
+        }
+        if !(1..=16).contains(&about.thresholds.len()) || !in_unit(&about.thresholds) || !ascending(&about.thresholds) {
+            return Some(format!("thresholds {:?} are not 1 to 16 rising numbers within 0 and 1", about.thresholds));
+        }
+        if !finite(&about.mount) {
+            return Some("a mount that is not finite".into());
+        }
+        let sections = [
+            ("cells", about.cells.validate().err()),
+            ("rover", about.rover.validate().err()),
+            ("sensor", about.sensor.validate().err()),
+        ];
+        sections.into_iter().find_map(|(name, fault)| {
+            fault.map(|fault| format!("its {name}: {}", fault.to_string().trim().replace('\n', "; ")))
+        })
+    }
+}
+
+/// Activations of one layer and of the next, reused from row to row.
+struct Layers {
+    from: Vec<f64>,
+    to: Vec<f64>,
+    inputs: usize,
+}
+
+impl Layers {
+    fn of(layout: &Layout) -> Layers {
+        let widest = layout.sizes().into_iter().max().unwrap_or(1);
+        Layers { from: vec![0.0; widest], to: vec![0.0; widest], inputs: layout.inputs }
+    }
+
+    fn inputs(&mut self) -> &mut [f64] {
+        &mut self.from[..self.inputs]
+    }
+
+    /// Eqs 1 and 2: weighted sums through logistic neurons, the input layer linear.
+    fn output(&mut self, network: &Network) -> f64 {
+        let mut weights = network.weights.as_slice();
+        for pair in network.layout.sizes().windows(2) {
+            let row = pair[0] + usize::from(network.layout.bias);
+            let (layer, rest) = weights.split_at(row * pair[1]);
+            weights = rest;
+            for (to, w) in self.to.iter_mut().zip(layer.chunks_exact(row)) {
+                let bias = if network.layout.bias { w[pair[0]] } else { 0.0 };
+                let sum = w.iter().zip(&self.from[..pair[0]]).fold(bias, |sum, (w, x)| w.mul_add(*x, sum));
+                *to = 1.0 / (1.0 + crate::math::exp(-sum));
+            }
+            std::mem::swap(&mut self.from, &mut self.to);
+        }
+        self.from[0]
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

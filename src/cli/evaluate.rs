@@ -1,0 +1,113 @@
+//! Judges a model on a split of a corpus: a table for people or JSON for machines, and figures.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use super::Failure;
+use super::explain::plan_of;
+use super::generate::corpus_failure;
+use super::output::out;
+use crate::cells::CellParams;
+use crate::config::Plan;
+use crate::corpus::{LocalFolder, Split};
+use crate::evaluate::{self, EvaluateError, FamilyFacts, Options};
+use crate::train::labels::LabelRule;
+use crate::train::{Model, ModelError};
+
+#[derive(Debug, Args)]
+pub(super) struct EvaluateArgs {
+    /// A trained model: the model.safetensors of a run folder, or the folder.
+    model: PathBuf,
+    /// Folder of a finished corpus.
+    corpus: PathBuf,
+    /// Which cells to judge on.
+    #[arg(long, value_enum, default_value_t = SplitName::Test)]
+    split: SplitName,
+    /// Labels for another rover, from the truth columns: --labels '{obstacle: {taller_than_m: 0.2}}'.
+    #[arg(long, value_parser = parse_rule, value_name = "RULE")]
+    labels: Option<LabelRule>,
+    /// Thresholds of the output in place of the model's own, ascending: --threshold 0.3,0.5.
+    #[arg(long = "threshold", value_delimiter = ',', value_name = "T")]
+    thresholds: Vec<f64>,
+    /// Print JSON in place of the table.
+    #[arg(long)]
+    json: bool,
+    /// Write evaluation.json and the figures (SVG) into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum SplitName {
+    Train,
+    Validation,
+    Test,
+}
+
+fn parse_rule(text: &str) -> Result<LabelRule, String> {
+    let rule: LabelRule = serde_saphyr::from_str(text).map_err(|e| e.to_string())?;
+    garde::Validate::validate(&rule).map_err(|e| e.to_string())?;
+    if !rule.is_answerable() {
+        return Err("min_obstacle_points above 1 goes with `obstacle: as_built` only".into());
+    }
+    Ok(rule)
+}
+
+/// A model from its file, or from the run folder that holds it.
+pub(super) fn read_model(path: &std::path::Path) -> Result<Model, Failure> {
+    let file = if path.is_dir() { path.join("model.safetensors") } else { path.into() };
+    Model::read(&file).map_err(|error| match error {
+        ModelError::Io { .. } => Failure::usage(miette::miette!(
+            help = "give the model.safetensors that `marsyard train` wrote, or its run folder",
+            "{error}"
+        )),
+        error => Failure::usage(miette::Report::msg(format!("{}: {error}", file.display()))),
+    })
+}
+
+/// What judging needs to know of a plan's families.
+pub(super) fn family_facts(plan: &Plan) -> Vec<FamilyFacts> {
+    let labels = |cells: &CellParams| serde_json::to_string(&cells.labels).expect("a rule is plain data");
+    let facts = |family: &crate::config::Family| FamilyFacts {
+        name: family.name.clone(),
+        sensor: family.sweep.sensor.name.clone(),
+        cell_size_m: family.cells.size_m,
+        labels: labels(&family.cells),
+    };
+    plan.families.iter().map(facts).collect()
+}
+
+pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+    let model = read_model(&args.model)?;
+    let (plan, _) = plan_of(&args.corpus, &[])?;
+    let split = match args.split {
+        SplitName::Train => Split::Train,
+        SplitName::Validation => Split::Validation,
+        SplitName::Test => Split::Test,
+    };
+    let options = Options { split, labels: args.labels.clone(), thresholds: args.thresholds.clone(), choose: true };
+    let store = LocalFolder::new(&args.corpus);
+    let report = evaluate::evaluate(&model, &store, &family_facts(&plan), &options).map_err(|error| match error {
+        EvaluateError::Corpus(error) => corpus_failure(error),
+        error @ (EvaluateError::Model(_) | EvaluateError::Family { .. } | EvaluateError::Thresholds(_)) => {
+            Failure::usage(miette::Report::msg(error.to_string()))
+        }
+        error => Failure::failed(error),
+    })?;
+    if let Some(folder) = &args.out {
+        let store = LocalFolder::new(folder);
+        crate::corpus::Store::replace(&store, "evaluation.json", report.to_json().as_bytes())
+            .map_err(corpus_failure)?;
+        for (name, svg) in evaluate::figures(&report).map_err(Failure::failed)? {
+            crate::corpus::Store::replace(&store, name, svg.as_bytes()).map_err(corpus_failure)?;
+        }
+        eprintln!("evaluation.json and figures are in {}", folder.display());
+    }
+    if args.json {
+        out!("{}", report.to_json());
+    } else {
+        out!("{report}");
+    }
+    Ok(())
+}

@@ -1,0 +1,206 @@
+//! Scans with outputs -> everything that a report is made of, cell by cell, in bounded memory.
+//!
+//! Three weighings: by *cells*; by *points*, each with its cell's label (paper-notes E13); and by points with their *own* truth, a
+//! cell's obstacle points being untraversable and its other points traversable. A call is always the cell's. `without_tops`
+//! leaves out the points that lie on an obstacle's flat top (A61), and the cells whose obstacle points all do.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::confusion::Confusion;
+use super::scores::Scores;
+use super::spread::Spread;
+use super::tops::MissedTops;
+
+/// A cell with a known label.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    pub row: i32,
+    pub col: i32,
+    pub untraversable: bool,
+    /// Points in the cell.
+    pub points: i32,
+    /// Of them, points of obstacles, and of those the points on tops; 0 where nobody knows.
+    pub obstacle_points: i32,
+    pub top_points: i32,
+    pub range_m: f32,
+    pub height_difference_m: f32,
+}
+
+/// Outputs from `value` on are called untraversable.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Threshold {
+    pub value: f64,
+    pub origin: ThresholdOrigin,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ThresholdOrigin {
+    /// The model's own.
+    Model,
+    /// Asked for by the user.
+    Given,
+    /// The best balanced accuracy by cells on the validation split.
+    Validation,
+}
+
+/// A part of the cells that is judged on its own.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Group {
+    All,
+    /// Cells with at least so many points.
+    Points(u32),
+    Family(String),
+    Sensor(String),
+}
+
+/// Counts at one threshold, in three weighings, with and without tops.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub cells: [Confusion; 2],
+    pub points: [Confusion; 2],
+    pub own_points: [Confusion; 2],
+}
+
+/// Index of the counts with tops, and without.
+pub(super) const WITH_TOPS: usize = 0;
+pub(super) const WITHOUT_TOPS: usize = 1;
+
+/// One classifier in one group.
+#[derive(Clone, Debug)]
+pub(super) struct Panel {
+    pub scores: Scores,
+    pub at: Vec<Counts>,
+}
+
+/// A group's cells by the network, and by the height difference alone.
+#[derive(Clone, Debug)]
+pub(super) struct Tally {
+    pub cells: u64,
+    pub points: u64,
+    pub network: Panel,
+    pub height: Panel,
+}
+
+/// Gathers scans.
+#[derive(Clone, Debug)]
+pub struct Judge {
+    pub(super) thresholds: Vec<Threshold>,
+    pub(super) height_threshold: Option<Threshold>,
+    pub(super) groups: BTreeMap<Group, Tally>,
+    /// At the first threshold.
+    pub(super) by_points: Spread,
+    pub(super) by_range: Spread,
+    /// One a threshold.
+    pub(super) tops: Vec<MissedTops>,
+    /// Cells that could not be judged: their label is unknown, or a feature is not finite.
+    pub unknown_cells: u64,
+    pub not_finite_cells: u64,
+}
+
+/// Height differences are told apart up to this; 0.06 mm a bin.
+const HEIGHT_REACH_M: f64 = 4.0;
+
+/// Cells of so few points are where most errors are; the rest is judged apart.
+const WELL_SEEN_POINTS: u32 = 3;
+
+impl Cell {
+    /// Untraversable points and those of them on tops, by their own truth. A rule other than the corpus's may call a cell
+    /// untraversable for what the corpus did not count: then all its points are.
+    fn own_truth(&self) -> (u64, u64) {
+        let points = self.points.max(0);
+        let of_obstacle = if self.obstacle_points > 0 { self.obstacle_points.min(points) } else { points };
+        if !self.untraversable {
+            return (0, 0);
+        }
+        (of_obstacle as u64, self.top_points.clamp(0, of_obstacle) as u64)
+    }
+}
+
+impl Counts {
+    fn add(&mut self, cell: &Cell, called: bool) {
+        let points = cell.points.max(0) as u64;
+        let (own, tops) = cell.own_truth();
+        for (k, tops) in [(WITH_TOPS, 0), (WITHOUT_TOPS, tops)] {
+            let only_tops = tops > 0 && tops == own;
+            self.cells[k].add(cell.untraversable, called, u64::from(!only_tops));
+            self.points[k].add(cell.untraversable, called, points - tops);
+            self.own_points[k].add(true, called, own - tops);
+            self.own_points[k].add(false, called, points - own);
+        }
+    }
+}
+
+impl Panel {
+    fn new(reach: f64, thresholds: usize) -> Panel {
+        Panel { scores: Scores::new(reach), at: vec![Counts::default(); thresholds] }
+    }
+
+    fn add(&mut self, cell: &Cell, score: f64, thresholds: &[Threshold]) {
+        self.scores.add(cell.untraversable, score);
+        for (counts, threshold) in self.at.iter_mut().zip(thresholds) {
+            counts.add(cell, score >= threshold.value);
+        }
+    }
+}
+
+impl Judge {
+    /// With at least one threshold of the output; the first is the one for densities.
+    pub fn new(thresholds: Vec<Threshold>, height_threshold: Option<Threshold>) -> Judge {
+        let tops = vec![MissedTops::default(); thresholds.len()];
+        Judge {
+            thresholds,
+            height_threshold,
+            groups: BTreeMap::new(),
+            by_points: Spread::default(),
+            by_range: Spread::default(),
+            tops,
+            unknown_cells: 0,
+            not_finite_cells: 0,
+        }
+    }
+
+    /// Adds one scan: its cells and the output for each. Empty names of family and sensor make no group.
+    pub fn add_scan(&mut self, family: &str, sensor: &str, cells: &[Cell], outputs: &[f64]) {
+        let mut groups = vec![(Group::All, 0), (Group::Points(WELL_SEEN_POINTS), WELL_SEEN_POINTS as i32)];
+        groups.extend((!family.is_empty()).then(|| (Group::Family(family.into()), 0)));
+        groups.extend((!sensor.is_empty()).then(|| (Group::Sensor(sensor.into()), 0)));
+        for (group, least_points) in groups {
+            let (outputs_at, heights_at) = (&self.thresholds, self.height_threshold.as_slice());
+            let tally = self.groups.entry(group).or_insert_with(|| Tally {
+                cells: 0,
+                points: 0,
+                network: Panel::new(1.0, outputs_at.len()),
+                height: Panel::new(HEIGHT_REACH_M, heights_at.len()),
+            });
+            for (cell, &output) in cells.iter().zip(outputs).filter(|(cell, _)| cell.points >= least_points) {
+                tally.cells += 1;
+                tally.points += cell.points.max(0) as u64;
+                tally.network.add(cell, output, outputs_at);
+                tally.height.add(cell, f64::from(cell.height_difference_m), heights_at);
+            }
+        }
+        if let Some(first) = self.thresholds.first() {
+            for (cell, &output) in cells.iter().zip(outputs) {
+                let called = output >= first.value;
+                self.by_points.add(cell.points.max(0) as u32, cell.untraversable, called);
+                self.by_range.add((cell.range_m * CM_PER_M).round() as u32, cell.untraversable, called);
+            }
+        }
+        for (tops, threshold) in self.tops.iter_mut().zip(&self.thresholds) {
+            tops.add_scan(cells, |k| outputs[k] >= threshold.value);
+        }
+    }
+
+    /// The best thresholds of the output and of the height difference for the cells gathered so far, by balanced accuracy.
+    pub fn best_thresholds(&self) -> Option<(f64, f64)> {
+        let all = self.groups.get(&Group::All)?;
+        all.network.scores.best_threshold().zip(all.height.scores.best_threshold())
+    }
+}
+
+/// Ranges are ranked to the centimetre.
+pub(super) const CM_PER_M: f32 = 100.0;

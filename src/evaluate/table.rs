@@ -1,0 +1,283 @@
+//! A report -> aligned text for people.
+
+use std::fmt::{self, Display, Formatter};
+
+use super::judge::{Group, Threshold, ThresholdOrigin};
+use super::report::{AtThreshold, GroupReport, Judged, Report, SpreadReport};
+use super::spread::Bin;
+
+impl Display for Report {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.head(f)?;
+        writeln!(f)?;
+        self.rates(f)?;
+        if let Some(all) = self.groups.first() {
+            for at in &all.network.at {
+                writeln!(f)?;
+                confusion(f, at)?;
+                writeln!(f)?;
+                table_1(f, at)?;
+            }
+        }
+        self.tops(f)?;
+        writeln!(f)?;
+        spread(f, "points per cell", &self.points_per_cell, self.thresholds.first(), |bin| whole_bin(bin))?;
+        writeln!(f)?;
+        spread(f, "range, metres", &self.range_m, self.thresholds.first(), |bin| metres_bin(bin))?;
+        if !self.notes.is_empty() {
+            writeln!(f)?;
+        }
+        self.notes.iter().try_for_each(|note| writeln!(f, "note: {note}"))
+    }
+}
+
+impl Report {
+    fn head(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let (model, data) = (&self.model, &self.data);
+        let hidden: Vec<String> = model.hidden.iter().map(usize::to_string).collect();
+        writeln!(
+            f,
+            "model   {} network, {} inputs, {} weights; trained on {} ({} on {})",
+            hidden.join("-"),
+            model.features.len(),
+            thousands(model.weights as u64),
+            model.trained_on.join(", "),
+            model.sensor,
+            model.rover
+        )?;
+        let all = self.groups.first();
+        writeln!(
+            f,
+            "data    {}, {} split: {} cells with {} points in {} scans",
+            data.name,
+            data.split,
+            thousands(all.map_or(0, |g| g.cells)),
+            thousands(all.map_or(0, |g| g.points)),
+            thousands(data.scans)
+        )?;
+        writeln!(f, "labels  {}", data.labels)?;
+        if data.unknown_cells + data.not_finite_cells > 0 {
+            let (unknown, odd) = (thousands(data.unknown_cells), thousands(data.not_finite_cells));
+            writeln!(f, "        left out: {unknown} cells of unknown label, {odd} with values that are not finite")?;
+        }
+        Ok(())
+    }
+
+    /// One line for each group, classifier and threshold.
+    fn rates(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:<34} {:>11} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
+            "by cells, percent", "untraversable", "majority", "accuracy", "balanced", "MCC", "AUC", "missed", "false"
+        )?;
+        for group in &self.groups {
+            let title = match &group.group {
+                Group::All => "all cells".to_string(),
+                Group::Points(points) => format!("cells of {points} points or more"),
+                Group::Family(name) => format!("family {name}"),
+                Group::Sensor(name) => format!("sensor {name}"),
+            };
+            writeln!(f, "{title} ({})", thousands(group.cells))?;
+            for (name, unit, panels) in
+                [("network", "", &group.network), ("height diff.", " m", &group.height_difference)]
+            {
+                for at in &panels.at {
+                    let label = format!("  {name} from {:.3}{unit}{}", at.threshold.value, origin(at.threshold));
+                    let r = &at.cells.rates;
+                    writeln!(
+                        f,
+                        "{label:<36} {:>11} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
+                        percent(r.prevalence),
+                        percent(r.majority_baseline),
+                        percent(r.accuracy),
+                        percent(r.balanced_accuracy),
+                        plain(r.mcc),
+                        plain(panels.auc),
+                        percent(r.missed_untraversable),
+                        percent(r.false_untraversable)
+                    )?;
+                }
+            }
+        }
+        writeln!(
+            f,
+            "missed = missed_untraversable: of what is untraversable, the share called traversable (dangerous)"
+        )?;
+        writeln!(f, "false  = false_untraversable: of what is traversable, the share called untraversable (a detour)")
+    }
+
+    fn tops(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for (tops, threshold) in self.missed_tops.iter().zip(&self.thresholds).filter(|(tops, _)| tops.cells > 0) {
+            let of = |part: u64| percent(Some(part as f64 / tops.cells as f64));
+            writeln!(
+                f,
+                "\nmissed tops from {:.3}{}: {} cells; {} % of them enclosed by cells called untraversable, {} % with no empty cell \
+                 beside",
+                threshold.value,
+                origin(*threshold),
+                thousands(tops.cells),
+                of(tops.enclosed),
+                of(tops.walled_in)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl GroupReport {
+    /// The network at one threshold.
+    pub fn network_at(&self, threshold: &Threshold) -> Option<&AtThreshold> {
+        self.network.at.iter().find(|at| at.threshold == *threshold)
+    }
+}
+
+fn confusion(f: &mut Formatter<'_>, at: &AtThreshold) -> fmt::Result {
+    let (cells, threshold) = (&at.cells.counts, at.threshold);
+    writeln!(
+        f,
+        "confusion from {:.3}{}, cells {:>20} {:>21}",
+        threshold.value,
+        origin(threshold),
+        "called traversable",
+        "called untraversable"
+    )?;
+    for (name, right_first, a, b, whole) in [
+        ("truly traversable", true, cells.true_traversable, cells.false_untraversable, cells.traversable()),
+        ("truly untraversable", false, cells.missed_untraversable, cells.true_untraversable, cells.untraversable()),
+    ] {
+        let share = |count: u64| percent((whole > 0).then(|| count as f64 / whole as f64));
+        let mark = |right: bool| if right { ' ' } else { '!' };
+        writeln!(
+            f,
+            "  {name:<34} {:>11} {:>6} %{} {:>12} {:>6} %{}",
+            thousands(a),
+            share(a),
+            mark(right_first),
+            thousands(b),
+            share(b),
+            mark(!right_first)
+        )?;
+    }
+    Ok(())
+}
+
+/// The five rows, by points and by cells, with and without tops, and in the other reading.
+fn table_1(f: &mut Formatter<'_>, at: &AtThreshold) -> fmt::Result {
+    let title = format!("table 1 from {:.3}{}", at.threshold.value, origin(at.threshold));
+    writeln!(f, "{title:<42} {:>12} {:>12} {:>12} {:>12}", "points", "own truth", "cells", "paper")?;
+    let columns = |pick: fn(&Judged) -> String| [&at.points, &at.own_points, &at.cells].map(pick);
+    let without = |pick: fn(&Judged) -> String| {
+        [&at.points_without_tops, &at.own_points_without_tops, &at.cells_without_tops].map(pick)
+    };
+    let rows: [(&str, [String; 3], &str); 9] = [
+        ("untraversable", columns(|j| thousands(j.table_1.of_truth.untraversable)), "11,687"),
+        ("traversable", columns(|j| thousands(j.table_1.of_truth.traversable)), "308,800"),
+        ("missed_untraversable %", columns(|j| percent(j.table_1.of_truth.wrong_of_untraversable)), "4.74"),
+        ("false_untraversable %", columns(|j| percent(j.table_1.of_truth.wrong_of_traversable)), "0.81"),
+        ("all wrong %", columns(|j| percent(j.table_1.of_truth.wrong_of_all)), "0.96"),
+        (
+            "  majority baseline, wrong %",
+            columns(|j| percent(j.rates.majority_baseline.map(|right| 1.0 - right))),
+            "3.65",
+        ),
+        ("  without tops: missed_untraversable %", without(|j| percent(j.rates.missed_untraversable)), "< 1"),
+        (
+            "  of what was called untraversable, wrong %",
+            columns(|j| percent(j.table_1.of_calls.wrong_of_untraversable)),
+            "",
+        ),
+        (
+            "  of what was called traversable, wrong %",
+            columns(|j| percent(j.table_1.of_calls.wrong_of_traversable)),
+            "",
+        ),
+    ];
+    for (name, [points, own, cells], paper) in rows {
+        writeln!(f, "  {name:<41} {points:>11} {own:>12} {cells:>12} {paper:>12}")?;
+    }
+    writeln!(f, "points: with their cell's label; own truth: a point is untraversable where it lies on an obstacle")
+}
+
+fn spread(
+    f: &mut Formatter<'_>,
+    title: &str,
+    report: &SpreadReport,
+    threshold: Option<&Threshold>,
+    name: impl Fn(&Bin) -> String,
+) -> fmt::Result {
+    let from = threshold.map_or(String::new(), |t| format!(" (from {:.3})", t.value));
+    writeln!(
+        f,
+        "{:<28} {:>11} {:>13} {:>8} {:>8} {:>8}",
+        format!("{title}{from}"),
+        "cells",
+        "untraversable",
+        "wrong",
+        "missed",
+        "false"
+    )?;
+    for bin in &report.bins {
+        let wrong = bin.rates.accuracy.map(|accuracy| 1.0 - accuracy);
+        writeln!(
+            f,
+            "  {:<26} {:>11} {:>13} {:>8} {:>8} {:>8}",
+            name(bin),
+            thousands(bin.counts.total()),
+            percent(bin.rates.prevalence),
+            percent(wrong),
+            percent(bin.rates.missed_untraversable),
+            percent(bin.rates.false_untraversable)
+        )?;
+    }
+    writeln!(
+        f,
+        "  Spearman's rho: {} with being wrong; {} with false_untraversable among traversable cells",
+        plain(report.rho_wrong),
+        plain(report.rho_false_untraversable)
+    )
+}
+
+fn whole_bin(bin: &Bin) -> String {
+    match bin.to {
+        Some(to) if to - bin.from <= 1.0 => format!("{}", bin.from),
+        Some(to) => format!("{} to {}", bin.from, to - 1.0),
+        None => format!("{} and more", bin.from),
+    }
+}
+
+fn metres_bin(bin: &Bin) -> String {
+    match bin.to {
+        Some(to) => format!("{} to {to}", bin.from),
+        None => format!("{} and more", bin.from),
+    }
+}
+
+fn origin(threshold: Threshold) -> &'static str {
+    match threshold.origin {
+        ThresholdOrigin::Model => "",
+        ThresholdOrigin::Given => " (given)",
+        ThresholdOrigin::Validation => " (validation)",
+    }
+}
+
+/// 0.0474 -> "4.74".
+fn percent(share: Option<f64>) -> String {
+    share.map_or("-".into(), |share| format!("{:.2}", 100.0 * share))
+}
+
+fn plain(value: Option<f64>) -> String {
+    value.map_or("-".into(), |value| format!("{value:.4}"))
+}
+
+/// 1234567 -> "1,234,567".
+pub(super) fn thousands(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}

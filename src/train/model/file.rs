@@ -1,0 +1,134 @@
+//! A model <-> the bytes of `model.safetensors`.
+//!
+//! One tensor a layer, `layers.0` from the input on: F64, shape [neurons, inputs] or, with biases, [neurons, inputs + 1] with the
+//! bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys. Equal models give equal bytes.
+//!
+//! Loading trusts nothing: sizes are checked against the bytes that are there before anything is made of that size.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde_json::Value;
+
+use super::{About, MODEL_FORMAT, Model, ModelError};
+use crate::train::{Layout, Network};
+
+/// The one metadata key.
+const KEY: &str = "marsyard";
+
+/// More than any network that the trainer makes: 64 million weights.
+const MAX_BYTES: usize = 1 << 29;
+
+impl Model {
+    /// The bytes of a model file.
+    pub fn save(&self) -> Result<Vec<u8>, ModelError> {
+        self.check()?;
+        let layout = &self.network.layout;
+        let mut weights = self.network.weights.as_slice();
+        let mut layers = Vec::new();
+        for pair in layout.sizes().windows(2) {
+            let shape = vec![pair[1], pair[0] + usize::from(layout.bias)];
+            let (layer, rest) = weights.split_at(shape[0] * shape[1]);
+            weights = rest;
+            layers.push((shape, layer.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>()));
+        }
+        let failed = |error: &dyn std::fmt::Display| ModelError::Contradiction { reason: error.to_string() };
+        let tensors = layers
+            .iter()
+            .enumerate()
+            .map(|(k, (shape, bytes))| Ok((layer_name(k), TensorView::new(Dtype::F64, shape.clone(), bytes)?)))
+            .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
+            .map_err(|error| failed(&error))?;
+        let metadata = HashMap::from([(KEY.to_string(), self.about.to_json())]);
+        safetensors::serialize(tensors, Some(metadata)).map_err(|error| failed(&error))
+    }
+
+    /// A model from the bytes of its file.
+    pub fn load(bytes: &[u8]) -> Result<Model, ModelError> {
+        let foreign = |reason: String| ModelError::NotAModel { reason };
+        if bytes.len() > MAX_BYTES {
+            return Err(foreign(format!("{} bytes are more than the {MAX_BYTES} that a model may have", bytes.len())));
+        }
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| foreign(format!("{error}")))?;
+        let text = header.metadata().as_ref().and_then(|pairs| pairs.get(KEY));
+        let text = text.ok_or_else(|| foreign(format!("its metadata has no key '{KEY}'")))?;
+        let about = About::from_json(text)?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(|error| foreign(format!("{error}")))?;
+        let network = network(&about, &tensors)?;
+        let model = Model { network, about };
+        model.check()?;
+        Ok(model)
+    }
+
+    /// A model from its file.
+    pub fn read(path: &Path) -> Result<Model, ModelError> {
+        let failed = |source| ModelError::Io { name: path.display().to_string(), source };
+        // Asked first, so that no hostile size is read into memory.
+        let length = std::fs::metadata(path).map_err(failed)?.len();
+        if length > MAX_BYTES as u64 {
+            let reason = format!("{length} bytes are more than the {MAX_BYTES} that a model may have");
+            return Err(ModelError::NotAModel { reason });
+        }
+        Model::load(&std::fs::read(path).map_err(failed)?)
+    }
+}
+
+impl About {
+    /// Sorted JSON, one line.
+    pub fn to_json(&self) -> String {
+        let mut value = serde_json::to_value(self).expect("the facts of a model are plain data");
+        value.sort_all_objects();
+        value.to_string()
+    }
+
+    fn from_json(text: &str) -> Result<About, ModelError> {
+        let foreign = |reason: String| ModelError::NotAModel { reason };
+        let value: Value = serde_json::from_str(text).map_err(|e| foreign(format!("metadata '{KEY}': {e}")))?;
+        // The version first: another version may have other keys.
+        match value.get("marsyard_model").and_then(Value::as_u64) {
+            None => return Err(foreign(format!("metadata '{KEY}' has no format version"))),
+            Some(version) if version != u64::from(MODEL_FORMAT) => {
+                return Err(ModelError::OtherVersion { there: version });
+            }
+            Some(_) => {}
+        }
+        serde_json::from_value(value).map_err(|e| foreign(format!("metadata '{KEY}': {e}")))
+    }
+}
+
+fn layer_name(layer: usize) -> String {
+    format!("layers.{layer}")
+}
+
+/// The weights, once the tensors are exactly those that the metadata tells of.
+fn network(about: &About, tensors: &SafeTensors) -> Result<Network, ModelError> {
+    let contradiction = |reason: String| ModelError::Contradiction { reason };
+    let layout = Layout { inputs: about.inputs, hidden: about.hidden.clone(), bias: about.bias };
+    let sizes = layout.sizes();
+    if tensors.len() != sizes.len() - 1 {
+        return Err(contradiction(format!("{} tensors for {} layers", tensors.len(), sizes.len() - 1)));
+    }
+    if sizes.contains(&0) {
+        return Err(contradiction(format!("a layer without neurons: {sizes:?}")));
+    }
+    let mut weights = Vec::new();
+    for (k, pair) in sizes.windows(2).enumerate() {
+        let name = layer_name(k);
+        let layer = tensors.tensor(&name).map_err(|_| contradiction(format!("there is no tensor '{name}'")))?;
+        let columns = pair[0].checked_add(usize::from(layout.bias));
+        let fits = columns.is_some_and(|columns| layer.shape() == [pair[1], columns]);
+        if layer.dtype() != Dtype::F64 || !fits {
+            return Err(contradiction(format!(
+                "tensor '{name}' is {:?} of shape {:?}, the metadata tells of F64 with {} neurons of {} inputs{}",
+                layer.dtype(),
+                layer.shape(),
+                pair[1],
+                pair[0],
+                if layout.bias { " and a bias" } else { "" }
+            )));
+        }
+        weights.extend(layer.data().as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)));
+    }
+    Ok(Network { layout, weights })
+}

@@ -1,0 +1,210 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::math;
+
+/// A small model whose every number is known: weights are a sine of their number.
+pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
+    let layout = Layout { inputs: features.len(), hidden: hidden.to_vec(), bias };
+    let weights = (0..layout.weights()).map(|k| 1.5 * math::sin(1.0 + 0.7 * k as f64)).collect();
+    let rover: Rover = serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).unwrap();
+    let sensor: Sensor = serde_saphyr::from_str(include_str!("../../../configs/sensors/urg-04lx.yaml")).unwrap();
+    let inputs = features.len();
+    let about = About {
+        marsyard_model: MODEL_FORMAT,
+        inputs,
+        hidden: hidden.to_vec(),
+        bias,
+        features: features.iter().map(|name| name.to_string()).collect(),
+        scaler: Scaler {
+            mean: (0..inputs).map(|k| 0.1 * k as f64).collect(),
+            scale: (0..inputs).map(|k| 0.5 + 0.25 * k as f64).collect(),
+            clip: 8.0,
+        },
+        quantiles: (0..inputs).map(|k| [-3.0, -2.0, -1.0, 0.1 * k as f64, 1.0, 2.0, 3.0]).collect(),
+        targets: [0.1, 0.9],
+        thresholds: vec![0.5],
+        cells: CellParams::default(),
+        rover,
+        sensor,
+        mount: [0.2, 0.0, 0.4, 0.0, 0.0, 0.0],
+        corpus_ids: vec!["ab".repeat(32)],
+        corpus_names: vec!["tiny".into()],
+    };
+    Model { network: Network { layout, weights }, about }
+}
+
+fn small() -> Model {
+    model(&["mean_height_m", "height_difference_m", "point_count"], &[4, 2], true)
+}
+
+#[test]
+fn exact_one_neuron_is_the_logistic_of_its_weighted_sum() {
+    let mut one = model(&["a"], &[1], true);
+    one.network.weights = vec![2.0, 0.5, -3.0, 1.0];
+    one.about.scaler = Scaler { mean: vec![1.0], scale: vec![4.0], clip: 8.0 };
+    let logistic = |x: f64| 1.0 / (1.0 + math::exp(-x));
+    let expected = |x: f64| logistic(-3.0 * logistic(2.0 * ((x - 1.0) / 4.0).clamp(-8.0, 8.0) + 0.5) + 1.0);
+    for x in [0.0, 1.0, -7.5, 1e30, -1e30, f64::INFINITY] {
+        assert!((one.output(&[x as f32]) - expected(x)).abs() < 1e-15, "{x}");
+    }
+    let mut plain = model(&["a"], &[1], false);
+    plain.network.weights = vec![2.0, -3.0];
+    plain.about.scaler = Scaler { mean: vec![0.0], scale: vec![1.0], clip: 8.0 };
+    assert!((plain.output(&[0.25]) - logistic(-3.0 * logistic(0.5))).abs() < 1e-15);
+}
+
+#[test]
+fn equal_rows_together_and_one_by_one() {
+    let model = small();
+    let rows: Vec<f32> = (0..300).map(|k| math::sin(f64::from(k)) as f32 * 5.0).collect();
+    let mut together = Vec::new();
+    model.outputs(&rows, &mut together);
+    let apart: Vec<f64> = rows.chunks_exact(3).map(|row| model.output(row)).collect();
+    assert_eq!(together, apart);
+    assert!(together.iter().all(|y| (0.0..=1.0).contains(y)));
+}
+
+#[test]
+fn equal_a_model_and_its_file_read_back() {
+    for bias in [true, false] {
+        let mut original = model(&["b", "a"], &[3], bias);
+        original.network.weights[0] = 1.0 / 3.0;
+        original.about.thresholds = vec![0.1 + 0.2, 0.7];
+        original.about.cells.max_range_m = Some(10.0);
+        let bytes = original.save().unwrap();
+        let back = Model::load(&bytes).unwrap();
+        assert_eq!(back, original);
+        assert_eq!(back.save().unwrap(), bytes);
+    }
+}
+
+#[test]
+fn law_the_metadata_is_one_key_of_sorted_json() {
+    let bytes = small().save().unwrap();
+    let (_, header) = safetensors::SafeTensors::read_metadata(&bytes).unwrap();
+    let metadata = header.metadata().clone().unwrap();
+    assert_eq!(metadata.keys().collect::<Vec<_>>(), ["marsyard"]);
+    let value: serde_json::Value = serde_json::from_str(&metadata["marsyard"]).unwrap();
+    let keys: Vec<&String> = value.as_object().unwrap().keys().collect();
+    assert!(keys.is_sorted(), "{keys:?}");
+    let inner: Vec<&String> = value["sensor"].as_object().unwrap().keys().collect();
+    assert!(inner.is_sorted(), "{inner:?}");
+}
+
+#[test]
+fn exact_inputs_are_found_by_name_and_missing_ones_are_named() {
+    let model = small();
+    let columns = ["point_count", "x", "mean_height_m", "height_difference_m"];
+    assert_eq!(model.inputs_of(&columns).unwrap(), [2, 3, 0]);
+    let error = model.inputs_of(&["mean_height_m"]).unwrap_err().to_string();
+    assert!(error.contains("height_difference_m, point_count, which the data does not have"), "{error}");
+}
+
+#[test]
+fn extreme_another_cell_size_is_refused_with_both() {
+    let model = small();
+    model.check_cell_size(0.1).unwrap();
+    let error = model.check_cell_size(0.25).unwrap_err().to_string();
+    assert!(error.contains("cells of 0.1 m, the data has cells of 0.25 m"), "{error}");
+}
+
+/// The file with another metadata text (or none), all else as it was.
+fn with_metadata(text: Option<&str>) -> Vec<u8> {
+    let model = small();
+    let bytes = model.save().unwrap();
+    let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let metadata = text.map(|text| std::collections::HashMap::from([("marsyard".to_string(), text.to_string())]));
+    safetensors::serialize(tensors.tensors(), metadata).unwrap()
+}
+
+#[test]
+fn extreme_foreign_files_are_refused_with_the_cure() {
+    let foreign: [&[u8]; 4] = [b"", b"PAR1", &[0xff; 64], &with_metadata(None)];
+    for bytes in foreign {
+        let error = Model::load(bytes).unwrap_err().to_string();
+        assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
+    }
+    let newer = small().about.to_json().replace("\"marsyard_model\":1", "\"marsyard_model\":7");
+    let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
+    assert!(error.contains("format 7, this marsyard reads format 1"), "{error}");
+    let whole = small().save().unwrap();
+    for end in 0..whole.len() {
+        assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");
+    }
+}
+
+#[test]
+fn extreme_contradictions_are_refused_by_name() {
+    let json = small().about.to_json();
+    let changed = |from: &str, to: &str| {
+        assert!(json.contains(from), "{from} in {json}");
+        Model::load(&with_metadata(Some(&json.replace(from, to)))).unwrap_err().to_string()
+    };
+    for (from, to, word) in [
+        ("\"hidden\":[4,2]", "\"hidden\":[4,3]", "tensor 'layers.1'"),
+        ("\"hidden\":[4,2]", "\"hidden\":[18446744073709551615,18446744073709551615]", "tensor 'layers.0'"),
+        ("\"hidden\":[4,2]", "\"hidden\":[4,2,2]", "3 tensors for 4 layers"),
+        ("\"inputs\":3", "\"inputs\":0", "without neurons"),
+        ("\"clip\":8.0", "\"clip\":0.0", "clipped to 0"),
+        ("\"targets\":[0.1,0.9]", "\"targets\":[0.9,0.1]", "targets"),
+        ("\"thresholds\":[0.5]", "\"thresholds\":[]", "thresholds"),
+        ("\"thresholds\":[0.5]", "\"thresholds\":[0.5,0.2]", "thresholds"),
+        ("\"point_count\"", "\"mean_height_m\"", "named twice"),
+        ("\"size_m\":0.1", "\"size_m\":-1.0", "its cells"),
+        ("\"bias\":true", "\"bais\":true", "unknown field"),
+        ("[0.5,0.75,1.0]", "[0.5,0.0,1.0]", "scale that is not positive"),
+        ("[0.0,0.1,0.2]", "[0.0,0.1]", "features, scaling or quantiles of 2"),
+    ] {
+        let error = changed(from, to);
+        assert!(error.contains(word), "{from} -> {to}: {error}");
+    }
+    let mut broken = small();
+    broken.network.weights[5] = f64::NAN;
+    assert!(broken.save().unwrap_err().to_string().contains("weight 5 is NaN"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// What loads is a model that works; nothing panics.
+    #[test]
+    fn extreme_random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        prop_assert!(Model::load(&bytes).is_err());
+    }
+
+    #[test]
+    fn extreme_changed_files_are_refused_or_still_models(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        x in prop::array::uniform3(any::<f32>()),
+    ) {
+        let mut bytes = small().save().unwrap();
+        for (at, value) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = value;
+        }
+        if let Ok(model) = Model::load(&bytes) {
+            let y = model.output(&x);
+            prop_assert!((0.0..=1.0).contains(&y) || x.iter().any(|v| v.is_nan()), "{}", y);
+        }
+    }
+
+    /// Numbers in the metadata swapped for hostile ones: refused, or sane.
+    #[test]
+    fn extreme_hostile_numbers_in_the_metadata_never_panic(at in any::<prop::sample::Index>(), pick in 0usize..8) {
+        let hostile = ["1e308", "-1e308", "1e-320", "18446744073709551615", "-1", "[]", "null", "0"][pick];
+        let json = small().about.to_json();
+        let starts: Vec<usize> = json
+            .char_indices()
+            .filter(|(i, c)| c.is_ascii_digit() && json[..*i].ends_with([':', '[', ',']))
+            .map(|(i, _)| i)
+            .collect();
+        let start = starts[at.index(starts.len())];
+        let end = start + json[start..].find([',', ']', '}']).unwrap_or(0);
+        let text = format!("{}{hostile}{}", &json[..start], &json[end..]);
+        if let Ok(model) = Model::load(&with_metadata(Some(&text))) {
+            let y = model.output(&[1.0, -2.0, 3.0]);
+            prop_assert!((0.0..=1.0).contains(&y), "{} gives {}", text, y);
+        }
+    }
+}
