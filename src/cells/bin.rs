@@ -105,14 +105,19 @@ pub fn bin(
 /// The cells of the last cloud of `window`, from the points of all of it: features as [`bin`] makes them, bit for bit.
 ///
 /// A cell's label is `None` unless its points carry verdicts; then it follows the same rule, from the points that have one.
-/// Nothing else is known of the truth: class -1, object -2.
-pub fn bin_clouds(params: &CellParams, window: &[WindowCloud], max_range_m: f64, scratch: &mut Scratch) -> Cells {
+/// Nothing else is known of the truth: class -1, object -2. With the cells comes, for each, the number of its points that carry a
+/// verdict.
+pub fn bin_clouds(
+    params: &CellParams,
+    window: &[WindowCloud],
+    max_range_m: f64,
+    scratch: &mut Scratch,
+) -> (Cells, Vec<i32>) {
     let mut cells = Cells::default();
-    let Some(kept) = window.last() else { return cells };
+    let Some(kept) = window.last() else { return (cells, Vec::new()) };
     let grid = GridSpec { size_m: params.size_m };
     scratch.cells.clear();
     scratch.points.clear();
-    scratch.grounds.clear();
     for cloud in window {
         place_cloud(cloud, grid, max_range_m, kept.estimate.pose.position_m.z, scratch, &mut cells);
     }
@@ -123,12 +128,14 @@ pub fn bin_clouds(params: &CellParams, window: &[WindowCloud], max_range_m: f64,
     summarise(params, kept.intensity.is_some(), kept.estimate, |_| None, scratch, &mut cells);
     let Scratch { cells: of_point, points, order, .. } = scratch;
     let by_cell = order.by_cell.chunk_by(|&a, &b| of_point[a as usize] == of_point[b as usize]);
-    for (row, members) in cells.rows.iter_mut().zip(by_cell) {
-        let known = members.iter().any(|&i| points[i as usize].object != UNKNOWN);
-        row.label = known.then(|| labels::label(&params.labels, &row.truth));
+    let verdict = |(row, members): (&mut CellRow, &[u32])| {
+        let known = members.iter().filter(|&&i| points[i as usize].object != UNKNOWN).count();
+        row.label = (known > 0).then(|| labels::label(&params.labels, &row.truth));
         row.truth = CellTruth { class: -1, object: UNKNOWN, ..row.truth };
-    }
-    cells
+        known as i32
+    };
+    let known = cells.rows.iter_mut().zip(by_cell).map(verdict).collect();
+    (cells, known)
 }
 
 /// Appends the points of one cloud that have a cell, and counts those that have none.

@@ -3,6 +3,7 @@
 //! Data goes to stdout, talk to stderr. Exit codes: 0 done, 1 failed, 2 bad config or usage, 75 try again (storage,
 //! interrupted).
 
+mod classify;
 mod corpus;
 mod evaluate;
 mod explain;
@@ -65,6 +66,8 @@ enum Verb {
     Preview(preview::PreviewArgs),
     /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
     Evaluate(evaluate::EvaluateArgs),
+    /// Judge real scans: labelled clouds, cells, meshes, pictures and cost maps; with labels, Table 1.
+    Classify(Box<classify::ClassifyArgs>),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
         #[arg(value_parser = parse_kind)]
@@ -139,6 +142,7 @@ pub fn main() -> ExitCode {
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Classify(args) => classify::run(args),
         Verb::Schema { kind } => {
             out!("{}", config::schema_text(*kind));
             Ok(())

@@ -44,6 +44,23 @@ pub struct Cloud {
     pub not_finite: u64,
 }
 
+impl Cloud {
+    /// Leaves out the points at exactly this place, and says how many they were: many drivers write beams without a return so.
+    pub fn drop_at(&mut self, place_m: DVec3) -> u64 {
+        let keep: Vec<bool> = self.points_m.iter().map(|&p| p != place_m).collect();
+        let before = self.points_m.len();
+        retain(&mut self.points_m, &keep);
+        self.intensity.iter_mut().for_each(|values| retain(values, &keep));
+        self.labels.iter_mut().for_each(|values| retain(values, &keep));
+        (before - self.points_m.len()) as u64
+    }
+}
+
+fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
+    let mut keep = keep.iter();
+    values.retain(|_| keep.next() == Some(&true));
+}
+
 /// Points in the making: drops and counts what is no place.
 #[derive(Debug, Default)]
 struct Gathered {

@@ -24,7 +24,7 @@ pub use self::corpus::{EvaluateError, FamilyFacts, Options, evaluate};
 pub use confusion::{Confusion, FiveRows, Rates, Table1};
 pub use figures::{FigureError, figures};
 pub use judge::{Cell, Judge, Threshold, ThresholdOrigin};
-pub use report::Report;
+pub use report::{DataFacts, Report};
 pub use scores::{RocPoint, Scores};
 pub use spread::{Bin, Spread};
 pub use tops::MissedTops;
