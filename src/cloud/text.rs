@@ -32,7 +32,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
             let named = names.iter().any(|name| name.parse::<f64>().is_err());
             if named && (!comment || is_header(&names)) {
                 places = Some(Places::of(file, &format!("line {} (column names)", number + 1), &names, label_field)?);
-            } else if !comment && !(first && names.len() == 1) {
+            } else if !(comment || first && names.len() == 1) {
                 if names.len() < 3 {
                     return Err(malformed(number, format!("{} values, a point has three", names.len())));
                 }
