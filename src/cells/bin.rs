@@ -9,7 +9,7 @@ use super::group::Order;
 use super::labels::{self, TruthSum, Verdict};
 use super::place::{Placer, Unplaced};
 use super::slope::GroundPlaces;
-use super::{CellParams, CellRow, Cells};
+use super::{CellParams, CellRow, CellTruth, Cells};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 use crate::scene::Scene;
 use crate::slam::Estimate;
@@ -23,6 +23,22 @@ pub struct WindowScan<'a> {
     pub estimate: &'a Estimate,
     /// Where the sensor truly was: for the true slope of the ground only.
     pub world_from_sensor: Transform,
+}
+
+/// One real cloud of a window.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowCloud<'a> {
+    pub points_m: &'a [DVec3],
+    /// The points are in the frame `map`; else in `sensor`.
+    pub in_map: bool,
+    /// Received intensities, one a point.
+    pub intensity: Option<&'a [f32]>,
+    /// What somebody said of each point: an obstacle's, not one's, or nothing.
+    pub obstacle: Option<&'a [Option<bool>]>,
+    /// What was believed when it was taken.
+    pub estimate: &'a Estimate,
+    /// Where the sensor is believed to have been.
+    pub map_from_sensor: Transform,
 }
 
 /// Reused memory; has no meaning between calls.
@@ -81,8 +97,76 @@ pub fn bin(
     cells.points_binned = scratch.cells.len() as u64;
     labels::verdicts(scene, params.labels.obstacle, wheel_diameter_m, &mut scratch.verdicts);
     scratch.order.sort(&scratch.cells);
-    summarise(params, kept, scratch, &mut cells);
+    let label = |truth: &CellTruth| Some(labels::label(&params.labels, truth));
+    summarise(params, kept.sweep.intensity.is_some(), kept.estimate, label, scratch, &mut cells);
     cells
+}
+
+/// The cells of the last cloud of `window`, from the points of all of it: features as [`bin`] makes them, bit for bit.
+///
+/// A cell's label is `None` unless its points carry verdicts; then it follows the same rule, from the points that have one.
+/// Nothing else is known of the truth: class -1, object -2. With the cells comes, for each, the number of its points that carry a
+/// verdict.
+pub fn bin_clouds(
+    params: &CellParams,
+    window: &[WindowCloud],
+    max_range_m: f64,
+    scratch: &mut Scratch,
+) -> (Cells, Vec<i32>) {
+    let mut cells = Cells::default();
+    let Some(kept) = window.last() else { return (cells, Vec::new()) };
+    let grid = GridSpec { size_m: params.size_m };
+    scratch.cells.clear();
+    scratch.points.clear();
+    for cloud in window {
+        place_cloud(cloud, grid, max_range_m, kept.estimate.pose.position_m.z, scratch, &mut cells);
+    }
+    cells.points_binned = scratch.cells.len() as u64;
+    scratch.verdicts.clear();
+    scratch.verdicts.push(Verdict::OBSTACLE);
+    scratch.order.sort(&scratch.cells);
+    summarise(params, kept.intensity.is_some(), kept.estimate, |_| None, scratch, &mut cells);
+    let Scratch { cells: of_point, points, order, .. } = scratch;
+    let by_cell = order.by_cell.chunk_by(|&a, &b| of_point[a as usize] == of_point[b as usize]);
+    let verdict = |(row, members): (&mut CellRow, &[u32])| {
+        let known = members.iter().filter(|&&i| points[i as usize].object != UNKNOWN).count();
+        row.label = (known > 0).then(|| labels::label(&params.labels, &row.truth));
+        row.truth = CellTruth { class: -1, object: UNKNOWN, ..row.truth };
+        known as i32
+    };
+    let known = cells.rows.iter_mut().zip(by_cell).map(verdict).collect();
+    (cells, known)
+}
+
+/// Appends the points of one cloud that have a cell, and counts those that have none.
+fn place_cloud(
+    cloud: &WindowCloud,
+    grid: GridSpec,
+    max_range_m: f64,
+    rover_z_m: f64,
+    scratch: &mut Scratch,
+    cells: &mut Cells,
+) {
+    let placer = Placer::of_sensor(grid, max_range_m, cloud.map_from_sensor);
+    for (i, &point_m) in cloud.points_m.iter().enumerate() {
+        cells.points_in += 1;
+        let placed = if cloud.in_map { placer.place_in_map(point_m) } else { placer.place_point(point_m) };
+        let Some(cell) = count_dropped(placed.cell, cells) else { continue };
+        let range_m = if cloud.in_map { point_m - cloud.map_from_sensor.translation_m } else { point_m }.length();
+        scratch.cells.push(cell);
+        scratch.points.push(Point {
+            height_m: placed.point_m.z - rover_z_m,
+            distance_m: placed.distance_m,
+            intensity: cloud.intensity.map_or(f64::NAN, |values| f64::from(values[i]) * range_m * range_m),
+            ground: NOT_GROUND,
+            object: match cloud.obstacle.and_then(|verdicts| verdicts[i]) {
+                None => UNKNOWN,
+                Some(false) => GROUND,
+                Some(true) => 0,
+            },
+            top: false,
+        });
+    }
 }
 
 /// Appends the points of one sweep that have a cell, and counts those that have none.
@@ -95,17 +179,7 @@ fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scratch: &mut Scrat
         cells.points_in += 1;
         let range_m = sweep.range_m[slot];
         let placed = placer.place(direction, range_m);
-        let cell = match placed.cell {
-            Ok(cell) => cell,
-            Err(Unplaced::BeyondRange) => {
-                cells.dropped_beyond_range += 1;
-                continue;
-            }
-            Err(Unplaced::OffGrid) => {
-                cells.dropped_off_grid += 1;
-                continue;
-            }
-        };
+        let Some(cell) = count_dropped(placed.cell, cells) else { continue };
         let truth = &sweep.truth[slot];
         let ground = if truth.object == GROUND {
             let point_m: DVec3 = scan.world_from_sensor.point(direction * truth.range_m);
@@ -125,15 +199,34 @@ fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scratch: &mut Scrat
     }
 }
 
+/// The cell of a point, or a count of why it has none.
+#[inline(always)]
+fn count_dropped(cell: Result<CellIndex, Unplaced>, cells: &mut Cells) -> Option<CellIndex> {
+    match cell {
+        Ok(cell) => return Some(cell),
+        Err(Unplaced::BeyondRange) => cells.dropped_beyond_range += 1,
+        Err(Unplaced::OffGrid) => cells.dropped_off_grid += 1,
+    }
+    None
+}
+
 /// The id that stands for ground in `TrueReturn::object`.
 const GROUND: i32 = -1;
 
+/// The id that stands for no verdict at all.
+const UNKNOWN: i32 = -2;
+
 /// Sums the points of each cell into its row and features.
-fn summarise(params: &CellParams, kept: &WindowScan, scratch: &mut Scratch, cells: &mut Cells) {
+fn summarise(
+    params: &CellParams,
+    intensity: bool,
+    estimate: &Estimate,
+    label: impl Fn(&CellTruth) -> Option<i8>,
+    scratch: &mut Scratch,
+    cells: &mut Cells,
+) {
     let offsets = neighbour_offsets(params.neighbours);
-    let intensity = kept.sweep.intensity.is_some();
     let width = super::feature_columns(params, intensity).len();
-    let estimate = kept.estimate;
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
     let Scratch { cells: of_point, points, grounds, order, verdicts, mean_heights_m } = scratch;
     mean_heights_m.clear();
@@ -157,7 +250,7 @@ fn summarise(params: &CellParams, kept: &WindowScan, scratch: &mut Scratch, cell
         mean_heights_m.push(mean_m);
         cells.rows.push(CellRow {
             index: of_point[members[0] as usize],
-            label: Some(labels::label(&params.labels, &truth)),
+            label: label(&truth),
             points: members.len() as i32,
             range_m: (distance_m / count) as f32,
             neighbour_mask: 0,

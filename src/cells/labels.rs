@@ -17,6 +17,11 @@ pub(super) struct Verdict {
     protrusion_m: f64,
 }
 
+impl Verdict {
+    /// An obstacle of which nothing else is known.
+    pub(super) const OBSTACLE: Verdict = Verdict { untraversable: true, class: Class::Ground, protrusion_m: 0.0 };
+}
+
 /// Solid objects by the rule, porous ones and patches as they are marked; indexed by object id.
 pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64, out: &mut Vec<Verdict>) {
     let taller_than_m = match rule {

@@ -13,7 +13,7 @@ mod slope;
 #[cfg(test)]
 mod tests;
 
-pub use bin::{Scratch, WindowScan, bin};
+pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub use columns::{Offset, feature_columns, neighbour_offsets};
 pub use labels::obstacles;
 pub use params::CellParams;

@@ -46,8 +46,23 @@ impl Placer {
     /// Where a range along a unit direction of the sensor frame lies.
     #[inline(always)]
     pub fn place(&self, direction: DVec3, range_m: f64) -> Placed {
-        let offset = self.map_from_sensor.direction(direction * range_m);
-        let point_m = offset + self.map_from_sensor.translation_m;
+        self.place_point(direction * range_m)
+    }
+
+    /// Where a point of the sensor frame lies.
+    #[inline(always)]
+    pub fn place_point(&self, in_sensor_m: DVec3) -> Placed {
+        let offset = self.map_from_sensor.direction(in_sensor_m);
+        self.placed(offset, offset + self.map_from_sensor.translation_m)
+    }
+
+    /// The same for a point whose place in the map is known.
+    pub fn place_in_map(&self, point_m: DVec3) -> Placed {
+        self.placed(point_m - self.map_from_sensor.translation_m, point_m)
+    }
+
+    #[inline(always)]
+    fn placed(&self, offset: DVec3, point_m: DVec3) -> Placed {
         let distance_m = (offset.x * offset.x + offset.y * offset.y).sqrt();
         let cell = if distance_m > self.max_range_m {
             Err(Unplaced::BeyondRange)

@@ -3,6 +3,7 @@
 //! Data goes to stdout, talk to stderr. Exit codes: 0 done, 1 failed, 2 bad config or usage, 75 try again (storage,
 //! interrupted).
 
+mod classify;
 mod corpus;
 mod evaluate;
 mod explain;
@@ -71,6 +72,8 @@ enum Verb {
     Evaluate(evaluate::EvaluateArgs),
     /// Write a model for other programs: ONNX, or weights as JSON.
     Export(export::ExportArgs),
+    /// Judge real scans: labelled clouds, cells, meshes, pictures and cost maps; with labels, Table 1.
+    Classify(Box<classify::ClassifyArgs>),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
         #[arg(value_parser = parse_kind)]
@@ -147,6 +150,7 @@ pub fn main() -> ExitCode {
         Verb::Train(args) => train::run(args, cli.log),
         Verb::Evaluate(args) => evaluate::run(args),
         Verb::Export(args) => export::run(args),
+        Verb::Classify(args) => classify::run(args),
         Verb::Schema { kind } => {
             out!("{}", config::schema_text(*kind));
             Ok(())

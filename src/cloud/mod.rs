@@ -1,1 +1,98 @@
-//! Real point clouds -> sweeps that the cells stage can bin; labelled clouds and cost maps back.
+//! Real point clouds -> cells that a model can judge; labelled clouds, meshes and cost maps back.
+//!
+//! In: the bytes of PLY, PCD, LAS, CSV / XYZ or KITTI files ([`read`]), where the sensor was ([`place`]), what a model says of
+//! each cell. Out: bytes of the files that other tools read ([`export`], [`costmap`]). Frames: points come in `sensor` (x forward,
+//! y left, z up) or in `map`; what goes out is in `map`. Cells and features are made by the `cells` stage, by the code that makes
+//! a corpus. Not modelled: motion during a scan (undistort it first), several echoes a beam, LAZ.
+
+pub mod costmap;
+pub mod error;
+pub mod export;
+mod fields;
+mod kitti;
+pub mod labels;
+mod las;
+pub mod level;
+mod lzf;
+mod pcd;
+pub mod place;
+mod ply;
+pub mod range;
+pub mod read;
+mod text;
+pub mod trajectory;
+
+#[cfg(test)]
+mod tests;
+
+pub use error::CloudError;
+pub use labels::{LabelMap, PointClass};
+pub use level::Levelled;
+pub use read::{Format, Options, read};
+
+use crate::geometry::DVec3;
+
+/// The points of one scan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Cloud {
+    pub points_m: Vec<DVec3>,
+    /// One a point, where the file has them.
+    pub intensity: Option<Vec<f32>>,
+    /// Label ids, one a point, where the file has them.
+    pub labels: Option<Vec<i64>>,
+    /// Points of the file that are not here, because a coordinate is NaN or infinite.
+    pub not_finite: u64,
+}
+
+impl Cloud {
+    /// Leaves out the points at exactly this place, and says how many they were: many drivers write beams without a return so.
+    pub fn drop_at(&mut self, place_m: DVec3) -> u64 {
+        let keep: Vec<bool> = self.points_m.iter().map(|&p| p != place_m).collect();
+        let before = self.points_m.len();
+        retain(&mut self.points_m, &keep);
+        self.intensity.iter_mut().for_each(|values| retain(values, &keep));
+        self.labels.iter_mut().for_each(|values| retain(values, &keep));
+        (before - self.points_m.len()) as u64
+    }
+}
+
+fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
+    let mut keep = keep.iter();
+    values.retain(|_| keep.next() == Some(&true));
+}
+
+/// Points in the making: drops and counts what is no place.
+#[derive(Debug, Default)]
+struct Gathered {
+    cloud: Cloud,
+}
+
+impl Gathered {
+    /// For a file that has these columns. Nothing is reserved: sizes in headers are not to be trusted.
+    fn new(intensity: bool, labels: bool) -> Gathered {
+        let cloud = Cloud { intensity: intensity.then(Vec::new), labels: labels.then(Vec::new), ..Cloud::default() };
+        Gathered { cloud }
+    }
+
+    fn push(&mut self, point_m: DVec3, intensity: f64, label: i64) {
+        if !point_m.is_finite() {
+            self.cloud.not_finite += 1;
+            return;
+        }
+        self.cloud.points_m.push(point_m);
+        if let Some(values) = &mut self.cloud.intensity {
+            values.push(intensity as f32);
+        }
+        if let Some(values) = &mut self.cloud.labels {
+            values.push(label);
+        }
+    }
+
+    /// The cloud, if there is a point in it.
+    fn finish(self, file: &str) -> Result<Cloud, CloudError> {
+        if self.cloud.points_m.is_empty() {
+            return Err(CloudError::NoPoints { file: file.into(), not_finite: self.cloud.not_finite });
+        }
+        Ok(self.cloud)
+    }
+}

@@ -15,6 +15,7 @@
 //! Not here: what the columns' numbers mean beyond a sentence (the stages say that), and how scenes are scheduled.
 
 pub mod card;
+pub mod cell_file;
 pub mod croissant;
 pub mod documents;
 pub mod error;

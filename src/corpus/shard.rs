@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Float32Array, Float64Array, RecordBatch};
+use arrow::array::{ArrayRef, Float64Array, RecordBatch};
 use arrow::datatypes::SchemaRef;
 
 use super::receipt::{FailedScene, FeatureMoments, FileFacts, Receipt};
@@ -232,11 +232,7 @@ type Batch = Result<RecordBatch, arrow::error::ArrowError>;
 fn cells_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput, scan: &ScanOutput) -> Batch {
     let row = |cell| tables::cells::Row { scene_id: scene.scene_id as i64, scan_id: scan.scan_id as i32, cell };
     let rows: Vec<_> = scan.cells.rows.iter().map(row).collect();
-    let stride = spec.features.len();
-    let features = (0..stride).map(|k| {
-        let column = scan.cells.features.iter().skip(k).step_by(stride).map(|&value| tables::canonical_f32(value));
-        Arc::new(Float32Array::from_iter_values(column)) as ArrayRef
-    });
+    let features = tables::features(&scan.cells, spec.features.len());
     tables::batch(schema, &tables::cells::definitions(), &rows, features)
 }
 

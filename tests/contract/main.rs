@@ -1,5 +1,7 @@
 //! Contracts that users rely on, checked through the binary.
 
+/// Clouds that previews write come back as the cells of the corpus.
+mod classify;
 /// The verbs: exit codes, what is written, what is said.
 mod cli;
 /// The same plan gives the same bytes.

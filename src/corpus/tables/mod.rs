@@ -14,6 +14,7 @@ use arrow::datatypes::SchemaRef;
 use arrow::error::ArrowError;
 
 use super::schema::{Column, Kind, Role};
+use crate::cells::Cells;
 
 /// How a column's value is taken from a row.
 pub enum Take<R> {
@@ -113,6 +114,14 @@ pub fn batch<R>(
 ) -> Result<RecordBatch, ArrowError> {
     let arrays = definitions.iter().map(|definition| definition.take.array(rows)).chain(more).collect();
     RecordBatch::try_new(schema.clone(), arrays)
+}
+
+/// The features of a scan's cells as Arrow columns.
+pub fn features(cells: &Cells, columns: usize) -> impl Iterator<Item = ArrayRef> + '_ {
+    (0..columns).map(move |k| {
+        let column = cells.features.iter().skip(k).step_by(columns).map(|&value| canonical_f32(value));
+        Arc::new(Float32Array::from_iter_values(column)) as ArrayRef
+    })
 }
 
 /// One bit pattern for every NaN, and no negative zero: equal values are equal bytes.

@@ -1,0 +1,178 @@
+//! What is told of judged scans: counts, features outside the training range, and how good the model is by the clouds' labels.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::args::ClassifyArgs;
+use super::load::{Loaded, Setup};
+use super::{Scan, write};
+use crate::cli::Failure;
+use crate::cli::output::{out, outln};
+use crate::cloud::place::Sigmas;
+use crate::cloud::range;
+use crate::evaluate::{DataFacts, Judge, Report};
+use crate::train::Model;
+
+/// What was not measured but taken for granted.
+pub(super) fn assumed(args: &ClassifyArgs, setup: &Setup) {
+    let Sigmas { xy_m, z_m, tilt_rad, yaw_rad } = setup.sigmas;
+    if args.json {
+        let sigmas = json!({ "xy_m": xy_m, "z_m": z_m, "tilt_rad": tilt_rad, "yaw_rad": yaw_rad });
+        outln!("{}", json!({ "max_range_m": setup.max_range_m, "window": setup.window, "sigmas": sigmas }));
+        return;
+    }
+    outln!(
+        "range {} m, window {}, pose sigmas: xy {xy_m} m, z {z_m} m, tilt {:.3} degrees, yaw {:.3} degrees",
+        setup.max_range_m,
+        setup.window,
+        tilt_rad.to_degrees(),
+        yaw_rad.to_degrees()
+    );
+}
+
+/// The counts of one scan; with --json as one object a line.
+pub(super) fn scan(args: &ClassifyArgs, model: &Model, loaded: &Loaded, scan: &Scan) {
+    let of_classes = model.about.thresholds.len() + 1;
+    let count = |class: Option<usize>| scan.classes.iter().filter(|&&c| c == class).count();
+    let counts: Vec<usize> = (0..of_classes).map(|class| count(Some(class))).collect();
+    let names: Vec<String> = match of_classes {
+        2 => vec!["traversable".into(), "untraversable".into()],
+        _ => (0..of_classes).map(|class| format!("class {class}")).collect(),
+    };
+    let cells = &scan.cells;
+    if args.json {
+        let mut object = json!({
+            "cloud": loaded.name,
+            "points": loaded.cloud.points_m.len(),
+            "points_not_finite": loaded.cloud.not_finite,
+            "points_at_sensor": loaded.at_sensor,
+            "window_points": cells.points_in,
+            "window_points_beyond_range": cells.dropped_beyond_range,
+            "window_points_off_grid": cells.dropped_off_grid,
+            "cells": cells.rows.len(),
+            "cells_by_class": counts,
+            "cells_unknown": count(None),
+        });
+        if let Some(found) = loaded.levelled {
+            object["levelled"] = json!({
+                "tilt_deg": found.tilt_rad.to_degrees(),
+                "sensor_height_m": found.height_m,
+                "near_share": found.near_share,
+                "rms_m": found.rms_m,
+            });
+        }
+        outln!("{object}");
+        return;
+    }
+    outln!("{}", loaded.name);
+    if let Some(found) = loaded.levelled {
+        outln!(
+            "  ground: tilt {:.2} degrees, sensor {:.3} m above it, {:.0} % of the spread points within 0.1 m (rms {:.3} m)",
+            found.tilt_rad.to_degrees(),
+            found.height_m,
+            100.0 * found.near_share,
+            found.rms_m
+        );
+    }
+    outln!(
+        "  points {} ({} more not finite, {} at the sensor); of the window's {}: {} beyond range, {} off the grid",
+        loaded.cloud.points_m.len(),
+        loaded.cloud.not_finite,
+        loaded.at_sensor,
+        cells.points_in,
+        cells.dropped_beyond_range,
+        cells.dropped_off_grid
+    );
+    let by_class: Vec<String> = names.iter().zip(&counts).map(|(name, count)| format!("{name} {count}")).collect();
+    outln!(
+        "  cells {}: {}, unknown {} (fewer than {} points)",
+        cells.rows.len(),
+        by_class.join(", "),
+        count(None),
+        args.min_points
+    );
+}
+
+/// Per feature, how much of the scans the model never saw the like of.
+pub(super) fn ranges(args: &ClassifyArgs, model: &Model, scans: &[Scan]) {
+    let rows: Vec<f32> = scans.iter().flat_map(|scan| scan.inputs.iter().copied()).collect();
+    let found = range::outside(&model.about.features, &model.about.quantiles, &rows);
+    if args.json {
+        let features: Vec<_> = found
+            .iter()
+            .map(|f| {
+                json!({
+                    "feature": f.feature, "least": f.least, "greatest": f.greatest,
+                    "below": f.below, "above": f.above, "rare": f.rare,
+                })
+            })
+            .collect();
+        outln!("{}", json!({ "outside_training_range": features }));
+        return;
+    }
+    outln!("\ncells outside the training range");
+    outln!(
+        "  {:<24}{:>12}{:>12}{:>9}{:>9}{:>22}",
+        "feature",
+        "least",
+        "greatest",
+        "below",
+        "above",
+        "outside 0.1..99.9 %"
+    );
+    for f in &found {
+        outln!(
+            "  {:<24}{:>12.4}{:>12.4}{:>8.1}%{:>8.1}%{:>21.1}%",
+            f.feature,
+            f.least,
+            f.greatest,
+            100.0 * f.below,
+            100.0 * f.above,
+            100.0 * f.rare
+        );
+    }
+    for f in found.iter().filter(|f| f.below + f.above > 0.1) {
+        eprintln!(
+            "warning: {} lies outside what the model was trained on for {:.0} % of the cells; check frame, pose and units, or train on \
+             scenes like these",
+            f.feature,
+            100.0 * (f.below + f.above)
+        );
+    }
+}
+
+/// The report of `evaluate`, over all cells that have a label and were judged.
+pub(super) fn evaluation(
+    args: &ClassifyArgs,
+    model: &Model,
+    setup: &Setup,
+    judge: &Judge,
+    scans: usize,
+) -> Result<PathBuf, Failure> {
+    let data = DataFacts {
+        name: args.clouds.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
+        labels: format!(
+            "the clouds' own labels by {}: a cell with at least {} untraversable points is untraversable",
+            setup.label_file, model.about.cells.labels.min_obstacle_points
+        ),
+        scans: scans as u64,
+        ..DataFacts::default()
+    };
+    let mut notes = vec!["points whose label is ignored count in the features and nowhere else".to_string()];
+    if setup.window > 1 {
+        notes.push(format!("windows of {} scans overlap: their points are counted once a window", setup.window));
+    }
+    if args.min_points > 1 {
+        notes.push(format!("cells of fewer than {} points were not judged and are left out", args.min_points));
+    }
+    let report = Report::new(model, judge, data, notes);
+    if args.json {
+        let object = serde_json::to_value(&report).expect("a report is plain data");
+        outln!("{object}");
+    } else {
+        outln!("");
+        out!("{report}");
+    }
+    write::file(&args.out, "evaluation.json", report.to_json().as_bytes())
+}

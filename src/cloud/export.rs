@@ -1,0 +1,201 @@
+//! Judged cells and points -> clouds and meshes for other tools, frame `map`: PLY and PCD (binary, little endian).
+
+use crate::cells::{Cells, Placer};
+use crate::geometry::{CellIndex, DVec3, GridSpec};
+
+/// The cells of one scan and what a model said of them.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged<'a> {
+    pub cells: &'a Cells,
+    /// One a cell: the network's output, `None` where the cell is not judged (too few points).
+    pub outputs: &'a [Option<f64>],
+    /// One a cell: how many thresholds the output reaches.
+    pub classes: &'a [Option<usize>],
+    /// Number of classes.
+    pub of_classes: usize,
+    /// Outputs for traversable and untraversable in training: the ends of the scale from light to dark.
+    pub targets: [f64; 2],
+    pub grid: GridSpec,
+    /// What mean heights are measured from.
+    pub rover_z_m: f64,
+}
+
+impl Judged<'_> {
+    /// The number of a cell's row.
+    pub fn find(&self, cell: CellIndex) -> Option<usize> {
+        self.cells.rows.binary_search_by_key(&cell, |row| row.index).ok()
+    }
+
+    /// The direct output as a shade: 0 light (traversable) to 1 dark, linear between the targets (paper, figure 12c).
+    pub fn shade(&self, row: usize) -> Option<f64> {
+        let [light, dark] = self.targets;
+        self.outputs[row].map(|output| ((output - light) / (dark - light)).clamp(0.0, 1.0))
+    }
+
+    /// The class as a shade: the first is 0, the last 1.
+    pub fn class_shade(&self, row: usize) -> Option<f64> {
+        let last = self.of_classes.saturating_sub(1).max(1);
+        self.classes[row].map(|class| class as f64 / last as f64)
+    }
+
+    /// Mean height of a cell, frame map.
+    pub fn mean_z_m(&self, row: usize) -> f64 {
+        let width = self.cells.features.len() / self.cells.rows.len().max(1);
+        // The mean height is the first feature.
+        self.rover_z_m + f64::from(self.cells.features[row * width])
+    }
+}
+
+/// A point of the scan, as written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LabelledPoint {
+    pub point_m: DVec3,
+    pub intensity: f32,
+    /// The file's own label id; -1 where it has none.
+    pub label: i64,
+    /// The cell's output (NaN: none) and class (-1: none).
+    pub output: f32,
+    pub class: i8,
+    shade: Option<f64>,
+}
+
+/// The points of a scan with what was said of their cells, in the file's order.
+///
+/// `in_map`: they are in the frame map already.
+pub fn labelled(cloud: &super::Cloud, placer: &Placer, in_map: bool, judged: &Judged) -> Vec<LabelledPoint> {
+    let point = |(i, &p): (usize, &DVec3)| {
+        let placed = if in_map { placer.place_in_map(p) } else { placer.place_point(p) };
+        let row = placed.cell.ok().and_then(|cell| judged.find(cell));
+        LabelledPoint {
+            point_m: placed.point_m,
+            intensity: cloud.intensity.as_ref().map_or(f32::NAN, |values| values[i]),
+            label: cloud.labels.as_ref().map_or(-1, |labels| labels[i]),
+            output: row.and_then(|row| judged.outputs[row]).map_or(f32::NAN, |output| output as f32),
+            class: row.and_then(|row| judged.classes[row]).map_or(-1, |class| class as i8),
+            shade: row.and_then(|row| judged.class_shade(row)),
+        }
+    };
+    cloud.points_m.iter().enumerate().map(point).collect()
+}
+
+/// sRGB of light, dark and unknown, as in the pictures.
+const LIGHT: [f64; 3] = [233.0, 230.0, 223.0];
+const DARK: [f64; 3] = [51.0, 48.0, 45.0];
+const UNKNOWN: [u8; 3] = [143, 160, 190];
+
+fn colour(shade: Option<f64>) -> [u8; 3] {
+    shade.map_or(UNKNOWN, |share| std::array::from_fn(|i| (LIGHT[i] + (DARK[i] - LIGHT[i]) * share).round() as u8))
+}
+
+/// PLY, coordinates in f64.
+pub fn ply(points: &[LabelledPoint], title: &str) -> Vec<u8> {
+    let mut bytes = ply_header(
+        title,
+        &[(
+            "vertex",
+            points.len(),
+            &[
+                "double x",
+                "double y",
+                "double z",
+                "float intensity",
+                "int label",
+                "float output",
+                "char class",
+                "uchar red",
+                "uchar green",
+                "uchar blue",
+            ],
+        )],
+    );
+    for point in points {
+        point.point_m.to_array().iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        bytes.extend(point.intensity.to_le_bytes());
+        bytes.extend((point.label as i32).to_le_bytes());
+        bytes.extend(point.output.to_le_bytes());
+        bytes.extend(point.class.to_le_bytes());
+        bytes.extend(colour(point.shade));
+    }
+    bytes
+}
+
+fn ply_header(title: &str, elements: &[(&str, usize, &[&str])]) -> Vec<u8> {
+    let mut text = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment marsyard: {}\ncomment frame map, metres\n",
+        title.replace(['\n', '\r'], " ")
+    );
+    for (name, count, properties) in elements {
+        text.push_str(&format!("element {name} {count}\n"));
+        properties.iter().for_each(|property| text.push_str(&format!("property {property}\n")));
+    }
+    text.push_str("end_header\n");
+    text.into_bytes()
+}
+
+/// PCD 0.7, binary. Coordinates are f32, as the Point Cloud Library expects them: a grain of 8 mm at 100 km from the origin.
+pub fn pcd(points: &[LabelledPoint]) -> Vec<u8> {
+    let count = points.len();
+    let mut bytes = format!(
+        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z intensity label output class rgb\n\
+         SIZE 4 4 4 4 4 4 1 4\nTYPE F F F F I F I U\nCOUNT 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\n\
+         VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n"
+    )
+    .into_bytes();
+    for point in points {
+        point.point_m.to_array().iter().for_each(|&value| bytes.extend((value as f32).to_le_bytes()));
+        bytes.extend(point.intensity.to_le_bytes());
+        bytes.extend((point.label as i32).to_le_bytes());
+        bytes.extend(point.output.to_le_bytes());
+        bytes.extend(point.class.to_le_bytes());
+        let [red, green, blue] = colour(point.shade);
+        bytes.extend([blue, green, red, 0]);
+    }
+    bytes
+}
+
+/// PLY mesh of the mean heights (paper, figure 14b): a vertex a cell, at its centre; a triangle wherever three cells of a square
+/// of four are there, two where all are. Coloured by the direct output.
+pub fn mesh(judged: &Judged, title: &str) -> Vec<u8> {
+    let rows = &judged.cells.rows;
+    let mut faces: Vec<[usize; 3]> = Vec::new();
+    for row in 0..rows.len() {
+        let CellIndex { row: r, col: c } = rows[row].index;
+        let at = |rows: i32, cols: i32| judged.find(CellIndex { row: r + rows, col: c + cols });
+        // Counter-clockwise from above, so that normals point up. Each square is taken up by its least cell that is there.
+        match (at(0, 1), at(1, 0), at(1, 1)) {
+            (Some(east), Some(north), Some(far)) => faces.extend([[row, east, far], [row, far, north]]),
+            (Some(east), Some(north), None) => faces.push([row, east, north]),
+            (Some(east), None, Some(far)) => faces.push([row, east, far]),
+            (None, Some(north), Some(far)) => faces.push([row, far, north]),
+            _ => {}
+        }
+        // The square whose south-western cell is empty: this one is its south-eastern.
+        if at(0, -1).is_none()
+            && let (Some(north), Some(west)) = (at(1, 0), at(1, -1))
+        {
+            faces.push([row, north, west]);
+        }
+    }
+    let mut bytes = ply_header(
+        title,
+        &[
+            (
+                "vertex",
+                rows.len(),
+                &["double x", "double y", "double z", "float output", "uchar red", "uchar green", "uchar blue"],
+            ),
+            ("face", faces.len(), &["list uchar int vertex_indices"]),
+        ],
+    );
+    for (row, cell) in rows.iter().enumerate() {
+        let (x, y) = judged.grid.centre_m(cell.index);
+        [x, y, judged.mean_z_m(row)].iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+        bytes.extend(judged.outputs[row].map_or(f32::NAN, |output| output as f32).to_le_bytes());
+        bytes.extend(colour(judged.shade(row)));
+    }
+    for face in &faces {
+        bytes.push(3);
+        face.iter().for_each(|&vertex| bytes.extend((vertex as i32).to_le_bytes()));
+    }
+    bytes
+}

@@ -1,0 +1,105 @@
+//! Names and types of a file's columns -> which of them are x, y, z, intensity and label. Shared by PLY, PCD and text.
+
+use super::CloudError;
+
+/// Types of numbers in binary clouds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Number {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Number {
+    pub(super) fn size(self) -> usize {
+        match self {
+            Number::I8 | Number::U8 => 1,
+            Number::I16 | Number::U16 => 2,
+            Number::I32 | Number::U32 | Number::F32 => 4,
+            Number::I64 | Number::U64 | Number::F64 => 8,
+        }
+    }
+
+    /// The number that starts at `at`; the caller has checked that the bytes are there.
+    pub(super) fn take(self, bytes: &[u8], at: usize, big_endian: bool) -> f64 {
+        let mut raw = [0; 8];
+        let size = self.size();
+        raw[..size].copy_from_slice(&bytes[at..at + size]);
+        if big_endian {
+            raw[..size].reverse();
+        }
+        let low = u64::from_le_bytes(raw);
+        match self {
+            Number::I8 => f64::from(low as i8),
+            Number::U8 => f64::from(low as u8),
+            Number::I16 => f64::from(low as i16),
+            Number::U16 => f64::from(low as u16),
+            Number::I32 => f64::from(low as i32),
+            Number::U32 => f64::from(low as u32),
+            Number::I64 => low as i64 as f64,
+            Number::U64 => low as f64,
+            Number::F32 => f64::from(f32::from_bits(low as u32)),
+            Number::F64 => f64::from_bits(low),
+        }
+    }
+}
+
+/// Where the values of a point stand among the columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Places {
+    pub xyz: [usize; 3],
+    pub intensity: Option<usize>,
+    pub label: Option<usize>,
+}
+
+/// What files call them, likeliest first, in lower case.
+const INTENSITIES: [&str; 6] =
+    ["intensity", "scalar_intensity", "reflectance", "remission", "reflectivity", "scalar_reflectance"];
+const LABELS: [&str; 6] = ["label", "class", "classification", "semantic", "scalar_label", "scalar_classification"];
+
+impl Places {
+    /// `label_field`: the name that the user gave.
+    pub(super) fn of(
+        file: &str,
+        place: &str,
+        names: &[String],
+        label_field: Option<&str>,
+    ) -> Result<Places, CloudError> {
+        let malformed = |reason: String| CloudError::Malformed { file: file.into(), place: place.into(), reason };
+        let find = |name: &str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
+        let coordinate = |axis: &str| {
+            find(axis).or_else(|| find(&format!("{axis}_m"))).ok_or_else(|| {
+                malformed(format!("there is no column {axis} among '{}'; name the columns x, y and z", names.join(" ")))
+            })
+        };
+        let label =
+            match label_field {
+                Some(name) => Some(find(name).ok_or_else(|| {
+                    malformed(format!("there is no label column '{name}' among '{}'", names.join(" ")))
+                })?),
+                None => LABELS.iter().find_map(|name| find(name)),
+            };
+        Ok(Places {
+            xyz: [coordinate("x")?, coordinate("y")?, coordinate("z")?],
+            intensity: INTENSITIES.iter().find_map(|name| find(name)),
+            label,
+        })
+    }
+
+    /// The largest column in use.
+    pub(super) fn last(&self) -> usize {
+        self.xyz.into_iter().chain(self.intensity).chain(self.label).max().unwrap_or(0)
+    }
+}
+
+/// A label as a number; what is none is -1.
+pub(super) fn label_of(value: f64) -> i64 {
+    if value.is_finite() { value.round() as i64 } else { -1 }
+}

@@ -1,0 +1,236 @@
+//! A scan and the height of its sensor -> the ground's plane, and with it a levelled map frame under the sensor.
+//!
+//! For scans without a pose. Planes through three points are tried (3000 triples, the same every time); one is ground if it
+//! lies about as far below the sensor as was said, tilts by less than 60 degrees from the sensor's own x-y plane, and has many points near it
+//! and few below it. The best is refined by least squares with Tukey's biweight (Beaton & Tukey 1974). What it
+//! cannot know is which way is up: ground that slopes as a whole comes out level, and pitch and roll are those of a rover that stands
+//! on the plane, 0.
+
+use super::CloudError;
+use crate::geometry::{DMat3, DVec3, Pose, Transform};
+use crate::math;
+
+/// The fitted ground, and the map frame that stands on it below the sensor, its x axis under the sensor's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Levelled {
+    pub map_from_sensor: Transform,
+    /// Of the sensor above the plane.
+    pub height_m: f64,
+    /// Between the sensor's z axis and the plane's normal.
+    pub tilt_rad: f64,
+    /// Share of the thinned points within 0.1 m of the plane, and their root mean square distance.
+    pub near_share: f64,
+    pub rms_m: f64,
+}
+
+const TRIPLES: u32 = 3000;
+/// Points that planes are judged by, one a voxel.
+const MOST_POINTS: usize = 4000;
+const FEWEST_POINTS: usize = 30;
+/// Half width of the band in which points speak for a plane.
+const BAND_M: f64 = 0.1;
+/// Points this far below speak against it.
+const BELOW_M: f64 = 0.3;
+const COS_MOST_TILT: f64 = 0.5;
+
+/// Plane n . p + h = 0 of the sensor frame, n up: h is the sensor's height above it.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    normal: DVec3,
+    height_m: f64,
+}
+
+impl Plane {
+    fn above_m(&self, point_m: DVec3) -> f64 {
+        self.normal.dot(point_m) + self.height_m
+    }
+
+    fn score(&self, points: &[DVec3]) -> f64 {
+        let vote = |p: &DVec3| {
+            let above = self.above_m(*p);
+            let u = above / BAND_M;
+            if u.abs() < 1.0 { (1.0 - u * u) * (1.0 - u * u) } else { -f64::from(u8::from(above < -BELOW_M)) }
+        };
+        points.iter().map(vote).sum()
+    }
+}
+
+/// The ground of a scan in the sensor frame.
+pub fn level(file: &str, points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, CloudError> {
+    let none = |reason: String| CloudError::NoGround { file: file.into(), reason };
+    if !(0.02..=100.0).contains(&sensor_height_m) {
+        return Err(none(format!("a sensor height of {sensor_height_m} m; it must be within 0.02 and 100 m")));
+    }
+    let points = thinned(points_m, sensor_height_m);
+    if points.len() < FEWEST_POINTS {
+        return Err(none(format!("{} spread points near the sensor, {FEWEST_POINTS} are needed", points.len())));
+    }
+    let tolerance_m = (0.25 * sensor_height_m).max(0.1);
+    let fits =
+        |plane: &Plane| plane.normal.z >= COS_MOST_TILT && (plane.height_m - sensor_height_m).abs() <= tolerance_m;
+    let tried = triples(points.len()).filter_map(|triple| through(triple.map(|i| points[i]))).filter(fits);
+    let best =
+        tried.map(|plane| (plane.score(&points), plane)).fold(None, |best: Option<(f64, Plane)>, one| match best {
+            Some(best) if best.0 >= one.0 => Some(best),
+            _ => Some(one),
+        });
+    let Some((_, mut plane)) = best.filter(|(score, _)| *score > 0.0) else {
+        return Err(none(format!(
+            "no plane lies {sensor_height_m} m (to within {tolerance_m:.2} m) below the sensor; is the height right, and z up?"
+        )));
+    };
+    for _ in 0..20 {
+        plane = refined(plane, &points).ok_or_else(|| none("the points near it lie on a line".into()))?;
+    }
+    let near: Vec<f64> = points.iter().map(|&p| plane.above_m(p)).filter(|above| above.abs() < BAND_M).collect();
+    let rms_m = (near.iter().map(|a| a * a).sum::<f64>() / near.len().max(1) as f64).sqrt();
+    let up = plane.normal;
+    let forward = (DVec3::X - up * up.x).normalize();
+    let rotation = DMat3::from_cols(forward, up.cross(forward), up).transpose();
+    Ok(Levelled {
+        map_from_sensor: Transform { rotation, translation_m: DVec3::new(0.0, 0.0, plane.height_m) },
+        height_m: plane.height_m,
+        tilt_rad: math::acos(up.z.clamp(-1.0, 1.0)),
+        near_share: near.len() as f64 / points.len() as f64,
+        rms_m,
+    })
+}
+
+impl Levelled {
+    /// The rover that stands on the plane: level, heading along the sensor's x axis, at the map's origin.
+    pub fn rover(&self) -> Pose {
+        Pose::default()
+    }
+}
+
+/// One point a voxel near the sensor, so that the dense first rings do not outvote the rest.
+fn thinned(points_m: &[DVec3], sensor_height_m: f64) -> Vec<DVec3> {
+    let voxel_m = (0.2 * sensor_height_m).clamp(0.02, 0.3);
+    let reach_m = (10.0 * sensor_height_m).clamp(5.0, 20.0);
+    let mut near: Vec<([i32; 3], usize)> = points_m
+        .iter()
+        .enumerate()
+        .filter(|(_, p)| p.length() < reach_m)
+        .map(|(i, p)| ((*p / voxel_m).floor().to_array().map(|v| v as i32), i))
+        .collect();
+    near.sort_unstable();
+    near.dedup_by_key(|(voxel, _)| *voxel);
+    let step = near.len().div_ceil(MOST_POINTS).max(1);
+    near.into_iter().step_by(step).map(|(_, i)| points_m[i]).collect()
+}
+
+/// Triples of different indices below `count`: a Kronecker sequence by the roots of x^4 = x + 1 (Roberts 2018), which covers the
+/// cube of triples evenly and is the same every time.
+fn triples(count: usize) -> impl Iterator<Item = [usize; 3]> {
+    const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_3];
+    (1..=TRIPLES)
+        .map(move |k| STEPS.map(|step| ((f64::from(k) * step).fract() * count as f64) as usize))
+        .filter(|[a, b, c]| a != b && b != c && a != c)
+}
+
+/// The plane through three points, its normal up.
+fn through([a, b, c]: [DVec3; 3]) -> Option<Plane> {
+    let normal = (b - a).cross(c - a);
+    let normal = if normal.z < 0.0 { -normal } else { normal }.try_normalize()?;
+    Some(Plane { normal, height_m: -normal.dot(a) })
+}
+
+/// One step of least squares, each point weighted by how near it lies; `None` where the points do not span a plane.
+fn refined(plane: Plane, points: &[DVec3]) -> Option<Plane> {
+    let (u, v) = plane.normal.any_orthonormal_pair();
+    let near =
+        points.iter().map(|&p| (p.dot(u), p.dot(v), plane.above_m(p))).filter(|(_, _, r)| r.abs() < 2.0 * BAND_M);
+    let weight = |r: f64| {
+        let t = 1.0 - (r / (2.0 * BAND_M)) * (r / (2.0 * BAND_M));
+        t * t
+    };
+    // Normal equations of r = a u + b v + c about the origin below the sensor: a few metres across, so well scaled.
+    let (mut m, mut y) = (DMat3::ZERO, DVec3::ZERO);
+    for (s, t, r) in near {
+        let row = DVec3::new(s, t, 1.0);
+        m += DMat3::from_cols(row * s, row * t, row) * weight(r);
+        y += row * (r * weight(r));
+    }
+    let scale = m.z_axis.z * m.x_axis.x * m.y_axis.y;
+    (m.determinant() > 1e-9 * scale && scale > 0.0).then_some(())?;
+    let [a, b, c] = (m.inverse() * y).to_array();
+    // Points lie at r = a u + b v + c above the plane: the better one is n - a u - b v, scaled to a unit normal.
+    let normal = plane.normal - u * a - v * b;
+    let length = normal.length();
+    Some(Plane { normal: normal / length, height_m: (plane.height_m - c) / length })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Purpose, Stage, Streams};
+
+    /// Rough ground with a wall, a box and strays, seen by a sensor of known height, roll and pitch.
+    fn scan(height_m: f64, roll_rad: f64, pitch_rad: f64, noise_m: f64) -> (Vec<DVec3>, Transform) {
+        let stream = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Sweep, step: 0 }.open(Purpose::GroundNoise);
+        let u = |i: u64, k: u64| stream.uniform(8 * i + k);
+        let pose = Pose { position_m: DVec3::new(0.0, 0.0, height_m), roll_rad, pitch_rad, yaw_rad: 0.0 };
+        let sensor_from_map = pose.transform().inverse();
+        let points = (0..20_000)
+            .map(|i| {
+                // Dense near the sensor, as scans are.
+                let (range, azimuth) = (0.5 + 9.0 * u(i, 0) * u(i, 0), 6.28 * u(i, 1));
+                let (x, y) = (range * math::cos(azimuth), range * math::sin(azimuth));
+                let z = match i % 10 {
+                    0 | 1 if x > 2.0 => 1.5 * u(i, 2),
+                    2 if y < -1.0 => 0.3,
+                    3 => -0.2 + 0.8 * u(i, 2),
+                    _ => noise_m * 2.0 * (u(i, 3) + u(i, 4) + u(i, 5) - 1.5),
+                };
+                sensor_from_map.point(DVec3::new(x, y, z))
+            })
+            .collect();
+        (points, pose.transform())
+    }
+
+    #[test]
+    fn exact_a_known_tilt_is_recovered_to_a_quarter_degree() {
+        for (height_m, roll, pitch) in [(0.4, 0.0, 0.0), (0.5, 0.1, 0.35), (1.7, -0.2, 0.05), (0.3, 0.4, -0.6)] {
+            let (points, truth) = scan(height_m, roll, pitch, 0.02);
+            let level = level("scan.ply", &points, 1.1 * height_m).unwrap();
+            let up_there = truth.inverse().direction(DVec3::Z);
+            let up_here = level.map_from_sensor.inverse().direction(DVec3::Z);
+            let off_deg = math::acos(up_there.dot(up_here).min(1.0)).to_degrees();
+            assert!(off_deg < 0.25, "tilt off by {off_deg} degrees at {roll} {pitch}");
+            assert!((level.height_m - height_m).abs() < 0.02, "{} {height_m}", level.height_m);
+            assert!((level.tilt_rad - math::acos(up_there.z)).abs() < 0.005);
+            // The map's x axis lies under the sensor's.
+            let forward = level.map_from_sensor.direction(DVec3::X);
+            assert!(forward.y.abs() < 1e-12 && forward.x > 0.0);
+        }
+    }
+
+    #[test]
+    fn exact_a_noiseless_plane_is_found_to_rounding() {
+        let pose = Pose { position_m: DVec3::new(0.0, 0.0, 0.6), roll_rad: 0.05, pitch_rad: 0.3, yaw_rad: 0.0 };
+        let back = pose.transform().inverse();
+        let grid = (0..60)
+            .flat_map(|i| (0..60).map(move |j| DVec3::new(0.1 * f64::from(i) + 0.3, 0.1 * f64::from(j) - 3.0, 0.0)));
+        let points: Vec<DVec3> = grid.map(|p| back.point(p)).collect();
+        let level = level("scan.ply", &points, 0.6).unwrap();
+        assert!((level.height_m - 0.6).abs() < 1e-9 && level.rms_m < 1e-9 && level.near_share == 1.0);
+        for p in points {
+            assert!(level.map_from_sensor.point(p).z.abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn extreme_scans_without_ground_are_refused_with_the_reason() {
+        let wall: Vec<DVec3> =
+            (0..2000).map(|i| DVec3::new(2.0, 0.05 * f64::from(i % 50) - 1.0, 0.05 * f64::from(i / 50))).collect();
+        let line: Vec<DVec3> = (0..2000).map(|i| DVec3::new(0.01 * f64::from(i), 0.0, -0.5)).collect();
+        let lone = vec![DVec3::new(1.0, 1.0, -0.5); 5000];
+        for points in [&wall, &line, &lone, &vec![]] {
+            let error = level("scan.ply", points, 0.5).unwrap_err().to_string();
+            assert!(error.starts_with("scan.ply: no ground to level by: "), "{error}");
+        }
+        for height_m in [f64::NAN, 0.0, -1.0, 1e9] {
+            assert!(level("scan.ply", &wall, height_m).is_err());
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Clouds of a simulated scan, classified: the cells are the corpus's own, and all files are written.
+
+use marsyard::cells::{Cells, Scratch, WindowCloud, bin_clouds, feature_columns};
+use marsyard::cloud::{self, Options};
+use marsyard::config;
+use marsyard::drive::Rover;
+use marsyard::geometry::DVec3;
+use marsyard::pipeline::{self, NoWatch, Prepared, Replay, replay_scene};
+use marsyard::sweep::Sensor;
+use marsyard::train::{About, Layout, MODEL_FORMAT, Model, Network, Scaler};
+
+use crate::yard::{Yard, text};
+
+const SCENE: u64 = 1;
+
+fn prepared() -> Prepared {
+    let plan = config::load(&Yard::everything(), &["cells.window_scans=1".to_string()]).expect("a good config");
+    Prepared::new(plan).expect("patterns").keeping_points()
+}
+
+fn replay(prepared: &Prepared) -> Replay {
+    replay_scene(prepared, SCENE, &mut pipeline::Scratch::default(), &mut NoWatch).expect("a scene")
+}
+
+/// The cloud that `marsyard preview` wrote of the scene's last scan.
+fn preview(yard: &Yard) -> Vec<u8> {
+    let config = Yard::everything().display().to_string();
+    let output = yard.marsyard(["preview", &config, "--scene", "1", "--out", "p", "--set", "cells.window_scans=1"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    std::fs::read(yard.path("p/scene-1-cloud.ply")).expect("the cloud")
+}
+
+/// All but intensities and ranges bit for bit; those go through a length and may differ in f32's last digit.
+fn assert_same_cells(here: &Cells, there: &Cells, names: &[String]) {
+    assert_eq!(here.rows.len(), there.rows.len());
+    let near = |a: f32, b: f32| (a - b).abs() <= 2.0 * f32::EPSILON * b.abs();
+    for (a, b) in here.rows.iter().zip(&there.rows) {
+        assert_eq!((a.index, a.points, a.neighbour_mask), (b.index, b.points, b.neighbour_mask));
+        assert!(a.label.is_none() && near(a.range_m, b.range_m), "{a:?} {b:?}");
+    }
+    for (k, (a, b)) in here.features.iter().zip(&there.features).enumerate() {
+        let name = &names[k % names.len()];
+        let same = if name.starts_with("intensity") {
+            near(*a, *b) || (a - b).abs() < 1e-6
+        } else {
+            a.to_bits() == b.to_bits()
+        };
+        assert!(same, "{name}: {a} {b}");
+    }
+}
+
+#[test]
+fn equal_clouds_in_sensor_and_map_frame_give_the_cells_of_the_corpus() {
+    let yard = Yard::new();
+    let prepared = prepared();
+    let replay = replay(&prepared);
+    let family = &prepared.plan.families[replay.family];
+    let scan = replay.scans.last().expect("a kept scan");
+    let points = scan.points.as_ref().expect("kept points");
+    let row = replay.poses.iter().find(|row| row.scan_id == Some(scan.scan_id)).expect("its pose");
+    let names: Vec<String> = feature_columns(&family.cells, true).into_iter().map(|c| c.name).collect();
+    let bin = |points_m: &[DVec3], intensity: &[f32], in_map: bool| {
+        let cloud = WindowCloud {
+            points_m,
+            in_map,
+            intensity: Some(intensity),
+            obstacle: None,
+            estimate: &row.estimate,
+            map_from_sensor: points.map_from_sensor,
+        };
+        bin_clouds(&family.cells, &[cloud], points.max_range_m, &mut Scratch::default()).0
+    };
+    let read = cloud::read("cloud.ply", &preview(&yard), None, &Options::default()).expect("a cloud");
+    let here = bin(&read.points_m, read.intensity.as_ref().expect("intensities"), true);
+    assert!(here.rows.len() > 100);
+    assert_same_cells(&here, &scan.cells, &names);
+
+    let sweep = &points.sweep;
+    let hits: Vec<usize> = (0..sweep.status.len()).filter(|&slot| sweep.point_sensor(slot).is_some()).collect();
+    let in_sensor: Vec<DVec3> = hits.iter().filter_map(|&slot| sweep.point_sensor(slot)).collect();
+    let intensity: Vec<f32> = hits.iter().map(|&slot| sweep.intensity.as_ref().expect("intensities")[slot]).collect();
+    assert_same_cells(&bin(&in_sensor, &intensity, false), &scan.cells, &names);
+}
+
+/// A network that calls cells untraversable by their height difference: 0.5 at 0.1 m.
+fn model(prepared: &Prepared, features: &[&str]) -> Model {
+    let family = &prepared.plan.families[0];
+    let inputs = features.len();
+    let layout = Layout { inputs, hidden: vec![1], bias: true };
+    let mut weights = vec![0.0; layout.weights()];
+    weights[features.iter().position(|name| *name == "height_difference_m").expect("a feature")] = 40.0;
+    weights[inputs] = -4.0;
+    let end = weights.len();
+    weights[end - 2..].copy_from_slice(&[4.0, -2.0]);
+    let rover: Rover = family.drive.rover.clone();
+    let sensor: Sensor = family.sweep.sensor.clone();
+    let about = About {
+        marsyard_model: MODEL_FORMAT,
+        inputs,
+        hidden: vec![1],
+        bias: true,
+        features: features.iter().map(|name| name.to_string()).collect(),
+        scaler: Scaler { mean: vec![0.0; inputs], scale: vec![1.0; inputs], clip: 1e3 },
+        quantiles: vec![[-1.0, -0.9, -0.8, 0.01, 0.8, 0.9, 1.0]; inputs],
+        targets: [0.1, 0.9],
+        thresholds: vec![0.5],
+        cells: family.cells.clone(),
+        rover,
+        sensor,
+        mount: [0.0, 0.0, 0.5, 0.0, 0.0, 0.0],
+        corpus_ids: vec!["ab".repeat(32)],
+        corpus_names: vec!["tiny".into()],
+    };
+    Model { network: Network { layout, weights }, about }
+}
+
+#[test]
+fn law_classify_writes_all_it_promises_and_judges_by_labels() {
+    let yard = Yard::new();
+    let prepared = prepared();
+    let replay = replay(&prepared);
+    let scan = replay.scans.last().expect("a kept scan");
+    let pose = replay.poses.iter().find(|row| row.scan_id == Some(scan.scan_id)).expect("its pose").estimate.pose;
+    preview(&yard);
+    let model = model(&prepared, &["mean_height_m", "height_difference_m", "point_count", "sigma_z_m"]);
+    std::fs::write(yard.path("model.safetensors"), model.save().expect("a model")).expect("a file");
+    let p = pose.position_m;
+    let [roll, pitch, yaw] = [pose.roll_rad, pose.pitch_rad, pose.yaw_rad].map(f64::to_degrees);
+    let pose = format!("--pose={},{},{},{roll},{pitch},{yaw}", p.x, p.y, p.z);
+    let map = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/labels/marsyard.yaml");
+    let output = yard.marsyard([
+        "classify",
+        "model.safetensors",
+        "p/scene-1-cloud.ply",
+        &pose,
+        "--frame",
+        "map",
+        "--json",
+        "--labels",
+        map,
+        "--label-field",
+        "truth_class",
+        "--out",
+        "c",
+        "--max-range",
+        "100",
+    ]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let lines: Vec<serde_json::Value> =
+        text(&output.stdout).lines().map(|line| serde_json::from_str(line).expect("JSON lines")).collect();
+    assert_eq!(lines[1]["cells"], scan.cells.rows.len());
+    assert_eq!(lines[1]["cells_unknown"], 0);
+    for end in ["labelled.ply", "labelled.pcd", "mesh.ply", "cost.pgm", "cost.yaml", "class.pgm", "class.yaml"] {
+        assert!(yard.path(&format!("c/scene-1-cloud-{end}")).is_file(), "{end}");
+    }
+    for end in ["binary", "direct", "density"] {
+        let png = std::fs::read(yard.path(&format!("c/scene-1-cloud-{end}.png"))).expect("a picture");
+        assert!(png.starts_with(b"\x89PNG"));
+    }
+    let parquet = std::fs::read(yard.path("c/cells.parquet")).expect("a table");
+    assert!(parquet.starts_with(b"PAR1") && parquet.ends_with(b"PAR1"));
+    let report = std::fs::read_to_string(yard.path("c/evaluation.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    let counted = report["groups"][0]["cells"].as_u64().expect("a count");
+    assert_eq!(counted, scan.cells.rows.len() as u64);
+    let yaml = std::fs::read_to_string(yard.path("c/scene-1-cloud-cost.yaml")).expect("a map");
+    assert!(yaml.starts_with("image: scene-1-cloud-cost.pgm\nmode: scale\nresolution: 0.1\norigin: ["), "{yaml}");
+}
+
+#[test]
+fn law_classify_says_what_is_wrong_and_exits_2() {
+    let yard = Yard::new();
+    let prepared = prepared();
+    let save = |name: &str, features: &[&str]| {
+        std::fs::write(yard.path(name), model(&prepared, features).save().expect("a model")).expect("a file");
+    };
+    save("plain.safetensors", &["height_difference_m"]);
+    save("light.safetensors", &["height_difference_m", "intensity_mean"]);
+    save("other.safetensors", &["height_difference_m", "soil_moisture"]);
+    std::fs::write(yard.path("c.csv"), "x,y,z\n1,2,0\n2,2,0\n").expect("a file");
+    std::fs::write(yard.path("nan.csv"), "x,y,z\nnan,2,0\n").expect("a file");
+    let place = "--pose=0,0,0,0,0,0";
+    for (arguments, needle) in [
+        (vec!["plain.safetensors", "c.csv"], "--pose"),
+        (vec!["plain.safetensors", "nan.csv", place], "nan.csv: there is no point in it"),
+        (vec!["plain.safetensors", "none.csv", place], "none.csv: "),
+        (vec!["c.csv", "c.csv", place], "not a marsyard model"),
+        (vec!["light.safetensors", "c.csv", place], "intensity_mean"),
+        (vec!["other.safetensors", "c.csv", place], "soil_moisture"),
+        (vec!["plain.safetensors", "c.csv", "--sensor-height", "0.5"], "no ground to level by"),
+        (
+            vec!["plain.safetensors", "c.csv", "c.csv", "--sensor-height", "0.5", "--window", "2"],
+            "--window needs poses",
+        ),
+    ] {
+        let output = yard.marsyard(["classify"].iter().chain(&arguments));
+        let said = text(&output.stderr);
+        // Long lines are wrapped for people.
+        let flat = said.replace(['\n', '│'], " ").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(flat.contains(needle), "{arguments:?}: {said}");
+    }
+}
