@@ -92,8 +92,8 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
     weights[inputs] = -4.0;
     let end = weights.len();
     weights[end - 2..].copy_from_slice(&[4.0, -2.0]);
-    let rover: Rover = family.drive.rover.clone();
-    let sensor: Sensor = family.sweep.sensor.clone();
+    let rover: Rover = (*family.drive.rover).clone();
+    let sensor: Sensor = (*family.sweep.sensor).clone();
     let about = About {
         marsyard_model: MODEL_FORMAT,
         inputs,
