@@ -202,9 +202,7 @@ impl Kernel<f64> for Many<'_> {
         let widest = layout.hidden.iter().copied().max().unwrap_or(0).max(layout.inputs).max(1);
         let mut values = vec![Lane::default(); widest];
         let mut next = values.clone();
-        for (rows, outputs) in
-            rows.chunks(f64::LANES * layout.inputs.max(1)).zip(outputs.chunks_mut(f64::LANES))
-        {
+        for (rows, outputs) in rows.chunks(f64::LANES * layout.inputs.max(1)).zip(outputs.chunks_mut(f64::LANES)) {
             for (lane, row) in rows.chunks_exact(layout.inputs.max(1)).enumerate() {
                 for (value, x) in values.iter_mut().zip(row) {
                     value.as_mut()[lane] = *x;
@@ -265,7 +263,8 @@ mod tests {
 
     #[test]
     fn exact_gradients_equal_central_differences() {
-        for (hidden, bias) in [(&[][..], true), (&[1], false), (&[16, 16], true), (&[3, 7, 2], true), (&[5, 4], false)] {
+        for (hidden, bias) in [(&[][..], true), (&[1], false), (&[16, 16], true), (&[3, 7, 2], true), (&[5, 4], false)]
+        {
             let mut network = network(14, hidden, bias, 3);
             let input = rows(1, 14);
             let mut tape = Tape::default();

@@ -3,9 +3,9 @@
 //! Source: Hewitt et al. 2017, eq. 17: dw = eta (d - y) B. It is the EKF (eq. 18) where P = p I and 1 / S = a, with eta = a p.
 //! A row's R, which carries the weight of its class, divides eta as it would divide a.
 
+use super::FilterError;
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
-use super::FilterError;
 
 /// A learning rate; no memory.
 pub struct Backprop {

@@ -68,7 +68,8 @@ fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
     let (by, precision) = match params {
         FilterParams::Ekf(ekf) => {
             if !ekf.robust {
-                Noise::of(&ekf.noise).check(ekf.precision, "set `robust: true`, or a smaller ratio (10 is the default)")?;
+                Noise::of(&ekf.noise)
+                    .check(ekf.precision, "set `robust: true`, or a smaller ratio (10 is the default)")?;
             }
             (Groups::One, ekf.precision)
         }

@@ -3,9 +3,9 @@
 //! Source: Hewitt et al. 2017, "s groups"; Puskorius & Feldkamp 1991. Not back-propagation yet: each weight keeps its variance,
 //! and S is shared. All f64. Rows of a batch are learnt one by one against weights that stand still.
 
+use super::FilterError;
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
-use super::FilterError;
 
 /// One variance a weight.
 pub struct Diagonal {

@@ -16,12 +16,10 @@ pub fn groups(layout: &Layout, by: Groups) -> Vec<Vec<u32>> {
                 let stride = inputs + usize::from(layout.bias);
                 let weight = |neuron: usize, input: usize| (first + neuron * stride + input) as u32;
                 match by {
-                    Groups::InputNode => groups.extend(
-                        (0..stride).map(|input| (0..neurons).map(|neuron| weight(neuron, input)).collect()),
-                    ),
-                    Groups::Node => groups.extend(
-                        (0..neurons).map(|neuron| (0..stride).map(|input| weight(neuron, input)).collect()),
-                    ),
+                    Groups::InputNode => groups
+                        .extend((0..stride).map(|input| (0..neurons).map(|neuron| weight(neuron, input)).collect())),
+                    Groups::Node => groups
+                        .extend((0..neurons).map(|neuron| (0..stride).map(|input| weight(neuron, input)).collect())),
                     _ => groups.push((0..neurons * stride).map(|w| (first + w) as u32).collect()),
                 }
                 first += neurons * stride;

@@ -220,11 +220,11 @@ mod x86 {
             impl Simd<$real> for $wide {
                 #[inline(always)]
                 fn load(from: &$chunk) -> Self {
-                    unsafe { std::mem::transmute(*from) }
+                    unsafe { std::mem::transmute::<$chunk, Self>(*from) }
                 }
                 #[inline(always)]
                 fn store(self, to: &mut $chunk) {
-                    *to = unsafe { std::mem::transmute(self) };
+                    *to = unsafe { std::mem::transmute::<Self, $chunk>(self) };
                 }
                 #[inline(always)]
                 fn splat(x: $real) -> Self {
@@ -264,11 +264,11 @@ mod x86 {
             impl Simd<$real> for $pair {
                 #[inline(always)]
                 fn load(from: &$chunk) -> Self {
-                    unsafe { std::mem::transmute(*from) }
+                    unsafe { std::mem::transmute::<$chunk, Self>(*from) }
                 }
                 #[inline(always)]
                 fn store(self, to: &mut $chunk) {
-                    *to = unsafe { std::mem::transmute(self) };
+                    *to = unsafe { std::mem::transmute::<Self, $chunk>(self) };
                 }
                 #[inline(always)]
                 fn splat(x: $real) -> Self {
@@ -304,12 +304,12 @@ mod x86 {
         _mm512_castpd512_pd256(x),
         _mm512_extractf64x4_pd::<1>(x)
     ));
-    pair!(Pair32, __m256, Chunk32, f32, _mm256_set1_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps, |lo, hi| sum32(
-        lo, hi
-    ));
-    pair!(Pair64, __m256d, Chunk64, f64, _mm256_set1_pd, _mm256_mul_pd, _mm256_fmadd_pd, _mm256_fnmadd_pd, |lo, hi| sum64(
-        lo, hi
-    ));
+    pair!(Pair32, __m256, Chunk32, f32, _mm256_set1_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps, |lo, hi| {
+        sum32(lo, hi)
+    });
+    pair!(Pair64, __m256d, Chunk64, f64, _mm256_set1_pd, _mm256_mul_pd, _mm256_fmadd_pd, _mm256_fnmadd_pd, |lo, hi| {
+        sum64(lo, hi)
+    });
 
     /// # Safety
     /// As the kernel that calls it.

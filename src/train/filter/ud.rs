@@ -6,11 +6,11 @@
 //! Deviation: Q is added to D, that is, P += U q U' (exact for Q = 0; the exact sum costs O(s^3)). Rows of a batch are learnt
 //! one by one against weights that stand still, which equals learning them together.
 
+use super::FilterError;
 use super::lanes::{Isa, Kernel, Real, Simd};
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
 use super::triangle::{ROWS, Triangle, chunks, width};
-use super::FilterError;
 
 /// The filter with factors of element type `T`.
 pub struct Ud<T: Real> {
@@ -65,8 +65,8 @@ impl<T: Real> Ud<T> {
             let mut sums = [V::splat(T::of(0.0)); ROWS];
             for (tile, b) in tiles.iter().zip(&self.slopes) {
                 let b = V::load(b);
-                for r in 0..ROWS {
-                    sums[r] = V::load(&tile.0[r]).mul_add(b, sums[r]);
+                for (sum, u) in sums.iter_mut().zip(&tile.0) {
+                    *sum = V::load(u).mul_add(b, *sum);
                 }
             }
             let (mut p, mut v) = ([V::splat(T::of(0.0)); ROWS], [V::splat(T::of(0.0)); ROWS]);
