@@ -8,3 +8,4 @@ mod drive;
 mod scene;
 mod slam;
 mod sweep;
+mod train;

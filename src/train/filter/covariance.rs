@@ -20,6 +20,8 @@ pub struct Covariance<T: Real> {
     /// Whether the next pass runs from the last strip to the first.
     pub backward: bool,
     width: usize,
+    /// The first of the members, where they follow one another.
+    run: Option<usize>,
     jacobian: Vec<T::Chunk>,
     product: Vec<T::Chunk>,
     /// The part of a product that comes from sums along rows.
@@ -40,12 +42,14 @@ impl<T: Real> Covariance<T> {
         let size = members.len();
         let width = chunks::<T>(size);
         let room = vec![T::Chunk::default(); width * batch];
+        let follows = members.windows(2).all(|w| w[1] == w[0] + 1);
         Covariance {
             triangle: Triangle::diagonal(size, variance),
             pending: room.clone(),
             rank: 0,
             backward: false,
             width,
+            run: members.first().filter(|_| follows).map(|&first| first as usize),
             jacobian: room.clone(),
             along: vec![T::Chunk::default(); width],
             product: room,
@@ -57,6 +61,15 @@ impl<T: Real> Covariance<T> {
     #[inline(always)]
     pub fn take(&mut self, j: usize, slopes: &[f64]) {
         let chunks = &mut self.jacobian[j * self.width..][..self.width];
+        if let Some(first) = self.run {
+            let own = &slopes[first..first + self.members.len()];
+            for (chunk, slopes) in chunks.iter_mut().zip(own.chunks(T::LANES)) {
+                for (b, slope) in chunk.as_mut().iter_mut().zip(slopes) {
+                    *b = T::of(*slope);
+                }
+            }
+            return;
+        }
         for (chunk, members) in chunks.iter_mut().zip(self.members.chunks(T::LANES)) {
             for (b, &member) in chunk.as_mut().iter_mut().zip(members) {
                 *b = T::of(slopes[member as usize]);
@@ -178,13 +191,13 @@ fn subtract<T: Real, V: Simd<T>>(
     let (last, body) = tiles.split_last_mut().expect("a strip has a tile");
     for (tile, t) in body.iter_mut().zip(t) {
         let t = V::load(t);
-        for r in 0..ROWS {
-            t_rows[r].neg_mul_add(t, V::load(&tile.0[r])).store(&mut tile.0[r]);
+        for (p, t_row) in tile.0.iter_mut().zip(t_rows) {
+            t_row.neg_mul_add(t, V::load(p)).store(p);
         }
     }
     let t = V::load(&t[body.len()]);
-    for r in 0..ROWS {
-        t_rows[r].neg_mul_add(t.mul(V::load(&masks.lower[r])), V::load(&last.0[r])).store(&mut last.0[r]);
+    for ((p, t_row), lower) in last.0.iter_mut().zip(t_rows).zip(&masks.lower) {
+        t_row.neg_mul_add(t.mul(V::load(lower)), V::load(p)).store(p);
     }
 }
 
@@ -222,9 +235,23 @@ fn multiply<T: Real, V: Simd<T>>(
 
 /// What the update reads and leaves.
 impl<T: Real> Covariance<T> {
+    /// B P B' of the rows of a batch into the lower triangle of `to`; false where P cannot be positive semidefinite.
+    #[inline(always)]
+    pub fn form(&self, count: usize, to: &mut [f64], stride: usize) -> bool {
+        let mut sound = true;
+        for j in 0..count {
+            for k in 0..=j {
+                to[j * stride + k] = self.quadratic(j, k);
+            }
+            let own = to[j * stride + j];
+            sound &= own >= 0.0 && own < f64::INFINITY;
+        }
+        sound
+    }
+
     /// b_j' P b_k, in f64.
     #[inline(always)]
-    pub fn quadratic(&self, j: usize, k: usize) -> f64 {
+    fn quadratic(&self, j: usize, k: usize) -> f64 {
         let b = &self.jacobian[j * self.width..][..self.width];
         let y = &self.product[k * self.width..][..self.width];
         let mut lanes = [0.0f64; 8];
@@ -265,6 +292,15 @@ impl<T: Real> Covariance<T> {
     pub fn step(&self, z: &[f64], step: &mut [f64]) {
         for (j, z) in z.iter().enumerate() {
             let t = &self.pending[j * self.width..][..self.width];
+            if let Some(first) = self.run {
+                let own = &mut step[first..first + self.members.len()];
+                for (t, places) in t.iter().zip(own.chunks_mut(T::LANES)) {
+                    for (t, place) in t.as_ref().iter().zip(places) {
+                        *place = t.f64().mul_add(*z, *place);
+                    }
+                }
+                continue;
+            }
             for (t, members) in t.iter().zip(self.members.chunks(T::LANES)) {
                 for (t, &member) in t.as_ref().iter().zip(members) {
                     let place = &mut step[member as usize];

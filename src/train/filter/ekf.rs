@@ -22,7 +22,9 @@ pub struct Ekf<T: Real> {
     p0: f64,
     groups: Vec<Covariance<T>>,
     masks: Vec<Masks<T::Chunk>>,
+    /// S, then its root, in the lower triangle of rows of `batch`; and a group's part of S.
     root: Vec<f64>,
+    forms: Vec<f64>,
     z: Vec<f64>,
     step: Vec<f64>,
 }
@@ -39,6 +41,7 @@ impl<T: Real> Ekf<T> {
             groups: groups.into_iter().map(|members| Covariance::new(members, p0, batch)).collect(),
             masks: (0..T::LANES / super::triangle::ROWS).map(Triangle::<T>::masks).collect(),
             root: vec![0.0; batch * batch],
+            forms: vec![0.0; batch * batch],
             z: vec![0.0; batch],
             step: vec![0.0; size],
         }
@@ -57,27 +60,24 @@ impl<T: Real> Kernel<T> for Update<'_, T> {
     #[inline(always)]
     fn run<V: Simd<T>>(self) -> Outcome {
         let Update { filter, weights, rows } = self;
-        let Ekf { groups, masks, root, z, step, batch: stride, p0, .. } = filter;
+        let Ekf { groups, masks, root, forms, z, step, batch: stride, p0, .. } = filter;
         let (count, stride) = (rows.innovations.len(), *stride);
         let mut outcome = Outcome::default();
         for j in 0..count {
             root[j * stride..][..j].fill(0.0);
-            root[j * stride + j] = rows.noise[j];
+            root[j * stride + j] = rows.noise[j]; // S = R + sum B P B'
         }
         for group in groups.iter_mut() {
             for (j, slopes) in rows.jacobian.chunks_exact(weights.len()).enumerate() {
                 group.take(j, slopes);
             }
             group.pass::<V>(count, rows.q, masks); // Eq. (11) and P B'
-            if (0..count).any(|j| !(group.quadratic(j, j) >= 0.0 && group.quadratic(j, j) < f64::INFINITY)) {
+            if !group.form(count, forms, stride) {
                 group.rebuild(count, REBUILD_FLOOR * *p0);
+                group.form(count, forms, stride);
                 outcome.rebuilt += 1;
             }
-            for j in 0..count {
-                for k in 0..=j {
-                    root[j * stride + k] += group.quadratic(j, k);
-                }
-            }
+            root.iter_mut().zip(forms.iter()).for_each(|(s, own)| *s += own);
         }
         if !factor(root, count, stride) {
             outcome.rejected = true;

@@ -220,11 +220,11 @@ mod x86 {
             impl Simd<$real> for $wide {
                 #[inline(always)]
                 fn load(from: &$chunk) -> Self {
-                    unsafe { std::mem::transmute(*from) }
+                    unsafe { std::mem::transmute::<$chunk, Self>(*from) }
                 }
                 #[inline(always)]
                 fn store(self, to: &mut $chunk) {
-                    *to = unsafe { std::mem::transmute(self) };
+                    *to = unsafe { std::mem::transmute::<Self, $chunk>(self) };
                 }
                 #[inline(always)]
                 fn splat(x: $real) -> Self {
@@ -264,11 +264,11 @@ mod x86 {
             impl Simd<$real> for $pair {
                 #[inline(always)]
                 fn load(from: &$chunk) -> Self {
-                    unsafe { std::mem::transmute(*from) }
+                    unsafe { std::mem::transmute::<$chunk, Self>(*from) }
                 }
                 #[inline(always)]
                 fn store(self, to: &mut $chunk) {
-                    *to = unsafe { std::mem::transmute(self) };
+                    *to = unsafe { std::mem::transmute::<Self, $chunk>(self) };
                 }
                 #[inline(always)]
                 fn splat(x: $real) -> Self {

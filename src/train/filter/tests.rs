@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::backprop::Backprop;
 use super::diagonal::Diagonal;
 use super::ekf::Ekf;
 use super::groups::groups;

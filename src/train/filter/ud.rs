@@ -65,8 +65,8 @@ impl<T: Real> Ud<T> {
             let mut sums = [V::splat(T::of(0.0)); ROWS];
             for (tile, b) in tiles.iter().zip(&self.slopes) {
                 let b = V::load(b);
-                for r in 0..ROWS {
-                    sums[r] = V::load(&tile.0[r]).mul_add(b, sums[r]);
+                for (sum, u) in sums.iter_mut().zip(&tile.0) {
+                    *sum = V::load(u).mul_add(b, *sum);
                 }
             }
             let (mut p, mut v) = ([V::splat(T::of(0.0)); ROWS], [V::splat(T::of(0.0)); ROWS]);
