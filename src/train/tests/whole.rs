@@ -57,7 +57,7 @@ fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
     for crash in [false, true] {
         let out = dir.path().join(format!("broken-{crash}"));
         let broken = Setup { resume: true, ..setup(std::slice::from_ref(&place), &params(), out).unwrap() };
-        for rows in [1, 250, 299, 301, 700, 1490, 1501, 2000, 3100, 4400] {
+        for rows in [1, 250, 299, 301, 700, 1490, 1501, 2000, 3100, 4250] {
             run_until(&broken, rows, crash);
         }
         run(&broken).unwrap();
