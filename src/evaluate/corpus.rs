@@ -200,7 +200,7 @@ impl Reader<'_> {
         if let Some(absent) = needed.iter().find(|name| !there(name)) {
             return Err(self.fault(table.name(), format!("it has no column '{absent}'")));
         }
-        needed.extend([HEIGHT_DIFFERENCE, OBSTACLE_POINTS, TOP_POINTS].into_iter().filter(|name| there(name)));
+        needed.extend([HEIGHT_DIFFERENCE, OBSTACLE_POINTS, TOP_POINTS, CLASS].into_iter().filter(|name| there(name)));
         needed.sort_unstable();
         needed.dedup();
         Ok(needed)
@@ -245,6 +245,7 @@ impl Reader<'_> {
 const HEIGHT_DIFFERENCE: &str = "height_difference_m";
 const OBSTACLE_POINTS: &str = "truth_obstacle_points";
 const TOP_POINTS: &str = "truth_top_points";
+const CLASS: &str = "truth_class";
 
 /// The columns of a row group.
 struct Columns<'b> {
@@ -258,6 +259,7 @@ struct Columns<'b> {
     height_difference_m: Option<&'b PrimitiveArray<Float32Type>>,
     obstacle_points: Option<&'b PrimitiveArray<Int32Type>>,
     top_points: Option<&'b PrimitiveArray<Int32Type>>,
+    class: Option<&'b PrimitiveArray<Int8Type>>,
     features: Vec<&'b PrimitiveArray<Float32Type>>,
     relabel: Option<Relabel<'b>>,
 }
@@ -296,6 +298,7 @@ impl<'b> Columns<'b> {
             height_difference_m: optional(HEIGHT_DIFFERENCE).map(|name| column(batch, &name)).transpose()?,
             obstacle_points: optional(OBSTACLE_POINTS).map(|name| column(batch, &name)).transpose()?,
             top_points: optional(TOP_POINTS).map(|name| column(batch, &name)).transpose()?,
+            class: optional(CLASS).map(|name| column(batch, &name)).transpose()?,
             features: model.about.features.iter().map(|name| column(batch, name)).collect::<Result<_, _>>()?,
             relabel,
         })
@@ -328,6 +331,7 @@ impl<'b> Columns<'b> {
             top_points: count(self.top_points),
             range_m: self.range_m.value(row),
             height_difference_m: self.height_difference_m.map_or(0.0, |c| c.value(row)),
+            class: self.class.filter(|c| c.is_valid(row)).map(|c| c.value(row)),
         });
     }
 }

@@ -26,6 +26,8 @@ pub struct Cell {
     pub top_points: i32,
     pub range_m: f32,
     pub height_difference_m: f32,
+    /// True class of the tallest object among the points; `None` where nobody knows.
+    pub class: Option<i8>,
 }
 
 /// Outputs from `value` on are called untraversable.
@@ -94,6 +96,8 @@ pub struct Judge {
     /// At the first threshold.
     pub(super) by_points: Spread,
     pub(super) by_range: Spread,
+    /// Cells by true class, at the first threshold.
+    pub(super) by_class: BTreeMap<i8, Confusion>,
     /// One a threshold.
     pub(super) tops: Vec<MissedTops>,
     /// Cells that could not be judged: their label is unknown, or a feature is not finite.
@@ -157,14 +161,22 @@ impl Judge {
             groups: BTreeMap::new(),
             by_points: Spread::default(),
             by_range: Spread::default(),
+            by_class: BTreeMap::new(),
             tops,
             unknown_cells: 0,
             not_finite_cells: 0,
         }
     }
 
-    /// Adds one scan: its cells and the output for each. Empty names of family and sensor make no group.
+    /// Adds one scan: its cells and the output for each. Empty names of family and sensor make no group. A cell whose output is
+    /// NaN is counted and left out.
     pub fn add_scan(&mut self, family: &str, sensor: &str, cells: &[Cell], outputs: &[f64]) {
+        if outputs.iter().any(|output| output.is_nan()) {
+            let finite = cells.iter().copied().zip(outputs.iter().copied()).filter(|(_, output)| !output.is_nan());
+            let (cells_left, outputs_left): (Vec<Cell>, Vec<f64>) = finite.unzip();
+            self.not_finite_cells += (cells.len() - cells_left.len()) as u64;
+            return self.add_scan(family, sensor, &cells_left, &outputs_left);
+        }
         let mut groups = vec![(Group::All, 0), (Group::Points(WELL_SEEN_POINTS), WELL_SEEN_POINTS as i32)];
         groups.extend((!family.is_empty()).then(|| (Group::Family(family.into()), 0)));
         groups.extend((!sensor.is_empty()).then(|| (Group::Sensor(sensor.into()), 0)));
@@ -187,7 +199,11 @@ impl Judge {
             for (cell, &output) in cells.iter().zip(outputs) {
                 let called = output >= first.value;
                 self.by_points.add(cell.points.max(0) as u32, cell.untraversable, called);
-                self.by_range.add((cell.range_m * CM_PER_M).round() as u32, cell.untraversable, called);
+                let range_cm = (cell.range_m * CM_PER_M).round().clamp(0.0, LARGEST_CM);
+                self.by_range.add(range_cm as u32, cell.untraversable, called);
+                if let Some(class) = cell.class {
+                    self.by_class.entry(class).or_default().add(cell.untraversable, called, 1);
+                }
             }
         }
         for (tops, threshold) in self.tops.iter_mut().zip(&self.thresholds) {
@@ -204,3 +220,4 @@ impl Judge {
 
 /// Ranges are ranked to the centimetre.
 pub(super) const CM_PER_M: f32 = 100.0;
+const LARGEST_CM: f32 = 1e9;

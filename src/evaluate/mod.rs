@@ -24,7 +24,7 @@ pub use self::corpus::{EvaluateError, FamilyFacts, Options, evaluate};
 pub use confusion::{Confusion, FiveRows, Rates, Table1};
 pub use figures::{FigureError, figures};
 pub use judge::{Cell, Group, Judge, Threshold, ThresholdOrigin};
-pub use report::{AtThreshold, DataFacts, GroupReport, Judged, ModelFacts, Panels, Report, SpreadReport};
+pub use report::{AtThreshold, ClassReport, DataFacts, GroupReport, Judged, ModelFacts, Panels, Report, SpreadReport};
 pub use scores::{RocPoint, Scores};
 pub use spread::{Bin, Spread};
 pub use tops::MissedTops;

@@ -7,6 +7,7 @@ use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH
 use super::scores::{BINS, RocPoint};
 use super::spread::{Bin, Spread};
 use super::tops::MissedTops;
+use crate::scene::Class;
 use crate::train::Model;
 
 /// How good a model is on some cells. No time, host or path: equal models and cells give equal reports.
@@ -24,6 +25,8 @@ pub struct Report {
     pub groups: Vec<GroupReport>,
     pub points_per_cell: SpreadReport,
     pub range_m: SpreadReport,
+    /// Cells by the class of the tallest object among their points, at the first threshold: what is missed, what gives alarm.
+    pub classes: Vec<ClassReport>,
     /// Missed tops of obstacles at each threshold.
     pub missed_tops: Vec<MissedTops>,
     /// The network's curve over all cells, thinned.
@@ -99,6 +102,15 @@ pub struct Judged {
     pub table_1: Table1,
 }
 
+/// Cells of one true class.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClassReport {
+    pub class: String,
+    pub counts: Confusion,
+    #[serde(flatten)]
+    pub rates: Rates,
+}
+
 /// Errors at the first threshold by a number of the cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SpreadReport {
@@ -146,6 +158,7 @@ impl Report {
                 .collect(),
             points_per_cell: SpreadReport::of(&judge.by_points, &POINT_BORDERS, 1.0),
             range_m: SpreadReport::of(&judge.by_range, &RANGE_BORDERS, f64::from(CM_PER_M)),
+            classes: judge.by_class.iter().map(|(&class, &counts)| ClassReport::of(class, counts)).collect(),
             missed_tops: judge.tops.clone(),
             roc: curve(|tally| &tally.network),
             roc_height_difference: curve(|tally| &tally.height),
@@ -198,6 +211,15 @@ impl AtThreshold {
 impl Judged {
     fn of(counts: Confusion) -> Judged {
         Judged { counts, rates: counts.rates(), table_1: counts.table_1() }
+    }
+}
+
+impl ClassReport {
+    fn of(class: i8, counts: Confusion) -> ClassReport {
+        let known = [Class::Ground, Class::Rock, Class::Box, Class::Trunk, Class::Grass, Class::Bush, Class::Crown];
+        let name =
+            known.into_iter().find(|known| *known as i8 == class).map(|known| format!("{known:?}").to_lowercase());
+        ClassReport { class: name.unwrap_or(format!("class {class}")), counts, rates: counts.rates() }
     }
 }
 

@@ -20,6 +20,7 @@ impl Display for Report {
             }
         }
         self.tops(f)?;
+        self.classes(f)?;
         writeln!(f)?;
         spread(f, "points per cell", &self.points_per_cell, self.thresholds.first(), |bin| whole_bin(bin))?;
         writeln!(f)?;
@@ -104,6 +105,28 @@ impl Report {
             "missed = missed_untraversable: of what is untraversable, the share called traversable (dangerous)"
         )?;
         writeln!(f, "false  = false_untraversable: of what is traversable, the share called untraversable (a detour)")
+    }
+
+    /// Which things are missed, and which give alarm.
+    fn classes(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        if self.classes.is_empty() {
+            return Ok(());
+        }
+        let from = self.thresholds.first().map_or(String::new(), |t| format!(" (from {:.3})", t.value));
+        let title = format!("tallest thing in the cell{from}");
+        writeln!(f, "\n{title:<42} {:>12} {:>14} {:>8} {:>8}", "cells", "untraversable", "missed", "false")?;
+        for class in &self.classes {
+            writeln!(
+                f,
+                "  {:<40} {:>12} {:>14} {:>8} {:>8}",
+                class.class,
+                thousands(class.counts.total()),
+                thousands(class.counts.untraversable()),
+                percent(class.rates.missed_untraversable),
+                percent(class.rates.false_untraversable)
+            )?;
+        }
+        Ok(())
     }
 
     fn tops(&self, f: &mut Formatter<'_>) -> fmt::Result {

@@ -123,6 +123,8 @@ fn exact_a_report_of_a_corpus_counted_by_hand() {
     assert_eq!(counts(at.cells_without_tops.counts), [4, 2, 0, 2]);
     assert_eq!(counts(at.points_without_tops.counts), [14, 4, 0, 18]);
     assert_eq!(counts(at.own_points_without_tops.counts), [14, 16, 0, 6]);
+    let classes: Vec<(&str, [u64; 4])> = report.classes.iter().map(|c| (c.class.as_str(), counts(c.counts))).collect();
+    assert_eq!(classes, [("ground", [4, 2, 0, 0]), ("rock", [0, 0, 2, 2])]);
     // The missed top lies between the obstacle and the false alarm: enclosed; nothing is above and below it: not walled in.
     assert_eq!(report.missed_tops[0], MissedTops { cells: 2, enclosed: 2, walled_in: 0 });
     // Outputs rise with the height difference: of six pairs, the top at 0.02 m loses to the ground at 0.05 and 0.2 m.
@@ -293,6 +295,17 @@ fn golden_rank_correlations_are_scipys() {
     let spread = judge_many_from_half().by_points;
     assert!((spread.rho().unwrap() - -0.008993271751772215).abs() < 1e-14);
     assert!((spread.rho_false_untraversable().unwrap() - -0.01535014013464973).abs() < 1e-14);
+}
+
+#[test]
+fn extreme_cells_with_a_nan_output_are_counted_and_left_out() {
+    let mut judge = Judge::new(vec![Threshold { value: 0.5, origin: ThresholdOrigin::Given }], None);
+    let cells = [Cell { points: 1, range_m: f32::NAN, ..Cell::default() }, Cell { points: 2, ..Cell::default() }];
+    judge.add_scan("", "", &cells, &[f64::NAN, 0.25]);
+    assert_eq!((judge.not_finite_cells, judge.groups[&judge::Group::All].cells), (1, 1));
+    judge.add_scan("", "", &cells[..1], &[f64::NAN]);
+    judge.add_scan("", "", &[], &[]);
+    assert_eq!((judge.not_finite_cells, judge.groups[&judge::Group::All].cells), (2, 1));
 }
 
 fn judge_at(thresholds: &[f64]) -> Judge {
