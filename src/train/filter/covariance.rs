@@ -244,7 +244,7 @@ impl<T: Real> Covariance<T> {
                 to[j * stride + k] = self.quadratic(j, k);
             }
             let own = to[j * stride + j];
-            sound &= own >= 0.0 && own < f64::INFINITY;
+            sound &= (0.0..f64::INFINITY).contains(&own);
         }
         sound
     }
