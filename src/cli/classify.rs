@@ -99,6 +99,7 @@ fn judged_cells(model: &Model, setup: &Setup, scan: &Scan) -> (Vec<Cell>, Vec<f6
             row: row.index.row,
             col: row.index.col,
             untraversable: row.label? == 1,
+            class: None,
             points: scan.known_points[i],
             obstacle_points: row.truth.obstacle_points,
             top_points: 0,
