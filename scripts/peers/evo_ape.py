@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """TUM files and the absolute trajectory errors found in the repository -> the same errors by evo (an outside check).
 
-    python3 -m venv /tmp/evo && /tmp/evo/bin/pip install evo
-    MARSYARD_TUM=/tmp/tum cargo test --release --test statistics slam::tum_files -- --ignored
-    /tmp/evo/bin/python scripts/peers/evo_ape.py /tmp/tum
+    python3 -m venv .venv && .venv/bin/pip install evo
+    MARSYARD_TUM=tum cargo test --release --test statistics slam::tum_files -- --ignored
+    .venv/bin/python scripts/peers/evo_ape.py tum
 
 No alignment: both trajectories are in the yard's frame, and aligning them would hide the heading error.
 Exits with 1 where the two differ by 1e-6 m or more.

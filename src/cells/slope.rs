@@ -1,7 +1,7 @@
 //! True points on the ground -> how steep it truly is under them.
 //!
 //! Most points of a sweep lie on the ground, so a polynomial's gradient is worked out for eight at a time: the Taylor series
-//! about the yard's centre (reference `paper-notes.md` B2: condition below 2e4 at degree 12, so 12 digits stay) by Horner's rule,
+//! about the yard's centre (condition below 2e4 at degree 12, so 12 digits stay) by Horner's rule,
 //! first along y, then along x. Plain products and sums, never contracted: AVX2 changes the speed, not a bit.
 
 use crate::geometry::DVec2;

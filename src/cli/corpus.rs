@@ -6,14 +6,23 @@ use clap::Args;
 
 use super::Failure;
 use super::explain::plan_of;
-use super::generate::{corpus_failure, spec_of};
+use super::generate::{corpus_failure, judge_failures, spec_of};
 use super::output::{out, outln};
-use crate::corpus::{self, CorpusSpec, LocalFolder, ranges, verify};
+use crate::corpus::{self, CorpusSpec, LocalFolder, Place, ranges, verify};
 
 #[derive(Debug, Args)]
 pub(super) struct PlaceArgs {
     /// Folder of a corpus.
     place: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct VerifyArgs {
+    /// Folder of a corpus.
+    place: PathBuf,
+    /// Remove the damaged shards, so that `marsyard generate` builds them anew.
+    #[arg(long)]
+    repair: bool,
 }
 
 #[derive(Debug, Args)]
@@ -57,26 +66,34 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
 
 pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
+    let (plan, _) = plan_of(&args.place, &[])?;
     let manifest = corpus::finalize(&store, &spec).map_err(corpus_failure)?;
     eprintln!("{}: {} shards, corpus_id {}", args.place.display(), manifest.shards, manifest.corpus_id);
-    Ok(())
+    judge_failures(&plan, &manifest)
 }
 
-pub(super) fn verify(args: &PlaceArgs) -> Result<(), Failure> {
+pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
+    let place = args.place.display();
     let findings = verify::verify(&store, &spec).map_err(corpus_failure)?;
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
-        eprintln!("{}: {} shards are as their receipts say", args.place.display(), spec.shards());
+        eprintln!("{place}: {} shards are as their receipts say", spec.shards());
         return Ok(());
     }
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
     shards.sort_unstable();
     shards.dedup();
+    let ranges = ranges::to_text(&shards);
+    let again = format!("marsyard generate {place}/plan.yaml --out {place}");
+    if args.repair {
+        let corpus = Place::open(&store, &spec).map_err(corpus_failure)?;
+        shards.iter().try_for_each(|&shard| corpus.discard(shard)).map_err(corpus_failure)?;
+        return Err(Failure::failed(format!("shards {ranges} were damaged and are removed; build them anew: {again}")));
+    }
     Err(Failure::failed(format!(
-        "{} findings in shards {}; delete the receipts of these shards (receipts/0000000.json is shard 0) and their files, and run `marsyard generate` again",
-        findings.len(),
-        ranges::to_text(&shards)
+        "{} findings in shards {ranges}; cure: marsyard verify {place} --repair, then {again}",
+        findings.len()
     )))
 }
 

@@ -12,6 +12,7 @@ use crate::config::{self, Family, Plan};
 use crate::corpus::{self, LocalFolder, ScanOutput, ScanPoints, Split};
 use crate::geometry::{CellIndex, DVec3};
 use crate::pipeline::{Hashes, Prepared, Replay, Scratch, replay_scene};
+use crate::random::Drawn;
 use crate::scene::{Class, Scene};
 use crate::sweep::Status;
 
@@ -63,8 +64,11 @@ pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
     check_scene(&plan, args.scene)?;
     let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();
     let mut hashes = Hashes::new();
-    let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut hashes)
-        .map_err(|e| Failure::failed(format!("scene {}: {e}", args.scene)))?;
+    let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut hashes).map_err(|failed| {
+        outln!("drawn values");
+        tell_drawn(&failed.drawn);
+        Failure::failed(format!("scene {} failed after {} attempts: {}", args.scene, failed.attempts, failed.reason))
+    })?;
     let family = &prepared.plan.families[replay.family];
     match args.cell {
         None => {
@@ -79,14 +83,18 @@ pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
     }
 }
 
+fn tell_drawn(drawn: &Drawn) {
+    for (purpose, value) in drawn.iter() {
+        outln!("  {:<58} {value}", purpose.key());
+    }
+}
+
 fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes: &Hashes) {
     let shard = plan.shard_of(scene);
     outln!("scene {scene} of '{}' (seed {}), family {}", plan.name, plan.seed, family.name);
     outln!("shard {shard} ({}), attempts {}\n", Split::of_shard(shard).name(), replay.attempts);
     outln!("drawn values");
-    for (purpose, value) in replay.drawn.iter() {
-        outln!("  {:<58} {value}", purpose.key());
-    }
+    tell_drawn(&replay.drawn);
     outln!("\nstages (hash of their f64 results)");
     let hash_of =
         |name: &str| hashes.finish().into_iter().find(|(n, _)| *n == name).map(|(_, h)| h).unwrap_or_default();

@@ -17,7 +17,7 @@ use super::{ConfigArgs, Failure, LogFormat};
 use crate::cells::feature_columns;
 use crate::config::Plan;
 use crate::corpus::{
-    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Store, manifest,
+    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Store,
 };
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, BuildError, Event, Outcome};
@@ -34,12 +34,20 @@ pub(super) struct GenerateArgs {
     #[arg(long, value_parser = parse_range, value_name = "A..B")]
     shards: Option<Range<u64>>,
     /// Threads; never changes a byte.
-    #[arg(long, default_value_t = default_threads())]
+    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
 }
 
 pub(super) fn default_threads() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) => Err("at least one thread is needed".into()),
+        Ok(threads) => Ok(threads),
+        Err(e) => Err(format!("'{text}': {e}")),
+    }
 }
 
 fn parse_range(text: &str) -> Result<Range<u64>, String> {
@@ -76,8 +84,15 @@ pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
 
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
+    use std::io::ErrorKind;
     let code = match &error {
-        CorpusError::Io { .. } => Failure::TRY_AGAIN,
+        CorpusError::Io { source, .. } => match source.kind() {
+            ErrorKind::NotADirectory
+            | ErrorKind::PermissionDenied
+            | ErrorKind::ReadOnlyFilesystem
+            | ErrorKind::NotFound => Failure::FAILED,
+            _ => Failure::TRY_AGAIN,
+        },
         CorpusError::OtherPlan { .. } | CorpusError::ForeignPlan { .. } | CorpusError::BeyondPlan { .. } => {
             Failure::USAGE
         }
@@ -251,36 +266,36 @@ fn finish(
     let status = corpus::status(store, spec).map_err(corpus_failure)?;
     let place = store.place();
     let missing = status.to_build();
-    let (failed, scenes) = if missing.is_empty() {
+    if missing.is_empty() {
         let manifest = corpus::finalize(store, spec).map_err(corpus_failure)?;
         tell_end(&manifest, &place, progress, writing, log);
-        (manifest.failed.len() as u64, plan.scenes)
-    } else {
-        tracing::info!(
-            "{place}: {} shards are still to be built ({}); then: marsyard finalize {place}",
-            missing.len(),
-            corpus::ranges::to_text(&missing)
-        );
-        (progress.failed, progress.done)
-    };
-    let share = failed as f64 / scenes.max(1) as f64;
-    if share > plan.max_failed_share {
-        return Err(Failure::failed(format!(
-            "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {}",
-            plan.max_failed_share,
-            corpus::status(store, spec)
-                .ok()
-                .and_then(|_| Manifest::read(store).ok())
-                .and_then(|m| m.failed.first().map(|f| format!(
-                    "scene {}: {}; replay: {}",
-                    f.scene,
-                    f.error,
-                    manifest::replay(f.scene)
-                )))
-                .unwrap_or_else(|| "listed above".into())
-        )));
+        return judge_failures(plan, &manifest);
     }
-    Ok(())
+    tracing::info!(
+        "{place}: {} shards are still to be built ({}); then: marsyard finalize {place}",
+        missing.len(),
+        corpus::ranges::to_text(&missing)
+    );
+    too_many_failures(plan, progress.failed, progress.done, "listed above")
+}
+
+/// Refuses a finished corpus of which too many scenes failed.
+pub(super) fn judge_failures(plan: &Plan, manifest: &Manifest) -> Result<(), Failure> {
+    let first = manifest
+        .failed
+        .first()
+        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, f.error, f.replay));
+    too_many_failures(plan, manifest.failed.len() as u64, manifest.scenes, &first.unwrap_or_default())
+}
+
+fn too_many_failures(plan: &Plan, failed: u64, scenes: u64, first: &str) -> Result<(), Failure> {
+    if failed as f64 <= plan.max_failed_share * scenes as f64 {
+        return Ok(());
+    }
+    Err(Failure::failed(format!(
+        "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {first}",
+        plan.max_failed_share
+    )))
 }
 
 fn tell_end(manifest: &Manifest, place: &str, progress: &Progress, writing: std::time::Duration, log: LogFormat) {

@@ -17,7 +17,15 @@ pub(super) fn start(format: LogFormat) {
 /// Says why a verb failed.
 pub(super) fn failure(format: LogFormat, failure: &Failure) {
     match format {
-        LogFormat::Json => tracing::error!(exit_code = failure.code, "{:?}", failure.report.to_string()),
+        LogFormat::Json => {
+            // One event for the whole, one for each fault of a config, each with its cure.
+            let help = failure.report.help().map(|help| help.to_string()).unwrap_or_default();
+            tracing::error!(exit_code = failure.code, help, "{}", failure.report);
+            for fault in failure.report.related().into_iter().flatten() {
+                let help = fault.help().map(|help| help.to_string()).unwrap_or_default();
+                tracing::error!(exit_code = failure.code, help, "{fault}");
+            }
+        }
         LogFormat::Text => eprintln!("{:?}", failure.report),
     }
 }

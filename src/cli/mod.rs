@@ -59,7 +59,7 @@ enum Verb {
     /// Merge the receipts of all shards (of many machines) into the manifest; refuses gaps.
     Finalize(corpus::PlaceArgs),
     /// Check every shard of a corpus against its manifest: hashes, schema, counts.
-    Verify(corpus::PlaceArgs),
+    Verify(corpus::VerifyArgs),
     /// Balance of labels, ranges of features, dead features.
     Inspect(corpus::InspectArgs),
     /// Replay one scene and say what was drawn and computed; for a cell, the arithmetic of each feature and label.

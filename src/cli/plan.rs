@@ -25,7 +25,7 @@ pub(super) struct PlanArgs {
     #[arg(long, default_value_t = 8)]
     sample: u64,
     /// Threads that the build will have.
-    #[arg(long, default_value_t = super::generate::default_threads())]
+    #[arg(long, default_value_t = super::generate::default_threads(), value_parser = super::generate::parse_threads)]
     threads: usize,
     /// One JSON object on stdout instead of text.
     #[arg(long)]

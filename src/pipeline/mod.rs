@@ -55,6 +55,15 @@ pub enum SceneFailure {
     Slam(#[from] crate::slam::SlamError),
 }
 
+/// A scene that could not be made: why, and what was drawn and tried until then.
+#[derive(Debug, thiserror::Error)]
+#[error("{reason}")]
+pub struct FailedScene {
+    pub reason: SceneFailure,
+    pub drawn: Drawn,
+    pub attempts: u32,
+}
+
 /// What the stages of one scene made, for pictures and explanations.
 pub struct Replay {
     pub family: usize,
@@ -88,9 +97,9 @@ pub fn run_scene(prepared: &Prepared, scene_id: u64, scratch: &mut Scratch, watc
     let family = prepared.plan.family_of(scene_id);
     match replay_scene(prepared, scene_id, scratch, watch) {
         Ok(replay) => replay.into_output(scene_id, &family.name),
-        Err(failure) => {
-            let attempts = family.drive.attempts;
-            SceneOutput::failed(scene_id, &family.name, attempts, Drawn::default(), failure.to_string())
+        Err(failed) => {
+            let FailedScene { reason, drawn, attempts } = *failed;
+            SceneOutput::failed(scene_id, &family.name, attempts, drawn, reason.to_string())
         }
     }
 }
@@ -101,7 +110,7 @@ pub fn replay_scene(
     scene_id: u64,
     scratch: &mut Scratch,
     watch: &mut impl Watch,
-) -> Result<Replay, SceneFailure> {
+) -> Result<Replay, Box<FailedScene>> {
     let plan = &prepared.plan;
     let family = plan.family_of(scene_id);
     let family_index = plan.families.iter().position(|f| f.name == family.name).expect("a family of the plan");
@@ -109,31 +118,46 @@ pub fn replay_scene(
 
     watch.begin();
     let scene_drawn = Drawn::draw(&streams, family.scene.dists());
-    let scene = scene::build(&family.scene, &scene_drawn, &streams)?;
+    let scene = scene::build(&family.scene, &scene_drawn, &streams)
+        .map_err(|e| Box::new(FailedScene { reason: e.into(), drawn: scene_drawn.clone(), attempts: 0 }))?;
     watch.end(Stage::Scene, |hasher| scene.hash_into(hasher));
 
-    let mut attempt = 0;
-    loop {
-        let result = run_attempt(prepared, family_index, scene_id, attempt, &scene, &scene_drawn, scratch, watch);
-        attempt += 1;
-        let last = attempt == family.drive.attempts;
-        match result {
-            Ok(run) if last || run.scans.iter().any(has_both_classes) => {
-                return Ok(Replay {
-                    family: family_index,
-                    drawn: run.drawn,
-                    scene,
-                    drive: run.drive,
-                    rover_from_sensor: run.rover_from_sensor,
-                    poses: run.poses,
-                    scans: run.scans,
-                    attempts: attempt,
-                });
-            }
-            Err(failure) if last => return Err(failure),
-            Ok(_) | Err(_) => {}
+    // The last attempt that came to an end is written, also where a later one failed.
+    let mut finished: Option<Run> = None;
+    let mut failed: Option<Box<FailedScene>> = None;
+    let mut attempts = 0;
+    while attempts < family.drive.attempts
+        && !finished.as_ref().is_some_and(|run| run.scans.iter().any(has_both_classes))
+    {
+        let drawn = draw_attempt(plan, family, scene_id, attempts, &scene_drawn);
+        match run_attempt(prepared, family_index, scene_id, attempts, &scene, &drawn, scratch, watch) {
+            Ok(run) => finished = Some(run),
+            Err(reason) => failed = Some(Box::new(FailedScene { reason, drawn, attempts: attempts + 1 })),
         }
+        attempts += 1;
     }
+    match (finished, failed) {
+        (Some(run), _) => Ok(Replay {
+            family: family_index,
+            drawn: run.drawn,
+            scene,
+            drive: run.drive,
+            rover_from_sensor: run.rover_from_sensor,
+            poses: run.poses,
+            scans: run.scans,
+            attempts,
+        }),
+        (None, Some(failed)) => Err(failed),
+        (None, None) => unreachable!("config asks for at least one attempt"),
+    }
+}
+
+/// The scene's values and those of one attempt's drive and sweeps.
+fn draw_attempt(plan: &Plan, family: &Family, scene_id: u64, attempt: u32, scene_drawn: &Drawn) -> Drawn {
+    let mut drawn = scene_drawn.clone();
+    drawn.extend(Drawn::draw(&plan.streams(scene_id, attempt, Stage::Drive), family.drive.dists()));
+    drawn.extend(Drawn::draw(&plan.streams(scene_id, attempt, Stage::Sweep), family.sweep.dists()));
+    drawn
 }
 
 /// A sweep that a later cell may still need.
@@ -165,7 +189,7 @@ fn run_attempt(
     scene_id: u64,
     attempt: u32,
     scene: &Scene,
-    scene_drawn: &Drawn,
+    drawn: &Drawn,
     scratch: &mut Scratch,
     watch: &mut impl Watch,
 ) -> Result<Run, SceneFailure> {
@@ -176,18 +200,14 @@ fn run_attempt(
     let (drive_streams, sweep_streams, slam_streams) =
         (address(Stage::Drive), address(Stage::Sweep), address(Stage::Slam));
 
-    let mut drawn = scene_drawn.clone();
-    drawn.extend(Drawn::draw(&drive_streams, family.drive.dists()));
-    drawn.extend(Drawn::draw(&sweep_streams, family.sweep.dists()));
-
     watch.begin();
-    let drive = drive::drive(&family.drive, scene, &drawn, &drive_streams)?;
+    let drive = drive::drive(&family.drive, scene, drawn, &drive_streams)?;
     watch.end(Stage::Drive, |hasher| drive.hash_into(hasher));
 
-    let rover_from_sensor = mount(family, &drawn);
+    let rover_from_sensor = mount(family, drawn);
     let caster = Caster::new(scene, &family.sweep.cast);
     watch.end(Stage::Sweep, |_| ());
-    let noise = drive::InstrumentNoise::of(&family.drive.instruments, &drawn);
+    let noise = drive::InstrumentNoise::of(&family.drive.instruments, drawn);
     let mut localiser = Localiser::new(&family.slam, &noise, &drive.truth[0], &rover_from_sensor)?;
     let kept_stops = kept_stops(family.drive.keep, drive.stops.len());
     let window_scans = family.cells.window_scans as usize;
@@ -212,7 +232,7 @@ fn run_attempt(
                 pattern,
                 &caster,
                 &world_from_sensor,
-                &drawn,
+                drawn,
                 &sweep_streams.at_step(stop as u32),
                 &mut scratch.sweep,
             )?;
@@ -251,7 +271,7 @@ fn run_attempt(
         stop += usize::from(stops_here);
     }
     watch.end(Stage::Slam, |_| ());
-    Ok(Run { drawn, drive, rover_from_sensor, poses, scans })
+    Ok(Run { drawn: drawn.clone(), drive, rover_from_sensor, poses, scans })
 }
 
 /// The sensor's place: the rover's own mast, with what `sweep.mount` overrides.

@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn law_the_fit_keeps_to_its_field() {
-        // Correlation length 0.4 of the fitted square: degree 12 retains all but 10^-3 of the variance (paper-notes B2).
+        // Correlation length 0.4 of the fitted square: degree 12 retains all but 10^-3 of the variance.
         let field = RandomField { rms_height_m: 1.0, correlation_length_m: 9.6 };
         let noise = streams(1).open(Purpose::GroundNoise);
         let Ground::Polynomial(fit) = random_shape(&field, &polynomial(12), EXTENT_M, &streams(1)) else { panic!() };

@@ -65,6 +65,10 @@ fn law_verify_finds_a_flipped_bit() {
     assert_eq!(output.status.code(), Some(1));
     let said = text(&output.stdout) + &text(&output.stderr);
     assert!(said.contains("train-0000001.parquet"), "{said}");
+    assert_eq!(yard.marsyard(["verify", "corpus", "--repair"]).status.code(), Some(1));
+    let plan = yard.path("corpus/plan.yaml");
+    yard.generate(&plan, "corpus", &[]);
+    assert!(yard.marsyard(["verify", "corpus"]).status.success(), "a repaired corpus is whole");
 }
 
 #[test]
@@ -93,6 +97,13 @@ fn law_explain_gives_the_arithmetic_of_a_cell() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let said = text(&output.stdout);
     assert!(said.contains("scene.ground.source.random.rms_height_m"), "{said}");
+    let cell = said.rsplit("--cell ").next().expect("a suggested cell").trim();
+    let output = yard.marsyard(["explain", "corpus", "--scene", "1", "--cell", cell]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let said = text(&output.stdout);
+    for part in ["mean_height_m", "label: 1, untraversable", "the same, bit for bit"] {
+        assert!(said.contains(part), "{part} is not in:\n{said}");
+    }
 }
 
 #[test]
@@ -140,4 +151,9 @@ fn law_failed_scenes_are_listed_with_their_replay_and_fail_the_run_past_the_shar
     assert_eq!(manifest["failed"].as_array().map(Vec::len), Some(8));
     assert!(manifest["failed"][3]["replay"].as_str().is_some_and(|r| r.contains("--scene 3")), "{manifest}");
     assert!(steep("1").status.success(), "all may fail where the config says so");
+    let output = yard.marsyard(["finalize", "max_failed_share=0.5"]);
+    assert_eq!(output.status.code(), Some(1), "finalize judges the same share");
+    let output = yard.marsyard(["explain", "max_failed_share=0.5", "--scene", "3"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stdout).contains("scene.rocks.count"), "a failed scene's draws are told");
 }

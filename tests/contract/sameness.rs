@@ -17,6 +17,18 @@ fn equal_bytes_for_one_two_three_and_seven_threads() {
     }
 }
 
+/// Roughness and landforms make a ground a raster; without them it stays the polynomial.
+const POLYNOMIAL: [&str; 4] = ["--set", "scene.ground.roughness=null", "--set", "scene.ground.features=[]"];
+
+#[test]
+fn equal_bytes_of_polynomial_grounds_for_one_and_three_threads() {
+    let yard = Yard::new();
+    for threads in ["1", "3"] {
+        yard.generate(&Yard::everything(), threads, &[&POLYNOMIAL[..], &["--threads", threads]].concat());
+    }
+    assert_same(&yard.identity("1"), &yard.identity("3"));
+}
+
 #[test]
 fn equal_bytes_for_shards_built_apart_and_finalized() {
     let yard = Yard::new();

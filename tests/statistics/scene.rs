@@ -40,7 +40,7 @@ fn dist_rms_height_and_slope_follow_garcia_and_stoll() {
             }
         }
         let nodes = (200 * cells * cells) as f64;
-        // About the field's mean, zero. Standard error 0.33 % at 1/20 of the field (paper-notes G).
+        // About the field's mean, zero. Standard error 0.33 % at 1/20 of the field.
         let rms = (height2 / nodes).sqrt() / field.rms_height_m;
         assert!((rms - 1.0).abs() < 0.02, "cl {correlation_length_m}: rms height {rms} of the law's");
         let law = 2.0_f64.sqrt() * field.rms_height_m / correlation_length_m;
@@ -108,7 +108,7 @@ fn dist_a_cut_out_has_the_law_of_the_field_at_every_correlation_length() {
 
 #[test]
 fn dist_fits_retain_the_variance_of_the_table() {
-    // Paper-notes B2: rows by degree, columns by cl over the side of the fitted square.
+    // Computed apart from this code: rows by degree, columns by cl over the side of the fitted square.
     let shares = [0.1, 0.2, 0.3, 0.5];
     let table = [
         (3, [0.18, 0.47, 0.72, 0.93]),
@@ -137,7 +137,7 @@ fn dist_fits_retain_the_variance_of_the_table() {
         for (residual, (degree, retained)) in residual.iter().zip(table) {
             let got = 1.0 - residual / about_mean;
             assert!((got - retained[k]).abs() < 0.06, "degree {degree}, cl / L {share}: {got} against {}", retained[k]);
-            // The second computation (paper-notes G), in two digits.
+            // The second computation, in two digits.
             let second = match (degree, k) {
                 (5, 0) => 0.36,
                 (5, 1) => 0.75,
