@@ -44,7 +44,7 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "MODEL")]
     init: Option<PathBuf>,
     /// Labels for another rover: taller_than_wheel=DIAMETER_M, taller_than_m=X, all or as_built; then, with commas,
-    /// min_obstacle_points=N and max_ground_slope_deg=X. Short for --set labels={...}.
+    /// min_obstacle_points=N and max_ground_slope_deg=X; or the whole key: '{obstacle: {taller_than_m: 0.2}}'.
     #[arg(long, value_name = "RULE")]
     labels: Option<String>,
     /// Of initial weights and of the order of rows; short for --set seed=N.
@@ -74,6 +74,9 @@ fn parse_corpus(text: &str) -> Result<(PathBuf, f64), String> {
 
 /// `taller_than_m=0.2,max_ground_slope_deg=20` as an override.
 fn labels_set(rule: &str) -> Result<String, Failure> {
+    if rule.trim_start().starts_with('{') {
+        return Ok(format!("labels={rule}"));
+    }
     let mut parts = Vec::new();
     for part in rule.split(',').map(str::trim) {
         parts.push(match part.split_once('=') {
@@ -107,6 +110,7 @@ fn train_failure(error: TrainError) -> Failure {
         TrainError::Io { .. } => Failure::TRY_AGAIN,
         TrainError::NoFeature { .. }
         | TrainError::FeatureTwice { .. }
+        | TrainError::NoCells { .. }
         | TrainError::Unlike { .. }
         | TrainError::Twice { .. }
         | TrainError::FewRows { .. }
@@ -342,6 +346,7 @@ mod tests {
             set("taller_than_m=0.2, max_ground_slope_deg=20").unwrap(),
             "labels={obstacle: {taller_than_m: 0.2}, max_ground_slope_deg: 20}"
         );
+        assert_eq!(set("{obstacle: all}").unwrap(), "labels={obstacle: all}");
         assert!(set("tall").unwrap_err().contains("'tall' is not part of a rule"));
     }
 }

@@ -18,6 +18,8 @@ pub enum TrainError {
          the shards to build again"
     )]
     Shard { place: String, name: String, reason: String },
+    #[error("{place} holds no table `cells`; build it with `cells` among its tables")]
+    NoCells { place: String },
     #[error("{place} has no feature '{feature}'; its features are {known}; choose others with --set features=...")]
     NoFeature { place: String, feature: String, known: String },
     #[error("the feature '{feature}' is named twice; name it once")]

@@ -71,11 +71,7 @@ impl Source {
             }
         }
         if !manifest.tables.contains_key(&Table::Cells) {
-            return Err(TrainError::Unlike {
-                place: store.place(),
-                other: "a trainer".into(),
-                what: "it holds no table `cells`".into(),
-            });
+            return Err(TrainError::NoCells { place: store.place() });
         }
         Ok(Source {
             store: store.share(),

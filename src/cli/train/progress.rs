@@ -131,15 +131,14 @@ impl Progress {
             Display::Lines if due || is_best => {
                 self.last_line = Some(Instant::now());
                 eprintln!(
-                    "{:>10} rows  epoch {}  {} rows/s  training {}  validation {}  best {}{}  at most {} left",
+                    "{:>10} rows  epoch {}  training {}  validation {}  best {}{}{}",
                     look.rows,
                     look.epoch,
-                    si(self.rate()),
                     error(look.train_error),
                     error(look.validation_error),
                     error(best.validation_error),
                     if is_best { " *" } else { "" },
-                    human(self.remaining())
+                    self.pace()
                 );
             }
             Display::Lines => {}
@@ -178,6 +177,14 @@ impl Progress {
         self.rows_here() as f64 / self.elapsed().as_secs_f64().max(1e-9)
     }
 
+    /// Rate and time left, once there is one.
+    fn pace(&self) -> String {
+        if self.rows_here() == 0 {
+            return String::new();
+        }
+        format!("  {} rows/s  at most {} left", si(self.rate()), human(self.remaining()))
+    }
+
     fn remaining(&self) -> Duration {
         let left = self.most_rows.saturating_sub(self.rows) as f64 / self.rows_here().max(1) as f64;
         Duration::try_from_secs_f64(self.elapsed().as_secs_f64() * left).unwrap_or(Duration::MAX)
@@ -194,7 +201,7 @@ impl Progress {
 fn warnings(start: &Start) -> Vec<String> {
     let mut warnings = Vec::new();
     if !start.constant.is_empty() {
-        warnings.push(format!("{} never varies in the train split: it teaches nothing", start.constant.join(", ")));
+        warnings.push(format!("constant in the train split, so of no use: {}", start.constant.join(", ")));
     }
     if start.one_class {
         warnings.push("all rows to learn have one label: the network can only learn to say it".to_string());
