@@ -174,7 +174,7 @@ mod tests {
         let points = (0..20_000)
             .map(|i| {
                 // Dense near the sensor, as scans are.
-                let (range, azimuth) = (0.5 + 9.0 * u(i, 0) * u(i, 0), 6.28 * u(i, 1));
+                let (range, azimuth) = (0.5 + 9.0 * u(i, 0) * u(i, 0), std::f64::consts::TAU * u(i, 1));
                 let (x, y) = (range * math::cos(azimuth), range * math::sin(azimuth));
                 let z = match i % 10 {
                     0 | 1 if x > 2.0 => 1.5 * u(i, 2),

@@ -38,7 +38,7 @@ pub fn figures(report: &Report) -> Result<Vec<(&'static str, String)>, FigureErr
         (
             "error-against-range.svg",
             draw("error-against-range.svg", (760, 440), |area| {
-                spread(area, &report.range_m, "Error against range", "range, m", |bin| range_label(bin))
+                spread(area, &report.range_m, "Error against range", "range, m", range_label)
             })?,
         ),
     ];

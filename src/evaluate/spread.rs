@@ -51,12 +51,12 @@ impl Spread {
 
     /// Rank correlation of the value with being wrong, over all cells.
     pub fn rho(&self) -> Option<f64> {
-        rho(self.by_value.iter().map(|(_, c)| [c.total() - c.wrong(), c.wrong()]))
+        rho(self.by_value.values().map(|c| [c.total() - c.wrong(), c.wrong()]))
     }
 
     /// Rank correlation of the value with being called untraversable, over the truly traversable cells: figure 13's errors.
     pub fn rho_false_untraversable(&self) -> Option<f64> {
-        rho(self.by_value.iter().map(|(_, c)| [c.true_traversable, c.false_untraversable]))
+        rho(self.by_value.values().map(|c| [c.true_traversable, c.false_untraversable]))
     }
 }
 

@@ -22,9 +22,9 @@ impl Display for Report {
         self.tops(f)?;
         self.classes(f)?;
         writeln!(f)?;
-        spread(f, "points per cell", &self.points_per_cell, self.thresholds.first(), |bin| whole_bin(bin))?;
+        spread(f, "points per cell", &self.points_per_cell, self.thresholds.first(), whole_bin)?;
         writeln!(f)?;
-        spread(f, "range, metres", &self.range_m, self.thresholds.first(), |bin| metres_bin(bin))?;
+        spread(f, "range, metres", &self.range_m, self.thresholds.first(), metres_bin)?;
         if !self.notes.is_empty() {
             writeln!(f)?;
         }

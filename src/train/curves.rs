@@ -84,7 +84,7 @@ mod tests {
         let looks = [look(0, None, Some(0.2)), look(10, Some(0.15), Some(0.1)), look(20, Some(0.1), Some(0.12))];
         let text = svg(&looks, Some(&looks[1])).unwrap();
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
-        assert_eq!(text.matches("<polyline").count() >= 2, true);
+        assert!(text.matches("<polyline").count() >= 2);
         assert!(text.contains("best: 0.10000 after 10 rows"), "{text}");
     }
 

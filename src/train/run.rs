@@ -414,7 +414,7 @@ impl<'s> Training<'s> {
             self.place.offset = end as u64;
             self.place.rows += (end - offset) as u64;
             tell(Event::Rows(self.place.rows));
-            if self.place.rows % self.start.validate_every == 0 {
+            if self.place.rows.is_multiple_of(self.start.validate_every) {
                 self.look(tell)?;
                 if self.place.stopping.is_over(self.setup.params.patience) {
                     self.place.stopped = Some(Stop::Patience);

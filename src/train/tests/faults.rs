@@ -41,7 +41,7 @@ fn extreme_damaged_and_foreign_files_are_named_with_the_cure() {
     assert!(told_after(Some(&vec![7; whole.len()])).contains("sha256"));
     assert!(told_after(None).contains("it is missing"));
     std::fs::write(shard(&place), &whole).unwrap();
-    run(&setup(&[place.clone()], &params(), dir.path().join("run")).unwrap()).unwrap();
+    run(&setup(std::slice::from_ref(&place), &params(), dir.path().join("run")).unwrap()).unwrap();
 }
 
 #[test]
@@ -59,7 +59,8 @@ fn extreme_foreign_parquet_with_a_matching_hash_is_refused_by_its_columns() {
         lines[1]["tables"]["cells"]["sha256"] = crate::corpus::sha256(bytes).into();
         let text: String = lines.iter().map(|line| format!("{line}\n")).collect();
         std::fs::write(place.join("shards.jsonl"), text).unwrap();
-        let setup = setup(&[place.clone()], &params(), dir.path().join(format!("run-{}", bytes.len()))).unwrap();
+        let setup =
+            setup(std::slice::from_ref(&place), &params(), dir.path().join(format!("run-{}", bytes.len()))).unwrap();
         match (says, run(&setup)) {
             (None, told) => drop(told.unwrap()),
             (Some(says), told) => assert!(told.unwrap_err().to_string().contains(says)),
@@ -109,12 +110,12 @@ fn law_a_run_folder_is_never_overwritten_and_never_mixed() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 200);
     let out = dir.path().join("run");
-    let first = setup(&[place.clone()], &params(), out.clone()).unwrap();
+    let first = setup(std::slice::from_ref(&place), &params(), out.clone()).unwrap();
     super::fixture::run_until(&first, 600, false);
     let told = run(&first).unwrap_err().to_string();
     assert!(told.contains("is there already") && told.contains("--resume"), "{told}");
     let other = with(&["network.hidden=[4]", "features=all", "epochs=4", "validate_every=300"]);
-    let other = Setup { resume: true, ..setup(&[place.clone()], &other, out.clone()).unwrap() };
+    let other = Setup { resume: true, ..setup(std::slice::from_ref(&place), &other, out.clone()).unwrap() };
     assert!(run(&other).unwrap_err().to_string().contains("the config is another one"));
     let elsewhere = circles(&dir, "b", 210);
     let other = Setup { resume: true, ..setup(&[elsewhere], &params(), out).unwrap() };
