@@ -15,7 +15,7 @@ use super::skyline::Skyline;
 use crate::geometry::DVec3;
 
 /// Cells from one look at the skyline to the next.
-const STRIDE_CELLS: usize = 6;
+const STRIDE_CELLS: usize = 8;
 
 /// A sensor above a raster ground, ready to be cast from.
 pub struct Above {
@@ -150,7 +150,8 @@ impl Above {
                 let aside = leaves_x < leaves_y;
                 let next_col = if aside { col[l] + x.step() } else { col[l] };
                 let next_row = if aside { row[l] } else { row[l] + y.step() };
-                let inside = (next_col >= 0.0) & (next_row >= 0.0) & (next_col <= self.last[0]) & (next_row <= self.last[1]);
+                let inside =
+                    (next_col >= 0.0) & (next_row >= 0.0) & (next_col <= self.last[0]) & (next_row <= self.last[1]);
                 let on = (met == f64::INFINITY) & (at[l] <= to) & inside;
                 (col[l], row[l]) = (if on { next_col } else { 0.0 }, if on { next_row } else { 0.0 });
                 rays.to[l] = if on { to } else { f64::NEG_INFINITY };

@@ -216,9 +216,8 @@ fn block(raster: &Raster, row: usize, col: usize, side: usize) -> Block {
     let margin = MARGIN_M * (1.0 + height.abs());
     let mut block = Block { height, east, north, low: low - margin, high: high + margin, high_around: f64::INFINITY };
     if side <= 1 << AROUND_LEVELS {
-        let around = |from: usize, last: usize, nodes: usize| {
-            [from.saturating_sub(side / 2), (last + side / 2).min(nodes - 1)]
-        };
+        let around =
+            |from: usize, last: usize, nodes: usize| [from.saturating_sub(side / 2), (last + side / 2).min(nodes - 1)];
         let (rows, cols) = (around(row, last_row, raster.rows), around(col, last_col, raster.cols));
         block.high_around = above_plane(raster, (row, col), [height, east, north], rows, cols).1 + margin;
     }

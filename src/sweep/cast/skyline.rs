@@ -13,7 +13,7 @@ use super::raster::{AROUND_LEVELS, RasterCaster, View};
 use crate::geometry::{DVec2, DVec3};
 
 /// Sectors of the turn.
-const SECTORS: usize = 512;
+const SECTORS: usize = 256;
 /// Margin of azimuths and slopes: far above the rounding of either.
 const MARGIN: f64 = 1e-9;
 
@@ -141,12 +141,13 @@ fn sector_rays() -> Vec<SectorRay> {
         .collect()
 }
 
-/// Rings a cell wide; from where the sectors are wider than that, as wide as these.
+/// Rings two cells wide; from where the sectors are wider than that, as wide as these. Finer rings and sectors cost more to bound
+/// than they save on the way.
 fn borders(last_m: f64, cell_m: f64, half_sector: f64) -> Vec<f64> {
     let mut borders_m = vec![0.0];
     let mut border_m = 0.0;
     while border_m < last_m {
-        border_m += larger(cell_m, border_m * half_sector);
+        border_m += larger(2.0 * cell_m, 2.0 * border_m * half_sector);
         borders_m.push(border_m);
     }
     borders_m

@@ -356,9 +356,14 @@ fn equal_bits_by_the_skyline_and_by_the_pyramid() {
         let scene = Scene { ground: Ground::Raster(raster), ..yard(20.0, bumps(20.0, 2), Vec::new()) };
         let caster = Caster::new(&scene, &Cast::Exact);
         // In the middle, at the border, in a corner, on a node; far above and hardly above the ground.
-        for (x, y, above_m) in
-            [(10.1, 9.7, 0.4), (0.0, 7.0, 0.5), (20.0, 20.0, 1.0), (5.0, 5.0, 1e-9), (3.0, 11.0, 30.0), (13.3, 4.4, 0.0)]
-        {
+        for (x, y, above_m) in [
+            (10.1, 9.7, 0.4),
+            (0.0, 7.0, 0.5),
+            (20.0, 20.0, 1.0),
+            (5.0, 5.0, 1e-9),
+            (3.0, 11.0, 30.0),
+            (13.3, 4.4, 0.0),
+        ] {
             let origin = DVec3::new(x, y, scene.ground.height_m(x, y) + above_m);
             let dirs: Vec<DVec3> = fan(20_000)
                 .into_iter()
@@ -372,13 +377,13 @@ fn equal_bits_by_the_skyline_and_by_the_pyramid() {
             let (mut sweep, mut single) = (Vec::new(), Vec::new());
             for reach_m in [0.7, 60.0] {
                 caster.from(origin, reach_m).cast(&dirs, &mut sweep);
-                let pyramid = caster.from(origin, reach_m);
+                let from = caster.from(origin, reach_m);
                 for (k, (dir, hit)) in dirs.iter().zip(&sweep).enumerate() {
-                    pyramid.cast(&[*dir], &mut single);
+                    from.cast(&[*dir], &mut single);
                     assert_eq!(bits(&single), bits(&[*hit]), "spacing {spacing_m}, from {origin}, ray {k} {dir}");
                 }
+                // Looked around by now: the plain form of the march itself.
                 let mut plain = Vec::new();
-                let from = caster.from(origin, reach_m);
                 from.cast(&dirs, &mut single);
                 cast_of_degree(0, &from, &dirs, &mut plain);
                 assert_eq!(bits(&plain), bits(&sweep));
