@@ -25,6 +25,7 @@ pub mod manifest;
 pub mod place;
 pub mod ranges;
 pub mod reader;
+pub mod rebuild;
 pub mod receipt;
 pub mod schema;
 pub mod shard;
