@@ -1,4 +1,4 @@
-//! Entries -> validation error over the number of weights as SVG, both on logarithmic axes.
+//! Entries -> validation error over the number of weights as SVG.
 
 use plotters::prelude::*;
 
@@ -14,6 +14,9 @@ const LEFT_BEHIND: RGBColor = RGBColor(205, 205, 205);
 const BY_DEPTH: [RGBColor; 3] = [RGBColor(44, 110, 160), RGBColor(178, 80, 30), RGBColor(70, 130, 60)];
 /// Dots that a picture can show; more are thinned out evenly.
 const MOST_DOTS: usize = 4000;
+
+/// The picture ends at so many times the lowest error; what is worse stands at its upper edge.
+const TALLEST: f64 = 4.0;
 
 /// Networks of the last rung by depth, those left behind in grey, what no smaller network beats as a line, the chosen network ringed.
 /// `entries`: of each rung, best first. `None` where there is nothing to draw.
@@ -36,8 +39,8 @@ pub fn svg(entries: &[Vec<Entry>], margin: f64) -> Option<String> {
         return None;
     }
     let mut text = String::new();
-    let frame = [0.9 * least, 1.1 * most, 0.97 * lowest, 1.05 * highest];
-    draw(&mut text, last, &behind, frame, margin).ok()?;
+    let top = (1.05 * highest).min(TALLEST * lowest);
+    draw(&mut text, last, &behind, [0.9 * least, 1.1 * most, 0.95 * lowest, top], margin).ok()?;
     Some(text)
 }
 
@@ -58,7 +61,8 @@ fn draw(
         .margin(16)
         .x_label_area_size(44)
         .y_label_area_size(70)
-        .build_cartesian_2d((left..right).log_scale(), (bottom..top).log_scale())?;
+        .build_cartesian_2d((left..right).log_scale(), bottom..top)?;
+    let inside = |(weights, error): (f64, f64)| (weights, error.min(top));
     chart
         .configure_mesh()
         .x_desc("weights")
@@ -70,7 +74,7 @@ fn draw(
     let legend = |colour: RGBColor| move |(x, y)| Circle::new((x + 9, y), 3, colour.filled());
     if !behind.is_empty() {
         chart
-            .draw_series(behind.iter().map(|&at| Circle::new(at, 2, LEFT_BEHIND.filled())))?
+            .draw_series(behind.iter().map(|&at| Circle::new(inside(at), 2, LEFT_BEHIND.filled())))?
             .label("left behind, after the first rung")
             .legend(legend(LEFT_BEHIND));
     }
@@ -82,12 +86,13 @@ fn draw(
         }
         let name = if depth == 1 { "one hidden layer".into() } else { format!("{depth} hidden layers") };
         chart
-            .draw_series(dots.into_iter().take(MOST_DOTS).map(|at| Circle::new(at, 3, colour.filled())))?
+            .draw_series(dots.into_iter().take(MOST_DOTS).map(|at| Circle::new(inside(at), 3, colour.filled())))?
             .label(name)
             .legend(legend(colour));
     }
     let mut steps: Vec<(f64, f64)> = Vec::new();
     for at in front(last).into_iter().filter_map(dot) {
+        let at = inside(at);
         steps.extend(steps.last().map(|before| (at.0, before.1)));
         steps.push(at);
     }
@@ -102,7 +107,12 @@ fn draw(
             .label(format!("{}: the smallest within {margin} of the best", shown(&entry.hidden)))
             .legend(|(x, y)| Circle::new((x + 9, y), 5, BLACK.stroke_width(2)));
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.85)).border_style(LEFT_BEHIND).draw()?;
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .background_style(WHITE.mix(0.85))
+        .border_style(LEFT_BEHIND)
+        .draw()?;
     area.present()?;
     Ok(())
 }

@@ -3,5 +3,6 @@
 mod faults;
 mod fixture;
 mod memory;
+mod scenes;
 mod stream;
 mod whole;
