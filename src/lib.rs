@@ -35,6 +35,8 @@ pub mod train;
 
 pub mod evaluate;
 
+pub mod search;
+
 pub mod cloud;
 
 pub mod config;

@@ -14,6 +14,7 @@ mod output;
 mod plan;
 mod preview;
 mod progress;
+mod search;
 mod train;
 
 use std::path::PathBuf;
@@ -70,6 +71,8 @@ enum Verb {
     Train(train::TrainArgs),
     /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
     Evaluate(evaluate::EvaluateArgs),
+    /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
+    Search(Box<search::SearchArgs>),
     /// Write a model for other programs: ONNX, or weights as JSON.
     Export(export::ExportArgs),
     /// Judge real scans: labelled clouds, cells, meshes, pictures and cost maps; with labels, Table 1.
@@ -149,6 +152,7 @@ pub fn main() -> ExitCode {
         Verb::Preview(args) => preview::run(args),
         Verb::Train(args) => train::run(args, cli.log),
         Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Search(args) => search::run(args, cli.log),
         Verb::Export(args) => export::run(args),
         Verb::Classify(args) => classify::run(args),
         Verb::Schema { kind } => {

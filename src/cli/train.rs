@@ -73,7 +73,7 @@ fn parse_corpus(text: &str) -> Result<(PathBuf, f64), String> {
 }
 
 /// `taller_than_m=0.2,max_ground_slope_deg=20` as an override.
-fn labels_set(rule: &str) -> Result<String, Failure> {
+pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
     if rule.trim_start().starts_with('{') {
         return Ok(format!("labels={rule}"));
     }
@@ -104,7 +104,7 @@ impl TrainArgs {
 }
 
 /// Storage that fails may work again; what the user gave wrong is usage; everything else will not get better.
-fn train_failure(error: TrainError) -> Failure {
+pub(super) fn train_failure(error: TrainError) -> Failure {
     let code = match error {
         TrainError::Corpus(error) => return corpus_failure(error),
         TrainError::Io { .. } => Failure::TRY_AGAIN,
@@ -114,6 +114,7 @@ fn train_failure(error: TrainError) -> Failure {
         | TrainError::Unlike { .. }
         | TrainError::Twice { .. }
         | TrainError::FewRows { .. }
+        | TrainError::NoRowsHeld { .. }
         | TrainError::Exists { .. }
         | TrainError::NoRun { .. }
         | TrainError::OtherRun { .. }
@@ -132,7 +133,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
         list.push(Source::open(&LocalFolder::new(path), *weight).map_err(train_failure)?);
         origins.push((path.clone(), origin_of(path)?));
     }
-    let out = out_folder(args, &list[0].name)?;
+    let out = args.out.clone().unwrap_or_else(|| numbered_folder(&list[0].name, args.resume));
     let (place, origin) = origins.remove(0);
     for (other, theirs) in &origins {
         check_grids((&place, &origin), (other, theirs))?;
@@ -173,14 +174,11 @@ fn interrupted(setup: &Setup, rows: u64) -> miette::Report {
     )
 }
 
-/// The folder that was asked for, or a numbered one.
-fn out_folder(args: &TrainArgs, corpus: &str) -> Result<PathBuf, Failure> {
-    if let Some(out) = &args.out {
-        return Ok(out.clone());
-    }
-    let numbered = |number: u64| PathBuf::from("runs").join(format!("{corpus}-{number}"));
+/// The first free `runs/<name>-1`, `-2`, ...; to resume, the last that is there.
+pub(super) fn numbered_folder(name: &str, resume: bool) -> PathBuf {
+    let numbered = |number: u64| PathBuf::from("runs").join(format!("{name}-{number}"));
     let free = (1..).find(|&number| !numbered(number).exists()).unwrap_or(1);
-    Ok(numbered(if args.resume && free > 1 { free - 1 } else { free }))
+    numbered(if resume && free > 1 { free - 1 } else { free })
 }
 
 /// What the corpus's own plan says of its cells, rover and sensor: of the first family.

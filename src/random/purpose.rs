@@ -175,6 +175,10 @@ purposes! {
     TrainGroups = 910, "train.order.row_groups";
     /// Step 0, scene = epoch, index = window: the order of its rows.
     TrainRows = 911, "train.order.rows";
+    /// Step = split: the order in which whole scenes are drawn from it.
+    TrainScenes = 912, "train.scenes";
+    /// Which networks a search takes of all.
+    SearchNetworks = 913, "search.networks";
 }
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ impl Epoch {
 }
 
 /// 0, 1, ... in random order, all orders alike.
-fn permutation(count: usize, rng: &mut impl Rng) -> Vec<u32> {
+pub fn permutation(count: usize, rng: &mut impl Rng) -> Vec<u32> {
     let mut order: Vec<u32> = (0..count as u32).collect();
     for last in (1..count).rev() {
         order.swap(last, below(last as u32 + 1, rng) as usize);

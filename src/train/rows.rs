@@ -50,6 +50,18 @@ impl Rows {
         self.labels.is_empty()
     }
 
+    /// Keeps the first rows.
+    pub fn truncate(&mut self, count: usize) {
+        self.features.truncate(count * self.width);
+        self.labels.truncate(count);
+        self.corpora.truncate(count);
+    }
+
+    /// Bytes that the rows take.
+    pub fn bytes(&self) -> usize {
+        4 * self.features.len() + self.labels.len() + 2 * self.corpora.len()
+    }
+
     pub fn row(&self, row: usize) -> &[f32] {
         &self.features[row * self.width..][..self.width]
     }

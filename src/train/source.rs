@@ -6,6 +6,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use arrow::array::{AsArray, BooleanArray, RecordBatch};
+use arrow::compute::filter_record_batch;
+use arrow::datatypes::Int64Type;
 use sha2::Digest;
 
 use super::labels::{self, LabelRule};
@@ -34,6 +37,7 @@ pub struct Source {
 /// The `cells` file of one shard.
 struct ShardFile {
     shard: u64,
+    scenes: std::ops::Range<u64>,
     rows: u64,
     bytes: u64,
     row_groups: u32,
@@ -49,6 +53,14 @@ pub struct Group {
     pub group: u32,
 }
 
+/// The address of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SceneAddress {
+    pub source: u16,
+    pub file: u32,
+    pub scene: u64,
+}
+
 /// Files are checked in pieces of this size.
 const PIECE_BYTES: usize = 1 << 20;
 
@@ -58,10 +70,11 @@ impl Source {
         let manifest_sha256 = sha256(&store.read(manifest::NAME)?);
         let mut files: [Vec<ShardFile>; 3] = Default::default();
         for line in manifest::read_shard_lines(store)? {
-            let ShardLine { shard, split, tables, .. } = line;
+            let ShardLine { shard, split, tables, scenes: [first, end] } = line;
             if let Some(facts) = tables.get(&Table::Cells) {
                 files[at(split)].push(ShardFile {
                     shard,
+                    scenes: first..end,
                     rows: facts.rows,
                     bytes: facts.bytes,
                     row_groups: facts.row_groups,
@@ -225,25 +238,57 @@ impl Sources {
         groups
     }
 
+    /// Every scene of a split that was to be built: corpus by corpus, shard by shard. Some may have no row.
+    pub fn scenes(&self, split: Split) -> Vec<SceneAddress> {
+        let mut scenes = Vec::new();
+        for (source, of) in self.list.iter().enumerate() {
+            for (file, facts) in of.files[at(split)].iter().enumerate() {
+                let address = |scene| SceneAddress { source: source as u16, file: file as u32, scene };
+                scenes.extend(facts.scenes.clone().map(address));
+            }
+        }
+        scenes
+    }
+
     /// Adds the rows of a row group.
     pub fn read(&self, split: Split, group: Group, rows: &mut Rows) -> Result<(), TrainError> {
-        let source = &self.list[usize::from(group.source)];
-        let file = &source.files[at(split)][group.file as usize];
-        let name = path(split, file.shard);
-        let fault = |reason: String| TrainError::Shard { place: source.place(), name: name.clone(), reason };
-        let table = source.open_file(split, file)?;
-        let truth = if self.rule.is_some() { &labels::COLUMNS[..] } else { &[] };
-        let mut wanted: Vec<&str> = self.features.iter().map(String::as_str).chain(["label"]).collect();
-        wanted.extend(truth);
-        if let Some(absent) = wanted.iter().find(|name| table.schema().field_with_name(name).is_err()) {
-            return Err(fault(format!("it has no column '{absent}'")));
-        }
-        let batch =
-            table.read_row_group(group.group as usize, Some(&wanted)).map_err(|error| shard_fault(error, &fault))?;
+        let file = self.open(split, group.source, group.file, &[])?;
+        let batch = file.read(group.group as usize)?;
         rows.features.reserve_exact(batch.num_rows() * rows.width);
         rows.labels.reserve_exact(batch.num_rows());
         rows.corpora.reserve_exact(batch.num_rows());
-        rows.push(&batch, &self.features, self.rule.as_ref(), group.source).map_err(fault)
+        file.push(&batch, rows)
+    }
+
+    /// Adds the rows of a scene.
+    pub fn read_scene(&self, split: Split, address: SceneAddress, rows: &mut Rows) -> Result<(), TrainError> {
+        let file = self.open(split, address.source, address.file, &["scene_id"])?;
+        for group in 0..file.table.row_groups().len() {
+            let batch = file.read(group)?;
+            let of_scene = rows_of_scene(&batch, address.scene).map_err(|reason| file.fault(reason))?;
+            file.push(&of_scene, rows)?;
+        }
+        Ok(())
+    }
+
+    /// A file with the columns that are read of it, and `more` of them.
+    fn open(&self, split: Split, source: u16, file: u32, more: &[&'static str]) -> Result<OpenFile<'_>, TrainError> {
+        let of = &self.list[usize::from(source)];
+        let facts = &of.files[at(split)][file as usize];
+        let truth = if self.rule.is_some() { &labels::COLUMNS[..] } else { &[] };
+        let features = self.features.iter().map(String::as_str);
+        let wanted: Vec<&str> = features.chain(["label"]).chain(more.iter().chain(truth).copied()).collect();
+        let open = OpenFile {
+            sources: self,
+            source,
+            name: path(split, facts.shard),
+            table: of.open_file(split, facts)?,
+            wanted,
+        };
+        match open.wanted.iter().find(|name| open.table.schema().field_with_name(name).is_err()) {
+            Some(absent) => Err(open.fault(format!("it has no column '{absent}'"))),
+            None => Ok(open),
+        }
     }
 
     pub fn rows(&self, split: Split) -> u64 {
@@ -253,6 +298,39 @@ impl Sources {
     pub fn shards(&self, split: Split) -> u64 {
         self.list.iter().map(|source| source.shards(split)).sum()
     }
+}
+
+/// A file that rows are read from.
+struct OpenFile<'s> {
+    sources: &'s Sources,
+    source: u16,
+    name: String,
+    table: TableFile,
+    wanted: Vec<&'s str>,
+}
+
+impl OpenFile<'_> {
+    fn fault(&self, reason: String) -> TrainError {
+        let place = self.sources.list[usize::from(self.source)].place();
+        TrainError::Shard { place, name: self.name.clone(), reason }
+    }
+
+    fn read(&self, group: usize) -> Result<RecordBatch, TrainError> {
+        let fault = |reason| self.fault(reason);
+        self.table.read_row_group(group, Some(&self.wanted)).map_err(|error| shard_fault(error, &fault))
+    }
+
+    fn push(&self, batch: &RecordBatch, rows: &mut Rows) -> Result<(), TrainError> {
+        let Sources { features, rule, .. } = self.sources;
+        rows.push(batch, features, rule.as_ref(), self.source).map_err(|reason| self.fault(reason))
+    }
+}
+
+fn rows_of_scene(batch: &RecordBatch, scene: u64) -> Result<RecordBatch, String> {
+    let column = batch.column_by_name("scene_id").and_then(|column| column.as_primitive_opt::<Int64Type>());
+    let ids = column.ok_or("its column 'scene_id' is not Int64")?;
+    let mask: BooleanArray = ids.iter().map(|id| Some(id == Some(scene as i64))).collect();
+    filter_record_batch(batch, &mask).map_err(|error| error.to_string())
 }
 
 /// The columns of a preset, in the corpus's order.

@@ -8,6 +8,8 @@ mod cli;
 mod golden;
 /// The same plan gives the same bytes.
 mod sameness;
+/// Searches: the same leaderboard after any kill; faults with their cures.
+mod search;
 /// Training: the same bits after any kill; faults with their cures.
 mod training;
 /// A scratch folder, a config in it, and the binary.

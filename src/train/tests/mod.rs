@@ -2,5 +2,7 @@
 
 mod faults;
 mod fixture;
+mod memory;
+mod scenes;
 mod stream;
 mod whole;

@@ -1,0 +1,243 @@
+//! Searches for a network that is small and good: the paper's sweep over one to three hidden layers.
+//!
+//! The verb reads the rows, chooses the networks, and talks; what is learnt, and which networks go on, is `search`'s.
+
+mod progress;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use self::progress::Progress;
+use super::generate::{default_threads, parse_threads, stop_on_signals};
+use super::output::out;
+use super::train::{labels_set, numbered_folder, train_failure};
+use super::{Failure, LogFormat};
+use crate::config;
+use crate::corpus::{Build, LocalFolder, Split};
+use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
+use crate::search::{Board, Entry, Outcome, Setup, leaderboard, search};
+use crate::train::memory::Held;
+use crate::train::{Source, Sources, TrainParams, scenes};
+
+/// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
+///
+/// All networks learn a few rows each, one network per thread. The best share of them, and every network that no smaller one
+/// beats, learn four times as many; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
+/// for each network and rung, as it is finished), search.json, search.svg and train.yaml: the config of the smallest network
+/// whose validation error is within --margin of the best.
+#[derive(Debug, Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct SearchArgs {
+    /// The folder of a finished corpus.
+    corpus: PathBuf,
+    /// A training config (YAML); its `network.hidden` and `epochs` do not apply. Default: all defaults.
+    #[arg(long)]
+    config: Option<PathBuf>,
+    /// Override a key of the config: --set features=listed (repeatable).
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    sets: Vec<String>,
+    /// Search all 33,824 networks of one to three hidden layers of up to 32 neurons (the paper's sweep), instead of a grid. What it
+    /// takes is measured and said before the first network is trained: a few hours on two fast cores at the default rows and epochs.
+    #[arg(long, conflicts_with_all = ["widths", "layers"])]
+    full: bool,
+    /// Widths of the grid: all combinations of them in each number of layers.
+    #[arg(long, value_delimiter = ',', value_name = "NEURONS", default_values_t = [2, 4, 8, 16, 24, 32])]
+    widths: Vec<usize>,
+    /// Most hidden layers of the grid.
+    #[arg(long, default_value_t = DEEPEST)]
+    layers: usize,
+    /// Search a random share of these networks: --sample 0.01 of --full measures what all of it would take.
+    #[arg(long, default_value_t = 1.0, value_name = "SHARE", value_parser = parse_share)]
+    sample: f64,
+    /// Rows to learn, of whole scenes drawn from the train split.
+    #[arg(long, default_value_t = 20_000)]
+    rows: usize,
+    /// Rows to judge by, of whole scenes drawn from the validation split.
+    #[arg(long, default_value_t = 10_000)]
+    validation_rows: usize,
+    /// Passes over the rows in the last rung, at most.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    epochs: u32,
+    /// Rungs; each learns four times the rows of the one before.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=8))]
+    rungs: u8,
+    /// Share of the networks that goes on from each rung; 1 trains all to the end.
+    #[arg(long, default_value_t = 0.25, value_name = "SHARE", value_parser = parse_share)]
+    keep: f64,
+    /// How far above the best validation error the chosen network's may be, absolute.
+    #[arg(long, default_value_t = 0.005, value_parser = parse_margin)]
+    margin: f64,
+    /// Labels for another rover, as in `marsyard train`.
+    #[arg(long, value_name = "RULE")]
+    labels: Option<String>,
+    /// Of scenes, initial weights, the order of rows and the sample; short for --set seed=N.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// The run folder, which must not be there yet; default: runs/<corpus>-search-1, or the next free number.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Go on in the run folder where a search was interrupted; begin where nothing is there. Default --out: the last number.
+    #[arg(long)]
+    resume: bool,
+    /// Networks trained at a time; never changes a bit.
+    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
+    threads: usize,
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(share) if share > 0.0 && share <= 1.0 => Ok(share),
+        _ => Err(format!("'{text}' is not a share in (0, 1]")),
+    }
+}
+
+fn parse_margin(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(margin) if (0.0..=1.0).contains(&margin) => Ok(margin),
+        _ => Err(format!("'{text}' is not a difference of errors in [0, 1]")),
+    }
+}
+
+impl SearchArgs {
+    fn params(&self) -> Result<TrainParams, Failure> {
+        let mut sets = self.sets.clone();
+        sets.extend(self.labels.as_deref().map(labels_set).transpose()?);
+        sets.extend(self.seed.map(|seed| format!("seed={seed}")));
+        config::load_train(self.config.as_deref(), &sets).map_err(|error| Failure::usage(miette::Report::new(error)))
+    }
+
+    fn networks(&self, seed: u64) -> Result<Vec<Hidden>, Failure> {
+        let refuse = |what: String, help: String| Err(Failure::usage(miette::miette!(help = help, "{what}")));
+        if let Some(width) = self.widths.iter().find(|&&width| !(1..=4096).contains(&width)) {
+            return refuse(format!("--widths: {width} is not in 1..=4096"), "for example: --widths 4,8,16,32".into());
+        }
+        if !(1..=8).contains(&self.layers) {
+            return refuse(format!("--layers: {} is not in 1..=8", self.layers), "for example: --layers 3".into());
+        }
+        let mut widths = self.widths.clone();
+        widths.sort_unstable();
+        widths.dedup();
+        let most = widths.len().checked_pow(self.layers as u32).unwrap_or(usize::MAX);
+        if most > 1_000_000 {
+            return refuse(
+                format!("{} widths in {} layers are more than a million networks", widths.len(), self.layers),
+                format!("name fewer widths; --full is all up to {WIDEST} neurons in {DEEPEST} layers"),
+            );
+        }
+        let all = if self.full { full() } else { grid(&widths, self.layers) };
+        let networks = sample(all, self.sample, seed);
+        if networks.is_empty() {
+            return refuse(format!("--sample {} of these networks is none", self.sample), "give a larger share".into());
+        }
+        Ok(networks)
+    }
+}
+
+pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
+    let params = args.params()?;
+    let networks = args.networks(params.seed)?;
+    let source = Source::open(&LocalFolder::new(&args.corpus), 1.0).map_err(train_failure)?;
+    let (name, corpus_id, manifest_sha256) =
+        (source.name.clone(), source.corpus_id.clone(), source.manifest_sha256.clone());
+    let out = args.out.clone().unwrap_or_else(|| numbered_folder(&format!("{name}-search"), args.resume));
+    let sources = Sources::new(vec![source], &params.features, params.labels.clone()).map_err(train_failure)?;
+    let draw = |split, rows| scenes::draw(&sources, split, rows, params.seed).map_err(train_failure);
+    let train = draw(Split::Train, args.rows)?;
+    let validation = draw(Split::Validation, args.validation_rows)?;
+    let mut progress = Progress::new(&out, &name, (&train, &validation), args.threads, log);
+    let to_train = params.clone();
+    let setup = Setup {
+        held: Held::new(train.rows, validation.rows, &[1.0], &params).map_err(train_failure)?,
+        params: TrainParams { epochs: args.epochs, ..params },
+        networks,
+        rungs: usize::from(args.rungs),
+        keep: args.keep,
+        margin: args.margin,
+        threads: args.threads,
+        data: json!({
+            "corpus": name,
+            "corpus_id": corpus_id,
+            "manifest_sha256": manifest_sha256,
+            "rows": args.rows,
+            "validation_rows": args.validation_rows,
+            "features": sources.features,
+        }),
+        config_of: Box::new(move |hidden| {
+            let mut params = to_train.clone();
+            params.network.hidden = hidden.to_vec();
+            config::train_yaml(&params)
+        }),
+        out,
+        resume: args.resume,
+    };
+    let stop = stop_on_signals()?;
+    let outcome = search(&setup, &stop, &mut |event| progress.take(&event));
+    progress.finish();
+    match outcome.map_err(train_failure)? {
+        Outcome::Interrupted { entries } => Err(Failure::new(Failure::TRY_AGAIN, interrupted(&setup, entries))),
+        Outcome::Done(board, entries) => {
+            write_report(&setup, &progress)?;
+            tell_end(args, &setup, &board, &entries, log);
+            Ok(())
+        }
+    }
+}
+
+fn interrupted(setup: &Setup, entries: usize) -> miette::Report {
+    miette::miette!(
+        help = format!("the same command with --resume --out {} goes on from here", setup.out.display()),
+        "interrupted with {entries} trainings in the journal"
+    )
+}
+
+/// Times, which are no part of what a search finds.
+fn write_report(setup: &Setup, progress: &Progress) -> Result<(), Failure> {
+    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let report = json!({
+        "wall_s": progress.elapsed().as_secs_f64(),
+        "trainings": progress.done_here(),
+        "expected_thread_s": progress.expected_thread_s(),
+        "thread_s": progress.thread_s(),
+        "threads": setup.threads,
+        "host": host.trim(),
+        "build": Build::of_this_binary(),
+    });
+    let path = setup.out.join(crate::train::folder::REPORT);
+    if progress.done_here() == 0 && path.exists() {
+        return Ok(());
+    }
+    std::fs::write(&path, format!("{report:#}\n"))
+        .map_err(|error| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display()))))
+}
+
+fn tell_end(args: &SearchArgs, setup: &Setup, board: &Board, entries: &[Entry], log: LogFormat) {
+    let chosen = board.chosen.as_ref().map(|line| shown(&line.hidden)).unwrap_or_default();
+    if log == LogFormat::Json {
+        let best = entries.first().and_then(|entry| entry.validation_error);
+        tracing::info!(event = "done", run = %setup.out.display(), networks = board.networks, chosen, best_validation_error = best);
+        return;
+    }
+    out!("{}", leaderboard::table(entries, setup.margin));
+    for (number, rung) in (1..).zip(&board.rungs).take(board.rungs.len().saturating_sub(1)) {
+        if let Some(rho) = rung.rank_correlation {
+            let last = entries.len();
+            eprintln!(
+                "rung {number} ({} rows) ranks the {last} networks of the last rung as it does: rho {rho:.2}",
+                rung.rows
+            );
+        }
+    }
+    if board.chosen.is_none() {
+        eprintln!("no network has a finite validation error: look at the features, and at the filter's settings");
+        return;
+    }
+    let config = setup.out.join(crate::train::folder::CONFIG);
+    eprintln!(
+        "> {chosen}: the smallest network within {} of the best validation error\nnext: marsyard train {} --config {}",
+        setup.margin,
+        args.corpus.display(),
+        config.display()
+    );
+}

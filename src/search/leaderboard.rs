@@ -1,0 +1,156 @@
+//! Entries of all rungs -> `search.json` and the table in the terminal.
+
+use std::fmt::Write;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+
+use super::entry::Entry;
+use super::networks::shown;
+use super::ranks::spearman;
+use super::rungs::{Rung, smallest_within};
+
+pub const NAME: &str = "search.json";
+/// Networks in the terminal's table.
+const SHOWN: usize = 20;
+/// Networks of the last rung in `search.json`; the journal has all.
+const KEPT: usize = 1000;
+
+/// `search.json`: the same bytes however many threads there were, and however often they were killed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Board {
+    pub marsyard_search: u32,
+    pub margin: f64,
+    /// The smallest network whose validation error is at most `margin` above the best; `None` where no error is finite.
+    pub chosen: Option<Line>,
+    /// Networks that were begun, and how far.
+    pub networks: usize,
+    pub rungs: Vec<RungFacts>,
+    /// The last rung, best first.
+    pub leaderboard: Vec<Line>,
+    pub begun_with: Json,
+}
+
+/// A network of the leaderboard.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Line {
+    pub hidden: Vec<usize>,
+    pub weights: usize,
+    pub rows: u64,
+    pub best_rows: u64,
+    pub validation_error: Option<f64>,
+    pub balanced_accuracy: Option<f64>,
+    pub auc: Option<f64>,
+    /// Rows that the filter rejected, and how often it rebuilt its covariance.
+    pub rejected: u64,
+    pub rebuilt: u64,
+}
+
+/// One rung in hindsight.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RungFacts {
+    pub rows: u64,
+    pub networks: usize,
+    /// Spearman's rho of its errors with those of the last rung, over the networks of the last rung.
+    pub rank_correlation: Option<f64>,
+}
+
+impl From<&Entry> for Line {
+    fn from(entry: &Entry) -> Line {
+        Line {
+            hidden: entry.hidden.clone(),
+            weights: entry.weights,
+            rows: entry.rows,
+            best_rows: entry.best_rows,
+            validation_error: entry.validation_error,
+            balanced_accuracy: entry.balanced_accuracy,
+            auc: entry.auc,
+            rejected: entry.rejected,
+            rebuilt: entry.rebuilt,
+        }
+    }
+}
+
+impl Board {
+    /// `entries`: of each rung, best first.
+    pub fn of(rungs: &[Rung], entries: &[Vec<Entry>], margin: f64, begun_with: Json) -> Board {
+        let last = entries.last().map_or(&[][..], Vec::as_slice);
+        let facts = rungs.iter().zip(entries).map(|(rung, entries)| RungFacts {
+            rows: rung.rows,
+            networks: entries.len(),
+            rank_correlation: spearman(&pairs(entries, last)),
+        });
+        Board {
+            marsyard_search: 1,
+            margin,
+            chosen: smallest_within(last, margin).map(Line::from),
+            networks: entries.first().map_or(0, Vec::len),
+            rungs: facts.collect(),
+            leaderboard: last.iter().take(KEPT).map(Line::from).collect(),
+            begun_with,
+        }
+    }
+}
+
+/// Errors of an early rung beside those of the last, of the networks in both.
+fn pairs(early: &[Entry], last: &[Entry]) -> Vec<(f64, f64)> {
+    let by_network: std::collections::BTreeMap<_, _> =
+        early.iter().filter_map(|entry| Some((&entry.hidden, entry.validation_error?))).collect();
+    last.iter().filter_map(|entry| Some((*by_network.get(&entry.hidden)?, entry.validation_error?))).collect()
+}
+
+/// The best networks of the last rung, with the chosen one below where it is not among them.
+pub fn table(entries: &[Entry], margin: f64) -> String {
+    let chosen = smallest_within(entries, margin);
+    let mut text = String::from(
+        "  rank  hidden layers  weights  validation error  balanced accuracy     AUC  best after  rows/s a thread\n",
+    );
+    for (place, entry) in entries.iter().enumerate() {
+        let is_chosen = chosen == Some(entry);
+        if place >= SHOWN && !is_chosen {
+            continue;
+        }
+        let number = |value: Option<f64>, digits: usize| value.map_or("-".into(), |value| format!("{value:.digits$}"));
+        let _ = writeln!(
+            text,
+            "{} {:>5}  {:>13}  {:>7}  {:>16}  {:>17}  {:>6}  {:>10}  {:>15.0}",
+            if is_chosen { '>' } else { ' ' },
+            place + 1,
+            shown(&entry.hidden),
+            entry.weights,
+            number(entry.validation_error, 5),
+            number(entry.balanced_accuracy, 4),
+            number(entry.auc, 4),
+            entry.best_rows,
+            entry.rows_per_s(),
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rungs::tests::entry;
+    use super::*;
+
+    #[test]
+    fn exact_the_table_holds_the_best_twenty_and_the_chosen_one() {
+        let mut entries: Vec<Entry> = (0..30).map(|k| entry(&[32 - k], 320 - 10 * k, 0.1 + 1e-4 * k as f64)).collect();
+        entries.sort_by(Entry::rank);
+        let table = table(&entries, 0.0026);
+        assert_eq!(table.lines().count(), 1 + 20 + 1);
+        let last = table.lines().last().unwrap();
+        assert!(last.starts_with(">    27              6       60           0.10260"), "{last}");
+    }
+
+    #[test]
+    fn exact_an_early_rung_is_compared_over_the_networks_of_the_last() {
+        let early = vec![entry(&[1], 1, 0.3), entry(&[2], 2, 0.2), entry(&[3], 3, 0.1), entry(&[4], 4, 0.9)];
+        let last = vec![entry(&[1], 1, 0.03), entry(&[3], 3, 0.05), entry(&[2], 2, 0.04)];
+        let rungs = [Rung { rows: 10, networks: 4 }, Rung { rows: 40, networks: 3 }];
+        let board = Board::of(&rungs, &[early, last], 0.0, Json::Null);
+        let rho: Vec<_> = board.rungs.iter().map(|rung| rung.rank_correlation).collect();
+        assert_eq!(rho, [Some(-1.0), Some(1.0)]);
+        assert_eq!((board.networks, board.chosen.unwrap().hidden), (4, vec![1]));
+    }
+}

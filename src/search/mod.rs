@@ -1,0 +1,227 @@
+//! Rows in memory -> how small a network may be: many networks trained, the better ones longer.
+//!
+//! ```text
+//! networks (a grid, or all of up to three layers of up to 32) -> rung 1: all learn a few rows each, one network per thread
+//!     -> the best share, and every network that no smaller one beats -> rung 2 ... -> the last rung: all epochs, patience
+//!     -> leaderboard; the smallest network within a margin of the best -> train.yaml
+//! ```
+//!
+//! Source: Hewitt et al. 2017, "Training": a sweep over all networks of one to three hidden layers of up to 32 neurons. Deviation:
+//! successive halving instead of training all to the end. Each finished network is a line in the journal at once; a search that was
+//! killed goes on with those that lack a line, and ends in the same bytes but for times.
+
+mod crew;
+pub mod entry;
+pub mod journal;
+pub mod leaderboard;
+pub mod networks;
+pub mod pace;
+pub mod picture;
+mod ranks;
+pub mod rungs;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use serde_json::{Value as Json, json};
+
+use self::crew::Crew;
+pub use self::entry::Entry;
+use self::journal::Journal;
+pub use self::leaderboard::Board;
+use self::networks::Hidden;
+use self::pace::Pace;
+use self::rungs::{Rung, rungs, survivors};
+use crate::corpus::{LocalFolder, Store};
+use crate::train::memory::Held;
+use crate::train::{TrainError, TrainParams, filter, folder};
+
+/// What is searched by what.
+pub struct Setup {
+    /// `network.hidden` does not apply.
+    pub params: TrainParams,
+    pub held: Held,
+    pub networks: Vec<Hidden>,
+    /// Rungs, and the share of the networks that goes on from each to the next.
+    pub rungs: usize,
+    pub keep: f64,
+    pub margin: f64,
+    pub threads: usize,
+    /// What the rows are, for the journal: a search goes on with the same only.
+    pub data: Json,
+    /// The config that trains such a network on all rows, as text.
+    pub config_of: Box<dyn Fn(&[usize]) -> String>,
+    pub out: PathBuf,
+    pub resume: bool,
+}
+
+/// What happens while searching.
+#[derive(Clone, Debug)]
+pub enum Event<'a> {
+    /// Before the first network.
+    Start(&'a Start),
+    /// A rung begins; `seconds`: of one thread, for those that wait, as far as is known.
+    Rung { number: usize, rows: u64, networks: usize, done_before: usize, seconds: f64 },
+    /// A network is trained as far as its rung; `seconds`: as it was expected to take.
+    Done { entry: &'a Entry, best: &'a Entry, seconds: f64 },
+}
+
+/// What is known before the first network is trained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    pub networks: usize,
+    pub rungs: Vec<Rung>,
+    pub pace: Pace,
+    /// Of one thread for each rung, if no patience ends early and those that go on are of mean size.
+    pub rung_seconds: Vec<f64>,
+    /// Lines in the journal.
+    pub resumed: usize,
+    /// Bytes of the rows, and of the largest networks with their filters on all threads.
+    pub row_bytes: u64,
+    pub network_bytes: u64,
+}
+
+/// How it ended.
+#[derive(Clone, Debug)]
+pub enum Outcome {
+    /// The leaderboard, and the entries of the last rung, best first.
+    Done(Box<Board>, Vec<Entry>),
+    /// Asked to stop; so many lines are in the journal.
+    Interrupted { entries: usize },
+}
+
+/// Searches, or goes on searching, until all rungs are done or `stop` is raised.
+pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
+    let Setup { params, held, .. } = setup;
+    let networks = sorted(setup);
+    check(setup, &networks)?;
+    let rungs = rungs(networks.len(), held.train.len() as u64, params.epochs, setup.rungs, setup.keep);
+    let identity = identity(setup);
+    let mut journal = open(setup, &identity)?;
+    let pace = Pace::measure(params, held, &networks, setup.threads)?;
+    tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.len())));
+    let mut contenders = networks;
+    let mut entries: Vec<Vec<Entry>> = Vec::new();
+    for (number, rung) in rungs.iter().enumerate() {
+        let waiting: Vec<Hidden> =
+            contenders.iter().filter(|hidden| journal.get(number, hidden).is_none()).cloned().collect();
+        let seconds = |hidden: &Hidden| pace.seconds(params, held, hidden, rung);
+        tell(Event::Rung {
+            number,
+            rows: rung.rows,
+            networks: contenders.len(),
+            done_before: contenders.len() - waiting.len(),
+            seconds: waiting.iter().map(seconds).sum(),
+        });
+        let there = contenders.iter().filter_map(|hidden| journal.get(number, hidden));
+        let mut best: Option<Entry> = there.min_by(|a, b| a.rank(b)).cloned();
+        let crew = Crew { params, held, threads: setup.threads, stop };
+        let all = crew.train(waiting, (number, rung), &mut |entry| {
+            if best.as_ref().is_none_or(|best| entry.rank(best).is_lt()) {
+                best = Some(entry.clone());
+            }
+            journal.push(entry.clone())?;
+            let best = best.as_ref().unwrap_or(&entry);
+            tell(Event::Done { entry: &entry, best, seconds: seconds(&entry.hidden) });
+            Ok(())
+        })?;
+        if !all {
+            return Ok(Outcome::Interrupted { entries: journal.len() });
+        }
+        let mut done: Vec<Entry> =
+            contenders.iter().filter_map(|hidden| journal.get(number, hidden)).cloned().collect();
+        done.sort_by(Entry::rank);
+        if let Some(next) = rungs.get(number + 1) {
+            contenders = survivors(done.clone(), next.networks).into_iter().map(|entry| entry.hidden).collect();
+        }
+        entries.push(done);
+    }
+    let board = Board::of(&rungs, &entries, setup.margin, identity);
+    write(setup, &board, &entries)?;
+    Ok(Outcome::Done(Box::new(board), entries.pop().unwrap_or_default()))
+}
+
+/// By ascending weights.
+fn sorted(setup: &Setup) -> Vec<Hidden> {
+    let mut networks = setup.networks.clone();
+    networks.sort_by_key(|hidden| (weights(setup, hidden), hidden.len(), hidden.clone()));
+    networks
+}
+
+fn weights(setup: &Setup, hidden: &[usize]) -> usize {
+    entry::params_of(&setup.params, hidden).layout(setup.held.train.width).weights()
+}
+
+/// The largest network can be trained: so can all.
+fn check(setup: &Setup, sorted: &[Hidden]) -> Result<(), TrainError> {
+    let largest = sorted.last().map_or(&[][..], Vec::as_slice);
+    let layout = entry::params_of(&setup.params, largest).layout(setup.held.train.width);
+    let (rows, weights) = (setup.held.train.len(), layout.weights());
+    if rows < weights && !setup.params.allow_few_rows {
+        return Err(TrainError::FewRows { rows: rows as u64, weights });
+    }
+    filter::build(&setup.params.filter, &layout)?;
+    Ok(())
+}
+
+/// What must be the same for a search to go on.
+fn identity(setup: &Setup) -> Json {
+    let mut hasher = blake3::Hasher::new();
+    for hidden in &setup.networks {
+        hasher.update(networks::shown(hidden).as_bytes()).update(b"\n");
+    }
+    let mut config = json!(setup.params);
+    config["network"] = json!({"bias": setup.params.network.bias});
+    json!({
+        "data": setup.data,
+        "networks": {"count": setup.networks.len(), "blake3": hasher.finalize().to_hex().to_string()},
+        "rungs": setup.rungs,
+        "keep": setup.keep,
+        "config": config,
+    })
+}
+
+fn open(setup: &Setup, identity: &Json) -> Result<Journal, TrainError> {
+    let out = &setup.out;
+    let io = |source| TrainError::Io { path: out.display().to_string(), source };
+    if out.exists() && !setup.resume {
+        return Err(TrainError::Exists { path: out.display().to_string() });
+    }
+    if out.exists() && !out.join(journal::NAME).exists() && std::fs::read_dir(out).map_err(io)?.next().is_some() {
+        let reason = format!("it holds files, and no {}", journal::NAME);
+        return Err(TrainError::NoRun { path: out.display().to_string(), reason });
+    }
+    std::fs::create_dir_all(out).map_err(io)?;
+    Journal::resume(out, identity)
+}
+
+fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], pace: &Pace, resumed: usize) -> Start {
+    let Setup { params, held, .. } = setup;
+    let of_all = |rung: &Rung| networks.iter().map(|hidden| pace.seconds(params, held, hidden, rung)).sum::<f64>();
+    let share = |rung: &Rung| rung.networks as f64 / networks.len() as f64;
+    let largest = networks.last().map_or(0, |hidden| weights(setup, hidden)) as u64;
+    Start {
+        networks: networks.len(),
+        rungs: rungs.to_vec(),
+        pace: pace.clone(),
+        rung_seconds: rungs.iter().map(|rung| of_all(rung) * share(rung)).collect(),
+        resumed,
+        row_bytes: (held.train.bytes() + held.validation.bytes()) as u64,
+        // The covariance at work, its copy of the best look, and one in the making; 8 bytes an element at most.
+        network_bytes: setup.threads as u64 * 3 * 8 * largest * (largest + 1) / 2,
+    }
+}
+
+fn write(setup: &Setup, board: &Board, entries: &[Vec<Entry>]) -> Result<(), TrainError> {
+    let store = LocalFolder::new(&setup.out);
+    if let Some(svg) = picture::svg(entries, setup.margin) {
+        store.replace(picture::NAME, svg.as_bytes())?;
+    }
+    if let Some(chosen) = &board.chosen {
+        store.replace(folder::CONFIG, (setup.config_of)(&chosen.hidden).as_bytes())?;
+    }
+    let text = serde_json::to_string_pretty(board).expect("a leaderboard is plain data") + "\n";
+    Ok(store.replace(leaderboard::NAME, text.as_bytes())?)
+}
