@@ -78,6 +78,7 @@ pub enum Event<'a> {
         look: &'a Look,
         best: &'a Look,
         is_best: bool,
+        counters: Counters,
     },
     /// Training goes on from here after a kill.
     Checkpoint {
@@ -314,7 +315,7 @@ impl<'s> Training<'s> {
         }
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
         let judge = Judge { scaler, targets: params.targets, weights: Weights::new(&counts, &corpora, params.balance) };
-        let mut filter = filter::build(&params.filter, &layout)?;
+        let mut filter = filter::build(&params.filter, &layout, params.clip)?;
         let streams = Streams { seed: params.seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
         let mut network = Network::random(layout, &streams);
         let covariance =
@@ -446,7 +447,7 @@ impl<'s> Training<'s> {
         let elapsed_s = (self.elapsed_before + self.started.elapsed()).as_secs_f64();
         self.log.push(&Line { look, best: is_best, elapsed_s })?;
         let best = self.place.stopping.best.as_ref().unwrap_or(&look);
-        tell(Event::Look { look: &look, best, is_best });
+        tell(Event::Look { look: &look, best, is_best, counters: self.filter.counters() });
         Ok(())
     }
 
