@@ -12,7 +12,7 @@ mod file;
 use garde::Validate;
 use serde::{Deserialize, Serialize};
 
-use super::{Layout, Network};
+use super::Network;
 use crate::cells::CellParams;
 use crate::drive::Rover;
 use crate::sweep::Sensor;
@@ -105,6 +105,9 @@ impl Scaler {
 /// The greatest weight, scale or mean that a file may hold: far beyond use, and no sum of such products overflows.
 const SANE: f64 = 1e100;
 
+/// Rows that are scaled at a time.
+const CHUNK_ROWS: usize = 1024;
+
 impl Model {
     /// Where each input of the model stands among the columns of some data.
     pub fn inputs_of<S: AsRef<str>>(&self, columns: &[S]) -> Result<Vec<usize>, ModelError> {
@@ -135,11 +138,16 @@ impl Model {
     /// The outputs of rows that lie one after another, put after what `out` holds.
     pub fn outputs(&self, rows: &[f32], out: &mut Vec<f64>) {
         let inputs = self.about.inputs;
-        let mut layers = Layers::of(&self.network.layout);
-        out.extend(rows.chunks_exact(inputs).map(|row| {
-            self.about.scaler.scale(row, layers.inputs());
-            layers.output(&self.network)
-        }));
+        let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
+        for rows in rows.chunks(inputs * CHUNK_ROWS) {
+            let count = rows.len() / inputs;
+            for (row, scaled) in rows.chunks_exact(inputs).zip(scaled.chunks_exact_mut(inputs)) {
+                self.about.scaler.scale(row, scaled);
+            }
+            let start = out.len();
+            out.resize(start + count, 0.0);
+            self.network.outputs(&scaled[..inputs * count], &mut out[start..]);
+        }
     }
 
     /// Class of an output: the number of thresholds at or below it.
@@ -205,41 +213,6 @@ impl Model {
         sections.into_iter().find_map(|(name, fault)| {
             fault.map(|fault| format!("its {name}: {}", fault.to_string().trim().replace('\n', "; ")))
         })
-    }
-}
-
-/// Activations of one layer and of the next, reused from row to row.
-struct Layers {
-    from: Vec<f64>,
-    to: Vec<f64>,
-    inputs: usize,
-}
-
-impl Layers {
-    fn of(layout: &Layout) -> Layers {
-        let widest = layout.sizes().into_iter().max().unwrap_or(1);
-        Layers { from: vec![0.0; widest], to: vec![0.0; widest], inputs: layout.inputs }
-    }
-
-    fn inputs(&mut self) -> &mut [f64] {
-        &mut self.from[..self.inputs]
-    }
-
-    /// Eqs 1 and 2: weighted sums through logistic neurons, the input layer linear.
-    fn output(&mut self, network: &Network) -> f64 {
-        let mut weights = network.weights.as_slice();
-        for pair in network.layout.sizes().windows(2) {
-            let row = pair[0] + usize::from(network.layout.bias);
-            let (layer, rest) = weights.split_at(row * pair[1]);
-            weights = rest;
-            for (to, w) in self.to.iter_mut().zip(layer.chunks_exact(row)) {
-                let bias = if network.layout.bias { w[pair[0]] } else { 0.0 };
-                let sum = w.iter().zip(&self.from[..pair[0]]).fold(bias, |sum, (w, x)| w.mul_add(*x, sum));
-                *to = 1.0 / (1.0 + crate::math::exp(-sum));
-            }
-            std::mem::swap(&mut self.from, &mut self.to);
-        }
-        self.from[0]
     }
 }
 

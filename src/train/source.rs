@@ -6,15 +6,14 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use sha2::Digest;
-
 use super::labels::{self, LabelRule};
 use super::rows::Rows;
 use super::{FeatureSet, TrainError};
+use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{self, FeatureSummary, ShardLine};
 use crate::corpus::reader::TableFile;
 use crate::corpus::stats::LabelCounts;
-use crate::corpus::{CorpusError, Manifest, Split, Store, Table, sha256};
+use crate::corpus::{Manifest, Split, Store, Table, sha256};
 
 /// One corpus.
 pub struct Source {
@@ -48,9 +47,6 @@ pub struct Group {
     pub file: u32,
     pub group: u32,
 }
-
-/// Files are checked in pieces of this size.
-const PIECE_BYTES: usize = 1 << 20;
 
 impl Source {
     pub fn open(store: &dyn Store, weight: f64) -> Result<Source, TrainError> {
@@ -106,42 +102,21 @@ impl Source {
     /// The file, its bytes checked if nobody has done so before.
     fn open_file(&self, split: Split, file: &ShardFile) -> Result<TableFile, TrainError> {
         let name = path(split, file.shard);
-        let fault = |reason: String| TrainError::Shard { place: self.place(), name: name.clone(), reason };
-        if !file.verified.load(Ordering::Acquire) {
-            let bytes = self.store.size(&name)?.ok_or_else(|| fault("it is missing".into()))?;
-            if bytes != file.bytes {
-                return Err(fault(format!("it has {bytes} bytes, shards.jsonl says {}", file.bytes)));
-            }
-            if self.sha256_of(&name, bytes)? != file.sha256 {
-                return Err(fault("its sha256 is not that of shards.jsonl: bytes have changed".into()));
-            }
-        }
-        let table = TableFile::open(self.store.as_ref(), &name).map_err(|error| shard_fault(error, &fault))?;
-        if table.row_groups().len() != file.row_groups as usize || table.rows() != file.rows {
-            return Err(fault(format!(
-                "it holds {} rows in {} row groups, shards.jsonl says {} in {}",
-                table.rows(),
-                table.row_groups().len(),
-                file.rows,
-                file.row_groups
-            )));
-        }
-        file.verified.store(true, Ordering::Release);
+        let ShardFile { rows, bytes, row_groups, ref sha256, ref verified, .. } = *file;
+        let expected = Expected { name: &name, bytes, sha256, rows, row_groups };
+        let known = verified.load(Ordering::Acquire);
+        let opened =
+            if known { expected.open(self.store.as_ref()) } else { expected.open_checked(self.store.as_ref()) };
+        let table = opened.map_err(|refused| self.fault(&name, refused))?;
+        verified.store(true, Ordering::Release);
         Ok(table)
     }
 
-    fn sha256_of(&self, name: &str, bytes: u64) -> Result<String, CorpusError> {
-        let mut hasher = sha2::Sha256::new();
-        let mut offset = 0;
-        while offset < bytes {
-            let piece = self.store.read_range(name, offset, PIECE_BYTES)?;
-            if piece.is_empty() {
-                break;
-            }
-            hasher.update(&piece);
-            offset += piece.len() as u64;
+    fn fault(&self, name: &str, refused: Refused) -> TrainError {
+        match refused {
+            Refused::Other(reason) => TrainError::Shard { place: self.place(), name: name.into(), reason },
+            Refused::Store(error) => TrainError::Corpus(error),
         }
-        Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }
 }
 
@@ -153,15 +128,6 @@ fn path(split: Split, shard: u64) -> String {
 
 fn at(split: Split) -> usize {
     split as usize
-}
-
-/// What the Parquet reader says of a file, as a fault of that file.
-fn shard_fault(error: CorpusError, fault: &dyn Fn(String) -> TrainError) -> TrainError {
-    match error {
-        CorpusError::Parquet { source, .. } => fault(format!("it cannot be read as Parquet ({source})")),
-        CorpusError::Arrow { source, .. } => fault(format!("it cannot be read as Parquet ({source})")),
-        other => TrainError::Corpus(other),
-    }
 }
 
 /// All corpora of a run, and what is read of each.
@@ -230,7 +196,7 @@ impl Sources {
         let source = &self.list[usize::from(group.source)];
         let file = &source.files[at(split)][group.file as usize];
         let name = path(split, file.shard);
-        let fault = |reason: String| TrainError::Shard { place: source.place(), name: name.clone(), reason };
+        let fault = |reason: String| source.fault(&name, Refused::Other(reason));
         let table = source.open_file(split, file)?;
         let truth = if self.rule.is_some() { &labels::COLUMNS[..] } else { &[] };
         let mut wanted: Vec<&str> = self.features.iter().map(String::as_str).chain(["label"]).collect();
@@ -238,8 +204,9 @@ impl Sources {
         if let Some(absent) = wanted.iter().find(|name| table.schema().field_with_name(name).is_err()) {
             return Err(fault(format!("it has no column '{absent}'")));
         }
-        let batch =
-            table.read_row_group(group.group as usize, Some(&wanted)).map_err(|error| shard_fault(error, &fault))?;
+        let batch = table
+            .read_row_group(group.group as usize, Some(&wanted))
+            .map_err(|error| source.fault(&name, error.into()))?;
         rows.features.reserve_exact(batch.num_rows() * rows.width);
         rows.labels.reserve_exact(batch.num_rows());
         rows.corpora.reserve_exact(batch.num_rows());

@@ -145,7 +145,7 @@ fn plain_form_is_guarded(size: &Size) {
             factored += u32::from(counters.factored_at.is_some());
         }
         println!("{precision:?}: {guarded} of 200 needed a guard, {factored} went on factored");
-        // In f64 nothing in the grid gets so far that b'Pb < 0.
+        // In f64 hardly anything in the grid gets so far that b'Pb < 0.
         assert!(guarded > 0 || precision == Precision::F64, "the grid does not reach what the guards are for");
     }
 }
@@ -182,33 +182,53 @@ fn least_eigenvalue(state: &FilterState, size: usize) -> f64 {
     scaled.symmetric_eigenvalues().min()
 }
 
-#[test]
-#[ignore = "a minute: cargo test --release --test statistics ten_million -- --ignored --nocapture"]
-fn extreme_ten_million_updates_leave_p_positive_definite() {
+/// Ten million rows at P0 / R = `p0`: counters, the least eigenvalue of a plain P seen on the way, the share of errors.
+fn ten_million(precision: Precision, robust: bool, p0: f64) -> (Counters, f64, f64) {
     const UPDATES: usize = 10_000_000;
     const PART: usize = 10_000;
-    for (precision, robust) in [(Precision::F32, false), (Precision::F64, false), (Precision::F32, true)] {
-        let noise = NoiseParams { p0_over_r: 100.0, q_over_r: 0.0, schedule: Schedule::Constant };
-        let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1 });
-        let mut network = S87.network();
-        let mut filter = build_unchecked(&params, &network.layout, f64::INFINITY);
-        for first in (0..UPDATES).step_by(PART) {
-            let (inputs, targets) = S87.rows(first, PART);
-            filter.learn(&mut network, &inputs, &targets, &[1.0; PART]);
+    let noise = NoiseParams { p0_over_r: p0, q_over_r: 0.0, schedule: Schedule::Constant };
+    let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1 });
+    let mut network = S87.network();
+    let mut filter = build_unchecked(&params, &network.layout, f64::INFINITY);
+    let mut least = f64::INFINITY;
+    for first in (0..UPDATES).step_by(PART) {
+        let (inputs, targets) = S87.rows(first, PART);
+        filter.learn(&mut network, &inputs, &targets, &[1.0; PART]);
+        if !robust && (first / PART) % 50 == 49 {
+            let state = filter.state();
+            assert!(state.arrays.iter().any(|a| a.0 == "covariance"), "{:?}", filter.counters());
+            least = least.min(least_eigenvalue(&state, network.weights.len()));
         }
-        assert_eq!(filter.counters(), Counters { updates: UPDATES as u64, ..Counters::default() });
-        let (inputs, targets) = S87.rows(UPDATES, 100_000);
-        let mut outputs = vec![0.0; targets.len()];
-        network.outputs(&inputs, &mut outputs);
-        let wrong = outputs.iter().zip(&targets).filter(|(y, d)| (**y >= 0.5) != (**d >= 0.5)).count();
-        let least = if robust {
-            values(&filter.state(), "variances").into_iter().fold(f64::INFINITY, f64::min)
-        } else {
-            least_eigenvalue(&filter.state(), network.weights.len())
-        };
-        let what = if robust { "least D" } else { "least eigenvalue, scaled" };
-        println!("{precision:?}, robust {robust}: {what} {least:e}, {:.2} % wrong", wrong as f64 / 1e3);
-        assert!(least > 0.0, "{precision:?}, robust {robust}");
-        assert!(wrong < 3000);
+    }
+    if robust {
+        // P = U D U'.
+        least = values(&filter.state(), "variances").into_iter().fold(f64::INFINITY, f64::min);
+    }
+    let (inputs, targets) = S87.rows(UPDATES, 100_000);
+    let mut outputs = vec![0.0; targets.len()];
+    network.outputs(&inputs, &mut outputs);
+    let wrong = outputs.iter().zip(&targets).filter(|(y, d)| (**y >= 0.5) != (**d >= 0.5)).count();
+    let (counters, wrong) = (filter.counters(), wrong as f64 / 1e5);
+    assert_eq!((counters.updates, counters.rejected), (UPDATES as u64, 0));
+    println!("{precision:?}, robust {robust}, P0/R {p0}: least {least:e}, {wrong} wrong, {counters:?}");
+    (counters, least, wrong)
+}
+
+#[test]
+#[ignore = "half a minute: cargo test --release --test statistics ten_million -- --ignored --nocapture"]
+fn extreme_ten_million_updates_leave_p_positive_definite_in_f64_and_factored() {
+    for (precision, robust) in [(Precision::F64, false), (Precision::F32, true)] {
+        let (counters, least, wrong) = ten_million(precision, robust, 100.0);
+        assert!(least > 0.0 && counters.rebuilt == 0 && wrong < 0.01);
+    }
+}
+
+#[test]
+#[ignore = "half a minute: cargo test --release --test statistics ten_million -- --ignored --nocapture"]
+fn extreme_ten_million_updates_of_a_plain_f32_covariance_are_mended_and_cost_no_accuracy() {
+    // Rounding makes P indefinite (least eigenvalue below 0, its variances scaled to 1); b'Pb < 0 is met once at most.
+    for p0 in [10.0, 100.0] {
+        let (counters, _, wrong) = ten_million(Precision::F32, false, p0);
+        assert!(counters.rebuilt <= 1 && wrong < 0.01);
     }
 }

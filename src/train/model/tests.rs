@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math;
+use crate::train::Layout;
 
 /// A small model whose every number is known: weights are a sine of their number.
 pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
