@@ -4,8 +4,12 @@
 mod classify;
 /// The verbs: exit codes, what is written, what is said.
 mod cli;
+/// Judging and exporting: reports, exit codes, faults with their cures.
+mod judging;
 /// The same plan gives the same bytes.
 mod sameness;
+/// Scans of every pattern, from a corpus to a classified cloud.
+mod scans;
 /// Training: the same bits after any kill; faults with their cures.
 mod training;
 /// A scratch folder, a config in it, and the binary.
