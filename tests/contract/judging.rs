@@ -172,7 +172,12 @@ fn extreme_corpora_of_another_version_and_models_of_other_features_are_refused()
     std::fs::write(&manifest, there.replacen("\"format\": 1", "\"format\": 9", 1)).expect("a file");
     for arguments in [&["evaluate", "run", "corpus"][..], &["train", "corpus", "--out", "again"]] {
         let (code, said) = told(&yard, arguments);
-        assert!(code == Some(1) && said.contains("manifest.json") && said.contains("format 9"), "{said}");
+        assert!(
+            code == Some(1)
+                && said.contains("manifest.json")
+                && said.contains("format 9, this program reads format 1; use the"),
+            "{said}"
+        );
     }
     let (code, said) = told(&yard, &["evaluate", "run", "nowhere"]);
     assert!(code == Some(2) && said.contains("nowhere"), "{said}");

@@ -57,7 +57,7 @@ fn cells_and_labels_are_the_corpus_s(sensor: &str) {
     let here = here.read_row_group(0, None).expect("its rows");
     let count = here.num_rows();
     assert_eq!((count, said[1]["cells"].as_u64()), (stored.num_rows(), Some(count as u64)), "{sensor}");
-    assert!(count > 100, "{sensor}: {count} cells");
+    assert!(count > 50, "{sensor}: {count} cells");
     for name in ["row", "col", "points"] {
         assert_eq!(column::<Int32Type>(&here, name), column::<Int32Type>(&stored, name), "{sensor}: {name}");
     }
@@ -87,8 +87,12 @@ fn cells_and_labels_are_the_corpus_s(sensor: &str) {
     assert_eq!(said[1]["cells_unknown"], 0);
     assert_eq!(classify(&yard, "few", &["--min-points", "3"])[1]["cells_unknown"], few as u64);
     // A shorter range cuts points, and with them cells.
-    let cut = classify(&yard, "cut", &["--max-range", "2"]);
-    let near = column::<Float32Type>(&here, "range_m").values().iter().filter(|&&range| range <= 1.8).count();
+    let mut ranges = column::<Float32Type>(&here, "range_m").values().to_vec();
+    ranges.sort_unstable_by(f32::total_cmp);
+    let cut_m = ranges[count / 2];
+    let cut = classify(&yard, "cut", &["--max-range", &cut_m.to_string()]);
+    // A cell's centre may lie half a diagonal nearer than its points.
+    let near = ranges.iter().filter(|&&range| range < cut_m - 0.08).count();
     assert!(cut[1]["window_points_beyond_range"].as_u64() > Some(0));
     assert!((near as u64..count as u64).contains(&cut[1]["cells"].as_u64().expect("a count")), "{}", cut[1]);
 }
