@@ -50,7 +50,7 @@ fn main() -> Result<(), Fault> {
     let arguments = Arguments::parse();
     let params = load_train(arguments.config.as_deref(), &arguments.sets).map_err(|error| error.lines())?;
     let table = Table::read(&arguments.rows)?;
-    let held = Held::new(table.of_role(0), table.of_role(1), &[1.0], &params)?;
+    let held = Held::new(&table.features, table.of_role(0), table.of_role(1), &[1.0], &params)?;
     let mut looks = Vec::new();
     let begun = cpu_s();
     let (mut learning_s, mut since) = (0.0, begun);

@@ -19,7 +19,9 @@ import onnxruntime
 
 def by_numpy(model: dict, features: np.ndarray) -> np.ndarray:
     scaler = model["about"]["scaler"]
-    x = (features.astype(np.float64) - scaler["mean"]) / scaler["scale"]
+    x = features.astype(np.float64)
+    minus = [x[:, other] if other is not None else np.zeros(len(x)) for other in scaler["minus"]]
+    x = (x - np.stack(minus, axis=1) - scaler["mean"]) / scaler["scale"]
     x = np.clip(x, -scaler["clip"], scaler["clip"])
     for layer in model["layers"]:
         with np.errstate(over="ignore"):

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Outside readers against a finished corpus, and against a small one with the points table.
+# Outside programs against a finished corpus, against a small one with the points table, against a model trained on the first
+# (ONNX), and against classified clouds.
 #
 #   scripts/interop/run.sh PYTHON MARSYARD CORPUS
 #
@@ -14,3 +15,8 @@ trap 'rm -rf "$scratch"' EXIT
 "$marsyard" generate "$here/points.yaml" --out "$scratch/points"
 "$python" "$here/check_corpus.py" "$scratch/points" --datasets --croissant
 "$python" "$here/../read_corpus.py" "$corpus" > /dev/null
+
+"$marsyard" train "$corpus" --set epochs=1 --out "$scratch/run" > /dev/null
+"$marsyard" export "$scratch/run" --onnx "$scratch/model.onnx" --json "$scratch/model.json"
+"$python" "$here/../check_onnx.py" "$scratch/model.onnx" "$scratch/model.json" --tolerance 1e-6
+"$python" "$here/check_clouds.py" "$marsyard" "$scratch/run/model.safetensors"

@@ -11,6 +11,16 @@ pub struct Offset {
     pub rows: i32,
 }
 
+/// The column of a cell's own height.
+pub const MEAN_HEIGHT: &str = "mean_height_m";
+/// Columns of neighbours' heights begin with this.
+const NEIGHBOUR: &str = "neighbour_";
+
+/// Whether a feature column is the height of a neighbour.
+pub fn is_neighbour(column: &str) -> bool {
+    column.starts_with(NEIGHBOUR)
+}
+
 /// The neighbours whose means are features, from the bottom left, row by row: sw, s, se, w, e, nw, n, ne.
 ///
 /// 4 keeps those that share a side (s, w, e, n); 24 reaches two cells out.
@@ -40,7 +50,7 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
         description: description.to_string(),
     };
     let mut columns = vec![
-        column("mean_height_m", "m", "mean height of the points above the rover's estimated z (eq. 3)"),
+        column(MEAN_HEIGHT, "m", "mean height of the points above the rover's estimated z (eq. 3)"),
         column("height_variance_m2", "m2", "population variance of the points' heights, 0 for one point (eq. 4)"),
         column("height_difference_m", "m", "highest minus lowest point"),
         column("point_count", "1", "number of points"),
@@ -51,7 +61,7 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
         let name = offset.name();
         let description =
             format!("mean height of the neighbour to the {name}, as mean_height_m; own mean where that cell is empty");
-        FeatureColumn { name: format!("neighbour_{name}_m"), unit: "m", description }
+        FeatureColumn { name: format!("{NEIGHBOUR}{name}_m"), unit: "m", description }
     }));
     columns.extend([("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("x", "m"), ("y", "m"), ("yaw", "rad")].map(
         |(axis, unit)| {

@@ -14,7 +14,7 @@ mod slope;
 mod tests;
 
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
-pub use columns::{Offset, feature_columns, neighbour_offsets};
+pub use columns::{MEAN_HEIGHT, Offset, feature_columns, is_neighbour, neighbour_offsets};
 pub use labels::obstacles;
 pub use params::CellParams;
 pub use place::{Placed, Placer, Unplaced};

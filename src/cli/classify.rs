@@ -10,6 +10,7 @@ pub(super) use args::ClassifyArgs;
 use std::collections::VecDeque;
 
 use super::Failure;
+use super::evaluate::read_model;
 use crate::cells::{self, Cells, WindowCloud, feature_columns};
 use crate::evaluate::{Cell, Judge, Threshold, ThresholdOrigin};
 use crate::train::Model;
@@ -29,7 +30,7 @@ struct Scan {
 }
 
 pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
-    let model = Model::read(&args.model).map_err(|e| Failure::usage(miette::Report::msg(e.to_string())))?;
+    let model = read_model(&args.model)?;
     let setup = Setup::of(args, &model)?;
     let mut window: VecDeque<Loaded> = VecDeque::new();
     let mut scratch = cells::Scratch::default();

@@ -149,7 +149,7 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let mut progress = Progress::new(&out, &name, (&train, &validation), args.threads, log);
     let to_train = params.clone();
     let setup = Setup {
-        held: Held::new(train.rows, validation.rows, &[1.0], &params).map_err(train_failure)?,
+        held: Held::new(&sources.features, train.rows, validation.rows, &[1.0], &params).map_err(train_failure)?,
         params: TrainParams { epochs: args.epochs, ..params },
         networks,
         rungs: usize::from(args.rungs),

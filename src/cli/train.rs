@@ -20,6 +20,7 @@ use super::{Failure, LogFormat};
 use crate::config;
 use crate::corpus::{Build, LocalFolder, Split, Store};
 use crate::evaluate::{EvaluateError, Options, evaluate, figures};
+use crate::train::filter::{Counters, MOST_WEIGHT};
 use crate::train::run::{Init, Origin, Summary};
 use crate::train::{Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
 
@@ -285,6 +286,7 @@ fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) 
     let best = summary.best;
     let error = best.validation_error.unwrap_or(f64::NAN);
     if log == LogFormat::Json {
+        guards(&summary.counters).iter().for_each(|note| tracing::warn!(event = "guard", note));
         tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
         return;
     }
@@ -308,18 +310,35 @@ fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) 
             left_out.unlabelled, left_out.not_finite
         );
     }
-    let counters = summary.counters;
-    if counters.rejected + counters.rebuilt > 0 {
-        eprintln!(
-            "the filter rejected {} rows and rebuilt its covariance {} times; `robust: true` needs neither",
-            counters.rejected, counters.rebuilt
-        );
-    }
+    guards(&summary.counters).iter().for_each(|note| eprintln!("{note}"));
     eprintln!(
         "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",
         best.rows,
         out.join(folder::MODEL).display()
     );
+}
+
+/// What the filter's guards did, where they were needed.
+fn guards(counters: &Counters) -> Vec<String> {
+    let mut notes = Vec::new();
+    let Counters { rejected, rebuilt, rebuilt_at, factored_at, clipped, cut_back, .. } = *counters;
+    if clipped > 0 {
+        notes.push(format!("{clipped} of the rows learnt had an input beyond the clip, and were clipped"));
+    }
+    if rejected > 0 {
+        notes.push(format!("the filter rejected {rejected} rows, whose step was not finite"));
+    }
+    if let Some(at) = rebuilt_at {
+        let then = factored_at.map_or(String::new(), |at| format!(", and went on factored after {at} rows"));
+        notes.push(format!(
+            "rounding spoilt the filter's covariance, the first time after {at} rows: it was rebuilt {rebuilt} times{then}; \
+             `robust: true` needs none of it"
+        ));
+    }
+    if cut_back > 0 {
+        notes.push(format!("weights outgrew {MOST_WEIGHT:e} and were cut back, {cut_back} times: scale the features"));
+    }
+    notes
 }
 
 #[cfg(test)]
@@ -334,6 +353,19 @@ mod tests {
         for wrong in ["a:0", "a:-1", "a:nan", "a:inf"] {
             assert!(parse_corpus(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn exact_guards_are_told_with_the_time_of_the_first() {
+        assert!(guards(&Counters { updates: 9, ..Counters::default() }).is_empty());
+        let spoilt = Counters { rebuilt: 2, rebuilt_at: Some(40), factored_at: Some(70), ..Counters::default() };
+        let told = guards(&Counters { clipped: 3, rejected: 1, cut_back: 5, ..spoilt });
+        assert_eq!(told.len(), 4);
+        assert!(
+            told[2].contains("after 40 rows: it was rebuilt 2 times, and went on factored after 70"),
+            "{}",
+            told[2]
+        );
     }
 
     #[test]

@@ -20,6 +20,12 @@ pub enum CorpusError {
     #[error("{place}/{name}: {reason}; run `marsyard finalize {place}` to write it again from the receipts")]
     BadManifest { place: String, name: String, reason: String },
     #[error(
+        "{place}/{name}: written in format {there}, this program reads format {}; use the marsyard that wrote it, or build the \
+             corpus again with this one, in another place",
+        super::FORMAT
+    )]
+    OtherFormat { place: String, name: String, there: u64 },
+    #[error(
         "{place} holds another corpus: its scene_plan_hash is {there}, this plan's is {here}; choose another place, or undo \
              the difference (plan there: -, plan here: +)\n{difference}"
     )]

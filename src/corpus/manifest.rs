@@ -157,12 +157,13 @@ impl Manifest {
         if store.size(NAME)?.is_none() {
             return Err(bad("there is no manifest: the corpus is not finished, or this is not a corpus".into()));
         }
-        let manifest: Manifest = serde_json::from_slice(&store.read(NAME)?)
-            .map_err(|error| bad(format!("not a whole manifest ({error})")))?;
-        if manifest.format != FORMAT {
-            return Err(bad(format!("written in format {}, this program reads format {FORMAT}", manifest.format)));
+        let bytes = store.read(NAME)?;
+        // The format first: the rest of another format's manifest cannot be known.
+        let stated = serde_json::from_slice::<serde_json::Value>(&bytes).ok().and_then(|all| all["format"].as_u64());
+        if let Some(there) = stated.filter(|&there| there != u64::from(FORMAT)) {
+            return Err(CorpusError::OtherFormat { place: store.place(), name: NAME.into(), there });
         }
-        Ok(manifest)
+        serde_json::from_slice(&bytes).map_err(|error| bad(format!("not a whole manifest ({error})")))
     }
 
     pub fn labels(&self) -> LabelCounts {

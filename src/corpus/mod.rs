@@ -16,6 +16,7 @@
 
 pub mod card;
 pub mod cell_file;
+pub mod checked;
 pub mod croissant;
 pub mod documents;
 pub mod error;

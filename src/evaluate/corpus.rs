@@ -1,19 +1,21 @@
 //! The cells of one split of a corpus -> the judge, row group by row group.
 //!
 //! Row groups hold whole scans, so a scan is judged at once. Columns that only some corpora have (truth, height difference) may be
-//! missing; those that the model needs may not.
+//! missing; those that the model needs may not. Every file's size and sha256 are checked before a row of it is judged.
 
 use std::collections::BTreeMap;
 
-use arrow::array::{Array, ArrowPrimitiveType, Int64Array, PrimitiveArray, RecordBatch, StringArray};
-use arrow::datatypes::{Float32Type, Int8Type, Int32Type, Int64Type};
+use arrow::array::{Int64Array, StringArray};
 
-use super::judge::{Cell, Judge, Threshold, ThresholdOrigin};
+use super::columns::{CLASS, Columns, HEIGHT_DIFFERENCE, OBSTACLE_POINTS, Scan, TOP_POINTS};
+use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
+use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{self, ShardLine};
 use crate::corpus::reader::TableFile;
+use crate::corpus::receipt::FileFacts;
 use crate::corpus::{CorpusError, Manifest, Split, Store, Table};
-use crate::train::labels::{self, LabelRule, Truth};
+use crate::train::labels::{self, LabelRule};
 use crate::train::{Model, ModelError};
 
 /// What the plan says of a family.
@@ -151,14 +153,6 @@ struct Reader<'a> {
     lines: Vec<ShardLine>,
 }
 
-/// One scan in the making.
-#[derive(Default)]
-struct Scan {
-    key: Option<(i64, i32)>,
-    cells: Vec<Cell>,
-    features: Vec<f32>,
-}
-
 impl Reader<'_> {
     /// Runs the cells of a split through the judge; also the number of scans.
     fn judge(&self, split: Split, mut judge: Judge) -> Result<(Judge, u64), EvaluateError> {
@@ -167,14 +161,15 @@ impl Reader<'_> {
         for line in self.lines.iter().filter(|line| line.split == split) {
             let Some(facts) = line.tables.get(&Table::Cells) else { continue };
             let family_of = self.families_of_scenes(line)?;
-            let table = TableFile::open(self.store, &facts.path)?;
+            let table = self.open(facts)?;
             let mut scan = Scan::default();
             let wanted = self.wanted(&table)?;
             for group in 0..table.row_groups().len() {
-                let batch = table.read_row_group(group, Some(&wanted))?;
+                let batch =
+                    table.read_row_group(group, Some(&wanted)).map_err(|e| self.refused(table.name(), e.into()))?;
                 let columns = Columns::of(&batch, self.model, self.labels).map_err(|r| self.fault(table.name(), r))?;
                 for row in 0..batch.num_rows() {
-                    let key = (columns.scene_id.value(row), columns.scan_id.value(row));
+                    let key = columns.scan(row);
                     if scan.key != Some(key) {
                         scans += self.finish(&mut scan, &family_of, &mut judge, &mut outputs);
                         scan.key = Some(key);
@@ -185,6 +180,18 @@ impl Reader<'_> {
             scans += self.finish(&mut scan, &family_of, &mut judge, &mut outputs);
         }
         Ok((judge, scans))
+    }
+
+    /// A file of the corpus, its bytes checked.
+    fn open(&self, facts: &FileFacts) -> Result<TableFile, EvaluateError> {
+        Expected::from(facts).open_checked(self.store).map_err(|refused| self.refused(&facts.path, refused))
+    }
+
+    fn refused(&self, name: &str, refused: Refused) -> EvaluateError {
+        match refused {
+            Refused::Other(reason) => self.fault(name, reason),
+            Refused::Store(error) => EvaluateError::Corpus(error),
+        }
     }
 
     fn fault(&self, name: &str, reason: String) -> EvaluateError {
@@ -228,8 +235,8 @@ impl Reader<'_> {
     fn families_of_scenes(&self, line: &ShardLine) -> Result<BTreeMap<i64, String>, EvaluateError> {
         let mut families = BTreeMap::new();
         let Some(facts) = line.tables.get(&Table::Scenes) else { return Ok(families) };
-        for batch in TableFile::open(self.store, &facts.path)?.batches() {
-            let batch = batch?;
+        for batch in self.open(facts)?.batches() {
+            let batch = batch.map_err(|error| self.refused(&facts.path, error.into()))?;
             let ids = batch.column_by_name("scene_id").and_then(|c| c.as_any().downcast_ref::<Int64Array>());
             let names = batch.column_by_name("family").and_then(|c| c.as_any().downcast_ref::<StringArray>());
             let (Some(ids), Some(names)) = (ids, names) else {
@@ -240,116 +247,4 @@ impl Reader<'_> {
         }
         Ok(families)
     }
-}
-
-const HEIGHT_DIFFERENCE: &str = "height_difference_m";
-const OBSTACLE_POINTS: &str = "truth_obstacle_points";
-const TOP_POINTS: &str = "truth_top_points";
-const CLASS: &str = "truth_class";
-
-/// The columns of a row group.
-struct Columns<'b> {
-    scene_id: &'b PrimitiveArray<Int64Type>,
-    scan_id: &'b PrimitiveArray<Int32Type>,
-    row: &'b PrimitiveArray<Int32Type>,
-    col: &'b PrimitiveArray<Int32Type>,
-    label: &'b PrimitiveArray<Int8Type>,
-    points: &'b PrimitiveArray<Int32Type>,
-    range_m: &'b PrimitiveArray<Float32Type>,
-    height_difference_m: Option<&'b PrimitiveArray<Float32Type>>,
-    obstacle_points: Option<&'b PrimitiveArray<Int32Type>>,
-    top_points: Option<&'b PrimitiveArray<Int32Type>>,
-    class: Option<&'b PrimitiveArray<Int8Type>>,
-    features: Vec<&'b PrimitiveArray<Float32Type>>,
-    relabel: Option<Relabel<'b>>,
-}
-
-struct Relabel<'b> {
-    rule: &'b LabelRule,
-    obstacle_points: &'b PrimitiveArray<Int32Type>,
-    class: &'b PrimitiveArray<Int8Type>,
-    protrusion_m: &'b PrimitiveArray<Float32Type>,
-    slope_rad: &'b PrimitiveArray<Float32Type>,
-}
-
-impl<'b> Columns<'b> {
-    fn of(batch: &'b RecordBatch, model: &Model, rule: Option<&'b LabelRule>) -> Result<Columns<'b>, String> {
-        let optional = |name: &str| batch.column_by_name(name).map(|_| name.to_string());
-        let relabel = rule
-            .map(|rule| {
-                let [obstacle_points, class, protrusion_m, slope_rad] = labels::COLUMNS;
-                Ok::<_, String>(Relabel {
-                    rule,
-                    obstacle_points: column(batch, obstacle_points)?,
-                    class: column(batch, class)?,
-                    protrusion_m: column(batch, protrusion_m)?,
-                    slope_rad: column(batch, slope_rad)?,
-                })
-            })
-            .transpose()?;
-        Ok(Columns {
-            scene_id: column(batch, "scene_id")?,
-            scan_id: column(batch, "scan_id")?,
-            row: column(batch, "row")?,
-            col: column(batch, "col")?,
-            label: column(batch, "label")?,
-            points: column(batch, "points")?,
-            range_m: column(batch, "range_m")?,
-            height_difference_m: optional(HEIGHT_DIFFERENCE).map(|name| column(batch, &name)).transpose()?,
-            obstacle_points: optional(OBSTACLE_POINTS).map(|name| column(batch, &name)).transpose()?,
-            top_points: optional(TOP_POINTS).map(|name| column(batch, &name)).transpose()?,
-            class: optional(CLASS).map(|name| column(batch, &name)).transpose()?,
-            features: model.about.features.iter().map(|name| column(batch, name)).collect::<Result<_, _>>()?,
-            relabel,
-        })
-    }
-
-    /// Adds a row to its scan, or counts why it cannot be judged.
-    fn push(&self, row: usize, scan: &mut Scan, judge: &mut Judge) {
-        let untraversable = match &self.relabel {
-            _ if self.label.is_null(row) => {
-                judge.unknown_cells += 1;
-                return;
-            }
-            Some(relabel) => relabel.untraversable(row),
-            None => self.label.value(row) != 0,
-        };
-        let start = scan.features.len();
-        scan.features.extend(self.features.iter().map(|c| if c.is_valid(row) { c.value(row) } else { f32::NAN }));
-        if scan.features[start..].iter().any(|value| !value.is_finite()) {
-            scan.features.truncate(start);
-            judge.not_finite_cells += 1;
-            return;
-        }
-        let count = |column: Option<&PrimitiveArray<Int32Type>>| column.map_or(0, |c| c.value(row));
-        scan.cells.push(Cell {
-            row: self.row.value(row),
-            col: self.col.value(row),
-            untraversable,
-            points: self.points.value(row),
-            obstacle_points: count(self.obstacle_points),
-            top_points: count(self.top_points),
-            range_m: self.range_m.value(row),
-            height_difference_m: self.height_difference_m.map_or(0.0, |c| c.value(row)),
-            class: self.class.filter(|c| c.is_valid(row)).map(|c| c.value(row)),
-        });
-    }
-}
-
-impl Relabel<'_> {
-    fn untraversable(&self, row: usize) -> bool {
-        let truth = Truth {
-            obstacle_points: self.obstacle_points.value(row),
-            class: self.class.value(row),
-            protrusion_m: self.protrusion_m.value(row),
-            slope_rad: self.slope_rad.value(row),
-        };
-        self.rule.label(&truth) != 0
-    }
-}
-
-fn column<'b, T: ArrowPrimitiveType>(batch: &'b RecordBatch, name: &str) -> Result<&'b PrimitiveArray<T>, String> {
-    let found = batch.column_by_name(name).ok_or_else(|| format!("it has no column '{name}'"))?;
-    let typed = found.as_any().downcast_ref::<PrimitiveArray<T>>();
-    typed.ok_or_else(|| format!("its column '{name}' is {:?}, not {:?}", found.data_type(), T::DATA_TYPE))
 }

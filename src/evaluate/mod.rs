@@ -8,6 +8,7 @@
 //!
 //! Not here: training, and the drawing of scans (`cloud` and `picture` do that).
 
+mod columns;
 mod confusion;
 mod corpus;
 mod figures;

@@ -162,7 +162,7 @@ fn check(setup: &Setup, sorted: &[Hidden]) -> Result<(), TrainError> {
     if rows < weights && !setup.params.allow_few_rows {
         return Err(TrainError::FewRows { rows: rows as u64, weights });
     }
-    filter::build(&setup.params.filter, &layout)?;
+    filter::build(&setup.params.filter, &layout, setup.params.clip)?;
     Ok(())
 }
 

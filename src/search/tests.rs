@@ -32,7 +32,7 @@ fn setup(out: &Path, threads: usize) -> Setup {
     let sets = ["validate_every=100", "patience=4"].map(String::from);
     let params = TrainParams { epochs: 4, ..crate::config::load_train(None, &sets).unwrap() };
     Setup {
-        held: Held::new(rows(1, 300), rows(2, 200), &[1.0], &params).unwrap(),
+        held: Held::new(&["x".into(), "y".into()], rows(1, 300), rows(2, 200), &[1.0], &params).unwrap(),
         params,
         networks: grid(&[1, 3, 5], 2),
         rungs: 3,

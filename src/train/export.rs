@@ -93,9 +93,11 @@ mod tests {
             let outputs = numbers(&value["check"]["outputs"]);
             assert_eq!(rows.len(), 7 + MIXED_ROWS as usize);
             for (row, output) in rows.iter().zip(outputs) {
-                let mut x = numbers(row);
+                let row = numbers(row);
+                let mut x = row.clone();
                 for k in 0..3 {
-                    x[k] = ((x[k] - mean[k]) / scale[k]).clamp(-clip, clip);
+                    let minus = scaler["minus"][k].as_u64().map_or(0.0, |other| row[other as usize]);
+                    x[k] = ((x[k] - minus - mean[k]) / scale[k]).clamp(-clip, clip);
                 }
                 for layer in value["layers"].as_array().unwrap() {
                     let sums = layer["weights"].as_array().unwrap().iter().zip(numbers(&layer["biases"]));

@@ -58,7 +58,7 @@ impl Learner {
     /// A network as it is before the first row.
     pub fn new(params: &TrainParams, judge: Judge, validate_every: u64) -> Result<Learner, TrainError> {
         let layout = params.layout(judge.scaler.mean.len());
-        let filter = filter::build(&params.filter, &layout)?;
+        let filter = filter::build(&params.filter, &layout, params.clip)?;
         let network = first_network(params, layout);
         Ok(Learner {
             best: Snapshot { weights: network.weights.clone(), filter: filter.state() },

@@ -10,11 +10,10 @@ use super::filter::Counters;
 use super::learner::Learner;
 use super::order::Epoch;
 use super::rows::Rows;
-use super::scaling::{Weights, scaler_of};
+use super::scaling::{Weights, moments_of, scaler_of, subtracted};
 use super::stopping::{Look, Stop};
 use super::validation::Judge;
 use super::{Network, TrainError, TrainParams};
-use crate::corpus::stats::Moments;
 
 /// Rows to learn and rows to judge by, and how both are scaled and weighed: by the rows to learn alone.
 pub struct Held {
@@ -58,22 +57,26 @@ pub struct Trained {
 
 impl Held {
     /// Scales and weighs as the parameters say; a row of each corpus counts as much as that corpus's weight.
-    pub fn new(train: Rows, validation: Rows, corpora: &[f64], params: &TrainParams) -> Result<Held, TrainError> {
+    pub fn new(
+        features: &[String],
+        train: Rows,
+        validation: Rows,
+        corpora: &[f64],
+        params: &TrainParams,
+    ) -> Result<Held, TrainError> {
         for (rows, purpose) in [(&train, "learn"), (&validation, "validate by")] {
             if rows.is_empty() {
                 let (unlabelled, not_finite) = (rows.left_out.unlabelled, rows.left_out.not_finite);
                 return Err(TrainError::NoRowsHeld { purpose, unlabelled, not_finite });
             }
         }
-        let mut moments = vec![Moments::default(); train.width];
+        let minus = subtracted(features, params.neighbours);
+        let moments = moments_of(&train, &minus);
         let mut counts = vec![[0; 2]; corpora.len()];
         for row in 0..train.len() {
-            for (moments, value) in moments.iter_mut().zip(train.row(row)) {
-                moments.add(f64::from(*value));
-            }
             counts[usize::from(train.corpora[row])][usize::from(train.labels[row])] += 1;
         }
-        let (scaler, constant) = scaler_of(moments.into_iter(), params.clip);
+        let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
         let weights = Weights::new(&counts, corpora, params.balance);
         Ok(Held { judge: Judge { scaler, targets: params.targets, weights }, train, validation, constant })
     }

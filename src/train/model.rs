@@ -12,7 +12,7 @@ mod file;
 use garde::Validate;
 use serde::{Deserialize, Serialize};
 
-use super::{Layout, Network};
+use super::Network;
 use crate::cells::CellParams;
 use crate::drive::Rover;
 use crate::sweep::Sensor;
@@ -24,6 +24,8 @@ pub const MODEL_FORMAT: u32 = 1;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scaler {
+    /// Per input the number of another that is subtracted from it first: a neighbour's height above the cell's own.
+    pub minus: Vec<Option<usize>>,
     /// Subtracted, then divided by; from the train split. A feature that never varied has scale 1.
     pub mean: Vec<f64>,
     pub scale: Vec<f64>,
@@ -96,14 +98,19 @@ pub enum ModelError {
 impl Scaler {
     /// Scales one row of features.
     pub fn scale(&self, features: &[f32], out: &mut [f64]) {
-        for (((out, &x), mean), scale) in out.iter_mut().zip(features).zip(&self.mean).zip(&self.scale) {
-            *out = ((f64::from(x) - mean) / scale).clamp(-self.clip, self.clip);
+        let numbers = features.iter().zip(&self.minus).zip(&self.mean).zip(&self.scale);
+        for (out, (((&x, minus), mean), scale)) in out.iter_mut().zip(numbers) {
+            let x = f64::from(x) - minus.map_or(0.0, |other| f64::from(features[other]));
+            *out = ((x - mean) / scale).clamp(-self.clip, self.clip);
         }
     }
 }
 
 /// The greatest weight, scale or mean that a file may hold: far beyond use, and no sum of such products overflows.
 const SANE: f64 = 1e100;
+
+/// Rows that are scaled at a time.
+const CHUNK_ROWS: usize = 1024;
 
 impl Model {
     /// Where each input of the model stands among the columns of some data.
@@ -135,11 +142,16 @@ impl Model {
     /// The outputs of rows that lie one after another, put after what `out` holds.
     pub fn outputs(&self, rows: &[f32], out: &mut Vec<f64>) {
         let inputs = self.about.inputs;
-        let mut layers = Layers::of(&self.network.layout);
-        out.extend(rows.chunks_exact(inputs).map(|row| {
-            self.about.scaler.scale(row, layers.inputs());
-            layers.output(&self.network)
-        }));
+        let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
+        for rows in rows.chunks(inputs * CHUNK_ROWS) {
+            let count = rows.len() / inputs;
+            for (row, scaled) in rows.chunks_exact(inputs).zip(scaled.chunks_exact_mut(inputs)) {
+                self.about.scaler.scale(row, scaled);
+            }
+            let start = out.len();
+            out.resize(start + count, 0.0);
+            self.network.outputs(&scaled[..inputs * count], &mut out[start..]);
+        }
     }
 
     /// Class of an output: the number of thresholds at or below it.
@@ -158,8 +170,8 @@ impl Model {
         let finite = |values: &[f64]| values.iter().all(|v| v.abs() <= SANE);
         let ascending = |values: &[f64]| values.windows(2).all(|pair| pair[0] <= pair[1]);
         let in_unit = |values: &[f64]| values.iter().all(|v| (0.0..=1.0).contains(v));
-        let per_feature =
-            [about.features.len(), about.scaler.mean.len(), about.scaler.scale.len(), about.quantiles.len()];
+        let Scaler { minus, mean, scale, .. } = &about.scaler;
+        let per_feature = [about.features.len(), minus.len(), mean.len(), scale.len(), about.quantiles.len()];
         if (layout.inputs, &layout.hidden, layout.bias) != (about.inputs, &about.hidden, about.bias) {
             return Some("its network is not the one that its metadata tells of".into());
         }
@@ -181,6 +193,9 @@ impl Model {
         let scaler = &about.scaler;
         if !finite(&scaler.mean) || scaler.scale.iter().any(|s| !(1e-300..=SANE).contains(s)) {
             return Some("a mean that is not finite, or a scale that is not positive".into());
+        }
+        if let Some(other) = minus.iter().flatten().find(|&&other| minus.get(other) != Some(&None)) {
+            return Some(format!("input {other} is subtracted from another and is no plain input"));
         }
         if !(1e-3..=1e6).contains(&scaler.clip) {
             return Some(format!("inputs are clipped to {}, not to 0.001 to 1e6", scaler.clip));
@@ -205,41 +220,6 @@ impl Model {
         sections.into_iter().find_map(|(name, fault)| {
             fault.map(|fault| format!("its {name}: {}", fault.to_string().trim().replace('\n', "; ")))
         })
-    }
-}
-
-/// Activations of one layer and of the next, reused from row to row.
-struct Layers {
-    from: Vec<f64>,
-    to: Vec<f64>,
-    inputs: usize,
-}
-
-impl Layers {
-    fn of(layout: &Layout) -> Layers {
-        let widest = layout.sizes().into_iter().max().unwrap_or(1);
-        Layers { from: vec![0.0; widest], to: vec![0.0; widest], inputs: layout.inputs }
-    }
-
-    fn inputs(&mut self) -> &mut [f64] {
-        &mut self.from[..self.inputs]
-    }
-
-    /// Eqs 1 and 2: weighted sums through logistic neurons, the input layer linear.
-    fn output(&mut self, network: &Network) -> f64 {
-        let mut weights = network.weights.as_slice();
-        for pair in network.layout.sizes().windows(2) {
-            let row = pair[0] + usize::from(network.layout.bias);
-            let (layer, rest) = weights.split_at(row * pair[1]);
-            weights = rest;
-            for (to, w) in self.to.iter_mut().zip(layer.chunks_exact(row)) {
-                let bias = if network.layout.bias { w[pair[0]] } else { 0.0 };
-                let sum = w.iter().zip(&self.from[..pair[0]]).fold(bias, |sum, (w, x)| w.mul_add(*x, sum));
-                *to = 1.0 / (1.0 + crate::math::exp(-sum));
-            }
-            std::mem::swap(&mut self.from, &mut self.to);
-        }
-        self.from[0]
     }
 }
 

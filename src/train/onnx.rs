@@ -21,11 +21,17 @@ pub fn onnx(model: &Model) -> Vec<u8> {
     graph.message.message(12, &tensor_type("untraversable", FLOAT, 1));
 
     graph.node("Cast", &["features"], "exact", &[("to", DOUBLE)]);
+    let relative: Vec<f64> = (0..layout.inputs)
+        .flat_map(|from| about.scaler.minus.iter().enumerate().map(move |(to, minus)| (from, to, *minus)))
+        .map(|(from, to, minus)| f64::from(u8::from(from == to)) - f64::from(u8::from(minus == Some(from))))
+        .collect();
+    graph.tensor("relative", &[layout.inputs, layout.inputs], &relative);
+    graph.node("MatMul", &["exact", "relative"], "related", &[]);
     graph.tensor("mean", &[layout.inputs], &about.scaler.mean);
     graph.tensor("scale", &[layout.inputs], &about.scaler.scale);
     graph.tensor("lowest", &[], &[-about.scaler.clip]);
     graph.tensor("highest", &[], &[about.scaler.clip]);
-    graph.node("Sub", &["exact", "mean"], "centred", &[]);
+    graph.node("Sub", &["related", "mean"], "centred", &[]);
     graph.node("Div", &["centred", "scale"], "scaled", &[]);
     graph.node("Clip", &["scaled", "lowest", "highest"], "layer0", &[]);
 
@@ -176,7 +182,9 @@ mod tests {
         let model = model(&["a", "b"], &[3], true);
         let bytes = onnx(&model);
         let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
-        for word in ["Cast", "Sub", "Div", "Clip", "Gemm", "Sigmoid", "features", "untraversable", "marsyard_model"] {
+        for word in
+            ["Cast", "MatMul", "Sub", "Div", "Clip", "Gemm", "Sigmoid", "features", "untraversable", "marsyard_model"]
+        {
             assert!(holds(word.as_bytes()), "{word}");
         }
         assert!(model.network.weights.iter().all(|weight| holds(&weight.to_le_bytes())));

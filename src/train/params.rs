@@ -21,6 +21,9 @@ pub struct TrainParams {
     pub filter: FilterParams,
     #[garde(dive)]
     pub features: FeatureSet,
+    /// Whether the network sees the heights of neighbours above the cell's own, or above the rover as they are stored.
+    #[garde(skip)]
+    pub neighbours: Neighbours,
     /// Another rule for the labels, read off the corpus's `truth_` columns; absent = the corpus's own labels.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -59,6 +62,7 @@ impl Default for TrainParams {
             network: NetworkParams::default(),
             filter: FilterParams::default(),
             features: FeatureSet::Full,
+            neighbours: Neighbours::AboveCell,
             labels: None,
             targets: [0.1, 0.9],
             thresholds: vec![0.5],
@@ -113,6 +117,16 @@ pub enum FeatureSet {
     All,
     /// These columns.
     Columns(#[garde(length(min = 1))] Vec<String>),
+}
+
+/// What the heights of neighbours are measured from. The step to a neighbour is what stops a wheel; heights above the rover hide it in
+/// the height of the ground. Stored columns are above the rover either way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Neighbours {
+    AboveCell,
+    /// As the paper has them.
+    AboveRover,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

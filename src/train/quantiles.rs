@@ -18,20 +18,15 @@ pub const SHARES: [f64; 7] = [0.0, 0.001, 0.01, 0.5, 0.99, 0.999, 1.0];
 
 /// Per feature, in the order of the sources' features.
 pub fn of_train_split(sources: &Sources, seed: u64, scaler: &Scaler) -> Result<Vec<[f64; 7]>, TrainError> {
-    let groups = sources.groups(Split::Train);
-    let mut rows = Rows::new(sources.features.len());
-    for group in Epoch::new(seed, 0).groups(groups.len()) {
-        sources.read(Split::Train, groups[group as usize], &mut rows)?;
-        if rows.len() > SAMPLE_ROWS {
-            break;
-        }
-    }
+    let rows = sample(sources, seed)?;
     let mut quantiles = Vec::new();
     for (feature, name) in sources.features.iter().enumerate() {
         let mut values: Vec<f32> = rows.features.iter().skip(feature).step_by(rows.width).copied().collect();
         values.truncate(SAMPLE_ROWS);
         values.sort_unstable_by(f32::total_cmp);
-        let mut of_feature = SHARES.map(|share| quantile(&values, share).unwrap_or(scaler.mean[feature]));
+        let mut of_feature = SHARES.map(|share| {
+            quantile(&values, share).unwrap_or(if scaler.minus[feature].is_none() { scaler.mean[feature] } else { 0.0 })
+        });
         for source in &sources.list {
             let Some(summary) = source.features.iter().find(|summary| summary.name == *name) else { continue };
             of_feature[0] = summary.moments.min.map_or(of_feature[0], |min| of_feature[0].min(min));
@@ -40,6 +35,19 @@ pub fn of_train_split(sources: &Sources, seed: u64, scaler: &Scaler) -> Result<V
         quantiles.push(of_feature);
     }
     Ok(quantiles)
+}
+
+/// Rows of row groups picked at random: all of a small split, else somewhat more than [`SAMPLE_ROWS`].
+pub fn sample(sources: &Sources, seed: u64) -> Result<Rows, TrainError> {
+    let groups = sources.groups(Split::Train);
+    let mut rows = Rows::new(sources.features.len());
+    for group in Epoch::new(seed, 0).groups(groups.len()) {
+        sources.read(Split::Train, groups[group as usize], &mut rows)?;
+        if rows.len() > SAMPLE_ROWS {
+            break;
+        }
+    }
+    Ok(rows)
 }
 
 /// The smallest value that at least this share of the sorted values does not exceed.

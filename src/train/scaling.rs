@@ -4,22 +4,53 @@
 
 use std::sync::Arc;
 
-use super::Scaler;
-use super::params::Balance;
+use super::params::{Balance, Neighbours};
+use super::quantiles::sample;
+use super::rows::Rows;
 use super::source::{Source, Sources};
+use super::{Scaler, TrainError, TrainParams};
+use crate::cells::{MEAN_HEIGHT, is_neighbour};
 use crate::corpus::stats::Moments;
 
 /// The scaler, and the names of the features that never vary: they get scale 1 and teach nothing.
-pub fn scaler(sources: &Sources, clip: f64) -> (Scaler, Vec<String>) {
-    let (scaler, constant) = scaler_of(sources.features.iter().map(|name| merged(&sources.list, name)), clip);
-    (scaler, constant.into_iter().map(|feature| sources.features[feature].clone()).collect())
+///
+/// What is subtracted from another first has no statistics in the manifest: they come from a sample of rows.
+pub fn scaler(sources: &Sources, params: &TrainParams) -> Result<(Scaler, Vec<String>), TrainError> {
+    let minus = subtracted(&sources.features, params.neighbours);
+    let mut moments: Vec<Moments> = sources.features.iter().map(|name| merged(&sources.list, name)).collect();
+    if minus.iter().any(Option::is_some) {
+        let sample = moments_of(&sample(sources, params.seed)?, &minus);
+        let differences = moments.iter_mut().zip(sample).zip(&minus).filter(|(_, minus)| minus.is_some());
+        differences.for_each(|((moments, sample), _)| *moments = sample);
+    }
+    let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
+    Ok((scaler, constant.into_iter().map(|feature| sources.features[feature].clone()).collect()))
 }
 
-/// The scaler of features with these moments, and which of them never vary.
-pub fn scaler_of(features: impl Iterator<Item = Moments>, clip: f64) -> (Scaler, Vec<usize>) {
-    let mut scaler = Scaler { mean: Vec::new(), scale: Vec::new(), clip };
+/// Per feature, the number of the one that is subtracted from it: of a neighbour's height, the cell's own.
+pub fn subtracted(features: &[String], neighbours: Neighbours) -> Vec<Option<usize>> {
+    let own = features.iter().position(|name| name == MEAN_HEIGHT);
+    let above_cell = |name: &String| neighbours == Neighbours::AboveCell && is_neighbour(name);
+    features.iter().map(|name| own.filter(|_| above_cell(name))).collect()
+}
+
+/// Moments of rows, each feature less what is subtracted from it.
+pub fn moments_of(rows: &Rows, minus: &[Option<usize>]) -> Vec<Moments> {
+    let mut moments = vec![Moments::default(); rows.width];
+    for row in 0..rows.len() {
+        let row = rows.row(row);
+        for ((moments, value), minus) in moments.iter_mut().zip(row).zip(minus) {
+            moments.add(f64::from(*value) - minus.map_or(0.0, |other| f64::from(row[other])));
+        }
+    }
+    moments
+}
+
+/// The scaler of inputs with these moments, and which of them never vary.
+pub fn scaler_of(minus: Vec<Option<usize>>, inputs: impl Iterator<Item = Moments>, clip: f64) -> (Scaler, Vec<usize>) {
+    let mut scaler = Scaler { minus, mean: Vec::new(), scale: Vec::new(), clip };
     let mut constant = Vec::new();
-    for (feature, moments) in features.enumerate() {
+    for (feature, moments) in inputs.enumerate() {
         let (mean, variance) = (moments.mean, moments.variance());
         // Rounding leaves a constant column some variance; its range tells.
         let varies = !moments.is_constant() && variance.is_normal();
@@ -89,6 +120,23 @@ mod tests {
             .map(|(of, c)| (0..2).map(|k| of[k] * weights.of(k as u8, *c)).sum::<f64>())
             .sum();
         assert!((sum - 200.0).abs() < 1e-9, "{sum}");
+    }
+
+    #[test]
+    fn exact_neighbours_stand_above_the_cell_where_its_own_height_is_an_input() {
+        let names = |list: &[&str]| list.iter().map(ToString::to_string).collect::<Vec<_>>();
+        let with = names(&["point_count", "mean_height_m", "neighbour_n_m", "height_difference_m", "neighbour_sw_m"]);
+        let above = [None, None, Some(1), None, Some(1)];
+        assert_eq!(subtracted(&with, Neighbours::AboveCell), above);
+        assert_eq!(subtracted(&with, Neighbours::AboveRover), [None; 5]);
+        assert_eq!(subtracted(&names(&["point_count", "neighbour_n_m"]), Neighbours::AboveCell), [None; 2]);
+        let mut rows = Rows::new(2);
+        rows.features = vec![1.0, 1.5, 2.0, 2.25, -1.0, 0.25];
+        (rows.labels, rows.corpora) = (vec![0; 3], vec![0; 3]);
+        let moments = moments_of(&rows, &[None, Some(0)]);
+        // Heights 1, 2, -1; differences 0.5, 0.25, 1.25.
+        assert!((moments[0].mean - 2.0 / 3.0).abs() < 1e-15 && (moments[1].mean - 2.0 / 3.0).abs() < 1e-15);
+        assert!((moments[1].variance() - 13.0 / 72.0).abs() < 1e-15);
     }
 
     #[test]

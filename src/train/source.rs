@@ -9,15 +9,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use arrow::array::{AsArray, BooleanArray, RecordBatch};
 use arrow::compute::filter_record_batch;
 use arrow::datatypes::Int64Type;
-use sha2::Digest;
 
 use super::labels::{self, LabelRule};
 use super::rows::Rows;
 use super::{FeatureSet, TrainError};
+use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{self, FeatureSummary, ShardLine};
 use crate::corpus::reader::TableFile;
 use crate::corpus::stats::LabelCounts;
-use crate::corpus::{CorpusError, Manifest, Split, Store, Table, sha256};
+use crate::corpus::{Manifest, Split, Store, Table, sha256};
 
 /// One corpus.
 pub struct Source {
@@ -60,9 +60,6 @@ pub struct SceneAddress {
     pub file: u32,
     pub scene: u64,
 }
-
-/// Files are checked in pieces of this size.
-const PIECE_BYTES: usize = 1 << 20;
 
 impl Source {
     pub fn open(store: &dyn Store, weight: f64) -> Result<Source, TrainError> {
@@ -119,42 +116,21 @@ impl Source {
     /// The file, its bytes checked if nobody has done so before.
     fn open_file(&self, split: Split, file: &ShardFile) -> Result<TableFile, TrainError> {
         let name = path(split, file.shard);
-        let fault = |reason: String| TrainError::Shard { place: self.place(), name: name.clone(), reason };
-        if !file.verified.load(Ordering::Acquire) {
-            let bytes = self.store.size(&name)?.ok_or_else(|| fault("it is missing".into()))?;
-            if bytes != file.bytes {
-                return Err(fault(format!("it has {bytes} bytes, shards.jsonl says {}", file.bytes)));
-            }
-            if self.sha256_of(&name, bytes)? != file.sha256 {
-                return Err(fault("its sha256 is not that of shards.jsonl: bytes have changed".into()));
-            }
-        }
-        let table = TableFile::open(self.store.as_ref(), &name).map_err(|error| shard_fault(error, &fault))?;
-        if table.row_groups().len() != file.row_groups as usize || table.rows() != file.rows {
-            return Err(fault(format!(
-                "it holds {} rows in {} row groups, shards.jsonl says {} in {}",
-                table.rows(),
-                table.row_groups().len(),
-                file.rows,
-                file.row_groups
-            )));
-        }
-        file.verified.store(true, Ordering::Release);
+        let ShardFile { rows, bytes, row_groups, ref sha256, ref verified, .. } = *file;
+        let expected = Expected { name: &name, bytes, sha256, rows, row_groups };
+        let known = verified.load(Ordering::Acquire);
+        let opened =
+            if known { expected.open(self.store.as_ref()) } else { expected.open_checked(self.store.as_ref()) };
+        let table = opened.map_err(|refused| self.fault(&name, refused))?;
+        verified.store(true, Ordering::Release);
         Ok(table)
     }
 
-    fn sha256_of(&self, name: &str, bytes: u64) -> Result<String, CorpusError> {
-        let mut hasher = sha2::Sha256::new();
-        let mut offset = 0;
-        while offset < bytes {
-            let piece = self.store.read_range(name, offset, PIECE_BYTES)?;
-            if piece.is_empty() {
-                break;
-            }
-            hasher.update(&piece);
-            offset += piece.len() as u64;
+    fn fault(&self, name: &str, refused: Refused) -> TrainError {
+        match refused {
+            Refused::Other(reason) => TrainError::Shard { place: self.place(), name: name.into(), reason },
+            Refused::Store(error) => TrainError::Corpus(error),
         }
-        Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }
 }
 
@@ -166,15 +142,6 @@ fn path(split: Split, shard: u64) -> String {
 
 fn at(split: Split) -> usize {
     split as usize
-}
-
-/// What the Parquet reader says of a file, as a fault of that file.
-fn shard_fault(error: CorpusError, fault: &dyn Fn(String) -> TrainError) -> TrainError {
-    match error {
-        CorpusError::Parquet { source, .. } => fault(format!("it cannot be read as Parquet ({source})")),
-        CorpusError::Arrow { source, .. } => fault(format!("it cannot be read as Parquet ({source})")),
-        other => TrainError::Corpus(other),
-    }
 }
 
 /// All corpora of a run, and what is read of each.
@@ -265,7 +232,7 @@ impl Sources {
         let file = self.open(split, address.source, address.file, &["scene_id"])?;
         for group in 0..file.table.row_groups().len() {
             let batch = file.read(group)?;
-            let of_scene = rows_of_scene(&batch, address.scene).map_err(|reason| file.fault(reason))?;
+            let of_scene = rows_of_scene(&batch, address.scene).map_err(|reason| file.fault(Refused::Other(reason)))?;
             file.push(&of_scene, rows)?;
         }
         Ok(())
@@ -286,7 +253,7 @@ impl Sources {
             wanted,
         };
         match open.wanted.iter().find(|name| open.table.schema().field_with_name(name).is_err()) {
-            Some(absent) => Err(open.fault(format!("it has no column '{absent}'"))),
+            Some(absent) => Err(open.fault(Refused::Other(format!("it has no column '{absent}'")))),
             None => Ok(open),
         }
     }
@@ -310,19 +277,17 @@ struct OpenFile<'s> {
 }
 
 impl OpenFile<'_> {
-    fn fault(&self, reason: String) -> TrainError {
-        let place = self.sources.list[usize::from(self.source)].place();
-        TrainError::Shard { place, name: self.name.clone(), reason }
+    fn fault(&self, refused: Refused) -> TrainError {
+        self.sources.list[usize::from(self.source)].fault(&self.name, refused)
     }
 
     fn read(&self, group: usize) -> Result<RecordBatch, TrainError> {
-        let fault = |reason| self.fault(reason);
-        self.table.read_row_group(group, Some(&self.wanted)).map_err(|error| shard_fault(error, &fault))
+        self.table.read_row_group(group, Some(&self.wanted)).map_err(|error| self.fault(error.into()))
     }
 
     fn push(&self, batch: &RecordBatch, rows: &mut Rows) -> Result<(), TrainError> {
         let Sources { features, rule, .. } = self.sources;
-        rows.push(batch, features, rule.as_ref(), self.source).map_err(|reason| self.fault(reason))
+        rows.push(batch, features, rule.as_ref(), self.source).map_err(|reason| self.fault(Refused::Other(reason)))
     }
 }
 

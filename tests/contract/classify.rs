@@ -100,7 +100,7 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         hidden: vec![1],
         bias: true,
         features: features.iter().map(|name| name.to_string()).collect(),
-        scaler: Scaler { mean: vec![0.0; inputs], scale: vec![1.0; inputs], clip: 1e3 },
+        scaler: Scaler { minus: vec![None; inputs], mean: vec![0.0; inputs], scale: vec![1.0; inputs], clip: 1e3 },
         quantiles: vec![[-1.0, -0.9, -0.8, 0.01, 0.8, 0.9, 1.0]; inputs],
         targets: [0.1, 0.9],
         thresholds: vec![0.5],

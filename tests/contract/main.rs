@@ -6,8 +6,12 @@ mod classify;
 mod cli;
 /// Pinned ids of three small corpora.
 mod golden;
+/// Judging and exporting: reports, exit codes, faults with their cures.
+mod judging;
 /// The same plan gives the same bytes.
 mod sameness;
+/// Scans of every pattern, from a corpus to a classified cloud.
+mod scans;
 /// Searches: the same leaderboard after any kill; faults with their cures.
 mod search;
 /// Training: the same bits after any kill; faults with their cures.

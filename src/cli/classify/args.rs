@@ -8,7 +8,7 @@ use clap::{ArgGroup, Args, ValueEnum};
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("place").required(true))]
 pub(in crate::cli) struct ClassifyArgs {
-    /// The `model.safetensors` of a run folder.
+    /// A trained model: the model.safetensors of a run folder, or the folder.
     pub(super) model: PathBuf,
     /// Scans: PLY, PCD, LAS, CSV / XYZ (with or without a header) or KITTI .bin, in the order they were taken.
     #[arg(required = true)]

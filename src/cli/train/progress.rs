@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::LogFormat;
 use crate::cli::progress::{human, si};
+use crate::train::filter::Counters;
 use crate::train::run::Start;
 use crate::train::stopping::Look;
 use crate::train::{Event, Setup};
@@ -23,6 +24,8 @@ pub(in crate::cli) struct Progress {
     rows: u64,
     /// Rows of all epochs: training may end earlier.
     most_rows: u64,
+    /// What was said of the covariance so far.
+    guarded: (Option<u64>, Option<u64>),
 }
 
 enum Display {
@@ -52,6 +55,7 @@ impl Progress {
             resumed_at: 0,
             rows: 0,
             most_rows: 0,
+            guarded: (None, None),
         }
     }
 
@@ -64,7 +68,10 @@ impl Progress {
                     bar.set_position(*rows);
                 }
             }
-            Event::Look { look, best, is_best } => self.look(look, best, *is_best),
+            Event::Look { look, best, is_best, counters } => {
+                self.look(look, best, *is_best);
+                self.guards(counters);
+            }
             Event::Checkpoint { rows } => {
                 if matches!(self.display, Display::Json) {
                     tracing::info!(event = "checkpoint", rows);
@@ -153,6 +160,26 @@ impl Progress {
                 rows_per_s = self.rate(),
                 eta_s = self.remaining().as_secs_f64(),
             ),
+        }
+    }
+
+    /// Says at once that the covariance was spoilt, and that another form took over: once each.
+    fn guards(&mut self, counters: &Counters) {
+        let now = (counters.rebuilt_at, counters.factored_at);
+        if now == self.guarded {
+            return;
+        }
+        self.guarded = now;
+        let what = match now {
+            (_, Some(at)) => format!("after {at} rows the covariance was spoilt again: the filter goes on factored"),
+            (Some(at), None) => {
+                format!("after {at} rows rounding spoilt the covariance: it is rebuilt from its diagonal")
+            }
+            (None, None) => return,
+        };
+        match self.display {
+            Display::Json => tracing::warn!(event = "guard", note = %what),
+            _ => self.say(&format!("warning: {what}")),
         }
     }
 

@@ -4,6 +4,7 @@ use super::backprop::Backprop;
 use super::diagonal::Diagonal;
 use super::ekf::Ekf;
 use super::groups::groups;
+use super::guarded::Guarded;
 use super::lanes::{Isa, Real};
 use super::linearised::Linearised;
 use super::noise::Noise;
@@ -16,51 +17,52 @@ use crate::train::params::{DecoupledParams, EkfParams, FilterParams, Groups, Pre
 /// Largest memory for covariances, bytes.
 const MOST_BYTES: u64 = 8 << 30;
 
-/// The filter that the settings ask for, at its start. Refuses, with the reason, settings that it cannot hold.
-pub fn build(params: &FilterParams, layout: &Layout) -> Result<Box<dyn Filter>, FilterError> {
+/// The filter that the settings ask for, at its start. Refuses, with the reason, settings that it cannot hold. `clip`: what the
+/// inputs were clipped to; rows that reach it are counted.
+pub fn build(params: &FilterParams, layout: &Layout, clip: f64) -> Result<Box<dyn Filter>, FilterError> {
     check(params, layout)?;
-    Ok(build_unchecked(params, layout))
+    Ok(build_unchecked(params, layout, clip))
 }
 
 /// As [`build`], without the check of ranges: to see what the guards do at settings that it refuses.
-pub fn build_unchecked(params: &FilterParams, layout: &Layout) -> Box<dyn Filter> {
+pub fn build_unchecked(params: &FilterParams, layout: &Layout, clip: f64) -> Box<dyn Filter> {
     match params {
         FilterParams::Ekf(ekf) => match ekf.precision {
-            Precision::F32 => one_group::<f32>(ekf, layout),
-            Precision::F64 => one_group::<f64>(ekf, layout),
+            Precision::F32 => one_group::<f32>(ekf, layout, clip),
+            Precision::F64 => one_group::<f64>(ekf, layout, clip),
         },
         FilterParams::Decoupled(decoupled) => match decoupled.precision {
-            Precision::F32 => several_groups::<f32>(decoupled, layout),
-            Precision::F64 => several_groups::<f64>(decoupled, layout),
+            Precision::F32 => several_groups::<f32>(decoupled, layout, clip),
+            Precision::F64 => several_groups::<f64>(decoupled, layout, clip),
         },
         FilterParams::Backprop(backprop) => {
-            Box::new(Linearised::new(Backprop { rate: backprop.rate }, Noise::none(), layout.weights()))
+            Box::new(Linearised::new(Backprop { rate: backprop.rate }, Noise::none(), layout.weights(), clip))
         }
-        FilterParams::Ukf(ukf) => Box::new(Ukf::new(ukf, layout.weights())),
+        FilterParams::Ukf(ukf) => Box::new(Ukf::new(ukf, layout.weights(), clip)),
     }
 }
 
-fn one_group<T: Real>(params: &EkfParams, layout: &Layout) -> Box<dyn Filter> {
+fn one_group<T: Real>(params: &EkfParams, layout: &Layout, clip: f64) -> Box<dyn Filter> {
     let (noise, size, isa) = (Noise::of(&params.noise), layout.weights(), Isa::detect());
     if params.robust {
-        Box::new(Linearised::new(Ud::<T>::new(size, noise.p0, params.batch, isa), noise, size))
+        Box::new(Linearised::new(Ud::<T>::new(size, noise.p0, params.batch, isa), noise, size, clip))
     } else {
-        let learner = Ekf::<T>::new("ekf", groups(layout, Groups::One), noise.p0, params.batch, isa);
-        Box::new(Linearised::new(learner, noise, size))
+        let plain = Ekf::<T>::new("ekf", groups(layout, Groups::One), noise.p0, params.batch, isa);
+        Box::new(Linearised::new(Guarded::new(plain, isa), noise, size, clip))
     }
 }
 
-fn several_groups<T: Real>(params: &DecoupledParams, layout: &Layout) -> Box<dyn Filter> {
+fn several_groups<T: Real>(params: &DecoupledParams, layout: &Layout, clip: f64) -> Box<dyn Filter> {
     let (noise, size) = (Noise::of(&params.noise), layout.weights());
     let name = match params.groups {
         Groups::One => "decoupled-one",
         Groups::Layer => "decoupled-layer",
         Groups::Node => "decoupled-node",
         Groups::InputNode => "decoupled-input_node",
-        Groups::Weight => return Box::new(Linearised::new(Diagonal::new(size, noise.p0, 1), noise, size)),
+        Groups::Weight => return Box::new(Linearised::new(Diagonal::new(size, noise.p0, 1), noise, size, clip)),
     };
     let learner = Ekf::<T>::new(name, groups(layout, params.groups), noise.p0, 1, Isa::detect());
-    Box::new(Linearised::new(learner, noise, size))
+    Box::new(Linearised::new(learner, noise, size, clip))
 }
 
 fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {

@@ -10,6 +10,7 @@ use super::lanes::{Isa, Kernel, Real, Simd};
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
 use super::triangle::{Masks, Triangle};
+use super::ud::Ud;
 
 /// Variances are not rebuilt below this share of P0.
 const REBUILD_FLOOR: f64 = 1e-7;
@@ -45,6 +46,14 @@ impl<T: Real> Ekf<T> {
             z: vec![0.0; batch],
             step: vec![0.0; size],
         }
+    }
+}
+
+impl<T: Real> Ekf<T> {
+    /// The factored form that goes on with the variances of the first group, where it holds all weights.
+    pub fn factored(&self, isa: Isa) -> Ud<T> {
+        let variances = self.groups[0].variances(REBUILD_FLOOR * self.p0).collect();
+        Ud::diagonal(variances, self.p0, self.batch, isa)
     }
 }
 

@@ -37,6 +37,10 @@ pub trait Learner: Send {
     fn batch(&self) -> usize;
     /// One batch: weights stay finite, whatever the numbers.
     fn update(&mut self, weights: &mut [f64], rows: &Rows) -> Outcome;
+    /// Told that its covariance was rebuilt repeatedly; true where it goes on in a sounder form.
+    fn give_way(&mut self) -> bool {
+        false
+    }
     fn save(&self, to: &mut Writer);
     fn load(&mut self, from: &Reader) -> Result<(), FilterError>;
 }
@@ -45,6 +49,7 @@ pub trait Learner: Send {
 pub struct Linearised<L> {
     learner: L,
     noise: Noise,
+    clip: f64,
     counters: Counters,
     tape: Tape,
     jacobian: Vec<f64>,
@@ -53,11 +58,13 @@ pub struct Linearised<L> {
 }
 
 impl<L: Learner> Linearised<L> {
-    pub fn new(learner: L, noise: Noise, weights: usize) -> Linearised<L> {
+    /// `clip`: the inputs' greatest size, at which rows are counted.
+    pub fn new(learner: L, noise: Noise, weights: usize, clip: f64) -> Linearised<L> {
         let batch = learner.batch();
         Linearised {
             learner,
             noise,
+            clip,
             counters: Counters::default(),
             tape: Tape::default(),
             jacobian: vec![0.0; batch * weights],
@@ -80,11 +87,14 @@ impl<L: Learner> Linearised<L> {
             q,
         };
         let outcome = self.learner.update(&mut network.weights, &rows);
-        self.counters.rebuilt += outcome.rebuilt;
+        if outcome.rebuilt > 0 && self.counters.take_rebuilt(outcome.rebuilt) && self.learner.give_way() {
+            self.counters.factored_at = Some(self.counters.updates);
+        }
         if outcome.rejected {
             self.counters.rejected += count as u64;
         } else {
             self.counters.updates += count as u64;
+            self.counters.take_weights(&mut network.weights);
         }
         self.innovations.clear();
         self.row_noise.clear();
@@ -103,6 +113,7 @@ impl<L: Learner> Filter for Linearised<L> {
                 self.counters.rejected += 1;
                 continue;
             }
+            self.counters.take_inputs(row, self.clip);
             self.innovations.push(target - output);
             self.row_noise.push(noise);
             if self.innovations.len() == self.learner.batch() {
@@ -118,17 +129,16 @@ impl<L: Learner> Filter for Linearised<L> {
 
     fn state(&self) -> FilterState {
         let mut writer = Writer::new(self.learner.kind());
-        let Counters { updates, rejected, rebuilt } = self.counters;
-        writer.counts("counters", [updates, rejected, rebuilt].into_iter());
+        self.counters.save(&mut writer);
         self.learner.save(&mut writer);
         writer.finish()
     }
 
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError> {
         let reader = Reader::new(state, self.learner.kind())?;
-        let counts = reader.counts("counters", 3)?;
+        let counters = Counters::load(&reader)?;
         self.learner.load(&reader)?;
-        self.counters = Counters { updates: counts[0], rejected: counts[1], rebuilt: counts[2] };
+        self.counters = counters;
         Ok(())
     }
 }

@@ -5,10 +5,12 @@
 
 mod backprop;
 mod build;
+mod counters;
 mod covariance;
 mod diagonal;
 mod ekf;
 mod groups;
+mod guarded;
 pub(super) mod lanes;
 mod linearised;
 mod noise;
@@ -20,6 +22,7 @@ mod ud;
 mod ukf;
 
 pub use build::{build, build_unchecked};
+pub use counters::{Counters, MOST_WEIGHT};
 
 use super::Network;
 
@@ -37,16 +40,6 @@ pub trait Filter: Send {
 
     /// Goes on from a state of a filter of the same kind and size.
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError>;
-}
-
-/// Guards that were needed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Counters {
-    pub updates: u64,
-    /// Rows that were not finite, and were not learnt.
-    pub rejected: u64,
-    /// Times b'Pb came out negative and P was rebuilt from its diagonal.
-    pub rebuilt: u64,
 }
 
 /// A filter's memory as plain numbers.

@@ -40,6 +40,11 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// Whether there is such an array, of whatever size and type.
+    pub fn holds(&self, name: &str) -> bool {
+        self.0.arrays.iter().any(|a| a.0 == name)
+    }
+
     /// The bytes of `count` values of a type; a missing array and one of another type hold none.
     fn bytes(&self, name: &str, dtype: &str, count: usize, size: usize) -> Result<&'a [u8], FilterError> {
         let array = self.0.arrays.iter().find(|a| a.0 == name && a.1 == dtype);

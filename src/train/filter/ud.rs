@@ -28,21 +28,30 @@ pub struct Ud<T: Real> {
 }
 
 impl<T: Real> Ud<T> {
+    /// Name of the array of U', which no other form has.
+    pub const FACTOR: &str = "factor";
+
+    /// P = P0 I.
     pub fn new(size: usize, p0: f64, batch: usize, isa: Isa) -> Ud<T> {
+        Ud::diagonal(vec![p0; size], p0, batch, isa)
+    }
+
+    /// P with these variances and no covariance; P0 is what it falls back to.
+    pub fn diagonal(mut variances: Vec<f64>, p0: f64, batch: usize, isa: Isa) -> Ud<T> {
+        let size = variances.len();
+        variances.resize(size.next_multiple_of(ROWS), 0.0);
         let room = vec![T::Chunk::default(); chunks::<T>(size)];
-        let mut filter = Ud {
+        Ud {
             isa,
             name: format!("ud-{}", T::NAME.to_lowercase()),
             batch,
             p0,
             factor: Triangle::diagonal(size, 1.0),
-            variances: Vec::new(),
+            variances,
             slopes: room.clone(),
             gain: room,
             step: vec![0.0; size],
-        };
-        filter.reset();
-        filter
+        }
     }
 
     /// P = P0 I.
@@ -156,12 +165,12 @@ impl<T: Real> Learner for Ud<T> {
     }
 
     fn save(&self, to: &mut Writer) {
-        to.reals("factor", self.factor.elements());
+        to.reals(Self::FACTOR, self.factor.elements());
         to.reals("variances", self.variances[..self.step.len()].iter().copied());
     }
 
     fn load(&mut self, from: &Reader) -> Result<(), FilterError> {
-        let factor = from.reals::<T>("factor", self.factor.count())?;
+        let factor = from.reals::<T>(Self::FACTOR, self.factor.count())?;
         let variances = from.reals::<f64>("variances", self.step.len())?;
         self.factor.set_elements(factor.into_iter());
         self.variances[..variances.len()].copy_from_slice(&variances);

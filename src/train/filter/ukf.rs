@@ -21,6 +21,7 @@ const KIND: &str = "ukf";
 pub struct Ukf {
     root: Root,
     noise: Noise,
+    clip: f64,
     counters: Counters,
     tape: Tape,
 }
@@ -155,11 +156,12 @@ impl Root {
 }
 
 impl Ukf {
-    pub fn new(params: &UkfParams, size: usize) -> Ukf {
+    pub fn new(params: &UkfParams, size: usize, clip: f64) -> Ukf {
         let noise = Noise::of(&params.noise);
         Ukf {
             root: Root::new(size, noise.p0, params.alpha, params.beta),
             noise,
+            clip,
             counters: Counters::default(),
             tape: Tape::default(),
         }
@@ -181,10 +183,16 @@ impl Filter for Ukf {
                 model.output(row, &mut self.tape)
             });
             match learnt {
-                Learnt::No => self.counters.rejected += 1,
-                Learnt::Yes | Learnt::Rebuilt => self.counters.updates += 1,
+                Learnt::No => {
+                    self.counters.rejected += 1;
+                    continue;
+                }
+                Learnt::Rebuilt => drop(self.counters.take_rebuilt(1)),
+                Learnt::Yes => {}
             }
-            self.counters.rebuilt += u64::from(learnt == Learnt::Rebuilt);
+            self.counters.updates += 1;
+            self.counters.take_inputs(row, self.clip);
+            self.counters.take_weights(&mut network.weights);
         }
     }
 
@@ -194,21 +202,20 @@ impl Filter for Ukf {
 
     fn state(&self) -> FilterState {
         let mut writer = Writer::new(KIND);
-        let Counters { updates, rejected, rebuilt } = self.counters;
-        writer.counts("counters", [updates, rejected, rebuilt].into_iter());
+        self.counters.save(&mut writer);
         writer.reals("root", self.root.columns.iter().flatten().copied());
         writer.finish()
     }
 
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError> {
         let reader = Reader::new(state, KIND)?;
-        let counts = reader.counts("counters", 3)?;
+        let counters = Counters::load(&reader)?;
         let root = reader.reals::<f64>("root", self.root.columns.iter().map(Vec::len).sum())?;
         let mut values = root.into_iter();
         for column in &mut self.root.columns {
             column.iter_mut().zip(&mut values).for_each(|(s, value)| *s = value);
         }
-        self.counters = Counters { updates: counts[0], rejected: counts[1], rebuilt: counts[2] };
+        self.counters = counters;
         Ok(())
     }
 }

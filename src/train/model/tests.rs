@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math;
+use crate::train::Layout;
 
 /// A small model whose every number is known: weights are a sine of their number.
 pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
@@ -17,6 +18,7 @@ pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
         bias,
         features: features.iter().map(|name| name.to_string()).collect(),
         scaler: Scaler {
+            minus: (0..inputs).map(|k| (k == 2).then_some(0)).collect(),
             mean: (0..inputs).map(|k| 0.1 * k as f64).collect(),
             scale: (0..inputs).map(|k| 0.5 + 0.25 * k as f64).collect(),
             clip: 8.0,
@@ -42,7 +44,7 @@ fn small() -> Model {
 fn exact_one_neuron_is_the_logistic_of_its_weighted_sum() {
     let mut one = model(&["a"], &[1], true);
     one.network.weights = vec![2.0, 0.5, -3.0, 1.0];
-    one.about.scaler = Scaler { mean: vec![1.0], scale: vec![4.0], clip: 8.0 };
+    one.about.scaler = Scaler { minus: vec![None], mean: vec![1.0], scale: vec![4.0], clip: 8.0 };
     let logistic = |x: f64| 1.0 / (1.0 + math::exp(-x));
     let expected = |x: f64| logistic(-3.0 * logistic(2.0 * ((x - 1.0) / 4.0).clamp(-8.0, 8.0) + 0.5) + 1.0);
     for x in [0.0, 1.0, -7.5, 1e30, -1e30, f64::INFINITY] {
@@ -50,8 +52,20 @@ fn exact_one_neuron_is_the_logistic_of_its_weighted_sum() {
     }
     let mut plain = model(&["a"], &[1], false);
     plain.network.weights = vec![2.0, -3.0];
-    plain.about.scaler = Scaler { mean: vec![0.0], scale: vec![1.0], clip: 8.0 };
+    plain.about.scaler = Scaler { minus: vec![None], mean: vec![0.0], scale: vec![1.0], clip: 8.0 };
     assert!((plain.output(&[0.25]) - logistic(-3.0 * logistic(0.5))).abs() < 1e-15);
+}
+
+#[test]
+fn exact_an_input_above_another_is_their_difference_before_it_is_scaled() {
+    let scaler = Scaler { minus: vec![None, Some(0)], mean: vec![1.0, 0.5], scale: vec![2.0, 0.25], clip: 8.0 };
+    let mut out = [0.0; 2];
+    scaler.scale(&[3.0, 4.0], &mut out);
+    assert_eq!(out, [1.0, 2.0]);
+    let mut chained = small();
+    chained.about.scaler.minus = vec![None, Some(2), Some(0)];
+    let error = chained.save().unwrap_err().to_string();
+    assert!(error.contains("input 2 is subtracted from another"), "{error}");
 }
 
 #[test]

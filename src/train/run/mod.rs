@@ -18,6 +18,7 @@ use serde_json::{Value as Json, json};
 
 use self::checkpoint::Place;
 pub use self::summary::Summary;
+use super::filter::Counters;
 use super::folder::{self, Line, LookLog, RunFolder};
 use super::learner::Learner;
 use super::state;
@@ -77,6 +78,7 @@ pub enum Event<'a> {
         look: &'a Look,
         best: &'a Look,
         is_best: bool,
+        counters: Counters,
     },
     /// Training goes on from here after a kill.
     Checkpoint {
@@ -211,7 +213,7 @@ impl Training<'_> {
         let elapsed_s = (self.elapsed_before + self.started.elapsed()).as_secs_f64();
         self.log.push(&Line { look, best: is_best, elapsed_s })?;
         let best = self.learner.learnt.stopping.best.as_ref().unwrap_or(&look);
-        tell(Event::Look { look: &look, best, is_best });
+        tell(Event::Look { look: &look, best, is_best, counters: self.learner.filter.counters() });
         Ok(())
     }
 

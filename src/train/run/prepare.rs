@@ -32,7 +32,7 @@ impl<'s> Training<'s> {
         if labelled < weights as u64 && !params.allow_few_rows {
             return Err(TrainError::FewRows { rows: labelled, weights });
         }
-        let (mut scaler, constant) = scaler(sources, params.clip);
+        let (mut scaler, constant) = scaler(sources, params)?;
         if let Some(init) = &setup.init {
             // Its weights mean what they mean behind its own scaling.
             scaler.clone_from(&init.model.about.scaler);

@@ -105,7 +105,13 @@ pub fn sources(places: &[PathBuf], params: &TrainParams) -> Result<Sources, Trai
 
 /// A small network, a few passes.
 pub fn params() -> TrainParams {
-    let sets = ["network.hidden=[4]", "features=all", "epochs=3", "validate_every=300"].map(String::from);
+    with(&[])
+}
+
+/// The same with other settings.
+pub fn with(sets: &[&str]) -> TrainParams {
+    let base = ["network.hidden=[4]", "features=all", "epochs=3", "validate_every=300"];
+    let sets: Vec<String> = base.iter().chain(sets).map(|set| (*set).to_string()).collect();
     crate::config::load_train(None, &sets).unwrap()
 }
 

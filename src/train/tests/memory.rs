@@ -20,8 +20,12 @@ fn rows(shard: u64, count: usize) -> Rows {
     rows
 }
 
+fn names() -> Vec<String> {
+    ["x", "y", "z"].map(String::from).to_vec()
+}
+
 fn held(params: &TrainParams) -> Held {
-    Held::new(rows(0, 900), rows(3, 400), &[1.0], params).unwrap()
+    Held::new(&names(), rows(0, 900), rows(3, 400), &[1.0], params).unwrap()
 }
 
 fn whole(params: &TrainParams, held: &Held, course: Course) -> Trained {
@@ -100,7 +104,7 @@ fn extreme_no_rows_and_fewer_rows_than_weights_are_refused() {
     let none = || Rows::new(3);
     for (train, validation, says) in [(none(), rows(3, 9), "row to learn"), (rows(0, 9), none(), "row to validate by")]
     {
-        let error = Held::new(train, validation, &[1.0], &params).err().unwrap();
+        let error = Held::new(&names(), train, validation, &[1.0], &params).err().unwrap();
         assert!(error.to_string().contains(says), "{error}");
     }
     params.network.hidden = vec![400];

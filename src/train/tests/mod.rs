@@ -1,5 +1,6 @@
 //! Training as a whole, on corpora whose every row is known.
 
+mod extremes;
 mod faults;
 mod fixture;
 mod memory;

@@ -2,16 +2,9 @@
 
 use std::sync::Arc;
 
-use super::fixture::{self, circle, circles, corpus, identity, params, run, run_until, setup};
-use crate::config::load_train;
+use super::fixture::{self, circle, circles, corpus, identity, params, run, run_until, setup, with};
 use crate::train::stopping::Stop;
-use crate::train::{Model, Setup, TrainParams, folder};
-
-fn with(sets: &[&str]) -> TrainParams {
-    let base = ["network.hidden=[4]", "features=all", "epochs=3", "validate_every=300"];
-    let sets: Vec<String> = base.iter().chain(sets).map(|set| (*set).to_string()).collect();
-    load_train(None, &sets).unwrap()
-}
+use crate::train::{Model, Setup, folder};
 
 #[test]
 fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
@@ -83,55 +76,6 @@ fn law_training_stops_when_the_validation_error_rises_and_reverts() {
     assert!(summary.best.rows <= 500 && summary.last.rows == summary.best.rows + 1000, "{summary:?}");
     let looks = fixture::looks(&setup);
     assert_eq!(looks.len() as u64, summary.looks);
-}
-
-#[test]
-fn exact_rows_that_cannot_be_learnt_are_counted_in_each_epoch() {
-    let dir = tempfile::tempdir().unwrap();
-    let spoilt = |shard: u64| {
-        let mut rows = circle(shard, 300);
-        rows[0].1[1] = f32::NAN;
-        rows[1].1[2] = f32::INFINITY;
-        rows[2].0 = None;
-        rows
-    };
-    let place = corpus(&dir, "a", &(0..7).map(spoilt).collect::<Vec<_>>());
-    let setup = setup(&[place], &params(), dir.path().join("run")).unwrap();
-    let summary = run(&setup).unwrap();
-    assert_eq!((summary.left_out.unlabelled, summary.left_out.not_finite), (5 * 3, 5 * 3 * 2));
-    assert_eq!((summary.left_out_of_validation.unlabelled, summary.left_out_of_validation.not_finite), (1, 2));
-    assert_eq!(summary.rows_learnt, 3 * 5 * 297);
-    assert_eq!(summary.counters.rejected, 0, "the filter never saw them");
-}
-
-#[test]
-fn extreme_one_class_a_single_row_and_a_constant_feature_train_and_stay_finite() {
-    let dir = tempfile::tempdir().unwrap();
-    let one_class = (0..7).map(|shard| circle(shard, 200).into_iter().map(|(_, row)| (Some(0), row)).collect());
-    let constant = (0..7).map(|s| circle(s, 200).into_iter().map(|(l, [a, b, _])| (l, [a, b, 1e8])).collect());
-    let mut single = vec![Vec::new(); 7];
-    single[0] = vec![(Some(1), [0.5, 0.25, 1e-8])];
-    single[3] = vec![(Some(1), [0.5, 0.25, 1e-8])];
-    for (name, shards) in
-        [("one-class", one_class.collect::<Vec<_>>()), ("constant", constant.collect()), ("single", single)]
-    {
-        let place = corpus(&dir, name, &shards);
-        let params = with(&["allow_few_rows=true"]);
-        let setup = setup(&[place], &params, dir.path().join(format!("run-{name}"))).unwrap();
-        let summary = run(&setup).unwrap();
-        let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
-        assert!(model.network.weights.iter().all(|w| w.is_finite()), "{name}");
-        match name {
-            "one-class" => {
-                assert!(summary.best.validation_error.unwrap() < 1e-3 && summary.class_weights == [1.0, 1.0])
-            }
-            "constant" => {
-                assert_eq!(summary.constant_features, ["sigma_x_m"]);
-                assert_eq!((model.about.scaler.mean[2], model.about.scaler.scale[2]), (1e8, 1.0));
-            }
-            _ => assert_eq!((summary.train_rows, summary.rows_learnt), (1, 3)),
-        }
-    }
 }
 
 #[test]

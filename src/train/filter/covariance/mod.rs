@@ -5,8 +5,10 @@
 //! exactly. P is symmetric by construction. Passes run forward and backward in turn: the strips read last are still in the
 //! cache; the direction is part of the state, because it is the order of sums.
 
+mod batch;
+
 use super::lanes::{Real, Simd};
-use super::triangle::{Masks, ROWS, Tile, Triangle, chunks};
+use super::triangle::{self, Masks, ROWS, Triangle, chunks};
 
 /// Covariance of a group of weights, with what is not applied to it yet.
 pub struct Covariance<T: Real> {
@@ -89,7 +91,7 @@ impl<T: Real> Covariance<T> {
             let mut end = if backward { self.triangle.tiles.len() } else { 0 };
             for k in 0..strips {
                 let strip = if backward { strips - 1 - k } else { k };
-                let tiles = super::triangle::width::<T>(strip);
+                let tiles = triangle::width::<T>(strip);
                 let start = if backward { end - tiles } else { end };
                 self.fused::<V>(strip, start, tiles, q, &masks[strip % masks.len()]);
                 end = if backward { start } else { start + tiles };
@@ -150,87 +152,6 @@ impl<T: Real> Covariance<T> {
             four[r] = sums[r].sum();
         }
     }
-}
-
-/// The pass of mini-batches.
-impl<T: Real> Covariance<T> {
-    /// One strip: first all pending vectors, then one Jacobian after the other while the strip is in the nearest cache.
-    #[inline(always)]
-    fn joint<V: Simd<T>>(&mut self, strip: usize, count: usize, q: T, masks: &Masks<T::Chunk>) {
-        let (first, tiles) = (super::triangle::start::<T>(strip), super::triangle::width::<T>(strip));
-        let strip_tiles = &mut self.triangle.tiles[first..first + tiles];
-        for j in 0..self.rank {
-            let t = &self.pending[j * self.width..][..self.width];
-            subtract::<T, V>(strip_tiles, &rows::<T, V>(t, strip), t, masks);
-        }
-        let last = &mut strip_tiles[tiles - 1];
-        for r in 0..ROWS {
-            V::splat(q).mul_add(V::load(&masks.diagonal[r]), V::load(&last.0[r])).store(&mut last.0[r]);
-        }
-        for j in 0..count {
-            let b = &self.jacobian[j * self.width..][..self.width];
-            let y = &mut self.product[j * self.width..][..self.width];
-            let sums = multiply::<T, V>(strip_tiles, &rows::<T, V>(b, strip), b, y, masks);
-            let at = ROWS * strip;
-            let four = &mut y[at / T::LANES].as_mut()[at % T::LANES..][..ROWS];
-            for r in 0..ROWS {
-                four[r] = four[r] + sums[r].sum();
-            }
-        }
-    }
-}
-
-/// P -= t t' in one strip.
-#[inline(always)]
-fn subtract<T: Real, V: Simd<T>>(
-    tiles: &mut [Tile<T::Chunk>],
-    t_rows: &[V; ROWS],
-    t: &[T::Chunk],
-    masks: &Masks<T::Chunk>,
-) {
-    let (last, body) = tiles.split_last_mut().expect("a strip has a tile");
-    for (tile, t) in body.iter_mut().zip(t) {
-        let t = V::load(t);
-        for (p, t_row) in tile.0.iter_mut().zip(t_rows) {
-            t_row.neg_mul_add(t, V::load(p)).store(p);
-        }
-    }
-    let t = V::load(&t[body.len()]);
-    for ((p, t_row), lower) in last.0.iter_mut().zip(t_rows).zip(&masks.lower) {
-        t_row.neg_mul_add(t.mul(V::load(lower)), V::load(p)).store(p);
-    }
-}
-
-/// Adds a strip's part of P b to y, but for the sums along its rows, which it returns.
-#[inline(always)]
-fn multiply<T: Real, V: Simd<T>>(
-    tiles: &[Tile<T::Chunk>],
-    b_rows: &[V; ROWS],
-    b: &[T::Chunk],
-    y: &mut [T::Chunk],
-    masks: &Masks<T::Chunk>,
-) -> [V; ROWS] {
-    let mut sums = [V::splat(T::of(0.0)); ROWS];
-    let (last, body) = tiles.split_last().expect("a strip has a tile");
-    for (tile, (b, y)) in body.iter().zip(b.iter().zip(y.iter_mut())) {
-        let b = V::load(b);
-        let mut down = V::load(y);
-        for r in 0..ROWS {
-            let p = V::load(&tile.0[r]);
-            sums[r] = p.mul_add(b, sums[r]);
-            down = p.mul_add(b_rows[r], down);
-        }
-        down.store(y);
-    }
-    let b = V::load(&b[body.len()]);
-    let mut down = V::load(&y[body.len()]);
-    for r in 0..ROWS {
-        let p = V::load(&last.0[r]);
-        sums[r] = p.mul_add(b, sums[r]);
-        down = p.mul_add(b_rows[r].mul(V::load(&masks.strict[r])), down);
-    }
-    down.store(&mut y[body.len()]);
-    sums
 }
 
 /// What the update reads and leaves.
@@ -308,6 +229,15 @@ impl<T: Real> Covariance<T> {
                 }
             }
         }
+    }
+
+    /// Variances of the members once the last update is applied; at least `floor`.
+    pub fn variances(&self, floor: f64) -> impl Iterator<Item = f64> + '_ {
+        (0..self.members.len()).map(move |i| {
+            let square = |j: usize| self.pending(j, i).f64() * self.pending(j, i).f64();
+            let p = self.triangle.get(i, i).f64() - (0..self.rank).map(square).sum::<f64>();
+            if p.is_finite() { p.max(floor) } else { floor }
+        })
     }
 
     /// Forgets all covariances; variances stay, but not below `floor`. The products become those of the new P.

@@ -1,4 +1,6 @@
-//! Reports of corpora whose every number is known, and numbers that scikit-learn and SciPy gave for the same cells.
+//! Reports of corpora whose every number is known.
+
+mod numbers;
 
 use super::*;
 use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn};
@@ -14,7 +16,7 @@ use crate::train::{Model, Scaler};
 fn steps_model() -> Model {
     let mut model = model(&["height_difference_m"], &[1], true);
     model.network.weights = vec![2.0, 0.0, 10.0, -5.0];
-    model.about.scaler = Scaler { mean: vec![0.1], scale: vec![0.1], clip: 8.0 };
+    model.about.scaler = Scaler { minus: vec![None], mean: vec![0.1], scale: vec![0.1], clip: 8.0 };
     model
 }
 
@@ -191,12 +193,32 @@ fn extreme_bad_input_is_refused_with_the_cure() {
     assert!(size.contains("family 'odd'") && size.contains("cells of 0.1 m, the data has cells of 0.2 m"), "{size}");
     let odd = error(&steps_model(), &[], &Options { thresholds: vec![0.7, 0.2], ..test.clone() });
     assert!(odd.contains("rising numbers"), "{odd}");
-    // A truncated shard names its file.
-    let path = Table::Cells.path(6);
-    let bytes = store.read(&path).unwrap();
-    store.replace(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let cut = error(&steps_model(), &[], &test);
-    assert!(cut.contains(&path), "{cut}");
+}
+
+#[test]
+fn extreme_damaged_and_foreign_files_are_refused_with_their_names_before_a_row_is_judged() {
+    let (dir, store) = corpus(7, &TABLES, &SCAN);
+    let test = Options::of(Split::Test);
+    for table in [Table::Cells, Table::Scenes] {
+        let path = table.path(6);
+        let whole = store.read(&path).unwrap();
+        let told_after = |bytes: &[u8]| {
+            store.replace(&path, bytes).unwrap();
+            let told = evaluate(&steps_model(), &store, &[], &test).unwrap_err().to_string();
+            assert!(told.contains(&path) && told.contains("marsyard verify"), "{told}");
+            told
+        };
+        assert!(told_after(&whole[..whole.len() / 2]).contains("shards.jsonl says"));
+        let mut flipped = whole.clone();
+        flipped[whole.len() / 2] ^= 1;
+        assert!(told_after(&flipped).contains("sha256"));
+        assert!(told_after(&vec![7; whole.len()]).contains("sha256"));
+        std::fs::remove_file(dir.path().join("known").join(&path)).unwrap();
+        let gone = evaluate(&steps_model(), &store, &[], &test).unwrap_err().to_string();
+        assert!(gone.contains(&path) && gone.contains("it is missing"), "{gone}");
+        store.replace(&path, &whole).unwrap();
+    }
+    evaluate(&steps_model(), &store, &[], &test).unwrap();
 }
 
 #[test]
@@ -233,96 +255,4 @@ fn law_reports_are_read_back_and_show_every_figure() {
     let names: Vec<&str> = figures.iter().map(|(name, _)| *name).collect();
     assert_eq!(names, ["confusion.svg", "error-against-points.svg", "error-against-range.svg", "roc.svg"]);
     assert!(figures.iter().all(|(_, svg)| svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>")));
-}
-
-/// Cells whose numbers Python makes by the same whole-number formulas.
-fn many() -> Vec<(Cell, f64)> {
-    (0..2000i64)
-        .map(|k| {
-            let a = k * 7919 % 1009;
-            let untraversable = k * 104_729 % 1013 < 150 + a / 2;
-            let points = (k * 31 % 17 + 1) as i32;
-            (Cell { row: k as i32, untraversable, points, ..Cell::default() }, a as f64 / 1024.0)
-        })
-        .collect()
-}
-
-/// Made by scikit-learn and SciPy from the formulas of [`many`]: `accuracy_score`, `balanced_accuracy_score`, `matthews_corrcoef`, and
-/// the same with `sample_weight=points`.
-#[test]
-fn golden_rates_are_scikit_learns() {
-    let golden = [
-        (0.3, [470, 736, 140, 654], [0.562, 0.6066978290746101, 0.2267760394739803]),
-        (0.5, [731, 475, 284, 510], [0.6205, 0.6242266835428232, 0.24315189327469125]),
-        (0.75, [1008, 198, 513, 281], [0.6445, 0.5948625888191286, 0.21750863828978106]),
-    ];
-    let by_points = [
-        [0.5649927785801577, 0.6083717030380565, 0.2296671651739779],
-        [0.6228752360848795, 0.6261047127267932, 0.2469832456195734],
-        [0.6445950449950005, 0.5949982128473102, 0.21877061130620093],
-    ];
-    let judge = judge_many();
-    let all = &judge.groups[&judge::Group::All];
-    for ((counts, (_, expected, rates)), points) in all.network.at.iter().zip(golden).zip(by_points) {
-        let c = counts.cells[judge::WITH_TOPS];
-        let found = [c.true_traversable, c.false_untraversable, c.missed_untraversable, c.true_untraversable];
-        assert_eq!(found, expected);
-        for (counts, expected) in [(c, rates), (counts.points[judge::WITH_TOPS], points)] {
-            let r = counts.rates();
-            for (found, expected) in [r.accuracy, r.balanced_accuracy, r.mcc].into_iter().zip(expected) {
-                assert!((found.unwrap() - expected).abs() < 1e-14, "{found:?} {expected}");
-            }
-        }
-    }
-}
-
-/// `roc_auc_score`, with ties: scores are multiples of 1/1024, so that no two unequal ones share a bin.
-#[test]
-fn golden_auc_with_ties_is_scikit_learns() {
-    let all = |coarse: fn(f64) -> f64| {
-        let mut scores = Scores::new(1.0);
-        many().iter().for_each(|(cell, output)| scores.add(cell.untraversable, coarse(*output)));
-        scores.auc().unwrap()
-    };
-    assert!((all(|s| s) - 0.6696163389601112).abs() < 1e-14);
-    assert!((all(|s| (s * 16.0).floor() / 16.0) - 0.6688639088353365).abs() < 1e-14);
-    assert!((all(|s| f64::from(u8::from(s > 0.5))) - 0.6240115543190847).abs() < 1e-14);
-}
-
-/// `scipy.stats.spearmanr(points, wrong)`, and of the traversable cells `spearmanr(points, called)`.
-#[test]
-fn golden_rank_correlations_are_scipys() {
-    let spread = judge_many_from_half().by_points;
-    assert!((spread.rho().unwrap() - -0.008993271751772215).abs() < 1e-14);
-    assert!((spread.rho_false_untraversable().unwrap() - -0.01535014013464973).abs() < 1e-14);
-}
-
-#[test]
-fn extreme_cells_with_a_nan_output_are_counted_and_left_out() {
-    let mut judge = Judge::new(vec![Threshold { value: 0.5, origin: ThresholdOrigin::Given }], None);
-    let cells = [Cell { points: 1, range_m: f32::NAN, ..Cell::default() }, Cell { points: 2, ..Cell::default() }];
-    judge.add_scan("", "", &cells, &[f64::NAN, 0.25]);
-    assert_eq!((judge.not_finite_cells, judge.groups[&judge::Group::All].cells), (1, 1));
-    judge.add_scan("", "", &cells[..1], &[f64::NAN]);
-    judge.add_scan("", "", &[], &[]);
-    assert_eq!((judge.not_finite_cells, judge.groups[&judge::Group::All].cells), (2, 1));
-}
-
-fn judge_at(thresholds: &[f64]) -> Judge {
-    let origin = ThresholdOrigin::Given;
-    let mut judge = Judge::new(thresholds.iter().map(|&value| Threshold { value, origin }).collect(), None);
-    let (cells, outputs): (Vec<Cell>, Vec<f64>) = many().into_iter().unzip();
-    // In three scans: the split must not matter.
-    for part in [0..500, 500..501, 501..2000] {
-        judge.add_scan("", "", &cells[part.clone()], &outputs[part]);
-    }
-    judge
-}
-
-fn judge_many() -> Judge {
-    judge_at(&[0.3, 0.5, 0.75])
-}
-
-fn judge_many_from_half() -> Judge {
-    judge_at(&[0.5])
 }

@@ -2,83 +2,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::diagonal::Diagonal;
-use super::ekf::Ekf;
-use super::groups::groups;
-use super::lanes::{Isa, Real};
-use super::linearised::{Learner, Linearised, Outcome, Rows};
-use super::noise::Noise;
-use super::ud::Ud;
-use super::ukf::{Learnt, Root};
 use super::*;
-use crate::random::{Purpose, Stage, Stream, Streams};
-use crate::train::params::*;
-use crate::train::{Layout, Network};
-
-fn stream(seed: u64) -> Stream {
-    Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 1 }.open(Purpose::InitialWeights)
-}
-
-fn normals(seed: u64, count: usize) -> Vec<f64> {
-    let mut values = vec![0.0; count];
-    stream(seed).fill_normal(0, &mut values);
-    values
-}
-
-fn network(inputs: usize, hidden: &[usize]) -> Network {
-    let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias: true }, &streams)
-}
-
-/// The 87-weight network of `ekf.md` and rows that it can learn.
-fn case(rows: usize) -> (Network, Vec<f64>, Vec<f64>, Vec<f64>) {
-    let inputs = normals(1, rows * 8);
-    let targets = inputs.chunks(8).map(|x| if x[0] * x[1] + x[2] > 0.3 { 0.9 } else { 0.1 }).collect();
-    let noise = (0..rows).map(|k| if k % 3 == 0 { 0.5 } else { 1.0 }).collect();
-    (network(8, &[6, 4]), inputs, targets, noise)
-}
-
-fn noise(p0: f64, q: f64) -> NoiseParams {
-    NoiseParams { p0_over_r: p0, q_over_r: q, schedule: Schedule::Constant }
-}
-
-fn ekf(p0: f64, q: f64, precision: Precision, robust: bool, batch: usize) -> FilterParams {
-    FilterParams::Ekf(EkfParams { noise: noise(p0, q), precision, robust, batch })
-}
-
-fn decoupled(groups: Groups, precision: Precision) -> FilterParams {
-    FilterParams::Decoupled(DecoupledParams { noise: noise(10.0, 1e-5), precision, groups })
-}
-
-/// One of each kind.
-fn all() -> Vec<FilterParams> {
-    let mut all = Vec::new();
-    for precision in [Precision::F32, Precision::F64] {
-        for robust in [false, true] {
-            all.extend([1, 5].map(|batch| ekf(10.0, 1e-5, precision, robust, batch)));
-        }
-        let by = [Groups::One, Groups::Layer, Groups::Node, Groups::InputNode, Groups::Weight];
-        all.extend(by.map(|groups| decoupled(groups, precision)));
-    }
-    all.push(FilterParams::Backprop(BackpropParams::default()));
-    all.push(FilterParams::Ukf(UkfParams { noise: noise(1.0, 1e-5), ..UkfParams::default() }));
-    all
-}
-
-fn learn(params: &FilterParams, rows: usize) -> (Vec<f64>, Counters) {
-    let (mut network, inputs, targets, noise) = case(rows);
-    let mut filter = build(params, &network.layout).unwrap();
-    filter.learn(&mut network, &inputs, &targets, &noise);
-    (network.weights, filter.counters())
-}
-
-fn bits(weights: &[f64]) -> Vec<u64> {
-    weights.iter().map(|w| w.to_bits()).collect()
-}
-
-fn furthest(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
+use crate::train::filter::diagonal::Diagonal;
+use crate::train::filter::ekf::Ekf;
+use crate::train::filter::groups::groups;
+use crate::train::filter::lanes::{Isa, Real};
+use crate::train::filter::linearised::{Learner, Linearised, Outcome, Rows};
+use crate::train::filter::noise::Noise;
+use crate::train::filter::state::Writer;
+use crate::train::filter::ud::Ud;
+use crate::train::filter::ukf::{Learnt, Root};
 
 /// Eqs 11-16 as printed, dense, with a mask for the blocks of groups; `batch` rows at a time.
 fn textbook(rows: usize, p0: f64, q: f64, batch: usize, by: Groups) -> Vec<f64> {
@@ -239,6 +172,24 @@ fn exact_linear_model_is_least_squares_in_closed_form() {
 }
 
 #[test]
+fn exact_variances_that_the_factored_form_takes_over_are_those_of_least_squares() {
+    let (size, p0) = (17, 50.0);
+    let (rows, targets, _) = linear(60, size, p0);
+    let x = DMatrix::from_row_slice(60, size, &rows);
+    let want = (DMatrix::identity(size, size) / p0 + x.transpose() * &x / 0.25).try_inverse().unwrap();
+    for batch in [1, 8] {
+        let mut plain = Ekf::<f64>::new("x", vec![(0..size as u32).collect()], p0, batch, Isa::detect());
+        least_squares(&mut plain, &rows, &targets, size);
+        let mut writer = Writer::new("ud-f64");
+        plain.factored(Isa::detect()).save(&mut writer);
+        let state = writer.finish();
+        let variances: Vec<f64> =
+            state.arrays[1].3.chunks(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
+        assert!(furthest(&variances, want.diagonal().as_slice()) < 1e-10);
+    }
+}
+
+#[test]
 fn law_unscented_tends_to_extended_as_p0_vanishes() {
     let step = |params: &FilterParams| {
         let start = case(1).0.weights;
@@ -260,9 +211,9 @@ fn equal_instruction_sets_give_the_same_bits() {
         let size = network.weights.len();
         let set = Noise::of(&NoiseParams { q_over_r: 1e-5, ..NoiseParams::default() });
         let mut filter: Box<dyn Filter> = if robust {
-            Box::new(Linearised::new(Ud::<T>::new(size, 10.0, batch, isa), set, size))
+            Box::new(Linearised::new(Ud::<T>::new(size, 10.0, batch, isa), set, size, 8.0))
         } else {
-            Box::new(Linearised::new(Ekf::<T>::new("x", groups(&network.layout, by), 10.0, batch, isa), set, size))
+            Box::new(Linearised::new(Ekf::<T>::new("x", groups(&network.layout, by), 10.0, batch, isa), set, size, 8.0))
         };
         filter.learn(&mut network, &inputs, &targets, &noise);
         bits(&network.weights)
@@ -276,126 +227,6 @@ fn equal_instruction_sets_give_the_same_bits() {
             assert_eq!(run::<f64>(isa, robust, batch, by), wanted.1, "{isa:?} f64 {robust} {batch} {by:?}");
         }
     }
-}
-
-#[test]
-fn equal_restored_filters_go_on_to_the_same_bits() {
-    for params in all() {
-        let (mut network, inputs, targets, noise) = case(60);
-        let mut filter = build(&params, &network.layout).unwrap();
-        // 33 rows: an odd number of passes, and a batch that is not full.
-        filter.learn(&mut network, &inputs[..33 * 8], &targets[..33], &noise[..33]);
-        let (mut copy, state) = (network.clone(), filter.state());
-        filter.learn(&mut network, &inputs[33 * 8..], &targets[33..], &noise[33..]);
-        let mut other = build(&params, &copy.layout).unwrap();
-        other.learn(&mut copy.clone(), &inputs[..8], &targets[..1], &noise[..1]);
-        other.restore(&state).unwrap();
-        assert_eq!(other.state(), state, "{params:?}");
-        other.learn(&mut copy, &inputs[33 * 8..], &targets[33..], &noise[33..]);
-        assert_eq!(bits(&network.weights), bits(&copy.weights), "{params:?}");
-        assert_eq!(other.state(), filter.state());
-        assert_eq!(other.counters().updates, 60);
-    }
-}
-
-#[test]
-fn extreme_states_of_other_filters_and_sizes_are_refused() {
-    let (network, ..) = case(1);
-    let state = |params: &FilterParams, layout: &Layout| build(params, layout).unwrap().state();
-    let small = Layout { inputs: 3, hidden: vec![2], bias: true };
-    let all = all();
-    for (k, params) in all.iter().enumerate() {
-        let mut filter = build(params, &network.layout).unwrap();
-        if !matches!(params, FilterParams::Backprop(_)) {
-            assert!(matches!(filter.restore(&state(params, &small)), Err(FilterError::OtherSize { .. })));
-        }
-        let other = &all[(k + 2) % all.len()];
-        assert!(matches!(filter.restore(&state(other, &network.layout)), Err(FilterError::OtherKind { .. })));
-    }
-}
-
-#[test]
-fn extreme_rows_that_are_not_finite_are_counted_and_not_learnt() {
-    let (start, mut inputs, mut targets, mut noise) = case(40);
-    inputs[5 * 8 + 3] = f64::NAN;
-    inputs[9 * 8] = f64::INFINITY;
-    targets[12] = f64::NAN;
-    noise[20] = 0.0;
-    noise[21] = f64::INFINITY;
-    let bad = [5, 9, 12, 20, 21];
-    let clean: Vec<usize> = (0..40).filter(|k| !bad.contains(k)).collect();
-    let clean_inputs: Vec<f64> = clean.iter().flat_map(|&k| inputs[k * 8..][..8].to_vec()).collect();
-    let pick = |from: &[f64]| clean.iter().map(|&k| from[k]).collect::<Vec<f64>>();
-    for params in all() {
-        let (mut network, mut other) = (start.clone(), start.clone());
-        let mut filter = build(&params, &start.layout).unwrap();
-        filter.learn(&mut network, &inputs, &targets, &noise);
-        assert_eq!(filter.counters(), Counters { updates: 35, rejected: 5, rebuilt: 0 }, "{params:?}");
-        build(&params, &start.layout).unwrap().learn(&mut other, &clean_inputs, &pick(&targets), &pick(&noise));
-        assert_eq!(bits(&network.weights), bits(&other.weights), "{params:?}");
-    }
-}
-
-#[test]
-fn extreme_features_keep_weights_finite() {
-    let (start, inputs, targets, noise) = case(400);
-    for params in all() {
-        for change in 0..4 {
-            let mut inputs = inputs.clone();
-            for row in inputs.chunks_mut(8) {
-                match change {
-                    0 => row[2] = 1.0,
-                    1 => row[3] = row[4],
-                    2 => row.iter_mut().for_each(|x| *x *= 1e-8),
-                    _ => row.iter_mut().for_each(|x| *x *= 1e8),
-                }
-            }
-            let mut network = start.clone();
-            let mut filter = build(&params, &network.layout).unwrap();
-            filter.learn(&mut network, &inputs, &targets, &noise);
-            assert!(network.weights.iter().all(|w| w.is_finite()), "{params:?}, change {change}");
-            let counters = filter.counters();
-            assert_eq!(counters.updates + counters.rejected, 400);
-        }
-    }
-}
-
-#[test]
-fn extreme_covariance_that_turned_indefinite_is_rebuilt_before_it_is_used() {
-    let (start, inputs, targets, noise) = case(20);
-    for params in [ekf(10.0, 0.0, Precision::F32, false, 1), ekf(10.0, 0.0, Precision::F64, false, 4)] {
-        for poison in [-1.0, f64::NAN] {
-            let mut network = start.clone();
-            let mut filter = build(&params, &network.layout).unwrap();
-            let mut state = filter.state();
-            let covariance = state.arrays.iter_mut().find(|a| a.0 == "covariance").unwrap();
-            if covariance.1 == "F32" {
-                covariance.3.chunks_mut(4).for_each(|x| x.copy_from_slice(&(poison as f32).to_le_bytes()));
-            } else {
-                covariance.3.chunks_mut(8).for_each(|x| x.copy_from_slice(&poison.to_le_bytes()));
-            }
-            filter.restore(&state).unwrap();
-            filter.learn(&mut network, &inputs, &targets, &noise);
-            assert_eq!(filter.counters(), Counters { updates: 20, rejected: 0, rebuilt: 1 });
-            assert!(network.weights.iter().all(|w| w.is_finite()));
-        }
-    }
-}
-
-#[test]
-fn extreme_settings_are_refused_with_the_reason() {
-    let refusal = |params: &FilterParams, hidden: &[usize]| {
-        let layout = Layout { inputs: 14, hidden: hidden.to_vec(), bias: true };
-        build(params, &layout).err().map(|e| e.to_string()).unwrap_or_default()
-    };
-    assert!(refusal(&ekf(1e6, 0.0, Precision::F32, false, 1), &[4]).contains("robust"));
-    assert!(refusal(&ekf(1e6, 0.0, Precision::F32, true, 1), &[4]).is_empty());
-    assert!(refusal(&ekf(1e6, 0.0, Precision::F64, false, 1), &[4]).is_empty());
-    let ukf = FilterParams::Ukf(UkfParams::default());
-    assert!(refusal(&ukf, &[32, 32]).contains("1569 weights"));
-    assert!(refusal(&ukf, &[16, 16]).is_empty());
-    assert!(refusal(&FilterParams::default(), &[4096, 4096]).contains("GiB"));
-    assert!(refusal(&FilterParams::Backprop(BackpropParams { rate: 0.1 }), &[4096]).is_empty());
 }
 
 #[test]

@@ -1,0 +1,226 @@
+//! The files that go out, read back.
+
+use std::collections::BTreeMap;
+
+use super::*;
+use crate::cells::{self, CellParams, Cells, Placer, WindowCloud};
+use crate::cloud::costmap::{Shown, cost_map};
+use crate::cloud::export::{self, Judged};
+use crate::cloud::*;
+use crate::geometry::{GridSpec, Pose, Transform};
+
+/// Cells of an L: (0, 0), (0, 1), (2, 0) and (1, 0), outputs rising; one of them not judged.
+struct Ell {
+    cells: Cells,
+    outputs: Vec<Option<f64>>,
+    classes: Vec<Option<usize>>,
+}
+
+fn ell() -> Ell {
+    let points = [(0.25, 0.25, 1.0), (0.75, 0.25, 1.5), (0.25, 0.75, 2.0), (0.25, 1.25, 2.5)];
+    let points_m: Vec<DVec3> = points.iter().map(|&(x, y, z)| DVec3::new(x - 5.0, y + 10.0, z)).collect();
+    let params = CellParams { size_m: 0.5, ..CellParams::default() };
+    let estimate = crate::slam::truth(&Pose { position_m: DVec3::new(-5.0, 10.0, 1.0), ..Pose::default() });
+    let map_from_sensor = Transform { translation_m: DVec3::new(-5.0, 10.0, 2.0), ..Transform::IDENTITY };
+    let cloud = WindowCloud {
+        points_m: &points_m,
+        in_map: true,
+        intensity: None,
+        obstacle: None,
+        estimate: &estimate,
+        map_from_sensor,
+    };
+    let (cells, known) = cells::bin_clouds(&params, &[cloud], 50.0, &mut cells::Scratch::default());
+    assert_eq!(known, [0; 4]);
+    assert!(cells.rows.iter().all(|row| row.label.is_none() && row.truth.class == -1));
+    // Rows in order: (20, -10), (20, -9), (21, -10), (22, -10).
+    Ell { cells, outputs: vec![Some(0.1), Some(0.5), Some(1.0), None], classes: vec![Some(0), Some(1), Some(1), None] }
+}
+
+fn judged(ell: &Ell) -> Judged<'_> {
+    Judged {
+        cells: &ell.cells,
+        outputs: &ell.outputs,
+        classes: &ell.classes,
+        of_classes: 2,
+        targets: [0.1, 0.9],
+        grid: GridSpec { size_m: 0.5 },
+        rover_z_m: 1.0,
+    }
+}
+
+#[test]
+fn exact_cost_map_has_north_up_and_its_origin_at_the_lower_left_corner() {
+    let ell = ell();
+    let map = cost_map(&judged(&ell), "scan-cost.pgm", Shown::Output).unwrap();
+    // From the top: (22) unknown, (21) output 1.0 beyond the target, (20) 0.1 and 0.5; the eastern column is empty but below.
+    assert_eq!(map.pgm, b"P5\n2 3\n255\n\x80\x80\x00\x80\xff\x80".to_vec());
+    assert_eq!(
+        map.yaml,
+        "image: scan-cost.pgm\nmode: scale\nresolution: 0.5\norigin: [-5.0, 10.0, 0.0]\nnegate: 0\n\
+         occupied_thresh: 1.0\nfree_thresh: 0.0\n"
+    );
+    let map = cost_map(&judged(&ell), "scan-class.pgm", Shown::Class).unwrap();
+    assert_eq!(map.pgm, b"P5\n2 3\n255\n\x80\x80\x00\x80\xff\x00".to_vec());
+    assert!(map.yaml.contains("mode: trinary\n") && map.yaml.ends_with("occupied_thresh: 0.65\nfree_thresh: 0.25\n"));
+}
+
+/// What nav2_map_server makes of a pixel (map_io.cpp, `MapMode::Scale`): -1 unknown, 0 to 100.
+fn nav2_scale(pixel: u8, free: f64, occupied: f64) -> i32 {
+    let occupancy = 1.0 - f64::from(pixel) / 255.0;
+    if occupied <= occupancy {
+        100
+    } else if occupancy <= free {
+        0
+    } else {
+        ((occupancy - free) / (occupied - free) * 100.0).round() as i32
+    }
+}
+
+#[test]
+fn law_a_map_server_reads_costs_that_rise_with_the_output() {
+    let mut ell = ell();
+    let mut last = -1;
+    for k in 0..=80 {
+        let output = 0.1 + 0.01 * f64::from(k);
+        ell.outputs[0] = Some(output);
+        let pgm = cost_map(&judged(&ell), "a.pgm", Shown::Output).unwrap().pgm;
+        let cost = nav2_scale(pgm[pgm.len() - 2], 0.0, 1.0);
+        assert!((f64::from(cost) - 1.25 * f64::from(k)).abs() <= 1.0 && cost >= last, "{output}: {cost}");
+        last = cost;
+    }
+    assert_eq!(last, 100);
+}
+
+#[test]
+fn extreme_a_map_without_bounds_is_refused() {
+    let mut ell = ell();
+    ell.cells.rows[3].index.row = i32::MAX - 16;
+    ell.cells.rows[3].index.col = -(i32::MAX - 16);
+    let error = cost_map(&judged(&ell), "a.pgm", Shown::Output).unwrap_err().to_string();
+    assert!(error.contains("shorten --max-range"), "{error}");
+}
+
+#[test]
+fn equal_labelled_clouds_read_back_in_the_map_frame() {
+    let ell = ell();
+    let turn = Pose { position_m: DVec3::new(-5.0, 10.0, 2.0), yaw_rad: 0.5, ..Pose::default() }.transform();
+    let in_sensor = |p: DVec3| turn.inverse().point(p);
+    let there = [
+        DVec3::new(-4.75, 10.25, 1.0),
+        DVec3::new(-4.25, 10.25, 1.5),
+        DVec3::new(-4.75, 11.25, 1.0),
+        DVec3::new(3.0, 3.0, 3.0),
+    ];
+    let cloud = Cloud { points_m: there.map(in_sensor).to_vec(), labels: Some(vec![4, 5, 6, 7]), ..Cloud::default() };
+    let placer = Placer::of_sensor(GridSpec { size_m: 0.5 }, 50.0, turn);
+    let points = export::labelled(&cloud, &placer, false, &judged(&ell));
+    assert_eq!(points.iter().map(|p| p.class).collect::<Vec<_>>(), [0, 1, -1, -1]);
+    let options = |field: &str| Options { label_field: Some(field.into()) };
+    for (name, bytes, grain_m) in
+        [("a.ply", export::ply(&points, "two\nlines"), 1e-12), ("a.pcd", export::pcd(&points), 1e-6)]
+    {
+        let back = read(name, &bytes, None, &options("label")).unwrap();
+        assert_eq!(back.labels, Some(vec![4, 5, 6, 7]));
+        for (p, q) in back.points_m.iter().zip(there) {
+            assert!((*p - q).length() < grain_m, "{name}: {p} {q}");
+        }
+        assert_eq!(read(name, &bytes, None, &options("class")).unwrap().labels, Some(vec![0, 1, -1, -1]));
+    }
+}
+
+#[test]
+fn exact_mesh_faces_join_the_cells_that_are_there_and_look_up() {
+    let ell = ell();
+    let bytes = export::mesh(&judged(&ell), "ell");
+    let head = String::from_utf8_lossy(&bytes);
+    assert!(head.contains("element vertex 4\n") && head.contains("element face 1\n"));
+    // Three of the lower square: one triangle, (20, -10), (20, -9), (21, -10).
+    let mut face = vec![3u8];
+    [0i32, 1, 2].iter().for_each(|v| face.extend(v.to_le_bytes()));
+    assert!(bytes.ends_with(&face));
+    let vertices = parse("m.ply", &bytes).unwrap().points_m;
+    assert_eq!(vertices[2], DVec3::new(-4.75, 10.75, 2.0));
+    let up = (vertices[1] - vertices[0]).cross(vertices[2] - vertices[0]);
+    assert!(up.z > 0.0);
+}
+
+#[test]
+fn law_a_full_square_of_cells_is_meshed_without_gap_or_overlap() {
+    // A disc of cells with a hole: the area of all triangles is that of the squares with four corners plus half of those with three.
+    let inside = |r: i32, c: i32| (4..50).contains(&(r * r + c * c)) && (r * 7 + c * 3) % 11 != 0;
+    let indices: Vec<(i32, i32)> =
+        (-8..8).flat_map(|r| (-8..8).map(move |c| (r, c))).filter(|&(r, c)| inside(r, c)).collect();
+    let points_m: Vec<DVec3> =
+        indices.iter().map(|&(r, c)| DVec3::new(f64::from(c) + 0.5, f64::from(r) + 0.5, 0.0)).collect();
+    let params = CellParams { size_m: 1.0, ..CellParams::default() };
+    let estimate = crate::slam::truth(&Pose::default());
+    let map_from_sensor = Transform::IDENTITY;
+    let cloud = WindowCloud {
+        points_m: &points_m,
+        in_map: true,
+        intensity: None,
+        obstacle: None,
+        estimate: &estimate,
+        map_from_sensor,
+    };
+    let (cells, _) = cells::bin_clouds(&params, &[cloud], 50.0, &mut cells::Scratch::default());
+    let (outputs, classes) = (vec![Some(0.5); cells.rows.len()], vec![Some(1); cells.rows.len()]);
+    let judged = Judged {
+        cells: &cells,
+        outputs: &outputs,
+        classes: &classes,
+        of_classes: 2,
+        targets: [0.1, 0.9],
+        grid: GridSpec { size_m: 1.0 },
+        rover_z_m: 0.0,
+    };
+    let bytes = export::mesh(&judged, "disc");
+    let corners =
+        |r: i32, c: i32| [(0, 0), (0, 1), (1, 0), (1, 1)].iter().filter(|(i, j)| inside(r + i, c + j)).count();
+    let squares = (-9..9).flat_map(|r| (-9..9).map(move |c| (r, c)));
+    let triangles: usize = squares.map(|(r, c)| corners(r, c).saturating_sub(2)).sum();
+    let head = String::from_utf8_lossy(&bytes);
+    assert!(head.contains(&format!("element face {triangles}\n")), "{triangles}");
+    // Each triangle looks up, and none is there twice.
+    let mut seen = BTreeMap::new();
+    for face in bytes[bytes.len() - 13 * triangles..].chunks(13) {
+        let corner = |k: usize| i32::from_le_bytes(face[1 + 4 * k..5 + 4 * k].try_into().unwrap()) as usize;
+        let [a, b, c] = [0, 1, 2].map(|k| points_m_of(&cells, corner(k)));
+        assert_eq!((b - a).cross(c - a).z, 1.0);
+        *seen.entry(face.to_vec()).or_insert(0) += 1;
+    }
+    assert!(seen.values().all(|&count| count == 1));
+}
+
+fn points_m_of(cells: &Cells, row: usize) -> DVec3 {
+    let (x, y) = GridSpec { size_m: 1.0 }.centre_m(cells.rows[row].index);
+    DVec3::new(x, y, 0.0)
+}
+
+#[test]
+fn exact_verdicts_of_points_make_the_labels_of_cells() {
+    // Cells of 1 m along x: two obstacle points; one of each; an ignored one; an ignored one and a traversable one.
+    let xs = [0.2, 0.7, 1.2, 1.7, 2.5, 3.2, 3.7];
+    let verdicts = [Some(true), Some(true), Some(true), Some(false), None, None, Some(false)];
+    let points_m = xs.map(|x| DVec3::new(x, 0.5, 0.0));
+    let estimate = crate::slam::truth(&Pose::default());
+    let bin = |min_obstacle_points| {
+        let labels = crate::cells::params::LabelParams { min_obstacle_points, ..Default::default() };
+        let params = CellParams { size_m: 1.0, labels, ..CellParams::default() };
+        let cloud = WindowCloud {
+            points_m: &points_m,
+            in_map: false,
+            intensity: None,
+            obstacle: Some(&verdicts),
+            estimate: &estimate,
+            map_from_sensor: Transform::IDENTITY,
+        };
+        cells::bin_clouds(&params, &[cloud], 50.0, &mut cells::Scratch::default())
+    };
+    let (cells, known) = bin(1);
+    assert_eq!(cells.rows.iter().map(|row| row.label).collect::<Vec<_>>(), [Some(1), Some(1), None, Some(0)]);
+    assert_eq!(cells.rows.iter().map(|row| row.truth.obstacle_points).collect::<Vec<_>>(), [2, 1, 0, 0]);
+    assert_eq!((known, cells.rows[3].points), (vec![2, 2, 0, 1], 2));
+    assert_eq!(bin(2).0.rows[1].label, Some(0));
+}

@@ -1,0 +1,90 @@
+//! A data file and what `shards.jsonl` says of it -> the file, opened; or why it is not that file.
+//!
+//! For whoever learns from a corpus or judges by it: a truncated, damaged or foreign file is refused before one row of it is
+//! taken. The bytes are hashed piece by piece, never held as a whole.
+
+use sha2::Digest;
+
+use super::reader::TableFile;
+use super::receipt::FileFacts;
+use super::{CorpusError, Store, hex};
+
+/// What a finished corpus says of one of its files.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected<'a> {
+    pub name: &'a str,
+    pub bytes: u64,
+    pub sha256: &'a str,
+    pub rows: u64,
+    pub row_groups: u32,
+}
+
+/// Why a file cannot be taken.
+#[derive(Debug)]
+pub enum Refused {
+    /// It is not the file that the corpus was finalized with.
+    Other(String),
+    Store(CorpusError),
+}
+
+impl From<CorpusError> for Refused {
+    fn from(error: CorpusError) -> Refused {
+        match error {
+            CorpusError::Parquet { source, .. } => Refused::Other(format!("it cannot be read as Parquet ({source})")),
+            CorpusError::Arrow { source, .. } => Refused::Other(format!("it cannot be read as Parquet ({source})")),
+            other => Refused::Store(other),
+        }
+    }
+}
+
+impl<'a> From<&'a FileFacts> for Expected<'a> {
+    fn from(facts: &'a FileFacts) -> Expected<'a> {
+        let FileFacts { path, rows, row_groups, bytes, sha256, .. } = facts;
+        Expected { name: path, bytes: *bytes, sha256, rows: *rows, row_groups: *row_groups }
+    }
+}
+
+/// Files are hashed in pieces of this size.
+const PIECE_BYTES: usize = 1 << 20;
+
+impl Expected<'_> {
+    /// Checks size and sha256 first, then opens.
+    pub fn open_checked(&self, store: &dyn Store) -> Result<TableFile, Refused> {
+        let other = |reason: String| Err(Refused::Other(reason));
+        let Some(bytes) = store.size(self.name)? else { return other("it is missing".into()) };
+        if bytes != self.bytes {
+            return other(format!("it has {bytes} bytes, shards.jsonl says {}", self.bytes));
+        }
+        if sha256_of(store, self.name, bytes)? != self.sha256 {
+            return other("its sha256 is not that of shards.jsonl: bytes have changed".into());
+        }
+        self.open(store)
+    }
+
+    /// Opens a file that was checked before.
+    pub fn open(&self, store: &dyn Store) -> Result<TableFile, Refused> {
+        let table = TableFile::open(store, self.name)?;
+        let (rows, row_groups) = (table.rows(), table.row_groups().len());
+        if row_groups == self.row_groups as usize && rows == self.rows {
+            return Ok(table);
+        }
+        Err(Refused::Other(format!(
+            "it holds {rows} rows in {row_groups} row groups, shards.jsonl says {} in {}",
+            self.rows, self.row_groups
+        )))
+    }
+}
+
+fn sha256_of(store: &dyn Store, name: &str, bytes: u64) -> Result<String, CorpusError> {
+    let mut hasher = sha2::Sha256::new();
+    let mut offset = 0;
+    while offset < bytes {
+        let piece = store.read_range(name, offset, PIECE_BYTES)?;
+        if piece.is_empty() {
+            break;
+        }
+        hasher.update(&piece);
+        offset += piece.len() as u64;
+    }
+    Ok(hex(&hasher.finalize()))
+}

@@ -1,0 +1,117 @@
+//! The network against hand arithmetic, central differences and itself.
+
+use super::*;
+use crate::random::Stage;
+
+fn network(inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
+    let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
+    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias }, &streams)
+}
+
+fn rows(count: usize, inputs: usize) -> Vec<f64> {
+    (0..count * inputs).map(|k| 2.0 * math::sin(1.0 + 1.7 * k as f64)).collect()
+}
+
+#[test]
+fn exact_two_neurons_by_hand() {
+    let layout = Layout { inputs: 2, hidden: vec![1], bias: true };
+    let network = Network { layout, weights: vec![0.5, -0.25, 0.125, 2.0, -1.0] };
+    let sigma = |x: f64| 1.0 / (1.0 + math::exp(-x));
+    let h = sigma(0.5 * 3.0 - 0.25 * 2.0 + 0.125);
+    let y = sigma(2.0 * h - 1.0);
+    let mut gradient = [0.0; 5];
+    let got = network.gradient(&[3.0, 2.0], &mut Tape::default(), &mut gradient);
+    assert!((got - y).abs() < 1e-15);
+    let (d, e) = (y * (1.0 - y), h * (1.0 - h));
+    for (got, want) in gradient.iter().zip([d * 2.0 * e * 3.0, d * 2.0 * e * 2.0, d * 2.0 * e, d * h, d]) {
+        assert!((got - want).abs() < 1e-15, "{got} against {want}");
+    }
+}
+
+#[test]
+fn exact_gradients_equal_central_differences() {
+    for (hidden, bias) in [(&[][..], true), (&[1], false), (&[16, 16], true), (&[3, 7, 2], true), (&[5, 4], false)] {
+        let mut network = network(14, hidden, bias, 3);
+        let input = rows(1, 14);
+        let mut tape = Tape::default();
+        let mut gradient = vec![f64::NAN; network.weights.len()];
+        network.gradient(&input, &mut tape, &mut gradient);
+        for (k, slope) in gradient.iter().enumerate() {
+            let w = network.weights[k];
+            let h = 1e-4;
+            let mut at = |x: f64| {
+                network.weights[k] = x;
+                network.output(&input, &mut tape)
+            };
+            // Fourth-order differences: error about h^4 and eps / h.
+            let wide = (at(w + 2.0 * h) - at(w - 2.0 * h)) / (4.0 * h);
+            let near = (at(w + h) - at(w - h)) / (2.0 * h);
+            network.weights[k] = w;
+            let want = (4.0 * near - wide) / 3.0;
+            assert!((slope - want).abs() < 1e-11, "{hidden:?} weight {k}: {slope} against {want}");
+        }
+    }
+}
+
+#[test]
+fn equal_rows_alone_and_among_others_to_the_bit() {
+    for count in [0, 1, 7, 8, 9, 50] {
+        let network = network(5, &[6, 3], true, 1);
+        let rows = rows(count, 5);
+        let mut outputs = vec![0.0; count];
+        network.outputs(&rows, &mut outputs);
+        let mut tape = Tape::default();
+        for (row, output) in rows.chunks(5).zip(&outputs) {
+            assert_eq!(network.output(row, &mut tape).to_bits(), output.to_bits());
+        }
+    }
+}
+
+#[test]
+fn equal_instruction_sets_give_the_same_bits() {
+    let network = network(14, &[16, 9], true, 1);
+    let input = rows(1, 14);
+    let run = |isa: Isa| {
+        let mut gradient = vec![0.0; network.weights.len()];
+        let mut tape = Tape::default();
+        let kernel = Gradient { network: &network, inputs: &input, tape: &mut tape, gradient: &mut gradient };
+        let output = isa.run(kernel);
+        (output.to_bits(), gradient.iter().map(|g| g.to_bits()).collect::<Vec<_>>())
+    };
+    let want = run(Isa::Portable);
+    assert!(Isa::available().all(|isa| run(isa) == want));
+}
+
+#[test]
+fn extreme_arguments_saturate_without_nan() {
+    for (x, y) in [(1e4, 1.0), (-1e4, 0.0), (f64::INFINITY, 1.0), (f64::NEG_INFINITY, 0.0), (0.0, 0.5)] {
+        assert_eq!(logistic(x), y);
+    }
+    let mut network = network(3, &[4], true, 1);
+    network.weights.iter_mut().for_each(|w| *w *= 1e6);
+    let mut gradient = vec![f64::NAN; network.weights.len()];
+    let output = network.gradient(&[1e4, -1e4, 1e3], &mut Tape::default(), &mut gradient);
+    assert!((0.0..=1.0).contains(&output) && gradient.iter().all(|g| g.is_finite()));
+}
+
+#[test]
+fn law_initial_weights_fill_their_interval_layer_by_layer() {
+    let network = network(15, &[200, 3], false, 9);
+    let (first, second) = network.weights.split_at(15 * 200);
+    for (layer, bound) in [(first, 1.5 / 4.0), (&second[..600], 1.5 / f64::sqrt(201.0))] {
+        let largest = layer.iter().fold(0.0, |m: f64, w| m.max(w.abs()));
+        assert!(largest < bound && largest > 0.95 * bound, "{largest} of {bound}");
+        let variance = layer.iter().map(|w| w * w).sum::<f64>() / layer.len() as f64;
+        // Uniform: bound^2 / 3; 4 standard errors of 600 draws are 15 %.
+        assert!((3.0 * variance / (bound * bound) - 1.0).abs() < 0.15, "{variance}");
+    }
+}
+
+#[test]
+fn exact_numbers_of_weights() {
+    let weights = |inputs, hidden: &[usize], bias| Layout { inputs, hidden: hidden.to_vec(), bias }.weights();
+    assert_eq!(weights(14, &[16, 16], true), 529);
+    assert_eq!(weights(14, &[32, 32], true), 1569);
+    assert_eq!(weights(14, &[32, 32, 32], true), 2625);
+    assert_eq!(weights(14, &[16, 16], false), 14 * 16 + 16 * 16 + 16);
+}

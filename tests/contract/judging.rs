@@ -1,0 +1,216 @@
+//! The contract of `evaluate` and `export`: what they print, where they exit, and that bad input is named with its cure.
+
+use std::path::{Path, PathBuf};
+
+use marsyard::corpus::{Table, sha256};
+use marsyard::train::Model;
+use serde_json::Value as Json;
+
+use crate::yard::{Yard, text};
+
+fn corpus_config() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/training.yaml")
+}
+
+/// A corpus and a model that was trained on it, in `corpus` and `run`.
+fn trained() -> Yard {
+    let yard = Yard::new();
+    yard.generate(&corpus_config(), "corpus", &[]);
+    let sets = ["--set", "network.hidden=[6]", "--set", "epochs=1"];
+    let output = yard.marsyard(["train", "corpus", "--out", "run"].iter().chain(&sets));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    yard
+}
+
+/// Exit status and what was said, in one line.
+fn told(yard: &Yard, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = yard.marsyard(arguments);
+    let said = text(&output.stderr).replace(['\n', '│'], " ");
+    (output.status.code(), said.split_whitespace().collect::<Vec<_>>().join(" "))
+}
+
+#[test]
+fn law_evaluate_prints_a_report_and_writes_its_figures() {
+    let yard = trained();
+    let output = yard.marsyard(["evaluate", "run", "corpus", "--json", "--out", "judged"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report: Json = serde_json::from_slice(&output.stdout).expect("JSON");
+    for key in [
+        "model",
+        "data",
+        "thresholds",
+        "groups",
+        "points_per_cell",
+        "range_m",
+        "classes",
+        "missed_tops",
+        "roc",
+        "notes",
+    ] {
+        assert!(!report[key].is_null(), "{key}");
+    }
+    assert_eq!(report["data"]["split"], "test");
+    let row = report["groups"][0]["network"][0].to_string();
+    for rate in ["missed_untraversable", "false_untraversable", "balanced_accuracy", "mcc", "prevalence", "majority"] {
+        assert!(row.contains(rate) || report.to_string().contains(rate), "{rate}");
+    }
+    let written: Json =
+        serde_json::from_slice(&std::fs::read(yard.path("judged/evaluation.json")).expect("a report")).expect("JSON");
+    // The training judged on the same split by the same code.
+    let of_training: Json =
+        serde_json::from_slice(&std::fs::read(yard.path("run/evaluation.json")).expect("a report")).expect("JSON");
+    assert_eq!(written, report);
+    assert_eq!(of_training["groups"], report["groups"]);
+    assert!(std::fs::read_dir(yard.path("judged")).expect("a folder").count() > 3, "figures");
+    // People get a table, and thresholds of their own.
+    let output = yard.marsyard(["evaluate", "run/model.safetensors", "corpus", "--threshold", "0.3,0.6"]);
+    assert!(output.status.success() && text(&output.stdout).contains("missed_untraversable"));
+}
+
+#[test]
+fn law_export_prints_weights_that_give_the_outputs_beside_them() {
+    let yard = trained();
+    let output = yard.marsyard(["export", "run", "--json", "-", "--onnx", "model.onnx"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let exported: Json = serde_json::from_slice(&output.stdout).expect("JSON");
+    let model = Model::read(&yard.path("run/model.safetensors")).expect("a model");
+    assert_eq!(exported["about"]["features"].as_array().map(Vec::len), Some(model.about.inputs));
+    let numbers = |value: &Json| -> Vec<f64> {
+        value.as_array().expect("numbers").iter().map(|x| x.as_f64().expect("a number")).collect()
+    };
+    let rows = exported["check"]["features"].as_array().expect("rows");
+    for (row, output) in rows.iter().zip(numbers(&exported["check"]["outputs"])) {
+        // By the exported weights alone.
+        let scaler = &exported["about"]["scaler"];
+        let (mean, scale, clip) =
+            (numbers(&scaler["mean"]), numbers(&scaler["scale"]), scaler["clip"].as_f64().expect("a clip"));
+        let mut values: Vec<f64> = numbers(row)
+            .iter()
+            .zip(mean.iter().zip(&scale))
+            .map(|(x, (mean, scale))| ((x - mean) / scale).clamp(-clip, clip))
+            .collect();
+        for layer in exported["layers"].as_array().expect("layers") {
+            let neurons = layer["weights"].as_array().expect("weights").iter().zip(numbers(&layer["biases"]));
+            values = neurons
+                .map(|(weights, bias)| {
+                    let sum: f64 = numbers(weights).iter().zip(&values).map(|(w, x)| w * x).sum();
+                    1.0 / (1.0 + marsyard::math::exp(-sum - bias))
+                })
+                .collect();
+        }
+        assert!((values[0] - output).abs() < 1e-12, "{} {output}", values[0]);
+    }
+    assert!(std::fs::metadata(yard.path("model.onnx")).expect("a file").len() > 500);
+    let (code, said) = told(&yard, &["export", "run"]);
+    assert!(code == Some(2) && said.contains("--onnx"), "{said}");
+}
+
+/// Puts other bytes in the place of a shard's cells and says so in `shards.jsonl`, as a cheat would.
+fn cook(yard: &Yard, corpus: &str, bytes: &[u8], facts: &Json) {
+    let path = Table::Cells.path(6);
+    std::fs::write(yard.path(corpus).join(&path), bytes).expect("a file");
+    let books = yard.path(corpus).join("shards.jsonl");
+    let lines = std::fs::read_to_string(&books).expect("the books");
+    let mut lines: Vec<Json> = lines.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let cells = &mut lines[6]["tables"]["cells"];
+    for key in ["rows", "row_groups"] {
+        cells[key] = facts[key].clone();
+    }
+    (cells["bytes"], cells["sha256"]) = (bytes.len().into(), sha256(bytes).into());
+    std::fs::write(&books, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).expect("a file");
+}
+
+#[test]
+fn extreme_damaged_and_foreign_shards_are_named_with_the_cure() {
+    let yard = trained();
+    let path = Table::Cells.path(6);
+    let file = yard.path("corpus").join(&path);
+    let whole = std::fs::read(&file).expect("a shard of the test split");
+    let evaluate = ["evaluate", "run", "corpus"];
+    let mut flipped = whole.clone();
+    flipped[whole.len() / 3] ^= 4;
+    for (bytes, says) in [
+        (&whole[..whole.len() / 2], "shards.jsonl says"),
+        (&flipped[..], "its sha256 is not that of shards.jsonl"),
+        (&vec![b'x'; whole.len()][..], "its sha256 is not that of shards.jsonl"),
+    ] {
+        std::fs::write(&file, bytes).expect("a file");
+        let (code, said) = told(&yard, &evaluate);
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.contains(&path) && said.contains(says) && said.contains("marsyard verify corpus"), "{said}");
+    }
+    // Books that were cooked: the columns are looked at all the same.
+    let books = std::fs::read_to_string(yard.path("corpus/shards.jsonl")).expect("the books");
+    let line: Json = serde_json::from_str(books.lines().nth(6).expect("seven shards")).expect("JSON");
+    let scenes = std::fs::read(yard.path("corpus").join(Table::Scenes.path(6))).expect("another table");
+    cook(&yard, "corpus", &scenes, &line["tables"]["scenes"]);
+    for arguments in [&evaluate[..], &["evaluate", "run", "corpus", "--split", "test"]] {
+        let (code, said) = told(&yard, arguments);
+        assert!(code == Some(1) && said.contains(&path) && said.contains("it has no column"), "{said}");
+    }
+    cook(&yard, "corpus", &[b'x'; 4000], &line["tables"]["cells"]);
+    let (code, said) = told(&yard, &evaluate);
+    assert!(code == Some(1) && said.contains(&path) && said.contains("cannot be read as Parquet"), "{said}");
+}
+
+#[test]
+fn extreme_corpora_of_another_version_and_models_of_other_features_are_refused() {
+    let yard = trained();
+    yard.generate(&corpus_config(), "other", &["--set", "cells.neighbours=4"]);
+    let (code, said) = told(&yard, &["evaluate", "run", "other"]);
+    assert!(
+        code == Some(2) && said.contains("the model takes neighbour_") && said.contains("features: listed"),
+        "{said}"
+    );
+    yard.generate(&corpus_config(), "coarse", &["--set", "cells.size_m=0.2"]);
+    let (code, said) = told(&yard, &["evaluate", "run", "coarse"]);
+    assert!(code == Some(2) && said.contains("cells.size_m: 0.1"), "{said}");
+    let (code, said) = told(&yard, &["train", "corpus", "coarse", "--out", "both"]);
+    assert!(code == Some(2) && said.contains("cells.size_m 0.2"), "{said}");
+    let manifest = yard.path("corpus/manifest.json");
+    let there = std::fs::read_to_string(&manifest).expect("a manifest");
+    std::fs::write(&manifest, there.replacen("\"format\": 1", "\"format\": 9", 1)).expect("a file");
+    for arguments in [&["evaluate", "run", "corpus"][..], &["train", "corpus", "--out", "again"]] {
+        let (code, said) = told(&yard, arguments);
+        assert!(
+            code == Some(1)
+                && said.contains("manifest.json")
+                && said.contains("format 9, this program reads format 1; use the"),
+            "{said}"
+        );
+    }
+    let (code, said) = told(&yard, &["evaluate", "run", "nowhere"]);
+    assert!(code == Some(2) && said.contains("nowhere"), "{said}");
+}
+
+#[test]
+fn extreme_model_files_that_are_none_are_named_by_every_verb() {
+    let yard = trained();
+    let whole = std::fs::read(yard.path("run/model.safetensors")).expect("a model");
+    std::fs::write(yard.path("cut.safetensors"), &whole[..whole.len() / 2]).expect("a file");
+    std::fs::write(yard.path("foreign.safetensors"), [7; 300]).expect("a file");
+    let newer = String::from_utf8_lossy(&whole).find("\\\"marsyard_model\\\":1").expect("its format");
+    let mut bytes = whole.clone();
+    let digit = newer + "\\\"marsyard_model\\\":".len();
+    bytes[digit] = b'7';
+    std::fs::write(yard.path("newer.safetensors"), &bytes).expect("a file");
+    std::fs::write(yard.path("cloud.csv"), "x,y,z\n1,2,0\n").expect("a file");
+    for (file, says) in [
+        ("cut.safetensors", "give the `model.safetensors` of a run folder"),
+        ("foreign.safetensors", "give the `model.safetensors` of a run folder"),
+        ("newer.safetensors", "a model of format 7"),
+        ("none.safetensors", "none.safetensors"),
+    ] {
+        for arguments in [
+            &["evaluate", file, "corpus"][..],
+            &["export", file, "--json", "-"],
+            &["classify", file, "cloud.csv", "--pose=0,0,0,0,0,0"],
+            &["train", "corpus", "--out", "on", "--init", file],
+        ] {
+            let (code, said) = told(&yard, arguments);
+            assert_eq!(code, Some(2), "{arguments:?}: {said}");
+            assert!(said.contains(file) && said.contains(says), "{arguments:?}: {said}");
+        }
+    }
+    assert!(!yard.path("on").exists());
+}
