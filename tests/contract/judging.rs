@@ -189,9 +189,9 @@ fn extreme_model_files_that_are_none_are_named_by_every_verb() {
     let whole = std::fs::read(yard.path("run/model.safetensors")).expect("a model");
     std::fs::write(yard.path("cut.safetensors"), &whole[..whole.len() / 2]).expect("a file");
     std::fs::write(yard.path("foreign.safetensors"), [7; 300]).expect("a file");
-    let newer = String::from_utf8_lossy(&whole).find("\\\"marsyard_model\\\":1").expect("its format");
+    let key = b"\\\"marsyard_model\\\":";
+    let digit = whole.windows(key.len()).position(|part| part == key).expect("its format") + key.len();
     let mut bytes = whole.clone();
-    let digit = newer + "\\\"marsyard_model\\\":".len();
     bytes[digit] = b'7';
     std::fs::write(yard.path("newer.safetensors"), &bytes).expect("a file");
     std::fs::write(yard.path("cloud.csv"), "x,y,z\n1,2,0\n").expect("a file");
