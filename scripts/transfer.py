@@ -14,8 +14,8 @@ height-difference threshold. Every threshold but 0.5 is chosen on the validation
 
 Then it shows what the errors are made of: kind of thing, height above the ground, range, points in the cell, share of obstacle points,
 borders. `--variants` compares settings of the trainer without a look at the unseen family: each training family in turn is left out
-and judged, and the threshold-free AUC decides. Outputs are computed in NumPy from `marsyard export --json`; counts at 0.5 are checked
-against `marsyard evaluate --family`.
+and judged, and the threshold-free AUC decides. Outputs are computed in NumPy from `marsyard export --json`; rates at 0.5 are checked
+against `marsyard evaluate`.
 
 Needs numpy and pyarrow. Writes transfer.json and transfer.md into scripts/results.
 """
@@ -288,9 +288,10 @@ def main():
         _, missed, false = curve(scores, test["label"] == 1, test["points"].astype(np.float64))
         nearest.append({"false_at_missed_4.74": float(false[np.flatnonzero(missed <= MARK["missed"])[-1]]),
                         "missed_at_false_0.81": float(missed[np.flatnonzero(false <= MARK["false"])[0]])})
-        report = marsyard.evaluate(arguments.work / "runs" / f"network-{seed}", corpus, "on-unseen", "--family", UNSEEN)
+        report = marsyard.evaluate(arguments.work / "runs" / f"network-{seed}", corpus, "on-test")
         ours = five_rows(test["label"] == 1, scores >= 0.5, test["points"].astype(np.int64))
-        theirs = report["groups"][0]["network"]["at"][0]["points"]
+        [group] = [group for group in report["groups"] if group["group"] == {"family": UNSEEN}]
+        theirs = group["network"]["at"][0]["points"]
         checked.append(max(abs(ours[rate] - theirs[rate]) for rate in ("missed_untraversable", "false_untraversable")))
     height = choose(validation["height_difference_m"].astype(np.float64), validation)
     height_rules = {name: [judge(test, test["height_difference_m"].astype(np.float64), t)] for name, t in height.items()}
@@ -332,8 +333,8 @@ def main():
 `python scripts/transfer.py --seeds {','.join(map(str, seeds))}`: the default network, trained on five families of `configs/mixed.yaml`, judged on the
 sixth (another sensor, another ground, all kinds of obstacle together): {len(test['points']):,} cells with {test['points'].sum():,} points, {example['untraversable']:,}
 untraversable and {example['traversable']:,} traversable ({study.percent(example['untraversable'] / (example['untraversable'] + example['traversable']), 1)} %). Mean ± standard deviation of {len(seeds)} seeds. By points unless a column says cells. Thresholds but
-0.5 are chosen on the validation split, where the unseen family is not. Largest difference of a rate to `marsyard evaluate
---family {UNSEEN}`: {max(checked):.1e}.
+0.5 are chosen on the validation split, where the unseen family is not. Largest difference of a rate to what `marsyard evaluate`
+says of that family: {max(checked):.1e}.
 
 The paper, on real scans of another place: 4.74 % missed, 0.81 % false, 0.96 % all wrong; 3.65 % of its points were untraversable.
 
