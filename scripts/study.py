@@ -45,7 +45,7 @@ class Marsyard:
     def train(self, name, corpora, seed, sets=()):
         """A network; its run folder."""
         run = self.work / "runs" / f"{name}-{seed}"
-        if not (run / "evaluation.json").exists():
+        if not (run / "training.json").exists():
             note(f"train {name}, seed {seed}")
             overrides = [part for key in sets for part in ("--set", key)]
             resume = ["--resume"] if run.exists() else []
