@@ -24,6 +24,10 @@ pub(super) struct EvaluateArgs {
     /// Which cells to judge on.
     #[arg(long, value_enum, default_value_t = SplitName::Test)]
     split: SplitName,
+    /// Judge the scenes of this family alone, such as the one held out (repeatable); thresholds are still chosen on the
+    /// validation split of all.
+    #[arg(long = "family", value_name = "NAME")]
+    families: Vec<String>,
     /// Labels for another rover, from the truth columns: --labels '{obstacle: {taller_than_m: 0.2}}'.
     #[arg(long, value_parser = parse_rule, value_name = "RULE")]
     labels: Option<LabelRule>,
@@ -86,13 +90,19 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         SplitName::Validation => Split::Validation,
         SplitName::Test => Split::Test,
     };
-    let options = Options { split, labels: args.labels.clone(), thresholds: args.thresholds.clone(), choose: true };
+    let options = Options {
+        labels: args.labels.clone(),
+        thresholds: args.thresholds.clone(),
+        only_families: args.families.clone(),
+        ..Options::of(split)
+    };
     let store = LocalFolder::new(&args.corpus);
     let report = evaluate::evaluate(&model, &store, &family_facts(&plan), &options).map_err(|error| match error {
         EvaluateError::Corpus(error) => corpus_failure(error),
-        error @ (EvaluateError::Model(_) | EvaluateError::Family { .. } | EvaluateError::Thresholds(_)) => {
-            Failure::usage(miette::Report::msg(error.to_string()))
-        }
+        error @ (EvaluateError::Model(_)
+        | EvaluateError::Family { .. }
+        | EvaluateError::NoFamily { .. }
+        | EvaluateError::Thresholds(_)) => Failure::usage(miette::Report::msg(error.to_string())),
         error => Failure::failed(error),
     })?;
     if let Some(folder) = &args.out {

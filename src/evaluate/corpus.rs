@@ -38,11 +38,14 @@ pub struct Options {
     pub thresholds: Vec<f64>,
     /// Choose a threshold on the validation split, too.
     pub choose: bool,
+    /// Judge the scenes of these families alone; empty = all. Thresholds are chosen on all families all the same: one that is held
+    /// out has no validation scenes.
+    pub only_families: Vec<String>,
 }
 
 impl Options {
     pub fn of(split: Split) -> Options {
-        Options { split, labels: None, thresholds: Vec::new(), choose: true }
+        Options { split, labels: None, thresholds: Vec::new(), choose: true, only_families: Vec::new() }
     }
 }
 
@@ -61,6 +64,8 @@ pub enum EvaluateError {
     EmptySplit { place: String, split: &'static str },
     #[error("family '{family}': {source}")]
     Family { family: String, source: ModelError },
+    #[error("the corpus has no family '{family}'; it has {known}")]
+    NoFamily { family: String, known: String },
     #[error("the thresholds {0:?} are not 1 to 16 rising numbers within 0 and 1")]
     Thresholds(Vec<f64>),
 }
@@ -76,6 +81,10 @@ pub fn evaluate(
         let named = |source| EvaluateError::Family { family: family.name.clone(), source };
         model.check_cell_size(family.cell_size_m).map_err(named)?;
     }
+    if let Some(family) = options.only_families.iter().find(|name| families.iter().all(|f| f.name != **name)) {
+        let known: Vec<&str> = families.iter().map(|f| f.name.as_str()).collect();
+        return Err(EvaluateError::NoFamily { family: family.clone(), known: known.join(", ") });
+    }
     let manifest = Manifest::read(store)?;
     let columns: Vec<&str> = manifest.features.iter().map(|feature| feature.name.as_str()).collect();
     model.inputs_of(&columns)?;
@@ -85,7 +94,7 @@ pub fn evaluate(
     let mut notes = Vec::new();
     let mut height_threshold = None;
     if options.choose {
-        let chosen = reader.judge(Split::Validation, Judge::new(Vec::new(), None))?.0.best_thresholds();
+        let chosen = reader.judge(Split::Validation, &[], Judge::new(Vec::new(), None))?.0.best_thresholds();
         let origin = ThresholdOrigin::Validation;
         thresholds.extend(chosen.map(|(value, _)| Threshold { value, origin }));
         height_threshold = chosen.map(|(_, value)| Threshold { value, origin });
@@ -99,9 +108,13 @@ pub fn evaluate(
             Some(_) => {}
         }
     }
-    let (judge, scans) = reader.judge(options.split, Judge::new(thresholds, height_threshold))?;
+    let (judge, scans) =
+        reader.judge(options.split, &options.only_families, Judge::new(thresholds, height_threshold))?;
     if judge.groups.is_empty() {
         return Err(EvaluateError::EmptySplit { place: store.place(), split: options.split.name() });
+    }
+    if !options.only_families.is_empty() {
+        notes.push(format!("judged on the scenes of {} alone", options.only_families.join(", ")));
     }
     if options.split == Split::Train {
         notes.push("the model may have learnt these very cells: quote the test split".to_string());
@@ -154,13 +167,15 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Runs the cells of a split through the judge; also the number of scans.
-    fn judge(&self, split: Split, mut judge: Judge) -> Result<(Judge, u64), EvaluateError> {
+    /// Runs the cells of a split through the judge, those of some families where any is named; also the number of scans.
+    fn judge(&self, split: Split, only: &[String], mut judge: Judge) -> Result<(Judge, u64), EvaluateError> {
         let mut scans = 0;
         let mut outputs = Vec::new();
         for line in self.lines.iter().filter(|line| line.split == split) {
             let Some(facts) = line.tables.get(&Table::Cells) else { continue };
             let family_of = self.families_of_scenes(line)?;
+            let wanted_scene =
+                |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
             let table = self.open(facts)?;
             let mut scan = Scan::default();
             let wanted = self.wanted(&table)?;
@@ -168,7 +183,7 @@ impl Reader<'_> {
                 let batch =
                     table.read_row_group(group, Some(&wanted)).map_err(|e| self.refused(table.name(), e.into()))?;
                 let columns = Columns::of(&batch, self.model, self.labels).map_err(|r| self.fault(table.name(), r))?;
-                for row in 0..batch.num_rows() {
+                for row in (0..batch.num_rows()).filter(|&row| wanted_scene(columns.scan(row).0)) {
                     let key = columns.scan(row);
                     if scan.key != Some(key) {
                         scans += self.finish(&mut scan, &family_of, &mut judge, &mut outputs);

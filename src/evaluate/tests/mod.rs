@@ -152,6 +152,35 @@ fn exact_groups_are_all_well_seen_family_and_sensor() {
 }
 
 #[test]
+fn exact_one_family_is_judged_alone_by_thresholds_chosen_on_all() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let judged = |only: &[&str]| {
+        let only_families = only.iter().map(|name| name.to_string()).collect();
+        let options = Options { only_families, ..Options::of(Split::Train) };
+        evaluate(&steps_model(), &store, &families(), &options)
+    };
+    let cells = |report: &Report| report.groups.iter().map(|g| (g.group.clone(), g.cells)).collect::<Vec<_>>();
+    let [whole, odd, even] = [&[][..], &["odd"], &["even"]].map(|only| judged(only).unwrap());
+    // The train split has five scenes of ten cells: 0, 1, 2, 4 and 5.
+    assert_eq!((whole.groups[0].cells, odd.groups[0].cells, even.groups[0].cells), (50, 20, 30));
+    let groups = [
+        (Group::All, 20),
+        (Group::Points(3), 12),
+        (Group::Family("odd".into()), 20),
+        (Group::Sensor("lms".into()), 20),
+    ];
+    assert_eq!(cells(&odd), groups);
+    assert_eq!((odd.data.scans, odd.data.unknown_cells, odd.missed_tops[0].cells), (4, 4, 4));
+    // Validation holds one scene, an odd one; the thresholds of `even` come from there all the same.
+    assert_eq!((&even.thresholds, even.height_threshold_m), (&whole.thresholds, whole.height_threshold_m));
+    assert_eq!(even.thresholds.len(), 2);
+    assert!(odd.notes.iter().any(|note| note.contains("scenes of odd alone")), "{:?}", odd.notes);
+    assert_eq!(cells(&judged(&["odd", "even"]).unwrap()), cells(&whole));
+    let error = judged(&["oud"]).unwrap_err().to_string();
+    assert_eq!(error, "the corpus has no family 'oud'; it has even, odd");
+}
+
+#[test]
 fn law_thresholds_are_chosen_on_the_validation_split() {
     let (_dir, store) = corpus(7, &TABLES, &SCAN);
     let report = evaluate(&steps_model(), &store, &[], &Options::of(Split::Test)).unwrap();
