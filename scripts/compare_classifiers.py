@@ -4,7 +4,7 @@
     cargo run --release -- generate configs/paper.yaml
     cargo build --release --example train_rows
     pip install numpy scipy scikit-learn pyarrow matplotlib
-    python scripts/compare_classifiers.py corpora/paper            # some 10 minutes on 2 cores; --quick: 2 minutes
+    python scripts/compare_classifiers.py corpora/paper            # 24 minutes on 2 busy cores; --quick: about 2
 
 Measured, for each of five seeds (other scenes, other initial weights), on the same 100,000 rows of whole scenes of the test split:
 
@@ -26,7 +26,7 @@ Baselines get inputs standardised by the mean and standard deviation of their tr
 Weights are `balance: classes` for the network and class_weight="balanced" for the others. The network stops by 60,000 rows of the
 validation split; in the row "stopped by few" by 15/70 as many as it learns from. Baselines have no use for validation rows, but for the
 column "BA at own threshold": there the threshold of every classifier with a score is the one with the best balanced accuracy on the same
-20,000 validation rows. Nothing is ever chosen on test rows.
+20,000 validation rows. Nothing is ever chosen on test rows. The CPU seconds of the network include its looks at the validation rows.
 """
 
 import argparse

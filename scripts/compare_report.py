@@ -1,4 +1,11 @@
-"""The tables and the figure of compare_classifiers.py."""
+"""The tables and the figure of compare_classifiers.py; also from finished results:
+
+    python scripts/compare_report.py scripts/results/compare_classifiers.json docs/classifiers.png
+"""
+
+import json
+import pathlib
+import sys
 
 import numpy as np
 
@@ -105,6 +112,7 @@ def confusion(lines):
 def ablation(lines):
     text = "| inputs of the network | balanced accuracy % | AUC | missed untraversable % | false untraversable % |\n|---|---|---|---|---|\n"
     kinds = ("network", "differences", "only", "without")
+    lines = [line for line in lines if line["features"] != "full"]
     shown = [line for line in lines if line["classifier"].split()[0].rstrip(",") in kinds and not line["classifier"].startswith("network,")]
     rank = lambda line: (kinds.index(line["classifier"].split()[0]), -line["balanced_accuracy"]["mean"])
     for line in sorted(shown, key=rank):
@@ -139,7 +147,8 @@ def tables(about, lines):
     shown = [line for weighted in (True, False) for line in pick(lines, **scene, weighted=weighted, features="listed") if line["classifier"] in ORDER]
     text += confusion(shown)
     text += "## Features\n\nThe network on the same rows, by scene, with class weights.\n\n"
-    return text + ablation(pick(lines, **scene, weighted=True))
+    text += ablation(pick(lines, **scene, weighted=True))
+    return text + "Which settings were tried, on validation rows, stands in `compare_classifiers_notes.md`.\n"
 
 
 def figure(lines, path):
@@ -147,6 +156,7 @@ def figure(lines, path):
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    import matplotlib.ticker
 
     names = [name for name in ORDER if name != "network, stopped by few"]
     plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 10, "svg.hashsalt": "marsyard"})
@@ -163,6 +173,7 @@ def figure(lines, path):
         axis.set_title(title, fontsize=10)
         axis.grid(axis="x", color="#dddddd", linewidth=0.7)
         axis.set_axisbelow(True)
+        axis.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(5))
         axis.spines[["top", "right", "left"]].set_visible(False)
         axis.tick_params(axis="y", length=0)
         axis.axhline(len(names) - 2.5, color="#bbbbbb", linewidth=0.7, linestyle=":")
@@ -174,3 +185,9 @@ def figure(lines, path):
     axes[1].legend(loc="lower left", frameon=False, fontsize=9)
     panels.tight_layout()
     panels.savefig(path, dpi=150, metadata={"Software": None} if str(path).endswith("png") else {"Date": None})
+
+
+if __name__ == "__main__":
+    results = json.loads(pathlib.Path(sys.argv[1]).read_text())
+    pathlib.Path(sys.argv[1]).with_suffix(".md").write_text(tables(results["about"], summary(results["runs"])))
+    figure(summary(results["runs"]), sys.argv[2])
