@@ -265,10 +265,8 @@ def main():
     }  # fmt: skip
     out = pathlib.Path(ARGUMENTS.out)
     out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps({"about": about, "summary": compare_report.summary(runs), "runs": runs}, indent=1) + "\n")
-    text = compare_report.tables(about, compare_report.summary(runs))
-    out.with_suffix(".md").write_text(text)
-    print(text)
+    compare_report.write(out, about, runs)
+    print(out.with_suffix(".md").read_text())
     if ARGUMENTS.figure:
         compare_report.figure(compare_report.summary(runs), ARGUMENTS.figure)
 

@@ -151,6 +151,15 @@ def tables(about, lines):
     return text + "Which settings were tried, on validation rows, stands in `compare_classifiers_notes.md`.\n"
 
 
+def write(path, about, runs):
+    """The results, a line a record, and the tables beside them."""
+    lines = summary(runs)
+    listed = lambda records: ",\n  ".join(map(json.dumps, records))
+    text = f'{{\n "about": {json.dumps(about)},\n "summary": [\n  {listed(lines)}\n ],\n "runs": [\n  {listed(runs)}\n ]\n}}\n'
+    path.write_text(text)
+    path.with_suffix(".md").write_text(tables(about, lines))
+
+
 def figure(lines, path):
     import matplotlib
 
@@ -189,5 +198,5 @@ def figure(lines, path):
 
 if __name__ == "__main__":
     results = json.loads(pathlib.Path(sys.argv[1]).read_text())
-    pathlib.Path(sys.argv[1]).with_suffix(".md").write_text(tables(results["about"], summary(results["runs"])))
+    write(pathlib.Path(sys.argv[1]), results["about"], results["runs"])
     figure(summary(results["runs"]), sys.argv[2])
