@@ -1,0 +1,69 @@
+"""Rows of a corpus in memory, and marsyard's network trained on any choice of them: what the studies in this folder share.
+
+The network is trained by the example `train_rows`, which learns by the trainer's own code on one thread:
+
+    cargo build --release --example train_rows
+"""
+
+import json
+import pathlib
+import subprocess
+import tempfile
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+TRAINER = ROOT / "target" / "release" / "examples" / "train_rows"
+NEIGHBOURS = [f"neighbour_{place}_m" for place in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
+LISTED = ["mean_height_m", "height_variance_m2", "height_difference_m", "point_count", "pitch_rad", "roll_rad", *NEIGHBOURS]
+FULL = [*LISTED, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"]
+
+
+class Cells:
+    """The labelled rows of one split."""
+
+    def __init__(self, corpus, split):
+        files = sorted(pathlib.Path(corpus, "data", "cells").glob(f"{split}-*.parquet"))
+        if not files:
+            raise SystemExit(f"{corpus} has no {split} cells: build it with `marsyard generate configs/paper.yaml`")
+        table = pa.concat_tables(pq.read_table(file, columns=["scene_id", "label", *FULL]) for file in files)
+        table = table.filter(pa.compute.is_valid(table["label"]))
+        self.scenes = table["scene_id"].to_numpy()
+        self.labels = table["label"].to_numpy().astype(np.int8)
+        self.values = np.stack([table[name].to_numpy() for name in FULL], axis=1)
+
+    def whole_scenes(self, rows, rng):
+        """Indices of the rows of scenes drawn until there are at least so many; 0 = all scenes."""
+        if not rows:
+            return np.arange(len(self.labels))
+        starts = np.flatnonzero(np.r_[True, self.scenes[1:] != self.scenes[:-1]])
+        spans = list(zip(starts, np.r_[starts[1:], len(self.scenes)]))
+        drawn, count = [], 0
+        for scene in rng.permutation(len(spans)):
+            drawn.append(np.arange(*spans[scene]))
+            count += len(drawn[-1])
+            if count >= rows:
+                break
+        return np.concatenate(drawn)
+
+
+def train(train, validation, judged, settings, trainer=TRAINER):
+    """Trains on (values, labels) and stops by others. Returns the outputs for each array of values in `judged`, and what the trainer told."""
+    if not pathlib.Path(trainer).is_file():
+        raise SystemExit(f"{trainer} is missing: cargo build --release --example train_rows")
+    values = np.concatenate([train[0], validation[0], *judged]).astype(np.float32, copy=False)
+    own = len(train[0]) + len(validation[0])
+    labels = np.concatenate([train[1], validation[1], np.zeros(len(values) - own, np.int8)])
+    roles = np.repeat([0, 1, 2], [len(train[0]), len(validation[0]), len(values) - own]).astype(np.int8)
+    columns = {"role": roles, "label": labels} | {f"x{i}": np.ascontiguousarray(v) for i, v in enumerate(values.T)}
+    with tempfile.TemporaryDirectory() as folder:
+        rows, outputs = f"{folder}/rows.parquet", f"{folder}/outputs.npy"
+        pq.write_table(pa.table(columns), rows, compression="none", use_dictionary=False)
+        sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+        done = subprocess.run([trainer, rows, outputs, *sets], capture_output=True, text=True)
+        if done.returncode:
+            raise SystemExit(f"{trainer} failed:\n{done.stderr}")
+        outputs = np.load(outputs)
+    return np.split(outputs[own:], np.cumsum([len(j) for j in judged])[:-1]), json.loads(done.stdout)
