@@ -23,8 +23,8 @@ use crate::train::{Source, Sources, TrainParams, scenes};
 
 /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
 ///
-/// All networks learn a few rows each, one network per thread. The best share of them, and every network that no smaller one
-/// beats, learn four times as many; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
+/// All networks learn each row once, one network per thread. The best share of them, and every network that no smaller one
+/// beats, learn more; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
 /// for each network and rung, as it is finished), search.json, search.svg and train.yaml: the config of the smallest network
 /// whose validation error is within --margin of the best.
 #[derive(Debug, Args)]
@@ -60,7 +60,7 @@ pub(super) struct SearchArgs {
     /// Passes over the rows in the last rung, at most.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     epochs: u32,
-    /// Rungs; each learns four times the rows of the one before.
+    /// Rungs: in the first each row is learnt once, in the last in all epochs, those between grow by one factor.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=8))]
     rungs: u8,
     /// Share of the networks that goes on from each rung; 1 trains all to the end.

@@ -1,7 +1,7 @@
 //! Rows in memory -> how small a network may be: many networks trained, the better ones longer.
 //!
 //! ```text
-//! networks (a grid, or all of up to three layers of up to 32) -> rung 1: all learn a few rows each, one network per thread
+//! networks (a grid, or all of up to three layers of up to 32) -> rung 1: all learn each row once, one network per thread
 //!     -> the best share, and every network that no smaller one beats -> rung 2 ... -> the last rung: all epochs, patience
 //!     -> leaderboard; the smallest network within a margin of the best -> train.yaml
 //! ```
@@ -36,6 +36,7 @@ use self::pace::Pace;
 use self::rungs::{Rung, rungs, survivors};
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
+use crate::train::stopping::Stop;
 use crate::train::{TrainError, TrainParams, filter, folder};
 
 /// What is searched by what.
@@ -105,6 +106,16 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
     let mut contenders = networks;
     let mut entries: Vec<Vec<Entry>> = Vec::new();
     for (number, rung) in rungs.iter().enumerate() {
+        for hidden in &contenders {
+            let before = number.checked_sub(1).and_then(|before| journal.get(before, hidden));
+            if let Some(entry) = before.filter(|entry| entry.stopped == Stop::Patience)
+                && journal.get(number, hidden).is_none()
+            {
+                // It would end where it ended before.
+                let entry = Entry { rung: number, ..entry.clone() };
+                journal.push(entry)?;
+            }
+        }
         let waiting: Vec<Hidden> =
             contenders.iter().filter(|hidden| journal.get(number, hidden).is_none()).cloned().collect();
         let seconds = |hidden: &Hidden| pace.seconds(params, held, hidden, rung);

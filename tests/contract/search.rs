@@ -133,7 +133,10 @@ fn exact_faults_of_a_search_exit_2_with_the_cure() {
         (vec!["search", "corpus", "--rows", "50"], "allow_few_rows"),
         (vec!["search", "corpus", "--rows", "0"], "no row to learn"),
         (vec!["search", "corpus", "--out", "begun"], "--resume"),
-        (vec!["search", "corpus", "--out", "begun", "--resume"], "'data.rows' was 800 and is 20000 now"),
+        (
+            vec!["search", "corpus", "--widths", "2,3,6", "--layers", "2", "--out", "begun", "--resume"],
+            "'data.rows' was 800 and is 20000 now",
+        ),
     ] {
         let output = yard.marsyard(&arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output.stderr));
