@@ -27,6 +27,9 @@ use crate::train::{Source, Sources, TrainParams, scenes};
 /// beats, learn more; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
 /// for each network and rung, as it is finished), search.json, search.svg and train.yaml: the config of the smallest network
 /// whose validation error is within --margin of the best.
+///
+/// Start with:  marsyard search corpora/quickstart
+/// then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct SearchArgs {
@@ -38,8 +41,9 @@ pub(super) struct SearchArgs {
     /// Override a key of the config: --set features=listed (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
-    /// Search all 33,824 networks of one to three hidden layers of up to 32 neurons (the paper's sweep), instead of a grid. What it
-    /// takes is measured and said before the first network is trained: a few hours on two fast cores at the default rows and epochs.
+    /// Search all 33,824 networks of one to three hidden layers of up to 32 neurons (the paper's sweep), instead of a grid. At the
+    /// default rows and epochs about 8 CPU hours, 4 h on two free cores, with AVX-512; what it takes here is measured and said before
+    /// the first network is trained.
     #[arg(long, conflicts_with_all = ["widths", "layers"])]
     full: bool,
     /// Widths of the grid: all combinations of them in each number of layers.

@@ -39,6 +39,9 @@ use crate::train::memory::Held;
 use crate::train::stopping::Stop;
 use crate::train::{TrainError, TrainParams, filter, folder};
 
+/// Hidden layers -> a config.
+pub type ConfigOf = dyn Fn(&[usize]) -> String;
+
 /// What is searched by what.
 pub struct Setup {
     /// `network.hidden` does not apply.
@@ -53,7 +56,7 @@ pub struct Setup {
     /// What the rows are, for the journal: a search goes on with the same only.
     pub data: Json,
     /// The config that trains such a network on all rows, as text.
-    pub config_of: Box<dyn Fn(&[usize]) -> String>,
+    pub config_of: Box<ConfigOf>,
     pub out: PathBuf,
     pub resume: bool,
 }
@@ -102,7 +105,7 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
     let identity = identity(setup);
     let mut journal = open(setup, &identity)?;
     let pace = Pace::measure(params, held, &networks, setup.threads)?;
-    tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.len())));
+    tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.trainings())));
     let mut contenders = networks;
     let mut entries: Vec<Vec<Entry>> = Vec::new();
     for (number, rung) in rungs.iter().enumerate() {
@@ -139,7 +142,7 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
             Ok(())
         })?;
         if !all {
-            return Ok(Outcome::Interrupted { entries: journal.len() });
+            return Ok(Outcome::Interrupted { entries: journal.trainings() });
         }
         let mut done: Vec<Entry> =
             contenders.iter().filter_map(|hidden| journal.get(number, hidden)).cloned().collect();

@@ -53,7 +53,7 @@ fn promised(yard: &Yard, out: &str) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn law_search_writes_a_leaderboard_and_a_config_that_trains() {
     let yard = with_corpus();
-    let output = yard.marsyard(&QUICK);
+    let output = yard.marsyard(QUICK);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let run = yard.path("runs/training-search-1");
     for name in "search.jsonl search.json search.svg train.yaml report.json".split(' ') {
