@@ -64,6 +64,7 @@ BEYOND = {
     "medium Gaussian SVM": lambda inputs, weight: SVC(gamma=1 / inputs, C=1.0, class_weight=weight, cache_size=1000),
     "gradient boosting": lambda inputs, weight: HistGradientBoostingClassifier(class_weight=weight, random_state=0),
 }
+ABOVE_ROVER = "neighbours above the rover"
 GROUPS = {
     "mean height": ["mean_height_m"],
     "variance": ["height_variance_m2"],
@@ -106,26 +107,15 @@ def best_threshold(labels, scores):
 class Rows:
     """What the classifiers of one seed and one split see: (values, labels) by purpose."""
 
-    def __init__(self, train, validation, few, threshold, judged):
+    def __init__(self, train, validation, few, threshold, judged, names=tuple(FULL)):
         self.train, self.validation, self.few, self.threshold, self.judged = train, validation, few, threshold, judged
+        self.names = names
 
     def columns(self, names):
         at = [FULL.index(name) for name in names]
         cut = lambda rows: (rows[0][:, at], rows[1])
         judged = {name: cut(rows) for name, rows in self.judged.items()}
-        return Rows(cut(self.train), cut(self.validation), cut(self.few), cut(self.threshold), judged)
-
-    def as_differences(self):
-        """The neighbours' heights above the cell's own mean height."""
-        at, own = [FULL.index(name) for name in NEIGHBOURS], FULL.index("mean_height_m")
-
-        def change(rows):
-            values = rows[0].copy()
-            values[:, at] -= values[:, [own]]
-            return values, rows[1]
-
-        judged = {name: change(rows) for name, rows in self.judged.items()}
-        return Rows(*map(change, (self.train, self.validation, self.few, self.threshold)), judged)
+        return Rows(cut(self.train), cut(self.validation), cut(self.few), cut(self.threshold), judged, tuple(names))
 
 
 def judge(rows, answer, scores, scores_on_threshold):
@@ -139,11 +129,11 @@ def judge(rows, answer, scores, scores_on_threshold):
     return results
 
 
-def network(rows, weighted, seed, few=False):
+def network(rows, weighted, seed, few=False, neighbours="above_cell"):
     validation = rows.few if few else rows.validation
     judged = [rows.threshold[0], *(values for values, _ in rows.judged.values())]
-    settings = {"seed": seed, "balance": "classes" if weighted else "none"}
-    (threshold, *scores), told = train(rows.train, validation, judged, settings, ARGUMENTS.trainer)
+    settings = {"seed": seed, "balance": "classes" if weighted else "none", "neighbours": neighbours}
+    (threshold, *scores), told = train(rows.train, validation, judged, settings, ARGUMENTS.trainer, rows.names)
     facts = {"seconds": told["cpu_s"], "rows_learnt": told["rows_learnt"], "best_after_rows": told["best"]["rows"]}
     return judge(rows, lambda score: score >= 0.5, scores, threshold), facts
 
@@ -197,13 +187,12 @@ def work(task):
     """One classifier on one choice of rows: (what, seed) -> records."""
     split, features, seed, weighted, name = task
     rows = by_cell(seed, ARGUMENTS.rows) if split == "cell" else by_scene(seed, 0 if "all rows" in name else ARGUMENTS.rows)
-    if name.startswith("differences"):
-        rows = rows.as_differences()
     rows = rows.columns({"listed": LISTED, "full": FULL}.get(features) or features)
     if name in BASELINES or name in BEYOND:
         results, facts = baseline((BASELINES | BEYOND)[name], rows, weighted, seed)
     else:
-        results, facts = network(rows, weighted, seed, few="few" in name)
+        neighbours = "above_rover" if name == ABOVE_ROVER else "above_cell"
+        results, facts = network(rows, weighted, seed, "few" in name, neighbours)
     facts |= {"train_rows": len(rows.train[1]), "train_untraversable": int(rows.train[1].sum())}
     run = {"split": split, "features": features, "seed": seed, "weighted": weighted, "classifier": name}
     return [run | {"judged_on": judged_on} | found | facts for judged_on, found in results.items()]
@@ -221,7 +210,7 @@ def tasks(seeds, features):
             for name in [*BASELINES, "network"]:
                 yield "cell", "listed", seed, weighted, name
     for seed in seeds:
-        yield "scene", "listed", seed, True, "differences of neighbours"
+        yield "scene", "listed", seed, True, ABOVE_ROVER
         for name, group in (GROUPS | {"pitch": ["pitch_rad"], "roll": ["roll_rad"]}).items():
             yield "scene", tuple(group), seed, True, f"only {name}"
         for name, group in GROUPS.items():

@@ -111,14 +111,14 @@ def confusion(lines):
 
 def ablation(lines):
     text = "| inputs of the network | balanced accuracy % | AUC | missed untraversable % | false untraversable % |\n|---|---|---|---|---|\n"
-    kinds = ("network", "differences", "only", "without")
+    kinds = ("network", "neighbours above", "only", "without")
     lines = [line for line in lines if line["features"] != "full"]
     shown = [line for line in lines if line["classifier"].split()[0].rstrip(",") in kinds and not line["classifier"].startswith("network,")]
     rank = lambda line: (kinds.index(line["classifier"].split()[0]), -line["balanced_accuracy"]["mean"])
     for line in sorted(shown, key=rank):
         name = {
             "network": "all 14",
-            "differences of neighbours": "all 14, neighbours' heights above the cell's own instead of above the rover",
+            "neighbours above the rover": "all 14, neighbours' heights above the rover as stored (`neighbours: above_rover`, the paper's)",
         }.get(line["classifier"], line["classifier"])
         cells = [name, percent(line["balanced_accuracy"]), decimal(line["auc"])]
         text += "| " + " | ".join(cells + [percent(line["missed_untraversable"]), percent(line["false_untraversable"])]) + " |\n"

@@ -49,15 +49,15 @@ class Cells:
         return np.concatenate(drawn)
 
 
-def train(train, validation, judged, settings, trainer=TRAINER):
-    """Trains on (values, labels) and stops by others. Returns the outputs for each array of values in `judged`, and what the trainer told."""
+def train(train, validation, judged, settings, trainer=TRAINER, names=None):
+    """Trains on (values, labels) and stops by others; without the features' names no column is known for a neighbour's height. Returns the outputs for each array of values in `judged`, and what the trainer told."""
     if not pathlib.Path(trainer).is_file():
         raise SystemExit(f"{trainer} is missing: cargo build --release --example train_rows")
     values = np.concatenate([train[0], validation[0], *judged]).astype(np.float32, copy=False)
     own = len(train[0]) + len(validation[0])
     labels = np.concatenate([train[1], validation[1], np.zeros(len(values) - own, np.int8)])
     roles = np.repeat([0, 1, 2], [len(train[0]), len(validation[0]), len(values) - own]).astype(np.int8)
-    columns = {"role": roles, "label": labels} | {f"x{i}": np.ascontiguousarray(v) for i, v in enumerate(values.T)}
+    columns = {"role": roles, "label": labels} | {name: np.ascontiguousarray(v) for name, v in zip(names or [f"x{i}" for i in range(values.shape[1])], values.T)}
     with tempfile.TemporaryDirectory() as folder:
         rows, outputs = f"{folder}/rows.parquet", f"{folder}/outputs.npy"
         pq.write_table(pa.table(columns), rows, compression="none", use_dictionary=False)

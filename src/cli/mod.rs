@@ -71,7 +71,6 @@ enum Verb {
     Train(train::TrainArgs),
     /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
     Evaluate(evaluate::EvaluateArgs),
-    /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
     Search(Box<search::SearchArgs>),
     /// Write a model for other programs: ONNX, or weights as JSON.
     Export(export::ExportArgs),

@@ -23,10 +23,13 @@ use crate::train::{Source, Sources, TrainParams, scenes};
 
 /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
 ///
-/// All networks learn a few rows each, one network per thread. The best share of them, and every network that no smaller one
-/// beats, learn four times as many; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
+/// All networks learn each row once, one network per thread. The best share of them, and every network that no smaller one
+/// beats, learn more; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
 /// for each network and rung, as it is finished), search.json, search.svg and train.yaml: the config of the smallest network
 /// whose validation error is within --margin of the best.
+///
+/// Start with:  marsyard search corpora/quickstart
+/// then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml
 #[derive(Debug, Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct SearchArgs {
@@ -38,8 +41,9 @@ pub(super) struct SearchArgs {
     /// Override a key of the config: --set features=listed (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
-    /// Search all 33,824 networks of one to three hidden layers of up to 32 neurons (the paper's sweep), instead of a grid. What it
-    /// takes is measured and said before the first network is trained: a few hours on two fast cores at the default rows and epochs.
+    /// Search all 33,824 networks of one to three hidden layers of up to 32 neurons (the paper's sweep), instead of a grid. At the
+    /// default rows and epochs about 8 CPU hours, 4 h on two free cores, with AVX-512; what it takes here is measured and said before
+    /// the first network is trained.
     #[arg(long, conflicts_with_all = ["widths", "layers"])]
     full: bool,
     /// Widths of the grid: all combinations of them in each number of layers.
@@ -60,7 +64,7 @@ pub(super) struct SearchArgs {
     /// Passes over the rows in the last rung, at most.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     epochs: u32,
-    /// Rungs; each learns four times the rows of the one before.
+    /// Rungs: in the first each row is learnt once, in the last in all epochs, those between grow by one factor.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=8))]
     rungs: u8,
     /// Share of the networks that goes on from each rung; 1 trains all to the end.

@@ -67,7 +67,7 @@ pub fn course(params: &TrainParams, held: &Held, rung: &Rung) -> Course {
 
 /// Trains a network from its first row to a rung; `None` where `stop` was raised before.
 ///
-/// It begins anew at each rung: to keep 33,824 covariances takes 50 GB, to learn the first rows again a third of the time.
+/// It begins anew at each rung: to keep the covariances of 33,824 networks takes 70 GB, to learn their first rows again a sixth of the time.
 pub fn train(
     params: &TrainParams,
     held: &Held,

@@ -71,7 +71,8 @@ impl Journal {
         self.entries.get(&(rung, hidden.to_vec()))
     }
 
-    pub fn len(&self) -> usize {
+    /// Lines, less the first.
+    pub fn trainings(&self) -> usize {
         self.entries.len()
     }
 
@@ -133,7 +134,7 @@ mod tests {
             std::fs::write(&path, &bytes[..cut]).unwrap();
             let mut journal = Journal::resume(dir.path(), &identity).unwrap();
             let whole = bytes[..cut].iter().filter(|&&byte| byte == b'\n').count().saturating_sub(1);
-            assert_eq!(journal.len(), whole, "{cut}");
+            assert_eq!(journal.trainings(), whole, "{cut}");
             entries[whole..].iter().for_each(|entry| journal.push(entry.clone()).unwrap());
             assert!(std::fs::read(&path).unwrap() == bytes, "{cut}");
         }

@@ -137,7 +137,7 @@ mod tests {
     fn exact_the_table_holds_the_best_twenty_and_the_chosen_one() {
         let mut entries: Vec<Entry> = (0..30).map(|k| entry(&[32 - k], 320 - 10 * k, 0.1 + 1e-4 * k as f64)).collect();
         entries.sort_by(Entry::rank);
-        let table = table(&entries, 0.0026);
+        let table = table(&entries, 0.00265);
         assert_eq!(table.lines().count(), 1 + 20 + 1);
         let last = table.lines().last().unwrap();
         assert!(last.starts_with(">    27              6       60           0.10260"), "{last}");

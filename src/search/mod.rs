@@ -1,7 +1,7 @@
 //! Rows in memory -> how small a network may be: many networks trained, the better ones longer.
 //!
 //! ```text
-//! networks (a grid, or all of up to three layers of up to 32) -> rung 1: all learn a few rows each, one network per thread
+//! networks (a grid, or all of up to three layers of up to 32) -> rung 1: all learn each row once, one network per thread
 //!     -> the best share, and every network that no smaller one beats -> rung 2 ... -> the last rung: all epochs, patience
 //!     -> leaderboard; the smallest network within a margin of the best -> train.yaml
 //! ```
@@ -36,7 +36,11 @@ use self::pace::Pace;
 use self::rungs::{Rung, rungs, survivors};
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
+use crate::train::stopping::Stop;
 use crate::train::{TrainError, TrainParams, filter, folder};
+
+/// Hidden layers -> a config.
+pub type ConfigOf = dyn Fn(&[usize]) -> String;
 
 /// What is searched by what.
 pub struct Setup {
@@ -52,7 +56,7 @@ pub struct Setup {
     /// What the rows are, for the journal: a search goes on with the same only.
     pub data: Json,
     /// The config that trains such a network on all rows, as text.
-    pub config_of: Box<dyn Fn(&[usize]) -> String>,
+    pub config_of: Box<ConfigOf>,
     pub out: PathBuf,
     pub resume: bool,
 }
@@ -101,10 +105,20 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
     let identity = identity(setup);
     let mut journal = open(setup, &identity)?;
     let pace = Pace::measure(params, held, &networks, setup.threads)?;
-    tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.len())));
+    tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.trainings())));
     let mut contenders = networks;
     let mut entries: Vec<Vec<Entry>> = Vec::new();
     for (number, rung) in rungs.iter().enumerate() {
+        for hidden in &contenders {
+            let before = number.checked_sub(1).and_then(|before| journal.get(before, hidden));
+            if let Some(entry) = before.filter(|entry| entry.stopped == Stop::Patience)
+                && journal.get(number, hidden).is_none()
+            {
+                // It would end where it ended before.
+                let entry = Entry { rung: number, ..entry.clone() };
+                journal.push(entry)?;
+            }
+        }
         let waiting: Vec<Hidden> =
             contenders.iter().filter(|hidden| journal.get(number, hidden).is_none()).cloned().collect();
         let seconds = |hidden: &Hidden| pace.seconds(params, held, hidden, rung);
@@ -128,7 +142,7 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
             Ok(())
         })?;
         if !all {
-            return Ok(Outcome::Interrupted { entries: journal.len() });
+            return Ok(Outcome::Interrupted { entries: journal.trainings() });
         }
         let mut done: Vec<Entry> =
             contenders.iter().filter_map(|hidden| journal.get(number, hidden)).cloned().collect();

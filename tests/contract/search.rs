@@ -53,7 +53,7 @@ fn promised(yard: &Yard, out: &str) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn law_search_writes_a_leaderboard_and_a_config_that_trains() {
     let yard = with_corpus();
-    let output = yard.marsyard(&QUICK);
+    let output = yard.marsyard(QUICK);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let run = yard.path("runs/training-search-1");
     for name in "search.jsonl search.json search.svg train.yaml report.json".split(' ') {
@@ -133,7 +133,10 @@ fn exact_faults_of_a_search_exit_2_with_the_cure() {
         (vec!["search", "corpus", "--rows", "50"], "allow_few_rows"),
         (vec!["search", "corpus", "--rows", "0"], "no row to learn"),
         (vec!["search", "corpus", "--out", "begun"], "--resume"),
-        (vec!["search", "corpus", "--out", "begun", "--resume"], "'data.rows' was 800 and is 20000 now"),
+        (
+            vec!["search", "corpus", "--widths", "2,3,6", "--layers", "2", "--out", "begun", "--resume"],
+            "'data.rows' was 800 and is 20000 now",
+        ),
     ] {
         let output = yard.marsyard(&arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output.stderr));
