@@ -111,7 +111,7 @@ def confusion(lines):
 
 def ablation(lines):
     text = "| inputs of the network | balanced accuracy % | AUC | missed untraversable % | false untraversable % |\n|---|---|---|---|---|\n"
-    kinds = ("network", "neighbours above", "only", "without")
+    kinds = ("network", "neighbours", "only", "without")
     lines = [line for line in lines if line["features"] != "full"]
     shown = [line for line in lines if line["classifier"].split()[0].rstrip(",") in kinds and not line["classifier"].startswith("network,")]
     rank = lambda line: (kinds.index(line["classifier"].split()[0]), -line["balanced_accuracy"]["mean"])
