@@ -65,7 +65,7 @@ enum Task {
 
 /// What a thread has done.
 enum Message<T, E> {
-    Scene { scene: u64, output: Result<SceneOutput, String>, times: StageTimes },
+    Scene { scene: u64, output: Result<Box<SceneOutput>, String>, times: StageTimes },
     Shard { shard: u64, written: Result<T, E>, took: Duration },
 }
 
@@ -117,7 +117,7 @@ pub fn generate<T: Send, E: std::error::Error + Send + 'static>(
         Task::Scene(scene) => {
             let mut times = StageTimes::new();
             let result = catch_unwind(AssertUnwindSafe(|| run_scene(prepared, scene, scratch, &mut times)));
-            Message::Scene { scene, output: result.map_err(panic_message), times }
+            Message::Scene { scene, output: result.map(Box::new).map_err(panic_message), times }
         }
         Task::Shard(shard, outputs) => {
             let (started, scenes) = (Instant::now(), outputs.len());
@@ -165,7 +165,7 @@ pub fn generate<T: Send, E: std::error::Error + Send + 'static>(
                 }
                 Message::Scene { scene, output: Ok(output), times } => {
                     on_event(Event::Scene { output: &output, times: &times });
-                    waiting.insert(scene, output);
+                    waiting.insert(scene, *output);
                 }
                 Message::Shard { written: Err(error), .. } => return end_with(BuildError::Write(error)),
                 Message::Shard { shard, written: Ok(written), took } => {

@@ -138,7 +138,7 @@ impl Above {
             for l in 0..LANES {
                 [sw[l], se[l], nw[l], ne[l]] = ground.corners(row[l] as i32 as usize, col[l] as i32 as usize);
             }
-            let mut going = [0u64; LANES];
+            let mut going = [false; LANES];
             for l in 0..LANES {
                 let (x, y) = (rays.x.get(l), rays.y.get(l));
                 let to = rays.to[l];
@@ -155,12 +155,9 @@ impl Above {
                 let on = (met == f64::INFINITY) & (at[l] <= to) & inside;
                 (col[l], row[l]) = (if on { next_col } else { 0.0 }, if on { next_row } else { 0.0 });
                 rays.to[l] = if on { to } else { f64::NEG_INFINITY };
-                going[l] = u64::from(on);
+                going[l] = on;
             }
-            let mut bits = 0;
-            for l in 0..LANES {
-                bits |= (going[l] as u32) << l;
-            }
+            let bits = going.iter().enumerate().fold(0, |bits, (l, &on)| bits | u32::from(on) << l);
             *open = bits;
             if bits == 0 {
                 return;
