@@ -67,6 +67,8 @@ def outputs(model, cells):
     found = np.empty(len(columns[0]))
     for start in range(0, len(found), 100_000):
         x = np.stack([column[start:start + 100_000] for column in columns], axis=1)
+        minus = [x[:, other] if other is not None else np.zeros(len(x)) for other in scaler["minus"]]
+        x = x - np.stack(minus, axis=1)
         x = np.clip((x - scaler["mean"]) / scaler["scale"], -scaler["clip"], scaler["clip"])
         for layer in model["layers"]:
             x = x @ np.array(layer["weights"]).T + np.array(layer.get("biases", 0.0))

@@ -282,10 +282,16 @@ fn write_report(out: &Path, progress: &Progress, args: &TrainArgs) -> Result<(),
         .map_err(|error| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display()))))
 }
 
+/// For a training that was of no use.
+const UNTRAINED: &str = "no look at the validation split was better than the first, before a row was learnt: this network knows \
+                         nothing; build more scenes, or be more patient (--set patience=20)";
+
 fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) {
     let best = summary.best;
     let error = best.validation_error.unwrap_or(f64::NAN);
+    let untrained = (best.rows == 0).then_some(UNTRAINED);
     if log == LogFormat::Json {
+        untrained.iter().for_each(|note| tracing::warn!(event = "untrained", note));
         guards(&summary.counters).iter().for_each(|note| tracing::warn!(event = "guard", note));
         tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
         return;
@@ -311,6 +317,7 @@ fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) 
         );
     }
     guards(&summary.counters).iter().for_each(|note| eprintln!("{note}"));
+    untrained.iter().for_each(|note| eprintln!("warning: {note}"));
     eprintln!(
         "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",
         best.rows,
