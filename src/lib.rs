@@ -43,4 +43,6 @@ pub mod picture;
 
 pub mod pipeline;
 
+pub mod tradeoff;
+
 pub mod cli;

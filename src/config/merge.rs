@@ -56,8 +56,10 @@ pub fn set(base: Option<Node>, path: &[Key], leaf: Node, schema: Option<Schema>)
         return Ok(Node { span, value: Value::Seq(items), whole });
     }
     let child_schema = schema.and_then(|schema| schema.child(&first.name));
+    // The child holds what was there already. Only the leaf is whole: what stands between it and the root is merged again where
+    // it is a family's, laid over the document's section.
     let child = set(base.as_ref().and_then(|node| node.get(&first.name)).cloned(), rest, leaf, child_schema)?;
-    let over = Node::new(first.span, Value::Map(vec![(first.clone(), Node { whole: true, ..child })]));
+    let over = Node::new(first.span, Value::Map(vec![(first.clone(), child)]));
     Ok(match base {
         Some(base) if matches!(base.value, Value::Map(_)) => merge(base, over, schema),
         _ => over,
