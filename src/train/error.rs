@@ -34,6 +34,10 @@ pub enum TrainError {
     )]
     NoRows { split: &'static str, shards: u64, unlabelled: u64, not_finite: u64 },
     #[error(
+        "there is no row to {purpose} ({unlabelled} rows without a label, {not_finite} with a value that is not finite); give some"
+    )]
+    NoRowsHeld { purpose: &'static str, unlabelled: u64, not_finite: u64 },
+    #[error(
         "{rows} rows to learn for {weights} weights: a training set must hold at least as many rows as there are weights; build \
          more scenes, take a smaller network, or set allow_few_rows: true"
     )]

@@ -11,6 +11,8 @@ pub mod export;
 pub mod filter;
 pub mod folder;
 pub mod labels;
+mod learner;
+pub mod memory;
 pub mod model;
 pub mod network;
 pub mod onnx;

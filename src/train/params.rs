@@ -4,6 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Layout;
 use super::labels::LabelRule;
 use crate::random::within;
 
@@ -68,6 +69,18 @@ impl Default for TrainParams {
             patience: 5,
             allow_few_rows: false,
         }
+    }
+}
+
+impl TrainParams {
+    /// Layers of a network with so many inputs.
+    pub fn layout(&self, inputs: usize) -> Layout {
+        Layout { inputs, hidden: self.network.hidden.clone(), bias: self.network.bias }
+    }
+
+    /// Rows between two looks at the validation split, of so many rows to learn.
+    pub fn rows_between_looks(&self, rows: u64) -> u64 {
+        self.validate_every.unwrap_or_else(|| 20_000.min(rows / 5)).max(1)
     }
 }
 

@@ -11,15 +11,20 @@ use crate::corpus::stats::Moments;
 
 /// The scaler, and the names of the features that never vary: they get scale 1 and teach nothing.
 pub fn scaler(sources: &Sources, clip: f64) -> (Scaler, Vec<String>) {
+    let (scaler, constant) = scaler_of(sources.features.iter().map(|name| merged(&sources.list, name)), clip);
+    (scaler, constant.into_iter().map(|feature| sources.features[feature].clone()).collect())
+}
+
+/// The scaler of features with these moments, and which of them never vary.
+pub fn scaler_of(features: impl Iterator<Item = Moments>, clip: f64) -> (Scaler, Vec<usize>) {
     let mut scaler = Scaler { mean: Vec::new(), scale: Vec::new(), clip };
     let mut constant = Vec::new();
-    for name in &sources.features {
-        let merged = merged(&sources.list, name);
-        let (mean, variance) = (merged.mean, merged.variance());
+    for (feature, moments) in features.enumerate() {
+        let (mean, variance) = (moments.mean, moments.variance());
         // Rounding leaves a constant column some variance; its range tells.
-        let varies = !merged.is_constant() && variance.is_normal();
+        let varies = !moments.is_constant() && variance.is_normal();
         if !varies {
-            constant.push(name.clone());
+            constant.push(feature);
         }
         scaler.mean.push(mean);
         scaler.scale.push(if varies { variance.sqrt() } else { 1.0 });

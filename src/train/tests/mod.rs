@@ -2,5 +2,6 @@
 
 mod faults;
 mod fixture;
+mod memory;
 mod stream;
 mod whole;

@@ -1,0 +1,174 @@
+//! Rows in an order -> a network that learns them, the best one so far, and when to stop.
+//!
+//! What a training from shards and one from memory share. In: rows, and the order to learn them in. Portions end where a look at the
+//! validation split is due, so a place in the order says all of how it is gone on with.
+
+use serde::{Deserialize, Serialize};
+
+use super::filter::{self, Filter};
+use super::rows::Rows;
+use super::state::Snapshot;
+use super::stopping::{Look, Stopping};
+use super::validation::{ErrorSum, Judge};
+use super::{Layout, Network, TrainError, TrainParams};
+use crate::random::{Stage, Streams};
+
+/// Rows learnt in one portion, at most; between two portions training may be interrupted.
+const PORTION_ROWS: usize = 256;
+
+/// A network in training.
+pub(super) struct Learner {
+    pub judge: Judge,
+    pub network: Network,
+    pub filter: Box<dyn Filter>,
+    pub best: Snapshot,
+    pub learnt: Learnt,
+    /// Rows between two looks.
+    pub validate_every: u64,
+    patience: u32,
+    portion: Portion,
+}
+
+/// What was learnt so far, as far as it decides what comes next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Learnt {
+    pub rows: u64,
+    /// Of the rows since the last look.
+    train_sum: SumBits,
+    pub stopping: Stopping,
+}
+
+/// An error sum, to the bit, whatever it holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct SumBits([u64; 2]);
+
+impl From<ErrorSum> for SumBits {
+    fn from(sum: ErrorSum) -> SumBits {
+        SumBits([sum.squared.to_bits(), sum.weight.to_bits()])
+    }
+}
+
+impl From<SumBits> for ErrorSum {
+    fn from(SumBits([squared, weight]): SumBits) -> ErrorSum {
+        ErrorSum { squared: f64::from_bits(squared), weight: f64::from_bits(weight) }
+    }
+}
+
+impl Learner {
+    /// A network as it is before the first row.
+    pub fn new(params: &TrainParams, judge: Judge, validate_every: u64) -> Result<Learner, TrainError> {
+        let layout = params.layout(judge.scaler.mean.len());
+        let filter = filter::build(&params.filter, &layout)?;
+        let network = first_network(params, layout);
+        Ok(Learner {
+            best: Snapshot { weights: network.weights.clone(), filter: filter.state() },
+            judge,
+            network,
+            filter,
+            learnt: Learnt::default(),
+            validate_every: validate_every.max(1),
+            patience: params.patience,
+            portion: Portion::default(),
+        })
+    }
+
+    /// Learns the next portion of an order, from its row `from` on; where that portion ends.
+    pub fn learn(&mut self, rows: &Rows, order: &[u32], from: usize) -> usize {
+        let until_look = self.validate_every - self.learnt.rows % self.validate_every;
+        let end = order.len().min(from - from % PORTION_ROWS + PORTION_ROWS);
+        let end = end.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
+        self.portion.fill(rows, &order[from..end], &self.judge);
+        let mut sum = ErrorSum::from(self.learnt.train_sum);
+        sum += self.portion.error(&self.network);
+        self.learnt.train_sum = sum.into();
+        let Portion { inputs, targets, noise, .. } = &self.portion;
+        self.filter.learn(&mut self.network, inputs, targets, noise);
+        self.learnt.rows += (end - from) as u64;
+        end
+    }
+
+    /// Whether it is time to look at the validation split.
+    pub fn is_look_due(&self) -> bool {
+        self.learnt.rows.is_multiple_of(self.validate_every)
+    }
+
+    /// Whether rows were learnt that no look has seen.
+    pub fn is_ahead_of_look(&self) -> bool {
+        self.learnt.stopping.last.is_none_or(|last| last.rows < self.learnt.rows)
+    }
+
+    /// Takes in the validation error of the network as it is, in the epoch of that number; the look, and whether it is the best so
+    /// far, which is then kept.
+    pub fn look(&mut self, epoch: u32, validation_error: f64) -> (Look, bool) {
+        let finite = |error: f64| error.is_finite().then_some(error);
+        let look = Look {
+            rows: self.learnt.rows,
+            epoch: epoch + u32::from(self.learnt.rows > 0),
+            train_error: finite(ErrorSum::from(self.learnt.train_sum).mean()),
+            validation_error: finite(validation_error),
+        };
+        self.learnt.train_sum = ErrorSum::default().into();
+        let is_best = self.learnt.stopping.take(look);
+        if is_best {
+            self.best = self.snapshot();
+        }
+        (look, is_best)
+    }
+
+    /// Whether the validation error has not fallen for so many looks that it will not.
+    pub fn is_over(&self) -> bool {
+        self.learnt.stopping.is_over(self.patience)
+    }
+
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot { weights: self.network.weights.clone(), filter: self.filter.state() }
+    }
+
+    /// Goes back to the weights of the best look.
+    pub fn revert(&mut self) {
+        self.network.weights.clone_from(&self.best.weights);
+    }
+}
+
+/// The weights that a seed draws.
+fn first_network(params: &TrainParams, layout: Layout) -> Network {
+    Network::random(layout, &Streams { seed: params.seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 })
+}
+
+/// Rows as the filter takes them.
+#[derive(Default)]
+struct Portion {
+    inputs: Vec<f64>,
+    targets: Vec<f64>,
+    noise: Vec<f64>,
+    outputs: Vec<f64>,
+}
+
+impl Portion {
+    fn fill(&mut self, rows: &Rows, order: &[u32], judge: &Judge) {
+        let width = rows.width;
+        self.inputs.resize(order.len() * width, 0.0);
+        self.targets.clear();
+        self.noise.clear();
+        for (out, &row) in self.inputs.chunks_exact_mut(width).zip(order) {
+            let row = row as usize;
+            judge.scaler.scale(rows.row(row), out);
+            let label = rows.labels[row];
+            self.targets.push(judge.targets[usize::from(label)]);
+            // R of a row is divided by its weight: exact in a Kalman filter.
+            self.noise.push(1.0 / judge.weights.of(label, rows.corpora[row]));
+        }
+    }
+
+    /// The error before these rows are learnt.
+    fn error(&mut self, network: &Network) -> ErrorSum {
+        self.outputs.resize(self.targets.len(), 0.0);
+        network.outputs(&self.inputs, &mut self.outputs);
+        let mut sum = ErrorSum::default();
+        for ((target, noise), output) in self.targets.iter().zip(&self.noise).zip(&self.outputs) {
+            let error = target - output;
+            sum += ErrorSum { squared: error * error / noise, weight: 1.0 / noise };
+        }
+        sum
+    }
+}

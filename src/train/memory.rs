@@ -1,0 +1,160 @@
+//! Rows in memory -> a trained network, on one thread and without files.
+//!
+//! For rows that fit: searches over many networks, and studies beside other classifiers. Learns as a training from shards does (the same
+//! filters, weights, looks and stopping), with three differences: rows are scaled by their own statistics, an epoch is one
+//! permutation of all rows instead of windows of row groups, and nothing is kept for a resume.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::filter::Counters;
+use super::learner::Learner;
+use super::order::Epoch;
+use super::rows::Rows;
+use super::scaling::{Weights, scaler_of};
+use super::stopping::{Look, Stop};
+use super::validation::Judge;
+use super::{Network, TrainError, TrainParams};
+use crate::corpus::stats::Moments;
+
+/// Rows to learn and rows to judge by, and how both are scaled and weighed: by the rows to learn alone.
+pub struct Held {
+    pub train: Rows,
+    pub validation: Rows,
+    pub judge: Judge,
+    /// Features that never vary in the rows to learn.
+    pub constant: Vec<usize>,
+}
+
+/// How long to learn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Course {
+    /// At most, rows of later epochs counted again.
+    pub rows: u64,
+    /// Rows between two looks.
+    pub validate_every: u64,
+}
+
+/// What happens while training.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// So many rows are learnt.
+    Rows(u64),
+    /// The validation rows were looked at.
+    Look { look: &'a Look, is_best: bool },
+}
+
+/// A finished training.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trained {
+    /// With the weights of the best look.
+    pub network: Network,
+    pub looks: Vec<Look>,
+    pub best: Look,
+    pub stopped: Stop,
+    pub rows_learnt: u64,
+    /// Of the filter at its last update.
+    pub counters: Counters,
+}
+
+impl Held {
+    /// Scales and weighs as the parameters say; a row of each corpus counts as much as that corpus's weight.
+    pub fn new(train: Rows, validation: Rows, corpora: &[f64], params: &TrainParams) -> Result<Held, TrainError> {
+        for (rows, purpose) in [(&train, "learn"), (&validation, "validate by")] {
+            if rows.is_empty() {
+                let (unlabelled, not_finite) = (rows.left_out.unlabelled, rows.left_out.not_finite);
+                return Err(TrainError::NoRowsHeld { purpose, unlabelled, not_finite });
+            }
+        }
+        let mut moments = vec![Moments::default(); train.width];
+        let mut counts = vec![[0; 2]; corpora.len()];
+        for row in 0..train.len() {
+            for (moments, value) in moments.iter_mut().zip(train.row(row)) {
+                moments.add(f64::from(*value));
+            }
+            counts[usize::from(train.corpora[row])][usize::from(train.labels[row])] += 1;
+        }
+        let (scaler, constant) = scaler_of(moments.into_iter(), params.clip);
+        let weights = Weights::new(&counts, corpora, params.balance);
+        Ok(Held { judge: Judge { scaler, targets: params.targets, weights }, train, validation, constant })
+    }
+
+    /// As long as the parameters say.
+    pub fn course(&self, params: &TrainParams) -> Course {
+        let rows = self.train.len() as u64;
+        Course { rows: rows * u64::from(params.epochs), validate_every: params.rows_between_looks(rows) }
+    }
+
+    /// The weighted mean squared error over the validation rows.
+    pub fn validation_error(&self, network: &Network) -> f64 {
+        self.judge.sum_here(network, &self.validation).mean()
+    }
+
+    /// The output for each row.
+    pub fn outputs(&self, network: &Network, rows: &Rows) -> Vec<f64> {
+        let mut scaled = vec![0.0; rows.width * rows.len()];
+        for (row, scaled) in scaled.chunks_exact_mut(rows.width.max(1)).enumerate() {
+            self.judge.scaler.scale(rows.row(row), scaled);
+        }
+        let mut outputs = vec![0.0; rows.len()];
+        network.outputs(&scaled, &mut outputs);
+        outputs
+    }
+}
+
+/// Trains until the validation error rises or the course is over; `None` where `stop` was raised before.
+pub fn train(
+    params: &TrainParams,
+    held: &Held,
+    course: Course,
+    stop: &AtomicBool,
+    tell: &mut dyn FnMut(Event),
+) -> Result<Option<Trained>, TrainError> {
+    let mut learner = Learner::new(params, held.judge.clone(), course.validate_every)?;
+    let (rows, weights) = (held.train.len(), learner.network.weights.len());
+    if rows < weights && !params.allow_few_rows {
+        return Err(TrainError::FewRows { rows: rows as u64, weights });
+    }
+    let mut looks = Vec::new();
+    let mut look = |learner: &mut Learner, epoch: u32, tell: &mut dyn FnMut(Event)| {
+        let error = held.validation_error(&learner.network);
+        let (look, is_best) = learner.look(epoch, error);
+        looks.push(look);
+        tell(Event::Look { look: &look, is_best });
+    };
+    look(&mut learner, 0, tell);
+    let mut stopped = Stop::Epochs;
+    let mut epoch = 0;
+    'course: while learner.learnt.rows < course.rows {
+        let mut order = Epoch::new(params.seed, epoch).rows(0, rows);
+        order.truncate(usize::try_from(course.rows - learner.learnt.rows).unwrap_or(usize::MAX));
+        let mut from = 0;
+        while from < order.len() {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            from = learner.learn(&held.train, &order, from);
+            tell(Event::Rows(learner.learnt.rows));
+            if learner.is_look_due() {
+                look(&mut learner, epoch, tell);
+                if learner.is_over() {
+                    stopped = Stop::Patience;
+                    break 'course;
+                }
+            }
+        }
+        epoch += 1;
+    }
+    if learner.is_ahead_of_look() {
+        look(&mut learner, epoch - 1, tell);
+    }
+    learner.revert();
+    let best = learner.learnt.stopping.best.expect("a look was taken before the first row");
+    Ok(Some(Trained {
+        rows_learnt: learner.learnt.rows,
+        counters: learner.filter.counters(),
+        network: learner.network,
+        looks,
+        best,
+        stopped,
+    }))
+}

@@ -1,0 +1,244 @@
+//! Corpora and parameters -> a run folder: the loop itself.
+//!
+//! A checkpoint holds the place in the stream, the weights, the filter's memory, the best of both and the patience. It may be
+//! written after any look at the validation split, and when training is interrupted; whenever that is, what follows has the same
+//! bits, because the place alone says which rows come next and in which portions they are learnt.
+
+mod checkpoint;
+mod identity;
+mod prepare;
+mod summary;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value as Json, json};
+
+use self::checkpoint::Place;
+pub use self::summary::Summary;
+use super::folder::{self, Line, LookLog, RunFolder};
+use super::learner::Learner;
+use super::state;
+use super::stopping::{Look, Stop};
+use super::stream::{Course, Stream, Window};
+use super::validation::Validation;
+use super::{Model, Sources, TrainError, TrainParams, curves, quantiles};
+use crate::cells::CellParams;
+use crate::drive::Rover;
+use crate::sweep::Sensor;
+
+/// Checkpoints take at most this share of the time.
+const CHECKPOINT_SHARE: f64 = 0.05;
+
+/// What is trained on what.
+pub struct Setup {
+    pub params: TrainParams,
+    /// The resolved config as text.
+    pub config_yaml: String,
+    pub sources: Arc<Sources>,
+    pub origin: Origin,
+    /// The run folder.
+    pub out: PathBuf,
+    pub resume: bool,
+    pub init: Option<Init>,
+    /// Windows read ahead; never changes a bit.
+    pub ahead: usize,
+}
+
+/// What a model says of the cells that it was trained on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Origin {
+    pub cells: CellParams,
+    pub rover: Rover,
+    pub sensor: Sensor,
+    pub mount: [f64; 6],
+}
+
+/// A network to start from.
+#[derive(Clone, Debug)]
+pub struct Init {
+    /// The file, for messages.
+    pub path: String,
+    pub model: Model,
+    /// The filter's memory, where it is known.
+    pub filter: Option<Vec<u8>>,
+}
+
+/// What happens while training.
+#[derive(Clone, Debug)]
+pub enum Event<'a> {
+    /// Before the first row.
+    Start(&'a Start),
+    /// So many rows are learnt.
+    Rows(u64),
+    Look {
+        look: &'a Look,
+        best: &'a Look,
+        is_best: bool,
+    },
+    /// Training goes on from here after a kill.
+    Checkpoint {
+        rows: u64,
+    },
+}
+
+/// What is known before the first row is learnt.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    pub train_rows: u64,
+    pub validation_rows: u64,
+    pub untraversable_share: f64,
+    pub weights: usize,
+    pub features: Vec<String>,
+    /// Features that never vary.
+    pub constant: Vec<String>,
+    pub class_weights: [f64; 2],
+    pub validate_every: u64,
+    pub stream_bytes: u64,
+    /// Rows learnt before a kill.
+    pub resumed_at: u64,
+    /// Only one label is there.
+    pub one_class: bool,
+    /// Whether `--init` brought a covariance.
+    pub covariance: Option<bool>,
+}
+
+/// How it ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    Done(Box<Summary>),
+    /// Asked to stop; the checkpoint is written.
+    Interrupted {
+        rows: u64,
+    },
+}
+
+/// Trains, or goes on training, until the validation error rises, the epochs are over, or `stop` is raised.
+pub fn train(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
+    let identity = identity::of(setup);
+    if setup.resume {
+        if let Some(there) = Summary::read(setup)? {
+            let begun = json!({"config": there.config, "corpora": there.corpora, "init": there.init});
+            identity::check(setup, &begun, &identity)?;
+            return Ok(Outcome::Done(Box::new(there)));
+        }
+    } else if setup.out.exists() {
+        // Said before the corpora are read; creating the folder says it again, whoever was faster.
+        return Err(TrainError::Exists { path: setup.out.display().to_string() });
+    }
+    let mut training = Training::prepare(setup, identity)?;
+    tell(Event::Start(&training.start));
+    training.learn(stop, tell)
+}
+
+struct Training<'s> {
+    setup: &'s Setup,
+    run: RunFolder,
+    identity: Json,
+    validation: Validation,
+    learner: Learner,
+    place: Place,
+    log: LookLog,
+    started: Instant,
+    elapsed_before: Duration,
+    /// When the last checkpoint was done, and how long it took.
+    checkpoint: (Instant, Duration),
+    start: Start,
+}
+
+impl Training<'_> {
+    fn learn(&mut self, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
+        if self.learner.learnt.stopping.looks == 0 {
+            self.look(tell)?;
+            self.save(tell)?;
+        }
+        if self.place.stopped.is_none() {
+            let Place { epoch, window, .. } = self.place;
+            let course = Course { seed: self.setup.params.seed, epoch, window, epochs: self.setup.params.epochs };
+            for window in Stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead) {
+                let going_on = self.window(&window?, stop, tell)?;
+                if self.place.stopped.is_some() {
+                    break;
+                }
+                if !going_on {
+                    self.save(tell)?;
+                    return Ok(Outcome::Interrupted { rows: self.learner.learnt.rows });
+                }
+            }
+        }
+        if self.place.stopped.is_none() {
+            if self.learner.is_ahead_of_look() {
+                self.look(tell)?;
+            }
+            self.place.stopped = Some(Stop::Epochs);
+        }
+        self.save(tell)?;
+        self.finish()
+    }
+
+    /// Learns what is left of a window; false where training was asked to stop.
+    fn window(&mut self, window: &Window, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<bool, TrainError> {
+        if (self.place.epoch, self.place.window) != (window.epoch, window.window) {
+            (self.place.epoch, self.place.window, self.place.offset) = (window.epoch, window.window, 0);
+        }
+        while (self.place.offset as usize) < window.order.len() {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            self.place.offset = self.learner.learn(&window.rows, &window.order, self.place.offset as usize) as u64;
+            tell(Event::Rows(self.learner.learnt.rows));
+            if self.learner.is_look_due() {
+                self.look(tell)?;
+                if self.learner.is_over() {
+                    self.place.stopped = Some(Stop::Patience);
+                    return Ok(true);
+                }
+                let (last, cost) = self.checkpoint;
+                if last.elapsed().mul_f64(CHECKPOINT_SHARE) > cost {
+                    self.save(tell)?;
+                }
+            }
+        }
+        self.place.left_out += window.rows.left_out;
+        Ok(true)
+    }
+
+    fn look(&mut self, tell: &mut dyn FnMut(Event)) -> Result<(), TrainError> {
+        let error = self.validation.error(&self.learner.judge, &self.learner.network)?;
+        let (look, is_best) = self.learner.look(self.place.epoch, error);
+        let elapsed_s = (self.elapsed_before + self.started.elapsed()).as_secs_f64();
+        self.log.push(&Line { look, best: is_best, elapsed_s })?;
+        let best = self.learner.learnt.stopping.best.as_ref().unwrap_or(&look);
+        tell(Event::Look { look: &look, best, is_best });
+        Ok(())
+    }
+
+    fn save(&mut self, tell: &mut dyn FnMut(Event)) -> Result<(), TrainError> {
+        let begun = Instant::now();
+        self.run.write(folder::CHECKPOINT, &self.checkpoint_bytes())?;
+        self.checkpoint = (Instant::now(), begun.elapsed());
+        tell(Event::Checkpoint { rows: self.learner.learnt.rows });
+        Ok(())
+    }
+
+    /// Reverts to the best, and writes everything that is left of a training.
+    fn finish(&mut self) -> Result<Outcome, TrainError> {
+        let sources = &self.setup.sources;
+        self.learner.revert();
+        let summary = self.summary();
+        let scaler = &self.learner.judge.scaler;
+        let model = self.model(quantiles::of_train_split(sources, self.setup.params.seed, scaler)?);
+        self.run.write(folder::MODEL, &model.save()?)?;
+        let about = json!({"features": sources.features, "best": summary.best});
+        self.run.write(folder::FILTER, &state::to_bytes(&about, &[("best", &self.learner.best)]))?;
+        if let Some(svg) = curves::svg(&self.run.read_looks()?, Some(&summary.best)) {
+            self.run.write(folder::CURVES, svg.as_bytes())?;
+        }
+        let text = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
+        self.run.write(folder::SUMMARY, text.as_bytes())?;
+        self.run.remove(folder::CHECKPOINT)?;
+        Ok(Outcome::Done(Box::new(summary)))
+    }
+}

@@ -1,0 +1,133 @@
+//! Setup -> a training at its first row, or where it was interrupted. Nothing is written before everything is known to be sound.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use serde_json::Value as Json;
+
+use super::checkpoint::{Checkpoint, Place};
+use super::{Init, Setup, Start, Training};
+use crate::corpus::Split;
+use crate::train::folder::{self, RunFolder};
+use crate::train::learner::Learner;
+use crate::train::rows::LeftOut;
+use crate::train::scaling::{Weights, scaler};
+use crate::train::validation::{Judge, Validation, each_group};
+use crate::train::{Layout, Sources, TrainError, state, stream};
+
+impl<'s> Training<'s> {
+    pub(super) fn prepare(setup: &'s Setup, identity: Json) -> Result<Training<'s>, TrainError> {
+        let (params, sources) = (&setup.params, &setup.sources);
+        let counts = class_counts(sources)?;
+        let labelled: u64 = counts.iter().flatten().sum();
+        let validation = Validation::open(Arc::clone(sources))?;
+        if labelled == 0 {
+            let unlabelled = sources.list.iter().map(|source| source.labels(Split::Train).unknown).sum();
+            return Err(no_rows(sources, Split::Train, LeftOut { unlabelled, ..LeftOut::default() }));
+        }
+        if validation.rows == 0 {
+            return Err(no_rows(sources, Split::Validation, validation.left_out));
+        }
+        let weights = params.layout(sources.features.len()).weights();
+        if labelled < weights as u64 && !params.allow_few_rows {
+            return Err(TrainError::FewRows { rows: labelled, weights });
+        }
+        let (mut scaler, constant) = scaler(sources, params.clip);
+        if let Some(init) = &setup.init {
+            // Its weights mean what they mean behind its own scaling.
+            scaler.clone_from(&init.model.about.scaler);
+        }
+        let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
+        let judge = Judge { scaler, targets: params.targets, weights: Weights::new(&counts, &corpora, params.balance) };
+        let mut learner = Learner::new(params, judge, params.rows_between_looks(labelled))?;
+        let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
+        let run = if setup.resume { RunFolder::resume(&setup.out)? } else { RunFolder::create(&setup.out)? };
+        let mut place = Place::default();
+        if let Some(checkpoint) = Checkpoint::read(setup, &run, &identity, weights)? {
+            learner.filter.restore(&checkpoint.now.filter)?;
+            learner.network.weights = checkpoint.now.weights;
+            (learner.best, learner.learnt) = (checkpoint.best, checkpoint.learnt);
+            place = checkpoint.place;
+        }
+        let (log, elapsed_s) = run.looks(learner.learnt.stopping.looks)?;
+        run.write(folder::CONFIG, setup.config_yaml.as_bytes())?;
+        let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
+        Ok(Training {
+            start: Start {
+                train_rows: labelled,
+                validation_rows: validation.rows,
+                untraversable_share: untraversable as f64 / labelled as f64,
+                weights,
+                features: sources.features.clone(),
+                constant,
+                class_weights: learner.judge.weights.class,
+                validate_every: learner.validate_every,
+                stream_bytes: stream::memory_bytes(sources, setup.ahead),
+                resumed_at: learner.learnt.rows,
+                one_class: untraversable == 0 || untraversable == labelled,
+                covariance,
+            },
+            identity,
+            validation,
+            learner,
+            place,
+            log,
+            started: Instant::now(),
+            elapsed_before: Duration::try_from_secs_f64(elapsed_s).unwrap_or_default(),
+            checkpoint: (Instant::now(), Duration::ZERO),
+            setup,
+            run,
+        })
+    }
+}
+
+/// Rows of each class in the train split, by corpus.
+fn class_counts(sources: &Arc<Sources>) -> Result<Vec<[u64; 2]>, TrainError> {
+    if sources.rule.is_none() {
+        let of = |labels: crate::corpus::stats::LabelCounts| [labels.traversable, labels.untraversable];
+        return Ok(sources.list.iter().map(|source| of(source.labels(Split::Train))).collect());
+    }
+    // Another rule gives other labels: they are counted.
+    let mut counts = vec![[0; 2]; sources.list.len()];
+    each_group(&sources.labels_alone(), Split::Train, |rows| {
+        for (&label, &corpus) in rows.labels.iter().zip(&rows.corpora) {
+            counts[usize::from(corpus)][usize::from(label)] += 1;
+        }
+    })?;
+    Ok(counts)
+}
+
+fn no_rows(sources: &Sources, split: Split, left_out: LeftOut) -> TrainError {
+    let LeftOut { unlabelled, not_finite } = left_out;
+    TrainError::NoRows { split: split.name(), shards: sources.shards(split), unlabelled, not_finite }
+}
+
+/// Takes over weights, and the filter's memory where it fits; whether it did.
+fn start_from(init: &Init, sources: &Sources, learner: &mut Learner) -> Result<bool, TrainError> {
+    let Learner { network, filter, .. } = learner;
+    let refuse = |reason: String| Err(TrainError::Init { path: init.path.clone(), reason });
+    if init.model.about.features != sources.features {
+        let (there, here) = (init.model.about.features.join(" "), sources.features.join(" "));
+        return refuse(format!("its inputs are {there}, these are {here}; choose the same with --set features=..."));
+    }
+    if init.model.network.layout != network.layout {
+        let shape = |layout: &Layout| format!("{:?} with bias {}", layout.sizes(), layout.bias);
+        let (there, here) = (shape(&init.model.network.layout), shape(&network.layout));
+        return refuse(format!(
+            "its layers are {there}, the config's {here}; choose the same with --set network.hidden=..."
+        ));
+    }
+    network.weights.clone_from(&init.model.network.weights);
+    let Some(bytes) = &init.filter else { return Ok(false) };
+    let read = state::from_bytes(bytes).map(|(_, mut snapshots)| snapshots.remove("best"));
+    match read {
+        Ok(Some(best)) if best.weights == network.weights => match filter.restore(&best.filter) {
+            Ok(()) => Ok(true),
+            Err(error) => refuse(format!(
+                "its covariance does not fit ({error}); take the same filter, or move filter.safetensors away"
+            )),
+        },
+        Ok(_) => refuse("the filter.safetensors beside it belongs to other weights; move it away".into()),
+        Err(reason) => refuse(format!("filter.safetensors: {reason}; move it away")),
+    }
+}

@@ -1,0 +1,110 @@
+//! Training on rows in memory.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::fixture::{circle, corpus, looks, params, run, setup};
+use crate::corpus::Split;
+use crate::train::memory::{Course, Event, Held, Trained, train};
+use crate::train::rows::Rows;
+use crate::train::stopping::Stop;
+use crate::train::{Model, TrainError, TrainParams, folder};
+
+/// Rows of the circle: those of a shard of `super::fixture`.
+fn rows(shard: u64, count: usize) -> Rows {
+    let mut rows = Rows::new(3);
+    for (label, features) in circle(shard, count) {
+        rows.features.extend(features);
+        rows.labels.push(label.unwrap() as u8);
+        rows.corpora.push(0);
+    }
+    rows
+}
+
+fn held(params: &TrainParams) -> Held {
+    Held::new(rows(0, 900), rows(3, 400), &[1.0], params).unwrap()
+}
+
+fn whole(params: &TrainParams, held: &Held, course: Course) -> Trained {
+    train(params, held, course, &AtomicBool::new(false), &mut |_| ()).unwrap().unwrap()
+}
+
+#[test]
+fn equal_bits_from_memory_and_from_a_corpus_of_one_row_group() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut shards = vec![Vec::new(); 7];
+    (shards[0], shards[3]) = (circle(0, 900), circle(3, 400));
+    let setup = setup(&[corpus(&dir, "a", &shards)], &params(), dir.path().join("run")).unwrap();
+    assert_eq!(setup.sources.groups(Split::Train).len(), 1);
+    let summary = run(&setup).unwrap();
+    let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
+    let held = held(&setup.params);
+    let trained = whole(&setup.params, &held, held.course(&setup.params));
+    assert_eq!(held.judge.scaler, model.about.scaler);
+    assert_eq!(trained.network, model.network);
+    assert_eq!(trained.looks, looks(&setup));
+    assert_eq!((trained.best, trained.stopped), (summary.best, summary.stopped));
+    assert_eq!((trained.rows_learnt, trained.counters), (summary.rows_learnt, summary.counters));
+}
+
+#[test]
+fn equal_looks_of_a_short_course_and_the_beginning_of_a_long_one() {
+    let params = params();
+    let held = held(&params);
+    let course = Course { rows: 2700, validate_every: 450 };
+    let long = whole(&params, &held, course);
+    for rows in [450, 900, 1350] {
+        let short = whole(&params, &held, Course { rows, ..course });
+        assert_eq!(short.looks[..], long.looks[..short.looks.len()]);
+        assert_eq!(short.rows_learnt, rows);
+    }
+}
+
+#[test]
+fn law_a_course_ends_at_its_rows_by_patience_or_when_asked_to() {
+    let mut params = params();
+    let held = held(&params);
+    let course = Course { rows: 1000, validate_every: 300 };
+    let trained = whole(&params, &held, course);
+    assert_eq!((trained.rows_learnt, trained.stopped), (1000, Stop::Epochs));
+    assert_eq!(trained.looks.iter().map(|look| look.rows).collect::<Vec<_>>(), [0, 300, 600, 900, 1000]);
+    params.patience = 1;
+    let long = whole(&params, &held, Course { rows: 1_000_000, validate_every: 300 });
+    assert_eq!(long.stopped, Stop::Patience);
+    let (last, best) = (long.looks[long.looks.len() - 1], long.looks[long.looks.len() - 2]);
+    assert_eq!(long.best, best);
+    assert!(last.validation_error >= best.validation_error);
+    let stop = AtomicBool::new(false);
+    let mut tell = |event: Event| stop.store(matches!(event, Event::Rows(512..)), Ordering::Relaxed);
+    assert_eq!(train(&params, &held, course, &stop, &mut tell).unwrap(), None);
+}
+
+#[test]
+fn exact_the_network_is_that_of_the_best_look_and_outputs_are_its() {
+    let params = params();
+    let held = held(&params);
+    let trained = whole(&params, &held, held.course(&params));
+    assert_eq!(Some(held.validation_error(&trained.network)), trained.best.validation_error);
+    let outputs = held.outputs(&trained.network, &held.validation);
+    let (mut squared, mut weight) = (0.0, 0.0);
+    for (output, &label) in outputs.iter().zip(&held.validation.labels) {
+        let w = held.judge.weights.of(label, 0);
+        let error = params.targets[usize::from(label)] - output;
+        (squared, weight) = (squared + w * error * error, weight + w);
+    }
+    assert!((squared / weight - trained.best.validation_error.unwrap()).abs() < 1e-13);
+}
+
+#[test]
+fn extreme_no_rows_and_fewer_rows_than_weights_are_refused() {
+    let mut params = params();
+    let none = || Rows::new(3);
+    for (train, validation, says) in [(none(), rows(3, 9), "row to learn"), (rows(0, 9), none(), "row to validate by")]
+    {
+        let error = Held::new(train, validation, &[1.0], &params).err().unwrap();
+        assert!(error.to_string().contains(says), "{error}");
+    }
+    params.network.hidden = vec![400];
+    let held = held(&params);
+    let refused = train(&params, &held, held.course(&params), &AtomicBool::new(false), &mut |_| ());
+    assert!(matches!(refused, Err(TrainError::FewRows { rows: 900, weights: 2001 })));
+}
