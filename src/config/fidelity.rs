@@ -43,12 +43,9 @@ impl Fidelity {
     /// What it sets.
     pub fn settings(self) -> &'static [Setting] {
         match self {
-            Fidelity::Draft => &[
-                ("sweep.cast", "exact"),
-                ("drive.contact", "plane_fit"),
-                ("slam", "{surrogate: {}}"),
-                (SUB_RAYS, "1"),
-            ],
+            Fidelity::Draft => {
+                &[("sweep.cast", "exact"), ("drive.contact", "plane_fit"), ("slam", "{surrogate: {}}"), (SUB_RAYS, "1")]
+            }
             Fidelity::Standard => &[
                 ("sweep.cast", "exact"),
                 ("drive.contact", "gauss_newton"),
@@ -74,7 +71,11 @@ pub fn lay_under(root: &mut Node, reader: &mut Reader) {
     let Some(Node { value: Value::Text(name), .. }) = root.get("fidelity") else { return };
     let Some(fidelity) = Fidelity::of_name(name) else { return };
     for (key, value) in fidelity.settings() {
-        let source = Source { name: format!("fidelity {}", fidelity.name()), text: (*value).to_owned().into(), folder: "".into() };
+        let source = Source {
+            name: format!("fidelity {}", fidelity.name()),
+            text: (*value).to_owned().into(),
+            folder: "".into(),
+        };
         let Ok(leaf) = reader.parse(source) else { unreachable!("constant YAML") };
         let path: Vec<&str> = key.split('.').collect();
         if *key != SUB_RAYS {

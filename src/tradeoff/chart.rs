@@ -117,11 +117,15 @@ fn panel(
             PathElement::new(vec![(p.cost, p.loss - p.half_width), (p.cost, p.loss + p.half_width)], colour.mix(0.5))
         }))?;
         chart
-            .draw_series(own().map(|p| Circle::new((p.cost, p.loss), if p.row.on_front { 5 } else { 4 }, colour.filled())))?
+            .draw_series(
+                own().map(|p| Circle::new((p.cost, p.loss), if p.row.on_front { 5 } else { 4 }, colour.filled())),
+            )?
             .label(group.map_or("reference", |group| group.name()))
             .legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
     }
-    chart.draw_series(front.iter().map(|p| Text::new(p.row.name.clone(), (1.02 * p.cost, p.loss), ("sans-serif", 13))))?;
+    chart.draw_series(
+        front.iter().map(|p| Text::new(p.row.name.clone(), (1.02 * p.cost, p.loss), ("sans-serif", 13))),
+    )?;
     chart
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperRight)

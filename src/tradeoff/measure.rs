@@ -250,13 +250,13 @@ fn drive_shift(old: &Pose, new: &Pose) -> DriveShift {
     let between = old.rotation().transpose() * new.rotation();
     let trace = between.x_axis.x + between.y_axis.y + between.z_axis.z;
     // From the sine too: the cosine alone hides angles below 1e-8.
-    let twice_sine = [
-        between.y_axis.z - between.z_axis.y,
-        between.z_axis.x - between.x_axis.z,
-        between.x_axis.y - between.y_axis.x,
-    ];
+    let twice_sine =
+        [between.y_axis.z - between.z_axis.y, between.z_axis.x - between.x_axis.z, between.x_axis.y - between.y_axis.x];
     let sine = 0.5 * twice_sine.iter().map(|s| s * s).sum::<f64>().sqrt();
-    DriveShift { position_m: (new.position_m - old.position_m).length(), turn_rad: math::atan2(sine, 0.5 * (trace - 1.0)) }
+    DriveShift {
+        position_m: (new.position_m - old.position_m).length(),
+        turn_rad: math::atan2(sine, 0.5 * (trace - 1.0)),
+    }
 }
 
 #[cfg(test)]

@@ -92,7 +92,11 @@ pub fn run(
     let settings = settings::settings(options)?;
     let scenes = scenes(settings.reference(), options.scenes);
     let prepared = settings.plans().map(|plan| Prepared::new(plan.clone())).collect::<Result<Vec<_>, _>>()?;
-    tell(Event::Start { settings: prepared.len(), scenes: scenes.len(), trainings: loss::trainings(&settings, options) });
+    tell(Event::Start {
+        settings: prepared.len(),
+        scenes: scenes.len(),
+        trainings: loss::trainings(&settings, options),
+    });
     let Some(measured) = measure::measure(&prepared, &scenes, options.threads, stop, tell)? else { return Ok(None) };
     drop(prepared);
     let Some(classifiers) = loss::classifiers(&settings, &measured, options, stop, tell)? else { return Ok(None) };

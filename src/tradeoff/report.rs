@@ -9,8 +9,8 @@ use super::ranges::RangeErrors;
 use super::settings::{Refused, Settings, Side};
 use super::statistics::{Interval, Spread, quantile};
 use super::{Group, Options};
-use crate::corpus::stats::Moments;
 use crate::corpus::Build;
+use crate::corpus::stats::Moments;
 use crate::pipeline::StageTimes;
 
 /// The file `tradeoff.json`.
@@ -265,7 +265,10 @@ fn pipeline_row(measured: &Measured, setting: usize, deviations: &[f64]) -> Pipe
         pose: pose_row(&made),
         drive: drive_row(&made),
         cells: cell_row(&made, &measured.features, deviations),
-        untraversable: share(labels().filter(|label| **label == 1).count(), labels().filter(|label| **label >= 0).count()),
+        untraversable: share(
+            labels().filter(|label| **label == 1).count(),
+            labels().filter(|label| **label >= 0).count(),
+        ),
         cells_per_scan: share(labels().count(), scans),
     }
 }
@@ -289,7 +292,8 @@ fn range_row(made: &[&Made]) -> Option<RangeRow> {
 
 fn pose_row(made: &[&Made]) -> Option<PoseRow> {
     let poses: Vec<_> = made.iter().flat_map(|made| &made.poses).collect();
-    let each = |value: &dyn Fn(&super::measure::PoseError) -> f64| -> Vec<f64> { poses.iter().map(|p| value(p)).collect() };
+    let each =
+        |value: &dyn Fn(&super::measure::PoseError) -> f64| -> Vec<f64> { poses.iter().map(|p| value(p)).collect() };
     let nees: Vec<f64> = poses.iter().filter_map(|pose| pose.nees).collect();
     (!poses.is_empty()).then(|| PoseRow {
         scans: poses.len() as u64,
@@ -301,7 +305,8 @@ fn pose_row(made: &[&Made]) -> Option<PoseRow> {
 }
 
 fn drive_row(made: &[&Made]) -> Option<DriveRow> {
-    let shifts: Vec<_> = made.iter().filter_map(|made| made.against.as_ref()).flat_map(|against| &against.drive).collect();
+    let shifts: Vec<_> =
+        made.iter().filter_map(|made| made.against.as_ref()).flat_map(|against| &against.drive).collect();
     let positions: Vec<f64> = shifts.iter().map(|shift| shift.position_m).collect();
     let turns: Vec<f64> = shifts.iter().map(|shift| shift.turn_rad.to_degrees()).collect();
     let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);

@@ -233,19 +233,16 @@ fn knobs(written: &Plan, reference: &Plan) -> Vec<(Group, String, Vec<String>)> 
     for preset in [Fidelity::Draft, Fidelity::Standard] {
         knobs.push((Group::Presets, preset.name().into(), fidelity(written, preset)));
     }
-    let mut add = |group, name: &str, key: &str, value: &str| {
-        knobs.push((group, name.to_owned(), always(reference, key, value)));
-    };
-    add(Group::Cast, "exact", "sweep.cast", "exact");
+    let one = |group, name: &str, key: &str, value: &str| (group, name.to_owned(), always(reference, key, value));
     for method in ["raster", "mesh"] {
         for spacing_m in ["0.05", "0.1", "0.2"] {
             let value = format!("{{{method}: {{spacing_m: {spacing_m}}}}}");
-            add(Group::Cast, &format!("{method} {spacing_m} m"), "sweep.cast", &value);
+            knobs.push(one(Group::Cast, &format!("{method} {spacing_m} m"), "sweep.cast", &value));
         }
     }
-    add(Group::Contact, "plane_fit", "drive.contact", "plane_fit");
+    knobs.push(one(Group::Contact, "plane_fit", "drive.contact", "plane_fit"));
     for solver in ["gauss_newton", "nelder_mead"] {
-        add(Group::Contact, solver, "drive.contact", solver);
+        knobs.push(one(Group::Contact, solver, "drive.contact", solver));
         for tolerance in ["1e-6", "1e-4"] {
             let mut sets = always(reference, "drive.contact", solver);
             sets.extend(always(reference, "drive.contact_tolerance_m", tolerance));
@@ -255,11 +252,11 @@ fn knobs(written: &Plan, reference: &Plan) -> Vec<(Group, String, Vec<String>)> 
     // The last has other draws than the reference and nothing else: what remains of it is the noise of the comparison.
     for particles in [1, 10, 30, 100, 300, 101] {
         let value = format!("{{fastslam: {{particles: {particles}}}}}");
-        let sets = always(reference, "slam", &value);
-        knobs.push((Group::Slam, format!("{particles} particle{}", if particles == 1 { "" } else { "s" }), sets));
+        let name = format!("{particles} particle{}", if particles == 1 { "" } else { "s" });
+        knobs.push(one(Group::Slam, &name, "slam", &value));
     }
     for (name, value) in [("surrogate", "{surrogate: {}}"), ("dead_reckoning", "dead_reckoning"), ("truth", "truth")] {
-        knobs.push((Group::Slam, name.into(), always(reference, "slam", value)));
+        knobs.push(one(Group::Slam, name, "slam", value));
     }
     for rays in ["1", "7", "19"] {
         let with_pixels = |on: bool| {
@@ -298,10 +295,9 @@ fn thinned(family: &Family, stride: u32) -> Vec<(&'static str, String)> {
         ],
         PatternParams::Spinning(p) => vec![("spinning.columns", fewer(p.columns))],
         PatternParams::Raster(p) => vec![("raster.columns", fewer(p.columns))],
-        PatternParams::Rosette(p) => vec![
-            ("rosette.beams", fewer(p.beams)),
-            ("rosette.rate_hz", (p.rate_hz / f64::from(stride)).to_string()),
-        ],
+        PatternParams::Rosette(p) => {
+            vec![("rosette.beams", fewer(p.beams)), ("rosette.rate_hz", (p.rate_hz / f64::from(stride)).to_string())]
+        }
         PatternParams::File(_) => Vec::new(),
     }
 }
@@ -325,7 +321,8 @@ fn yards(reference: &Plan) -> Vec<(Group, String, Vec<String>)> {
 
 /// The filters, the full f64 one first: what the trainer's settings are judged by.
 fn filters() -> Vec<Setting> {
-    let ekf = |precision, robust, batch| FilterParams::Ekf(EkfParams { precision, robust, batch, ..EkfParams::default() });
+    let ekf =
+        |precision, robust, batch| FilterParams::Ekf(EkfParams { precision, robust, batch, ..EkfParams::default() });
     let decoupled = |groups| {
         FilterParams::Decoupled(DecoupledParams { groups, precision: Precision::F64, ..DecoupledParams::default() })
     };

@@ -140,7 +140,11 @@ mod tests {
             (30, 2.042_272_456_301_238),
             (101, 1.983_731_002_955_606),
         ] {
-            assert!((student(freedom, 0.95) - expected).abs() < 1e-12 * expected, "{freedom}: {}", student(freedom, 0.95));
+            assert!(
+                (student(freedom, 0.95) - expected).abs() < 1e-12 * expected,
+                "{freedom}: {}",
+                student(freedom, 0.95)
+            );
         }
     }
 

@@ -60,17 +60,17 @@ fn closing(report: &Report) -> String {
         let _ = writeln!(out, "left out: {}: {}: {}", refused.group.name(), refused.name, refused.reason);
     }
     let points = 100.0 * report.max_loss;
-    for (what, cheapest, side) in [
-        ("pipeline", &report.cheapest_pipeline, Side::Pipeline),
-        ("filter", &report.cheapest_filter, Side::Trainer),
-    ] {
+    for (what, cheapest, side) in
+        [("pipeline", &report.cheapest_pipeline, Side::Pipeline), ("filter", &report.cheapest_filter, Side::Trainer)]
+    {
         if report.side(side).next().is_none() {
             continue;
         }
         let row = cheapest.as_ref().and_then(|name| report.side(side).find(|row| row.label() == *name));
         let said = row.and_then(|row| Some((row, row.cost()?, row.loss()?)));
         let Some((row, cost, loss)) = said else {
-            let _ = writeln!(out, "no {what} is sure to lose at most {points} points: more --seeds or a higher --max-loss");
+            let _ =
+                writeln!(out, "no {what} is sure to lose at most {points} points: more --seeds or a higher --max-loss");
             continue;
         };
         let unit = if side == Side::Trainer { "us CPU a row" } else { "ms CPU a scan" };
@@ -141,7 +141,11 @@ fn errors(title: &str, rows: &[&Row]) -> Grid {
             shown(cells, |c| share(c.vanished + c.appeared, c.matched + c.vanished)),
             shown(cells, |c| format!("{:.2}", 100.0 * c.other_label)),
             shown(cells, |c| {
-                if c.worst_shift_sd > 0.0 { format!("{} {}", figures(c.worst_shift_sd), c.worst_feature) } else { "0".into() }
+                if c.worst_shift_sd > 0.0 {
+                    format!("{} {}", figures(c.worst_shift_sd), c.worst_feature)
+                } else {
+                    "0".into()
+                }
             }),
             shown(row.loss(), |loss| interval(&loss)),
         ]
@@ -218,8 +222,11 @@ impl Grid {
         let words: Vec<Vec<&str>> = self.head.iter().map(|head| head.split(' ').collect()).collect();
         let lines = words.iter().map(Vec::len).max().unwrap_or(0);
         let head_line = |line: usize| -> Vec<String> {
-            let of = |words: &Vec<&str>| (line + words.len()).checked_sub(lines).and_then(|k| words.get(k));
-            words.iter().map(|words| of(words).map_or(String::new(), |word| (*word).to_owned())).collect()
+            let word = |words: &Vec<&str>| match (line + words.len()).checked_sub(lines) {
+                Some(k) => words[k].to_owned(),
+                None => String::new(),
+            };
+            words.iter().map(word).collect()
         };
         let heads: Vec<Vec<String>> = (0..lines).map(head_line).collect();
         let all = || heads.iter().chain(&self.rows);
@@ -227,9 +234,11 @@ impl Grid {
         let widths: Vec<usize> = (0..self.head.len()).map(width).collect();
         for row in all() {
             let cells = row.iter().zip(&widths).enumerate();
-            let padded = cells.map(|(k, (cell, &width))| {
-                if k == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
-            });
+            let padded = cells.map(
+                |(k, (cell, &width))| {
+                    if k == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+                },
+            );
             let line = padded.collect::<Vec<_>>().join("  ");
             let _ = writeln!(out, "{}", line.trim_end());
         }
