@@ -1,7 +1,8 @@
 //! A report -> an SVG: what each setting costs over what it loses, the Pareto front drawn through.
 //!
 //! One panel for the pipeline and one for the trainer. Cost grows to the right, in its logarithm; loss grows upwards, so that better is
-//! to the lower left. Bars are the intervals of the loss. Settings on the front bear their names.
+//! to the lower left. Bars are the intervals of the loss; the front runs through their upper ends, by which it is judged. Settings on the
+//! front bear their names.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -94,6 +95,8 @@ fn panel(
         .x_desc(unit)
         .y_desc("loss, points of balanced accuracy")
         .light_line_style(WHITE)
+        .bold_line_style(FRONT.mix(0.12))
+        .x_labels(6)
         .x_label_formatter(&|cost| if *cost >= 10.0 { format!("{cost:.0}") } else { format!("{cost:.1}") })
         .draw()?;
     chart
@@ -104,7 +107,7 @@ fn panel(
     let mut front: Vec<&Point> = points.iter().filter(|point| point.row.on_front).collect();
     front.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     chart
-        .draw_series(LineSeries::new(front.iter().map(|p| (p.cost, p.loss)), FRONT.stroke_width(1)))?
+        .draw_series(LineSeries::new(front.iter().map(|p| (p.cost, p.loss + p.half_width)), FRONT.stroke_width(1)))?
         .label("Pareto front")
         .legend(|(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], FRONT.stroke_width(1)));
 

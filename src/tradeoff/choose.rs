@@ -9,13 +9,14 @@ pub struct Candidate {
     pub loss: Interval,
 }
 
-/// Whether each candidate is on the Pareto front: no other costs at most as much and loses at most as much, and less of one. Mean losses
-/// count; one that is not finite is on no front.
+/// Whether each candidate is on the Pareto front: no other costs at most as much and loses at most as much, and less of one. A loss counts
+/// at the upper end of its interval, so that luck puts none there; one that is not finite is on no front.
 pub fn front(candidates: &[Candidate]) -> Vec<bool> {
     let beats = |a: &Candidate, b: &Candidate| {
-        a.cost <= b.cost && a.loss.mean <= b.loss.mean && (a.cost < b.cost || a.loss.mean < b.loss.mean)
+        let (ours, theirs) = (a.loss.upper(), b.loss.upper());
+        a.cost <= b.cost && ours <= theirs && (a.cost < b.cost || ours < theirs)
     };
-    let finite = |c: &Candidate| c.cost.is_finite() && c.loss.mean.is_finite();
+    let finite = |c: &Candidate| c.cost.is_finite() && c.loss.upper().is_finite();
     candidates.iter().map(|c| finite(c) && !candidates.iter().any(|other| finite(other) && beats(other, c))).collect()
 }
 
@@ -41,11 +42,13 @@ mod tests {
             candidate(6.0, 0.01, 0.0), // Dearer than the one before, and no better.
             candidate(2.0, 0.05, 0.0),
             candidate(3.0, 0.06, 0.0),
-            candidate(2.0, 0.05, 0.0), // Equals do not beat each other.
+            candidate(2.0, 0.05, 0.0),   // Equals do not beat each other.
+            candidate(9.0, -0.02, 0.05), // Lower in its mean than any, and not surely so.
             candidate(1.0, f64::NAN, 0.0),
             candidate(f64::INFINITY, -1.0, 0.0),
+            candidate(0.1, 0.0, f64::INFINITY),
         ];
-        assert_eq!(front(&candidates), [true, true, false, true, false, true, false, false]);
+        assert_eq!(front(&candidates), [true, true, false, true, false, true, false, false, false, false]);
     }
 
     #[test]

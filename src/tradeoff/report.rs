@@ -168,7 +168,13 @@ pub(super) fn report(
             sets: setting.sets.clone(),
             on_front: false,
             pipeline: (!is_filter).then(|| pipeline_row(measured, k, &deviations)),
-            classifier: classifiers[k].as_ref().map(|own| classifier_row(own, classifiers[first].as_ref())),
+            classifier: classifiers[k].as_ref().map(|own| {
+                let row = classifier_row(own, classifiers[first].as_ref());
+                // The reference loses nothing by definition, however few seeds there are.
+                let loss =
+                    if k == first { row.loss.map(|_| Interval { mean: 0.0, half_width: 0.0 }) } else { row.loss };
+                ClassifierRow { loss, ..row }
+            }),
         });
     }
     for side in [Side::Pipeline, Side::Trainer] {

@@ -28,7 +28,7 @@ pub fn markdown(report: &Report) -> String {
     let mut out = format!("# Speed against accuracy: {}\n\n{}", report.name, opening(report));
     for grid in grids(report) {
         let _ = write!(out, "\n## {}\n\n", grid.title);
-        let _ = writeln!(out, "| {} |\n|{}", grid.head.join(" | "), "---|".repeat(grid.head.len()));
+        let _ = writeln!(out, "| {} |\n|{}", grid.head.join(" | ").replace('\n', " "), "---|".repeat(grid.head.len()));
         for row in &grid.rows {
             let _ = writeln!(out, "| {} |", row.join(" | "));
         }
@@ -42,8 +42,11 @@ fn opening(report: &Report) -> String {
     format!(
         "{}{own}: {} scenes at {} settings, {} thread{}; reference: {reference}\n\
          CPU: of the thread, per kept scan, median [quartiles] over scenes. Range error: against the exact surface, before noise.\n\
-         Cells: against the reference's; shift in its standard deviations. Loss: points of balanced accuracy on the reference's\n\
-         {} test cells, of a 16-16 network trained at the setting; mean and 95 % interval of {} pairs. *: Pareto front.\n",
+         Position and heading: of the estimate, median [quartiles] over scans; NEES: its mean. Drive moved: the true pose against the\n\
+         reference's, at most. Cells other: only here or only at the reference; labels other: of those at both; shift of their\n\
+         features: root mean square, in the reference's standard deviations. Loss: points of balanced accuracy on the reference's\n\
+         {} test cells, of a 16-16 network trained at the setting; mean and 95 % interval of {} pairs of seeds.\n\
+         *: on the Pareto front of cost over loss, losses at their interval's upper end.\n",
         report.name,
         report.scenes,
         report.rows.iter().filter(|row| row.pipeline.is_some()).count(),
@@ -105,18 +108,17 @@ fn grids(report: &Report) -> Vec<Grid> {
 fn errors(title: &str, rows: &[&Row]) -> Grid {
     let head = vec![
         "setting",
-        "CPU ms",
-        "wall ms",
-        "range p50 / p99 / max m",
-        "missed + invented",
-        "position m",
-        "heading deg",
-        "NEES",
-        "drive moved m",
-        "cells gone + new %",
-        "labels changed %",
-        "worst shift sd",
-        "loss points",
+        "CPU\nms",
+        "range error, m\nmedian / p99 / max",
+        "missed,\ninvented",
+        "position\nerror, m",
+        "heading\nerror, deg",
+        "NEES\n(of 6)",
+        "drive\nmoved, m",
+        "cells\nother, %",
+        "labels\nother, %",
+        "worst shift,\nsd",
+        "loss,\npoints",
     ];
     let rows = rows.iter().map(|row| {
         let p = row.pipeline.as_ref();
@@ -128,12 +130,11 @@ fn errors(title: &str, rows: &[&Row]) -> Grid {
         vec![
             marked(row),
             shown(p.and_then(|p| p.cpu_ms), spread),
-            shown(p.and_then(|p| p.wall_ms), |s| figures(s.median)),
             shown(ranges, |r| {
                 let some = |value: Option<f64>| shown(value, figures);
                 format!("{} / {} / {}", some(r.median_m), some(r.p99_m), figures(r.max_m))
             }),
-            shown(ranges, |r| format!("{} of {}", r.missed + r.invented, r.rays)),
+            shown(ranges, |r| format!("{}, {}", r.missed, r.invented)),
             shown(pose.and_then(|pose| pose.position_m), spread),
             shown(pose.and_then(|pose| pose.heading_deg), |s| figures(s.median)),
             shown(pose.and_then(|pose| pose.mean_nees), figures),
@@ -154,19 +155,24 @@ fn errors(title: &str, rows: &[&Row]) -> Grid {
 }
 
 fn stages(rows: &[&Row]) -> Grid {
-    let head = vec!["setting", "scene", "drive", "sweep", "slam", "cells", "rays a scan"];
+    let head = vec!["setting", "scene", "drive", "sweep", "slam", "cells", "all, wall", "rays"];
     let rows = rows.iter().filter_map(|row| {
         let p = row.pipeline.as_ref()?;
         let mut cells = vec![marked(row)];
         cells.extend(p.stages.iter().map(|stage| shown(stage.cpu_ms, spread)));
+        cells.push(shown(p.wall_ms, spread));
         cells.push(shown(p.rays_per_scan, |rays| format!("{rays:.0}")));
         Some(cells)
     });
-    Grid { title: "CPU by stage, milliseconds a kept scan".into(), rows: rows.collect(), head }
+    Grid {
+        title: "By stage: milliseconds of CPU a kept scan; of wall, all threads busy; beams cast".into(),
+        rows: rows.collect(),
+        head,
+    }
 }
 
 fn trainers(rows: &[&Row]) -> Grid {
-    let head = vec!["setting", "CPU us a row", "rows learnt", "balanced accuracy", "loss points"];
+    let head = vec!["setting", "CPU us\na row", "rows\nlearnt", "balanced\naccuracy", "loss,\npoints"];
     let rows = rows.iter().filter_map(|row| {
         let c = row.classifier.as_ref()?;
         let accuracies = c.balanced_accuracy.iter().copied().collect::<Option<Vec<f64>>>();
@@ -217,9 +223,9 @@ fn figures(value: f64) -> String {
 }
 
 impl Grid {
-    /// Columns aligned; the first to the left, the others to the right. Headings of several words stand on several lines.
+    /// Columns aligned; the first to the left, the others to the right. Headings stand at the foot of their lines.
     fn align(&self, out: &mut String) {
-        let words: Vec<Vec<&str>> = self.head.iter().map(|head| head.split(' ').collect()).collect();
+        let words: Vec<Vec<&str>> = self.head.iter().map(|head| head.split('\n').collect()).collect();
         let lines = words.iter().map(Vec::len).max().unwrap_or(0);
         let head_line = |line: usize| -> Vec<String> {
             let word = |words: &Vec<&str>| match (line + words.len()).checked_sub(lines) {
@@ -271,7 +277,7 @@ mod tests {
     #[test]
     fn exact_columns_are_aligned() {
         let rows = vec![vec!["a".into(), "1".into()], vec!["long".into(), "22.5".into()]];
-        let grid = Grid { title: String::new(), head: vec!["name", "of two"], rows };
+        let grid = Grid { title: String::new(), head: vec!["name", "of\ntwo"], rows };
         let mut out = String::new();
         grid.align(&mut out);
         assert_eq!(out, "        of\nname   two\na        1\nlong  22.5\n");

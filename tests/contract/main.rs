@@ -6,6 +6,8 @@ mod classify;
 mod cli;
 /// The same plan gives the same bytes.
 mod sameness;
+/// Speed against accuracy: what the verb writes and refuses.
+mod tradeoff;
 /// Training: the same bits after any kill; faults with their cures.
 mod training;
 /// A scratch folder, a config in it, and the binary.
