@@ -39,9 +39,12 @@ pub fn markdown(report: &Report) -> String {
 fn opening(report: &Report) -> String {
     let reference = report.rows.first().map(|row| row.sets.join(" ")).unwrap_or_default();
     let own: String = report.sets.iter().map(|set| format!(" --set {set}")).collect();
+    let ranges = report.rows.iter().find_map(|row| row.pipeline.as_ref()?.ranges.as_ref());
+    let beams = ranges.map_or(String::new(), |ranges| format!(", {} beams", ranges.rays));
     format!(
         "{}{own}: {} scenes at {} settings, {} thread{}; reference: {reference}\n\
-         CPU: of the thread, per kept scan, median [quartiles] over scenes. Range error: against the exact surface, before noise.\n\
+         CPU: of the thread, per kept scan, median [quartiles] over scenes. Range error: against the exact surface, before\n\
+         noise{beams}.\n\
          Position and heading: of the estimate, median [quartiles] over scans; NEES: its mean. Drive moved: the true pose against the\n\
          reference's, at most. Cells other: only here or only at the reference; labels other: of those at both; shift of their\n\
          features: root mean square, in the reference's standard deviations. Loss: points of balanced accuracy on the reference's\n\
