@@ -22,7 +22,8 @@ const LEAST_SCENES: u64 = 8;
 pub(super) struct TradeoffArgs {
     #[command(flatten)]
     config: ConfigArgs,
-    /// Scenes to make at every setting: 5 in 8 train the classifiers, 1 in 8 stops them, 2 in 8 test them.
+    /// Scenes to make at every setting: 5 in 8 train the classifiers, 1 in 8 stops them, 2 in 8 test them. Their cells are held in
+    /// memory: 3 MB a scene for configs/paper.yaml.
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u64).range(LEAST_SCENES..=100_000))]
     scenes: u64,
     /// Name the cheapest setting that loses at most this much balanced accuracy, at the upper end of its 95 % interval.

@@ -22,7 +22,13 @@ pub(super) struct SceneCells {
 impl SceneCells {
     /// `columns`: the features to keep, by position.
     pub fn of(scans: &[ScanOutput], columns: &[usize]) -> SceneCells {
-        let mut cells = SceneCells { width: columns.len(), ..SceneCells::default() };
+        let count = scans.iter().map(|scan| scan.cells.rows.len()).sum();
+        let mut cells = SceneCells {
+            keys: Vec::with_capacity(count),
+            labels: Vec::with_capacity(count),
+            width: columns.len(),
+            features: Vec::with_capacity(count * columns.len()),
+        };
         for scan in scans {
             let all = scan.cells.features.len() / scan.cells.rows.len().max(1);
             for (row, features) in scan.cells.rows.iter().zip(scan.cells.features.chunks_exact(all.max(1))) {

@@ -2,7 +2,7 @@
 //!
 //! A thread takes a scene and makes it at every setting before it takes the next, in an order that turns by one from scene to scene, so
 //! that no setting always runs first or always while the machine is busy. Each thread warms up on a scene that is not counted.
-//! Memory: the cells of every scene at every setting, some 100 bytes a cell.
+//! Memory: the cells that classifiers learn of every scene at every setting, some 80 bytes a cell; for `configs/paper.yaml` 3 MB a scene.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::clock::Costs;
 use super::compare::{Change, SceneCells, compare};
+use super::loss::Role;
 use super::ranges::{RangeErrors, range_errors};
 use super::{Event, TradeoffError};
 use crate::cells::feature_columns;
@@ -48,7 +49,24 @@ pub(super) struct Made {
     /// `None` where the kept scans are another attempt's: nothing can be matched.
     pub against: Option<Against>,
     pub ranges: Option<RangeErrors>,
+    pub counts: Counts,
+    /// Empty where no classifier learns them or is tested on them.
     pub cells: SceneCells,
+}
+
+/// Cells by label.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub traversable: u64,
+    pub untraversable: u64,
+    pub unknown: u64,
+}
+
+impl Counts {
+    fn of(cells: &SceneCells) -> Counts {
+        let count = |wanted: i8| cells.labels.iter().filter(|label| **label == wanted).count() as u64;
+        Counts { traversable: count(0), untraversable: count(1), unknown: count(-1) }
+    }
 }
 
 /// What differs from the reference.
@@ -148,7 +166,7 @@ fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
     kept.map(|(k, column)| (column.name, k)).unzip()
 }
 
-/// One scene at every setting, in an order turned by `turn`.
+/// One scene at every setting, in an order turned by its number in the list.
 fn scene_everywhere(
     prepared: &[Prepared],
     scene_id: u64,
@@ -180,7 +198,12 @@ fn scene_everywhere(
             let same_attempt = at_reference.filter(|(_, reference)| it.attempts == reference.attempts);
             let against = same_attempt.map(|(made, reference)| it.against(reference, &made.cells, &cells));
             let ranges = at_reference.and_then(|(_, reference)| reference.range_errors(&prepared[0], plan));
-            it.made(cells, against, ranges)
+            let mut made = it.made(cells, against, ranges);
+            // Test cells are the reference's alone.
+            if Role::of(turn) == Role::Test {
+                made.cells = SceneCells::default();
+            }
+            made
         }));
     }
     all
@@ -202,7 +225,8 @@ impl Fresh {
 
     fn made(&self, cells: SceneCells, against: Option<Against>, ranges: Option<RangeErrors>) -> Made {
         let poses: Vec<PoseError> = self.poses.iter().map(|(truth, estimate)| pose_error(truth, estimate)).collect();
-        Made { costs: self.costs, scans: poses.len(), poses, against, ranges, cells }
+        let counts = Counts::of(&cells);
+        Made { costs: self.costs, scans: poses.len(), poses, against, ranges, counts, cells }
     }
 
     fn against_itself(&self, cells: &SceneCells) -> Against {

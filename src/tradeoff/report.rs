@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::choose::{Candidate, cheapest_within, front};
 use super::loss::{Classifier, Role, rows};
-use super::measure::{Made, Measured};
+use super::measure::{Counts, Made, Measured};
 use super::ranges::RangeErrors;
 use super::settings::{Refused, Settings, Side};
 use super::statistics::{Interval, Spread, quantile};
@@ -258,8 +258,9 @@ fn pipeline_row(measured: &Measured, setting: usize, deviations: &[f64]) -> Pipe
         wall_ms: ms(&|made| made.costs.stages[k].wall),
     });
     let scans: usize = made.iter().map(|made| made.scans).sum();
-    let labels = || made.iter().flat_map(|made| &made.cells.labels);
-    let share = |count: usize, of: usize| (of > 0).then(|| count as f64 / of as f64);
+    let count = |of: &dyn Fn(&Counts) -> u64| made.iter().map(|made| of(&made.counts)).sum::<u64>();
+    let known = count(&|counts| counts.traversable + counts.untraversable);
+    let share = |count: u64, of: u64| (of > 0).then(|| count as f64 / of as f64);
     PipelineRow {
         scenes: made.len() as u64,
         failed: of_scenes().filter(|made| made.is_err()).count() as u64,
@@ -271,11 +272,8 @@ fn pipeline_row(measured: &Measured, setting: usize, deviations: &[f64]) -> Pipe
         pose: pose_row(&made),
         drive: drive_row(&made),
         cells: cell_row(&made, &measured.features, deviations),
-        untraversable: share(
-            labels().filter(|label| **label == 1).count(),
-            labels().filter(|label| **label >= 0).count(),
-        ),
-        cells_per_scan: share(labels().count(), scans),
+        untraversable: share(count(&|counts| counts.untraversable), known),
+        cells_per_scan: share(known + count(&|counts| counts.unknown), scans as u64),
     }
 }
 

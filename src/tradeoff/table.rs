@@ -44,12 +44,11 @@ fn opening(report: &Report) -> String {
     format!(
         "{}{own}: {} scenes at {} settings, {} thread{}; reference: {reference}\n\
          CPU: of the thread, per kept scan, median [quartiles] over scenes. Range error: against the exact surface, before\n\
-         noise{beams}.\n\
-         Position and heading: of the estimate, median [quartiles] over scans; NEES: its mean. Drive moved: the true pose against the\n\
-         reference's, at most. Cells other: only here or only at the reference; labels other: of those at both; shift of their\n\
-         features: root mean square, in the reference's standard deviations. Loss: points of balanced accuracy on the reference's\n\
-         {} test cells, of a 16-16 network trained at the setting; mean and 95 % interval of {} pairs of seeds.\n\
-         *: on the Pareto front of cost over loss, losses at their interval's upper end.\n",
+         noise{beams}. Position and heading: of the estimate, median [quartiles] over scans; NEES: its mean. Drive moved:\n\
+         the true pose against the reference's, at most. Cells other: only here or only at the reference; labels other: of those\n\
+         at both; shift of their features: root mean square, in the reference's standard deviations. Loss: points of balanced\n\
+         accuracy on the reference's {} test cells, of a 16-16 network trained at the setting; mean and 95 % interval of {}\n\
+         pairs of seeds. *: on the Pareto front of cost over loss, losses at their interval's upper end.\n",
         report.name,
         report.scenes,
         report.rows.iter().filter(|row| row.pipeline.is_some()).count(),
