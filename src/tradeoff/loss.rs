@@ -99,7 +99,8 @@ pub(super) fn classifiers(
                 // All scenes failed there: that is told elsewhere.
                 Err(TrainError::NoRowsHeld { .. }) => finished.push((job, None)),
                 Err(source) => {
-                    return Err(TradeoffError::Train { setting: settings.list[k].name.clone(), source });
+                    let setting = settings.list[k].name.clone();
+                    return Err(TradeoffError::Train { setting, source: Box::new(source) });
                 }
             }
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;

@@ -80,8 +80,11 @@ pub(super) struct Against {
 pub(super) struct Measured {
     /// The features that the classifier sees.
     pub features: Vec<String>,
-    pub scenes: Vec<Vec<Result<Made, String>>>,
+    pub scenes: Vec<AtAll>,
 }
+
+/// One scene at all settings.
+pub(super) type AtAll = Vec<Result<Made, String>>;
 
 /// A scene just made.
 struct Fresh {
@@ -107,7 +110,7 @@ pub(super) fn measure(
     let (features, columns) = inputs(&prepared[0]);
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let tell = Mutex::new(tell);
-    let one_thread = || -> Result<Vec<(usize, Vec<Result<Made, String>>)>, String> {
+    let one_thread = || -> Result<Vec<(usize, AtAll)>, String> {
         let mut scratch = Scratch::default();
         let mut made = Vec::new();
         loop {
@@ -135,7 +138,7 @@ pub(super) fn measure(
     }
     all.sort_unstable_by_key(|(k, _)| *k);
     let scenes: Vec<_> = all.into_iter().map(|(_, made)| made).collect();
-    let failed = |made: &Vec<Result<Made, String>>| made[0].as_ref().err().cloned();
+    let failed = |made: &AtAll| made[0].as_ref().err().cloned();
     match scenes.iter().map(failed).collect::<Option<Vec<String>>>() {
         Some(reasons) => Err(TradeoffError::NoScene { reason: reasons.into_iter().next().unwrap_or_default() }),
         None => Ok(Some(Measured { features, scenes })),
@@ -173,7 +176,7 @@ fn scene_everywhere(
     turn: usize,
     columns: &[usize],
     scratch: &mut Scratch,
-) -> Vec<Result<Made, String>> {
+) -> AtAll {
     let mut fresh: Vec<Option<Result<Fresh, String>>> = prepared.iter().map(|_| None).collect();
     for k in (0..prepared.len()).map(|k| (k + turn) % prepared.len()) {
         let mut costs = Costs::start();

@@ -74,7 +74,7 @@ pub enum TradeoffError {
     #[error(transparent)]
     Pattern(#[from] PatternError),
     #[error("the classifier of '{setting}': {source}")]
-    Train { setting: String, source: TrainError },
+    Train { setting: String, source: Box<TrainError> },
     #[error("a scene panicked: {message}; this is a bug of marsyard: please report it with the config")]
     Panic { message: String },
     #[error("could not start {threads} threads: {reason}")]

@@ -68,8 +68,7 @@ fn columns(report: &Report) -> Vec<PlainColumn> {
         Some(row.loss()?.half_width).filter(|width| width.is_finite())
     });
     table.column("balanced_accuracy", "1", "On the reference's test cells, mean over seeds.", |row| {
-        let values = row.classifier.as_ref()?.balanced_accuracy.iter().copied().collect::<Option<Vec<f64>>>()?;
-        Some(values.iter().sum::<f64>() / values.len() as f64)
+        row.classifier.as_ref()?.mean_balanced_accuracy()
     });
     table.column("training_cpu_per_row_s", "s", "CPU time a row learnt, median over seeds.", |row| {
         Some(1e-6 * row.classifier.as_ref()?.cpu_us_per_row?.median)

@@ -228,6 +228,14 @@ impl Row {
     }
 }
 
+impl ClassifierRow {
+    /// Over seeds; `None` where the test lacks a class.
+    pub fn mean_balanced_accuracy(&self) -> Option<f64> {
+        let values = self.balanced_accuracy.iter().copied().collect::<Option<Vec<f64>>>()?;
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    }
+}
+
 /// The rows of a side that have a cost and a loss, and where they stand.
 fn candidates(rows: &[Row], side: Side) -> (Vec<usize>, Vec<Candidate>) {
     let own = rows.iter().enumerate().filter(|(_, row)| row.side == side);

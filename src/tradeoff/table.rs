@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::report::{Report, Row};
+use super::report::{ClassifierRow, Report, Row};
 use super::settings::Side;
 use super::statistics::{Interval, Spread};
 
@@ -150,7 +150,7 @@ fn errors(title: &str, rows: &[&Row]) -> Grid {
                     "0".into()
                 }
             }),
-            shown(row.loss(), |loss| interval(&loss)),
+            lost(row),
         ]
     });
     Grid { title: title.into(), rows: rows.collect(), head }
@@ -174,19 +174,25 @@ fn stages(rows: &[&Row]) -> Grid {
 }
 
 fn trainers(rows: &[&Row]) -> Grid {
-    let head = vec!["setting", "CPU us\na row", "rows\nlearnt", "balanced\naccuracy", "loss,\npoints"];
+    let head = vec!["setting", "CPU us\na row", "rows\nlearnt", "loss,\npoints"];
     let rows = rows.iter().filter_map(|row| {
         let c = row.classifier.as_ref()?;
-        let accuracies = c.balanced_accuracy.iter().copied().collect::<Option<Vec<f64>>>();
         Some(vec![
             marked(row),
             shown(c.cpu_us_per_row, spread),
             shown(c.rows_learnt, |s| format!("{:.0}", s.median)),
-            shown(accuracies.and_then(|values| Spread::of(&values)), |s| format!("{:.4}", s.median)),
-            shown(c.loss, |loss| interval(&loss)),
+            lost(row),
         ])
     });
     Grid { title: "The trainer, on the reference's cells".into(), rows: rows.collect(), head }
+}
+
+/// The loss; beside a reference's nothing, how good it is.
+fn lost(row: &Row) -> String {
+    let accuracy =
+        row.classifier.as_ref().and_then(ClassifierRow::mean_balanced_accuracy).filter(|_| row.group.is_none());
+    let of = accuracy.map_or(String::new(), |accuracy| format!(" of {:.2}", 100.0 * accuracy));
+    shown(row.loss(), |loss| interval(&loss) + &of)
 }
 
 fn marked(row: &Row) -> String {

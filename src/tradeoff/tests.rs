@@ -87,7 +87,7 @@ fn law_a_pose_that_is_not_estimated_stays_the_configs_choice() {
     let truth = |plan: &crate::config::Plan| plan.families[0].slam == SlamParams::Truth;
     assert!(truth(settings.reference()));
     let presets = settings.list.iter().zip(settings.plans()).filter(|(s, _)| s.group == Some(Group::Presets));
-    assert!(presets.map(|(_, plan)| truth(plan)).all(|is| is));
+    assert!(presets.map(|(_, plan)| plan).all(truth));
     assert!(names(&settings, Group::Slam).contains(&"surrogate") && !names(&settings, Group::Slam).contains(&"truth"));
 }
 
