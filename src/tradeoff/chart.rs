@@ -89,14 +89,14 @@ fn panel(
         .margin(16)
         .x_label_area_size(44)
         .y_label_area_size(64)
-        .build_cartesian_2d(costs.clone().log_scale(), low - margin..high + margin)?;
+        .build_cartesian_2d(costs.clone().log_scale().base(2.0), low - margin..high + margin)?;
     chart
         .configure_mesh()
         .x_desc(unit)
         .y_desc("loss, points of balanced accuracy")
         .light_line_style(WHITE)
         .bold_line_style(FRONT.mix(0.12))
-        .x_labels(6)
+        .x_labels(12)
         .x_label_formatter(&|cost| if *cost >= 10.0 { format!("{cost:.0}") } else { format!("{cost:.1}") })
         .draw()?;
     chart

@@ -183,7 +183,7 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
             // A knob that stands there already.
             Ok(other) if other.scene_plan_hash() == reference_hash => {}
             Ok(other) => {
-                let sets = if is_preset { knob_sets } else { [&reference_sets[..], &knob_sets].concat() };
+                let sets = if is_preset { knob_sets } else { laid_over(&reference_sets, &knob_sets) };
                 list.push(Setting { group: Some(group), name, sets, what: plan(other) });
             }
             Err(error) => {
@@ -197,6 +197,13 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
         list.retain(|setting| matches!(setting.what, What::Plan(_)));
     }
     Ok(Settings { list, refused })
+}
+
+/// Overrides laid over others: of a key set twice, the last counts.
+fn laid_over(base: &[String], over: &[String]) -> Vec<String> {
+    let key = |set: &String| set.split('=').next().unwrap_or_default().to_owned();
+    let kept = base.iter().filter(|set| over.iter().all(|other| key(other) != key(set)));
+    kept.chain(over).cloned().collect()
 }
 
 /// `key=value` in the document's section, or in every family's.
