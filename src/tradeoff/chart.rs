@@ -126,9 +126,12 @@ fn panel(
             .label(group.map_or("reference", |group| group.name()))
             .legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
     }
-    chart.draw_series(
-        front.iter().map(|p| Text::new(p.row.name.clone(), (1.02 * p.cost, p.loss), ("sans-serif", 13))),
-    )?;
+    // Neighbours on the front are often close: their names stand above and below in turn.
+    let name = |(k, p): (usize, &&Point)| {
+        let beside = if k % 2 == 0 { 0.6 } else { -0.2 } * margin;
+        Text::new(p.row.name.clone(), (1.03 * p.cost, p.loss + beside), ("sans-serif", 13))
+    };
+    chart.draw_series(front.iter().enumerate().map(name))?;
     chart
         .configure_series_labels()
         .position(SeriesLabelPosition::UpperRight)

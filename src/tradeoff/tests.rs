@@ -61,6 +61,7 @@ fn exact_the_papers_config_has_every_knob_but_the_references_own_values() {
             assert!(load(&config, &setting.sets).unwrap() == **plan, "{}", setting.name);
         }
     }
+    assert_eq!(one.sets.iter().filter(|set| set.starts_with("sweep.cast=")).count(), 1, "{:?}", one.sets);
     assert_eq!(settings.list.iter().filter(|s| s.group.is_none()).count(), 2);
     assert_eq!(settings.list[0].name, "reference");
 }
