@@ -45,4 +45,6 @@ pub mod picture;
 
 pub mod pipeline;
 
+pub mod tradeoff;
+
 pub mod cli;

@@ -15,6 +15,7 @@ mod plan;
 mod preview;
 mod progress;
 mod search;
+mod tradeoff;
 mod train;
 
 use std::path::PathBuf;
@@ -76,6 +77,8 @@ enum Verb {
     Export(export::ExportArgs),
     /// Judge real scans: labelled clouds, cells, meshes, pictures and cost maps; with labels, Table 1.
     Classify(Box<classify::ClassifyArgs>),
+    /// Measure what each choice between speed and accuracy costs, and the error it brings: a table, Parquet, a chart.
+    Tradeoff(tradeoff::TradeoffArgs),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
         #[arg(value_parser = parse_kind)]
@@ -154,6 +157,7 @@ pub fn main() -> ExitCode {
         Verb::Search(args) => search::run(args, cli.log),
         Verb::Export(args) => export::run(args),
         Verb::Classify(args) => classify::run(args),
+        Verb::Tradeoff(args) => tradeoff::run(args, cli.log),
         Verb::Schema { kind } => {
             out!("{}", config::schema_text(*kind));
             Ok(())

@@ -130,6 +130,10 @@ fn tell(plan: &Plan, cost: Option<&Cost>, threads: usize) {
     if plan.shards() < 7 {
         outln!("warning: fewer than 7 shards leave a split empty; raise scenes or lower scenes_per_shard");
     }
+    if let Some(fidelity) = plan.fidelity {
+        let sets: Vec<String> = fidelity.settings().iter().map(|(key, value)| format!("{key}: {value}")).collect();
+        outln!("fidelity {}: {}; what the config names itself wins", fidelity.name(), sets.join(", "));
+    }
     let total: f64 = plan.families.iter().map(|f| f.weight).sum();
     for family in &plan.families {
         let held = if family.hold_out { ", held out for the test split" } else { "" };
@@ -177,7 +181,7 @@ fn as_json(plan: &Plan, cost: Option<&Cost>, threads: usize) -> serde_json::Valu
     });
     json!({
         "name": plan.name, "seed": plan.seed, "scenes": plan.scenes, "shards": plan.shards(),
-        "scene_plan_hash": plan.scene_plan_hash(), "families": families, "estimate": cost,
+        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity, "families": families, "estimate": cost,
     })
 }
 

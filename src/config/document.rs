@@ -4,6 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::fidelity::Fidelity;
 use crate::cells::CellParams;
 use crate::corpus::Table;
 use crate::drive::DriveParams;
@@ -37,6 +38,11 @@ pub struct Document {
     /// Scenes in one shard. A shard is one file a table and one split.
     #[garde(range(min = 1, max = 100_000))]
     pub scenes_per_shard: u32,
+    /// Speed against accuracy in one word: sets `sweep.cast`, `drive.contact`, `slam` and the sub-rays of mixed pixels, as far as
+    /// the config does not name them itself. Absent = the defaults of each key.
+    #[garde(skip)]
+    #[serde(default)]
+    pub fidelity: Option<Fidelity>,
     #[garde(skip)]
     #[serde(default, skip_serializing)]
     #[schemars(with = "SceneParams")]

@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::document::{Document, SECTIONS};
 use super::error::{ConfigError, Fault};
+use super::fidelity;
 use super::merge::{merge, set};
 use super::place::Place;
 use super::plan::{Family, Plan, PlanFile};
@@ -64,6 +65,7 @@ impl Loader {
             scenes_per_shard: document.scenes_per_shard,
             tables: document.tables,
             max_failed_share: document.max_failed_share,
+            fidelity: document.fidelity,
             families: Vec::new(),
             files: Vec::new(),
         };
@@ -100,6 +102,7 @@ impl Loader {
             root = self.kept(|reader| with_set(root, argument, reader, Kind::Corpus))?;
             self.write_out_presets(&mut root);
         }
+        fidelity::lay_under(&mut root, &mut self.reader);
         Some(root)
     }
 

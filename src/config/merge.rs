@@ -56,10 +56,25 @@ pub fn set(base: Option<Node>, path: &[Key], leaf: Node, schema: Option<Schema>)
         return Ok(Node { span, value: Value::Seq(items), whole });
     }
     let child_schema = schema.and_then(|schema| schema.child(&first.name));
+    // The child holds what was there already. Only the leaf is whole: what stands between it and the root is merged again where
+    // it is a family's, laid over the document's section.
     let child = set(base.as_ref().and_then(|node| node.get(&first.name)).cloned(), rest, leaf, child_schema)?;
-    let over = Node::new(first.span, Value::Map(vec![(first.clone(), Node { whole: true, ..child })]));
-    Ok(match base {
-        Some(base) if matches!(base.value, Value::Map(_)) => merge(base, over, schema),
-        _ => over,
+    Ok(match (base, schema) {
+        (Some(Node { span, value: Value::Map(mut entries), whole }), Some(schema))
+            if !chooses_another(schema, &entries, first) =>
+        {
+            match entries.iter_mut().find(|(key, _)| key.name == first.name) {
+                Some(entry) => *entry = (first.clone(), child),
+                None => entries.push((first.clone(), child)),
+            }
+            Node { span, value: Value::Map(entries), whole }
+        }
+        _ => Node::new(first.span, Value::Map(vec![(first.clone(), child)])),
     })
+}
+
+/// Whether a key is another variant than the one that stands there.
+fn chooses_another(schema: Schema, entries: &[(Key, Node)], key: &Key) -> bool {
+    let is_choice = matches!(schema.form(), Form::Choice(_) | Form::Dist(_));
+    is_choice && entries.iter().any(|(there, _)| there.name != key.name)
 }

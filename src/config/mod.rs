@@ -2,11 +2,12 @@
 //!
 //! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
 //! fault, its place and its cure. The way: text -> tree (`tree`) -> presets written out (`presets`) -> overrides laid over
-//! (`merge`) -> shape checked against the schema (`shape`, `schema`) -> types and their own rules -> rules between keys
+//! (`merge`) -> what `fidelity` sets laid under (`fidelity`) -> shape checked against the schema (`shape`, `schema`) -> types and their own rules -> rules between keys
 //! (`rules`). Nothing is written, and nothing but the files that the config names is read.
 
 pub mod document;
 pub mod error;
+pub mod fidelity;
 mod load;
 mod merge;
 mod place;
@@ -21,6 +22,7 @@ mod tree;
 mod write;
 
 pub use error::{ConfigError, Located};
+pub use fidelity::Fidelity;
 pub use load::load;
 pub use plan::{Family, Plan, PlanFile};
 pub use presets::shipped;

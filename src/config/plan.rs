@@ -3,6 +3,7 @@
 use serde::Serialize;
 use serde_json::{Value as Json, json};
 
+use super::fidelity::Fidelity;
 use super::write::yaml;
 use crate::cells::CellParams;
 use crate::corpus::{Split, Table};
@@ -24,6 +25,9 @@ pub struct Plan {
     pub tables: Vec<Table>,
     /// The run fails when more than this share of its scenes fails.
     pub max_failed_share: f64,
+    /// What was laid under the config's own keys; all of it is written out in the families.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fidelity: Option<Fidelity>,
     /// At least one; a config without families has one named `default`.
     pub families: Vec<Family>,
     /// Files that the plan names and `plan.yaml` needs beside it: their path there, and where they lie now.
@@ -95,12 +99,14 @@ impl Plan {
         format!("# The resolved config: every default written out.\n{}", yaml(&self.to_document()))
     }
 
-    /// Hash of the plan without `name` and `scenes`: the same for a corpus and the same corpus with more scenes.
+    /// Hash of the plan without `name` and `scenes`: the same for a corpus and the same corpus with more scenes. Nor does
+    /// `fidelity` enter, a word for values that are all written out.
     pub fn scene_plan_hash(&self) -> String {
         let mut document = self.to_document();
         if let Some(entries) = document.as_object_mut() {
             entries.shift_remove("name");
             entries.shift_remove("scenes");
+            entries.shift_remove("fidelity");
         }
         // Keys in the order of the types, numbers in their shortest form: the same plan, the same bytes.
         blake3::hash(document.to_string().as_bytes()).to_hex().to_string()
@@ -113,6 +119,7 @@ impl Plan {
         for document in [&mut ours, &mut theirs] {
             document["name"] = Json::Null;
             document["scenes"] = Json::Null;
+            document["fidelity"] = Json::Null;
         }
         differences(&ours, &theirs, "", &mut lines);
         lines

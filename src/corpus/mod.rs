@@ -24,6 +24,7 @@ pub mod inspect;
 mod lookup;
 pub mod manifest;
 pub mod place;
+pub mod plain;
 pub mod ranges;
 pub mod reader;
 pub mod rebuild;

@@ -39,7 +39,7 @@ use yard::Yard;
 /// the rover cannot stand on just ends there.
 pub fn drive(params: &DriveParams, scene: &Scene, drawn: &Drawn, streams: &Streams) -> Result<DriveLog, DriveError> {
     let yard = Yard::new(scene, &params.rover);
-    let stander = Stander::new(&params.rover, scene, params.contact);
+    let stander = Stander::new(&params.rover, scene, params.contact).within(params.contact_tolerance_m);
     let (start, guide) = path::begin(params, &yard, &stander, drawn, streams)?;
     let bumps = motion::Bumps::new(params, drawn, streams);
     let travel = travel::follow(&params.rover, &yard, &stander, start, guide, &bumps)?;

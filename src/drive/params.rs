@@ -38,6 +38,11 @@ pub struct DriveParams {
     /// How the chassis is set on the ground.
     #[garde(skip)]
     pub contact: ContactSolver,
+    /// How near the contact's solution must be, metres and radians; default: gauss_newton 1e-11, nelder_mead 1e-8. It does
+    /// not concern plane_fit.
+    #[garde(custom(within(1e-12, 1e-2)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact_tolerance_m: Option<f64>,
     /// Noise of the true motion (the paper's bumpy ground); absent = the rover does as it is told.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -58,6 +63,7 @@ impl Default for DriveParams {
             speed_mps: None,
             step_m: 0.05,
             contact: ContactSolver::GaussNewton,
+            contact_tolerance_m: None,
             control_noise: None,
             instruments: InstrumentsParams::default(),
         }

@@ -85,6 +85,11 @@ impl Prepared {
         Ok(Prepared { plan, patterns, keep_points })
     }
 
+    /// The beams of a family's sensor.
+    pub fn pattern(&self, family: usize) -> &Arc<Pattern> {
+        &self.patterns[family]
+    }
+
     /// The same plan, every kept sweep held in memory: for pictures and explanations.
     pub fn keeping_points(mut self) -> Prepared {
         self.keep_points = true;

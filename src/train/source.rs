@@ -225,27 +225,32 @@ impl Sources {
 
 /// The columns of a preset, in the corpus's order.
 fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> {
-    let names = source.features.iter().map(|feature| &feature.name);
-    let is_effect = |name: &str| name.starts_with("intensity_");
-    let keep: &dyn Fn(&str) -> bool = match set {
-        FeatureSet::Listed => &|name| !name.starts_with("sigma_") && !is_effect(name),
-        FeatureSet::Full => &|name| {
-            let sigma =
-                !name.starts_with("sigma_") || ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name);
-            sigma && !is_effect(name)
-        },
-        FeatureSet::All => &|_| true,
-        FeatureSet::Columns(columns) => {
-            for (i, column) in columns.iter().enumerate() {
-                unit_of(source, column)?;
-                if columns[..i].contains(column) {
-                    return Err(TrainError::FeatureTwice { feature: column.clone() });
-                }
+    if let FeatureSet::Columns(columns) = set {
+        for (i, column) in columns.iter().enumerate() {
+            unit_of(source, column)?;
+            if columns[..i].contains(column) {
+                return Err(TrainError::FeatureTwice { feature: column.clone() });
             }
-            return Ok(columns.clone());
         }
-    };
-    Ok(names.filter(|name| keep(name)).cloned().collect())
+        return Ok(columns.clone());
+    }
+    let names = source.features.iter().map(|feature| &feature.name);
+    Ok(names.filter(|name| holds(set, name)).cloned().collect())
+}
+
+/// Whether a column is one of a set's inputs.
+pub fn holds(set: &FeatureSet, name: &str) -> bool {
+    let is_effect = name.starts_with("intensity_");
+    let is_sigma = name.starts_with("sigma_");
+    match set {
+        FeatureSet::Listed => !is_sigma && !is_effect,
+        FeatureSet::Full => {
+            let of_attitude = ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name);
+            (!is_sigma || of_attitude) && !is_effect
+        }
+        FeatureSet::All => true,
+        FeatureSet::Columns(columns) => columns.iter().any(|column| column == name),
+    }
 }
 
 fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {

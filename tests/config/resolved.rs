@@ -167,6 +167,33 @@ families:
     assert!((0..20).all(|scene| plan.family_of(scene).name != "other"));
 }
 
+/// An override of one family lays its key over the document's section, and leaves the rest of it.
+#[test]
+fn regress_overrides_of_a_family_keep_the_documents_section() {
+    let path = Path::new("configs/mixed.yaml");
+    let plan = |sets: &[String]| load(path, sets).unwrap_or_else(|error| panic!("{}", error.lines()));
+    let (written, changed) = (
+        plan(&[]),
+        plan(&[
+            "families.0.sweep.cast={raster: {spacing_m: 0.1}}".into(),
+            "families.0.slam.fastslam.particles=5".into(),
+        ]),
+    );
+    // A preset that the family names is written out, and changed in its place.
+    let sensor = |plan: &Plan| {
+        let mut sensor = serde_json::to_value(&plan.families[1].sweep.sensor).unwrap();
+        (sensor["pattern"]["tilted"]["beams"].take(), sensor)
+    };
+    let thinned = plan(&["families.1.sweep.sensor.pattern.tilted.beams=7".into()]);
+    let ((many, own), (few, other)) = (sensor(&written), sensor(&thinned));
+    assert_eq!((few.as_u64(), own), (Some(7), other));
+    assert!(many.as_u64() > Some(7));
+    let differences = changed.difference(&written);
+    assert_eq!(differences.len(), 2, "{differences:?}");
+    assert!(differences[0].starts_with("families[rock_field].sweep.cast"), "{differences:?}");
+    assert!(differences[1].starts_with("families[rock_field].slam.fastslam.particles"), "{differences:?}");
+}
+
 fn npy(rows: usize, cols: usize, heights: &[f32]) -> Vec<u8> {
     let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({rows}, {cols}), }}");
     let header = format!("{header:<117}\n");

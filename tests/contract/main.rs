@@ -14,6 +14,8 @@ mod sameness;
 mod scans;
 /// Searches: the same leaderboard after any kill; faults with their cures.
 mod search;
+/// Speed against accuracy: what the verb writes and refuses.
+mod tradeoff;
 /// Training: the same bits after any kill; faults with their cures.
 mod training;
 /// A scratch folder, a config in it, and the binary.

@@ -8,10 +8,9 @@
 use super::residual::{Jacobian, Problem, Residuals, UNKNOWNS, Under, Unknowns, sum_of_squares};
 
 const MAX_STEPS: u32 = 60;
-/// An articulated chassis is done when no wheel lacks more than this, metres.
-const EXACT_M: f64 = 1e-11;
-/// Done when a step changes nothing by more than this, metres and radians.
-const STILL: f64 = 1e-11;
+/// Unless a tolerance is given, an articulated chassis is done when no wheel lacks more than this, and any when a step
+/// changes nothing by more than this, metres and radians.
+const TOLERANCE: f64 = 1e-11;
 /// Whether so small a step descends is lost in rounding: it is taken on trust if undamped, metres and radians.
 ///
 /// A residual of 5 cm at a height of 10 m is known to 2e-15 m, its square to 2e-16 m2: that hides steps of 5e-8.
@@ -25,28 +24,29 @@ const FIRST_DAMPING: f64 = 1e-3;
 const LAST_DAMPING: f64 = 1e10;
 
 /// The stand, and the number of linearisations it took.
-pub(super) fn solve(problem: &Problem, start: Unknowns) -> (Unknowns, u32) {
-    let (q, steps) = descend(problem, start);
-    if !problem.articulated() || worst_m(problem, &q) <= STUCK_M {
+pub(super) fn solve(problem: &Problem, start: Unknowns, tolerance: Option<f64>) -> (Unknowns, u32) {
+    let tolerance = tolerance.unwrap_or(TOLERANCE);
+    let (q, steps) = descend(problem, start, tolerance);
+    if !problem.articulated() || worst_m(problem, &q) <= STUCK_M.max(tolerance) {
         return (q, steps);
     }
-    let (held, more) = hold_and_look(problem, q);
+    let (held, more) = hold_and_look(problem, q, tolerance);
     if worst_m(problem, &held) < worst_m(problem, &q) { (held, steps + more) } else { (q, steps + more) }
 }
 
-fn descend(problem: &Problem, start: Unknowns) -> (Unknowns, u32) {
+fn descend(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32) {
     let mut q = start;
     let Some((mut e, mut jacobian)) = problem.linearised(&q, Under::Moving) else { return (q, 1) };
     let mut cost = sum_of_squares(&e);
     let mut damping = 0.0;
     for steps in 1..MAX_STEPS {
-        if problem.articulated() && e.iter().all(|e| e.abs() <= EXACT_M) {
+        if problem.articulated() && e.iter().all(|e| e.abs() <= tolerance) {
             return (q, steps);
         }
         let moved = step(&e, &jacobian, problem.unknowns(), damping);
         if let Some(delta) = moved {
             let trial: Unknowns = std::array::from_fn(|i| q[i] + delta[i]);
-            if delta.iter().all(|d| d.abs() <= STILL) {
+            if delta.iter().all(|d| d.abs() <= tolerance) {
                 return (trial, steps);
             }
             let lost = damping == 0.0 && delta.iter().all(|d| d.abs() <= LOST);
@@ -68,13 +68,13 @@ fn descend(problem: &Problem, start: Unknowns) -> (Unknowns, u32) {
     (q, MAX_STEPS)
 }
 
-fn hold_and_look(problem: &Problem, start: Unknowns) -> (Unknowns, u32) {
+fn hold_and_look(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32) {
     let mut q = start;
     for steps in 0..MAX_STEPS {
         let Some((e, jacobian)) = problem.linearised(&q, Under::Frozen) else { return (start, steps) };
         let Some(delta) = step(&e, &jacobian, problem.unknowns(), 0.0) else { return (q, steps) };
         q = std::array::from_fn(|i| q[i] + RELAX * delta[i]);
-        if delta.iter().all(|d| d.abs() <= STILL) {
+        if delta.iter().all(|d| d.abs() <= tolerance) {
             return (q, steps);
         }
     }

@@ -26,8 +26,10 @@ use residual::{Problem, UNKNOWNS, Unknowns};
 
 /// Beyond this tilt, or linkage angle, a rover lies rather than stands, radians (60 degrees).
 const TIP_OVER_RAD: f64 = std::f64::consts::FRAC_PI_3;
-/// What a wheel of an articulated chassis may lack of touching, metres.
+/// What a wheel of an articulated chassis may lack of touching, metres; more where the tolerance is coarse.
 const TOUCH_M: f64 = 1e-6;
+/// A search may end this many tolerances from its solution.
+const TOUCH_TOLERANCES: f64 = 100.0;
 
 /// A rover that stands on the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,11 +44,18 @@ pub struct Stander<'a> {
     linkage: Linkage,
     surface: Surface<'a>,
     solver: ContactSolver,
+    tolerance: Option<f64>,
 }
 
 impl<'a> Stander<'a> {
+    /// With the solver's own tolerance.
     pub fn new(rover: &Rover, scene: &'a Scene, solver: ContactSolver) -> Stander<'a> {
-        Stander { linkage: Linkage::new(rover), surface: Surface::new(scene), solver }
+        Stander { linkage: Linkage::new(rover), surface: Surface::new(scene), solver, tolerance: None }
+    }
+
+    /// The same, its solutions as near as this, metres and radians; `None` = the solver's own tolerance.
+    pub fn within(self, tolerance: Option<f64>) -> Stander<'a> {
+        Stander { tolerance, ..self }
     }
 
     /// The rover at (x, y) with this heading. `near` is a stance close by (the step before), to start from.
@@ -60,8 +69,8 @@ impl<'a> Stander<'a> {
             .filter(|guess| problem.cost(guess).is_some_and(|cost| problem.cost(&plane).is_none_or(|flat| cost < flat)))
             .unwrap_or(plane);
         let (found, iterations) = match self.solver {
-            ContactSolver::GaussNewton => gauss_newton::solve(&problem, start),
-            ContactSolver::NelderMead => nelder_mead::solve(&problem, start),
+            ContactSolver::GaussNewton => gauss_newton::solve(&problem, start, self.tolerance),
+            ContactSolver::NelderMead => nelder_mead::solve(&problem, start, self.tolerance),
             ContactSolver::PlaneFit => (plane, 1),
         };
         let residuals = problem.residuals(&found).ok_or_else(|| no("a wheel is outside the yard"))?;
@@ -72,7 +81,8 @@ impl<'a> Stander<'a> {
         if bent || !(upright >= math::cos(TIP_OVER_RAD) && found[1].abs() <= TIP_OVER_RAD) {
             return Err(no("the ground is so steep that the rover would tip over"));
         }
-        if self.linkage.articulated() && self.solver != ContactSolver::PlaneFit && residual_m > TOUCH_M {
+        let touch_m = self.tolerance.map_or(TOUCH_M, |tolerance| TOUCH_M.max(TOUCH_TOLERANCES * tolerance));
+        if self.linkage.articulated() && self.solver != ContactSolver::PlaneFit && residual_m > touch_m {
             return Err(no("its wheels cannot all touch the ground"));
         }
         let [z_m, pitch_rad, roll_rad, rocker_rad, bogie_left_rad, bogie_right_rad] = found;

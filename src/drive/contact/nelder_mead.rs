@@ -14,9 +14,9 @@ const STEP_M: f64 = 0.02;
 const STEP_RAD: f64 = 0.05;
 const RESTART_SHRINK: f64 = 0.25;
 const MAX_RESTARTS: u32 = 12;
-/// Size of the last simplex, metres and radians.
+/// Size of the last simplex unless a tolerance is given, metres and radians.
 const TOLERANCE: f64 = 1e-8;
-/// Spread of squared residuals over the last simplex, square metres.
+/// Spread of squared residuals over the last simplex, square metres; with a tolerance of one's own, a tenth of its square.
 const COST_TOLERANCE_M2: f64 = 1e-17;
 const MAX_EVALUATIONS: u32 = 4000;
 
@@ -29,26 +29,31 @@ pub struct Minimum<const N: usize> {
 }
 
 /// The stand, and the number of evaluations it took.
-pub(super) fn solve(problem: &Problem, start: Unknowns) -> (Unknowns, u32) {
+pub(super) fn solve(problem: &Problem, start: Unknowns, tolerance: Option<f64>) -> (Unknowns, u32) {
+    let ends = tolerance.map_or((TOLERANCE, COST_TOLERANCE_M2), |tolerance| (tolerance, 0.1 * tolerance * tolerance));
     let cost = |q: &Unknowns| problem.cost(q).unwrap_or(f64::INFINITY);
     if problem.articulated() {
-        search(cost, start)
+        search(cost, start, ends)
     } else {
         let widen = |q: &[f64; 3]| [q[0], q[1], q[2], 0.0, 0.0, 0.0];
-        let (q, evaluations) = search(|q: &[f64; 3]| cost(&widen(q)), [start[0], start[1], start[2]]);
+        let (q, evaluations) = search(|q: &[f64; 3]| cost(&widen(q)), [start[0], start[1], start[2]], ends);
         (widen(&q), evaluations)
     }
 }
 
-fn search<const N: usize>(cost: impl Fn(&[f64; N]) -> f64, start: [f64; N]) -> ([f64; N], u32) {
+fn search<const N: usize>(
+    cost: impl Fn(&[f64; N]) -> f64,
+    start: [f64; N],
+    (tolerance, cost_tolerance_m2): (f64, f64),
+) -> ([f64; N], u32) {
     let mut best = Minimum { at: start, value: cost(&start), evaluations: 1 };
     let mut scale = 1.0;
     for _ in 0..MAX_RESTARTS {
         let steps = std::array::from_fn(|i| scale * if i == 0 { STEP_M } else { STEP_RAD });
-        let found = minimise(&cost, best.at, steps, TOLERANCE, COST_TOLERANCE_M2, MAX_EVALUATIONS);
+        let found = minimise(&cost, best.at, steps, tolerance, cost_tolerance_m2, MAX_EVALUATIONS);
         let moved = (0..N).fold(0.0, |most: f64, i| most.max((found.at[i] - best.at[i]).abs()));
         best = Minimum { evaluations: best.evaluations + found.evaluations, ..found };
-        if moved <= 10.0 * TOLERANCE {
+        if moved <= 10.0 * tolerance {
             break;
         }
         scale *= RESTART_SHRINK;

@@ -76,6 +76,36 @@ fn law_a_rocker_bogie_touches_with_all_wheels_on_hills_and_rubble() {
     }
 }
 
+/// A tolerance says how near the solution comes, and what it saves.
+#[test]
+fn order_coarser_tolerances_take_fewer_steps_and_stay_near_the_solution() {
+    for solver in [ContactSolver::GaussNewton, ContactSolver::NelderMead] {
+        let mut iterations = Vec::new();
+        for tolerance in [None, Some(1e-6), Some(1e-4)] {
+            let mut steps = 0;
+            for (seed, yaml) in (0..4).flat_map(|seed| ROVERS.map(|yaml| (seed, yaml))) {
+                let scene = hills(seed);
+                let exact = Stander::new(&rover(yaml), &scene, ContactSolver::GaussNewton);
+                let stander = Stander::new(&rover(yaml), &scene, solver).within(tolerance);
+                for (x, y, yaw) in places(seed, scene.extent_m, 20) {
+                    let (best, found) =
+                        (exact.stand(x, y, yaw, None).unwrap(), stander.stand(x, y, yaw, None).unwrap());
+                    steps += found.contact.iterations;
+                    let off = (best.pose.position_m.z - found.pose.position_m.z)
+                        .abs()
+                        .max((best.pose.pitch_rad - found.pose.pitch_rad).abs())
+                        .max((best.pose.roll_rad - found.pose.roll_rad).abs());
+                    let bound = 100.0 * tolerance.unwrap_or(1e-8);
+                    assert!(off <= bound, "{solver:?} {tolerance:?} {yaml}: {off}");
+                }
+            }
+            iterations.push(steps);
+        }
+        assert!(iterations.is_sorted_by(|fine, coarse| fine >= coarse), "{solver:?}: {iterations:?}");
+        assert!(iterations[2] < iterations[0], "{solver:?}: {iterations:?}");
+    }
+}
+
 /// The contact equations written a second time, with the scene's own ground and whole matrices.
 #[test]
 fn equal_residuals_and_wheel_centres_by_whole_transforms() {

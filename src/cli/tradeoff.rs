@@ -1,0 +1,99 @@
+//! Measures what each choice between speed and accuracy costs, and what error it brings.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+use clap::Args;
+
+use super::generate::{default_threads, parse_threads, stop_on_signals};
+use super::output::out;
+use super::{ConfigArgs, Failure, LogFormat};
+use crate::corpus::{LocalFolder, Store};
+use crate::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
+
+mod progress;
+
+use progress::Progress;
+
+/// The fewest scenes that train, stop and test a classifier.
+const LEAST_SCENES: u64 = 8;
+
+#[derive(Debug, Args)]
+pub(super) struct TradeoffArgs {
+    #[command(flatten)]
+    config: ConfigArgs,
+    /// Scenes to make at every setting: 5 in 8 train the classifiers, 1 in 8 stops them, 2 in 8 test them. Their cells are held in
+    /// memory: 3 MB a scene for configs/paper.yaml.
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u64).range(LEAST_SCENES..=100_000))]
+    scenes: u64,
+    /// Name the cheapest setting that loses at most this much balanced accuracy, at the upper end of its 95 % interval.
+    #[arg(long, default_value_t = 0.01, value_parser = parse_loss, value_name = "SHARE")]
+    max_loss: f64,
+    /// Turn these knobs only: --only cast,slam. The reference is always measured.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "GROUPS")]
+    only: Vec<Group>,
+    /// Trainings of each classifier, with other first weights and other orders of the rows.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Folder for tradeoff.parquet, tradeoff.json, tradeoff.md and tradeoff.svg; default: tradeoffs/<name>.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Threads; times are CPU times of a thread, and all else is the same for any number.
+    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
+    threads: usize,
+}
+
+fn parse_loss(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(loss) if (0.0..=1.0).contains(&loss) => Ok(loss),
+        _ => Err(format!("'{text}' is no share of balanced accuracy: 0.01 is one point")),
+    }
+}
+
+pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
+    let stop = stop_on_signals()?;
+    let options = Options {
+        config: args.config.config.clone(),
+        sets: args.config.sets.clone(),
+        scenes: args.scenes,
+        only: args.only.clone(),
+        seeds: args.seeds,
+        max_loss: args.max_loss,
+        threads: args.threads,
+    };
+    let mut progress = Progress::new(log);
+    let report = tradeoff::run(&options, &stop, &mut |event| progress.take(event));
+    progress.finish();
+    let report = report.map_err(failure)?;
+    let Some(report) = report.filter(|_| !stop.load(Ordering::Relaxed)) else {
+        return Err(Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was written")));
+    };
+    let out = args.out.clone().unwrap_or_else(|| Path::new("tradeoffs").join(&report.name));
+    write(&report, &out)?;
+    out!("{}", table::text(&report));
+    eprintln!("\nwritten: {0}/tradeoff.parquet, .json, .md and .svg", out.display());
+    Ok(())
+}
+
+fn failure(error: TradeoffError) -> Failure {
+    match error {
+        TradeoffError::Config(error) => Failure::usage(miette::Report::new(error)),
+        TradeoffError::Threads { .. } => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
+        other => Failure::failed(other),
+    }
+}
+
+fn write(report: &Report, out: &Path) -> Result<(), Failure> {
+    let store = LocalFolder::new(out);
+    let mut files = vec![
+        ("tradeoff.parquet", records::parquet(report).map_err(Failure::failed)?),
+        ("tradeoff.json", format!("{:#}\n", serde_json::json!(report)).into_bytes()),
+        ("tradeoff.md", table::markdown(report).into_bytes()),
+    ];
+    files.extend(chart::svg(report).map(|text| ("tradeoff.svg", text.into_bytes())));
+    for (name, bytes) in files {
+        let said = |error: &dyn std::fmt::Display| miette::miette!("{}: {error}", out.join(name).display());
+        store.replace(name, &bytes).map_err(|error| Failure::new(Failure::TRY_AGAIN, said(&error)))?;
+    }
+    Ok(())
+}

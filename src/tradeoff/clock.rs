@@ -1,0 +1,95 @@
+//! Wall time, and the CPU time of the calling thread: what a stage costs when threads share cores.
+
+use std::time::Instant;
+
+use crate::pipeline::{StageTimes, Watch};
+use crate::random::Stage;
+
+unsafe extern "C" {
+    fn clock_gettime(clock: i32, time: *mut [i64; 2]) -> i32;
+}
+
+/// Seconds that this thread has spent on a CPU (64-bit Linux).
+pub(super) fn thread_cpu_s() -> f64 {
+    const CLOCK_THREAD_CPUTIME_ID: i32 = 3;
+    let mut time = [0i64; 2];
+    // SAFETY: the C function writes one timespec, two 64-bit words on this platform, into the array.
+    unsafe { clock_gettime(CLOCK_THREAD_CPUTIME_ID, &mut time) };
+    time[0] as f64 + 1e-9 * time[1] as f64
+}
+
+/// Seconds of CPU and of wall.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Seconds {
+    pub cpu: f64,
+    pub wall: f64,
+}
+
+/// What one scene took, whole and by stage (in the order of [`StageTimes::STAGES`]).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Costs {
+    pub whole: Seconds,
+    pub stages: [Seconds; StageTimes::STAGES.len()],
+    pub rays: u64,
+    begun: (f64, Instant),
+    since: (f64, Instant),
+}
+
+impl Costs {
+    pub fn start() -> Costs {
+        let now = now();
+        Costs { whole: Seconds::default(), stages: Default::default(), rays: 0, begun: now, since: now }
+    }
+
+    /// The scene is made.
+    pub fn finish(mut self) -> Costs {
+        self.whole = passed(self.begun, now());
+        self
+    }
+}
+
+fn now() -> (f64, Instant) {
+    (thread_cpu_s(), Instant::now())
+}
+
+fn passed(from: (f64, Instant), to: (f64, Instant)) -> Seconds {
+    Seconds { cpu: to.0 - from.0, wall: (to.1 - from.1).as_secs_f64() }
+}
+
+impl Watch for Costs {
+    fn begin(&mut self) {
+        self.since = now();
+    }
+
+    fn end(&mut self, stage: Stage, _: impl FnOnce(&mut blake3::Hasher)) {
+        let to = now();
+        if let Some(k) = StageTimes::STAGES.iter().position(|(s, _)| *s == stage) {
+            let Seconds { cpu, wall } = passed(self.since, to);
+            self.stages[k].cpu += cpu;
+            self.stages[k].wall += wall;
+        }
+        self.since = to;
+    }
+
+    fn count_rays(&mut self, rays: u64) {
+        self.rays += rays;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn law_cpu_time_stands_still_while_the_thread_sleeps_and_runs_while_it_works() {
+        let before = thread_cpu_s();
+        std::thread::sleep(std::time::Duration::from_millis(60));
+        let slept = thread_cpu_s() - before;
+        let started = thread_cpu_s();
+        let mut sum = 0.0;
+        while thread_cpu_s() - started < 0.02 {
+            sum += 1.0;
+        }
+        assert!(slept < 0.03 && sum > 0.0, "{slept}");
+    }
+}

@@ -1,0 +1,318 @@
+//! Scenes and plans -> what each plan makes of each scene, and what it costs.
+//!
+//! A thread takes a scene and makes it at every setting before it takes the next, in an order that turns by one from scene to scene, so
+//! that no setting always runs first or always while the machine is busy. Each thread warms up on a scene that is not counted.
+//! Memory: the cells that classifiers learn of every scene at every setting, some 80 bytes a cell; for `configs/paper.yaml` 3 MB a scene.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use super::clock::Costs;
+use super::compare::{Change, SceneCells, compare};
+use super::loss::Role;
+use super::ranges::{RangeErrors, range_errors};
+use super::{Event, TradeoffError};
+use crate::cells::feature_columns;
+use crate::geometry::{Pose, Transform};
+use crate::math;
+use crate::pipeline::{NoWatch, Prepared, Replay, Scratch, replay_scene};
+use crate::scene::Scene;
+use crate::slam::{Estimate, matrix};
+use crate::sweep::params::Cast;
+use crate::train::params::FeatureSet;
+use crate::train::source::holds;
+
+/// How far an estimate is from the truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PoseError {
+    pub position_m: f64,
+    pub heading_rad: f64,
+    /// Normalised estimation error squared, over six unknowns; `None` where no covariance is claimed.
+    pub nees: Option<f64>,
+}
+
+/// How far the truth itself moved from where the reference's rover stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct DriveShift {
+    pub position_m: f64,
+    /// Angle between the chassis.
+    pub turn_rad: f64,
+}
+
+/// One scene at one setting.
+#[derive(Clone, Debug)]
+pub(super) struct Made {
+    pub costs: Costs,
+    pub scans: usize,
+    pub poses: Vec<PoseError>,
+    /// `None` where the kept scans are another attempt's: nothing can be matched.
+    pub against: Option<Against>,
+    pub ranges: Option<RangeErrors>,
+    pub counts: Counts,
+    /// Empty where no classifier learns them or is tested on them.
+    pub cells: SceneCells,
+}
+
+/// Cells by label.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub traversable: u64,
+    pub untraversable: u64,
+    pub unknown: u64,
+}
+
+impl Counts {
+    fn of(cells: &SceneCells) -> Counts {
+        let count = |wanted: i8| cells.labels.iter().filter(|label| **label == wanted).count() as u64;
+        Counts { traversable: count(0), untraversable: count(1), unknown: count(-1) }
+    }
+}
+
+/// What differs from the reference.
+#[derive(Clone, Debug)]
+pub(super) struct Against {
+    pub cells: Change,
+    pub drive: Vec<DriveShift>,
+}
+
+/// All scenes, each at all settings; a setting at which a scene failed has the reason.
+pub(super) struct Measured {
+    /// The features that the classifier sees.
+    pub features: Vec<String>,
+    pub scenes: Vec<AtAll>,
+}
+
+/// One scene at all settings.
+pub(super) type AtAll = Vec<Result<Made, String>>;
+
+/// A scene just made.
+struct Fresh {
+    costs: Costs,
+    attempts: u32,
+    cells: SceneCells,
+    /// Truth and estimate at each kept scan.
+    poses: Vec<(Pose, Estimate)>,
+    /// Kept of the reference alone.
+    scene: Option<Scene>,
+    family: usize,
+    rover_from_sensor: Transform,
+}
+
+/// Makes every scene at every setting; the first setting is the reference. `None` where `stop` was raised.
+pub(super) fn measure(
+    prepared: &[Prepared],
+    scenes: &[u64],
+    threads: usize,
+    stop: &AtomicBool,
+    tell: &mut (dyn FnMut(Event) + Send),
+) -> Result<Option<Measured>, TradeoffError> {
+    let (features, columns) = inputs(&prepared[0]);
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let tell = Mutex::new(tell);
+    let one_thread = || -> Result<Vec<(usize, AtAll)>, String> {
+        let mut scratch = Scratch::default();
+        let mut made = Vec::new();
+        loop {
+            let k = next.fetch_add(1, Ordering::Relaxed);
+            if k >= scenes.len() || stop.load(Ordering::Relaxed) {
+                return Ok(made);
+            }
+            if made.is_empty() {
+                // What it fails of is told when it is counted.
+                let _ = replay_scene(&prepared[0], scenes[k], &mut scratch, &mut NoWatch);
+            }
+            let scene = AssertUnwindSafe(|| scene_everywhere(prepared, scenes[k], k, &columns, &mut scratch));
+            made.push((k, catch_unwind(scene).map_err(panic_message)?));
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            tell.lock().expect("telling does not panic")(Event::Scene { done, of: scenes.len() });
+        }
+    };
+    let parts = on_threads(threads.min(scenes.len()), one_thread)?;
+    let mut all = Vec::new();
+    for part in parts {
+        all.extend(part.map_err(|message| TradeoffError::Panic { message })?);
+    }
+    if stop.load(Ordering::Relaxed) {
+        return Ok(None);
+    }
+    all.sort_unstable_by_key(|(k, _)| *k);
+    let scenes: Vec<_> = all.into_iter().map(|(_, made)| made).collect();
+    let failed = |made: &AtAll| made[0].as_ref().err().cloned();
+    match scenes.iter().map(failed).collect::<Option<Vec<String>>>() {
+        Some(reasons) => Err(TradeoffError::NoScene { reason: reasons.into_iter().next().unwrap_or_default() }),
+        None => Ok(Some(Measured { features, scenes })),
+    }
+}
+
+/// Runs one closure on so many threads.
+pub(super) fn on_threads<T: Send>(threads: usize, work: impl Fn() -> T + Sync) -> Result<Vec<T>, TradeoffError> {
+    std::thread::scope(|scope| {
+        let start = |_| std::thread::Builder::new().spawn_scoped(scope, &work);
+        let started = (0..threads.max(1)).map(start).collect::<Result<Vec<_>, _>>();
+        let handles = started.map_err(|error| TradeoffError::Threads { threads, reason: error.to_string() })?;
+        let panicked = |payload| TradeoffError::Panic { message: panic_message(payload) };
+        handles.into_iter().map(|handle| handle.join().map_err(panicked)).collect()
+    })
+}
+
+pub(super) fn panic_message(payload: Box<dyn std::any::Any + Send>) -> String {
+    let text = payload.downcast_ref::<&str>().map(|s| (*s).to_string());
+    text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
+}
+
+/// The classifier's inputs: names, and positions among the feature columns.
+fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
+    let family = &prepared.plan.families[0];
+    let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
+    let kept = columns.into_iter().enumerate().filter(|(_, column)| holds(&FeatureSet::Full, &column.name));
+    kept.map(|(k, column)| (column.name, k)).unzip()
+}
+
+/// One scene at every setting, in an order turned by its number in the list.
+fn scene_everywhere(
+    prepared: &[Prepared],
+    scene_id: u64,
+    turn: usize,
+    columns: &[usize],
+    scratch: &mut Scratch,
+) -> AtAll {
+    let mut fresh: Vec<Option<Result<Fresh, String>>> = prepared.iter().map(|_| None).collect();
+    for k in (0..prepared.len()).map(|k| (k + turn) % prepared.len()) {
+        let mut costs = Costs::start();
+        let replay = replay_scene(&prepared[k], scene_id, scratch, &mut costs);
+        let costs = costs.finish();
+        fresh[k] = Some(match replay {
+            Ok(replay) => Ok(Fresh::of(replay, costs, columns, k == 0)),
+            Err(failed) => Err(failed.to_string()),
+        });
+    }
+    let mut fresh: Vec<Result<Fresh, String>> = fresh.into_iter().map(|f| f.expect("each was made")).collect();
+    let (reference, others) = fresh.split_first_mut().expect("there is a reference");
+    let mut all = vec![reference.as_mut().map_err(|reason| reason.clone()).map(|it| {
+        let cells = std::mem::take(&mut it.cells);
+        let against = it.against_itself(&cells);
+        it.made(cells, Some(against), None)
+    })];
+    for (other, plan) in others.iter_mut().zip(&prepared[1..]) {
+        let at_reference = all[0].as_ref().ok().zip(reference.as_ref().ok());
+        all.push(other.as_mut().map_err(|reason| reason.clone()).map(|it| {
+            let cells = std::mem::take(&mut it.cells);
+            let same_attempt = at_reference.filter(|(_, reference)| it.attempts == reference.attempts);
+            let against = same_attempt.map(|(made, reference)| it.against(reference, &made.cells, &cells));
+            let ranges = at_reference.and_then(|(_, reference)| reference.range_errors(&prepared[0], plan));
+            let mut made = it.made(cells, against, ranges);
+            // Test cells are the reference's alone.
+            if Role::of(turn) == Role::Test {
+                made.cells = SceneCells::default();
+            }
+            made
+        }));
+    }
+    all
+}
+
+impl Fresh {
+    fn of(replay: Replay, costs: Costs, columns: &[usize], is_reference: bool) -> Fresh {
+        let kept = replay.poses.iter().filter(|pose| pose.scan_id.is_some());
+        Fresh {
+            costs,
+            attempts: replay.attempts,
+            cells: SceneCells::of(&replay.scans, columns),
+            poses: kept.map(|pose| (pose.truth, pose.estimate.clone())).collect(),
+            family: replay.family,
+            rover_from_sensor: replay.rover_from_sensor,
+            scene: is_reference.then_some(replay.scene),
+        }
+    }
+
+    fn made(&self, cells: SceneCells, against: Option<Against>, ranges: Option<RangeErrors>) -> Made {
+        let poses: Vec<PoseError> = self.poses.iter().map(|(truth, estimate)| pose_error(truth, estimate)).collect();
+        let counts = Counts::of(&cells);
+        Made { costs: self.costs, scans: poses.len(), poses, against, ranges, counts, cells }
+    }
+
+    fn against_itself(&self, cells: &SceneCells) -> Against {
+        self.against(self, cells, cells)
+    }
+
+    fn against(&self, reference: &Fresh, old: &SceneCells, new: &SceneCells) -> Against {
+        let pairs = reference.poses.iter().zip(&self.poses);
+        let drive = pairs.map(|((old, _), (new, _))| drive_shift(old, new)).collect();
+        Against { cells: compare(old, new), drive }
+    }
+
+    /// The reference's last kept beams, cast as another plan casts; `None` where it casts them alike, or has another yard.
+    fn range_errors(&self, own: &Prepared, other: &Prepared) -> Option<RangeErrors> {
+        let (own_family, family) = (&own.plan.families[self.family], &other.plan.families[self.family]);
+        let (scene, (truth, _)) = (self.scene.as_ref()?, self.poses.last()?);
+        if family.sweep.cast == Cast::Exact || family.scene != own_family.scene {
+            return None;
+        }
+        let world_from_sensor = truth.transform() * self.rover_from_sensor;
+        let max_range_m = own_family.sweep.sensor.max_range_m;
+        Some(range_errors(scene, &family.sweep.cast, own.pattern(self.family), &world_from_sensor, max_range_m))
+    }
+}
+
+fn pose_error(truth: &Pose, estimate: &Estimate) -> PoseError {
+    let pose = &estimate.pose;
+    let off_m = pose.position_m - truth.position_m;
+    let turned = |a: f64, b: f64| math::wrap_angle(a - b);
+    let error = [
+        off_m.x,
+        off_m.y,
+        off_m.z,
+        turned(pose.roll_rad, truth.roll_rad),
+        turned(pose.pitch_rad, truth.pitch_rad),
+        turned(pose.yaw_rad, truth.yaw_rad),
+    ];
+    let claimed = estimate.covariance.iter().enumerate().all(|(i, row)| row[i] > 0.0);
+    let factor = claimed.then(|| matrix::cholesky(&estimate.covariance)).flatten();
+    let nees = factor.map(|l| matrix::square(&matrix::half_solve(&l, &error)));
+    PoseError { position_m: off_m.length(), heading_rad: error[5].abs(), nees }
+}
+
+fn drive_shift(old: &Pose, new: &Pose) -> DriveShift {
+    let between = old.rotation().transpose() * new.rotation();
+    let trace = between.x_axis.x + between.y_axis.y + between.z_axis.z;
+    // From the sine too: the cosine alone hides angles below 1e-8.
+    let twice_sine =
+        [between.y_axis.z - between.z_axis.y, between.z_axis.x - between.x_axis.z, between.x_axis.y - between.y_axis.x];
+    let sine = 0.5 * twice_sine.iter().map(|s| s * s).sum::<f64>().sqrt();
+    DriveShift {
+        position_m: (new.position_m - old.position_m).length(),
+        turn_rad: math::atan2(sine, 0.5 * (trace - 1.0)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::DVec3;
+
+    #[test]
+    fn exact_nees_of_a_diagonal_covariance_is_the_sum_of_squared_scores() {
+        let truth = Pose { position_m: DVec3::new(1.0, 2.0, 3.0), roll_rad: 0.1, pitch_rad: -0.2, yaw_rad: 3.1 };
+        let mut estimate = crate::slam::truth(&truth);
+        assert_eq!(pose_error(&truth, &estimate), PoseError { position_m: 0.0, heading_rad: 0.0, nees: None });
+        estimate.pose.position_m += DVec3::new(0.3, 0.0, -0.4);
+        // Across the seam at pi.
+        estimate.pose.yaw_rad = math::wrap_angle(3.1 + 0.1);
+        estimate.covariance = matrix::diagonal(&[0.09, 1.0, 0.04, 1.0, 1.0, 0.01]);
+        let error = pose_error(&truth, &estimate);
+        assert!((error.position_m - 0.5).abs() < 1e-15 && (error.heading_rad - 0.1).abs() < 1e-14);
+        assert!((error.nees.unwrap() - (1.0 + 4.0 + 1.0)).abs() < 1e-12, "{error:?}");
+    }
+
+    #[test]
+    fn exact_the_drives_shift_is_distance_and_angle_between_chassis() {
+        let old = Pose { position_m: DVec3::ZERO, roll_rad: 0.3, pitch_rad: 0.2, yaw_rad: -1.0 };
+        for angle in [1e-11, 1e-3, 1.0, 3.0] {
+            let new = Pose { position_m: DVec3::new(0.0, 3e-9, 4e-9), yaw_rad: math::wrap_angle(-1.0 + angle), ..old };
+            let shift = drive_shift(&old, &new);
+            assert!((shift.position_m - 5e-9).abs() < 1e-22);
+            assert!((shift.turn_rad / angle - 1.0).abs() < 1e-5, "{angle}: {shift:?}");
+        }
+    }
+}

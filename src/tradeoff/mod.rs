@@ -1,0 +1,117 @@
+//! A config -> what each choice between speed and accuracy costs, and the error it brings. All of it is measured, nothing estimated.
+//!
+//! ```text
+//! settings    a reference, and alternatives that change one knob (or a preset's)
+//! measure     the same scenes at every setting, interleaved: times, ranges, poses, cells
+//! compare       matched cells: changed labels, shifted features
+//! loss        a classifier for each: balanced accuracy lost on the reference's test cells
+//! choose      Pareto front; the cheapest setting within a loss
+//! report      one row a setting  ->  table, records (Parquet), chart (SVG), JSON
+//! ```
+//!
+//! Same addresses, so the same yards, drives and draws at every setting. What changes the yard or what is modelled is not an error;
+//! it is measured alike and reported apart. All but the times is the same for any number of threads.
+
+pub mod chart;
+pub mod choose;
+mod clock;
+mod compare;
+mod loss;
+mod measure;
+mod ranges;
+pub mod records;
+pub mod report;
+pub mod settings;
+pub mod statistics;
+pub mod table;
+#[cfg(test)]
+mod tests;
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use crate::config::{ConfigError, Plan};
+use crate::corpus::Split;
+use crate::pipeline::Prepared;
+use crate::sweep::PatternError;
+use crate::train::TrainError;
+
+pub use report::{Report, Row};
+pub use settings::{Group, Setting};
+
+/// What is measured, and how.
+#[derive(Clone, Debug)]
+pub struct Options {
+    pub config: PathBuf,
+    /// Overrides of the config, as `--set` takes them; they hold at every setting.
+    pub sets: Vec<String>,
+    pub scenes: u64,
+    /// Groups of settings; empty = all.
+    pub only: Vec<Group>,
+    /// Trainings of each classifier; from 2 on there is an interval.
+    pub seeds: u64,
+    /// Loss of balanced accuracy up to which a setting is good enough.
+    pub max_loss: f64,
+    pub threads: usize,
+}
+
+/// What happens meanwhile.
+#[derive(Clone, Copy, Debug)]
+pub enum Event {
+    /// Before the first scene: settings of the pipeline, and scenes.
+    Start { settings: usize, scenes: usize, trainings: usize },
+    /// One scene was made at every setting.
+    Scene { done: usize, of: usize },
+    /// One classifier was trained.
+    Training { done: usize, of: usize },
+}
+
+/// Why nothing could be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum TradeoffError {
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
+    #[error("the classifier of '{setting}': {source}")]
+    Train { setting: String, source: Box<TrainError> },
+    #[error("a scene panicked: {message}; this is a bug of marsyard: please report it with the config")]
+    Panic { message: String },
+    #[error("could not start {threads} threads: {reason}")]
+    Threads { threads: usize, reason: String },
+    #[error("no scene could be made at the reference setting; the first said: {reason}")]
+    NoScene { reason: String },
+}
+
+/// Measures; `None` where `stop` was raised before the end.
+pub fn run(
+    options: &Options,
+    stop: &AtomicBool,
+    tell: &mut (dyn FnMut(Event) + Send),
+) -> Result<Option<Report>, TradeoffError> {
+    let settings = settings::settings(options)?;
+    let scenes = scenes(settings.reference(), options.scenes);
+    let prepared = settings.plans().map(|plan| Prepared::new(plan.clone())).collect::<Result<Vec<_>, _>>()?;
+    tell(Event::Start {
+        settings: prepared.len(),
+        scenes: scenes.len(),
+        trainings: loss::trainings(&settings, options),
+    });
+    let Some(measured) = measure::measure(&prepared, &scenes, options.threads, stop, tell)? else { return Ok(None) };
+    drop(prepared);
+    let Some(classifiers) = loss::classifiers(&settings, &measured, options, stop, tell)? else { return Ok(None) };
+    Ok(Some(report::report(options, &settings, &scenes, &measured, &classifiers)))
+}
+
+/// Scenes of the plan's train split, evenly spread, so that no setting is chosen by the test split; beyond the plan's end where it
+/// has too few (more scenes only add shards).
+fn scenes(plan: &Plan, count: u64) -> Vec<u64> {
+    let is_train = |scene: &u64| Split::of_shard(plan.shard_of(*scene)) == Split::Train;
+    let own: Vec<u64> = (0..plan.scenes).filter(is_train).collect();
+    let there = own.len() as u64;
+    if there >= count {
+        (0..count).map(|k| own[(k * there / count) as usize]).collect()
+    } else {
+        (0..).filter(is_train).take(count as usize).collect()
+    }
+}

@@ -1,0 +1,167 @@
+//! Numbers -> their middle and spread, and how sure a mean is.
+//!
+//! Quantiles interpolate linearly between order statistics (Hyndman & Fan's type 7, NumPy's default). The interval of a mean is
+//! Student's; its distribution for whole degrees of freedom is the finite sum of Abramowitz & Stegun 26.7.3 and 26.7.4.
+
+use serde::{Deserialize, Serialize};
+
+use crate::math;
+
+/// A quantile; `None` of nothing. `share` in [0, 1].
+pub fn quantile(values: &[f64], share: f64) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    let place = share * last as f64;
+    let below = (place.floor() as usize).min(last);
+    let above = (below + 1).min(last);
+    Some(sorted[below] + (place - below as f64) * (sorted[above] - sorted[below]))
+}
+
+/// Median and quartiles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    pub median: f64,
+    pub lower_quartile: f64,
+    pub upper_quartile: f64,
+}
+
+impl Spread {
+    /// `None` of nothing.
+    pub fn of(values: &[f64]) -> Option<Spread> {
+        Some(Spread {
+            median: quantile(values, 0.5)?,
+            lower_quartile: quantile(values, 0.25)?,
+            upper_quartile: quantile(values, 0.75)?,
+        })
+    }
+}
+
+/// A mean and the half width of its interval of 95 %.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    pub mean: f64,
+    /// Infinite (null in JSON) for a single value.
+    #[serde(with = "finite_or_null")]
+    pub half_width: f64,
+}
+
+mod finite_or_null {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+impl Interval {
+    /// Of a mean of independent values; `None` of nothing.
+    pub fn of(values: &[f64]) -> Option<Interval> {
+        let count = values.len();
+        if count == 0 {
+            return None;
+        }
+        let mean = values.iter().sum::<f64>() / count as f64;
+        let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
+        if count == 1 {
+            return Some(Interval { mean, half_width: f64::INFINITY });
+        }
+        let freedom = count - 1;
+        let error = (squares / freedom as f64 / count as f64).sqrt();
+        Some(Interval { mean, half_width: student(freedom, 0.95) * error })
+    }
+
+    pub fn upper(&self) -> f64 {
+        self.mean + self.half_width
+    }
+}
+
+/// The t that a Student variable stays within, both sides taken together, with this probability.
+fn student(freedom: usize, probability: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    while within(high, freedom) < probability {
+        high *= 2.0;
+    }
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if within(middle, freedom) < probability {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Probability of |T| <= t.
+fn within(t: f64, freedom: usize) -> f64 {
+    let angle = math::atan(t / (freedom as f64).sqrt());
+    let (sin, cos) = math::sin_cos(angle);
+    let odd = freedom % 2 == 1;
+    // Terms cos^k with k of the parity's own, each a ratio of whole numbers times the one before.
+    let (mut term, mut sum) = (if odd { cos } else { 1.0 }, 0.0);
+    let first = if odd { 1 } else { 0 };
+    for k in (first..freedom.saturating_sub(1)).step_by(2) {
+        sum += term;
+        term *= cos * cos * (k + 1) as f64 / (k + 2) as f64;
+    }
+    if odd { std::f64::consts::FRAC_2_PI * (angle + sin * sum) } else { sin * sum }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_quantiles_interpolate_between_order_statistics() {
+        // numpy.quantile([7, 1, 3, 10], [0, 0.25, 0.5, 0.9, 1])
+        let values = [7.0, 1.0, 3.0, 10.0];
+        for (share, expected) in [(0.0, 1.0), (0.25, 2.5), (0.5, 5.0), (0.9, 9.1), (1.0, 10.0)] {
+            assert!((quantile(&values, share).unwrap() - expected).abs() < 1e-14, "{share}");
+        }
+        assert_eq!(Spread::of(&values), Some(Spread { median: 5.0, lower_quartile: 2.5, upper_quartile: 7.75 }));
+        assert_eq!((quantile(&[], 0.5), quantile(&[f64::NAN, 4.0], 0.3)), (None, Some(4.0)));
+    }
+
+    #[test]
+    fn exact_student_quantiles_are_those_of_the_tables() {
+        // scipy.stats.t.ppf(0.975, df)
+        for (freedom, expected) in [
+            (1, 12.706_204_736_174_694),
+            (2, 4.302_652_729_749_462),
+            (3, 3.182_446_305_283_708),
+            (4, 2.776_445_105_197_793),
+            (5, 2.570_581_835_636_315),
+            (9, 2.262_157_162_798_205),
+            (30, 2.042_272_456_301_238),
+            (101, 1.983_731_002_955_606),
+        ] {
+            assert!(
+                (student(freedom, 0.95) - expected).abs() < 1e-12 * expected,
+                "{freedom}: {}",
+                student(freedom, 0.95)
+            );
+        }
+    }
+
+    #[test]
+    fn exact_the_interval_of_five_values() {
+        // Mean 0.03, sample sd sqrt(0.00025), so half width 2.7764451 * sqrt(0.00025 / 5).
+        let interval = Interval::of(&[0.01, 0.02, 0.03, 0.04, 0.05]).unwrap();
+        assert!((interval.mean - 0.03).abs() < 1e-15);
+        assert!((interval.half_width - 2.776_445_105_197_79 * (0.000_25f64 / 5.0).sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn extreme_one_value_says_nothing_of_its_spread() {
+        assert_eq!(Interval::of(&[]), None);
+        let one = Interval::of(&[0.2]).unwrap();
+        assert_eq!((one.mean, one.upper()), (0.2, f64::INFINITY));
+        assert_eq!(serde_json::to_string(&one).unwrap(), r#"{"mean":0.2,"half_width":null}"#);
+        assert_eq!(Interval::of(&[0.0; 5]).unwrap().half_width, 0.0);
+    }
+}

@@ -1,0 +1,236 @@
+//! Settings of shipped configs, and a whole measurement of a small one.
+
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+use std::sync::atomic::AtomicBool;
+
+use super::report::{PipelineRow, Report, Row};
+use super::settings::{Settings, Side, What};
+use super::{Event, Group, Options, TradeoffError, chart, records, run, scenes, settings, table};
+use crate::config::load;
+use crate::corpus::Split;
+use crate::drive::params::ContactSolver;
+use crate::slam::SlamParams;
+use crate::sweep::params::Cast;
+
+fn options(config: &str, sets: &[&str], only: &[Group]) -> Options {
+    Options {
+        config: PathBuf::from(env!("CARGO_MANIFEST_DIR")).join(config),
+        sets: sets.iter().map(|set| (*set).to_owned()).collect(),
+        scenes: 8,
+        only: only.to_vec(),
+        seeds: 2,
+        max_loss: 0.05,
+        threads: 2,
+    }
+}
+
+fn all(config: &str, sets: &[&str], only: &[Group]) -> Settings {
+    settings::settings(&options(config, sets, only)).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn names(settings: &Settings, group: Group) -> Vec<&str> {
+    settings.list.iter().filter(|s| s.group == Some(group)).map(|s| s.name.as_str()).collect()
+}
+
+#[test]
+fn exact_the_papers_config_has_every_knob_but_the_references_own_values() {
+    let settings = all("configs/paper.yaml", &[], &[]);
+    for (group, expected) in [
+        (Group::Presets, "as written|draft|standard"),
+        (Group::Cast, "raster 0.05 m|raster 0.1 m|raster 0.2 m|mesh 0.05 m|mesh 0.1 m|mesh 0.2 m"),
+        (Group::SubRays, ""),
+        (Group::Resolution, "every 2nd beam|every 4th beam"),
+        (Group::Covariance, "by layer|by node|diagonal"),
+        (Group::Precision, "f32|UD, f64|UD, f32"),
+        (Group::Batch, "8 rows|32 rows"),
+    ] {
+        assert_eq!(names(&settings, group).join("|"), expected, "{group:?}");
+    }
+    assert!(settings.refused.is_empty(), "{:?}", settings.refused);
+    let family = &settings.reference().families[0];
+    assert_eq!((&family.sweep.cast, family.drive.contact), (&Cast::Exact, ContactSolver::GaussNewton));
+    // One knob: nothing else differs from the reference.
+    let one = settings.list.iter().find(|s| s.name == "raster 0.1 m").unwrap();
+    let What::Plan(plan) = &one.what else { panic!("a plan") };
+    assert_eq!(plan.difference(settings.reference()).len(), 1, "{:?}", plan.difference(settings.reference()));
+    // What a setting says it sets makes its plan.
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml");
+    for setting in &settings.list {
+        if let What::Plan(plan) = &setting.what {
+            assert!(load(&config, &setting.sets).unwrap() == **plan, "{}", setting.name);
+        }
+    }
+    assert_eq!(one.sets.iter().filter(|set| set.starts_with("sweep.cast=")).count(), 1, "{:?}", one.sets);
+    assert_eq!(settings.list.iter().filter(|s| s.group.is_none()).count(), 2);
+    assert_eq!(settings.list[0].name, "reference");
+}
+
+#[test]
+fn law_families_keep_what_they_are_and_all_turn_the_knob() {
+    let settings = all("configs/mixed.yaml", &[], &[Group::Cast, Group::Resolution]);
+    let written = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mixed.yaml"), &[]).unwrap();
+    for (setting, plan) in settings.list.iter().zip(settings.plans()) {
+        assert_eq!(plan.families.len(), written.families.len());
+        for (own, family) in plan.families.iter().zip(&written.families) {
+            assert_eq!(own.sweep.effects.range_noise, family.sweep.effects.range_noise, "{}", setting.name);
+            assert_eq!((&own.scene, &own.cells), (&family.scene, &family.cells), "{}", setting.name);
+            assert_eq!(own.sweep.cast != Cast::Exact, setting.group == Some(Group::Cast), "{}", setting.name);
+            assert_eq!(own.sweep.sensor != family.sweep.sensor, setting.group == Some(Group::Resolution));
+        }
+    }
+    assert_eq!(settings.list.len(), 1 + 6 + 2);
+}
+
+#[test]
+fn law_a_pose_that_is_not_estimated_stays_the_configs_choice() {
+    let settings = all("configs/paper.yaml", &["slam=truth"], &[Group::Presets, Group::Slam]);
+    let truth = |plan: &crate::config::Plan| plan.families[0].slam == SlamParams::Truth;
+    assert!(truth(settings.reference()));
+    let presets = settings.list.iter().zip(settings.plans()).filter(|(s, _)| s.group == Some(Group::Presets));
+    assert!(presets.map(|(_, plan)| plan).all(truth));
+    assert!(names(&settings, Group::Slam).contains(&"surrogate") && !names(&settings, Group::Slam).contains(&"truth"));
+}
+
+#[test]
+fn law_sub_rays_are_a_knob_only_where_mixed_pixels_are_modelled() {
+    let on = ["sweep.effects.mixed_pixels={}"];
+    let modelled = all("configs/paper.yaml", &on, &[Group::SubRays, Group::Yard]);
+    assert_eq!(names(&modelled, Group::SubRays), ["1 sub-ray", "7 sub-rays"]);
+    let not = all("configs/paper.yaml", &[], &[Group::SubRays, Group::Yard]);
+    assert!(names(&not, Group::SubRays).is_empty());
+    assert!(names(&not, Group::Yard).contains(&"mixed pixels, 7 sub-rays"));
+    assert!(!names(&modelled, Group::Yard).contains(&"mixed pixels, 7 sub-rays"));
+}
+
+#[test]
+fn law_what_the_configs_rules_refuse_is_left_out_with_the_rule() {
+    let settings = all("configs/paper.yaml", &["scene.extent_m=500"], &[Group::Cast]);
+    let refused: Vec<&str> = settings.refused.iter().map(|refused| refused.name.as_str()).collect();
+    assert_eq!(refused, ["raster 0.05 m", "raster 0.1 m", "mesh 0.05 m", "mesh 0.1 m"]);
+    assert!(settings.refused[0].reason.contains("10000 x 10000 nodes"), "{:?}", settings.refused[0]);
+    let fault = settings::settings(&options("configs/paper.yaml", &["seed=x"], &[])).unwrap_err();
+    assert!(matches!(fault, TradeoffError::Config(_)));
+}
+
+#[test]
+fn exact_scenes_are_the_plans_own_of_the_train_split() {
+    let plan = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml"), &[]).unwrap();
+    for count in [8, 100, 700, 900] {
+        let chosen = scenes(&plan, count);
+        assert_eq!(chosen.len() as u64, count);
+        assert!(chosen.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!(chosen.iter().all(|&scene| Split::of_shard(plan.shard_of(scene)) == Split::Train));
+    }
+    // 14 of 20 shards of 50 train: 700 scenes; more come from beyond the plan's end.
+    assert!(scenes(&plan, 700).iter().all(|&scene| scene < plan.scenes));
+    assert!(scenes(&plan, 900).iter().any(|&scene| scene >= plan.scenes));
+}
+
+/// A measurement of the training tests' corpus: its knobs of casting and slam, two filters' groups.
+static SMALL: LazyLock<Report> = LazyLock::new(|| measured(2));
+
+fn measured(threads: usize) -> Report {
+    let only = [Group::Cast, Group::Slam, Group::Yard, Group::Batch];
+    let mut options = options("tests/fixtures/training.yaml", &["slam={fastslam: {particles: 3}}"], &only);
+    options.threads = threads;
+    let mut events = Vec::new();
+    let report = run(&options, &AtomicBool::new(false), &mut |event| events.push(event));
+    assert!(matches!(events[0], Event::Start { scenes: 8, .. }), "{events:?}");
+    assert!(matches!(events.last(), Some(Event::Training { done, of }) if done == of), "{events:?}");
+    report.unwrap_or_else(|error| panic!("{error}")).expect("nobody stops it")
+}
+
+fn row<'r>(report: &'r Report, name: &str) -> &'r Row {
+    report.rows.iter().find(|row| row.name == name).unwrap_or_else(|| panic!("no row {name}"))
+}
+
+fn pipeline<'r>(report: &'r Report, name: &str) -> &'r PipelineRow {
+    row(report, name).pipeline.as_ref().expect("a pipeline")
+}
+
+#[test]
+fn equal_all_but_times_for_any_number_of_threads() {
+    let (one, two) = (measured(1).timeless(), SMALL.timeless());
+    assert!(one == two, "{}\n{}", serde_json::json!(one), serde_json::json!(two));
+}
+
+#[test]
+fn law_the_reference_differs_in_nothing_from_itself() {
+    let reference = row(&SMALL, "reference");
+    let cells = pipeline(&SMALL, "reference").cells.as_ref().unwrap();
+    assert!(cells.matched > 1000);
+    assert_eq!((cells.appeared, cells.vanished, cells.other_label, cells.worst_shift_sd), (0, 0, 0.0, 0.0));
+    assert_eq!(reference.loss().map(|loss| (loss.mean, loss.half_width)), Some((0.0, 0.0)));
+    let drive = pipeline(&SMALL, "reference").drive.as_ref().unwrap();
+    assert_eq!((drive.max_position_m, drive.max_turn_deg), (0.0, 0.0));
+    assert!(pipeline(&SMALL, "reference").ranges.is_none());
+}
+
+#[test]
+fn law_the_true_pose_has_no_error_and_claims_no_covariance() {
+    let pose = pipeline(&SMALL, "truth").pose.as_ref().unwrap();
+    assert_eq!((pose.position_m.unwrap().median, pose.mean_nees), (0.0, None));
+    let estimated = pipeline(&SMALL, "reference").pose.as_ref().unwrap();
+    assert!(estimated.position_m.unwrap().median > 0.0 && estimated.mean_nees.is_some());
+    // Casting leaves the drive where it is; so does the pose estimate.
+    assert_eq!(pipeline(&SMALL, "truth").drive.as_ref().unwrap().max_position_m, 0.0);
+}
+
+/// Bilinear ground is off by the square of its spacing.
+#[test]
+fn order_range_errors_fall_with_the_square_of_the_spacing() {
+    let median = |name: &str| pipeline(&SMALL, name).ranges.as_ref().unwrap().median_m.unwrap();
+    for method in ["raster", "mesh"] {
+        for (coarse, fine) in [("0.2", "0.1"), ("0.1", "0.05")] {
+            let ratio = median(&format!("{method} {coarse} m")) / median(&format!("{method} {fine} m"));
+            assert!((3.2..4.8).contains(&ratio), "{method} {coarse} over {fine}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn law_more_work_costs_more_and_the_front_holds_the_cheapest() {
+    let cpu = |name: &str| row(&SMALL, name).cost().unwrap();
+    assert!(cpu("mesh 0.05 m") > cpu("reference") && cpu("truth") < cpu("reference"));
+    let pipelines: Vec<&Row> = SMALL.side(Side::Pipeline).collect();
+    let cheapest = pipelines.iter().min_by(|a, b| a.cost().unwrap().total_cmp(&b.cost().unwrap())).unwrap();
+    assert!(cheapest.on_front);
+    assert!(SMALL.side(Side::Yard).next().is_some() && SMALL.side(Side::Yard).all(|row| !row.on_front));
+}
+
+#[test]
+fn law_every_output_names_every_setting() {
+    let (text, page) = (table::text(&SMALL), table::markdown(&SMALL));
+    let drawn = chart::svg(&SMALL).expect("a chart");
+    assert!(drawn.starts_with("<svg") && drawn.trim_end().ends_with("</svg>"));
+    for row in &SMALL.rows {
+        assert!(text.contains(&row.label()) && page.contains(&row.label()), "{}", row.label());
+        assert!(!row.on_front || drawn.contains(&row.name), "{}", row.label());
+    }
+    let verdict = text.lines().last().unwrap();
+    assert!(verdict.contains("at most 5 points"), "{verdict}");
+    let json = serde_json::to_string(&*SMALL).unwrap();
+    assert!(serde_json::from_str::<Report>(&json).unwrap() == *SMALL);
+    let bytes = records::parquet(&SMALL).unwrap();
+    let reader =
+        parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).unwrap();
+    assert_eq!(reader.metadata().file_metadata().num_rows() as usize, SMALL.rows.len());
+}
+
+#[test]
+fn extreme_a_raised_stop_ends_it_without_a_report() {
+    let options = options("tests/fixtures/training.yaml", &[], &[Group::Batch]);
+    assert!(run(&options, &AtomicBool::new(true), &mut |_| ()).unwrap().is_none());
+}
+
+#[test]
+fn extreme_a_yard_where_no_scene_can_be_made_says_why() {
+    // Rocks shoulder to shoulder leave no place for a rover.
+    let sets = ["scene.rocks={count: 2000, diameter_m: 0.9}"];
+    let options = options("tests/fixtures/training.yaml", &sets, &[Group::Cast]);
+    match run(&options, &AtomicBool::new(false), &mut |_| ()) {
+        Err(TradeoffError::NoScene { reason }) => assert!(!reason.is_empty()),
+        other => panic!("{other:?}"),
+    }
+}
