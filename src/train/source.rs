@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::labels::LabelRule;
 use super::{FeatureSet, TrainError};
+use crate::cells::LOCAL_HEIGHT;
 use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{self, FeatureSummary, ShardLine};
 use crate::corpus::reader::TableFile;
@@ -226,15 +227,10 @@ impl Sources {
 /// The columns of a preset, in the corpus's order.
 fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> {
     let names = source.features.iter().map(|feature| &feature.name);
-    let is_effect = |name: &str| name.starts_with("intensity_");
-    let keep: &dyn Fn(&str) -> bool = match set {
-        FeatureSet::Listed => &|name| !name.starts_with("sigma_") && !is_effect(name),
-        FeatureSet::Full => &|name| {
-            let sigma =
-                !name.starts_with("sigma_") || ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name);
-            sigma && !is_effect(name)
-        },
-        FeatureSet::All => &|_| true,
+    let keep: fn(&str) -> bool = match set {
+        FeatureSet::Listed => is_listed,
+        FeatureSet::Full => is_full,
+        FeatureSet::All => |_| true,
         FeatureSet::Columns(columns) => {
             for (i, column) in columns.iter().enumerate() {
                 unit_of(source, column)?;
@@ -248,6 +244,16 @@ fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> 
     Ok(names.filter(|name| keep(name)).cloned().collect())
 }
 
+/// The paper's features.
+fn is_listed(name: &str) -> bool {
+    !name.starts_with("sigma_") && !name.starts_with("intensity_") && name != LOCAL_HEIGHT
+}
+
+/// With what else is worth having by any sensor.
+fn is_full(name: &str) -> bool {
+    is_listed(name) || [LOCAL_HEIGHT, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name)
+}
+
 fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
     source.features.iter().find(|feature| feature.name == name).map(|feature| feature.unit.as_str()).ok_or_else(|| {
         TrainError::NoFeature {
@@ -256,4 +262,29 @@ fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
             known: source.features.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(" "),
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cells::params::LocalHeightParams;
+    use crate::cells::{CellParams, feature_columns};
+
+    #[test]
+    fn exact_listed_is_the_papers_list_and_full_takes_the_local_height_and_three_sigmas_where_they_are() {
+        let chosen = |local_height: Option<LocalHeightParams>, keep: fn(&str) -> bool| {
+            let params = CellParams { local_height, ..CellParams::default() };
+            let names = feature_columns(&params, true).into_iter().map(|column| column.name);
+            names.filter(|name| keep(name)).collect::<Vec<_>>()
+        };
+        let local = || Some(LocalHeightParams::default());
+        let listed = chosen(local(), is_listed);
+        assert_eq!((listed.len(), &listed), (14, &chosen(None, is_listed)));
+        assert_eq!(listed[13], "neighbour_ne_m");
+        let sigmas = ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
+        assert_eq!(chosen(None, is_full)[14..], sigmas);
+        let full = chosen(local(), is_full);
+        assert_eq!((full[..14] == listed, full[14].as_str()), (true, "local_height_m"));
+        assert_eq!(full[15..], sigmas);
+    }
 }
