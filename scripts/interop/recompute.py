@@ -107,6 +107,17 @@ def expect_f32(found, computed, what, scan, worst):
                  f"{computed[k]!r} (row {k}, {off[k]} units in the last place)")
 
 
+def local_ground(index, mean, local, size_m):
+    """Per cell, the percentile (nearest rank) of the means of all cells within the radius, itself included."""
+    # Whole numbers of cells; a centre on the circle lies within.
+    reach_squared = (local["radius_m"] / size_m) ** 2 * (1 + 1e-9)
+    ground = np.empty(len(index))
+    for k, cell in enumerate(index.astype(np.int64)):
+        near = np.sort(mean[((index - cell) ** 2).sum(axis=1) <= reach_squared])
+        ground[k] = near[max(int(np.ceil(local["percentile"] * len(near) / 100)), 1) - 1]
+    return ground
+
+
 def compare(cells, window, kept, params, worst):
     """The stored cells of one kept scan against those of its window's points."""
     def gather(take):
@@ -149,6 +160,10 @@ def compare(cells, window, kept, params, worst):
         beside = np.array([where.get((r + north, c + east), -1) for r, c in index.tolist()], np.int64)
         mask |= (beside >= 0).astype(np.int64) << bit
         computed[f"neighbour_{name}_m"] = np.where(beside >= 0, mean[beside], mean)
+    local = params.get("local_height")
+    expect_equal("local_height_m" in stored, local is not None, "column local_height_m", kept)
+    if local:
+        computed["local_height_m"] = mean - local_ground(index, mean, local, params["size_m"])
     expect_equal(stored["neighbour_mask"], mask, "neighbour_mask", kept)
     for name, values in computed.items():
         expect_f32(stored[name], values, name, kept, worst)

@@ -7,6 +7,7 @@
 use super::columns::{Offset, neighbour_offsets};
 use super::group::Order;
 use super::labels::{self, TruthSum, Verdict};
+use super::local;
 use super::place::{Placer, Unplaced};
 use super::slope::GroundPlaces;
 use super::{CellParams, CellRow, CellTruth, Cells};
@@ -50,6 +51,7 @@ pub struct Scratch {
     order: Order,
     verdicts: Vec<Verdict>,
     mean_heights_m: Vec<f64>,
+    local: local::Scratch,
 }
 
 /// A point in a cell.
@@ -228,7 +230,7 @@ fn summarise(
     let offsets = neighbour_offsets(params.neighbours);
     let width = super::feature_columns(params, intensity).len();
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
-    let Scratch { cells: of_point, points, grounds, order, verdicts, mean_heights_m } = scratch;
+    let Scratch { cells: of_point, points, grounds, order, verdicts, mean_heights_m, local } = scratch;
     mean_heights_m.clear();
     for members in order.by_cell.chunk_by(|&a, &b| of_point[a as usize] == of_point[b as usize]) {
         let of_cell = || members.iter().map(|&i| &points[i as usize]);
@@ -260,6 +262,8 @@ fn summarise(
         let own = [mean_m, squares / count, high - low, count, estimate.pose.pitch_rad, estimate.pose.roll_rad];
         features.extend(own.map(|f| f as f32));
         features.extend(std::iter::repeat_n(mean_m as f32, offsets.len()));
+        // Written below, when all means are known.
+        features.extend(params.local_height.iter().map(|_| 0.0));
         features.extend([sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32));
         if intensity {
             let (mean, variance) = mean_and_variance(of_cell().map(|p| p.intensity));
@@ -268,6 +272,13 @@ fn summarise(
     }
     debug_assert_eq!(cells.features.len(), width * cells.rows.len());
     add_neighbours(&offsets, mean_heights_m, width, cells);
+    if let Some(local_height) = &params.local_height {
+        let Cells { rows, features, .. } = cells;
+        let column = FIRST_NEIGHBOUR + offsets.len();
+        local::heights(local_height, params.size_m, rows, mean_heights_m, local, |row, height_m| {
+            features[row * width + column] = height_m as f32;
+        });
+    }
 }
 
 /// Mean and population variance in two passes.

@@ -13,6 +13,8 @@ pub struct Offset {
 
 /// The column of a cell's own height.
 pub const MEAN_HEIGHT: &str = "mean_height_m";
+/// The column of a cell's height above the ground around it.
+pub const LOCAL_HEIGHT: &str = "local_height_m";
 /// Columns of neighbours' heights begin with this.
 const NEIGHBOUR: &str = "neighbour_";
 
@@ -63,6 +65,14 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
             format!("mean height of the neighbour to the {name}, as mean_height_m; own mean where that cell is empty");
         FeatureColumn { name: format!("{NEIGHBOUR}{name}_m"), unit: "m", description }
     }));
+    columns.extend(params.local_height.iter().map(|local| {
+        let (radius_m, percentile) = (local.radius_m, local.percentile);
+        let description = format!(
+            "mean height above percentile {percentile} (nearest rank) of the mean heights of the cells of the scan whose \
+             centres lie within {radius_m} m, the cell itself included"
+        );
+        column(LOCAL_HEIGHT, "m", &description)
+    }));
     columns.extend([("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("x", "m"), ("y", "m"), ("yaw", "rad")].map(
         |(axis, unit)| {
             let description = format!("standard deviation of the rover's estimated {axis}");
@@ -83,6 +93,7 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cells::params::LocalHeightParams;
 
     fn names(neighbours: u32, intensity: bool) -> Vec<String> {
         let params = CellParams { neighbours, ..CellParams::default() };
@@ -96,6 +107,20 @@ mod tests {
             sigma_z_m sigma_roll_rad sigma_pitch_rad sigma_x_m sigma_y_m sigma_yaw_rad";
         assert_eq!(names(8, false).join(" "), expected);
         assert_eq!(names(8, true).join(" "), format!("{expected} intensity_mean intensity_variance"));
+    }
+
+    #[test]
+    fn golden_the_local_height_stands_between_the_neighbours_and_the_sigmas() {
+        let params = CellParams { local_height: Some(LocalHeightParams::default()), ..CellParams::default() };
+        let columns = feature_columns(&params, false);
+        assert_eq!([13, 14, 15].map(|i| columns[i].name.as_str()), ["neighbour_ne_m", "local_height_m", "sigma_z_m"]);
+        assert_eq!((columns.len(), columns[14].unit), (21, "m"));
+        assert!(
+            columns[14].description.starts_with("mean height above percentile 10 ("),
+            "{}",
+            columns[14].description
+        );
+        assert!(columns[14].description.contains("within 1 m,"));
     }
 
     #[test]

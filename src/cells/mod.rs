@@ -7,6 +7,7 @@ mod bin;
 mod columns;
 mod group;
 mod labels;
+mod local;
 pub mod params;
 mod place;
 mod slope;
@@ -14,7 +15,7 @@ mod slope;
 mod tests;
 
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
-pub use columns::{MEAN_HEIGHT, Offset, feature_columns, is_neighbour, neighbour_offsets};
+pub use columns::{LOCAL_HEIGHT, MEAN_HEIGHT, Offset, feature_columns, is_neighbour, neighbour_offsets};
 pub use labels::obstacles;
 pub use params::CellParams;
 pub use place::{Placed, Placer, Unplaced};

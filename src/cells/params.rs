@@ -23,18 +23,56 @@ pub struct CellParams {
     /// Sweeps (up to this many, the kept one the last) whose points are put together.
     #[garde(range(min = 1, max = 1000))]
     pub window_scans: u32,
+    /// One feature more: each cell's height above the ground around it; absent = none.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub local_height: Option<LocalHeightParams>,
     #[garde(dive)]
     pub labels: LabelParams,
 }
 
 impl Default for CellParams {
     fn default() -> Self {
-        CellParams { size_m: 0.1, max_range_m: None, neighbours: 8, window_scans: 1, labels: LabelParams::default() }
+        CellParams {
+            size_m: 0.1,
+            max_range_m: None,
+            neighbours: 8,
+            window_scans: 1,
+            local_height: None,
+            labels: LabelParams::default(),
+        }
     }
 }
 
 fn four_eight_or_twenty_four(value: &u32, _: &()) -> garde::Result {
     if [4, 8, 24].contains(value) { Ok(()) } else { Err(garde::Error::new(format!("must be 4, 8 or 24, got {value}"))) }
+}
+
+/// The cell's mean height less a low percentile (nearest rank) of the mean heights of the cells around it: column
+/// `local_height_m`. It holds where levelling errors or slopes move the height above the rover.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct LocalHeightParams {
+    /// Cells of the same scan whose centres lie within this of the cell's centre count, the cell itself too, metres; at most
+    /// 100 cells.
+    #[garde(custom(within(0.1, 10.0)))]
+    pub radius_m: f64,
+    /// Percentile of their mean heights that stands for the ground: 0 is the lowest, 50 the median.
+    #[garde(custom(within(0.0, 50.0)))]
+    pub percentile: f64,
+}
+
+impl Default for LocalHeightParams {
+    fn default() -> Self {
+        LocalHeightParams { radius_m: 1.0, percentile: 10.0 }
+    }
+}
+
+impl LocalHeightParams {
+    /// For people: `percentile 10 within 1 m`.
+    pub fn words(&self) -> String {
+        format!("percentile {} within {} m", self.percentile, self.radius_m)
+    }
 }
 
 /// When a cell is untraversable.

@@ -77,6 +77,7 @@ pub(super) fn family_facts(plan: &Plan) -> Vec<FamilyFacts> {
         name: family.name.clone(),
         sensor: family.sweep.sensor.name.clone(),
         cell_size_m: family.cells.size_m,
+        local_height: family.cells.local_height.clone(),
         labels: labels(&family.cells),
     };
     plan.families.iter().map(facts).collect()

@@ -254,9 +254,10 @@ fn parts(family: &Family) -> Vec<(&'static str, String)> {
     };
     parts.push(("slam", slam));
     let cells = &family.cells;
+    let local = cells.local_height.as_ref().map_or(String::new(), |local| format!(", height above {}", local.words()));
     parts.push((
         "cells",
-        format!("{} m, {} neighbours, {} scans a window", cells.size_m, cells.neighbours, cells.window_scans),
+        format!("{} m, {} neighbours, {} scans a window{local}", cells.size_m, cells.neighbours, cells.window_scans),
     ));
     parts
 }

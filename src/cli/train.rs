@@ -211,7 +211,12 @@ fn check_grids((first, ours): (&Path, &Origin), (other, theirs): (&Path, &Origin
         )))
     };
     differ("size_m", ours.cells.size_m.to_string(), theirs.cells.size_m.to_string())?;
-    differ("neighbours", ours.cells.neighbours.to_string(), theirs.cells.neighbours.to_string())
+    differ("neighbours", ours.cells.neighbours.to_string(), theirs.cells.neighbours.to_string())?;
+    // One that lacks the column is told apart by its features, where they ask for it.
+    match (&ours.cells.local_height, &theirs.cells.local_height) {
+        (Some(ours), Some(theirs)) => differ("local_height", ours.words(), theirs.words()),
+        _ => Ok(()),
+    }
 }
 
 /// A model file, or the one in a run folder; and the filter's memory beside it.

@@ -6,6 +6,7 @@ use super::document::Document;
 use super::error::Fault;
 use super::place::Place;
 use super::plan::Family;
+use crate::cells::CellParams;
 use crate::drive::params::{Keep, PathParams};
 use crate::drive::rover::Chassis;
 use crate::random::Dist;
@@ -16,6 +17,8 @@ use crate::sweep::sensor::{PatternParams, Sensor};
 
 /// Nodes along one side of a raster: 4096 x 4096 heights are 134 MB.
 const MAX_NODES_A_SIDE: f64 = 4096.0;
+/// Cells from the centre to the rim of the ground around a cell: some 31,000 cells lie within.
+const MAX_LOCAL_RADIUS_CELLS: f64 = 100.0;
 /// Beam slots of one sweep.
 const MAX_SLOTS: f64 = 4e6;
 
@@ -94,6 +97,8 @@ pub fn between_families(families: &[(Family, Place)], faults: &mut Vec<Fault>) {
             b.neighbours.to_string(),
             "one corpus has one set of columns",
         );
+        let local = |cells: &CellParams| cells.local_height.as_ref().map_or("absent".to_owned(), |local| local.words());
+        differ("cells.local_height", local(a), local(b), "one corpus has one set of columns");
         let on = |family: &Family| if family.sweep.effects.intensity.is_some() { "on" } else { "off" }.to_owned();
         differ("sweep.effects.intensity", on(first), on(family), "one corpus has one set of columns");
     }
@@ -454,6 +459,16 @@ impl Rules<'_, '_, '_> {
             let rule = format!("a cell of {} m is larger than max_range_m ({max_m} m)", cells.size_m);
             let also = [("cells.max_range_m", "the range")];
             self.fault("cells.size_m", rule, "about one wheel diameter is usual", &also);
+        }
+        if let Some(local) = &cells.local_height
+            && local.radius_m > MAX_LOCAL_RADIUS_CELLS * cells.size_m * (1.0 + 1e-9)
+        {
+            let rule = format!(
+                "a radius of {} m is more than {MAX_LOCAL_RADIUS_CELLS} cells of {} m",
+                local.radius_m, cells.size_m
+            );
+            let cure = "1 m is usual; the time grows with the radius in cells";
+            self.fault("cells.local_height.radius_m", rule, cure, &[("cells.size_m", "the cell")]);
         }
     }
 

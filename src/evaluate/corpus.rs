@@ -10,6 +10,7 @@ use arrow::array::{Int64Array, StringArray};
 use super::columns::{CLASS, Columns, HEIGHT_DIFFERENCE, OBSTACLE_POINTS, Scan, TOP_POINTS};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
+use crate::cells::params::LocalHeightParams;
 use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{self, ShardLine};
 use crate::corpus::reader::TableFile;
@@ -24,6 +25,7 @@ pub struct FamilyFacts {
     pub name: String,
     pub sensor: String,
     pub cell_size_m: f64,
+    pub local_height: Option<LocalHeightParams>,
     /// The rule of its labels, for people.
     pub labels: String,
 }
@@ -80,6 +82,7 @@ pub fn evaluate(
     for family in families {
         let named = |source| EvaluateError::Family { family: family.name.clone(), source };
         model.check_cell_size(family.cell_size_m).map_err(named)?;
+        model.check_local_height(family.local_height.as_ref()).map_err(named)?;
     }
     if let Some(family) = options.only_families.iter().find(|name| families.iter().all(|f| f.name != **name)) {
         let known: Vec<&str> = families.iter().map(|f| f.name.as_str()).collect();

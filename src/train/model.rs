@@ -13,7 +13,8 @@ use garde::Validate;
 use serde::{Deserialize, Serialize};
 
 use super::Network;
-use crate::cells::CellParams;
+use crate::cells::params::LocalHeightParams;
+use crate::cells::{CellParams, LOCAL_HEIGHT};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
@@ -82,7 +83,7 @@ pub enum ModelError {
     #[error("the model contradicts itself: {reason}; the file was damaged or changed by hand: train again")]
     Contradiction { reason: String },
     #[error(
-        "the model takes {}, which the data does not have; build the corpus with the effects that give {}, or train with \
+        "the model takes {}, which the data does not have; build the corpus with the effects and cell features that give {}, or train with \
          `features: listed`",
         missing.join(", "),
         if missing.len() == 1 { "it" } else { "them" }
@@ -93,6 +94,11 @@ pub enum ModelError {
          build the data with `cells.size_m: {model_m}`, or train a model on cells of {data_m} m"
     )]
     OtherCellSize { model_m: f64, data_m: f64 },
+    #[error(
+        "the model was trained on heights above {model}, the data has those above {data}: the same column with another meaning; \
+         build the data with the model's `cells.local_height`, or train again without `local_height_m`"
+    )]
+    OtherLocalHeight { model: String, data: String },
 }
 
 impl Scaler {
@@ -130,6 +136,17 @@ impl Model {
             return Ok(());
         }
         Err(ModelError::OtherCellSize { model_m, data_m })
+    }
+
+    /// Refuses data whose local heights, where the model takes them, mean something else.
+    pub fn check_local_height(&self, data: Option<&LocalHeightParams>) -> Result<(), ModelError> {
+        let takes = self.about.features.iter().any(|name| name == LOCAL_HEIGHT);
+        match (&self.about.cells.local_height, data) {
+            (Some(model), Some(data)) if takes && model != data => {
+                Err(ModelError::OtherLocalHeight { model: model.words(), data: data.words() })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The output for one row of features, in the order of `about.features`.

@@ -111,7 +111,7 @@ impl Default for NetworkParams {
 pub enum FeatureSet {
     /// The paper's list: 14 with 8 neighbours.
     Listed,
-    /// Listed, and the sigmas of z, roll and pitch.
+    /// Listed, the height above the ground around the cell where the corpus has it, and the sigmas of z, roll and pitch.
     Full,
     /// Every feature column.
     All,

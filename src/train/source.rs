@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::labels::LabelRule;
 use super::{FeatureSet, TrainError};
+use crate::cells::LOCAL_HEIGHT;
 use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{self, FeatureSummary, ShardLine};
 use crate::corpus::reader::TableFile;
@@ -240,17 +241,22 @@ fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> 
 
 /// Whether a column is one of a set's inputs.
 pub fn holds(set: &FeatureSet, name: &str) -> bool {
-    let is_effect = name.starts_with("intensity_");
-    let is_sigma = name.starts_with("sigma_");
     match set {
-        FeatureSet::Listed => !is_sigma && !is_effect,
-        FeatureSet::Full => {
-            let of_attitude = ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name);
-            (!is_sigma || of_attitude) && !is_effect
-        }
+        FeatureSet::Listed => is_listed(name),
+        FeatureSet::Full => is_full(name),
         FeatureSet::All => true,
         FeatureSet::Columns(columns) => columns.iter().any(|column| column == name),
     }
+}
+
+/// The paper's features.
+fn is_listed(name: &str) -> bool {
+    !name.starts_with("sigma_") && !name.starts_with("intensity_") && name != LOCAL_HEIGHT
+}
+
+/// With what else is worth having by any sensor.
+fn is_full(name: &str) -> bool {
+    is_listed(name) || [LOCAL_HEIGHT, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name)
 }
 
 fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
@@ -261,4 +267,29 @@ fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
             known: source.features.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(" "),
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cells::params::LocalHeightParams;
+    use crate::cells::{CellParams, feature_columns};
+
+    #[test]
+    fn exact_listed_is_the_papers_list_and_full_takes_the_local_height_and_three_sigmas_where_they_are() {
+        let chosen = |local_height: Option<LocalHeightParams>, keep: fn(&str) -> bool| {
+            let params = CellParams { local_height, ..CellParams::default() };
+            let names = feature_columns(&params, true).into_iter().map(|column| column.name);
+            names.filter(|name| keep(name)).collect::<Vec<_>>()
+        };
+        let local = || Some(LocalHeightParams::default());
+        let listed = chosen(local(), is_listed);
+        assert_eq!((listed.len(), &listed), (14, &chosen(None, is_listed)));
+        assert_eq!(listed[13], "neighbour_ne_m");
+        let sigmas = ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
+        assert_eq!(chosen(None, is_full)[14..], sigmas);
+        let full = chosen(local(), is_full);
+        assert_eq!((full[..14] == listed, full[14].as_str()), (true, "local_height_m"));
+        assert_eq!(full[15..], sigmas);
+    }
 }

@@ -99,6 +99,7 @@ fn families() -> Vec<FamilyFacts> {
         name: name.into(),
         sensor: sensor.into(),
         cell_size_m: 0.1,
+        local_height: None,
         labels: "as built".into(),
     };
     vec![facts("even", "urg"), facts("odd", "lms")]
