@@ -84,11 +84,10 @@ fn law_export_prints_weights_that_give_the_outputs_beside_them() {
         let scaler = &exported["about"]["scaler"];
         let (mean, scale, clip) =
             (numbers(&scaler["mean"]), numbers(&scaler["scale"]), scaler["clip"].as_f64().expect("a clip"));
-        let mut values: Vec<f64> = numbers(row)
-            .iter()
-            .zip(mean.iter().zip(&scale))
-            .map(|(x, (mean, scale))| ((x - mean) / scale).clamp(-clip, clip))
-            .collect();
+        let row = numbers(row);
+        let minus = |k: usize| scaler["minus"][k].as_u64().map_or(0.0, |other| row[other as usize]);
+        let mut values: Vec<f64> =
+            (0..row.len()).map(|k| ((row[k] - minus(k) - mean[k]) / scale[k]).clamp(-clip, clip)).collect();
         for layer in exported["layers"].as_array().expect("layers") {
             let neurons = layer["weights"].as_array().expect("weights").iter().zip(numbers(&layer["biases"]));
             values = neurons
