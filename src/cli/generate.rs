@@ -124,7 +124,6 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let stop = stop_on_signals()?;
     let mut progress = Progress::new(shards.len() as u64 * u64::from(spec.scenes_per_shard), log);
     let mut writing = std::time::Duration::ZERO;
-    let progress_cell = std::cell::RefCell::new(&mut progress);
     let outcome = generate::generate(
         &prepared,
         &shards,
@@ -132,31 +131,35 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         &stop,
         |event| match event {
             Event::Scene { output, times } => {
-                progress_cell.borrow_mut().scene(output, times, || replay_command(&args.config, output.scene_id));
+                progress.scene(output, times, || replay_command(&args.config, output.scene_id));
+            }
+            Event::Shard { shard, written, took } => {
+                writing += took;
+                progress.shard(shard, *written);
             }
         },
-        |shard, outputs| {
-            let started = std::time::Instant::now();
-            let bytes = write_shard(&spec, &store, shard, &outputs)?;
-            writing += started.elapsed();
-            progress_cell.borrow().shard(shard, bytes);
-            Ok(())
-        },
+        |shard, outputs| write_shard(&spec, &store, shard, &outputs),
     );
     progress.finish();
-    let outcome = outcome.map_err(|error| match error {
-        BuildError::Write(error) => corpus_failure(error),
-        BuildError::Panic { scene, .. } => {
-            Failure::failed(format!("{error}\n  replay: {}", replay_command(&args.config, scene)))
-        }
-        BuildError::Threads { .. } => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
-    })?;
+    let outcome = build_outcome(outcome, |scene| replay_command(&args.config, scene))?;
     let report = report(&progress, writing, args.threads);
     store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
     if outcome == Outcome::Interrupted {
         return Err(Failure::new(Failure::TRY_AGAIN, interrupted()));
     }
     finish(&prepared.plan, &spec, &store, &progress, writing, log)
+}
+
+/// How a build ended, or why it failed.
+pub(super) fn build_outcome(
+    built: Result<Outcome, BuildError<CorpusError>>,
+    replay: impl FnOnce(u64) -> String,
+) -> Result<Outcome, Failure> {
+    built.map_err(|error| match error {
+        BuildError::Write(error) => corpus_failure(error),
+        BuildError::Panic { scene, .. } => Failure::failed(format!("{error}\n  replay: {}", replay(scene))),
+        BuildError::Threads { .. } => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
+    })
 }
 
 fn interrupted() -> miette::Report {

@@ -146,7 +146,7 @@ pub fn main() -> ExitCode {
         Verb::Generate(args) => generate::run(args, cli.log),
         Verb::Status(args) => corpus::status(args),
         Verb::Finalize(args) => corpus::finalize(args),
-        Verb::Verify(args) => corpus::verify(args),
+        Verb::Verify(args) => corpus::verify(args, cli.log),
         Verb::Inspect(args) => corpus::inspect(args),
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),

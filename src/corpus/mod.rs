@@ -26,6 +26,7 @@ pub mod place;
 pub mod plain;
 pub mod ranges;
 pub mod reader;
+pub mod rebuild;
 pub mod receipt;
 pub mod schema;
 pub mod shard;

@@ -3,7 +3,6 @@
 use std::fmt;
 
 use arrow::array::{Array, Float32Array, Int8Array, RecordBatch};
-use arrow::util::display::array_value_to_string;
 
 use super::reader::TableFile;
 use super::receipt::{FileFacts, Receipt};
@@ -159,80 +158,4 @@ fn count(batch: &RecordBatch, receipt: &Receipt, labels: &mut LabelCounts, momen
             column.values().iter().for_each(|&value| moments.add(f64::from(value)));
         }
     }
-}
-
-/// The first place at which two versions of a table differ.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FirstDifference {
-    pub row: u64,
-    /// Empty where one table ends before the other.
-    pub column: String,
-    pub there: String,
-    pub here: String,
-}
-
-impl fmt::Display for FirstDifference {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "row {}, column {}: {} in the corpus, {} when built again",
-            self.row, self.column, self.there, self.here
-        )
-    }
-}
-
-/// Compares a table in the corpus with the same table built again; `None` where all values are equal.
-pub fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<FirstDifference>, CorpusError> {
-    let read = |file: &TableFile| -> Result<RecordBatch, CorpusError> {
-        let batches = file.batches().collect::<Result<Vec<_>, _>>()?;
-        arrow::compute::concat_batches(file.schema(), &batches)
-            .map_err(|source| CorpusError::Arrow { name: file.name().into(), source })
-    };
-    let (there, here) = (read(there)?, read(here)?);
-    let names = |batch: &RecordBatch| batch.schema().fields().iter().map(|f| f.name().clone()).collect::<Vec<_>>();
-    if names(&there) != names(&here) {
-        let (there, here) = (names(&there).join(" "), names(&here).join(" "));
-        return Ok(Some(FirstDifference { row: 0, column: "names".into(), there, here }));
-    }
-    let rows = there.num_rows().min(here.num_rows());
-    let differs = |k: usize| first_row(there.column(k).as_ref(), here.column(k).as_ref(), rows).map(|row| (row, k));
-    let first = (0..there.num_columns()).filter_map(differs).min();
-    let text = |batch: &RecordBatch, row: usize, k: usize| {
-        if batch.column(k).is_null(row) { Ok("null".into()) } else { array_value_to_string(batch.column(k), row) }
-            .unwrap_or_else(|error| error.to_string())
-    };
-    Ok(match first {
-        Some((row, k)) => Some(FirstDifference {
-            row: row as u64,
-            column: there.schema().field(k).name().clone(),
-            there: text(&there, row, k),
-            here: text(&here, row, k),
-        }),
-        None if there.num_rows() != here.num_rows() => Some(FirstDifference {
-            row: rows as u64,
-            column: "(number of rows)".into(),
-            there: format!("{} rows", there.num_rows()),
-            here: format!("{} rows", here.num_rows()),
-        }),
-        None => None,
-    })
-}
-
-/// The first of `rows` rows in which two columns differ: found by halving, since slices compare fast.
-fn first_row(a: &dyn Array, b: &dyn Array, rows: usize) -> Option<usize> {
-    let same = |from: usize, length: usize| a.slice(from, length).to_data() == b.slice(from, length).to_data();
-    if same(0, rows) {
-        return None;
-    }
-    let (mut from, mut length) = (0, rows);
-    while length > 1 {
-        let half = length / 2;
-        if same(from, half) {
-            from += half;
-            length -= half;
-        } else {
-            length = half;
-        }
-    }
-    Some(from)
 }

@@ -68,7 +68,9 @@ fn law_verify_finds_a_flipped_bit() {
     assert_eq!(yard.marsyard(["verify", "corpus", "--repair"]).status.code(), Some(1));
     let plan = yard.path("corpus/plan.yaml");
     yard.generate(&plan, "corpus", &[]);
-    assert!(yard.marsyard(["verify", "corpus"]).status.success(), "a repaired corpus is whole");
+    let whole = yard.marsyard(["verify", "corpus", "--rebuild", "2"]);
+    assert!(whole.status.success(), "a repaired corpus is whole, and what its plan says: {}", text(&whole.stderr));
+    assert!(text(&whole.stderr).contains("have the same bytes"), "{}", text(&whole.stderr));
 }
 
 #[test]

@@ -4,6 +4,8 @@
 mod classify;
 /// The verbs: exit codes, what is written, what is said.
 mod cli;
+/// Pinned ids of three small corpora.
+mod golden;
 /// The same plan gives the same bytes.
 mod sameness;
 /// Speed against accuracy: what the verb writes and refuses.

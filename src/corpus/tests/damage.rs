@@ -4,7 +4,8 @@ use std::fs;
 
 use super::fixture::{corpus, spec, write_shard};
 use crate::corpus::reader::TableFile;
-use crate::corpus::verify::{first_difference, verify};
+use crate::corpus::rebuild::first_difference;
+use crate::corpus::verify::verify;
 use crate::corpus::{CorpusError, LocalFolder, Place, Receipt, Store, Table, finalize, status};
 
 fn path(store: &LocalFolder, name: &str) -> std::path::PathBuf {
@@ -142,4 +143,21 @@ fn exact_the_first_difference_of_two_tables_is_found() {
     );
     let shorter = write("shorter", |scene| drop(scene.scans.pop()));
     assert!(first_difference(&base, &shorter).unwrap().is_some());
+}
+
+#[test]
+fn exact_a_shard_built_again_from_other_scenes_is_told_by_row_and_column() {
+    let spec = spec(2, &[Table::Cells, Table::Scenes]);
+    let (_dir, store, _) = corpus(&spec);
+    let scenes = |change: fn(&mut crate::corpus::SceneOutput)| {
+        let of_shard = spec.scenes_of(0).map(|id| super::fixture::scene(id, 40));
+        of_shard.map(|mut scene| (change(&mut scene), scene).1).collect::<Vec<_>>()
+    };
+    let compare = |scenes: &[crate::corpus::SceneOutput]| crate::corpus::rebuild::compare(&store, &spec, 0, scenes);
+    let same = compare(&scenes(|_| {})).unwrap();
+    assert!(same.is_empty(), "{same:?}");
+    let other = compare(&scenes(|scene| scene.scans[0].cells.rows[5].points += 1)).unwrap();
+    let said: Vec<String> = other.iter().map(ToString::to_string).collect();
+    assert!(said[0].starts_with(&Table::Cells.path(0)) && said[0].contains("row 5, column points"), "{said:?}");
+    assert!(said.last().unwrap().contains("is not the receipt"), "{said:?}");
 }

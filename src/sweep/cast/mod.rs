@@ -6,17 +6,22 @@
 //! surfaces: a ray that starts below or inside meets them where it leaves. Outside the yard there is no ground.
 //! Porous volumes and patches are not met here; the beam effects see to them.
 
+mod cell;
 mod convex;
+mod march;
 mod mesh;
 mod newton;
 mod packets;
 mod polynomial;
 mod raster;
 mod series;
+mod skyline;
 mod tree;
 
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
+use march::Above;
 use mesh::MeshCaster;
 use newton::{Block, LANES, Lanes, Near};
 use packets::Packets;
@@ -27,6 +32,9 @@ use tree::Tree;
 use super::params::Cast;
 use crate::geometry::DVec3;
 use crate::scene::{Ground, Raster, Scene};
+
+/// Rays for which a look around pays.
+const SWEEP_RAYS: usize = 2000;
 
 /// What a ray met.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,7 +125,7 @@ impl<'a> Caster<'a> {
                 Some(near) => GroundFrom::Near(Box::new(near), ground),
                 None => GroundFrom::Polynomial(ground),
             },
-            GroundCaster::Raster(ground) => GroundFrom::Raster(ground),
+            GroundCaster::Raster(ground) => GroundFrom::Raster(ground, OnceLock::new()),
             GroundCaster::Mesh(mesh) => GroundFrom::Mesh(mesh),
         };
         // A mesh holds the obstacles itself.
@@ -157,7 +165,8 @@ enum GroundFrom<'a> {
     /// An expansion about the sensor, and the ground itself for what lies beyond its reach.
     Near(Box<Near>, &'a PolynomialCaster<'a>),
     Polynomial(&'a PolynomialCaster<'a>),
-    Raster(&'a RasterCaster<'a>),
+    /// The ground, and how the sensor stands above it: looked at when a sweep is cast, not for a few rays.
+    Raster(&'a RasterCaster<'a>, OnceLock<Option<Above>>),
     Mesh(&'a MeshCaster),
 }
 
@@ -174,6 +183,11 @@ impl Origin<'_> {
                 }
             }));
             return;
+        }
+        if let GroundFrom::Raster(ground, above) = &self.ground
+            && dirs.len() >= SWEEP_RAYS
+        {
+            above.get_or_init(|| Above::new(ground, self.origin_m, self.max_range_m));
         }
         hits.reserve(dirs.len());
         cast_blocks(self, dirs, hits);
@@ -214,19 +228,23 @@ impl Origin<'_> {
         waiting: &mut Waiting,
     ) {
         match &self.ground {
-            GroundFrom::Near(near, ground) => {
+            GroundFrom::Near(near, ground) if N > 0 => {
                 newton::solve::<N>(near, dirs, self.max_range_m, block);
                 for (l, &dir) in dirs.iter().enumerate().take(count) {
                     self.finish_ray(near, ground, dir, l, block);
                 }
             }
+            _ if N > 0 => unreachable!("a degree belongs to an expansion"),
             GroundFrom::Polynomial(ground) => self.each(dirs, count, &mut block.range_m, |dir| {
                 ground.first_hit(self.origin_m, dir, 0.0, self.max_range_m)
             }),
-            GroundFrom::Raster(ground) => self.each(dirs, count, &mut block.range_m, |dir| {
-                ground.first_hit_with(waiting, self.origin_m, dir, self.max_range_m)
-            }),
-            GroundFrom::Mesh(_) => block.range_m = [f64::INFINITY; LANES],
+            GroundFrom::Raster(ground, above) => match above.get() {
+                Some(Some(above)) => above.solve(ground, dirs, self.max_range_m, &mut block.range_m),
+                _ => self.each(dirs, count, &mut block.range_m, |dir| {
+                    ground.first_hit_with(waiting, self.origin_m, dir, self.max_range_m)
+                }),
+            },
+            GroundFrom::Near(..) | GroundFrom::Mesh(_) => block.range_m = [f64::INFINITY; LANES],
         }
     }
 
@@ -267,7 +285,7 @@ fn is_ray(origin: DVec3, dir: DVec3) -> bool {
 
 /// Casts with the widest vectors of the machine; every choice gives the same bits.
 fn cast_blocks(origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
-    let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree } else { 0 };
+    let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree.max(1) } else { 0 };
     #[cfg(target_arch = "x86_64")]
     {
         if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
@@ -294,11 +312,12 @@ fn cast_avx2(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>
     cast_of_degree(degree, origin, dirs, hits);
 }
 
-/// One loop a degree, so that each is unrolled; lower degrees are padded with zeros.
+/// One loop a degree, so that each is unrolled; lower degrees are padded with zeros. Degree 0 is a ground without an expansion.
 #[inline(always)]
 fn cast_of_degree(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
     match degree {
-        0..=3 => origin.blocks::<3>(dirs, hits),
+        0 => origin.blocks::<0>(dirs, hits),
+        1..=3 => origin.blocks::<3>(dirs, hits),
         4..=5 => origin.blocks::<5>(dirs, hits),
         6..=8 => origin.blocks::<8>(dirs, hits),
         _ => origin.blocks::<12>(dirs, hits),

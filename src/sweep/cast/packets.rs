@@ -193,7 +193,7 @@ impl Packets {
 
 /// Diamond angle of a horizontal direction, in turns: grows with the azimuth from 0 to 1, without trigonometry.
 #[inline(always)]
-fn diamond(x: f64, y: f64) -> f64 {
+pub fn diamond(x: f64, y: f64) -> f64 {
     let slope = y / (x.abs() + y.abs());
     let turn = if x < 0.0 { 2.0 - slope } else { slope };
     0.25 * if turn < 0.0 { turn + 4.0 } else { turn }

@@ -9,18 +9,22 @@
 
 use std::borrow::Cow;
 
-use super::polynomial::{clip_axis, clip_to_square};
-use super::series::parabola_step;
+use super::cell::{Axis, CellRay};
+use super::newton::{larger, smaller};
 use crate::geometry::DVec3;
 use crate::scene::Raster;
 
 /// Margin of the blocks' bounds: above the rounding of heights of a kilometre.
 const MARGIN_M: f64 = 1e-12;
 
+/// The highest level whose blocks know the ground around them.
+pub const AROUND_LEVELS: usize = 6;
+
 /// A raster ground, ready to be cast at.
 pub struct RasterCaster<'a> {
     raster: Cow<'a, Raster>,
-    extent_m: f64,
+    /// What of the grid lies in the yard, in cells from node (0, 0): least and greatest x, then y.
+    yard: [[f64; 2]; 2],
     /// Blocks of 2 x 2 cells first; each further level halves both sides, up to one block.
     levels: Vec<Level>,
 }
@@ -40,21 +44,32 @@ struct Block {
     north: f64,
     low: f64,
     high: f64,
+    /// As `high`, for the block and half its side around it.
+    high_around: f64,
 }
 
-/// A ray in cells: x and y in cell sides from node (0, 0), z and times in metres.
-struct CellRay {
-    x: f64,
-    y: f64,
-    z: f64,
-    dx: f64,
-    dy: f64,
-    dz: f64,
-    /// 1 / dx and 1 / dy (1e300 for 0).
-    ix: f64,
-    iy: f64,
-    /// 1 for a ray that comes from above the ground, -1 from below.
-    side: f64,
+/// A sensor over the grid: what all its rays share.
+#[derive(Clone, Copy)]
+pub struct View {
+    /// Its place in cells, its height in metres.
+    pub x: f64,
+    pub y: f64,
+    pub z: f64,
+    /// Cells in a metre.
+    pub per_m: f64,
+    /// See [`RasterCaster::yard`].
+    pub yard: [[f64; 2]; 2],
+}
+
+impl View {
+    /// A ray of the sensor, up to `to` metres, as one that comes from above.
+    #[inline(always)]
+    pub fn ray(&self, dir: DVec3, to: f64) -> CellRay {
+        let (x, y) = (Axis::new(self.x, dir.x * self.per_m), Axis::new(self.y, dir.y * self.per_m));
+        let (from, to) = x.clip(self.yard[0], 0.0, to);
+        let (from, to) = y.clip(self.yard[1], from, to);
+        CellRay { x, y, z: self.z, dz: dir.z, from, to, side: 1.0 }
+    }
 }
 
 /// A block (level 0: a cell) and the part of the ray over it.
@@ -81,7 +96,20 @@ impl<'a> RasterCaster<'a> {
             let blocks = places.map(|(row, col)| block(&raster, row, col, side)).collect();
             levels.push(Level { rows, cols, blocks });
         }
-        RasterCaster { raster, extent_m, levels }
+        let per_m = 1.0 / raster.spacing_m;
+        let side = |from_m: f64, nodes: usize| {
+            [(-from_m * per_m).max(0.0), ((extent_m - from_m) * per_m).min((nodes - 1) as f64)]
+        };
+        let yard = [side(raster.origin_m.x, raster.cols), side(raster.origin_m.y, raster.rows)];
+        RasterCaster { raster, yard, levels }
+    }
+
+    /// The grid as a sensor sees it.
+    #[inline(always)]
+    pub fn view(&self, origin: DVec3) -> View {
+        let per_m = 1.0 / self.raster.spacing_m;
+        let from = self.raster.origin_m;
+        View { x: (origin.x - from.x) * per_m, y: (origin.y - from.y) * per_m, z: origin.z, per_m, yard: self.yard }
     }
 
     /// Range of the first crossing in [0, to].
@@ -92,30 +120,17 @@ impl<'a> RasterCaster<'a> {
     /// As [`Self::first_hit`], with a list that many rays share.
     #[inline]
     pub fn first_hit_with(&self, waiting: &mut Waiting, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
-        let (from, to) = clip_to_square(origin, dir, self.extent_m, 0.0, to)?;
-        let (width, depth) = ((self.raster.cols - 1) as f64, (self.raster.rows - 1) as f64);
-        let per_m = 1.0 / self.raster.spacing_m;
-        let (dx, dy) = (dir.x * per_m, dir.y * per_m);
-        let mut ray = CellRay {
-            x: (origin.x - self.raster.origin_m.x) * per_m,
-            y: (origin.y - self.raster.origin_m.y) * per_m,
-            z: origin.z,
-            dx,
-            dy,
-            dz: dir.z,
-            ix: if dx == 0.0 { 1e300 } else { 1.0 / dx },
-            iy: if dy == 0.0 { 1e300 } else { 1.0 / dy },
-            side: 1.0,
-        };
-        let (from, to) = clip_axis(ray.x, ray.dx, 0.0, width, from, to)?;
-        let (from, to) = clip_axis(ray.y, ray.dy, 0.0, depth, from, to)?;
-        let start = origin + dir * from;
+        let mut ray = self.view(origin).ray(dir, to);
+        if ray.from > ray.to {
+            return None;
+        }
+        let start = origin + dir * ray.from;
         if start.z < self.raster.height_m(start.x, start.y) {
             ray.side = -1.0;
         }
         let stack = &mut waiting.0;
         stack.clear();
-        stack.push(Visit { level: self.levels.len() as u32, row: 0, col: 0, from, to });
+        stack.push(Visit { level: self.levels.len() as u32, row: 0, col: 0, from: ray.from, to: ray.to });
         while let Some(mut visit) = stack.pop() {
             if visit.level == 0 {
                 if let Some(range) = self.cell_hit(&ray, &visit) {
@@ -129,7 +144,7 @@ impl<'a> RasterCaster<'a> {
             }
             let block = &level.blocks[visit.row as usize * level.cols + visit.col as usize];
             if clip(block, &ray, &mut visit) {
-                descend(&ray, &visit, stack);
+                descend(&ray, &visit, self.last_cell(), stack);
             }
         }
         None
@@ -138,29 +153,55 @@ impl<'a> RasterCaster<'a> {
     /// The first crossing in one cell.
     #[inline]
     fn cell_hit(&self, ray: &CellRay, visit: &Visit) -> Option<f64> {
-        let (row, col, cols) = (visit.row as usize, visit.col as usize, self.raster.cols);
-        if row + 1 >= self.raster.rows || col + 1 >= cols {
+        let (row, col) = (visit.row as usize, visit.col as usize);
+        if row + 1 >= self.raster.rows || col + 1 >= self.raster.cols {
             return None;
         }
-        let heights = &self.raster.heights_m[row * cols + col..];
-        let [sw, se, nw, ne] = [heights[0], heights[1], heights[cols], heights[cols + 1]];
-        let (x, y) = (ray.x + ray.dx * visit.from - col as f64, ray.y + ray.dy * visit.from - row as f64);
-        let (east, north, twist) = (se - sw, nw - sw, (ne - nw) - (se - sw));
-        // z - h along the ray, as a quadratic in the distance from the entry.
-        let height = sw + east * x + north * y + twist * x * y;
-        let g = ray.side * (ray.z + ray.dz * visit.from - height);
-        let slope = ray.side * (ray.dz - (east * ray.dx + north * ray.dy + twist * (x * ray.dy + y * ray.dx)));
-        let bend = ray.side * twist * ray.dx * ray.dy;
-        if g <= 0.0 {
-            // At or past the surface at the entry: the crossing rounded onto the border between two cells.
-            return (slope < 0.0).then_some(visit.from);
-        }
-        let disc = slope * slope + 4.0 * bend * g;
-        if disc < 0.0 || (slope >= 0.0 && bend <= 0.0) {
-            return None;
-        }
-        let step = parabola_step(g, slope, 2.0 * bend);
-        (step >= 0.0 && step <= visit.to - visit.from).then_some(visit.from + step)
+        let time = ray.crossing(col as f64, row as f64, self.corners(row, col));
+        (time < f64::INFINITY).then_some(time)
+    }
+
+    /// Distance to the farthest corner of the grid, metres.
+    pub fn farthest_m(&self, origin: DVec3) -> f64 {
+        let view = self.view(origin);
+        let farthest = |place: f64, nodes: usize| larger(place.abs(), ((nodes - 1) as f64 - place).abs());
+        let (x, y) = (farthest(view.x, self.raster.cols), farthest(view.y, self.raster.rows));
+        (x * x + y * y).sqrt() * self.raster.spacing_m
+    }
+
+    /// The last cell of a row, and of a column.
+    pub fn last_cell(&self) -> [f64; 2] {
+        [(self.raster.cols - 2) as f64, (self.raster.rows - 2) as f64]
+    }
+
+    /// Whether a sensor stands in the yard and not below its ground.
+    pub fn is_under(&self, origin: DVec3) -> bool {
+        let view = self.view(origin);
+        let within = |place: f64, [low, high]: [f64; 2]| place >= low && place <= high;
+        within(view.x, self.yard[0])
+            && within(view.y, self.yard[1])
+            && origin.z >= self.raster.height_m(origin.x, origin.y)
+    }
+
+    /// The ground around a place in cells, or around the place of the grid that comes nearest to it, by blocks of a level: the slope
+    /// of a plane along x and y per cell, and how high above the sensor no node there rises over the plane, at the sensor's place.
+    #[inline(always)]
+    pub fn sight_around(&self, level: usize, col: f64, row: f64, view: &View) -> [f64; 3] {
+        let Level { rows, cols, blocks } = &self.levels[level];
+        let side = f64::from(2u32 << level);
+        let (row, col) = (((row / side) as usize).min(rows - 1), ((col / side) as usize).min(cols - 1));
+        let block = &blocks[row * cols + col];
+        let (x, y) = (view.x - col as f64 * side, view.y - row as f64 * side);
+        let over = block.east.mul_add(x, block.north.mul_add(y, block.height + block.high_around - view.z));
+        [block.east, block.north, over]
+    }
+
+    /// The corner heights of a cell of the grid: south-west, south-east, north-west, north-east.
+    #[inline(always)]
+    pub fn corners(&self, row: usize, col: usize) -> [f64; 4] {
+        let cols = self.raster.cols;
+        let heights = &self.raster.heights_m[row * cols + col..row * cols + col + cols + 2];
+        [heights[0], heights[1], heights[cols], heights[cols + 1]]
     }
 }
 
@@ -171,27 +212,46 @@ fn block(raster: &Raster, row: usize, col: usize, side: usize) -> Block {
     let (height, rows, cols) = (node(row, col), (last_row - row) as f64, (last_col - col) as f64);
     let east = 0.5 * (node(row, last_col) - height + node(last_row, last_col) - node(last_row, col)) / cols;
     let north = 0.5 * (node(last_row, col) - height + node(last_row, last_col) - node(row, last_col)) / rows;
-    let (mut low, mut high) = (0.0f64, 0.0f64);
-    for r in row..=last_row {
-        let along = height + north * (r - row) as f64;
-        let heights = &raster.heights_m[r * raster.cols + col..=r * raster.cols + last_col];
+    let (low, high) = above_plane(raster, (row, col), [height, east, north], [row, last_row], [col, last_col]);
+    let margin = MARGIN_M * (1.0 + height.abs());
+    let mut block = Block { height, east, north, low: low - margin, high: high + margin, high_around: f64::INFINITY };
+    if side <= 1 << AROUND_LEVELS {
+        let around =
+            |from: usize, last: usize, nodes: usize| [from.saturating_sub(side / 2), (last + side / 2).min(nodes - 1)];
+        let (rows, cols) = (around(row, last_row, raster.rows), around(col, last_col, raster.cols));
+        block.high_around = above_plane(raster, (row, col), [height, east, north], rows, cols).1 + margin;
+    }
+    block
+}
+
+/// How far the nodes of [first, last] rows and columns lie below (or on) and above (or on) a plane through node (row, col).
+fn above_plane(
+    raster: &Raster,
+    (row, col): (usize, usize),
+    [height, east, north]: [f64; 3],
+    rows: [usize; 2],
+    cols: [usize; 2],
+) -> (f64, f64) {
+    let (mut low, mut high) = (0.0, 0.0);
+    for r in rows[0]..=rows[1] {
+        let along = height + north * (r as f64 - row as f64) - east * (col as f64 - cols[0] as f64);
+        let heights = &raster.heights_m[r * raster.cols + cols[0]..=r * raster.cols + cols[1]];
         for (c, h) in heights.iter().enumerate() {
             let above = h - (along + east * c as f64);
-            low = low.min(above);
-            high = high.max(above);
+            low = smaller(low, above);
+            high = larger(high, above);
         }
     }
-    let margin = MARGIN_M * (1.0 + height.abs());
-    Block { height, east, north, low: low - margin, high: high + margin }
+    (low, high)
 }
 
 /// Cuts a visit down to where the ray may meet the block's ground; false where it cannot.
 #[inline]
 fn clip(block: &Block, ray: &CellRay, visit: &mut Visit) -> bool {
     let side = f64::from(1u32 << visit.level);
-    let (x, y) = (ray.x - f64::from(visit.col) * side, ray.y - f64::from(visit.row) * side);
+    let (x, y) = (ray.x.place - f64::from(visit.col) * side, ray.y.place - f64::from(visit.row) * side);
     let at = ray.z - block.height - block.east * x - block.north * y;
-    let rate = ray.dz - block.east * ray.dx - block.north * ray.dy;
+    let rate = ray.dz - block.east * ray.x.rate - block.north * ray.y.rate;
     // How far the ray is beyond the block's bound, on its own side of the ground.
     let bound = if ray.side > 0.0 { block.high } else { -block.low };
     let (at, rate) = (ray.side * at - bound, ray.side * rate);
@@ -213,12 +273,19 @@ fn clip(block: &Block, ray: &CellRay, visit: &mut Visit) -> bool {
 
 /// Puts the up to three quarters of a block that the ray passes on the stack, nearest on top.
 #[inline]
-fn descend(ray: &CellRay, visit: &Visit, stack: &mut Vec<Visit>) {
+fn descend(ray: &CellRay, visit: &Visit, last_cell: [f64; 2], stack: &mut Vec<Visit>) {
     let side = f64::from(1u32 << (visit.level - 1));
     let (mid_x, mid_y) = (f64::from(2 * visit.col + 1) * side, f64::from(2 * visit.row + 1) * side);
-    let (tx, ty) = ((mid_x - ray.x) * ray.ix, (mid_y - ray.y) * ray.iy);
-    let east_at = |t: f64| if ray.dx == 0.0 { ray.x >= mid_x } else { (t > tx) == (ray.dx > 0.0) };
-    let north_at = |t: f64| if ray.dy == 0.0 { ray.y >= mid_y } else { (t > ty) == (ray.dy > 0.0) };
+    let time = |axis: &Axis, middle: f64| {
+        if axis.rate == 0.0 { f64::INFINITY } else { (middle - axis.place) * axis.inverse }
+    };
+    let (tx, ty) = (time(&ray.x, mid_x), time(&ray.y, mid_y));
+    let beyond = |axis: &Axis, middle: f64, crossed: f64, last: f64, t: f64| {
+        // The last cell's far border belongs to it: no ray stands still beyond.
+        if axis.rate == 0.0 { axis.place >= middle && middle <= last } else { (t > crossed) == (axis.rate > 0.0) }
+    };
+    let east_at = |t: f64| beyond(&ray.x, mid_x, tx, last_cell[0], t);
+    let north_at = |t: f64| beyond(&ray.y, mid_y, ty, last_cell[1], t);
     // A line that runs along an axis never crosses the other middle; its time lies at the ends of the world.
     let (first, second) = if tx < ty { (tx, ty) } else { (ty, tx) };
     let (first, second) = (first.clamp(visit.from, visit.to), second.clamp(visit.from, visit.to));

@@ -338,3 +338,56 @@ fn order_raster_and_mesh_approach_the_surface_with_the_square_of_their_spacing()
         assert!((10.0..24.0).contains(&(coarse / fine)), "{coarse} {fine}");
     }
 }
+
+/// A rough raster: bumps at every scale down to the cell.
+fn rough(extent_m: f64, spacing_m: f64) -> Raster {
+    let (sin, cos) = (crate::math::sin, crate::math::cos);
+    Raster::sampled(extent_m, spacing_m, |x, y| {
+        0.4 * sin(0.5 * x) * cos(0.4 * y) + 0.05 * sin(7.0 * x + y) + 0.02 * sin(29.0 * x) * cos(31.0 * y)
+    })
+}
+
+#[test]
+fn equal_bits_by_the_skyline_and_by_the_pyramid() {
+    let bits = |hits: &[Hit]| hits.iter().map(|h| (h.range_m.to_bits(), h.object)).collect::<Vec<_>>();
+    for (spacing_m, scale) in [(0.05, 1.0), (0.31, 1.0), (0.05, 20.0), (2.0, 0.1)] {
+        let mut raster = rough(20.0, spacing_m);
+        raster.heights_m.iter_mut().for_each(|h| *h *= scale);
+        let scene = Scene { ground: Ground::Raster(raster), ..yard(20.0, bumps(20.0, 2), Vec::new()) };
+        let caster = Caster::new(&scene, &Cast::Exact);
+        // In the middle, at the border, in a corner, on a node; far above and hardly above the ground.
+        for (x, y, above_m) in [
+            (10.1, 9.7, 0.4),
+            (0.0, 7.0, 0.5),
+            (20.0, 20.0, 1.0),
+            (5.0, 5.0, 1e-9),
+            (3.0, 11.0, 30.0),
+            (13.3, 4.4, 0.0),
+        ] {
+            let origin = DVec3::new(x, y, scene.ground.height_m(x, y) + above_m);
+            let dirs: Vec<DVec3> = fan(20_000)
+                .into_iter()
+                .chain([DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z])
+                .chain((0..4000).map(|k| {
+                    // Level sights, which graze every crest.
+                    let (sin, cos) = crate::math::sin_cos(f64::from(k) * 0.001_571);
+                    DVec3::new(cos, sin, 1e-3 * f64::from(k % 9 - 4)).normalize()
+                }))
+                .collect();
+            let (mut sweep, mut single) = (Vec::new(), Vec::new());
+            for reach_m in [0.7, 60.0] {
+                caster.from(origin, reach_m).cast(&dirs, &mut sweep);
+                let from = caster.from(origin, reach_m);
+                for (k, (dir, hit)) in dirs.iter().zip(&sweep).enumerate() {
+                    from.cast(&[*dir], &mut single);
+                    assert_eq!(bits(&single), bits(&[*hit]), "spacing {spacing_m}, from {origin}, ray {k} {dir}");
+                }
+                // Looked around by now: the plain form of the march itself.
+                let mut plain = Vec::new();
+                from.cast(&dirs, &mut single);
+                cast_of_degree(0, &from, &dirs, &mut plain);
+                assert_eq!(bits(&plain), bits(&sweep));
+            }
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! A shard built again -> where it differs from the one in the corpus.
+//!
+//! A corpus is what its plan says: whoever builds a shard anew must get its bytes. Where the bytes differ, the tables' values are
+//! compared, and the first row and column that differ are named. Equal values in other bytes (another compression level, say) are
+//! told apart from other values.
+
+use std::fmt;
+
+use arrow::array::{Array, RecordBatch};
+use arrow::util::display::array_value_to_string;
+
+use super::reader::TableFile;
+use super::receipt::Receipt;
+use super::shard::{FinishedShard, ShardWriter};
+use super::spec::{Build, CorpusSpec, SceneOutput};
+use super::verify::Finding;
+use super::{CorpusError, LocalFolder, Store};
+
+/// Compares a shard in the corpus with the same shard made from these scenes; empty where every byte is equal.
+pub fn compare(
+    store: &dyn Store,
+    spec: &CorpusSpec,
+    shard: u64,
+    scenes: &[SceneOutput],
+) -> Result<Vec<Finding>, CorpusError> {
+    let mut writer = ShardWriter::new(spec, shard)?;
+    scenes.iter().try_for_each(|scene| writer.push(scene))?;
+    let FinishedShard { receipt: here, files } = writer.finish()?;
+    let there = Receipt::read(store, shard, &spec.scene_plan_hash)?;
+    let mut findings = Vec::new();
+    let mut find = |name: &str, what: String| findings.push(Finding { name: name.into(), what, shard: Some(shard) });
+    for (name, bytes) in &files {
+        if store.size(name)?.is_none() {
+            find(name, "is missing".into());
+        } else if store.read(name)? != *bytes {
+            find(name, difference(store, name, bytes)? + &other_program(&there.build, &here.build));
+        }
+    }
+    if (Receipt { build: there.build.clone(), ..here }) != there {
+        find(&Receipt::path(shard), "is not the receipt of the shard built again".into());
+    }
+    Ok(findings)
+}
+
+/// What differs, for two files whose bytes do.
+fn difference(store: &dyn Store, name: &str, bytes: &[u8]) -> Result<String, CorpusError> {
+    let failed = |source| CorpusError::Io { place: "the temporary folder".into(), name: name.into(), source };
+    let folder = tempfile::tempdir().map_err(failed)?;
+    let again = LocalFolder::new(folder.path());
+    again.put(name, bytes)?;
+    let there = match TableFile::open(store, name) {
+        Ok(file) => file,
+        Err(error) => return Ok(error.to_string()),
+    };
+    Ok(match first_difference(&there, &TableFile::open(&again, name)?) {
+        Ok(Some(first)) => first.to_string(),
+        Ok(None) => "its values are those built again, its bytes are others".into(),
+        Err(error) => error.to_string(),
+    })
+}
+
+fn other_program(there: &Build, here: &Build) -> String {
+    if there == here {
+        return String::new();
+    }
+    let name = |build: &Build| {
+        let start = |text: &str| text.chars().take(12).collect::<String>();
+        format!("{} (commit {}, binary {})", build.version, start(&build.commit), start(&build.binary_sha256))
+    };
+    format!("; the corpus is by marsyard {}, this is {}", name(there), name(here))
+}
+
+/// The first place at which two versions of a table differ.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FirstDifference {
+    pub row: u64,
+    /// Empty where one table ends before the other.
+    pub column: String,
+    pub there: String,
+    pub here: String,
+}
+
+impl fmt::Display for FirstDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "row {}, column {}: {} in the corpus, {} when built again",
+            self.row, self.column, self.there, self.here
+        )
+    }
+}
+
+/// Compares a table in the corpus with the same table built again; `None` where all values are equal.
+pub fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<FirstDifference>, CorpusError> {
+    let read = |file: &TableFile| -> Result<RecordBatch, CorpusError> {
+        let batches = file.batches().collect::<Result<Vec<_>, _>>()?;
+        arrow::compute::concat_batches(file.schema(), &batches)
+            .map_err(|source| CorpusError::Arrow { name: file.name().into(), source })
+    };
+    let (there, here) = (read(there)?, read(here)?);
+    let names = |batch: &RecordBatch| batch.schema().fields().iter().map(|f| f.name().clone()).collect::<Vec<_>>();
+    if names(&there) != names(&here) {
+        let (there, here) = (names(&there).join(" "), names(&here).join(" "));
+        return Ok(Some(FirstDifference { row: 0, column: "names".into(), there, here }));
+    }
+    let rows = there.num_rows().min(here.num_rows());
+    let differs = |k: usize| first_row(there.column(k).as_ref(), here.column(k).as_ref(), rows).map(|row| (row, k));
+    let first = (0..there.num_columns()).filter_map(differs).min();
+    let text = |batch: &RecordBatch, row: usize, k: usize| {
+        if batch.column(k).is_null(row) { Ok("null".into()) } else { array_value_to_string(batch.column(k), row) }
+            .unwrap_or_else(|error| error.to_string())
+    };
+    Ok(match first {
+        Some((row, k)) => Some(FirstDifference {
+            row: row as u64,
+            column: there.schema().field(k).name().clone(),
+            there: text(&there, row, k),
+            here: text(&here, row, k),
+        }),
+        None if there.num_rows() != here.num_rows() => Some(FirstDifference {
+            row: rows as u64,
+            column: "(number of rows)".into(),
+            there: format!("{} rows", there.num_rows()),
+            here: format!("{} rows", here.num_rows()),
+        }),
+        None => None,
+    })
+}
+
+/// The first of `rows` rows in which two columns differ: found by halving, since slices compare fast.
+fn first_row(a: &dyn Array, b: &dyn Array, rows: usize) -> Option<usize> {
+    let same = |from: usize, length: usize| a.slice(from, length).to_data() == b.slice(from, length).to_data();
+    if same(0, rows) {
+        return None;
+    }
+    let (mut from, mut length) = (0, rows);
+    while length > 1 {
+        let half = length / 2;
+        if same(from, half) {
+            from += half;
+            length -= half;
+        } else {
+            length = half;
+        }
+    }
+    Some(from)
+}
