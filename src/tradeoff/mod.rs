@@ -6,7 +6,7 @@
 //! compare       matched cells: changed labels, shifted features
 //! loss        a classifier for each: balanced accuracy lost on the reference's test cells
 //! choose      Pareto front; the cheapest setting within a loss
-//! report      one row a setting  ->  table, records (Parquet), chart (SVG), JSON
+//! summary     one row a setting: a report  ->  table, records (Parquet), chart (SVG), JSON
 //! ```
 //!
 //! Same addresses, so the same yards, drives and draws at every setting. What changes the yard or what is modelled is not an error;
@@ -16,6 +16,7 @@ pub mod chart;
 pub mod choose;
 mod clock;
 mod compare;
+mod filters;
 mod loss;
 mod measure;
 mod ranges;
@@ -23,6 +24,7 @@ pub mod records;
 pub mod report;
 pub mod settings;
 pub mod statistics;
+mod summary;
 pub mod table;
 #[cfg(test)]
 mod tests;
@@ -100,7 +102,7 @@ pub fn run(
     let Some(measured) = measure::measure(&prepared, &scenes, options.threads, stop, tell)? else { return Ok(None) };
     drop(prepared);
     let Some(classifiers) = loss::classifiers(&settings, &measured, options, stop, tell)? else { return Ok(None) };
-    Ok(Some(report::report(options, &settings, &scenes, &measured, &classifiers)))
+    Ok(Some(summary::report(options, &settings, &scenes, &measured, &classifiers)))
 }
 
 /// Scenes of the plan's train split, evenly spread, so that no setting is chosen by the test split; beyond the plan's end where it

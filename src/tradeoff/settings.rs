@@ -14,7 +14,7 @@ use crate::config::{self, Family, Plan};
 use crate::scene::params::GroundShape;
 use crate::slam::SlamParams;
 use crate::sweep::sensor::PatternParams;
-use crate::train::params::{DecoupledParams, EkfParams, FilterParams, Groups, Precision};
+use crate::train::params::FilterParams;
 
 /// Settings that turn the same knob.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
@@ -192,7 +192,7 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
             }
         }
     }
-    list.extend(filters().into_iter().filter(|setting| setting.group.is_none_or(wanted)));
+    list.extend(super::filters::filters().into_iter().filter(|setting| setting.group.is_none_or(wanted)));
     if !Group::ALL.iter().any(|group| group.side() == Side::Trainer && wanted(*group)) {
         list.retain(|setting| matches!(setting.what, What::Plan(_)));
     }
@@ -324,33 +324,4 @@ fn yards(reference: &Plan) -> Vec<(Group, String, Vec<String>)> {
     });
     knobs.push((Group::Yard, "raw ground at 0.1 m".into(), sets));
     knobs
-}
-
-/// The filters, the full f64 one first: what the trainer's settings are judged by.
-fn filters() -> Vec<Setting> {
-    let ekf =
-        |precision, robust, batch| FilterParams::Ekf(EkfParams { precision, robust, batch, ..EkfParams::default() });
-    let decoupled = |groups| {
-        FilterParams::Decoupled(DecoupledParams { groups, precision: Precision::F64, ..DecoupledParams::default() })
-    };
-    let mut list = Vec::new();
-    let mut add = |group: Option<Group>, name: &str, set: &str, params| {
-        let sets = vec![format!("filter={set}")];
-        list.push(Setting { group, name: name.into(), sets, what: What::Filter(params) });
-    };
-    let (f32, f64) = (Precision::F32, Precision::F64);
-    add(None, "full covariance, f64", "{ekf: {precision: f64}}", ekf(f64, false, 1));
-    for (name, groups) in [("layer", Groups::Layer), ("node", Groups::Node), ("weight", Groups::Weight)] {
-        let shown = if name == "weight" { "diagonal".into() } else { format!("by {name}") };
-        let set = format!("{{decoupled: {{groups: {name}, precision: f64}}}}");
-        add(Some(Group::Covariance), &shown, &set, decoupled(groups));
-    }
-    add(Some(Group::Precision), "f32", "{ekf: {precision: f32}}", ekf(f32, false, 1));
-    add(Some(Group::Precision), "UD, f64", "{ekf: {precision: f64, robust: true}}", ekf(f64, true, 1));
-    add(Some(Group::Precision), "UD, f32", "{ekf: {precision: f32, robust: true}}", ekf(f32, true, 1));
-    for batch in [8, 32] {
-        let set = format!("{{ekf: {{precision: f64, batch: {batch}}}}}");
-        add(Some(Group::Batch), &format!("{batch} rows"), &set, ekf(f64, false, batch));
-    }
-    list
 }

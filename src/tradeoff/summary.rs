@@ -1,0 +1,216 @@
+//! What was measured -> the report: spreads over scenes, errors added up, losses by pairs of seeds.
+
+use super::Options;
+use super::choose::{Candidate, cheapest_within, front};
+use super::loss::{Classifier, Role, rows};
+use super::measure::{Counts, Made, Measured, PoseError};
+use super::ranges::RangeErrors;
+use super::report::{
+    CellRow, ClassifierRow, DriveRow, PipelineRow, PoseRow, RangeRow, Report, Row, ShiftRow, StageRow,
+};
+use super::settings::{Settings, Side};
+use super::statistics::{Interval, Spread, quantile};
+use crate::corpus::Build;
+use crate::corpus::stats::Moments;
+use crate::pipeline::StageTimes;
+
+/// One row a setting, and the verdicts.
+pub(super) fn report(
+    options: &Options,
+    settings: &Settings,
+    scenes: &[u64],
+    measured: &Measured,
+    classifiers: &[Option<Classifier>],
+) -> Report {
+    let plan = settings.reference();
+    let deviations = deviations(measured);
+    let mut all: Vec<Row> = Vec::new();
+    for (k, setting) in settings.list.iter().enumerate() {
+        // Each side has its own reference, the first of it.
+        let is_filter = setting.side() == Side::Trainer;
+        let first = settings.list.iter().position(|other| (other.side() == Side::Trainer) == is_filter).unwrap_or(0);
+        all.push(Row {
+            side: setting.side(),
+            group: setting.group,
+            name: setting.name.clone(),
+            sets: setting.sets.clone(),
+            on_front: false,
+            pipeline: (!is_filter).then(|| pipeline_row(measured, k, &deviations)),
+            classifier: classifiers[k].as_ref().map(|own| {
+                let row = classifier_row(own, classifiers[first].as_ref());
+                // The reference loses nothing by definition, however few seeds there are.
+                let loss =
+                    if k == first { row.loss.map(|_| Interval { mean: 0.0, half_width: 0.0 }) } else { row.loss };
+                ClassifierRow { loss, ..row }
+            }),
+        });
+    }
+    for side in [Side::Pipeline, Side::Trainer] {
+        let (places, candidates) = candidates(&all, side);
+        for (place, on_front) in places.into_iter().zip(front(&candidates)) {
+            all[place].on_front = on_front;
+        }
+    }
+    let cheapest = |side| {
+        let (places, candidates) = candidates(&all, side);
+        cheapest_within(&candidates, options.max_loss).map(|k| all[places[k]].label())
+    };
+    let build = Build::of_this_binary();
+    Report {
+        marsyard_tradeoff: 1,
+        version: build.version.clone(),
+        commit: build.commit.clone(),
+        name: plan.name.clone(),
+        scene_plan_hash: plan.scene_plan_hash(),
+        sets: options.sets.clone(),
+        scenes: scenes.len() as u64,
+        test_cells: rows(measured, 0, Role::Test).len() as u64,
+        train_cells: rows(measured, 0, Role::Train).len() as u64,
+        threads: options.threads as u64,
+        seeds: options.seeds,
+        max_loss: options.max_loss,
+        cheapest_pipeline: cheapest(Side::Pipeline),
+        cheapest_filter: cheapest(Side::Trainer),
+        features: measured.features.clone(),
+        rows: all,
+        refused: settings.refused.clone(),
+    }
+}
+
+/// The rows of a side that have a cost and a loss, and where they stand.
+fn candidates(rows: &[Row], side: Side) -> (Vec<usize>, Vec<Candidate>) {
+    let own = rows.iter().enumerate().filter(|(_, row)| row.side == side);
+    own.filter_map(|(k, row)| Some((k, Candidate { cost: row.cost()?, loss: row.loss()? }))).unzip()
+}
+
+/// Standard deviation of each feature over the reference's cells of all scenes.
+fn deviations(measured: &Measured) -> Vec<f64> {
+    let mut moments = vec![Moments::default(); measured.features.len()];
+    for made in measured.scenes.iter().filter_map(|scene| scene[0].as_ref().ok()) {
+        for row in 0..made.cells.labels.len() {
+            moments.iter_mut().zip(made.cells.row(row)).for_each(|(sum, value)| sum.add(f64::from(*value)));
+        }
+    }
+    moments.iter().map(|moments| moments.variance().sqrt()).collect()
+}
+
+fn pipeline_row(measured: &Measured, setting: usize, deviations: &[f64]) -> PipelineRow {
+    let of_scenes = || measured.scenes.iter().map(|scene| &scene[setting]);
+    let made: Vec<&Made> = of_scenes().filter_map(|made| made.as_ref().ok()).collect();
+    let per_scan = |value: &dyn Fn(&Made) -> f64| -> Vec<f64> {
+        made.iter().filter(|made| made.scans > 0).map(|made| value(made) / made.scans as f64).collect()
+    };
+    let ms = |value: &dyn Fn(&Made) -> f64| Spread::of(&per_scan(&|made| 1e3 * value(made)));
+    let stages = StageTimes::STAGES.iter().enumerate().map(|(k, (_, name))| StageRow {
+        stage: (*name).into(),
+        cpu_ms: ms(&|made| made.costs.stages[k].cpu),
+        wall_ms: ms(&|made| made.costs.stages[k].wall),
+    });
+    let scans: usize = made.iter().map(|made| made.scans).sum();
+    let count = |of: &dyn Fn(&Counts) -> u64| made.iter().map(|made| of(&made.counts)).sum::<u64>();
+    let known = count(&|counts| counts.traversable + counts.untraversable);
+    let share = |count: u64, of: u64| (of > 0).then(|| count as f64 / of as f64);
+    PipelineRow {
+        scenes: made.len() as u64,
+        failed: of_scenes().filter(|made| made.is_err()).count() as u64,
+        cpu_ms: ms(&|made| made.costs.whole.cpu),
+        wall_ms: ms(&|made| made.costs.whole.wall),
+        stages: stages.collect(),
+        rays_per_scan: quantile(&per_scan(&|made| made.costs.rays as f64), 0.5),
+        ranges: range_row(&made),
+        pose: pose_row(&made),
+        drive: drive_row(&made),
+        cells: cell_row(&made, &measured.features, deviations),
+        untraversable: share(count(&|counts| counts.untraversable), known),
+        cells_per_scan: share(known + count(&|counts| counts.unknown), scans as u64),
+    }
+}
+
+fn range_row(made: &[&Made]) -> Option<RangeRow> {
+    let mut sum: Option<RangeErrors> = None;
+    for errors in made.iter().filter_map(|made| made.ranges.as_ref()) {
+        sum.get_or_insert_default().merge(errors);
+    }
+    let sum = sum?;
+    Some(RangeRow {
+        rays: sum.rays,
+        median_m: sum.quantile_m(0.5),
+        p99_m: sum.quantile_m(0.99),
+        max_m: sum.max_m,
+        missed: sum.missed,
+        invented: sum.invented,
+        other_object: sum.other_object,
+    })
+}
+
+fn pose_row(made: &[&Made]) -> Option<PoseRow> {
+    let poses: Vec<_> = made.iter().flat_map(|made| &made.poses).collect();
+    let each = |value: &dyn Fn(&PoseError) -> f64| -> Vec<f64> { poses.iter().map(|p| value(p)).collect() };
+    let nees: Vec<f64> = poses.iter().filter_map(|pose| pose.nees).collect();
+    (!poses.is_empty()).then(|| PoseRow {
+        scans: poses.len() as u64,
+        position_m: Spread::of(&each(&|pose| pose.position_m)),
+        heading_deg: Spread::of(&each(&|pose| pose.heading_rad.to_degrees())),
+        mean_nees: (!nees.is_empty()).then(|| nees.iter().sum::<f64>() / nees.len() as f64),
+        nees: Spread::of(&nees),
+    })
+}
+
+fn drive_row(made: &[&Made]) -> Option<DriveRow> {
+    let shifts: Vec<_> =
+        made.iter().filter_map(|made| made.against.as_ref()).flat_map(|against| &against.drive).collect();
+    let positions: Vec<f64> = shifts.iter().map(|shift| shift.position_m).collect();
+    let turns: Vec<f64> = shifts.iter().map(|shift| shift.turn_rad.to_degrees()).collect();
+    let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
+    (!shifts.is_empty()).then(|| DriveRow {
+        median_position_m: quantile(&positions, 0.5),
+        max_position_m: most(&positions),
+        median_turn_deg: quantile(&turns, 0.5),
+        max_turn_deg: most(&turns),
+    })
+}
+
+fn cell_row(made: &[&Made], features: &[String], deviations: &[f64]) -> Option<CellRow> {
+    let mut compared = made.iter().filter_map(|made| made.against.as_ref()).map(|against| &against.cells);
+    let mut sum = compared.next()?.clone();
+    compared.for_each(|change| sum.merge(change));
+    let count = sum.matched.max(1) as f64;
+    // A feature that never varies has no deviation to shift by.
+    let in_sd = |value: f64, sd: f64| if sd > 0.0 { value / sd } else { 0.0 };
+    let shifts: Vec<ShiftRow> = features
+        .iter()
+        .zip(deviations)
+        .enumerate()
+        .map(|(k, (feature, &sd))| ShiftRow {
+            feature: feature.clone(),
+            mean_sd: in_sd(sum.shift[k] / count, sd),
+            rms_sd: in_sd((sum.shift_squared[k] / count).sqrt(), sd),
+        })
+        .collect();
+    let worst = shifts.iter().max_by(|a, b| a.rms_sd.total_cmp(&b.rms_sd))?;
+    Some(CellRow {
+        matched: sum.matched,
+        appeared: sum.appeared,
+        vanished: sum.vanished,
+        other_label: sum.other_label as f64 / count,
+        scenes_of_another_attempt: made.iter().filter(|made| made.against.is_none()).count() as u64,
+        worst_feature: worst.feature.clone(),
+        worst_shift_sd: worst.rms_sd,
+        shifts,
+    })
+}
+
+fn classifier_row(own: &Classifier, reference: Option<&Classifier>) -> ClassifierRow {
+    let lost = reference.and_then(|reference| {
+        let pairs = reference.balanced_accuracy.iter().zip(&own.balanced_accuracy);
+        pairs.map(|(old, new)| Some((*old)? - (*new)?)).collect::<Option<Vec<f64>>>()
+    });
+    let learnt: Vec<f64> = own.rows_learnt.iter().map(|&rows| rows as f64).collect();
+    ClassifierRow {
+        train_rows: own.train_rows,
+        balanced_accuracy: own.balanced_accuracy.clone(),
+        loss: lost.and_then(|lost| Interval::of(&lost)),
+        cpu_us_per_row: Spread::of(&own.cpu_us_per_row),
+        rows_learnt: Spread::of(&learnt),
+    }
+}
