@@ -89,8 +89,9 @@ fn equal_searches_after_interruptions_and_kills_at_any_byte() {
             done.set(done.get() + u64::from(matches!(event, Event::Done { .. })));
             stop.store(done.get() >= after, Ordering::Relaxed);
         });
-        assert!(matches!(outcome.unwrap(), Outcome::Interrupted { .. }), "{after}");
-        assert!(!broken.out.join(leaderboard::NAME).exists());
+        // Threads may be done with all before the word reaches them: then there is nothing to go on with.
+        let interrupted = matches!(outcome.unwrap(), Outcome::Interrupted { .. });
+        assert_eq!(broken.out.join(leaderboard::NAME).exists(), !interrupted, "{after}");
     }
     assert!(run(&broken) < trained);
     assert_eq!(promised(&broken.out), want);
