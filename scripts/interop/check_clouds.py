@@ -149,7 +149,9 @@ def check_points(name, out, stem, points, labels, intensities):
 
 def outputs_by_numpy(about, layers, features):
     scaler = about["scaler"]
-    x = np.clip((features - np.array(scaler["mean"])) / scaler["scale"], -scaler["clip"], scaler["clip"])
+    minus = [features[:, other] if other is not None else np.zeros(len(features)) for other in scaler["minus"]]
+    x = (features - np.stack(minus, axis=1) - np.array(scaler["mean"])) / scaler["scale"]
+    x = np.clip(x, -scaler["clip"], scaler["clip"])
     for layer in layers:
         x = 1.0 / (1.0 + np.exp(-(x @ np.array(layer["weights"]).T + np.array(layer["biases"]))))
     return x[:, 0]
