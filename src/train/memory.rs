@@ -10,7 +10,7 @@ use super::filter::Counters;
 use super::learner::Learner;
 use super::order::Epoch;
 use super::rows::Rows;
-use super::scaling::{Weights, moments_of, scaler_of, subtracted};
+use super::scaling::{moments_of, scaler_of, subtracted};
 use super::stopping::{Look, Stop};
 use super::validation::Judge;
 use super::{Network, TrainError, TrainParams};
@@ -77,8 +77,8 @@ impl Held {
             counts[usize::from(train.corpora[row])][usize::from(train.labels[row])] += 1;
         }
         let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
-        let weights = Weights::new(&counts, corpora, params.balance);
-        Ok(Held { judge: Judge { scaler, targets: params.targets, weights }, train, validation, constant })
+        let judge = Judge::new(scaler, params, &counts, corpora);
+        Ok(Held { judge, train, validation, constant })
     }
 
     /// As long as the parameters say.

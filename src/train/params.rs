@@ -37,6 +37,9 @@ pub struct TrainParams {
     /// Weigh rows so that both classes count alike, or not at all (the paper).
     #[garde(skip)]
     pub balance: Balance,
+    /// How the validation error that decides when training ends weighs the classes.
+    #[garde(skip)]
+    pub stop_by: StopBy,
     /// Scaled inputs are clipped to this.
     #[garde(custom(within(0.5, 1e6)))]
     pub clip: f64,
@@ -67,6 +70,7 @@ impl Default for TrainParams {
             targets: [0.1, 0.9],
             thresholds: vec![0.5],
             balance: Balance::Classes,
+            stop_by: StopBy::AsLearnt,
             clip: 8.0,
             epochs: 50,
             validate_every: None,
@@ -135,6 +139,27 @@ pub enum Balance {
     /// R of a row is divided by its class's weight, so that both classes weigh alike.
     Classes,
     None,
+}
+
+/// How a look at the validation split weighs the classes. Where few cells hold an obstacle and rows are not weighed, the unweighted error is
+/// lowest long before those cells are told apart: training that stops by it stops too early for them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StopBy {
+    /// As `balance` weighs the rows to learn.
+    AsLearnt,
+    /// Both classes alike, however the rows to learn are weighed.
+    Classes,
+}
+
+impl TrainParams {
+    /// How looks weigh the classes.
+    pub fn look_balance(&self) -> Balance {
+        match self.stop_by {
+            StopBy::AsLearnt => self.balance,
+            StopBy::Classes => Balance::Classes,
+        }
+    }
 }
 
 /// What learns.

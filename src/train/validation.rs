@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::rows::{LeftOut, Rows};
 use super::scaling::Weights;
 use super::source::Sources;
-use super::{Network, Scaler, TrainError};
+use super::{Network, Scaler, TrainError, TrainParams};
 use crate::corpus::Split;
 
 /// A split is kept up to this size.
@@ -24,7 +24,10 @@ const CHUNK_ROWS: usize = 1024;
 pub struct Judge {
     pub scaler: Scaler,
     pub targets: [f64; 2],
+    /// How much a row to learn counts.
     pub weights: Weights,
+    /// How much a row to judge by counts.
+    pub look_weights: Weights,
 }
 
 /// Weighted squared errors added up.
@@ -54,6 +57,13 @@ impl std::ops::AddAssign for ErrorSum {
 }
 
 impl Judge {
+    /// `counts`: rows to learn of each class by corpus; `corpora`: the corpora's weights.
+    pub fn new(scaler: Scaler, params: &TrainParams, counts: &[[u64; 2]], corpora: &[f64]) -> Judge {
+        let weights = |balance| Weights::new(counts, corpora, balance);
+        let (weights, look_weights) = (weights(params.balance), weights(params.look_balance()));
+        Judge { scaler, targets: params.targets, weights, look_weights }
+    }
+
     /// Adds rows in order.
     pub fn sum(&self, network: &Network, rows: &Rows) -> ErrorSum {
         let chunks = rows.len().div_ceil(CHUNK_ROWS);
@@ -79,7 +89,7 @@ impl Judge {
         for (row, output) in range.zip(outputs) {
             let label = rows.labels[row];
             let error = self.targets[usize::from(label)] - output;
-            let weight = self.weights.of(label, rows.corpora[row]);
+            let weight = self.look_weights.of(label, rows.corpora[row]);
             sum += ErrorSum { squared: weight * error * error, weight };
         }
         sum

@@ -11,7 +11,7 @@ use crate::corpus::Split;
 use crate::train::folder::{self, RunFolder};
 use crate::train::learner::Learner;
 use crate::train::rows::LeftOut;
-use crate::train::scaling::{Weights, scaler};
+use crate::train::scaling::scaler;
 use crate::train::validation::{Judge, Validation, each_group};
 use crate::train::{Layout, Sources, TrainError, state, stream};
 
@@ -38,7 +38,7 @@ impl<'s> Training<'s> {
             scaler.clone_from(&init.model.about.scaler);
         }
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
-        let judge = Judge { scaler, targets: params.targets, weights: Weights::new(&counts, &corpora, params.balance) };
+        let judge = Judge::new(scaler, params, &counts, &corpora);
         let mut learner = Learner::new(params, judge, params.rows_between_looks(labelled))?;
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
         let run = if setup.resume { RunFolder::resume(&setup.out)? } else { RunFolder::create(&setup.out)? };

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::fixture::{circle, corpus, looks, params, run, setup};
 use crate::corpus::Split;
 use crate::train::memory::{Course, Event, Held, Trained, train};
+use crate::train::params::{Balance, StopBy};
 use crate::train::rows::Rows;
 use crate::train::stopping::Stop;
 use crate::train::{Model, TrainError, TrainParams, folder};
@@ -111,4 +112,30 @@ fn extreme_no_rows_and_fewer_rows_than_weights_are_refused() {
     let held = held(&params);
     let refused = train(&params, &held, held.course(&params), &AtomicBool::new(false), &mut |_| ());
     assert!(matches!(refused, Err(TrainError::FewRows { rows: 900, weights: 2001 })));
+}
+
+#[test]
+fn exact_looks_by_classes_weigh_both_alike_while_rows_to_learn_count_as_they_come() {
+    let unweighed = TrainParams { balance: Balance::None, ..params() };
+    let (by_rows, by_classes) =
+        (held(&unweighed), held(&TrainParams { stop_by: StopBy::Classes, ..unweighed.clone() }));
+    for held in [&by_rows, &by_classes] {
+        assert_eq!(held.judge.weights.class, [1.0; 2]);
+    }
+    assert_eq!(by_rows.judge.look_weights.class, [1.0; 2]);
+    let learnt = |class| by_rows.train.labels.iter().filter(|&&label| label == class).count() as f64;
+    let [traversable, untraversable] = by_classes.judge.look_weights.class;
+    assert!((traversable * learnt(0) - untraversable * learnt(1)).abs() < 1e-9 && learnt(0) != learnt(1));
+
+    // The error by hand, of a network that says the same of every row.
+    let mut network = whole(&unweighed, &by_rows, Course { rows: 100, validate_every: 100 }).network;
+    network.weights.fill(0.0);
+    let share = |class| {
+        let of = by_classes.validation.labels.iter().filter(|&&label| label == class).count() as f64;
+        of * by_classes.judge.look_weights.class[usize::from(class)]
+    };
+    let [low, high] = unweighed.targets;
+    let expected =
+        (share(0) * (0.5 - low) * (0.5 - low) + share(1) * (0.5 - high) * (0.5 - high)) / (share(0) + share(1));
+    assert!((by_classes.validation_error(&network) - expected).abs() < 1e-12);
 }
