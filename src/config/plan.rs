@@ -81,17 +81,22 @@ impl Plan {
 
     /// The family a scene belongs to: drawn by weight; families that are held out are drawn in test shards alone.
     pub fn family_of(&self, scene: u64) -> &Family {
+        &self.families[self.family_index_of(scene)]
+    }
+
+    /// As [`family_of`](Plan::family_of): its place among the families.
+    pub fn family_index_of(&self, scene: u64) -> usize {
         let test = Split::of_shard(self.shard_of(scene)) == Split::Test;
-        let open: Vec<&Family> = self.families.iter().filter(|f| test || !f.hold_out).collect();
-        let total: f64 = open.iter().map(|f| f.weight).sum();
+        let open = || self.families.iter().enumerate().filter(|(_, f)| test || !f.hold_out);
+        let total: f64 = open().map(|(_, f)| f.weight).sum();
         let mut left = self.streams(scene, 0, Stage::Plan).open(Purpose::Family).uniform(0) * total;
-        for family in &open {
+        for (index, family) in open() {
             left -= family.weight;
             if left < 0.0 {
-                return family;
+                return index;
             }
         }
-        open.last().expect("checked: at least one family is not held out")
+        open().last().expect("checked: at least one family is not held out").0
     }
 
     /// The whole plan as a document: every default written out, presets in place. [`load`](super::load) gives the same plan.
