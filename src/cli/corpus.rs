@@ -56,8 +56,22 @@ pub(super) struct InspectArgs {
     place: PathBuf,
 }
 
+/// Refuses a folder that is not there, whatever it should hold.
+pub(super) fn check_folder(place: &Path) -> Result<(), Failure> {
+    if place.is_dir() {
+        return Ok(());
+    }
+    let what = if place.exists() { "is a file, not a folder" } else { "no such folder" };
+    Err(Failure::usage(miette::miette!(
+        help = "give the folder that `marsyard generate` named, such as corpora/quickstart",
+        "{}: {what}",
+        place.display()
+    )))
+}
+
 /// The corpus in a folder, by its own plan.yaml.
 fn open(place: &Path) -> Result<(CorpusSpec, LocalFolder), Failure> {
+    check_folder(place)?;
     if !place.join("plan.yaml").is_file() {
         return Err(Failure::usage(miette::miette!(
             help = "give the folder that `marsyard generate` named, such as corpora/quickstart",

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::Failure;
+use super::corpus::check_folder;
 use super::explain::plan_of;
 use super::generate::corpus_failure;
 use super::output::{errln, out};
@@ -84,6 +85,7 @@ pub(super) fn family_facts(plan: &Plan) -> Vec<FamilyFacts> {
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+    check_folder(&args.corpus)?;
     let model = read_model(&args.model)?;
     let (plan, _) = plan_of(&args.corpus, &[])?;
     let split = match args.split {

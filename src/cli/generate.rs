@@ -3,7 +3,6 @@
 //! The verb ties the pipeline (scenes on all threads) to the corpus (shards in a place), and talks. A shard is on disk whole
 //! or not at all, so there is nothing to repair after a crash: the same command again goes on.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,14 +14,12 @@ use serde_json::json;
 use super::output::errln;
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
-use crate::cells::feature_columns;
 use crate::config::Plan;
 use crate::corpus::{
     self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Split, Store,
 };
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, BuildError, Event, Outcome};
-use crate::random::Purpose;
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
@@ -60,27 +57,7 @@ fn parse_range(text: &str) -> Result<Range<u64>, String> {
 
 /// What the corpus needs to know of a plan.
 pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
-    let first = &plan.families[0];
-    let drawn: BTreeSet<Purpose> = plan
-        .families
-        .iter()
-        .flat_map(|f| f.scene.dists().into_iter().chain(f.drive.dists()).chain(f.sweep.dists()))
-        .map(|(purpose, _)| purpose)
-        .collect();
-    CorpusSpec {
-        name: plan.name.clone(),
-        seed: plan.seed,
-        scenes: plan.scenes,
-        scenes_per_shard: plan.scenes_per_shard,
-        tables: plan.tables.clone(),
-        // Checked by config: the same for all families.
-        features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
-        drawn: drawn.into_iter().collect(),
-        families: plan.families.iter().map(|f| f.name.clone()).collect(),
-        scene_plan_hash: plan.scene_plan_hash(),
-        plan_yaml: plan.to_yaml(),
-        license: "unknown".into(),
-    }
+    plan.corpus_spec()
 }
 
 /// Storage that fails may work again; everything else will not.

@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::json;
 
 use self::words::{absent, parts};
-use super::generate::{default_threads, parse_threads, spec_of, split_warnings};
+use super::generate::{default_threads, parse_threads, split_warnings};
 use super::output::outln;
 use super::progress::{human, si};
 use super::{ConfigArgs, Failure};
@@ -58,7 +58,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         parts_limit: if args.no_parts { Duration::ZERO } else { half },
         place: args.out.as_deref(),
     };
-    let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options, spec_of));
+    let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
     let estimate = measured.transpose().map_err(Failure::failed)?;
     if args.json {
         outln!("{:#}", as_json(&plan, estimate.as_ref()));

@@ -10,6 +10,7 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
+use super::corpus::check_folder;
 use super::generate::{default_threads, parse_threads, stop_on_signals};
 use super::output::{errln, out};
 use super::train::{labels_set, numbered_folder, train_failure};
@@ -140,6 +141,7 @@ impl SearchArgs {
 pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let params = args.params()?;
     let networks = args.networks(params.seed)?;
+    check_folder(&args.corpus)?;
     let source = Source::open(&LocalFolder::new(&args.corpus), 1.0).map_err(train_failure)?;
     let (name, corpus_id, manifest_sha256) =
         (source.name.clone(), source.corpus_id.clone(), source.manifest_sha256.clone());

@@ -12,6 +12,7 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
+use super::corpus::check_folder;
 use super::evaluate::{family_facts, read_model};
 use super::explain::plan_of;
 use super::generate::{corpus_failure, default_threads, stop_on_signals};
@@ -131,6 +132,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     let mut list = Vec::new();
     let mut origins: Vec<(PathBuf, Origin)> = Vec::new();
     for (path, weight) in &args.corpora {
+        check_folder(path)?;
         list.push(Source::open(&LocalFolder::new(path), *weight).map_err(train_failure)?);
         origins.push((path.clone(), origin_of(path)?));
     }

@@ -1,12 +1,14 @@
 //! The checked config: everything resolved, every default written out.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 use serde_json::{Value as Json, json};
 
 use super::fidelity::Fidelity;
 use super::write::yaml;
-use crate::cells::CellParams;
-use crate::corpus::{Split, Table};
+use crate::cells::{CellParams, feature_columns};
+use crate::corpus::{CorpusSpec, Split, Table};
 use crate::drive::DriveParams;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::SceneParams;
@@ -97,6 +99,31 @@ impl Plan {
             }
         }
         open().last().expect("checked: at least one family is not held out").0
+    }
+
+    /// What the corpus needs to know of the plan.
+    pub fn corpus_spec(&self) -> CorpusSpec {
+        let first = &self.families[0];
+        let drawn: BTreeSet<Purpose> = self
+            .families
+            .iter()
+            .flat_map(|f| f.scene.dists().into_iter().chain(f.drive.dists()).chain(f.sweep.dists()))
+            .map(|(purpose, _)| purpose)
+            .collect();
+        CorpusSpec {
+            name: self.name.clone(),
+            seed: self.seed,
+            scenes: self.scenes,
+            scenes_per_shard: self.scenes_per_shard,
+            tables: self.tables.clone(),
+            // Checked by the rules: the same for all families.
+            features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
+            drawn: drawn.into_iter().collect(),
+            families: self.families.iter().map(|f| f.name.clone()).collect(),
+            scene_plan_hash: self.scene_plan_hash(),
+            plan_yaml: self.to_yaml(),
+            license: "unknown".into(),
+        }
     }
 
     /// The whole plan as a document: every default written out, presets in place. [`load`](super::load) gives the same plan.

@@ -20,7 +20,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::config::Plan;
-use crate::corpus::{CorpusError, CorpusSpec, Table};
+use crate::corpus::{CorpusError, Table};
 use crate::pipeline::{Prepared, StageTimes};
 use crate::sweep::PatternError;
 
@@ -96,16 +96,10 @@ pub enum EstimateError {
 }
 
 /// Runs scenes of the plan, writes them to memory (and to the place, if one is given), and reckons up.
-///
-/// `spec_of` says what the corpus is told of a plan.
-pub fn estimate(
-    plan: &Plan,
-    options: &Options,
-    spec_of: impl Fn(&Plan) -> CorpusSpec,
-) -> Result<Estimate, EstimateError> {
+pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateError> {
     let prepared = Prepared::new(plan.clone())?;
     let mut sample = sample::take(&prepared, options);
-    let encoded = encode::encode(&spec_of(plan), std::mem::take(&mut sample.outputs), options.threads)?;
+    let encoded = encode::encode(&plan.corpus_spec(), std::mem::take(&mut sample.outputs), options.threads)?;
     let bytes = encoded.bytes(&sample, plan.shards());
     let probed = options.place.map(|place| storage::probe(place, &encoded, plan.shards(), bytes.value));
     let storage = probed.transpose()?;

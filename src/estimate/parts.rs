@@ -13,8 +13,8 @@ use super::sample::Sample;
 use super::{EstimateError, FamilyCost, Options};
 use crate::config::Plan;
 use crate::corpus::Table;
-use crate::pipeline::clock::thread_cpu_s;
-use crate::pipeline::{NoWatch, Prepared, Scratch, run_scene};
+use crate::pipeline::clock::Costs;
+use crate::pipeline::{Prepared, Scratch, run_scene};
 use crate::slam::SlamParams;
 
 /// A standard error of a price, relative to the whole scene, at which measuring ends.
@@ -123,15 +123,15 @@ pub static PARTS: [Part; 23] = [
     },
 ];
 
-/// CPU seconds of one scene under each plan, one after the other; which comes first turns with `turn`.
-pub fn interleaved(prepared: &[Prepared], scene: u64, turn: usize, scratch: &mut Scratch) -> Vec<f64> {
-    let mut taken_s = vec![0.0; prepared.len()];
+/// What one scene takes under each plan, one after the other; which comes first turns with `turn`.
+pub fn interleaved(prepared: &[Prepared], scene: u64, turn: usize, scratch: &mut Scratch) -> Vec<Costs> {
+    let mut taken = vec![Costs::start(); prepared.len()];
     for k in (0..prepared.len()).map(|k| (k + turn) % prepared.len()) {
-        let begun_s = thread_cpu_s();
-        std::hint::black_box(run_scene(&prepared[k], scene, scratch, &mut NoWatch));
-        taken_s[k] = thread_cpu_s() - begun_s;
+        let mut costs = Costs::start();
+        std::hint::black_box(run_scene(&prepared[k], scene, scratch, &mut costs));
+        taken[k] = costs.finish();
     }
-    taken_s
+    taken
 }
 
 /// One family: the plan at one attempt, then without each part.
@@ -215,8 +215,8 @@ pub(super) fn prices(plan: &Plan, sample: &Sample, options: &Options) -> Result<
             if !std::mem::replace(&mut warm, true) {
                 interleaved(&prepared[family][..1], scene, 0, &mut scratch);
             }
-            let taken_s = interleaved(&prepared[family], scene, turn, &mut scratch);
-            lock()[family].taken_s.push(taken_s);
+            let taken = interleaved(&prepared[family], scene, turn, &mut scratch);
+            lock()[family].taken_s.push(taken.iter().map(|costs| costs.whole.cpu).collect());
         }
     };
     std::thread::scope(|scope| (0..options.threads).for_each(|_| _ = scope.spawn(one_thread)));
