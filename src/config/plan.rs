@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use serde::Serialize;
-use serde_json::{Value as Json, json};
+use serde_json::Value as Json;
 
 use super::fidelity::Fidelity;
 use super::write::yaml;
@@ -144,19 +144,6 @@ impl Plan {
         blake3::hash(document.to_string().as_bytes()).to_hex().to_string()
     }
 
-    /// What differs from another plan, one dotted key a line with both values; `name` and `scenes` are no difference.
-    pub fn difference(&self, other: &Plan) -> Vec<String> {
-        let mut lines = Vec::new();
-        let (mut ours, mut theirs) = (self.to_document(), other.to_document());
-        for document in [&mut ours, &mut theirs] {
-            document["name"] = Json::Null;
-            document["scenes"] = Json::Null;
-            document["fidelity"] = Json::Null;
-        }
-        differences(&ours, &theirs, "", &mut lines);
-        lines
-    }
-
     /// The plan in the form of a document. One family named `default` is the document's own sections.
     fn to_document(&self) -> Json {
         let plan = serde_json::to_value(self).expect("a plan holds finite numbers and text keys");
@@ -172,35 +159,5 @@ impl Plan {
             }
         }
         document.into()
-    }
-}
-
-fn differences(ours: &Json, theirs: &Json, path: &str, lines: &mut Vec<String>) {
-    let nothing = json!(null);
-    match (ours, theirs) {
-        (Json::Object(a), Json::Object(b)) => {
-            let only_theirs = b.keys().filter(|key| !a.contains_key(*key));
-            for key in a.keys().chain(only_theirs) {
-                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-                differences(a.get(key).unwrap_or(&nothing), b.get(key).unwrap_or(&nothing), &path, lines);
-            }
-        }
-        (Json::Array(a), Json::Array(b)) if a.len() == b.len() && a.iter().chain(b).all(|item| item.is_object()) => {
-            for (i, (a, b)) in a.iter().zip(b).enumerate() {
-                let name = a["name"].as_str().filter(|_| a["name"] == b["name"]);
-                differences(a, b, &format!("{path}[{}]", name.map_or(i.to_string(), str::to_owned)), lines);
-            }
-        }
-        (a, b) if a != b => lines.push(format!("{path}: {} here, {} there", shown(a), shown(b))),
-        _ => (),
-    }
-}
-
-fn shown(value: &Json) -> String {
-    let text = yaml(value).trim().to_owned();
-    match value {
-        Json::Null => "absent".into(),
-        Json::Object(_) | Json::Array(_) => super::tree::shortened(&value.to_string()),
-        _ => text,
     }
 }

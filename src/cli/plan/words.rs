@@ -99,10 +99,10 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     parts
 }
 
-/// Parts that no family names.
+/// Parts that no family names; dead reckoning is a choice among pose estimates and no part of its own.
 pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
     let nowhere = PARTS.iter().filter(|part| !(0..plan.families.len()).any(|family| (part.is_on)(plan, family)));
-    nowhere.map(|part| part.name).collect()
+    nowhere.map(|part| part.name).filter(|name| *name != "dead_reckoning").collect()
 }
 
 /// Which sweeps are written.
