@@ -98,7 +98,7 @@ impl Plan {
                 return index;
             }
         }
-        open().last().expect("checked: at least one family is not held out").0
+        open().next_back().expect("checked: at least one family is not held out").0
     }
 
     /// What the corpus needs to know of the plan.

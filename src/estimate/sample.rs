@@ -147,7 +147,7 @@ impl Stratum {
     fn mean_and_variance(&self, value: impl Fn(&SceneCost) -> f64) -> (f64, f64) {
         let count = self.taken.len() as f64;
         let mean = self.taken.iter().map(&value).sum::<f64>() / count.max(1.0);
-        let squares: f64 = self.taken.iter().map(|cost| (value(cost) - mean).powi(2)).sum();
+        let squares: f64 = self.taken.iter().map(|cost| value(cost) - mean).map(|off| off * off).sum();
         (mean, squares / (count - 1.0).max(1.0))
     }
 
