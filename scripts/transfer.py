@@ -228,7 +228,7 @@ def leave_one_out(marsyard, corpora, variant, seeds):
 
 def table_1(title, judged, rules):
     """Rows of rules; columns of rates, mean and spread over seeds."""
-    head = [title, "missed %", "false %", "all wrong %", "missed without tops %", "balanced %", "missed, cells %", "false, cells %"]
+    head = [title, "missed %", "false %", "all wrong %", "missed without tops %", "balanced, cells %", "missed, cells %", "false, cells %"]
     rows = []
     for name, seeds in rules:
         of = lambda way, rate: study.percent_spread(study.mean_spread([s[judged][way][rate] for s in seeds]))

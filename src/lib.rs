@@ -45,6 +45,8 @@ pub mod picture;
 
 pub mod pipeline;
 
+pub mod estimate;
+
 pub mod tradeoff;
 
 pub mod cli;

@@ -93,7 +93,7 @@ pub fn bin(
     scratch.grounds.clear();
     for scan in window {
         let placer = Placer::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
-        place(scan, &placer, kept.estimate.pose.position_m.z, scratch, &mut cells);
+        place(scan, &placer, kept.estimate.pose.position_m.z, scene, scratch, &mut cells);
     }
     scratch.grounds.steepen(&scene.ground);
     cells.points_binned = scratch.cells.len() as u64;
@@ -172,7 +172,7 @@ fn place_cloud(
 }
 
 /// Appends the points of one sweep that have a cell, and counts those that have none.
-fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scratch: &mut Scratch, cells: &mut Cells) {
+fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scene: &Scene, scratch: &mut Scratch, cells: &mut Cells) {
     let sweep = scan.sweep;
     for (slot, &direction) in sweep.pattern.directions.iter().enumerate() {
         if sweep.status[slot] != Status::Hit {
@@ -187,6 +187,9 @@ fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scratch: &mut Scrat
             let point_m: DVec3 = scan.world_from_sensor.point(direction * truth.range_m);
             scratch.grounds.push(point_m.x, point_m.y)
         } else {
+            // Its verdict will be asked for.
+            let obstacle = usize::try_from(truth.object).ok().and_then(|id| scene.obstacles.get(id));
+            obstacle.inspect(|obstacle| _ = obstacle.protrusion_m);
             NOT_GROUND
         };
         scratch.cells.push(cell);

@@ -30,10 +30,10 @@ pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64,
         ObstacleRule::TallerThanM(height_m) => height_m,
     };
     out.clear();
-    out.extend(scene.obstacles.iter().map(|o| Verdict {
-        untraversable: o.protrusion_m > taller_than_m,
-        class: o.class,
-        protrusion_m: o.protrusion_m,
+    out.extend(scene.obstacles.iter().map(|o| {
+        // What nobody has asked for has no points: whoever places a point asks (`bin`).
+        let protrusion_m = o.known_body().map_or(f64::NEG_INFINITY, |body| body.protrusion_m);
+        Verdict { untraversable: protrusion_m > taller_than_m, class: o.class, protrusion_m }
     }));
     out.extend(scene.volumes.iter().map(|v| Verdict {
         untraversable: v.untraversable,
@@ -48,6 +48,7 @@ pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64,
 /// Per object id: whether its points make a cell untraversable. Solid objects by the rule, others as they are marked.
 pub fn obstacles(params: &LabelParams, wheel_diameter_m: f64, scene: &Scene) -> Vec<bool> {
     let mut by_id = Vec::new();
+    scene.make_all();
     verdicts(scene, params.obstacle, wheel_diameter_m, &mut by_id);
     by_id.iter().map(|verdict| verdict.untraversable).collect()
 }

@@ -8,25 +8,21 @@ use super::*;
 use crate::geometry::{DVec2, DVec3, Pose, Transform};
 use crate::math;
 use crate::random::{Purpose, Stage, Stream, Streams};
-use crate::scene::{Class, Cylinder, Ground, Obstacle, Patch, Raster, Scene, Shape, Volume};
+use crate::scene::{Body, Class, Cylinder, Ground, Obstacle, Patch, Raster, Scene, Shape, Volume};
 use crate::slam::Estimate;
 use crate::sweep::{Pattern, Status, Sweep, TrueReturn};
 
 /// A plane that rises by `slope` a metre along x.
 fn ramp(slope: f64) -> Ground {
     let heights_m = (0..21 * 21).map(|i| slope * f64::from(i % 21)).collect();
-    Ground::Raster(Raster { spacing_m: 1.0, origin_m: DVec2::ZERO, rows: 21, cols: 21, heights_m })
+    Ground::Raster(Raster::new(DVec2::ZERO, 1.0, 21, 21, heights_m))
 }
 
 /// Obstacles 0 and 1 stand 0.05 m and 0.30 m tall; bush 2 can be crossed, bush 3 not; patch 4 can be crossed, patch 5 not.
 fn yard(slope: f64) -> Scene {
-    let obstacle = |id, protrusion_m| Obstacle {
-        id,
-        class: Class::Rock,
-        shape: Shape::Cylinder(Cylinder { base_m: DVec3::ZERO, radius_m: 0.1, height_m: protrusion_m }),
-        centre_m: DVec3::ZERO,
-        radius_m: 1.0,
-        protrusion_m,
+    let obstacle = |id, protrusion_m| {
+        let shape = Shape::Cylinder(Cylinder { base_m: DVec3::ZERO, radius_m: 0.1, height_m: protrusion_m });
+        Obstacle::new(id, Class::Rock, Body { shape, centre_m: DVec3::ZERO, radius_m: 1.0, protrusion_m })
     };
     let volume = |id, untraversable| Volume {
         id,

@@ -11,6 +11,7 @@ use std::collections::VecDeque;
 
 use super::Failure;
 use super::evaluate::read_model;
+use super::output::errln;
 use crate::cells::{self, Cells, WindowCloud, feature_columns};
 use crate::evaluate::{Cell, Judge, Threshold, ThresholdOrigin};
 use crate::train::Model;
@@ -62,7 +63,7 @@ pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
     if setup.labels.is_some() {
         written.push(report::evaluation(args, &model, &setup, &judge, scans.len())?);
     }
-    written.iter().for_each(|path| eprintln!("{}", path.display()));
+    written.iter().for_each(|path| errln!("{}", path.display()));
     Ok(())
 }
 

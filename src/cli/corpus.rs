@@ -11,7 +11,7 @@ use super::explain::plan_of;
 use super::generate::{
     build_outcome, corpus_failure, default_threads, judge_failures, parse_threads, spec_of, stop_on_signals,
 };
-use super::output::{out, outln};
+use super::output::{errln, out, outln};
 use super::progress::Progress;
 use super::{Failure, LogFormat};
 use crate::corpus::verify::Finding;
@@ -56,8 +56,22 @@ pub(super) struct InspectArgs {
     place: PathBuf,
 }
 
+/// Refuses a folder that is not there, whatever it should hold.
+pub(super) fn check_folder(place: &Path) -> Result<(), Failure> {
+    if place.is_dir() {
+        return Ok(());
+    }
+    let what = if place.exists() { "is a file, not a folder" } else { "no such folder" };
+    Err(Failure::usage(miette::miette!(
+        help = "give the folder that `marsyard generate` named, such as corpora/quickstart",
+        "{}: {what}",
+        place.display()
+    )))
+}
+
 /// The corpus in a folder, by its own plan.yaml.
 fn open(place: &Path) -> Result<(CorpusSpec, LocalFolder), Failure> {
+    check_folder(place)?;
     if !place.join("plan.yaml").is_file() {
         return Err(Failure::usage(miette::miette!(
             help = "give the folder that `marsyard generate` named, such as corpora/quickstart",
@@ -84,7 +98,7 @@ pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let (plan, _) = plan_of(&args.place, &[])?;
     let manifest = corpus::finalize(&store, &spec).map_err(corpus_failure)?;
-    eprintln!("{}: {} shards, corpus_id {}", args.place.display(), manifest.shards, manifest.corpus_id);
+    errln!("{}: {} shards, corpus_id {}", args.place.display(), manifest.shards, manifest.corpus_id);
     judge_failures(&plan, &manifest)
 }
 
@@ -94,7 +108,7 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let findings = verify::verify(&store, &spec).map_err(corpus_failure)?;
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
-        eprintln!("{place}: {} shards are as their receipts say", spec.shards());
+        errln!("{place}: {} shards are as their receipts say", spec.shards());
         return rebuild(args, &spec, &store, log);
     }
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
@@ -151,7 +165,7 @@ fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &LocalFolder, log: LogFo
     }
     let ranges = ranges::to_text(&shards);
     if findings.is_empty() {
-        eprintln!("{place}: shards {ranges}, built again, have the same bytes");
+        errln!("{place}: shards {ranges}, built again, have the same bytes");
         return Ok(());
     }
     findings.sort_by_key(|finding| (finding.shard, finding.name.clone()));

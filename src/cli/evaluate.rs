@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::Failure;
+use super::corpus::check_folder;
 use super::explain::plan_of;
 use super::generate::corpus_failure;
-use super::output::out;
+use super::output::{errln, out};
 use crate::cells::CellParams;
 use crate::config::Plan;
 use crate::corpus::{LocalFolder, Split};
@@ -84,6 +85,7 @@ pub(super) fn family_facts(plan: &Plan) -> Vec<FamilyFacts> {
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
+    check_folder(&args.corpus)?;
     let model = read_model(&args.model)?;
     let (plan, _) = plan_of(&args.corpus, &[])?;
     let split = match args.split {
@@ -113,7 +115,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         for (name, svg) in evaluate::figures(&report).map_err(Failure::failed)? {
             crate::corpus::Store::replace(&store, name, svg.as_bytes()).map_err(corpus_failure)?;
         }
-        eprintln!("evaluation.json and figures are in {}", folder.display());
+        errln!("evaluation.json and figures are in {}", folder.display());
     }
     if args.json {
         out!("{}", report.to_json());

@@ -1,20 +1,18 @@
 //! Replays one scene and says what was drawn and computed; for a cell, the arithmetic of its features and label.
 
+mod cell;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::Failure;
-use super::generate::{corpus_failure, spec_of};
 use super::output::outln;
-use crate::cells::{Placer, feature_columns};
 use crate::config::{self, Family, Plan};
-use crate::corpus::{self, LocalFolder, ScanOutput, ScanPoints, Split};
-use crate::geometry::{CellIndex, DVec3};
+use crate::corpus::{ScanOutput, Split};
+use crate::geometry::CellIndex;
 use crate::pipeline::{Hashes, Prepared, Replay, Scratch, replay_scene};
 use crate::random::Drawn;
-use crate::scene::{Class, Scene};
-use crate::sweep::Status;
 
 #[derive(Debug, Args)]
 pub(super) struct ExplainArgs {
@@ -77,8 +75,8 @@ pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
         }
         Some(cell) => {
             let scan = pick_scan(&replay, args.scan)?;
-            tell_cell(family, &replay, scan, cell)?;
-            corpus.map_or(Ok(()), |folder| compare_stored(folder, &prepared.plan, args.scene, family, scan, cell))
+            cell::tell(family, &replay, scan, cell)?;
+            corpus.map_or(Ok(()), |folder| cell::compare_stored(folder, &prepared.plan, args.scene, family, scan, cell))
         }
     }
 }
@@ -155,173 +153,4 @@ pub(super) fn pick_scan(replay: &Replay, scan: Option<u32>) -> Result<&ScanOutpu
         let kept: Vec<String> = replay.scans.iter().map(|s| s.scan_id.to_string()).collect();
         Failure::usage(miette::miette!("no such kept scan; this scene keeps scans {}", kept.join(", ")))
     })
-}
-
-/// A point of the kept sweep that lies in the cell.
-struct Point {
-    slot: usize,
-    map_m: DVec3,
-    object: i32,
-    class: i8,
-    top: bool,
-}
-
-fn points_in(family: &Family, replay: &Replay, scan: &ScanOutput, points: &ScanPoints, cell: CellIndex) -> Vec<Point> {
-    let pose = &pose_of(replay, scan).estimate.pose;
-    let max_range_m = family.cells.max_range_m.unwrap_or(points.max_range_m);
-    let placer = Placer::new(points.grid, max_range_m, pose, &replay.rover_from_sensor);
-    let sweep = &points.sweep;
-    let hits = (0..sweep.status.len()).filter(|&slot| sweep.status[slot] == Status::Hit);
-    hits.filter_map(|slot| {
-        let placed = placer.place(sweep.pattern.directions[slot], sweep.range_m[slot]);
-        let truth = &sweep.truth[slot];
-        (placed.cell == Ok(cell)).then_some(Point {
-            slot,
-            map_m: placed.point_m,
-            object: truth.object,
-            class: truth.class,
-            top: truth.top,
-        })
-    })
-    .collect()
-}
-
-fn pose_of<'r>(replay: &'r Replay, scan: &ScanOutput) -> &'r corpus::PoseRow {
-    replay.poses.iter().find(|row| row.scan_id == Some(scan.scan_id)).expect("every kept scan has its pose row")
-}
-
-fn tell_cell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellIndex) -> Result<(), Failure> {
-    let Some(at) = scan.cells.rows.iter().position(|row| row.index == cell) else {
-        return Err(Failure::failed(format!(
-            "cell {},{} of scan {} is empty: it holds no point within range",
-            cell.row, cell.col, scan.scan_id
-        )));
-    };
-    let row = &scan.cells.rows[at];
-    let points = scan.points.as_ref().expect("explain keeps the sweeps");
-    let size_m = family.cells.size_m;
-    outln!(
-        "cell row {} col {} of scan {}: x {:.3} to {:.3} m, y {:.3} to {:.3} m (map)",
-        cell.row,
-        cell.col,
-        scan.scan_id,
-        f64::from(cell.col) * size_m,
-        f64::from(cell.col + 1) * size_m,
-        f64::from(cell.row) * size_m,
-        f64::from(cell.row + 1) * size_m
-    );
-    let inside = points_in(family, replay, scan, points, cell);
-    let rover_z_m = pose_of(replay, scan).estimate.pose.position_m.z;
-    outln!("\npoints of the kept sweep (heights above the rover's estimated z, {rover_z_m:.4} m)");
-    outln!("  {:>5} {:>5}  {:>8}  {:>8}  {:>8}  {:>8}  truth", "line", "beam", "range m", "x m", "y m", "height m");
-    let beams = points.sweep.pattern.beams as usize;
-    for p in &inside {
-        outln!(
-            "  {:>5} {:>5}  {:>8.4}  {:>8.4}  {:>8.4}  {:>8.4}  {}{}",
-            p.slot / beams,
-            p.slot % beams,
-            points.sweep.range_m[p.slot],
-            p.map_m.x,
-            p.map_m.y,
-            p.map_m.z - rover_z_m,
-            object_name(&replay.scene, p.object, p.class),
-            if p.top { ", on its top" } else { "" }
-        );
-    }
-    let carried = row.points as usize - inside.len();
-    if carried > 0 {
-        outln!("  and {carried} points of earlier sweeps of the window");
-    } else {
-        let heights: Vec<f64> = inside.iter().map(|p| p.map_m.z - rover_z_m).collect();
-        let count = heights.len() as f64;
-        let mean = heights.iter().sum::<f64>() / count;
-        let variance = heights.iter().map(|h| (h - mean) * (h - mean)).sum::<f64>() / count;
-        outln!(
-            "\n  mean = sum / {count} = {mean:.6} m (eq. 3);  variance = sum of squares / {count} = {variance:.3e} m2 (eq. 4)"
-        );
-    }
-    outln!("\nfeatures (as stored, f32)");
-    let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
-    let features = &scan.cells.features[at * columns.len()..][..columns.len()];
-    for (column, value) in columns.iter().zip(features) {
-        outln!("  {:<24} {value:>14.6e} {}", column.name, column.unit);
-    }
-    let truth = &row.truth;
-    let rule = &family.cells.labels;
-    outln!("\nlabel");
-    outln!(
-        "  tallest object: {} standing {:.3} m above the ground",
-        object_name(&replay.scene, truth.object, truth.class),
-        truth.protrusion_m
-    );
-    outln!(
-        "  rule: {:?} (wheel {} m), at least {} points",
-        rule.obstacle,
-        family.drive.rover.wheel_diameter_m,
-        rule.min_obstacle_points
-    );
-    outln!("  obstacle points {} of {} (on tops: {})", truth.obstacle_points, row.points, truth.top_points);
-    if let Some(limit) = rule.max_ground_slope_deg {
-        outln!("  ground slope {:.2} degrees, limit {limit}", f64::from(truth.slope_rad).to_degrees());
-    }
-    let word = match row.label {
-        Some(0) => "0, traversable",
-        Some(_) => "1, untraversable",
-        None => "unknown",
-    };
-    outln!("  label: {word}");
-    Ok(())
-}
-
-fn object_name(scene: &Scene, object: i32, class: i8) -> String {
-    const NAMES: [(Class, &str); 7] = [
-        (Class::Ground, "ground"),
-        (Class::Rock, "rock"),
-        (Class::Box, "box"),
-        (Class::Trunk, "trunk"),
-        (Class::Grass, "grass"),
-        (Class::Bush, "bush"),
-        (Class::Crown, "crown"),
-    ];
-    let name = NAMES.iter().find(|(c, _)| *c as i8 == class).map_or("nothing", |(_, name)| name);
-    match scene.obstacles.get(object.max(0) as usize).filter(|_| object >= 0) {
-        Some(obstacle) => format!("{name} {object} ({:.2} m tall)", obstacle.protrusion_m),
-        None if object >= 0 => format!("{name} {object}"),
-        None => name.to_string(),
-    }
-}
-
-/// Sets the replayed row beside the stored one.
-fn compare_stored(
-    folder: &Path,
-    plan: &Plan,
-    scene: u64,
-    family: &Family,
-    scan: &ScanOutput,
-    cell: CellIndex,
-) -> Result<(), Failure> {
-    let store = LocalFolder::new(folder);
-    let stored = corpus::stored_cell(&store, &spec_of(plan), scene, scan.scan_id, cell).map_err(corpus_failure)?;
-    let Some(stored) = stored else {
-        return Err(Failure::failed("the corpus has no row for this cell: it was built by another plan or binary"));
-    };
-    let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
-    let at = scan.cells.rows.iter().position(|row| row.index == cell).expect("told above");
-    let replayed = &scan.cells.features[at * columns.len()..][..columns.len()];
-    let mut differences = 0;
-    for ((name, there), here) in stored.features.iter().zip(replayed) {
-        if there.to_bits() != here.to_bits() {
-            differences += 1;
-            outln!("  differs: {name} is stored as {there:e}, replayed as {here:e}");
-        }
-    }
-    if stored.label != scan.cells.rows[at].label {
-        differences += 1;
-        outln!("  differs: the stored label is {:?}", stored.label);
-    }
-    if differences == 0 {
-        outln!("\nthe stored row is the same, bit for bit");
-        return Ok(());
-    }
-    Err(Failure::failed(format!("{differences} values differ from the stored row")))
 }

@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::Failure;
 use super::evaluate::read_model;
-use super::output::out;
+use super::output::{errln, out};
 use crate::train::{export, onnx};
 
 #[derive(Debug, Args)]
@@ -47,6 +47,6 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), Failure> {
 fn write(path: &std::path::Path, bytes: &[u8]) -> Result<(), Failure> {
     let failed = |error| Failure::new(Failure::TRY_AGAIN, miette::miette!("{}: {error}", path.display()));
     std::fs::write(path, bytes).map_err(failed)?;
-    eprintln!("{}: {} bytes", path.display(), bytes.len());
+    errln!("{}: {} bytes", path.display(), bytes.len());
     Ok(())
 }

@@ -3,7 +3,6 @@
 //! The verb ties the pipeline (scenes on all threads) to the corpus (shards in a place), and talks. A shard is on disk whole
 //! or not at all, so there is nothing to repair after a crash: the same command again goes on.
 
-use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,16 +11,15 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use serde_json::json;
 
+use super::output::errln;
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
-use crate::cells::feature_columns;
 use crate::config::Plan;
 use crate::corpus::{
-    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Store,
+    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Split, Store,
 };
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, BuildError, Event, Outcome};
-use crate::random::Purpose;
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
@@ -59,27 +57,7 @@ fn parse_range(text: &str) -> Result<Range<u64>, String> {
 
 /// What the corpus needs to know of a plan.
 pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
-    let first = &plan.families[0];
-    let drawn: BTreeSet<Purpose> = plan
-        .families
-        .iter()
-        .flat_map(|f| f.scene.dists().into_iter().chain(f.drive.dists()).chain(f.sweep.dists()))
-        .map(|(purpose, _)| purpose)
-        .collect();
-    CorpusSpec {
-        name: plan.name.clone(),
-        seed: plan.seed,
-        scenes: plan.scenes,
-        scenes_per_shard: plan.scenes_per_shard,
-        tables: plan.tables.clone(),
-        // Checked by config: the same for all families.
-        features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
-        drawn: drawn.into_iter().collect(),
-        families: plan.families.iter().map(|f| f.name.clone()).collect(),
-        scene_plan_hash: plan.scene_plan_hash(),
-        plan_yaml: plan.to_yaml(),
-        license: "unknown".into(),
-    }
+    plan.corpus_spec()
 }
 
 /// Storage that fails may work again; everything else will not.
@@ -191,7 +169,7 @@ fn tell_start(plan: &Plan, out: &std::path::Path, range: &Range<u64>, shards: &[
         return;
     }
     let resumed = if there > 0 { format!(", {there} are there already") } else { String::new() };
-    eprintln!(
+    errln!(
         "{} -> {}: {} of {} shards to build, {} scenes each{resumed}; {threads} threads",
         plan.name,
         out.display(),
@@ -199,9 +177,28 @@ fn tell_start(plan: &Plan, out: &std::path::Path, range: &Range<u64>, shards: &[
         range.end - range.start,
         plan.scenes_per_shard
     );
-    if plan.shards() < 7 {
-        eprintln!("warning: fewer than 7 shards leave a split empty; raise scenes or lower scenes_per_shard");
+    split_warnings(plan).iter().for_each(|warning| errln!("warning: {warning}"));
+}
+
+/// What a plan of so few shards leaves out.
+pub(super) fn split_warnings(plan: &Plan) -> Vec<String> {
+    let empty = |split| !(0..plan.shards().min(20)).any(|shard| Split::of_shard(shard) == split);
+    let names: Vec<&str> = Split::ALL.into_iter().filter(|&split| empty(split)).map(Split::name).collect();
+    let mut warnings = Vec::new();
+    if !names.is_empty() {
+        let names = names.join(" and ");
+        warnings.push(format!("no shard is in the {names} split; from 7 shards on there is one in each: raise scenes or lower scenes_per_shard"));
     }
+    if empty(Split::Test) {
+        let held_out = plan.families.iter().filter(|family| family.hold_out);
+        warnings.extend(held_out.map(|family| {
+            format!(
+                "family {} is held out for the test split, which has no shard: no scene of it is built",
+                family.name
+            )
+        }));
+    }
+    warnings
 }
 
 /// SIGINT and SIGTERM ask the build to stop; a second one ends the process at once.
@@ -312,7 +309,7 @@ fn tell_end(manifest: &Manifest, place: &str, progress: &Progress, writing: std:
     }
     let seconds = progress.elapsed().as_secs_f64().max(1e-9);
     if progress.done > 0 {
-        eprintln!(
+        errln!(
             "built {} scenes in {}: {} rays ({} rays/s), {} rows/s, writing {:.1} % of the time",
             progress.done,
             human(progress.elapsed()),
@@ -322,7 +319,7 @@ fn tell_end(manifest: &Manifest, place: &str, progress: &Progress, writing: std:
             100.0 * writing.as_secs_f64() / seconds
         );
     }
-    eprintln!(
+    errln!(
         "{place}: {} scenes ({} failed), {cells} cells, {share:.1} % untraversable, {}B\ncorpus_id {}\nnext: marsyard inspect {place}",
         manifest.scenes,
         manifest.failed.len(),

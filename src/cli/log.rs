@@ -1,10 +1,12 @@
 //! Talk to stderr: text for people, JSON lines for machines.
 
+use super::output::errln;
 use super::{Failure, LogFormat};
 
 /// Sets the log up for the whole process.
 pub(super) fn start(format: LogFormat) {
-    let builder = tracing_subscriber::fmt().with_writer(std::io::stderr).with_target(false);
+    // A writer whose reader has gone must not panic on telling so.
+    let builder = tracing_subscriber::fmt().with_writer(std::io::stderr).with_target(false).log_internal_errors(false);
     match format {
         LogFormat::Json => builder.json().flatten_event(true).init(),
         LogFormat::Text => {
@@ -26,6 +28,6 @@ pub(super) fn failure(format: LogFormat, failure: &Failure) {
                 tracing::error!(exit_code = failure.code, help, "{fault}");
             }
         }
-        LogFormat::Text => eprintln!("{:?}", failure.report),
+        LogFormat::Text => errln!("{:?}", failure.report),
     }
 }

@@ -1,19 +1,8 @@
-//! Data to stdout; a reader that has seen enough (`| head`) ends the program quietly.
+//! Data to stdout, talk to stderr. A reader of stdout that has seen enough (`| head`) ends the program quietly; one of
+//! stderr ends the talk, not the work.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
-
-/// Writes to stdout.
-pub(super) fn put(text: Arguments) {
-    match std::io::stdout().lock().write_fmt(text) {
-        Ok(()) => {}
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(0),
-        Err(error) => {
-            eprintln!("cannot write to stdout: {error}");
-            std::process::exit(i32::from(super::Failure::TRY_AGAIN));
-        }
-    }
-}
 
 /// `print!`, without the panic when nobody reads on.
 macro_rules! out {
@@ -28,4 +17,26 @@ macro_rules! outln {
     }};
 }
 
-pub(super) use {out, outln};
+/// `eprintln!`, without the panic when nobody reads on.
+macro_rules! errln {
+    ($($part:tt)*) => { $crate::cli::output::tell(format_args!($($part)*)) };
+}
+
+/// Writes to stdout.
+pub(super) fn put(text: Arguments) {
+    match std::io::stdout().lock().write_fmt(text) {
+        Ok(()) => {}
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(error) => {
+            errln!("cannot write to stdout: {error}");
+            std::process::exit(i32::from(super::Failure::TRY_AGAIN));
+        }
+    }
+}
+
+/// Writes a line to stderr; where nobody listens there is nobody to tell.
+pub(super) fn tell(text: Arguments) {
+    let _ = std::io::stderr().lock().write_fmt(format_args!("{text}\n"));
+}
+
+pub(super) use {errln, out, outln};

@@ -1,122 +1,74 @@
-//! Checks a config and says what it models and what it costs, measured on a few of its own scenes.
+//! Checks a config and says what it models, what each part of it costs, and what the whole build will take.
 
-use std::time::{Duration, Instant};
+mod words;
+
+use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
 use serde_json::json;
 
-use super::generate::spec_of;
+use self::words::{absent, parts};
+use super::generate::{default_threads, parse_threads, split_warnings};
 use super::output::outln;
 use super::progress::{human, si};
 use super::{ConfigArgs, Failure};
-use crate::config::{Family, Plan};
-use crate::corpus::{CorpusSpec, SceneOutput, ShardWriter, Split};
-use crate::pipeline::{Prepared, Scratch, StageTimes, run_scene};
-use crate::random::{Dist, Law};
-use crate::scene::params::{GroundShape, GroundSource};
-use crate::slam::SlamParams;
-use crate::sweep::params::Cast;
+use crate::config::Plan;
+use crate::corpus::Split;
+use crate::estimate::{self, Estimate, FamilyCost, Figure, Options};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
     #[command(flatten)]
     config: ConfigArgs,
-    /// Scenes to build (and throw away) for the estimate of cost; 0 = check only.
-    #[arg(long, default_value_t = 8)]
-    sample: u64,
+    /// Scenes to build (and throw away) for the estimate; default: as many as make it good to some 3 %; 0 = check only.
+    #[arg(long)]
+    sample: Option<u64>,
+    /// Seconds to measure for, at most: half for the whole build, half for its parts. The scenes in hand are finished.
+    #[arg(long, default_value_t = 8.0, value_name = "SECONDS", value_parser = parse_seconds)]
+    limit: f64,
+    /// Leave out what each part costs.
+    #[arg(long)]
+    no_parts: bool,
+    /// Where the build will write: what storage takes there is measured (by a shard that goes away again).
+    #[arg(long)]
+    out: Option<PathBuf>,
     /// Threads that the build will have.
-    #[arg(long, default_value_t = super::generate::default_threads(), value_parser = super::generate::parse_threads)]
+    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
     /// One JSON object on stdout instead of text.
     #[arg(long)]
     json: bool,
 }
 
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds < 1e6 => Ok(seconds),
+        _ => Err(format!("'{text}' is not a number of seconds above 0")),
+    }
+}
+
 pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     let plan = args.config.load()?;
-    let cost = if args.sample == 0 { None } else { Some(calibrate(plan.clone(), args.sample)?) };
+    let half = Duration::from_secs_f64(0.5 * args.limit);
+    let options = Options {
+        threads: args.threads,
+        scenes: args.sample,
+        limit: half,
+        parts_limit: if args.no_parts { Duration::ZERO } else { half },
+        place: args.out.as_deref(),
+    };
+    let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
+    let estimate = measured.transpose().map_err(Failure::failed)?;
     if args.json {
-        outln!("{:#}", as_json(&plan, cost.as_ref(), args.threads));
+        outln!("{:#}", as_json(&plan, estimate.as_ref()));
     } else {
-        tell(&plan, cost.as_ref(), args.threads);
+        tell(&plan, estimate.as_ref());
     }
     Ok(())
 }
 
-/// What a few of the plan's own scenes cost.
-struct Cost {
-    scenes: u64,
-    failed: u64,
-    wall: Duration,
-    times: StageTimes,
-    writing: Duration,
-    rows: u64,
-    bytes: u64,
-    fixed_bytes: u64,
-}
-
-impl Cost {
-    fn per_scene(&self, total: f64) -> f64 {
-        total / self.scenes as f64
-    }
-
-    fn cpu_s_per_scene(&self) -> f64 {
-        self.per_scene(self.wall.as_secs_f64() + self.writing.as_secs_f64())
-    }
-
-    fn build_s(&self, plan: &Plan, threads: usize) -> f64 {
-        self.cpu_s_per_scene() * plan.scenes as f64 / threads as f64
-    }
-
-    fn total_rows(&self, plan: &Plan) -> f64 {
-        self.per_scene(self.rows as f64) * plan.scenes as f64
-    }
-
-    /// Parquet's own bytes come once a file, the rows' bytes once a scene.
-    fn total_bytes(&self, plan: &Plan) -> f64 {
-        let rows = self.per_scene(self.bytes.saturating_sub(self.fixed_bytes) as f64) * plan.scenes as f64;
-        rows + self.fixed_bytes as f64 * plan.shards() as f64
-    }
-}
-
-/// Builds scenes spread evenly over the plan, one thread, and writes them to a folder that goes away.
-fn calibrate(plan: Plan, sample: u64) -> Result<Cost, Failure> {
-    let count = sample.min(plan.scenes);
-    let chosen: Vec<u64> = (0..count).map(|k| k * plan.scenes / count).collect();
-    let prepared = Prepared::new(plan).map_err(Failure::failed)?;
-    let mut scratch = Scratch::default();
-    // The first scene warms caches and is not counted.
-    run_scene(&prepared, chosen[0], &mut scratch, &mut StageTimes::new());
-    let (mut times, started) = (StageTimes::new(), Instant::now());
-    let outputs: Vec<SceneOutput> =
-        chosen.iter().map(|&scene| run_scene(&prepared, scene, &mut scratch, &mut times)).collect();
-    let wall = started.elapsed();
-    let failed = outputs.iter().filter(|o| o.error.is_some()).count() as u64;
-    let rows = outputs.iter().flat_map(|o| &o.scans).map(|s| s.cells.rows.len() as u64).sum();
-
-    let (one_bytes, _) = encode(&prepared.plan, &outputs[..1])?;
-    let (bytes, writing) = encode(&prepared.plan, &outputs)?;
-    // Two points make a line: bytes = fixed + scenes * slope.
-    let fixed_bytes = if count > 1 { (one_bytes * count).saturating_sub(bytes) / (count - 1) } else { 0 };
-    Ok(Cost { scenes: count, failed, wall, times, writing, rows, bytes, fixed_bytes: fixed_bytes.min(one_bytes) })
-}
-
-/// Bytes of a shard of these scenes, and the time its encoding takes.
-fn encode(plan: &Plan, outputs: &[SceneOutput]) -> Result<(u64, Duration), Failure> {
-    let count = outputs.len() as u32;
-    let spec = CorpusSpec { scenes: u64::from(count), scenes_per_shard: count, ..spec_of(plan) };
-    let started = Instant::now();
-    let mut writer = ShardWriter::new(&spec, 0).map_err(Failure::failed)?;
-    for (scene_id, output) in outputs.iter().enumerate() {
-        let renumbered = SceneOutput { scene_id: scene_id as u64, ..output.clone() };
-        writer.push(&renumbered).map_err(Failure::failed)?;
-    }
-    let shard = writer.finish().map_err(Failure::failed)?;
-    let bytes = shard.files.iter().map(|(_, bytes)| bytes.len() as u64).sum();
-    Ok((bytes, started.elapsed()))
-}
-
-fn tell(plan: &Plan, cost: Option<&Cost>, threads: usize) {
+fn tell(plan: &Plan, estimate: Option<&Estimate>) {
     outln!(
         "{}: {} scenes in {} shards of {}, seed {}",
         plan.name,
@@ -127,187 +79,128 @@ fn tell(plan: &Plan, cost: Option<&Cost>, threads: usize) {
     );
     let of = |split| (0..plan.shards()).filter(|&s| Split::of_shard(s) == split).count();
     outln!("shards: {} train, {} validation, {} test", of(Split::Train), of(Split::Validation), of(Split::Test));
-    if plan.shards() < 7 {
-        outln!("warning: fewer than 7 shards leave a split empty; raise scenes or lower scenes_per_shard");
-    }
+    split_warnings(plan).iter().for_each(|warning| outln!("warning: {warning}"));
     if let Some(fidelity) = plan.fidelity {
         let sets: Vec<String> = fidelity.settings().iter().map(|(key, value)| format!("{key}: {value}")).collect();
         outln!("fidelity {}: {}; what the config names itself wins", fidelity.name(), sets.join(", "));
     }
     let total: f64 = plan.families.iter().map(|f| f.weight).sum();
-    for family in &plan.families {
+    for (k, family) in plan.families.iter().enumerate() {
         let held = if family.hold_out { ", held out for the test split" } else { "" };
         outln!("\nfamily {} ({:.0} %{held})", family.name, 100.0 * family.weight / total);
-        for (part, detail) in parts(family) {
-            outln!("  {part:<12} {detail}");
+        for (part, detail) in parts(plan, k) {
+            outln!("  {part:<14} {detail}");
+        }
+        if let Some(cost) = estimate.map(|estimate| &estimate.families[k]) {
+            tell_parts(cost);
         }
     }
     outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
-    if let Some(cost) = cost {
-        outln!("\ncost, measured on {} of its scenes, one thread:", cost.scenes);
-        for (stage, time) in cost.times.spent() {
-            outln!("  {stage:<12} {:>9.2} ms a scene", 1e3 * cost.per_scene(time.as_secs_f64()));
-        }
-        outln!("  {:<12} {:>9.2} ms a scene", "writing", 1e3 * cost.per_scene(cost.writing.as_secs_f64()));
-        if cost.failed > 0 {
-            outln!("  {} of {} scenes failed: `marsyard generate` would list them", cost.failed, cost.scenes);
-        }
-        outln!(
-            "\nwhole build: {} rows of cells, {}B on disk, {} on {threads} threads",
-            si(cost.total_rows(plan)),
-            si(cost.total_bytes(plan)),
-            human(Duration::from_secs_f64(cost.build_s(plan, threads)))
-        );
+    if let Some(estimate) = estimate {
+        tell_cost(estimate);
     }
 }
 
-fn as_json(plan: &Plan, cost: Option<&Cost>, threads: usize) -> serde_json::Value {
-    let families: Vec<_> = plan
-        .families
-        .iter()
-        .map(|f| {
-            let parts: serde_json::Map<_, _> = parts(f).into_iter().map(|(k, v)| (k.into(), v.into())).collect();
-            json!({"name": f.name, "weight": f.weight, "hold_out": f.hold_out, "parts": parts})
-        })
-        .collect();
-    let cost = cost.map(|cost| {
-        let stages: serde_json::Map<_, _> =
-            cost.times.spent().map(|(k, t)| (k.into(), cost.per_scene(t.as_secs_f64()).into())).collect();
+fn tell_parts(cost: &FamilyCost) {
+    let Some(scene_s) = cost.scene_s else { return };
+    outln!("  what each part costs: CPU ms a scene, less those of the same scenes without it");
+    outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
+    for (part, price) in &cost.parts {
+        let nothing = if price.is_told_apart() { "" } else { "  (not told apart from nothing)" };
+        outln!("    {:<14} {:>9.2} \u{b1} {:.2}{nothing}", part.name, 1e3 * price.cpu_s, 1e3 * price.standard_error_s);
+    }
+}
+
+fn tell_cost(estimate: &Estimate) {
+    outln!("\ncost, measured on {} of its scenes, {} at a time; CPU ms a scene", estimate.scenes, estimate.threads);
+    for (stage, cpu_s) in &estimate.stages {
+        outln!("  {stage:<12} {:>9.2}", 1e3 * cpu_s);
+    }
+    for (table, cpu_s) in &estimate.tables {
+        outln!("    {:<10} {:>9.2}", table.name(), 1e3 * cpu_s);
+    }
+    if estimate.failed > 0 {
+        outln!("  {} of {} scenes failed: `marsyard generate` would list them", estimate.failed, estimate.scenes);
+    }
+    outln!(
+        "\nwhole build: {} rows of cells ({}), {}B on disk ({}), {} on {} threads ({}), {} of CPU",
+        si(estimate.rows.value),
+        error(&estimate.rows),
+        si(estimate.bytes.value),
+        error(&estimate.bytes),
+        human(Duration::from_secs_f64(estimate.wall_s.value)),
+        estimate.threads,
+        error(&estimate.wall_s),
+        human(Duration::from_secs_f64(estimate.cpu_s.value))
+    );
+    let needed = si(estimate.needed_bytes_per_s());
+    match &estimate.storage {
+        None => outln!("storage: must take {needed}B/s, or it holds the build up; --out PLACE measures it"),
+        Some(storage) => {
+            let share = storage.build_s / threads_s(estimate).max(1e-9);
+            outln!(
+                "storage: the build makes {needed}B/s, {} takes {}B/s (measured with a shard): {:.1} % of the time",
+                storage.place,
+                si(storage.bytes_per_s),
+                100.0 * share
+            );
+            if share > 0.5 {
+                outln!("warning: storage is what bounds this build; another --out, or fewer columns, would be faster");
+            }
+        }
+    }
+}
+
+/// Seconds of all threads together.
+fn threads_s(estimate: &Estimate) -> f64 {
+    estimate.wall_s.value * estimate.threads as f64
+}
+
+/// One standard error of the sample.
+fn error(figure: &Figure) -> String {
+    format!("\u{b1} {:.1} %", 100.0 * figure.relative_error())
+}
+
+fn as_json(plan: &Plan, estimate: Option<&Estimate>) -> serde_json::Value {
+    let families = plan.families.iter().enumerate().map(|(k, family)| {
+        let words: serde_json::Map<_, _> = parts(plan, k).into_iter().map(|(k, v)| (k.into(), v.into())).collect();
+        let cost = estimate.map(|estimate| &estimate.families[k]);
+        let prices: Option<serde_json::Map<_, _>> = cost.filter(|cost| cost.scene_s.is_some()).map(|cost| {
+            let price = |(part, price): &(&estimate::Part, estimate::Price)| {
+                let value = json!({"cpu_s": price.cpu_s, "standard_error_s": price.standard_error_s});
+                (part.name.to_string(), value)
+            };
+            cost.parts.iter().map(price).collect()
+        });
         json!({
-            "scenes_measured": cost.scenes, "scenes_failed": cost.failed, "seconds_per_scene": cost.cpu_s_per_scene(),
-            "stage_seconds_per_scene": stages, "rows": cost.total_rows(plan).round(), "bytes": cost.total_bytes(plan).round(),
-            "threads": threads, "hours": cost.build_s(plan, threads) / 3600.0,
+            "name": family.name, "weight": family.weight, "hold_out": family.hold_out,
+            "scenes": cost.map(|cost| cost.scenes), "parts": words,
+            "cpu_s_of_one_attempt": cost.and_then(|cost| cost.scene_s), "cpu_s_of_parts": prices,
         })
     });
+    let families: Vec<_> = families.collect();
     json!({
         "name": plan.name, "seed": plan.seed, "scenes": plan.scenes, "shards": plan.shards(),
-        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity, "families": families, "estimate": cost,
+        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity, "warnings": split_warnings(plan),
+        "families": families, "absent": absent(plan), "estimate": estimate.map(estimate_json),
     })
 }
 
-/// The parts a family switches on, in the order of the flow.
-fn parts(family: &Family) -> Vec<(&'static str, String)> {
-    let mut parts = Vec::new();
-    let scene = &family.scene;
-    let source = match &scene.ground.source {
-        GroundSource::Random(r) => {
-            format!("random, rms {} m, correlation length {} m", say(&r.rms_height_m), say(&r.correlation_length_m))
-        }
-        GroundSource::File(f) => format!("from {}", f.path),
-        GroundSource::Flat => "flat".into(),
-    };
-    let shape = match &scene.ground.shape {
-        GroundShape::Polynomial(p) => format!("polynomial of degree {}", p.degree),
-        GroundShape::Raw(r) => format!("raw at {} m", r.spacing_m),
-    };
-    parts.push(("ground", format!("{} m square, {source}; {shape}", scene.extent_m)));
-    if let Some(r) = &scene.ground.roughness {
-        parts.push(("roughness", format!("rms {} m at {} m", say(&r.rms_height_m), say(&r.correlation_length_m))));
-    }
-    if !scene.ground.features.is_empty() {
-        parts.push(("landforms", format!("{} kinds", scene.ground.features.len())));
-    }
-    if let Some(rocks) = &scene.rocks {
-        let detail = match (&rocks.golombek, &rocks.count, &rocks.diameter_m) {
-            (Some(g), _, _) => format!("Golombek abundance {} from {} m up", say(&g.abundance), g.min_diameter_m),
-            (None, Some(n), Some(d)) => format!("{} of {} m", say(n), say(d)),
-            _ => String::new(),
-        };
-        parts.push(("rocks", detail));
-    }
-    if let Some(boxes) = &scene.boxes {
-        parts.push(("boxes", say(&boxes.count)));
-    }
-    if let Some(trees) = &scene.trees {
-        parts.push((
-            "trees",
-            format!("{}{}", say(&trees.count), if trees.crown.is_some() { ", with crowns" } else { "" }),
-        ));
-    }
-    if let Some(v) = &scene.vegetation {
-        let kinds = [("grass", v.grass.is_some()), ("brush", v.brush.is_some()), ("bushes", v.bushes.is_some())];
-        let on: Vec<_> = kinds.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
-        parts.push(("vegetation", on.join(", ")));
-    }
-    let drive = &family.drive;
-    parts.push((
-        "rover",
-        format!(
-            "{}, {} stops, keep {:?}, up to {} attempts",
-            drive.rover.name, drive.stops, drive.keep, drive.attempts
-        ),
-    ));
-    let cast = match &family.sweep.cast {
-        Cast::Exact => "cast exactly".to_string(),
-        Cast::Raster(s) => format!("cast on a raster of {} m", s.spacing_m),
-        Cast::Mesh(s) => format!("cast on a mesh of {} m", s.spacing_m),
-    };
-    let sensor = &family.sweep.sensor;
-    parts.push(("sensor", format!("{}, {} to {} m, {cast}", sensor.name, sensor.min_range_m, sensor.max_range_m)));
-    let on = effects(family).into_iter().filter(|(_, on)| *on).map(|(name, _)| name).collect::<Vec<_>>();
-    parts.push(("effects", if on.is_empty() { "none".into() } else { on.join(", ") }));
-    let slam = match &family.slam {
-        SlamParams::Fastslam(f) => format!("FastSLAM 2.0, {} particles", f.particles),
-        SlamParams::DeadReckoning => "dead reckoning".into(),
-        SlamParams::Surrogate(_) => "surrogate: truth plus noise".into(),
-        SlamParams::Truth => "truth".into(),
-    };
-    parts.push(("slam", slam));
-    let cells = &family.cells;
-    let local = cells.local_height.as_ref().map_or(String::new(), |local| format!(", height above {}", local.words()));
-    parts.push((
-        "cells",
-        format!("{} m, {} neighbours, {} scans a window{local}", cells.size_m, cells.neighbours, cells.window_scans),
-    ));
-    parts
-}
-
-fn effects(family: &Family) -> [(&'static str, bool); 8] {
-    let e = &family.sweep.effects;
-    [
-        ("range_noise", e.range_noise.is_some()),
-        ("range_bias", e.range_bias_m.is_some()),
-        ("quantisation", e.quantisation.is_some()),
-        ("gates", e.gates.is_some()),
-        ("dropout", e.dropout.is_some()),
-        ("mixed_pixels", e.mixed_pixels.is_some()),
-        ("tilt_jitter", e.tilt_jitter_deg.is_some()),
-        ("intensity", e.intensity.is_some()),
-    ]
-}
-
-/// Parts that no family names.
-fn absent(plan: &Plan) -> Vec<&'static str> {
-    let mut names: Vec<&'static str> = Vec::new();
-    let mut missing = |name, on: &dyn Fn(&Family) -> bool| {
-        if !plan.families.iter().any(on) {
-            names.push(name);
-        }
-    };
-    missing("roughness", &|f| f.scene.ground.roughness.is_some());
-    missing("landforms", &|f| !f.scene.ground.features.is_empty());
-    missing("rocks", &|f| f.scene.rocks.is_some());
-    missing("boxes", &|f| f.scene.boxes.is_some());
-    missing("trees", &|f| f.scene.trees.is_some());
-    missing("vegetation", &|f| f.scene.vegetation.is_some());
-    missing("control_noise", &|f| f.drive.control_noise.is_some());
-    for (k, (name, _)) in plan.families.first().map(effects).into_iter().flatten().enumerate() {
-        missing(name, &move |f| effects(f)[k].1);
-    }
-    if !plan.tables.contains(&crate::corpus::Table::Points) {
-        names.push("points table");
-    }
-    names
-}
-
-/// A constant or a law in a few words.
-fn say(dist: &Dist) -> String {
-    match dist {
-        Dist::Constant(value) => format!("{value}"),
-        Dist::Law(Law::Choice(values)) => format!("one of {values:?}"),
-        law => {
-            let (low, high) = law.bounds();
-            format!("{low} to {high}")
-        }
-    }
+fn estimate_json(estimate: &Estimate) -> serde_json::Value {
+    let figure = |figure: &Figure| json!({"value": figure.value, "standard_error": figure.standard_error});
+    let stages: serde_json::Map<_, _> =
+        estimate.stages.iter().map(|(name, cpu_s)| ((*name).to_string(), (*cpu_s).into())).collect();
+    let tables: serde_json::Map<_, _> =
+        estimate.tables.iter().map(|(table, cpu_s)| (table.name().to_string(), (*cpu_s).into())).collect();
+    let storage = estimate.storage.as_ref().map(|storage| {
+        json!({
+            "place": storage.place, "bytes_per_s": storage.bytes_per_s, "thread_s": storage.build_s,
+        })
+    });
+    json!({
+        "scenes_measured": estimate.scenes, "scenes_failed": estimate.failed, "threads": estimate.threads,
+        "cpu_s": figure(&estimate.cpu_s), "wall_s": figure(&estimate.wall_s), "rows": figure(&estimate.rows),
+        "bytes": figure(&estimate.bytes), "needed_bytes_per_s": estimate.needed_bytes_per_s(),
+        "stage_cpu_s_per_scene": stages, "table_cpu_s_per_scene": tables, "storage": storage,
+    })
 }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::LogFormat;
+use super::output::errln;
 use crate::corpus::SceneOutput;
 use crate::pipeline::StageTimes;
 
@@ -54,7 +55,7 @@ impl Progress {
             match &self.display {
                 Display::Json => tracing::warn!(event = "scene_failed", scene, error, replay = replay()),
                 Display::Bar(bar) => bar.println(format!("scene {scene} failed: {error}\n  replay: {}", replay())),
-                Display::Lines => eprintln!("scene {scene} failed: {error}\n  replay: {}", replay()),
+                Display::Lines => errln!("scene {scene} failed: {error}\n  replay: {}", replay()),
             }
         }
         match &self.display {
@@ -65,7 +66,7 @@ impl Progress {
             Display::Lines | Display::Json if self.last_line.elapsed() < LINE_EVERY && self.done < self.scenes => {}
             Display::Lines => {
                 self.last_line = Instant::now();
-                eprintln!("{}/{} scenes  {}  ETA {}", self.done, self.scenes, self.rates(), human(self.remaining()));
+                errln!("{}/{} scenes  {}  ETA {}", self.done, self.scenes, self.rates(), human(self.remaining()));
             }
             Display::Json => {
                 self.last_line = Instant::now();

@@ -10,8 +10,9 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
+use super::corpus::check_folder;
 use super::generate::{default_threads, parse_threads, stop_on_signals};
-use super::output::out;
+use super::output::{errln, out};
 use super::train::{labels_set, numbered_folder, train_failure};
 use super::{Failure, LogFormat};
 use crate::config;
@@ -27,11 +28,9 @@ use crate::train::{Source, Sources, TrainParams, scenes};
 /// beats, learn more; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
 /// for each network and rung, as it is finished), search.json, search.svg and train.yaml: the config of the smallest network
 /// whose validation error is within --margin of the best.
-///
-/// Start with:  marsyard search corpora/quickstart
-/// then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml
 #[derive(Debug, Args)]
-#[command(verbatim_doc_comment)]
+#[command(after_long_help = "Start with:  marsyard search corpora/quickstart\n\
+    then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml")]
 pub(super) struct SearchArgs {
     /// The folder of a finished corpus.
     corpus: PathBuf,
@@ -142,6 +141,7 @@ impl SearchArgs {
 pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let params = args.params()?;
     let networks = args.networks(params.seed)?;
+    check_folder(&args.corpus)?;
     let source = Source::open(&LocalFolder::new(&args.corpus), 1.0).map_err(train_failure)?;
     let (name, corpus_id, manifest_sha256) =
         (source.name.clone(), source.corpus_id.clone(), source.manifest_sha256.clone());
@@ -227,18 +227,18 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Board, entries: &[Entry], 
     for (number, rung) in (1..).zip(&board.rungs).take(board.rungs.len().saturating_sub(1)) {
         if let Some(rho) = rung.rank_correlation {
             let last = entries.len();
-            eprintln!(
+            errln!(
                 "rung {number} ({} rows) ranks the {last} networks of the last rung as it does: rho {rho:.2}",
                 rung.rows
             );
         }
     }
     if board.chosen.is_none() {
-        eprintln!("no network has a finite validation error: look at the features, and at the filter's settings");
+        errln!("no network has a finite validation error: look at the features, and at the filter's settings");
         return;
     }
     let config = setup.out.join(crate::train::folder::CONFIG);
-    eprintln!(
+    errln!(
         "> {chosen}: the smallest network within {} of the best validation error\nnext: marsyard train {} --config {}",
         setup.margin,
         args.corpus.display(),

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use clap::Args;
 
 use super::generate::{default_threads, parse_threads, stop_on_signals};
-use super::output::out;
+use super::output::{errln, out};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::corpus::{LocalFolder, Store};
 use crate::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
@@ -71,7 +71,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(|| Path::new("tradeoffs").join(&report.name));
     write(&report, &out)?;
     out!("{}", table::text(&report));
-    eprintln!("\nwritten: {0}/tradeoff.parquet, .json, .md and .svg", out.display());
+    errln!("\nwritten: {0}/tradeoff.parquet, .json, .md and .svg", out.display());
     Ok(())
 }
 

@@ -12,10 +12,11 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
+use super::corpus::check_folder;
 use super::evaluate::{family_facts, read_model};
 use super::explain::plan_of;
 use super::generate::{corpus_failure, default_threads, stop_on_signals};
-use super::output::out;
+use super::output::{errln, out};
 use super::{Failure, LogFormat};
 use crate::config;
 use crate::corpus::{Build, LocalFolder, Split, Store};
@@ -131,6 +132,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     let mut list = Vec::new();
     let mut origins: Vec<(PathBuf, Origin)> = Vec::new();
     for (path, weight) in &args.corpora {
+        check_folder(path)?;
         list.push(Source::open(&LocalFolder::new(path), *weight).map_err(train_failure)?);
         origins.push((path.clone(), origin_of(path)?));
     }
@@ -308,7 +310,7 @@ fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) 
         crate::train::stopping::Stop::Epochs => "all epochs are over".to_string(),
     };
     let left_out = summary.left_out;
-    eprintln!(
+    errln!(
         "{}: {} rows in {} ({} rows/s); {why}",
         out.display(),
         summary.rows_learnt,
@@ -316,14 +318,15 @@ fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) 
         super::progress::si(progress.rate())
     );
     if left_out.unlabelled + left_out.not_finite > 0 {
-        eprintln!(
+        errln!(
             "left out: {} rows without a label, {} with a value that is not finite",
-            left_out.unlabelled, left_out.not_finite
+            left_out.unlabelled,
+            left_out.not_finite
         );
     }
-    guards(&summary.counters).iter().for_each(|note| eprintln!("{note}"));
-    untrained.iter().for_each(|note| eprintln!("warning: {note}"));
-    eprintln!(
+    guards(&summary.counters).iter().for_each(|note| errln!("{note}"));
+    untrained.iter().for_each(|note| errln!("warning: {note}"));
+    errln!(
         "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",
         best.rows,
         out.join(folder::MODEL).display()

@@ -1,12 +1,14 @@
 //! The checked config: everything resolved, every default written out.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
-use serde_json::{Value as Json, json};
+use serde_json::Value as Json;
 
 use super::fidelity::Fidelity;
 use super::write::yaml;
-use crate::cells::CellParams;
-use crate::corpus::{Split, Table};
+use crate::cells::{CellParams, feature_columns};
+use crate::corpus::{CorpusSpec, Split, Table};
 use crate::drive::DriveParams;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::SceneParams;
@@ -81,17 +83,47 @@ impl Plan {
 
     /// The family a scene belongs to: drawn by weight; families that are held out are drawn in test shards alone.
     pub fn family_of(&self, scene: u64) -> &Family {
+        &self.families[self.family_index_of(scene)]
+    }
+
+    /// As [`family_of`](Plan::family_of): its place among the families.
+    pub fn family_index_of(&self, scene: u64) -> usize {
         let test = Split::of_shard(self.shard_of(scene)) == Split::Test;
-        let open: Vec<&Family> = self.families.iter().filter(|f| test || !f.hold_out).collect();
-        let total: f64 = open.iter().map(|f| f.weight).sum();
+        let open = || self.families.iter().enumerate().filter(|(_, f)| test || !f.hold_out);
+        let total: f64 = open().map(|(_, f)| f.weight).sum();
         let mut left = self.streams(scene, 0, Stage::Plan).open(Purpose::Family).uniform(0) * total;
-        for family in &open {
+        for (index, family) in open() {
             left -= family.weight;
             if left < 0.0 {
-                return family;
+                return index;
             }
         }
-        open.last().expect("checked: at least one family is not held out")
+        open().next_back().expect("checked: at least one family is not held out").0
+    }
+
+    /// What the corpus needs to know of the plan.
+    pub fn corpus_spec(&self) -> CorpusSpec {
+        let first = &self.families[0];
+        let drawn: BTreeSet<Purpose> = self
+            .families
+            .iter()
+            .flat_map(|f| f.scene.dists().into_iter().chain(f.drive.dists()).chain(f.sweep.dists()))
+            .map(|(purpose, _)| purpose)
+            .collect();
+        CorpusSpec {
+            name: self.name.clone(),
+            seed: self.seed,
+            scenes: self.scenes,
+            scenes_per_shard: self.scenes_per_shard,
+            tables: self.tables.clone(),
+            // Checked by the rules: the same for all families.
+            features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
+            drawn: drawn.into_iter().collect(),
+            families: self.families.iter().map(|f| f.name.clone()).collect(),
+            scene_plan_hash: self.scene_plan_hash(),
+            plan_yaml: self.to_yaml(),
+            license: "unknown".into(),
+        }
     }
 
     /// The whole plan as a document: every default written out, presets in place. [`load`](super::load) gives the same plan.
@@ -112,19 +144,6 @@ impl Plan {
         blake3::hash(document.to_string().as_bytes()).to_hex().to_string()
     }
 
-    /// What differs from another plan, one dotted key a line with both values; `name` and `scenes` are no difference.
-    pub fn difference(&self, other: &Plan) -> Vec<String> {
-        let mut lines = Vec::new();
-        let (mut ours, mut theirs) = (self.to_document(), other.to_document());
-        for document in [&mut ours, &mut theirs] {
-            document["name"] = Json::Null;
-            document["scenes"] = Json::Null;
-            document["fidelity"] = Json::Null;
-        }
-        differences(&ours, &theirs, "", &mut lines);
-        lines
-    }
-
     /// The plan in the form of a document. One family named `default` is the document's own sections.
     fn to_document(&self) -> Json {
         let plan = serde_json::to_value(self).expect("a plan holds finite numbers and text keys");
@@ -140,35 +159,5 @@ impl Plan {
             }
         }
         document.into()
-    }
-}
-
-fn differences(ours: &Json, theirs: &Json, path: &str, lines: &mut Vec<String>) {
-    let nothing = json!(null);
-    match (ours, theirs) {
-        (Json::Object(a), Json::Object(b)) => {
-            let only_theirs = b.keys().filter(|key| !a.contains_key(*key));
-            for key in a.keys().chain(only_theirs) {
-                let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-                differences(a.get(key).unwrap_or(&nothing), b.get(key).unwrap_or(&nothing), &path, lines);
-            }
-        }
-        (Json::Array(a), Json::Array(b)) if a.len() == b.len() && a.iter().chain(b).all(|item| item.is_object()) => {
-            for (i, (a, b)) in a.iter().zip(b).enumerate() {
-                let name = a["name"].as_str().filter(|_| a["name"] == b["name"]);
-                differences(a, b, &format!("{path}[{}]", name.map_or(i.to_string(), str::to_owned)), lines);
-            }
-        }
-        (a, b) if a != b => lines.push(format!("{path}: {} here, {} there", shown(a), shown(b))),
-        _ => (),
-    }
-}
-
-fn shown(value: &Json) -> String {
-    let text = yaml(value).trim().to_owned();
-    match value {
-        Json::Null => "absent".into(),
-        Json::Object(_) | Json::Array(_) => super::tree::shortened(&value.to_string()),
-        _ => text,
     }
 }

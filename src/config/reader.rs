@@ -132,7 +132,7 @@ fn height_map_of(path: &Path, bytes: &[u8], white_m: Option<f64>) -> Result<Heig
     if let Some(at) = heights_m.iter().position(|h| !h.is_finite() || h.abs() > 1e4) {
         return Err(format!("row {}, column {}: {} is no height in metres", at / cols, at % cols, heights_m[at]));
     }
-    let raster = Raster { spacing_m: 1.0, origin_m: DVec2::ZERO, rows, cols, heights_m };
+    let raster = Raster { spacing_m: 1.0, origin_m: DVec2::ZERO, rows, cols, heights_m: heights_m.into() };
     Ok(HeightMap { raster: Arc::new(raster), blake3: blake3::hash(bytes).to_hex().to_string() })
 }
 

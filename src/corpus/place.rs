@@ -173,19 +173,39 @@ pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, Corpus
     Ok(manifest)
 }
 
-/// The keys in which two plans differ, `name` and `scenes` aside: `-` as it is in the place, `+` as it was asked for.
+/// A dotted key in which two plans differ, with its value in each as JSON.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    pub key: String,
+    pub there: Option<String>,
+    pub here: Option<String>,
+}
+
+/// The keys in which two plans differ, by key; `name`, `scenes` and the word `fidelity` make no other corpus. `None` where one
+/// cannot be read as YAML.
+pub fn differences(there: &str, here: &str) -> Option<Vec<Difference>> {
+    let (there, here) = (flattened(there)?, flattened(here)?);
+    let keys: BTreeSet<&String> = there.keys().chain(here.keys()).collect();
+    let differ = |key: &&String| there.get(*key) != here.get(*key);
+    let keys = keys.into_iter().filter(|key| !matches!(key.as_str(), "name" | "scenes" | "fidelity")).filter(differ);
+    let both = |key: &String| (there.get(key).cloned(), here.get(key).cloned());
+    Some(
+        keys.map(|key| (key, both(key)))
+            .map(|(key, (there, here))| Difference { key: key.clone(), there, here })
+            .collect(),
+    )
+}
+
+/// The same for people: `-` as it is in the place, `+` as it was asked for.
 pub fn difference(there: &str, here: &str) -> String {
-    let (Some(there), Some(here)) = (flattened(there), flattened(here)) else {
+    let Some(differences) = differences(there, here) else {
         return "  (plan.yaml in the place cannot be read as YAML)".into();
     };
-    let keys: BTreeSet<&String> = there.keys().chain(here.keys()).collect();
-    let mut lines = Vec::new();
-    for key in keys.into_iter().filter(|key| !matches!(key.as_str(), "name" | "scenes")) {
-        if there.get(key) != here.get(key) {
-            lines.extend(there.get(key).map(|value| format!("  - {key}: {value}")));
-            lines.extend(here.get(key).map(|value| format!("  + {key}: {value}")));
-        }
-    }
+    let lines = differences.iter().flat_map(|Difference { key, there, here }| {
+        let old = there.iter().map(move |value| format!("  - {key}: {value}"));
+        old.chain(here.iter().map(move |value| format!("  + {key}: {value}")))
+    });
+    let lines: Vec<String> = lines.collect();
     if lines.is_empty() {
         "  (no key differs: another version of marsyard made the other hash)".into()
     } else {

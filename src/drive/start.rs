@@ -8,7 +8,7 @@ use super::DriveError;
 use super::contact::{Stance, Stander};
 use super::guide::heading;
 use super::params::{DriveParams, PathParams};
-use super::yard::{Yard, body};
+use super::yard::{Outline, Yard, body};
 use crate::geometry::DVec2;
 use crate::random::{Drawn, Purpose, Streams};
 
@@ -32,7 +32,10 @@ pub(super) fn choose(
     }
     let (places, headings) = (streams.open(Purpose::StartPlace), streams.open(Purpose::StartHeading));
     let near_m = params.start.near_obstacle_m.is_some().then(|| drawn[Purpose::StartNearObstacle]);
-    let wanted_m = near_m.filter(|_| !yard.outlines.is_empty());
+    let outlines: Vec<&Outline> = if near_m.is_some() { yard.outlines().collect() } else { Vec::new() };
+    let wanted_m = near_m.filter(|_| !outlines.is_empty());
+    // Asked for only where it matters: every outline is made for it.
+    let asks_for_nearest = wanted_m.is_some() || matches!(params.path, PathParams::TowardObstacle(_));
     let margin_m = params.start.margin_m;
     let mut best: Option<(f64, Stance)> = None;
     let first = *tries;
@@ -42,15 +45,15 @@ pub(super) fn choose(
         let draw = |which: u64| places.uniform(u64::from(index) * 4 + which);
         let at = match wanted_m {
             Some(distance_m) => {
-                let pick = (draw(2) * yard.outlines.len() as f64) as usize;
-                yard.outlines[pick.min(yard.outlines.len() - 1)].around(distance_m, draw(3))
+                let pick = (draw(2) * outlines.len() as f64) as usize;
+                outlines[pick.min(outlines.len() - 1)].around(distance_m, draw(3))
             }
             None => DVec2::splat(margin_m) + DVec2::new(draw(0), draw(1)) * (yard.extent_m - 2.0 * margin_m),
         };
         if !yard.inside(at, margin_m) {
             continue;
         }
-        let nearest = yard.nearest(at);
+        let nearest = if asks_for_nearest { yard.nearest(at) } else { None };
         let off_m = wanted_m.zip(nearest).map_or(0.0, |(wanted_m, (distance_m, _))| (distance_m - wanted_m).abs());
         if best.as_ref().is_some_and(|(least_m, _)| off_m >= *least_m) {
             continue;

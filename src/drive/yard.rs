@@ -2,11 +2,14 @@
 //!
 //! In: obstacles taller than a wheel, and bushes and patches that are untraversable. Out: convex outlines in the plane with
 //! exact distances between them. A rover drives over lower obstacles as if they were not there, and under crowns that hang
-//! above its mast. Frame: world, metres. Deviation: an outline is the whole body's, its buried part included.
+//! above its mast. Frame: world, metres. Deviation: an outline is the whole body's, its buried part included. The outline of
+//! an obstacle is made when something comes near it; all are, where a start or a path asks for the nearest.
+
+use std::cell::OnceCell;
 
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
-use crate::scene::{Scene, Shape};
+use crate::scene::{Obstacle, Scene, Shape};
 
 use super::Rover;
 
@@ -22,24 +25,46 @@ pub(super) struct Outline {
     pub radius_m: f64,
 }
 
-/// The square yard and the outlines in it.
-#[derive(Clone, Debug)]
-pub(super) struct Yard {
+/// The square yard and what stands in it.
+pub(super) struct Yard<'a> {
     pub extent_m: f64,
-    pub outlines: Vec<Outline>,
-    /// Square buckets, row by row: which outlines reach into each.
-    buckets: Vec<Vec<u32>>,
+    things: Vec<Thing<'a>>,
+    wheel_diameter_m: f64,
+    /// Square buckets, row by row: where the things whose middle lies in each begin in `listed`; and one entry at the end.
+    starts: Vec<u32>,
+    listed: Vec<u32>,
     bucket_m: f64,
     side: usize,
+    /// No thing reaches farther from its middle.
+    within_m: f64,
 }
 
-impl Yard {
-    pub fn new(scene: &Scene, rover: &Rover) -> Yard {
-        let solid =
-            scene.obstacles.iter().filter(|o| o.protrusion_m > rover.wheel_diameter_m).map(|o| match &o.shape {
-                Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
-                Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
-            });
+/// Something that may bar the way.
+struct Thing<'a> {
+    /// A disc that holds its outline.
+    middle_m: DVec2,
+    within_m: f64,
+    /// What the outline is made of, if it is not known from the start.
+    obstacle: Option<&'a Obstacle>,
+    /// `None` where it bars no rover.
+    outline: OnceCell<Option<Outline>>,
+}
+
+impl<'a> Thing<'a> {
+    fn unmade(obstacle: &'a Obstacle) -> Thing<'a> {
+        let Obstacle { middle_m, within_m, .. } = *obstacle;
+        Thing { middle_m, within_m, obstacle: Some(obstacle), outline: OnceCell::new() }
+    }
+
+    fn of(outline: Outline) -> Thing<'a> {
+        let (low, high) = bounds(&outline.corners_m, outline.radius_m);
+        let (middle_m, within_m) = (0.5 * (low + high), 0.5 * (high - low).length());
+        Thing { middle_m, within_m, obstacle: None, outline: OnceCell::from(Some(outline)) }
+    }
+}
+
+impl<'a> Yard<'a> {
+    pub fn new(scene: &'a Scene, rover: &Rover) -> Yard<'a> {
         let mast_m = rover.mount.z_m + HEADROOM_M;
         let porous = scene.volumes.iter().filter(|v| v.untraversable).filter(|v| {
             let below_m = scene.ground_below_m(v.centre_m.x, v.centre_m.y);
@@ -47,31 +72,80 @@ impl Yard {
         });
         let porous = porous.map(|v| ellipse(v.centre_m, v.semi_axes_m));
         let patches = scene.patches.iter().filter(|p| p.untraversable).map(|p| disc(p.centre_m, p.radius_m));
-        let outlines = solid.chain(porous).chain(patches).filter(|o| !o.corners_m.is_empty()).collect();
-        Yard::of(scene.extent_m, outlines)
+        let soft = porous.chain(patches).map(Thing::of);
+        Yard::of(
+            scene.extent_m,
+            rover.wheel_diameter_m,
+            scene.obstacles.iter().map(Thing::unmade).chain(soft).collect(),
+        )
     }
 
-    fn of(extent_m: f64, outlines: Vec<Outline>) -> Yard {
+    fn of(extent_m: f64, wheel_diameter_m: f64, things: Vec<Thing<'a>>) -> Yard<'a> {
         let bucket_m = (extent_m / 64.0).max(1.0);
         let side = (extent_m / bucket_m).ceil() as usize;
-        let mut yard = Yard { extent_m, outlines, buckets: vec![Vec::new(); side * side], bucket_m, side };
-        for k in 0..yard.outlines.len() {
-            let (low, high) = bounds(&yard.outlines[k].corners_m, yard.outlines[k].radius_m);
-            for bucket in yard.reached(low, high) {
-                yard.buckets[bucket].push(k as u32);
-            }
-        }
+        let within_m = things.iter().fold(0.0_f64, |most, thing| most.max(thing.within_m));
+        let (starts, listed) = (vec![0; side * side + 1], vec![0; things.len()]);
+        let mut yard = Yard { extent_m, things, wheel_diameter_m, starts, listed, bucket_m, side, within_m };
+        yard.sort_into_buckets();
         yard
+    }
+
+    /// By counting: how many things lie in each bucket, where each bucket ends, then each thing from its bucket's end down.
+    fn sort_into_buckets(&mut self) {
+        let bucket_of = |yard: &Yard, k: usize| {
+            let DVec2 { x, y } = yard.things[k].middle_m;
+            yard.bucket_along(y) * yard.side + yard.bucket_along(x)
+        };
+        for k in 0..self.things.len() {
+            let bucket = bucket_of(self, k);
+            self.starts[bucket] += 1;
+        }
+        self.starts.iter_mut().fold(0, |sum, start| {
+            *start += sum;
+            *start
+        });
+        for k in (0..self.things.len()).rev() {
+            let bucket = bucket_of(self, k);
+            self.starts[bucket] -= 1;
+            self.listed[self.starts[bucket] as usize] = k as u32;
+        }
+    }
+
+    /// The outline of a thing, unless it bars no rover.
+    fn outline(&self, k: usize) -> Option<&Outline> {
+        let thing = &self.things[k];
+        let made = || {
+            let taller = thing.obstacle.filter(|o| o.protrusion_m > self.wheel_diameter_m)?;
+            let outline = match &taller.shape {
+                Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
+                Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
+            };
+            Some(outline).filter(|outline| !outline.corners_m.is_empty())
+        };
+        thing.outline.get_or_init(made).as_ref()
+    }
+
+    /// All outlines, in the order of the scene; makes them.
+    pub fn outlines(&self) -> impl Iterator<Item = &Outline> {
+        (0..self.things.len()).filter_map(|k| self.outline(k))
     }
 
     /// Whether a convex shape (a point, a line or a polygon) lies in the yard and keeps more than `distance_m` from every outline.
     pub fn clear(&self, shape: &[DVec2], distance_m: f64) -> bool {
         let (low, high) = bounds(shape, 0.0);
         let inside = low.min_element() >= 0.0 && high.max_element() <= self.extent_m;
+        let grown = DVec2::splat(distance_m + self.within_m);
         inside
-            && self.reached(low - DVec2::splat(distance_m), high + DVec2::splat(distance_m)).all(|bucket| {
-                self.buckets[bucket].iter().all(|&k| {
-                    let outline = &self.outlines[k as usize];
+            && self.reached(low - grown, high + grown).all(|bucket| {
+                let listed = &self.listed[self.starts[bucket] as usize..self.starts[bucket + 1] as usize];
+                listed.iter().all(|&k| {
+                    let thing = &self.things[k as usize];
+                    let away = thing.middle_m - thing.middle_m.clamp(low, high);
+                    let reach_m = (thing.within_m + distance_m) * (1.0 + 1e-9) + 1e-12 * self.extent_m;
+                    if away.length_squared() > reach_m * reach_m {
+                        return true;
+                    }
+                    let Some(outline) = self.outline(k as usize) else { return true };
                     let (other_low, other_high) = bounds(&outline.corners_m, outline.radius_m + distance_m);
                     let apart = other_low.cmpgt(high).any() || other_high.cmplt(low).any();
                     apart || distance(shape, &outline.corners_m) > outline.radius_m + distance_m
@@ -92,7 +166,7 @@ impl Yard {
     /// The nearest outline to a point: its surface's distance (0 inside), and its nearest point.
     pub fn nearest(&self, point: DVec2) -> Option<(f64, DVec2)> {
         let mut best: Option<(f64, DVec2)> = None;
-        for outline in &self.outlines {
+        for outline in self.outlines() {
             let (low, high) = bounds(&outline.corners_m, outline.radius_m);
             let at_least = (point - point.clamp(low, high)).length();
             if best.is_some_and(|(distance_m, _)| at_least >= distance_m) {
@@ -110,13 +184,17 @@ impl Yard {
         best
     }
 
-    /// The buckets that a rectangle touches; things beyond the yard's edge are kept in the buckets at the edge.
+    /// The row or column of a coordinate; what lies beyond the yard's edge is kept in the buckets at the edge.
+    fn bucket_along(&self, place_m: f64) -> usize {
+        // Float-to-integer casts saturate at 0.
+        ((place_m / self.bucket_m) as usize).min(self.side - 1)
+    }
+
+    /// The buckets that a rectangle touches.
     fn reached(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = usize> + use<> {
         let side = self.side;
-        // Float-to-integer casts saturate at 0.
-        let index = |v: f64| ((v / self.bucket_m) as usize).min(side - 1);
-        let (west, east) = (index(low.x), index(high.x));
-        let (south, north) = (index(low.y), index(high.y));
+        let (west, east) = (self.bucket_along(low.x), self.bucket_along(high.x));
+        let (south, north) = (self.bucket_along(low.y), self.bucket_along(high.y));
         (south..=north).flat_map(move |row| (west..=east).map(move |col| row * side + col))
     }
 }
@@ -369,7 +447,7 @@ mod tests {
         let outlines: Vec<Outline> = (0..200)
             .map(|k| Outline { corners_m: shape(&draws, k).iter().map(|p| *p * 20.0).collect(), radius_m: 0.2 })
             .collect();
-        let yard = Yard::of(200.0, outlines.clone());
+        let yard = Yard::of(200.0, 0.1, outlines.iter().cloned().map(Thing::of).collect());
         for k in 0..500 {
             let probe = shape(&draws, 1000 + k).iter().map(|p| *p * 20.0).collect::<Vec<_>>();
             let wanted_m = 3.0 * draws.uniform(99_000 + k);
@@ -407,7 +485,7 @@ mod tests {
         scene.patches = vec![patch(1.0, Class::Bush), patch(3.0, Class::Grass)];
         let yard = Yard::new(&scene, &kapvik());
         // Post, crate, bush on the ground and brush; not the stone, the soft bush, the high crown and the grass.
-        assert_eq!(yard.outlines.len(), 4);
+        assert_eq!(yard.outlines().count(), 4);
         for (x, y, free) in [
             (2.0, 2.0, false),
             (4.0, 4.0, true),

@@ -4,6 +4,7 @@
 //! belong to the [`Watch`] that its caller brings. `truth` and `surrogate` poses are made here from the drive's log, so
 //! that the slam stage never holds a true pose.
 
+pub mod clock;
 pub mod generate;
 mod localise;
 mod watch;
@@ -117,8 +118,8 @@ pub fn replay_scene(
     watch: &mut impl Watch,
 ) -> Result<Replay, Box<FailedScene>> {
     let plan = &prepared.plan;
-    let family = plan.family_of(scene_id);
-    let family_index = plan.families.iter().position(|f| f.name == family.name).expect("a family of the plan");
+    let family_index = plan.family_index_of(scene_id);
+    let family = &plan.families[family_index];
     let streams = plan.streams(scene_id, 0, Stage::Scene);
 
     watch.begin();

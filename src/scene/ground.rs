@@ -6,6 +6,8 @@
 //! Roughness and landforms are not judged: they are steep on purpose. Nor are files and flat ground, which no second draw
 //! would change.
 
+use std::sync::Arc;
+
 use super::field::RandomField;
 use super::fit::MIN_NODES;
 use super::landforms;
@@ -160,15 +162,14 @@ fn with_details(shape: Ground, params: &GroundParams, extent_m: f64, drawn: &Dra
             correlation_length_m: drawn[Purpose::RoughnessCorrelationLength],
         };
         let rough = raster(&field, extent_m, spacing_m, &streams.open(Purpose::RoughnessNoise));
-        ground.heights_m.iter_mut().zip(&rough.heights_m).for_each(|(height, rough)| *height += rough);
+        let sums = Arc::make_mut(&mut ground.heights_m).iter_mut().zip(&*rough.heights_m);
+        sums.for_each(|(height, rough)| *height += rough);
     }
     Ground::Raster(ground)
 }
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::super::params::{FeatureParams, LandformParams, RandomGround, RoughnessParams};
     use super::*;
     use crate::geometry::DVec2;

@@ -30,7 +30,7 @@ pub use legendre::MAX_DEGREE;
 pub use params::SceneParams;
 pub use polynomial::Polynomial;
 pub use raster::Raster;
-pub use things::{Class, Cylinder, Object, Obstacle, Patch, Shape, Volume};
+pub use things::{Body, Class, Cylinder, Object, Obstacle, Patch, Shape, Volume};
 
 use crate::geometry::{DVec2, DVec3};
 use crate::random::{Drawn, Stream, Streams};
@@ -110,7 +110,7 @@ impl Scene {
     /// Adds a solid thing; its id is its place in the row.
     fn add_obstacle(&mut self, class: Class, shape: Shape) {
         let id = self.obstacles.len() as i32;
-        self.obstacles.push(Obstacle::new(id, class, shape, self));
+        self.obstacles.push(Obstacle::new(id, class, Body::new(shape, self)));
     }
 
     /// Numbers the volumes after the obstacles and the patches after the volumes.
@@ -128,6 +128,11 @@ impl Scene {
     /// Whether there is ground at the point.
     pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
         (0.0..=self.extent_m).contains(&x_m) && (0.0..=self.extent_m).contains(&y_m)
+    }
+
+    /// Makes every body that is not made yet.
+    pub fn make_all(&self) {
+        self.obstacles.iter().for_each(|obstacle| _ = obstacle.protrusion_m);
     }
 
     /// What the id of a return belongs to.
@@ -325,7 +330,11 @@ vegetation:
         let scene = yard(&serde_saphyr::from_str(YARD).unwrap(), 0);
         assert_eq!(digest(&scene), digest(&yard(&serde_saphyr::from_str(YARD).unwrap(), 0)));
         let changes: [fn(&mut Scene); 5] = [
-            |s| s.obstacles[1].protrusion_m += 1e-16,
+            |s| {
+                let Obstacle { id, class, .. } = s.obstacles[1];
+                let protrusion_m = s.obstacles[1].protrusion_m + 1e-16;
+                s.obstacles[1] = Obstacle::new(id, class, Body { protrusion_m, ..(*s.obstacles[1]).clone() });
+            },
             |s| s.volumes[0].extinction_per_m += 1e-15,
             |s| s.patches[0].untraversable = !s.patches[0].untraversable,
             |s| _ = s.obstacles.pop(),

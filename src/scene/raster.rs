@@ -4,6 +4,8 @@
 //! body that overhangs the yard's edge still has a height to be measured against; whether there *is* ground, `contains`
 //! says. The gradient jumps at cell borders: a point on one belongs to the cell above or to the right of it.
 
+use std::sync::Arc;
+
 use crate::geometry::DVec2;
 
 /// Heights at the nodes of a square grid, bilinear between them.
@@ -15,7 +17,8 @@ pub struct Raster {
     pub rows: usize,
     pub cols: usize,
     /// Row-major: node (row, col) lies at origin + (col, row) * spacing.
-    pub heights_m: Vec<f64>,
+    /// Shared by the scene and whatever is made of its ground later.
+    pub heights_m: Arc<Vec<f64>>,
 }
 
 impl Raster {
@@ -26,7 +29,7 @@ impl Raster {
     pub fn new(origin_m: DVec2, spacing_m: f64, rows: usize, cols: usize, heights_m: Vec<f64>) -> Raster {
         assert!(rows >= 2 && cols >= 2 && heights_m.len() == rows * cols, "{rows} x {cols} nodes need as many heights");
         assert!(spacing_m > 0.0, "spacing must be positive");
-        Raster { spacing_m, origin_m, rows, cols, heights_m }
+        Raster { spacing_m, origin_m, rows, cols, heights_m: heights_m.into() }
     }
 
     /// The yard [0, extent]^2 sampled at nodes no farther apart than `spacing_m` (an exact part of the extent).
@@ -37,7 +40,8 @@ impl Raster {
         let heights_m = (0..=cells)
             .flat_map(|row| (0..=cells).map(move |col| (row, col)))
             .map(|(row, col)| height_m(at(col), at(row)));
-        Raster { spacing_m, origin_m: DVec2::ZERO, rows: cells + 1, cols: cells + 1, heights_m: heights_m.collect() }
+        let heights_m = Arc::new(heights_m.collect());
+        Raster { spacing_m, origin_m: DVec2::ZERO, rows: cells + 1, cols: cells + 1, heights_m }
     }
 
     /// The number of cells along a yard whose nodes are no farther apart than asked.

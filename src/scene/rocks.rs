@@ -7,17 +7,20 @@
 //! half buried). Source: Hewitt et al. 2017 (polyhedra, random in size and place, mean height zero); Golombek & Rapp 1997
 //! (sizes). Not modelled: clustering; rocks may overlap.
 //!
-//! Draws: rock k stands at index k of every purpose, so that no rock's draws depend on another's.
+//! Draws: rock k stands at index k of every purpose, so that no rock's draws depend on another's: its body is made when
+//! something comes near, from the same draws in any order. One that a config raises may grow without bound, and is made at once.
 
 use std::f64::consts::TAU;
+
+use std::sync::{Arc, OnceLock};
 
 use super::golombek::Golombek;
 use super::hull::Hull;
 use super::params::{GolombekParams, RocksParams};
-use super::{Class, Convex, Scene, SceneError, Shape};
-use crate::geometry::{DMat3, DVec3};
+use super::{Body, Class, Convex, Obstacle, Scene, SceneError, Shape};
+use crate::geometry::{DMat3, DVec2, DVec3};
 use crate::math;
-use crate::random::{Drawn, Purpose, Stream, Streams};
+use crate::random::{Dist, Drawn, Purpose, Stream, Streams};
 
 /// More rocks than this are a config gone wrong.
 const MAX_ROCKS: f64 = 1e6;
@@ -40,13 +43,63 @@ struct RockStreams {
     shape: Stream,
 }
 
+/// All that a scene's rocks are made from.
+pub(super) struct Quarry {
+    params: RocksParams,
+    sizes: Sizes,
+    streams: RockStreams,
+    /// The ground alone.
+    yard: Scene,
+}
+
+/// Where diameters come from.
+enum Sizes {
+    Drawn { diameter_m: Dist, stream: Stream },
+    Golombek { law: Golombek, min_m: f64, max_m: f64, stream: Stream },
+}
+
+impl Sizes {
+    fn diameter_m(&self, rock: u64) -> f64 {
+        match self {
+            Sizes::Drawn { diameter_m, stream } => diameter_m.at(stream, rock),
+            Sizes::Golombek { law, min_m, max_m, stream } => law.diameter_m(stream.uniform(rock), *min_m, *max_m),
+        }
+    }
+
+    fn most_m(&self) -> f64 {
+        match self {
+            Sizes::Drawn { diameter_m, .. } => diameter_m.bounds().1,
+            Sizes::Golombek { max_m, min_m, .. } => max_m.max(*min_m),
+        }
+    }
+}
+
+impl Quarry {
+    /// The body of a rock whose seat lies at a place.
+    pub(super) fn body(&self, rock: u32, seat_m: DVec2) -> Body {
+        let diameter_m = self.sizes.diameter_m(rock.into());
+        let hull = rock_at(&self.params, rock.into(), seat_m, diameter_m, &self.streams, &self.yard);
+        Body::new(Shape::Convex(hull), &self.yard)
+    }
+
+    /// No point of an unraised rock is farther from its seat's axis: half the diagonal of the largest bounding box.
+    fn within_m(&self) -> f64 {
+        let (elongation, aspect) = (self.params.elongation.bounds().1, self.params.aspect.bounds().1);
+        let diagonal = (elongation + 1.0 / elongation + aspect * aspect).sqrt();
+        0.5 * self.sizes.most_m() * diagonal * (1.0 + 1e-6)
+    }
+}
+
 pub(super) fn build(
     params: &RocksParams,
     drawn: &Drawn,
     streams: &Streams,
     scene: &mut Scene,
 ) -> Result<(), SceneError> {
-    let diameters_m = diameters(params, scene.extent_m, drawn, streams)?;
+    let (count, sizes) = sizes(params, scene.extent_m, drawn, streams)?;
+    if count == 0 {
+        return Ok(());
+    }
     let open = |purpose| streams.open(purpose);
     let streams = RockStreams {
         aspect: open(Purpose::RockAspect),
@@ -58,45 +111,66 @@ pub(super) fn build(
         yaw: open(Purpose::RockYaw),
         shape: open(Purpose::RockShape),
     };
-    for (rock, diameter_m) in diameters_m.into_iter().enumerate() {
-        let body = rock_at(params, rock as u64, diameter_m, &streams, scene);
-        scene.add_obstacle(Class::Rock, Shape::Convex(body));
-    }
+    let mut places = vec![0.0; 2 * count];
+    streams.place.fill_uniform(0, &mut places);
+    let yard = Scene::bare(scene.extent_m, scene.ground.clone());
+    let quarry = Arc::new(Quarry { params: params.clone(), sizes, streams, yard });
+    let within_m = quarry.within_m();
+    let first_id = scene.obstacles.len() as i32;
+    scene.obstacles.extend((0..).zip(places.chunks_exact(2)).map(|(number, place)| {
+        let middle_m = DVec2::from_slice(place) * scene.extent_m;
+        let (id, class) = (first_id + number as i32, Class::Rock);
+        if params.min_height_m.is_some() {
+            return Obstacle::new(id, class, quarry.body(number, middle_m));
+        }
+        let quarry = Some(Arc::clone(&quarry));
+        Obstacle { id, class, middle_m, within_m, body: OnceLock::new(), quarry, number }
+    }));
     Ok(())
 }
 
-fn diameters(params: &RocksParams, extent_m: f64, drawn: &Drawn, streams: &Streams) -> Result<Vec<f64>, SceneError> {
+/// How many rocks, and how large each is.
+fn sizes(params: &RocksParams, extent_m: f64, drawn: &Drawn, streams: &Streams) -> Result<(usize, Sizes), SceneError> {
     if let Some(golombek) = &params.golombek {
-        return golombek_diameters(golombek, extent_m, drawn, streams);
+        return golombek_sizes(golombek, extent_m, drawn, streams);
     }
-    let Some(diameter_m) = &params.diameter_m else { return Ok(Vec::new()) };
-    let count = drawn.get(Purpose::RockCount).unwrap_or(0.0);
     let stream = streams.open(Purpose::RockDiameter);
-    Ok((0..count as u64).map(|rock| diameter_m.at(&stream, rock)).collect())
+    let none = Dist::Constant(0.0);
+    let count = params.diameter_m.as_ref().and_then(|_| drawn.get(Purpose::RockCount)).unwrap_or(0.0);
+    let diameter_m = params.diameter_m.clone().unwrap_or(none);
+    Ok((count as usize, Sizes::Drawn { diameter_m, stream }))
 }
 
 /// A Poisson number of rocks, each of a size of its own.
-fn golombek_diameters(
+fn golombek_sizes(
     params: &GolombekParams,
     extent_m: f64,
     drawn: &Drawn,
     streams: &Streams,
-) -> Result<Vec<f64>, SceneError> {
+) -> Result<(usize, Sizes), SceneError> {
     let (min_m, max_m) = (params.min_diameter_m, params.max_diameter_m);
     let law = Golombek::of(drawn[Purpose::RockAbundance]);
     let expected = extent_m * extent_m * (law.rocks_per_m2_above(min_m) - law.rocks_per_m2_above(max_m));
     if expected > MAX_ROCKS {
         return Err(SceneError::TooManyRocks { expected, limit: MAX_ROCKS, min_diameter_m: min_m });
     }
+    let stream = streams.open(Purpose::RockGolombekDiameter);
+    let sizes = Sizes::Golombek { law, min_m, max_m, stream };
     // No rocks: a law that is below 1e-12 of one, or whose largest diameter is not above its smallest.
-    let Ok(poisson) = rand_distr::Poisson::new(expected) else { return Ok(Vec::new()) };
+    let Ok(poisson) = rand_distr::Poisson::new(expected) else { return Ok((0, sizes)) };
     let mut generator = streams.open(Purpose::RockGolombekCount).generator_at(0);
     let count: f64 = rand_distr::Distribution::sample(&poisson, &mut generator);
-    let stream = streams.open(Purpose::RockGolombekDiameter);
-    Ok((0..count as u64).map(|rock| law.diameter_m(stream.uniform(rock), min_m, max_m)).collect())
+    Ok((count as usize, sizes))
 }
 
-fn rock_at(params: &RocksParams, rock: u64, diameter_m: f64, streams: &RockStreams, scene: &Scene) -> Convex {
+fn rock_at(
+    params: &RocksParams,
+    rock: u64,
+    seat_m: DVec2,
+    diameter_m: f64,
+    streams: &RockStreams,
+    scene: &Scene,
+) -> Convex {
     // The diameter is the geometric mean of the two horizontal axes.
     let stretch = params.elongation.at(&streams.elongation, rock).sqrt();
     let aspect = params.aspect.at(&streams.aspect, rock);
@@ -104,13 +178,10 @@ fn rock_at(params: &RocksParams, rock: u64, diameter_m: f64, streams: &RockStrea
     let offset_m = params.offset.at(&streams.offset, rock) * semi_axes_m.z;
     let faces = params.faces.count_at(&streams.faces, rock) as usize;
     let tilt_rad = params.tilt_deg.at(&streams.tilt, rock).to_radians();
-    let mut place = [0.0; 2];
-    streams.place.fill_uniform(2 * rock, &mut place);
     let mut yaws = [0.0; 2];
     streams.yaw.fill_uniform(2 * rock, &mut yaws);
 
-    let (x_m, y_m) = (place[0] * scene.extent_m, place[1] * scene.extent_m);
-    let seat = DVec3::new(x_m, y_m, scene.ground_below_m(x_m, y_m));
+    let seat = seat_m.extend(scene.ground_below_m(seat_m.x, seat_m.y));
     // Turned first, so that it tilts about any of its own horizontal axes.
     let world_from_rock =
         DMat3::from_cols_array(&turn(yaws[0])) * tilt(tilt_rad) * DMat3::from_cols_array(&turn(yaws[1]));
@@ -274,6 +345,29 @@ mod tests {
     }
 
     #[test]
+    fn law_no_rock_leaves_the_disc_that_is_known_before_it_is_made() {
+        let mut wild = params(200.0, 0.3);
+        wild.diameter_m = Some(Dist::Law(Law::LogUniform([0.01, 3.0])));
+        wild.tilt_deg = Dist::Law(Law::Uniform([0.0, 90.0]));
+        wild.aspect = Dist::Law(Law::Choice(vec![0.05, 5.0]));
+        wild.elongation = Dist::Law(Law::Uniform([1.0, 10.0]));
+        let mut widest = 0.0_f64;
+        for (params, scene) in [(&params(200.0, 0.5), 6), (&wild, 7)] {
+            let scene = on_slope(params, 0.3, scene);
+            assert!(scene.obstacles.iter().all(|rock| rock.known_body().is_none()), "made before anything asked");
+            for (k, rock) in scene.obstacles.iter().enumerate() {
+                for v in &body(&scene, k).vertices_m {
+                    let off_m = v.truncate().distance(rock.middle_m);
+                    assert!(off_m <= rock.within_m, "rock {k}: {off_m} m of {}", rock.within_m);
+                    widest = widest.max(off_m / rock.within_m);
+                    assert!(!rock.is_beyond(v.truncate(), 0.0));
+                }
+            }
+        }
+        assert!(widest > 0.5, "the disc is needlessly wide: rocks fill {widest} of it");
+    }
+
+    #[test]
     fn equal_rocks_whatever_comes_after_them() {
         let (few, many) = (on_slope(&params(7.0, 0.4), 0.1, 3), on_slope(&params(30.0, 0.4), 0.1, 3));
         for k in 0..7 {
@@ -290,7 +384,8 @@ mod tests {
         let (mut total, mut large) = (0, 0);
         for scene in 0..50 {
             let drawn = Drawn::draw(&streams(scene), [(Purpose::RockAbundance, &Dist::from(0.1))]);
-            let diameters_m = diameters(&params, 20.0, &drawn, &streams(scene)).unwrap();
+            let (count, sizes) = sizes(&params, 20.0, &drawn, &streams(scene)).unwrap();
+            let diameters_m: Vec<f64> = (0..count as u64).map(|rock| sizes.diameter_m(rock)).collect();
             assert!(diameters_m.iter().all(|d| (0.2..=3.0).contains(d)));
             total += diameters_m.len();
             large += diameters_m.iter().filter(|d| **d >= 0.5).count();
@@ -322,7 +417,7 @@ mod tests {
         let mut crowded = params(0.0, 1.0);
         crowded.golombek = Some(GolombekParams { abundance: 0.6.into(), min_diameter_m: 0.01, max_diameter_m: 3.0 });
         let drawn = Drawn::draw(&streams(0), [(Purpose::RockAbundance, &Dist::from(0.6))]);
-        let refused = diameters(&crowded, 1000.0, &drawn, &streams(0));
+        let refused = sizes(&crowded, 1000.0, &drawn, &streams(0));
         assert!(matches!(refused, Err(SceneError::TooManyRocks { .. })));
     }
 }

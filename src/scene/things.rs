@@ -3,6 +3,11 @@
 //! In: bodies in the `world` frame and the ground they stand on. Out: what casting hits, what labels ask for: class, id, and
 //! the protrusion, the greatest height above the ground right below, which "taller than a wheel" is judged by.
 
+use std::fmt;
+use std::ops::Deref;
+use std::sync::{Arc, OnceLock};
+
+use super::rocks::Quarry;
 use super::{Convex, Scene};
 use crate::geometry::{DVec2, DVec3};
 
@@ -25,10 +30,24 @@ pub enum Class {
 }
 
 /// A solid thing that stands on (and in) the ground.
-#[derive(Clone, Debug)]
+///
+/// What it is made of, its [`Body`], is worked out when it is first asked for: a rock that nothing comes near is never hulled.
+#[derive(Clone)]
 pub struct Obstacle {
     pub id: i32,
     pub class: Class,
+    /// A disc, seen from above, that the body does not leave; known before the body is.
+    pub middle_m: DVec2,
+    pub within_m: f64,
+    pub(super) body: OnceLock<Box<Body>>,
+    /// Where the body comes from, and its number there.
+    pub(super) quarry: Option<Arc<Quarry>>,
+    pub(super) number: u32,
+}
+
+/// A shape and what follows from it.
+#[derive(Clone, Debug)]
+pub struct Body {
     pub shape: Shape,
     /// Bounding sphere, world.
     pub centre_m: DVec3,
@@ -87,12 +106,52 @@ pub enum Object<'a> {
     Patch(&'a Patch),
 }
 
-impl Obstacle {
-    /// A solid thing on a scene's ground, with its bounding sphere and protrusion worked out.
-    pub fn new(id: i32, class: Class, shape: Shape, scene: &Scene) -> Obstacle {
+impl Body {
+    /// A shape on a scene's ground, with its bounding sphere and protrusion worked out.
+    pub fn new(shape: Shape, scene: &Scene) -> Body {
         let (centre_m, radius_m) = shape.bounding_sphere();
         let protrusion_m = shape.protrusion_m(scene);
-        Obstacle { id, class, shape, centre_m, radius_m, protrusion_m }
+        Body { shape, centre_m, radius_m, protrusion_m }
+    }
+}
+
+impl Obstacle {
+    /// A thing whose body is known.
+    pub fn new(id: i32, class: Class, body: Body) -> Obstacle {
+        let (middle_m, within_m) = (body.centre_m.truncate(), body.radius_m);
+        Obstacle { id, class, middle_m, within_m, body: Box::new(body).into(), quarry: None, number: 0 }
+    }
+
+    /// The body, if anything has asked for it.
+    pub fn known_body(&self) -> Option<&Body> {
+        self.body.get().map(Box::as_ref)
+    }
+
+    /// Whether all of it is farther than `reach_m` from a point, seen from above; without asking for the body.
+    #[inline]
+    pub fn is_beyond(&self, point_m: DVec2, reach_m: f64) -> bool {
+        // A hair of slack, so that rounding never hides a thing that is just in reach.
+        let limit_m = (reach_m + self.within_m) * (1.0 + 1e-9) + 1e-12 * point_m.abs().max_element();
+        (self.middle_m - point_m).length_squared() > limit_m * limit_m
+    }
+}
+
+impl Deref for Obstacle {
+    type Target = Body;
+
+    #[inline]
+    fn deref(&self) -> &Body {
+        let made = || {
+            let quarry = self.quarry.as_ref().expect("a thing without a body has a quarry");
+            Box::new(quarry.body(self.number, self.middle_m))
+        };
+        self.body.get_or_init(made)
+    }
+}
+
+impl fmt::Debug for Obstacle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Obstacle").field("id", &self.id).field("class", &self.class).field("body", &**self).finish()
     }
 }
 

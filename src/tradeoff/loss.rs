@@ -9,11 +9,11 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use super::clock::thread_cpu_s;
 use super::measure::{Measured, on_threads};
 use super::settings::{Settings, What};
 use super::{Event, Options, TradeoffError};
 use crate::evaluate::Confusion;
+use crate::pipeline::clock::thread_cpu_s;
 use crate::train::memory::{self, Held};
 use crate::train::params::FilterParams;
 use crate::train::rows::Rows;

@@ -8,7 +8,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use super::clock::Costs;
 use super::compare::{Change, SceneCells, compare};
 use super::loss::Role;
 use super::ranges::{RangeErrors, range_errors};
@@ -16,6 +15,7 @@ use super::{Event, TradeoffError};
 use crate::cells::feature_columns;
 use crate::geometry::{Pose, Transform};
 use crate::math;
+use crate::pipeline::clock::Costs;
 use crate::pipeline::{NoWatch, Prepared, Replay, Scratch, replay_scene};
 use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};

@@ -14,7 +14,6 @@
 
 pub mod chart;
 pub mod choose;
-mod clock;
 mod compare;
 mod filters;
 mod loss;

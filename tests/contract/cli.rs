@@ -103,21 +103,106 @@ fn law_explain_gives_the_arithmetic_of_a_cell() {
     let output = yard.marsyard(["explain", "corpus", "--scene", "1", "--cell", cell]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let said = text(&output.stdout);
-    for part in ["mean_height_m", "label: 1, untraversable", "the same, bit for bit"] {
+    for part in
+        ["mean_height_m", "label: 1, untraversable", "the same, bit for bit", "the mean height of cell", "wheel of"]
+    {
         assert!(said.contains(part), "{part} is not in:\n{said}");
     }
+    // The arithmetic of a neighbour names the cell beside, and its own mean.
+    let (row, col) = cell.split_once(',').map(|(r, c)| (r.parse::<i32>().unwrap(), c.parse::<i32>().unwrap())).unwrap();
+    let west = said.lines().find(|line| line.trim_start().starts_with("neighbour_w_m")).expect("a neighbour's line");
+    assert!(west.contains(&format!("cell {row},{}", col - 1)), "{west}");
 }
 
 #[test]
-fn law_plan_names_the_parts_and_json_parses() {
+fn law_plan_names_the_parts_in_words_and_json_parses() {
     let yard = Yard::new();
     let config = Yard::everything().display().to_string();
-    let output = yard.marsyard(["plan", &config]);
+    let output = yard.marsyard(["plan", &config, "--limit", "1"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
-    assert!(text(&output.stdout).contains("rocks"));
-    let output = yard.marsyard(["plan", &config, "--json"]);
+    let said = text(&output.stdout);
+    for part in ["rocks", "kapvik, 3 stops, all kept", "mixed_pixels", "points table", "no shard is in the test split"]
+    {
+        assert!(said.contains(part), "{part} is not in:\n{said}");
+    }
+    let output = yard.marsyard(["plan", &config, "--json", "--limit", "1"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
     assert_eq!(json["scenes"], 8);
+    let prices = json["families"][0]["cpu_s_of_parts"].as_object().expect("prices of parts");
+    assert!(prices["mixed_pixels"]["cpu_s"].as_f64().is_some_and(f64::is_finite));
+    assert!(!prices.contains_key("dead_reckoning"), "a part that is not on has a price");
+}
+
+#[test]
+fn equal_plan_of_all_scenes_and_the_corpus() {
+    let yard = Yard::new();
+    let config = Yard::everything();
+    yard.generate(&config, "corpus", &[]);
+    let config = config.display().to_string();
+    // More scenes than there are: each is run once, and nothing is left to guess.
+    let output =
+        yard.marsyard(["plan", &config, "--json", "--no-parts", "--sample", "99", "--out", "elsewhere/corpus"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    let manifest = std::fs::read(yard.path("corpus/manifest.json")).expect("a manifest");
+    let manifest: serde_json::Value = serde_json::from_slice(&manifest).expect("a manifest");
+    let estimate = &json["estimate"];
+    assert_eq!(estimate["scenes_measured"], 8);
+    assert_eq!(estimate["rows"]["value"].as_f64(), manifest["tables"]["cells"]["rows"].as_f64());
+    assert_eq!(estimate["rows"]["standard_error"], 0.0);
+    let tables = manifest["tables"].as_object().expect("tables").values();
+    let there: f64 = tables.map(|table| table["bytes"].as_f64().expect("bytes")).sum();
+    let receipts = std::fs::read_dir(yard.path("corpus/receipts")).expect("receipts");
+    let there = there + receipts.map(|entry| entry.unwrap().metadata().unwrap().len() as f64).sum::<f64>();
+    let ratio = estimate["bytes"]["value"].as_f64().expect("bytes") / there;
+    assert!((ratio - 1.0).abs() < 0.15, "bytes are estimated at {ratio} of what they are");
+    assert!(estimate["storage"]["bytes_per_s"].as_f64().is_some_and(|rate| rate > 0.0));
+    assert!(!yard.path("elsewhere").exists(), "the probe left something behind");
+    let left = std::fs::read_dir(yard.path("")).expect("the folder").count();
+    assert_eq!(left, 1, "the probe left something behind");
+}
+
+#[test]
+fn law_a_held_out_family_without_a_test_shard_is_warned_of() {
+    let yard = Yard::new();
+    let mixed = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mixed.yaml").display().to_string();
+    let plan = |scenes: &str| {
+        let output = yard.marsyard(["plan", &mixed, "--sample", "0", "--set", scenes]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let few = plan("scenes=300");
+    assert!(few.contains("family unseen is held out for the test split, which has no shard"), "{few}");
+    assert!(!plan("scenes=350").contains("warning"), "from seven shards on nothing is missing");
+}
+
+#[test]
+fn extreme_nobody_reads_stderr() {
+    let yard = Yard::new();
+    let config = Yard::everything().display().to_string();
+    for arguments in [
+        vec!["generate", config.as_str(), "--out", "corpus"],
+        vec!["--log", "json", "generate", config.as_str(), "--out", "other"],
+        vec!["status", "nowhere"],
+    ] {
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let status = yard.command(&arguments).stderr(writer).status().expect("the binary starts");
+        let wanted = if arguments[0] == "status" { 2 } else { 0 };
+        assert_eq!(status.code(), Some(wanted), "{arguments:?}");
+    }
+    crate::yard::assert_same(&yard.identity("corpus"), &yard.identity("other"));
+}
+
+#[test]
+fn law_a_folder_that_is_not_there_is_told_as_such() {
+    let yard = Yard::new();
+    for verb in ["status", "finalize", "inspect", "verify", "train", "search"] {
+        let output = yard.marsyard([verb, "nowhere"]);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{verb}: {said}");
+        assert!(said.contains("nowhere: no such folder"), "{verb}: {said}");
+    }
 }
 
 #[test]

@@ -101,14 +101,8 @@ fn yard(seed: u64) -> Scene {
             },
         };
         let (id, reach) = (obstacles.len() as i32, 10.0 * size);
-        obstacles.push(Obstacle {
-            id,
-            class: Class::Rock,
-            shape,
-            centre_m: centre,
-            radius_m: reach,
-            protrusion_m: size,
-        });
+        let body = Body { shape, centre_m: centre, radius_m: reach, protrusion_m: size };
+        obstacles.push(Obstacle::new(id, Class::Rock, body));
     }
     Scene { extent_m, ground, obstacles, volumes: Vec::new(), patches: Vec::new() }
 }

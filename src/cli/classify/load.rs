@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::args::{ClassifyArgs, Frame, PoseOf};
 use crate::cells::{FeatureColumn, WindowCloud, feature_columns};
 use crate::cli::Failure;
+use crate::cli::output::errln;
 use crate::cloud::place::{Place, Sigmas};
 use crate::cloud::{self, Cloud, CloudError, LabelMap, Levelled, level, trajectory};
 use crate::drive::rover::Mount;
@@ -197,7 +198,7 @@ fn window(args: &ClassifyArgs, model: &Model) -> Result<usize, Failure> {
             ));
         }
         if trained > 1 {
-            eprintln!(
+            errln!(
                 "warning: the model was trained on windows of {trained} scans; without poses each scan is judged alone"
             );
         }

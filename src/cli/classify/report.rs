@@ -8,7 +8,7 @@ use super::args::ClassifyArgs;
 use super::load::{Loaded, Setup};
 use super::{Scan, write};
 use crate::cli::Failure;
-use crate::cli::output::{out, outln};
+use crate::cli::output::{errln, out, outln};
 use crate::cloud::place::Sigmas;
 use crate::cloud::range;
 use crate::evaluate::{DataFacts, Judge, Report};
@@ -133,7 +133,7 @@ pub(super) fn ranges(args: &ClassifyArgs, model: &Model, scans: &[Scan]) {
         );
     }
     for f in found.iter().filter(|f| f.below + f.above > 0.1) {
-        eprintln!(
+        errln!(
             "warning: {} lies outside what the model was trained on for {:.0} % of the cells; check frame, pose and units, or train on \
              scenes like these",
             f.feature,

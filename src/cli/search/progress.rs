@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::LogFormat;
+use crate::cli::output::errln;
 use crate::cli::progress::{human, si};
 use crate::search::networks::shown;
 use crate::search::{Entry, Event, Start};
@@ -155,7 +156,7 @@ impl Progress {
             }
             Display::Lines if due => {
                 self.last_line = Some(Instant::now());
-                eprintln!(
+                errln!(
                     "rung {}: {}/{}  {}  best {best_shown}  ETA {}",
                     self.rung,
                     self.done,
@@ -219,7 +220,7 @@ impl Progress {
     fn say(&self, line: &str) {
         match &self.display {
             Display::Bar(bar) => bar.println(line),
-            _ => eprintln!("{line}"),
+            _ => errln!("{line}"),
         }
     }
 }

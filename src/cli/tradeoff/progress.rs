@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::LogFormat;
+use crate::cli::output::errln;
 use crate::cli::progress::human;
 use crate::tradeoff::Event;
 
@@ -42,7 +43,7 @@ impl Progress {
                 if let Display::Json = self.display {
                     tracing::info!(event = "start", settings, scenes, trainings);
                 } else {
-                    eprintln!("{scenes} scenes at {settings} settings, then up to {trainings} trainings");
+                    errln!("{scenes} scenes at {settings} settings, then up to {trainings} trainings");
                 }
             }
             Event::Scene { done, of } => self.step("scenes", done, of),
@@ -62,7 +63,7 @@ impl Progress {
             _ if self.last_line.elapsed() < LINE_EVERY && done < of => {}
             Display::Lines => {
                 self.last_line = Instant::now();
-                eprintln!("{done}/{of} {what}  ETA {}", human(left));
+                errln!("{done}/{of} {what}  ETA {}", human(left));
             }
             Display::Json => {
                 self.last_line = Instant::now();

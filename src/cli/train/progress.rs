@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::cli::LogFormat;
+use crate::cli::output::errln;
 use crate::cli::progress::{human, si};
 use crate::train::filter::Counters;
 use crate::train::run::Start;
@@ -137,7 +138,7 @@ impl Progress {
             )),
             Display::Lines if due || is_best => {
                 self.last_line = Some(Instant::now());
-                eprintln!(
+                errln!(
                     "{:>10} rows  epoch {}  training {}  validation {}  best {}{}{}",
                     look.rows,
                     look.epoch,
@@ -220,7 +221,7 @@ impl Progress {
     fn say(&self, line: &str) {
         match &self.display {
             Display::Bar(bar) => bar.println(line),
-            _ => eprintln!("{line}"),
+            _ => errln!("{line}"),
         }
     }
 }

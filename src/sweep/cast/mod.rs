@@ -66,7 +66,8 @@ pub enum Inside {
 pub struct Caster<'a> {
     scene: &'a Scene,
     ground: GroundCaster<'a>,
-    tree: Tree,
+    /// For rays of any origin; a sweep casts none.
+    tree: OnceLock<Tree>,
 }
 
 enum GroundCaster<'a> {
@@ -77,7 +78,7 @@ enum GroundCaster<'a> {
 }
 
 impl<'a> Caster<'a> {
-    /// Prepares a scene: certified bounds of the ground, the tree of the obstacles.
+    /// Prepares a scene: certified bounds of the ground.
     pub fn new(scene: &'a Scene, cast: &Cast) -> Caster<'a> {
         let extent_m = scene.extent_m;
         let ground = match (cast, &scene.ground) {
@@ -93,7 +94,7 @@ impl<'a> Caster<'a> {
             }
             (Cast::Mesh(sampling), _) => GroundCaster::Mesh(MeshCaster::new(scene, sampling.spacing_m)),
         };
-        Caster { scene, ground, tree: Tree::new(&scene.obstacles) }
+        Caster { scene, ground, tree: OnceLock::new() }
     }
 
     /// The scene that is cast at.
@@ -112,7 +113,8 @@ impl<'a> Caster<'a> {
             GroundCaster::Mesh(mesh) => return mesh.first_hit(origin, dir, max_m),
         };
         let hit = ground.map_or(Hit::NONE, |range_m| Hit { range_m, object: Hit::GROUND });
-        match self.tree.first_hit(&self.scene.obstacles, origin, dir, hit.range_m.min(max_m)) {
+        let tree = self.tree.get_or_init(|| Tree::new(&self.scene.obstacles));
+        match tree.first_hit(&self.scene.obstacles, origin, dir, hit.range_m.min(max_m)) {
             Some((range_m, object)) if range_m < hit.range_m => Hit { range_m, object },
             _ => hit,
         }
@@ -149,7 +151,8 @@ impl<'a> Caster<'a> {
         if depth_m > 0.0 && ground.contains(point_m.x, point_m.y) {
             return Some(Inside::Ground { depth_m });
         }
-        self.tree.holds(&self.scene.obstacles, point_m).map(Inside::Obstacle)
+        let near = self.scene.obstacles.iter().filter(|o| !o.is_beyond(point_m.truncate(), 0.0));
+        near.filter(|o| convex::contains(&o.shape, point_m)).map(|o| Inside::Obstacle(o.id)).next()
     }
 }
 

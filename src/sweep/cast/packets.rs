@@ -55,6 +55,8 @@ impl Packets {
         let mut near: Vec<(f64, usize, DVec3, f64)> = obstacles
             .iter()
             .enumerate()
+            // What is out of reach is not even made.
+            .filter(|(_, o)| !o.is_beyond(origin.truncate(), reach_m))
             .filter_map(|(index, o)| {
                 let (centre, radius) = convex::bounding_sphere(&o.shape, o.centre_m, o.radius_m);
                 // A hair of slack for the rounding of the centre's place.

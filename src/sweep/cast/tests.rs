@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::geometry::DVec2;
-use crate::scene::{Class, Convex, Cylinder, Obstacle, Polynomial, Shape};
+use crate::scene::{Body, Class, Convex, Cylinder, Obstacle, Polynomial, Shape};
 use crate::sweep::params::SpacingParams;
 
 fn yard(extent_m: f64, ground: Polynomial, shapes: Vec<Shape>) -> Scene {
@@ -14,7 +14,7 @@ fn yard(extent_m: f64, ground: Polynomial, shapes: Vec<Shape>) -> Scene {
                 Shape::Convex(hull) => hull.bounding_sphere(),
                 Shape::Cylinder(c) => (c.base_m + 0.5 * c.height_m * DVec3::Z, c.radius_m + c.height_m),
             };
-            Obstacle { id: id as i32, class: Class::Rock, shape, centre_m, radius_m, protrusion_m: 0.0 }
+            Obstacle::new(id as i32, Class::Rock, Body { shape, centre_m, radius_m, protrusion_m: 0.0 })
         })
         .collect();
     Scene { extent_m, ground: Ground::Polynomial(ground), obstacles, volumes: vec![], patches: vec![] }
@@ -352,7 +352,7 @@ fn equal_bits_by_the_skyline_and_by_the_pyramid() {
     let bits = |hits: &[Hit]| hits.iter().map(|h| (h.range_m.to_bits(), h.object)).collect::<Vec<_>>();
     for (spacing_m, scale) in [(0.05, 1.0), (0.31, 1.0), (0.05, 20.0), (2.0, 0.1)] {
         let mut raster = rough(20.0, spacing_m);
-        raster.heights_m.iter_mut().for_each(|h| *h *= scale);
+        std::sync::Arc::make_mut(&mut raster.heights_m).iter_mut().for_each(|h| *h *= scale);
         let scene = Scene { ground: Ground::Raster(raster), ..yard(20.0, bumps(20.0, 2), Vec::new()) };
         let caster = Caster::new(&scene, &Cast::Exact);
         // In the middle, at the border, in a corner, on a node; far above and hardly above the ground.

@@ -88,33 +88,6 @@ impl Tree {
         }
         best
     }
-
-    /// Id of an obstacle that holds the point.
-    pub fn holds(&self, obstacles: &[Obstacle], point: DVec3) -> Option<i32> {
-        let bvh = self.bvh.as_ref()?;
-        let from = point - self.centre_m;
-        let mut found: Option<i32> = None;
-        let mut stack = vec![0usize];
-        while let Some(index) = stack.pop() {
-            let node = &bvh.nodes[index];
-            let (low, high) = (node.aabb().min.as_dvec3(), node.aabb().max.as_dvec3());
-            if from.cmplt(low).any() || from.cmpgt(high).any() {
-                continue;
-            }
-            let first = node.first_index as usize;
-            if !node.is_leaf() {
-                stack.extend([first, first + 1]);
-                continue;
-            }
-            for &primitive in &bvh.primitive_indices[first..first + node.prim_count as usize] {
-                let obstacle = &obstacles[primitive as usize];
-                if convex::contains(&obstacle.shape, point) {
-                    found = Some(found.map_or(obstacle.id, |id| id.min(obstacle.id)));
-                }
-            }
-        }
-        found
-    }
 }
 
 /// Where the ray enters a box within [0, to]; `None` where it does not.

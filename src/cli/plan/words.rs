@@ -1,0 +1,135 @@
+//! A plan in words: what a family models, and what no family names.
+
+use crate::config::Plan;
+use crate::drive::params::Keep;
+use crate::estimate::PARTS;
+use crate::random::{Dist, Law};
+use crate::scene::params::{GroundShape, GroundSource};
+use crate::slam::SlamParams;
+use crate::sweep::params::Cast;
+
+/// The parts that are effects of the beams.
+const EFFECTS: [&str; 8] =
+    ["range_noise", "range_bias", "quantisation", "gates", "dropout", "mixed_pixels", "tilt_jitter", "intensity"];
+
+/// The parts a family switches on, in the order of the flow.
+pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
+    let family = &plan.families[index];
+    let mut parts = Vec::new();
+    let scene = &family.scene;
+    let source = match &scene.ground.source {
+        GroundSource::Random(r) => {
+            format!("random, rms {} m, correlation length {} m", say(&r.rms_height_m), say(&r.correlation_length_m))
+        }
+        GroundSource::File(f) => format!("from {}", f.path),
+        GroundSource::Flat => "flat".into(),
+    };
+    let shape = match &scene.ground.shape {
+        GroundShape::Polynomial(p) => format!("polynomial of degree {}", p.degree),
+        GroundShape::Raw(r) => format!("raw at {} m", r.spacing_m),
+    };
+    parts.push(("ground", format!("{} m square, {source}; {shape}", scene.extent_m)));
+    if let Some(r) = &scene.ground.roughness {
+        parts.push(("roughness", format!("rms {} m at {} m", say(&r.rms_height_m), say(&r.correlation_length_m))));
+    }
+    if !scene.ground.features.is_empty() {
+        parts.push(("landforms", counted(scene.ground.features.len() as u32, "kind")));
+    }
+    if let Some(rocks) = &scene.rocks {
+        let detail = match (&rocks.golombek, &rocks.count, &rocks.diameter_m) {
+            (Some(g), _, _) => format!("Golombek abundance {} from {} m up", say(&g.abundance), g.min_diameter_m),
+            (None, Some(n), Some(d)) => format!("{} of {} m", say(n), say(d)),
+            _ => String::new(),
+        };
+        parts.push(("rocks", detail));
+    }
+    if let Some(boxes) = &scene.boxes {
+        parts.push(("boxes", say(&boxes.count)));
+    }
+    if let Some(trees) = &scene.trees {
+        parts.push((
+            "trees",
+            format!("{}{}", say(&trees.count), if trees.crown.is_some() { ", with crowns" } else { "" }),
+        ));
+    }
+    if let Some(v) = &scene.vegetation {
+        let kinds = [("grass", v.grass.is_some()), ("brush", v.brush.is_some()), ("bushes", v.bushes.is_some())];
+        let on: Vec<_> = kinds.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
+        parts.push(("vegetation", on.join(", ")));
+    }
+    let drive = &family.drive;
+    parts.push((
+        "rover",
+        format!(
+            "{}, {}, {}{}",
+            drive.rover.name,
+            counted(drive.stops, "stop"),
+            kept(drive.keep),
+            if drive.attempts > 1 { format!(", up to {} attempts", drive.attempts) } else { String::new() }
+        ),
+    ));
+    let cast = match &family.sweep.cast {
+        Cast::Exact => "cast exactly".to_string(),
+        Cast::Raster(s) => format!("cast on a raster of {} m", s.spacing_m),
+        Cast::Mesh(s) => format!("cast on a mesh of {} m", s.spacing_m),
+    };
+    let sensor = &family.sweep.sensor;
+    parts.push(("sensor", format!("{}, {} to {} m, {cast}", sensor.name, sensor.min_range_m, sensor.max_range_m)));
+    let on = PARTS.iter().filter(|part| EFFECTS.contains(&part.name) && (part.is_on)(plan, index));
+    let on: Vec<_> = on.map(|part| part.name).collect();
+    parts.push(("effects", if on.is_empty() { "none".into() } else { on.join(", ") }));
+    let slam = match &family.slam {
+        SlamParams::Fastslam(f) => format!("FastSLAM 2.0, {} particles", f.particles),
+        SlamParams::DeadReckoning => "dead reckoning".into(),
+        SlamParams::Surrogate(_) => "surrogate: truth plus noise".into(),
+        SlamParams::Truth => "truth".into(),
+    };
+    parts.push(("slam", slam));
+    let cells = &family.cells;
+    let local = cells.local_height.as_ref().map_or(String::new(), |local| format!(", height above {}", local.words()));
+    parts.push((
+        "cells",
+        format!(
+            "{} m, {} neighbours, {}{local}",
+            cells.size_m,
+            cells.neighbours,
+            if cells.window_scans > 1 { format!("{} sweeps together", cells.window_scans) } else { "one sweep".into() }
+        ),
+    ));
+    parts
+}
+
+/// Parts that no family names; dead reckoning is a choice among pose estimates and no part of its own.
+pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
+    let nowhere = PARTS.iter().filter(|part| !(0..plan.families.len()).any(|family| (part.is_on)(plan, family)));
+    nowhere.map(|part| part.name).filter(|name| *name != "dead_reckoning").collect()
+}
+
+/// Which sweeps are written.
+fn kept(keep: Keep) -> String {
+    match keep {
+        Keep::Last => "the last one kept".into(),
+        Keep::All => "all kept".into(),
+        Keep::Every(1) => "all kept".into(),
+        Keep::Every(2) => "every second one kept".into(),
+        Keep::Every(n) => format!("every {n}th one kept"),
+    }
+}
+
+fn counted(count: u32, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// A constant or a law in a few words.
+fn say(dist: &Dist) -> String {
+    match dist {
+        Dist::Constant(value) => format!("{value}"),
+        Dist::Law(Law::Choice(values)) => {
+            format!("one of {}", values.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))
+        }
+        law => {
+            let (low, high) = law.bounds();
+            format!("{low} to {high}")
+        }
+    }
+}

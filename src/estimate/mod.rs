@@ -1,0 +1,137 @@
+//! A plan -> what its build will take: time, rows, bytes, and what each part costs. Measured on some of the plan's own scenes.
+//!
+//! ```text
+//! sample    scenes of every family, on as many threads as the build will have, until the standard error is small
+//! encode    the sampled scenes as a shard, on all threads at once: bytes, and the time of writing them
+//! storage   the same shard put into the place of the build: what that takes
+//! parts     each part that the plan switches on, left out on the same scenes: what it costs
+//! ```
+//!
+//! The build: every thread is busy with scenes and shards, T at a time, so its wall time is the sum of both over T, plus what
+//! the last shard keeps the others waiting. Measured with T threads at once, so that what hyper-threads, caches and other
+//! programs take is in it. Not counted: start and finalize, milliseconds for each hundred shards.
+
+mod encode;
+mod parts;
+mod sample;
+mod storage;
+
+use std::path::Path;
+use std::time::Duration;
+
+use crate::config::Plan;
+use crate::corpus::{CorpusError, Table};
+use crate::pipeline::{Prepared, StageTimes};
+use crate::sweep::PatternError;
+
+pub use parts::{PARTS, Part, Price, interleaved};
+pub use sample::Figure;
+pub use storage::Storage;
+
+/// How long, with how many threads, and for which place.
+#[derive(Clone, Debug)]
+pub struct Options<'a> {
+    /// Threads that the build will have.
+    pub threads: usize,
+    /// So many scenes; `None`: until time and rows have a relative standard error of `ENOUGH`.
+    pub scenes: Option<u64>,
+    /// No new scene is begun after this.
+    pub limit: Duration,
+    /// No new scene is begun for the parts after this much more; zero leaves them out.
+    pub parts_limit: Duration,
+    /// Where the build will write; its storage is measured there.
+    pub place: Option<&'a Path>,
+}
+
+/// Relative standard error of time and of rows at which sampling ends: a fifth of the 15 % that the estimate is held to.
+pub const ENOUGH: f64 = 0.03;
+
+/// What a build will take.
+#[derive(Clone, Debug)]
+pub struct Estimate {
+    pub threads: usize,
+    /// Scenes that were run for it, and how many of them failed.
+    pub scenes: u64,
+    pub failed: u64,
+    /// Of all threads together, seconds; the wall time of the whole.
+    pub cpu_s: Figure,
+    pub wall_s: Figure,
+    /// Rows of `cells`.
+    pub rows: Figure,
+    pub bytes: Figure,
+    /// Mean over the plan's scenes: CPU seconds of each stage, by name, and of writing.
+    pub stages: Vec<(&'static str, f64)>,
+    /// CPU seconds a scene of making each table's file.
+    pub tables: Vec<(Table, f64)>,
+    /// By family: scenes of it in the plan, and the price of each part that it switches on.
+    pub families: Vec<FamilyCost>,
+    pub storage: Option<Storage>,
+}
+
+#[derive(Clone, Debug)]
+pub struct FamilyCost {
+    pub scenes: u64,
+    /// CPU seconds a scene: all of it, where the parts were measured.
+    pub scene_s: Option<f64>,
+    pub parts: Vec<(&'static Part, Price)>,
+}
+
+impl Estimate {
+    /// Bytes a second that the build writes when nothing holds it up.
+    pub fn needed_bytes_per_s(&self) -> f64 {
+        let waiting = self.storage.as_ref().map_or(0.0, |s| s.build_s / self.threads as f64);
+        self.bytes.value / (self.wall_s.value - waiting).max(1e-9)
+    }
+}
+
+/// Why nothing could be estimated.
+#[derive(Debug, thiserror::Error)]
+pub enum EstimateError {
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
+    #[error(transparent)]
+    Corpus(#[from] CorpusError),
+    #[error("{place}: cannot be written to: {reason}")]
+    Place { place: String, reason: String },
+}
+
+/// Runs scenes of the plan, writes them to memory (and to the place, if one is given), and reckons up.
+pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateError> {
+    let prepared = Prepared::new(plan.clone())?;
+    let mut sample = sample::take(&prepared, options);
+    let encoded = encode::encode(&plan.corpus_spec(), std::mem::take(&mut sample.outputs), options.threads)?;
+    let bytes = encoded.bytes(&sample, plan.shards());
+    let probed = options.place.map(|place| storage::probe(place, &encoded, plan.shards(), bytes.value));
+    let storage = probed.transpose()?;
+    let families = parts::prices(plan, &sample, options)?;
+
+    let threads = options.threads as f64;
+    let shards = plan.shards() as f64;
+    let (making_cpu_s, making_wall_s) = (sample.total(|cost| cost.whole.cpu), sample.total(|cost| cost.whole.wall));
+    let (writing_cpu_s, writing_wall_s) = encoded.seconds(bytes.value);
+    let storing_s = storage.as_ref().map_or(0.0, |s| s.build_s);
+    // When the last shard is whole, one thread writes it and the others have nothing left to do; before that, they wait half a
+    // scene on average for the last one.
+    let last_s = (writing_wall_s + storing_s) / shards + 0.5 * making_wall_s.value / plan.scenes as f64;
+    let busy_s = making_wall_s.value + writing_wall_s + storing_s;
+    let wall_s = Figure {
+        value: busy_s / threads + last_s * (1.0 - 1.0 / threads),
+        standard_error: making_wall_s.standard_error / threads,
+    };
+    let per_scene = 1.0 / plan.scenes as f64;
+    let stages = StageTimes::STAGES.iter().enumerate();
+    let stages = stages.map(|(k, (_, name))| (*name, sample.total(|cost| cost.stages[k]).value * per_scene));
+    Ok(Estimate {
+        threads: options.threads,
+        scenes: sample.scenes(),
+        failed: sample.failed(),
+        cpu_s: Figure { value: making_cpu_s.value + writing_cpu_s, ..making_cpu_s },
+        wall_s,
+        rows: sample.total(|cost| cost.rows[Table::Cells as usize]),
+        bytes,
+        stages: stages.chain([("writing", writing_cpu_s * per_scene)]).collect(),
+        tables: encoded.tables_s(writing_cpu_s * per_scene),
+        families,
+        storage,
+    })
+}

@@ -1,0 +1,271 @@
+//! A plan -> some of its scenes, run as a build runs them: what each took and gave.
+//!
+//! Strata are the plan's families, weighed by the scenes that each really has. The next scene comes from the family that
+//! takes most off the standard error for its time (Neyman's allocation, step by step), from all over the plan. A thread runs
+//! its first scene twice and counts the second time, unless the scene is so long that warmth cannot matter. Standard errors
+//! are of the sample alone: a machine that is busier later than now is not in them.
+
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use super::{ENOUGH, Options};
+use crate::config::Plan;
+use crate::corpus::{SceneOutput, Table};
+use crate::pipeline::clock::{Costs, Seconds};
+use crate::pipeline::{Prepared, Scratch, StageTimes, run_scene};
+
+/// Scenes of a family before its spread is known at all.
+const FIRST: usize = 3;
+/// A plan of more scenes is represented by so many, evenly spread.
+const MOST_SCENES: u64 = 50_000;
+/// A scene longer than this needs no warming.
+const LONG: Duration = Duration::from_millis(500);
+/// Outputs are kept, to be written as a shard, up to so many scenes and rows of all tables.
+const KEPT_SCENES: usize = 64;
+const KEPT_ROWS: u64 = 2_000_000;
+
+/// A value and its standard error.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Figure {
+    pub value: f64,
+    pub standard_error: f64,
+}
+
+impl Figure {
+    /// Standard error over value.
+    pub fn relative_error(&self) -> f64 {
+        if self.value == 0.0 { 0.0 } else { self.standard_error / self.value.abs() }
+    }
+}
+
+/// What one scene took and gave.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SceneCost {
+    pub whole: Seconds,
+    /// CPU seconds, in the order of [`StageTimes::STAGES`].
+    pub stages: [f64; StageTimes::STAGES.len()],
+    /// By number of [`Table`].
+    pub rows: [f64; Table::ALL.len()],
+    pub failed: bool,
+}
+
+impl SceneCost {
+    fn of(costs: &Costs, output: &SceneOutput) -> SceneCost {
+        let scans = || output.scans.iter();
+        let cells: usize = scans().map(|scan| scan.cells.rows.len()).sum();
+        let points: usize = scans().filter_map(|scan| scan.points.as_ref()).map(|p| p.sweep.status.len()).sum();
+        SceneCost {
+            whole: costs.whole,
+            stages: costs.stages.map(|stage| stage.cpu),
+            rows: Table::ALL.map(|table| match table {
+                Table::Cells => cells as f64,
+                Table::Scenes => 1.0,
+                Table::Poses => output.poses.len() as f64,
+                Table::Points => points as f64,
+            }),
+            failed: output.error.is_some(),
+        }
+    }
+}
+
+/// The scenes of one family.
+pub(super) struct Stratum {
+    pub family: usize,
+    /// In the plan.
+    pub scenes: f64,
+    /// Numbers of its scenes, each prefix spread over the plan.
+    pub order: Vec<u64>,
+    /// Of the first ones in `order`, as they were finished.
+    pub taken: Vec<SceneCost>,
+    begun: usize,
+}
+
+/// Strata with what was measured, and outputs to write.
+pub(super) struct Sample {
+    pub strata: Vec<Stratum>,
+    pub outputs: Vec<SceneOutput>,
+    kept_rows: u64,
+}
+
+/// Runs scenes on all threads until enough is known.
+pub(super) fn take(prepared: &Prepared, options: &Options) -> Sample {
+    let sample = Mutex::new(Sample { strata: strata(&prepared.plan), outputs: Vec::new(), kept_rows: 0 });
+    let started = Instant::now();
+    let lock = || sample.lock().expect("no thread panics while it holds the sample");
+    let one_thread = || {
+        let mut scratch = Scratch::default();
+        let mut warm = false;
+        loop {
+            let Some((stratum, scene)) = lock().next(options, started) else { return };
+            let begun = Instant::now();
+            let mut run = || {
+                let mut costs = Costs::start();
+                let output = run_scene(prepared, scene, &mut scratch, &mut costs);
+                (SceneCost::of(&costs.finish(), &output), output)
+            };
+            let mut made = run();
+            if !warm && begun.elapsed() < LONG {
+                made = run();
+            }
+            warm = true;
+            lock().add(stratum, made.0, made.1);
+        }
+    };
+    std::thread::scope(|scope| (0..options.threads).for_each(|_| _ = scope.spawn(one_thread)));
+    let mut sample = sample.into_inner().expect("no thread panics while it holds the sample");
+    sample.outputs.sort_by_key(|output| output.scene_id);
+    sample
+}
+
+/// The plan's scenes by family, each family's in an order whose every beginning is spread over the plan.
+fn strata(plan: &Plan) -> Vec<Stratum> {
+    let listed = plan.scenes.min(MOST_SCENES);
+    let mut orders = vec![Vec::new(); plan.families.len()];
+    for k in 0..listed {
+        let scene = (u128::from(k) * u128::from(plan.scenes) / u128::from(listed)) as u64;
+        orders[plan.family_index_of(scene)].push(scene);
+    }
+    let each = plan.scenes as f64 / listed as f64;
+    let spread = |order: Vec<u64>| {
+        let mut numbered: Vec<(u32, u64)> = (0u32..).map(u32::reverse_bits).zip(order).collect();
+        numbered.sort_unstable();
+        numbered.into_iter().map(|(_, scene)| scene).collect::<Vec<_>>()
+    };
+    let families = orders.into_iter().enumerate().filter(|(_, order)| !order.is_empty());
+    families
+        .map(|(family, order)| Stratum {
+            family,
+            scenes: order.len() as f64 * each,
+            order: spread(order),
+            taken: Vec::new(),
+            begun: 0,
+        })
+        .collect()
+}
+
+impl Stratum {
+    fn mean_and_variance(&self, value: impl Fn(&SceneCost) -> f64) -> (f64, f64) {
+        let count = self.taken.len() as f64;
+        let mean = self.taken.iter().map(&value).sum::<f64>() / count.max(1.0);
+        let squares: f64 = self.taken.iter().map(|cost| value(cost) - mean).map(|off| off * off).sum();
+        (mean, squares / (count - 1.0).max(1.0))
+    }
+
+    /// Variance that one more scene takes off the total's.
+    fn gain(&self, value: impl Fn(&SceneCost) -> f64) -> f64 {
+        let count = self.begun.max(1) as f64;
+        self.scenes * self.scenes * self.mean_and_variance(value).1 / (count * (count + 1.0))
+    }
+}
+
+impl Sample {
+    pub fn scenes(&self) -> u64 {
+        self.strata.iter().map(|stratum| stratum.taken.len() as u64).sum()
+    }
+
+    pub fn failed(&self) -> u64 {
+        self.strata.iter().flat_map(|stratum| &stratum.taken).filter(|cost| cost.failed).count() as u64
+    }
+
+    /// Sum over all scenes of the plan.
+    pub fn total(&self, value: impl Fn(&SceneCost) -> f64) -> Figure {
+        let mut figure = Figure::default();
+        let mut variance = 0.0;
+        for stratum in self.strata.iter().filter(|stratum| !stratum.taken.is_empty()) {
+            let (mean, spread) = stratum.mean_and_variance(&value);
+            let count = stratum.taken.len() as f64;
+            figure.value += stratum.scenes * mean;
+            // A family that was run to its last scene is known.
+            let left = (1.0 - count / stratum.scenes).max(0.0);
+            variance += stratum.scenes * stratum.scenes * spread / count * left;
+        }
+        figure.standard_error = variance.sqrt();
+        figure
+    }
+
+    /// The next scene to run, if one is needed: its stratum and its number.
+    fn next(&mut self, options: &Options, started: Instant) -> Option<(usize, u64)> {
+        let begun: usize = self.strata.iter().map(|stratum| stratum.begun).sum();
+        let late = started.elapsed() > options.limit && begun > 0;
+        let enough = match options.scenes {
+            Some(wanted) => begun as u64 >= wanted,
+            None => late || self.is_known(),
+        };
+        let open = || self.strata.iter().enumerate().filter(|(_, stratum)| stratum.begun < stratum.order.len());
+        let unseen = |count: usize| open().find(|(_, stratum)| stratum.begun < count).map(|(k, _)| k);
+        let k = match unseen(1) {
+            // A family of which nothing is known is run however late it is; not where a number was asked for.
+            Some(k) if options.scenes.is_none() || !enough => k,
+            _ if enough => return None,
+            _ => unseen(FIRST).or_else(|| self.most_telling())?,
+        };
+        let stratum = &mut self.strata[k];
+        stratum.begun += 1;
+        Some((k, stratum.order[stratum.begun - 1]))
+    }
+
+    /// The family whose next scene tells most for its time.
+    fn most_telling(&self) -> Option<usize> {
+        let (time, rows) = (self.total(|cost| cost.whole.cpu).value, self.total(|cost| cost.rows[0]).value);
+        let worth = |stratum: &Stratum| {
+            let relative = stratum.gain(|cost| cost.whole.cpu) / (time * time).max(f64::MIN_POSITIVE)
+                + stratum.gain(|cost| cost.rows[0]) / (rows * rows).max(f64::MIN_POSITIVE);
+            relative / stratum.mean_and_variance(|cost| cost.whole.cpu).0.max(1e-6)
+        };
+        let open = self.strata.iter().enumerate().filter(|(_, stratum)| stratum.begun < stratum.order.len());
+        open.map(|(k, stratum)| (k, worth(stratum))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
+    }
+
+    fn is_known(&self) -> bool {
+        self.strata.iter().all(|stratum| stratum.taken.len() >= FIRST.min(stratum.order.len()))
+            && self.total(|cost| cost.whole.cpu).relative_error() < ENOUGH
+            && self.total(|cost| cost.rows[0]).relative_error() < ENOUGH
+    }
+
+    fn add(&mut self, stratum: usize, cost: SceneCost, output: SceneOutput) {
+        self.strata[stratum].taken.push(cost);
+        let rows = cost.rows.iter().sum::<f64>() as u64;
+        if self.outputs.is_empty() || self.outputs.len() < KEPT_SCENES && self.kept_rows + rows <= KEPT_ROWS {
+            self.kept_rows += rows;
+            self.outputs.push(output);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stratum(scenes: f64, values: &[f64]) -> Stratum {
+        let cost = |&value: &f64| SceneCost { whole: Seconds { cpu: value, wall: value }, ..SceneCost::default() };
+        Stratum {
+            family: 0,
+            scenes,
+            order: (0..scenes as u64).collect(),
+            taken: values.iter().map(cost).collect(),
+            begun: values.len(),
+        }
+    }
+
+    #[test]
+    fn exact_stratified_total_and_its_standard_error() {
+        let strata = vec![stratum(10.0, &[1.0, 3.0]), stratum(90.0, &[2.0, 2.0, 5.0])];
+        let sample = Sample { strata, outputs: Vec::new(), kept_rows: 0 };
+        let figure = sample.total(|cost| cost.whole.cpu);
+        // Means 2 and 3; sample variances 2 and 3; with the share of each family that is left.
+        assert_eq!(figure.value, 10.0 * 2.0 + 90.0 * 3.0);
+        let variance: f64 = 100.0 * 2.0 / 2.0 * 0.8 + 8100.0 * 3.0 / 3.0 * (87.0 / 90.0);
+        assert!((figure.standard_error - variance.sqrt()).abs() < 1e-12);
+        // A family run to its last scene leaves nothing open.
+        let whole = Sample { strata: vec![stratum(2.0, &[1.0, 3.0])], outputs: Vec::new(), kept_rows: 0 };
+        assert_eq!(whole.total(|cost| cost.whole.cpu), Figure { value: 4.0, standard_error: 0.0 });
+    }
+
+    #[test]
+    fn law_the_family_of_most_spread_and_weight_is_sampled_next() {
+        let next = |strata: Vec<Stratum>| Sample { strata, outputs: Vec::new(), kept_rows: 0 }.most_telling();
+        assert_eq!(next(vec![stratum(50.0, &[1.0, 1.1, 0.9]), stratum(50.0, &[1.0, 3.0, 2.0])]), Some(1));
+        assert_eq!(next(vec![stratum(900.0, &[1.0, 1.2, 0.8]), stratum(10.0, &[1.0, 1.4, 0.6])]), Some(0));
+        assert_eq!(next(vec![stratum(3.0, &[1.0, 9.0, 5.0]), stratum(9.0, &[1.0, 1.0, 1.0])]), Some(1));
+    }
+}
