@@ -48,3 +48,6 @@ pub mod pipeline;
 pub mod tradeoff;
 
 pub mod cli;
+
+#[cfg(test)]
+mod extremes;
