@@ -5,6 +5,8 @@
 mod cast;
 mod cells;
 mod drive;
+#[path = "../../src/extremes.rs"]
+mod extremes;
 mod scene;
 mod slam;
 mod sweep;
