@@ -124,8 +124,11 @@ fn extreme_correlation_lengths_of_a_cell_and_of_100_yards() {
             assert!((own - 1.0).abs() < 0.09, "{name}, {apart} cells: {own}");
             row(
                 Family::Ground,
-                &format!("correlation length of {name}: mean square of a difference over {apart} cells"),
-                &format!("one period a yard, the continuum's scale: {textbook:.2} of the law"),
+                &format!(
+                    "correlation length of {name}: mean square of a height difference over {} m",
+                    0.5 * apart as f64
+                ),
+                &format!("one period a yard, the continuum's scale: {textbook:.1e} of the law"),
                 &format!("{own:.2} of the law (4000 yards: 0.09)"),
             );
         }

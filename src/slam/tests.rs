@@ -466,7 +466,11 @@ fn extreme_ten_thousand_steps_at_rest_change_nothing() {
     row(
         Family::Slam,
         "ten thousand steps at rest, dt = 0",
-        &format!("noise by the step: sigma {:.1} m and {:.1} rad", timed.covariance[0][0].sqrt(), timed.covariance[2][2].sqrt()),
+        &format!(
+            "noise by the step: sigma {:.1} m and {:.1} rad",
+            timed.covariance[0][0].sqrt(),
+            timed.covariance[2][2].sqrt()
+        ),
         "pose and covariance as before, to the bit",
     );
 }
@@ -585,7 +589,11 @@ fn extreme_ten_thousand_landmarks() {
         Family::Slam,
         "ten thousand landmarks",
         &format!("EKF-SLAM: one covariance of {state} x {state} numbers, {:.1} GB", state * state * 8e-9),
-        &format!("{} landmarks of {} bytes a particle; a new feature finds its place among them", 10_000, std::mem::size_of::<Landmark>()),
+        &format!(
+            "{} landmarks of {} bytes a particle; a new feature finds its place among them",
+            10_000,
+            std::mem::size_of::<Landmark>()
+        ),
     );
 }
 

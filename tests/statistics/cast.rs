@@ -386,8 +386,13 @@ fn extreme_a_hundred_thousand_rocks() {
     row(
         Family::Casting,
         "a hundred thousand rocks on 300 m",
-        &format!("triangles in f32, world coordinates: {other} of 100 hits lost, others off by up to {textbook_worst:.1e} m"),
-        &format!("{} rays as all rocks one by one say, off by {:.1e} m at most; 20,000 rays alike by two paths", tally.rays, tally.worst_m),
+        &format!(
+            "triangles in f32, world coordinates: {other} of 100 hits lost, others off by up to {textbook_worst:.1e} m"
+        ),
+        &format!(
+            "{} rays as all rocks one by one say, off by {:.1e} m at most; 20,000 rays alike by two paths",
+            tally.rays, tally.worst_m
+        ),
     );
 }
 

@@ -5,7 +5,6 @@
 mod cast;
 mod cells;
 mod drive;
-#[path = "../../src/extremes.rs"]
 mod extremes;
 mod scene;
 mod slam;

@@ -514,7 +514,11 @@ fn extreme_odometry_sun_heading_and_lost_features() {
         Family::Slam,
         "no sun all run",
         &format!("dead reckoning: off by {reckoned_m:.2} m"),
-        &format!("off by {slam_m:.2} m; sigma of yaw {:.3} rad after 1 m, {:.3} after 12.5 m", sigma_rad(10), sigma_rad(125)),
+        &format!(
+            "off by {slam_m:.2} m; sigma of yaw {:.3} rad after 1 m, {:.3} after 12.5 m",
+            sigma_rad(10),
+            sigma_rad(125)
+        ),
     );
     assert!(slam_m < 0.8 * reckoned_m);
     // Headings across the seam at pi, both ways round, are as good as any.
@@ -546,7 +550,12 @@ fn extreme_odometry_sun_heading_and_lost_features() {
         Family::Slam,
         "all features lost for 10 m, then known ground again",
         &format!("dead reckoning: off by {reckoned:.2} m there"),
-        &format!("off by {off_m:.2} m; sigma xy {:.3} m before, {:.3} blind, {:.3} after", sigma_m(219), sigma_m(319), sigma_m(340)),
+        &format!(
+            "off by {off_m:.2} m; sigma xy {:.3} m before, {:.3} blind, {:.3} after",
+            sigma_m(219),
+            sigma_m(319),
+            sigma_m(340)
+        ),
     );
     assert!(sigma_m(319) > 1.3 * sigma_m(219) && sigma_m(340) < 0.8 * sigma_m(319));
 }

@@ -275,8 +275,14 @@ fn extreme_ten_million_updates_leave_p_positive_definite_in_f64_and_factored() {
         row(
             Family::Filters,
             &format!("ten million updates, {form}, {precision:?}"),
-            &format!("P - K b'P in f32: least eigenvalue {textbook_least:.0e}, asymmetry {asymmetry:.0e}, variances scaled to 1"),
-            &format!("least {} {least:.0e}, {:.2} % wrong, no guard acted", if robust { "D" } else { "eigenvalue" }, 100.0 * wrong),
+            &format!(
+                "P - K b'P in f32: least eigenvalue {textbook_least:.0e}, asymmetry {asymmetry:.0e}, variances scaled to 1"
+            ),
+            &format!(
+                "least {} {least:.0e}, {:.2} % wrong, no guard acted",
+                if robust { "D" } else { "eigenvalue" },
+                100.0 * wrong
+            ),
         );
     }
 }
@@ -292,7 +298,11 @@ fn extreme_ten_million_updates_of_a_plain_f32_covariance_are_mended_and_cost_no_
             Family::Filters,
             &format!("ten million updates, default, F32, P0 / R {p0}"),
             "the rows above",
-            &format!("least eigenvalue {least:.0e}: rebuilt {} times and counted, {:.2} % wrong", counters.rebuilt, 100.0 * wrong),
+            &format!(
+                "least eigenvalue {least:.0e}: rebuilt {} times and counted, {:.2} % wrong",
+                counters.rebuilt,
+                100.0 * wrong
+            ),
         );
     }
 }

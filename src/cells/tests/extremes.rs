@@ -59,7 +59,9 @@ fn extreme_points_on_a_cells_border() {
     row(
         Family::Cells,
         "points on a border, and one unit in the last place beside it",
-        &format!("cast to a whole number: {by_cast} of {points} in another cell than whole-number arithmetic says; f32: {by_single}"),
+        &format!(
+            "cast to a whole number: {by_cast} of {points} in another cell than whole-number arithmetic says; f32: {by_single}"
+        ),
         &format!(
             "none; in cells of 0.1 and 0.3 m {rounded_up} of {decimal_points}, none farther below the border than its rounding"
         ),
@@ -78,8 +80,7 @@ fn extreme_the_variance_of_heights_a_thousand_kilometres_up() {
     // 0.1 m up and down: variance 0.01 m2.
     let up_m = 1e6;
     let heights: Vec<f64> = (0..400).map(|i| up_m + if i % 2 == 0 { 0.1 } else { -0.1 }).collect();
-    let points: Vec<(DVec3, i32)> =
-        heights.iter().map(|z| (DVec3::new(0.5, 0.5, z - up_m), -1)).collect();
+    let points: Vec<(DVec3, i32)> = heights.iter().map(|z| (DVec3::new(0.5, 0.5, z - up_m), -1)).collect();
     let params = CellParams { size_m: 1.0, ..CellParams::default() };
     let pose = Pose { position_m: DVec3::new(1e6, -1e6, up_m), ..Pose::default() };
     let cells = bin_one(&params, &points, pose, &yard(0.0));
@@ -109,7 +110,9 @@ fn extreme_one_point_a_cell() {
     row(
         Family::Cells,
         "one point a cell",
-        &format!("variance over n - 1: {sample}; in one pass over three equal heights: negative in {below} of 100 cells"),
+        &format!(
+            "variance over n - 1: {sample}; in one pass over three equal heights: negative in {below} of 100 cells"
+        ),
         "variance and height difference 0, exactly",
     );
 }
@@ -139,15 +142,18 @@ fn all_in_one_cell(count: u64) {
     let variance = (1024.0 * 1024.0 - 1.0) / 12.0 / (1024.0 * 1024.0);
     let [own_mean, own_variance, difference, number] = [0, 1, 2, 3].map(|k| f64::from(cells.features[k]));
     // Features are f32: half a unit in their last place.
-    assert!((own_mean / mean - 1.0).abs() < 6e-8 && (own_variance / variance - 1.0).abs() < 6e-8, "{own_mean} {own_variance}");
+    assert!(
+        (own_mean / mean - 1.0).abs() < 6e-8 && (own_variance / variance - 1.0).abs() < 6e-8,
+        "{own_mean} {own_variance}"
+    );
     assert_eq!((difference, number), (1023.0 / 1024.0, f64::from(count as f32)));
     let single = points_m.iter().fold(0.0_f32, |sum, p| sum + p.z as f32) / count as f32;
     row(
         Family::Cells,
         &format!("{count} points, all in one cell"),
-        &format!("sum in f32: mean off by {:.1} %", 100.0 * (f64::from(single) / mean - 1.0).abs()),
+        &format!("sum in f32: mean off by a share of {:.0e}", (f64::from(single) / mean - 1.0).abs()),
         &format!(
-            "mean off by a share of {:.0e}, variance {:.0e}: the rounding of the f32 column",
+            "mean off by a share of {:.0e}, variance by {:.0e} (columns are f32)",
             (own_mean / mean - 1.0).abs(),
             (own_variance / variance - 1.0).abs()
         ),

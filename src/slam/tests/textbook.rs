@@ -47,7 +47,9 @@ impl Planar {
         let ph: [[f64; 2]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| p[i][k] * h[j][k]).sum()));
         let s: [[f64; 2]; 2] = std::array::from_fn(|i| {
-            std::array::from_fn(|j| (0..3).map(|k| h[i][k] * ph[k][j]).sum::<f64>() + if i == j { variances[i] } else { 0.0 })
+            std::array::from_fn(|j| {
+                (0..3).map(|k| h[i][k] * ph[k][j]).sum::<f64>() + if i == j { variances[i] } else { 0.0 }
+            })
         });
         let det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
         let inverse = [[s[1][1] / det, -s[0][1] / det], [-s[1][0] / det, s[0][0] / det]];
@@ -100,7 +102,8 @@ pub fn nearest_neighbour_map(sweeps: &[Vec<[f64; 3]>], gate_m: f64) -> usize {
     for sweep in sweeps {
         let known = map.len();
         for point in sweep {
-            let near = |l: &[f64; 3]| (0..3).map(|i| (l[i] - point[i]) * (l[i] - point[i])).sum::<f64>() < gate_m * gate_m;
+            let near =
+                |l: &[f64; 3]| (0..3).map(|i| (l[i] - point[i]) * (l[i] - point[i])).sum::<f64>() < gate_m * gate_m;
             if !map[..known].iter().any(near) {
                 map.push(*point);
             }

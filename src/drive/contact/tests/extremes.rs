@@ -81,7 +81,10 @@ fn extreme_a_ridge_under_one_wheel() {
         assert!(share < 0.01, "{}: {residuals:?}", rover.name);
         // By hand: each pair's mean heights differ by h / 2 along and across.
         let (pitch, roll) = (-math::atan(0.5 * height_m / wheelbase_m), math::atan(0.5 * height_m / track_m));
-        assert!((stance.pose.pitch_rad - pitch).abs() < 1e-3 && (stance.pose.roll_rad - roll).abs() < 1e-3, "{stance:?}");
+        assert!(
+            (stance.pose.pitch_rad - pitch).abs() < 1e-3 && (stance.pose.roll_rad - roll).abs() < 1e-3,
+            "{stance:?}"
+        );
         let (of_three, _) = by_three_wheels(&scene, wheelbase_m, track_m, DVec2::splat(4.0));
         row(
             Family::Contact,
@@ -144,7 +147,10 @@ fn extreme_a_step_between_the_wheels() {
     row(
         Family::Contact,
         "step of 8 cm between the bogie's wheels, kapvik",
-        &format!("slope under the chassis: pitch {:.0} deg, with the front wheels 8 cm up", math::atan(scene.ground.gradient(3.85, 4.0).x).to_degrees()),
+        &format!(
+            "slope under the chassis: pitch {:.0} deg, with the front wheels 8 cm up",
+            math::atan(scene.ground.gradient(3.85, 4.0).x).to_degrees()
+        ),
         &format!("all six wheels touch, to {worst:.0e} m"),
     );
 }

@@ -35,10 +35,18 @@ fn triangles(shape: &Shape) -> Vec<[Vec3; 3]> {
         .collect()
 }
 
-/// Two triangles over the yard at height 0.
+/// Height of the floors, metres: no number of f32.
+const FLOOR_M: f64 = 100.1;
+
+/// A level yard at `FLOOR_M`.
+fn level(extent_m: f64) -> Scene {
+    yard(extent_m, Polynomial::plane(extent_m, FLOOR_M, DVec2::ZERO), vec![])
+}
+
+/// The same as two triangles.
 fn floor(extent_m: f32) -> [[Vec3; 3]; 2] {
-    let [sw, se, nw, ne] =
-        [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| Vec3::new(x, y, 0.0) * extent_m);
+    let corner = |x: f32, y: f32| Vec3::new(x * extent_m, y * extent_m, FLOOR_M as f32);
+    let [sw, se, nw, ne] = [corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0), corner(1.0, 1.0)];
     [[sw, se, ne], [sw, ne, nw]]
 }
 
@@ -59,33 +67,44 @@ fn boulder(centre_m: DVec3, size_m: f64) -> Shape {
 
 #[test]
 fn extreme_rays_that_graze_to_a_nanoradian() {
-    let scene = yard(10_000.0, Polynomial::flat(10_000.0), vec![]);
+    let scene = level(10_000.0);
     let caster = Caster::new(&scene, &Cast::Exact);
     for angle in [1e-3, 1e-6, 1e-9f64] {
-        let origin = DVec3::new(4000.0, 5000.0, 1000.0 * angle);
+        let origin = DVec3::new(4000.0, 5000.0, FLOOR_M + 1000.0 * angle);
         let dir = DVec3::new((1.0 - angle * angle).sqrt(), 0.0, -angle);
-        let hit = both(&caster, origin, dir, 5000.0).map(|hit| (hit.range_m - 1000.0).abs());
-        let own = hit[0].max(hit[1]);
-        assert!(own <= 1e-9 + 1e-12 / angle, "{angle}: {own:e}");
+        // From the height as it was rounded.
+        let range_m = (origin.z - FLOOR_M) / angle;
+        let own_m =
+            both(&caster, origin, dir, 5000.0).iter().fold(0.0_f64, |off, hit| off.max((hit.range_m - range_m).abs()));
+        assert!(own_m <= 1e-9 + 1e-12 / angle, "{angle}: {own_m:e}");
+        for hit in both(&caster, origin, DVec3::new(dir.x, 0.0, angle), 5000.0) {
+            assert_eq!(hit, Hit::NONE);
+        }
         row(
             Family::Casting,
             &format!("a ray that grazes at {angle:.0e} rad, 1 km"),
-            &format!("triangle in f32: {}", judged(textbook(&floor(10_000.0), origin, dir), 1000.0)),
-            &format!("off by {own:.1e} m; as far above the horizon: no hit"),
+            &format!("triangles in f32: {}", judged(textbook(&floor(10_000.0), origin, dir), range_m)),
+            &format!("off by {own_m:.1e} m; as far above the horizon: no hit"),
         );
     }
 }
 
-/// The slab test with comparisons that a NaN slips through.
-fn slabs(low: DVec3, high: DVec3, origin: DVec3, dir: DVec3) -> Option<f64> {
-    let (mut enter, mut exit) = (0.0, f64::INFINITY);
-    for axis in 0..3 {
-        let (a, b) = ((low[axis] - origin[axis]) / dir[axis], (high[axis] - origin[axis]) / dir[axis]);
-        let (near, far) = if a < b { (a, b) } else { (b, a) };
-        enter = if near > enter { near } else { enter };
-        exit = if far < exit { far } else { exit };
+/// The slab test in the form of Williams et al. 2005: whether a box is met.
+fn slabs(low: DVec3, high: DVec3, origin: DVec3, dir: DVec3) -> bool {
+    let spans = [0, 1, 2].map(|axis| {
+        let inverse = 1.0 / dir[axis];
+        let (a, b) = ((low[axis] - origin[axis]) * inverse, (high[axis] - origin[axis]) * inverse);
+        if inverse < 0.0 { (b, a) } else { (a, b) }
+    });
+    let (mut enter, mut exit) = spans[0];
+    for (near, far) in &spans[1..] {
+        if enter > *far || *near > exit {
+            return false;
+        }
+        enter = if *near > enter { *near } else { enter };
+        exit = if *far < exit { *far } else { exit };
     }
-    (enter <= exit).then_some(enter)
+    enter < f64::INFINITY && exit > 0.0
 }
 
 #[test]
@@ -120,10 +139,10 @@ fn extreme_rays_straight_up_and_straight_down() {
         }
     }
     assert!(worst < 1e-12, "{worst:e}");
-    // Down the west face of the cube, 1000 rays: all meet its top by right.
+    // Down the east face of the cube, 999 rays: all meet its top by right.
     let (low, high) = (DVec3::new(9.0, 9.0, 4.0), DVec3::new(11.0, 11.0, 6.0));
-    let along = (1..1000).map(|k| DVec3::new(9.0, 9.0 + 0.002 * f64::from(k), 8.0));
-    let missed = along.filter(|origin| slabs(low, high, *origin, -DVec3::Z).is_none()).count();
+    let along = (1..1000).map(|k| DVec3::new(11.0, 9.0 + 0.002 * f64::from(k), 8.0));
+    let missed = along.filter(|origin| !slabs(low, high, *origin, -DVec3::Z)).count();
     assert!(missed > 0);
     row(
         Family::Casting,
@@ -142,7 +161,7 @@ fn extreme_rays_at_vertices_and_edges_that_face_the_sensor() {
     let caster = Caster::new(&scene, &Cast::Exact);
     let faces = triangles(&shape);
     let (mut rays, mut lost, mut worst) = (0, 0, 0.0_f64);
-    for place in fan(150) {
+    for place in fan(400) {
         let sensor = centre + 2.5 * place;
         let facing = |k: &u32| {
             let around = body.faces.iter().zip(&body.planes).filter(|(face, _)| face.contains(k));
@@ -162,7 +181,8 @@ fn extreme_rays_at_vertices_and_edges_that_face_the_sensor() {
                         worst = worst.max((hit.range_m - way.length()).abs());
                     }
                     rays += 1;
-                    lost += usize::from(textbook(&faces, sensor, way.normalize()).is_none());
+                    let found = textbook(&faces, sensor, way.normalize());
+                    lost += usize::from(found.is_none_or(|range| range > way.length() + 1e-3));
                 }
             }
         }
@@ -196,7 +216,7 @@ fn extreme_sensors_on_a_face_and_inside_a_body() {
         let inside = on - DVec3::new(0.75, 0.0, 0.0);
         let way_out = (0..3).map(|i| {
             let wall = if out[i] > 0.0 { [11.0, 11.0, 6.0][i] } else { [9.0, 9.0, 4.0][i] };
-            (wall - inside[i]) / out[i]
+            if out[i] == 0.0 { f64::INFINITY } else { (wall - inside[i]) / out[i] }
         });
         let exit = way_out.fold(f64::INFINITY, f64::min);
         for hit in both(&caster, inside, out, 6.0) {
@@ -307,7 +327,7 @@ fn extreme_yards_a_thousand_kilometres_off() {
         let off = yard(2.0 * far, Polynomial::plane(2.0 * far, at(sensor + aside), slope), shapes(aside));
         compare((&near, sensor), (&off, sensor + aside), 15.0, &dirs);
     }
-    assert!(bodies > 3000, "{bodies}");
+    assert!(bodies > 2000, "{bodies}");
     row(
         Family::Casting,
         "yards a thousand kilometres off",
@@ -349,7 +369,12 @@ fn extreme_rocks_from_a_millimetre_to_ten_kilometres() {
         row(
             Family::Casting,
             &format!("a rock of {size:.0e} m, 57 km from the corner"),
-            &format!("triangles in f32: {lost} of 400 rays lost, others off by a share of {textbook_worst:.0e}"),
+            &match lost {
+                400 => "triangles in f32: all 400 rays lost".to_string(),
+                _ => {
+                    format!("triangles in f32: {lost} of 400 rays lost, others off by a share of {textbook_worst:.0e}")
+                }
+            },
             &format!("none lost or invented, off by a share of {worst:.0e}"),
         );
     }
@@ -396,7 +421,7 @@ fn extreme_slivers_and_coplanar_faces() {
         }
         // Into the seam of the two crates, from above and aslant: never between them.
         let seam = DVec3::new(6.0, 4.1 + 1.8 * f64::from(k) / 400.0, 2.0);
-        let from = seam + DVec3::new(0.0, 0.3 * sin, 2.0 + cos);
+        let from = seam + DVec3::new(0.3 + 0.2 * cos, 0.3 * sin, 2.0 + cos);
         let way = seam - from;
         let [sweep, single] = both(&caster, from, way.normalize(), 30.0);
         for hit in [sweep, single] {
@@ -409,31 +434,29 @@ fn extreme_slivers_and_coplanar_faces() {
         Family::Casting,
         "coplanar faces: into the seam of two crates",
         &format!("triangles in f32: {leaked} of {rays} rays fall through"),
-        "none does; both crates, and a third in the place of one, give the same range",
+        "none does; a third crate in the place of the first changes no range",
     );
 }
 
 #[test]
 fn extreme_reaches_from_2_cm_to_a_kilometre() {
-    let scene = yard(4096.0, Polynomial::flat(4096.0), vec![]);
+    let scene = level(4096.0);
     let caster = Caster::new(&scene, &Cast::Exact);
-    let height = 0.01;
-    let origin = DVec3::new(1000.0, 2000.0, height);
-    for reach in [0.02, 1.0, 1000.0] {
+    for (reach, height) in [(0.02, 0.01), (1.0, 0.01), (1000.0, 0.5)] {
+        let origin = DVec3::new(1000.0, 2000.0, FLOOR_M + height);
         let dir = DVec3::new((1.0 - height * height / (reach * reach)).sqrt(), 0.0, -height / reach);
-        // What the rounded direction meets.
-        let range = height / -dir.z;
+        let range_m = (origin.z - FLOOR_M) / -dir.z;
         let hits = both(&caster, origin, dir, reach * (1.0 + 1e-9));
-        let worst = hits.iter().fold(0.0_f64, |worst, hit| worst.max((hit.range_m - range).abs()));
-        assert!(worst < 1e-9 + 1e-12 * reach / height && hits.iter().all(|h| h.object == Hit::GROUND), "{hits:?}");
+        let worst_m = hits.iter().fold(0.0_f64, |worst, hit| worst.max((hit.range_m - range_m).abs()));
+        assert!(worst_m < 1e-9 + 1e-12 * reach / height, "{hits:?}");
         for hit in both(&caster, origin, dir, reach * (1.0 - 1e-6)) {
             assert_eq!(hit, Hit::NONE, "beyond its reach");
         }
         row(
             Family::Casting,
-            &format!("a reach of {reach} m, a centimetre above the ground"),
-            &format!("triangle in f32: {}", judged(textbook(&floor(4096.0), origin, dir), range)),
-            &format!("off by {worst:.1e} m; no hit where the reach is a millionth shorter"),
+            &format!("a reach of {reach} m, {height} m above the ground"),
+            &format!("triangles in f32: {}", judged(textbook(&floor(4096.0), origin, dir), range_m)),
+            &format!("off by {worst_m:.1e} m; no hit where the reach is a millionth shorter"),
         );
     }
 }
