@@ -50,3 +50,6 @@ pub mod estimate;
 pub mod tradeoff;
 
 pub mod cli;
+
+#[cfg(test)]
+mod extremes;

@@ -7,6 +7,8 @@
 
 pub mod boxes;
 mod digest;
+#[cfg(test)]
+mod extremes;
 mod field;
 mod fit;
 mod golombek;

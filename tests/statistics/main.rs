@@ -5,6 +5,7 @@
 mod cast;
 mod cells;
 mod drive;
+mod extremes;
 mod scene;
 mod slam;
 mod sweep;

@@ -1,4 +1,6 @@
-//! The filters at settings far outside those that a config may have, and over very many rows.
+//! The filters at settings far outside those that a config may have, and over very many rows; beside them the textbook's form.
+
+mod textbook;
 
 use marsyard::math;
 use marsyard::random::{Purpose, Stage, Streams};
@@ -6,6 +8,9 @@ use marsyard::train::filter::{Counters, FilterState, build_unchecked};
 use marsyard::train::params::{EkfParams, FilterParams, NoiseParams, Precision, Schedule};
 use marsyard::train::{Layout, Network};
 use nalgebra::DMatrix;
+use textbook::Textbook;
+
+use crate::extremes::{Family, row};
 
 /// A network, and how many rows it is shown.
 struct Size {
@@ -62,8 +67,8 @@ fn grid() -> impl Iterator<Item = Run> {
 }
 
 impl Run {
-    /// Trains a network, looking at its weights on the way.
-    fn train(&self, size: &Size, precision: Precision, robust: bool) -> (Counters, bool, FilterState) {
+    /// The network and its rows, as this case has them.
+    fn prepare(&self, size: &Size) -> (Network, Vec<f64>, Vec<f64>) {
         let mut network = size.network();
         let (mut inputs, targets) = size.rows(0, size.updates);
         let last = size.inputs as f64 - 1.0;
@@ -79,6 +84,12 @@ impl Run {
         if self.case == 3 {
             network.weights.iter_mut().for_each(|w| *w *= 60.0);
         }
+        (network, inputs, targets)
+    }
+
+    /// Trains a network, looking at its weights on the way.
+    fn train(&self, size: &Size, precision: Precision, robust: bool) -> (Counters, bool, FilterState) {
+        let (mut network, inputs, targets) = self.prepare(size);
         let noise = NoiseParams { p0_over_r: self.p0, q_over_r: self.q, schedule: Schedule::Constant };
         let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1 });
         let mut filter = build_unchecked(&params, &network.layout, f64::INFINITY);
@@ -88,6 +99,14 @@ impl Run {
             finite &= network.weights.iter().all(|w| w.is_finite());
         }
         (filter.counters(), finite, filter.state())
+    }
+
+    /// Whether the textbook's form keeps finite weights and S >= R over the same rows.
+    fn textbook_holds(&self, size: &Size) -> bool {
+        let (mut network, inputs, targets) = self.prepare(size);
+        let mut filter = Textbook::new(network.weights.len(), self.p0, self.q);
+        let mut rows = inputs.chunks(size.inputs).zip(&targets);
+        rows.all(|(row, target)| filter.learn(&mut network, row, *target, self.r))
     }
 
     fn name(&self) -> String {
@@ -106,6 +125,11 @@ fn values(state: &FilterState, name: &str) -> Vec<f64> {
 
 /// The robust form fails nowhere in the grid.
 fn factored_form_holds(size: &Size) {
+    let weights = size.network().weights.len();
+    let failed = grid().filter(|run| !run.textbook_holds(size)).count();
+    assert!(failed > 0, "the grid does not reach what the textbook's form cannot bear");
+    let extreme = format!("{weights} weights, 200 settings of R, P0, Q and features, {} rows each", size.updates);
+    let textbook = format!("P - K b'P in f32: {failed} of 200 with S below R or a weight that is no number");
     for precision in [Precision::F32, Precision::F64] {
         let mut runs = 0;
         for run in grid() {
@@ -121,6 +145,7 @@ fn factored_form_holds(size: &Size) {
         }
         assert_eq!(runs, 200);
     }
+    row(Family::Filters, &extreme, &textbook, "`robust`: none of 200, in f32 and in f64");
 }
 
 /// The default never holds a weight that is not finite, and says when it rebuilt.
@@ -144,7 +169,15 @@ fn plain_form_is_guarded(size: &Size) {
             guarded += u32::from(needed);
             factored += u32::from(counters.factored_at.is_some());
         }
-        println!("{precision:?}: {guarded} of 200 needed a guard, {factored} went on factored");
+        row(
+            Family::Filters,
+            &format!("the same in the default form, {} weights, {precision:?}", size.network().weights.len()),
+            "the row above",
+            &format!(
+                "no weight that is not finite; {guarded} of 200 said that a guard acted, {factored} of them went on factored; none \
+                 within the settings that a config may have"
+            ),
+        );
         // In f64 hardly anything in the grid gets so far that b'Pb < 0.
         assert!(guarded > 0 || precision == Precision::F64, "the grid does not reach what the guards are for");
     }
@@ -214,12 +247,43 @@ fn ten_million(precision: Precision, robust: bool, p0: f64) -> (Counters, f64, f
     (counters, least, wrong)
 }
 
+/// Ten million rows by the textbook's form: how far P is from symmetric, and its least eigenvalue, variances scaled to 1.
+fn textbook_ten_million(p0: f64) -> (f64, f64) {
+    let mut network = S87.network();
+    let weights = network.weights.len();
+    let mut filter = Textbook::new(weights, p0, 0.0);
+    for first in (0..10_000_000).step_by(10_000) {
+        let (inputs, targets) = S87.rows(first, 10_000);
+        for (row, target) in inputs.chunks(S87.inputs).zip(&targets) {
+            filter.learn(&mut network, row, *target, 1.0);
+        }
+    }
+    let p = DMatrix::from_fn(weights, weights, |i, j| f64::from(filter.covariance[i * weights + j]));
+    let scaled = DMatrix::from_fn(weights, weights, |i, j| p[(i, j)] / (p[(i, i)] * p[(j, j)]).sqrt());
+    let asymmetry = (&scaled - scaled.transpose()).abs().max();
+    ((0.5 * (&scaled + scaled.transpose())).symmetric_eigenvalues().min(), asymmetry)
+}
+
 #[test]
 #[ignore = "half a minute: cargo test --release --test statistics ten_million -- --ignored --nocapture"]
 fn extreme_ten_million_updates_leave_p_positive_definite_in_f64_and_factored() {
     for (precision, robust) in [(Precision::F64, false), (Precision::F32, true)] {
         let (counters, least, wrong) = ten_million(precision, robust, 100.0);
         assert!(least > 0.0 && counters.rebuilt == 0 && wrong < 0.01);
+        let (textbook_least, asymmetry) = textbook_ten_million(100.0);
+        let form = if robust { "`robust` (U D U')" } else { "default" };
+        row(
+            Family::Filters,
+            &format!("ten million updates, {form}, {precision:?}"),
+            &format!(
+                "P - K b'P in f32: least eigenvalue {textbook_least:.0e}, asymmetry {asymmetry:.0e}, variances scaled to 1"
+            ),
+            &format!(
+                "least {} {least:.0e}, {:.2} % wrong, no guard acted",
+                if robust { "D" } else { "eigenvalue" },
+                100.0 * wrong
+            ),
+        );
     }
 }
 
@@ -228,7 +292,17 @@ fn extreme_ten_million_updates_leave_p_positive_definite_in_f64_and_factored() {
 fn extreme_ten_million_updates_of_a_plain_f32_covariance_are_mended_and_cost_no_accuracy() {
     // Rounding makes P indefinite (least eigenvalue below 0, its variances scaled to 1); b'Pb < 0 is met once at most.
     for p0 in [10.0, 100.0] {
-        let (counters, _, wrong) = ten_million(Precision::F32, false, p0);
+        let (counters, least, wrong) = ten_million(Precision::F32, false, p0);
         assert!(counters.rebuilt <= 1 && wrong < 0.01);
+        row(
+            Family::Filters,
+            &format!("ten million updates, default, F32, P0 / R {p0}"),
+            "the rows above",
+            &format!(
+                "least eigenvalue {least:.0e}: rebuilt {} times and counted, {:.2} % wrong",
+                counters.rebuilt,
+                100.0 * wrong
+            ),
+        );
     }
 }

@@ -1,5 +1,7 @@
 //! What a stand must be, on grounds whose answer is known and on grounds where it can be checked.
 
+mod extremes;
+
 use super::super::fixtures::{ROVERS, hills, kapvik, pioneer, plane, raster, rover, rubble, streams};
 use super::super::linkage::Linkage;
 use super::super::params::ContactSolver;

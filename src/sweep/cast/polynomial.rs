@@ -112,7 +112,9 @@ impl<'a> PolynomialCaster<'a> {
         }
         let (lowest_m, highest_m) = self.height_bounds(origin.x, origin.y, max_m);
         let margin = 1e-9 * (1.0 + highest_m.abs().max(lowest_m.abs()));
-        let square_m = [-origin.x, self.extent_m - origin.x, -origin.y, self.extent_m - origin.y];
+        // A sensor on the east or north border has ground straight below it: a way of 0 over a rate of 0 must not end that ray.
+        let beyond = |to_border_m: f64| if to_border_m == 0.0 { f64::EPSILON * self.extent_m } else { to_border_m };
+        let square_m = [-origin.x, beyond(self.extent_m - origin.x), -origin.y, beyond(self.extent_m - origin.y)];
         let to_border = square_m.iter().fold(f64::INFINITY, |least, side| least.min(side.abs()));
         Some(Near {
             degree: self.ground.degree.max(1),

@@ -1,5 +1,7 @@
 //! Casting at shapes whose ranges are known on paper, at the extremes, and by every code path alike.
 
+mod extremes;
+
 use super::*;
 use crate::geometry::DVec2;
 use crate::scene::{Body, Class, Convex, Cylinder, Obstacle, Polynomial, Shape};
@@ -174,39 +176,6 @@ fn law_certified_heights_hold_every_height() {
 }
 
 #[test]
-fn extreme_grazing_rays_meet_a_plane_where_geometry_says() {
-    let scene = yard(10_000.0, Polynomial::flat(10_000.0), vec![]);
-    let caster = Caster::new(&scene, &Cast::Exact);
-    for angle in [1e-3, 1e-6, 1e-9f64] {
-        let origin = DVec3::new(4000.0, 5000.0, 1000.0 * angle);
-        let dir = DVec3::new((1.0 - angle * angle).sqrt(), 0.0, -angle);
-        expect(&caster, origin, dir, 5000.0, 1000.0, Hit::GROUND, 1e-9 + 1e-12 / angle);
-        let away = DVec3::new(dir.x, 0.0, angle);
-        expect(&caster, origin, away, 5000.0, f64::INFINITY, Hit::NOTHING, 0.0);
-    }
-}
-
-#[test]
-fn extreme_a_tangent_to_a_crest_turns_at_the_crest() {
-    // z = -c (3 u^2 - 1) / 2 with its crest, c / 2 high, along u = 0.
-    let crest = 0.4;
-    let mut coefficients = vec![0.0; 6];
-    coefficients[5] = -crest / 5f64.sqrt();
-    let ground = Polynomial::new(20.0, 2, coefficients);
-    assert!((ground.height_m(10.0, 3.0) - 0.5 * crest).abs() < 1e-15);
-    let scene = yard(20.0, ground, vec![]);
-    let caster = Caster::new(&scene, &Cast::Exact);
-    for gap in [1e-3, 1e-6, 1e-9, 1e-10f64] {
-        let above = DVec3::new(1.0, 3.0, 0.5 * crest + gap);
-        expect(&caster, above, DVec3::X, 30.0, f64::INFINITY, Hit::NOTHING, 0.0);
-        let below = DVec3::new(1.0, 3.0, 0.5 * crest - gap);
-        let before = 12.0 * (gap / (1.5 * crest)).sqrt();
-        let slope = 2.0 * gap / before;
-        expect(&caster, below, DVec3::X, 30.0, 9.0 - before, Hit::GROUND, 1e-9 + 1e-12 / slope);
-    }
-}
-
-#[test]
 fn extreme_sensors_in_and_on_a_body_meet_its_surface_on_the_way_out_or_not_at_all() {
     let scene = yard(20.0, Polynomial::flat(20.0), vec![cube(DVec3::new(10.0, 10.0, 5.0), 1.0)]);
     let caster = Caster::new(&scene, &Cast::Exact);
@@ -243,23 +212,6 @@ fn extreme_rays_through_vertices_and_along_edges_end_on_the_body_or_pass_it() {
     // In the plane of the top, along its edge.
     for hit in both(&caster, DVec3::new(4.0, 9.0, 6.0), DVec3::X, 30.0) {
         assert!(hit == Hit::NONE || (hit.range_m - 5.0).abs() < 1e-12);
-    }
-}
-
-#[test]
-fn extreme_bodies_of_a_millimetre_and_of_ten_kilometres_far_from_the_corner() {
-    for size in [1e-3, 1.0, 30.0, 1e4] {
-        let distance = 2.0 * size + 3.0;
-        let sensor = DVec3::new(40_000.0, 40_000.0, 1.0);
-        let centre = sensor + DVec3::new(distance, 0.0, 0.0);
-        let scene = yard(90_000.0, Polynomial::flat(90_000.0), vec![cube(centre, 0.5 * size)]);
-        let caster = Caster::new(&scene, &Cast::Exact);
-        expect(&caster, sensor, DVec3::X, 1e5, distance - 0.5 * size, 0, 1e-10);
-        // Just past its edge; heights of 40 km round at 1e-11.
-        let edge = DVec3::new(distance - 0.5 * size, 0.5 * size * (1.0 + 1e-6), 0.0);
-        for hit in both(&caster, sensor, edge.normalize(), 1e5) {
-            assert_eq!(hit.object, Hit::NOTHING, "size {size}");
-        }
     }
 }
 

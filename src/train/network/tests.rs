@@ -1,6 +1,7 @@
 //! The network against hand arithmetic, central differences and itself.
 
 use super::*;
+use crate::extremes::{Family, row};
 use crate::random::Stage;
 
 fn network(inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
@@ -92,6 +93,15 @@ fn extreme_arguments_saturate_without_nan() {
     let mut gradient = vec![f64::NAN; network.weights.len()];
     let output = network.gradient(&[1e4, -1e4, 1e3], &mut Tape::default(), &mut gradient);
     assert!((0.0..=1.0).contains(&output) && gradient.iter().all(|g| g.is_finite()));
+    let up = math::exp(1e4);
+    let (value, slope) = (up / (1.0 + up), up / ((1.0 + up) * (1.0 + up)));
+    assert!(value.is_nan() && slope.is_nan());
+    row(
+        Family::Filters,
+        "sigmoid of 1e4 and of -1e4",
+        &format!("exp(x) / (1 + exp(x)) at 1e4: {value}; its slope exp(-x) / (1 + exp(-x))^2 at -1e4: {slope}"),
+        "1 and 0, exactly; every slope of the network finite",
+    );
 }
 
 #[test]
