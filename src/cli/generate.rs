@@ -58,7 +58,7 @@ fn parse_range(text: &str) -> Result<Range<u64>, String> {
 }
 
 /// What the corpus needs to know of a plan.
-pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
+pub fn spec_of(plan: &Plan) -> CorpusSpec {
     let first = &plan.families[0];
     let drawn: BTreeSet<Purpose> = plan
         .families

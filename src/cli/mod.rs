@@ -23,6 +23,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+pub use generate::spec_of;
 use output::out;
 
 use crate::config::{self, Kind, Plan};
