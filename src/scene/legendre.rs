@@ -76,24 +76,26 @@ pub(super) fn derivatives(degree: usize, u: f64) -> [Row; 3] {
 
 /// p_i and its first derivative at several places, degree by degree: the bits of [`derivatives`].
 #[inline(always)]
-pub(super) fn slopes_by_lanes<const N: usize>(degree: usize, u: &[f64; N]) -> [[[f64; N]; MAX_DEGREE + 1]; 2] {
-    let [mut p, mut d] = [[[0.0; N]; MAX_DEGREE + 1]; 2];
-    p[0] = [1.0; N];
+pub(super) fn slopes_by_lanes<const N: usize>(
+    degree: usize,
+    u: &[f64; N],
+    p: &mut [[f64; N]; MAX_DEGREE + 1],
+    d: &mut [[f64; N]; MAX_DEGREE + 1],
+) {
+    // The recurrence itself stays in registers.
+    let [mut value, mut value1, mut slope, mut slope1] = [[1.0; N], [0.0; N], [0.0; N], [0.0; N]];
+    (p[0], d[0]) = (value, slope);
     for i in 0..degree {
         let (a, b) = RECURRENCE[i];
-        let (p1, d1) = if i > 0 { (p[i - 1], d[i - 1]) } else { ([0.0; N], [0.0; N]) };
         for l in 0..N {
-            p[i + 1][l] = a * u[l] * p[i][l] - b * p1[l];
-            d[i + 1][l] = a * (p[i][l] + u[l] * d[i][l]) - b * d1[l];
+            let next = a * u[l] * value[l] - b * value1[l];
+            let next_slope = a * (value[l] + u[l] * slope[l]) - b * slope1[l];
+            (value1[l], slope1[l]) = (value[l], slope[l]);
+            (value[l], slope[l]) = (next, next_slope);
+            p[i + 1][l] = next * NORM[i + 1];
+            d[i + 1][l] = next_slope * NORM[i + 1];
         }
     }
-    for i in 0..=degree {
-        for l in 0..N {
-            p[i][l] *= NORM[i];
-            d[i][l] *= NORM[i];
-        }
-    }
-    [p, d]
 }
 
 /// Row i holds the coefficients of p_i(u + h) in powers of h: `rows[i][k]` belongs to h^k.

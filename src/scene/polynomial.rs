@@ -114,8 +114,9 @@ impl Polynomial {
             u[l] = (x_m[l] - centre_m.x) / half_m;
             v[l] = (y_m[l] - centre_m.y) / half_m;
         }
-        let [p, dp] = legendre::slopes_by_lanes(degree, &u);
-        let [q, dq] = legendre::slopes_by_lanes(degree, &v);
+        let [mut p, mut dp, mut q, mut dq] = [[[0.0; LANES]; MAX_DEGREE + 1]; 4];
+        legendre::slopes_by_lanes(degree, &u, &mut p, &mut dp);
+        legendre::slopes_by_lanes(degree, &v, &mut q, &mut dq);
         let mut rest = coefficients.as_slice();
         let [mut height, mut along_x, mut along_y] = [[0.0; LANES]; 3];
         for i in 0..=degree {

@@ -71,10 +71,14 @@ struct Levelled {
 impl Levelled {
     #[inline(always)]
     fn new(grid: &GroundGrid, sweep: &Sweep, level: &DMat3, slots: std::ops::Range<usize>) -> Levelled {
-        let mut range_m = [0.0; LANES];
-        let mut directions = [DVec3::ZERO; LANES];
-        range_m[..slots.len()].copy_from_slice(&sweep.range_m[slots.clone()]);
-        directions[..slots.len()].copy_from_slice(&sweep.pattern.directions[slots]);
+        let (ranges_m, ways) = (&sweep.range_m[slots.clone()], &sweep.pattern.directions[slots]);
+        let (range_m, directions) = match (ranges_m.first_chunk::<LANES>(), ways.first_chunk::<LANES>()) {
+            (Some(range_m), Some(directions)) => (*range_m, *directions),
+            _ => (
+                std::array::from_fn(|l| ranges_m.get(l).copied().unwrap_or(0.0)),
+                std::array::from_fn(|l| ways.get(l).copied().unwrap_or(DVec3::ZERO)),
+            ),
+        };
         let [mut x_m, mut y_m, mut z_m, mut col, mut row] = [[0.0; LANES]; 5];
         for l in 0..LANES {
             let place_m = *level * (directions[l] * range_m[l]);

@@ -31,7 +31,7 @@ use tree::Tree;
 
 use super::params::Cast;
 use crate::geometry::DVec3;
-use crate::scene::{Ground, Raster, Scene};
+use crate::scene::{Ground, Obstacle, Raster, Scene};
 
 /// Rays for which a look around pays.
 const SWEEP_RAYS: usize = 2000;
@@ -67,6 +67,8 @@ pub struct Caster<'a> {
     scene: &'a Scene,
     ground: GroundCaster<'a>,
     tree: Tree,
+    /// Per obstacle, centre and radius of a sphere that holds it; none where a mesh holds the obstacles.
+    spheres: Vec<(DVec3, f64)>,
 }
 
 enum GroundCaster<'a> {
@@ -93,7 +95,10 @@ impl<'a> Caster<'a> {
             }
             (Cast::Mesh(sampling), _) => GroundCaster::Mesh(MeshCaster::new(scene, sampling.spacing_m)),
         };
-        Caster { scene, ground, tree: Tree::new(&scene.obstacles) }
+        let sphere = |o: &Obstacle| convex::bounding_sphere(&o.shape, o.centre_m, o.radius_m);
+        let own = !matches!(ground, GroundCaster::Mesh(_));
+        let spheres = scene.obstacles.iter().filter(|_| own).map(sphere).collect();
+        Caster { scene, ground, tree: Tree::new(&scene.obstacles), spheres }
     }
 
     /// The scene that is cast at.
@@ -128,9 +133,8 @@ impl<'a> Caster<'a> {
             GroundCaster::Raster(ground) => GroundFrom::Raster(ground, OnceLock::new()),
             GroundCaster::Mesh(mesh) => GroundFrom::Mesh(mesh),
         };
-        // A mesh holds the obstacles itself.
-        let obstacles = if matches!(ground, GroundFrom::Mesh(_)) { &[][..] } else { &self.scene.obstacles };
-        Origin { ground, packets: Packets::new(obstacles, origin_m, max_range_m), origin_m, max_range_m }
+        let packets = Packets::new(&self.scene.obstacles, &self.spheres, origin_m, max_range_m);
+        Origin { ground, packets, origin_m, max_range_m }
     }
 
     /// Outward unit normal of what a ray met at a point; up for nothing.
@@ -197,10 +201,11 @@ impl Origin<'_> {
     fn blocks<const N: usize>(&self, dirs: &[DVec3], hits: &mut Vec<Hit>) {
         let mut block = Block::new();
         let mut waiting = Waiting::default();
-        for rays in dirs.chunks(LANES) {
-            let mut padded = [rays[rays.len() - 1]; LANES];
-            padded[..rays.len()].copy_from_slice(rays);
-            self.ground_block::<N>(&padded, rays.len(), &mut block, &mut waiting);
+        let (whole, rest) = dirs.as_chunks::<LANES>();
+        let padded: [DVec3; LANES] = std::array::from_fn(|l| *rest.get(l).or(rest.last()).unwrap_or(&DVec3::Z));
+        let last = (!rest.is_empty()).then_some((&padded, rest.len()));
+        for (rays, count) in whole.iter().map(|rays| (rays, LANES)).chain(last) {
+            self.ground_block::<N>(rays, count, &mut block, &mut waiting);
             let mut inverse = [0.0; LANES];
             let mut objects = [Hit::NOTHING; LANES];
             for l in 0..LANES {
@@ -209,9 +214,9 @@ impl Origin<'_> {
                 objects[l] = if met { Hit::GROUND } else { Hit::NOTHING };
             }
             if !self.packets.is_empty() {
-                self.packets.solve(&padded, &mut inverse, &mut objects);
+                self.packets.solve(rays, &mut inverse, &mut objects);
             }
-            hits.extend((0..rays.len()).map(|l| Hit {
+            hits.extend((0..count).map(|l| Hit {
                 range_m: if objects[l] >= 0 { 1.0 / inverse[l] } else { block.range_m[l] },
                 object: objects[l],
             }));

@@ -44,7 +44,8 @@ struct Body {
 }
 
 impl Packets {
-    pub fn new(obstacles: &[Obstacle], origin: DVec3, reach_m: f64) -> Packets {
+    /// `spheres` hold the obstacles, one each: centre and radius.
+    pub fn new(obstacles: &[Obstacle], spheres: &[(DVec3, f64)], origin: DVec3, reach_m: f64) -> Packets {
         let mut packets = Packets {
             bodies: Vec::new(),
             planes: Vec::new(),
@@ -52,11 +53,10 @@ impl Packets {
             starts: Default::default(),
             listed: Default::default(),
         };
-        let mut near: Vec<(f64, usize, DVec3, f64)> = obstacles
+        let mut near: Vec<(f64, usize, DVec3, f64)> = spheres
             .iter()
             .enumerate()
-            .filter_map(|(index, o)| {
-                let (centre, radius) = convex::bounding_sphere(&o.shape, o.centre_m, o.radius_m);
+            .filter_map(|(index, &(centre, radius))| {
                 // A hair of slack for the rounding of the centre's place.
                 let radius = radius + 1e-14 * (centre.abs().max_element() + origin.abs().max_element());
                 let centre = centre - origin;
