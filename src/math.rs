@@ -43,10 +43,91 @@ door! {
     cbrt = libm::cbrt;
 }
 
-/// Sine and cosine of an angle in radians.
+/// Sine and cosine of an angle in radians: the bits of [`sin`] and [`cos`], with the angle reduced once.
 #[inline]
 pub fn sin_cos(x: f64) -> (f64, f64) {
-    (libm::sin(x), libm::cos(x))
+    libm::sincos(x)
+}
+
+/// Sines and cosines of several angles: the bits of [`sin_cos`], whose steps for angles up to pi/4 these are (FreeBSD's k_sin.c and
+/// k_cos.c); with a larger angle among them, all go through it one by one.
+#[inline(always)]
+pub fn sin_cos_lanes<const N: usize>(x: &[f64; N]) -> [[f64; N]; 2] {
+    const SIN: [f64; 6] = [
+        -0.166_666_666_666_666_32,
+        0.008_333_333_333_322_49,
+        -0.000_198_412_698_298_579_5,
+        2.755_731_370_707_006_8e-6,
+        -2.505_076_025_340_686_3e-8,
+        1.589_690_995_211_55e-10,
+    ];
+    const COS: [f64; 6] = [
+        0.041_666_666_666_666_6,
+        -0.001_388_888_888_887_411,
+        2.480_158_728_947_673e-5,
+        -2.755_731_435_139_066_3e-7,
+        2.087_572_321_298_175e-9,
+        -1.135_964_755_778_819_5e-11,
+    ];
+    // High words of pi/4 and of 2^-27 sqrt(2), below which an angle is its sine.
+    const LARGEST: u64 = 0x3fe9_21fb;
+    const TINY: u64 = 0x3e46_a09e;
+    let high = |x: f64| (x.to_bits() >> 32) & 0x7fff_ffff;
+    let mut largest = 0;
+    for &x in x {
+        largest = if high(x) > largest { high(x) } else { largest };
+    }
+    let [mut sin, mut cos] = [[0.0; N]; 2];
+    if largest > LARGEST {
+        for l in 0..N {
+            (sin[l], cos[l]) = sin_cos(x[l]);
+        }
+        return [sin, cos];
+    }
+    for l in 0..N {
+        let x = x[l];
+        let z = x * x;
+        let w = z * z;
+        let r = SIN[1] + z * (SIN[2] + z * SIN[3]) + z * w * (SIN[4] + z * SIN[5]);
+        let s = x + z * x * (SIN[0] + z * r);
+        let r = z * (COS[0] + z * (COS[1] + z * COS[2])) + w * w * (COS[3] + z * (COS[4] + z * COS[5]));
+        let half = 0.5 * z;
+        let rest = 1.0 - half;
+        let c = rest + (((1.0 - rest) - half) + z * r);
+        (sin[l], cos[l]) = if high(x) < TINY { (x, 1.0) } else { (s, c) };
+    }
+    [sin, cos]
+}
+
+/// Natural logarithms of positive normal numbers, lane by lane: the bits of [`ln`], whose steps these are (FreeBSD's e_log.c),
+/// without its branches for numbers that are not positive and normal.
+#[inline(always)]
+pub fn ln_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
+    const LN2_HI: f64 = 6.931_471_803_691_238_2e-1;
+    const LN2_LO: f64 = 1.908_214_929_270_587_7e-10;
+    const EVEN: [f64; 3] = [3.999_999_999_940_942e-1, 2.222_219_843_214_978_4e-1, 1.531_383_769_920_937_3e-1];
+    const ODD: [f64; 4] =
+        [6.666_666_666_666_735e-1, 2.857_142_874_366_239e-1, 1.818_357_216_161_805e-1, 1.479_819_860_511_658_6e-1];
+    // The high word of sqrt(1/2): numbers are brought to between it and its double.
+    const HALF_ROOT: u64 = 0x3fe6_a09e;
+    let mut out = [0.0; N];
+    for l in 0..N {
+        let bits = x[l].to_bits();
+        let high = (bits >> 32) + 0x3ff0_0000 - HALF_ROOT;
+        let exponent = (high >> 20) as i64 - 0x3ff;
+        let reduced = f64::from_bits((((high & 0x000f_ffff) + HALF_ROOT) << 32) | (bits & 0xffff_ffff));
+        let f = reduced - 1.0;
+        let half_square = 0.5 * f * f;
+        let s = f / (2.0 + f);
+        let z = s * s;
+        let w = z * z;
+        let t1 = w * (EVEN[0] + w * (EVEN[1] + w * EVEN[2]));
+        let t2 = z * (ODD[0] + w * (ODD[1] + w * (ODD[2] + w * ODD[3])));
+        let r = t2 + t1;
+        let k = exponent as f64;
+        out[l] = s * (half_square + r) + k * LN2_LO - half_square + f + k * LN2_HI;
+    }
+    out
 }
 
 /// Angle of the point (x, y) from the x axis, in (-pi, pi].
@@ -133,6 +214,34 @@ mod pinned_symbols {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Numbers of every size, by a plain generator.
+    fn numbers(count: u64) -> impl Iterator<Item = f64> {
+        (0..count).map(|i| f64::from_bits(i.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(23) ^ (i << 17)))
+    }
+
+    #[test]
+    fn equal_sines_and_cosines_apart_and_together() {
+        let small = (0..200_000).map(|i| f64::from(i - 100_000) * 1e-4);
+        let tiny = (0..2000).map(|i| f64::from_bits(0x3e3f_0000_0000_0000 + (i << 44)));
+        for x in numbers(300_000).chain(small).chain(tiny).chain([0.0, -0.0, PI, f64::INFINITY, f64::MIN_POSITIVE]) {
+            let (s, c) = sin_cos(x);
+            assert_eq!(s.to_bits(), sin(x).to_bits(), "{x}");
+            assert_eq!(c.to_bits(), cos(x).to_bits(), "{x}");
+            for alone in [sin_cos_lanes(&[x; 2]), sin_cos_lanes(&[x, 1.0])] {
+                assert_eq!(alone.map(|lanes| lanes[0].to_bits()), [s, c].map(f64::to_bits), "{x}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_logarithms_one_by_one_and_by_lanes() {
+        let unit = (1..200_000).map(|i| f64::from(i) / 200_000.0);
+        let positive = numbers(300_000).filter(|x| x.is_normal() && *x > 0.0);
+        for x in positive.chain(unit).chain([1.0, f64::MIN_POSITIVE, f64::MAX, 0.5, 2.0, std::f64::consts::SQRT_2]) {
+            assert_eq!(ln_lanes(&[x; 2]).map(f64::to_bits), [ln(x).to_bits(); 2], "{x}");
+        }
+    }
 
     #[test]
     fn exact_wrapped_angles_stay_in_the_half_open_turn() {

@@ -15,6 +15,7 @@ use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 use crate::scene::Scene;
 use crate::slam::Estimate;
 use crate::sweep::{Status, Sweep};
+use crate::wide::{Work, widest};
 
 /// One sweep of a window.
 #[derive(Clone, Copy, Debug)]
@@ -93,7 +94,8 @@ pub fn bin(
     scratch.grounds.clear();
     for scan in window {
         let placer = Placer::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
-        place(scan, &placer, kept.estimate.pose.position_m.z, scene, scratch, &mut cells);
+        let rover_z_m = kept.estimate.pose.position_m.z;
+        widest(Place { scan, placer: &placer, rover_z_m, scene, scratch, cells: &mut cells });
     }
     scratch.grounds.steepen(&scene.ground);
     cells.points_binned = scratch.cells.len() as u64;
@@ -171,7 +173,27 @@ fn place_cloud(
     }
 }
 
+/// [`place`], in the machine's widest form.
+struct Place<'a> {
+    scan: &'a WindowScan<'a>,
+    placer: &'a Placer,
+    rover_z_m: f64,
+    scene: &'a Scene,
+    scratch: &'a mut Scratch,
+    cells: &'a mut Cells,
+}
+
+impl Work for Place<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        place(self.scan, self.placer, self.rover_z_m, self.scene, self.scratch, self.cells);
+    }
+}
+
 /// Appends the points of one sweep that have a cell, and counts those that have none.
+#[inline(always)]
 fn place(scan: &WindowScan, placer: &Placer, rover_z_m: f64, scene: &Scene, scratch: &mut Scratch, cells: &mut Cells) {
     let sweep = scan.sweep;
     for (slot, &direction) in sweep.pattern.directions.iter().enumerate() {

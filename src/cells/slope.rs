@@ -2,13 +2,12 @@
 //!
 //! Most points of a sweep lie on the ground, so a polynomial's gradient is worked out for eight at a time: the Taylor series
 //! about the yard's centre (condition below 2e4 at degree 12, so 12 digits stay) by Horner's rule,
-//! first along y, then along x. Plain products and sums, never contracted: AVX2 changes the speed, not a bit.
+//! first along y, then along x. Plain products and sums, never contracted.
 
 use crate::geometry::DVec2;
 use crate::scene::polynomial::terms;
 use crate::scene::{Ground, Polynomial};
-
-const LANES: usize = 8;
+use crate::wide::{LANES, Work, widest};
 
 /// Places on the ground, and after [`GroundPlaces::steepen`] the squared slopes there. Reused memory.
 #[derive(Clone, Debug, Default)]
@@ -51,14 +50,7 @@ impl GroundPlaces {
         self.slope_squared.clear();
         self.slope_squared.resize(padded, 0.0);
         let Some(slopes) = Slopes::of(polynomial) else { return };
-        let (xs, ys, out) = (&self.x_m, &self.y_m, &mut self.slope_squared);
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the CPU has AVX2.
-            unsafe { slopes.squared_avx2(xs, ys, out) };
-            return;
-        }
-        slopes.squared(xs, ys, out);
+        widest(Squares { slopes: &slopes, xs: &self.x_m, ys: &self.y_m, out: &mut self.slope_squared });
     }
 }
 
@@ -82,12 +74,6 @@ impl Slopes {
         let along_x = terms(degree).map(|(i, j)| (i + 1) as f64 * coefficient(i + 1, j)).collect();
         let along_y = terms(degree).map(|(i, j)| (j + 1) as f64 * coefficient(i, j + 1)).collect();
         Some(Slopes { centre_m: polynomial.centre_m, degree, along_x, along_y })
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn squared_avx2(&self, xs: &[f64], ys: &[f64], out: &mut [f64]) {
-        self.squared(xs, ys, out);
     }
 
     #[inline(always)]
@@ -123,6 +109,23 @@ impl Slopes {
             }
         }
         sum
+    }
+}
+
+/// Squared slopes to work out.
+struct Squares<'a> {
+    slopes: &'a Slopes,
+    xs: &'a [f64],
+    ys: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Work for Squares<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.slopes.squared(self.xs, self.ys, self.out);
     }
 }
 

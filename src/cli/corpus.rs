@@ -8,9 +8,7 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
 use super::explain::plan_of;
-use super::generate::{
-    build_outcome, corpus_failure, default_threads, judge_failures, parse_threads, spec_of, stop_on_signals,
-};
+use super::generate::{build_outcome, corpus_failure, default_threads, judge_failures, parse_threads, stop_on_signals};
 use super::output::{errln, out, outln};
 use super::progress::Progress;
 use super::{Failure, LogFormat};
@@ -80,7 +78,7 @@ fn open(place: &Path) -> Result<(CorpusSpec, LocalFolder), Failure> {
         )));
     }
     let (plan, _) = plan_of(place, &[])?;
-    Ok((spec_of(&plan), LocalFolder::new(place)))
+    Ok((plan.corpus_spec(), LocalFolder::new(place)))
 }
 
 pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {

@@ -55,11 +55,6 @@ fn parse_range(text: &str) -> Result<Range<u64>, String> {
     if range.is_empty() { Err(format!("{text} is empty: B must be greater than A")) } else { Ok(range) }
 }
 
-/// What the corpus needs to know of a plan.
-pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
-    plan.corpus_spec()
-}
-
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
     use std::io::ErrorKind;
@@ -83,7 +78,7 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("corpora").join(&plan.name));
     let range = shard_range(args, &plan)?;
-    let spec = spec_of(&plan);
+    let spec = plan.corpus_spec();
     let store = LocalFolder::new(&out);
     let place = Place::open(&store, &spec).map_err(corpus_failure)?;
     for file in &plan.files {

@@ -11,6 +11,8 @@ use crate::math;
 pub(super) const MAX_WHEELS: usize = 6;
 /// beta, rho left, rho right.
 pub(super) const ANGLES: usize = 3;
+/// Rockers and bogies.
+pub(super) const LINKS: usize = 4;
 
 /// The wheels of one rover.
 #[derive(Clone, Debug)]
@@ -45,53 +47,77 @@ impl Linkage {
 
     /// The wheels at beta, rho left and rho right.
     pub fn place(&self, angles: &[f64; ANGLES]) -> Wheels {
+        let mut wheels = Wheels::default();
+        self.each_wheel(&links_rad(angles).map(Turn::about_y), |wheel, centre_m, by_angle| {
+            (wheels.centres_m[wheel], wheels.by_angle[wheel]) = (centre_m, by_angle);
+        });
+        wheels
+    }
+
+    /// The wheels' centres alone, for those who search without derivatives; the turns are those of [`links_rad`].
+    #[inline(always)]
+    pub fn centres_m(&self, turns: &[Turn; LINKS]) -> [DVec3; MAX_WHEELS] {
+        let mut centres_m = [DVec3::ZERO; MAX_WHEELS];
+        self.each_wheel(turns, |wheel, centre_m, _| centres_m[wheel] = centre_m);
+        centres_m
+    }
+
+    /// Calls `set(wheel, centre, its derivatives by the angles)`; inlined, so that what the caller drops is not computed.
+    #[inline(always)]
+    fn each_wheel(&self, turns: &[Turn; LINKS], set: impl FnMut(usize, DVec3, [DVec3; ANGLES])) {
         match &self.chassis {
-            Chassis::Rigid(chassis) => rigid(chassis, self.wheel_radius_m),
-            Chassis::RockerBogie(chassis) => rocker_bogie(chassis, self.wheel_radius_m, angles),
+            Chassis::Rigid(chassis) => rigid(chassis, self.wheel_radius_m, set),
+            Chassis::RockerBogie(chassis) => rocker_bogie(chassis, self.wheel_radius_m, turns, set),
         }
     }
 }
 
-fn rigid(chassis: &RigidChassis, radius_m: f64) -> Wheels {
+#[inline(always)]
+fn rigid(chassis: &RigidChassis, radius_m: f64, mut set: impl FnMut(usize, DVec3, [DVec3; ANGLES])) {
     let (x, y) = (0.5 * chassis.wheelbase_m, 0.5 * chassis.track_m);
-    let mut wheels = Wheels::default();
-    for (centre, (sx, sy)) in wheels.centres_m.iter_mut().zip([(x, y), (x, -y), (-x, y), (-x, -y)]) {
-        *centre = DVec3::new(sx, sy, radius_m);
+    for (wheel, (sx, sy)) in [(x, y), (x, -y), (-x, y), (-x, -y)].into_iter().enumerate() {
+        set(wheel, DVec3::new(sx, sy, radius_m), [DVec3::ZERO; ANGLES]);
     }
-    wheels
 }
 
-fn rocker_bogie(chassis: &RockerBogieChassis, radius_m: f64, angles: &[f64; ANGLES]) -> Wheels {
-    let [beta, rho_left, rho_right] = *angles;
-    let mut wheels = Wheels::default();
-    for (side, sign, rho) in [(0, 1.0, rho_left), (1, -1.0, rho_right)] {
+#[inline(always)]
+fn rocker_bogie(
+    chassis: &RockerBogieChassis,
+    radius_m: f64,
+    turns: &[Turn; LINKS],
+    mut set: impl FnMut(usize, DVec3, [DVec3; ANGLES]),
+) {
+    for (side, sign) in [(0, 1.0), (1, -1.0)] {
         let y = 0.5 * sign * chassis.track_m;
         let pivot = DVec3::new(chassis.rocker_pivot_x_m, y, chassis.rocker_pivot_z_m);
         let bogie_pivot = DVec3::new(chassis.bogie_pivot_x_m, y, chassis.bogie_pivot_z_m);
-        let rocker = Turn::about_y(sign * beta);
-        let bogie = Turn::about_y(sign * beta + rho);
+        let (rocker, bogie) = (turns[side], turns[2 + side]);
 
         let arm = DVec3::new(chassis.rocker_wheel_x_m, y, radius_m) - pivot;
-        wheels.centres_m[3 * side] = pivot + rocker.of(arm);
-        wheels.by_angle[3 * side][0] = rocker.rate(arm) * sign;
+        set(3 * side, pivot + rocker.of(arm), [rocker.rate(arm) * sign, DVec3::ZERO, DVec3::ZERO]);
 
         let bogie_at = pivot + rocker.of(bogie_pivot - pivot);
         let bogie_by_beta = rocker.rate(bogie_pivot - pivot) * sign;
         for (place, x) in [(1, chassis.bogie_front_x_m), (2, chassis.bogie_rear_x_m)] {
             let arm = DVec3::new(x, y, radius_m) - bogie_pivot;
-            let wheel = 3 * side + place;
-            wheels.centres_m[wheel] = bogie_at + bogie.of(arm);
-            wheels.by_angle[wheel][0] = bogie_by_beta + bogie.rate(arm) * sign;
-            wheels.by_angle[wheel][1 + side] = bogie.rate(arm);
+            let mut by_angle = [bogie_by_beta + bogie.rate(arm) * sign, DVec3::ZERO, DVec3::ZERO];
+            by_angle[1 + side] = bogie.rate(arm);
+            set(3 * side + place, bogie_at + bogie.of(arm), by_angle);
         }
     }
-    wheels
+}
+
+/// How far each link is turned against the chassis: rockers left and right, bogies left and right.
+#[inline(always)]
+pub(super) fn links_rad(&[beta, rho_left, rho_right]: &[f64; ANGLES]) -> [f64; LINKS] {
+    [beta, -beta, beta + rho_left, rho_right - beta]
 }
 
 /// A turn about the y axis, nose down positive.
-struct Turn {
-    sin: f64,
-    cos: f64,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    pub sin: f64,
+    pub cos: f64,
 }
 
 impl Turn {

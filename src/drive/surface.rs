@@ -7,6 +7,7 @@
 
 use crate::geometry::DVec2;
 use crate::scene::{Ground, Raster, Scene};
+use crate::wide::LANES;
 
 /// The ground of one scene, as wheels feel it.
 #[derive(Clone, Copy, Debug)]
@@ -40,15 +41,29 @@ impl<'a> Surface<'a> {
         Some(self.scene.ground.height_m(x_m, y_m)).filter(|height| height.is_finite())
     }
 
-    /// Height and slope at (x, y), without derivatives of the slope.
-    pub fn height_and_slope(&self, x_m: f64, y_m: f64) -> Option<(f64, DVec2)> {
-        match &self.scene.ground {
-            Ground::Polynomial(polynomial) if self.scene.contains(x_m, y_m) => {
-                let (height_m, slope) = polynomial.height_and_gradient(x_m, y_m);
-                (height_m.is_finite() && slope.is_finite()).then_some((height_m, slope))
+    /// Heights and slopes at the first `count` points, without derivatives of the slopes; `None` where one has no ground.
+    #[inline(always)]
+    pub fn heights_and_slopes(&self, points: &[DVec2; LANES], count: usize) -> Option<[(f64, DVec2); LANES]> {
+        let mut felt = [(0.0, DVec2::ZERO); LANES];
+        let Ground::Polynomial(polynomial) = &self.scene.ground else {
+            for (felt, at) in felt.iter_mut().zip(points).take(count) {
+                let touch = self.touch(at.x, at.y)?;
+                *felt = (touch.height_m, touch.slope);
             }
-            _ => self.touch(x_m, y_m).map(|touch| (touch.height_m, touch.slope)),
+            return Some(felt);
+        };
+        if !points[..count].iter().all(|at| self.scene.contains(at.x, at.y)) {
+            return None;
         }
+        let [height_m, along_x, along_y] =
+            polynomial.heights_and_gradients(&points.map(|at| at.x), &points.map(|at| at.y));
+        for (l, felt) in felt.iter_mut().enumerate().take(count) {
+            *felt = (height_m[l], DVec2::new(along_x[l], along_y[l]));
+            if !(felt.0.is_finite() && felt.1.is_finite()) {
+                return None;
+            }
+        }
+        Some(felt)
     }
 
     /// The ground at (x, y); `None` outside the yard, or where the ground is not finite.

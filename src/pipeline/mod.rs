@@ -247,8 +247,10 @@ fn run_attempt(
             estimate = localiser.observe(&sweep, estimate, &at_step)?;
             watch.end(Stage::Slam, |hasher| estimate.hash_into(hasher));
             window.push_back(Visit { sweep, estimate: estimate.clone(), world_from_sensor });
-            if window.len() > window_scans {
-                window.pop_front();
+            if window.len() > window_scans
+                && let Some(left) = window.pop_front()
+            {
+                scratch.sweep.reuse(left.sweep);
             }
             if kept_stops.contains(&stop) {
                 let scans_of_window: Vec<WindowScan> = window.iter().map(Visit::as_scan).collect();
@@ -277,6 +279,9 @@ fn run_attempt(
         stop += usize::from(stops_here);
     }
     watch.end(Stage::Slam, |_| ());
+    if let Some(left) = window.pop_front() {
+        scratch.sweep.reuse(left.sweep);
+    }
     Ok(Run { drawn: drawn.clone(), drive, rover_from_sensor, poses, scans })
 }
 

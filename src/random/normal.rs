@@ -5,6 +5,7 @@
 //! number of words.
 
 use crate::math;
+use crate::wide::{LANES, Work};
 
 const A: [f64; 8] = [
     3.387_132_872_796_366_5,
@@ -67,7 +68,7 @@ const F: [f64; 8] = [
     2.044_263_103_389_939_8e-15,
 ];
 
-#[inline]
+#[inline(always)]
 fn ratio(p: &[f64; 8], q: &[f64; 8], r: f64) -> f64 {
     let horner = |c: &[f64; 8]| c.iter().rev().fold(0.0, |sum, &k| sum * r + k);
     horner(p) / horner(q)
@@ -86,9 +87,101 @@ pub(super) fn normal_from_open_unit(p: f64) -> f64 {
     if q < 0.0 { -size } else { size }
 }
 
+/// Turns uniform draws into normal ones, in place: the bits of [`normal_from_open_unit`], several at a time.
+pub(super) struct Normals<'a>(pub &'a mut [f64]);
+
+/// Uniform draws whose quantile lies in the tails, and where they stand.
+struct Tails {
+    p: [f64; LANES],
+    at: [usize; LANES],
+    count: usize,
+}
+
+impl Work for Normals<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let mut tails = Tails { p: [0.5; LANES], at: [0; LANES], count: 0 };
+        let blocks = self.0.len() / LANES;
+        for block in 0..blocks {
+            let from = block * LANES;
+            let mut p = [0.0; LANES];
+            p.copy_from_slice(&self.0[from..from + LANES]);
+            self.0[from..from + LANES].copy_from_slice(&middles(&p));
+            for (l, &p) in p.iter().enumerate().filter(|(_, p)| (*p - 0.5).abs() > 0.425) {
+                (tails.p[tails.count], tails.at[tails.count]) = (p, from + l);
+                tails.count += 1;
+                if tails.count == LANES {
+                    tails.write(self.0);
+                }
+            }
+        }
+        tails.write(self.0);
+        for value in &mut self.0[blocks * LANES..] {
+            *value = normal_from_open_unit(*value);
+        }
+    }
+}
+
+/// The quantiles of `p` that lie in the middle; the tails' are nonsense.
+#[inline(always)]
+fn middles(p: &[f64; LANES]) -> [f64; LANES] {
+    let mut out = [0.0; LANES];
+    for l in 0..LANES {
+        let q = p[l] - 0.5;
+        out[l] = q * ratio(&A, &B, 0.180_625 - q * q);
+    }
+    out
+}
+
+impl Tails {
+    /// Writes the quantiles to their places.
+    #[inline(always)]
+    fn write(&mut self, out: &mut [f64]) {
+        let mut tail = [0.0; LANES];
+        for l in 0..LANES {
+            tail[l] = if self.p[l] - 0.5 < 0.0 { self.p[l] } else { 1.0 - self.p[l] };
+        }
+        let logarithms = math::ln_lanes(&tail);
+        let (mut size, mut far) = ([0.0; LANES], false);
+        for l in 0..LANES {
+            let r = (-logarithms[l]).sqrt();
+            far |= r > 5.0;
+            size[l] = ratio(&C, &D, r - 1.6);
+        }
+        for l in 0..self.count {
+            let size = if self.p[l] - 0.5 < 0.0 { -size[l] } else { size[l] };
+            // One draw in 10^11 lies beyond.
+            out[self.at[l]] = if far { normal_from_open_unit(self.p[l]) } else { size };
+        }
+        self.count = 0;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn equal_draws_one_by_one_and_by_lanes_in_every_form() {
+        let tiny = [1e-300, 1e-17, 1.0 - 1e-16, 1e-12, 1.0 - 1e-12, 0.075, 0.925, 0.5];
+        let draws: Vec<f64> =
+            (0..100_003).map(|i| (f64::from(i) + 0.5) / 100_003.0).chain(tiny.into_iter().cycle().take(37)).collect();
+        let single: Vec<u64> = draws.iter().map(|&p| normal_from_open_unit(p).to_bits()).collect();
+        struct Whole(Vec<f64>);
+        impl Work for Whole {
+            type Out = Vec<f64>;
+            #[inline(always)]
+            fn run(mut self) -> Vec<f64> {
+                Normals(&mut self.0).run();
+                self.0
+            }
+        }
+        for lanes in crate::wide::every_form(|| Whole(draws.clone())) {
+            assert!(lanes.iter().map(|x| x.to_bits()).eq(single.iter().copied()));
+        }
+    }
 
     #[test]
     fn exact_published_quantiles() {

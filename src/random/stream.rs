@@ -3,8 +3,9 @@
 use rand::rngs::ChaCha8Rng;
 use rand::{Rng, SeedableRng};
 
-use super::normal::normal_from_open_unit;
+use super::normal::{Normals, normal_from_open_unit};
 use super::{Purpose, Stage};
+use crate::wide::widest;
 
 /// The part of an address that a stage holds; opens one stream per purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,9 +66,7 @@ impl Stream {
     /// Standard normal draws at `first_index`, `first_index + 1`, ...: the same values as one by one.
     pub fn fill_normal(&self, first_index: u64, out: &mut [f64]) {
         self.fill_uniform(first_index, out);
-        for value in out {
-            *value = normal_from_open_unit(*value);
-        }
+        widest(Normals(out));
     }
 
     /// A generator of its own for one index, for laws that take a varying number of words.

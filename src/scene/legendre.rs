@@ -74,6 +74,30 @@ pub(super) fn derivatives(degree: usize, u: f64) -> [Row; 3] {
     [p, d, dd]
 }
 
+/// p_i and its first derivative at several places, degree by degree: the bits of [`derivatives`].
+#[inline(always)]
+pub(super) fn slopes_by_lanes<const N: usize>(
+    degree: usize,
+    u: &[f64; N],
+    p: &mut [[f64; N]; MAX_DEGREE + 1],
+    d: &mut [[f64; N]; MAX_DEGREE + 1],
+) {
+    // The recurrence itself stays in registers.
+    let [mut value, mut value1, mut slope, mut slope1] = [[1.0; N], [0.0; N], [0.0; N], [0.0; N]];
+    (p[0], d[0]) = (value, slope);
+    for i in 0..degree {
+        let (a, b) = RECURRENCE[i];
+        for l in 0..N {
+            let next = a * u[l] * value[l] - b * value1[l];
+            let next_slope = a * (value[l] + u[l] * slope[l]) - b * slope1[l];
+            (value1[l], slope1[l]) = (value[l], slope[l]);
+            (value[l], slope[l]) = (next, next_slope);
+            p[i + 1][l] = next * NORM[i + 1];
+            d[i + 1][l] = next_slope * NORM[i + 1];
+        }
+    }
+}
+
 /// Row i holds the coefficients of p_i(u + h) in powers of h: `rows[i][k]` belongs to h^k.
 pub(super) fn taylor_rows(degree: usize, u: f64) -> [Row; MAX_DEGREE + 1] {
     let mut rows = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];

@@ -7,6 +7,7 @@
 
 use super::legendre::{self, MAX_DEGREE};
 use crate::geometry::DVec2;
+use crate::wide::LANES;
 
 /// The fitted square over the yard: edges of a least-squares polynomial run wild, so the yard keeps off them.
 pub const FIT_MARGIN: f64 = 1.2;
@@ -102,6 +103,46 @@ impl Polynomial {
         (height, gradient / self.half_m)
     }
 
+    /// [`Self::height_and_gradient`] at several world points, bit for bit: heights, slopes along x, slopes along y.
+    ///
+    /// Inlined, so that it takes on the instruction set of its caller (see [`crate::wide`]).
+    #[inline(always)]
+    pub fn heights_and_gradients(&self, x_m: &[f64; LANES], y_m: &[f64; LANES]) -> [[f64; LANES]; 3] {
+        let Polynomial { degree, centre_m, half_m, ref coefficients } = *self;
+        let (mut u, mut v) = ([0.0; LANES], [0.0; LANES]);
+        for l in 0..LANES {
+            u[l] = (x_m[l] - centre_m.x) / half_m;
+            v[l] = (y_m[l] - centre_m.y) / half_m;
+        }
+        let [mut p, mut dp, mut q, mut dq] = [[[0.0; LANES]; MAX_DEGREE + 1]; 4];
+        legendre::slopes_by_lanes(degree, &u, &mut p, &mut dp);
+        legendre::slopes_by_lanes(degree, &v, &mut q, &mut dq);
+        let mut rest = coefficients.as_slice();
+        let [mut height, mut along_x, mut along_y] = [[0.0; LANES]; 3];
+        for i in 0..=degree {
+            let (row, next) = rest.split_at(degree + 1 - i);
+            // A sum of floats begins at -0.
+            let [mut value, mut slope] = [[-0.0; LANES]; 2];
+            for (j, c) in row.iter().enumerate() {
+                for l in 0..LANES {
+                    value[l] += c * q[j][l];
+                    slope[l] += c * dq[j][l];
+                }
+            }
+            for l in 0..LANES {
+                height[l] += p[i][l] * value[l];
+                along_x[l] += dp[i][l] * value[l];
+                along_y[l] += p[i][l] * slope[l];
+            }
+            rest = next;
+        }
+        for l in 0..LANES {
+            along_x[l] /= half_m;
+            along_y[l] /= half_m;
+        }
+        [height, along_x, along_y]
+    }
+
     /// Second derivatives (xx, xy, yy) at a world point, per metre.
     pub fn hessian(&self, x_m: f64, y_m: f64) -> [f64; 3] {
         let (u, v) = self.local(x_m, y_m);
@@ -164,6 +205,7 @@ fn dot(row: &[f64], basis: &legendre::Row) -> f64 {
 pub(super) mod tests {
     use super::*;
     use crate::math;
+    use crate::wide::{Work, every_form};
 
     /// A polynomial of any degree with coefficients that fall off like those of a smooth surface.
     pub(in crate::scene) fn sample(degree: usize) -> Polynomial {
@@ -198,6 +240,39 @@ pub(super) mod tests {
                 let [xx, xy, yy] = poly.hessian(x, y);
                 let across = (poly.gradient(x, y + h) - poly.gradient(x, y - h)) / (2.0 * h);
                 assert!((xx - bend.x).abs() < 1e-5 && (xy - bend.y).abs() < 1e-5 && (yy - across.y).abs() < 1e-5);
+            }
+        }
+    }
+
+    struct Points<'a> {
+        ground: &'a Polynomial,
+        x_m: &'a [f64; LANES],
+        y_m: &'a [f64; LANES],
+    }
+
+    impl Work for Points<'_> {
+        type Out = [[f64; LANES]; 3];
+        #[inline(always)]
+        fn run(self) -> [[f64; LANES]; 3] {
+            self.ground.heights_and_gradients(self.x_m, self.y_m)
+        }
+    }
+
+    #[test]
+    fn equal_points_one_by_one_and_by_lanes_in_every_form() {
+        for degree in 0..=MAX_DEGREE {
+            let poly = sample(degree);
+            for k in 0..50 {
+                let at = |i: usize, step: f64| 20.0 * (step * (k * LANES + i) as f64).fract();
+                let x_m: [f64; LANES] = std::array::from_fn(|i| at(i, 0.618_034));
+                let y_m: [f64; LANES] = std::array::from_fn(|i| at(i, 0.414_214));
+                for [height, along_x, along_y] in every_form(|| Points { ground: &poly, x_m: &x_m, y_m: &y_m }) {
+                    for l in 0..LANES {
+                        let (h, g) = poly.height_and_gradient(x_m[l], y_m[l]);
+                        let single = [h, g.x, g.y].map(f64::to_bits);
+                        assert_eq!([height[l], along_x[l], along_y[l]].map(f64::to_bits), single, "degree {degree}");
+                    }
+                }
             }
         }
     }

@@ -44,6 +44,15 @@ pub struct Scratch {
     sub_returns: Vec<Return>,
     echoes: Vec<Echo>,
     reflectance: Vec<f64>,
+    /// A sweep that nobody needs any more: its lists are filled anew.
+    spare: Option<Sweep>,
+}
+
+impl Scratch {
+    /// Takes a sweep that nobody needs any more, for the room it has.
+    pub fn reuse(&mut self, sweep: Sweep) {
+        self.spare = Some(sweep);
+    }
 }
 
 /// What all steps of one sweep look at.
@@ -89,13 +98,17 @@ pub fn sweep(
         foliage: [streams.open(Purpose::SweepPatch), streams.open(Purpose::SweepVolume)],
     };
 
+    let (mut truth, mut status, mut range_m) = match scratch.spare.take() {
+        Some(spare) => (spare.truth, spare.status, spare.range_m),
+        None => Default::default(),
+    };
     setting.aim(scratch);
     setting.meet(scratch);
-    let mut truth = setting.truth(scratch);
+    setting.truth(scratch, &mut truth);
     setting.light(scratch);
     let mixed = setting.mix(scratch, &mut truth);
-    let mut status = setting.drop_out(scratch, &truth);
-    let range_m = setting.report(scratch, &mut status);
+    setting.drop_out(scratch, &truth, &mut status);
+    setting.report(scratch, &mut status, &mut range_m);
     let intensity = setting.intensity(scratch, &truth, &status);
     Ok(Sweep { pattern: Arc::clone(pattern), range_m, status, intensity, mixed, truth })
 }
@@ -152,9 +165,10 @@ impl Setting<'_> {
         }
     }
 
-    fn truth(&self, scratch: &Scratch) -> Vec<TrueReturn> {
+    fn truth(&self, scratch: &Scratch, truth: &mut Vec<TrueReturn>) {
         let seen = scratch.returns.iter().zip(&scratch.directions);
-        seen.map(|(ret, &direction)| self.true_return(ret, direction)).collect()
+        truth.clear();
+        truth.extend(seen.map(|(ret, &direction)| self.true_return(ret, direction)));
     }
 
     fn true_return(&self, ret: &Return, direction: DVec3) -> TrueReturn {
@@ -248,9 +262,10 @@ impl Setting<'_> {
     }
 
     /// Which slots light came back from, and how many of them the sensor saw.
-    fn drop_out(&self, scratch: &mut Scratch, truth: &[TrueReturn]) -> Vec<Status> {
-        let mut status: Vec<Status> = scratch.range_m.iter().map(|range_m| light_status(*range_m)).collect();
-        let Some(dropout) = &self.params.effects.dropout else { return status };
+    fn drop_out(&self, scratch: &mut Scratch, truth: &[TrueReturn], status: &mut Vec<Status>) {
+        status.clear();
+        status.extend(scratch.range_m.iter().map(|range_m| light_status(*range_m)));
+        let Some(dropout) = &self.params.effects.dropout else { return };
         let rate = self.drawn[Purpose::SweepDropoutRate];
         let reach_m = self.params.sensor.range_at_10_percent_m;
         let Scratch { draws, reflectance, gain_per_m2, .. } = scratch;
@@ -270,11 +285,10 @@ impl Setting<'_> {
                 *status = Status::Dropped;
             }
         }
-        status
     }
 
     /// The ranges that the sensor reports; gates change the status.
-    fn report(&self, scratch: &mut Scratch, status: &mut [Status]) -> Vec<f64> {
+    fn report(&self, scratch: &mut Scratch, status: &mut [Status], measured_m: &mut Vec<f64>) {
         let error = RangeError::new(&self.params.sensor, &self.params.effects, self.drawn, self.streams);
         let Scratch { draws, range_m, cos, .. } = scratch;
         draws.clear();
@@ -282,11 +296,11 @@ impl Setting<'_> {
         if error.noisy {
             self.streams.open(Purpose::SweepRangeNoise).fill_normal(0, draws);
         }
-        let mut measured_m = vec![f64::NAN; status.len()];
+        measured_m.clear();
+        measured_m.resize(status.len(), f64::NAN);
         for (slot, status) in status.iter_mut().enumerate().filter(|(_, status)| **status == Status::Hit) {
             (measured_m[slot], *status) = error.report(range_m[slot], cos[slot], draws[slot]);
         }
-        measured_m
     }
 
     fn intensity(&self, scratch: &mut Scratch, truth: &[TrueReturn], status: &[Status]) -> Option<Vec<f32>> {

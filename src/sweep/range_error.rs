@@ -57,6 +57,7 @@ impl RangeError {
     }
 
     /// Standard deviation of the noise at a range and incidence.
+    #[inline]
     pub fn sigma_m(&self, range_m: f64, cos_incidence: f64) -> f64 {
         let c = cos_incidence;
         let tan = if c > STEEPEST_COS { ((1.0 - c) * (1.0 + c)).max(0.0).sqrt() / c } else { STEEPEST_TAN };
@@ -64,6 +65,7 @@ impl RangeError {
     }
 
     /// The reported range and its status; `normal` is a standard normal draw.
+    #[inline]
     pub fn report(&self, range_m: f64, cos_incidence: f64, normal: f64) -> (f64, Status) {
         let mut measured_m = range_m + self.bias_m;
         if self.noisy {

@@ -60,16 +60,18 @@ impl Return {
 
     /// Whether the point lies on the upward part of an obstacle and off its rim.
     pub fn is_top(&self, obstacles: &[Obstacle], caster: &Caster, point_m: DVec3) -> bool {
-        if self.object < 0 || self.is_foliage() || caster.normal_at(self.object, point_m).z < UPWARD_COS {
+        if self.object < 0 || self.is_foliage() {
             return false;
         }
-        match &obstacles[self.object as usize].shape {
+        let off_the_rim = match &obstacles[self.object as usize].shape {
             Shape::Convex(body) => body
                 .planes
                 .iter()
                 .filter(|plane| plane.normal.z < UPWARD_COS)
                 .all(|plane| plane.normal.dot(point_m) + plane.offset_m < -RIM_M),
             Shape::Cylinder(c) => (point_m - c.base_m).truncate().length() < c.radius_m - RIM_M,
-        }
+        };
+        // The rim first: most hits lie on a side, whose own plane settles it.
+        off_the_rim && caster.normal_at(self.object, point_m).z >= UPWARD_COS
     }
 }

@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 use marsyard::geometry::{DVec2, DVec3};
 use marsyard::math;
-use marsyard::scene::{Class, Convex, Cylinder, Ground, Obstacle, Polynomial, Raster, Scene, Shape};
+use marsyard::scene::{Body, Class, Convex, Cylinder, Ground, Obstacle, Polynomial, Raster, Scene, Shape};
 use marsyard::sweep::params::Cast;
 use marsyard::sweep::{Caster, Hit};
 use reference::Ray;
@@ -349,7 +349,8 @@ fn extreme_a_hundred_thousand_rocks() {
         if let Some(shape) = rock(&mut random, centre, size) {
             let id = obstacles.len() as i32;
             let radius_m = size;
-            obstacles.push(Obstacle { id, class: Class::Rock, shape, centre_m: centre, radius_m, protrusion_m: size });
+            let body = Body { shape, centre_m: centre, radius_m, protrusion_m: size };
+            obstacles.push(Obstacle::new(id, Class::Rock, body));
         }
     }
     let scene = Scene { extent_m, ground, obstacles, volumes: Vec::new(), patches: Vec::new() };

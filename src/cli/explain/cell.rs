@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::cells::params::{LabelParams, ObstacleRule};
 use crate::cells::{CellRow, Offset, Placer, feature_columns, is_neighbour, neighbour_offsets};
 use crate::cli::Failure;
-use crate::cli::generate::{corpus_failure, spec_of};
+use crate::cli::generate::corpus_failure;
 use crate::cli::output::outln;
 use crate::config::{Family, Plan};
 use crate::corpus::{self, LocalFolder, ScanOutput, ScanPoints};
@@ -205,7 +205,7 @@ pub(super) fn compare_stored(
     cell: CellIndex,
 ) -> Result<(), Failure> {
     let store = LocalFolder::new(folder);
-    let stored = corpus::stored_cell(&store, &spec_of(plan), scene, scan.scan_id, cell).map_err(corpus_failure)?;
+    let stored = corpus::stored_cell(&store, &plan.corpus_spec(), scene, scan.scan_id, cell).map_err(corpus_failure)?;
     let Some(stored) = stored else {
         return Err(Failure::failed("the corpus has no row for this cell: it was built by another plan or binary"));
     };

@@ -4,10 +4,11 @@
 //! radians. With h = c_z - f and s = sqrt(1 + |g|^2), e = h / s - r and
 //! de = dc_z / s + k . dc_xy,  k = -grad f / s - h (dg/dxy)' g / s^3.
 
-use super::super::linkage::{ANGLES, Linkage, MAX_WHEELS, Wheels};
+use super::super::linkage::{ANGLES, Linkage, MAX_WHEELS, Turn, links_rad};
 use super::super::surface::Surface;
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
+use crate::wide::{LANES, Work, widest};
 
 pub(super) const UNKNOWNS: usize = 6;
 pub(super) type Unknowns = [f64; UNKNOWNS];
@@ -49,15 +50,29 @@ impl<'a> Problem<'a> {
 
     /// Each wheel's distance from touching; `None` where a wheel is over no ground.
     pub fn residuals(&self, q: &Unknowns) -> Option<Residuals> {
-        let wheels = self.linkage.place(&[q[3], q[4], q[5]]);
-        let tilt = Tilt::new(q);
+        widest(Wheels { problem: self, q })
+    }
+
+    #[inline(always)]
+    fn residuals_plainly(&self, q: &Unknowns) -> Option<Residuals> {
+        let [rocker_left, rocker_right, bogie_left, bogie_right] = links_rad(&[q[3], q[4], q[5]]);
+        let [sin, cos] =
+            math::sin_cos_lanes(&[q[1], q[2], rocker_left, rocker_right, bogie_left, bogie_right, 0.0, 0.0]);
+        let turns = std::array::from_fn(|link| Turn { sin: sin[2 + link], cos: cos[2 + link] });
+        let centres_m = self.linkage.centres_m(&turns);
+        let tilt = Tilt { sin_pitch: sin[0], cos_pitch: cos[0], sin_roll: sin[1], cos_roll: cos[1] };
+        let count = self.linkage.wheel_count();
+        let (mut below, mut up_m) = ([self.place_m; LANES], [0.0; MAX_WHEELS]);
+        for wheel in 0..count {
+            let offset = tilt.of(centres_m[wheel]);
+            (below[wheel], up_m[wheel]) = (self.below(offset), q[0] + offset.z);
+        }
+        let ground = self.surface.heights_and_slopes(&below, count)?;
         let mut residuals = [0.0; MAX_WHEELS];
-        for (e, centre) in residuals.iter_mut().zip(&wheels.centres_m).take(self.linkage.wheel_count()) {
-            let offset = tilt.of(*centre);
-            let at = self.below(offset);
-            let (ground_m, slope) = self.surface.height_and_slope(at.x, at.y)?;
-            let height = q[0] + offset.z - ground_m;
-            *e = height / (1.0 + slope.length_squared()).sqrt() - self.linkage.wheel_radius_m;
+        for wheel in 0..count {
+            let (ground_m, slope) = ground[wheel];
+            let height = up_m[wheel] - ground_m;
+            residuals[wheel] = height / (1.0 + slope.length_squared()).sqrt() - self.linkage.wheel_radius_m;
         }
         Some(residuals)
     }
@@ -106,7 +121,7 @@ impl<'a> Problem<'a> {
     /// The stand on the plane z = z0 + a x' + b y' that fits the ground under the level rover's wheels best; linkage
     /// angles 0. Exact on planes.
     pub fn plane(&self) -> Option<Unknowns> {
-        let Wheels { centres_m, .. } = self.linkage.place(&[0.0; ANGLES]);
+        let centres_m = self.linkage.place(&[0.0; ANGLES]).centres_m;
         let count = self.linkage.wheel_count();
         let mut heights = [0.0; MAX_WHEELS];
         for (height, centre) in heights.iter_mut().zip(&centres_m).take(count) {
@@ -133,8 +148,24 @@ impl<'a> Problem<'a> {
     }
 
     /// The point of the map below an offset in the heading frame.
+    #[inline(always)]
     fn below(&self, offset: DVec3) -> DVec2 {
         self.place_m + self.ahead.rotate(DVec2::new(offset.x, offset.y))
+    }
+}
+
+/// [`Problem::residuals`], in the machine's widest form.
+struct Wheels<'a> {
+    problem: &'a Problem<'a>,
+    q: &'a Unknowns,
+}
+
+impl Work for Wheels<'_> {
+    type Out = Option<Residuals>;
+
+    #[inline(always)]
+    fn run(self) -> Option<Residuals> {
+        self.problem.residuals_plainly(self.q)
     }
 }
 
@@ -157,10 +188,12 @@ impl Tilt {
         Tilt { sin_pitch, cos_pitch, sin_roll, cos_roll }
     }
 
+    #[inline(always)]
     fn rolled(&self, v: DVec3) -> (f64, f64) {
         (v.y * self.cos_roll - v.z * self.sin_roll, v.y * self.sin_roll + v.z * self.cos_roll)
     }
 
+    #[inline(always)]
     fn of(&self, v: DVec3) -> DVec3 {
         let (y, z) = self.rolled(v);
         DVec3::new(v.x * self.cos_pitch + z * self.sin_pitch, y, z * self.cos_pitch - v.x * self.sin_pitch)

@@ -42,22 +42,22 @@ pub struct Seen {
 
 /// Clusters of cells whose highest point stands more than `above_m` over the ground.
 pub fn grow(grid: &GroundGrid, above_m: f64) -> Clusters {
-    let side = grid.side();
-    let mut owner = vec![FREE; side * side];
+    let (rows, width) = grid.rows_and_width();
+    let mut owner = vec![FREE; rows * width];
     let mut count = 0;
     let mut open = Vec::new();
     let stands = |cell: usize| grid.standing_m(cell) > above_m;
-    for seed in 0..side * side {
+    for seed in 0..rows * width {
         if owner[seed] != FREE || !stands(seed) {
             continue;
         }
         owner[seed] = count;
         open.push(seed);
         while let Some(cell) = open.pop() {
-            let (row, col) = (cell / side, cell % side);
-            for r in row.saturating_sub(REACH_CELLS)..(row + REACH_CELLS + 1).min(side) {
-                for c in col.saturating_sub(REACH_CELLS)..(col + REACH_CELLS + 1).min(side) {
-                    let next = r * side + c;
+            let (row, col) = (cell / width, cell % width);
+            for r in row.saturating_sub(REACH_CELLS)..(row + REACH_CELLS + 1).min(rows) {
+                for c in col.saturating_sub(REACH_CELLS)..(col + REACH_CELLS + 1).min(width) {
+                    let next = r * width + c;
                     if owner[next] == FREE && stands(next) {
                         owner[next] = count;
                         open.push(next);

@@ -17,6 +17,7 @@ use super::visibility::{Visibility, direction_bin};
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
 use crate::math;
 use crate::sweep::{Pattern, Status, Sweep};
+use crate::wide::{LANES, Work, widest};
 use clusters::{Cluster, grow};
 use ground::GroundGrid;
 
@@ -58,6 +59,64 @@ pub struct Extractor {
     visibility: Visibility,
 }
 
+/// A block of slots in levelled axes with the sensor as origin; nonsense where a slot has no range.
+struct Levelled {
+    x_m: [f64; LANES],
+    y_m: [f64; LANES],
+    z_m: [f64; LANES],
+    col: [f64; LANES],
+    row: [f64; LANES],
+}
+
+impl Levelled {
+    #[inline(always)]
+    fn new(grid: &GroundGrid, sweep: &Sweep, level: &DMat3, slots: std::ops::Range<usize>) -> Levelled {
+        let (ranges_m, ways) = (&sweep.range_m[slots.clone()], &sweep.pattern.directions[slots]);
+        let (range_m, directions) = match (ranges_m.first_chunk::<LANES>(), ways.first_chunk::<LANES>()) {
+            (Some(range_m), Some(directions)) => (*range_m, *directions),
+            _ => (
+                std::array::from_fn(|l| ranges_m.get(l).copied().unwrap_or(0.0)),
+                std::array::from_fn(|l| ways.get(l).copied().unwrap_or(DVec3::ZERO)),
+            ),
+        };
+        let [mut x_m, mut y_m, mut z_m, mut col, mut row] = [[0.0; LANES]; 5];
+        for l in 0..LANES {
+            let place_m = *level * (directions[l] * range_m[l]);
+            (x_m[l], y_m[l], z_m[l]) = (place_m.x, place_m.y, place_m.z);
+        }
+        for l in 0..LANES {
+            [col[l], row[l]] = grid.place(x_m[l], y_m[l]);
+        }
+        Levelled { x_m, y_m, z_m, col, row }
+    }
+
+    #[inline(always)]
+    fn place_m(&self, l: usize) -> DVec3 {
+        DVec3::new(self.x_m[l], self.y_m[l], self.z_m[l])
+    }
+
+    #[inline(always)]
+    fn on_grid(&self, l: usize) -> [f64; 2] {
+        [self.col[l], self.row[l]]
+    }
+}
+
+/// [`Extractor::gather`], in the machine's widest form.
+struct Gather<'a> {
+    extractor: &'a mut Extractor,
+    sweep: &'a Sweep,
+    level: &'a DMat3,
+}
+
+impl Work for Gather<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.extractor.gather(self.sweep, self.level);
+    }
+}
+
 /// A return in levelled axes with the sensor as origin.
 #[derive(Clone, Copy, Debug)]
 struct Point {
@@ -85,7 +144,7 @@ impl Extractor {
     pub fn extract(&mut self, sweep: &Sweep, roll_rad: f64, pitch_rad: f64) -> (&[Feature], &Visibility) {
         let level = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation() * self.rover_from_sensor;
         self.learn(&sweep.pattern);
-        self.gather(sweep, &level);
+        widest(Gather { extractor: self, sweep, level: &level });
         self.grid.fit();
         self.features.clear();
         for cluster in self.objects() {
@@ -104,30 +163,43 @@ impl Extractor {
     }
 
     /// Levels the usable points and enters them into the grid; notes how far each direction saw.
+    #[inline(always)]
     fn gather(&mut self, sweep: &Sweep, level: &DMat3) {
         self.points.clear();
         self.grid.clear();
         self.visibility = Visibility::blind(EXPECTED_SHARE * self.range_m);
-        let most_m = self.range_m + MARGIN_M;
         let slots = sweep.range_m.len().min(sweep.status.len()).min(self.bins.len());
         let beams = sweep.pattern.beams.max(1) as usize;
-        for slot in 0..slots {
-            match sweep.status[slot] {
-                Status::None => self.visibility.note(usize::from(self.bins[slot]), f64::INFINITY),
-                Status::Dropped | Status::OutOfRange => {}
-                Status::Hit => {
-                    let range_m = sweep.range_m[slot];
-                    if !(range_m > 0.0 && range_m < f64::INFINITY) {
-                        continue;
-                    }
-                    self.visibility.note(usize::from(self.bins[slot]), range_m);
-                    if range_m > most_m || stands_alone(&sweep.range_m, slot, beams) {
-                        continue;
-                    }
-                    let place_m = *level * (sweep.pattern.directions[slot] * range_m);
-                    if let Some(cell) = self.grid.enter(place_m) {
-                        self.points.push(Point { place_m, slot: slot as u32, cell });
-                    }
+        self.points.reserve(slots);
+        let mut beam = 0;
+        for first in (0..slots).step_by(LANES) {
+            let block = Levelled::new(&self.grid, sweep, level, first..(first + LANES).min(slots));
+            for l in 0..LANES.min(slots - first) {
+                let inner = beam > 0 && beam + 1 < beams;
+                beam = if beam + 1 < beams { beam + 1 } else { 0 };
+                self.gather_slot(sweep, first + l, inner, block.place_m(l), block.on_grid(l));
+            }
+        }
+    }
+
+    /// One slot: where it lies, on the grid too, and whether it has neighbours on both sides in its line.
+    #[inline(always)]
+    fn gather_slot(&mut self, sweep: &Sweep, slot: usize, inner: bool, place_m: DVec3, on_grid: [f64; 2]) {
+        let bin = usize::from(self.bins[slot]);
+        match sweep.status[slot] {
+            Status::None => self.visibility.note(bin, f64::INFINITY),
+            Status::Dropped | Status::OutOfRange => {}
+            Status::Hit => {
+                let range_m = sweep.range_m[slot];
+                if !(range_m > 0.0 && range_m < f64::INFINITY) {
+                    return;
+                }
+                self.visibility.note(bin, range_m);
+                if range_m > self.range_m + MARGIN_M || inner && stands_alone(&sweep.range_m, slot) {
+                    return;
+                }
+                if let Some(cell) = self.grid.enter(on_grid, place_m.z) {
+                    self.points.push(Point { place_m, slot: slot as u32, cell });
                 }
             }
         }
@@ -175,13 +247,10 @@ fn polar(sensor_m: DVec3, range_m: f64) -> Polar {
 }
 
 /// A mixed pixel: a jump to both neighbours in its line.
-fn stands_alone(range_m: &[f64], slot: usize, beams: usize) -> bool {
-    let beam = slot % beams;
-    if beam == 0 || beam + 1 == beams || slot + 1 >= range_m.len() {
-        return false;
-    }
-    let jump_m = |other: usize| (range_m[slot] - range_m[other]).abs();
-    jump_m(slot - 1) > JUMP_M && jump_m(slot + 1) > JUMP_M
+#[inline(always)]
+fn stands_alone(range_m: &[f64], slot: usize) -> bool {
+    let jumps = |other: usize| range_m.get(other).is_some_and(|&other_m| (range_m[slot] - other_m).abs() > JUMP_M);
+    jumps(slot - 1) && jumps(slot + 1)
 }
 
 /// A ray beside this one ends well before it, or there is none: the cluster goes on where it cannot be seen.

@@ -24,7 +24,7 @@ use std::sync::OnceLock;
 use march::Above;
 use mesh::MeshCaster;
 use newton::{Block, LANES, Lanes, Near};
-use packets::Packets;
+use packets::{Packets, Sphere};
 use polynomial::PolynomialCaster;
 use raster::{RasterCaster, Waiting};
 use tree::Tree;
@@ -68,6 +68,9 @@ pub struct Caster<'a> {
     ground: GroundCaster<'a>,
     /// For rays of any origin; a sweep casts none.
     tree: OnceLock<Tree>,
+    /// Per obstacle, centre and radius of a sphere that holds it, worked out when a sensor first comes near; none where a mesh holds
+    /// the obstacles.
+    spheres: Vec<Sphere>,
 }
 
 enum GroundCaster<'a> {
@@ -94,7 +97,9 @@ impl<'a> Caster<'a> {
             }
             (Cast::Mesh(sampling), _) => GroundCaster::Mesh(MeshCaster::new(scene, sampling.spacing_m)),
         };
-        Caster { scene, ground, tree: OnceLock::new() }
+        let own = !matches!(ground, GroundCaster::Mesh(_));
+        let spheres = scene.obstacles.iter().filter(|_| own).map(|_| Sphere::new()).collect();
+        Caster { scene, ground, tree: OnceLock::new(), spheres }
     }
 
     /// The scene that is cast at.
@@ -130,9 +135,8 @@ impl<'a> Caster<'a> {
             GroundCaster::Raster(ground) => GroundFrom::Raster(ground, OnceLock::new()),
             GroundCaster::Mesh(mesh) => GroundFrom::Mesh(mesh),
         };
-        // A mesh holds the obstacles itself.
-        let obstacles = if matches!(ground, GroundFrom::Mesh(_)) { &[][..] } else { &self.scene.obstacles };
-        Origin { ground, packets: Packets::new(obstacles, origin_m, max_range_m), origin_m, max_range_m }
+        let packets = Packets::new(&self.scene.obstacles, &self.spheres, origin_m, max_range_m);
+        Origin { ground, packets, origin_m, max_range_m }
     }
 
     /// Outward unit normal of what a ray met at a point; up for nothing.
@@ -200,10 +204,11 @@ impl Origin<'_> {
     fn blocks<const N: usize>(&self, dirs: &[DVec3], hits: &mut Vec<Hit>) {
         let mut block = Block::new();
         let mut waiting = Waiting::default();
-        for rays in dirs.chunks(LANES) {
-            let mut padded = [rays[rays.len() - 1]; LANES];
-            padded[..rays.len()].copy_from_slice(rays);
-            self.ground_block::<N>(&padded, rays.len(), &mut block, &mut waiting);
+        let (whole, rest) = dirs.as_chunks::<LANES>();
+        let padded: [DVec3; LANES] = std::array::from_fn(|l| *rest.get(l).or(rest.last()).unwrap_or(&DVec3::Z));
+        let last = (!rest.is_empty()).then_some((&padded, rest.len()));
+        for (rays, count) in whole.iter().map(|rays| (rays, LANES)).chain(last) {
+            self.ground_block::<N>(rays, count, &mut block, &mut waiting);
             let mut inverse = [0.0; LANES];
             let mut objects = [Hit::NOTHING; LANES];
             for l in 0..LANES {
@@ -212,9 +217,9 @@ impl Origin<'_> {
                 objects[l] = if met { Hit::GROUND } else { Hit::NOTHING };
             }
             if !self.packets.is_empty() {
-                self.packets.solve(&padded, &mut inverse, &mut objects);
+                self.packets.solve(rays, &mut inverse, &mut objects);
             }
-            hits.extend((0..rays.len()).map(|l| Hit {
+            hits.extend((0..count).map(|l| Hit {
                 range_m: if objects[l] >= 0 { 1.0 / inverse[l] } else { block.range_m[l] },
                 object: objects[l],
             }));

@@ -7,7 +7,9 @@
 //! below the greatest lower bound. No division, three multiply-adds a plane.
 //!
 //! Bodies are sorted by their nearest point and listed by sectors of azimuth (diamond angle, no trigonometry); a block of
-//! rays walks one list until its bodies lie beyond all that the block has met.
+//! rays walks one list until its bodies lie beyond all that the block has met, and passes those by that are all above or all below it.
+
+use std::sync::OnceLock;
 
 use super::convex;
 use super::newton::{LANES, Lanes, larger, smaller};
@@ -28,6 +30,8 @@ pub struct Packets {
     starts: [Vec<u32>; 3],
     /// Indices of bodies, nearest first in each list.
     listed: [Vec<u32>; 3],
+    /// Room for the back planes of the body that is added.
+    back: Vec<[f64; 3]>,
 }
 
 struct Body {
@@ -38,27 +42,36 @@ struct Body {
     /// Least cosine side: 0, or minus infinity where the sensor is in the sphere.
     ahead: f64,
     nearest: f64,
+    /// Least and greatest z of a unit direction that can meet the sphere.
+    rise: [f64; 2],
     front: std::ops::Range<u32>,
     back: std::ops::Range<u32>,
     cylinder: Option<u32>,
 }
 
+/// Centre and radius of a sphere that holds an obstacle, once it is known.
+pub type Sphere = OnceLock<(DVec3, f64)>;
+
 impl Packets {
-    pub fn new(obstacles: &[Obstacle], origin: DVec3, reach_m: f64) -> Packets {
+    /// `spheres` hold the obstacles, one each; those of obstacles in reach are worked out here.
+    pub fn new(obstacles: &[Obstacle], spheres: &[Sphere], origin: DVec3, reach_m: f64) -> Packets {
         let mut packets = Packets {
             bodies: Vec::new(),
             planes: Vec::new(),
             cylinders: Vec::new(),
             starts: Default::default(),
             listed: Default::default(),
+            back: Vec::new(),
         };
         let mut near: Vec<(f64, usize, DVec3, f64)> = obstacles
             .iter()
+            .zip(spheres)
             .enumerate()
             // What is out of reach is not even made.
-            .filter(|(_, o)| !o.is_beyond(origin.truncate(), reach_m))
-            .filter_map(|(index, o)| {
-                let (centre, radius) = convex::bounding_sphere(&o.shape, o.centre_m, o.radius_m);
+            .filter(|(_, (o, _))| !o.is_beyond(origin.truncate(), reach_m))
+            .filter_map(|(index, (o, sphere))| {
+                let &(centre, radius) =
+                    sphere.get_or_init(|| convex::bounding_sphere(&o.shape, o.centre_m, o.radius_m));
                 // A hair of slack for the rounding of the centre's place.
                 let radius = radius + 1e-14 * (centre.abs().max_element() + origin.abs().max_element());
                 let centre = centre - origin;
@@ -86,19 +99,16 @@ impl Packets {
         let mut cylinder = None;
         match &obstacle.shape {
             Shape::Convex(convex) => {
-                for front_planes in [true, false] {
-                    for plane in &convex.planes {
-                        let height = plane.normal.dot(origin) + plane.offset_m;
-                        if (height >= 0.0) == front_planes {
-                            // A sensor on the plane counts as just outside.
-                            let height = if height == 0.0 { 1e-300 } else { height };
-                            self.planes.push((-plane.normal / height).to_array());
-                        }
-                    }
-                    if front_planes {
-                        front.end = self.planes.len() as u32;
-                    }
+                self.back.clear();
+                for plane in &convex.planes {
+                    let height = plane.normal.dot(origin) + plane.offset_m;
+                    // A sensor on the plane counts as just outside.
+                    let over = if height == 0.0 { 1e-300 } else { height };
+                    let side = if height >= 0.0 { &mut self.planes } else { &mut self.back };
+                    side.push((-plane.normal / over).to_array());
                 }
+                front.end = self.planes.len() as u32;
+                self.planes.extend_from_slice(&self.back);
             }
             Shape::Cylinder(upright) => {
                 cylinder = Some(self.cylinders.len() as u32);
@@ -112,6 +122,7 @@ impl Packets {
             tangent2: if within { f64::NEG_INFINITY } else { distance2 - radius * radius - 1e-14 * distance2 },
             ahead: if within { f64::NEG_INFINITY } else { 0.0 },
             nearest,
+            rise: rise(centre, radius),
             back: front.end..self.planes.len() as u32,
             front,
             cylinder,
@@ -131,11 +142,17 @@ impl Packets {
         }
         let (level, sector) = sector_of(&x, &y);
         let list = self.starts[level][sector] as usize..self.starts[level][sector + 1] as usize;
+        // A senseless ray (NaN) must not hide its neighbours.
+        let lowest = of_all(&z.map(|dz| smaller(dz, f64::INFINITY)), smaller);
+        let highest = of_all(&z.map(|dz| larger(dz, f64::NEG_INFINITY)), larger);
+        let mut least = of_all(inverse, smaller);
         for &index in &self.listed[level][list] {
             let body = &self.bodies[index as usize];
-            let least = inverse.iter().fold(f64::INFINITY, |a, &q| smaller(a, q));
             if body.nearest * least > 1.0 {
                 break;
+            }
+            if highest < body.rise[0] || lowest > body.rise[1] {
+                continue;
             }
             let mut seen = 0u32;
             for l in 0..LANES {
@@ -147,6 +164,7 @@ impl Packets {
             }
             if let Some(index) = body.cylinder {
                 self.meet_cylinder(&self.cylinders[index as usize], body.id, dirs, inverse, objects);
+                least = of_all(inverse, smaller);
                 continue;
             }
             let (mut enter, mut exit) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
@@ -169,6 +187,7 @@ impl Packets {
                 inverse[l] = if met { enter[l] } else { inverse[l] };
                 objects[l] = if met { body.id } else { objects[l] };
             }
+            least = of_all(inverse, smaller);
         }
     }
 
@@ -191,6 +210,20 @@ impl Packets {
             }
         }
     }
+}
+
+/// Least and greatest z of the unit directions that meet a sphere: sines of its elevation less and plus its angular radius. A hair
+/// wider than that, for directions that are of unit length but for rounding.
+fn rise(centre: DVec3, radius: f64) -> [f64; 2] {
+    let (distance, level) = (centre.length(), (centre.x * centre.x + centre.y * centre.y).sqrt());
+    // Over or under the sensor, or around it: the angles add up beyond the vertical.
+    if level <= 1.001 * radius {
+        return [f64::NEG_INFINITY, f64::INFINITY];
+    }
+    let (sin, sin_radius) = (centre.z / distance, radius / distance);
+    let (cos, cos_radius) = (level / distance, (1.0 - sin_radius * sin_radius).sqrt());
+    let slack = 1e-9;
+    [sin * cos_radius - cos * sin_radius - slack, sin * cos_radius + cos * sin_radius + slack]
 }
 
 /// Diamond angle of a horizontal direction, in turns: grows with the azimuth from 0 to 1, without trigonometry.
@@ -246,6 +279,20 @@ fn sector_lists(spans: &[(f64, f64)], sectors: usize) -> (Vec<u32>, Vec<u32>) {
     (starts, listed)
 }
 
+/// The least or the greatest of a block, half onto half: a chain of sixteen comparisons takes longer than the tests it saves.
+#[inline(always)]
+fn of_all(lanes: &Lanes, pick: impl Fn(f64, f64) -> f64) -> f64 {
+    let mut lanes = *lanes;
+    let mut half = LANES / 2;
+    while half > 0 {
+        for l in 0..half {
+            lanes[l] = pick(lanes[l], lanes[l + half]);
+        }
+        half /= 2;
+    }
+    lanes[0]
+}
+
 /// The finest level and sector whose list holds all that a block of rays can meet.
 #[inline(always)]
 fn sector_of(x: &Lanes, y: &Lanes) -> (usize, usize) {
@@ -254,23 +301,18 @@ fn sector_of(x: &Lanes, y: &Lanes) -> (usize, usize) {
         turns[l] = diamond(x[l], y[l]);
     }
     // From the first ray, the short way round.
-    let (mut least, mut most, mut sum) = (0.0, 0.0, 0.0);
-    for turn in turns {
-        let ahead = turn - turns[0];
-        let ahead = if ahead > 0.5 {
-            ahead - 1.0
-        } else if ahead < -0.5 {
-            ahead + 1.0
-        } else {
-            ahead
-        };
-        least = smaller(least, ahead);
-        most = larger(most, ahead);
-        sum += ahead;
+    let (mut ahead, mut vertical) = ([0.0; LANES], 0u32);
+    for l in 0..LANES {
+        let way = turns[l] - turns[0];
+        let way = if way > 0.5 { way - 1.0 } else { way };
+        ahead[l] = if way < -0.5 { way + 1.0 } else { way };
+        // A vertical ray has no azimuth: its turn is NaN.
+        vertical |= u32::from(way.is_nan());
     }
+    let (least, most) = (of_all(&ahead, smaller), of_all(&ahead, larger));
     let last = SECTORS.len() - 1;
-    // A vertical ray has no azimuth (its turn is NaN, and so is the sum); rays all round have no sector.
-    if sum.is_nan() || most - least >= 0.5 {
+    // Rays all round have no sector.
+    if vertical != 0 || most - least >= 0.5 {
         return (last, 0);
     }
     let middle = turns[0] + 0.5 * (least + most);

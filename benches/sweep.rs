@@ -1,0 +1,50 @@
+//! Rays a second: casting alone at the peers' yards, and whole sweeps with one beam effect after another. One thread, CPU time.
+//!
+//! `cargo bench --bench sweep`
+
+mod shared;
+
+use marsyard::random::Stage;
+use marsyard::sweep::params::{Cast, SpacingParams};
+use marsyard::sweep::{self, Caster};
+use shared::paper::{prepared, replays};
+use shared::{rate, yards};
+
+fn main() {
+    for yard in &yards::YARDS {
+        let scene = yard.scene();
+        let origin_m = yard.origin_m(&scene);
+        let raster = Cast::Raster(SpacingParams { spacing_m: yard.mesh_m });
+        for (ground, cast) in [("polynomial", &Cast::Exact), ("raster", &raster)] {
+            let caster = Caster::new(&scene, cast);
+            for sweep in yards::sweeps() {
+                let mut hits = Vec::new();
+                rate(&format!("{}, {}, {ground}", yard.name, sweep.name), "rays", sweep.dirs.len() as f64, || {
+                    caster.from(origin_m, sweep.reach_m).cast(&sweep.dirs, &mut hits);
+                });
+            }
+        }
+    }
+    let effects = [
+        ("none", "{}"),
+        ("range_noise", "{range_noise: {}}"),
+        ("dropout", "{dropout: {}}"),
+        ("intensity", "{intensity: {}}"),
+        ("mixed_pixels", "{mixed_pixels: {sub_rays: 7}}"),
+    ];
+    for (name, effects) in effects {
+        let prepared = prepared("paper.yaml", &[&format!("sweep.effects={effects}"), "drive.contact=gauss_newton"]);
+        let replay = replays(&prepared, 1).remove(0);
+        let (params, pattern) = (&prepared.plan.family_of(0).sweep, prepared.pattern(0));
+        let caster = Caster::new(&replay.scene, &params.cast);
+        let streams = prepared.plan.streams(0, replay.attempts - 1, Stage::Sweep);
+        let last = replay.drive.truth.last().expect("a drive has a start");
+        let world_from_sensor = last.transform() * replay.rover_from_sensor;
+        let mut scratch = sweep::Scratch::default();
+        rate(&format!("whole sweep, effects: {name}"), "rays", pattern.directions.len() as f64, || {
+            let swept =
+                sweep::sweep(params, pattern, &caster, &world_from_sensor, &replay.drawn, &streams, &mut scratch);
+            assert!(swept.is_ok());
+        });
+    }
+}

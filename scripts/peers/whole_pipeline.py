@@ -1,0 +1,258 @@
+"""A whole pipeline of Open3D, SciPy, NumPy and PyArrow against marsyard, on the same yards, in one run.
+
+Usage:  cargo build --release && cargo build --release --example pipeline_peer
+        pip install open3d numpy scipy pyarrow
+        python scripts/peers/whole_pipeline.py [--scenes 60] [--rounds 5] [--out results.json]
+
+The peer makes one scan a yard of `configs/paper.yaml`, as a careful user of those libraries would: the ground's heights by two matrix
+products, convex hulls by SciPy, one mesh, Open3D's RaycastingScene, 682 x 100 rays, Gaussian range noise and gates, points to the map,
+cells by sorting and `bincount` / `reduceat` (no loop over rays or cells), 14 features, labels, Parquet with zstd through PyArrow. It has
+no drive, no SLAM, no random grounds to generate and fit: yards and poses are given. What is the same for all yards (grid, triangles,
+Legendre bases, Open3D's tensors of triangles) is made once and not counted. marsyard does all of its work: random ground and fit, rocks,
+drive and wheel contact, four sweeps a yard, FastSLAM, cells of the last, shards on disk, start of the program.
+
+CPU seconds, one thread, rounds interleaved; marsyard's per sweep cast (a yard has four), the peer's per scan. Before that, both make
+the same cells: without noise, the peer's against marsyard's.
+"""
+
+import argparse
+import json
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[variable] = "1"
+
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import time
+
+import numpy as np
+import open3d as o3d
+import pyarrow as pa
+import pyarrow.parquet as pq
+from scipy.spatial import ConvexHull
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+SCANS_A_FILE = 50
+NEIGHBOURS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
+NAMES = ["mean_height_m", "height_variance_m2", "height_difference_m", "point_count", "pitch_rad", "roll_rad"]
+NAMES += [f"neighbour_{name}_m" for name in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
+
+
+class Yard:
+    """A yard and a pose, as marsyard wrote them."""
+
+    def __init__(self, path):
+        facts = json.loads(path.read_text())
+        self.__dict__.update(facts)
+        n = self.degree + 1
+        self.matrix = np.zeros((n, n))
+        self.matrix[[i for i in range(n) for _ in range(n - i)], [j for i in range(n) for j in range(n - i)]] = self.coefficients
+        self.rocks = [np.array(rock) for rock in self.rocks]
+        self.rotation = np.array(self.world_from_sensor)
+        self.sensor = np.array(self.sensor_m)
+
+
+class Mesh:
+    """What all yards share: the grid of the ground and its triangles."""
+
+    def __init__(self, spacing_m, yard):
+        side = round(yard.extent_m / spacing_m) + 1
+        axis = np.linspace(0.0, yard.extent_m, side)
+        u = (axis - yard.extent_m / 2) / yard.half_m
+        self.basis = np.polynomial.legendre.legvander(u, yard.degree) * np.sqrt(2 * np.arange(yard.degree + 1) + 1)
+        y, x = np.meshgrid(axis, axis, indexing="ij")
+        self.vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3).astype(np.float32)
+        sw = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).reshape(-1)
+        two = np.stack([sw, sw + 1, sw + side + 1, sw, sw + side + 1, sw + side], axis=-1)
+        self.triangles = o3d.core.Tensor(two.reshape(-1, 3).astype(np.uint32))
+
+    def scene(self, yard):
+        """Open3D's scene; geometry 0 is the ground, 1 the rocks."""
+        vertices = self.vertices.copy()
+        vertices[:, 2] = (self.basis @ yard.matrix.T @ self.basis.T).reshape(-1)
+        scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+        scene.add_triangles(o3d.core.Tensor(vertices), self.triangles)
+        if yard.rocks:
+            offsets = np.cumsum([0] + [len(rock) for rock in yard.rocks])
+            triangles = np.concatenate([ConvexHull(rock).simplices + k for rock, k in zip(yard.rocks, offsets)])
+            corners = np.concatenate(yard.rocks).astype(np.float32)
+            scene.add_triangles(o3d.core.Tensor(corners), o3d.core.Tensor(triangles.astype(np.uint32)))
+        return scene
+
+
+def cells(yard, mesh, directions, random):
+    """Rows, columns, labels and 14 features of one scan; noise where there is a generator."""
+    rays = np.empty((len(directions), 6), dtype=np.float32)
+    turned = directions @ yard.rotation.T
+    rays[:, :3] = yard.sensor
+    rays[:, 3:] = turned
+    answer = mesh.scene(yard).cast_rays(o3d.core.Tensor(rays), nthreads=1)
+    range_m = answer["t_hit"].numpy().astype(np.float64)
+    near_m, far_m = yard.sensor_range_m
+    hit = np.flatnonzero(range_m <= far_m)
+    range_m, turned = range_m[hit], turned[hit]
+    on_rock = answer["geometry_ids"].numpy()[hit] == 1
+    if random is not None:
+        range_m = range_m + random.standard_normal(len(hit)) * (yard.range_sigma[0] + yard.range_sigma[1] * range_m)
+        good = (range_m >= near_m) & (range_m <= far_m)
+        range_m, turned, on_rock = range_m[good], turned[good], on_rock[good]
+    offset = turned * range_m[:, None]
+    good = offset[:, 0] ** 2 + offset[:, 1] ** 2 <= yard.max_range_m**2
+    place, on_rock = offset[good] + yard.sensor, on_rock[good]
+    col, row = (np.floor(place[:, k] / yard.cell_m).astype(np.int64) for k in (0, 1))
+    height = place[:, 2] - yard.rover_z_m
+    # A dense grid with a border of empty cells.
+    first_row, first_col = row.min() - 1, col.min() - 1
+    rows, cols = row.max() - first_row + 2, col.max() - first_col + 2
+    index = (row - first_row) * cols + (col - first_col)
+    count = np.bincount(index, minlength=rows * cols)
+    full = np.flatnonzero(count)
+    points = count[full]
+    sums = np.bincount(index, weights=height, minlength=rows * cols)
+    mean = np.full(rows * cols, np.nan)
+    mean[full] = sums[full] / points
+    variance = np.bincount(index, weights=(height - mean[index]) ** 2, minlength=rows * cols)[full] / points
+    obstacle = np.bincount(index[on_rock], minlength=rows * cols)[full]
+    order = np.argsort(index, kind="stable")
+    starts = np.cumsum(points) - points
+    by_cell = height[order]
+    spread = np.maximum.reduceat(by_cell, starts) - np.minimum.reduceat(by_cell, starts)
+    own = mean[full]
+    around = [mean[full + r * cols + c] for r, c in NEIGHBOURS]
+    around = [np.where(np.isnan(height), own, height) for height in around]
+    same = np.ones(len(full))
+    features = [own, variance, spread, points, yard.pitch_rad * same, yard.roll_rad * same, *around]
+    label = (obstacle > 0).astype(np.int8)
+    return full // cols + first_row, full % cols + first_col, label, [f.astype(np.float32) for f in features]
+
+
+def table(scene, found):
+    row, col, label, features = found
+    columns = {
+        "scene_id": np.full(len(row), scene, dtype=np.int64),
+        "scan_id": np.zeros(len(row), dtype=np.int32),
+        "row": row.astype(np.int32),
+        "col": col.astype(np.int32),
+        "label": label,
+    }
+    return pa.table(columns | dict(zip(NAMES, features)))
+
+
+def run_peer(yards, mesh, directions, folder, random):
+    """CPU seconds of one scan of every yard, written to Parquet files."""
+    begin = time.process_time()
+    waiting = []
+    for k, yard in enumerate(yards):
+        waiting.append(table(k, cells(yard, mesh, directions, random)))
+        if len(waiting) == SCANS_A_FILE or k + 1 == len(yards):
+            pq.write_table(pa.concat_tables(waiting), folder / f"{k}.parquet", compression="zstd")
+            waiting = []
+    return time.process_time() - begin
+
+
+def run_marsyard(binary, scenes, sets, folder):
+    """CPU seconds of a whole build, and how many sweeps it cast."""
+    out = folder / "corpus"
+    shutil.rmtree(out, ignore_errors=True)
+    a_shard = next(n for n in range(min(scenes, SCANS_A_FILE), 0, -1) if scenes % n == 0)
+    command = [binary, "generate", str(ROOT / "configs/paper.yaml"), "--threads", "1", "--out", str(out)]
+    for override in (f"scenes={scenes}", f"scenes_per_shard={a_shard}", *sets):
+        command += ["--set", override]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    talk = process.stderr.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    if status != 0:
+        raise SystemExit(f"{' '.join(command)}\n{talk}")
+    report = json.loads((out / "report.json").read_text())
+    return usage.ru_utime + usage.ru_stime, report["rays"]
+
+
+def compare(yards, mesh, directions):
+    """The peer's cells without noise against marsyard's: shares and errors."""
+    cells_all = same_cells = equal_counts = labels_other = 0
+    errors = []
+    for yard in yards:
+        row, col, label, features = cells(yard, mesh, directions, None)
+        theirs = {key: k for k, key in enumerate(zip(row.tolist(), col.tolist()))}
+        ours = {(r, c): k for k, (r, c, _, _) in enumerate(yard.cells)}
+        cells_all += len(ours.keys() | theirs.keys())
+        both = sorted(ours.keys() & theirs.keys())
+        same_cells += len(both)
+        mine, peers = [ours[key] for key in both], [theirs[key] for key in both]
+        our_features = np.array(yard.features)[mine]
+        their_features = np.stack(features, axis=1)[peers].astype(np.float64)
+        equal_counts += int((our_features[:, 3] == their_features[:, 3]).sum())
+        labels_other += int((np.array([yard.cells[k][2] for k in mine]) != label[peers]).sum())
+        # A mean moves with the points in the cell too; where those are as many, they are most likely the same.
+        alike = our_features[:, 3] == their_features[:, 3]
+        errors.append(np.abs(our_features - their_features)[alike])
+    errors = np.concatenate(errors)
+    return {
+        "cells": cells_all,
+        "in_both": same_cells,
+        "equal_point_counts": equal_counts,
+        "other_labels": labels_other,
+        "feature_error_where_counts_are_equal": {
+            name: {"median": float(np.median(e)), "p99": float(np.quantile(e, 0.99)), "max": float(e.max())}
+            for name, e in zip(NAMES, errors.T)
+        },
+    }
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--scenes", type=int, default=60)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--binary", default=str(ROOT / "target/release/marsyard"))
+    parser.add_argument("--example", default=str(ROOT / "target/release/examples/pipeline_peer"))
+    parser.add_argument("--out", help="write the figures as JSON")
+    arguments = parser.parse_args()
+    pa.set_cpu_count(1)
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="whole_pipeline_"))
+    listed = subprocess.run([arguments.example, str(folder), str(arguments.scenes)], check=True, capture_output=True, text=True)
+    yards = [Yard(folder / f"{scene}.json") for scene in listed.stdout.split()]
+    directions = np.fromfile(folder / "directions.f64").reshape(-1, 3)
+    meshes = {spacing_m: Mesh(spacing_m, yards[0]) for spacing_m in (0.1, 0.05)}
+    configs = {"paper.yaml": (), "paper.yaml, contact: gauss_newton": ("drive.contact=gauss_newton",)}
+
+    report = {"yards": len(yards), "rays": len(directions), "rounds": arguments.rounds, "agreement": {}}
+    for spacing_m, mesh in meshes.items():
+        agreement = report["agreement"][f"{spacing_m} m"] = compare(yards, mesh, directions)
+        print(
+            f"without noise, mesh of {spacing_m} m: {agreement['in_both']} of {agreement['cells']} cells in both,"
+            f" {agreement['equal_point_counts']} with as many points, {agreement['other_labels']} of another label"
+        )
+        for name, e in agreement["feature_error_where_counts_are_equal"].items():
+            print(f"  {name:22} median {e['median']:.1e}  p99 {e['p99']:.1e}  max {e['max']:.1e}")
+
+    random = np.random.default_rng(1)
+    run_peer(yards[:2], meshes[0.1], directions, folder, random)
+    seconds = {name: [] for name in (*meshes, *configs)}
+    for _ in range(arguments.rounds):
+        for spacing_m, mesh in meshes.items():
+            seconds[spacing_m].append(run_peer(yards, mesh, directions, folder, random) / len(yards))
+        for name, sets in configs.items():
+            cpu_s, rays = run_marsyard(arguments.binary, arguments.scenes, sets, folder)
+            seconds[name].append(cpu_s / (rays / len(directions)))
+    report["load"] = os.getloadavg()[0]
+    report["cpu_ms"] = {str(name): 1e3 * float(np.median(times)) for name, times in seconds.items()}
+    report["ratios"] = {}
+    for spacing_m in meshes:
+        print(f"peer, mesh of {spacing_m} m: {report['cpu_ms'][str(spacing_m)]:.1f} ms of CPU a scan")
+    for name in configs:
+        print(f"marsyard, {name}: {report['cpu_ms'][name]:.2f} ms of CPU a sweep cast, FastSLAM and all")
+        for spacing_m in meshes:
+            ratios = np.array(seconds[spacing_m]) / np.array(seconds[name])
+            low, middle, high = (float(q) for q in np.quantile(ratios, (0.1, 0.5, 0.9)))
+            report["ratios"][f"{spacing_m} m over {name}"] = [low, middle, high]
+            print(f"  {middle:5.1f} times less than the peer's scan on {spacing_m} m ({low:.1f} .. {high:.1f})")
+    shutil.rmtree(folder)
+    if arguments.out:
+        pathlib.Path(arguments.out).write_text(json.dumps(report, indent=1) + os.linesep)
+
+
+if __name__ == "__main__":
+    main()

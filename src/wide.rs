@@ -1,0 +1,64 @@
+//! Plain loops over numbers -> the same loops, compiled for each width of the CPU's vector registers.
+//!
+//! In: [`Work`], a loop over arrays written lane by lane. Out: what it returns. The machine picks the widest form it has; the
+//! compiler never contracts a product and a sum on its own and never reorders a sum, so that the form changes the speed and
+//! not a bit. Where `mul_add` is written out, CPUs without the instruction round alike, slowly.
+
+/// Lanes that fill the widest registers, for loops over blocks.
+pub const LANES: usize = 8;
+
+/// A loop that may run in any of its forms.
+pub trait Work {
+    type Out;
+    /// Implementations are `#[inline(always)]`, so that they take on the instruction set of their caller.
+    fn run(self) -> Self::Out;
+}
+
+/// Runs the work in the widest form that this CPU has.
+#[inline]
+pub fn widest<W: Work>(work: W) -> W::Out {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let fma = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        if fma && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+            // SAFETY: the CPU has what the function is compiled for.
+            return unsafe { avx512(work) };
+        }
+        if fma {
+            // SAFETY: as above.
+            return unsafe { avx2(work) };
+        }
+    }
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+fn avx512<W: Work>(work: W) -> W::Out {
+    work.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn avx2<W: Work>(work: W) -> W::Out {
+    work.run()
+}
+
+/// All forms that this CPU has, for tests of their sameness.
+#[cfg(test)]
+pub fn every_form<W: Work>(work: impl Fn() -> W) -> Vec<W::Out> {
+    let mut outs = vec![work().run()];
+    #[cfg(target_arch = "x86_64")]
+    {
+        let fma = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        if fma {
+            // SAFETY: the CPU has what the function is compiled for.
+            outs.push(unsafe { avx2(work()) });
+        }
+        if fma && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+            // SAFETY: as above.
+            outs.push(unsafe { avx512(work()) });
+        }
+    }
+    outs
+}
