@@ -32,8 +32,25 @@ def expect(found, expected, what):
 
 
 def note(path, reader, facts):
-    """Keeps what a reader found under its name in a JSON file, beside what others found."""
+    """Keeps what a reader found under its name in a JSON file, beside what others found, and all of it as a table beside that."""
     path = pathlib.Path(path)
     notes = json.loads(path.read_text()) if path.exists() else {}
     notes[reader] = facts
     path.write_text(json.dumps(dict(sorted(notes.items())), indent=2) + "\n")
+    path.with_suffix(".md").write_text(table(notes))
+
+
+def table(notes):
+    lines = [
+        "# Readers too heavy for CI", "",
+        "`python scripts/readers/spark.py CORPUS --note scripts/results/readers.json`, and `torch_loader.py` in the same way. Each compares what",
+        "it read with the manifest and stops at the first difference. CI does the same with pyarrow, pandas, Polars, DuckDB, datasets and",
+        "mlcroissant (`scripts/interop/run.sh`).", "",
+        "| reader | versions | corpus | rows | checked | seconds |", "|---|---|---|---|---|---:|",
+    ]
+    for reader, facts in sorted(notes.items()):
+        versions = ", ".join(f"{name} {version}" for name, version in facts["versions"].items())
+        rows = ", ".join(f"{name} {count:,}" for name, count in facts["rows"].items())
+        corpus = f"{facts['corpus']} ({facts['corpus_id'][:12]})"
+        lines.append(f"| {reader} | {versions} | {corpus} | {rows} | {facts['checked']} | {facts['seconds']} |")
+    return "\n".join(lines) + "\n"

@@ -30,7 +30,7 @@ def described(frame, file):
     """The frame with unit, role and meaning of each column as Spark's column metadata."""
     columns = json.loads(pq.read_metadata(file).metadata[b"marsyard.columns"])
     facts = {c["name"]: {key: c[key] for key in ("unit", "role", "description")} for c in columns}
-    return columns, frame.select([F.col(name).alias(name, metadata=facts[name]) for name in frame.columns])
+    return columns, frame.select([F.col(f"`{name}`").alias(name, metadata=facts[name]) for name in frame.columns])
 
 
 def check(spark, corpus):
