@@ -52,18 +52,18 @@ def write(table, path, setting):
 
 
 def readers(table, scene):
-    """Name -> what reads a file; each gives a number, which must be the same for every setting."""
+    """Name -> what reads a file; each gives an answer, which must be the same for every setting."""
     features = ["mean_height_m", "height_difference_m", "label"]
+    hashes = ", ".join(f'bit_xor(hash("{column}"))' for column in table.column_names)
     sql = duckdb.connect(config={"threads": 1})
     return {
         "pyarrow, all": lambda path: pq.ParquetFile(path).read(use_threads=False).num_rows,
         "pyarrow, 3 columns": lambda path: pq.ParquetFile(path).read(columns=features, use_threads=False).num_rows,
         "DuckDB, 2 columns": lambda path: sql.sql(
             f"SELECT sum(CASE WHEN label = 1 THEN points END) FROM '{path}'").fetchall()[0][0],
-        "DuckDB, all": lambda path: sql.sql(
-            "SELECT " + ", ".join(f'count("{c}")' for c in table.column_names) + f" FROM '{path}'").fetchall()[0][0],
-        "DuckDB, one scene": lambda path: sql.sql(
-            f"SELECT count(*) FROM (SELECT * FROM '{path}' WHERE scene_id = {scene} ORDER BY height_difference_m)").fetchall()[0][0],
+        # A hash of every value: no statistics can answer it.
+        "DuckDB, all": lambda path: sql.sql(f"SELECT {hashes} FROM '{path}'").fetchall()[0],
+        "DuckDB, one scene": lambda path: sql.sql(f"SELECT {hashes} FROM '{path}' WHERE scene_id = {scene}").fetchall()[0],
     }
 
 

@@ -104,8 +104,10 @@ impl Drop for Watch {
 
 #[test]
 fn exact_what_is_held_at_the_worst_is_counted() {
-    let taken = |bytes: usize| std::panic::catch_unwind(|| bounded_by(0, 0, || drop(Vec::<u8>::with_capacity(bytes))));
+    let taken = |bytes: usize| {
+        std::panic::catch_unwind(|| bounded_by(0, 0, || drop(std::hint::black_box(Vec::<u8>::with_capacity(bytes)))))
+    };
     assert!(taken(0).is_ok() && taken(1 << 30).is_err());
-    bounded(0, || (0..1000).for_each(|_| drop(vec![0u8; MIB])));
-    assert!(std::panic::catch_unwind(|| bounded(0, || vec![vec![1u8; MIB]; 65])).is_err());
+    bounded(0, || (0..1000).for_each(|_| drop(std::hint::black_box(vec![0u8; MIB]))));
+    assert!(std::panic::catch_unwind(|| bounded(0, || std::hint::black_box(vec![vec![1u8; MIB]; 65]))).is_err());
 }
