@@ -37,7 +37,7 @@ step "broken models, checkpoints" "$cases a property test" env PROPTEST_CASES="$
 # Memory errors of what is unsafe: a small corpus, a training, a classified scan. valgrind knows AVX2 and FMA, not AVX-512.
 cargo build --release --locked
 marsyard() {
-    valgrind --quiet --error-exitcode=99 --leak-check=no --log-file="$scratch/valgrind-%p" target/release/marsyard "$@" &&
+    valgrind --quiet --suppressions=scripts/valgrind.supp --error-exitcode=99 --leak-check=no --log-file="$scratch/valgrind-%p" target/release/marsyard "$@" &&
         echo "no error"
 }
 wanted="no error"
