@@ -163,6 +163,7 @@ pub fn wrap_angle(angle_rad: f64) -> f64 {
 /// Why `unsafe`: exporting an unmangled symbol replaces the C library's. Each has the C signature and the C meaning, and
 /// the linker prefers ours, so no code in the process sees two versions.
 #[cfg(target_os = "linux")]
+#[allow(unsafe_code)]
 mod pinned_symbols {
     macro_rules! pinned {
         ($($name:ident)*) => {$(

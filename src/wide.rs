@@ -15,6 +15,7 @@ pub trait Work {
 }
 
 /// Runs the work in the widest form that this CPU has.
+#[allow(unsafe_code)] // Calls what the CPU was asked for.
 #[inline]
 pub fn widest<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
@@ -45,6 +46,7 @@ fn avx2<W: Work>(work: W) -> W::Out {
 }
 
 /// All forms that this CPU has, for tests of their sameness.
+#[allow(unsafe_code)] // Calls what the CPU was asked for.
 #[cfg(test)]
 pub fn every_form<W: Work>(work: impl Fn() -> W) -> Vec<W::Out> {
     let mut outs = vec![work().run()];

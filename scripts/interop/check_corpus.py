@@ -207,6 +207,27 @@ def check_datasets(corpus):
             if table == "cells":
                 label = loaded["train"].features["label"]
                 expect(label.names, ["traversable", "untraversable"], "datasets: class names")
+            streamed = datasets.load_dataset(str(corpus.place.resolve()), table, cache_dir=cache, streaming=True)
+            expect(sorted(streamed), sorted(expected), f"datasets, streaming: splits of {table}")
+            for name, rows in expected.items():
+                first = list(streamed[name].take(5))
+                expect(first, [loaded[name][k] for k in range(min(5, rows))], f"datasets, streaming: first rows of {table}, {name}")
+
+
+def check_card(corpus):
+    """Hugging Face's own parser reads the front matter of README.md: configs, splits, features, licence."""
+    from huggingface_hub import DatasetCard
+
+    card = DatasetCard.load(corpus.place / "README.md")
+    facts = card.data.to_dict()
+    expect([config["config_name"] for config in facts["configs"]], corpus.tables, "card: configs")
+    for config in facts["configs"]:
+        splits = {file["split"] for file in config["data_files"]}
+        expect(splits, set(corpus.splits()), f"card: splits of {config['config_name']}")
+    for info in facts["dataset_info"]:
+        names = [feature["name"] for feature in info["features"]]
+        expect(names, [c["name"] for c in corpus.columns(info["config_name"])], f"card: columns of {info['config_name']}")
+    expect(bool(facts.get("license")), True, "card: a licence")
 
 
 def check_croissant(corpus):
@@ -227,14 +248,14 @@ def check_croissant(corpus):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("corpus", help="folder of a finished corpus")
-    parser.add_argument("--datasets", action="store_true", help="also load it with Hugging Face datasets")
+    parser.add_argument("--datasets", action="store_true", help="also load it, and its card, with Hugging Face's libraries")
     parser.add_argument("--croissant", action="store_true", help="also validate and read croissant.json with mlcroissant")
     args = parser.parse_args()
     corpus = Corpus(args.corpus)
     checks = [check_files, check_pandas, check_polars, check_duckdb, check_training, check_scenes]
     if "points" in corpus.tables:
         checks.append(recompute.check_cells)
-    checks += [check_datasets] * args.datasets + [check_croissant] * args.croissant
+    checks += [check_datasets, check_card] * args.datasets + [check_croissant] * args.croissant
     for check in checks:
         check(corpus)
         print(f"ok  {check.__name__.removeprefix('check_')}")

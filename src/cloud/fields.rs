@@ -59,6 +59,14 @@ pub(super) struct Places {
     pub label: Option<usize>,
 }
 
+/// A text of a file as messages show it: no longer than this many characters.
+pub(super) fn shown(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.into(),
+    }
+}
+
 /// What files call them, likeliest first, in lower case.
 const INTENSITIES: [&str; 6] =
     ["intensity", "scalar_intensity", "reflectance", "remission", "reflectivity", "scalar_reflectance"];
@@ -73,19 +81,19 @@ impl Places {
         label_field: Option<&str>,
     ) -> Result<Places, CloudError> {
         let malformed = |reason: String| CloudError::Malformed { file: file.into(), place: place.into(), reason };
+        let there = shown(&names.join(" "), 300);
         let find = |name: &str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
         let coordinate = |axis: &str| {
             find(axis).or_else(|| find(&format!("{axis}_m"))).ok_or_else(|| {
-                malformed(format!("there is no column {axis} among '{}'; name the columns x, y and z", names.join(" ")))
+                malformed(format!("there is no column {axis} among '{there}'; name the columns x, y and z"))
             })
         };
-        let label =
-            match label_field {
-                Some(name) => Some(find(name).ok_or_else(|| {
-                    malformed(format!("there is no label column '{name}' among '{}'", names.join(" ")))
-                })?),
-                None => LABELS.iter().find_map(|name| find(name)),
-            };
+        let label = match label_field {
+            Some(name) => Some(
+                find(name).ok_or_else(|| malformed(format!("there is no label column '{name}' among '{there}'")))?,
+            ),
+            None => LABELS.iter().find_map(|name| find(name)),
+        };
         Ok(Places {
             xyz: [coordinate("x")?, coordinate("y")?, coordinate("z")?],
             intensity: INTENSITIES.iter().find_map(|name| find(name)),

@@ -1,6 +1,6 @@
 //! PCD 0.6 and 0.7 (Point Cloud Library): ascii, binary, and binary_compressed (LZF, field by field). Little endian.
 
-use super::fields::{Number, Places, label_of};
+use super::fields::{Number, Places, label_of, shown};
 use super::lzf::{self, Fault};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
@@ -30,7 +30,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         other => {
             return Err(CloudError::NotSupported {
                 file: file.into(),
-                feature: format!("DATA {other}"),
+                feature: format!("DATA {}", shown(other, 40)),
                 cure: "write it as ascii, binary or binary_compressed (`pcl_convert_pcd_ascii_binary`)",
             });
         }
@@ -148,13 +148,9 @@ impl Header {
                     field += 1;
                 }
                 if columns.get(field) == Some(&(k as u64)) {
-                    row[field] = word.parse().map_err(|_| {
-                        malformed(
-                            file,
-                            &place(),
-                            format!("'{}' is not a number", word.chars().take(40).collect::<String>()),
-                        )
-                    })?;
+                    row[field] = word
+                        .parse()
+                        .map_err(|_| malformed(file, &place(), format!("'{}' is not a number", shown(word, 40))))?;
                 }
             }
             if there < column {
@@ -218,7 +214,9 @@ impl Header {
     /// A field of no values has no place to read from, and points of no bytes could be as many as one likes.
     fn check_fields(&self, file: &str) -> Result<(), CloudError> {
         match self.counts.iter().position(|&count| count == 0) {
-            Some(at) => Err(malformed(file, "the line COUNT", format!("field '{}' has no values", self.names[at]))),
+            Some(at) => {
+                Err(malformed(file, "the line COUNT", format!("field '{}' has no values", shown(&self.names[at], 40))))
+            }
             None => Ok(()),
         }
     }

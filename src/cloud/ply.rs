@@ -1,6 +1,6 @@
 //! PLY (Turk 1994): ascii, binary little and big endian; the element `vertex`, lists in it skipped.
 
-use super::fields::{Number, Places, label_of};
+use super::fields::{Number, Places, label_of, shown};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
 
@@ -184,8 +184,7 @@ fn read_ascii(
                 let word = words
                     .next()
                     .ok_or_else(|| fault(format!("fewer values than the {} properties", vertex.properties.len())))?;
-                word.parse::<f64>()
-                    .map_err(|_| fault(format!("'{}' is not a number", word.chars().take(40).collect::<String>())))
+                word.parse::<f64>().map_err(|_| fault(format!("'{}' is not a number", shown(word, 40))))
             };
             match property {
                 Property::One { .. } => *value = next()?,

@@ -28,7 +28,7 @@ use crate::sweep::sensor::PatternParams;
 ///
 /// A resolved plan (`plan.yaml`) is a config too, and gives the same plan again.
 pub fn load(path: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
-    let mut loader = Loader { reader: Reader::default(), faults: Vec::new() };
+    let mut loader = Loader { reader: Reader::of(path), faults: Vec::new() };
     match loader.plan(path, sets) {
         Some(plan) if loader.faults.is_empty() => Ok(plan),
         _ => Err(ConfigError::new(path.display().to_string(), &loader.reader.sources, loader.faults)),
@@ -220,11 +220,12 @@ impl Loader {
         let PatternParams::File(file) = &mut sensor.pattern else { return Some(()) };
         if file.beams.is_empty() {
             let span = place.span("sweep.sensor.pattern.file.path");
-            let path = self.reader.folder(span).join(&file.path);
-            match self.reader.pattern(&path) {
+            let found = self.reader.path_of(span, &file.path).and_then(|path| self.reader.pattern(&path));
+            match found {
                 Ok(beams) => file.beams = beams,
                 Err(why) => {
-                    let rule = format!("the pattern file {} cannot be used: {why}", path.display());
+                    let shown = self.reader.folder(span).join(&file.path);
+                    let rule = format!("the pattern file {} cannot be used: {why}", shown.display());
                     self.faults.push(
                         Fault::new(span, rule).cure("a CSV file with the header time_s,azimuth_deg,elevation_deg"),
                     );
@@ -240,13 +241,15 @@ impl Loader {
         let GroundSource::File(file) = &mut scene.ground.source else { return None };
         let span = place.span("scene.ground.source.file.path");
         let from = self.reader.folder(span).join(&file.path);
-        let map = match self.reader.height_map(&from, file.height_m) {
-            Ok(map) => map,
-            Err(why) => {
-                self.faults.push(Fault::new(span, format!("the height map {} cannot be used: {why}", from.display())));
-                return None;
-            }
-        };
+        let map =
+            match self.reader.path_of(span, &file.path).and_then(|path| self.reader.height_map(&path, file.height_m)) {
+                Ok(map) => map,
+                Err(why) => {
+                    self.faults
+                        .push(Fault::new(span, format!("the height map {} cannot be used: {why}", from.display())));
+                    return None;
+                }
+            };
         if file.blake3.as_ref().is_some_and(|expected| *expected != map.blake3) {
             let rule = format!("the height map {} is another one: its BLAKE3 hash is {}", from.display(), map.blake3);
             let hash = place.span("scene.ground.source.file.blake3");

@@ -86,7 +86,7 @@ fn tree_of(kind: &Kind, name: &str, node: &Node, reader: &mut Reader) -> Result<
     }
     let path = reader.folder(node.span).join(name);
     let shown = if Path::new(name).is_absolute() { name.to_owned() } else { path.display().to_string() };
-    let text = reader.text_of(&path).map_err(|why| {
+    let text = reader.path_of(node.span, name).and_then(|path| reader.text_of(&path)).map_err(|why| {
         Fault::new(node.span, format!("the {} file {shown} cannot be read: {why}", kind.key))
             .cure("paths start at the folder of the file that names them")
     })?;

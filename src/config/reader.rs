@@ -17,10 +17,15 @@ const MAX_BEAMS: usize = 250_000;
 /// Nodes of the largest height map: 4096 x 4096.
 const MAX_HEIGHTS: usize = 1 << 24;
 
+/// The name under which a corpus holds its resolved config.
+const PLAN: &str = "plan.yaml";
+
 /// The sources of one config, and what was read for it.
 #[derive(Default)]
 pub struct Reader {
     pub sources: Vec<Source>,
+    /// The folder that the files named must lie in: a corpus comes with all that its plan names.
+    within: Option<PathBuf>,
     height_maps: BTreeMap<(PathBuf, Option<u64>), Result<HeightMap, String>>,
     patterns: BTreeMap<PathBuf, Result<Vec<[f64; 3]>, String>>,
 }
@@ -40,9 +45,35 @@ impl Reader {
         tree::parse(number, &self.sources[number].text, 0)
     }
 
+    /// For the config at `path`: the plan of a corpus, which may be anybody's, names files beside itself only.
+    pub fn of(path: &Path) -> Reader {
+        let is_plan = path.file_name().is_some_and(|name| name == PLAN);
+        let folder = || path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Reader { within: is_plan.then(|| folder().to_owned()), ..Reader::default() }
+    }
+
     /// Where relative paths written at a place start.
     pub fn folder(&self, span: Span) -> PathBuf {
         self.sources[span.source].folder.clone()
+    }
+
+    /// The path of a file that is named at a place.
+    pub fn path_of(&self, span: Span, named: &str) -> Result<PathBuf, String> {
+        let path = self.folder(span).join(named);
+        if let Some(within) = &self.within {
+            // Links and `..` followed; what is not there is found out when it is read.
+            let leaves = match (within.canonicalize(), path.canonicalize()) {
+                (Ok(within), Ok(path)) => !path.starts_with(within),
+                _ => Path::new(named).is_absolute() || named.split('/').any(|part| part == ".."),
+            };
+            if leaves {
+                return Err(format!(
+                    "it lies outside the corpus: the {PLAN} of a corpus names files beside itself only; for a config of your own, \
+                     choose another name"
+                ));
+            }
+        }
+        Ok(path)
     }
 
     /// The text of a YAML file.
@@ -69,10 +100,11 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>, String> {
         std::io::ErrorKind::PermissionDenied => "no permission".to_owned(),
         _ => error.to_string(),
     };
-    let file = std::fs::File::open(path).map_err(said)?;
-    if !file.metadata().map_err(said)?.is_file() {
+    // Asked before it is opened: opening a pipe waits for its writer.
+    if !std::fs::metadata(path).map_err(said)?.is_file() {
         return Err("it is not a file".into());
     }
+    let file = std::fs::File::open(path).map_err(said)?;
     let mut bytes = Vec::new();
     file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(said)?;
     if bytes.len() as u64 > MAX_FILE_BYTES {

@@ -1,10 +1,11 @@
 //! One stored cell, found by its address: for comparing what is on disk with what a replay computes.
 
-use arrow::array::{Array, AsArray};
+use arrow::array::Array;
 use arrow::datatypes::{Float32Type, Int8Type, Int32Type};
 
-use super::reader::TableFile;
+use super::reader::{TableFile, column};
 use super::{CorpusError, CorpusSpec, Store, Table};
+use crate::cells::FeatureColumn;
 use crate::geometry::CellIndex;
 
 /// A row of `cells` as it is stored.
@@ -25,20 +26,21 @@ pub fn stored_cell(
     cell: CellIndex,
 ) -> Result<Option<StoredCell>, CorpusError> {
     let shard = scene / u64::from(spec.scenes_per_shard.max(1));
-    let batch = TableFile::open(store, &Table::Cells.path(shard))?.rows_of_scene(scene)?;
-    let wanted = [("scan_id", scan as i32), ("row", cell.row), ("col", cell.col)];
-    let is_it = |at: usize| {
-        wanted.iter().all(|(name, value)| {
-            batch.column_by_name(name).is_some_and(|c| c.as_primitive::<Int32Type>().value(at) == *value)
-        })
-    };
+    let file = TableFile::open(store, &Table::Cells.path(shard))?;
+    let batch = file.rows_of_scene(scene)?;
+    let odd = |reason: String| file.odd(reason);
+    let whole = |name: &str| column::<Int32Type>(&batch, name).map_err(odd);
+    let wanted = [(whole("scan_id")?, scan as i32), (whole("row")?, cell.row), (whole("col")?, cell.col)];
+    let is_it = |at: usize| wanted.iter().all(|(column, value)| column.value(at) == *value);
     let Some(at) = (0..batch.num_rows()).find(|&at| is_it(at)) else { return Ok(None) };
-    let float = |name: &str| batch.column_by_name(name).map_or(f32::NAN, |c| c.as_primitive::<Float32Type>().value(at));
-    let label = batch.column_by_name("label").map(|c| c.as_primitive::<Int8Type>());
-    let points = batch.column_by_name("points").map_or(0, |c| c.as_primitive::<Int32Type>().value(at));
+    let label = column::<Int8Type>(&batch, "label").map_err(odd)?;
+    let float = |feature: &FeatureColumn| {
+        let values = column::<Float32Type>(&batch, &feature.name).map_err(odd)?;
+        Ok((feature.name.clone(), values.value(at)))
+    };
     Ok(Some(StoredCell {
-        label: label.filter(|c| c.is_valid(at)).map(|c| c.value(at)),
-        points,
-        features: spec.features.iter().map(|f| (f.name.clone(), float(&f.name))).collect(),
+        label: label.is_valid(at).then(|| label.value(at)),
+        points: whole("points")?.value(at),
+        features: spec.features.iter().map(float).collect::<Result<_, CorpusError>>()?,
     }))
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::receipt::{FileFacts, Receipt};
+use super::receipt::{self, FileFacts, Receipt};
 use super::spec::{Build, CorpusSpec};
 use super::stats::{LabelCounts, Moments, PointCounts};
 use super::{CorpusError, FORMAT, Split, Store, Table, ranges, value_hash};
@@ -209,8 +209,15 @@ pub fn read_shard_lines(store: &dyn Store) -> Result<Vec<ShardLine>, CorpusError
     let bad = |reason: String| CorpusError::BadManifest { place: store.place(), name: SHARDS.into(), reason };
     let bytes = store.read(SHARDS)?;
     let text = std::str::from_utf8(&bytes).map_err(|error| bad(error.to_string()))?;
-    let line = |(number, line): (usize, &str)| {
-        serde_json::from_str(line).map_err(|error| bad(format!("line {}: {error}", number + 1)))
-    };
-    text.lines().enumerate().map(line).collect()
+    let mut lines: Vec<ShardLine> = Vec::new();
+    for (number, text) in text.lines().enumerate() {
+        let at = |reason: String| bad(format!("line {}: {reason}", number + 1));
+        let line: ShardLine = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
+        receipt::check_shard(line.shard, line.split, line.scenes, &line.tables).map_err(at)?;
+        if lines.last().is_some_and(|before| before.shard >= line.shard) {
+            return Err(at(format!("shard {} does not follow the one before", line.shard)));
+        }
+        lines.push(line);
+    }
+    Ok(lines)
 }

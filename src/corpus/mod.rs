@@ -23,6 +23,7 @@ pub mod error;
 pub mod inspect;
 mod lookup;
 pub mod manifest;
+mod pages;
 pub mod place;
 pub mod plain;
 pub mod ranges;

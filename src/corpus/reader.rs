@@ -1,18 +1,23 @@
 //! A corpus's Parquet files -> Arrow record batches, row group by row group, without the whole file in memory.
+//!
+//! Files may be anybody's: what they announce is judged before it is believed ([`pages`]), and where the Parquet crate panics on
+//! what is left, that is an error like any other.
 
 use std::collections::BTreeMap;
 use std::io::Read;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use arrow::array::{BooleanArray, Int64Array, RecordBatch};
+use arrow::array::{ArrowPrimitiveType, BooleanArray, PrimitiveArray, RecordBatch};
 use arrow::compute::{concat_batches, filter_record_batch};
-use arrow::datatypes::SchemaRef;
+use arrow::datatypes::{Int64Type, SchemaRef};
 use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{ChunkReader, Length};
 
+use super::pages::{self, Chunks};
 use super::{CorpusError, Store};
 
 /// A Parquet file in a store, opened: its footer is read, its rows are not.
@@ -29,9 +34,12 @@ impl TableFile {
             return Err(CorpusError::Io { place: store.place(), name: name.into(), source });
         };
         let file = StoredFile { store: store.share(), name: name.into(), length };
-        let options = ArrowReaderOptions::new();
-        let facts = ArrowReaderMetadata::load(&file, options)
-            .map_err(|source| CorpusError::Parquet { name: name.into(), source })?;
+        let facts = contained(|| {
+            let facts = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new())?;
+            pages::check_shape(&facts).map_err(ParquetError::General)?;
+            Ok(facts)
+        });
+        let facts = facts.map_err(|source| CorpusError::Parquet { name: name.into(), source })?;
         Ok(TableFile { file, facts })
     }
 
@@ -66,29 +74,31 @@ impl TableFile {
     /// One row group as one batch, all columns or (in the file's order) those named.
     pub fn read_row_group(&self, group: usize, columns: Option<&[&str]>) -> Result<RecordBatch, CorpusError> {
         let failed = |source: ParquetError| CorpusError::Parquet { name: self.file.name.to_string(), source };
-        let mut builder = ParquetRecordBatchReaderBuilder::new_with_metadata(self.file.clone(), self.facts.clone())
-            .with_row_groups(vec![group])
-            .with_batch_size(super::write::ROW_GROUP_ROWS);
-        if let Some(columns) = columns {
-            let known = |name: &&&str| self.schema().field_with_name(name).is_err();
-            if let Some(unknown) = columns.iter().find(known) {
-                return Err(failed(ParquetError::General(format!("there is no column '{unknown}'"))));
-            }
-            let indices = self
-                .schema()
-                .fields()
-                .iter()
-                .enumerate()
-                .filter(|(_, f)| columns.contains(&f.name().as_str()))
-                .map(|(i, _)| i);
-            let mask = ProjectionMask::roots(builder.parquet_schema(), indices);
-            builder = builder.with_projection(mask);
+        let fields = self.schema().fields();
+        let known = |name: &&&str| self.schema().field_with_name(name).is_err();
+        if let Some(unknown) = columns.into_iter().flatten().find(known) {
+            return Err(failed(ParquetError::General(format!("there is no column '{unknown}'"))));
         }
-        let reader = builder.build().map_err(failed)?;
+        let wanted = |name: &str| columns.is_none_or(|columns| columns.contains(&name));
+        let numbers: Vec<usize> = (0..fields.len()).filter(|&k| wanted(fields[k].name())).collect();
+        contained(|| self.row_group(group, &numbers)).map_err(failed)
+    }
+
+    /// One row group of some columns, by their numbers; columns are flat, so that a number is one of Arrow and of Parquet.
+    fn row_group(&self, group: usize, columns: &[usize]) -> Result<RecordBatch, ParquetError> {
+        let Some(facts) = self.facts.metadata().row_groups().get(group) else {
+            return Err(ParquetError::General(format!("there is no row group {group}")));
+        };
+        let read = |start: u64, length: usize| self.file.get_bytes(start, length);
+        let chunks = Chunks::fetch(self.file.length, facts, columns, read)?;
+        let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(chunks, self.facts.clone())
+            .with_row_groups(vec![group])
+            .with_batch_size((facts.num_rows() as usize).max(1));
+        let mask = ProjectionMask::roots(builder.parquet_schema(), columns.iter().copied());
+        let mut reader = builder.with_projection(mask).build()?;
         let schema = arrow::array::RecordBatchReader::schema(&reader);
-        let arrow = |source| CorpusError::Arrow { name: self.file.name.to_string(), source };
-        let batches = reader.collect::<Result<Vec<_>, _>>().map_err(arrow)?;
-        concat_batches(&schema, &batches).map_err(arrow)
+        let rows = reader.next().transpose()?;
+        Ok(rows.unwrap_or_else(|| RecordBatch::new_empty(schema)))
     }
 
     /// All row groups in order.
@@ -102,8 +112,7 @@ impl TableFile {
         let mut found = Vec::new();
         for batch in self.batches() {
             let batch = batch?;
-            let ids = batch.column_by_name("scene_id").and_then(|column| column.as_any().downcast_ref::<Int64Array>());
-            let Some(ids) = ids else { continue };
+            let ids = column::<Int64Type>(&batch, "scene_id").map_err(|reason| self.odd(reason))?;
             let mask: BooleanArray = ids.iter().map(|id| Some(id == Some(scene_id as i64))).collect();
             let rows = filter_record_batch(&batch, &mask).map_err(arrow)?;
             if rows.num_rows() > 0 {
@@ -112,6 +121,24 @@ impl TableFile {
         }
         concat_batches(self.schema(), &found).map_err(arrow)
     }
+
+    /// An error about this file.
+    pub fn odd(&self, reason: String) -> CorpusError {
+        CorpusError::Parquet { name: self.file.name.to_string(), source: ParquetError::General(reason) }
+    }
+}
+
+/// A column of a batch, by name and type; `Err` says what is wrong with it.
+pub fn column<'b, T: ArrowPrimitiveType>(batch: &'b RecordBatch, name: &str) -> Result<&'b PrimitiveArray<T>, String> {
+    let found = batch.column_by_name(name).ok_or_else(|| format!("it has no column '{name}'"))?;
+    let typed = found.as_any().downcast_ref::<PrimitiveArray<T>>();
+    typed.ok_or_else(|| format!("its column '{name}' is {:?}, not {:?}", found.data_type(), T::DATA_TYPE))
+}
+
+/// What a reader gives; a panic of it is an error of the file.
+fn contained<T>(read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, ParquetError> {
+    let panicked = |_| Err(ParquetError::General("the file is broken: the Parquet reader panicked on it".into()));
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(panicked)
 }
 
 /// A stored file as the Parquet reader wants it: parts on demand.

@@ -99,12 +99,34 @@ impl Receipt {
         if receipt.shard != shard {
             return Err(bad(format!("it is the receipt of shard {}", receipt.shard)));
         }
-        if receipt.split != Split::of_shard(shard)
-            || receipt.tables.iter().any(|(table, file)| file.path != table.path(shard))
-        {
-            return Err(bad("its split or paths are not those of its shard".into()));
-        }
+        check_shard(shard, receipt.split, receipt.scenes, &receipt.tables).map_err(bad)?;
         Ok(receipt)
+    }
+}
+
+/// More of anything than a shard can have; lists of scenes and row groups are made from these numbers.
+const MOST_SCENES: u64 = 100_000;
+const MOST_ROW_GROUPS: u32 = 4096;
+const MOST_ROWS: u64 = 1 << 40;
+
+/// Whether what is said of a shard can be true: its split and paths are those of its number, and nothing is absurd.
+pub fn check_shard(
+    shard: u64,
+    split: Split,
+    scenes: [u64; 2],
+    tables: &BTreeMap<Table, FileFacts>,
+) -> Result<(), String> {
+    if split != Split::of_shard(shard) || tables.iter().any(|(table, file)| file.path != table.path(shard)) {
+        return Err("its split or paths are not those of its shard".into());
+    }
+    let [first, end] = scenes;
+    if end.checked_sub(first).is_none_or(|count| count > MOST_SCENES) {
+        return Err(format!("scenes {first} to {end} are not those of one shard"));
+    }
+    let absurd = |file: &&FileFacts| file.row_groups > MOST_ROW_GROUPS || file.rows > MOST_ROWS;
+    match tables.values().find(absurd) {
+        Some(file) => Err(format!("{}: {} rows in {} row groups are absurd", file.path, file.rows, file.row_groups)),
+        None => Ok(()),
     }
 }
 

@@ -1,9 +1,10 @@
 //! The columns of a row group of `cells` -> the cells of a scan, with the model's inputs, or why one cannot be judged.
 
-use arrow::array::{Array, ArrowPrimitiveType, PrimitiveArray, RecordBatch};
+use arrow::array::{Array, PrimitiveArray, RecordBatch};
 use arrow::datatypes::{Float32Type, Int8Type, Int32Type, Int64Type};
 
 use super::judge::{Cell, Judge};
+use crate::corpus::reader::column;
 use crate::train::Model;
 use crate::train::labels::{self, LabelRule, Truth};
 
@@ -128,10 +129,4 @@ impl Relabel<'_> {
         };
         self.rule.label(&truth) != 0
     }
-}
-
-fn column<'b, T: ArrowPrimitiveType>(batch: &'b RecordBatch, name: &str) -> Result<&'b PrimitiveArray<T>, String> {
-    let found = batch.column_by_name(name).ok_or_else(|| format!("it has no column '{name}'"))?;
-    let typed = found.as_any().downcast_ref::<PrimitiveArray<T>>();
-    typed.ok_or_else(|| format!("its column '{name}' is {:?}, not {:?}", found.data_type(), T::DATA_TYPE))
 }

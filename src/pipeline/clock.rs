@@ -5,17 +5,10 @@ use std::time::Instant;
 use super::{StageTimes, Watch};
 use crate::random::Stage;
 
-unsafe extern "C" {
-    fn clock_gettime(clock: i32, time: *mut [i64; 2]) -> i32;
-}
-
-/// Seconds that this thread has spent on a CPU (64-bit Linux).
+/// Seconds that this thread has spent on a CPU (Linux).
 pub fn thread_cpu_s() -> f64 {
-    const CLOCK_THREAD_CPUTIME_ID: i32 = 3;
-    let mut time = [0i64; 2];
-    // SAFETY: the C function writes one timespec, two 64-bit words on this platform, into the array.
-    unsafe { clock_gettime(CLOCK_THREAD_CPUTIME_ID, &mut time) };
-    time[0] as f64 + 1e-9 * time[1] as f64
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
 /// Seconds of CPU and of wall.

@@ -2,10 +2,11 @@
 //!
 //! A row whose label is unknown, and a row with a value that is not finite, are counted and left out.
 
-use arrow::array::{Array, ArrowPrimitiveType, PrimitiveArray, RecordBatch};
+use arrow::array::{Array, PrimitiveArray, RecordBatch};
 use arrow::datatypes::{Float32Type, Int8Type, Int32Type};
 
 use super::labels::{self, LabelRule, Truth};
+use crate::corpus::reader::column;
 
 /// Rows that can be learnt, one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -130,12 +131,6 @@ impl TruthColumns<'_> {
             slope_rad: self.slope_rad.value(row),
         }
     }
-}
-
-fn column<'b, T: ArrowPrimitiveType>(batch: &'b RecordBatch, name: &str) -> Result<&'b PrimitiveArray<T>, String> {
-    let found = batch.column_by_name(name).ok_or_else(|| format!("it has no column '{name}'"))?;
-    let typed = found.as_any().downcast_ref::<PrimitiveArray<T>>();
-    typed.ok_or_else(|| format!("its column '{name}' is {:?}, not {:?}", found.data_type(), T::DATA_TYPE))
 }
 
 #[cfg(test)]

@@ -57,16 +57,26 @@ pub fn from_bytes(bytes: &[u8]) -> Result<(Json, HashMap<String, Snapshot>), Str
     for (name, listed) in about["snapshots"].as_object().into_iter().flatten() {
         let tensor = |array: &str| tensors.tensor(&format!("{name}/{array}")).map_err(unreadable);
         let weights = tensor(WEIGHTS)?;
+        if weights.dtype() != Dtype::F64 {
+            return Err(format!("the weights of '{name}' are of type {:?}, not F64", weights.dtype()));
+        }
         let words = weights.data().chunks_exact(8).map(|word| f64::from_le_bytes(word.try_into().expect("8 bytes")));
-        let mut arrays = Vec::new();
+        if name.contains('/') {
+            return Err(format!("'{name}' is no name of a snapshot"));
+        }
+        let kind = listed["filter"].as_str().unwrap_or_default().to_string();
+        let mut filter = FilterState { kind, arrays: Vec::new() };
         for array in listed["arrays"].as_array().into_iter().flatten().filter_map(Json::as_str) {
+            // Each would be copied again.
+            if filter.arrays.iter().any(|(known, ..)| known == array) {
+                return Err(format!("its array '{array}' is listed twice"));
+            }
             let view = tensor(&format!("filter/{array}"))?;
             let known = DTYPES.iter().find(|(dtype, _)| *dtype == view.dtype());
             let (_, kind) = known.ok_or_else(|| format!("its array '{array}' is of type {:?}", view.dtype()))?;
-            arrays.push((array.to_string(), *kind, view.shape().to_vec(), view.data().to_vec()));
+            filter.arrays.push((array.to_string(), *kind, view.shape().to_vec(), view.data().to_vec()));
         }
-        let kind = listed["filter"].as_str().unwrap_or_default().to_string();
-        let snapshot = Snapshot { weights: words.collect(), filter: FilterState { kind, arrays } };
+        let snapshot = Snapshot { weights: words.collect(), filter };
         snapshots.insert(name.clone(), snapshot);
     }
     Ok((about["header"].take(), snapshots))
@@ -94,6 +104,41 @@ mod tests {
         assert_eq!((&read["now"], &read["best"]), (&now, &best));
         for cut in [0, 7, 8, 100, bytes.len() - 1] {
             assert!(from_bytes(&bytes[..cut]).is_err(), "{cut}");
+        }
+    }
+    #[test]
+    fn extreme_an_array_listed_many_times_is_refused_before_it_is_copied() {
+        let arrays = vec![("factor".to_string(), "F64", vec![2], vec![0; 16])];
+        let now = Snapshot { weights: vec![1.0], filter: FilterState { kind: "ekf-f64".into(), arrays } };
+        let bytes = to_bytes(&json!({}), &[("now", &now)]);
+        let (_, metadata) = SafeTensors::read_metadata(&bytes).unwrap();
+        let about = metadata.metadata().clone().unwrap()[KEY].clone();
+        let with = |from: &str, to: &str| {
+            assert!(about.contains(from), "{about}");
+            let metadata = HashMap::from([(KEY.to_string(), about.replace(from, to))]);
+            let tensors = SafeTensors::deserialize(&bytes).unwrap();
+            from_bytes(&serialize(tensors.tensors(), Some(metadata)).unwrap()).unwrap_err()
+        };
+        assert!(with(r#"["factor"]"#, r#"["factor","factor"]"#).contains("'factor' is listed twice"));
+        assert!(with(r#""now""#, r#""now/filter""#).contains("no name of a snapshot"));
+    }
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig { failure_persistence: None, ..Default::default() })]
+
+        #[test]
+        fn extreme_broken_checkpoints_are_read_or_refused(
+            changes in proptest::collection::vec((proptest::prelude::any::<proptest::sample::Index>(), 0..=255u8), 1..6),
+        ) {
+            let arrays = vec![("factor".to_string(), "F32", vec![3], vec![0; 12])];
+            let now = Snapshot { weights: vec![1.0, 2.0], filter: FilterState { kind: "ekf-f32".into(), arrays } };
+            let mut bytes = to_bytes(&json!({"rows": 7}), &[("now", &now), ("best", &now)]);
+            for (at, value) in changes {
+                let at = at.index(bytes.len());
+                bytes[at] = value;
+            }
+            if let Ok((_, snapshots)) = from_bytes(&bytes) {
+                proptest::prop_assert!(snapshots.values().all(|snapshot| snapshot.weights.len() <= bytes.len() / 8));
+            }
         }
     }
 }

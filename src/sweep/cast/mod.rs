@@ -292,6 +292,7 @@ fn is_ray(origin: DVec3, dir: DVec3) -> bool {
 }
 
 /// Casts with the widest vectors of the machine; every choice gives the same bits.
+#[allow(unsafe_code)]
 fn cast_blocks(origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
     let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree.max(1) } else { 0 };
     #[cfg(target_arch = "x86_64")]

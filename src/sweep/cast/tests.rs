@@ -92,6 +92,7 @@ fn exact_ranges_on_a_plane_a_cube_and_a_cylinder() {
 }
 
 #[test]
+#[allow(unsafe_code)]
 fn equal_bits_with_every_instruction_set_and_in_every_company() {
     let shapes = (0..40)
         .map(|k| {

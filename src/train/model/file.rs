@@ -64,8 +64,12 @@ impl Model {
     /// A model from its file.
     pub fn read(path: &Path) -> Result<Model, ModelError> {
         let failed = |source| ModelError::Io { name: path.display().to_string(), source };
-        // Asked first, so that no hostile size is read into memory.
-        let length = std::fs::metadata(path).map_err(failed)?.len();
+        // Asked first, so that no hostile size is read into memory; a device has no end, and a pipe may have no writer.
+        let facts = std::fs::metadata(path).map_err(failed)?;
+        if !facts.is_file() {
+            return Err(ModelError::NotAModel { reason: "it is not a file".into() });
+        }
+        let length = facts.len();
         if length > MAX_BYTES as u64 {
             let reason = format!("{length} bytes are more than the {MAX_BYTES} that a model may have");
             return Err(ModelError::NotAModel { reason });

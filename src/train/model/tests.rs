@@ -179,7 +179,7 @@ fn extreme_contradictions_are_refused_by_name() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(256))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     /// What loads is a model that works; nothing panics.
     #[test]

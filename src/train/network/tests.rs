@@ -81,6 +81,15 @@ fn equal_instruction_sets_give_the_same_bits() {
     };
     let want = run(Isa::Portable);
     assert!(Isa::available().all(|isa| run(isa) == want));
+    // Many rows at once, a last portion that is not full among them.
+    let inputs = rows(333, 14);
+    let many = |isa: Isa| {
+        let mut outputs = vec![0.0; 333];
+        isa.run(Many { network: &network, rows: &inputs, outputs: &mut outputs });
+        outputs.iter().map(|y| y.to_bits()).collect::<Vec<_>>()
+    };
+    let want = many(Isa::Portable);
+    assert!(Isa::available().all(|isa| many(isa) == want));
 }
 
 #[test]

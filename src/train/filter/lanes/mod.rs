@@ -6,6 +6,11 @@
 //! routine of the C library and is some 30 times slower: x86-64-v3 and every aarch64 have the hardware.
 
 #[cfg(target_arch = "x86_64")]
+#[allow(
+    unsafe_code,
+    clippy::undocumented_unsafe_blocks,
+    reason = "registers; one reason stands for each type's operations"
+)]
 mod x86;
 
 use std::fmt::Debug;
@@ -78,6 +83,7 @@ impl Isa {
 
     /// Runs a kernel. `self` must come from [`Isa::available`].
     #[inline]
+    #[allow(unsafe_code)]
     pub fn run<T: Real, K: Kernel<T>>(self, kernel: K) -> K::Out {
         match self {
             // SAFETY: `available` gave this set because the CPU has it.
