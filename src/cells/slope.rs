@@ -4,6 +4,7 @@
 //! about the yard's centre (condition below 2e4 at degree 12, so 12 digits stay) by Horner's rule,
 //! first along y, then along x. Plain products and sums, never contracted: AVX2 changes the speed, not a bit.
 
+use crate::cpu::Isa;
 use crate::geometry::DVec2;
 use crate::scene::polynomial::terms;
 use crate::scene::{Ground, Polynomial};
@@ -53,8 +54,8 @@ impl GroundPlaces {
         let Some(slopes) = Slopes::of(polynomial) else { return };
         let (xs, ys, out) = (&self.x_m, &self.y_m, &mut self.slope_squared);
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the CPU has AVX2.
+        if Isa::detect() >= Isa::Avx2 {
+            // SAFETY: `detect` gave this set, or a wider one, because the CPU has it.
             unsafe { slopes.squared_avx2(xs, ys, out) };
             return;
         }

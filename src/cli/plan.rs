@@ -102,7 +102,7 @@ fn calibrate(plan: Plan, sample: u64) -> Result<Cost, Failure> {
 }
 
 /// Bytes of a shard of these scenes, and the time its encoding takes.
-fn encode(plan: &Plan, outputs: &[SceneOutput]) -> Result<(u64, Duration), Failure> {
+pub(super) fn encode(plan: &Plan, outputs: &[SceneOutput]) -> Result<(u64, Duration), Failure> {
     let count = outputs.len() as u32;
     let spec = CorpusSpec { scenes: u64::from(count), scenes_per_shard: count, ..spec_of(plan) };
     let started = Instant::now();

@@ -10,8 +10,9 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
-use super::generate::{default_threads, parse_threads, stop_on_signals};
+use super::generate::{default_threads, parse_threads};
 use super::output::out;
+use super::signals::stop_on_signals;
 use super::train::{labels_set, numbered_folder, train_failure};
 use super::{Failure, LogFormat};
 use crate::config;
