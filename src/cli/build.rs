@@ -89,6 +89,7 @@ impl Builder<'_> {
         progress.finish();
         let outcome = build_outcome(outcome, &replay)?;
         lost_hashes.map_or(Ok(()), Err)?;
+        self.place.still_there().map_err(corpus_failure)?;
         let report = report(&progress, writing, self.threads);
         self.store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
         match outcome {

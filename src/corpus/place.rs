@@ -66,7 +66,8 @@ impl<'a> Place<'a> {
         }
     }
 
-    fn still_there(&self) -> Result<(), CorpusError> {
+    /// Refuses to go on where the place is no longer the plan's.
+    pub fn still_there(&self) -> Result<(), CorpusError> {
         match owner(self.store)? {
             Some(hash) if hash == self.spec.scene_plan_hash => Ok(()),
             _ => Err(CorpusError::Vanished { place: self.store.place() }),

@@ -63,7 +63,7 @@ pub struct LocalFolder {
 }
 
 impl LocalFolder {
-    /// The folder need not exist; the first file creates it.
+    /// The folder need not exist; the first file right in it creates it.
     pub fn new(root: impl Into<PathBuf>) -> LocalFolder {
         LocalFolder { root: root.into() }
     }
@@ -84,7 +84,11 @@ impl LocalFolder {
     /// The bytes, synced, under a temporary name beside their final one.
     fn written(&self, path: &Path, bytes: &[u8]) -> std::io::Result<tempfile::NamedTempFile> {
         let folder = path.parent().unwrap_or(&self.root);
-        create_synced(folder)?;
+        // A file right in the root may be the first one; for others a root that has gone away is not made again.
+        if folder != self.root && !self.root.is_dir() {
+            return Err(std::io::Error::new(ErrorKind::NotFound, "the folder has gone away"));
+        }
+        create_synced(folder, if folder == self.root { None } else { Some(&self.root) })?;
         let mut file = locked_temporary(folder)?;
         file.write_all(bytes)?;
         file.as_file().sync_all()?;
@@ -243,13 +247,13 @@ fn is_abandoned(path: &Path) -> bool {
     File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
-/// Creates a folder and those above it; each new name is synced into the folder that holds it.
-fn create_synced(folder: &Path) -> std::io::Result<()> {
-    if folder.as_os_str().is_empty() || folder.is_dir() {
+/// Creates a folder and those above it, `root` and beyond left out; each new name is synced into the folder that holds it.
+fn create_synced(folder: &Path, root: Option<&Path>) -> std::io::Result<()> {
+    if folder.as_os_str().is_empty() || folder.is_dir() || Some(folder) == root {
         return Ok(());
     }
     if let Some(above) = folder.parent() {
-        create_synced(above)?;
+        create_synced(above, root)?;
     }
     match fs::create_dir(folder) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
@@ -270,6 +274,7 @@ mod tests {
     fn folder() -> (tempfile::TempDir, LocalFolder) {
         let dir = tempfile::tempdir().unwrap();
         let store = LocalFolder::new(dir.path().join("corpus"));
+        store.put("plan", b"").unwrap();
         (dir, store)
     }
 
@@ -350,8 +355,9 @@ mod tests {
         let (_dir, store) = folder();
         assert!(store.free_bytes().unwrap().unwrap() > 0);
         store.probe().unwrap();
-        assert_eq!(fs::read_dir(&store.root).unwrap().count(), 0, "the probe is gone");
-        fs::remove_dir(&store.root).unwrap();
+        assert_eq!(fs::read_dir(&store.root).unwrap().count(), 1, "the probe is gone");
+        fs::remove_dir_all(&store.root).unwrap();
+        assert!(store.put("data/a", b"x").is_err() && !store.root.exists(), "what has gone away is not made again");
         fs::write(&store.root, b"a file").unwrap();
         assert!(matches!(store.probe(), Err(CorpusError::Io { .. })));
     }
