@@ -5,7 +5,6 @@ nothing, and every byte is that of an undisturbed build. It returns a word for w
 """
 
 import json
-import os
 import pathlib
 import resource
 import shutil
@@ -383,6 +382,37 @@ def growth(lab, rng):
     return "grown"
 
 
+def another_program(lab, rng):
+    """Begun by a binary with another sha256 (a byte more), killed, gone on with by this one: told, and merged."""
+    twin = lab.folder / "another-marsyard"
+    if not twin.exists():
+        twin.write_bytes(pathlib.Path(lab.binary).read_bytes() + b"\0")
+        twin.chmod(0o755)
+    place = lab.fresh("fault")
+    child = subprocess.Popen([str(twin), *lab.arguments("fault")], cwd=lab.folder, stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, text=True)
+    time.sleep(rng.uniform(0, lab.seconds))
+    stop(child, KILL)
+    child.communicate()
+    theirs = len(list((place / "receipts").glob("*.json"))) if (place / "receipts").exists() else 0
+    code, _, err = lab.run(lab.arguments("fault"))
+    if code != 0:
+        raise Lost(f"exit {code}: {err[-300:]}")
+    shards = len([name for name in lab.reference if name.startswith("receipts/")])
+    if 0 < theirs < shards and f"{theirs} of the shards there were written by another marsyard" not in err:
+        raise Lost(f"not told: {err[-300:]}")
+    data = {name: sha for name, sha in files_of(place).items() if name.startswith("data/")}
+    if data != {name: sha for name, sha in lab.reference.items() if name.startswith("data/")}:
+        raise Lost("other data than the reference")
+    manifest = json.loads((place / "manifest.json").read_text())
+    if manifest["corpus_id"] != lab.corpus_id or (0 < theirs < shards) != bool(manifest.get("other_builds")):
+        raise Lost(f"the manifest does not tell the programs: {manifest.get('other_builds')}")
+    code, out, _ = lab.run(["verify", str(place)])
+    if code != 0:
+        raise Lost(out[-300:])
+    return "two programs" if 0 < theirs < shards else "one program"
+
+
 def can_mount(lab):
     try:
         with Tmpfs(lab, "size=64k"):
@@ -411,5 +441,6 @@ ALL = [
     (killed_repair, "kill -9 during verify --repair", False),
     (changed_config, "resume with a changed config", False),
     (failing_scenes, "scenes that fail, and kill -9", False),
+    (another_program, "begun by another binary, kill -9", False),
     (growth, "scenes raised, and kill -9", False),
 ]

@@ -178,10 +178,16 @@ fn law_damage_of_every_kind_is_repaired_and_foreign_things_are_left_alone() {
     type Injure<'a> = Box<dyn Fn() + 'a>;
     let injuries: [(&str, Injure); 6] = [
         ("a truncated shard", Box::new(|| truncate(&path(shard)))),
-        ("a foreign shard", Box::new(|| drop(std::fs::copy(yard.path("other").join(shard), path(shard)).expect("a copy")))),
+        (
+            "a foreign shard",
+            Box::new(|| drop(std::fs::copy(yard.path("other").join(shard), path(shard)).expect("a copy"))),
+        ),
         ("no shard", Box::new(|| std::fs::remove_file(path(shard)).expect("a file"))),
         ("a truncated receipt", Box::new(|| truncate(&path(receipt)))),
-        ("a foreign receipt", Box::new(|| drop(std::fs::copy(yard.path("other").join(receipt), path(receipt)).expect("a copy")))),
+        (
+            "a foreign receipt",
+            Box::new(|| drop(std::fs::copy(yard.path("other").join(receipt), path(receipt)).expect("a copy"))),
+        ),
         ("a truncated manifest", Box::new(|| truncate(&path("manifest.json")))),
     ];
     for (what, injure) in injuries {
@@ -197,7 +203,9 @@ fn law_damage_of_every_kind_is_repaired_and_foreign_things_are_left_alone() {
     let later = std::fs::read_to_string(path(receipt)).expect("a receipt").replace("\"format\": 1", "\"format\": 2");
     std::fs::write(path(receipt), later).expect("a receipt to change");
     let before = yard.identity("corpus");
-    for arguments in [&["generate", &config, "--out", "corpus"][..], &["verify", "corpus", "--repair"], &["finalize", "corpus"]] {
+    for arguments in
+        [&["generate", &config, "--out", "corpus"][..], &["verify", "corpus", "--repair"], &["finalize", "corpus"]]
+    {
         let output = yard.marsyard(arguments);
         assert_eq!(output.status.code(), Some(1), "{arguments:?}: {}", text(&output.stderr));
     }

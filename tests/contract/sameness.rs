@@ -78,7 +78,8 @@ fn equal_bytes_of_plain_and_vector_kernels() {
             assert_equal(&yard, &name("widest"), &name(kernels));
         }
     }
-    let refused = yard.command(["schema", "corpus"]).env("MARSYARD_KERNELS", "sse").output().expect("the binary starts");
+    let refused =
+        yard.command(["schema", "corpus"]).env("MARSYARD_KERNELS", "sse").output().expect("the binary starts");
     assert_eq!(refused.status.code(), Some(2));
     assert!(text(&refused.stderr).contains("plain, avx2, avx512"), "{}", text(&refused.stderr));
 }

@@ -54,7 +54,10 @@ fn law_a_receipt_of_another_format_is_not_damage_and_is_left_alone() {
     let found = status(&store, &spec).unwrap();
     assert_eq!((found.done.clone(), found.to_build(), found.other_format.len()), (vec![0], vec![], 1));
     let said = found.to_string();
-    assert!(said.contains("written in format 99, this program reads format 1") && said.contains("other format"), "{said}");
+    assert!(
+        said.contains("written in format 99, this program reads format 1") && said.contains("other format"),
+        "{said}"
+    );
     assert!(matches!(finalize(&store, &spec), Err(CorpusError::Gaps { missing: 1, .. })));
     let findings = verify(&store, &spec).unwrap();
     assert!(findings.iter().all(|finding| finding.shard.is_none()) && findings.len() == 1, "{findings:?}");
