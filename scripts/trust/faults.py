@@ -73,9 +73,9 @@ def file_size_limit(lab, rng):
 
 
 def address_space_limit(lab, rng):
-    """`ulimit -v`, from too little for the program to enough."""
+    """`ulimit -v`, from enough for little more than the program itself to enough for all."""
     place = lab.fresh("fault")
-    limit = rng.randint(20, 400) << 20
+    limit = rng.randint(30 << 20, 120 << 20)
     code, _, err = lab.run(lab.arguments("fault", "--threads", "2"), limits=[(resource.RLIMIT_AS, limit)])
     words = ("memory", "allocate", "unavailable", "cannot map", "failed to map")
     if code != 0 and not any(word in err for word in words):
@@ -344,7 +344,7 @@ def changed_config(lab, rng):
 
 def failing_scenes(lab, rng):
     """Scenes that always fail, and kills between: the same failures, the same bytes."""
-    sets = ("scene.ground.max_slope_deg=8", "max_failed_share=1")
+    sets = ("scene.ground.max_slope_deg=5", "max_failed_share=1")
     steep = lab.folder / "steep"
     if not steep.exists():
         lab.build("steep", sets=sets)

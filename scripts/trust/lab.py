@@ -25,12 +25,18 @@ class Lab:
         self.binary = str(pathlib.Path(binary).resolve())
         self.scenes = scenes
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="marsyard-trust-"))
-        started = time.monotonic()
         self.build("reference")
-        self.seconds = time.monotonic() - started
+        # Moments are drawn within the time of an undisturbed build, the quickest of three.
+        self.seconds = min(self.timed_build() for _ in range(3))
         self.reference = files_of(self.folder / "reference")
         self.corpus_id = corpus_id(self.folder / "reference")
         self.stages = stage_hashes(self.folder / "reference.hashes")
+
+    def timed_build(self):
+        self.fresh("timed")
+        started = time.monotonic()
+        self.build("timed")
+        return time.monotonic() - started
 
     def close(self):
         shutil.rmtree(self.folder, ignore_errors=True)

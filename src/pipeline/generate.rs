@@ -45,9 +45,10 @@ pub enum BuildError<E: std::error::Error + 'static> {
              memory is not to be trusted; the same command again, here or elsewhere, goes on"
     )]
     Unsteady { scene: u64, first: String, second: String },
-    /// A bug: what cannot be written is an error.
+    /// A library out of memory, or a bug: what cannot be written is an error.
     #[error(
-        "shard {shard} panicked while it was written: {message}; this is a bug of marsyard: please report it with the plan"
+        "shard {shard} panicked while it was written: {message}; where memory is short, fewer --threads take less, and the same \
+             command goes on; otherwise this is a bug of marsyard: please report it with the plan"
     )]
     Panic { shard: u64, message: String },
     #[error("could not start {threads} threads: {reason}")]

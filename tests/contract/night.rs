@@ -139,8 +139,8 @@ fn law_two_builds_of_one_corpus_at_once_do_not_disturb_each_other() {
 fn law_too_little_memory_ends_clearly_and_leaves_nothing_half_written() {
     let (yard, config) = with_whole();
     let mut ends = 0;
-    // From too little for the program itself to enough for all of it.
-    for megabytes in [30, 60, 90, 120, 180, 400, 4000] {
+    // From enough for little more than the program itself to enough for all of it.
+    for megabytes in [35, 45, 55, 65, 75, 100, 4000] {
         let out = format!("starved-{megabytes}");
         let limit = format!("ulimit -v {}", megabytes * 1024);
         let output = limited(&yard, &limit, &format!("generate {config} --threads 2 --out {out}"));
