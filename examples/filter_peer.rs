@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, Write};
 
+use marsyard::pipeline::clock::thread_cpu_s;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::build;
 use marsyard::train::params::{
@@ -101,17 +102,9 @@ fn rows() -> Rows {
     Rows { inputs, targets, noise: vec![1.0; ROWS] }
 }
 
-unsafe extern "C" {
-    fn clock_gettime(clock: i32, time: *mut [i64; 2]) -> i32;
-}
-
-/// Nanoseconds this thread has spent on a CPU (64-bit Linux).
+/// Nanoseconds this thread has spent on a CPU.
 fn cpu_ns() -> i64 {
-    const CLOCK_THREAD_CPUTIME_ID: i32 = 3;
-    let mut time = [0i64; 2];
-    // SAFETY: the C function writes one timespec, two 64-bit words here, into the array.
-    unsafe { clock_gettime(CLOCK_THREAD_CPUTIME_ID, &mut time) };
-    time[0] * 1_000_000_000 + time[1]
+    (1e9 * thread_cpu_s()) as i64
 }
 
 fn serve(rows: &Rows) -> Result<(), String> {

@@ -15,6 +15,7 @@ use arrow::array::{Array, AsArray, RecordBatch};
 use arrow::datatypes::{DataType, Float32Type, Int64Type};
 use clap::Parser;
 use marsyard::config::load_train;
+use marsyard::pipeline::clock::thread_cpu_s;
 use marsyard::train::memory::{self, Event, Held};
 use marsyard::train::rows::Rows;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
@@ -52,10 +53,10 @@ fn main() -> Result<(), Fault> {
     let table = Table::read(&arguments.rows)?;
     let held = Held::new(&table.features, table.of_role(0), table.of_role(1), &[1.0], &params)?;
     let mut looks = Vec::new();
-    let begun = cpu_s();
+    let begun = thread_cpu_s();
     let (mut learning_s, mut since) = (0.0, begun);
     let trained = memory::train(&params, &held, held.course(&params), &AtomicBool::new(false), &mut |event| {
-        let now = cpu_s();
+        let now = thread_cpu_s();
         match event {
             Event::Rows(_) => learning_s += now - since,
             Event::Look { look, is_best } => {
@@ -66,7 +67,7 @@ fn main() -> Result<(), Fault> {
                 looks.push(line);
             }
         }
-        since = cpu_s();
+        since = thread_cpu_s();
     })?
     .ok_or("interrupted")?;
     let outputs = held.outputs(&trained.network, &table.all());
@@ -185,17 +186,4 @@ fn write_npy(path: &Path, values: &[f64]) -> Result<(), Fault> {
     File::create(path)
         .and_then(|mut file| file.write_all(&bytes))
         .map_err(|error| format!("{}: {error}", path.display()).into())
-}
-
-unsafe extern "C" {
-    fn clock_gettime(clock: i32, time: *mut [i64; 2]) -> i32;
-}
-
-/// Seconds this thread has spent on a CPU (64-bit Linux).
-fn cpu_s() -> f64 {
-    const CLOCK_THREAD_CPUTIME_ID: i32 = 3;
-    let mut time = [0i64; 2];
-    // SAFETY: the C function writes one timespec, two 64-bit words here, into the array.
-    unsafe { clock_gettime(CLOCK_THREAD_CPUTIME_ID, &mut time) };
-    time[0] as f64 + time[1] as f64 / 1e9
 }

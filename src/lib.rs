@@ -13,6 +13,8 @@
 
 pub mod math;
 
+pub mod cpu;
+
 pub mod wide;
 
 pub mod geometry;

@@ -251,4 +251,69 @@ mod tests {
         assert!((wrap_angle(3.0 * TAU + 0.25) - 0.25).abs() < 1e-14);
         assert!((wrap_angle(-3.0 * TAU - 0.25) + 0.25).abs() < 1e-14);
     }
+
+    /// A hash over 30,000 results of `mul_add`: operands of all sizes, sums that cancel to a few bits, and subnormal results.
+    #[inline(always)]
+    fn hash_of_mul_adds() -> u64 {
+        let mut state = 0x1234_u64;
+        let mut next = || {
+            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let mut z = state;
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            z ^ (z >> 31)
+        };
+        // Sign and digits of the word, exponent from `low` on.
+        let number = |word: u64, low: u64, span: u64| {
+            f64::from_bits(word & 0x800F_FFFF_FFFF_FFFF | (low + (word >> 52 & 0x7FF) % span) << 52)
+        };
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        for k in 0..30_000 {
+            let (a, b, c) = (next(), next(), next());
+            let (a, b, c) = match k % 3 {
+                0 => (number(a, 1, 2046), number(b, 1, 2046), number(c, 1, 2046)),
+                1 => {
+                    let (a, b) = (number(a, 900, 200), number(b, 900, 200));
+                    (a, b, f64::from_bits((-(a * b)).to_bits() + c % 5 - 2))
+                }
+                _ => (number(a, 400, 200), number(b, 400, 200), number(c, 0, 60)),
+            };
+            let sum = a.mul_add(b, c);
+            let bits = if sum == 0.0 { 0 } else { sum.to_bits() };
+            for byte in bits.to_le_bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+            }
+        }
+        hash
+    }
+
+    /// From exact rational arithmetic, rounded once: Python's `float(Fraction(a) * Fraction(b) + Fraction(c))`.
+    const EXACT_MUL_ADDS: u64 = 0x08d3_a664_8e69_b623;
+
+    #[test]
+    #[allow(unsafe_code)] // Calls what the CPU was asked for.
+    fn exact_mul_add_is_rounded_once_with_and_without_the_instruction() {
+        assert_eq!(hash_of_mul_adds(), EXACT_MUL_ADDS);
+        #[cfg(target_arch = "x86_64")]
+        {
+            #[target_feature(enable = "fma")]
+            fn by_instruction() -> u64 {
+                hash_of_mul_adds()
+            }
+            if is_x86_feature_detected!("fma") {
+                // SAFETY: the machine has the instruction.
+                assert_eq!(unsafe { by_instruction() }, EXACT_MUL_ADDS);
+            }
+        }
+        // The C library's routine takes the instruction where it finds it: the same test where it is hidden.
+        const HIDDEN: (&str, &str) = ("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F");
+        if std::env::var(HIDDEN.0).as_deref() != Ok(HIDDEN.1) {
+            let this = "math::tests::exact_mul_add_is_rounded_once_with_and_without_the_instruction";
+            let tests = std::env::current_exe().unwrap();
+            let again = std::process::Command::new(tests).args(["--exact", this]).env(HIDDEN.0, HIDDEN.1).output();
+            let again = again.unwrap();
+            let said = String::from_utf8_lossy(&again.stdout);
+            assert!(again.status.success() && said.contains("1 passed"), "{said}");
+        }
+    }
 }

@@ -4,6 +4,8 @@
 //! compiler never contracts a product and a sum on its own and never reorders a sum, so that the form changes the speed and
 //! not a bit. Where `mul_add` is written out, CPUs without the instruction round alike, slowly.
 
+use crate::cpu::Isa;
+
 /// Lanes that fill the widest registers, for loops over blocks.
 pub const LANES: usize = 8;
 
@@ -20,14 +22,12 @@ pub trait Work {
 pub fn widest<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
     {
-        let fma = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-        if fma && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
-            // SAFETY: the CPU has what the function is compiled for.
-            return unsafe { avx512(work) };
-        }
-        if fma {
+        match Isa::detect() {
+            // SAFETY: `detect` gave this set because the CPU has it.
+            Isa::Avx512 => return unsafe { avx512(work) },
             // SAFETY: as above.
-            return unsafe { avx2(work) };
+            Isa::Avx2 => return unsafe { avx2(work) },
+            Isa::Portable => {}
         }
     }
     work.run()
@@ -49,18 +49,16 @@ fn avx2<W: Work>(work: W) -> W::Out {
 #[allow(unsafe_code)] // Calls what the CPU was asked for.
 #[cfg(test)]
 pub fn every_form<W: Work>(work: impl Fn() -> W) -> Vec<W::Out> {
-    let mut outs = vec![work().run()];
-    #[cfg(target_arch = "x86_64")]
-    {
-        let fma = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-        if fma {
-            // SAFETY: the CPU has what the function is compiled for.
-            outs.push(unsafe { avx2(work()) });
-        }
-        if fma && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
-            // SAFETY: as above.
-            outs.push(unsafe { avx512(work()) });
-        }
-    }
-    outs
+    let form = |isa| match isa {
+        Isa::Portable => work().run(),
+        // SAFETY: the CPU has what the function is compiled for.
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => unsafe { avx2(work()) },
+        // SAFETY: as above.
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => unsafe { avx512(work()) },
+        #[cfg(not(target_arch = "x86_64"))]
+        _ => unreachable!("only x86-64 has these sets"),
+    };
+    Isa::available().map(form).collect()
 }

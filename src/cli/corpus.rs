@@ -7,15 +7,17 @@ use clap::Args;
 use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
+use super::build::{Builder, build_outcome};
 use super::explain::plan_of;
-use super::generate::{build_outcome, corpus_failure, default_threads, judge_failures, parse_threads, stop_on_signals};
+use super::generate::{corpus_failure, default_threads, judge_failures, parse_threads};
 use super::output::{errln, out, outln};
 use super::progress::Progress;
+use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
 use crate::corpus::verify::Finding;
-use crate::corpus::{self, CorpusSpec, LocalFolder, Place, ranges, rebuild, verify};
+use crate::corpus::{self, CorpusSpec, LocalFolder, Manifest, Place, ranges, rebuild, verify};
 use crate::pipeline::Prepared;
-use crate::pipeline::generate::{self, Event, Outcome};
+use crate::pipeline::generate::{self, Event, Job, Outcome};
 
 #[derive(Debug, Args)]
 pub(super) struct PlaceArgs {
@@ -27,7 +29,7 @@ pub(super) struct PlaceArgs {
 pub(super) struct VerifyArgs {
     /// Folder of a corpus.
     place: PathBuf,
-    /// Remove the damaged shards, so that `marsyard generate` builds them anew.
+    /// Build the damaged and missing shards anew, and merge the receipts again.
     #[arg(long)]
     repair: bool,
     /// Also build N shards again, taken at random, and compare every byte: is this corpus what its plan says, and would this
@@ -78,7 +80,24 @@ fn open(place: &Path) -> Result<(CorpusSpec, LocalFolder), Failure> {
         )));
     }
     let (plan, _) = plan_of(place, &[])?;
-    Ok((plan.corpus_spec(), LocalFolder::new(place)))
+    let (spec, store) = (plan.corpus_spec(), LocalFolder::new(place));
+    // Its shards would all look like another plan's, and a repair would build them all anew.
+    match corpus::place::owner(&store).map_err(corpus_failure)? {
+        Some(owner) if owner != spec.scene_plan_hash => Err(Failure::new(
+            Failure::FAILED,
+            miette::miette!(
+                help = format!(
+                    "marsyard generate CONFIG --out {}, with the config that it was built from, writes it anew",
+                    place.display()
+                ),
+                "{}/plan.yaml: its keys give scene_plan_hash {}, its first line says {owner}: it was edited or damaged, or \
+                 written by another version of marsyard",
+                place.display(),
+                spec.scene_plan_hash
+            ),
+        )),
+        _ => Ok((spec, store)),
+    }
 }
 
 pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
@@ -112,17 +131,43 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
     shards.sort_unstable();
     shards.dedup();
-    let ranges = ranges::to_text(&shards);
-    let again = format!("marsyard generate {place}/plan.yaml --out {place}");
     if args.repair {
-        let corpus = Place::open(&store, &spec).map_err(corpus_failure)?;
-        shards.iter().try_for_each(|&shard| corpus.discard(shard)).map_err(corpus_failure)?;
-        return Err(Failure::failed(format!("shards {ranges} were damaged and are removed; build them anew: {again}")));
+        return repair(args, &spec, &store, &shards, log);
     }
-    Err(Failure::failed(format!(
-        "{} findings in shards {ranges}; cure: marsyard verify {place} --repair, then {again}",
-        findings.len()
-    )))
+    let places = if shards.is_empty() { String::new() } else { format!(" in shards {}", ranges::to_text(&shards)) };
+    Err(Failure::failed(format!("{} findings{places}; cure: marsyard verify {place} --repair", findings.len())))
+}
+
+/// Builds shards anew in place of what is there, and merges the receipts again.
+fn repair(
+    args: &VerifyArgs,
+    spec: &CorpusSpec,
+    store: &LocalFolder,
+    shards: &[u64],
+    log: LogFormat,
+) -> Result<(), Failure> {
+    let (plan, _) = plan_of(&args.place, &[])?;
+    let before = Manifest::read(store).ok().map(|manifest| manifest.corpus_id);
+    let place = Place::open(store, spec).map_err(corpus_failure)?;
+    let status = corpus::status(store, spec).map_err(corpus_failure)?;
+    shards.iter().try_for_each(|&shard| place.discard(shard)).map_err(corpus_failure)?;
+    let (prepared, threads) = (Prepared::new(plan).map_err(Failure::failed)?, args.threads);
+    let builder =
+        Builder { prepared, spec, store, place: &place, threads, keep_free_bytes: 0, stage_hashes: None, log };
+    builder.build(&status, shards, |scene| format!("marsyard explain {} --scene {scene}", args.place.display()))?;
+    let manifest = corpus::finalize(store, spec).map_err(corpus_failure)?;
+    let (place, after) = (args.place.display(), &manifest.corpus_id);
+    match before.filter(|before| before != after) {
+        Some(before) => Err(Failure::failed(format!(
+            "{place}: shards {} are built anew, but corpus_id was {before} and is {after}: the corpus was not what this program \
+             makes of its plan.yaml",
+            ranges::to_text(shards)
+        ))),
+        None => {
+            eprintln!("{place}: shards {} are built anew, corpus_id {after}", ranges::to_text(shards));
+            Ok(())
+        }
+    }
 }
 
 /// Builds shards of a sound corpus again and compares them.
@@ -141,13 +186,11 @@ fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &LocalFolder, log: LogFo
     let mut findings: Vec<Finding> = Vec::new();
     let built = generate::generate(
         &prepared,
-        &shards,
-        args.threads,
-        &*stop_on_signals()?,
+        Job { shards: &shards, threads: args.threads, stop: &*stop_on_signals()?, hashes: false },
         |event: Event<Vec<Finding>>| match event {
-            Event::Scene { output, times } => {
+            Event::Scene { output, record } => {
                 let replay = || format!("marsyard explain {} --scene {}", args.place.display(), output.scene_id);
-                progress.scene(output, times, replay);
+                progress.scene(output, &record.times, replay);
             }
             Event::Shard { written, .. } => findings.extend_from_slice(written),
         },

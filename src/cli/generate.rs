@@ -3,23 +3,18 @@
 //! The verb ties the pipeline (scenes on all threads) to the corpus (shards in a place), and talks. A shard is on disk whole
 //! or not at all, so there is nothing to repair after a crash: the same command again goes on.
 
-use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use clap::Args;
-use serde_json::json;
 
+use super::build::{Builder, Built};
 use super::output::errln;
-use super::progress::{Progress, human, si};
+use super::progress::{human, si};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::config::Plan;
-use crate::corpus::{
-    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Split, Store,
-};
+use crate::corpus::ranges::Ranges;
+use crate::corpus::{self, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, Split, Store};
 use crate::pipeline::Prepared;
-use crate::pipeline::generate::{self, BuildError, Event, Outcome};
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
@@ -28,12 +23,20 @@ pub(super) struct GenerateArgs {
     /// Folder of the corpus; default: corpora/<name>.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Build these shards only, half open; the last machine runs `marsyard finalize`.
-    #[arg(long, value_parser = parse_range, value_name = "A..B")]
-    shards: Option<Range<u64>>,
+    /// Build these shards only: half-open ranges and numbers, as `marsyard status --missing` prints them; the last machine
+    /// runs `marsyard finalize`.
+    #[arg(long, value_name = "A..B,C")]
+    shards: Option<Ranges>,
     /// Threads; never changes a byte.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
+    /// Megabytes that are to stay free on the disk; a build that would take more stops before it does.
+    #[arg(long, value_name = "MB", default_value_t = 100)]
+    keep_free_mb: u64,
+    /// Add a line of JSON to FILE for each scene, with the hashes of its stages' f64 results: what the f32 columns of two
+    /// builds would hide.
+    #[arg(long, value_name = "FILE")]
+    stage_hashes: Option<PathBuf>,
 }
 
 pub(super) fn default_threads() -> usize {
@@ -48,36 +51,42 @@ pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
-fn parse_range(text: &str) -> Result<Range<u64>, String> {
-    let parse = |s: &str| s.trim().parse::<u64>().map_err(|e| format!("'{s}': {e}"));
-    let (a, b) = text.split_once("..").ok_or("a range is A..B, half open, such as 0..8")?;
-    let range = parse(a)?..parse(b)?;
-    if range.is_empty() { Err(format!("{text} is empty: B must be greater than A")) } else { Ok(range) }
-}
-
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
     use std::io::ErrorKind;
-    let code = match &error {
+    let again = "the same command again goes on";
+    let (code, help) = match &error {
         CorpusError::Io { source, .. } => match source.kind() {
-            ErrorKind::NotADirectory
-            | ErrorKind::PermissionDenied
-            | ErrorKind::ReadOnlyFilesystem
-            | ErrorKind::NotFound => Failure::FAILED,
-            _ => Failure::TRY_AGAIN,
+            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+                (Failure::FAILED, Some("make the folder writable, or choose another".into()))
+            }
+            ErrorKind::NotADirectory | ErrorKind::NotFound => (Failure::FAILED, None),
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+                (Failure::TRY_AGAIN, Some(format!("free some space, or choose another folder; {again}")))
+            }
+            ErrorKind::FileTooLarge => (Failure::TRY_AGAIN, Some(format!("raise the limit of `ulimit -f`; {again}"))),
+            _ => (Failure::TRY_AGAIN, Some(again.into())),
         },
+        CorpusError::NoRoom { .. } | CorpusError::Vanished { .. } => (Failure::TRY_AGAIN, None),
         CorpusError::OtherPlan { .. } | CorpusError::ForeignPlan { .. } | CorpusError::BeyondPlan { .. } => {
-            Failure::USAGE
+            (Failure::USAGE, None)
         }
-        _ => Failure::FAILED,
+        _ => (Failure::FAILED, None),
     };
-    Failure::new(code, miette::Report::msg(error.to_string()))
+    Failure::new(
+        code,
+        match help {
+            Some(help) => miette::miette!(help = help, "{error}"),
+            None => miette::Report::msg(error.to_string()),
+        },
+    )
 }
 
 pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("corpora").join(&plan.name));
-    let range = shard_range(args, &plan)?;
+    check_shards(args, &plan)?;
+    let wanted = |shard: u64| args.shards.as_ref().is_none_or(|shards| shards.contains(shard));
     let spec = plan.corpus_spec();
     let store = LocalFolder::new(&out);
     let place = Place::open(&store, &spec).map_err(corpus_failure)?;
@@ -86,79 +95,38 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         store.put(&file.path, &bytes).map_err(corpus_failure)?;
     }
     let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
-    for (shard, reason) in status.damaged.iter().filter(|(shard, _)| range.contains(shard)) {
-        tracing::warn!("shard {shard} is damaged and is built anew: {reason}");
-        place.discard(*shard).map_err(corpus_failure)?;
-    }
-    let shards: Vec<u64> = status.to_build().into_iter().filter(|shard| range.contains(shard)).collect();
-    tell_start(&plan, &out, &range, &shards, args.threads, log);
+    let shards: Vec<u64> = status.to_build().into_iter().filter(|&shard| wanted(shard)).collect();
+    let all = (0..plan.shards()).filter(|&shard| wanted(shard)).count();
+    tell_start(&plan, &out, all, &shards, args.threads, log);
 
-    let prepared = Prepared::new(plan).map_err(Failure::failed)?;
-    let stop = stop_on_signals()?;
-    let mut progress = Progress::new(shards.len() as u64 * u64::from(spec.scenes_per_shard), log);
-    let mut writing = std::time::Duration::ZERO;
-    let outcome = generate::generate(
-        &prepared,
-        &shards,
-        args.threads,
-        &stop,
-        |event| match event {
-            Event::Scene { output, times } => {
-                progress.scene(output, times, || replay_command(&args.config, output.scene_id));
-            }
-            Event::Shard { shard, written, took } => {
-                writing += took;
-                progress.shard(shard, *written);
-            }
-        },
-        |shard, outputs| write_shard(&spec, &store, shard, &outputs),
-    );
-    progress.finish();
-    let outcome = build_outcome(outcome, |scene| replay_command(&args.config, scene))?;
-    let report = report(&progress, writing, args.threads);
-    store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
-    if outcome == Outcome::Interrupted {
-        return Err(Failure::new(Failure::TRY_AGAIN, interrupted()));
-    }
-    finish(&prepared.plan, &spec, &store, &progress, writing, log)
+    let builder = Builder {
+        prepared: Prepared::new(plan).map_err(Failure::failed)?,
+        spec: &spec,
+        store: &store,
+        place: &place,
+        threads: args.threads,
+        keep_free_bytes: args.keep_free_mb.saturating_mul(1_000_000),
+        stage_hashes: args.stage_hashes.as_deref(),
+        log,
+    };
+    let built = builder.build(&status, &shards, |scene| replay_command(&args.config, scene))?;
+    finish(&builder.prepared.plan, &spec, &store, wanted, &built, log)
 }
 
-/// How a build ended, or why it failed.
-pub(super) fn build_outcome(
-    built: Result<Outcome, BuildError<CorpusError>>,
-    replay: impl FnOnce(u64) -> String,
-) -> Result<Outcome, Failure> {
-    built.map_err(|error| match error {
-        BuildError::Write(error) => corpus_failure(error),
-        BuildError::Panic { scene, .. } => Failure::failed(format!("{error}\n  replay: {}", replay(scene))),
-        BuildError::Threads { .. } => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
-    })
-}
-
-fn interrupted() -> miette::Report {
-    miette::miette!(
-        help = "the same command again goes on from here",
-        "interrupted: finished shards are kept, the shard in hand was discarded"
-    )
-}
-
-fn shard_range(args: &GenerateArgs, plan: &Plan) -> Result<Range<u64>, Failure> {
-    let all = 0..plan.shards();
+fn check_shards(args: &GenerateArgs, plan: &Plan) -> Result<(), Failure> {
+    let shards = plan.shards();
     match &args.shards {
-        None => Ok(all),
-        Some(range) if range.end <= all.end => Ok(range.clone()),
-        Some(range) => Err(Failure::usage(miette::miette!(
-            help = format!("shards are numbered 0 to {}: the widest range is 0..{}", all.end - 1, all.end),
-            "--shards {}..{}: the plan has {} shards",
-            range.start,
-            range.end,
-            all.end
+        Some(ranges) if ranges.end() > shards => Err(Failure::usage(miette::miette!(
+            help = format!("shards are numbered 0 to {}: the widest range is 0..{shards}", shards - 1),
+            "--shards goes to {}: the plan has {shards} shards",
+            ranges.end()
         ))),
+        _ => Ok(()),
     }
 }
 
-fn tell_start(plan: &Plan, out: &std::path::Path, range: &Range<u64>, shards: &[u64], threads: usize, log: LogFormat) {
-    let there = (range.end - range.start) as usize - shards.len();
+fn tell_start(plan: &Plan, out: &std::path::Path, all: usize, shards: &[u64], threads: usize, log: LogFormat) {
+    let there = all - shards.len();
     if log == LogFormat::Json {
         tracing::info!(event = "start", corpus = %out.display(), shards_to_build = shards.len(), shards_there = there, threads);
         return;
@@ -169,7 +137,7 @@ fn tell_start(plan: &Plan, out: &std::path::Path, range: &Range<u64>, shards: &[
         plan.name,
         out.display(),
         shards.len(),
-        range.end - range.start,
+        all,
         plan.scenes_per_shard
     );
     split_warnings(plan).iter().for_each(|warning| errln!("warning: {warning}"));
@@ -196,57 +164,10 @@ pub(super) fn split_warnings(plan: &Plan) -> Vec<String> {
     warnings
 }
 
-/// SIGINT and SIGTERM ask the build to stop; a second one ends the process at once.
-pub(super) fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        // Order matters: the first signal finds the flag down and raises it, the second finds it up.
-        signal_hook::flag::register_conditional_shutdown(signal, i32::from(Failure::TRY_AGAIN), Arc::clone(&stop))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)))
-            .map_err(|e| Failure::failed(format!("cannot listen for signal {signal}: {e}")))?;
-    }
-    Ok(stop)
-}
-
-fn write_shard(spec: &CorpusSpec, store: &dyn Store, shard: u64, outputs: &[SceneOutput]) -> Result<u64, CorpusError> {
-    let mut writer = ShardWriter::new(spec, shard)?;
-    outputs.iter().try_for_each(|output| writer.push(output))?;
-    let finished = writer.finish()?;
-    finished.commit(store)?;
-    Ok(finished.files.iter().map(|(_, bytes)| bytes.len() as u64).sum())
-}
-
 /// The command that replays one scene, as it would be typed here.
 fn replay_command(config: &ConfigArgs, scene: u64) -> String {
     let sets: String = config.sets.iter().map(|set| format!(" --set '{set}'")).collect();
     format!("marsyard explain {} --scene {scene}{sets}", config.config.display())
-}
-
-/// Times and rates: not part of the corpus's identity.
-fn report(progress: &Progress, writing: std::time::Duration, threads: usize) -> serde_json::Value {
-    let seconds = progress.elapsed().as_secs_f64().max(1e-9);
-    let stages: serde_json::Map<_, _> = progress
-        .times
-        .spent()
-        .map(|(name, time)| (name.to_string(), time.as_secs_f64().into()))
-        .chain([("writing".to_string(), writing.as_secs_f64().into())])
-        .collect();
-    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    json!({
-        "wall_s": seconds,
-        "threads": threads,
-        "host": host.trim(),
-        "build": Build::of_this_binary(),
-        "scenes": progress.done,
-        "failed_scenes": progress.failed,
-        "rays": progress.times.rays(),
-        "cell_rows": progress.rows,
-        "scenes_per_s": progress.done as f64 / seconds,
-        "rays_per_s": progress.times.rays() as f64 / seconds,
-        "cell_rows_per_s": progress.rows as f64 / seconds,
-        "stage_thread_seconds": stages,
-    })
 }
 
 /// Finalizes when every shard of the plan is there, and judges the share of failed scenes.
@@ -254,8 +175,8 @@ fn finish(
     plan: &Plan,
     spec: &CorpusSpec,
     store: &LocalFolder,
-    progress: &Progress,
-    writing: std::time::Duration,
+    wanted: impl Fn(u64) -> bool,
+    built: &Built,
     log: LogFormat,
 ) -> Result<(), Failure> {
     let status = corpus::status(store, spec).map_err(corpus_failure)?;
@@ -263,15 +184,26 @@ fn finish(
     let missing = status.to_build();
     if missing.is_empty() {
         let manifest = corpus::finalize(store, spec).map_err(corpus_failure)?;
-        tell_end(&manifest, &place, progress, writing, log);
+        tell_end(&manifest, &place, built, log);
         return judge_failures(plan, &manifest);
+    }
+    let gone: Vec<u64> = missing.iter().copied().filter(|&shard| wanted(shard)).collect();
+    if !gone.is_empty() {
+        return Err(Failure::new(
+            Failure::TRY_AGAIN,
+            miette::miette!(
+                help = "the same command again builds them anew",
+                "{place}: shards {} were built and are not there, or damaged: somebody else, or the disk, has changed the folder",
+                corpus::ranges::to_text(&gone)
+            ),
+        ));
     }
     tracing::info!(
         "{place}: {} shards are still to be built ({}); then: marsyard finalize {place}",
         missing.len(),
         corpus::ranges::to_text(&missing)
     );
-    too_many_failures(plan, progress.failed, progress.done, "listed above")
+    too_many_failures(plan, built.progress.failed, built.progress.done, "listed above")
 }
 
 /// Refuses a finished corpus of which too many scenes failed.
@@ -293,7 +225,8 @@ fn too_many_failures(plan: &Plan, failed: u64, scenes: u64, first: &str) -> Resu
     )))
 }
 
-fn tell_end(manifest: &Manifest, place: &str, progress: &Progress, writing: std::time::Duration, log: LogFormat) {
+fn tell_end(manifest: &Manifest, place: &str, built: &Built, log: LogFormat) {
+    let Built { progress, writing } = built;
     let labels = manifest.labels();
     let cells = labels.traversable + labels.untraversable;
     let share = 100.0 * labels.untraversable as f64 / cells.max(1) as f64;

@@ -3,6 +3,7 @@
 //! Data goes to stdout, talk to stderr. Exit codes: 0 done, 1 failed, 2 bad config or usage, 75 try again (storage,
 //! interrupted).
 
+mod build;
 mod classify;
 mod corpus;
 mod evaluate;
@@ -15,6 +16,7 @@ mod plan;
 mod preview;
 mod progress;
 mod search;
+mod signals;
 mod tradeoff;
 mod train;
 
@@ -26,6 +28,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use output::out;
 
 use crate::config::{self, Kind, Plan};
+use crate::cpu;
 
 /// Training corpora for rovers that must see where they can drive.
 ///
@@ -143,7 +146,19 @@ impl Failure {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     log::start(cli.log);
-    let done = match &cli.verb {
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            log::failure(cli.log, &failure);
+            ExitCode::from(failure.code)
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<(), Failure> {
+    signals::survive_file_size_limits()?;
+    cpu::check_environment().map_err(|e| Failure::usage(miette::Report::msg(e)))?;
+    match &cli.verb {
         Verb::Plan(args) => plan::run(args),
         Verb::Generate(args) => generate::run(args, cli.log),
         Verb::Status(args) => corpus::status(args),
@@ -170,13 +185,6 @@ pub fn main() -> ExitCode {
                 &mut std::io::stdout(),
             );
             Ok(())
-        }
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            log::failure(cli.log, &failure);
-            ExitCode::from(failure.code)
         }
     }
 }

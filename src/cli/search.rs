@@ -11,8 +11,9 @@ use serde_json::json;
 
 use self::progress::Progress;
 use super::corpus::check_folder;
-use super::generate::{default_threads, parse_threads, stop_on_signals};
+use super::generate::{default_threads, parse_threads};
 use super::output::{errln, out};
+use super::signals::stop_on_signals;
 use super::train::{labels_set, numbered_folder, train_failure};
 use super::{Failure, LogFormat};
 use crate::config;

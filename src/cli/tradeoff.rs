@@ -5,8 +5,9 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::generate::{default_threads, parse_threads, stop_on_signals};
+use super::generate::{default_threads, parse_threads};
 use super::output::{errln, out};
+use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::corpus::{LocalFolder, Store};
 use crate::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};

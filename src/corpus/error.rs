@@ -21,7 +21,7 @@ pub enum CorpusError {
     BadManifest { place: String, name: String, reason: String },
     #[error(
         "{place}/{name}: written in format {there}, this program reads format {}; use the marsyard that wrote it, or build the \
-             corpus again with this one, in another place",
+             corpus again with this one, in another place; a file of which you know that it is damaged may be deleted",
         super::FORMAT
     )]
     OtherFormat { place: String, name: String, there: u64 },
@@ -41,13 +41,29 @@ pub enum CorpusError {
     BeyondPlan { place: String, shard: u64, shards: u64 },
     #[error(
         "{place}: {missing} of {shards} shards are missing or damaged ({ranges}); build them with `marsyard generate PLAN --out \
-             {place} --shards a..b`, then finalize again"
+             {place} --shards {ranges}`, then finalize again"
     )]
     Gaps { place: String, missing: u64, shards: u64, ranges: String },
+    #[error(
+        "{place}: {what} takes {} MB and {} MB are to stay free, but {} MB are free; free some space, or choose another place with \
+             --out, or another --keep-free-mb: the same command again goes on",
+        mb(*bytes), mb(*keep_bytes), mb(*free_bytes)
+    )]
+    NoRoom { place: String, what: String, bytes: u64, keep_bytes: u64, free_bytes: u64 },
+    #[error(
+        "{place} is no longer the place of this plan: it was removed, unmounted or taken by another; the shards written before lie \
+             where it went: bring it back, and the same command again goes on"
+    )]
+    Vanished { place: String },
     #[error("shard {shard}: {reason}")]
     Rows { shard: u64, reason: String },
     #[error("{name}: {source}")]
     Parquet { name: String, source: ParquetError },
     #[error("{name}: {source}")]
     Arrow { name: String, source: ArrowError },
+}
+
+/// Whole megabytes, rounded up: no room is not "0 MB".
+fn mb(bytes: u64) -> u64 {
+    bytes.div_ceil(1_000_000)
 }

@@ -9,6 +9,7 @@ use super::receipt::{self, FileFacts, Receipt};
 use super::spec::{Build, CorpusSpec};
 use super::stats::{LabelCounts, Moments, PointCounts};
 use super::{CorpusError, FORMAT, Split, Store, Table, ranges, value_hash};
+use crate::cells::FeatureColumn;
 
 pub const NAME: &str = "manifest.json";
 pub const SHARDS: &str = "shards.jsonl";
@@ -83,70 +84,104 @@ pub fn replay(scene: u64) -> String {
     format!("marsyard explain plan.yaml --scene {scene}")
 }
 
-impl Manifest {
-    /// Merges the receipts of all shards, ascending.
-    pub fn merge(spec: &CorpusSpec, receipts: &[Receipt]) -> Manifest {
-        let mut tables: BTreeMap<Table, TableTotals> = BTreeMap::new();
-        let mut splits: BTreeMap<Split, SplitTotals> =
-            Split::ALL.iter().map(|&split| (split, SplitTotals::default())).collect();
-        let mut moments = vec![Moments::default(); spec.features.len()];
-        let mut points = PointCounts::default();
-        let mut failed = Vec::new();
-        for receipt in receipts {
-            points = points + receipt.points;
-            let split = splits.entry(receipt.split).or_default();
-            split.shards += 1;
-            split.scenes += receipt.scenes[1] - receipt.scenes[0];
-            split.failed_scenes += receipt.failed.len() as u64;
-            split.labels = split.labels + receipt.labels;
-            for (&table, facts) in &receipt.tables {
-                *split.rows.entry(table).or_default() += facts.rows;
-                let totals = tables.entry(table).or_default();
-                totals.rows += facts.rows;
-                totals.bytes += facts.bytes;
-            }
-            if receipt.split == Split::Train {
-                for (merged, of_shard) in moments.iter_mut().zip(&receipt.features) {
-                    *merged = merged.merge(&of_shard.moments);
-                }
-            }
-            failed.extend(receipt.failed.iter().map(|scene| FailedEntry {
-                scene: scene.scene,
-                error: scene.error.clone(),
-                replay: replay(scene.scene),
-            }));
+/// Receipts, one after another in shard order -> the manifest and `shards.jsonl`. Holds one line of text a shard, no receipts.
+pub struct Merge<'a> {
+    spec: &'a CorpusSpec,
+    tables: BTreeMap<Table, TableTotals>,
+    splits: BTreeMap<Split, SplitTotals>,
+    moments: Vec<Moments>,
+    points: PointCounts,
+    failed: Vec<FailedEntry>,
+    value_hashes: Vec<String>,
+    /// Each program with the shards that it wrote; the first is that of the first shard.
+    builds: Vec<(Build, Vec<u64>)>,
+    lines: String,
+}
+
+impl<'a> Merge<'a> {
+    pub fn new(spec: &'a CorpusSpec) -> Merge<'a> {
+        Merge {
+            spec,
+            tables: BTreeMap::new(),
+            splits: Split::ALL.iter().map(|&split| (split, SplitTotals::default())).collect(),
+            moments: vec![Moments::default(); spec.features.len()],
+            points: PointCounts::default(),
+            failed: Vec::new(),
+            value_hashes: Vec::new(),
+            builds: Vec::new(),
+            lines: String::new(),
         }
-        let value_hashes = receipts.iter().flat_map(|r| r.tables.values()).map(|facts| facts.value_hash.as_str());
-        let (build, other_builds) = builds(receipts);
-        Manifest {
+    }
+
+    /// The next shard's receipt.
+    pub fn add(&mut self, receipt: &Receipt) {
+        self.points = self.points + receipt.points;
+        let split = self.splits.entry(receipt.split).or_default();
+        split.shards += 1;
+        split.scenes += receipt.scenes[1] - receipt.scenes[0];
+        split.failed_scenes += receipt.failed.len() as u64;
+        split.labels = split.labels + receipt.labels;
+        for (&table, facts) in &receipt.tables {
+            *split.rows.entry(table).or_default() += facts.rows;
+            let totals = self.tables.entry(table).or_default();
+            totals.rows += facts.rows;
+            totals.bytes += facts.bytes;
+            self.value_hashes.push(facts.value_hash.clone());
+        }
+        if receipt.split == Split::Train {
+            for (merged, of_shard) in self.moments.iter_mut().zip(&receipt.features) {
+                *merged = merged.merge(&of_shard.moments);
+            }
+        }
+        self.failed.extend(receipt.failed.iter().map(|scene| FailedEntry {
+            scene: scene.scene,
+            error: scene.error.clone(),
+            replay: replay(scene.scene),
+        }));
+        match self.builds.iter_mut().find(|(build, _)| *build == receipt.build) {
+            Some((_, shards)) => shards.push(receipt.shard),
+            None => self.builds.push((receipt.build.clone(), vec![receipt.shard])),
+        }
+        let tables = receipt.tables.clone();
+        let line = ShardLine { shard: receipt.shard, split: receipt.split, scenes: receipt.scenes, tables };
+        self.lines += &serde_json::to_string(&line).expect("a line is plain data");
+        self.lines.push('\n');
+    }
+
+    /// The manifest, and `shards.jsonl` as text.
+    pub fn finish(self) -> (Manifest, String) {
+        let spec = self.spec;
+        let summary = |(feature, moments): (&FeatureColumn, Moments)| FeatureSummary {
+            name: feature.name.clone(),
+            unit: feature.unit.into(),
+            moments,
+        };
+        let mut builds = self.builds.into_iter();
+        let build = builds.next().map(|(build, _)| build).unwrap_or_default();
+        let named = |(build, shards): (Build, Vec<u64>)| OtherBuild { shards: ranges::to_text(&shards), build };
+        let manifest = Manifest {
             format: FORMAT,
             name: spec.name.clone(),
             seed: spec.seed,
             scene_plan_hash: spec.scene_plan_hash.clone(),
-            corpus_id: value_hash::corpus_id(value_hashes),
+            corpus_id: value_hash::corpus_id(self.value_hashes.iter().map(String::as_str)),
             scenes: spec.scenes,
             scenes_per_shard: spec.scenes_per_shard,
             shards: spec.shards(),
             families: spec.families.clone(),
-            tables,
-            splits,
-            features: spec
-                .features
-                .iter()
-                .zip(moments)
-                .map(|(feature, moments)| FeatureSummary {
-                    name: feature.name.clone(),
-                    unit: feature.unit.into(),
-                    moments,
-                })
-                .collect(),
-            points,
-            failed,
+            tables: self.tables,
+            splits: self.splits,
+            features: spec.features.iter().zip(self.moments).map(summary).collect(),
+            points: self.points,
+            failed: self.failed,
             build,
-            other_builds,
-        }
+            other_builds: builds.map(named).collect(),
+        };
+        (manifest, self.lines)
     }
+}
 
+impl Manifest {
     pub fn write(&self, store: &dyn Store) -> Result<(), CorpusError> {
         let text = serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n";
         store.replace(NAME, text.as_bytes())
@@ -171,20 +206,6 @@ impl Manifest {
     }
 }
 
-/// The first shard's program, and the others with the shards that they wrote.
-fn builds(receipts: &[Receipt]) -> (Build, Vec<OtherBuild>) {
-    let first = receipts.first().map(|receipt| receipt.build.clone()).unwrap_or_default();
-    let mut others: Vec<(Build, Vec<u64>)> = Vec::new();
-    for receipt in receipts.iter().filter(|receipt| receipt.build != first) {
-        match others.iter_mut().find(|(build, _)| *build == receipt.build) {
-            Some((_, shards)) => shards.push(receipt.shard),
-            None => others.push((receipt.build.clone(), vec![receipt.shard])),
-        }
-    }
-    let named = |(build, shards): (Build, Vec<u64>)| OtherBuild { shards: ranges::to_text(&shards), build };
-    (first, others.into_iter().map(named).collect())
-}
-
 /// One line of `shards.jsonl`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ShardLine {
@@ -192,16 +213,6 @@ pub struct ShardLine {
     pub split: Split,
     pub scenes: [u64; 2],
     pub tables: BTreeMap<Table, FileFacts>,
-}
-
-/// `shards.jsonl` as text.
-pub fn shard_lines(receipts: &[Receipt]) -> String {
-    let line = |receipt: &Receipt| {
-        let tables = receipt.tables.clone();
-        let line = ShardLine { shard: receipt.shard, split: receipt.split, scenes: receipt.scenes, tables };
-        serde_json::to_string(&line).expect("a line is plain data") + "\n"
-    };
-    receipts.iter().map(line).collect()
 }
 
 /// `shards.jsonl` read back.

@@ -3,8 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
+use rayon::prelude::*;
+
+use super::manifest::{self, Merge};
 use super::receipt::{self, Receipt};
-use super::{CorpusError, CorpusSpec, Manifest, Store, Table, card, croissant, manifest, ranges};
+use super::shard::FinishedShard;
+use super::{Build, CorpusError, CorpusSpec, Manifest, Store, Table, card, croissant, ranges};
 
 const PLAN: &str = "plan.yaml";
 const PLAN_HEAD: &str = "# scene_plan_hash: ";
@@ -41,7 +45,33 @@ impl<'a> Place<'a> {
             return Err(CorpusError::BeyondPlan { place: store.place(), shard, shards: spec.shards() });
         }
         store.replace(PLAN, text.as_bytes())?;
-        Ok(Place { store, spec })
+        let place = Place { store, spec };
+        place.sweep()?;
+        Ok(place)
+    }
+
+    /// Removes what crashed builds left; what a live one is writing stays.
+    fn sweep(&self) -> Result<(), CorpusError> {
+        let data = Table::ALL.map(|table| format!("data/{}", table.name()));
+        let folders = ["", receipt::FOLDER].into_iter().chain(data.iter().map(String::as_str));
+        folders.into_iter().try_for_each(|folder| self.store.sweep_temporaries(folder))
+    }
+
+    /// Puts a shard, where the place is still the plan's: not removed, unmounted or taken by another since it was opened.
+    pub fn commit(&self, shard: &FinishedShard) -> Result<(), CorpusError> {
+        self.still_there()?;
+        match shard.commit(self.store) {
+            Ok(_) => Ok(()),
+            Err(error) => self.still_there().and(Err(error)),
+        }
+    }
+
+    /// Refuses to go on where the place is no longer the plan's.
+    pub fn still_there(&self) -> Result<(), CorpusError> {
+        match owner(self.store)? {
+            Some(hash) if hash == self.spec.scene_plan_hash => Ok(()),
+            _ => Err(CorpusError::Vanished { place: self.store.place() }),
+        }
     }
 
     /// The shard is there, whole: its receipt, and every table with the size that the receipt says.
@@ -56,10 +86,21 @@ impl<'a> Place<'a> {
     }
 }
 
+/// The scene_plan_hash of the plan that a place belongs to, as the first line of its plan.yaml says; `None` where there is none.
+pub fn owner(store: &dyn Store) -> Result<Option<String>, CorpusError> {
+    if store.size(PLAN)?.is_none() {
+        return Ok(None);
+    }
+    let head = store.read_range(PLAN, 0, PLAN_HEAD.len() + 64)?;
+    let hash = std::str::from_utf8(&head).ok().and_then(|head| head.strip_prefix(PLAN_HEAD));
+    Ok(hash.and_then(|hash| hash.lines().next()).map(|hash| hash.trim().to_string()))
+}
+
 enum ShardState {
     Done(Box<Receipt>),
     Missing,
     Damaged(String),
+    OtherFormat(CorpusError),
 }
 
 fn shard_state(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<ShardState, CorpusError> {
@@ -69,6 +110,11 @@ fn shard_state(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<Shard
     let receipt = match Receipt::read(store, shard, &spec.scene_plan_hash) {
         Ok(receipt) => receipt,
         Err(error @ CorpusError::BadReceipt { .. }) => return Ok(ShardState::Damaged(error.to_string())),
+        Err(error @ CorpusError::OtherFormat { .. }) => return Ok(ShardState::OtherFormat(error)),
+        // Removed since the line above, by a build that makes the shard anew.
+        Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            return Ok(ShardState::Missing);
+        }
         Err(error) => return Err(error),
     };
     for table in &spec.tables {
@@ -96,9 +142,15 @@ pub struct Status {
     pub missing: Vec<u64>,
     /// There, but not as the receipt says; and why.
     pub damaged: Vec<(u64, String)>,
+    /// There, in a format that this program does not read: not damaged, so nothing to build anew; and why.
+    pub other_format: Vec<(u64, String)>,
     /// Done, with scenes that failed.
     pub with_failed_scenes: Vec<u64>,
     pub failed_scenes: u64,
+    /// Bytes of the shards that are done.
+    pub bytes: u64,
+    /// Programs that wrote the shards that are done, with how many.
+    pub builds: Vec<(Build, u64)>,
 }
 
 impl Status {
@@ -108,50 +160,80 @@ impl Status {
             self.missing.iter().copied().chain(self.damaged.iter().map(|(shard, _)| *shard)).collect();
         all.into_iter().collect()
     }
+
+    /// Shards without which there is no whole corpus, ascending.
+    fn gaps(&self) -> Vec<u64> {
+        let mut gaps = self.to_build();
+        gaps.extend(self.other_format.iter().map(|(shard, _)| *shard));
+        gaps.sort_unstable();
+        gaps
+    }
+
+    fn add_done(&mut self, receipt: &Receipt) {
+        self.done.push(receipt.shard);
+        if !receipt.failed.is_empty() {
+            self.with_failed_scenes.push(receipt.shard);
+            self.failed_scenes += receipt.failed.len() as u64;
+        }
+        self.bytes += receipt.tables.values().map(|file| file.bytes).sum::<u64>();
+        match self.builds.iter_mut().find(|(build, _)| *build == receipt.build) {
+            Some((_, shards)) => *shards += 1,
+            None => self.builds.push((receipt.build.clone(), 1)),
+        }
+    }
 }
 
 impl fmt::Display for Status {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let damaged: Vec<u64> = self.damaged.iter().map(|(shard, _)| *shard).collect();
+        let numbers = |shards: &[(u64, String)]| shards.iter().map(|(shard, _)| *shard).collect::<Vec<_>>();
+        let (damaged, other) = (numbers(&self.damaged), numbers(&self.other_format));
         writeln!(f, "{}: {} shards", self.place, self.shards)?;
         for (word, shards) in [("done", &self.done), ("missing", &self.missing), ("damaged", &damaged)] {
             writeln!(f, "  {word:<8} {:>7}  {}", shards.len(), ranges::to_text(shards))?;
         }
+        if !other.is_empty() {
+            writeln!(f, "  other format {:>3}  {}", other.len(), ranges::to_text(&other))?;
+        }
         let failed = (self.failed_scenes, ranges::to_text(&self.with_failed_scenes));
         writeln!(f, "  failed scenes {:>2}  in shards {}", failed.0, failed.1)?;
-        self.damaged.iter().try_for_each(|(shard, reason)| writeln!(f, "  shard {shard}: {reason}"))
+        self.damaged.iter().chain(&self.other_format).try_for_each(|(shard, why)| writeln!(f, "  shard {shard}: {why}"))
     }
 }
 
 /// Looks at every shard of the plan: receipts and sizes, no contents (`verify` reads those).
 pub fn status(store: &dyn Store, spec: &CorpusSpec) -> Result<Status, CorpusError> {
-    Ok(survey(store, spec)?.0)
+    survey(store, spec, |_| ())
 }
 
-fn survey(store: &dyn Store, spec: &CorpusSpec) -> Result<(Status, Vec<Receipt>), CorpusError> {
+/// Receipts that are read at a time, on all threads.
+const BLOCK: u64 = 1024;
+
+/// Looks at every shard, and shows the receipts of those that are done, in shard order; few are in memory at a time.
+fn survey(store: &dyn Store, spec: &CorpusSpec, mut done: impl FnMut(&Receipt)) -> Result<Status, CorpusError> {
     let mut status = Status { place: store.place(), shards: spec.shards(), ..Status::default() };
-    let mut receipts = Vec::new();
-    for shard in 0..spec.shards() {
-        match shard_state(store, spec, shard)? {
-            ShardState::Missing => status.missing.push(shard),
-            ShardState::Damaged(reason) => status.damaged.push((shard, reason)),
-            ShardState::Done(receipt) => {
-                status.done.push(shard);
-                if !receipt.failed.is_empty() {
-                    status.with_failed_scenes.push(shard);
-                    status.failed_scenes += receipt.failed.len() as u64;
+    for first in (0..spec.shards()).step_by(BLOCK as usize) {
+        let block = first..spec.shards().min(first + BLOCK);
+        let states: Vec<_> = block.clone().into_par_iter().map(|shard| shard_state(store, spec, shard)).collect();
+        for (shard, state) in block.zip(states) {
+            match state? {
+                ShardState::Missing => status.missing.push(shard),
+                ShardState::Damaged(reason) => status.damaged.push((shard, reason)),
+                ShardState::OtherFormat(error) => status.other_format.push((shard, error.to_string())),
+                ShardState::Done(receipt) => {
+                    status.add_done(&receipt);
+                    done(&receipt);
                 }
-                receipts.push(*receipt);
             }
         }
     }
-    Ok((status, receipts))
+    Ok(status)
 }
 
 /// Merges the receipts of whoever built the shards into `shards.jsonl`, `manifest.json`, card and Croissant; refuses gaps.
 pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
-    let (status, receipts) = survey(store, spec)?;
-    let gaps = status.to_build();
+    let mut merge = Merge::new(spec);
+    let status = survey(store, spec, |receipt| merge.add(receipt))?;
+    let gaps = status.gaps();
     if !gaps.is_empty() {
         return Err(CorpusError::Gaps {
             place: store.place(),
@@ -160,16 +242,13 @@ pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, Corpus
             ranges: ranges::to_text(&gaps),
         });
     }
-    let manifest = Manifest::merge(spec, &receipts);
-    store.replace(manifest::SHARDS, manifest::shard_lines(&receipts).as_bytes())?;
+    let (manifest, lines) = merge.finish();
+    store.replace(manifest::SHARDS, lines.as_bytes())?;
     store.replace(card::NAME, card::text(spec, &manifest).as_bytes())?;
     store.replace(croissant::NAME, croissant::text(spec, &manifest).as_bytes())?;
     // Last: whoever waits for the manifest finds the rest.
     manifest.write(store)?;
-    store.sweep_temporaries(receipt::FOLDER)?;
-    for table in Table::ALL {
-        store.sweep_temporaries(&format!("data/{}", table.name()))?;
-    }
+    Place { store, spec }.sweep()?;
     Ok(manifest)
 }
 
@@ -207,7 +286,9 @@ pub fn difference(there: &str, here: &str) -> String {
     });
     let lines: Vec<String> = lines.collect();
     if lines.is_empty() {
-        "  (no key differs: another version of marsyard made the other hash)".into()
+        "  (no key differs: another version of marsyard made the other hash, or the first line of plan.yaml is damaged; if so, \
+             delete plan.yaml, and the same command goes on)"
+            .into()
     } else {
         lines.join("\n")
     }

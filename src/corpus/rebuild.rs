@@ -63,11 +63,7 @@ fn other_program(there: &Build, here: &Build) -> String {
     if there == here {
         return String::new();
     }
-    let name = |build: &Build| {
-        let start = |text: &str| text.chars().take(12).collect::<String>();
-        format!("{} (commit {}, binary {})", build.version, start(&build.commit), start(&build.binary_sha256))
-    };
-    format!("; the corpus is by marsyard {}, this is {}", name(there), name(here))
+    format!("; the corpus is by marsyard {there}, this is {here}")
 }
 
 /// The first place at which two versions of a table differ.

@@ -34,6 +34,12 @@ pub struct Receipt {
     pub build: Build,
 }
 
+/// What a receipt of any format says.
+#[derive(Deserialize)]
+struct Format {
+    format: u64,
+}
+
 /// A data file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -86,11 +92,13 @@ impl Receipt {
         let name = Receipt::path(shard);
         let bytes = store.read(&name)?;
         let bad = |reason: String| CorpusError::BadReceipt { place: store.place(), name: name.clone(), reason };
+        // The format first: the rest of another format's receipt cannot be known, and it may be sound.
+        let stated = serde_json::from_slice::<Format>(&bytes).ok().map(|stated| stated.format);
+        if let Some(there) = stated.filter(|&there| there != u64::from(FORMAT)) {
+            return Err(CorpusError::OtherFormat { place: store.place(), name, there });
+        }
         let receipt: Receipt =
             serde_json::from_slice(&bytes).map_err(|error| bad(format!("not a whole receipt ({error})")))?;
-        if receipt.format != FORMAT {
-            return Err(bad(format!("written in format {}, this program writes format {FORMAT}", receipt.format)));
-        }
         if receipt.scene_plan_hash != scene_plan_hash {
             let short = |hash: &str| hash.chars().take(12).collect::<String>();
             let (theirs, ours) = (short(&receipt.scene_plan_hash), short(scene_plan_hash));

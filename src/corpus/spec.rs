@@ -1,5 +1,6 @@
 //! What the corpus is told: the plan's facts about the whole, and one scene's rows.
 
+use std::fmt;
 use std::sync::OnceLock;
 
 use schemars::JsonSchema;
@@ -126,6 +127,13 @@ pub struct Build {
     pub binary_sha256: String,
     pub rustc: String,
     pub target: String,
+}
+
+impl fmt::Display for Build {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let start = |text: &str| text.chars().take(12).collect::<String>();
+        write!(f, "{} (commit {}, binary {})", self.version, start(&self.commit), start(&self.binary_sha256))
+    }
 }
 
 impl Build {

@@ -3,11 +3,12 @@
 //! A [`Store`] holds whole files under names such as `data/cells/train-0000007.parquet`. A file is there whole or not at
 //! all: it is written to a temporary name of its own, synced, and renamed without replacing; then the folder is synced.
 //! Two writers of the same bytes are both right. What ends in a crash is a file whose name begins with `.tmp-`; it is never
-//! listed and never taken for whole.
+//! listed and never taken for whole. A live writer holds a lock on each of its temporary files, and the lock ends with the
+//! process, however it ends: who sweeps removes only what it can lock itself.
 
 use std::fs::{self, File, Permissions};
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -39,8 +40,16 @@ pub trait Store: Send + Sync {
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError>;
     /// Removes a file; no such file is fine.
     fn remove(&self, name: &str) -> Result<(), CorpusError>;
-    /// Removes what crashed writers left in a folder; for when nobody writes.
+    /// Removes what crashed writers left in a folder (or, for "", beside the folders); what a live writer holds stays.
     fn sweep_temporaries(&self, folder: &str) -> Result<(), CorpusError>;
+    /// Bytes that may still be written, where the place can say.
+    fn free_bytes(&self) -> Result<Option<u64>, CorpusError> {
+        Ok(None)
+    }
+    /// Writes a little and removes it: a place that cannot be written is better told before hours of work.
+    fn probe(&self) -> Result<(), CorpusError> {
+        Ok(())
+    }
     /// A handle of its own, for readers that outlive a borrow.
     fn share(&self) -> Arc<dyn Store>;
     /// The place as the user named it, for messages only.
@@ -54,7 +63,7 @@ pub struct LocalFolder {
 }
 
 impl LocalFolder {
-    /// The folder need not exist; the first file creates it.
+    /// The folder need not exist; the first file right in it creates it.
     pub fn new(root: impl Into<PathBuf>) -> LocalFolder {
         LocalFolder { root: root.into() }
     }
@@ -75,12 +84,12 @@ impl LocalFolder {
     /// The bytes, synced, under a temporary name beside their final one.
     fn written(&self, path: &Path, bytes: &[u8]) -> std::io::Result<tempfile::NamedTempFile> {
         let folder = path.parent().unwrap_or(&self.root);
-        create_synced(folder)?;
-        // Mode 666 less the umask, as any other new file: others shall read a corpus.
-        let mut file = tempfile::Builder::new()
-            .prefix(&format!("{TEMPORARY}{}-", std::process::id()))
-            .permissions(Permissions::from_mode(0o666))
-            .tempfile_in(folder)?;
+        // A file right in the root may be the first one; for others a root that has gone away is not made again.
+        if folder != self.root && !self.root.is_dir() {
+            return Err(std::io::Error::new(ErrorKind::NotFound, "the folder has gone away"));
+        }
+        create_synced(folder, if folder == self.root { None } else { Some(&self.root) })?;
+        let mut file = locked_temporary(folder)?;
         file.write_all(bytes)?;
         file.as_file().sync_all()?;
         Ok(file)
@@ -183,10 +192,10 @@ impl Store for LocalFolder {
     }
 
     fn sweep_temporaries(&self, folder: &str) -> Result<(), CorpusError> {
-        let Ok(entries) = fs::read_dir(self.path(folder)?) else { return Ok(()) };
+        let path = if folder.is_empty() { self.root.clone() } else { self.path(folder)? };
+        let Ok(entries) = fs::read_dir(path) else { return Ok(()) };
         for entry in entries.flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            if name.starts_with(TEMPORARY) {
+            if entry.file_name().to_string_lossy().starts_with(TEMPORARY) && is_abandoned(&entry.path()) {
                 match fs::remove_file(entry.path()) {
                     Err(error) if error.kind() != ErrorKind::NotFound => return Err(self.failed(folder)(error)),
                     _ => {}
@@ -194,6 +203,17 @@ impl Store for LocalFolder {
             }
         }
         Ok(())
+    }
+
+    fn free_bytes(&self) -> Result<Option<u64>, CorpusError> {
+        // The folder may not be there yet: the nearest one above it is on the same disk.
+        let here = self.root.ancestors().find(|path| path.is_dir()).filter(|path| !path.as_os_str().is_empty());
+        let facts = rustix::fs::statvfs(here.unwrap_or(Path::new("."))).map_err(|e| self.failed("")(e.into()))?;
+        Ok(Some(facts.f_bavail.saturating_mul(facts.f_frsize)))
+    }
+
+    fn probe(&self) -> Result<(), CorpusError> {
+        self.written(&self.root.join("probe"), b"marsyard").map(drop).map_err(self.failed(""))
     }
 
     fn share(&self) -> Arc<dyn Store> {
@@ -205,13 +225,35 @@ impl Store for LocalFolder {
     }
 }
 
-/// Creates a folder and those above it; each new name is synced into the folder that holds it.
-fn create_synced(folder: &Path) -> std::io::Result<()> {
-    if folder.as_os_str().is_empty() || folder.is_dir() {
+/// A new file that says, by its lock, that its writer lives.
+fn locked_temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    loop {
+        // Mode 666 less the umask, as any other new file: others shall read a corpus.
+        let file = tempfile::Builder::new()
+            .prefix(&format!("{TEMPORARY}{}-", std::process::id()))
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder)?;
+        match file.as_file().lock() {
+            // Between its creation and its lock, another process may have taken it for abandoned.
+            Ok(()) if file.as_file().metadata()?.nlink() == 0 => {}
+            // A file system without locks: nobody there can take the lock, so nobody takes the file for abandoned.
+            Ok(()) | Err(_) => return Ok(file),
+        }
+    }
+}
+
+/// Nobody holds the temporary file; where that cannot be known, somebody does.
+fn is_abandoned(path: &Path) -> bool {
+    File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+}
+
+/// Creates a folder and those above it, `root` and beyond left out; each new name is synced into the folder that holds it.
+fn create_synced(folder: &Path, root: Option<&Path>) -> std::io::Result<()> {
+    if folder.as_os_str().is_empty() || folder.is_dir() || Some(folder) == root {
         return Ok(());
     }
     if let Some(above) = folder.parent() {
-        create_synced(above)?;
+        create_synced(above, root)?;
     }
     match fs::create_dir(folder) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
@@ -232,6 +274,7 @@ mod tests {
     fn folder() -> (tempfile::TempDir, LocalFolder) {
         let dir = tempfile::tempdir().unwrap();
         let store = LocalFolder::new(dir.path().join("corpus"));
+        store.put("plan", b"").unwrap();
         (dir, store)
     }
 
@@ -266,6 +309,57 @@ mod tests {
         assert!(store.read("data/.tmp-4711-x1").is_err());
         store.sweep_temporaries("data").unwrap();
         assert_eq!(fs::read_dir(store.root.join("data")).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn law_the_temporary_files_of_a_live_writer_are_never_swept() {
+        let (_dir, store) = folder();
+        store.put("data/a", b"whole").unwrap();
+        let live = locked_temporary(&store.root.join("data")).unwrap();
+        fs::write(store.root.join("data/.tmp-1-dead"), b"half").unwrap();
+        fs::write(store.root.join(".tmp-1-dead"), b"half").unwrap();
+        store.sweep_temporaries("data").unwrap();
+        store.sweep_temporaries("").unwrap();
+        assert!(live.path().exists() && !store.root.join("data/.tmp-1-dead").exists());
+        assert!(!store.root.join(".tmp-1-dead").exists());
+        let abandoned = live.path().to_path_buf();
+        // The lock ends with the file's handle, as it does with the process.
+        let (handle, path) = live.keep().unwrap();
+        drop(handle);
+        assert_eq!(path, abandoned);
+        store.sweep_temporaries("data").unwrap();
+        assert!(!abandoned.exists());
+    }
+
+    #[test]
+    fn law_writers_and_sweepers_at_once_lose_nothing() {
+        let (_dir, store) = folder();
+        let over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let sweeper = scope.spawn(|| {
+                while !over.load(std::sync::atomic::Ordering::Relaxed) {
+                    store.sweep_temporaries("data").unwrap();
+                }
+            });
+            for k in 0..200 {
+                assert_eq!(store.put(&format!("data/{k}"), &[k as u8; 1000]).unwrap(), Put::Created);
+            }
+            over.store(true, std::sync::atomic::Ordering::Relaxed);
+            sweeper.join().unwrap();
+        });
+        assert_eq!(store.list("data").unwrap().len(), 200);
+    }
+
+    #[test]
+    fn law_a_place_says_what_is_free_and_whether_it_can_be_written() {
+        let (_dir, store) = folder();
+        assert!(store.free_bytes().unwrap().unwrap() > 0);
+        store.probe().unwrap();
+        assert_eq!(fs::read_dir(&store.root).unwrap().count(), 1, "the probe is gone");
+        fs::remove_dir_all(&store.root).unwrap();
+        assert!(store.put("data/a", b"x").is_err() && !store.root.exists(), "what has gone away is not made again");
+        fs::write(&store.root, b"a file").unwrap();
+        assert!(matches!(store.probe(), Err(CorpusError::Io { .. })));
     }
 
     #[test]

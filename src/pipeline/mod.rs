@@ -25,7 +25,7 @@ use crate::slam::Estimate;
 use crate::sweep::{self, Caster, Pattern, Sweep};
 
 use localise::Localiser;
-pub use watch::{Hashes, NoWatch, StageTimes, Watch};
+pub use watch::{Hashes, NoWatch, Record, StageTimes, Watch};
 
 /// A plan with what is worked out once for all its scenes.
 pub struct Prepared {

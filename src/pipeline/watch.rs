@@ -120,3 +120,29 @@ impl Watch for Hashes {
         }
     }
 }
+
+/// What a build keeps of each scene: times, and hashes where they are asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    pub times: StageTimes,
+    pub hashes: Option<Hashes>,
+}
+
+impl Watch for Record {
+    fn begin(&mut self) {
+        self.times.begin();
+    }
+
+    fn end(&mut self, stage: Stage, hash: impl FnOnce(&mut blake3::Hasher)) {
+        self.times.end(stage, |_| ());
+        if let Some(hashes) = &mut self.hashes {
+            hashes.end(stage, hash);
+            // Hashing is nobody's stage.
+            self.times.begin();
+        }
+    }
+
+    fn count_rays(&mut self, rays: u64) {
+        self.times.count_rays(rays);
+    }
+}

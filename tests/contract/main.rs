@@ -8,6 +8,8 @@ mod cli;
 mod golden;
 /// Judging and exporting: reports, exit codes, faults with their cures.
 mod judging;
+/// Signals, full disks, folders that go away, other programs, too little memory.
+mod night;
 /// The same plan gives the same bytes.
 mod sameness;
 /// Scans of every pattern, from a corpus to a classified cloud.

@@ -164,24 +164,13 @@ fn law_another_rule_gives_other_labels_and_is_recorded() {
 #[ignore = "builds two corpora of 20 and 400 shards: cargo test --release --test contract memory -- --ignored"]
 fn law_memory_does_not_grow_with_the_corpus() {
     let yard = Yard::new();
-    // The kernel's own high-water mark, read until the process is gone.
     let peak_kb = |name: &str, scenes: &str, epochs: &str| {
         yard.generate(&corpus_config(), name, &["--set", &format!("scenes={scenes}")]);
         let epochs = format!("epochs={epochs}");
         let arguments = ["train", name, "--set", &epochs, "--set", "patience=1000", "--threads", "2"];
         let mut command = yard.command(arguments);
         let mut child = command.stdout(std::process::Stdio::null()).spawn().expect("the binary starts");
-        let status = PathBuf::from(format!("/proc/{}/status", child.id()));
-        let mut peak = 0.0_f64;
-        while child.try_wait().expect("a child to wait for").is_none() {
-            let text = std::fs::read_to_string(&status).unwrap_or_default();
-            let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-            let kb = line.and_then(|line| line.trim_end_matches("kB").trim().parse().ok());
-            peak = peak.max(kb.unwrap_or(0.0));
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        assert!(child.wait().expect("a child to wait for").success());
-        peak
+        yard.peak_kb(&mut child)
     };
     let (small, large) = (peak_kb("small", "40", "20"), peak_kb("large", "800", "1"));
     assert!(large < 1.1 * small, "{small} kB for 20 shards, {large} kB for 400");

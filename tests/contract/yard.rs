@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output};
 
 /// A folder that goes away with the test.
 pub struct Yard {
@@ -34,12 +34,49 @@ impl Yard {
         command
     }
 
-    /// Builds the config into `out` with extra arguments, and asserts success.
+    /// Builds the config into `out` with extra arguments, and asserts success; see [`Yard::stage_hashes`].
     pub fn generate(&self, config: &Path, out: &str, extra: &[&str]) {
-        let mut arguments = vec!["generate".to_string(), config.display().to_string(), "--out".into(), out.into()];
-        arguments.extend(extra.iter().map(|a| (*a).to_string()));
-        let output = self.marsyard(&arguments);
-        assert!(output.status.success(), "{arguments:?}:\n{}", text(&output.stderr));
+        self.generate_with(config, out, extra, &[]);
+    }
+
+    /// As [`Yard::generate`], in another environment.
+    pub fn generate_with(&self, config: &Path, out: &str, extra: &[&str], environment: &[(&str, &str)]) {
+        let hashes = format!("{out}.hashes");
+        let mut command = self.command(["generate", "--out", out, "--stage-hashes", &hashes]);
+        command.arg(config).args(extra).envs(environment.iter().copied());
+        let output = command.output().expect("the binary starts");
+        assert!(output.status.success(), "{command:?}:\n{}", text(&output.stderr));
+    }
+
+    /// By scene, the hashes of its stages' f64 results, as all builds of `out` wrote them; a scene that was built twice must
+    /// have had the same ones.
+    pub fn stage_hashes(&self, out: &str) -> BTreeMap<u64, serde_json::Value> {
+        let written = std::fs::read_to_string(self.path(&format!("{out}.hashes"))).expect("the hashes of the stages");
+        let mut scenes = BTreeMap::new();
+        // A line that ends without a newline was cut short by a kill.
+        for line in written.split_inclusive('\n').filter(|line| line.ends_with('\n')) {
+            let line: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
+            let scene = line["scene"].as_u64().expect("a scene");
+            if let Some(before) = scenes.insert(scene, line.clone()) {
+                assert_eq!(before, line, "scene {scene}, built twice");
+            }
+        }
+        scenes
+    }
+
+    /// Waits for a process that must succeed: the kernel's own high-water mark of its resident memory, kB.
+    pub fn peak_kb(&self, child: &mut Child) -> f64 {
+        let status = PathBuf::from(format!("/proc/{}/status", child.id()));
+        let mut peak = 0.0_f64;
+        while child.try_wait().expect("a child to wait for").is_none() {
+            let text = std::fs::read_to_string(&status).unwrap_or_default();
+            let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+            let kb = line.and_then(|line| line.trim_end_matches("kB").trim().parse().ok());
+            peak = peak.max(kb.unwrap_or(0.0));
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        assert!(child.wait().expect("a child to wait for").success());
+        peak
     }
 
     /// Every file of a corpus that belongs to its identity, by path, with its bytes.

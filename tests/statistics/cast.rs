@@ -80,7 +80,9 @@ fn yard(seed: u64) -> Scene {
         let spacing = extent_m / random.within(20.0, 400.0);
         let roughness = random.log_within(1e-4, 0.1) * spacing;
         let mut raster = Raster::sampled(extent_m, spacing, |x, y| smooth.height_m(x, y));
-        std::sync::Arc::make_mut(&mut raster.heights_m).iter_mut().for_each(|h| *h += random.within(-roughness, roughness));
+        std::sync::Arc::make_mut(&mut raster.heights_m)
+            .iter_mut()
+            .for_each(|h| *h += random.within(-roughness, roughness));
         Ground::Raster(raster)
     } else {
         Ground::Polynomial(smooth)

@@ -27,7 +27,6 @@ fn extreme_bad_receipts_are_damaged_and_say_so() {
             "it belongs to another plan (scene_plan_hash cdcdcdcdcdcd, not abababababab)",
         ),
         (whole.replace("\"shard\": 1", "\"shard\": 0"), "it is the receipt of shard 0"),
-        (whole.replace("\"format\": 1", "\"format\": 99"), "written in format 99"),
         (whole.replace("data/cells/", "data/sells/"), "its split or paths"),
     ];
     for (text, reason) in cases {
@@ -41,6 +40,43 @@ fn extreme_bad_receipts_are_damaged_and_say_so() {
         );
         assert!(matches!(finalize(&store, &spec), Err(CorpusError::Gaps { missing: 1, .. })));
     }
+}
+
+#[test]
+fn law_a_receipt_of_another_format_is_not_damage_and_is_left_alone() {
+    let spec = spec(4, &[Table::Cells]);
+    let (_dir, store, _) = corpus(&spec);
+    let name = Receipt::path(1);
+    let whole = String::from_utf8(store.read(&name).unwrap()).unwrap();
+    // What a later format holds beside its number is not known.
+    let later = whole.replace("\"format\": 1", "\"format\": 99").replace("\"split\"", "\"part\"");
+    fs::write(path(&store, &name), &later).unwrap();
+    let found = status(&store, &spec).unwrap();
+    assert_eq!((found.done.clone(), found.to_build(), found.other_format.len()), (vec![0], vec![], 1));
+    let said = found.to_string();
+    assert!(
+        said.contains("written in format 99, this program reads format 1") && said.contains("other format"),
+        "{said}"
+    );
+    assert!(matches!(finalize(&store, &spec), Err(CorpusError::Gaps { missing: 1, .. })));
+    let findings = verify(&store, &spec).unwrap();
+    assert!(findings.iter().all(|finding| finding.shard.is_none()) && findings.len() == 1, "{findings:?}");
+}
+
+#[test]
+fn law_a_place_that_goes_away_is_noticed_and_not_made_again() {
+    let spec = spec(4, &[Table::Cells]);
+    let (dir, store, _) = corpus(&spec);
+    let place = Place::open(&store, &spec).unwrap();
+    place.commit(&write_shard(&spec, 1)).unwrap();
+    let away = dir.path().join("away");
+    fs::rename(store.place(), &away).unwrap();
+    assert!(matches!(place.commit(&write_shard(&spec, 1)), Err(CorpusError::Vanished { .. })));
+    assert!(!path(&store, "").exists());
+    // Another corpus in its place is not the place either.
+    let other = crate::corpus::CorpusSpec { scene_plan_hash: "cd".repeat(32), ..spec.clone() };
+    Place::open(&store, &other).unwrap();
+    assert!(matches!(place.commit(&write_shard(&spec, 1)), Err(CorpusError::Vanished { .. })));
 }
 
 #[test]

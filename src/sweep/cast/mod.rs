@@ -30,6 +30,7 @@ use raster::{RasterCaster, Waiting};
 use tree::Tree;
 
 use super::params::Cast;
+use crate::cpu::Isa;
 use crate::geometry::DVec3;
 use crate::scene::{Ground, Raster, Scene};
 
@@ -295,18 +296,15 @@ fn is_ray(origin: DVec3, dir: DVec3) -> bool {
 #[allow(unsafe_code)]
 fn cast_blocks(origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
     let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree.max(1) } else { 0 };
-    #[cfg(target_arch = "x86_64")]
-    {
-        if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
-            // SAFETY: the machine has what the function is compiled for.
-            return unsafe { cast_avx512(degree, origin, dirs, hits) };
-        }
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            // SAFETY: as above.
-            return unsafe { cast_avx2(degree, origin, dirs, hits) };
-        }
+    match Isa::detect() {
+        // SAFETY: `detect` gave this set because the machine has it.
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => unsafe { cast_avx512(degree, origin, dirs, hits) },
+        // SAFETY: as above.
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => unsafe { cast_avx2(degree, origin, dirs, hits) },
+        _ => cast_of_degree(degree, origin, dirs, hits),
     }
-    cast_of_degree(degree, origin, dirs, hits);
 }
 
 #[cfg(target_arch = "x86_64")]

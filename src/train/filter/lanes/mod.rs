@@ -16,6 +16,8 @@ mod x86;
 use std::fmt::Debug;
 use std::ops::Add;
 
+pub use crate::cpu::Isa;
+
 /// Element of a covariance.
 pub trait Real: Copy + Add<Output = Self> + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Elements in a chunk.
@@ -55,32 +57,7 @@ pub trait Kernel<T: Real> {
     fn run<V: Simd<T>>(self) -> Self::Out;
 }
 
-/// Instruction set that kernels run on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Isa {
-    Portable,
-    Avx2,
-    Avx512,
-}
-
 impl Isa {
-    /// The widest that this CPU has.
-    pub fn detect() -> Isa {
-        Isa::available().last().unwrap_or(Isa::Portable)
-    }
-
-    /// All that this CPU has, the widest last.
-    pub fn available() -> impl Iterator<Item = Isa> {
-        #[cfg(target_arch = "x86_64")]
-        let (avx2, avx512) = {
-            let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-            (avx2, avx2 && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq"))
-        };
-        #[cfg(not(target_arch = "x86_64"))]
-        let (avx2, avx512) = (false, false);
-        [(Isa::Portable, true), (Isa::Avx2, avx2), (Isa::Avx512, avx512)].into_iter().filter(|i| i.1).map(|i| i.0)
-    }
-
     /// Runs a kernel. `self` must come from [`Isa::available`].
     #[inline]
     #[allow(unsafe_code)]

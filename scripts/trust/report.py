@@ -1,0 +1,49 @@
+"""What was found -> one page: conditions with their hashes, faults with what they cost, readers with their versions."""
+
+import json
+
+
+def table(head, rows):
+    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
+    return "\n".join(lines + [f"| {' | '.join(str(cell) for cell in row)} |" for row in rows]) + "\n"
+
+
+def page(result, readers):
+    conditions = table(("condition", "times", "compared", "files", "f64 results of the stages"), [
+        (c["condition"], c["times"], c["compared"], f"`{c['files']}`", f"`{c['f64']}`") for c in result["conditions"]])
+    faults = table(("fault", "injected", "lost", "how the disturbed runs ended"), [
+        (f["fault"], f["times"], len(f["lost"]) or "nothing",
+         ", ".join(f"{end}: {count}" for end, count in sorted(f["ends"].items()))) for f in result["faults"]])
+    imports = "; ".join(f"{kind} binary: {', '.join(names) or 'none'}" for kind, names in result["imports"].items())
+    text = f"""# What a corpus can be trusted with
+
+Written by `python scripts/trust/run.py target/release/marsyard` (seed {result['seed']}, {result['machine']}), over
+`tests/fixtures/everything.yaml` with {result['scenes']} scenes: every stage and every effect.
+
+## The same bytes
+
+Hashes over all files of the corpus, and over the f64 results of every stage of every scene. Each row was compared with a corpus
+built undisturbed; an emulated processor with one scene built here.
+
+{conditions}
+Transcendental functions that the binary takes from the C library: {imports}.
+
+## The night
+
+Each fault came at a random moment, or into a random place. After it: what counts as whole is whole, the same command completes,
+`marsyard verify` finds nothing, and every byte is that of the undisturbed corpus.
+
+{faults}"""
+    for fault in result["faults"]:
+        text += "".join(f"\n- {fault['fault']}: {lost}" for lost in fault["lost"])
+    text += "\n## Many shards, long builds\n\n" + table(("what", "seconds", "peak resident memory, MB"), [
+        (row["what"], row["seconds"], row["peak_mb"]) for row in result["scale"]])
+    if readers.exists():
+        text += "\n## Readers\n\n" + readers_table(json.loads(readers.read_text()))
+    return text
+
+
+def readers_table(readers):
+    """`readers.json` holds a list of objects with `reader`, `version` and `checked`."""
+    rows = readers["readers"] if isinstance(readers, dict) else readers
+    return table(("reader", "version", "checked"), [(r["reader"], r["version"], r["checked"]) for r in rows])
