@@ -2,22 +2,26 @@
 //!
 //! The verb ties the pipeline (scenes on all threads) to the corpus (shards in a place), and talks. A shard is on disk whole
 //! or not at all, so there is nothing to repair after a crash: the same command again goes on.
+//!
+//! Many machines build one corpus by `--shards`: each looks at its own shards alone and writes nothing but them, so that a
+//! thousand such runs do not read each other's receipts; `marsyard finalize` is the one that looks at all.
 
 use std::collections::BTreeSet;
-use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use serde_json::json;
 
+use super::explain::plan_of;
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::cells::feature_columns;
 use crate::config::Plan;
 use crate::corpus::{
-    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Store,
+    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, Selection, ShardWriter, Store,
+    ranges,
 };
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, BuildError, Event, Outcome};
@@ -27,12 +31,17 @@ use crate::random::Purpose;
 pub(super) struct GenerateArgs {
     #[command(flatten)]
     config: ConfigArgs,
-    /// Folder of the corpus; default: corpora/<name>.
+    /// Folder of the corpus; default: corpora/<name>, or the corpus that was given instead of a config.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Build these shards only, half open; the last machine runs `marsyard finalize`.
-    #[arg(long, value_parser = parse_range, value_name = "A..B")]
-    shards: Option<Range<u64>>,
+    /// Build these shards only: 0..8 (half open), 3,7,9..12, or 3/16 (part 3 of 16, counted from 0). When all parts are there,
+    /// one machine runs `marsyard finalize`.
+    #[arg(long, value_name = "SHARDS")]
+    shards: Option<Selection>,
+    /// Lay down plan.yaml and the files that it needs, and build nothing; then `marsyard generate PLACE --shards ...` on many
+    /// machines.
+    #[arg(long, conflicts_with = "shards")]
+    plan_only: bool,
     /// Threads; never changes a byte.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
@@ -48,13 +57,6 @@ pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
         Ok(threads) => Ok(threads),
         Err(e) => Err(format!("'{text}': {e}")),
     }
-}
-
-fn parse_range(text: &str) -> Result<Range<u64>, String> {
-    let parse = |s: &str| s.trim().parse::<u64>().map_err(|e| format!("'{s}': {e}"));
-    let (a, b) = text.split_once("..").ok_or("a range is A..B, half open, such as 0..8")?;
-    let range = parse(a)?..parse(b)?;
-    if range.is_empty() { Err(format!("{text} is empty: B must be greater than A")) } else { Ok(range) }
 }
 
 /// What the corpus needs to know of a plan.
@@ -102,9 +104,10 @@ pub(super) fn corpus_failure(error: CorpusError) -> Failure {
 }
 
 pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
-    let plan = args.config.load()?;
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("corpora").join(&plan.name));
-    let range = shard_range(args, &plan)?;
+    let (plan, corpus) = plan_of(&args.config.config, &args.config.sets)?;
+    let default_out = || corpus.map_or_else(|| PathBuf::from("corpora").join(&plan.name), Path::to_path_buf);
+    let out = args.out.clone().unwrap_or_else(default_out);
+    let selected = selected_shards(args, &plan)?;
     let spec = spec_of(&plan);
     let store = LocalFolder::new(&out);
     let place = Place::open(&store, &spec).map_err(corpus_failure)?;
@@ -112,13 +115,17 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         let bytes = std::fs::read(&file.from).map_err(|e| Failure::failed(format!("{}: {e}", file.from.display())))?;
         store.put(&file.path, &bytes).map_err(corpus_failure)?;
     }
-    let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
-    for (shard, reason) in status.damaged.iter().filter(|(shard, _)| range.contains(shard)) {
+    if args.plan_only {
+        tell_plan_laid(&plan, &out, log);
+        return Ok(());
+    }
+    let status = corpus::status_of(&store, &spec, &selected).map_err(corpus_failure)?;
+    for (shard, reason) in &status.damaged {
         tracing::warn!("shard {shard} is damaged and is built anew: {reason}");
         place.discard(*shard).map_err(corpus_failure)?;
     }
-    let shards: Vec<u64> = status.to_build().into_iter().filter(|shard| range.contains(shard)).collect();
-    tell_start(&plan, &out, &range, &shards, args.threads, log);
+    let shards = status.to_build();
+    tell_start(&plan, &out, selected.len(), &shards, args.threads, log);
 
     let prepared = Prepared::new(plan).map_err(Failure::failed)?;
     let stop = stop_on_signals()?;
@@ -142,12 +149,20 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     );
     progress.finish();
     let outcome = build_outcome(outcome, |scene| replay_command(&args.config, scene))?;
-    let report = report(&progress, writing, args.threads);
-    store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
+    if args.shards.is_none() {
+        let report = report(&progress, writing, args.threads);
+        store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
+    }
     if outcome == Outcome::Interrupted {
         return Err(Failure::new(Failure::TRY_AGAIN, interrupted()));
     }
-    finish(&prepared.plan, &spec, &store, &progress, writing, log)
+    if args.shards.is_some() {
+        tell_part_end(&store.place(), &selected, &progress, log);
+        return Ok(());
+    }
+    let manifest = corpus::finalize(&store, &spec).map_err(corpus_failure)?;
+    tell_end(&manifest, &store.place(), &progress, writing, log);
+    judge_failures(&prepared.plan, &manifest)
 }
 
 /// How a build ended, or why it failed.
@@ -169,34 +184,38 @@ fn interrupted() -> miette::Report {
     )
 }
 
-fn shard_range(args: &GenerateArgs, plan: &Plan) -> Result<Range<u64>, Failure> {
-    let all = 0..plan.shards();
-    match &args.shards {
-        None => Ok(all),
-        Some(range) if range.end <= all.end => Ok(range.clone()),
-        Some(range) => Err(Failure::usage(miette::miette!(
-            help = format!("shards are numbered 0 to {}: the widest range is 0..{}", all.end - 1, all.end),
-            "--shards {}..{}: the plan has {} shards",
-            range.start,
-            range.end,
-            all.end
-        ))),
-    }
+/// The shards that were asked for, ascending.
+fn selected_shards(args: &GenerateArgs, plan: &Plan) -> Result<Vec<u64>, Failure> {
+    let Some(selection) = &args.shards else { return Ok((0..plan.shards()).collect()) };
+    selection.of(plan.shards()).map_err(|why| Failure::usage(miette::miette!("--shards {why}")))
 }
 
-fn tell_start(plan: &Plan, out: &std::path::Path, range: &Range<u64>, shards: &[u64], threads: usize, log: LogFormat) {
-    let there = (range.end - range.start) as usize - shards.len();
+fn tell_plan_laid(plan: &Plan, out: &Path, log: LogFormat) {
+    if log == LogFormat::Json {
+        tracing::info!(event = "plan_laid", corpus = %out.display(), shards = plan.shards());
+        return;
+    }
+    eprintln!(
+        "{} -> {}: the plan of {} shards is laid down; build it in N parts: marsyard generate {} --shards K/N, K from 0",
+        plan.name,
+        out.display(),
+        plan.shards(),
+        out.display()
+    );
+}
+
+fn tell_start(plan: &Plan, out: &Path, selected: usize, shards: &[u64], threads: usize, log: LogFormat) {
+    let there = selected - shards.len();
     if log == LogFormat::Json {
         tracing::info!(event = "start", corpus = %out.display(), shards_to_build = shards.len(), shards_there = there, threads);
         return;
     }
     let resumed = if there > 0 { format!(", {there} are there already") } else { String::new() };
     eprintln!(
-        "{} -> {}: {} of {} shards to build, {} scenes each{resumed}; {threads} threads",
+        "{} -> {}: {} of {selected} shards to build, {} scenes each{resumed}; {threads} threads",
         plan.name,
         out.display(),
         shards.len(),
-        range.end - range.start,
         plan.scenes_per_shard
     );
     if plan.shards() < 7 {
@@ -257,44 +276,36 @@ fn report(progress: &Progress, writing: std::time::Duration, threads: usize) -> 
     })
 }
 
-/// Finalizes when every shard of the plan is there, and judges the share of failed scenes.
-fn finish(
-    plan: &Plan,
-    spec: &CorpusSpec,
-    store: &LocalFolder,
-    progress: &Progress,
-    writing: std::time::Duration,
-    log: LogFormat,
-) -> Result<(), Failure> {
-    let status = corpus::status(store, spec).map_err(corpus_failure)?;
-    let place = store.place();
-    let missing = status.to_build();
-    if missing.is_empty() {
-        let manifest = corpus::finalize(store, spec).map_err(corpus_failure)?;
-        tell_end(&manifest, &place, progress, writing, log);
-        return judge_failures(plan, &manifest);
+/// The end of a part: whether too many scenes failed is judged over the whole corpus, by `finalize`.
+fn tell_part_end(place: &str, selected: &[u64], progress: &Progress, log: LogFormat) {
+    let shards = ranges::to_text(selected);
+    if log == LogFormat::Json {
+        tracing::info!(
+            event = "part_done",
+            corpus = place,
+            shards,
+            scenes = progress.done,
+            failed = progress.failed,
+            cells = progress.rows,
+            rays = progress.times.rays()
+        );
+        return;
     }
-    tracing::info!(
-        "{place}: {} shards are still to be built ({}); then: marsyard finalize {place}",
-        missing.len(),
-        corpus::ranges::to_text(&missing)
-    );
-    too_many_failures(plan, progress.failed, progress.done, "listed above")
+    let failed = if progress.failed > 0 { format!(" ({} scenes failed)", progress.failed) } else { String::new() };
+    eprintln!("{place}: shards {shards} are there{failed}; when all are: marsyard finalize {place}");
 }
 
 /// Refuses a finished corpus of which too many scenes failed.
 pub(super) fn judge_failures(plan: &Plan, manifest: &Manifest) -> Result<(), Failure> {
-    let first = manifest
-        .failed
-        .first()
-        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, f.error, f.replay));
-    too_many_failures(plan, manifest.failed.len() as u64, manifest.scenes, &first.unwrap_or_default())
-}
-
-fn too_many_failures(plan: &Plan, failed: u64, scenes: u64, first: &str) -> Result<(), Failure> {
+    let (failed, scenes) = (manifest.failed.len() as u64, manifest.scenes);
     if failed as f64 <= plan.max_failed_share * scenes as f64 {
         return Ok(());
     }
+    let first = manifest
+        .failed
+        .first()
+        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, f.error, f.replay))
+        .unwrap_or_default();
     Err(Failure::failed(format!(
         "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {first}",
         plan.max_failed_share

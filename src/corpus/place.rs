@@ -28,6 +28,9 @@ impl<'a> Place<'a> {
                 .strip_prefix(PLAN_HEAD)
                 .and_then(|rest| rest.split_once('\n'))
                 .ok_or_else(|| CorpusError::ForeignPlan { place: store.place() })?;
+            if there == text {
+                return Ok(Place { store, spec });
+            }
             if hash.trim() != spec.scene_plan_hash {
                 return Err(CorpusError::OtherPlan {
                     place: store.place(),
@@ -125,13 +128,22 @@ impl fmt::Display for Status {
 
 /// Looks at every shard of the plan: receipts and sizes, no contents (`verify` reads those).
 pub fn status(store: &dyn Store, spec: &CorpusSpec) -> Result<Status, CorpusError> {
-    Ok(survey(store, spec)?.0)
+    Ok(survey(store, spec, 0..spec.shards())?.0)
 }
 
-fn survey(store: &dyn Store, spec: &CorpusSpec) -> Result<(Status, Vec<Receipt>), CorpusError> {
+/// Looks at some shards of the plan: a machine that builds a part need not look at all.
+pub fn status_of(store: &dyn Store, spec: &CorpusSpec, shards: &[u64]) -> Result<Status, CorpusError> {
+    Ok(survey(store, spec, shards.iter().copied())?.0)
+}
+
+fn survey(
+    store: &dyn Store,
+    spec: &CorpusSpec,
+    shards: impl Iterator<Item = u64>,
+) -> Result<(Status, Vec<Receipt>), CorpusError> {
     let mut status = Status { place: store.place(), shards: spec.shards(), ..Status::default() };
     let mut receipts = Vec::new();
-    for shard in 0..spec.shards() {
+    for shard in shards {
         match shard_state(store, spec, shard)? {
             ShardState::Missing => status.missing.push(shard),
             ShardState::Damaged(reason) => status.damaged.push((shard, reason)),
@@ -150,7 +162,7 @@ fn survey(store: &dyn Store, spec: &CorpusSpec) -> Result<(Status, Vec<Receipt>)
 
 /// Merges the receipts of whoever built the shards into `shards.jsonl`, `manifest.json`, card and Croissant; refuses gaps.
 pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
-    let (status, receipts) = survey(store, spec)?;
+    let (status, receipts) = survey(store, spec, 0..spec.shards())?;
     let gaps = status.to_build();
     if !gaps.is_empty() {
         return Err(CorpusError::Gaps {
