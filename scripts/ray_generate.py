@@ -276,9 +276,14 @@ def main():
 
 def build(args, missing):
     """Builds the missing shards on the cluster; 0, or the exit code to end with."""
-    import ray
-
-    ray.init(address=args.address, log_to_driver=False)
+    try:
+        import ray
+    except ModuleNotFoundError:
+        sys.exit("ray is not installed: pip install ray, the same version on every node")
+    try:
+        ray.init(address=args.address, log_to_driver=False)
+    except ConnectionError as error:
+        sys.exit(f"no cluster at {args.address or os.environ.get('RAY_ADDRESS')}: {error}")
     cpus = int(ray.cluster_resources().get("CPU", 0))
     if cpus < args.threads:
         log(f"the cluster has {cpus} processors; tasks of {args.threads} wait until a node with as many joins")
@@ -303,4 +308,7 @@ def build(args, missing):
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit(TRY_AGAIN)

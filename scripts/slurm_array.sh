@@ -50,8 +50,9 @@ while kill -0 "$build" 2>/dev/null; do
     wait "$build" || code=$?
 done
 
-if ((code == 75 && ${SLURM_RESTART_COUNT:-0} < ${RETRIES:-20})); then
-    echo "exit 75: requeued (${SLURM_RESTART_COUNT:-0} times before)" >&2
+# 143: told to end before it listened.
+if (((code == 75 || code == 143) && ${SLURM_RESTART_COUNT:-0} < ${RETRIES:-20})); then
+    echo "exit $code: requeued (${SLURM_RESTART_COUNT:-0} times before)" >&2
     scontrol requeue "${SLURM_ARRAY_JOB_ID}_${SLURM_ARRAY_TASK_ID}"
     # Slurm ends this script in a moment; it must not end by itself before, which would be a failure of the task.
     sleep 60

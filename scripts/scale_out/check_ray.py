@@ -7,6 +7,7 @@ where the cases' corpora go: a folder, or a URL that the environment has the cre
 """
 
 import argparse
+import contextlib
 import json
 import os
 import pathlib
@@ -39,7 +40,9 @@ class Case:
         command = [sys.executable, yard.ROOT / "scripts/ray_generate.py", yard.CONFIG, "--out", self.place, *SETS]
         command += ["--address", self.address, "--binary", self.binary, *extra]
         # A session of its own: a signal to the driver is a signal to the driver alone.
-        return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+        return subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
 
     def run(self, *extra):
         driver = self.start(*extra)
@@ -82,7 +85,14 @@ def builds_below(ancestor):
 
 
 def alive(processes):
-    return [process for process in processes if pathlib.Path(f"/proc/{process}").exists()]
+    """Those that run still, each with the start of its status; a zombie does not run."""
+    running = {}
+    for process in processes:
+        with contextlib.suppress(OSError):
+            status = pathlib.Path(f"/proc/{process}/status").read_text()
+            if "State:\tZ" not in status:
+                running[process] = status[:300]
+    return running
 
 
 def node_killed(case, cluster, node):
@@ -99,7 +109,7 @@ def node_killed(case, cluster, node):
     orphans = alive(running)
     said = driver.communicate()[1]
     check(driver.returncode == 0, f"exit 0 though a node was killed under {len(running)} build, with {left} shards to go", said)
-    check(not orphans, "no build outlives its node")
+    check(not orphans, "no build outlives its node", orphans)
     return {"what": f"a node killed with {left} of {SHARDS} shards to go and a build on it", "corpus_id": corpus_id(said)}
 
 
@@ -146,7 +156,8 @@ def main():
     parser.add_argument("--json", type=pathlib.Path)
     parser.add_argument("--place", help="folder or URL for the cases' corpora")
     args = parser.parse_args()
-    os.environ["PATH"] = f"{pathlib.Path(sys.executable).parent}:{os.environ['PATH']}"
+    # Ray's workers are nicer than other programs, and would wait for whatever else the machine does.
+    os.environ["RAY_worker_niceness"] = "0"
     with tempfile.TemporaryDirectory() as scratch:
         scratch = pathlib.Path(scratch)
         prefix = str(args.place or scratch).rstrip("/")
@@ -154,7 +165,8 @@ def main():
         started = time.monotonic()
         node_args = {"num_cpus": 1, "object_store_memory": OBJECT_STORE_BYTES}
         cluster = Cluster(initialize_head=True, head_node_args={**node_args, "include_dashboard": False})
-        second = cluster.add_node(**node_args)
+        # Another address than the head's, so that no driver joins the cluster by the node that is to be killed.
+        second = cluster.add_node(**node_args, node_ip_address="127.0.0.2")
         print(f"two nodes up in {time.monotonic() - started:.0f} s", flush=True)
         facts = {"engine": f"Ray {ray.__version__}, 2 nodes", "corpus_id": expected, "shards": SHARDS, "cases": []}
 

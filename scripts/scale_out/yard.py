@@ -7,12 +7,12 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "quickstart.yaml"
-SHARDS, SCENES_PER_SHARD = 24, 20
+SHARDS, SCENES_PER_SHARD = 24, 10
 SETS = ["--set", f"scenes={SHARDS * SCENES_PER_SHARD}", "--set", f"scenes_per_shard={SCENES_PER_SHARD}"]
 
 #: Marsyard, but as if the storage were away the first time (exit 75), or a shard could not be built (exit 1), for some values of --shards.
 FAULTY = """#!/bin/sh
-shards=
+shards=none
 previous=
 for word in "$@"; do
     [ "$previous" = --shards ] && shards=$word
@@ -21,7 +21,9 @@ done
 case " {once} " in
     *" $shards "*) mkdir "{marks}/$(echo "$shards" | tr / -)" 2>/dev/null && {{ echo "the storage is away" >&2; exit 75; }};;
 esac
-case " {never} " in *" $shards "*) echo "this shard cannot be built" >&2; exit 1;; esac
+case " {never} " in
+    *" $shards "*) echo "this shard cannot be built" >&2; exit 1;;
+esac
 exec "{marsyard}" "$@"
 """
 

@@ -292,7 +292,11 @@ fn tell_part_end(place: &str, selected: &[u64], progress: &Progress, log: LogFor
         return;
     }
     let failed = if progress.failed > 0 { format!(" ({} scenes failed)", progress.failed) } else { String::new() };
-    eprintln!("{place}: shards {shards} are there{failed}; when all are: marsyard finalize {place}");
+    if selected.is_empty() {
+        eprintln!("{place}: this part has no shards, there are more parts than shards");
+    } else {
+        eprintln!("{place}: shards {shards} are there{failed}; when all are: marsyard finalize {place}");
+    }
 }
 
 /// Refuses a finished corpus of which too many scenes failed.
