@@ -30,6 +30,8 @@ pub(super) struct Builder<'a> {
     pub(super) keep_free_bytes: u64,
     /// Hashes of the stages' results go here.
     pub(super) stage_hashes: Option<&'a Path>,
+    /// Write report.json: nobody else builds other shards.
+    pub(super) report: bool,
     pub(super) log: LogFormat,
 }
 
@@ -91,8 +93,10 @@ impl Builder<'_> {
         let outcome = build_outcome(outcome, &replay)?;
         lost_hashes.map_or(Ok(()), Err)?;
         self.place.still_there().map_err(corpus_failure)?;
-        let report = report(&progress, writing, self.threads);
-        self.store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
+        if self.report {
+            let report = report(&progress, writing, self.threads);
+            self.store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
+        }
         match outcome {
             Outcome::Done => Ok(Built { progress, writing }),
             Outcome::Interrupted => Err(Failure::new(Failure::TRY_AGAIN, interrupted())),

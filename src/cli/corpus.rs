@@ -152,8 +152,17 @@ fn repair(
     let status = corpus::status(store, spec).map_err(corpus_failure)?;
     shards.iter().try_for_each(|&shard| place.discard(shard)).map_err(corpus_failure)?;
     let (prepared, threads) = (Prepared::new(plan).map_err(Failure::failed)?, args.threads);
-    let builder =
-        Builder { prepared, spec, store, place: &place, threads, keep_free_bytes: 0, stage_hashes: None, log };
+    let builder = Builder {
+        prepared,
+        spec,
+        store,
+        place: &place,
+        threads,
+        keep_free_bytes: 0,
+        stage_hashes: None,
+        report: true,
+        log,
+    };
     builder.build(&status, shards, |scene| format!("marsyard explain {} --scene {scene}", args.place.display()))?;
     let manifest = corpus::finalize(store, spec).map_err(corpus_failure)?;
     let (place, after) = (args.place.display(), &manifest.corpus_id);

@@ -2,31 +2,38 @@
 //!
 //! The verb ties the pipeline (scenes on all threads) to the corpus (shards in a place), and talks. A shard is on disk whole
 //! or not at all, so there is nothing to repair after a crash: the same command again goes on.
+//!
+//! Many machines build one corpus by `--shards`: each looks at its own shards alone and writes nothing but them, so that a
+//! thousand such runs do not read each other's receipts; `marsyard finalize` is the one that looks at all.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::build::{Builder, Built};
+use super::explain::plan_of;
 use super::output::errln;
-use super::progress::{human, si};
+use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::config::Plan;
-use crate::corpus::ranges::Ranges;
-use crate::corpus::{self, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, Split, Store};
+use crate::corpus::{self, CorpusError, LocalFolder, Manifest, Place, Selection, Split, Store, ranges};
 use crate::pipeline::Prepared;
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
     #[command(flatten)]
     config: ConfigArgs,
-    /// Folder of the corpus; default: corpora/<name>.
+    /// Folder of the corpus; default: corpora/<name>, or the corpus that was given instead of a config.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Build these shards only: half-open ranges and numbers, as `marsyard status --missing` prints them; the last machine
-    /// runs `marsyard finalize`.
-    #[arg(long, value_name = "A..B,C")]
-    shards: Option<Ranges>,
+    /// Build these shards only: 0..8 (half open), 3,7,9..12, or 3/16 (part 3 of 16, counted from 0). When all parts are there,
+    /// one machine runs `marsyard finalize`.
+    #[arg(long, value_name = "SHARDS")]
+    shards: Option<Selection>,
+    /// Lay down plan.yaml and the files that it needs, and build nothing; then `marsyard generate PLACE --shards ...` on many
+    /// machines.
+    #[arg(long, conflicts_with = "shards")]
+    plan_only: bool,
     /// Threads; never changes a byte.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
@@ -83,10 +90,10 @@ pub(super) fn corpus_failure(error: CorpusError) -> Failure {
 }
 
 pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
-    let plan = args.config.load()?;
-    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("corpora").join(&plan.name));
-    check_shards(args, &plan)?;
-    let wanted = |shard: u64| args.shards.as_ref().is_none_or(|shards| shards.contains(shard));
+    let (plan, corpus) = plan_of(&args.config.config, &args.config.sets)?;
+    let default_out = || corpus.map_or_else(|| PathBuf::from("corpora").join(&plan.name), Path::to_path_buf);
+    let out = args.out.clone().unwrap_or_else(default_out);
+    let selected = selected_shards(args, &plan)?;
     let spec = plan.corpus_spec();
     let store = LocalFolder::new(&out);
     let place = Place::open(&store, &spec).map_err(corpus_failure)?;
@@ -94,10 +101,13 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         let bytes = std::fs::read(&file.from).map_err(|e| Failure::failed(format!("{}: {e}", file.from.display())))?;
         store.put(&file.path, &bytes).map_err(corpus_failure)?;
     }
-    let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
-    let shards: Vec<u64> = status.to_build().into_iter().filter(|&shard| wanted(shard)).collect();
-    let all = (0..plan.shards()).filter(|&shard| wanted(shard)).count();
-    tell_start(&plan, &out, all, &shards, args.threads, log);
+    if args.plan_only {
+        tell_plan_laid(&plan, &out, log);
+        return Ok(());
+    }
+    let status = corpus::status_of(&store, &spec, &selected).map_err(corpus_failure)?;
+    let shards = status.to_build();
+    tell_start(&plan, &out, selected.len(), &shards, args.threads, log);
 
     let builder = Builder {
         prepared: Prepared::new(plan).map_err(Failure::failed)?,
@@ -107,37 +117,63 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         threads: args.threads,
         keep_free_bytes: args.keep_free_mb.saturating_mul(1_000_000),
         stage_hashes: args.stage_hashes.as_deref(),
+        report: args.shards.is_none(),
         log,
     };
     let built = builder.build(&status, &shards, |scene| replay_command(&args.config, scene))?;
-    finish(&builder.prepared.plan, &spec, &store, wanted, &built, log)
-}
-
-fn check_shards(args: &GenerateArgs, plan: &Plan) -> Result<(), Failure> {
-    let shards = plan.shards();
-    match &args.shards {
-        Some(ranges) if ranges.end() > shards => Err(Failure::usage(miette::miette!(
-            help = format!("shards are numbered 0 to {}: the widest range is 0..{shards}", shards - 1),
-            "--shards goes to {}: the plan has {shards} shards",
-            ranges.end()
-        ))),
-        _ => Ok(()),
+    let gone = corpus::status_of(&store, &spec, &selected).map_err(corpus_failure)?.to_build();
+    if !gone.is_empty() {
+        return Err(Failure::new(
+            Failure::TRY_AGAIN,
+            miette::miette!(
+                help = "the same command again builds them anew",
+                "{}: shards {} were built and are not there, or damaged: somebody else, or the disk, has changed the folder",
+                store.place(),
+                ranges::to_text(&gone)
+            ),
+        ));
     }
+    if args.shards.is_some() {
+        tell_part_end(&store.place(), &selected, &built.progress, log);
+        return Ok(());
+    }
+    let manifest = corpus::finalize(&store, &spec).map_err(corpus_failure)?;
+    tell_end(&manifest, &store.place(), &built, log);
+    judge_failures(&builder.prepared.plan, &manifest)
 }
 
-fn tell_start(plan: &Plan, out: &std::path::Path, all: usize, shards: &[u64], threads: usize, log: LogFormat) {
-    let there = all - shards.len();
+/// The shards that were asked for, ascending.
+fn selected_shards(args: &GenerateArgs, plan: &Plan) -> Result<Vec<u64>, Failure> {
+    let Some(selection) = &args.shards else { return Ok((0..plan.shards()).collect()) };
+    selection.of(plan.shards()).map_err(|why| Failure::usage(miette::miette!("--shards {why}")))
+}
+
+fn tell_plan_laid(plan: &Plan, out: &Path, log: LogFormat) {
+    if log == LogFormat::Json {
+        tracing::info!(event = "plan_laid", corpus = %out.display(), shards = plan.shards());
+        return;
+    }
+    errln!(
+        "{} -> {}: the plan of {} shards is laid down; build it in N parts: marsyard generate {} --shards K/N, K from 0",
+        plan.name,
+        out.display(),
+        plan.shards(),
+        out.display()
+    );
+}
+
+fn tell_start(plan: &Plan, out: &Path, selected: usize, shards: &[u64], threads: usize, log: LogFormat) {
+    let there = selected - shards.len();
     if log == LogFormat::Json {
         tracing::info!(event = "start", corpus = %out.display(), shards_to_build = shards.len(), shards_there = there, threads);
         return;
     }
     let resumed = if there > 0 { format!(", {there} are there already") } else { String::new() };
     errln!(
-        "{} -> {}: {} of {} shards to build, {} scenes each{resumed}; {threads} threads",
+        "{} -> {}: {} of {selected} shards to build, {} scenes each{resumed}; {threads} threads",
         plan.name,
         out.display(),
         shards.len(),
-        all,
         plan.scenes_per_shard
     );
     split_warnings(plan).iter().for_each(|warning| errln!("warning: {warning}"));
@@ -170,55 +206,40 @@ fn replay_command(config: &ConfigArgs, scene: u64) -> String {
     format!("marsyard explain {} --scene {scene}{sets}", config.config.display())
 }
 
-/// Finalizes when every shard of the plan is there, and judges the share of failed scenes.
-fn finish(
-    plan: &Plan,
-    spec: &CorpusSpec,
-    store: &LocalFolder,
-    wanted: impl Fn(u64) -> bool,
-    built: &Built,
-    log: LogFormat,
-) -> Result<(), Failure> {
-    let status = corpus::status(store, spec).map_err(corpus_failure)?;
-    let place = store.place();
-    let missing = status.to_build();
-    if missing.is_empty() {
-        let manifest = corpus::finalize(store, spec).map_err(corpus_failure)?;
-        tell_end(&manifest, &place, built, log);
-        return judge_failures(plan, &manifest);
+/// The end of a part: whether too many scenes failed is judged over the whole corpus, by `finalize`.
+fn tell_part_end(place: &str, selected: &[u64], progress: &Progress, log: LogFormat) {
+    let shards = ranges::to_text(selected);
+    if log == LogFormat::Json {
+        tracing::info!(
+            event = "part_done",
+            corpus = place,
+            shards,
+            scenes = progress.done,
+            failed = progress.failed,
+            cells = progress.rows,
+            rays = progress.times.rays()
+        );
+        return;
     }
-    let gone: Vec<u64> = missing.iter().copied().filter(|&shard| wanted(shard)).collect();
-    if !gone.is_empty() {
-        return Err(Failure::new(
-            Failure::TRY_AGAIN,
-            miette::miette!(
-                help = "the same command again builds them anew",
-                "{place}: shards {} were built and are not there, or damaged: somebody else, or the disk, has changed the folder",
-                corpus::ranges::to_text(&gone)
-            ),
-        ));
+    let failed = if progress.failed > 0 { format!(" ({} scenes failed)", progress.failed) } else { String::new() };
+    if selected.is_empty() {
+        errln!("{place}: this part has no shards, there are more parts than shards");
+    } else {
+        errln!("{place}: shards {shards} are there{failed}; when all are: marsyard finalize {place}");
     }
-    tracing::info!(
-        "{place}: {} shards are still to be built ({}); then: marsyard finalize {place}",
-        missing.len(),
-        corpus::ranges::to_text(&missing)
-    );
-    too_many_failures(plan, built.progress.failed, built.progress.done, "listed above")
 }
 
 /// Refuses a finished corpus of which too many scenes failed.
 pub(super) fn judge_failures(plan: &Plan, manifest: &Manifest) -> Result<(), Failure> {
-    let first = manifest
-        .failed
-        .first()
-        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, f.error, f.replay));
-    too_many_failures(plan, manifest.failed.len() as u64, manifest.scenes, &first.unwrap_or_default())
-}
-
-fn too_many_failures(plan: &Plan, failed: u64, scenes: u64, first: &str) -> Result<(), Failure> {
+    let (failed, scenes) = (manifest.failed.len() as u64, manifest.scenes);
     if failed as f64 <= plan.max_failed_share * scenes as f64 {
         return Ok(());
     }
+    let first = manifest
+        .failed
+        .first()
+        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, f.error, f.replay))
+        .unwrap_or_default();
     Err(Failure::failed(format!(
         "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {first}",
         plan.max_failed_share

@@ -40,8 +40,8 @@ pub enum CorpusError {
     )]
     BeyondPlan { place: String, shard: u64, shards: u64 },
     #[error(
-        "{place}: {missing} of {shards} shards are missing or damaged ({ranges}); build them with `marsyard generate PLAN --out \
-             {place} --shards {ranges}`, then finalize again"
+        "{place}: {missing} of {shards} shards are missing or damaged ({ranges}); build them with `marsyard generate {place}`, on \
+             many machines with --shards, then finalize again"
     )]
     Gaps { place: String, missing: u64, shards: u64, ranges: String },
     #[error(

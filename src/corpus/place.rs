@@ -32,6 +32,9 @@ impl<'a> Place<'a> {
                 .strip_prefix(PLAN_HEAD)
                 .and_then(|rest| rest.split_once('\n'))
                 .ok_or_else(|| CorpusError::ForeignPlan { place: store.place() })?;
+            if there == text {
+                return Ok(Place { store, spec });
+            }
             if hash.trim() != spec.scene_plan_hash {
                 return Err(CorpusError::OtherPlan {
                     place: store.place(),
@@ -202,19 +205,28 @@ impl fmt::Display for Status {
 
 /// Looks at every shard of the plan: receipts and sizes, no contents (`verify` reads those).
 pub fn status(store: &dyn Store, spec: &CorpusSpec) -> Result<Status, CorpusError> {
-    survey(store, spec, |_| ())
+    status_of(store, spec, &(0..spec.shards()).collect::<Vec<_>>())
+}
+
+/// Looks at some shards of the plan: a machine that builds a part need not look at all.
+pub fn status_of(store: &dyn Store, spec: &CorpusSpec, shards: &[u64]) -> Result<Status, CorpusError> {
+    survey(store, spec, shards, |_| ())
 }
 
 /// Receipts that are read at a time, on all threads.
-const BLOCK: u64 = 1024;
+const BLOCK: usize = 1024;
 
-/// Looks at every shard, and shows the receipts of those that are done, in shard order; few are in memory at a time.
-fn survey(store: &dyn Store, spec: &CorpusSpec, mut done: impl FnMut(&Receipt)) -> Result<Status, CorpusError> {
+/// Looks at these shards, and shows the receipts of those that are done, in their order; few are in memory at a time.
+fn survey(
+    store: &dyn Store,
+    spec: &CorpusSpec,
+    shards: &[u64],
+    mut done: impl FnMut(&Receipt),
+) -> Result<Status, CorpusError> {
     let mut status = Status { place: store.place(), shards: spec.shards(), ..Status::default() };
-    for first in (0..spec.shards()).step_by(BLOCK as usize) {
-        let block = first..spec.shards().min(first + BLOCK);
-        let states: Vec<_> = block.clone().into_par_iter().map(|shard| shard_state(store, spec, shard)).collect();
-        for (shard, state) in block.zip(states) {
+    for block in shards.chunks(BLOCK) {
+        let states: Vec<_> = block.par_iter().map(|&shard| shard_state(store, spec, shard)).collect();
+        for (&shard, state) in block.iter().zip(states) {
             match state? {
                 ShardState::Missing => status.missing.push(shard),
                 ShardState::Damaged(reason) => status.damaged.push((shard, reason)),
@@ -232,7 +244,7 @@ fn survey(store: &dyn Store, spec: &CorpusSpec, mut done: impl FnMut(&Receipt)) 
 /// Merges the receipts of whoever built the shards into `shards.jsonl`, `manifest.json`, card and Croissant; refuses gaps.
 pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
     let mut merge = Merge::new(spec);
-    let status = survey(store, spec, |receipt| merge.add(receipt))?;
+    let status = survey(store, spec, &(0..spec.shards()).collect::<Vec<_>>(), |receipt| merge.add(receipt))?;
     let gaps = status.gaps();
     if !gaps.is_empty() {
         return Err(CorpusError::Gaps {

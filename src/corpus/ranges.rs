@@ -1,4 +1,7 @@
-//! Shard numbers <-> text such as `0..3,7`: half-open ranges, single numbers alone.
+//! Shard numbers <-> text: `0..3,7` (half-open ranges, single numbers alone), and `3/16` (a part of all).
+//!
+//! A part is a stride: part 3 of 16 is the shards 3, 19, 35 ... Machines that each take a part need not know how many shards
+//! there are, and a corpus that grows gives each of them some of the new ones.
 
 use std::ops::Range;
 use std::str::FromStr;
@@ -16,44 +19,84 @@ pub fn to_text(numbers: &[u64]) -> String {
     if parts.is_empty() { "none".into() } else { parts.join(",") }
 }
 
-/// Half-open ranges of shards, as typed: `3..5,9`.
+/// Which of a plan's shards are meant.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ranges(Vec<Range<u64>>);
+pub enum Selection {
+    /// Never empty.
+    Ranges(Vec<Range<u64>>),
+    /// Every `of`th shard from `part` on; `part < of`.
+    Part { part: u64, of: u64 },
+}
 
-impl Ranges {
-    pub fn contains(&self, number: u64) -> bool {
-        self.0.iter().any(|range| range.contains(&number))
-    }
+impl FromStr for Selection {
+    type Err = String;
 
-    /// One more than the greatest number.
-    pub fn end(&self) -> u64 {
-        self.0.iter().map(|range| range.end).max().unwrap_or(0)
+    fn from_str(text: &str) -> Result<Selection, String> {
+        let number = |digits: &str| {
+            digits.trim().parse::<u64>().map_err(|_| format!("'{digits}' is not a shard number, in '{text}'"))
+        };
+        if let Some((part, of)) = text.split_once('/') {
+            let (part, of) = (number(part)?, number(of)?);
+            if part < of {
+                return Ok(Selection::Part { part, of });
+            }
+            return Err(match of {
+                0 => format!("'{text}': there is no part of 0 parts"),
+                _ => format!("'{text}': {of} parts are numbered 0 to {}", of - 1),
+            });
+        }
+        let range = |part: &str| match part.split_once("..") {
+            None => number(part)?.checked_add(1).map(|after| after - 1..after).ok_or(format!("'{part}' is too large")),
+            Some((first, after)) => {
+                let range = number(first)?..number(after)?;
+                if range.is_empty() {
+                    Err(format!("'{part}' is empty: ranges are half open, as 7..8"))
+                } else {
+                    Ok(range)
+                }
+            }
+        };
+        text.split(',').map(range).collect::<Result<_, _>>().map(Selection::Ranges)
     }
 }
 
-impl FromStr for Ranges {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Ranges, String> {
-        let number =
-            |part: &str| part.trim().parse::<u64>().map_err(|_| format!("'{part}' is not a shard number, in '{text}'"));
-        let range = |part: &str| {
-            let range = match part.split_once("..") {
-                Some((first, after)) => number(first)?..number(after)?,
-                None => {
-                    let first = number(part)?;
-                    first..first.checked_add(1).ok_or(format!("'{part}' is too great"))?
+impl Selection {
+    /// The shards that are meant, of so many, ascending and each once; a part may have none. A range beyond the last shard is
+    /// refused: it was meant for another plan.
+    pub fn of(&self, shards: u64) -> Result<Vec<u64>, String> {
+        match self {
+            &Selection::Part { part, of } => {
+                // A step too wide for memory is one step as well.
+                Ok((part..shards).step_by(usize::try_from(of).unwrap_or(usize::MAX)).collect())
+            }
+            Selection::Ranges(ranges) => {
+                if let Some(beyond) = ranges.iter().find(|range| range.end > shards) {
+                    return Err(format!(
+                        "{}..{} goes beyond the plan: its shards are 0..{shards}",
+                        beyond.start, beyond.end
+                    ));
                 }
-            };
-            if range.is_empty() { Err(format!("'{part}' is empty: ranges are half open, as 7..8")) } else { Ok(range) }
-        };
-        text.split(',').map(range).collect::<Result<_, _>>().map(Ranges)
+                let mut sorted = ranges.clone();
+                sorted.sort_unstable_by_key(|range| (range.start, range.end));
+                let mut next = 0;
+                let mut numbers = Vec::new();
+                for range in sorted {
+                    numbers.extend(range.start.max(next)..range.end);
+                    next = range.end.max(next);
+                }
+                Ok(numbers)
+            }
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn selected(text: &str, shards: u64) -> Vec<u64> {
+        text.parse::<Selection>().unwrap().of(shards).unwrap()
+    }
 
     #[test]
     fn exact_runs_become_half_open_ranges() {
@@ -66,18 +109,42 @@ mod tests {
     #[test]
     fn equal_text_and_numbers_round_trip() {
         for text in ["0..3,7", "4", "1,3,5..9"] {
-            let ranges: Ranges = text.parse().unwrap();
-            let numbers: Vec<u64> = (0..ranges.end()).filter(|&n| ranges.contains(n)).collect();
-            assert_eq!(to_text(&numbers), text);
+            assert_eq!(to_text(&selected(text, 9)), text);
         }
-        let overlapping: Ranges = "5..9,0..6, 2".parse().unwrap();
-        assert_eq!(to_text(&(0..20).filter(|&n| overlapping.contains(n)).collect::<Vec<_>>()), "0..9");
+        assert_eq!(selected("7..8", 8), [7]);
+        assert_eq!(selected("5..9, 2,6..7,2", 9), [2, 5, 6, 7, 8], "any order, each once");
     }
 
     #[test]
-    fn extreme_bad_ranges_are_named() {
-        for bad in ["", "x", "3..3", "4..2", "1..", "-1", "1,,2", "18446744073709551615", "99999999999999999999"] {
-            assert!(bad.parse::<Ranges>().is_err(), "{bad}");
+    fn law_the_parts_of_a_corpus_are_all_of_it_each_shard_once() {
+        for (shards, of) in [(20, 1), (20, 3), (20, 20), (7, 16)] {
+            let mut all: Vec<u64> = (0..of).flat_map(|part| selected(&format!("{part}/{of}"), shards)).collect();
+            all.sort_unstable();
+            assert_eq!(all, (0..shards).collect::<Vec<_>>(), "{shards} shards in {of} parts");
         }
+        assert_eq!(selected("3/16", 40), [3, 19, 35]);
+    }
+
+    #[test]
+    fn extreme_bad_selections_are_named() {
+        for bad in [
+            "",
+            "x",
+            "3..3",
+            "4..2",
+            "1..",
+            "-1",
+            "1,,2",
+            "16/16",
+            "0/0",
+            "1/2/3",
+            "18446744073709551615",
+            "99999999999999999999",
+        ] {
+            assert!(bad.parse::<Selection>().is_err(), "{bad}");
+        }
+        let beyond = "2..99999999999".parse::<Selection>().unwrap();
+        assert!(beyond.of(8).unwrap_err().contains("shards are 0..8"));
+        assert_eq!(selected("0/18446744073709551615", 8), [0]);
     }
 }

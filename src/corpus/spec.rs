@@ -143,8 +143,8 @@ impl Build {
         BUILD.get_or_init(|| Build {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: env!("MARSYARD_COMMIT").into(),
-            binary_sha256: std::env::current_exe()
-                .and_then(std::fs::read)
+            // The file that runs, be it unlinked or replaced since it was started.
+            binary_sha256: std::fs::read("/proc/self/exe")
                 .map_or_else(|_| "unknown".into(), |bytes| super::sha256(&bytes)),
             rustc: env!("MARSYARD_RUSTC").into(),
             target: env!("MARSYARD_TARGET").into(),

@@ -31,6 +31,18 @@ fn law_another_plan_in_the_same_place_is_refused_with_the_difference() {
 }
 
 #[test]
+fn law_shards_beyond_the_plan_and_parts_beyond_the_parts_exit_2() {
+    let yard = Yard::new();
+    let config = Yard::everything().display().to_string();
+    for (shards, named) in [("2..5", "0..4"), ("4/4", "0 to 3"), ("3..3", "half open"), ("x", "'x'")] {
+        let output = yard.marsyard(["generate", &config, "--out", "place", "--shards", shards]);
+        assert_eq!(output.status.code(), Some(2), "{shards}");
+        assert!(text(&output.stderr).contains(named), "{shards}: {}", text(&output.stderr));
+    }
+    assert!(!yard.path("place").exists(), "nothing is written");
+}
+
+#[test]
 fn law_finalize_refuses_gaps_and_names_them() {
     let yard = Yard::new();
     yard.generate(&Yard::everything(), "gap", &["--shards", "0..1"]);
@@ -244,6 +256,10 @@ fn law_failed_scenes_are_listed_with_their_replay_and_fail_the_run_past_the_shar
     assert_eq!(manifest["failed"].as_array().map(Vec::len), Some(8));
     assert!(manifest["failed"][3]["replay"].as_str().is_some_and(|r| r.contains("--scene 3")), "{manifest}");
     assert!(steep("1").status.success(), "all may fail where the config says so");
+    let part = Yard::everything().display().to_string();
+    let steep = ["--set", "scene.ground.max_slope_deg=0.1", "--shards", "0/2", "--out", "part"];
+    let output = yard.marsyard(["generate", &part].into_iter().chain(steep));
+    assert!(output.status.success(), "a part is not judged: {}", text(&output.stderr));
     let output = yard.marsyard(["finalize", "max_failed_share=0.5"]);
     assert_eq!(output.status.code(), Some(1), "finalize judges the same share");
     let output = yard.marsyard(["explain", "max_failed_share=0.5", "--scene", "3"]);

@@ -106,6 +106,24 @@ fn equal_bytes_from_twenty_fresh_processes() {
 }
 
 #[test]
+fn equal_bytes_for_parts_of_a_plan_that_was_laid_down() {
+    let yard = Yard::new();
+    yard.generate(&Yard::everything(), "whole", &[]);
+    yard.generate(&Yard::everything(), "parts", &["--plan-only"]);
+    let laid: Vec<String> = yard.identity("parts").into_keys().collect();
+    assert_eq!(laid, ["plan.yaml"], "nothing is built");
+    // The corpus is its own config; a part of more parts than shards is empty, and what is there is not built again.
+    for shards in ["2/3", "0/3", "1,0..2", "5/6"] {
+        let output = yard.marsyard(["generate", "parts", "--shards", shards]);
+        assert!(output.status.success(), "{shards}: {}", text(&output.stderr));
+    }
+    assert!(!yard.path("parts/manifest.json").exists(), "a part leaves the whole to finalize");
+    let output = yard.marsyard(["finalize", "parts"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_same(&yard.identity("whole"), &yard.identity("parts"));
+}
+
+#[test]
 fn equal_bytes_after_kills_and_resumes() {
     let yard = Yard::new();
     yard.generate(&Yard::everything(), "whole", &[]);
