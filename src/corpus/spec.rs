@@ -1,6 +1,7 @@
 //! What the corpus is told: the plan's facts about the whole, and one scene's rows.
 
 use std::fmt;
+use std::io::Read;
 use std::sync::OnceLock;
 
 use schemars::JsonSchema;
@@ -143,11 +144,23 @@ impl Build {
         BUILD.get_or_init(|| Build {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: env!("MARSYARD_COMMIT").into(),
-            // The file that runs, be it unlinked or replaced since it was started.
-            binary_sha256: std::fs::read("/proc/self/exe")
-                .map_or_else(|_| "unknown".into(), |bytes| super::sha256(&bytes)),
+            binary_sha256: sha256_of_this_binary().unwrap_or_else(|_| "unknown".into()),
             rustc: env!("MARSYARD_RUSTC").into(),
             target: env!("MARSYARD_TARGET").into(),
         })
+    }
+}
+
+/// Read in pieces: a binary may be larger than all that a build holds in memory.
+fn sha256_of_this_binary() -> std::io::Result<String> {
+    use sha2::Digest;
+    let mut file = std::fs::File::open(std::env::current_exe()?)?;
+    let mut hasher = sha2::Sha256::new();
+    let mut piece = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut piece)? {
+            0 => return Ok(super::hex(&hasher.finalize())),
+            length => hasher.update(&piece[..length]),
+        }
     }
 }
