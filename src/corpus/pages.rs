@@ -163,7 +163,7 @@ impl ChunkReader for Chunks {
 impl Chunks {
     /// From an offset to the end of the column that it lies in.
     fn tail(&self, start: u64) -> Result<Bytes, ParquetError> {
-        let part = self.parts.iter().find(|(first, bytes)| (*first..=*first + bytes.len() as u64).contains(&start));
+        let part = self.parts.iter().find(|(first, bytes)| (*first..*first + bytes.len() as u64).contains(&start));
         let (first, bytes) = part.ok_or_else(|| ParquetError::EOF(format!("no column has a page at {start}")))?;
         Ok(bytes.slice((start - first) as usize..))
     }

@@ -60,8 +60,13 @@ impl Altered {
         for name in ["manifest.json", "shards.jsonl", "plan.yaml"] {
             std::os::unix::fs::symlink(CORPUS.join(name), place.join(name)).expect("a link");
         }
+        std::fs::create_dir(place.join("data")).expect("a folder");
         for name in ["receipts", "data/cells", "data/scenes", "data/poses", "data/points"] {
-            std::fs::create_dir_all(place.join(name)).expect("a folder");
+            if files.iter().all(|(file, _)| !file.starts_with(name)) {
+                std::os::unix::fs::symlink(CORPUS.join(name), place.join(name)).expect("a link");
+                continue;
+            }
+            std::fs::create_dir(place.join(name)).expect("a folder");
             for entry in std::fs::read_dir(CORPUS.join(name)).expect("a folder of the corpus") {
                 let entry = entry.expect("an entry");
                 std::os::unix::fs::symlink(entry.path(), place.join(name).join(entry.file_name())).expect("a link");
