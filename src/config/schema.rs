@@ -176,8 +176,7 @@ fn keys_along(sample: &Json, path: &str) -> Vec<String> {
 
 /// Writes a rule's bounds into the schema. Beside a reference they apply to numbers alone, as they should.
 fn bound(schema: &mut Json, path: &[String], rule: &str) {
-    let whole = schema.clone();
-    let Some(pointer) = pointer_to(Schema::of(&whole), path) else { return };
+    let Some(pointer) = pointer_to(Schema::of(schema), path) else { return };
     let Some(part) = schema.pointer_mut(&pointer) else { return };
     if let Some(interval) = rule.strip_prefix("must lie in [").and_then(|rest| rest.split_once(']')) {
         let mut ends = interval.0.split(", ").filter_map(|end| end.parse::<f64>().ok());
