@@ -152,9 +152,10 @@ impl Build {
 }
 
 /// Read in pieces: a binary may be larger than all that a build holds in memory.
+/// The file that runs, be it unlinked or replaced since it was started.
 fn sha256_of_this_binary() -> std::io::Result<String> {
     use sha2::Digest;
-    let mut file = std::fs::File::open(std::env::current_exe()?)?;
+    let mut file = std::fs::File::open("/proc/self/exe")?;
     let mut hasher = sha2::Sha256::new();
     let mut piece = vec![0; 1 << 16];
     loop {
