@@ -172,22 +172,19 @@ fn law_damage_of_every_kind_is_repaired_and_foreign_things_are_left_alone() {
     let (yard, config) = with_whole();
     yard.generate(&Yard::everything(), "other", &["--set", "seed=1"]);
     let path = |name: &str| yard.path("corpus").join(name);
-    let corpus = || drop(copy_folder(&yard.path("whole"), &yard.path("corpus")));
+    let corpus = || copy_folder(&yard.path("whole"), &yard.path("corpus"));
     let shard = "data/cells/train-0000001.parquet";
     let receipt = "receipts/0000002.json";
+    let replace_from_other = |name: &str| {
+        std::fs::copy(yard.path("other").join(name), path(name)).expect("a copy");
+    };
     type Injure<'a> = Box<dyn Fn() + 'a>;
     let injuries: [(&str, Injure); 6] = [
         ("a truncated shard", Box::new(|| truncate(&path(shard)))),
-        (
-            "a foreign shard",
-            Box::new(|| drop(std::fs::copy(yard.path("other").join(shard), path(shard)).expect("a copy"))),
-        ),
+        ("a foreign shard", Box::new(|| replace_from_other(shard))),
         ("no shard", Box::new(|| std::fs::remove_file(path(shard)).expect("a file"))),
         ("a truncated receipt", Box::new(|| truncate(&path(receipt)))),
-        (
-            "a foreign receipt",
-            Box::new(|| drop(std::fs::copy(yard.path("other").join(receipt), path(receipt)).expect("a copy"))),
-        ),
+        ("a foreign receipt", Box::new(|| replace_from_other(receipt))),
         ("a truncated manifest", Box::new(|| truncate(&path("manifest.json")))),
     ];
     for (what, injure) in injuries {
@@ -303,18 +300,16 @@ fn truncate(path: &std::path::Path) {
 }
 
 /// A fresh copy of a folder.
-fn copy_folder(from: &std::path::Path, to: &std::path::Path) -> u64 {
+fn copy_folder(from: &std::path::Path, to: &std::path::Path) {
     let _ = std::fs::remove_dir_all(to);
     std::fs::create_dir_all(to).expect("a folder");
-    let entries = std::fs::read_dir(from).expect("a folder").map(|entry| entry.expect("an entry"));
-    entries
-        .map(|entry| {
-            let target = to.join(entry.file_name());
-            if entry.path().is_dir() {
-                copy_folder(&entry.path(), &target)
-            } else {
-                std::fs::copy(entry.path(), target).expect("a copy")
-            }
-        })
-        .sum()
+    for entry in std::fs::read_dir(from).expect("a folder") {
+        let entry = entry.expect("an entry");
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_folder(&entry.path(), &target);
+        } else {
+            std::fs::copy(entry.path(), target).expect("a copy");
+        }
+    }
 }

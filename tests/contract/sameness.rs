@@ -15,9 +15,6 @@ fn assert_equal(yard: &Yard, left: &str, right: &str) {
     assert_eq!(left, right, "stages differ below f32");
 }
 
-/// Alternatives of which a plan takes one, and what only repeats a default of another place.
-const NOT_IN_ONE_PLAN: [&str; 3] = ["min_height_m", "golombek", "traversable"];
-
 #[test]
 fn law_the_corpus_of_these_tests_names_every_part_that_a_plan_can_have() {
     let yard = Yard::new();
@@ -38,7 +35,7 @@ fn law_the_corpus_of_these_tests_names_every_part_that_a_plan_can_have() {
         ("Effects", &config["sweep"]["effects"]),
     ] {
         let known = schema["$defs"][definition]["properties"].as_object().expect("a definition of the schema");
-        for part in known.keys().filter(|part| !NOT_IN_ONE_PLAN.contains(&part.as_str())) {
+        for part in known.keys() {
             assert!(!section[part].is_null(), "{definition}: {part} is not in everything.yaml");
         }
     }
