@@ -10,7 +10,7 @@ unsafe extern "C" {
 }
 
 /// Seconds that this thread has spent on a CPU (64-bit Linux).
-pub(super) fn thread_cpu_s() -> f64 {
+pub fn thread_cpu_s() -> f64 {
     const CLOCK_THREAD_CPUTIME_ID: i32 = 3;
     let mut time = [0i64; 2];
     // SAFETY: the C function writes one timespec, two 64-bit words on this platform, into the array.
@@ -20,14 +20,14 @@ pub(super) fn thread_cpu_s() -> f64 {
 
 /// Seconds of CPU and of wall.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Seconds {
+pub struct Seconds {
     pub cpu: f64,
     pub wall: f64,
 }
 
 /// What one scene took, whole and by stage (in the order of [`StageTimes::STAGES`]).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Costs {
+pub struct Costs {
     pub whole: Seconds,
     pub stages: [Seconds; StageTimes::STAGES.len()],
     pub rays: u64,

@@ -38,6 +38,7 @@ use crate::pipeline::Prepared;
 use crate::sweep::PatternError;
 use crate::train::TrainError;
 
+pub use clock::{Costs, Seconds, thread_cpu_s};
 pub use report::{Report, Row};
 pub use settings::{Group, Setting};
 
