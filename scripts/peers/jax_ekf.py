@@ -42,7 +42,7 @@ class Marsyard:
     """The Rust side, kept running and asked for so many rows at a time."""
 
     def __init__(self, binary):
-        self.process = subprocess.Popen([binary, "serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.process = subprocess.Popen([binary], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def learn(self, hidden, form, rows):
         self.process.stdin.write(f"{hidden} {form} {rows}\n")

@@ -46,6 +46,8 @@ pub(super) fn probe(place: &Path, encoded: &Encoded, shards: u64, build_bytes: f
 }
 
 fn committed_s(shard: &FinishedShard, folder: &Path) -> Result<f64, EstimateError> {
+    std::fs::create_dir(folder)
+        .map_err(|error| EstimateError::Place { place: folder.display().to_string(), reason: error.to_string() })?;
     let store = LocalFolder::new(folder);
     let started = Instant::now();
     shard.commit(&store)?;

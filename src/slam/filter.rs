@@ -5,10 +5,10 @@
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
 //! modelled: constant instrument biases; they make the angles' sigmas too small.
 
-use super::matrix::{Matrix, Vector};
+use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
 use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Sighting};
 use super::visibility::Visibility;
 use super::weights::{Ancestry, effective_samples, normalise, systematic};
 use super::{Counters, FastslamParams};
@@ -232,28 +232,26 @@ impl Filter {
     }
 
     /// The usable features: those of most points (the nearer of two), apart from one another, nearest first.
-    fn choose(&mut self, found: &[Feature]) -> Vec<Feature> {
+    fn choose(&mut self, found: &[Feature]) -> Vec<Sighting> {
         let mut order: Vec<Feature> = found.iter().copied().filter(|f| usable(&f.polar)).collect();
         self.counters.not_finite += (found.len() - order.len()) as u32;
         order.sort_by(|a, b| b.points.cmp(&a.points).then(a.polar[0].total_cmp(&b.polar[0])));
-        let mut chosen: Vec<(Feature, Vector<3>)> = Vec::with_capacity(self.max_features);
-        for feature in order {
+        let mut chosen: Vec<Sighting> = Vec::with_capacity(self.max_features);
+        for sighting in order.into_iter().map(Sighting::new) {
             if chosen.len() == self.max_features {
                 break;
             }
-            let [range, bearing, elevation] = feature.polar;
-            let (sb, cb) = math::sin_cos(bearing);
-            let (se, ce) = math::sin_cos(elevation);
-            let place = [range * ce * cb, range * ce * sb, range * se];
-            let apart = |other: &Vector<3>| (0..3).map(|i| (place[i] - other[i]) * (place[i] - other[i])).sum::<f64>();
-            let near = |other: &Vector<3>| apart(other) < FEATURE_SPACING_M * FEATURE_SPACING_M;
+            let near = |other: &Sighting| {
+                let apart: Vector<3> = std::array::from_fn(|i| sighting.point_m[i] - other.point_m[i]);
+                square(&apart) < FEATURE_SPACING_M * FEATURE_SPACING_M
+            };
             // Known features cannot be doubles of one another.
-            if feature.known.is_some() || !chosen.iter().any(|(_, other)| near(other)) {
-                chosen.push((feature, place));
+            if sighting.feature.known.is_some() || !chosen.iter().any(near) {
+                chosen.push(sighting);
             }
         }
-        chosen.sort_by(|(a, _), (b, _)| a.polar[0].total_cmp(&b.polar[0]));
-        chosen.into_iter().map(|(feature, _)| feature).collect()
+        chosen.sort_by(|a, b| a.feature.polar[0].total_cmp(&b.feature.polar[0]));
+        chosen
     }
 
     /// Normalised innovation squared of a match, averaged with the weights from before the sweep.

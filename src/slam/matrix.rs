@@ -1,7 +1,8 @@
 //! Fixed-size vectors and matrices -> products, factors, solves.
 //!
 //! In and out: row-major arrays of f64. Own code instead of a library's: the filter needs five operations on sizes 3 and 6,
-//! unrolled by the compiler, with one order of summation everywhere.
+//! unrolled by the compiler, with one order of summation everywhere. Plain loops, because closures over rows are not always
+//! inlined. Sums of products start at -0, as those of iterators do.
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
@@ -30,25 +31,47 @@ pub fn product<const R: usize, const K: usize, const C: usize>(a: &Matrix<R, K>,
 /// The transpose.
 #[inline(always)]
 pub fn transpose<const R: usize, const C: usize>(a: &Matrix<R, C>) -> Matrix<C, R> {
-    std::array::from_fn(|c| std::array::from_fn(|r| a[r][c]))
+    let mut out = [[0.0; R]; C];
+    for c in 0..C {
+        for r in 0..R {
+            out[c][r] = a[r][c];
+        }
+    }
+    out
 }
 
 /// a v.
 #[inline(always)]
 pub fn apply<const R: usize, const C: usize>(a: &Matrix<R, C>, v: &Vector<C>) -> Vector<R> {
-    std::array::from_fn(|r| a[r].iter().zip(v).map(|(x, y)| x * y).sum())
+    let mut out = [-0.0; R];
+    for r in 0..R {
+        for c in 0..C {
+            out[r] += a[r][c] * v[c];
+        }
+    }
+    out
 }
 
 /// a + b.
 #[inline(always)]
 pub fn sum<const R: usize, const C: usize>(a: &Matrix<R, C>, b: &Matrix<R, C>) -> Matrix<R, C> {
-    std::array::from_fn(|r| std::array::from_fn(|c| a[r][c] + b[r][c]))
+    let mut out = *a;
+    for r in 0..R {
+        for c in 0..C {
+            out[r][c] += b[r][c];
+        }
+    }
+    out
 }
 
 /// The matrix with `d` on its diagonal.
 #[inline(always)]
 pub fn diagonal<const N: usize>(d: &Vector<N>) -> Matrix<N, N> {
-    std::array::from_fn(|r| std::array::from_fn(|c| if r == c { d[r] } else { 0.0 }))
+    let mut out = [[0.0; N]; N];
+    for i in 0..N {
+        out[i][i] = d[i];
+    }
+    out
 }
 
 /// Replaces a by (a + a') / 2.
@@ -150,7 +173,7 @@ pub fn ln_determinant<const N: usize>(l: &Matrix<N, N>) -> f64 {
 /// v' v.
 #[inline(always)]
 pub fn square<const N: usize>(v: &Vector<N>) -> f64 {
-    v.iter().map(|x| x * x).sum()
+    v.iter().fold(-0.0, |sum, x| sum + x * x)
 }
 
 #[cfg(test)]

@@ -4,6 +4,9 @@
 //! Jacobians by the landmark and by the pose. Frames: `map` and `sensor`; metres, radians. Source: the range-bearing model
 //! of Thrun et al. 2005, chapter 6, with an elevation. Not modelled: the tilt head's own lever arm.
 
+// Algebra reads by its indices.
+#![allow(clippy::needless_range_loop)]
+
 use super::matrix::{Matrix, Vector, apply, product, transpose};
 use crate::geometry::Transform;
 use crate::math;
@@ -34,6 +37,15 @@ impl Mounting {
     }
 }
 
+/// A landmark from where the sensor stands.
+struct Sight {
+    q: Vector<3>,
+    level2: f64,
+    range2: f64,
+    level: f64,
+    range: f64,
+}
+
 /// A pose as the sensor needs it: rotations and their derivatives, computed once for many landmarks.
 #[derive(Clone, Debug)]
 pub struct View {
@@ -43,6 +55,14 @@ pub struct View {
     rotation: Matrix<3, 3>,
     /// Derivatives of the same by roll, pitch and yaw.
     by_angle: [Matrix<3, 3>; 3],
+}
+
+/// The point of a measurement in the sensor frame.
+pub fn point_m(polar: &Polar) -> Vector<3> {
+    let [range, bearing, elevation] = *polar;
+    let (sb, cb) = math::sin_cos(bearing);
+    let (se, ce) = math::sin_cos(elevation);
+    [range * ce * cb, range * ce * sb, range * se]
 }
 
 /// A predicted measurement.
@@ -79,33 +99,86 @@ impl View {
     /// A map point in the sensor frame.
     #[inline]
     pub fn in_sensor(&self, point_m: &Vector<3>) -> Vector<3> {
-        let w: Vector<3> = std::array::from_fn(|i| point_m[i] - self.position_m[i]);
-        let q = apply(&self.rotation, &w);
-        std::array::from_fn(|i| q[i] - self.offset_m[i])
+        let mut w = *point_m;
+        for i in 0..3 {
+            w[i] -= self.position_m[i];
+        }
+        let mut q = apply(&self.rotation, &w);
+        for i in 0..3 {
+            q[i] -= self.offset_m[i];
+        }
+        q
     }
 
     /// What would be measured of a landmark; `None` where the bearing means nothing.
+    #[inline]
     pub fn predict(&self, landmark_m: &Vector<3>) -> Option<Prediction> {
-        let q = self.in_sensor(landmark_m);
-        let level2 = q[0] * q[0] + q[1] * q[1];
-        let range2 = level2 + q[2] * q[2];
-        let (level, range) = (level2.sqrt(), range2.sqrt());
-        if !(level > 1e-6 && range < f64::INFINITY) {
-            return None;
-        }
+        let Sight { q, level2, range2, level, range } = self.sight(landmark_m)?;
         let by_sensor_point = [
             [q[0] / range, q[1] / range, q[2] / range],
             [-q[1] / level2, q[0] / level2, 0.0],
             [-q[0] * q[2] / (range2 * level), -q[1] * q[2] / (range2 * level), level / range2],
         ];
-        let by_landmark = product(&by_sensor_point, &self.rotation);
-        let w: Vector<3> = std::array::from_fn(|i| landmark_m[i] - self.position_m[i]);
-        let turned = self.by_angle.each_ref().map(|d| apply(&by_sensor_point, &apply(d, &w)));
-        let by_pose = std::array::from_fn(|r| {
-            let [x, y, z] = by_landmark[r];
-            [-x, -y, -z, turned[0][r], turned[1][r], turned[2][r]]
-        });
+        let (by_landmark, by_pose) = self.slopes(landmark_m, &by_sensor_point);
         Some(Prediction { polar: [range, math::atan2(q[1], q[0]), math::atan2(q[2], level)], by_landmark, by_pose })
+    }
+
+    /// The range alone, with its derivatives by the landmark and by the pose: the first rows of [`View::predict`], to the bit.
+    #[inline]
+    pub fn predict_range(&self, landmark_m: &Vector<3>) -> Option<(f64, Matrix<1, 3>, Matrix<1, 6>)> {
+        let Sight { q, range, .. } = self.sight(landmark_m)?;
+        let (by_landmark, by_pose) = self.slopes(landmark_m, &[[q[0] / range, q[1] / range, q[2] / range]]);
+        Some((range, by_landmark, by_pose))
+    }
+
+    #[inline(always)]
+    fn sight(&self, landmark_m: &Vector<3>) -> Option<Sight> {
+        let q = self.in_sensor(landmark_m);
+        let level2 = q[0] * q[0] + q[1] * q[1];
+        let range2 = level2 + q[2] * q[2];
+        let (level, range) = (level2.sqrt(), range2.sqrt());
+        (level > 1e-6 && range < f64::INFINITY).then_some(Sight { q, level2, range2, level, range })
+    }
+
+    /// Derivatives by the landmark and by the pose, from those by the point in the sensor frame.
+    #[inline(always)]
+    fn slopes<const R: usize>(
+        &self,
+        landmark_m: &Vector<3>,
+        by_sensor_point: &Matrix<R, 3>,
+    ) -> (Matrix<R, 3>, Matrix<R, 6>) {
+        let by_landmark = product(by_sensor_point, &self.rotation);
+        let mut w = *landmark_m;
+        for i in 0..3 {
+            w[i] -= self.position_m[i];
+        }
+        let mut by_pose = [[0.0; 6]; R];
+        for (angle, by_angle) in self.by_angle.iter().enumerate() {
+            let turned = apply(by_sensor_point, &apply(by_angle, &w));
+            for r in 0..R {
+                by_pose[r][3 + angle] = turned[r];
+            }
+        }
+        for r in 0..R {
+            for i in 0..3 {
+                by_pose[r][i] = -by_landmark[r][i];
+            }
+        }
+        (by_landmark, by_pose)
+    }
+
+    /// The map point of a point in the sensor frame.
+    #[inline]
+    pub fn in_map(&self, point_m: &Vector<3>) -> Vector<3> {
+        let mut from_rover = *point_m;
+        for i in 0..3 {
+            from_rover[i] += self.offset_m[i];
+        }
+        let mut place = apply(&transpose(&self.rotation), &from_rover);
+        for i in 0..3 {
+            place[i] += self.position_m[i];
+        }
+        place
     }
 
     /// The map point of a measurement, and its covariance for diagonal measurement variances (the pose taken as exact).
@@ -113,21 +186,17 @@ impl View {
         let [range, bearing, elevation] = *polar;
         let (sb, cb) = math::sin_cos(bearing);
         let (se, ce) = math::sin_cos(elevation);
-        let q: Vector<3> = [range * ce * cb, range * ce * sb, range * se];
-        let from_rover: Vector<3> = std::array::from_fn(|i| q[i] + self.offset_m[i]);
-        let map_from_sensor = transpose(&self.rotation);
-        let w = apply(&map_from_sensor, &from_rover);
         // Columns: derivatives of q by range, bearing, elevation.
         let by_polar = [
             [ce * cb, -range * ce * sb, -range * se * cb],
             [ce * sb, range * ce * cb, -range * se * sb],
             [se, 0.0, range * ce],
         ];
-        let j = product(&map_from_sensor, &by_polar);
+        let j = product(&transpose(&self.rotation), &by_polar);
         let covariance = std::array::from_fn(|r| {
             std::array::from_fn(|c| (0..3).map(|k| j[r][k] * variances[k] * j[c][k]).sum::<f64>())
         });
-        (std::array::from_fn(|i| self.position_m[i] + w[i]), covariance)
+        (self.in_map(&[range * ce * cb, range * ce * sb, range * se]), covariance)
     }
 }
 

@@ -122,19 +122,43 @@ impl Kernel<f64> for Forward<'_> {
         let mut first = 0;
         for (count, neurons) in layout.layers() {
             let (before, after) = tape.values[first..].split_at_mut(count);
-            for value in &mut after[..neurons] {
-                let (own, others) = rest.split_at(count);
-                let (mut sum, others) = if layout.bias { (others[0], &others[1..]) } else { (0.0, others) };
-                for (w, x) in own.iter().zip(before.iter()) {
-                    sum = w.mul_add(*x, sum); // Eq. (2)
-                }
-                *value = logistic(sum); // Eq. (1)
-                rest = others;
+            let stride = count + usize::from(layout.bias);
+            let (own, others) = rest.split_at(stride * neurons);
+            let several = CHAINS * (neurons / CHAINS);
+            let (together, alone) = after[..neurons].split_at_mut(several);
+            for (k, values) in together.as_chunks_mut::<CHAINS>().0.iter_mut().enumerate() {
+                *values = side_by_side(&own[k * CHAINS * stride..], before, layout.bias);
             }
+            for (k, value) in alone.iter_mut().enumerate() {
+                [*value] = side_by_side(&own[(several + k) * stride..], before, layout.bias);
+            }
+            rest = others;
             first += count;
         }
         tape.values[nodes - 1]
     }
+}
+
+/// Neurons whose sums run side by side: each is a chain, and waits for itself.
+const CHAINS: usize = 8;
+
+/// `N` neurons, whose weights follow one another in `rows`, on the values of the layer before.
+#[inline(always)]
+fn side_by_side<const N: usize>(rows: &[f64], before: &[f64], bias: bool) -> [f64; N] {
+    let (count, stride) = (before.len(), before.len() + usize::from(bias));
+    let rows: [&[f64]; N] = std::array::from_fn(|n| &rows[n * stride..][..stride]);
+    let mut sums = [0.0; N];
+    if bias {
+        for n in 0..N {
+            sums[n] = rows[n][count];
+        }
+    }
+    for (i, x) in before.iter().enumerate() {
+        for n in 0..N {
+            sums[n] = rows[n][i].mul_add(*x, sums[n]); // Eq. (2)
+        }
+    }
+    sums.map(logistic) // Eq. (1)
 }
 
 struct Gradient<'a> {

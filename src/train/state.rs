@@ -56,14 +56,14 @@ pub fn from_bytes(bytes: &[u8]) -> Result<(Json, HashMap<String, Snapshot>), Str
     let mut snapshots = HashMap::new();
     for (name, listed) in about["snapshots"].as_object().into_iter().flatten() {
         let tensor = |array: &str| tensors.tensor(&format!("{name}/{array}")).map_err(unreadable);
+        if name.contains('/') {
+            return Err(format!("'{name}' is no name of a snapshot"));
+        }
         let weights = tensor(WEIGHTS)?;
         if weights.dtype() != Dtype::F64 {
             return Err(format!("the weights of '{name}' are of type {:?}, not F64", weights.dtype()));
         }
         let words = weights.data().chunks_exact(8).map(|word| f64::from_le_bytes(word.try_into().expect("8 bytes")));
-        if name.contains('/') {
-            return Err(format!("'{name}' is no name of a snapshot"));
-        }
         let kind = listed["filter"].as_str().unwrap_or_default().to_string();
         let mut filter = FilterState { kind, arrays: Vec::new() };
         for array in listed["arrays"].as_array().into_iter().flatten().filter_map(Json::as_str) {
@@ -106,6 +106,7 @@ mod tests {
             assert!(from_bytes(&bytes[..cut]).is_err(), "{cut}");
         }
     }
+
     #[test]
     fn extreme_an_array_listed_many_times_is_refused_before_it_is_copied() {
         let arrays = vec![("factor".to_string(), "F64", vec![2], vec![0; 16])];
@@ -122,6 +123,7 @@ mod tests {
         assert!(with(r#"["factor"]"#, r#"["factor","factor"]"#).contains("'factor' is listed twice"));
         assert!(with(r#""now""#, r#""now/filter""#).contains("no name of a snapshot"));
     }
+
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig { failure_persistence: None, ..Default::default() })]
 

@@ -162,6 +162,7 @@ fn law_missing_shards_are_named_as_generate_takes_them() {
     let missing = text(&yard.marsyard(["status", "part", "--missing"]).stdout);
     assert_eq!(missing.trim(), "0,2..4");
     yard.generate(&Yard::everything(), "part", &["--shards", missing.trim()]);
+    assert!(yard.marsyard(["finalize", "part"]).status.success());
     assert_same(&yard.identity("whole"), &yard.identity("part"));
     let output = yard.marsyard(["generate", &config, "--out", "part", "--shards", "2..5"]);
     assert_eq!(output.status.code(), Some(2));

@@ -207,10 +207,12 @@ fn extreme_grid_of_529_weights_the_plain_form_keeps_weights_finite_and_says_when
 
 /// Least eigenvalue of a plain filter's P, its variances scaled to 1.
 fn least_eigenvalue(state: &FilterState, size: usize) -> f64 {
-    let (lower, pending) = (values(state, "covariance"), values(state, "pending"));
-    let pending = |i: usize| if pending.is_empty() { 0.0 } else { pending[i] };
-    let p =
-        DMatrix::from_fn(size, size, |i, j| lower[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)] - pending(i) * pending(j));
+    let (lower, q) = (values(state, "covariance"), values(state, "pending_q")[0]);
+    let mut p = DMatrix::from_fn(size, size, |i, j| lower[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)]);
+    p += DMatrix::identity(size, size) * q;
+    for t in values(state, "pending").chunks(size) {
+        p -= DMatrix::from_fn(size, size, |i, j| t[i] * t[j]);
+    }
     let scaled = DMatrix::from_fn(size, size, |i, j| p[(i, j)] / (p[(i, i)] * p[(j, j)]).sqrt());
     scaled.symmetric_eigenvalues().min()
 }

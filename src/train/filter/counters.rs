@@ -45,7 +45,8 @@ impl Counters {
 
     /// Cuts weights back.
     pub(super) fn take_weights(&mut self, weights: &mut [f64]) {
-        if weights.iter().any(|w| w.abs() > MOST_WEIGHT) {
+        // All of them are looked at: a loop that may stop early is not turned into vectors.
+        if weights.iter().fold(false, |far, w| far | (w.abs() > MOST_WEIGHT)) {
             weights.iter_mut().for_each(|w| *w = w.clamp(-MOST_WEIGHT, MOST_WEIGHT));
             self.cut_back += 1;
         }

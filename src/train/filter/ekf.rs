@@ -7,7 +7,7 @@
 use super::FilterError;
 use super::covariance::Covariance;
 use super::lanes::{Isa, Kernel, Real, Simd};
-use super::linearised::{Learner, Outcome, Rows};
+use super::linearised::{Learner, Outcome, Rows, finite};
 use super::state::{Reader, Writer};
 use super::triangle::{Masks, Triangle};
 use super::ud::Ud;
@@ -104,10 +104,10 @@ impl<T: Real> Kernel<T> for Update<'_, T> {
             group.leave::<V>(count, root, stride); // Eqs (13) and (14)
             group.step(&z[..count], step); // Eq. (15)
         }
-        if step.iter().all(|w| w.is_finite()) {
+        if finite(step) {
             weights.copy_from_slice(step);
         } else {
-            groups.iter_mut().for_each(|group| group.rank = 0);
+            groups.iter_mut().for_each(|group| group.rank -= count);
             outcome.rejected = true;
         }
         outcome
@@ -151,6 +151,7 @@ impl<T: Real> Learner for Ekf<T> {
     fn save(&self, to: &mut Writer) {
         to.reals("covariance", self.groups.iter().flat_map(|g| g.triangle.elements()));
         to.counts("pending_rank", self.groups.iter().map(|g| g.rank as u64));
+        to.reals("pending_q", self.groups.iter().map(|g| g.pending_q));
         to.counts("backward", self.groups.iter().map(|g| u64::from(g.backward)));
         let pending = |g: &'_ Covariance<T>| -> Vec<T> {
             (0..g.rank).flat_map(|j| (0..g.members.len()).map(move |i| g.pending(j, i))).collect()
@@ -160,17 +161,18 @@ impl<T: Real> Learner for Ekf<T> {
 
     fn load(&mut self, from: &Reader) -> Result<(), FilterError> {
         let ranks = from.counts("pending_rank", self.groups.len())?;
+        let pending_q = from.reals::<f64>("pending_q", self.groups.len())?;
         let backward = from.counts("backward", self.groups.len())?;
         let covariance = from.reals::<T>("covariance", self.groups.iter().map(|g| g.triangle.count()).sum())?;
-        if let Some(&rank) = ranks.iter().find(|&&r| r > self.batch as u64) {
-            return Err(FilterError::OtherSize { there: rank as usize, here: self.batch });
+        if let Some((&rank, g)) = ranks.iter().zip(&self.groups).find(|(rank, g)| **rank > g.room as u64) {
+            return Err(FilterError::OtherSize { there: rank as usize, here: g.room });
         }
         let size = |(g, &rank): (&Covariance<T>, &u64)| rank as usize * g.members.len();
         let pending = from.reals::<T>("pending", self.groups.iter().zip(&ranks).map(size).sum())?;
         let (mut covariance, mut pending) = (covariance.into_iter(), pending.into_iter());
-        for (g, (rank, backward)) in self.groups.iter_mut().zip(ranks.iter().zip(backward)) {
+        for ((g, q), (rank, backward)) in self.groups.iter_mut().zip(pending_q).zip(ranks.iter().zip(backward)) {
             g.triangle.set_elements(&mut covariance);
-            g.rank = *rank as usize;
+            (g.rank, g.pending_q) = (*rank as usize, q);
             g.backward = backward != 0;
             for j in 0..g.rank {
                 for i in 0..g.members.len() {

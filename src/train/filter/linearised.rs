@@ -30,6 +30,12 @@ pub struct Outcome {
     pub rejected: bool,
 }
 
+/// Whether all numbers are finite. Looks at all of them: a loop that may stop early is not turned into vectors.
+#[inline(always)]
+pub fn finite(values: &[f64]) -> bool {
+    values.iter().fold(true, |sound, x| sound & (x.abs() < f64::INFINITY))
+}
+
 /// A filter's own part.
 pub trait Learner: Send {
     fn kind(&self) -> &str;
@@ -109,7 +115,7 @@ impl<L: Learner> Filter for Linearised<L> {
             let gradient = &mut self.jacobian[place..place + size];
             let sound = row.iter().all(|x| x.is_finite()) && noise > 0.0 && noise < f64::INFINITY;
             let output = if sound { network.gradient(row, &mut self.tape, gradient) } else { f64::NAN };
-            if !(target - output).is_finite() || !gradient.iter().all(|b| b.is_finite()) {
+            if !(target - output).is_finite() || !finite(gradient) {
                 self.counters.rejected += 1;
                 continue;
             }

@@ -10,7 +10,7 @@ use super::FilterError;
 use super::lanes::{Isa, Kernel, Real, Simd};
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
-use super::triangle::{ROWS, Triangle, chunks, width};
+use super::triangle::{ROWS, Tile, Triangle, chunks, width};
 
 /// The filter with factors of element type `T`.
 pub struct Ud<T: Real> {
@@ -63,24 +63,30 @@ impl<T: Real> Ud<T> {
     }
 
     /// One row: leaves S K in `gain`, returns S.
+    ///
+    /// A strip is changed while the one after the next is multiplied: what the changes wait for, the sums of a strip and the chain
+    /// of divisions after them, is then done before its turn comes.
     #[inline(always)]
     fn measure<V: Simd<T>>(&mut self, noise: f64) -> f64 {
         self.gain.fill(T::Chunk::default());
-        let mut alpha = noise;
+        let strips = self.variances.len() / ROWS;
+        let zero = [V::splat(T::of(0.0)); ROWS];
         let mut rest = &mut self.factor.tiles[..];
-        for (strip, d) in self.variances.chunks_exact_mut(ROWS).enumerate() {
-            let (tiles, others) = rest.split_at_mut(width::<T>(strip));
-            rest = others;
-            let mut sums = [V::splat(T::of(0.0)); ROWS];
-            for (tile, b) in tiles.iter().zip(&self.slopes) {
-                let b = V::load(b);
-                for (sum, u) in sums.iter_mut().zip(&tile.0) {
-                    *sum = V::load(u).mul_add(b, *sum);
-                }
+        let mut f = [[T::of(0.0); ROWS]; 2]; // f = U' b, of a strip and of the next
+        let mut start = 0;
+        for (strip, f) in f.iter_mut().enumerate().take(strips) {
+            let mut sums = zero;
+            for (tile, b) in rest[start..][..width::<T>(strip)].iter().zip(&self.slopes) {
+                add::<T, V>(tile, b, &mut sums);
             }
-            let (mut p, mut v) = ([V::splat(T::of(0.0)); ROWS], [V::splat(T::of(0.0)); ROWS]);
+            *f = V::sums(sums);
+            start += width::<T>(strip);
+        }
+        let mut alpha = noise;
+        for (strip, d) in self.variances.chunks_exact_mut(ROWS).enumerate() {
+            let (mut p, mut v) = (zero, zero);
             for r in 0..ROWS {
-                let f = sums[r].sum().f64(); // f = U' b
+                let f = f[0][r].f64();
                 let vf = d[r] * f;
                 let next = vf.mul_add(f, alpha);
                 d[r] *= alpha / next;
@@ -88,19 +94,51 @@ impl<T: Real> Ud<T> {
                 v[r] = V::splat(T::of(vf));
                 alpha = next;
             }
-            for (tile, gain) in tiles.iter_mut().zip(&mut self.gain) {
-                let mut k = V::load(gain);
-                for r in 0..ROWS {
-                    let u = V::load(&tile.0[r]);
-                    // Entries of the gain below row j are still 0 at column j, so zeros and the diagonal stay.
-                    k.mul_add(p[r], u).store(&mut tile.0[r]);
-                    k = u.mul_add(v[r], k);
-                }
-                k.store(gain);
+            let (tiles, others) = rest.split_at_mut(width::<T>(strip));
+            let ahead = match strip + 2 < strips {
+                true => &others[width::<T>(strip + 1)..][..width::<T>(strip + 2)],
+                false => &[],
+            };
+            let common = tiles.len().min(ahead.len());
+            let mut sums = zero;
+            let both = tiles.iter_mut().zip(&mut self.gain).zip(ahead.iter().zip(&self.slopes));
+            for ((tile, gain), (ahead, b)) in both {
+                change::<T, V>(tile, gain, &p, &v);
+                add::<T, V>(ahead, b, &mut sums);
             }
+            for (tile, gain) in tiles[common..].iter_mut().zip(&mut self.gain[common..]) {
+                change::<T, V>(tile, gain, &p, &v);
+            }
+            for (ahead, b) in ahead[common..].iter().zip(&self.slopes[common..]) {
+                add::<T, V>(ahead, b, &mut sums);
+            }
+            f = [f[1], V::sums(sums)];
+            rest = others;
         }
         alpha
     }
+}
+
+/// Adds a tile's part to the sums of U' b.
+#[inline(always)]
+fn add<T: Real, V: Simd<T>>(tile: &Tile<T::Chunk>, b: &T::Chunk, sums: &mut [V; ROWS]) {
+    let b = V::load(b);
+    for r in 0..ROWS {
+        sums[r] = V::load(&tile.0[r]).mul_add(b, sums[r]);
+    }
+}
+
+/// Columns of a tile of U, one after the other: u += p k, and the gain k += v u of the old u.
+#[inline(always)]
+fn change<T: Real, V: Simd<T>>(tile: &mut Tile<T::Chunk>, gain: &mut T::Chunk, p: &[V; ROWS], v: &[V; ROWS]) {
+    let mut k = V::load(gain);
+    for r in 0..ROWS {
+        let u = V::load(&tile.0[r]);
+        // Entries of the gain below row j are still 0 at column j, so zeros and the diagonal stay.
+        k.mul_add(p[r], u).store(&mut tile.0[r]);
+        k = u.mul_add(v[r], k);
+    }
+    k.store(gain);
 }
 
 struct Update<'a, T: Real> {

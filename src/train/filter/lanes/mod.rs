@@ -38,6 +38,8 @@ pub trait Real: Copy + Add<Output = Self> + Debug + Default + PartialEq + Send +
 
 /// A chunk in registers.
 pub trait Simd<T: Real>: Copy {
+    /// Whether there are registers for more than a dozen chunks.
+    const MANY: bool = false;
     fn load(from: &T::Chunk) -> Self;
     fn store(self, to: &mut T::Chunk);
     fn splat(x: T) -> Self;
@@ -48,6 +50,11 @@ pub trait Simd<T: Real>: Copy {
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
     /// Sum of the lanes: upper half onto lower half until one is left.
     fn sum(self) -> T;
+    /// Sums of four, each as [`Simd::sum`] has it.
+    #[inline(always)]
+    fn sums(four: [Self; 4]) -> [T; 4] {
+        [four[0].sum(), four[1].sum(), four[2].sum(), four[3].sum()]
+    }
 }
 
 /// Work that is compiled once per instruction set.

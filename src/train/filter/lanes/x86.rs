@@ -28,6 +28,8 @@ macro_rules! wide {
         // SAFETY (all): values of this type exist only in kernels that `avx512` runs, on a CPU that has the set; a
         // chunk and the register have the same size, and every bit pattern is valid.
         impl Simd<$real> for $wide {
+            const MANY: bool = true;
+
             #[inline(always)]
             fn load(from: &$chunk) -> Self {
                 unsafe { std::mem::transmute::<$chunk, Self>(*from) }
