@@ -185,7 +185,12 @@ class Driver:
             if not self.running:
                 time.sleep(0.2)
                 continue
-            finished, _ = self.ray.wait(list(self.running), timeout=1)
+            # The first that comes, then all that have come with it.
+            references = list(self.running)
+            if self.ray.wait(references, timeout=1)[0]:
+                finished, _ = self.ray.wait(references, num_returns=len(references), timeout=0)
+            else:
+                finished = []
             for reference in finished:
                 chunk = self.running.pop(reference)
                 code, why = self.outcome(reference, chunk)

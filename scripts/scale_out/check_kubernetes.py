@@ -13,6 +13,7 @@ import json
 import pathlib
 import re
 import subprocess
+import sys
 import tempfile
 
 import kubernetes_validate
@@ -69,7 +70,8 @@ def command_of(manifest, place, environment):
     container = manifest["spec"]["template"]["spec"]["containers"][0]
     words = [str(word) for word in container["command"] + container["args"]]
     words = [re.sub(r"\$\((\w+)\)", lambda match: environment[match[1]], word) for word in words]
-    check(words.count(PLACE) == 1 and words[0] == "marsyard", f"the command is {' '.join(words)}")
+    if words[0] != "marsyard" or words.count(PLACE) != 1:
+        sys.exit(f"FAILED: {' '.join(words)} is no command of marsyard on {PLACE}")
     return [str(place) if word == PLACE else word for word in words[1:]]
 
 

@@ -106,7 +106,7 @@ class Slurm:
         return self.out("squeue", "-h", "-r", "-o", "%F_%K %A %t %N", *filters).splitlines()
 
     def kill_node(self, node):
-        """As if its machine were switched off: slurmd and all that it has started."""
+        """As if its machine were switched off: slurmd, and all that it has started, at once."""
         daemon = self.daemons.pop(node)
         for process in [daemon.pid, *started_on(self.folder, node)]:
             with contextlib.suppress(ProcessLookupError):
@@ -122,15 +122,19 @@ class Slurm:
 
 
 def started_on(folder, node):
-    """Processes of jobs that run on a node, and the daemons that watch over them: they carry its name in their environment."""
-    found = []
+    """Processes of jobs that run on a node, those that watch over them first: a job that dies alone is one that failed."""
+    watchers, found = set(), []
     for entry in pathlib.Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
         with contextlib.suppress(OSError):
-            if entry.name.isdigit():
-                environment = (entry / "environ").read_bytes().split(b"\0")
-                if f"SLURM_CONF={folder}/slurm.conf".encode() in environment and f"SLURMD_NODENAME={node}".encode() in environment:
-                    found.append(int(entry.name))
-    return found
+            environment = (entry / "environ").read_bytes().split(b"\0")
+            if f"SLURM_CONF={folder}/slurm.conf".encode() in environment and f"SLURMD_NODENAME={node}".encode() in environment:
+                found.append(int(entry.name))
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+                if pathlib.Path(f"/proc/{parent}/comm").read_text().startswith("slurmstepd"):
+                    watchers.add(parent)
+    return [*watchers, *found]
 
 
 def free_port():
@@ -216,8 +220,8 @@ def node_killed(case):
     lost = next(job for job in case.slurm.jobs() if job.endswith(" R n2")).split()[0]
     left = SHARDS - case.done()
     case.slurm.kill_node("n2")
+    wait_for(lambda: case.slurm.nodes("down") == 1, "sign that Slurm has seen that the node is gone")
     final = case.end(ids)
-    check(case.slurm.nodes("down") == 1, "Slurm has seen that the node is gone")
     requeued = (case.folder / f"slurm-{lost}.out").read_text()
     check(requeued.count("shards to build") == 2, "the task of the lost node ran again", requeued)
     return {"what": f"{PARTS} tasks, a node killed with {left} of {SHARDS} shards to go", "corpus_id": corpus_id(final)}
