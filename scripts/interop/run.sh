@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Outside programs against a finished corpus, against a small one with the points table, against a model trained on the first
-# (ONNX), and against classified clouds.
+# (ONNX), against classified clouds, and against an object store (a server on loopback) with faults.
 #
 #   scripts/interop/run.sh PYTHON MARSYARD CORPUS
 #
@@ -20,3 +20,4 @@ trap 'rm -rf "$scratch"' EXIT
 "$marsyard" export "$scratch/run" --onnx "$scratch/model.onnx" --json "$scratch/model.json"
 "$python" "$here/../check_onnx.py" "$scratch/model.onnx" "$scratch/model.json" --tolerance 1e-6
 "$python" "$here/check_clouds.py" "$marsyard" "$scratch/run/model.safetensors"
+"$python" "$here/../store/check_store.py" "$marsyard"

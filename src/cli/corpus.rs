@@ -1,6 +1,7 @@
 //! Looks at corpora: what is there, what is whole, what it holds; and merges what many machines built.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use clap::Args;
@@ -8,26 +9,25 @@ use rand::SeedableRng;
 use rand::rngs::ChaCha8Rng;
 
 use super::explain::plan_of;
-use super::generate::{
-    build_outcome, corpus_failure, default_threads, judge_failures, parse_threads, spec_of, stop_on_signals,
-};
+use super::generate::{build_outcome, default_threads, judge_failures, parse_threads, spec_of, stop_on_signals};
 use super::output::{out, outln};
+use super::place::{self, corpus_failure};
 use super::progress::Progress;
 use super::{Failure, LogFormat};
 use crate::corpus::verify::Finding;
-use crate::corpus::{self, CorpusSpec, LocalFolder, Place, ranges, rebuild, verify};
+use crate::corpus::{self, CorpusSpec, Place, Store, ranges, rebuild, verify};
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, Event, Outcome};
 
 #[derive(Debug, Args)]
 pub(super) struct PlaceArgs {
-    /// Folder of a corpus.
+    /// Folder or URL of a corpus.
     place: PathBuf,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct VerifyArgs {
-    /// Folder of a corpus.
+    /// Folder or URL of a corpus.
     place: PathBuf,
     /// Remove the damaged shards, so that `marsyard generate` builds them anew.
     #[arg(long)]
@@ -43,7 +43,7 @@ pub(super) struct VerifyArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct StatusArgs {
-    /// Folder of a corpus.
+    /// Folder or URL of a corpus.
     place: PathBuf,
     /// Print the shards that are missing or damaged as ranges, and nothing else; nothing where all are there.
     #[arg(long)]
@@ -52,26 +52,19 @@ pub(super) struct StatusArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArgs {
-    /// Folder of a finished corpus.
+    /// Folder or URL of a finished corpus.
     place: PathBuf,
 }
 
-/// The corpus in a folder, by its own plan.yaml.
-fn open(place: &Path) -> Result<(CorpusSpec, LocalFolder), Failure> {
-    if !place.join("plan.yaml").is_file() {
-        return Err(Failure::usage(miette::miette!(
-            help = "give the folder that `marsyard generate` named, such as corpora/quickstart",
-            "{} is not a corpus: it holds no plan.yaml",
-            place.display()
-        )));
-    }
-    let (plan, _) = plan_of(place, &[])?;
-    Ok((spec_of(&plan), LocalFolder::new(place)))
+/// The corpus at a place, by its own plan.yaml.
+fn open(at: &Path) -> Result<(CorpusSpec, Arc<dyn Store>), Failure> {
+    let (plan, _) = plan_of(&place::plan_file(at)?, &[])?;
+    Ok((spec_of(&plan), place::open(at)?))
 }
 
 pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
-    let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
+    let status = corpus::status(store.as_ref(), &spec).map_err(corpus_failure)?;
     if !args.missing {
         out!("{status}");
     } else if !status.to_build().is_empty() {
@@ -83,7 +76,7 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
 pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let (plan, _) = plan_of(&args.place, &[])?;
-    let manifest = corpus::finalize(&store, &spec).map_err(corpus_failure)?;
+    let manifest = corpus::finalize(store.as_ref(), &spec).map_err(corpus_failure)?;
     eprintln!("{}: {} shards, corpus_id {}", args.place.display(), manifest.shards, manifest.corpus_id);
     judge_failures(&plan, &manifest)
 }
@@ -91,11 +84,11 @@ pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
 pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let place = args.place.display();
-    let findings = verify::verify(&store, &spec).map_err(corpus_failure)?;
+    let findings = verify::verify(store.as_ref(), &spec).map_err(corpus_failure)?;
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
         eprintln!("{place}: {} shards are as their receipts say", spec.shards());
-        return rebuild(args, &spec, &store, log);
+        return rebuild(args, &spec, store.as_ref(), log);
     }
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
     shards.sort_unstable();
@@ -103,7 +96,7 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let ranges = ranges::to_text(&shards);
     let again = format!("marsyard generate {place}/plan.yaml --out {place}");
     if args.repair {
-        let corpus = Place::open(&store, &spec).map_err(corpus_failure)?;
+        let corpus = Place::open(store.as_ref(), &spec).map_err(corpus_failure)?;
         shards.iter().try_for_each(|&shard| corpus.discard(shard)).map_err(corpus_failure)?;
         return Err(Failure::failed(format!("shards {ranges} were damaged and are removed; build them anew: {again}")));
     }
@@ -114,7 +107,7 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
 }
 
 /// Builds shards of a sound corpus again and compares them.
-fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &LocalFolder, log: LogFormat) -> Result<(), Failure> {
+fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &dyn Store, log: LogFormat) -> Result<(), Failure> {
     if args.rebuild == 0 {
         return Ok(());
     }
@@ -164,6 +157,6 @@ fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &LocalFolder, log: LogFo
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let (_, store) = open(&args.place)?;
-    out!("{}", corpus::inspect(&store).map_err(corpus_failure)?);
+    out!("{}", corpus::inspect(store.as_ref()).map_err(corpus_failure)?);
     Ok(())
 }

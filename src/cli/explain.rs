@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::Failure;
-use super::generate::{corpus_failure, spec_of};
+use super::generate::spec_of;
 use super::output::outln;
+use super::place::{self, corpus_failure, is_config};
+use super::{Failure, config_failure};
 use crate::cells::{Placer, feature_columns};
 use crate::config::{self, Family, Plan};
-use crate::corpus::{self, LocalFolder, ScanOutput, ScanPoints, Split};
+use crate::corpus::{self, ScanOutput, ScanPoints, Split};
 use crate::geometry::{CellIndex, DVec3};
 use crate::pipeline::{Hashes, Prepared, Replay, Scratch, replay_scene};
 use crate::random::Drawn;
@@ -18,7 +19,7 @@ use crate::sweep::Status;
 
 #[derive(Debug, Args)]
 pub(super) struct ExplainArgs {
-    /// A config, a plan.yaml, or the folder of a corpus (then the stored row is compared).
+    /// A config, a plan.yaml, or the folder or URL of a corpus (then the stored row is compared).
     place: PathBuf,
     /// Number of the scene.
     #[arg(long)]
@@ -40,11 +41,10 @@ fn parse_cell(text: &str) -> Result<CellIndex, String> {
     Ok(CellIndex { row: parse(row)?, col: parse(col)? })
 }
 
-/// The plan of a config file, a plan.yaml or a corpus folder; and the folder, if it is one.
+/// The plan of a config file, a plan.yaml or a corpus; and the place of the corpus, if it is one.
 pub(super) fn plan_of<'p>(place: &'p Path, sets: &[String]) -> Result<(Plan, Option<&'p Path>), Failure> {
-    let (file, corpus) = if place.is_dir() { (place.join("plan.yaml"), Some(place)) } else { (place.into(), None) };
-    let plan = config::load(&file, sets).map_err(|e| Failure::usage(miette::Report::new(e)))?;
-    Ok((plan, corpus))
+    let (file, corpus) = if is_config(place) { (place.into(), None) } else { (place.join("plan.yaml"), Some(place)) };
+    Ok((config::load(&file, sets).map_err(config_failure)?, corpus))
 }
 
 /// Refuses a scene that the plan does not have.
@@ -300,8 +300,9 @@ fn compare_stored(
     scan: &ScanOutput,
     cell: CellIndex,
 ) -> Result<(), Failure> {
-    let store = LocalFolder::new(folder);
-    let stored = corpus::stored_cell(&store, &spec_of(plan), scene, scan.scan_id, cell).map_err(corpus_failure)?;
+    let store = place::open(folder)?;
+    let stored =
+        corpus::stored_cell(store.as_ref(), &spec_of(plan), scene, scan.scan_id, cell).map_err(corpus_failure)?;
     let Some(stored) = stored else {
         return Err(Failure::failed("the corpus has no row for this cell: it was built by another plan or binary"));
     };

@@ -12,13 +12,12 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use serde_json::json;
 
+use super::place::{self, corpus_failure};
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::cells::feature_columns;
 use crate::config::Plan;
-use crate::corpus::{
-    self, Build, CorpusError, CorpusSpec, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Store,
-};
+use crate::corpus::{self, Build, CorpusError, CorpusSpec, Manifest, Place, SceneOutput, ShardWriter, Store};
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, BuildError, Event, Outcome};
 use crate::random::Purpose;
@@ -27,7 +26,7 @@ use crate::random::Purpose;
 pub(super) struct GenerateArgs {
     #[command(flatten)]
     config: ConfigArgs,
-    /// Folder of the corpus; default: corpora/<name>.
+    /// Folder of the corpus, or a URL: s3://BUCKET/PATH, gs://..., az://..., file:///...; default: corpora/<name>.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Build these shards only, half open; the last machine runs `marsyard finalize`.
@@ -82,37 +81,19 @@ pub(super) fn spec_of(plan: &Plan) -> CorpusSpec {
     }
 }
 
-/// Storage that fails may work again; everything else will not.
-pub(super) fn corpus_failure(error: CorpusError) -> Failure {
-    use std::io::ErrorKind;
-    let code = match &error {
-        CorpusError::Io { source, .. } => match source.kind() {
-            ErrorKind::NotADirectory
-            | ErrorKind::PermissionDenied
-            | ErrorKind::ReadOnlyFilesystem
-            | ErrorKind::NotFound => Failure::FAILED,
-            _ => Failure::TRY_AGAIN,
-        },
-        CorpusError::OtherPlan { .. } | CorpusError::ForeignPlan { .. } | CorpusError::BeyondPlan { .. } => {
-            Failure::USAGE
-        }
-        _ => Failure::FAILED,
-    };
-    Failure::new(code, miette::Report::msg(error.to_string()))
-}
-
 pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let out = args.out.clone().unwrap_or_else(|| PathBuf::from("corpora").join(&plan.name));
     let range = shard_range(args, &plan)?;
     let spec = spec_of(&plan);
-    let store = LocalFolder::new(&out);
-    let place = Place::open(&store, &spec).map_err(corpus_failure)?;
+    let store = place::open(&out)?;
+    let store = store.as_ref();
+    let place = Place::open(store, &spec).map_err(corpus_failure)?;
     for file in &plan.files {
-        let bytes = std::fs::read(&file.from).map_err(|e| Failure::failed(format!("{}: {e}", file.from.display())))?;
+        let bytes = place::read(&file.from)?;
         store.put(&file.path, &bytes).map_err(corpus_failure)?;
     }
-    let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
+    let status = corpus::status(store, &spec).map_err(corpus_failure)?;
     for (shard, reason) in status.damaged.iter().filter(|(shard, _)| range.contains(shard)) {
         tracing::warn!("shard {shard} is damaged and is built anew: {reason}");
         place.discard(*shard).map_err(corpus_failure)?;
@@ -138,7 +119,7 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
                 progress.shard(shard, *written);
             }
         },
-        |shard, outputs| write_shard(&spec, &store, shard, &outputs),
+        |shard, outputs| write_shard(&spec, store, shard, &outputs),
     );
     progress.finish();
     let outcome = build_outcome(outcome, |scene| replay_command(&args.config, scene))?;
@@ -147,7 +128,7 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     if outcome == Outcome::Interrupted {
         return Err(Failure::new(Failure::TRY_AGAIN, interrupted()));
     }
-    finish(&prepared.plan, &spec, &store, &progress, writing, log)
+    finish(&prepared.plan, &spec, store, &progress, writing, log)
 }
 
 /// How a build ended, or why it failed.
@@ -261,7 +242,7 @@ fn report(progress: &Progress, writing: std::time::Duration, threads: usize) -> 
 fn finish(
     plan: &Plan,
     spec: &CorpusSpec,
-    store: &LocalFolder,
+    store: &dyn Store,
     progress: &Progress,
     writing: std::time::Duration,
     log: LogFormat,
