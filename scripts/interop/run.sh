@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Outside programs against a finished corpus, against a small one with the points table, against a model trained on the first
-# (ONNX), and against classified clouds; the Kubernetes manifests against their schema.
+# (ONNX), against classified clouds, and against an object store (a server on loopback) with faults; the Kubernetes manifests
+# against their schema.
 #
 #   scripts/interop/run.sh PYTHON MARSYARD CORPUS
 #
@@ -22,3 +23,4 @@ trap 'rm -rf "$scratch"' EXIT
 "$python" "$here/../check_onnx.py" "$scratch/model.onnx" "$scratch/model.json" --tolerance 1e-6
 "$python" "$here/check_clouds.py" "$marsyard" "$scratch/run/model.safetensors"
 "$python" "$here/../scale_out/check_kubernetes.py" "$marsyard"
+"$python" "$here/../store/check_store.py" "$marsyard"

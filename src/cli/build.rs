@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::generate::corpus_failure;
+use super::place::corpus_failure;
 use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};

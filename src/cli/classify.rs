@@ -12,6 +12,7 @@ use std::collections::VecDeque;
 use super::Failure;
 use super::evaluate::read_model;
 use super::output::errln;
+use super::place::must_be_local;
 use crate::cells::{self, Cells, WindowCloud, feature_columns};
 use crate::evaluate::{Cell, Judge, Threshold, ThresholdOrigin};
 use crate::train::Model;
@@ -31,6 +32,7 @@ struct Scan {
 }
 
 pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
+    must_be_local("--out", &args.out)?;
     let model = read_model(&args.model)?;
     let setup = Setup::of(args, &model)?;
     let mut window: VecDeque<Loaded> = VecDeque::new();

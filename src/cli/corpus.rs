@@ -1,6 +1,7 @@
 //! Looks at corpora: what is there, what is whole, what it holds; and merges what many machines built.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use clap::Args;
@@ -9,25 +10,26 @@ use rand::rngs::ChaCha8Rng;
 
 use super::build::{Builder, build_outcome};
 use super::explain::plan_of;
-use super::generate::{corpus_failure, default_threads, judge_failures, parse_threads};
+use super::generate::{default_threads, judge_failures, parse_threads};
 use super::output::{errln, out, outln};
+use super::place::{self, corpus_failure};
 use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
 use crate::corpus::verify::Finding;
-use crate::corpus::{self, CorpusSpec, LocalFolder, Manifest, Place, ranges, rebuild, verify};
+use crate::corpus::{self, CorpusSpec, Manifest, Place, Store, ranges, rebuild, verify};
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, Event, Job, Outcome};
 
 #[derive(Debug, Args)]
 pub(super) struct PlaceArgs {
-    /// Folder of a corpus.
+    /// Folder or URL of a corpus.
     place: PathBuf,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct VerifyArgs {
-    /// Folder of a corpus.
+    /// Folder or URL of a corpus.
     place: PathBuf,
     /// Build the damaged and missing shards anew, and merge the receipts again.
     #[arg(long)]
@@ -43,7 +45,7 @@ pub(super) struct VerifyArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct StatusArgs {
-    /// Folder of a corpus.
+    /// Folder or URL of a corpus.
     place: PathBuf,
     /// Print the shards that are missing or damaged as ranges, and nothing else; nothing where all are there.
     #[arg(long)]
@@ -52,47 +54,26 @@ pub(super) struct StatusArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct InspectArgs {
-    /// Folder of a finished corpus.
+    /// Folder or URL of a finished corpus.
     place: PathBuf,
 }
 
-/// Refuses a folder that is not there, whatever it should hold.
-pub(super) fn check_folder(place: &Path) -> Result<(), Failure> {
-    if place.is_dir() {
-        return Ok(());
-    }
-    let what = if place.exists() { "is a file, not a folder" } else { "no such folder" };
-    Err(Failure::usage(miette::miette!(
-        help = "give the folder that `marsyard generate` named, such as corpora/quickstart",
-        "{}: {what}",
-        place.display()
-    )))
-}
-
-/// The corpus in a folder, by its own plan.yaml.
-fn open(place: &Path) -> Result<(CorpusSpec, LocalFolder), Failure> {
-    check_folder(place)?;
-    if !place.join("plan.yaml").is_file() {
-        return Err(Failure::usage(miette::miette!(
-            help = "give the folder that `marsyard generate` named, such as corpora/quickstart",
-            "{} is not a corpus: it holds no plan.yaml",
-            place.display()
-        )));
-    }
-    let (plan, _) = plan_of(place, &[])?;
-    let (spec, store) = (plan.corpus_spec(), LocalFolder::new(place));
+/// The corpus at a place, by its own plan.yaml.
+fn open(at: &Path) -> Result<(CorpusSpec, Arc<dyn Store>), Failure> {
+    let (plan, _) = plan_of(&place::plan_file(at)?, &[])?;
+    let (spec, store) = (plan.corpus_spec(), place::open(at)?);
     // Its shards would all look like another plan's, and a repair would build them all anew.
-    match corpus::place::owner(&store).map_err(corpus_failure)? {
+    match corpus::place::owner(store.as_ref()).map_err(corpus_failure)? {
         Some(owner) if owner != spec.scene_plan_hash => Err(Failure::new(
             Failure::FAILED,
             miette::miette!(
                 help = format!(
                     "marsyard generate CONFIG --out {}, with the config that it was built from, writes it anew",
-                    place.display()
+                    at.display()
                 ),
                 "{}/plan.yaml: its keys give scene_plan_hash {}, its first line says {owner}: it was edited or damaged, or \
                  written by another version of marsyard",
-                place.display(),
+                at.display(),
                 spec.scene_plan_hash
             ),
         )),
@@ -102,7 +83,7 @@ fn open(place: &Path) -> Result<(CorpusSpec, LocalFolder), Failure> {
 
 pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
-    let status = corpus::status(&store, &spec).map_err(corpus_failure)?;
+    let status = corpus::status(store.as_ref(), &spec).map_err(corpus_failure)?;
     if !args.missing {
         out!("{status}");
     } else if !status.to_build().is_empty() {
@@ -114,7 +95,7 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
 pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let (plan, _) = plan_of(&args.place, &[])?;
-    let manifest = corpus::finalize(&store, &spec).map_err(corpus_failure)?;
+    let manifest = corpus::finalize(store.as_ref(), &spec).map_err(corpus_failure)?;
     errln!("{}: {} shards, corpus_id {}", args.place.display(), manifest.shards, manifest.corpus_id);
     judge_failures(&plan, &manifest)
 }
@@ -122,17 +103,17 @@ pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
 pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let place = args.place.display();
-    let findings = verify::verify(&store, &spec).map_err(corpus_failure)?;
+    let findings = verify::verify(store.as_ref(), &spec).map_err(corpus_failure)?;
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
         errln!("{place}: {} shards are as their receipts say", spec.shards());
-        return rebuild(args, &spec, &store, log);
+        return rebuild(args, &spec, store.as_ref(), log);
     }
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
     shards.sort_unstable();
     shards.dedup();
     if args.repair {
-        return repair(args, &spec, &store, &shards, log);
+        return repair(args, &spec, store.as_ref(), &shards, log);
     }
     let places = if shards.is_empty() { String::new() } else { format!(" in shards {}", ranges::to_text(&shards)) };
     Err(Failure::failed(format!("{} findings{places}; cure: marsyard verify {place} --repair", findings.len())))
@@ -142,7 +123,7 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
 fn repair(
     args: &VerifyArgs,
     spec: &CorpusSpec,
-    store: &LocalFolder,
+    store: &dyn Store,
     shards: &[u64],
     log: LogFormat,
 ) -> Result<(), Failure> {
@@ -180,7 +161,7 @@ fn repair(
 }
 
 /// Builds shards of a sound corpus again and compares them.
-fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &LocalFolder, log: LogFormat) -> Result<(), Failure> {
+fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &dyn Store, log: LogFormat) -> Result<(), Failure> {
     if args.rebuild == 0 {
         return Ok(());
     }
@@ -228,6 +209,6 @@ fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &LocalFolder, log: LogFo
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let (_, store) = open(&args.place)?;
-    out!("{}", corpus::inspect(&store).map_err(corpus_failure)?);
+    out!("{}", corpus::inspect(store.as_ref()).map_err(corpus_failure)?);
     Ok(())
 }

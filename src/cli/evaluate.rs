@@ -1,26 +1,25 @@
 //! Judges a model on a split of a corpus: a table for people or JSON for machines, and figures.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
 use super::Failure;
-use super::corpus::check_folder;
 use super::explain::plan_of;
-use super::generate::corpus_failure;
 use super::output::{errln, out};
+use super::place::{self, check_folder, corpus_failure};
 use crate::cells::CellParams;
 use crate::config::Plan;
-use crate::corpus::{LocalFolder, Split};
+use crate::corpus::{Split, address};
 use crate::evaluate::{self, EvaluateError, FamilyFacts, Options};
 use crate::train::labels::LabelRule;
-use crate::train::{Model, ModelError};
+use crate::train::{Model, ModelError, folder};
 
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
-    /// A trained model: the model.safetensors of a run folder, or the folder.
+    /// A trained model: the model.safetensors of a run folder, or the folder, or a URL of either.
     model: PathBuf,
-    /// Folder of a finished corpus.
+    /// Folder or URL of a finished corpus.
     corpus: PathBuf,
     /// Which cells to judge on.
     #[arg(long, value_enum, default_value_t = SplitName::Test)]
@@ -38,7 +37,7 @@ pub(super) struct EvaluateArgs {
     /// Print JSON in place of the table.
     #[arg(long)]
     json: bool,
-    /// Write evaluation.json and the figures (SVG) into this folder.
+    /// Write evaluation.json and the figures (SVG) into this folder, or to this URL.
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
 }
@@ -59,10 +58,18 @@ fn parse_rule(text: &str) -> Result<LabelRule, String> {
     Ok(rule)
 }
 
+/// The model's file, for it or for the run folder that holds it.
+pub(super) fn model_file(path: &Path) -> PathBuf {
+    let is_model = path.extension().is_some_and(|end| end == "safetensors");
+    let is_folder = if address::is_url(path) { !is_model } else { path.is_dir() };
+    if is_folder { path.join(folder::MODEL) } else { path.into() }
+}
+
 /// A model from its file, or from the run folder that holds it.
-pub(super) fn read_model(path: &std::path::Path) -> Result<Model, Failure> {
-    let file = if path.is_dir() { path.join("model.safetensors") } else { path.into() };
-    Model::read(&file).map_err(|error| match error {
+pub(super) fn read_model(path: &Path) -> Result<Model, Failure> {
+    let file = model_file(path);
+    let model = if address::is_url(&file) { Model::load(&place::read(&file)?) } else { Model::read(&file) };
+    model.map_err(|error| match error {
         ModelError::Io { .. } => Failure::usage(miette::miette!(
             help = "give the model.safetensors that `marsyard train` wrote, or its run folder",
             "{error}"
@@ -99,21 +106,21 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         only_families: args.families.clone(),
         ..Options::of(split)
     };
-    let store = LocalFolder::new(&args.corpus);
-    let report = evaluate::evaluate(&model, &store, &family_facts(&plan), &options).map_err(|error| match error {
-        EvaluateError::Corpus(error) => corpus_failure(error),
-        error @ (EvaluateError::Model(_)
-        | EvaluateError::Family { .. }
-        | EvaluateError::NoFamily { .. }
-        | EvaluateError::Thresholds(_)) => Failure::usage(miette::Report::msg(error.to_string())),
-        error => Failure::failed(error),
-    })?;
+    let store = place::open(&args.corpus)?;
+    let report =
+        evaluate::evaluate(&model, store.as_ref(), &family_facts(&plan), &options).map_err(|error| match error {
+            EvaluateError::Corpus(error) => corpus_failure(error),
+            error @ (EvaluateError::Model(_)
+            | EvaluateError::Family { .. }
+            | EvaluateError::NoFamily { .. }
+            | EvaluateError::Thresholds(_)) => Failure::usage(miette::Report::msg(error.to_string())),
+            error => Failure::failed(error),
+        })?;
     if let Some(folder) = &args.out {
-        let store = LocalFolder::new(folder);
-        crate::corpus::Store::replace(&store, "evaluation.json", report.to_json().as_bytes())
-            .map_err(corpus_failure)?;
+        let store = place::open(folder)?;
+        store.replace("evaluation.json", report.to_json().as_bytes()).map_err(corpus_failure)?;
         for (name, svg) in evaluate::figures(&report).map_err(Failure::failed)? {
-            crate::corpus::Store::replace(&store, name, svg.as_bytes()).map_err(corpus_failure)?;
+            store.replace(name, svg.as_bytes()).map_err(corpus_failure)?;
         }
         errln!("evaluation.json and figures are in {}", folder.display());
     }

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::Failure;
 use super::output::outln;
+use super::place::is_config;
+use super::{Failure, config_failure};
 use crate::config::{self, Family, Plan};
 use crate::corpus::{ScanOutput, Split};
 use crate::geometry::CellIndex;
@@ -16,7 +17,7 @@ use crate::random::Drawn;
 
 #[derive(Debug, Args)]
 pub(super) struct ExplainArgs {
-    /// A config, a plan.yaml, or the folder of a corpus (then the stored row is compared).
+    /// A config, a plan.yaml, or the folder or URL of a corpus (then the stored row is compared).
     place: PathBuf,
     /// Number of the scene.
     #[arg(long)]
@@ -38,11 +39,10 @@ fn parse_cell(text: &str) -> Result<CellIndex, String> {
     Ok(CellIndex { row: parse(row)?, col: parse(col)? })
 }
 
-/// The plan of a config file, a plan.yaml or a corpus folder; and the folder, if it is one.
+/// The plan of a config file, a plan.yaml or a corpus; and the place of the corpus, if it is one.
 pub(super) fn plan_of<'p>(place: &'p Path, sets: &[String]) -> Result<(Plan, Option<&'p Path>), Failure> {
-    let (file, corpus) = if place.is_dir() { (place.join("plan.yaml"), Some(place)) } else { (place.into(), None) };
-    let plan = config::load(&file, sets).map_err(|e| Failure::usage(miette::Report::new(e)))?;
-    Ok((plan, corpus))
+    let (file, corpus) = if is_config(place) { (place.into(), None) } else { (place.join("plan.yaml"), Some(place)) };
+    Ok((config::load(&file, sets).map_err(config_failure)?, corpus))
 }
 
 /// Refuses a scene that the plan does not have.

@@ -7,11 +7,12 @@ use clap::Args;
 use super::Failure;
 use super::evaluate::read_model;
 use super::output::{errln, out};
+use super::place::must_be_local;
 use crate::train::{export, onnx};
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
-    /// A trained model: the model.safetensors of a run folder, or the folder.
+    /// A trained model: the model.safetensors of a run folder, or the folder, or a URL of either.
     model: PathBuf,
     #[command(flatten)]
     to: To,
@@ -45,6 +46,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), Failure> {
 }
 
 fn write(path: &std::path::Path, bytes: &[u8]) -> Result<(), Failure> {
+    must_be_local("--onnx and --json", path)?;
     let failed = |error| Failure::new(Failure::TRY_AGAIN, miette::miette!("{}: {error}", path.display()));
     std::fs::write(path, bytes).map_err(failed)?;
     errln!("{}: {} bytes", path.display(), bytes.len());

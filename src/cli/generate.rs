@@ -13,17 +13,19 @@ use clap::Args;
 use super::build::{Builder, Built};
 use super::explain::plan_of;
 use super::output::errln;
+use super::place::{self, corpus_failure};
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::config::Plan;
-use crate::corpus::{self, CorpusError, LocalFolder, Manifest, Place, Selection, Split, Store, ranges};
+use crate::corpus::{self, Manifest, Place, Selection, Split, ranges};
 use crate::pipeline::Prepared;
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
     #[command(flatten)]
     config: ConfigArgs,
-    /// Folder of the corpus; default: corpora/<name>, or the corpus that was given instead of a config.
+    /// Folder of the corpus, or a URL: s3://BUCKET/PATH, gs://..., az://..., file:///...; default: corpora/<name>, or the corpus that
+    /// was given instead of a config.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Build these shards only: 0..8 (half open), 3,7,9..12, or 3/16 (part 3 of 16, counted from 0). When all parts are there,
@@ -58,61 +60,31 @@ pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Storage that fails may work again; everything else will not.
-pub(super) fn corpus_failure(error: CorpusError) -> Failure {
-    use std::io::ErrorKind;
-    let again = "the same command again goes on";
-    let (code, help) = match &error {
-        CorpusError::Io { source, .. } => match source.kind() {
-            ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-                (Failure::FAILED, Some("make the folder writable, or choose another".into()))
-            }
-            ErrorKind::NotADirectory | ErrorKind::NotFound => (Failure::FAILED, None),
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-                (Failure::TRY_AGAIN, Some(format!("free some space, or choose another folder; {again}")))
-            }
-            ErrorKind::FileTooLarge => (Failure::TRY_AGAIN, Some(format!("raise the limit of `ulimit -f`; {again}"))),
-            _ => (Failure::TRY_AGAIN, Some(again.into())),
-        },
-        CorpusError::NoRoom { .. } | CorpusError::Vanished { .. } => (Failure::TRY_AGAIN, None),
-        CorpusError::OtherPlan { .. } | CorpusError::ForeignPlan { .. } | CorpusError::BeyondPlan { .. } => {
-            (Failure::USAGE, None)
-        }
-        _ => (Failure::FAILED, None),
-    };
-    Failure::new(
-        code,
-        match help {
-            Some(help) => miette::miette!(help = help, "{error}"),
-            None => miette::Report::msg(error.to_string()),
-        },
-    )
-}
-
 pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let (plan, corpus) = plan_of(&args.config.config, &args.config.sets)?;
     let default_out = || corpus.map_or_else(|| PathBuf::from("corpora").join(&plan.name), Path::to_path_buf);
     let out = args.out.clone().unwrap_or_else(default_out);
     let selected = selected_shards(args, &plan)?;
     let spec = plan.corpus_spec();
-    let store = LocalFolder::new(&out);
-    let place = Place::open(&store, &spec).map_err(corpus_failure)?;
+    let store = place::open(&out)?;
+    let store = store.as_ref();
+    let place = Place::open(store, &spec).map_err(corpus_failure)?;
     for file in &plan.files {
-        let bytes = std::fs::read(&file.from).map_err(|e| Failure::failed(format!("{}: {e}", file.from.display())))?;
+        let bytes = place::read(&file.from)?;
         store.put(&file.path, &bytes).map_err(corpus_failure)?;
     }
     if args.plan_only {
         tell_plan_laid(&plan, &out, log);
         return Ok(());
     }
-    let status = corpus::status_of(&store, &spec, &selected).map_err(corpus_failure)?;
+    let status = corpus::status_of(store, &spec, &selected).map_err(corpus_failure)?;
     let shards = status.to_build();
     tell_start(&plan, &out, selected.len(), &shards, args.threads, log);
 
     let builder = Builder {
         prepared: Prepared::new(plan).map_err(Failure::failed)?,
         spec: &spec,
-        store: &store,
+        store,
         place: &place,
         threads: args.threads,
         keep_free_bytes: args.keep_free_mb.saturating_mul(1_000_000),
@@ -121,7 +93,7 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         log,
     };
     let built = builder.build(&status, &shards, |scene| replay_command(&args.config, scene))?;
-    let gone = corpus::status_of(&store, &spec, &selected).map_err(corpus_failure)?.to_build();
+    let gone = corpus::status_of(store, &spec, &selected).map_err(corpus_failure)?.to_build();
     if !gone.is_empty() {
         return Err(Failure::new(
             Failure::TRY_AGAIN,
@@ -137,7 +109,7 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         tell_part_end(&store.place(), &selected, &built.progress, log);
         return Ok(());
     }
-    let manifest = corpus::finalize(&store, &spec).map_err(corpus_failure)?;
+    let manifest = corpus::finalize(store, &spec).map_err(corpus_failure)?;
     tell_end(&manifest, &store.place(), &built, log);
     judge_failures(&builder.prepared.plan, &manifest)
 }

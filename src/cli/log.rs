@@ -1,17 +1,29 @@
 //! Talk to stderr: text for people, JSON lines for machines.
 
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+
 use super::output::errln;
 use super::{Failure, LogFormat};
 
 /// Sets the log up for the whole process.
 pub(super) fn start(format: LogFormat) {
     // A writer whose reader has gone must not panic on telling so.
-    let builder = tracing_subscriber::fmt().with_writer(std::io::stderr).with_target(false).log_internal_errors(false);
+    let layer =
+        tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false).log_internal_errors(false);
+    // What libraries log (an HTTP client its requests, say) is neither asked for nor known to be free of secrets.
+    let ours = Targets::new().with_target("marsyard", LevelFilter::INFO);
     match format {
-        LogFormat::Json => builder.json().flatten_event(true).init(),
+        LogFormat::Json => {
+            let layer = layer.json().flatten_event(true).with_filter(ours);
+            tracing_subscriber::registry().with(layer).init();
+        }
         LogFormat::Text => {
             let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr());
-            builder.without_time().with_level(false).with_ansi(ansi).init();
+            let layer = layer.without_time().with_level(false).with_ansi(ansi).with_filter(ours);
+            tracing_subscriber::registry().with(layer).init();
         }
     }
 }

@@ -12,6 +12,7 @@ mod export;
 mod generate;
 mod log;
 mod output;
+mod place;
 mod plan;
 mod preview;
 mod progress;
@@ -111,7 +112,7 @@ struct ConfigArgs {
 
 impl ConfigArgs {
     fn load(&self) -> Result<Plan, Failure> {
-        config::load(&self.config, &self.sets).map_err(|e| Failure::usage(miette::Report::new(e)))
+        config::load(&self.config, &self.sets).map_err(config_failure)
     }
 }
 
@@ -142,8 +143,18 @@ impl Failure {
     }
 }
 
+/// A config that is wrong, or that could not be read for now.
+fn config_failure(error: config::ConfigError) -> Failure {
+    let code = if error.unreachable { Failure::TRY_AGAIN } else { Failure::USAGE };
+    Failure::new(code, miette::Report::new(error))
+}
+
 /// Parses the command line, runs the verb and gives the process its exit code.
 pub fn main() -> ExitCode {
+    if let Err(failure) = place::refuse_credentials(std::env::args_os()) {
+        eprintln!("{:?}", failure.report);
+        return ExitCode::from(failure.code);
+    }
     let cli = Cli::parse();
     log::start(cli.log);
     match run(&cli) {

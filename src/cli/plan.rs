@@ -14,7 +14,7 @@ use super::output::outln;
 use super::progress::{human, si};
 use super::{ConfigArgs, Failure};
 use crate::config::Plan;
-use crate::corpus::Split;
+use crate::corpus::{Split, address};
 use crate::estimate::{self, Estimate, FamilyCost, Figure, Options};
 
 #[derive(Debug, Args)]
@@ -56,7 +56,8 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         scenes: args.sample,
         limit: half,
         parts_limit: if args.no_parts { Duration::ZERO } else { half },
-        place: args.out.as_deref(),
+        // How fast an object store takes shards is not measured.
+        place: args.out.as_deref().filter(|place| !address::is_url(place)),
     };
     let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
     let estimate = measured.transpose().map_err(Failure::failed)?;

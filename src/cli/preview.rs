@@ -7,6 +7,7 @@ use clap::Args;
 use super::Failure;
 use super::explain::{check_scene, plan_of};
 use super::output::outln;
+use super::place::must_be_local;
 use crate::geometry::Pose;
 use crate::picture::{self, Overlay, View};
 use crate::pipeline::{NoWatch, Prepared, Scratch, replay_scene};
@@ -16,7 +17,7 @@ use crate::sweep::params::Cast;
 
 #[derive(Debug, Args)]
 pub(super) struct PreviewArgs {
-    /// A config, a plan.yaml, or the folder of a corpus.
+    /// A config, a plan.yaml, or the folder or URL of a corpus.
     place: PathBuf,
     /// Number of the scene.
     #[arg(long)]
@@ -33,6 +34,7 @@ pub(super) struct PreviewArgs {
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
+    must_be_local("--out", &args.out)?;
     let (plan, _) = plan_of(&args.place, &args.sets)?;
     check_scene(&plan, args.scene)?;
     let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();

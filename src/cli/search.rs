@@ -10,14 +10,14 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
-use super::corpus::check_folder;
 use super::generate::{default_threads, parse_threads};
 use super::output::{errln, out};
+use super::place::{self, check_folder, must_be_local};
 use super::signals::stop_on_signals;
 use super::train::{labels_set, numbered_folder, train_failure};
-use super::{Failure, LogFormat};
+use super::{Failure, LogFormat, config_failure};
 use crate::config;
-use crate::corpus::{Build, LocalFolder, Split};
+use crate::corpus::{Build, Split};
 use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
 use crate::search::{Board, Entry, Outcome, Setup, leaderboard, search};
 use crate::train::memory::Held;
@@ -33,7 +33,7 @@ use crate::train::{Source, Sources, TrainParams, scenes};
 #[command(after_long_help = "Start with:  marsyard search corpora/quickstart\n\
     then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml")]
 pub(super) struct SearchArgs {
-    /// The folder of a finished corpus.
+    /// The folder or URL of a finished corpus.
     corpus: PathBuf,
     /// A training config (YAML); its `network.hidden` and `epochs` do not apply. Default: all defaults.
     #[arg(long)]
@@ -109,7 +109,7 @@ impl SearchArgs {
         let mut sets = self.sets.clone();
         sets.extend(self.labels.as_deref().map(labels_set).transpose()?);
         sets.extend(self.seed.map(|seed| format!("seed={seed}")));
-        config::load_train(self.config.as_deref(), &sets).map_err(|error| Failure::usage(miette::Report::new(error)))
+        config::load_train(self.config.as_deref(), &sets).map_err(config_failure)
     }
 
     fn networks(&self, seed: u64) -> Result<Vec<Hidden>, Failure> {
@@ -143,7 +143,8 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let params = args.params()?;
     let networks = args.networks(params.seed)?;
     check_folder(&args.corpus)?;
-    let source = Source::open(&LocalFolder::new(&args.corpus), 1.0).map_err(train_failure)?;
+    args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
+    let source = Source::open(place::open(&args.corpus)?.as_ref(), 1.0).map_err(train_failure)?;
     let (name, corpus_id, manifest_sha256) =
         (source.name.clone(), source.corpus_id.clone(), source.manifest_sha256.clone());
     let out = args.out.clone().unwrap_or_else(|| numbered_folder(&format!("{name}-search"), args.resume));

@@ -7,8 +7,9 @@ use clap::Args;
 
 use super::generate::{default_threads, parse_threads};
 use super::output::{errln, out};
+use super::place::must_be_local;
 use super::signals::stop_on_signals;
-use super::{ConfigArgs, Failure, LogFormat};
+use super::{ConfigArgs, Failure, LogFormat, config_failure};
 use crate::corpus::{LocalFolder, Store};
 use crate::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
 
@@ -52,6 +53,7 @@ fn parse_loss(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
+    args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
     let stop = stop_on_signals()?;
     let options = Options {
         config: args.config.config.clone(),
@@ -78,7 +80,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
 
 fn failure(error: TradeoffError) -> Failure {
     match error {
-        TradeoffError::Config(error) => Failure::usage(miette::Report::new(error)),
+        TradeoffError::Config(error) => config_failure(error),
         TradeoffError::Threads { .. } => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
         other => Failure::failed(other),
     }

@@ -12,13 +12,13 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
-use super::corpus::check_folder;
-use super::evaluate::{family_facts, read_model};
+use super::evaluate::{family_facts, model_file, read_model};
 use super::explain::plan_of;
-use super::generate::{corpus_failure, default_threads};
+use super::generate::default_threads;
 use super::output::{errln, out};
+use super::place::{self, check_folder, corpus_failure, must_be_local};
 use super::signals::stop_on_signals;
-use super::{Failure, LogFormat};
+use super::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::{Build, LocalFolder, Split, Store};
 use crate::evaluate::{EvaluateError, Options, evaluate, figures};
@@ -28,7 +28,7 @@ use crate::train::{Outcome, Setup, Source, Sources, TrainError, TrainParams, fol
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArgs {
-    /// Folders of finished corpora, learnt together; with :WEIGHT behind it, a row of that corpus counts so many times.
+    /// Folders or URLs of finished corpora, learnt together; with :WEIGHT behind it, a row of that corpus counts so many times.
     #[arg(required = true, value_name = "CORPUS[:WEIGHT]", value_parser = parse_corpus)]
     corpora: Vec<(PathBuf, f64)>,
     /// A training config (YAML), such as configs/train/paper.yaml; default: all defaults.
@@ -102,7 +102,7 @@ impl TrainArgs {
         let mut sets = self.sets.clone();
         sets.extend(self.labels.as_deref().map(labels_set).transpose()?);
         sets.extend(self.seed.map(|seed| format!("seed={seed}")));
-        config::load_train(self.config.as_deref(), &sets).map_err(|error| Failure::usage(miette::Report::new(error)))
+        config::load_train(self.config.as_deref(), &sets).map_err(config_failure)
     }
 }
 
@@ -130,11 +130,12 @@ pub(super) fn train_failure(error: TrainError) -> Failure {
 
 pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     let params = args.params()?;
+    args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
     let mut list = Vec::new();
     let mut origins: Vec<(PathBuf, Origin)> = Vec::new();
     for (path, weight) in &args.corpora {
         check_folder(path)?;
-        list.push(Source::open(&LocalFolder::new(path), *weight).map_err(train_failure)?);
+        list.push(Source::open(place::open(path)?.as_ref(), *weight).map_err(train_failure)?);
         origins.push((path.clone(), origin_of(path)?));
     }
     let out = args.out.clone().unwrap_or_else(|| numbered_folder(&list[0].name, args.resume));
@@ -224,19 +225,10 @@ fn check_grids((first, ours): (&Path, &Origin), (other, theirs): (&Path, &Origin
 
 /// A model file, or the one in a run folder; and the filter's memory beside it.
 fn read_init(path: &Path) -> Result<Init, Failure> {
-    let file = if path.is_dir() { path.join(folder::MODEL) } else { path.to_owned() };
+    let file = model_file(path);
     let model = read_model(&file)?;
     let beside = file.with_file_name(folder::FILTER);
-    let filter = match std::fs::read(&beside) {
-        Ok(bytes) => Some(bytes),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-        Err(error) => {
-            return Err(Failure::new(
-                Failure::TRY_AGAIN,
-                miette::Report::msg(format!("{}: {error}", beside.display())),
-            ));
-        }
-    };
+    let filter = if place::is_file(&beside)? { Some(place::read(&beside)?) } else { None };
     Ok(Init { path: file.display().to_string(), model, filter })
 }
 
@@ -247,7 +239,7 @@ fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(
     let options = Options { labels: setup.params.labels.clone(), ..Options::of(Split::Test) };
     for ((path, _), source) in args.corpora.iter().zip(&setup.sources.list) {
         let (plan, _) = plan_of(path, &[])?;
-        let report = match evaluate(&model, &LocalFolder::new(path), &family_facts(&plan), &options) {
+        let report = match evaluate(&model, place::open(path)?.as_ref(), &family_facts(&plan), &options) {
             Ok(report) => report,
             Err(error @ EvaluateError::EmptySplit { .. }) => {
                 tracing::warn!("not judged: {error}");

@@ -39,6 +39,8 @@ impl Fault {
 pub struct ConfigError {
     pub config: String,
     pub faults: Vec<Located>,
+    /// An object store could not be reached: the config may be fine.
+    pub unreachable: bool,
 }
 
 /// A fault with its source.
@@ -59,6 +61,7 @@ impl ConfigError {
         faults.dedup();
         ConfigError {
             config: config.into(),
+            unreachable: false,
             faults: faults.into_iter().map(|fault| Located::new(fault, sources)).collect(),
         }
     }

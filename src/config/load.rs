@@ -31,7 +31,10 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
     let mut loader = Loader { reader: Reader::of(path), faults: Vec::new() };
     match loader.plan(path, sets) {
         Some(plan) if loader.faults.is_empty() => Ok(plan),
-        _ => Err(ConfigError::new(path.display().to_string(), &loader.reader.sources, loader.faults)),
+        _ => Err(ConfigError {
+            unreachable: loader.reader.unreachable.get(),
+            ..ConfigError::new(path.display().to_string(), &loader.reader.sources, loader.faults)
+        }),
     }
 }
 

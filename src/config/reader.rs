@@ -1,5 +1,6 @@
 //! Files that a config names -> texts, beam patterns and height maps, each read once and within limits.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -7,6 +8,7 @@ use std::sync::Arc;
 
 use super::error::Fault;
 use super::tree::{self, Node, Source, Span};
+use crate::corpus::{CorpusError, address};
 use crate::geometry::DVec2;
 use crate::scene::Raster;
 
@@ -26,6 +28,8 @@ pub struct Reader {
     pub sources: Vec<Source>,
     /// The folder that the files named must lie in: a corpus comes with all that its plan names.
     within: Option<PathBuf>,
+    /// A file could not be read because its store could not be reached.
+    pub unreachable: Cell<bool>,
     height_maps: BTreeMap<(PathBuf, Option<u64>), Result<HeightMap, String>>,
     patterns: BTreeMap<PathBuf, Result<Vec<[f64; 3]>, String>>,
 }
@@ -78,23 +82,32 @@ impl Reader {
 
     /// The text of a YAML file.
     pub fn text_of(&self, path: &Path) -> Result<String, String> {
-        String::from_utf8(bytes_of(path)?).map_err(|_| "it is not UTF-8 text".into())
+        String::from_utf8(bytes_of(path, &self.unreachable)?).map_err(|_| "it is not UTF-8 text".into())
     }
 
     /// The beams of a pattern file: time_s, azimuth_deg, elevation_deg under a header of these names.
     pub fn pattern(&mut self, path: &Path) -> Result<Vec<[f64; 3]>, String> {
-        self.patterns.entry(path.to_owned()).or_insert_with(|| pattern_of(&bytes_of(path)?)).clone()
+        self.patterns.entry(path.to_owned()).or_insert_with(|| pattern_of(&bytes_of(path, &self.unreachable)?)).clone()
     }
 
     /// A height map (NPY or PNG), a metre from node to node: the scene stretches it over its yard.
     pub fn height_map(&mut self, path: &Path, white_m: Option<f64>) -> Result<HeightMap, String> {
         let key = (path.to_owned(), white_m.map(f64::to_bits));
-        let map = self.height_maps.entry(key).or_insert_with(|| height_map_of(path, &bytes_of(path)?, white_m));
+        let map = self
+            .height_maps
+            .entry(key)
+            .or_insert_with(|| height_map_of(path, &bytes_of(path, &self.unreachable)?, white_m));
         map.clone()
     }
 }
 
-fn bytes_of(path: &Path) -> Result<Vec<u8>, String> {
+fn bytes_of(path: &Path, unreachable: &Cell<bool>) -> Result<Vec<u8>, String> {
+    if address::is_url(path) {
+        return address::read_url(path, MAX_FILE_BYTES).map_err(|error| {
+            unreachable.set(unreachable.get() || matches!(error, CorpusError::Unreachable { .. }));
+            error.to_string()
+        });
+    }
     let said = |error: std::io::Error| match error.kind() {
         std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
         std::io::ErrorKind::PermissionDenied => "no permission".to_owned(),

@@ -44,7 +44,7 @@ impl<'a> From<&'a FileFacts> for Expected<'a> {
     }
 }
 
-/// Files are hashed in pieces of this size.
+/// Files are hashed in pieces of this size, or more where a request is dear.
 const PIECE_BYTES: usize = 1 << 20;
 
 impl Expected<'_> {
@@ -63,7 +63,7 @@ impl Expected<'_> {
 
     /// Opens a file that was checked before.
     pub fn open(&self, store: &dyn Store) -> Result<TableFile, Refused> {
-        let table = TableFile::open(store, self.name)?;
+        let table = TableFile::open_sized(store, self.name, self.bytes)?;
         let (rows, row_groups) = (table.rows(), table.row_groups().len());
         if row_groups == self.row_groups as usize && rows == self.rows {
             return Ok(table);
@@ -79,7 +79,7 @@ fn sha256_of(store: &dyn Store, name: &str, bytes: u64) -> Result<String, Corpus
     let mut hasher = sha2::Sha256::new();
     let mut offset = 0;
     while offset < bytes {
-        let piece = store.read_range(name, offset, PIECE_BYTES)?;
+        let piece = store.read_range(name, offset, PIECE_BYTES.max(store.grain_bytes()))?;
         if piece.is_empty() {
             break;
         }

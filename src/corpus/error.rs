@@ -8,6 +8,13 @@ use parquet::errors::ParquetError;
 pub enum CorpusError {
     #[error("{place}/{name}: {source}")]
     Io { place: String, name: String, source: std::io::Error },
+    #[error("{place}: {reason}; {cure}")]
+    Refused { place: String, reason: String, cure: String },
+    #[error(
+        "{place}/{name}: {why}; nothing else came in {patience_s:.0} s of trying. What is stored is kept: when the network and the \
+             store are well again, the same command goes on"
+    )]
+    Unreachable { place: String, name: String, why: String, patience_s: f64 },
     #[error("'{name}' is not a name within a corpus: names are relative, with / between parts and no '..'")]
     BadName { name: String },
     #[error(

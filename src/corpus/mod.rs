@@ -1,7 +1,7 @@
 //! Scenes' rows -> Parquet shards, receipts, manifest; and back. The only user of arrow and parquet.
 //!
-//! In: a [`CorpusSpec`] (what the plan says of the corpus as a whole) and one [`SceneOutput`] a scene. Out: a place (a folder;
-//! later an object store) that holds
+//! In: a [`CorpusSpec`] (what the plan says of the corpus as a whole) and one [`SceneOutput`] a scene. Out: a place (a folder
+//! or an object store) that holds
 //!
 //! ```text
 //! README.md  croissant.json  manifest.json  shards.jsonl      written by `finalize`, from the receipts
@@ -55,7 +55,7 @@ pub use room::Room;
 pub use shard::{FinishedShard, ShardWriter};
 pub use spec::{Build, CorpusSpec, PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
 pub use split::{Split, Table};
-pub use store::{LocalFolder, Store};
+pub use store::{LocalFolder, Store, address};
 
 /// Version of everything this module writes: a change of a column, of the Parquet crates or of an encoding raises it.
 pub const FORMAT: u32 = 1;

@@ -1,12 +1,16 @@
 //! A corpus's Parquet files -> Arrow record batches, row group by row group, without the whole file in memory.
 //!
+//! Where a request is dear (an object store), a file keeps the last few megabytes that it read: pages and their headers, which the
+//! Parquet reader asks for one by one, then come from there. What a store says when it fails is kept too, and goes before what
+//! the Parquet reader makes of it: a lost connection is no damaged file.
+//!
 //! Files may be anybody's: what they announce is judged before it is believed ([`pages`]), and where the Parquet crate panics on
 //! what is left, that is an error like any other.
 
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use arrow::array::{ArrowPrimitiveType, BooleanArray, PrimitiveArray, RecordBatch};
 use arrow::compute::{concat_batches, filter_record_batch};
@@ -33,14 +37,21 @@ impl TableFile {
             let source = std::io::ErrorKind::NotFound.into();
             return Err(CorpusError::Io { place: store.place(), name: name.into(), source });
         };
-        let file = StoredFile { store: store.share(), name: name.into(), length };
+        TableFile::open_sized(store, name, length)
+    }
+
+    /// Opens a file whose length is known.
+    pub fn open_sized(store: &dyn Store, name: &str, length: u64) -> Result<TableFile, CorpusError> {
+        let file = StoredFile { store: store.share(), name: name.into(), length, seen: Arc::default() };
         let facts = contained(|| {
             let facts = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new())?;
             pages::check_shape(&facts).map_err(ParquetError::General)?;
             Ok(facts)
         });
-        let facts = facts.map_err(|source| CorpusError::Parquet { name: name.into(), source })?;
-        Ok(TableFile { file, facts })
+        match facts {
+            Ok(facts) => Ok(TableFile { file, facts }),
+            Err(source) => Err(file.failed(CorpusError::Parquet { name: name.into(), source })),
+        }
     }
 
     pub fn name(&self) -> &str {
@@ -73,7 +84,8 @@ impl TableFile {
 
     /// One row group as one batch, all columns or (in the file's order) those named.
     pub fn read_row_group(&self, group: usize, columns: Option<&[&str]>) -> Result<RecordBatch, CorpusError> {
-        let failed = |source: ParquetError| CorpusError::Parquet { name: self.file.name.to_string(), source };
+        let failed =
+            |source: ParquetError| self.file.failed(CorpusError::Parquet { name: self.file.name.to_string(), source });
         let fields = self.schema().fields();
         let known = |name: &&&str| self.schema().field_with_name(name).is_err();
         if let Some(unknown) = columns.into_iter().flatten().find(known) {
@@ -147,6 +159,59 @@ struct StoredFile {
     store: Arc<dyn Store>,
     name: Arc<str>,
     length: u64,
+    seen: Arc<Mutex<Seen>>,
+}
+
+/// What was read last, and what the store said when it failed.
+#[derive(Default)]
+struct Seen {
+    start: u64,
+    bytes: Bytes,
+    fault: Option<CorpusError>,
+}
+
+/// Page headers are small; this holds a few of them.
+const BLOCK_BYTES: usize = 64 * 1024;
+
+impl StoredFile {
+    fn seen(&self) -> MutexGuard<'_, Seen> {
+        self.seen.lock().expect("no thread panics while it reads")
+    }
+
+    /// What the store said, or else what the reader made of the bytes.
+    fn failed(&self, by_reader: CorpusError) -> CorpusError {
+        self.seen().fault.take().unwrap_or(by_reader)
+    }
+
+    /// The bytes from `start` on, `length` of them, or fewer at the file's end.
+    fn fetch(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
+        let grain = self.store.grain_bytes();
+        let near = grain <= BLOCK_BYTES;
+        let mut seen = self.seen();
+        let end = self.length.min(start.saturating_add(length as u64));
+        let kept = seen.start..seen.start + seen.bytes.len() as u64;
+        if start < end && kept.contains(&start) && end <= kept.end {
+            return Ok(seen.bytes.slice((start - kept.start) as usize..(end - kept.start) as usize));
+        }
+        // At the end of the file stands the footer, which is read backwards.
+        let from = if near { start } else { start.min(self.length.saturating_sub(grain as u64)) };
+        let wanted = if near { length } else { ((end.max(from + grain as u64)).min(self.length) - from) as usize };
+        let bytes: Bytes = match self.store.read_range(&self.name, from, wanted) {
+            Ok(bytes) => bytes.into(),
+            Err(error) => {
+                let said = ParquetError::General(error.to_string());
+                seen.fault = Some(error);
+                return Err(said);
+            }
+        };
+        if near {
+            return Ok(bytes);
+        }
+        let within = |at: u64| ((at - from) as usize).min(bytes.len());
+        let part = bytes.slice(within(start)..within(end.max(start)));
+        (seen.start, seen.bytes) = (from, bytes);
+        Ok(part)
+    }
 }
 
 impl Length for StoredFile {
@@ -159,16 +224,15 @@ impl ChunkReader for StoredFile {
     type T = StoredReader;
 
     fn get_read(&self, start: u64) -> Result<StoredReader, ParquetError> {
-        Ok(StoredReader { file: self.clone(), offset: start, buffer: Vec::new(), used: 0 })
+        Ok(StoredReader { file: self.clone(), offset: start, buffer: Bytes::new() })
     }
 
     fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes, ParquetError> {
-        let bytes =
-            self.store.read_range(&self.name, start, length).map_err(|e| ParquetError::External(Box::new(e)))?;
+        let bytes = self.fetch(start, length)?;
         if bytes.len() < length {
             return Err(ParquetError::EOF(format!("{} ends within the {length} bytes from {start}", self.name)));
         }
-        Ok(bytes.into())
+        Ok(bytes)
     }
 }
 
@@ -176,24 +240,17 @@ impl ChunkReader for StoredFile {
 struct StoredReader {
     file: StoredFile,
     offset: u64,
-    buffer: Vec<u8>,
-    used: usize,
+    buffer: Bytes,
 }
-
-/// Page headers are small; this holds a few of them.
-const BLOCK_BYTES: usize = 64 * 1024;
 
 impl Read for StoredReader {
     fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
-        if self.used == self.buffer.len() {
-            let block = self.file.store.read_range(&self.file.name, self.offset, BLOCK_BYTES);
-            self.buffer = block.map_err(std::io::Error::other)?;
+        if self.buffer.is_empty() {
+            self.buffer = self.file.fetch(self.offset, BLOCK_BYTES).map_err(std::io::Error::other)?;
             self.offset += self.buffer.len() as u64;
-            self.used = 0;
         }
-        let length = out.len().min(self.buffer.len() - self.used);
-        out[..length].copy_from_slice(&self.buffer[self.used..self.used + length]);
-        self.used += length;
-        Ok(length)
+        let part = self.buffer.split_to(out.len().min(self.buffer.len()));
+        out[..part.len()].copy_from_slice(&part);
+        Ok(part.len())
     }
 }

@@ -1,10 +1,29 @@
-//! Names -> bytes: what stands between the corpus and the disk.
+//! Names -> bytes: what stands between the corpus and the disk, or an object store.
 //!
 //! A [`Store`] holds whole files under names such as `data/cells/train-0000007.parquet`. A file is there whole or not at
-//! all: it is written to a temporary name of its own, synced, and renamed without replacing; then the folder is synced.
-//! Two writers of the same bytes are both right. What ends in a crash is a file whose name begins with `.tmp-`; it is never
-//! listed and never taken for whole. A live writer holds a lock on each of its temporary files, and the lock ends with the
-//! process, however it ends: who sweeps removes only what it can lock itself.
+//! all, and two writers of the same bytes are both right. In a folder it is written to a temporary name of its own, synced, and
+//! renamed without replacing; then the folder is synced. What ends in a crash is a file whose name begins with `.tmp-`; it is
+//! never listed and never taken for whole. A live writer holds a lock on each of its temporary files, and the lock ends with the
+//! process, however it ends: who sweeps removes only what it can lock itself. [`address`] says what a user's text names, `objects`
+//! what object stores do.
+
+pub mod address;
+#[cfg(feature = "object-stores")]
+mod connect;
+#[cfg(test)]
+mod contract;
+#[cfg(feature = "object-stores")]
+mod objects;
+#[cfg(feature = "object-stores")]
+mod patience;
+#[cfg(feature = "object-stores")]
+mod profile;
+#[cfg(feature = "object-stores")]
+mod secrets;
+#[cfg(feature = "object-stores")]
+mod watch;
+#[cfg(all(test, feature = "object-stores"))]
+mod wire;
 
 use std::fs::{self, File, Permissions};
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
@@ -50,6 +69,10 @@ pub trait Store: Send + Sync {
     fn probe(&self) -> Result<(), CorpusError> {
         Ok(())
     }
+    /// Bytes that cost no more to read than one: readers ask for so many at a time.
+    fn grain_bytes(&self) -> usize {
+        64 * 1024
+    }
     /// A handle of its own, for readers that outlive a borrow.
     fn share(&self) -> Arc<dyn Store>;
     /// The place as the user named it, for messages only.
@@ -69,12 +92,7 @@ impl LocalFolder {
     }
 
     fn path(&self, name: &str) -> Result<PathBuf, CorpusError> {
-        let sound = !name.is_empty()
-            && name
-                .split('/')
-                .all(|part| !part.is_empty() && part != "." && part != ".." && !part.starts_with(TEMPORARY))
-            && !name.contains(['\\', '\0']);
-        if sound { Ok(self.root.join(name)) } else { Err(CorpusError::BadName { name: name.into() }) }
+        if is_name(name) { Ok(self.root.join(name)) } else { Err(CorpusError::BadName { name: name.into() }) }
     }
 
     fn failed(&self, name: &str) -> impl Fn(std::io::Error) -> CorpusError {
@@ -94,28 +112,13 @@ impl LocalFolder {
         file.as_file().sync_all()?;
         Ok(file)
     }
-
-    /// A file of that name is there: the same bytes, or not?
-    fn compare(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError> {
-        let there = self.read(name)?;
-        if there == bytes {
-            return Ok(Put::Same);
-        }
-        let (there, here) = (sha256(&there), sha256(bytes));
-        Err(CorpusError::Differs {
-            place: self.place(),
-            name: name.into(),
-            there: there[..12].into(),
-            here: here[..12].into(),
-        })
-    }
 }
 
 impl Store for LocalFolder {
     fn put(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError> {
         let path = self.path(name)?;
         if self.size(name)?.is_some() {
-            return self.compare(name, bytes);
+            return compared(self, name, &self.read(name)?, bytes);
         }
         let file = self.written(&path, bytes).map_err(self.failed(name))?;
         match file.persist_noclobber(&path) {
@@ -124,7 +127,7 @@ impl Store for LocalFolder {
                 Ok(Put::Created)
             }
             // Another writer was faster.
-            Err(_) if self.size(name)?.is_some() => self.compare(name, bytes),
+            Err(_) if self.size(name)?.is_some() => compared(self, name, &self.read(name)?, bytes),
             Err(error) => Err(self.failed(name)(error.error)),
         }
     }
@@ -247,6 +250,26 @@ fn is_abandoned(path: &Path) -> bool {
     File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
+/// Whether a name stays within its place, and is none of an unfinished file.
+fn is_name(name: &str) -> bool {
+    let sound = |part: &str| !part.is_empty() && part != "." && part != ".." && !part.starts_with(TEMPORARY);
+    name.split('/').all(sound) && !name.contains(['\\', '\0'])
+}
+
+/// A file of that name is there: the same bytes, or not?
+fn compared(store: &dyn Store, name: &str, there: &[u8], here: &[u8]) -> Result<Put, CorpusError> {
+    if there == here {
+        return Ok(Put::Same);
+    }
+    let (there, here) = (sha256(there), sha256(here));
+    Err(CorpusError::Differs {
+        place: store.place(),
+        name: name.into(),
+        there: there[..12].into(),
+        here: here[..12].into(),
+    })
+}
+
 /// Creates a folder and those above it, `root` and beyond left out; each new name is synced into the folder that holds it.
 fn create_synced(folder: &Path, root: Option<&Path>) -> std::io::Result<()> {
     if folder.as_os_str().is_empty() || folder.is_dir() || Some(folder) == root {
@@ -276,16 +299,6 @@ mod tests {
         let store = LocalFolder::new(dir.path().join("corpus"));
         store.put("plan", b"").unwrap();
         (dir, store)
-    }
-
-    #[test]
-    fn law_same_bytes_twice_are_fine_and_other_bytes_are_refused() {
-        let (_dir, store) = folder();
-        assert_eq!(store.put("data/a", b"one").unwrap(), Put::Created);
-        assert_eq!(store.put("data/a", b"one").unwrap(), Put::Same);
-        let refused = store.put("data/a", b"two").unwrap_err().to_string();
-        assert!(refused.contains("data/a is there already with other bytes"), "{refused}");
-        assert_eq!(store.read("data/a").unwrap(), b"one");
     }
 
     #[test]
@@ -370,23 +383,5 @@ mod tests {
         fs::write(&plain, b"x").unwrap();
         let mode = |path: PathBuf| fs::metadata(path).unwrap().permissions().mode();
         assert_eq!(mode(store.root.join("a")), mode(plain));
-    }
-
-    #[test]
-    fn extreme_names_that_leave_the_place_are_refused() {
-        let (_dir, store) = folder();
-        for name in ["", "/etc/passwd", "../x", "a/../../x", "a//b", "a/.", "a\\b"] {
-            assert!(matches!(store.put(name, b""), Err(CorpusError::BadName { .. })), "{name}");
-        }
-    }
-
-    #[test]
-    fn exact_ranges_end_with_the_file() {
-        let (_dir, store) = folder();
-        store.put("a", b"0123456789").unwrap();
-        assert_eq!(store.read_range("a", 3, 4).unwrap(), b"3456");
-        assert_eq!(store.read_range("a", 8, 4).unwrap(), b"89");
-        assert!(store.size("b").unwrap().is_none() && store.list("none").unwrap().is_empty());
-        store.remove("b").unwrap();
     }
 }

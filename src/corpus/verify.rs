@@ -115,7 +115,7 @@ fn verify_file(
     drop(bytes);
     let file = match TableFile::open(store, &facts.path) {
         Ok(file) => file,
-        Err(error) => return Ok(vec![error.to_string()]),
+        Err(error) => return damage(error),
     };
     let mut faults = Vec::new();
     let expected = schema::arrow_schema(&schema::columns(table, &spec.features, &spec.drawn));
@@ -131,7 +131,7 @@ fn verify_file(
     for batch in file.batches() {
         let batch = match batch {
             Ok(batch) => batch,
-            Err(error) => return Ok(vec![error.to_string()]),
+            Err(error) => return damage(error),
         };
         hasher.update(&batch);
         if table == Table::Cells {
@@ -149,6 +149,14 @@ fn verify_file(
         faults.extend(wrong.map(|(said, _)| format!("the statistics of {} are not the receipt's", said.name)));
     }
     Ok(faults)
+}
+
+/// What cannot be read as Parquet is damaged; what the store does not give is not known to be.
+fn damage(error: CorpusError) -> Result<Vec<String>, CorpusError> {
+    match error {
+        CorpusError::Parquet { .. } | CorpusError::Arrow { .. } => Ok(vec![error.to_string()]),
+        other => Err(other),
+    }
 }
 
 fn count(batch: &RecordBatch, receipt: &Receipt, labels: &mut LabelCounts, moments: &mut [Moments]) {

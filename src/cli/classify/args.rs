@@ -8,9 +8,9 @@ use clap::{ArgGroup, Args, ValueEnum};
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("place").required(true))]
 pub(in crate::cli) struct ClassifyArgs {
-    /// A trained model: the model.safetensors of a run folder, or the folder.
+    /// A trained model: the model.safetensors of a run folder, or the folder, or a URL of either.
     pub(super) model: PathBuf,
-    /// Scans: PLY, PCD, LAS, CSV / XYZ (with or without a header) or KITTI .bin, in the order they were taken.
+    /// Scans: PLY, PCD, LAS, CSV / XYZ (with or without a header) or KITTI .bin, in the order they were taken; files or URLs.
     #[arg(required = true)]
     pub(super) clouds: Vec<PathBuf>,
     /// Folder for what is written.

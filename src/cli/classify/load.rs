@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 
 use super::args::{ClassifyArgs, Frame, PoseOf};
 use crate::cells::{FeatureColumn, WindowCloud, feature_columns};
-use crate::cli::Failure;
 use crate::cli::output::errln;
+use crate::cli::{Failure, place};
 use crate::cloud::place::{Place, Sigmas};
 use crate::cloud::{self, Cloud, CloudError, LabelMap, Levelled, level, trajectory};
+use crate::corpus::address;
 use crate::drive::rover::Mount;
 use crate::geometry::{DVec3, Pose, Transform};
 use crate::train::Model;
@@ -61,6 +62,9 @@ fn usage(error: impl std::fmt::Display) -> Failure {
 }
 
 fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+    if address::is_url(path) {
+        return place::read(path);
+    }
     std::fs::read(path).map_err(|source| usage(CloudError::Io { file: path.display().to_string(), source }))
 }
 
@@ -122,7 +126,7 @@ impl Setup {
     ) -> Result<Loaded, Failure> {
         let name = path.display().to_string();
         let bytes = read_file(path)?;
-        let beside = self.labels.is_some().then(|| label_file(path)).flatten();
+        let beside = if self.labels.is_some() { label_file(path)? } else { None };
         let label_bytes = beside.as_deref().map(read_file).transpose()?;
         let options = cloud::Options { label_field: args.label_field.clone() };
         let mut cloud = cloud::read(&name, &bytes, label_bytes.as_deref(), &options).map_err(usage)?;
@@ -252,11 +256,17 @@ fn stems(clouds: &[PathBuf]) -> Vec<String> {
 }
 
 /// A KITTI scan's labels: beside it, or in `labels/` beside its folder (SemanticKITTI).
-fn label_file(path: &Path) -> Option<PathBuf> {
-    if cloud::Format::of(&path.to_string_lossy()).ok()? != cloud::Format::Kitti {
-        return None;
+fn label_file(path: &Path) -> Result<Option<PathBuf>, Failure> {
+    if cloud::Format::of(&path.to_string_lossy()).ok() != Some(cloud::Format::Kitti) {
+        return Ok(None);
     }
     let beside = path.with_extension("label");
-    let apart = path.parent()?.parent()?.join("labels").join(beside.file_name()?);
-    [beside, apart].into_iter().find(|path| path.is_file())
+    let above = path.parent().and_then(Path::parent).zip(beside.file_name());
+    let apart = above.map(|(above, name)| above.join("labels").join(name));
+    for file in [Some(beside), apart].into_iter().flatten() {
+        if place::is_file(&file)? {
+            return Ok(Some(file));
+        }
+    }
+    Ok(None)
 }

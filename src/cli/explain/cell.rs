@@ -5,10 +5,10 @@ use std::path::Path;
 use crate::cells::params::{LabelParams, ObstacleRule};
 use crate::cells::{CellRow, Offset, Placer, feature_columns, is_neighbour, neighbour_offsets};
 use crate::cli::Failure;
-use crate::cli::generate::corpus_failure;
 use crate::cli::output::outln;
+use crate::cli::place::{self, corpus_failure};
 use crate::config::{Family, Plan};
-use crate::corpus::{self, LocalFolder, ScanOutput, ScanPoints};
+use crate::corpus::{self, ScanOutput, ScanPoints};
 use crate::geometry::{CellIndex, DVec3};
 use crate::pipeline::Replay;
 use crate::scene::{Class, Scene};
@@ -204,8 +204,9 @@ pub(super) fn compare_stored(
     scan: &ScanOutput,
     cell: CellIndex,
 ) -> Result<(), Failure> {
-    let store = LocalFolder::new(folder);
-    let stored = corpus::stored_cell(&store, &plan.corpus_spec(), scene, scan.scan_id, cell).map_err(corpus_failure)?;
+    let store = place::open(folder)?;
+    let stored =
+        corpus::stored_cell(store.as_ref(), &plan.corpus_spec(), scene, scan.scan_id, cell).map_err(corpus_failure)?;
     let Some(stored) = stored else {
         return Err(Failure::failed("the corpus has no row for this cell: it was built by another plan or binary"));
     };

@@ -1,0 +1,280 @@
+//! What a user calls a place -> a store: a folder, or a URL (`s3://`, `gs://`, `az://`, `file://`).
+//!
+//! A URL is taken literally, as the object stores' own tools take it: `%20` stays `%20`, but for `file://`, whose URLs are
+//! percent-encoded by their standard. A URL that carries a key or a password is refused, and not repeated in the message:
+//! credentials come from the environment and from the standard files alone.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::{LocalFolder, Store, is_name};
+use crate::corpus::CorpusError;
+
+/// Where objects lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Service {
+    S3,
+    Google,
+    Azure,
+}
+
+impl Service {
+    /// What a URL of it begins with.
+    pub fn scheme(self) -> &'static str {
+        match self {
+            Service::S3 => "s3",
+            Service::Google => "gs",
+            Service::Azure => "az",
+        }
+    }
+}
+
+/// A place, taken apart.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Address {
+    Folder(PathBuf),
+    /// `prefix`: no slash at either end; empty for a whole bucket.
+    Objects {
+        service: Service,
+        bucket: String,
+        prefix: String,
+    },
+}
+
+/// Whether a place is written as a URL.
+pub fn is_url(place: &Path) -> bool {
+    parts(place).is_some()
+}
+
+/// Scheme and rest of a URL.
+fn parts(place: &Path) -> Option<(&str, &str)> {
+    let (scheme, rest) = place.to_str()?.split_once("://")?;
+    let letters = scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+        && scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c));
+    letters.then_some((scheme, rest))
+}
+
+/// Whether a text holds a URL with a key, a password or a signature in it.
+pub fn holds_credentials(text: &str) -> bool {
+    let Some((_, rest)) = text.split_once("://") else { return false };
+    let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
+    authority.contains('@') || rest.contains('?')
+}
+
+impl Address {
+    pub fn parse(place: &Path) -> Result<Address, CorpusError> {
+        let Some((scheme, rest)) = parts(place) else { return Ok(Address::Folder(place.into())) };
+        let scheme = scheme.to_ascii_lowercase();
+        if holds_credentials(&format!("{scheme}://{rest}")) {
+            return Err(refused(
+                &format!("{scheme}://..."),
+                "the URL holds a user name, a key or a signature",
+                "leave out what stands before @ and behind ?; credentials come from the environment or the standard files",
+            ));
+        }
+        let service = match scheme.as_str() {
+            "file" => return file(rest).map(Address::Folder),
+            "s3" => Service::S3,
+            "gs" => Service::Google,
+            "az" => Service::Azure,
+            "http" | "https" => {
+                return Err(refused(
+                    &format!("{scheme}://{rest}"),
+                    "a corpus cannot be read over plain http",
+                    "for a server that speaks S3, set AWS_ENDPOINT_URL to it and write s3://BUCKET/PATH; else copy it to a folder",
+                ));
+            }
+            _ => {
+                let cure = "places are folders, or URLs that begin with s3://, gs://, az:// or file://";
+                return Err(refused(&format!("{scheme}://{rest}"), "no such kind of place is known", cure));
+            }
+        };
+        let shown = format!("{scheme}://{rest}");
+        let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
+        let letter = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+        if bucket.is_empty() || !bucket.chars().all(letter) {
+            let cure = format!("write {scheme}://BUCKET/PATH");
+            return Err(refused(&shown, "there is no bucket of that name", &cure));
+        }
+        let prefix = prefix.strip_suffix('/').unwrap_or(prefix);
+        if !prefix.is_empty() && !is_name(prefix) || prefix.contains(['#', '\n']) {
+            let cure = "parts of the path are not empty, not . or .., and hold neither \\ nor #";
+            return Err(refused(&shown, "the path within the bucket is no name", cure));
+        }
+        Ok(Address::Objects { service, bucket: bucket.into(), prefix: prefix.into() })
+    }
+
+    /// Opens the place; nothing is asked of it yet.
+    pub fn open(&self) -> Result<Arc<dyn Store>, CorpusError> {
+        match self {
+            Address::Folder(folder) => Ok(Arc::new(LocalFolder::new(folder))),
+            #[cfg(feature = "object-stores")]
+            Address::Objects { service, bucket, prefix } => {
+                Ok(Arc::new(super::connect::connect(*service, bucket, prefix)?))
+            }
+            #[cfg(not(feature = "object-stores"))]
+            Address::Objects { service, bucket, .. } => Err(refused(
+                &format!("{}://{bucket}", service.scheme()),
+                "this marsyard was built without object stores",
+                "build it with its default features, or name a folder",
+            )),
+        }
+    }
+}
+
+/// Opens a place of many files.
+pub fn open(place: &Path) -> Result<Arc<dyn Store>, CorpusError> {
+    Address::parse(place)?.open()
+}
+
+/// A file in a place of its own: the store, and the name within.
+pub fn open_file(path: &Path) -> Result<(Arc<dyn Store>, String), CorpusError> {
+    let address = Address::parse(path)?;
+    let nameless = || refused(&path.display().to_string(), "this is no file", "write its name behind the last /");
+    match address {
+        Address::Folder(path) => {
+            let name = path.file_name().and_then(|name| name.to_str()).ok_or_else(nameless)?.to_owned();
+            let folder = path.parent().map(Path::to_owned).unwrap_or_default();
+            Ok((Arc::new(LocalFolder::new(folder)), name))
+        }
+        Address::Objects { service, bucket, prefix } => {
+            let (prefix, name) = prefix.rsplit_once('/').unwrap_or(("", &prefix));
+            if name.is_empty() {
+                return Err(nameless());
+            }
+            Ok((Address::Objects { service, bucket, prefix: prefix.into() }.open()?, name.into()))
+        }
+    }
+}
+
+/// The bytes of a file at a URL, `most` at most.
+pub fn read_url(url: &Path, most: u64) -> Result<Vec<u8>, CorpusError> {
+    let (store, name) = open_file(url)?;
+    let io = |source: std::io::Error| CorpusError::Io { place: store.place(), name: name.clone(), source };
+    let size = store.size(&name)?.ok_or_else(|| io(std::io::ErrorKind::NotFound.into()))?;
+    if size > most {
+        let said = format!("it has {size} bytes, more than the {most} that are read");
+        return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidInput, said)));
+    }
+    store.read(&name)
+}
+
+fn refused(place: &str, reason: &str, cure: &str) -> CorpusError {
+    CorpusError::Refused { place: place.into(), reason: reason.into(), cure: cure.into() }
+}
+
+/// `file:///folder` or `file://localhost/folder`, percent-decoded.
+fn file(rest: &str) -> Result<PathBuf, CorpusError> {
+    use std::os::unix::ffi::OsStringExt;
+    let shown = format!("file://{rest}");
+    let path = rest.strip_prefix("localhost").unwrap_or(rest);
+    if !path.starts_with('/') {
+        return Err(refused(&shown, "a file URL names a whole path", "write file:///FOLDER, with three slashes"));
+    }
+    let mut bytes = Vec::with_capacity(path.len());
+    let mut left = path.bytes();
+    while let Some(byte) = left.next() {
+        let digit = |byte: Option<u8>| byte.and_then(|byte| char::from(byte).to_digit(16));
+        bytes.push(match byte {
+            b'%' => match (digit(left.next()), digit(left.next())) {
+                (Some(high), Some(low)) if (high, low) != (0, 0) => (16 * high + low) as u8,
+                _ => return Err(refused(&shown, "% stands before no two hexadecimal digits", "write % itself as %25")),
+            },
+            other => other,
+        });
+    }
+    Ok(std::ffi::OsString::from_vec(bytes).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Address, String> {
+        Address::parse(Path::new(text)).map_err(|error| error.to_string())
+    }
+
+    fn objects(service: Service, bucket: &str, prefix: &str) -> Result<Address, String> {
+        Ok(Address::Objects { service, bucket: bucket.into(), prefix: prefix.into() })
+    }
+
+    #[test]
+    fn exact_urls_are_taken_apart_literally() {
+        assert_eq!(parse("s3://yard/a/b"), objects(Service::S3, "yard", "a/b"));
+        assert_eq!(parse("S3://yard/a/b/"), objects(Service::S3, "yard", "a/b"));
+        assert_eq!(parse("gs://my.bucket"), objects(Service::Google, "my.bucket", ""));
+        assert_eq!(parse("gs://yard/"), objects(Service::Google, "yard", ""));
+        assert_eq!(parse("az://box-1/a%20b/c d@e"), objects(Service::Azure, "box-1", "a%20b/c d@e"));
+    }
+
+    #[test]
+    fn exact_what_is_no_url_is_a_folder() {
+        for text in ["corpora/x", "/abs", "a:b/c", "s3:/x", "1s://x", "://x", "."] {
+            assert_eq!(parse(text), Ok(Address::Folder(text.into())), "{text}");
+            assert!(!is_url(Path::new(text)));
+        }
+    }
+
+    #[test]
+    fn exact_file_urls_are_folders_percent_decoded() {
+        assert_eq!(parse("file:///tmp/a%20b"), Ok(Address::Folder("/tmp/a b".into())));
+        assert_eq!(parse("file://localhost/tmp"), Ok(Address::Folder("/tmp".into())));
+        for wrong in ["file://tmp/x", "file:///a%2", "file:///a%zz", "file:///a%00b"] {
+            assert!(parse(wrong).unwrap_err().contains("file://"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn regress_http_is_refused_with_the_way_out() {
+        for url in ["https://host/corpus", "http://127.0.0.1:9000/b"] {
+            let said = parse(url).unwrap_err();
+            assert!(said.contains("AWS_ENDPOINT_URL") && said.contains("s3://"), "{said}");
+        }
+        assert!(parse("hdfs://x/y").unwrap_err().contains("gs://"));
+    }
+
+    #[test]
+    fn extreme_urls_with_credentials_are_refused_and_never_repeated() {
+        for url in [
+            "s3://AKIAKEY:hush@bucket/x",
+            "az://box/x?sv=1&sig=hush",
+            "gs://hush@bucket",
+            "s3://b?hush",
+            "https://u:hush@host/x",
+            "what://u:hush@host",
+            "FILE://u:hush@host/x",
+        ] {
+            let said = parse(url).unwrap_err();
+            assert!(!said.contains("hush") && !said.contains("AKIA"), "{said}");
+            assert!(holds_credentials(url) && said.contains("environment"), "{said}");
+        }
+        assert!(!holds_credentials("s3://bucket/a@b") && !holds_credentials("x?y@z"));
+    }
+
+    #[test]
+    fn extreme_names_that_are_none_are_refused() {
+        for url in
+            ["s3://", "s3:///x", "s3://b/../x", "s3://b//x", "s3://b/./x", "s3://b/x//", "s3://b\\c/x", "gs://b/a#b"]
+        {
+            assert!(parse(url).is_err(), "{url}");
+        }
+    }
+
+    #[test]
+    fn exact_a_file_has_a_store_and_a_name() {
+        let (store, name) = open_file(Path::new("runs/a/model.safetensors")).unwrap();
+        assert_eq!((store.place().as_str(), name.as_str()), ("runs/a", "model.safetensors"));
+        assert!(open_file(Path::new("s3://bucket")).is_err());
+    }
+
+    #[test]
+    fn exact_a_file_url_is_read_within_its_limit() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("a b"), b"12345").unwrap();
+        let url = PathBuf::from(format!("file://{}/a%20b", dir.path().display()));
+        assert_eq!(read_url(&url, 5).unwrap(), b"12345");
+        assert!(read_url(&url, 4).unwrap_err().to_string().contains("5 bytes"));
+        let gone = PathBuf::from(format!("file://{}/none", dir.path().display()));
+        assert!(read_url(&gone, 4).is_err());
+    }
+}
