@@ -32,6 +32,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 CONFIG = HERE.parent / "interop" / "points.yaml"
 BUCKET = "yards"
 KEY, SECRET, TOKEN = "AKIDEXAMPLE4711KEY", "hush/4711+thisMustNeverBeSeen", "hushTokenThatMustNeverBeSeen"
+AZURE_KEY = "aHVzaEF6dXJlS2V5VGhhdE11c3ROZXZlckJlU2Vlbg=="
 NOT_COMPARED = {"report.json"}
 
 
@@ -199,6 +200,9 @@ def check_refusals(bench, url, endpoint, proxy):
     proxy.faults = {"denied": 1}
     refused(["status", url], "SignatureDoesNotMatch (403)", {"AWS_ENDPOINT_URL": f"http://127.0.0.1:{proxy.port}"})
     refused(["generate", CONFIG, "--out", url], "look at the credentials", {"AWS_ENDPOINT_URL": f"http://127.0.0.1:{proxy.port}"})
+    azure = {"AZURE_STORAGE_ACCOUNT_NAME": "yards", "AZURE_STORAGE_ACCOUNT_KEY": AZURE_KEY}
+    refused(["status", "az://box/x"], "(403)", azure | {"AZURE_STORAGE_ENDPOINT": f"http://127.0.0.1:{proxy.port}"})
+    refused(["status", "gs://box/x"], "(403)", {"GOOGLE_BASE_URL": f"http://127.0.0.1:{proxy.port}", "GOOGLE_BEARER_TOKEN": TOKEN})
     proxy.faults = {}
 
 
@@ -323,7 +327,7 @@ def check_secrets(bench, bucket):
     said = "\n".join(bench.said).encode()
     files = list(in_folder(bench.scratch).values())
     stored = [data for prefix in ("corpus", "faulty-0", "runs", "judged") for data in bucket.files(prefix).values()]
-    for secret in (SECRET, TOKEN, KEY):
+    for secret in (SECRET, TOKEN, KEY, AZURE_KEY):
         hits = sum(secret.encode() in text for text in [said, *files, *stored])
         expect(hits == 0, f"a key or token stands in {hits} outputs or files")
     return len(files) + len(stored)

@@ -241,8 +241,8 @@ impl Store for ObjectFolder {
                     furthest = files.len();
                     patience.made_progress();
                 }
-                let below =
-                    object.location.as_ref().strip_prefix(path.as_ref()).and_then(|rest| rest.strip_prefix('/'));
+                let (whole, root): (&str, &str) = (object.location.as_ref(), path.as_ref());
+                let below = whole.strip_prefix(root).and_then(|rest| rest.strip_prefix('/'));
                 if let Some(name) = below.filter(|name| !name.contains('/')) {
                     files.push((format!("{folder}/{name}"), object.size));
                 }
