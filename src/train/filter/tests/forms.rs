@@ -178,7 +178,11 @@ fn exact_variances_that_the_factored_form_takes_over_are_those_of_least_squares(
     for (size, batch) in [(17, 1), (17, 8), (150, 1), (150, 8)] {
         let (rows, targets, _) = linear(60, size, p0);
         let x = DMatrix::from_row_slice(60, size, &rows);
-        let want = (DMatrix::identity(size, size) / p0 + x.transpose() * &x / 0.25).try_inverse().unwrap();
+        let information = DMatrix::identity(size, size) / p0 + x.transpose() * &x / 0.25;
+        // Neither side is nearer than the rounding of so ill-conditioned an inverse.
+        let eigenvalues = information.clone().symmetric_eigenvalues();
+        let bound = (f64::EPSILON * p0 * eigenvalues.max() / eigenvalues.min()).max(1e-10);
+        let want = information.try_inverse().unwrap();
         let mut plain = Ekf::<f64>::new("x", vec![(0..size as u32).collect()], p0, batch, Isa::detect());
         least_squares(&mut plain, &rows, &targets, size);
         let mut writer = Writer::new("ud-f64");
@@ -187,7 +191,7 @@ fn exact_variances_that_the_factored_form_takes_over_are_those_of_least_squares(
         let variances: Vec<f64> =
             state.arrays[1].3.chunks(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
         let gap = furthest(&variances, want.diagonal().as_slice());
-        assert!(gap < 1e-10, "size {size}, batch {batch}: {gap}");
+        assert!(gap < bound, "size {size}, batch {batch}: {gap}, {bound}");
     }
 }
 
