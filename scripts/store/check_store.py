@@ -16,6 +16,7 @@ import json
 import os
 import pathlib
 import random
+import re
 import signal
 import socket
 import subprocess
@@ -29,7 +30,7 @@ import numpy as np
 from faulty import FaultyProxy
 
 HERE = pathlib.Path(__file__).resolve().parent
-CONFIG = HERE.parent / "interop" / "points.yaml"
+CONFIG = HERE.parent.parent / "tests" / "fixtures" / "training.yaml"
 BUCKET = "yards"
 KEY, SECRET, TOKEN = "AKIDEXAMPLE4711KEY", "hush/4711+thisMustNeverBeSeen", "hushTokenThatMustNeverBeSeen"
 AZURE_KEY = "aHVzaEF6dXJlS2V5VGhhdE11c3ROZXZlckJlU2Vlbg=="
@@ -38,7 +39,8 @@ NOT_COMPARED = {"report.json"}
 
 def expect(good, what):
     if not good:
-        sys.exit(f"FAILED {what}")
+        print(f"FAILED {what}", file=sys.stderr, flush=True)
+        sys.exit(1)
 
 
 def say(what, begun):
@@ -262,9 +264,8 @@ def check_damage(bench, bucket, name, url, endpoint, whole):
 def check_height_map(bench, bucket, endpoint):
     """A plan with a file beside it, both in the store."""
     np.save(bench.scratch / "heights.npy", np.random.default_rng(2).normal(0, 0.02, (32, 32)))
-    text = CONFIG.read_text().split("families:")[0].replace("scenes: 14", "scenes: 4")
-    start = text.index("    source:")
-    text = text[:start] + "    source: { file: { path: heights.npy } }\n" + text[text.index("\n", start) + 1 :]
+    text = re.sub(r"  ground: .*", "  ground: { source: { file: { path: heights.npy } } }", CONFIG.read_text())
+    text = text.replace("scenes: 14", "scenes: 4")
     (bench.scratch / "heights.yaml").write_text(text)
     bench.run("generate", "heights.yaml", "--out", "heights", "--shards", "0..1")
     url = f"s3://{BUCKET}/heights"
@@ -380,7 +381,7 @@ def main():
             say(f"no key in {len(bench.said)} outputs and {check_secrets(bench, bucket)} files", begun)
     finally:
         proxy.close()
-        moto.terminate()
+        moto.kill()
         moto.wait()
 
 

@@ -30,8 +30,6 @@ const SLOWEST_PUT: f64 = 32_768.0;
 const TELL_FROM_TRY: u32 = 4;
 
 static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
-    // TLS needs to know its cryptography; the second of two callers finds it known.
-    let _ = rustls::crypto::ring::default_provider().install_default();
     Builder::new_multi_thread().worker_threads(2).thread_name("store").enable_all().build()
 });
 

@@ -126,6 +126,8 @@ pub struct Watched;
 
 impl HttpConnector for Watched {
     fn connect(&self, options: &ClientOptions) -> object_store::Result<HttpClient> {
+        // TLS needs to know its cryptography; whoever comes second finds it known.
+        let _ = rustls::crypto::ring::default_provider().install_default();
         let inner = ReqwestConnector::default().connect(options)?;
         Ok(HttpClient::new(WatchedClient { inner }))
     }
