@@ -16,7 +16,8 @@ const ROUND_S: f64 = 0.1;
 
 fn main() -> Result<(), String> {
     let networks: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
-    let networks = if networks.is_empty() { ["8x8", "16x16", "32x32", "32x32x32"].map(String::from).into() } else { networks };
+    let networks =
+        if networks.is_empty() { ["8x8", "16x16", "32x32", "32x32x32"].map(String::from).into() } else { networks };
     let rows = rows();
     networks.iter().try_for_each(|hidden| table(&rows, hidden))
 }
@@ -77,7 +78,10 @@ impl Bound {
 
     fn better(self, other: Bound) -> Bound {
         let [a, b] = self.bandwidths;
-        Bound { flops: self.flops.max(other.flops), bandwidths: [a.max(other.bandwidths[0]), b.max(other.bandwidths[1])] }
+        Bound {
+            flops: self.flops.max(other.flops),
+            bandwidths: [a.max(other.bandwidths[0]), b.max(other.bandwidths[1])],
+        }
     }
 
     fn rows_per_s(&self, weights: usize, bytes: f64) -> f64 {

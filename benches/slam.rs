@@ -88,7 +88,8 @@ impl Drive {
             .iter()
             .map(|[x, y, z]| DVec3::new(18.0 * x - 9.0, 18.0 * y - 9.0, 0.1 + 0.2 * z))
             .collect();
-        let start = Pose { position_m: DVec3::new(5.0, 0.0, 0.0), yaw_rad: 0.5 * std::f64::consts::PI, ..Pose::default() };
+        let start =
+            Pose { position_m: DVec3::new(5.0, 0.0, 0.0), yaw_rad: 0.5 * std::f64::consts::PI, ..Pose::default() };
         let turn_rad = 0.1 / 5.0;
         let (mut readings, mut stops) = (Vec::new(), Vec::new());
         for step in 0..=STEPS {
@@ -124,8 +125,7 @@ impl Drive {
             if step % STEPS_PER_STOP == 0 {
                 let found = &self.stops[(step / STEPS_PER_STOP) as usize];
                 let before = thread_cpu_s();
-                let estimate =
-                    slam.observe_features(found, &self.view, &streams(Stage::Slam, step)).expect("upright");
+                let estimate = slam.observe_features(found, &self.view, &streams(Stage::Slam, step)).expect("upright");
                 scan_s += thread_cpu_s() - before;
                 features += estimate.features;
                 landmarks = slam.best().1.len();

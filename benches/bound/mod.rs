@@ -102,10 +102,26 @@ mod kernels {
         };
     }
 
-    kernels!(wide, "avx512f", 16, _mm512_set1_ps, _mm512_fmadd_ps, _mm512_mul_ps, _mm512_load_ps, _mm512_store_ps, |x| {
-        _mm512_cvtss_f32(x)
-    });
-    kernels!(narrow, "avx2,fma", 8, _mm256_set1_ps, _mm256_fmadd_ps, _mm256_mul_ps, _mm256_load_ps, _mm256_store_ps, |x| {
-        _mm256_cvtss_f32(x)
-    });
+    kernels!(
+        wide,
+        "avx512f",
+        16,
+        _mm512_set1_ps,
+        _mm512_fmadd_ps,
+        _mm512_mul_ps,
+        _mm512_load_ps,
+        _mm512_store_ps,
+        |x| { _mm512_cvtss_f32(x) }
+    );
+    kernels!(
+        narrow,
+        "avx2,fma",
+        8,
+        _mm256_set1_ps,
+        _mm256_fmadd_ps,
+        _mm256_mul_ps,
+        _mm256_load_ps,
+        _mm256_store_ps,
+        |x| { _mm256_cvtss_f32(x) }
+    );
 }
