@@ -103,7 +103,7 @@ pub fn sin_cos_lanes<const N: usize>(x: &[f64; N]) -> [[f64; N]; 2] {
 /// without its branches for numbers that are not positive and normal.
 #[inline(always)]
 pub fn ln_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
-    const LN2_HI: f64 = 6.931_471_803_691_238_2e-1;
+    const LN2_HI: f64 = 6.931_471_803_691_238e-1;
     const LN2_LO: f64 = 1.908_214_929_270_587_7e-10;
     const EVEN: [f64; 3] = [3.999_999_999_940_942e-1, 2.222_219_843_214_978_4e-1, 1.531_383_769_920_937_3e-1];
     const ODD: [f64; 4] =

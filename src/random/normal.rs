@@ -140,8 +140,8 @@ impl Tails {
     #[inline(always)]
     fn write(&mut self, out: &mut [f64]) {
         let mut tail = [0.0; LANES];
-        for l in 0..LANES {
-            tail[l] = if self.p[l] - 0.5 < 0.0 { self.p[l] } else { 1.0 - self.p[l] };
+        for (tail, p) in tail.iter_mut().zip(&self.p) {
+            *tail = if p - 0.5 < 0.0 { *p } else { 1.0 - p };
         }
         let logarithms = math::ln_lanes(&tail);
         let (mut size, mut far) = ([0.0; LANES], false);

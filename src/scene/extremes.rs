@@ -164,7 +164,7 @@ fn extreme_rms_heights_of_0_and_of_10_m() {
         &format!("a thousand times the ground of 1 cm, to {relative:.0e}"),
     );
     // Heights brought to their rms by what they measure: 0 over 0 on flat ground.
-    let measured = vec![0.0_f64; 16];
+    let measured = [0.0_f64; 16];
     let rms = (measured.iter().map(|h| h * h).sum::<f64>() / 16.0).sqrt();
     let scaled: Vec<f64> = measured.iter().map(|h| h / rms * 0.0).collect();
     assert!(scaled[0].is_nan());

@@ -11,7 +11,7 @@ pub struct Share(pub u32);
 
 impl Share {
     fn index(self, length: usize) -> usize {
-        (self.0 as u64 * length as u64 >> 32) as usize
+        ((self.0 as u64 * length as u64) >> 32) as usize
     }
 }
 
@@ -101,7 +101,7 @@ pub fn edits(tokens: &'static [&'static str]) -> impl Strategy<Value = Vec<Edit>
 }
 
 pub fn apply(bytes: &[u8], edits: &[Edit]) -> Vec<u8> {
-    edits.iter().fold(bytes.to_vec(), |bytes, edit| changed(bytes, edit))
+    edits.iter().fold(bytes.to_vec(), changed)
 }
 
 fn changed(mut bytes: Vec<u8>, edit: &Edit) -> Vec<u8> {

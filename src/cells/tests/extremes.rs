@@ -104,7 +104,8 @@ fn extreme_one_point_a_cell() {
     assert_eq!(cells.rows.len(), 100);
     assert!(cells.features.chunks(20).all(|f| f[1] == 0.0 && f[2] == 0.0 && f[3] == 1.0));
     // The sample variance divides by n - 1.
-    let sample = 0.0_f64 / (1.0 - 1.0);
+    let in_cell = [0.3_f64];
+    let sample = (in_cell[0] - in_cell[0]) / (in_cell.len() as f64 - 1.0);
     let below = points.iter().filter(|(p, _)| one_pass([p.z, p.z, p.z].into_iter()) < 0.0).count();
     assert!(sample.is_nan());
     row(

@@ -30,7 +30,10 @@ use crate::corpus::CorpusError;
 const IDENTITY: &str = "169.254.169.254:80";
 
 /// A client a bucket: connections and tokens are shared by all places in it.
-static CLIENTS: LazyLock<Mutex<HashMap<(Service, String), Arc<dyn ObjectStore>>>> = LazyLock::new(Mutex::default);
+static CLIENTS: LazyLock<Mutex<HashMap<Bucket, Arc<dyn ObjectStore>>>> = LazyLock::new(Mutex::default);
+
+/// Its service and name.
+type Bucket = (Service, String);
 
 /// Opens a place in a bucket; the bucket itself is not asked.
 pub fn connect(service: Service, bucket: &str, prefix: &str) -> Result<ObjectFolder, CorpusError> {

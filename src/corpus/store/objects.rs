@@ -29,9 +29,8 @@ const SLOWEST_PUT: f64 = 32_768.0;
 /// Trouble is told of from this try on; before, it is over in less than a second.
 const TELL_FROM_TRY: u32 = 4;
 
-static RUNTIME: LazyLock<std::io::Result<Runtime>> = LazyLock::new(|| {
-    Builder::new_multi_thread().worker_threads(2).thread_name("store").enable_all().build()
-});
+static RUNTIME: LazyLock<std::io::Result<Runtime>> =
+    LazyLock::new(|| Builder::new_multi_thread().worker_threads(2).thread_name("store").enable_all().build());
 
 /// Objects below a prefix.
 #[derive(Clone)]

@@ -26,7 +26,8 @@ fn extreme_no_particle_and_one() {
     let apart_m = distance_m(&reckoned.estimate().pose, &alone.estimate().pose);
     assert!(apart_m < 1e-9);
     // A spread over n - 1.
-    let spread = (0.0_f64 / (1.0 - 1.0)).sqrt();
+    let particles = [1.0_f64];
+    let spread = (0.0 / (particles.len() as f64 - 1.0)).sqrt();
     row(
         Family::Slam,
         "one particle, no features",

@@ -3,6 +3,8 @@
 //!
 //! Metres, radians; x, y, yaw. No angle is wrapped, nothing is gated, S is inverted as it is.
 
+#![allow(clippy::needless_range_loop)] // Lanes and rows of small arrays, by number.
+
 use crate::math;
 
 /// Mean and covariance of x, y and yaw.

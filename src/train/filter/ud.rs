@@ -6,6 +6,8 @@
 //! Deviation: Q is added to D, that is, P += U q U' (exact for Q = 0; the exact sum costs O(s^3)). Rows of a batch are learnt
 //! one by one against weights that stand still, which equals learning them together.
 
+#![allow(clippy::needless_range_loop)] // Lanes and rows of small arrays, by number.
+
 use super::FilterError;
 use super::lanes::{Isa, Kernel, Real, Simd};
 use super::linearised::{Learner, Outcome, Rows};

@@ -107,12 +107,16 @@ impl<T: Real> Covariance<T> {
         for k in 0..pairs {
             let first = 2 * if backward { pairs - 1 - k } else { k };
             let after = strips.min(first + 2);
-            if full && self.room == 1 {
-                (first..after).for_each(|strip| self.fused::<V>(strip, masks));
-            } else if V::MANY && after == first + 2 {
+            if V::MANY && after == first + 2 && !(full && self.room == 1) {
                 self.visit::<V, 2>(first, count, full, masks);
-            } else {
-                (first..after).for_each(|strip| self.visit::<V, 1>(strip, count, full, masks));
+                continue;
+            }
+            for strip in first..after {
+                if full && self.room == 1 {
+                    self.fused::<V>(strip, masks);
+                } else {
+                    self.visit::<V, 1>(strip, count, full, masks);
+                }
             }
         }
         for (y, x) in self.product[..count * width].iter_mut().zip(&self.along) {
@@ -121,7 +125,9 @@ impl<T: Real> Covariance<T> {
         if full {
             (self.rank, self.pending_q) = (0, 0.0);
         } else {
-            (0..count).for_each(|j| self.correct::<V>(j));
+            for j in 0..count {
+                self.correct::<V>(j);
+            }
         }
         self.backward = !backward;
     }
@@ -186,9 +192,16 @@ impl<T: Real> Covariance<T> {
             }
         }
         // Four at a time: four chains of sums hide one another's latency, and y is gone through less often.
-        let fours = self.rank / 4 * 4;
-        (0..fours).step_by(4).for_each(|k| subtract::<T, V, 4>(&self.pending[k..], self.room, b, y));
-        (fours..self.rank).for_each(|k| subtract::<T, V, 1>(&self.pending[k..], self.room, b, y));
+        let mut k = 0;
+        while k < self.rank {
+            if k + 4 <= self.rank {
+                subtract::<T, V, 4>(&self.pending[k..], self.room, b, y);
+                k += 4;
+            } else {
+                subtract::<T, V, 1>(&self.pending[k..], self.room, b, y);
+                k += 1;
+            }
+        }
     }
 }
 
@@ -200,16 +213,19 @@ fn subtract<T: Real, V: Simd<T>, const K: usize>(
     b: &[T::Chunk],
     y: &mut [T::Chunk],
 ) {
-    let columns = || pending.chunks(room).map(|column| &column[..K]);
     let mut sums = [V::splat(T::of(0.0)); K];
-    for (column, b) in columns().zip(b) {
-        let b = V::load(b);
+    for (column, b) in pending.chunks(room).zip(b) {
+        let (column, b) = (&column[..K], V::load(b));
         for k in 0..K {
             sums[k] = V::load(&column[k]).mul_add(b, sums[k]);
         }
     }
-    let factors = sums.map(|sum| V::splat(sum.sum()));
-    for (column, y) in columns().zip(y) {
+    let mut factors = sums;
+    for k in 0..K {
+        factors[k] = V::splat(sums[k].sum());
+    }
+    for (column, y) in pending.chunks(room).zip(y) {
+        let column = &column[..K];
         let mut rest = V::load(y);
         for k in 0..K {
             rest = factors[k].neg_mul_add(V::load(&column[k]), rest);

@@ -3,6 +3,8 @@
 //! In: the strip's tiles, vectors in chunks, the masks of its last tile. Out: the tiles after P += q I - sum_j t_j t_j', or the
 //! strip's part of P b. Every element has one order of operations, whatever the registers hold.
 
+#![allow(clippy::needless_range_loop)] // Lanes and rows of small arrays, by number.
+
 use crate::train::filter::lanes::{Real, Simd};
 use crate::train::filter::triangle::{Masks, ROWS, Tile};
 

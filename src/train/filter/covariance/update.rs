@@ -60,16 +60,13 @@ impl<T: Real> Covariance<T> {
             let own = &mut step[run..run + self.members.len()];
             let whole = own.len() / T::LANES;
             let (full, part) = own.split_at_mut(whole * T::LANES);
-            let add = |column: &[T::Chunk], places: &mut [f64]| {
-                for (t, z) in column[first..].iter().zip(z) {
-                    for (t, place) in t.as_ref().iter().zip(&mut *places) {
-                        *place = t.f64().mul_add(*z, *place);
-                    }
-                }
-            };
             // Whole chunks apart: their length is known, so they become vectors.
-            columns.clone().zip(full.chunks_exact_mut(T::LANES)).for_each(|(column, places)| add(column, places));
-            columns.skip(whole).for_each(|column| add(column, part));
+            for (column, places) in columns.clone().zip(full.chunks_exact_mut(T::LANES)) {
+                add::<T>(&column[first..], z, places);
+            }
+            for column in columns.skip(whole) {
+                add::<T>(&column[first..], z, part);
+            }
             return;
         }
         for (column, members) in columns.zip(self.members.chunks(T::LANES)) {
@@ -116,5 +113,15 @@ impl<T: Real> Covariance<T> {
 
     pub fn set_pending(&mut self, j: usize, i: usize, value: T) {
         self.pending[i / T::LANES * self.room + j].as_mut()[i % T::LANES] = value;
+    }
+}
+
+/// Adds the sum of a chunk of each vector, times its number, to some places.
+#[inline(always)]
+fn add<T: Real>(chunks: &[T::Chunk], factors: &[f64], places: &mut [f64]) {
+    for (t, factor) in chunks.iter().zip(factors) {
+        for (t, place) in t.as_ref().iter().zip(places.iter_mut()) {
+            *place = t.f64().mul_add(*factor, *place);
+        }
     }
 }
