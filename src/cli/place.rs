@@ -137,7 +137,7 @@ mod tests {
     fn law_credentials_on_the_command_line_are_refused_by_number_alone() {
         let arguments = |list: &[&str]| list.iter().map(|text| (*text).into()).collect::<Vec<OsString>>().into_iter();
         assert!(refuse_credentials(arguments(&["marsyard", "verify", "s3://bucket/a@b"])).is_ok());
-        for url in ["s3://key:hush@bucket/x", "--out=az://box/x?sig=hush"] {
+        for url in ["s3://key:hush@bucket/x", "s3://key:hu/hush+@bucket/x", "--out=az://box/x?sig=hush"] {
             let said = format!("{:?}", refuse_credentials(arguments(&["marsyard", "verify", url])).unwrap_err().report);
             assert!(said.contains("argument 2") && !said.contains("hush"), "{said}");
         }

@@ -58,7 +58,8 @@ fn parts(place: &Path) -> Option<(&str, &str)> {
 pub fn holds_credentials(text: &str) -> bool {
     let Some((_, rest)) = text.split_once("://") else { return false };
     let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
-    authority.contains('@') || rest.contains('?')
+    // A key may hold slashes, so that its @ stands behind what looks like the authority.
+    authority.contains('@') || rest.contains('?') || authority.contains(':') && rest.contains('@')
 }
 
 impl Address {
@@ -94,7 +95,8 @@ impl Address {
         let letter = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
         if bucket.is_empty() || !bucket.chars().all(letter) {
             let cure = format!("write {scheme}://BUCKET/PATH");
-            return Err(refused(&shown, "there is no bucket of that name", &cure));
+            // Not repeated: it may be a key in the wrong place.
+            return Err(refused(&format!("{scheme}://..."), "what stands behind // is no name of a bucket", &cure));
         }
         let prefix = prefix.strip_suffix('/').unwrap_or(prefix);
         if !prefix.is_empty() && !is_name(prefix) || prefix.contains(['#', '\n']) {
@@ -237,6 +239,7 @@ mod tests {
     fn extreme_urls_with_credentials_are_refused_and_never_repeated() {
         for url in [
             "s3://AKIAKEY:hush@bucket/x",
+            "s3://AKIAKEY:hu/hush+@bucket/x",
             "az://box/x?sv=1&sig=hush",
             "gs://hush@bucket",
             "s3://b?hush",
@@ -249,6 +252,7 @@ mod tests {
             assert!(holds_credentials(url) && said.contains("environment"), "{said}");
         }
         assert!(!holds_credentials("s3://bucket/a@b") && !holds_credentials("x?y@z"));
+        assert!(!parse("s3://AKIAKEY:hush/x").unwrap_err().contains("hush"));
     }
 
     #[test]
