@@ -3,7 +3,7 @@
 
 A part that a config does not name must cost nothing: an empty yard (benches/empty_yard.yaml) names none, so its count must
 not grow when a part is added to the program. `run_scene` is run twice and four times under valgrind's callgrind; half the
-difference is one scene, start-up cancels. Counted twice: the two must be equal.
+difference is one scene, start-up cancels. Counted twice: the two must agree to 0.1 %.
 
     python scripts/instructions.py --check     compare with scripts/results/instructions.json, to 0.5 %
     python scripts/instructions.py --mint      write that file
@@ -24,6 +24,8 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 RESULT = ROOT / "scripts" / "results" / "instructions.json"
 TOLERANCE = 0.005
+# Two counts differ by the places of memory and by the order of hash maps, some 1e-4.
+STEADY = 0.001
 # What Cargo.toml says of the program itself, whatever a machine's own cargo settings say.
 SETTINGS = ["--config", "profile.release.package.marsyard.codegen-units=8", "--config", "build.incremental=false"]
 
@@ -66,7 +68,7 @@ def main():
         sys.exit("valgrind is not installed: apt-get install valgrind")
     program = args.program or build()
     first, second = of_one_scene(program), of_one_scene(program)
-    if first != second:
+    if abs(first - second) > STEADY * first:
         sys.exit(f"not the same count twice: {first} and {second} instructions")
     here = {"instructions": first, "rustc": said("rustc", "--version"), "valgrind": said("valgrind", "--version")}
     if args.mint:
