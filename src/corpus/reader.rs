@@ -4,7 +4,7 @@
 //! Parquet reader asks for one by one, then come from there. What a store says when it fails is kept too, and goes before what
 //! the Parquet reader makes of it: a lost connection is no damaged file.
 //!
-//! Files may be anybody's: what they announce is judged before it is believed ([`pages`]), and where the Parquet crate panics on
+//! Files may be anybody's: what they announce is judged before it is believed (`pages`), and where the Parquet crate panics on
 //! what is left, that is an error like any other.
 
 use std::collections::BTreeMap;
