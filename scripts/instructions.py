@@ -9,7 +9,7 @@ the difference is one scene, start-up cancels. Counted twice: the two must agree
     python scripts/instructions.py --mint      write that file
 
 The count hangs on the compiler and on its settings (not on the machine: valgrind shows every program AVX2 and no AVX-512), so the program
-is built here with the settings of a clean checkout. After a change of the compiler, or one that is meant, mint it again.
+is built by the settings of Cargo.toml alone: run it where no cargo settings of the machine change them. After a change of the compiler, or one that is meant, mint it again.
 """
 
 import argparse
@@ -26,8 +26,7 @@ RESULT = ROOT / "scripts" / "results" / "instructions.json"
 TOLERANCE = 0.005
 # Two counts differ by the order of hash maps at the start of the program, some 1e-4.
 STEADY = 0.001
-# What Cargo.toml says of the program itself, whatever a machine's own cargo settings say.
-SETTINGS = ["--config", "profile.release.package.marsyard.codegen-units=8", "--config", "build.incremental=false"]
+
 
 
 def said(*command):
@@ -35,7 +34,7 @@ def said(*command):
 
 
 def build():
-    command = ["cargo", *SETTINGS, "build", "--release", "--locked", "--example", "empty_yard", "--message-format=json"]
+    command = ["cargo", "build", "--release", "--locked", "--example", "empty_yard", "--message-format=json"]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, cwd=ROOT, env={**os.environ, "CARGO_INCREMENTAL": "0"})
     if done.returncode:
         sys.exit(done.returncode)
