@@ -9,7 +9,8 @@ the difference is one scene, start-up cancels. Counted twice: the two must agree
     python scripts/instructions.py --mint      write that file
 
 The count hangs on the compiler and on its settings (not on the machine: valgrind shows every program AVX2 and no AVX-512), so the program
-is built by the settings of Cargo.toml alone: run it where no cargo settings of the machine change them. After a change of the compiler, or one that is meant, mint it again.
+is built by the settings of Cargo.toml alone: run it where no cargo settings of the machine change them. After a change of the
+compiler, or one that is meant, mint it again.
 """
 
 import argparse
@@ -26,7 +27,6 @@ RESULT = ROOT / "scripts" / "results" / "instructions.json"
 TOLERANCE = 0.005
 # Two counts differ by the order of hash maps at the start of the program, some 1e-4.
 STEADY = 0.001
-
 
 
 def said(*command):
