@@ -3,9 +3,10 @@
     proxy = FaultyProxy(port_of_the_server, seed=1)
     proxy.faults = {"busy": 0.1, "cut": 0.1}     # each request meets one of these, or none
     proxy.injected                               # how many of each there were
+    proxy.google = True                          # what is asked in Google's dialect of S3 is put into S3's
 
-Faults: `broken` (500) and `busy` (503 SlowDown) instead of an answer; `lost` (the server did it, the answer is a 500); `deaf` (the
-connection closes without an answer), `dropped` (the same after the server did it); `cut` (half of the body, then a reset),
+Faults: `broken` (500) and `busy` (503 SlowDown) instead of an answer; `lost` (the server did it, the answer is a 500); `deaf`
+(the connection closes without an answer), `dropped` (the same after the server did it); `cut` (half of the body, then a reset),
 `short` (half of the body, then an orderly end); `slow` (late, and in pieces); `conflict` (409, to create-only puts alone);
 `denied` (403 with the body that S3 sends, which repeats the key); `hang` (nothing at all, until the client gives up).
 """
@@ -23,6 +24,9 @@ DENIED = (
     b"<?xml version='1.0'?><Error><Code>SignatureDoesNotMatch</Code><Message>The request signature we calculated does not match"
     b"</Message><AWSAccessKeyId>%s</AWSAccessKeyId><StringToSign>AWS4-HMAC-SHA256 %s</StringToSign></Error>"
 )
+
+# What the S3 server takes for signed; it checks no signature.
+AWS = "AWS4-HMAC-SHA256 Credential=AKID/20260101/us-east-1/s3/aws4_request, SignedHeaders=host, Signature=0"
 
 
 def error(code):
@@ -78,8 +82,11 @@ class _Handler(http.server.BaseHTTPRequestHandler):
     def do_GET(self):
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
         headers = {name: value for name, value in self.headers.items() if name.lower() != "connection"}
-        if self.proxy.google and headers.pop("x-goog-if-generation-match", None) == "0":
-            headers["If-None-Match"] = "*"
+        if self.proxy.google:
+            headers = {name: value for name, value in headers.items() if name.lower() != "authorization"}
+            headers["Authorization"] = AWS
+            if headers.pop("x-goog-if-generation-match", None) == "0":
+                headers["If-None-Match"] = "*"
         fault = self.proxy.choose(any(name.lower() == "if-none-match" for name in headers))
         if fault == "hang":
             time.sleep(60)
