@@ -23,3 +23,4 @@ trap 'rm -rf "$scratch"' EXIT
 "$python" "$here/../check_onnx.py" "$scratch/model.onnx" "$scratch/model.json" --tolerance 1e-6
 "$python" "$here/check_clouds.py" "$marsyard" "$scratch/run/model.safetensors"
 "$python" "$here/../scale_out/check_kubernetes.py" "$marsyard"
+"$python" "$here/../store/check_store.py" "$marsyard"
