@@ -13,6 +13,7 @@ mod guide;
 mod instruments;
 mod linkage;
 mod motion;
+mod outline;
 pub mod params;
 mod path;
 mod route;

@@ -7,8 +7,9 @@ use std::collections::VecDeque;
 
 use super::contact::{Stance, Stander};
 use super::guide::{Guide, Pace, Piece, Points, Walk, Way};
+use super::outline::unit;
 use super::params::{DriveParams, PathParams};
-use super::yard::{Yard, unit};
+use super::yard::Yard;
 use super::{DriveError, route, start};
 use crate::geometry::{DVec2, Pose};
 use crate::random::{Drawn, Purpose, Streams};

@@ -7,8 +7,9 @@
 use super::DriveError;
 use super::contact::{Stance, Stander};
 use super::guide::heading;
+use super::outline::Outline;
 use super::params::{DriveParams, PathParams};
-use super::yard::{Outline, Yard, body};
+use super::yard::{Yard, body};
 use crate::geometry::DVec2;
 use crate::random::{Drawn, Purpose, Streams};
 
