@@ -11,11 +11,12 @@ use serde_json::json;
 use self::words::{absent, parts};
 use super::generate::{default_threads, parse_threads, split_warnings};
 use super::output::outln;
+use super::place::corpus_failure;
 use super::progress::{human, si};
 use super::{ConfigArgs, Failure};
 use crate::config::Plan;
-use crate::corpus::{Split, address};
-use crate::estimate::{self, Estimate, FamilyCost, Figure, Options};
+use crate::corpus::Split;
+use crate::estimate::{self, Estimate, EstimateError, FamilyCost, Figure, Options};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
@@ -56,11 +57,13 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         scenes: args.sample,
         limit: half,
         parts_limit: if args.no_parts { Duration::ZERO } else { half },
-        // How fast an object store takes shards is not measured.
-        place: args.out.as_deref().filter(|place| !address::is_url(place)),
+        place: args.out.as_deref(),
     };
     let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
-    let estimate = measured.transpose().map_err(Failure::failed)?;
+    let estimate = measured.transpose().map_err(|error| match error {
+        EstimateError::Corpus(error) => corpus_failure(error),
+        other => Failure::failed(other),
+    })?;
     if args.json {
         outln!("{:#}", as_json(&plan, estimate.as_ref()));
     } else {

@@ -225,6 +225,12 @@ impl FinishedShard {
         }
         self.receipt.put(store)
     }
+
+    /// Takes away what [`FinishedShard::commit`] put, or the part of it that got there: the receipt first.
+    pub fn withdraw(&self, store: &dyn Store) -> Result<(), CorpusError> {
+        store.remove(&Receipt::path(self.receipt.shard))?;
+        self.files.iter().try_for_each(|(path, _)| store.remove(path))
+    }
 }
 
 type Batch = Result<RecordBatch, arrow::error::ArrowError>;

@@ -1,21 +1,21 @@
 //! A place and a shard -> how long the place takes to have it safely on disk.
 //!
-//! The sample's shard, and half of it, are committed as a build commits them (written, synced, renamed) into a folder beside
-//! the place, which goes away again. Time = files' latency + bytes / bandwidth: the line through both, medians of three.
+//! The sample's shard, and half of it, are committed as a build commits them (in a folder: written, synced, renamed; in an object
+//! store: put) beside the place, and go away again. Time = files' latency + bytes / bandwidth: the line through both, medians of three.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::EstimateError;
 use super::encode::{Encoded, bytes_of};
-use crate::corpus::{FinishedShard, LocalFolder};
+use crate::corpus::{FinishedShard, address};
 
 const ROUNDS: usize = 3;
 
 /// What a place takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Storage {
-    /// The folder in which it was measured: the place, or the nearest above it that is there.
+    /// Where it was measured: the URL, or the folder, or the nearest above it that is there.
     pub place: String,
     /// Of a shard as large as the build's, latency included.
     pub bytes_per_s: f64,
@@ -23,35 +23,59 @@ pub struct Storage {
     pub build_s: f64,
 }
 
+/// Where trials are made: a folder that goes away, or names in an object store.
+struct Ground {
+    there: String,
+    beside: PathBuf,
+    /// Removed when the trials are over.
+    folder: Option<tempfile::TempDir>,
+}
+
+impl Ground {
+    fn of(place: &Path) -> Result<Ground, EstimateError> {
+        const NAME: &str = ".marsyard-probe-";
+        if address::is_url(place) {
+            let beside = place.join(format!("{NAME}{}", std::process::id()));
+            return Ok(Ground { there: place.display().to_string(), beside, folder: None });
+        }
+        let absolute = std::path::absolute(place).unwrap_or_else(|_| place.into());
+        let there = absolute.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
+        let folder = tempfile::Builder::new().prefix(NAME).tempdir_in(there).map_err(|e| refused(there, &e))?;
+        Ok(Ground { there: there.display().to_string(), beside: folder.path().into(), folder: Some(folder) })
+    }
+
+    /// Seconds until the shard is safely there; then it is taken away again, also where it got there in part.
+    fn committed_s(&self, shard: &FinishedShard, name: String) -> Result<f64, EstimateError> {
+        let place = self.beside.join(name);
+        if self.folder.is_some() {
+            std::fs::create_dir(&place).map_err(|error| refused(&place, &error))?;
+        }
+        let store = address::open(&place)?;
+        let started = Instant::now();
+        let committed = shard.commit(&*store);
+        let took_s = started.elapsed().as_secs_f64();
+        shard.withdraw(&*store)?;
+        committed?;
+        Ok(took_s)
+    }
+}
+
+fn refused(place: &Path, error: &std::io::Error) -> EstimateError {
+    EstimateError::Place { place: place.display().to_string(), reason: error.to_string() }
+}
+
 /// Measures the place with the sample's shard.
 pub(super) fn probe(place: &Path, encoded: &Encoded, shards: u64, build_bytes: f64) -> Result<Storage, EstimateError> {
-    let absolute = std::path::absolute(place).unwrap_or_else(|_| place.into());
-    let there = absolute.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
-    let refused =
-        |error: std::io::Error| EstimateError::Place { place: there.display().to_string(), reason: error.to_string() };
-    let folder = tempfile::Builder::new().prefix(".marsyard-probe-").tempdir_in(there).map_err(refused)?;
+    let ground = Ground::of(place)?;
     let (mut whole_s, mut half_s) = ([0.0; ROUNDS], [0.0; ROUNDS]);
     for round in 0..ROUNDS {
-        half_s[round] = committed_s(&encoded.half, &folder.path().join(format!("half-{round}")))?;
-        whole_s[round] = committed_s(&encoded.whole, &folder.path().join(format!("whole-{round}")))?;
+        half_s[round] = ground.committed_s(&encoded.half, format!("half-{round}"))?;
+        whole_s[round] = ground.committed_s(&encoded.whole, format!("whole-{round}"))?;
     }
     let shard_bytes = build_bytes / shards as f64;
     let shard_s =
         line_at(shard_bytes, (bytes_of(&encoded.half), median(half_s)), (bytes_of(&encoded.whole), median(whole_s)));
-    Ok(Storage {
-        place: there.display().to_string(),
-        bytes_per_s: shard_bytes / shard_s,
-        build_s: shard_s * shards as f64,
-    })
-}
-
-fn committed_s(shard: &FinishedShard, folder: &Path) -> Result<f64, EstimateError> {
-    std::fs::create_dir(folder)
-        .map_err(|error| EstimateError::Place { place: folder.display().to_string(), reason: error.to_string() })?;
-    let store = LocalFolder::new(folder);
-    let started = Instant::now();
-    shard.commit(&store)?;
-    Ok(started.elapsed().as_secs_f64())
+    Ok(Storage { place: ground.there, bytes_per_s: shard_bytes / shard_s, build_s: shard_s * shards as f64 })
 }
 
 fn median(mut values: [f64; ROUNDS]) -> f64 {
