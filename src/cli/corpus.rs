@@ -128,7 +128,9 @@ fn repair(
     log: LogFormat,
 ) -> Result<(), Failure> {
     let (plan, _) = plan_of(&args.place, &[])?;
-    let before = Manifest::read(store).ok().map(|manifest| manifest.corpus_id);
+    // What the corpus was, if that is known: where all shards are sound it is the manifest that is not, or it is another corpus's.
+    let witness = |there: &Manifest| !shards.is_empty() && there.scene_plan_hash == spec.scene_plan_hash;
+    let before = Manifest::read(store).ok().filter(witness).map(|manifest| manifest.corpus_id);
     let place = Place::open(store, spec).map_err(corpus_failure)?;
     let status = corpus::status(store, spec).map_err(corpus_failure)?;
     shards.iter().try_for_each(|&shard| place.discard(shard)).map_err(corpus_failure)?;
@@ -154,7 +156,11 @@ fn repair(
             ranges::to_text(shards)
         ))),
         None => {
-            eprintln!("{place}: shards {} are built anew, corpus_id {after}", ranges::to_text(shards));
+            let anew = match shards {
+                [] => "what is merged from the receipts is written".to_string(),
+                _ => format!("shards {} are built", ranges::to_text(shards)),
+            };
+            errln!("{place}: {anew} anew, corpus_id {after}");
             Ok(())
         }
     }

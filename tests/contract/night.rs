@@ -182,13 +182,21 @@ fn law_damage_of_every_kind_is_repaired_and_foreign_things_are_left_alone() {
         std::fs::copy(yard.path("other").join(name), path(name)).expect("a copy");
     };
     type Injure<'a> = Box<dyn Fn() + 'a>;
-    let injuries: [(&str, Injure); 6] = [
+    let injuries: [(&str, Injure); 8] = [
         ("a truncated shard", Box::new(|| truncate(&path(shard)))),
         ("a foreign shard", Box::new(|| replace_from_other(shard))),
         ("no shard", Box::new(|| std::fs::remove_file(path(shard)).expect("a file"))),
         ("a truncated receipt", Box::new(|| truncate(&path(receipt)))),
         ("a foreign receipt", Box::new(|| replace_from_other(receipt))),
         ("a truncated manifest", Box::new(|| truncate(&path("manifest.json")))),
+        ("a foreign manifest", Box::new(|| replace_from_other("manifest.json"))),
+        (
+            "a truncated shard and a foreign manifest",
+            Box::new(|| {
+                truncate(&path(shard));
+                replace_from_other("manifest.json");
+            }),
+        ),
     ];
     for (what, injure) in injuries {
         corpus();
