@@ -167,7 +167,7 @@ def read_only(lab, rng):
     with Tmpfs(lab, "size=1g") as disk:
         place = disk.path / "corpus"
         child = lab.start(lab.arguments(place))
-        time.sleep(rng.uniform(0, lab.seconds))
+        time.sleep(rng.uniform(0, 0.6 * lab.seconds))
         for _ in range(1000):
             try:
                 disk.remount("ro")
@@ -190,7 +190,9 @@ def vanishing_folder(lab, rng):
     """The folder goes away (unmounted, renamed) and comes back."""
     place, away = lab.fresh("fault"), lab.fresh("away")
     child = lab.start(lab.arguments("fault"))
-    time.sleep(rng.uniform(0, lab.seconds))
+    while not place.exists() and child.poll() is None:
+        time.sleep(0.001)
+    time.sleep(rng.uniform(0, 0.6 * lab.seconds))
     moved = place.exists()
     if moved:
         place.rename(away)

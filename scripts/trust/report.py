@@ -2,13 +2,15 @@
 
 import json
 
+from lab import ROOT
+
 
 def table(head, rows):
     lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
     return "\n".join(lines + [f"| {' | '.join(str(cell) for cell in row)} |" for row in rows]) + "\n"
 
 
-def page(result, readers):
+def page(result):
     conditions = table(("condition", "times", "compared", "files", "f64 results of the stages"), [
         (c["condition"], c["times"], c["compared"], f"`{c['files']}`", f"`{c['f64']}`") for c in result["conditions"]])
     faults = table(("fault", "injected", "lost", "how the disturbed runs ended"), [
@@ -38,12 +40,22 @@ Each fault came at a random moment, or into a random place. After it: what count
         text += "".join(f"\n- {fault['fault']}: {lost}" for lost in fault["lost"])
     text += "\n## Many shards, long builds\n\n" + table(("what", "seconds", "peak resident memory, MB"), [
         (row["what"], row["seconds"], row["peak_mb"]) for row in result["scale"]])
-    if readers.exists():
-        text += "\n## Readers\n\n" + readers_table(json.loads(readers.read_text()))
-    return text
+    return text + "\n## Readers\n\n" + readers_table() + STORE
 
 
-def readers_table(readers):
-    """`readers.json` holds a list of objects with `reader`, `version` and `checked`."""
-    rows = readers["readers"] if isinstance(readers, dict) else readers
-    return table(("reader", "version", "checked"), [(r["reader"], r["version"], r["checked"]) for r in rows])
+STORE = """
+Object stores have faults of their own: `scripts/store/check_store.py` injects them (in CI a few, its long run is `store.json`). Builds on
+several machines: `scale_out.md`.
+"""
+
+
+def readers_table():
+    """The readers that CI runs, with the versions that it asks for, and those whose scripts keep their results."""
+    asked = dict(line.split("==") for line in (ROOT / "scripts/interop/requirements.txt").read_text().split() if "==" in line)
+    in_ci = "in CI: rows, types, units, labels, splits (`scripts/interop/check_corpus.py`)"
+    rows = [(name, asked[name], in_ci) for name in ("pyarrow", "pandas", "polars", "duckdb", "datasets", "mlcroissant")]
+    kept = json.loads((ROOT / "scripts/results/readers.json").read_text())
+    for name, found in sorted(kept.items()):
+        versions = ", ".join(f"{part} {version}" for part, version in found["versions"].items())
+        rows.append((name, versions, f"{found['rows']['cells']} cells: {found['checked']} (`readers.md`)"))
+    return table(("reader", "version", "checked"), rows)

@@ -3,8 +3,8 @@
     python scripts/trust/run.py target/release/marsyard --times 50
     python scripts/trust/run.py target/release/marsyard --short          # some seconds of each; writes nothing
 
-The first writes scripts/results/trust.json and trust.md; what other scripts found about readers (scripts/results/readers.json)
-is put into the same page. Python's standard library alone; mounting a small disk needs root, the emulated processor
+The first writes scripts/results/trust.json and trust.md; the readers that CI runs and those of scripts/results/readers.json
+are put into the same page. Python's standard library alone; mounting a small disk needs root, the emulated processor
 qemu-x86_64 (Debian's qemu-user). A fault that costs anything ends the run with exit 1 and is written down all the same.
 """
 
@@ -79,7 +79,7 @@ def main():
         result = {"seed": arguments.seed, "machine": platform.platform(), "scenes": lab.scenes, "corpus_id": lab.corpus_id,
                   "conditions": conditions, "imports": imports, "faults": rows, "scale": scales}
         (RESULTS / "trust.json").write_text(json.dumps(result, indent=1) + "\n")
-        (RESULTS / "trust.md").write_text(page(result, RESULTS / "readers.json"))
+        (RESULTS / "trust.md").write_text(page(result))
     print(f"lost: {lost or 'nothing'}")
     sys.exit(1 if lost else 0)
 
