@@ -39,9 +39,10 @@ class Case:
     def start(self, *extra):
         command = [sys.executable, yard.ROOT / "scripts/ray_generate.py", yard.CONFIG, "--out", self.place, *SETS]
         command += ["--address", self.address, "--binary", self.binary, *extra]
-        # A session of its own: a signal to the driver is a signal to the driver alone.
+        # A session of its own: a signal to the driver is a signal to the driver alone. Shells start background jobs deaf to Ctrl-C.
         return subprocess.Popen(
-            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
         )
 
     def run(self, *extra):

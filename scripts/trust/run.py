@@ -18,6 +18,7 @@ import sys
 import time
 
 import faults
+import imports
 import sameness
 import scale
 from lab import ROOT, Lab, Lost
@@ -73,11 +74,11 @@ def main():
     finally:
         lab.close()
     binaries = {"release": arguments.binary, **({"debug": arguments.debug_binary} if arguments.debug_binary else {})}
-    imports = {kind: sameness.imports(binary) for kind, binary in binaries.items()}
-    lost = sum(len(row["lost"]) for row in rows) + sum(len(names) for names in imports.values())
+    taken = {kind: imports.imports(binary) for kind, binary in binaries.items()}
+    lost = sum(len(row["lost"]) for row in rows) + sum(len(names) for names in taken.values())
     if not arguments.short and not arguments.only:
         result = {"seed": arguments.seed, "machine": platform.platform(), "scenes": lab.scenes, "corpus_id": lab.corpus_id,
-                  "conditions": conditions, "imports": imports, "faults": rows, "scale": scales}
+                  "conditions": conditions, "imports": taken, "faults": rows, "scale": scales}
         (RESULTS / "trust.json").write_text(json.dumps(result, indent=1) + "\n")
         (RESULTS / "trust.md").write_text(page(result))
     print(f"lost: {lost or 'nothing'}")

@@ -1,9 +1,7 @@
 """Every condition under which a corpus must come out the same: its files, and the f64 results of every stage."""
 
-import os
 import random
 import shutil
-import subprocess
 import time
 
 from lab import KILL, digest, files_of, stage_hashes, stop
@@ -11,9 +9,6 @@ from lab import KILL, digest, files_of, stage_hashes, stop
 HIDDEN = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F"}
 PLAIN = {"MARSYARD_KERNELS": "plain"}
 POLYNOMIAL = ("scene.ground.roughness=null", "scene.ground.features=[]")
-# Functions of the C library whose last bits differ between machines; each has an f32 twin in "f".
-FORBIDDEN = ("sin cos sincos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp exp2 exp10 expm1 log log2 log10 "
-             "log1p pow hypot cbrt erf erfc lgamma tgamma").split()
 
 
 def conditions(lab, seed, short):
@@ -103,11 +98,3 @@ def emulated(lab, sets):
         # The receipt says which file the binary is; under emulation its path cannot always be read.
         found.append((digest(files_of(place)), digest(stage_hashes(f"{place}.hashes"))))
     return judged(name, 1, set(found[1:]), found[0], "one scene")
-
-
-def imports(binary):
-    """Transcendental functions that a binary takes from the C library: none may be there."""
-    listing = subprocess.run(["nm", "-D", "--undefined-only", os.fspath(binary)], capture_output=True, text=True, check=True)
-    symbols = [line.split()[-1].split("@")[0] for line in listing.stdout.splitlines() if line.strip()]
-    assert "malloc" in symbols, "nm lists what is imported"
-    return [symbol for symbol in symbols if symbol in FORBIDDEN or symbol.removesuffix("f") in FORBIDDEN]
