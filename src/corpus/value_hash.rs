@@ -45,7 +45,10 @@ impl ValueHasher {
         for (column, array) in self.columns.iter_mut().zip(batch.columns()) {
             if let Some(validity) = &mut column.validity {
                 bytes.clear();
-                bytes.extend((0..array.len()).map(|row| u8::from(array.is_valid(row))));
+                match array.nulls() {
+                    Some(nulls) => bytes.extend(nulls.iter().map(u8::from)),
+                    None => bytes.resize(array.len(), 1),
+                }
                 validity.update(&bytes);
             }
             bytes.clear();
@@ -69,10 +72,21 @@ impl ValueHasher {
     }
 }
 
+/// Values of a fixed size, one after the other; nulls are left out.
 macro_rules! append {
     ($array:expr, $out:expr, $type:ty, $bytes:expr) => {
         if let Some(array) = $array.as_any().downcast_ref::<$type>() {
-            array.iter().flatten().for_each(|value| $out.extend_from_slice(&$bytes(value)));
+            let mut append = |values: &[_]| {
+                let from = $out.len();
+                $out.resize(from + size_of_val(values), 0);
+                for (bytes, &value) in $out[from..].as_chunks_mut().0.iter_mut().zip(values) {
+                    *bytes = $bytes(value);
+                }
+            };
+            match array.nulls() {
+                Some(nulls) => nulls.valid_slices().for_each(|(from, to)| append(&array.values()[from..to])),
+                None => append(array.values()),
+            }
             return;
         }
     };
@@ -84,7 +98,10 @@ fn append_values(array: &dyn Array, out: &mut Vec<u8>) {
     append!(array, out, Int8Array, i8::to_le_bytes);
     append!(array, out, Int32Array, i32::to_le_bytes);
     append!(array, out, Int64Array, i64::to_le_bytes);
-    append!(array, out, BooleanArray, |v| [u8::from(v)]);
+    if let Some(array) = array.as_any().downcast_ref::<BooleanArray>() {
+        out.extend(array.iter().flatten().map(u8::from));
+        return;
+    }
     if let Some(array) = array.as_any().downcast_ref::<StringArray>() {
         for value in array.iter().flatten() {
             out.extend_from_slice(&(value.len() as u64).to_le_bytes());

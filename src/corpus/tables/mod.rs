@@ -117,11 +117,14 @@ pub fn batch<R>(
 }
 
 /// The features of a scan's cells as Arrow columns.
-pub fn features(cells: &Cells, columns: usize) -> impl Iterator<Item = ArrayRef> + '_ {
-    (0..columns).map(move |k| {
-        let column = cells.features.iter().skip(k).step_by(columns).map(|&value| canonical_f32(value));
-        Arc::new(Float32Array::from_iter_values(column)) as ArrayRef
-    })
+pub fn features(cells: &Cells, columns: usize) -> impl Iterator<Item = ArrayRef> + use<> {
+    // Row by row into all columns: each value is looked at once, where it lies.
+    let rows = cells.features.chunks_exact(columns.max(1));
+    let mut values = vec![Vec::with_capacity(rows.len()); columns];
+    for row in rows {
+        values.iter_mut().zip(row).for_each(|(column, &value)| column.push(canonical_f32(value)));
+    }
+    values.into_iter().map(|column| Arc::new(Float32Array::from(column)) as ArrayRef)
 }
 
 /// One bit pattern for every NaN, and no negative zero: equal values are equal bytes.
