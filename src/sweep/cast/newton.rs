@@ -7,7 +7,6 @@
 //! fused multiply-adds throughout: a ray's result depends on no neighbour and on no instruction set.
 
 use super::series::{MAX_DEGREE, Series};
-use crate::geometry::DVec3;
 
 /// Rays in a block.
 pub const LANES: usize = 16;
@@ -56,12 +55,19 @@ impl Block {
     }
 }
 
+/// Directions of a block by component.
+#[derive(Clone, Copy)]
+pub struct Dirs<'a> {
+    pub x: &'a Lanes,
+    pub y: &'a Lanes,
+    pub z: &'a Lanes,
+}
+
 /// Solves one block of rays up to `max_m`.
 #[inline(always)]
-pub fn solve<const N: usize>(near: &Near, dirs: &[DVec3; LANES], max_m: f64, block: &mut Block) {
-    let (dx, dy, dz) = (each(|l| dirs[l].x), each(|l| dirs[l].y), each(|l| dirs[l].z));
-    let mut t = extent(near, &dx, &dy, &dz, max_m, block);
-    forms::<N>(near, &dx, &dy, &dz, &mut block.series);
+pub fn solve<const N: usize>(near: &Near, dirs: Dirs, max_m: f64, block: &mut Block) {
+    let mut t = extent(near, dirs, max_m, block);
+    forms::<N>(near, dirs, &mut block.series);
     let bound = curvature::<N>(&block.series, &block.end_m);
     let p = &block.series;
     for _ in 0..STEPS {
@@ -95,7 +101,8 @@ pub fn solve<const N: usize>(near: &Near, dirs: &[DVec3; LANES], max_m: f64, blo
 /// The part of each ray over the yard, between the lowest and the highest ground and within reach: its end goes to the
 /// block, its start is returned (NaN, the mark of a ray that is done, where there is no such part).
 #[inline(always)]
-fn extent(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, max_m: f64, block: &mut Block) -> Lanes {
+fn extent(near: &Near, dirs: Dirs, max_m: f64, block: &mut Block) -> Lanes {
+    let Dirs { x: dx, y: dy, z: dz } = dirs;
     let inverse = |d: f64| 1.0 / if d == 0.0 { 1e-300 } else { d };
     let [west, east, south, north] = near.square_m;
     let (lowest, highest) = (near.lowest_m - near.z_m, near.highest_m - near.z_m);
@@ -120,7 +127,8 @@ fn extent(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, max_m: f64, block: &m
     clippy::needless_range_loop,
     reason = "plain counted loops are unrolled; iterator chains cost a sixth of the rate"
 )]
-fn forms<const N: usize>(near: &Near, dx: &Lanes, dy: &Lanes, dz: &Lanes, p: &mut [Lanes; MAX_DEGREE + 1]) {
+fn forms<const N: usize>(near: &Near, dirs: Dirs, p: &mut [Lanes; MAX_DEGREE + 1]) {
+    let Dirs { x: dx, y: dy, z: dz } = dirs;
     let mut powers = [[1.0; LANES]; MAX_DEGREE + 1];
     for k in 1..N + 1 {
         powers[k] = each(|l| powers[k - 1][l] * dy[l]);
@@ -168,6 +176,16 @@ pub fn each(value: impl Fn(usize) -> f64) -> Lanes {
         *lane = value(l);
     }
     lanes
+}
+
+/// One bit a ray.
+#[inline(always)]
+pub fn bits(set: impl Fn(usize) -> bool) -> u32 {
+    let mut bits = [0; LANES];
+    for (l, bit) in bits.iter_mut().enumerate() {
+        *bit = if set(l) { 1 << l } else { 0 };
+    }
+    bits.iter().fold(0, |all, bit| all | bit)
 }
 
 /// `BERNSTEIN[m][k]` = -(k + 1)(k + 2) / C(m, k): from the coefficients of g to those of -g'' in the Bernstein basis.

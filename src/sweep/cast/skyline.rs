@@ -8,8 +8,8 @@
 //! running maximum reaches a ray's slope is where its search begins; what lies before it cannot be met. All bounds are rounded up.
 
 use super::newton::larger;
-use super::packets::diamond;
 use super::raster::{AROUND_LEVELS, RasterCaster, View};
+use super::turns::{at_turn, turn_of};
 use crate::geometry::{DVec2, DVec3};
 
 /// Sectors of the turn.
@@ -79,7 +79,7 @@ impl Skyline {
     #[inline(always)]
     pub fn sector(&self, x: f64, y: f64) -> usize {
         // A vertical ray has no azimuth: NaN, and any sector serves.
-        ((diamond(x, y) * SECTORS as f64) as usize).min(SECTORS - 1) * self.stride
+        ((turn_of(x, y) * SECTORS as f64) as usize).min(SECTORS - 1) * self.stride
     }
 
     /// The first ring in which a ray of a slope can meet the ground; infinite distance where there is none.
@@ -117,19 +117,7 @@ pub struct SectorRay {
 }
 
 fn sector_rays() -> Vec<SectorRay> {
-    let border = |sector: usize| {
-        let quarter = 4.0 * sector as f64 / SECTORS as f64;
-        // On the diamond |x| + |y| = 1, from (1, 0) through (0, 1).
-        let y = if quarter <= 1.0 {
-            quarter
-        } else if quarter <= 3.0 {
-            2.0 - quarter
-        } else {
-            quarter - 4.0
-        };
-        let x = if quarter > 1.0 && quarter < 3.0 { y.abs() - 1.0 } else { 1.0 - y.abs() };
-        DVec2::new(x, y).normalize()
-    };
+    let border = |sector: usize| at_turn(sector as f64 / SECTORS as f64);
     (0..SECTORS)
         .map(|sector| {
             let (from, to) = (border(sector), border(sector + 1));

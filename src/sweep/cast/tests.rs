@@ -1,7 +1,11 @@
 //! Casting at shapes whose ranges are known on paper, at the extremes, and by every code path alike.
 
 mod extremes;
+mod rocks;
 
+#[cfg(target_arch = "x86_64")]
+use super::origin::cast_avx2;
+use super::origin::cast_of_degree;
 use super::*;
 use crate::geometry::DVec2;
 use crate::scene::{Body, Class, Convex, Cylinder, Obstacle, Polynomial, Shape};
