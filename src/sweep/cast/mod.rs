@@ -35,7 +35,7 @@ use crate::geometry::DVec3;
 use crate::scene::{Ground, Raster, Scene};
 
 /// Rays for which a look around pays.
-const SWEEP_RAYS: usize = 2000;
+pub(super) const SWEEP_RAYS: usize = 2000;
 
 /// What a ray met.
 #[derive(Clone, Copy, Debug, PartialEq)]
