@@ -115,15 +115,23 @@ impl Work for Normals<'_> {
                     Ok(out) => *out = values,
                     Err(_) => out.copy_from_slice(&values[..out.len()]),
                 }
-                let is_tail = p.map(|p| (p - 0.5).abs() > 0.425);
+                let mut is_tail = [false; MIDDLES];
+                for (is_tail, p) in is_tail.iter_mut().zip(p) {
+                    *is_tail = (p - 0.5).abs() > 0.425;
+                }
                 for (l, &is_tail) in is_tail.iter().enumerate() {
                     at[count] = (k * MIDDLES + l) as u8;
                     count += usize::from(is_tail);
                 }
             }
             let (many, few) = at[..count].as_chunks::<TAILS>();
-            many.iter().for_each(|at| write_tails::<TAILS>(&p, at, out));
-            few.chunks(LANES).for_each(|at| write_tails::<LANES>(&p, at, out));
+            // Loops, not closures: those would be compiled for the narrowest registers.
+            for at in many {
+                write_tails::<TAILS>(&p, at, out);
+            }
+            for at in few.chunks(LANES) {
+                write_tails::<LANES>(&p, at, out);
+            }
         }
     }
 }

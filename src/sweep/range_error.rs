@@ -123,7 +123,9 @@ impl Work for Reports<'_> {
         let Reports { error, range_m, cos_incidence, normal, status, measured_m } = self;
         let ranges = measured_m.iter_mut().zip(range_m);
         if normal.is_empty() {
-            ranges.for_each(|(measured_m, &range_m)| *measured_m = error.measured_m(range_m, 0.0));
+            for (measured_m, &range_m) in ranges {
+                *measured_m = error.measured_m(range_m, 0.0);
+            }
         } else if error.oblique() {
             for (((measured_m, &range_m), &normal), &cos) in ranges.zip(normal).zip(cos_incidence) {
                 *measured_m = error.measured_m(range_m, error.sigma_m(range_m, cos) * normal);
