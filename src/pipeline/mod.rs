@@ -233,6 +233,12 @@ fn run_attempt(
         if stops_here && (localiser.needs_sweeps() || in_a_window(&kept_stops, stop, window_scans)) {
             watch.end(Stage::Slam, |_| ());
             let world_from_sensor = truth.transform() * rover_from_sensor;
+            // The sweep that leaves the window makes room for this one.
+            if window.len() == window_scans
+                && let Some(left) = window.pop_front()
+            {
+                scratch.sweep.reuse(left.sweep);
+            }
             let sweep = sweep::sweep(
                 &family.sweep,
                 pattern,
@@ -247,11 +253,6 @@ fn run_attempt(
             estimate = localiser.observe(&sweep, estimate, &at_step)?;
             watch.end(Stage::Slam, |hasher| estimate.hash_into(hasher));
             window.push_back(Visit { sweep, estimate: estimate.clone(), world_from_sensor });
-            if window.len() > window_scans
-                && let Some(left) = window.pop_front()
-            {
-                scratch.sweep.reuse(left.sweep);
-            }
             if kept_stops.contains(&stop) {
                 let scans_of_window: Vec<WindowScan> = window.iter().map(Visit::as_scan).collect();
                 let cells = cells::bin(
@@ -279,9 +280,7 @@ fn run_attempt(
         stop += usize::from(stops_here);
     }
     watch.end(Stage::Slam, |_| ());
-    if let Some(left) = window.pop_front() {
-        scratch.sweep.reuse(left.sweep);
-    }
+    window.into_iter().for_each(|left| scratch.sweep.reuse(left.sweep));
     Ok(Run { drawn: drawn.clone(), drive, rover_from_sensor, poses, scans })
 }
 

@@ -70,7 +70,7 @@ const F: [f64; 8] = [
 
 #[inline(always)]
 fn ratio(p: &[f64; 8], q: &[f64; 8], r: f64) -> f64 {
-    let horner = |c: &[f64; 8]| c.iter().rev().fold(0.0, |sum, &k| sum * r + k);
+    let horner = |c: &[f64; 8]| c[..7].iter().rev().fold(c[7], |sum, &k| sum * r + k);
     horner(p) / horner(q)
 }
 
@@ -90,73 +90,91 @@ pub(super) fn normal_from_open_unit(p: f64) -> f64 {
 /// Turns uniform draws into normal ones, in place: the bits of [`normal_from_open_unit`], several at a time.
 pub(super) struct Normals<'a>(pub &'a mut [f64]);
 
-/// Uniform draws whose quantile lies in the tails, and where they stand.
-struct Tails {
-    p: [f64; LANES],
-    at: [usize; LANES],
-    count: usize,
-}
+/// Draws whose tails are gathered.
+const BLOCK: usize = 256;
+/// Quantiles that are worked out side by side, of the middle and of the tails: more than one register of them, so that one need not
+/// wait for the other's steps.
+const MIDDLES: usize = 2 * LANES;
+const TAILS: usize = 4 * LANES;
 
 impl Work for Normals<'_> {
     type Out = ();
 
     #[inline(always)]
     fn run(self) {
-        let mut tails = Tails { p: [0.5; LANES], at: [0; LANES], count: 0 };
-        let blocks = self.0.len() / LANES;
-        for block in 0..blocks {
-            let from = block * LANES;
-            let mut p = [0.0; LANES];
-            p.copy_from_slice(&self.0[from..from + LANES]);
-            self.0[from..from + LANES].copy_from_slice(&middles(&p));
-            for (l, &p) in p.iter().enumerate().filter(|(_, p)| (*p - 0.5).abs() > 0.425) {
-                (tails.p[tails.count], tails.at[tails.count]) = (p, from + l);
-                tails.count += 1;
-                if tails.count == LANES {
-                    tails.write(self.0);
+        let mut p = [0.5; BLOCK];
+        // Where the tails stand in a block: each place is written, and kept where it is one.
+        let mut at = [0u8; BLOCK];
+        for out in self.0.chunks_mut(BLOCK) {
+            p[..out.len()].copy_from_slice(out);
+            p[out.len()..].fill(0.5);
+            let mut count = 0;
+            for (k, (out, p)) in out.chunks_mut(MIDDLES).zip(p.as_chunks().0).enumerate() {
+                let values: [f64; MIDDLES] = middles(p);
+                match <&mut [f64; MIDDLES]>::try_from(&mut *out) {
+                    Ok(out) => *out = values,
+                    Err(_) => out.copy_from_slice(&values[..out.len()]),
+                }
+                let mut is_tail = [false; MIDDLES];
+                for (is_tail, p) in is_tail.iter_mut().zip(p) {
+                    *is_tail = (p - 0.5).abs() > 0.425;
+                }
+                for (l, &is_tail) in is_tail.iter().enumerate() {
+                    at[count] = (k * MIDDLES + l) as u8;
+                    count += usize::from(is_tail);
                 }
             }
-        }
-        tails.write(self.0);
-        for value in &mut self.0[blocks * LANES..] {
-            *value = normal_from_open_unit(*value);
+            let (many, few) = at[..count].as_chunks::<TAILS>();
+            // Loops, not closures: those would be compiled for the narrowest registers.
+            for at in many {
+                write_tails::<TAILS>(&p, at, out);
+            }
+            for at in few.chunks(LANES) {
+                write_tails::<LANES>(&p, at, out);
+            }
         }
     }
 }
 
 /// The quantiles of `p` that lie in the middle; the tails' are nonsense.
 #[inline(always)]
-fn middles(p: &[f64; LANES]) -> [f64; LANES] {
-    let mut out = [0.0; LANES];
-    for l in 0..LANES {
+fn middles<const N: usize>(p: &[f64; N]) -> [f64; N] {
+    let mut out = [0.0; N];
+    for l in 0..N {
         let q = p[l] - 0.5;
         out[l] = q * ratio(&A, &B, 0.180_625 - q * q);
     }
     out
 }
 
-impl Tails {
-    /// Writes the quantiles to their places.
-    #[inline(always)]
-    fn write(&mut self, out: &mut [f64]) {
-        let mut tail = [0.0; LANES];
-        for (tail, p) in tail.iter_mut().zip(&self.p) {
-            *tail = if p - 0.5 < 0.0 { *p } else { 1.0 - p };
-        }
-        let logarithms = math::ln_lanes(&tail);
-        let (mut size, mut far) = ([0.0; LANES], false);
-        for l in 0..LANES {
-            let r = (-logarithms[l]).sqrt();
-            far |= r > 5.0;
-            size[l] = ratio(&C, &D, r - 1.6);
-        }
-        for l in 0..self.count {
-            let size = if self.p[l] - 0.5 < 0.0 { -size[l] } else { size[l] };
-            // One draw in 10^11 lies beyond.
-            out[self.at[l]] = if far { normal_from_open_unit(self.p[l]) } else { size };
-        }
-        self.count = 0;
+/// Writes the quantiles of the draws that stand `at` these places, no more than `N`, to theirs.
+#[inline(always)]
+fn write_tails<const N: usize>(p: &[f64; BLOCK], at: &[u8], out: &mut [f64]) {
+    let mut tails = [0.1; N];
+    for (tail, &at) in tails.iter_mut().zip(at) {
+        *tail = p[usize::from(at)];
     }
+    for (quantile, &at) in quantiles_of_tails(&tails).iter().zip(at) {
+        out[usize::from(at)] = *quantile;
+    }
+}
+
+#[inline(always)]
+fn quantiles_of_tails<const N: usize>(p: &[f64; N]) -> [f64; N] {
+    let mut tail = [0.0; N];
+    for l in 0..N {
+        tail[l] = if p[l] - 0.5 < 0.0 { p[l] } else { 1.0 - p[l] };
+    }
+    let logarithms = math::ln_lanes(&tail);
+    let (mut out, mut far) = ([0.0; N], false);
+    for l in 0..N {
+        let r = (-logarithms[l]).sqrt();
+        far |= r > 5.0;
+        let size = ratio(&C, &D, r - 1.6);
+        out[l] = if p[l] - 0.5 < 0.0 { -size } else { size };
+    }
+    // One draw in 10^11 lies beyond.
+    if far { p.map(normal_from_open_unit) } else { out }
 }
 
 #[cfg(test)]
@@ -180,6 +198,16 @@ mod tests {
         }
         for lanes in crate::wide::every_form(|| Whole(draws.clone())) {
             assert!(lanes.iter().map(|x| x.to_bits()).eq(single.iter().copied()));
+        }
+        // Lists of every length, also one whose draws are all tails.
+        let far: Vec<f64> = (0..600).map(|i| (f64::from(i % 70) + 1.0) * 1e-3).collect();
+        for count in (0..40).chain([255, 256, 257, 511, 512, 600]) {
+            for draws in [&draws[..count], &far[..count]] {
+                for lanes in crate::wide::every_form(|| Whole(draws.to_vec())) {
+                    let single = draws.iter().map(|&p| normal_from_open_unit(p).to_bits());
+                    assert!(lanes.iter().map(|x| x.to_bits()).eq(single), "{count}");
+                }
+            }
         }
     }
 

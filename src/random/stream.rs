@@ -5,7 +5,7 @@ use rand::{Rng, SeedableRng};
 
 use super::normal::{Normals, normal_from_open_unit};
 use super::{Purpose, Stage};
-use crate::wide::widest;
+use crate::wide::{Work, widest};
 
 /// The part of an address that a stage holds; opens one stream per purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,9 +44,7 @@ pub struct Stream {
 impl Stream {
     /// A uniform draw in the open interval (0, 1).
     pub fn uniform(&self, index: u64) -> f64 {
-        let mut out = [0.0];
-        self.fill_uniform(index, &mut out);
-        out[0]
+        open_unit(self.generator_from(index).next_u64())
     }
 
     /// A standard normal draw.
@@ -56,10 +54,12 @@ impl Stream {
 
     /// Uniform draws in (0, 1) at `first_index`, `first_index + 1`, ...: the same values as one by one.
     pub fn fill_uniform(&self, first_index: u64, out: &mut [f64]) {
-        let mut rng = ChaCha8Rng::from_seed(self.key);
-        rng.set_word_pos(u128::from(first_index) * 2);
-        for value in out {
-            *value = open_unit(rng.next_u64());
+        let mut rng = self.generator_from(first_index);
+        let mut words = [[0; 8]; 64];
+        for out in out.chunks_mut(words.len()) {
+            let words = &mut words[..out.len()];
+            rng.fill_bytes(words.as_flattened_mut());
+            widest(Units { words, out });
         }
     }
 
@@ -67,6 +67,13 @@ impl Stream {
     pub fn fill_normal(&self, first_index: u64, out: &mut [f64]) {
         self.fill_uniform(first_index, out);
         widest(Normals(out));
+    }
+
+    /// The words of the draws from an index on, two each.
+    fn generator_from(&self, first_index: u64) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::from_seed(self.key);
+        rng.set_word_pos(u128::from(first_index) * 2);
+        rng
     }
 
     /// A generator of its own for one index, for laws that take a varying number of words.
@@ -79,11 +86,28 @@ impl Stream {
     }
 }
 
-/// 53 random bits -> the middle of one of 2^53 equal parts of (0, 1); never 0, never 1.
-#[inline]
+/// Random words -> uniform draws.
+struct Units<'a> {
+    words: &'a [[u8; 8]],
+    out: &'a mut [f64],
+}
+
+impl Work for Units<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (out, word) in self.out.iter_mut().zip(self.words) {
+            *out = open_unit(u64::from_le_bytes(*word));
+        }
+    }
+}
+
+/// 52 random bits -> the middle of one of 2^52 equal parts of (0, 1); never 0, never 1.
+#[inline(always)]
 fn open_unit(word: u64) -> f64 {
-    // The cast is exact below 2^53; adding a half keeps 54 bits at most, and rounds to below 1.
-    (((word >> 12) as f64) + 0.5) * (1.0 / (1u64 << 52) as f64)
+    // The bits behind the point of a number in [1, 2): what is taken off leaves 53 bits, and so all steps are exact.
+    f64::from_bits(1.0f64.to_bits() | (word >> 12)) - (1.0 - f64::EPSILON / 2.0)
 }
 
 #[cfg(test)]
@@ -101,6 +125,20 @@ mod tests {
         stream.fill_normal(17, &mut block);
         for (i, &value) in block.iter().enumerate() {
             assert_eq!(value.to_bits(), stream.normal(17 + i as u64).to_bits());
+        }
+        stream.fill_uniform(5, &mut block);
+        for (i, &value) in block.iter().enumerate() {
+            assert_eq!(value.to_bits(), stream.uniform(5 + i as u64).to_bits());
+        }
+    }
+
+    #[test]
+    fn equal_uniform_draws_are_the_middles_of_equal_parts() {
+        let words = (0..1000u64).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).chain([0, u64::MAX, 0xfff, 0x1000]);
+        for word in words {
+            let middle = ((word >> 12) as f64 + 0.5) / (1u64 << 52) as f64;
+            assert_eq!(open_unit(word).to_bits(), middle.to_bits(), "{word:x}");
+            assert!(middle > 0.0 && middle < 1.0);
         }
     }
 

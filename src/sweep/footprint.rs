@@ -9,8 +9,8 @@
 use std::f64::consts::TAU;
 
 use super::Pattern;
+use super::TrueReturn;
 use super::cast::Hit;
-use super::returns::Return;
 use super::sensor::Sensor;
 use crate::geometry::DVec3;
 use crate::math;
@@ -73,7 +73,7 @@ pub(super) fn spread(axis: DVec3, half_angle_rad: f64, rays: &[SubRay], out: &mu
 ///
 /// The straight line is what keeps ground at grazing angles from counting as one long jump; beside a step of height J the
 /// departure is J. Foliage scatters at every beam: only its borders count.
-pub(super) fn jumps(pattern: &Pattern, solid: &[Hit], returns: &[Return], jump_m: f64, out: &mut Vec<u32>) {
+pub(super) fn jumps(pattern: &Pattern, solid: &[Hit], returns: &[TrueReturn], jump_m: f64, out: &mut Vec<u32>) {
     out.clear();
     let (lines, beams) = (pattern.lines as usize, pattern.beams as usize);
     if jump_m == 0.0 {
@@ -162,8 +162,8 @@ mod tests {
     #[test]
     fn exact_jumps_are_steps_and_borders_of_things_not_slopes() {
         let grid = |lines: u32, beams: u32| Pattern { lines, beams, directions: vec![], times_s: vec![] };
-        let at = |range_m: f64, object: i32| Return { range_m, object, class: 0 };
-        let found = |pattern: &Pattern, returns: &[Return]| {
+        let at = |range_m: f64, object: i32| TrueReturn { range_m, object, class: 0, top: false };
+        let found = |pattern: &Pattern, returns: &[TrueReturn]| {
             let mut out = Vec::new();
             let solid: Vec<Hit> = returns.iter().map(|r| Hit { range_m: r.range_m, object: r.object }).collect();
             jumps(pattern, &solid, returns, 0.05, &mut out);
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(found(&line, &step), [3, 4]);
         let rock: Vec<_> = (0..8).map(|k| at(1.0, if k < 5 { -1 } else { 3 })).collect();
         assert_eq!(found(&line, &rock), [4, 5]);
-        let edge: Vec<_> = (0..8).map(|k| if k < 5 { at(1.0, -1) } else { Return::NOTHING }).collect();
+        let edge: Vec<_> = (0..8).map(|k| if k < 5 { at(1.0, -1) } else { TrueReturn::NOTHING }).collect();
         assert_eq!(found(&line, &edge), [4, 5]);
         // The same column on three lines.
         let column = grid(3, 1);

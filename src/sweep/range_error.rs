@@ -8,6 +8,7 @@ use super::Status;
 use super::params::{Effects, RangeNoise};
 use super::sensor::Sensor;
 use crate::random::{Drawn, Purpose, Streams};
+use crate::wide::Work;
 
 /// tan of 82 degrees, where the growth with incidence stops, and its cosine.
 const STEEPEST_COS: f64 = 0.139_173_100_960_065_44;
@@ -16,8 +17,6 @@ const STEEPEST_TAN: f64 = 7.115_369_722_384_209;
 /// The range errors of one sweep; a part that is off is 0, infinite or `None`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RangeError {
-    /// Whether Gaussian noise is on at all.
-    pub noisy: bool,
     sigma_m: f64,
     sigma_per_m: f64,
     /// divergence / 4 where incidence counts.
@@ -33,7 +32,6 @@ impl RangeError {
         let bias_sigma_m = effects.range_bias_m.as_ref().map(|_| drawn[Purpose::SweepBiasSigma]);
         let gates = effects.gates.as_ref();
         let mut error = RangeError {
-            noisy: effects.range_noise.is_some(),
             sigma_m: 0.0,
             sigma_per_m: 0.0,
             sigma_per_m_tan: 0.0,
@@ -56,29 +54,92 @@ impl RangeError {
         sensor.max_range_m.max(gate_m)
     }
 
+    /// Whether the noise grows with the incidence.
+    pub fn oblique(&self) -> bool {
+        self.sigma_per_m_tan > 0.0
+    }
+
     /// Standard deviation of the noise at a range and incidence.
-    #[inline]
-    pub fn sigma_m(&self, range_m: f64, cos_incidence: f64) -> f64 {
+    #[inline(always)]
+    fn sigma_m(&self, range_m: f64, cos_incidence: f64) -> f64 {
         let c = cos_incidence;
         let tan = if c > STEEPEST_COS { ((1.0 - c) * (1.0 + c)).max(0.0).sqrt() / c } else { STEEPEST_TAN };
         self.sigma_m + range_m * (self.sigma_per_m + self.sigma_per_m_tan * tan)
     }
 
-    /// The reported range and its status; `normal` is a standard normal draw.
-    #[inline]
-    pub fn report(&self, range_m: f64, cos_incidence: f64, normal: f64) -> (f64, Status) {
-        let mut measured_m = range_m + self.bias_m;
-        if self.noisy {
-            measured_m += self.sigma_m(range_m, cos_incidence) * normal;
-        }
+    /// The reported range: NaN where the gates shut it out. `noise_m` is a draw of what `sigma_m` tells.
+    #[inline(always)]
+    fn measured_m(&self, range_m: f64, noise_m: f64) -> f64 {
+        let mut measured_m = range_m + self.bias_m + noise_m;
         if let Some(step_m) = self.step_m {
             measured_m = (measured_m / step_m).round() * step_m;
         }
         // A range of 0 or less is a measurement of nothing, gates or not.
-        if measured_m > 0.0 && measured_m >= self.min_m && measured_m <= self.max_m {
-            (measured_m, Status::Hit)
+        let within = measured_m > 0.0 && measured_m >= self.min_m && measured_m <= self.max_m;
+        if within { measured_m } else { f64::NAN }
+    }
+}
+
+/// What the ranges before errors tell of a run of slots.
+pub(super) struct Lit<'a> {
+    /// Infinite where nothing was met, NaN where no range could be made of the light.
+    pub range_m: &'a [f64],
+    /// Overwritten.
+    pub status: &'a mut [Status],
+}
+
+impl Work for Lit<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (status, &range_m) in self.status.iter_mut().zip(self.range_m) {
+            let lit = if range_m.is_finite() { Status::Hit } else { Status::None };
+            *status = if range_m.is_nan() { Status::Dropped } else { lit };
+        }
+    }
+}
+
+/// The ranges that a run of slots reports, all slots alike whatever became of their beams.
+pub(super) struct Reports<'a> {
+    pub error: &'a RangeError,
+    /// Ranges before errors.
+    pub range_m: &'a [f64],
+    /// Empty where no effect asks for it.
+    pub cos_incidence: &'a [f64],
+    /// Standard normal draws; empty without noise.
+    pub normal: &'a [f64],
+    /// Slots that the gates shut out change it.
+    pub status: &'a mut [Status],
+    /// Overwritten; NaN unless the status is `Hit`.
+    pub measured_m: &'a mut [f64],
+}
+
+impl Work for Reports<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Reports { error, range_m, cos_incidence, normal, status, measured_m } = self;
+        let ranges = measured_m.iter_mut().zip(range_m);
+        if normal.is_empty() {
+            for (measured_m, &range_m) in ranges {
+                *measured_m = error.measured_m(range_m, 0.0);
+            }
+        } else if error.oblique() {
+            for (((measured_m, &range_m), &normal), &cos) in ranges.zip(normal).zip(cos_incidence) {
+                *measured_m = error.measured_m(range_m, error.sigma_m(range_m, cos) * normal);
+            }
         } else {
-            (f64::NAN, Status::OutOfRange)
+            // What the incidence adds is nothing.
+            for ((measured_m, &range_m), &normal) in ranges.zip(normal) {
+                *measured_m = error.measured_m(range_m, error.sigma_m(range_m, 1.0) * normal);
+            }
+        }
+        for (measured_m, status) in measured_m.iter_mut().zip(status) {
+            let hit = *status == Status::Hit;
+            *status = if hit && measured_m.is_nan() { Status::OutOfRange } else { *status };
+            *measured_m = if hit { *measured_m } else { f64::NAN };
         }
     }
 }
@@ -95,6 +156,21 @@ mod tests {
         let params = crate::sweep::SweepParams { effects: effects.clone(), ..Default::default() };
         let drawn = Drawn::draw(&streams(1), params.dists());
         RangeError::new(&shipped("urg-04lx"), effects, &drawn, &streams(1))
+    }
+
+    /// One slot that light came back from.
+    fn report(error: &RangeError, range_m: f64, cos_incidence: f64, normal: f64) -> (f64, Status) {
+        let (mut measured_m, mut status) = ([0.0], [Status::Hit]);
+        Reports {
+            error,
+            range_m: &[range_m],
+            cos_incidence: &[cos_incidence],
+            normal: &[normal],
+            status: &mut status,
+            measured_m: &mut measured_m,
+        }
+        .run();
+        (measured_m[0], status[0])
     }
 
     #[test]
@@ -120,11 +196,11 @@ mod tests {
         let coarse = error(&Effects { quantisation: Some(Quantisation { step_m: Some(0.25) }), ..Effects::default() });
         for k in 1..2000 {
             let range_m = 0.002_718_281_8 * f64::from(k);
-            let (fine_m, _) = own.report(range_m, 1.0, 0.0);
+            let (fine_m, _) = report(&own, range_m, 1.0, 0.0);
             assert!((fine_m - range_m).abs() <= 0.0005 + 1e-15);
             assert!((fine_m / 0.001 - (fine_m / 0.001).round()).abs() < 1e-9);
             if range_m > 0.125 {
-                assert_eq!(coarse.report(range_m, 1.0, 0.0).0, (range_m * 4.0).round() / 4.0);
+                assert_eq!(report(&coarse, range_m, 1.0, 0.0).0, (range_m * 4.0).round() / 4.0);
             }
         }
     }
@@ -132,26 +208,78 @@ mod tests {
     #[test]
     fn exact_gates_shut_out_what_lies_beyond_them_and_without_them_only_the_far_end_counts() {
         let open = error(&Effects::default());
-        assert_eq!(open.report(0.01, 1.0, 0.0), (0.01, Status::Hit));
-        assert_eq!(open.report(5.6, 1.0, 0.0), (5.6, Status::Hit));
-        assert_eq!(open.report(5.600_001, 1.0, 0.0).1, Status::OutOfRange);
+        assert_eq!(report(&open, 0.01, 1.0, 0.0), (0.01, Status::Hit));
+        assert_eq!(report(&open, 5.6, 1.0, 0.0), (5.6, Status::Hit));
+        assert_eq!(report(&open, 5.600_001, 1.0, 0.0).1, Status::OutOfRange);
         let own = error(&Effects { gates: Some(Gates::default()), ..Effects::default() });
-        assert_eq!(own.report(0.06, 1.0, 0.0), (0.06, Status::Hit));
-        assert_eq!(own.report(0.059, 1.0, 0.0).1, Status::OutOfRange);
+        assert_eq!(report(&own, 0.06, 1.0, 0.0), (0.06, Status::Hit));
+        assert_eq!(report(&own, 0.059, 1.0, 0.0).1, Status::OutOfRange);
         let gates = Gates { min_m: Some(1.0), max_m: Some(8.0) };
         let effects = Effects { gates: Some(gates), ..Effects::default() };
         let narrow = error(&effects);
-        assert_eq!(narrow.report(0.999, 1.0, 0.0).1, Status::OutOfRange);
-        assert_eq!(narrow.report(7.9, 1.0, 0.0), (7.9, Status::Hit));
+        assert_eq!(report(&narrow, 0.999, 1.0, 0.0).1, Status::OutOfRange);
+        assert_eq!(report(&narrow, 7.9, 1.0, 0.0), (7.9, Status::Hit));
         assert_eq!(RangeError::reach_m(&shipped("urg-04lx"), &effects), 8.0);
         assert_eq!(RangeError::reach_m(&shipped("urg-04lx"), &Effects::default()), 5.6);
+    }
+
+    #[test]
+    fn equal_slots_one_by_one_and_by_lanes_in_every_form() {
+        struct Whole<'a>(&'a RangeError, [Vec<f64>; 3], Vec<Status>);
+        impl Work for Whole<'_> {
+            type Out = (Vec<u64>, Vec<Status>);
+            #[inline(always)]
+            fn run(self) -> (Vec<u64>, Vec<Status>) {
+                let Whole(error, [range_m, cos_incidence, normal], mut status) = self;
+                let mut measured_m = vec![1.0; status.len()];
+                Reports {
+                    error,
+                    range_m: &range_m,
+                    cos_incidence: &cos_incidence,
+                    normal: &normal,
+                    status: &mut status,
+                    measured_m: &mut measured_m,
+                }
+                .run();
+                (measured_m.into_iter().map(f64::to_bits).collect(), status)
+            }
+        }
+        let all = [Status::Hit, Status::None, Status::Dropped, Status::Hit, Status::OutOfRange];
+        let status: Vec<Status> = all.into_iter().cycle().take(1003).collect();
+        let list = |scale: f64, from: f64| -> Vec<f64> {
+            (0..1003).map(|k| from + scale * math::sin(f64::from(k) * 0.7).abs()).collect()
+        };
+        let mut range_m = list(6.0, 0.0);
+        range_m[5] = f64::INFINITY;
+        range_m[10] = f64::NAN;
+        let lists = [range_m, list(1.0, 0.0), list(4.0, -2.0)];
+        let noise = |incidence| Some(RangeNoise { incidence, ..RangeNoise::default() });
+        for effects in [
+            Effects::default(),
+            Effects { range_noise: noise(false), gates: Some(Gates::default()), ..Effects::default() },
+            Effects { range_noise: noise(true), quantisation: Some(Quantisation::default()), ..Effects::default() },
+        ] {
+            let error = error(&effects);
+            let single: (Vec<u64>, Vec<Status>) = (0..status.len())
+                .map(|k| match status[k] {
+                    Status::Hit => {
+                        let (measured_m, status) = report(&error, lists[0][k], lists[1][k], lists[2][k]);
+                        (measured_m.to_bits(), status)
+                    }
+                    other => (f64::NAN.to_bits(), other),
+                })
+                .unzip();
+            for lanes in crate::wide::every_form(|| Whole(&error, lists.clone(), status.clone())) {
+                assert!(lanes == single);
+            }
+        }
     }
 
     #[test]
     fn extreme_noise_that_makes_a_range_negative_or_nan_is_out_of_range() {
         let noisy = error(&Effects { range_noise: Some(RangeNoise::default()), ..Effects::default() });
         for (range_m, draw) in [(0.02, -9.0), (f64::NAN, 0.0), (1.0, f64::NEG_INFINITY), (1.0, f64::NAN)] {
-            let (measured_m, status) = noisy.report(range_m, 1.0, draw);
+            let (measured_m, status) = report(&noisy, range_m, 1.0, draw);
             assert!(measured_m.is_nan() && status == Status::OutOfRange);
         }
     }

@@ -8,7 +8,7 @@
 
 use std::f64::consts::PI;
 
-use super::returns::Return;
+use super::TrueReturn;
 use super::sensor::{Echo as Report, Ranging};
 use crate::math;
 
@@ -21,7 +21,7 @@ const CANCELLED: f64 = 1e-6;
 /// One surface's answer to one sub-ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Echo {
-    pub ret: Return,
+    pub ret: TrueReturn,
     /// Received power, relative: weight * cos(incidence) / range^2.
     pub power: f64,
     pub cos_incidence: f64,
@@ -127,7 +127,7 @@ mod tests {
     use crate::sweep::sensor::{PhaseRanging, PulseRanging};
 
     fn echo(sub_ray: usize, object: i32, range_m: f64, power: f64) -> Echo {
-        Echo { ret: Return { range_m, object, class: 0 }, power, cos_incidence: 1.0, sub_ray }
+        Echo { ret: TrueReturn { range_m, object, class: 0, top: false }, power, cos_incidence: 1.0, sub_ray }
     }
 
     fn phase(modulation_mhz: f64) -> Ranging {

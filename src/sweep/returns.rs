@@ -1,10 +1,11 @@
 //! What a ray met: a surface or foliage at a range, and how it lies.
 //!
-//! In: hits of the [`Caster`]. Out: [`Return`]s, with incidence and the `top` mark on demand. Frames: world.
+//! In: hits of the [`Caster`]. Out: [`TrueReturn`]s, with incidence and the `top` mark on demand. Frames: world.
 
+use super::TrueReturn;
 use super::cast::{Caster, Hit};
 use crate::geometry::DVec3;
-use crate::scene::{Class, Obstacle, Shape};
+use crate::scene::{Class, Obstacle, Plane, Shape};
 
 /// Mean |cos| of the incidence on leaves that face all ways alike.
 const LEAF_COS_INCIDENCE: f64 = 0.5;
@@ -16,28 +17,26 @@ const UPWARD_COS: f64 = 0.866_025_403_784_438_6;
 /// scanners.
 const RIM_M: f64 = 0.02;
 
-/// What a ray met first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Return {
-    /// Infinite where nothing was met.
-    pub range_m: f64,
-    pub object: i32,
-    pub class: i8,
-}
+/// The body that the last point lay on and the plane of its side there: most likely the next one's too.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Side(Option<(i32, usize)>);
 
-impl Return {
-    pub const NOTHING: Return = Return { range_m: f64::INFINITY, object: Hit::NOTHING, class: -1 };
+impl TrueReturn {
+    pub(super) const NOTHING: TrueReturn =
+        TrueReturn { range_m: f64::INFINITY, object: Hit::NOTHING, class: -1, top: false };
 
-    /// A hit of the caster, with its class.
-    pub fn of(hit: Hit, obstacles: &[Obstacle]) -> Return {
-        match hit.object {
-            Hit::GROUND => Return { range_m: hit.range_m, object: Hit::GROUND, class: Class::Ground as i8 },
-            id if id >= 0 => Return { range_m: hit.range_m, object: id, class: obstacles[id as usize].class as i8 },
-            _ => Return::NOTHING,
-        }
+    /// A hit of the caster, with its class; whether it is a top is not asked yet.
+    #[inline]
+    pub(super) fn of(hit: Hit, obstacles: &[Obstacle]) -> TrueReturn {
+        let class = match hit.object {
+            Hit::GROUND => Class::Ground as i8,
+            id if id >= 0 => obstacles[id as usize].class as i8,
+            _ => return TrueReturn::NOTHING,
+        };
+        TrueReturn { range_m: hit.range_m, object: hit.object, class, top: false }
     }
 
-    pub fn is_hit(&self) -> bool {
+    pub(super) fn is_hit(&self) -> bool {
         self.object != Hit::NOTHING
     }
 
@@ -47,7 +46,7 @@ impl Return {
     }
 
     /// Cosine of the angle between the ray and the surface's normal, in [0, 1]; 0 where nothing was met.
-    pub fn cos_incidence(&self, caster: &Caster, origin_m: DVec3, direction: DVec3) -> f64 {
+    pub(super) fn cos_incidence(&self, caster: &Caster, origin_m: DVec3, direction: DVec3) -> f64 {
         if self.is_foliage() {
             LEAF_COS_INCIDENCE
         } else if self.is_hit() {
@@ -58,20 +57,34 @@ impl Return {
         }
     }
 
-    /// Whether the point lies on the upward part of an obstacle and off its rim.
-    pub fn is_top(&self, obstacles: &[Obstacle], caster: &Caster, point_m: DVec3) -> bool {
-        if self.object < 0 || self.is_foliage() {
+    /// Marks a hit that lies on the upward part of an obstacle and off its rim. `last` is what the hits before told.
+    #[inline]
+    pub(super) fn mark_top(&mut self, caster: &Caster, origin_m: DVec3, direction: DVec3, last: &mut Side) {
+        if self.object >= 0 && !self.is_foliage() {
+            self.top = self.is_top(caster, origin_m + direction * self.range_m, last);
+        }
+    }
+
+    fn is_top(&self, caster: &Caster, point_m: DVec3, last: &mut Side) -> bool {
+        let upward = || caster.normal_at(self.object, point_m).z >= UPWARD_COS;
+        let body = match &caster.scene().obstacles[self.object as usize].shape {
+            Shape::Convex(body) => body,
+            Shape::Cylinder(c) => return (point_m - c.base_m).truncate().length() < c.radius_m - RIM_M && upward(),
+        };
+        let near = |plane: &Plane| plane.normal.dot(point_m) + plane.offset_m >= -RIM_M;
+        // Most hits lie on a side, and on that of the hit before.
+        if last.0.is_some_and(|(object, plane)| object == self.object && near(&body.planes[plane])) {
             return false;
         }
-        let off_the_rim = match &obstacles[self.object as usize].shape {
-            Shape::Convex(body) => body
-                .planes
-                .iter()
-                .filter(|plane| plane.normal.z < UPWARD_COS)
-                .all(|plane| plane.normal.dot(point_m) + plane.offset_m < -RIM_M),
-            Shape::Cylinder(c) => (point_m - c.base_m).truncate().length() < c.radius_m - RIM_M,
-        };
-        // The rim first: most hits lie on a side, whose own plane settles it.
-        off_the_rim && caster.normal_at(self.object, point_m).z >= UPWARD_COS
+        let mut near_top = false;
+        for (k, plane) in body.planes.iter().enumerate().filter(|(_, plane)| near(plane)) {
+            if plane.normal.z < UPWARD_COS {
+                *last = Side(Some((self.object, k)));
+                return false;
+            }
+            near_top = true;
+        }
+        // Of the planes, those that lie nearer than the rim hold the point's own.
+        near_top || upward()
     }
 }

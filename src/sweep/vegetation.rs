@@ -15,8 +15,8 @@
 //! The sub-rays of a beam share its draws: a footprint is narrower than a tuft, and so switching sub-rays on leaves the
 //! scatter of foliage as it was.
 
+use super::TrueReturn;
 use super::cast::{Caster, Hit};
-use super::returns::Return;
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::random::Stream;
@@ -102,13 +102,13 @@ impl Vegetation {
     }
 
     /// Moves the returns of one block of rays.
-    pub fn scatter(&mut self, caster: &Caster, rays: &Rays, streams: &[Stream; 2], returns: &mut [Return]) {
+    pub fn scatter(&mut self, caster: &Caster, rays: &Rays, streams: &[Stream; 2], returns: &mut [TrueReturn]) {
         debug_assert!(returns.len() <= BLOCK, "draws are made in blocks");
         self.scatter_patches(caster, rays, &streams[0], returns);
         self.scatter_volumes(rays, &streams[1], returns);
     }
 
-    fn scatter_patches(&self, caster: &Caster, rays: &Rays, stream: &Stream, returns: &mut [Return]) {
+    fn scatter_patches(&self, caster: &Caster, rays: &Rays, stream: &Stream, returns: &mut [TrueReturn]) {
         let foot = |i: usize, range_m: f64| (rays.origin_m + rays.directions[i] * range_m).truncate();
         let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
         for (i, ret) in returns.iter().enumerate().filter(|(_, ret)| ret.object == Hit::GROUND) {
@@ -134,11 +134,16 @@ impl Vegetation {
             let edge_m = entry_of_disc(patch, rays.origin_m.truncate(), direction.truncate());
             // A height of zero leaves the range as it was, also where the ray lies in the tangent plane (0 / 0).
             let range_m = if height_m > 0.0 { (ret.range_m - back_m).max(edge_m) } else { ret.range_m };
-            *ret = Return { range_m: range_m.min(ret.range_m), object: patch.id, class: patch.class as i8 };
+            *ret = TrueReturn {
+                range_m: range_m.min(ret.range_m),
+                object: patch.id,
+                class: patch.class as i8,
+                top: false,
+            };
         }
     }
 
-    fn scatter_volumes(&mut self, rays: &Rays, stream: &Stream, returns: &mut [Return]) {
+    fn scatter_volumes(&mut self, rays: &Rays, stream: &Stream, returns: &mut [TrueReturn]) {
         let block = Cone::around(rays.directions);
         self.touched.clear();
         self.touched.extend((0..self.volumes.len()).filter(|&k| block.may_touch(&self.volumes[k])));
@@ -167,7 +172,7 @@ impl Vegetation {
             }
             if let Some((range_m, k)) = self.turning_point(-math::ln(draws[i])) {
                 let volume = &self.volumes[k].volume;
-                returns[i] = Return { range_m, object: volume.id, class: volume.class as i8 };
+                returns[i] = TrueReturn { range_m, object: volume.id, class: volume.class as i8, top: false };
             }
         }
     }
@@ -280,7 +285,7 @@ mod tests {
     }
 
     /// Returns of many rays, block by block, that had solid hits at `solid`.
-    fn scattered(scene: &Scene, directions: &[DVec3], solid: Return, seed: u64) -> Vec<Return> {
+    fn scattered(scene: &Scene, directions: &[DVec3], solid: TrueReturn, seed: u64) -> Vec<TrueReturn> {
         let caster = Caster::new(scene, &Cast::Exact);
         let mut vegetation = Vegetation::default();
         vegetation.reach(scene, EYE, 30.0);
@@ -322,7 +327,7 @@ mod tests {
         let mut scene = flat_yard();
         scene.volumes.push(bush(0, EYE + DVec3::X * 4.0, DVec3::splat(1.0), 1.5));
         let rays = vec![DVec3::X; 20_000];
-        let returns = scattered(&scene, &rays, Return { range_m: 9.0, object: 5, class: 1 }, 3);
+        let returns = scattered(&scene, &rays, TrueReturn { range_m: 9.0, object: 5, class: 1, top: false }, 3);
         let inside: Vec<f64> = returns.iter().filter(|r| r.object == 0).map(|r| r.range_m - 3.0).collect();
         let share = inside.len() as f64 / 20_000.0;
         let expected = 1.0 - math::exp(-3.0);
@@ -369,12 +374,12 @@ mod tests {
                 DVec3::new(c, s, 0.1 * math::sin(f64::from(i) * 0.01)).normalize()
             })
             .collect();
-        let fast = scattered(&scene, &rays, Return::NOTHING, 4);
+        let fast = scattered(&scene, &rays, TrueReturn::NOTHING, 4);
         // Every ray in a block of its own kind: no cone, all volumes.
         let mut vegetation = Vegetation::default();
         vegetation.reach(&scene, EYE, 30.0);
         vegetation.volumes.iter_mut().for_each(|near| near.cone = None);
-        let mut slow = vec![Return::NOTHING; rays.len()];
+        let mut slow = vec![TrueReturn::NOTHING; rays.len()];
         for (i, ret) in slow.iter_mut().enumerate() {
             let ray = Rays { origin_m: EYE, directions: &rays[i..=i], draws: Draws::From(i as u64) };
             vegetation.scatter_volumes(&ray, &two_streams(4)[1], std::slice::from_mut(ret));
@@ -398,7 +403,7 @@ mod tests {
         });
         // The foot lies 2.5 m ahead, 2 m inside the patch: no height within reach of 7 sigma meets its edge.
         let ray = DVec3::new(2.5, 0.0, -1.0).normalize();
-        let solid = Return { range_m: (2.5f64 * 2.5 + 1.0).sqrt(), object: Hit::GROUND, class: 0 };
+        let solid = TrueReturn { range_m: (2.5f64 * 2.5 + 1.0).sqrt(), object: Hit::GROUND, class: 0, top: false };
         let returns = scattered(&scene, &vec![ray; 20_000], solid, 6);
         assert!(returns.iter().all(|r| (r.object, r.class) == (0, Class::Grass as i8)));
         let heights: Vec<f64> = returns.iter().map(|r| EYE.z + r.range_m * ray.z).collect();
@@ -422,7 +427,7 @@ mod tests {
         assert_eq!(entry_of_disc(&patch(1.0), DVec2::new(14.5, 10.0), DVec2::ZERO), 0.0);
         let ray = DVec3::new(4.5, 0.0, -1.0).normalize();
         let range_m = (4.5f64 * 4.5 + 1.0).sqrt();
-        let solid = Return { range_m, object: Hit::GROUND, class: 0 };
+        let solid = TrueReturn { range_m, object: Hit::GROUND, class: 0, top: false };
         let mut scene = flat_yard();
         scene.patches.push(patch(50.0));
         // Heights of metres: every return comes off the near edge, 3 m ahead, or off a blade between.
@@ -441,12 +446,12 @@ mod tests {
         scene.volumes.push(bush(0, EYE + DVec3::X * 4.0, DVec3::splat(1.0), 1e12));
         let (s, c) = math::sin_cos(math::asin(0.25) - 1e-12);
         let rays = [DVec3::X, DVec3::new(c, s, 0.0), DVec3::new(c, -s, 0.0)];
-        for ret in scattered(&scene, &rays, Return::NOTHING, 1) {
+        for ret in scattered(&scene, &rays, TrueReturn::NOTHING, 1) {
             assert!(ret.range_m.is_finite() && (3.0..4.0).contains(&ret.range_m), "{ret:?}");
         }
         // The sensor in the middle of the bush.
         scene.volumes[0].centre_m = EYE;
-        let ret = scattered(&scene, &rays[..1], Return::NOTHING, 1)[0];
+        let ret = scattered(&scene, &rays[..1], TrueReturn::NOTHING, 1)[0];
         assert!(ret.range_m >= 0.0 && ret.range_m < 1e-9 && ret.object == 0);
     }
 }

@@ -27,6 +27,7 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 
 pub use origin::Origin;
+pub(super) use origin::SWEEP_RAYS;
 
 use mesh::MeshCaster;
 use origin::GroundFrom;

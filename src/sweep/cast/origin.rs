@@ -16,7 +16,7 @@ use crate::cpu::Isa;
 use crate::geometry::DVec3;
 
 /// Rays for which a look around pays.
-const SWEEP_RAYS: usize = 2000;
+pub(in crate::sweep) const SWEEP_RAYS: usize = 2000;
 /// Blocks whose directions are parted into components at a time.
 const BLOCKS: usize = 32;
 

@@ -7,6 +7,7 @@ use crate::random::Dist;
 use crate::scene::{Class, Convex, Patch, Shape, Volume};
 use crate::sweep::Sensor;
 use crate::sweep::fixtures::{flat_yard, shipped, streams};
+use crate::sweep::footprint;
 use crate::sweep::params::{
     Cast, Dropout, Effects, Gates, Intensity, MixedPixels, MountParams, Quantisation, RangeNoise,
 };
