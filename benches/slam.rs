@@ -1,15 +1,20 @@
 //! Domain rates of FastSLAM: what a sweep and a control step cost, by particles and by features. CPU time of one thread.
 //!
 //! `cargo bench --bench slam`: drives an arc of radius 5 m among 120 rocks with a stop every half metre (scenario A of the tests
-//! of consistency, on flat ground), features with noise and without names. Medians of interleaved rounds; the extraction of
-//! features from a sweep is not in it. For information: no test asserts a time.
+//! of consistency, on flat ground), features with noise and without names. Medians of interleaved rounds. Before that, what it costs
+//! to find the features of a sweep of paper.yaml. For information: no test asserts a time.
+
+mod shared;
 
 use marsyard::drive::{InstrumentNoise, Reading};
 use marsyard::geometry::{DVec3, Pose, Transform};
 use marsyard::math;
 use marsyard::pipeline::clock::thread_cpu_s;
 use marsyard::random::{Purpose, Stage, Stream, Streams};
+use marsyard::slam::features::Extractor;
 use marsyard::slam::{FastslamParams, Feature, Slam, SlamParams, Visibility};
+use shared::paper::{prepared, replays};
+use shared::rate;
 
 const ROUNDS: usize = 7;
 const PARTICLES: [u32; 4] = [10, 30, 100, 300];
@@ -19,6 +24,7 @@ const STEPS_PER_STOP: u32 = 5;
 const RANGE_M: f64 = 4.0;
 
 fn main() {
+    find_features();
     let drive = Drive::new();
     println!("particles  features  found  landmarks     ms/scan  of it steps    scans/s");
     let cases: Vec<(u32, u32)> = PARTICLES.iter().flat_map(|&n| FEATURES.map(|k| (n, k))).collect();
@@ -42,6 +48,18 @@ fn main() {
             1e3 / whole_ms
         );
     }
+}
+
+/// Rays a second, from a kept sweep to its features.
+fn find_features() {
+    let prepared = prepared("paper.yaml", &["drive.contact=gauss_newton"]).keeping_points();
+    let replay = replays(&prepared, 1).remove(0);
+    let sweep = &replay.scans[0].points.as_ref().expect("points are kept").sweep;
+    let pose = replay.poses.iter().rfind(|pose| pose.scan_id.is_some()).expect("a sweep is kept").estimate.pose;
+    let mut extractor = Extractor::new(FastslamParams::default().feature_range_m, &replay.rover_from_sensor);
+    rate("features of a sweep", "rays", sweep.range_m.len() as f64, || {
+        extractor.extract(sweep, pose.roll_rad, pose.pitch_rad);
+    });
 }
 
 /// Of one drive, per stop: CPU time of the sweep's features and of the control steps before it; features, landmarks at the end.

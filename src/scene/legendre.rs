@@ -75,26 +75,42 @@ pub(super) fn derivatives(degree: usize, u: f64) -> [Row; 3] {
 }
 
 /// p_i and its first derivative at several places, degree by degree: the bits of [`derivatives`].
-#[inline(always)]
-pub(super) fn slopes_by_lanes<const N: usize>(
+pub(super) struct Slopes<const N: usize> {
     degree: usize,
-    u: &[f64; N],
-    p: &mut [[f64; N]; MAX_DEGREE + 1],
-    d: &mut [[f64; N]; MAX_DEGREE + 1],
-) {
-    // The recurrence itself stays in registers.
-    let [mut value, mut value1, mut slope, mut slope1] = [[1.0; N], [0.0; N], [0.0; N], [0.0; N]];
-    (p[0], d[0]) = (value, slope);
-    for i in 0..degree {
-        let (a, b) = RECURRENCE[i];
+    /// P_i and its derivative, and those of the degree before.
+    value: [f64; N],
+    value1: [f64; N],
+    slope: [f64; N],
+    slope1: [f64; N],
+}
+
+impl<const N: usize> Slopes<N> {
+    /// At degree 0.
+    #[inline(always)]
+    pub fn new() -> Slopes<N> {
+        Slopes { degree: 0, value: [1.0; N], value1: [0.0; N], slope: [0.0; N], slope1: [0.0; N] }
+    }
+
+    /// The value and the derivative of this degree.
+    #[inline(always)]
+    pub fn get(&self) -> [[f64; N]; 2] {
+        let norm = NORM[self.degree];
+        [self.value.map(|value| value * norm), self.slope.map(|slope| slope * norm)]
+    }
+
+    /// On to the next degree, at the places `u`.
+    #[inline(always)]
+    pub fn step(&mut self, u: &[f64; N]) {
+        let (a, b) = RECURRENCE[self.degree];
+        let (value1, slope1) = (self.value, self.slope);
         for l in 0..N {
-            let next = a * u[l] * value[l] - b * value1[l];
-            let next_slope = a * (value[l] + u[l] * slope[l]) - b * slope1[l];
-            (value1[l], slope1[l]) = (value[l], slope[l]);
-            (value[l], slope[l]) = (next, next_slope);
-            p[i + 1][l] = next * NORM[i + 1];
-            d[i + 1][l] = next_slope * NORM[i + 1];
+            self.value[l] = a * u[l] * value1[l] - b * self.value1[l];
         }
+        for l in 0..N {
+            self.slope[l] = a * (value1[l] + u[l] * slope1[l]) - b * self.slope1[l];
+        }
+        (self.value1, self.slope1) = (value1, slope1);
+        self.degree += 1;
     }
 }
 

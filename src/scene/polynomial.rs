@@ -5,7 +5,7 @@
 //! metres would lose 17 digits at degree 12. Meant for the yard only, the inner 1/1.2 of the fitted square: a polynomial
 //! explodes outside.
 
-use super::legendre::{self, MAX_DEGREE};
+use super::legendre::{self, MAX_DEGREE, Slopes};
 use crate::geometry::DVec2;
 use crate::wide::LANES;
 
@@ -108,39 +108,44 @@ impl Polynomial {
     /// Inlined, so that it takes on the instruction set of its caller (see [`crate::wide`]).
     #[inline(always)]
     pub fn heights_and_gradients(&self, x_m: &[f64; LANES], y_m: &[f64; LANES]) -> [[f64; LANES]; 3] {
+        // Memory for what the degree needs: to clear that for degree 12 would take as long as the sums of degree 5.
+        if self.degree <= 6 { self.by_lanes::<7>(x_m, y_m) } else { self.by_lanes::<{ MAX_DEGREE + 1 }>(x_m, y_m) }
+    }
+
+    /// For degrees below `ROWS`. Each sum stands in a loop of its own, so that its lanes stay together.
+    #[inline(always)]
+    fn by_lanes<const ROWS: usize>(&self, x_m: &[f64; LANES], y_m: &[f64; LANES]) -> [[f64; LANES]; 3] {
         let Polynomial { degree, centre_m, half_m, ref coefficients } = *self;
-        let (mut u, mut v) = ([0.0; LANES], [0.0; LANES]);
-        for l in 0..LANES {
-            u[l] = (x_m[l] - centre_m.x) / half_m;
-            v[l] = (y_m[l] - centre_m.y) / half_m;
+        let u = x_m.map(|x| (x - centre_m.x) / half_m);
+        let v = y_m.map(|y| (y - centre_m.y) / half_m);
+        let [mut q, mut dq] = [[[0.0; LANES]; ROWS]; 2];
+        let mut along_v = Slopes::new();
+        [q[0], dq[0]] = along_v.get();
+        for j in 1..=degree {
+            along_v.step(&v);
+            [q[j], dq[j]] = along_v.get();
         }
-        let [mut p, mut dp, mut q, mut dq] = [[[0.0; LANES]; MAX_DEGREE + 1]; 4];
-        legendre::slopes_by_lanes(degree, &u, &mut p, &mut dp);
-        legendre::slopes_by_lanes(degree, &v, &mut q, &mut dq);
+        let mut along_u = Slopes::new();
         let mut rest = coefficients.as_slice();
         let [mut height, mut along_x, mut along_y] = [[0.0; LANES]; 3];
         for i in 0..=degree {
+            if i > 0 {
+                along_u.step(&u);
+            }
             let (row, next) = rest.split_at(degree + 1 - i);
-            // A sum of floats begins at -0.
-            let [mut value, mut slope] = [[-0.0; LANES]; 2];
-            for (j, c) in row.iter().enumerate() {
-                for l in 0..LANES {
-                    value[l] += c * q[j][l];
-                    slope[l] += c * dq[j][l];
-                }
+            let ([p, dp], value, slope) = (along_u.get(), weighted(row, &q), weighted(row, &dq));
+            for l in 0..LANES {
+                height[l] += p[l] * value[l];
             }
             for l in 0..LANES {
-                height[l] += p[i][l] * value[l];
-                along_x[l] += dp[i][l] * value[l];
-                along_y[l] += p[i][l] * slope[l];
+                along_x[l] += dp[l] * value[l];
+            }
+            for l in 0..LANES {
+                along_y[l] += p[l] * slope[l];
             }
             rest = next;
         }
-        for l in 0..LANES {
-            along_x[l] /= half_m;
-            along_y[l] /= half_m;
-        }
-        [height, along_x, along_y]
+        [height, along_x.map(|slope| slope / half_m), along_y.map(|slope| slope / half_m)]
     }
 
     /// Second derivatives (xx, xy, yy) at a world point, per metre.
@@ -194,6 +199,18 @@ impl Polynomial {
         let reach = self.half_m / FIT_MARGIN * (1.0 + 4.0 * f64::EPSILON);
         (x_m - self.centre_m.x).abs() <= reach && (y_m - self.centre_m.y).abs() <= reach
     }
+}
+
+/// The sum of rows by their coefficients; as a sum of floats does, it begins at -0.
+#[inline(always)]
+fn weighted(coefficients: &[f64], rows: &[[f64; LANES]]) -> [f64; LANES] {
+    let mut sum = [-0.0; LANES];
+    for (c, row) in coefficients.iter().zip(rows) {
+        for l in 0..LANES {
+            sum[l] += c * row[l];
+        }
+    }
+    sum
 }
 
 #[inline]

@@ -153,7 +153,7 @@ impl Slam {
         if let Some(extractor) = &mut self.extractor {
             let mean = self.filter.believed().mean;
             let (features, visibility) = extractor.extract(sweep, mean[motion::ROLL], mean[motion::PITCH]);
-            self.filter.observe(features, visibility, streams);
+            self.filter.observe(features, &visibility, streams);
         }
         upright(self.filter.angle(motion::PITCH).0)?;
         Ok(self.estimate())

@@ -47,7 +47,7 @@ fn feature(polar: [f64; 3]) -> Feature {
     Feature { polar, points: 20, half_width_m: 0.1, known: None }
 }
 
-fn everywhere(max_range_m: f64) -> Visibility {
+fn everywhere(max_range_m: f64) -> Visibility<'static> {
     let directions: Vec<DVec3> = (0..40_000u32)
         .map(|i| {
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 40_000.0;

@@ -6,21 +6,27 @@
 use super::Point;
 use super::ground::GroundGrid;
 use crate::geometry::{DVec2, DVec3};
+use crate::wide::LANES;
 
 /// Cells this far apart still touch.
 const REACH_CELLS: usize = 2;
 const FREE: u32 = u32::MAX;
 
 /// The points of one thing.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Cluster {
     pub points: Vec<Point>,
 }
 
-/// Clusters and the cells they own.
+/// Clusters and the cells they own. Reused memory.
+#[derive(Clone, Debug, Default)]
 pub struct Clusters {
+    /// Per cell its cluster, [`FREE`] where there is none; an entry more for points that are in no cell.
     owner: Vec<u32>,
+    /// The first `count` are of this sweep.
     clusters: Vec<Cluster>,
+    count: usize,
+    open: Vec<usize>,
 }
 
 /// A cluster seen from the origin.
@@ -40,45 +46,54 @@ pub struct Seen {
     pub aspect: f64,
 }
 
-/// Clusters of cells whose highest point stands more than `above_m` over the ground.
-pub fn grow(grid: &GroundGrid, above_m: f64) -> Clusters {
-    let (rows, width) = grid.rows_and_width();
-    let mut owner = vec![FREE; rows * width];
-    let mut count = 0;
-    let mut open = Vec::new();
-    let stands = |cell: usize| grid.standing_m(cell) > above_m;
-    for seed in 0..rows * width {
-        if owner[seed] != FREE || !stands(seed) {
-            continue;
-        }
-        owner[seed] = count;
-        open.push(seed);
-        while let Some(cell) = open.pop() {
-            let (row, col) = (cell / width, cell % width);
-            for r in row.saturating_sub(REACH_CELLS)..(row + REACH_CELLS + 1).min(rows) {
-                for c in col.saturating_sub(REACH_CELLS)..(col + REACH_CELLS + 1).min(width) {
-                    let next = r * width + c;
-                    if owner[next] == FREE && stands(next) {
-                        owner[next] = count;
-                        open.push(next);
+impl Clusters {
+    /// Clusters of cells whose highest point stands more than `above_m` over the ground; without points so far.
+    pub fn grow(&mut self, grid: &GroundGrid, above_m: f64) {
+        let (rows, width) = grid.rows_and_width();
+        self.owner.clear();
+        self.owner.resize(rows * width + 1, FREE);
+        self.count = 0;
+        let Clusters { owner, open, .. } = self;
+        let stands = |cell: usize| grid.standing_m(cell) > above_m;
+        for seed in 0..rows * width {
+            if !stands(seed) || owner[seed] != FREE {
+                continue;
+            }
+            owner[seed] = self.count as u32;
+            open.push(seed);
+            while let Some(cell) = open.pop() {
+                let (row, col) = (cell / width, cell % width);
+                for r in row.saturating_sub(REACH_CELLS)..(row + REACH_CELLS + 1).min(rows) {
+                    for c in col.saturating_sub(REACH_CELLS)..(col + REACH_CELLS + 1).min(width) {
+                        let next = r * width + c;
+                        if stands(next) && owner[next] == FREE {
+                            owner[next] = self.count as u32;
+                            open.push(next);
+                        }
                     }
                 }
             }
+            self.count += 1;
         }
-        count += 1;
+        self.clusters.resize_with(self.count.max(self.clusters.len()), Cluster::default);
+        self.clusters.iter_mut().for_each(|cluster| cluster.points.clear());
     }
-    Clusters { owner, clusters: (0..count).map(|_| Cluster::default()).collect() }
-}
 
-impl Clusters {
+    /// Whether any of the cells belongs to a cluster.
+    #[inline(always)]
+    pub fn own_any(&self, cells: &[u32; LANES]) -> bool {
+        cells.iter().fold(FREE, |owners, &cell| owners & self.owner[cell as usize]) != FREE
+    }
+
     /// The cluster that owns a cell.
     pub fn of_cell(&mut self, cell: u32) -> Option<&mut Cluster> {
         // A free cell's number is out of bounds.
         self.clusters.get_mut(self.owner[cell as usize] as usize)
     }
 
-    pub fn into_clusters(self) -> Vec<Cluster> {
-        self.clusters
+    /// In the order of their first cells.
+    pub fn found(&self) -> &[Cluster] {
+        &self.clusters[..self.count]
     }
 }
 

@@ -1,27 +1,25 @@
 //! Levelled points -> a smooth ground under them.
 //!
 //! In: points, sensor at the origin, x and y level. Out: the ground's height anywhere on the grid, metres above the sensor
-//! (so usually negative). A plane fitted to the cells' lowest points under a Gaussian window, with outliers (rocks above,
-//! noise below) weighed down four times over. The window is separable, so that its moments are two passes of short sums; they
-//! are taken at nodes four cells apart, and the ground is bilinear between: over 0.4 m its bend is millimetres.
+//! (so usually negative). Planes fitted to the cells' lowest points (see [`Planes`]), with outliers (rocks above, noise below)
+//! weighed down up to four times over, until no weight changes. The planes stand at nodes four cells apart, and the ground is
+//! bilinear between: over 0.4 m its bend is millimetres.
 
-use crate::math;
+mod planes;
+
+use std::ops::Range;
+
 use crate::wide::{LANES, Work, widest};
+use planes::Planes;
 
-/// Standard deviation of the window, metres; it is cut at two and a half of them.
-const WINDOW_M: f64 = 0.7;
-const WINDOW_CUT: f64 = 2.5;
-const NODE_CELLS: usize = 4;
+/// Cells from one node to the next.
+pub const CELLS_A_NODE: usize = 4;
 const REWEIGHTINGS: usize = 4;
 /// Cells more than this above the fitted ground hold a rock; more than that below, noise.
 const HIGH_M: f64 = 0.03;
 const LOW_M: f64 = 0.06;
 const HIGH_WEIGHT: f64 = 0.02;
 const LOW_WEIGHT: f64 = 0.5;
-/// A node with less weight than this around it has no ground.
-const LEAST_WEIGHT: f64 = 0.05;
-/// Slopes are drawn to level by this share of the weight (cells squared): decides only where the cells lie on a line.
-const LEVEL_SHARE: f64 = 1e-3;
 
 /// Lowest and highest point of each cell, and the ground under them.
 #[derive(Clone, Debug)]
@@ -29,40 +27,29 @@ pub struct GroundGrid {
     half_m: f64,
     cell_m: f64,
     side: usize,
-    /// From row to row in the lists of cells: whole blocks of lanes; the last cells of a row may be off the grid, and stay empty.
-    width: usize,
-    lowest_m: Vec<f64>,
+    /// Highest point of each cell; the last entry, here as in `cells.lowest_m`, is no cell.
     highest_m: Vec<f64>,
     /// How far each cell's highest point stands above the ground; not a number where there is no point or no ground.
     standing_m: Vec<f64>,
-    /// Per cell: weight in the fit, and weight times lowest point; 0 where empty.
-    weight: Vec<f64>,
-    weighted_m: Vec<f64>,
+    cells: Cells,
+    /// Per block of `LANES` columns: rows outside which no cell holds a point, or has another weight than at the last fit.
+    held: Vec<Range<usize>>,
+    changed: Vec<Range<usize>>,
     nodes: usize,
     /// Ground height at the nodes; NaN where there is none.
     node_m: Vec<f64>,
-    moments: Moments,
-    window: Vec<f64>,
+    planes: Planes,
 }
 
-/// Moments along y at one row of nodes: five for each column of cells.
-///
-/// Columns that lie `NODE_CELLS` apart stand side by side, so that what several nodes need next lies together; there are columns
-/// of nothing before the first and after the last.
+/// What the ground is fitted to.
 #[derive(Clone, Debug)]
-struct Moments {
-    /// Columns of nothing before the first, a multiple of `NODE_CELLS`.
-    before: usize,
-    by_phase: [[Vec<f64>; NODE_CELLS]; 5],
-}
-
-impl Moments {
-    fn new(side: usize, nodes: usize, reach: usize) -> Moments {
-        let before = reach.next_multiple_of(NODE_CELLS);
-        let last_column = (nodes.next_multiple_of(LANES) * NODE_CELLS + reach).max(side.next_multiple_of(LANES));
-        let length = (before + last_column) / NODE_CELLS + 1;
-        Moments { before, by_phase: std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; length])) }
-    }
+pub struct Cells {
+    /// From row to row: whole blocks of lanes; the last cells of a row may be off the grid, and stay empty.
+    pub width: usize,
+    pub lowest_m: Vec<f64>,
+    /// Weight in the fit, and weight times lowest point; 0 where empty.
+    pub weight: Vec<f64>,
+    pub weighted_m: Vec<f64>,
 }
 
 impl GroundGrid {
@@ -70,58 +57,63 @@ impl GroundGrid {
     pub fn new(half_m: f64, cell_m: f64) -> GroundGrid {
         let side = (2.0 * half_m / cell_m).ceil() as usize;
         let width = side.next_multiple_of(LANES);
-        let cells = width * side;
-        let nodes = side / NODE_CELLS + 2;
-        let reach = (WINDOW_CUT * WINDOW_M / cell_m) as i64;
-        let window = (-reach..=reach).map(|k| {
-            let t = k as f64 * cell_m / WINDOW_M;
-            math::exp(-0.5 * t * t)
-        });
+        let count = width * side;
+        let nodes = side / CELLS_A_NODE + 2;
+        let none = || vec![0..0; width / LANES];
         GroundGrid {
             half_m: 0.5 * side as f64 * cell_m,
             cell_m,
             side,
-            width,
-            lowest_m: vec![f64::INFINITY; cells],
-            highest_m: vec![f64::NEG_INFINITY; cells],
-            standing_m: vec![f64::NAN; cells],
-            weight: vec![0.0; cells],
-            weighted_m: vec![0.0; cells],
+            highest_m: vec![f64::NEG_INFINITY; count + 1],
+            standing_m: vec![f64::NAN; count],
+            cells: Cells {
+                width,
+                lowest_m: vec![f64::INFINITY; count + 1],
+                weight: vec![0.0; count],
+                weighted_m: vec![0.0; count],
+            },
+            held: none(),
+            changed: none(),
             nodes,
             node_m: vec![f64::NAN; nodes * nodes],
-            moments: Moments::new(side, nodes, reach as usize),
-            window: window.collect(),
+            planes: Planes::new(side, cell_m, nodes),
         }
     }
 
     /// Rows, and cells from one row to the next.
     pub fn rows_and_width(&self) -> (usize, usize) {
-        (self.side, self.width)
+        (self.side, self.cells.width)
+    }
+
+    /// Stands for the cell of a point that has none; may be entered.
+    #[inline(always)]
+    pub fn nowhere(&self) -> u32 {
+        (self.side * self.cells.width) as u32
     }
 
     pub fn clear(&mut self) {
-        self.lowest_m.fill(f64::INFINITY);
+        self.cells.lowest_m.fill(f64::INFINITY);
         self.highest_m.fill(f64::NEG_INFINITY);
     }
 
-    /// Column and row of a point, in cells: outside `0.0..side` it is not on the grid.
+    /// Finds the cells of points that are `taken`; leaves those of others, and of points that are not on the grid.
     #[inline(always)]
-    pub fn place(&self, x_m: f64, y_m: f64) -> [f64; 2] {
-        [(x_m + self.half_m) / self.cell_m, (y_m + self.half_m) / self.cell_m]
+    pub fn place<const N: usize>(&self, x_m: &[f64; N], y_m: &[f64; N], taken: &[bool; N], cells: &mut [u32; N]) {
+        let (half_m, cell_m, limit, width) = (self.half_m, self.cell_m, self.side as f64, self.cells.width as f64);
+        for l in 0..N {
+            let (col, row) = ((x_m[l] + half_m) / cell_m, (y_m[l] + half_m) / cell_m);
+            let inside = taken[l] & (col >= 0.0) & (row >= 0.0) & (col < limit) & (row < limit);
+            let cell = lowest_bits(whole(row) * width + whole(col));
+            cells[l] = if inside { cell } else { cells[l] };
+        }
     }
 
-    /// Enters the height of a point at a [`Self::place`]; its cell, if it lies on the grid.
+    /// Enters the height of a point in a cell.
     #[inline(always)]
-    pub fn enter(&mut self, [col, row]: [f64; 2], height_m: f64) -> Option<u32> {
-        let limit = self.side as f64;
-        if !(col >= 0.0 && row >= 0.0 && col < limit && row < limit) {
-            return None;
-        }
-        let cell = row as usize * self.width + col as usize;
-        let (lowest_m, highest_m) = (&mut self.lowest_m[cell], &mut self.highest_m[cell]);
+    pub fn enter(&mut self, cell: u32, height_m: f64) {
+        let (lowest_m, highest_m) = (&mut self.cells.lowest_m[cell as usize], &mut self.highest_m[cell as usize]);
         *lowest_m = if height_m < *lowest_m { height_m } else { *lowest_m };
         *highest_m = if height_m > *highest_m { height_m } else { *highest_m };
-        Some(cell as u32)
     }
 
     /// Fits the ground to what has been entered.
@@ -131,48 +123,86 @@ impl GroundGrid {
 
     #[inline(always)]
     fn fit_plainly(&mut self) {
-        for (weight, lowest_m) in self.weight.iter_mut().zip(&self.lowest_m) {
-            *weight = if lowest_m.is_finite() { 1.0 } else { 0.0 };
-        }
-        self.fit_nodes();
+        self.begin();
+        self.planes.fit(&self.cells, &self.held, &self.changed, &mut self.node_m);
         for _ in 0..REWEIGHTINGS {
-            self.weigh_again();
-            self.fit_nodes();
+            if !self.weigh_again() {
+                break;
+            }
+            self.planes.fit(&self.cells, &self.held, &self.changed, &mut self.node_m);
         }
         self.stand();
     }
 
-    /// Weighs cells down that lie off the ground fitted so far.
+    /// Full weight to every cell that holds a point.
     #[inline(always)]
-    fn weigh_again(&mut self) {
+    fn begin(&mut self) {
+        let Cells { width, lowest_m, weight, weighted_m } = &mut self.cells;
+        self.held.fill(0..0);
         for row in 0..self.side {
-            let cells = row * self.width..(row + 1) * self.width;
-            let weights = self.weight[cells.clone()].as_chunks_mut::<NODE_CELLS>().0;
-            let lowest_m = self.lowest_m[cells].as_chunks::<NODE_CELLS>().0;
-            let ground = Between::new(&self.node_m, self.nodes, row);
-            for (k, (weights, lowest_m)) in weights.iter_mut().zip(lowest_m).enumerate().take(self.nodes - 1) {
-                let ground_m = ground.cells_m(k);
-                for c in 0..NODE_CELLS {
-                    let above_m = lowest_m[c] - ground_m[c];
-                    let low = if above_m < -LOW_M { LOW_WEIGHT } else { 1.0 };
-                    let again = if above_m > HIGH_M { HIGH_WEIGHT } else { low };
-                    weights[c] = if weights[c] > 0.0 { again } else { weights[c] };
+            for (block, held) in self.held.iter_mut().enumerate() {
+                let at = row * *width + block * LANES;
+                let cells = at..at + LANES;
+                let (lowest_m, weight) = (&lowest_m[cells.clone()], &mut weight[cells.clone()]);
+                let weighted_m = &mut weighted_m[cells];
+                let mut any = false;
+                for c in 0..LANES {
+                    let full = lowest_m[c].is_finite();
+                    any |= full;
+                    weight[c] = if full { 1.0 } else { 0.0 };
+                    weighted_m[c] = if full { lowest_m[c] } else { 0.0 };
+                }
+                if any {
+                    widen(held, row);
                 }
             }
         }
+        self.changed.fill(0..self.side);
+    }
+
+    /// Weighs cells down that lie off the ground fitted so far; whether a weight has changed.
+    #[inline(always)]
+    fn weigh_again(&mut self) -> bool {
+        let Cells { width, lowest_m, weight, weighted_m } = &mut self.cells;
+        let mut any = false;
+        for ((block, held), changed) in self.held.iter().enumerate().zip(&mut self.changed) {
+            *changed = 0..0;
+            for row in held.clone() {
+                let at = row * *width + block * LANES;
+                let cells = at..at + LANES;
+                let (lowest_m, weight) = (&lowest_m[cells.clone()], &mut weight[cells.clone()]);
+                let weighted_m = &mut weighted_m[cells];
+                let ground_m = Between::new(&self.node_m, self.nodes, row).block_m(block);
+                let mut other = false;
+                for c in 0..LANES {
+                    let above_m = lowest_m[c] - ground_m[c];
+                    let low = if above_m < -LOW_M { LOW_WEIGHT } else { 1.0 };
+                    let again = if above_m > HIGH_M { HIGH_WEIGHT } else { low };
+                    let again = if weight[c] > 0.0 { again } else { 0.0 };
+                    other |= again != weight[c];
+                    weight[c] = again;
+                    weighted_m[c] = if again > 0.0 { again * lowest_m[c] } else { 0.0 };
+                }
+                if other {
+                    widen(changed, row);
+                    any = true;
+                }
+            }
+        }
+        any
     }
 
     /// How far each cell's highest point stands above the ground.
     #[inline(always)]
     fn stand(&mut self) {
-        for row in 0..self.side {
-            let cells = row * self.width..(row + 1) * self.width;
-            let standing_m = self.standing_m[cells.clone()].as_chunks_mut::<NODE_CELLS>().0;
-            let highest_m = self.highest_m[cells].as_chunks::<NODE_CELLS>().0;
-            let ground = Between::new(&self.node_m, self.nodes, row);
-            for (k, (standing_m, highest_m)) in standing_m.iter_mut().zip(highest_m).enumerate().take(self.nodes - 1) {
-                let ground_m = ground.cells_m(k);
-                for c in 0..NODE_CELLS {
+        self.standing_m.fill(f64::NAN);
+        for (block, held) in self.held.iter().enumerate() {
+            for row in held.clone() {
+                let at = row * self.cells.width + block * LANES;
+                let highest_m = &self.highest_m[at..at + LANES];
+                let standing_m = &mut self.standing_m[at..at + LANES];
+                let ground_m = Between::new(&self.node_m, self.nodes, row).block_m(block);
+                for c in 0..LANES {
                     let above_m = highest_m[c] - ground_m[c];
                     standing_m[c] = if highest_m[c] == f64::NEG_INFINITY { f64::NAN } else { above_m };
                 }
@@ -180,116 +210,44 @@ impl GroundGrid {
         }
     }
 
-    /// The plane at every node from the weighted cells around it.
-    #[inline(always)]
-    fn fit_nodes(&mut self) {
-        for ((weighted, &weight), &lowest_m) in self.weighted_m.iter_mut().zip(&self.weight).zip(&self.lowest_m) {
-            *weighted = if weight > 0.0 { weight * lowest_m } else { 0.0 };
-        }
-        for node_row in 0..self.nodes {
-            self.gather_moments(node_row * NODE_CELLS);
-            for first in (0..self.nodes).step_by(LANES) {
-                let heights_m = self.planes_m(first);
-                let count = LANES.min(self.nodes - first);
-                self.node_m[node_row * self.nodes + first..][..count].copy_from_slice(&heights_m[..count]);
-            }
-        }
-    }
-
-    /// Moments along y of every column, about a row of cells.
-    #[inline(always)]
-    fn gather_moments(&mut self, centre: usize) {
-        let reach = self.window.len() / 2;
-        let rows = centre.saturating_sub(reach)..(centre + reach + 1).min(self.side);
-        for first in (0..self.width).step_by(LANES) {
-            let mut sums = [[0.0; LANES]; 5];
-            for row in rows.clone() {
-                let g = self.window[row + reach - centre];
-                let k = row as f64 - centre as f64;
-                let (gk, gkk) = (g * k, g * k * k);
-                let at = row * self.width + first;
-                let (mut weights, mut heights) = ([0.0; LANES], [0.0; LANES]);
-                weights.copy_from_slice(&self.weight[at..at + LANES]);
-                heights.copy_from_slice(&self.weighted_m[at..at + LANES]);
-                for c in 0..LANES {
-                    sums[0][c] += g * weights[c];
-                    sums[1][c] += gk * weights[c];
-                    sums[2][c] += gkk * weights[c];
-                    sums[3][c] += g * heights[c];
-                    sums[4][c] += gk * heights[c];
-                }
-            }
-            for (phases, sums) in self.moments.by_phase.iter_mut().zip(&sums) {
-                for (c, sum) in sums.iter().enumerate() {
-                    let column = self.moments.before + first + c;
-                    phases[column % NODE_CELLS][column / NODE_CELLS] = *sum;
-                }
-            }
-        }
-    }
-
-    /// The heights at nodes, from one on, of the planes fitted around them: columns of the current row of nodes.
-    #[inline(always)]
-    fn planes_m(&self, first: usize) -> [f64; LANES] {
-        let reach = self.window.len() / 2;
-        let [w, wy, wyy, z, zy] = &self.moments.by_phase;
-        let [mut s, mut sx, mut sy, mut sxx, mut sxy, mut syy] = [[0.0; LANES]; 6];
-        let [mut t, mut tx, mut ty] = [[0.0; LANES]; 3];
-        for (step, &g) in self.window.iter().enumerate() {
-            let k = step as f64 - reach as f64;
-            let column = self.moments.before + step - reach;
-            let (phase, place) = (column % NODE_CELLS, first + column / NODE_CELLS);
-            let read = |of: &[Vec<f64>; NODE_CELLS]| {
-                let mut lanes = [0.0; LANES];
-                lanes.copy_from_slice(&of[phase][place..place + LANES]);
-                lanes
-            };
-            let (w, wy, wyy, z, zy) = (read(w), read(wy), read(wyy), read(z), read(zy));
-            for l in 0..LANES {
-                let (gw, gwy, gz) = (g * w[l], g * wy[l], g * z[l]);
-                s[l] += gw;
-                sx[l] += k * gw;
-                sxx[l] += k * k * gw;
-                sy[l] += gwy;
-                sxy[l] += k * gwy;
-                syy[l] += g * wyy[l];
-                t[l] += gz;
-                tx[l] += k * gz;
-                ty[l] += g * zy[l];
-            }
-        }
-        let mut heights_m = [0.0; LANES];
-        for l in 0..LANES {
-            // About the weighted mean the plane's height and its two slopes part.
-            let (mx, my, mz) = (sx[l] / s[l], sy[l] / s[l], t[l] / s[l]);
-            let xx = sxx[l] / s[l] - mx * mx + LEVEL_SHARE;
-            let yy = syy[l] / s[l] - my * my + LEVEL_SHARE;
-            let xy = sxy[l] / s[l] - mx * my;
-            let (xz, yz) = (tx[l] / s[l] - mx * mz, ty[l] / s[l] - my * mz);
-            let determinant = xx * yy - xy * xy;
-            let slope_x = (xz * yy - yz * xy) / determinant;
-            let slope_y = (yz * xx - xz * xy) / determinant;
-            heights_m[l] = if s[l] < LEAST_WEIGHT { f64::NAN } else { mz - slope_x * mx - slope_y * my };
-        }
-        heights_m
-    }
-
     /// The ground at a place; NaN where there is none.
     #[inline(always)]
     pub fn ground_m(&self, x_m: f64, y_m: f64) -> f64 {
         // Node k is the centre of cell 4 k.
-        let at = |t_m: f64| ((t_m + self.half_m) / self.cell_m - 0.5) / NODE_CELLS as f64;
+        let at = |t_m: f64| ((t_m + self.half_m) / self.cell_m - 0.5) / CELLS_A_NODE as f64;
         let (col, row) = (at(x_m), at(y_m));
-        let most = (self.nodes - 2) as f64;
-        let (c, r) = (col.floor().clamp(0.0, most), row.floor().clamp(0.0, most));
-        let rows = node_rows(&self.node_m, self.nodes, r as usize);
-        between(rows, c as usize, col - c, row - r)
+        // A cast takes what is below 0, and what is no number, to 0.
+        let node = |at: f64| (at as usize).min(self.nodes - 2);
+        let (c, r) = (node(col), node(row));
+        between(node_rows(&self.node_m, self.nodes, r), c, col - c as f64, row - r as f64)
     }
 
     /// How far a cell's highest point stands above the fitted ground; not a number where there is no point or no ground.
     pub fn standing_m(&self, cell: usize) -> f64 {
         self.standing_m[cell]
     }
+}
+
+/// Added to a smaller number that is not negative, it leaves no digits behind the point: 2^52.
+const WHOLE: f64 = 4_503_599_627_370_496.0;
+
+/// The number without its digits behind the point, for numbers in 0..2^51: a cast would see to all others as well, lane by lane.
+#[inline(always)]
+fn whole(number: f64) -> f64 {
+    let nearest = (number + WHOLE) - WHOLE;
+    if nearest > number { nearest - 1.0 } else { nearest }
+}
+
+/// A whole number of 0..2^32 as an integer; nonsense for others.
+#[inline(always)]
+fn lowest_bits(whole: f64) -> u32 {
+    (whole + WHOLE).to_bits() as u32
+}
+
+/// Takes a row into a range of rows; rows come in order.
+#[inline(always)]
+fn widen(rows: &mut Range<usize>, row: usize) {
+    *rows = if Range::is_empty(rows) { row..row + 1 } else { rows.start..row + 1 };
 }
 
 /// A row of cells between two rows of nodes.
@@ -302,16 +260,21 @@ struct Between<'a> {
 impl<'a> Between<'a> {
     #[inline(always)]
     fn new(node_m: &'a [f64], nodes: usize, row: usize) -> Between<'a> {
-        let share = (row % NODE_CELLS) as f64 / NODE_CELLS as f64;
-        Between { rows: node_rows(node_m, nodes, row / NODE_CELLS), share }
+        let share = (row % CELLS_A_NODE) as f64 / CELLS_A_NODE as f64;
+        Between { rows: node_rows(node_m, nodes, row / CELLS_A_NODE), share }
     }
 
-    /// The ground at the cells from one node of the row to the next.
+    /// The ground at the cells of a block; nonsense beyond the last node.
     #[inline(always)]
-    fn cells_m(&self, node: usize) -> [f64; NODE_CELLS] {
-        let mut ground_m = [0.0; NODE_CELLS];
-        for (c, ground_m) in ground_m.iter_mut().enumerate() {
-            *ground_m = between(self.rows, node, c as f64 / NODE_CELLS as f64, self.share);
+    fn block_m(&self, block: usize) -> [f64; LANES] {
+        const NODES: usize = LANES / CELLS_A_NODE;
+        let last = self.rows[0].len() - 2;
+        let mut ground_m = [0.0; LANES];
+        for (k, ground_m) in ground_m.as_chunks_mut::<CELLS_A_NODE>().0.iter_mut().enumerate() {
+            let node = (block * NODES + k).min(last);
+            for (c, ground_m) in ground_m.iter_mut().enumerate() {
+                *ground_m = between(self.rows, node, c as f64 / CELLS_A_NODE as f64, self.share);
+            }
         }
         ground_m
     }
@@ -339,92 +302,5 @@ impl Work for Fit<'_> {
     #[inline(always)]
     fn run(self) {
         self.0.fit_plainly();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::wide::every_form;
-
-    /// A grid of bumps and rocks with holes in it.
-    fn entered(half_m: f64, cell_m: f64) -> GroundGrid {
-        let mut grid = GroundGrid::new(half_m, cell_m);
-        for k in 0..60_000u32 {
-            let along = |step: f64| half_m * (2.0 * (step * f64::from(k)).fract() - 1.0);
-            let (x, y) = (along(0.618_033_988), along(0.414_213_562));
-            if math::hypot(x - 1.0, y) < 0.6 || y < -0.7 * half_m {
-                continue;
-            }
-            let rock = if math::hypot(x + 1.0, y - 0.5) < 0.3 { 0.4 } else { 0.0 };
-            grid.enter(grid.place(x, y), 0.3 * math::sin(x) + 0.1 * math::cos(3.0 * y) + rock);
-        }
-        grid
-    }
-
-    /// The plane at a node, cell by cell: the definition, in the order of the sums that the grid takes.
-    fn plane_by_cells_m(grid: &GroundGrid, node_row: usize, node_col: usize) -> f64 {
-        let reach = grid.window.len() / 2;
-        let near = |node: usize| {
-            let centre = node * NODE_CELLS;
-            (centre.saturating_sub(reach)..(centre + reach + 1).min(grid.side)).map(move |at| {
-                let k = at as f64 - centre as f64;
-                (at, k, grid.window[at + reach - centre])
-            })
-        };
-        let mut sums = [0.0; 9];
-        for (col, kx, gx) in near(node_col) {
-            let mut along_y = [0.0; 5];
-            for (row, ky, gy) in near(node_row) {
-                let at = row * grid.width + col;
-                let (weight, height) = (grid.weight[at], grid.weighted_m[at]);
-                let terms = [gy * weight, gy * ky * weight, gy * ky * ky * weight, gy * height, gy * ky * height];
-                along_y.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-            }
-            let [w, wy, wyy, z, zy] = along_y.map(|sum| gx * sum);
-            let terms = [w, kx * w, wy, kx * kx * w, kx * wy, wyy, z, kx * z, zy];
-            sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-        }
-        let [s, sx, sy, sxx, sxy, syy, t, tx, ty] = sums;
-        if s < LEAST_WEIGHT {
-            return f64::NAN;
-        }
-        let (mx, my, mz) = (sx / s, sy / s, t / s);
-        let (xx, yy) = (sxx / s - mx * mx + LEVEL_SHARE, syy / s - my * my + LEVEL_SHARE);
-        let (xy, xz, yz) = (sxy / s - mx * my, tx / s - mx * mz, ty / s - my * mz);
-        let determinant = xx * yy - xy * xy;
-        mz - (xz * yy - yz * xy) / determinant * mx - (yz * xx - xz * xy) / determinant * my
-    }
-
-    struct Whole(GroundGrid);
-
-    impl Work for Whole {
-        type Out = GroundGrid;
-        #[inline(always)]
-        fn run(mut self) -> GroundGrid {
-            self.0.fit_plainly();
-            self.0
-        }
-    }
-
-    #[test]
-    fn equal_planes_by_lanes_and_cell_by_cell_in_every_form() {
-        // Sides of 85, 86, 88, 80 and 7 cells: at and off a whole number of lanes and of nodes.
-        for (half_m, cell_m) in [(4.25, 0.1), (4.3, 0.1), (4.4, 0.1), (4.0, 0.1), (1.0, 0.3)] {
-            for grid in every_form(|| Whole(entered(half_m, cell_m))) {
-                let bits = |x: f64| if x.is_nan() { 0 } else { x.to_bits() };
-                for node in 0..grid.nodes * grid.nodes {
-                    let plain = plane_by_cells_m(&grid, node / grid.nodes, node % grid.nodes);
-                    assert_eq!(bits(grid.node_m[node]), bits(plain), "{half_m} {cell_m}: node {node}");
-                }
-                for cell in (0..grid.width * grid.side).filter(|cell| cell % grid.width < grid.side) {
-                    let centre_m = |k: usize| (k as f64 + 0.5) * grid.cell_m - grid.half_m;
-                    let ground_m = grid.ground_m(centre_m(cell % grid.width), centre_m(cell / grid.width));
-                    let standing_m = grid.highest_m[cell] - ground_m;
-                    let near = (grid.standing_m(cell) - standing_m).abs() < 1e-12;
-                    assert!(near || !standing_m.is_finite() && grid.standing_m(cell).is_nan(), "cell {cell}");
-                }
-            }
-        }
     }
 }

@@ -9,23 +9,24 @@
 mod clusters;
 mod ground;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::measurement::Polar;
 use super::particle::Feature;
-use super::visibility::{Visibility, direction_bin};
+use super::visibility::{Bins, Visibility};
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
 use crate::math;
 use crate::sweep::{Pattern, Status, Sweep};
 use crate::wide::{LANES, Work, widest};
-use clusters::{Cluster, grow};
+use clusters::{Cluster, Clusters};
 use ground::GroundGrid;
 
 /// Side of a grid cell, metres.
 const CELL_M: f64 = 0.1;
 /// Points this much beyond the features' range still tell of the ground.
 const MARGIN_M: f64 = 0.5;
-/// A point that jumps this far from both its neighbours lies on neither surface.
+/// A point that jumps this far from both its neighbours lies on neither surface: a mixed pixel.
 const JUMP_M: f64 = 0.3;
 /// A cell holds an object when its highest point stands this far above the ground; points count from the lower figure on.
 const OBJECT_M: f64 = 0.08;
@@ -44,61 +45,169 @@ const PUSH_BACK: f64 = 0.58;
 const TOP_SHARE: f64 = 0.95;
 /// Landmarks are expected up to this share of the greatest range.
 const EXPECTED_SHARE: f64 = 0.9;
+/// Slots that are gathered at a time: enough that a loop over them stays a loop, which compilers put into lanes better than
+/// eight steps written out.
+const BLOCK: usize = 64;
 
 /// Finds features; keeps its memory and what it knows of the pattern from sweep to sweep.
 #[derive(Clone, Debug)]
 pub struct Extractor {
     rover_from_sensor: DMat3,
     range_m: f64,
-    pattern: Option<Arc<Pattern>>,
-    /// Direction bin of each slot.
-    bins: Vec<u16>,
-    points: Vec<Point>,
+    pattern: Option<(Arc<Pattern>, Arc<Bins>)>,
+    /// The cell of each slot, in blocks.
+    cells: Vec<[u32; BLOCK]>,
     grid: GroundGrid,
+    clusters: Clusters,
     features: Vec<Feature>,
-    visibility: Visibility,
 }
 
-/// A block of slots in levelled axes with the sensor as origin; nonsense where a slot has no range.
-struct Levelled {
-    x_m: [f64; LANES],
-    y_m: [f64; LANES],
-    z_m: [f64; LANES],
-    col: [f64; LANES],
-    row: [f64; LANES],
+/// A return in levelled axes with the sensor as origin.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    place_m: DVec3,
+    slot: u32,
 }
 
-impl Levelled {
-    #[inline(always)]
-    fn new(grid: &GroundGrid, sweep: &Sweep, level: &DMat3, slots: std::ops::Range<usize>) -> Levelled {
-        let (ranges_m, ways) = (&sweep.range_m[slots.clone()], &sweep.pattern.directions[slots]);
-        let (range_m, directions) = match (ranges_m.first_chunk::<LANES>(), ways.first_chunk::<LANES>()) {
-            (Some(range_m), Some(directions)) => (*range_m, *directions),
-            _ => (
-                std::array::from_fn(|l| ranges_m.get(l).copied().unwrap_or(0.0)),
-                std::array::from_fn(|l| ways.get(l).copied().unwrap_or(DVec3::ZERO)),
-            ),
-        };
-        let [mut x_m, mut y_m, mut z_m, mut col, mut row] = [[0.0; LANES]; 5];
-        for l in 0..LANES {
-            let place_m = *level * (directions[l] * range_m[l]);
-            (x_m[l], y_m[l], z_m[l]) = (place_m.x, place_m.y, place_m.z);
+impl Extractor {
+    /// Features up to `range_m` from the sensor.
+    pub fn new(range_m: f64, rover_from_sensor: &Transform) -> Extractor {
+        Extractor {
+            rover_from_sensor: rover_from_sensor.rotation,
+            range_m,
+            pattern: None,
+            cells: Vec::new(),
+            grid: GroundGrid::new(range_m + MARGIN_M, CELL_M),
+            clusters: Clusters::default(),
+            features: Vec::new(),
         }
-        for l in 0..LANES {
-            [col[l], row[l]] = grid.place(x_m[l], y_m[l]);
-        }
-        Levelled { x_m, y_m, z_m, col, row }
     }
 
-    #[inline(always)]
-    fn place_m(&self, l: usize) -> DVec3 {
-        DVec3::new(self.x_m[l], self.y_m[l], self.z_m[l])
+    /// The features of a sweep, and where it looked.
+    pub fn extract<'s>(&mut self, sweep: &'s Sweep, roll_rad: f64, pitch_rad: f64) -> (&[Feature], Visibility<'s>) {
+        let level = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation() * self.rover_from_sensor;
+        let bins = self.bins(&sweep.pattern);
+        widest(Gather { extractor: self, sweep, level: &level });
+        self.grid.fit();
+        self.clusters.grow(&self.grid, OBJECT_M);
+        self.collect(sweep, &level);
+        self.features.clear();
+        let features = self.clusters.found().iter().filter_map(|cluster| feature(cluster, sweep, &level, self.range_m));
+        self.features.extend(features);
+        (&self.features, Visibility::of_sweep(EXPECTED_SHARE * self.range_m, sweep, bins))
     }
 
-    #[inline(always)]
-    fn on_grid(&self, l: usize) -> [f64; 2] {
-        [self.col[l], self.row[l]]
+    fn bins(&mut self, pattern: &Arc<Pattern>) -> Arc<Bins> {
+        match &self.pattern {
+            Some((known, bins)) if Arc::ptr_eq(known, pattern) => bins.clone(),
+            _ => self.pattern.insert((pattern.clone(), Bins::of(pattern))).1.clone(),
+        }
     }
+
+    /// Levels the usable points and enters them into the grid.
+    #[inline(always)]
+    fn gather(&mut self, sweep: &Sweep, level: &DMat3) {
+        self.grid.clear();
+        let slots = sweep.range_m.len().min(sweep.status.len()).min(sweep.pattern.directions.len());
+        self.cells.clear();
+        self.cells.resize(slots.div_ceil(BLOCK), [self.grid.nowhere(); BLOCK]);
+        let limit_m = self.range_m + MARGIN_M;
+        for (first, cells) in (0..slots).step_by(BLOCK).zip(&mut self.cells) {
+            let taken = taken(sweep, first..slots, limit_m);
+            if taken.iter().fold(false, |any, &taken| any | taken) {
+                let [x_m, y_m, z_m] = levelled(level, sweep, first);
+                self.grid.place(&x_m, &y_m, &taken, cells);
+                for (&cell, &z_m) in cells.iter().zip(&z_m) {
+                    self.grid.enter(cell, z_m);
+                }
+            }
+        }
+    }
+
+    /// Gives each cluster its points: those of its cells that are above the ground.
+    fn collect(&mut self, sweep: &Sweep, level: &DMat3) {
+        let blocks = self.cells.iter().flat_map(|cells| cells.as_chunks().0);
+        for (first, cells) in (0..).step_by(LANES).zip(blocks) {
+            if !self.clusters.own_any(cells) {
+                continue;
+            }
+            for (slot, &cell) in (first..).zip(cells) {
+                let Some(cluster) = self.clusters.of_cell(cell) else { continue };
+                let place_m = *level * (sweep.pattern.directions[slot] * sweep.range_m[slot]);
+                if place_m.z - self.grid.ground_m(place_m.x, place_m.y) > ABOVE_GROUND_M {
+                    cluster.points.push(Point { place_m, slot: slot as u32 });
+                }
+            }
+        }
+    }
+}
+
+/// Which of the first slots hold a point near enough that is no mixed pixel: a jump to both neighbours in its line.
+#[inline(always)]
+fn taken(sweep: &Sweep, slots: Range<usize>, limit_m: f64) -> [bool; BLOCK] {
+    let range_m = around(&sweep.range_m, slots.start);
+    let mut spare = [Status::None; BLOCK];
+    let status = block(&sweep.status[slots.clone()], Status::None, &mut spare);
+    let inner = inner(slots.start, sweep.pattern.beams.max(1) as usize);
+    let mut taken = [false; BLOCK];
+    for l in 0..BLOCK {
+        let own_m = range_m[l + 1];
+        let alone = ((own_m - range_m[l]).abs() > JUMP_M) & ((own_m - range_m[l + 2]).abs() > JUMP_M);
+        let hit = status[l] == Status::Hit;
+        taken[l] = hit & (own_m > 0.0) & (own_m <= limit_m) & !(inner[l] & alone);
+    }
+    taken
+}
+
+/// The first values of a slice; where it ends before, with `none` for the rest in `spare`.
+#[inline(always)]
+fn block<'a, T: Copy>(values: &'a [T], none: T, spare: &'a mut [T; BLOCK]) -> &'a [T; BLOCK] {
+    match values.first_chunk() {
+        Some(values) => values,
+        None => {
+            *spare = std::array::from_fn(|l| values.get(l).copied().unwrap_or(none));
+            spare
+        }
+    }
+}
+
+/// The ranges of a block and of its neighbours on both sides; NaN where there is no slot.
+#[inline(always)]
+fn around(range_m: &[f64], first: usize) -> [f64; BLOCK + 2] {
+    let slot = |k: usize| (first + k).checked_sub(1).and_then(|slot| range_m.get(slot)).copied().unwrap_or(f64::NAN);
+    match first.checked_sub(1).and_then(|before| range_m[before..].first_chunk()) {
+        Some(range_m) => *range_m,
+        None => std::array::from_fn(slot),
+    }
+}
+
+/// Which slots of a block have neighbours on both sides in their line.
+#[inline(always)]
+fn inner(first: usize, beams: usize) -> [bool; BLOCK] {
+    let mut inner = [true; BLOCK];
+    // From the last line that begins before the block: its end may lie in it.
+    for line in (first / beams * beams..=first + BLOCK).step_by(beams) {
+        for edge in [line.wrapping_sub(1), line] {
+            if let Some(inner) = edge.checked_sub(first).and_then(|l| inner.get_mut(l)) {
+                *inner = false;
+            }
+        }
+    }
+    inner
+}
+
+/// The points of a block in levelled axes with the sensor as origin, axis by axis; nonsense where a slot has no range.
+#[inline(always)]
+fn levelled(level: &DMat3, sweep: &Sweep, first: usize) -> [[f64; BLOCK]; 3] {
+    let (mut ranges_m, mut ways) = ([0.0; BLOCK], [DVec3::ZERO; BLOCK]);
+    let range_m = block(&sweep.range_m[first..], 0.0, &mut ranges_m);
+    let directions = block(&sweep.pattern.directions[first..], DVec3::ZERO, &mut ways);
+    let [mut x_m, mut y_m, mut z_m] = [[0.0; BLOCK]; 3];
+    for l in 0..BLOCK {
+        let place_m = *level * (directions[l] * range_m[l]);
+        (x_m[l], y_m[l], z_m[l]) = (place_m.x, place_m.y, place_m.z);
+    }
+    [x_m, y_m, z_m]
 }
 
 /// [`Extractor::gather`], in the machine's widest form.
@@ -117,140 +226,33 @@ impl Work for Gather<'_> {
     }
 }
 
-/// A return in levelled axes with the sensor as origin.
-#[derive(Clone, Copy, Debug)]
-struct Point {
-    place_m: DVec3,
-    slot: u32,
-    cell: u32,
-}
-
-impl Extractor {
-    /// Features up to `range_m` from the sensor.
-    pub fn new(range_m: f64, rover_from_sensor: &Transform) -> Extractor {
-        Extractor {
-            rover_from_sensor: rover_from_sensor.rotation,
-            range_m,
-            pattern: None,
-            bins: Vec::new(),
-            points: Vec::new(),
-            grid: GroundGrid::new(range_m + MARGIN_M, CELL_M),
-            features: Vec::new(),
-            visibility: Visibility::blind(EXPECTED_SHARE * range_m),
-        }
+/// The feature that a cluster is, unless it is too small, too large, hidden in part or more than `most_m` away.
+fn feature(cluster: &Cluster, sweep: &Sweep, level: &DMat3, most_m: f64) -> Option<Feature> {
+    if cluster.points.len() < LEAST_POINTS {
+        return None;
     }
-
-    /// The features of a sweep, and where it looked.
-    pub fn extract(&mut self, sweep: &Sweep, roll_rad: f64, pitch_rad: f64) -> (&[Feature], &Visibility) {
-        let level = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation() * self.rover_from_sensor;
-        self.learn(&sweep.pattern);
-        widest(Gather { extractor: self, sweep, level: &level });
-        self.grid.fit();
-        self.features.clear();
-        for cluster in self.objects() {
-            self.features.extend(self.feature(&cluster, sweep, &level));
-        }
-        (&self.features, &self.visibility)
+    let seen = cluster.seen_from_origin()?;
+    let (width_m, depth_m) = (seen.left_m - seen.right_m, seen.far_m - seen.near_m);
+    if width_m < LEAST_WIDTH_M || width_m.max(depth_m) > MOST_WIDTH_M || seen.aspect > MOST_ASPECT {
+        return None;
     }
-
-    fn learn(&mut self, pattern: &Arc<Pattern>) {
-        if self.pattern.as_ref().is_some_and(|known| Arc::ptr_eq(known, pattern)) {
-            return;
-        }
-        self.bins.clear();
-        self.bins.extend(pattern.directions.iter().map(|d| direction_bin(d.x, d.y, d.z) as u16));
-        self.pattern = Some(pattern.clone());
+    if hidden_beside(sweep, seen.leftmost) || hidden_beside(sweep, seen.rightmost) {
+        return None;
     }
-
-    /// Levels the usable points and enters them into the grid; notes how far each direction saw.
-    #[inline(always)]
-    fn gather(&mut self, sweep: &Sweep, level: &DMat3) {
-        self.points.clear();
-        self.grid.clear();
-        self.visibility = Visibility::blind(EXPECTED_SHARE * self.range_m);
-        let slots = sweep.range_m.len().min(sweep.status.len()).min(self.bins.len());
-        let beams = sweep.pattern.beams.max(1) as usize;
-        self.points.reserve(slots);
-        let mut beam = 0;
-        for first in (0..slots).step_by(LANES) {
-            let block = Levelled::new(&self.grid, sweep, level, first..(first + LANES).min(slots));
-            for l in 0..LANES.min(slots - first) {
-                let inner = beam > 0 && beam + 1 < beams;
-                beam = if beam + 1 < beams { beam + 1 } else { 0 };
-                self.gather_slot(sweep, first + l, inner, block.place_m(l), block.on_grid(l));
-            }
-        }
-    }
-
-    /// One slot: where it lies, on the grid too, and whether it has neighbours on both sides in its line.
-    #[inline(always)]
-    fn gather_slot(&mut self, sweep: &Sweep, slot: usize, inner: bool, place_m: DVec3, on_grid: [f64; 2]) {
-        let bin = usize::from(self.bins[slot]);
-        match sweep.status[slot] {
-            Status::None => self.visibility.note(bin, f64::INFINITY),
-            Status::Dropped | Status::OutOfRange => {}
-            Status::Hit => {
-                let range_m = sweep.range_m[slot];
-                if !(range_m > 0.0 && range_m < f64::INFINITY) {
-                    return;
-                }
-                self.visibility.note(bin, range_m);
-                if range_m > self.range_m + MARGIN_M || inner && stands_alone(&sweep.range_m, slot) {
-                    return;
-                }
-                if let Some(cell) = self.grid.enter(on_grid, place_m.z) {
-                    self.points.push(Point { place_m, slot: slot as u32, cell });
-                }
-            }
-        }
-    }
-
-    /// The points of each thing that stands up from the ground.
-    fn objects(&self) -> Vec<Cluster> {
-        let mut clusters = grow(&self.grid, OBJECT_M);
-        for point in &self.points {
-            let Some(cluster) = clusters.of_cell(point.cell) else { continue };
-            if point.place_m.z - self.grid.ground_m(point.place_m.x, point.place_m.y) > ABOVE_GROUND_M {
-                cluster.points.push(*point);
-            }
-        }
-        clusters.into_clusters()
-    }
-
-    fn feature(&self, cluster: &Cluster, sweep: &Sweep, level: &DMat3) -> Option<Feature> {
-        if cluster.points.len() < LEAST_POINTS {
-            return None;
-        }
-        let seen = cluster.seen_from_origin()?;
-        let (width_m, depth_m) = (seen.left_m - seen.right_m, seen.far_m - seen.near_m);
-        if width_m < LEAST_WIDTH_M || width_m.max(depth_m) > MOST_WIDTH_M || seen.aspect > MOST_ASPECT {
-            return None;
-        }
-        if hidden_beside(sweep, seen.leftmost) || hidden_beside(sweep, seen.rightmost) {
-            return None;
-        }
-        let half_width_m = 0.5 * width_m;
-        let place_m = seen.centroid_m + seen.away * (PUSH_BACK * half_width_m);
-        let sensor_m = level.transpose() * place_m.with_z(cluster.height_quantile_m(TOP_SHARE));
-        let range_m = sensor_m.length();
-        (range_m <= self.range_m).then(|| Feature {
-            polar: polar(sensor_m, range_m),
-            points: cluster.points.len() as u32,
-            half_width_m,
-            known: None,
-        })
-    }
+    let half_width_m = 0.5 * width_m;
+    let place_m = seen.centroid_m + seen.away * (PUSH_BACK * half_width_m);
+    let sensor_m = level.transpose() * place_m.with_z(cluster.height_quantile_m(TOP_SHARE));
+    let range_m = sensor_m.length();
+    (range_m <= most_m).then(|| Feature {
+        polar: polar(sensor_m, range_m),
+        points: cluster.points.len() as u32,
+        half_width_m,
+        known: None,
+    })
 }
 
 fn polar(sensor_m: DVec3, range_m: f64) -> Polar {
     [range_m, math::atan2(sensor_m.y, sensor_m.x), math::atan2(sensor_m.z, math::hypot(sensor_m.x, sensor_m.y))]
-}
-
-/// A mixed pixel: a jump to both neighbours in its line.
-#[inline(always)]
-fn stands_alone(range_m: &[f64], slot: usize) -> bool {
-    let jumps = |other: usize| range_m.get(other).is_some_and(|&other_m| (range_m[slot] - other_m).abs() > JUMP_M);
-    jumps(slot - 1) && jumps(slot + 1)
 }
 
 /// A ray beside this one ends well before it, or there is none: the cluster goes on where it cannot be seen.

@@ -200,3 +200,59 @@ fn extreme_other_patterns_give_features_or_none_but_no_panic() {
     }
     assert!(counts[1] >= 1, "the rosette looks straight at a post: {counts:?}");
 }
+
+/// What the extractor takes of a slot, by the definition: its cell.
+fn cell_of(grid: &GroundGrid, sweep: &Sweep, level: &DMat3, slot: usize, limit_m: f64) -> u32 {
+    let (range_m, beams) = (sweep.range_m[slot], sweep.pattern.beams as usize);
+    let beam = slot % beams;
+    let jumps = |other: usize| sweep.range_m.get(other).is_some_and(|&r| (range_m - r).abs() > JUMP_M);
+    let alone = beam > 0 && beam + 1 < beams && jumps(slot - 1) && jumps(slot + 1);
+    let mut cells = [grid.nowhere()];
+    if sweep.status[slot] == Status::Hit && range_m > 0.0 && range_m <= limit_m && !alone {
+        let place_m = *level * (sweep.pattern.directions[slot] * range_m);
+        grid.place(&[place_m.x], &[place_m.y], &[true], &mut cells);
+    }
+    cells[0]
+}
+
+#[test]
+fn equal_points_are_taken_slot_by_slot_and_by_blocks() {
+    let level = Pose { roll_rad: 0.1, pitch_rad: -0.05, ..Pose::default() }.rotation();
+    for (lines, beams) in [(1, 1), (3, 5), (7, 63), (4, 64), (5, 65), (2, 682), (130, 1), (1, 700)] {
+        let slots = (lines * beams) as usize;
+        let number = |slot: usize, step: f64| (step * (slot + 1) as f64).fract();
+        let directions = (0..slots).map(|slot| {
+            let (s, c) = math::sin_cos(6.0 * number(slot, 0.618_034));
+            DVec3::new(c, s, -0.3 * number(slot, 0.414_214)).normalize()
+        });
+        let pattern = Pattern { lines, beams, directions: directions.collect(), times_s: Vec::new() };
+        let mut sweep = Sweep {
+            pattern: Arc::new(pattern),
+            // Few steps, so that neighbours jump and do not.
+            range_m: (0..slots).map(|slot| 2.0 + 0.25 * (7.0 * number(slot, 0.732_051)).floor()).collect(),
+            status: vec![Status::Hit; slots],
+            intensity: None,
+            mixed: None,
+            truth: Vec::new(),
+        };
+        for slot in 0..slots {
+            match slot % 23 {
+                3 => sweep.range_m[slot] = f64::NAN,
+                5 => sweep.status[slot] = Status::None,
+                8 => sweep.status[slot] = Status::Dropped,
+                13 => sweep.status[slot] = Status::OutOfRange,
+                17 => sweep.range_m[slot] = -1.0,
+                19 => sweep.range_m[slot] = f64::INFINITY,
+                _ => {}
+            }
+        }
+        let mut extractor = Extractor::new(2.5, &mount());
+        extractor.gather(&sweep, &level);
+        let limit_m = 2.5 + MARGIN_M;
+        let expected = (0..slots).map(|slot| cell_of(&extractor.grid, &sweep, &level, slot, limit_m));
+        let taken: Vec<u32> = extractor.cells.iter().flatten().copied().collect();
+        assert!(taken[slots..].iter().all(|&cell| cell == extractor.grid.nowhere()));
+        assert!(slots < 3 || taken.iter().any(|&cell| cell != extractor.grid.nowhere()));
+        assert!(expected.eq(taken[..slots].iter().copied()), "{lines} lines of {beams}");
+    }
+}
