@@ -76,7 +76,7 @@ struct Drive {
     start: Pose,
     readings: Vec<Reading>,
     stops: Vec<Vec<Feature>>,
-    view: Visibility,
+    view: Visibility<'static>,
 }
 
 const NOISE: InstrumentNoise =
@@ -179,7 +179,7 @@ fn seen(rocks: &[DVec3], pose: &Pose, step: u32) -> Vec<Feature> {
 }
 
 /// Free sight in all directions.
-fn view() -> Visibility {
+fn view() -> Visibility<'static> {
     let directions: Vec<DVec3> = (0..40_000u32)
         .map(|i| {
             let z = 1.0 - (2.0 * f64::from(i) + 1.0) / 40_000.0;
