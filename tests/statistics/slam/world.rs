@@ -84,7 +84,7 @@ pub struct Drive {
     /// Per step: the features, at stops.
     pub features: Vec<Option<Vec<Feature>>>,
     pub rover_from_sensor: Transform,
-    pub visibility: Visibility,
+    pub visibility: Visibility<'static>,
 }
 
 pub fn mast() -> Transform {
@@ -217,7 +217,7 @@ fn seen(rocks: &[DVec3], world_from_sensor: &Transform, known: bool, normal: &mu
 }
 
 /// All directions within the field of view, no occlusion.
-fn visibility() -> Visibility {
+fn visibility() -> Visibility<'static> {
     let mut directions = Vec::new();
     for i in 0..240 {
         for j in -89..=89 {
