@@ -17,8 +17,15 @@ def imports(binary):
     """Transcendental functions that a binary takes from the C library."""
     listing = subprocess.run(["nm", "-D", "--undefined-only", str(binary)], capture_output=True, text=True, check=True)
     symbols = [line.split()[-1].split("@")[0] for line in listing.stdout.splitlines() if line.strip()]
-    assert "malloc" in symbols, "nm lists what is imported"
-    return [symbol for symbol in symbols if symbol in FORBIDDEN or symbol.removesuffix("f") in FORBIDDEN]
+    if "malloc" not in symbols:
+        sys.exit(f"{binary}: nm lists no imports")
+    return [symbol for symbol in symbols if plain(symbol) & set(FORBIDDEN)]
+
+
+def plain(symbol):
+    """The names that a symbol may be a form of: __powf_finite, lgamma_r, expl."""
+    name = symbol.removeprefix("__").removesuffix("_finite").removesuffix("_r")
+    return {name, name.removesuffix("f"), name.removesuffix("l")}
 
 
 if __name__ == "__main__":

@@ -14,6 +14,8 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 EVERYTHING = ROOT / "tests/fixtures/everything.yaml"
 TRY_AGAIN = 75
+# Where memory is limited, the standard library's backtrace of a failed allocation may wait for itself for ever.
+QUIET = {"RUST_BACKTRACE": "0"}
 
 
 class Lost(Exception):
@@ -52,7 +54,7 @@ class Lab:
                 resource.setrlimit(what, (value, value))
 
         return subprocess.Popen(
-            [*prefix, self.binary, *arguments], cwd=self.folder, env={**os.environ, **(environment or {})},
+            [*prefix, self.binary, *arguments], cwd=self.folder, env={**os.environ, **QUIET, **(environment or {})},
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=limit if limits else None)
 
     def run(self, arguments, **how):

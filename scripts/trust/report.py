@@ -33,7 +33,8 @@ Transcendental functions that the binary takes from the C library: {imports}.
 ## The night
 
 Each fault came at a random moment, or into a random place. After it: what counts as whole is whole, the same command completes,
-`marsyard verify` finds nothing, and every byte is that of the undisturbed corpus.
+`marsyard verify` finds nothing, and every byte is that of the undisturbed corpus. RUST_BACKTRACE is 0 throughout: where it is 1 and memory
+is limited, the standard library's backtrace of a failed allocation was seen to wait for itself for ever; killed then, nothing is lost.
 
 {faults}"""
     for fault in result["faults"]:

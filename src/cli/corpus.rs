@@ -128,8 +128,11 @@ fn repair(
     log: LogFormat,
 ) -> Result<(), Failure> {
     let (plan, _) = plan_of(&args.place, &[])?;
-    // What the corpus was, if that is known: where all shards are sound it is the manifest that is not, or it is another corpus's.
-    let witness = |there: &Manifest| !shards.is_empty() && there.scene_plan_hash == spec.scene_plan_hash;
+    // What the corpus was, if that is known: where all shards are sound it is the manifest that is not, or it is another corpus's,
+    // or that of the corpus before it was raised.
+    let witness = |there: &Manifest| {
+        !shards.is_empty() && there.scene_plan_hash == spec.scene_plan_hash && there.scenes == spec.scenes
+    };
     let before = Manifest::read(store).ok().filter(witness).map(|manifest| manifest.corpus_id);
     let place = Place::open(store, spec).map_err(corpus_failure)?;
     let status = corpus::status(store, spec).map_err(corpus_failure)?;

@@ -228,8 +228,9 @@ impl FinishedShard {
 
     /// Takes away what [`FinishedShard::commit`] put, or the part of it that got there: the receipt first.
     pub fn withdraw(&self, store: &dyn Store) -> Result<(), CorpusError> {
-        store.remove(&Receipt::path(self.receipt.shard))?;
-        self.files.iter().try_for_each(|(path, _)| store.remove(path))
+        let receipt = store.remove(&Receipt::path(self.receipt.shard));
+        // Each is tried, whatever becomes of the others.
+        self.files.iter().map(|(path, _)| store.remove(path)).fold(receipt, Result::and)
     }
 }
 

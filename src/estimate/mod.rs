@@ -97,6 +97,8 @@ pub enum EstimateError {
 
 /// Runs scenes of the plan, writes them to memory (and to the place, if one is given), and reckons up.
 pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateError> {
+    // First: a place that cannot be is told at once.
+    options.place.map(storage::check).transpose()?;
     let prepared = Prepared::new(plan.clone())?;
     let mut sample = sample::take(&prepared, options);
     let encoded = encode::encode(&plan.corpus_spec(), std::mem::take(&mut sample.outputs), options.threads)?;

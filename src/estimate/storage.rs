@@ -3,12 +3,13 @@
 //! The sample's shard, and half of it, are committed as a build commits them (in a folder: written, synced, renamed; in an object
 //! store: put) beside the place, and go away again. Time = files' latency + bytes / bandwidth: the line through both, medians of three.
 
-use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::path::Path;
+use std::time::{Instant, SystemTime};
 
 use super::EstimateError;
 use super::encode::{Encoded, bytes_of};
-use crate::corpus::{FinishedShard, address};
+use crate::corpus::FinishedShard;
+use crate::corpus::address::Address;
 
 const ROUNDS: usize = 3;
 
@@ -26,7 +27,7 @@ pub struct Storage {
 /// Where trials are made: a folder that goes away, or names in an object store.
 struct Ground {
     there: String,
-    beside: PathBuf,
+    beside: Address,
     /// Removed when the trials are over.
     folder: Option<tempfile::TempDir>,
 }
@@ -34,30 +35,50 @@ struct Ground {
 impl Ground {
     fn of(place: &Path) -> Result<Ground, EstimateError> {
         const NAME: &str = ".marsyard-probe-";
-        if address::is_url(place) {
-            let beside = place.join(format!("{NAME}{}", std::process::id()));
-            return Ok(Ground { there: place.display().to_string(), beside, folder: None });
-        }
-        let absolute = std::path::absolute(place).unwrap_or_else(|_| place.into());
+        let place = match Address::parse(place)? {
+            Address::Folder(folder) => folder,
+            Address::Objects { service, bucket, prefix } => {
+                // Containers share their process numbers: two probes of one place must not meet.
+                let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+                let own = format!("{NAME}{}-{}", std::process::id(), since_1970.as_nanos());
+                let prefix = if prefix.is_empty() { own } else { format!("{prefix}/{own}") };
+                let beside = Address::Objects { service, bucket, prefix };
+                return Ok(Ground { there: place.display().to_string(), beside, folder: None });
+            }
+        };
+        let absolute = std::path::absolute(&place).unwrap_or(place);
         let there = absolute.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
         let folder = tempfile::Builder::new().prefix(NAME).tempdir_in(there).map_err(|e| refused(there, &e))?;
-        Ok(Ground { there: there.display().to_string(), beside: folder.path().into(), folder: Some(folder) })
+        let beside = Address::Folder(folder.path().into());
+        Ok(Ground { there: there.display().to_string(), beside, folder: Some(folder) })
     }
 
     /// Seconds until the shard is safely there; then it is taken away again, also where it got there in part.
     fn committed_s(&self, shard: &FinishedShard, name: String) -> Result<f64, EstimateError> {
-        let place = self.beside.join(name);
-        if self.folder.is_some() {
-            std::fs::create_dir(&place).map_err(|error| refused(&place, &error))?;
+        let place = match &self.beside {
+            Address::Folder(folder) => Address::Folder(folder.join(name)),
+            Address::Objects { service, bucket, prefix } => {
+                Address::Objects { service: *service, bucket: bucket.clone(), prefix: format!("{prefix}/{name}") }
+            }
+        };
+        if let Address::Folder(folder) = &place {
+            std::fs::create_dir(folder).map_err(|error| refused(folder, &error))?;
         }
-        let store = address::open(&place)?;
+        let store = place.open()?;
         let started = Instant::now();
         let committed = shard.commit(&*store);
         let took_s = started.elapsed().as_secs_f64();
-        shard.withdraw(&*store)?;
+        let withdrawn = if self.folder.is_some() { Ok(()) } else { shard.withdraw(&*store) };
         committed?;
+        withdrawn?;
         Ok(took_s)
     }
+}
+
+/// Refuses what names no place, and a store that this program has no credentials or no code for. Nothing is asked of it yet.
+pub(super) fn check(place: &Path) -> Result<(), EstimateError> {
+    Address::parse(place)?.open()?;
+    Ok(())
 }
 
 fn refused(place: &Path, error: &std::io::Error) -> EstimateError {

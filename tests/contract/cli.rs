@@ -171,6 +171,10 @@ fn equal_plan_of_all_scenes_and_the_corpus() {
     let ratio = estimate["bytes"]["value"].as_f64().expect("bytes") / there;
     assert!((ratio - 1.0).abs() < 0.15, "bytes are estimated at {ratio} of what they are");
     assert!(estimate["storage"]["bytes_per_s"].as_f64().is_some_and(|rate| rate > 0.0));
+    let url = format!("file://{}", yard.path("elsewhere/corpus").display());
+    let output = yard.marsyard(["plan", &config, "--json", "--no-parts", "--sample", "1", "--out", &url]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).contains("bytes_per_s"), "a file:// place is measured, too");
     assert!(!yard.path("elsewhere").exists(), "the probe left something behind");
     assert_eq!(entries(), before, "the probe left something behind");
 }
