@@ -129,10 +129,7 @@ def full_disk(lab, rng):
         (disk.path / "filler").unlink(missing_ok=True)
         disk.remount("size=1g")
         lab.sound(place)
-        code, _, err = lab.run(lab.arguments(place))
-        if code != 0:
-            raise Lost(f"after the disk grew: exit {code}: {err[-300:]}")
-        lab.same(place)
+        lab.completes(place)
         return "fits" if child.returncode == 0 else "stopped, exit 75"
 
 
@@ -155,10 +152,7 @@ def no_inodes(lab, rng):
             raise Lost(f"exit {code}: {err[-300:]}")
         disk.remount("size=1g,nr_inodes=100000")
         lab.sound(place)
-        again, _, err = lab.run(lab.arguments(place))
-        if again != 0:
-            raise Lost(f"after the disk grew: exit {again}: {err[-300:]}")
-        lab.same(place)
+        lab.completes(place)
         return "fits" if code == 0 else "stopped, exit 75"
 
 
@@ -179,10 +173,7 @@ def read_only(lab, rng):
             raise Lost(f"exit {child.returncode}: {err[-300:]}")
         disk.remount("rw")
         lab.sound(place)
-        code, _, err = lab.run(lab.arguments(place))
-        if code != 0:
-            raise Lost(f"writable again: exit {code}: {err[-300:]}")
-        lab.same(place)
+        lab.completes(place)
         return "over before" if child.returncode == 0 else "stopped, exit 1"
 
 
