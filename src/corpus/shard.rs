@@ -10,10 +10,11 @@ use arrow::datatypes::SchemaRef;
 
 use super::receipt::{FailedScene, FeatureMoments, FileFacts, Receipt};
 use super::spec::{Build, CorpusSpec, ScanOutput, SceneOutput};
-use super::stats::{LabelCounts, Moments, PointCounts};
+use super::stats::{LabelCounts, Moments, PointCounts, RowMoments};
 use super::store::{Put, Store};
 use super::write::{FinishedFile, TableWriter};
 use super::{CorpusError, FORMAT, Split, Table, schema, tables};
+use crate::cells::FeatureColumn;
 
 /// zstd's own default; higher levels cost more time than they save space here.
 pub const ZSTD_LEVEL: i32 = 3;
@@ -25,7 +26,7 @@ pub struct ShardWriter<'a> {
     next_scene: u64,
     tables: BTreeMap<Table, (SchemaRef, TableWriter)>,
     scene_batches: Vec<RecordBatch>,
-    moments: Vec<Moments>,
+    moments: RowMoments,
     labels: LabelCounts,
     points: PointCounts,
     failed: Vec<FailedScene>,
@@ -73,7 +74,7 @@ impl<'a> ShardWriter<'a> {
             next_scene: spec.scenes_of(shard).start,
             tables: writers,
             scene_batches: Vec::new(),
-            moments: vec![Moments::default(); spec.features.len()],
+            moments: RowMoments::new(spec.features.len()),
             labels: LabelCounts::default(),
             points: PointCounts::default(),
             failed: Vec::new(),
@@ -126,10 +127,8 @@ impl<'a> ShardWriter<'a> {
             facts.insert(table, FileFacts { path: path.clone(), rows, row_groups, bytes: size, sha256, value_hash });
             files.push((path, bytes));
         }
-        let named = |(feature, &moments): (&crate::cells::FeatureColumn, &Moments)| FeatureMoments {
-            name: feature.name.clone(),
-            moments,
-        };
+        let named =
+            |(feature, moments): (&FeatureColumn, Moments)| FeatureMoments { name: feature.name.clone(), moments };
         let receipt = Receipt {
             format: FORMAT,
             scene_plan_hash: self.spec.scene_plan_hash.clone(),
@@ -137,7 +136,7 @@ impl<'a> ShardWriter<'a> {
             split: Split::of_shard(self.shard),
             scenes: [range.start, range.end],
             tables: facts,
-            features: self.spec.features.iter().zip(&self.moments).map(named).collect(),
+            features: self.spec.features.iter().zip(self.moments.moments()).map(named).collect(),
             labels: self.labels,
             points: self.points,
             failed: self.failed,
@@ -197,11 +196,7 @@ impl<'a> ShardWriter<'a> {
     fn count(&mut self, scan: &ScanOutput) {
         self.labels = self.labels + LabelCounts::of(&scan.cells);
         self.points = self.points + PointCounts::of(&scan.cells);
-        if !self.moments.is_empty() {
-            for row in scan.cells.features.chunks_exact(self.moments.len()) {
-                self.moments.iter_mut().zip(row).for_each(|(moments, &value)| moments.add(f64::from(value)));
-            }
-        }
+        self.moments.add(&scan.cells.features);
     }
 
     /// Writes a batch to a table, if the table is on.

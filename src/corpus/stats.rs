@@ -4,6 +4,9 @@
 //! are f32, sums f64; rows are taken in order and shards merged in order, so that the bits do not depend on who did it when.
 //! Values that are not finite are counted apart.
 
+mod rows;
+
+pub use rows::RowMoments;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,8 +35,8 @@ impl Moments {
         let before = value - self.mean;
         self.mean += before / self.count as f64;
         self.m2 += before * (value - self.mean);
-        self.min = Some(self.min.map_or(value, |min| min.min(value)));
-        self.max = Some(self.max.map_or(value, |max| max.max(value)));
+        self.min = Some(self.min.map_or(value, |min| if value < min { value } else { min }));
+        self.max = Some(self.max.map_or(value, |max| if value > max { value } else { max }));
     }
 
     /// Both together; `other` comes after `self`.

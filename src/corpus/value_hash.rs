@@ -20,8 +20,31 @@ pub struct ValueHasher {
 
 struct ColumnHasher {
     head: String,
-    validity: Option<blake3::Hasher>,
-    values: blake3::Hasher,
+    validity: Option<Stream>,
+    values: Stream,
+}
+
+/// Bytes that come bit by bit, hashed by whole blocks: BLAKE3 hashes sixteen chunks of 1 KiB side by side.
+#[derive(Default)]
+struct Stream {
+    hasher: blake3::Hasher,
+    pending: Vec<u8>,
+}
+
+const BLOCK_BYTES: usize = 16 << 10;
+
+impl Stream {
+    /// Takes whole blocks from what waits.
+    fn hash_blocks(&mut self) {
+        let whole = self.pending.len() / BLOCK_BYTES * BLOCK_BYTES;
+        self.hasher.update(&self.pending[..whole]);
+        self.pending.drain(..whole);
+    }
+
+    fn finish(mut self) -> blake3::Hash {
+        self.hasher.update(&self.pending);
+        self.hasher.finalize()
+    }
 }
 
 impl ValueHasher {
@@ -31,8 +54,8 @@ impl ValueHasher {
             .iter()
             .map(|field| ColumnHasher {
                 head: format!("{}\0{}\0{}\0", field.name(), field.data_type(), field.is_nullable()),
-                validity: field.is_nullable().then(blake3::Hasher::new),
-                values: blake3::Hasher::new(),
+                validity: field.is_nullable().then(Stream::default),
+                values: Stream::default(),
             })
             .collect();
         ValueHasher { columns, rows: 0 }
@@ -41,19 +64,16 @@ impl ValueHasher {
     /// The next rows; their columns are those of the schema.
     pub fn update(&mut self, batch: &RecordBatch) {
         self.rows += batch.num_rows() as u64;
-        let mut bytes = Vec::new();
         for (column, array) in self.columns.iter_mut().zip(batch.columns()) {
             if let Some(validity) = &mut column.validity {
-                bytes.clear();
                 match array.nulls() {
-                    Some(nulls) => bytes.extend(nulls.iter().map(u8::from)),
-                    None => bytes.resize(array.len(), 1),
+                    Some(nulls) => validity.pending.extend(nulls.iter().map(u8::from)),
+                    None => validity.pending.resize(validity.pending.len() + array.len(), 1),
                 }
-                validity.update(&bytes);
+                validity.hash_blocks();
             }
-            bytes.clear();
-            append_values(array.as_ref(), &mut bytes);
-            column.values.update(&bytes);
+            append_values(array.as_ref(), &mut column.values.pending);
+            column.values.hash_blocks();
         }
     }
 
@@ -61,12 +81,12 @@ impl ValueHasher {
     pub fn finish(self) -> String {
         let mut hasher = blake3::Hasher::new_derive_key("marsyard 1 value hash");
         hasher.update(&self.rows.to_le_bytes());
-        for column in &self.columns {
+        for column in self.columns {
             hasher.update(column.head.as_bytes());
-            if let Some(validity) = &column.validity {
-                hasher.update(validity.finalize().as_bytes());
+            if let Some(validity) = column.validity {
+                hasher.update(validity.finish().as_bytes());
             }
-            hasher.update(column.values.finalize().as_bytes());
+            hasher.update(column.values.finish().as_bytes());
         }
         hex(hasher.finalize().as_bytes())
     }

@@ -11,7 +11,7 @@ use super::report::{
 use super::settings::{Settings, Side};
 use super::statistics::{Interval, Spread, quantile};
 use crate::corpus::Build;
-use crate::corpus::stats::Moments;
+use crate::corpus::stats::RowMoments;
 use crate::pipeline::StageTimes;
 
 /// One row a setting, and the verdicts.
@@ -85,13 +85,13 @@ fn candidates(rows: &[Row], side: Side) -> (Vec<usize>, Vec<Candidate>) {
 
 /// Standard deviation of each feature over the reference's cells of all scenes.
 fn deviations(measured: &Measured) -> Vec<f64> {
-    let mut moments = vec![Moments::default(); measured.features.len()];
+    let mut moments = RowMoments::new(measured.features.len());
     for made in measured.scenes.iter().filter_map(|scene| scene[0].as_ref().ok()) {
         for row in 0..made.cells.labels.len() {
-            moments.iter_mut().zip(made.cells.row(row)).for_each(|(sum, value)| sum.add(f64::from(*value)));
+            moments.add(made.cells.row(row));
         }
     }
-    moments.iter().map(|moments| moments.variance().sqrt()).collect()
+    moments.moments().map(|moments| moments.variance().sqrt()).collect()
 }
 
 fn pipeline_row(measured: &Measured, setting: usize, deviations: &[f64]) -> PipelineRow {

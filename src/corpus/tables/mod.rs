@@ -7,29 +7,46 @@ pub mod scenes;
 
 use std::sync::Arc;
 
-use arrow::array::{
-    ArrayRef, BooleanArray, Float32Array, Float64Array, Int8Array, Int32Array, Int64Array, RecordBatch, StringArray,
-};
-use arrow::datatypes::SchemaRef;
+use arrow::array::{ArrayRef, ArrowPrimitiveType, BooleanArray, PrimitiveArray, RecordBatch, StringArray};
+use arrow::buffer::{BooleanBuffer, NullBuffer};
+use arrow::datatypes::{ArrowNativeType, Float32Type, Float64Type, Int8Type, Int32Type, Int64Type, SchemaRef};
 use arrow::error::ArrowError;
 
 use super::schema::{Column, Kind, Role};
 use crate::cells::Cells;
 
-/// How a column's value is taken from a row.
-pub enum Take<R> {
-    I64(fn(&R) -> i64),
-    I32(fn(&R) -> i32),
-    I32OrNull(fn(&R) -> Option<i32>),
-    I8(fn(&R) -> i8),
-    I8OrNull(fn(&R) -> Option<i8>),
-    F32(fn(&R) -> f32),
-    F32OrNull(fn(&R) -> Option<f32>),
-    F64(fn(&R) -> f64),
-    F64OrNull(fn(&R) -> Option<f64>),
-    Bool(fn(&R) -> bool),
-    Text(fn(&R) -> &str),
-    TextOrNull(fn(&R) -> Option<&str>),
+/// How a column is taken from rows: all of it at one call, so that the way to a value is compiled into a loop of its own.
+pub struct Take<R> {
+    kind: Kind,
+    nullable: bool,
+    column: Box<dyn Fn(&[R]) -> ArrayRef>,
+}
+
+/// A number that a column may hold.
+pub trait Number: ArrowNativeType {
+    type Arrow: ArrowPrimitiveType<Native = Self>;
+    const KIND: Kind;
+    /// Equal values in equal bytes.
+    fn canonical(self) -> Self;
+}
+
+macro_rules! number {
+    ($($native:ty, $arrow:ty, $kind:expr, $canonical:expr;)*) => {$(
+        impl Number for $native {
+            type Arrow = $arrow;
+            const KIND: Kind = $kind;
+            fn canonical(self) -> Self {
+                $canonical(self)
+            }
+        }
+    )*};
+}
+number! {
+    i64, Int64Type, Kind::Int64, |v| v;
+    i32, Int32Type, Kind::Int32, |v| v;
+    i8, Int8Type, Kind::Int8, |v| v;
+    f32, Float32Type, Kind::Float32, canonical_f32;
+    f64, Float64Type, Kind::Float64, canonical_f64;
 }
 
 /// A column and the way to its values.
@@ -52,38 +69,38 @@ fn define<R>(
 }
 
 impl<R> Take<R> {
-    fn kind(&self) -> (Kind, bool) {
-        match self {
-            Take::I64(_) => (Kind::Int64, false),
-            Take::I32(_) => (Kind::Int32, false),
-            Take::I32OrNull(_) => (Kind::Int32, true),
-            Take::I8(_) => (Kind::Int8, false),
-            Take::I8OrNull(_) => (Kind::Int8, true),
-            Take::F32(_) => (Kind::Float32, false),
-            Take::F32OrNull(_) => (Kind::Float32, true),
-            Take::F64(_) => (Kind::Float64, false),
-            Take::F64OrNull(_) => (Kind::Float64, true),
-            Take::Bool(_) => (Kind::Bool, false),
-            Take::Text(_) => (Kind::String, false),
-            Take::TextOrNull(_) => (Kind::String, true),
-        }
+    pub fn number<N: Number>(take: impl Fn(&R) -> N + 'static) -> Take<R> {
+        Take::column(N::KIND, false, move |rows| {
+            let values: Vec<N> = rows.iter().map(|row| take(row).canonical()).collect();
+            Arc::new(PrimitiveArray::<N::Arrow>::new(values.into(), None))
+        })
     }
 
-    fn array(&self, rows: &[R]) -> ArrayRef {
-        match self {
-            Take::I64(take) => Arc::new(Int64Array::from_iter_values(rows.iter().map(take))),
-            Take::I32(take) => Arc::new(Int32Array::from_iter_values(rows.iter().map(take))),
-            Take::I32OrNull(take) => Arc::new(Int32Array::from_iter(rows.iter().map(take))),
-            Take::I8(take) => Arc::new(Int8Array::from_iter_values(rows.iter().map(take))),
-            Take::I8OrNull(take) => Arc::new(Int8Array::from_iter(rows.iter().map(take))),
-            Take::F32(take) => Arc::new(Float32Array::from_iter_values(rows.iter().map(|r| canonical_f32(take(r))))),
-            Take::F32OrNull(take) => Arc::new(Float32Array::from_iter(rows.iter().map(|r| take(r).map(canonical_f32)))),
-            Take::F64(take) => Arc::new(Float64Array::from_iter_values(rows.iter().map(|r| canonical_f64(take(r))))),
-            Take::F64OrNull(take) => Arc::new(Float64Array::from_iter(rows.iter().map(|r| take(r).map(canonical_f64)))),
-            Take::Bool(take) => Arc::new(BooleanArray::from_iter(rows.iter().map(|r| Some(take(r))))),
-            Take::Text(take) => Arc::new(StringArray::from_iter_values(rows.iter().map(take))),
-            Take::TextOrNull(take) => Arc::new(StringArray::from_iter(rows.iter().map(|r| take(r)))),
-        }
+    pub fn number_or_null<N: Number>(take: impl Fn(&R) -> Option<N> + 'static) -> Take<R> {
+        Take::column(N::KIND, true, move |rows| {
+            let values: Vec<N> = rows.iter().map(|row| take(row).unwrap_or_default().canonical()).collect();
+            let valid = BooleanBuffer::collect_bool(rows.len(), |i| take(&rows[i]).is_some());
+            let nulls = Some(NullBuffer::new(valid)).filter(|nulls| nulls.null_count() > 0);
+            Arc::new(PrimitiveArray::<N::Arrow>::new(values.into(), nulls))
+        })
+    }
+
+    pub fn flag(take: impl Fn(&R) -> bool + 'static) -> Take<R> {
+        Take::column(Kind::Bool, false, move |rows| {
+            Arc::new(BooleanArray::from(BooleanBuffer::collect_bool(rows.len(), |i| take(&rows[i]))))
+        })
+    }
+
+    pub fn text(take: impl Fn(&R) -> &str + 'static) -> Take<R> {
+        Take::column(Kind::String, false, move |rows| Arc::new(StringArray::from_iter_values(rows.iter().map(&take))))
+    }
+
+    pub fn text_or_null(take: impl Fn(&R) -> Option<&str> + 'static) -> Take<R> {
+        Take::column(Kind::String, true, move |rows| Arc::new(rows.iter().map(&take).collect::<StringArray>()))
+    }
+
+    fn column(kind: Kind, nullable: bool, column: impl Fn(&[R]) -> ArrayRef + 'static) -> Take<R> {
+        Take { kind, nullable, column: Box::new(column) }
     }
 }
 
@@ -92,7 +109,7 @@ pub fn columns<R>(definitions: &[Definition<R>]) -> Vec<Column> {
     definitions
         .iter()
         .map(|definition| {
-            let (kind, nullable) = definition.take.kind();
+            let Take { kind, nullable, .. } = definition.take;
             Column {
                 name: definition.name.into(),
                 kind,
@@ -112,19 +129,24 @@ pub fn batch<R>(
     rows: &[R],
     more: impl IntoIterator<Item = ArrayRef>,
 ) -> Result<RecordBatch, ArrowError> {
-    let arrays = definitions.iter().map(|definition| definition.take.array(rows)).chain(more).collect();
+    let arrays = definitions.iter().map(|definition| (definition.take.column)(rows)).chain(more).collect();
     RecordBatch::try_new(schema.clone(), arrays)
 }
 
+/// Rows that are turned into columns together.
+const BLOCK_ROWS: usize = 64;
+
 /// The features of a scan's cells as Arrow columns.
 pub fn features(cells: &Cells, columns: usize) -> impl Iterator<Item = ArrayRef> + use<> {
-    // Row by row into all columns: each value is looked at once, where it lies.
-    let rows = cells.features.chunks_exact(columns.max(1));
-    let mut values = vec![Vec::with_capacity(rows.len()); columns];
-    for row in rows {
-        values.iter_mut().zip(row).for_each(|(column, &value)| column.push(canonical_f32(value)));
+    let mut values = vec![vec![0.0f32; cells.rows.len()]; columns];
+    // Some rows into all columns at a time: a block stays in the nearest cache while each column is picked from it.
+    for (block, rows) in cells.features.chunks(BLOCK_ROWS * columns.max(1)).enumerate() {
+        for (k, column) in values.iter_mut().enumerate() {
+            let places = column[block * BLOCK_ROWS..].iter_mut();
+            places.zip(rows[k..].iter().step_by(columns)).for_each(|(place, &value)| *place = canonical_f32(value));
+        }
     }
-    values.into_iter().map(|column| Arc::new(Float32Array::from(column)) as ArrayRef)
+    values.into_iter().map(|column| Arc::new(PrimitiveArray::<Float32Type>::from(column)) as ArrayRef)
 }
 
 /// One bit pattern for every NaN, and no negative zero: equal values are equal bytes.

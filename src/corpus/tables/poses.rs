@@ -1,6 +1,6 @@
 //! `poses`: one row per step of a drive, truth beside estimate.
 
-use super::{Definition, Take, define};
+use super::{Definition, define};
 use crate::corpus::schema::Role::{Info, Key, Truth};
 use crate::corpus::spec::PoseRow;
 
@@ -18,38 +18,40 @@ impl<'a> Row<'a> {
     }
 }
 
+type Take<'a> = super::Take<Row<'a>>;
+
 #[rustfmt::skip]
 pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
-        define("scene_id", "1", Key, "Number of the scene in the corpus.", Take::I64(|r| r.scene_id)),
-        define("step", "1", Key, "Control step, 0 is the start at rest.", Take::I32(|r| r.pose.step as i32)),
-        define("stop", "1", Info, "The rover stands and sweeps here.", Take::Bool(|r| r.pose.stop)),
-        define("scan_id", "1", Info, "The kept scan made here: scan_id of cells and points; null where none is kept.", Take::I32OrNull(|r| r.pose.scan_id.map(|id| id as i32))),
-        define("time_s", "s", Info, "Time from the start.", Take::F64(|r| r.pose.time_s)),
-        define("truth_x_m", "m", Truth, "True position of the rover, frame world.", Take::F64(|r| r.pose.truth.position_m.x)),
-        define("truth_y_m", "m", Truth, "True position of the rover, frame world.", Take::F64(|r| r.pose.truth.position_m.y)),
-        define("truth_z_m", "m", Truth, "True height of the wheel-contact plane at the chassis centre, frame world.", Take::F64(|r| r.pose.truth.position_m.z)),
-        define("truth_roll_rad", "rad", Truth, "True roll, right side down positive.", Take::F64(|r| r.pose.truth.roll_rad)),
-        define("truth_pitch_rad", "rad", Truth, "True pitch, nose down positive.", Take::F64(|r| r.pose.truth.pitch_rad)),
-        define("truth_yaw_rad", "rad", Truth, "True yaw, counter-clockwise from +x, in (-pi, pi].", Take::F64(|r| r.pose.truth.yaw_rad)),
-        define("x_m", "m", Info, "Estimated position of the rover, frame map.", Take::F64(|r| r.pose.estimate.pose.position_m.x)),
-        define("y_m", "m", Info, "Estimated position of the rover, frame map.", Take::F64(|r| r.pose.estimate.pose.position_m.y)),
-        define("z_m", "m", Info, "Estimated height of the wheel-contact plane at the chassis centre, frame map.", Take::F64(|r| r.pose.estimate.pose.position_m.z)),
-        define("roll_rad", "rad", Info, "Estimated roll, right side down positive.", Take::F64(|r| r.pose.estimate.pose.roll_rad)),
-        define("pitch_rad", "rad", Info, "Estimated pitch, nose down positive.", Take::F64(|r| r.pose.estimate.pose.pitch_rad)),
-        define("yaw_rad", "rad", Info, "Estimated yaw, counter-clockwise from +x, in (-pi, pi].", Take::F64(|r| r.pose.estimate.pose.yaw_rad)),
-        define("sigma_x_m", "m", Info, "Standard deviation of the estimated x.", Take::F64(|r| r.sigmas[0])),
-        define("sigma_y_m", "m", Info, "Standard deviation of the estimated y.", Take::F64(|r| r.sigmas[1])),
-        define("sigma_z_m", "m", Info, "Standard deviation of the estimated z.", Take::F64(|r| r.sigmas[2])),
-        define("sigma_roll_rad", "rad", Info, "Standard deviation of the estimated roll.", Take::F64(|r| r.sigmas[3])),
-        define("sigma_pitch_rad", "rad", Info, "Standard deviation of the estimated pitch.", Take::F64(|r| r.sigmas[4])),
-        define("sigma_yaw_rad", "rad", Info, "Standard deviation of the estimated yaw.", Take::F64(|r| r.sigmas[5])),
-        define("effective_samples", "1", Info, "Effective sample size of the particles; 1 for methods without particles.", Take::F64(|r| r.pose.estimate.effective_samples)),
-        define("features", "1", Info, "Features found in the last sweep.", Take::I32(|r| r.pose.estimate.features as i32)),
-        define("matched", "1", Info, "Of them, matched to landmarks.", Take::I32(|r| r.pose.estimate.matched as i32)),
-        define("new_landmarks", "1", Info, "Of them, taken as new landmarks.", Take::I32(|r| r.pose.estimate.new_landmarks as i32)),
-        define("landmarks", "1", Info, "Landmarks in the map.", Take::I32(|r| r.pose.estimate.landmarks as i32)),
-        define("skipped", "1", Info, "Measurements left out so far: not finite, gated or ambiguous.", Take::I32(|r| r.pose.estimate.skipped as i32)),
-        define("sigma_optimistic", "1", Info, "The particles have few distinct ancestors: the position sigmas are too small.", Take::Bool(|r| r.pose.estimate.sigma_optimistic)),
+        define("scene_id", "1", Key, "Number of the scene in the corpus.", Take::number(|r| r.scene_id)),
+        define("step", "1", Key, "Control step, 0 is the start at rest.", Take::number(|r| r.pose.step as i32)),
+        define("stop", "1", Info, "The rover stands and sweeps here.", Take::flag(|r| r.pose.stop)),
+        define("scan_id", "1", Info, "The kept scan made here: scan_id of cells and points; null where none is kept.", Take::number_or_null(|r| r.pose.scan_id.map(|id| id as i32))),
+        define("time_s", "s", Info, "Time from the start.", Take::number(|r| r.pose.time_s)),
+        define("truth_x_m", "m", Truth, "True position of the rover, frame world.", Take::number(|r| r.pose.truth.position_m.x)),
+        define("truth_y_m", "m", Truth, "True position of the rover, frame world.", Take::number(|r| r.pose.truth.position_m.y)),
+        define("truth_z_m", "m", Truth, "True height of the wheel-contact plane at the chassis centre, frame world.", Take::number(|r| r.pose.truth.position_m.z)),
+        define("truth_roll_rad", "rad", Truth, "True roll, right side down positive.", Take::number(|r| r.pose.truth.roll_rad)),
+        define("truth_pitch_rad", "rad", Truth, "True pitch, nose down positive.", Take::number(|r| r.pose.truth.pitch_rad)),
+        define("truth_yaw_rad", "rad", Truth, "True yaw, counter-clockwise from +x, in (-pi, pi].", Take::number(|r| r.pose.truth.yaw_rad)),
+        define("x_m", "m", Info, "Estimated position of the rover, frame map.", Take::number(|r| r.pose.estimate.pose.position_m.x)),
+        define("y_m", "m", Info, "Estimated position of the rover, frame map.", Take::number(|r| r.pose.estimate.pose.position_m.y)),
+        define("z_m", "m", Info, "Estimated height of the wheel-contact plane at the chassis centre, frame map.", Take::number(|r| r.pose.estimate.pose.position_m.z)),
+        define("roll_rad", "rad", Info, "Estimated roll, right side down positive.", Take::number(|r| r.pose.estimate.pose.roll_rad)),
+        define("pitch_rad", "rad", Info, "Estimated pitch, nose down positive.", Take::number(|r| r.pose.estimate.pose.pitch_rad)),
+        define("yaw_rad", "rad", Info, "Estimated yaw, counter-clockwise from +x, in (-pi, pi].", Take::number(|r| r.pose.estimate.pose.yaw_rad)),
+        define("sigma_x_m", "m", Info, "Standard deviation of the estimated x.", Take::number(|r| r.sigmas[0])),
+        define("sigma_y_m", "m", Info, "Standard deviation of the estimated y.", Take::number(|r| r.sigmas[1])),
+        define("sigma_z_m", "m", Info, "Standard deviation of the estimated z.", Take::number(|r| r.sigmas[2])),
+        define("sigma_roll_rad", "rad", Info, "Standard deviation of the estimated roll.", Take::number(|r| r.sigmas[3])),
+        define("sigma_pitch_rad", "rad", Info, "Standard deviation of the estimated pitch.", Take::number(|r| r.sigmas[4])),
+        define("sigma_yaw_rad", "rad", Info, "Standard deviation of the estimated yaw.", Take::number(|r| r.sigmas[5])),
+        define("effective_samples", "1", Info, "Effective sample size of the particles; 1 for methods without particles.", Take::number(|r| r.pose.estimate.effective_samples)),
+        define("features", "1", Info, "Features found in the last sweep.", Take::number(|r| r.pose.estimate.features as i32)),
+        define("matched", "1", Info, "Of them, matched to landmarks.", Take::number(|r| r.pose.estimate.matched as i32)),
+        define("new_landmarks", "1", Info, "Of them, taken as new landmarks.", Take::number(|r| r.pose.estimate.new_landmarks as i32)),
+        define("landmarks", "1", Info, "Landmarks in the map.", Take::number(|r| r.pose.estimate.landmarks as i32)),
+        define("skipped", "1", Info, "Measurements left out so far: not finite, gated or ambiguous.", Take::number(|r| r.pose.estimate.skipped as i32)),
+        define("sigma_optimistic", "1", Info, "The particles have few distinct ancestors: the position sigmas are too small.", Take::flag(|r| r.pose.estimate.sigma_optimistic)),
     ]
 }
