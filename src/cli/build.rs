@@ -14,7 +14,7 @@ use super::place::corpus_failure;
 use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
-use crate::corpus::{self, CorpusError, CorpusSpec, Place, Room, SceneOutput, ShardWriter, Status, Store};
+use crate::corpus::{self, CorpusError, CorpusSpec, FinishedShard, Place, Room, SceneOutput, Status, Store};
 use crate::estimate;
 use crate::pipeline::generate::{self, BuildError, Event, Job, Outcome};
 use crate::pipeline::{Prepared, Record};
@@ -74,6 +74,7 @@ impl Builder<'_> {
         let mut lost_hashes = None;
         let outcome = generate::generate(
             &self.prepared,
+            self.spec,
             job,
             |event| match event {
                 Event::Scene { output, record } => {
@@ -87,7 +88,7 @@ impl Builder<'_> {
                     progress.shard(shard, *written);
                 }
             },
-            |shard, outputs| self.write_shard(&room, shard, &outputs),
+            |finished| self.put(&room, &finished),
         );
         progress.finish();
         let outcome = build_outcome(outcome, &replay)?;
@@ -103,13 +104,10 @@ impl Builder<'_> {
         }
     }
 
-    fn write_shard(&self, room: &Room, shard: u64, outputs: &[SceneOutput]) -> Result<u64, CorpusError> {
-        let mut writer = ShardWriter::new(self.spec, shard)?;
-        outputs.iter().try_for_each(|output| writer.push(output))?;
-        let finished = writer.finish()?;
+    fn put(&self, room: &Room, finished: &FinishedShard) -> Result<u64, CorpusError> {
         let bytes = finished.files.iter().map(|(_, bytes)| bytes.len() as u64).sum();
-        room.check(bytes, || format!("shard {shard}"))?;
-        self.place.commit(&finished)?;
+        room.check(bytes, || format!("shard {}", finished.receipt.shard))?;
+        self.place.commit(finished)?;
         Ok(bytes)
     }
 
@@ -141,6 +139,9 @@ impl Builder<'_> {
 
     /// Says so where another program wrote shards that are there: equal values are promised for one binary.
     fn tell_other_programs(&self, status: &Status) {
+        if status.builds.is_empty() {
+            return; // Nor is this program's own file read for nothing.
+        }
         let here = corpus::Build::of_this_binary();
         let others: Vec<_> = status.builds.iter().filter(|(build, _)| build != here).collect();
         if let Some((there, _)) = others.first() {

@@ -185,6 +185,7 @@ fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &dyn Store, log: LogForm
     let mut findings: Vec<Finding> = Vec::new();
     let built = generate::generate(
         &prepared,
+        spec,
         Job { shards: &shards, threads: args.threads, stop: &*stop_on_signals()?, hashes: false },
         |event: Event<Vec<Finding>>| match event {
             Event::Scene { output, record } => {
@@ -193,7 +194,7 @@ fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &dyn Store, log: LogForm
             }
             Event::Shard { written, .. } => findings.extend_from_slice(written),
         },
-        |shard, scenes| rebuild::compare(store, spec, shard, &scenes),
+        |finished| rebuild::compare(store, spec, finished),
     );
     progress.finish();
     let place = args.place.display();

@@ -11,21 +11,15 @@ use arrow::util::display::array_value_to_string;
 
 use super::reader::TableFile;
 use super::receipt::Receipt;
-use super::shard::{FinishedShard, ShardWriter};
-use super::spec::{Build, CorpusSpec, SceneOutput};
+use super::shard::FinishedShard;
+use super::spec::{Build, CorpusSpec};
 use super::verify::Finding;
 use super::{CorpusError, LocalFolder, Store};
 
-/// Compares a shard in the corpus with the same shard made from these scenes; empty where every byte is equal.
-pub fn compare(
-    store: &dyn Store,
-    spec: &CorpusSpec,
-    shard: u64,
-    scenes: &[SceneOutput],
-) -> Result<Vec<Finding>, CorpusError> {
-    let mut writer = ShardWriter::new(spec, shard)?;
-    scenes.iter().try_for_each(|scene| writer.push(scene))?;
-    let FinishedShard { receipt: here, files } = writer.finish()?;
+/// Compares a shard in the corpus with the same shard built again; empty where every byte is equal.
+pub fn compare(store: &dyn Store, spec: &CorpusSpec, again: FinishedShard) -> Result<Vec<Finding>, CorpusError> {
+    let FinishedShard { receipt: here, files } = again;
+    let shard = here.shard;
     let there = Receipt::read(store, shard, &spec.scene_plan_hash)?;
     let mut findings = Vec::new();
     let mut find = |name: &str, what: String| findings.push(Finding { name: name.into(), what, shard: Some(shard) });

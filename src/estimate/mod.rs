@@ -112,9 +112,9 @@ pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateErro
     let (making_cpu_s, making_wall_s) = (sample.total(|cost| cost.whole.cpu), sample.total(|cost| cost.whole.wall));
     let (writing_cpu_s, writing_wall_s) = encoded.seconds(bytes.value);
     let storing_s = storage.as_ref().map_or(0.0, |s| s.build_s);
-    // When the last shard is whole, one thread writes it and the others have nothing left to do; before that, they wait half a
-    // scene on average for the last one.
-    let last_s = (writing_wall_s + storing_s) / shards + 0.5 * making_wall_s.value / plan.scenes as f64;
+    // Rows are laid while scenes are made. When the last shard is whole, one thread puts it in its place and the others have
+    // nothing left to do; before that, they wait half a scene on average for the last one.
+    let last_s = storing_s / shards + 0.5 * making_wall_s.value / plan.scenes as f64;
     let busy_s = making_wall_s.value + writing_wall_s + storing_s;
     let wall_s = Figure {
         value: busy_s / threads + last_s * (1.0 - 1.0 / threads),

@@ -24,43 +24,35 @@ pub struct Storage {
     pub build_s: f64,
 }
 
-/// Where trials are made: a folder that goes away, or names in an object store.
+/// Where trials are made: names in an object store, or a folder that goes away with all that is in it.
 struct Ground {
     there: String,
     beside: Address,
-    /// Removed when the trials are over.
-    folder: Option<tempfile::TempDir>,
+    _folder: Option<tempfile::TempDir>,
 }
 
 impl Ground {
     fn of(place: &Path) -> Result<Ground, EstimateError> {
         const NAME: &str = ".marsyard-probe-";
-        let place = match Address::parse(place)? {
+        let folder = match Address::parse(place)? {
             Address::Folder(folder) => folder,
-            Address::Objects { service, bucket, prefix } => {
+            objects @ Address::Objects { .. } => {
                 // Containers share their process numbers: two probes of one place must not meet.
                 let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
                 let own = format!("{NAME}{}-{}", std::process::id(), since_1970.as_nanos());
-                let prefix = if prefix.is_empty() { own } else { format!("{prefix}/{own}") };
-                let beside = Address::Objects { service, bucket, prefix };
-                return Ok(Ground { there: place.display().to_string(), beside, folder: None });
+                return Ok(Ground { there: place.display().to_string(), beside: objects.join(&own), _folder: None });
             }
         };
-        let absolute = std::path::absolute(&place).unwrap_or(place);
+        let absolute = std::path::absolute(&folder).unwrap_or(folder);
         let there = absolute.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
         let folder = tempfile::Builder::new().prefix(NAME).tempdir_in(there).map_err(|e| refused(there, &e))?;
         let beside = Address::Folder(folder.path().into());
-        Ok(Ground { there: there.display().to_string(), beside, folder: Some(folder) })
+        Ok(Ground { there: there.display().to_string(), beside, _folder: Some(folder) })
     }
 
     /// Seconds until the shard is safely there; then it is taken away again, also where it got there in part.
-    fn committed_s(&self, shard: &FinishedShard, name: String) -> Result<f64, EstimateError> {
-        let place = match &self.beside {
-            Address::Folder(folder) => Address::Folder(folder.join(name)),
-            Address::Objects { service, bucket, prefix } => {
-                Address::Objects { service: *service, bucket: bucket.clone(), prefix: format!("{prefix}/{name}") }
-            }
-        };
+    fn committed_s(&self, shard: &FinishedShard, name: &str) -> Result<f64, EstimateError> {
+        let place = self.beside.join(name);
         if let Address::Folder(folder) = &place {
             std::fs::create_dir(folder).map_err(|error| refused(folder, &error))?;
         }
@@ -68,7 +60,10 @@ impl Ground {
         let started = Instant::now();
         let committed = shard.commit(&*store);
         let took_s = started.elapsed().as_secs_f64();
-        let withdrawn = if self.folder.is_some() { Ok(()) } else { shard.withdraw(&*store) };
+        let withdrawn = match place {
+            Address::Folder(_) => Ok(()),
+            Address::Objects { .. } => shard.withdraw(&*store),
+        };
         committed?;
         withdrawn?;
         Ok(took_s)
@@ -90,8 +85,8 @@ pub(super) fn probe(place: &Path, encoded: &Encoded, shards: u64, build_bytes: f
     let ground = Ground::of(place)?;
     let (mut whole_s, mut half_s) = ([0.0; ROUNDS], [0.0; ROUNDS]);
     for round in 0..ROUNDS {
-        half_s[round] = ground.committed_s(&encoded.half, format!("half-{round}"))?;
-        whole_s[round] = ground.committed_s(&encoded.whole, format!("whole-{round}"))?;
+        half_s[round] = ground.committed_s(&encoded.half, &format!("half-{round}"))?;
+        whole_s[round] = ground.committed_s(&encoded.whole, &format!("whole-{round}"))?;
     }
     let shard_bytes = build_bytes / shards as f64;
     let shard_s =

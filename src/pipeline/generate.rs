@@ -1,11 +1,12 @@
-//! Shards -> scenes on all threads -> shards, each handed over whole.
+//! Shards -> scenes on all threads -> rows of shards in the making -> shards, each handed over whole.
 //!
-//! Threads take scenes across shard borders, so one shard may keep all of them busy. Outputs are put back in order; the thread
-//! that is free next takes a whole shard before it takes another scene, so writing holds nobody up. What a shard holds depends
-//! on no number of threads; which of two shards is written first may. Memory is bounded by the scenes in flight: a thread may
-//! run at most a window ahead of the shards that are written.
+//! Threads take scenes across shard borders, so one shard may keep all of them busy. Outputs are put back in order, and the
+//! thread that is free next lays their rows into their shard before it takes another scene: a shard's work is spread over the
+//! time of its scenes, and a thread that puts one in its place holds nobody up. What a shard holds depends on no number of threads;
+//! which of two shards is put first may. Memory is bounded by the scenes in flight: a thread may run at most a window
+//! ahead of the scenes whose rows are laid.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -13,7 +14,7 @@ use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use super::{Hashes, Prepared, Record, Scratch, run_scene};
-use crate::corpus::SceneOutput;
+use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, SceneOutput, ShardWriter};
 use crate::random::Drawn;
 
 /// What happens while a corpus is built, for progress and logs.
@@ -21,7 +22,7 @@ use crate::random::Drawn;
 pub enum Event<'a, T> {
     /// A scene's rows are there (or its failure).
     Scene { output: &'a SceneOutput, record: &'a Record },
-    /// A shard was handed over: what came of it, and how long that took.
+    /// A shard was handed over: what came of it, and how long threads worked on it beside its scenes.
     Shard { shard: u64, written: &'a T, took: Duration },
 }
 
@@ -88,99 +89,186 @@ impl Scenes for Prepared {
     }
 }
 
-/// What threads may take, and how far the shards are written; scenes are counted along the job's shards.
-struct Queue {
-    /// Shards whose scenes are all there.
-    whole: VecDeque<(u64, Vec<SceneOutput>)>,
+/// Where the rows of scenes go: the shards of a corpus, or a test.
+trait Sink: Sync {
+    /// A shard in the making.
+    type Open: Send;
+    /// What came of it.
+    type Written: Send;
+    type Error: std::error::Error + Send + 'static;
+
+    fn open(&self, shard: u64) -> Result<Self::Open, Self::Error>;
+    /// Takes a shard's scenes in order.
+    fn push(&self, open: &mut Self::Open, scene: SceneOutput) -> Result<(), Self::Error>;
+    /// After the last of its scenes.
+    fn close(&self, open: Self::Open) -> Result<Self::Written, Self::Error>;
+}
+
+/// Shards of a corpus, and what is done with those that are whole.
+struct Shards<'a, P> {
+    spec: &'a CorpusSpec,
+    put: P,
+}
+
+impl<'a, T: Send, P: Fn(FinishedShard) -> Result<T, CorpusError> + Sync> Sink for Shards<'a, P> {
+    type Open = ShardWriter<'a>;
+    type Written = T;
+    type Error = CorpusError;
+
+    fn open(&self, shard: u64) -> Result<ShardWriter<'a>, CorpusError> {
+        ShardWriter::new(self.spec, shard)
+    }
+
+    fn push(&self, open: &mut ShardWriter<'a>, scene: SceneOutput) -> Result<(), CorpusError> {
+        open.push(&scene)
+    }
+
+    fn close(&self, open: ShardWriter<'a>) -> Result<T, CorpusError> {
+        (self.put)(open.finish()?)
+    }
+}
+
+/// What threads may take, and how far the rows are laid.
+struct Queue<W> {
+    /// Shards of which scenes are there, by number.
+    hands: BTreeMap<u64, Hand<W>>,
     taken: usize,
-    /// Scenes of the shards that are written.
-    written: usize,
+    /// Scenes that have come back and stand in order, or wait for those before them.
+    back: usize,
+    /// Scenes whose rows are laid.
+    laid: usize,
+}
+
+/// A shard in the making.
+struct Hand<W> {
+    /// The next of its scenes, in order.
+    ready: Vec<SceneOutput>,
+    /// Not before its first scene, and not while a thread works on it.
+    open: Option<W>,
+    busy: bool,
+    /// Its scenes whose rows are laid.
+    laid: usize,
+    took: Duration,
+}
+
+impl<W> Default for Hand<W> {
+    fn default() -> Hand<W> {
+        Hand { ready: Vec::new(), open: None, busy: false, laid: 0, took: Duration::ZERO }
+    }
 }
 
 /// What a thread does next.
-enum Task {
+enum Task<W> {
     Scene(u64),
-    Shard(u64, Vec<SceneOutput>),
+    /// Lay these rows.
+    Rows {
+        shard: u64,
+        open: Option<W>,
+        scenes: Vec<SceneOutput>,
+    },
 }
 
 /// What a thread has done.
 enum Message<T, E> {
     Scene(Box<SceneOutput>, Record),
     Unsteady { scene: u64, first: String, second: String },
-    Shard { shard: u64, written: Result<T, E>, took: Duration },
+    Shard { shard: u64, written: T, took: Duration },
+    Refused(E),
     Panic { shard: u64, message: String },
 }
 
 impl<T, E> Message<T, E> {
     /// The thread that says it takes no further task.
     fn is_last(&self) -> bool {
-        matches!(self, Message::Unsteady { .. } | Message::Panic { .. } | Message::Shard { written: Err(_), .. })
+        matches!(self, Message::Unsteady { .. } | Message::Panic { .. } | Message::Refused(_))
     }
 }
 
-/// Builds the job's shards and hands each over, whole, to `write`; several at a time, from any thread.
+/// Builds the job's shards and hands each over, whole, to `put`; several at a time, from any thread.
 ///
 /// `on_event` is called on the caller's thread.
-pub fn generate<T: Send, E: std::error::Error + Send + 'static>(
+pub fn generate<T: Send>(
     prepared: &Prepared,
+    spec: &CorpusSpec,
     job: Job,
     on_event: impl FnMut(Event<T>),
-    write: impl Fn(u64, Vec<SceneOutput>) -> Result<T, E> + Sync,
-) -> Result<Outcome, BuildError<E>> {
-    build(prepared, job, on_event, write)
+    put: impl Fn(FinishedShard) -> Result<T, CorpusError> + Sync,
+) -> Result<Outcome, BuildError<CorpusError>> {
+    build(prepared, &Shards { spec, put }, job, on_event)
 }
 
-fn build<T: Send, E: std::error::Error + Send + 'static>(
+fn build<S: Sink>(
     scenes: &impl Scenes,
+    sink: &S,
     job: Job,
-    mut on_event: impl FnMut(Event<T>),
-    write: impl Fn(u64, Vec<SceneOutput>) -> Result<T, E> + Sync,
-) -> Result<Outcome, BuildError<E>> {
+    mut on_event: impl FnMut(Event<S::Written>),
+) -> Result<Outcome, BuildError<S::Error>> {
     let Job { shards, threads, stop, hashes } = job;
     let per_shard = scenes.per_shard();
     let all = shards.len() * per_shard;
     let scene_at = |k: usize| shards[k / per_shard] * per_shard as u64 + (k % per_shard) as u64;
     // A window of two scenes a thread beyond a whole shard keeps every thread busy while the slowest scene finishes.
     let window = per_shard + 2 * threads;
-    let queue = Mutex::new(Queue { whole: VecDeque::new(), taken: 0, written: 0 });
+    let queue = Mutex::new(Queue { hands: BTreeMap::new(), taken: 0, back: 0, laid: 0 });
+    let queue = || queue.lock().expect("no thread panics while it holds the queue");
     let news = Condvar::new();
     let quit = AtomicBool::new(false);
     let (sender, receiver) = mpsc::channel();
 
-    let next_task = || -> Option<Task> {
-        let mut queue = queue.lock().expect("no thread panics while it holds the queue");
+    let next_task = || -> Option<Task<S::Open>> {
+        let mut queue = queue();
         loop {
             if quit.load(Ordering::Relaxed) {
                 return None;
             }
-            if let Some((shard, outputs)) = queue.whole.pop_front() {
-                return Some(Task::Shard(shard, outputs));
+            if let Some((&shard, hand)) = queue.hands.iter_mut().find(|(_, hand)| !hand.busy && !hand.ready.is_empty())
+            {
+                hand.busy = true;
+                return Some(Task::Rows { shard, open: hand.open.take(), scenes: std::mem::take(&mut hand.ready) });
             }
-            if stop.load(Ordering::Relaxed) || queue.written == all {
+            let stopped = stop.load(Ordering::Relaxed);
+            if queue.laid == all || stopped && queue.back == queue.taken {
                 return None;
             }
-            if queue.taken < all && queue.taken < queue.written + window {
+            if !stopped && queue.taken < all && queue.taken < queue.laid + window {
                 queue.taken += 1;
                 return Some(Task::Scene(scene_at(queue.taken - 1)));
             }
-            // Woken when a shard is whole or written; the timeout notices a stop signal.
+            // Woken when rows may be laid or were laid; the timeout notices a stop signal.
             let tick = Duration::from_millis(50);
             queue = news.wait_timeout(queue, tick).expect("no thread panics while it holds the queue").0;
         }
     };
-    let do_task = |task: Task, scratch: &mut Scratch| match task {
-        Task::Scene(scene) => make_scene(scenes, scene, hashes, scratch),
-        Task::Shard(shard, outputs) => {
-            let (started, scenes) = (Instant::now(), outputs.len());
-            match catch_unwind(AssertUnwindSafe(|| write(shard, outputs))) {
-                Err(panic) => Message::Panic { shard, message: panic_message(panic) },
-                Ok(written) => {
-                    queue.lock().expect("no thread panics while it holds the queue").written += scenes;
-                    news.notify_all();
-                    Message::Shard { shard, written, took: started.elapsed() }
+    // Some rows of a shard; whoever lays the last of them closes it.
+    let lay =
+        |shard: u64, open: Option<S::Open>, scenes: Vec<SceneOutput>| -> Result<Option<Message<_, _>>, S::Error> {
+            let started = Instant::now();
+            let mut open = open.map_or_else(|| sink.open(shard), Ok)?;
+            let count = scenes.len();
+            scenes.into_iter().try_for_each(|scene| sink.push(&mut open, scene))?;
+            let took = {
+                let mut queue = queue();
+                queue.laid += count;
+                news.notify_all();
+                let hand = queue.hands.get_mut(&shard).expect("a shard in hand");
+                (hand.laid, hand.busy, hand.took) = (hand.laid + count, false, hand.took + started.elapsed());
+                if hand.laid < per_shard {
+                    hand.open = Some(open);
+                    return Ok(None);
                 }
-            }
-        }
+                let took = hand.took;
+                queue.hands.remove(&shard);
+                took
+            };
+            let started = Instant::now();
+            sink.close(open).map(|written| Some(Message::Shard { shard, written, took: took + started.elapsed() }))
+        };
+    let do_task = |task, scratch: &mut Scratch| match task {
+        Task::Scene(scene) => Some(make_scene(scenes, scene, hashes, scratch)),
+        Task::Rows { shard, open, scenes } => match catch_unwind(AssertUnwindSafe(|| lay(shard, open, scenes))) {
+            Err(panic) => Some(Message::Panic { shard, message: panic_message(panic) }),
+            Ok(laid) => laid.unwrap_or_else(|error| Some(Message::Refused(error))),
+        },
     };
 
     let pool = rayon::ThreadPoolBuilder::new()
@@ -195,7 +283,7 @@ fn build<T: Send, E: std::error::Error + Send + 'static>(
             scope.spawn(move |_| {
                 let mut scratch = Scratch::default();
                 while let Some(task) = next_task() {
-                    let message = do_task(task, &mut scratch);
+                    let Some(message) = do_task(task, &mut scratch) else { continue };
                     let last = message.is_last();
                     if sender.send(message).is_err() || last {
                         break;
@@ -206,7 +294,6 @@ fn build<T: Send, E: std::error::Error + Send + 'static>(
         drop(sender);
 
         let mut waiting: BTreeMap<u64, SceneOutput> = BTreeMap::new();
-        let mut shard_outputs: Vec<SceneOutput> = Vec::new();
         let (mut next, mut written_shards) = (0, 0);
         let end_with = |error| {
             quit.store(true, Ordering::Relaxed);
@@ -222,22 +309,20 @@ fn build<T: Send, E: std::error::Error + Send + 'static>(
                 Message::Scene(output, record) => {
                     on_event(Event::Scene { output: &output, record: &record });
                     waiting.insert(output.scene_id, *output);
+                    let mut queue = queue();
+                    while next < all
+                        && let Some(output) = waiting.remove(&scene_at(next))
+                    {
+                        queue.hands.entry(shards[next / per_shard]).or_default().ready.push(output);
+                        next += 1;
+                    }
+                    queue.back += 1;
+                    news.notify_all();
                 }
-                Message::Shard { written: Err(error), .. } => return end_with(BuildError::Write(error)),
-                Message::Shard { shard, written: Ok(written), took } => {
+                Message::Refused(error) => return end_with(BuildError::Write(error)),
+                Message::Shard { shard, written, took } => {
                     written_shards += 1;
                     on_event(Event::Shard { shard, written: &written, took });
-                }
-            }
-            while next < all
-                && let Some(output) = waiting.remove(&scene_at(next))
-            {
-                next += 1;
-                shard_outputs.push(output);
-                if shard_outputs.len() == per_shard {
-                    let whole = (shards[(next - 1) / per_shard], std::mem::take(&mut shard_outputs));
-                    queue.lock().expect("no thread panics while it holds the queue").whole.push_back(whole);
-                    news.notify_one();
                 }
             }
         }

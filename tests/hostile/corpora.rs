@@ -6,30 +6,11 @@ use marsyard::corpus::{LocalFolder, Manifest, Receipt, Split, inspect, manifest,
 use marsyard::train::{FeatureSet, Source, Sources};
 use proptest::prelude::*;
 
-use crate::edits::{apply, cases, edits};
+use crate::edits::{JSON, apply, cases, edits};
 use crate::heap::{MIB, bounded, bounded_by};
 
-const TOKENS: &[&str] = &[
-    "{",
-    "}",
-    "[",
-    "]",
-    ",",
-    ":",
-    "null",
-    "true",
-    "\"",
-    "\\u0000",
-    "\\ud800",
-    "../",
-    "/etc/passwd",
-    "-1",
-    "1e999",
-    "\n",
-    "\"cells\"",
-    "\"test\"",
-    "18446744073709551615",
-];
+/// What means something in these files, beside JSON's own.
+const TOKENS: &[&str] = &["\\ud800", "../", "/etc/passwd", "\"cells\"", "\"test\""];
 
 /// A row group may become 96 MiB, and is held as pages and as a batch.
 const FREE_BYTES: usize = 256 * MIB;
@@ -139,7 +120,7 @@ proptest! {
     #![proptest_config(cases(150))]
 
     #[test]
-    fn extreme_broken_manifests_are_read_or_refused(edits in edits(TOKENS)) {
+    fn extreme_broken_manifests_are_read_or_refused(edits in edits(&[JSON, TOKENS].concat())) {
         let bytes = apply(&whole("manifest.json"), &edits);
         let altered = Altered::new(&[("manifest.json", &bytes)]);
         if bounded(bytes.len(), || Manifest::read(&altered.store)).is_ok() {
@@ -150,7 +131,7 @@ proptest! {
     }
 
     #[test]
-    fn extreme_broken_shard_lists_are_read_or_refused(edits in edits(TOKENS)) {
+    fn extreme_broken_shard_lists_are_read_or_refused(edits in edits(&[JSON, TOKENS].concat())) {
         let bytes = apply(&whole("shards.jsonl"), &edits);
         let altered = Altered::new(&[("shards.jsonl", &bytes)]);
         if let Ok(lines) = bounded(bytes.len(), || manifest::read_shard_lines(&altered.store)) {
@@ -161,7 +142,7 @@ proptest! {
     }
 
     #[test]
-    fn extreme_broken_receipts_are_read_or_refused(edits in edits(TOKENS)) {
+    fn extreme_broken_receipts_are_read_or_refused(edits in edits(&[JSON, TOKENS].concat())) {
         let name = Receipt::path(0);
         let bytes = apply(&whole(&name), &edits);
         let altered = Altered::new(&[(&name, &bytes)]);

@@ -77,11 +77,15 @@ const DIGITS: [&str; 16] = [
     "-inf",
 ];
 
+/// What means something in JSON.
+pub const JSON: &[&str] =
+    &["{", "}", "[", "]", ",", ":", "null", "true", "\"", "\\u0000", "-1", "1e999", "\n", "18446744073709551615"];
+
 /// Up to eight changes; `tokens` mean something in the format.
-pub fn edits(tokens: &'static [&'static str]) -> impl Strategy<Value = Vec<Edit>> {
+pub fn edits(tokens: &[&'static str]) -> impl Strategy<Value = Vec<Edit>> + use<> {
     let at = || any::<u32>().prop_map(Share);
     let token = prop_oneof![
-        6 => select(tokens).prop_map(|token| token.as_bytes().to_vec()),
+        6 => select(tokens.to_vec()).prop_map(|token| token.as_bytes().to_vec()),
         1 => prop::collection::vec(any::<u8>(), 1..20),
         // No UTF-8; a byte order mark; a text without end.
         1 => select(vec![vec![0xff, 0xfe], vec![0xc3, 0x28], vec![0xef, 0xbb, 0xbf], vec![b'a'; 5000], vec![b'['; 300]]),

@@ -106,6 +106,17 @@ impl Address {
         Ok(Address::Objects { service, bucket: bucket.into(), prefix: prefix.into() })
     }
 
+    /// A place of this name within this one.
+    pub fn join(&self, name: &str) -> Address {
+        match self {
+            Address::Folder(folder) => Address::Folder(folder.join(name)),
+            Address::Objects { service, bucket, prefix } => {
+                let prefix = if prefix.is_empty() { name.into() } else { format!("{prefix}/{name}") };
+                Address::Objects { service: *service, bucket: bucket.clone(), prefix }
+            }
+        }
+    }
+
     /// Opens the place; nothing is asked of it yet.
     pub fn open(&self) -> Result<Arc<dyn Store>, CorpusError> {
         match self {
@@ -207,6 +218,14 @@ mod tests {
         assert_eq!(parse("gs://my.bucket"), objects(Service::Google, "my.bucket", ""));
         assert_eq!(parse("gs://yard/"), objects(Service::Google, "yard", ""));
         assert_eq!(parse("az://box-1/a%20b/c d@e"), objects(Service::Azure, "box-1", "a%20b/c d@e"));
+    }
+
+    #[test]
+    fn exact_a_place_within_another_bears_both_names() {
+        let within = |place: &str| parse(place).unwrap().join("b");
+        assert_eq!(within("corpora/a"), parse("corpora/a/b").unwrap());
+        assert_eq!(within("s3://bucket"), parse("s3://bucket/b").unwrap());
+        assert_eq!(within("gs://bucket/c/a/"), parse("gs://bucket/c/a/b").unwrap());
     }
 
     #[test]

@@ -6,7 +6,7 @@ use super::fixture::{corpus, spec, write_shard};
 use crate::corpus::reader::TableFile;
 use crate::corpus::rebuild::first_difference;
 use crate::corpus::verify::verify;
-use crate::corpus::{CorpusError, LocalFolder, Place, Receipt, Store, Table, finalize, status};
+use crate::corpus::{CorpusError, LocalFolder, Place, Receipt, ShardWriter, Store, Table, finalize, status};
 
 fn path(store: &LocalFolder, name: &str) -> std::path::PathBuf {
     std::path::Path::new(&store.place()).join(name)
@@ -189,7 +189,11 @@ fn exact_a_shard_built_again_from_other_scenes_is_told_by_row_and_column() {
         let of_shard = spec.scenes_of(0).map(|id| super::fixture::scene(id, 40));
         of_shard.map(|mut scene| (change(&mut scene), scene).1).collect::<Vec<_>>()
     };
-    let compare = |scenes: &[crate::corpus::SceneOutput]| crate::corpus::rebuild::compare(&store, &spec, 0, scenes);
+    let compare = |scenes: &[crate::corpus::SceneOutput]| {
+        let mut again = ShardWriter::new(&spec, 0)?;
+        scenes.iter().try_for_each(|scene| again.push(scene))?;
+        crate::corpus::rebuild::compare(&store, &spec, again.finish()?)
+    };
     let same = compare(&scenes(|_| {})).unwrap();
     assert!(same.is_empty(), "{same:?}");
     let other = compare(&scenes(|scene| scene.scans[0].cells.rows[5].points += 1)).unwrap();

@@ -36,28 +36,57 @@ impl<F: Fn(u64, u32) + Sync> Scenes for Toy<F> {
 #[error("{0}")]
 struct Refused(&'static str);
 
+/// Keeps the scenes of shards; what it does at each scene and at the end of a shard is given.
+struct Kept<P, C> {
+    on_push: P,
+    on_close: C,
+    written: Mutex<BTreeMap<u64, Vec<SceneOutput>>>,
+}
+
+impl<P: Fn() + Sync, C: Fn(u64) -> Result<(), Refused> + Sync> Sink for Kept<P, C> {
+    type Open = (u64, Vec<SceneOutput>);
+    type Written = ();
+    type Error = Refused;
+
+    fn open(&self, shard: u64) -> Result<Self::Open, Refused> {
+        Ok((shard, Vec::new()))
+    }
+
+    fn push(&self, open: &mut Self::Open, scene: SceneOutput) -> Result<(), Refused> {
+        (self.on_push)();
+        open.1.push(scene);
+        Ok(())
+    }
+
+    fn close(&self, (shard, scenes): Self::Open) -> Result<(), Refused> {
+        (self.on_close)(shard)?;
+        assert!(self.written.lock().unwrap().insert(shard, scenes).is_none(), "shard {shard} was written twice");
+        Ok(())
+    }
+}
+
 type Built = (Result<Outcome, BuildError<Refused>>, BTreeMap<u64, Vec<SceneOutput>>);
 
 fn build_with<F: Fn(u64, u32) + Sync>(
     toy: &Toy<F>,
     shards: &[u64],
     threads: usize,
-    write: impl Fn(u64) -> Result<(), Refused> + Sync,
+    on_close: impl Fn(u64) -> Result<(), Refused> + Sync,
 ) -> Built {
-    let written = Mutex::new(BTreeMap::new());
-    let stop = AtomicBool::new(false);
-    let job = Job { shards, threads, stop: &stop, hashes: false };
-    let outcome = build(
-        toy,
-        job,
-        |_: Event<()>| (),
-        |shard, outputs| {
-            write(shard)?;
-            assert!(written.lock().unwrap().insert(shard, outputs).is_none(), "shard {shard} was written twice");
-            Ok(())
-        },
-    );
-    (outcome, written.into_inner().unwrap())
+    build_until(&AtomicBool::new(false), toy, shards, threads, || (), on_close)
+}
+
+fn build_until<F: Fn(u64, u32) + Sync>(
+    stop: &AtomicBool,
+    toy: &Toy<F>,
+    shards: &[u64],
+    threads: usize,
+    on_push: impl Fn() + Sync,
+    on_close: impl Fn(u64) -> Result<(), Refused> + Sync,
+) -> Built {
+    let kept = Kept { on_push, on_close, written: Mutex::default() };
+    let outcome = build(toy, &kept, Job { shards, threads, stop, hashes: false }, |_| ());
+    (outcome, kept.written.into_inner().unwrap())
 }
 
 #[test]
@@ -119,12 +148,27 @@ fn law_scenes_in_flight_are_bounded_by_the_window() {
         made.fetch_add(1, Ordering::Relaxed);
     });
     let shards: Vec<u64> = (0..1000).collect();
-    let written = AtomicU32::new(0);
-    let (outcome, _) = build_with(&toy, &shards, threads, |_| {
-        let ahead = made.load(Ordering::Relaxed) - written.fetch_add(per_shard as u32, Ordering::Relaxed);
-        // Each thread may hold a shard that is not counted as written yet.
-        assert!(ahead as usize <= per_shard + 2 * threads + threads * per_shard, "{ahead} scenes ahead");
-        Ok(())
-    });
+    let laid = AtomicU32::new(0);
+    let on_push = || {
+        let ahead = made.load(Ordering::Relaxed) - laid.fetch_add(1, Ordering::Relaxed);
+        assert!(ahead as usize <= per_shard + 2 * threads, "{ahead} scenes ahead");
+    };
+    let (outcome, _) = build_until(&AtomicBool::new(false), &toy, &shards, threads, on_push, |_| Ok(()));
     assert_eq!(outcome.unwrap(), Outcome::Done);
+    assert_eq!(laid.into_inner(), 4000);
+}
+
+#[test]
+fn law_a_stop_writes_every_shard_whose_scenes_were_all_begun() {
+    for last in [0, 3, 7, 22] {
+        let stop = AtomicBool::new(false);
+        let toy = Toy::new(4, 40, |scene, _| {
+            std::thread::sleep(Duration::from_micros(scene * 7919 % 13 * 100));
+            stop.fetch_or(scene == last, Ordering::Relaxed);
+        });
+        let (outcome, written) = build_until(&stop, &toy, &(0..10).collect::<Vec<_>>(), 3, || (), |_| Ok(()));
+        assert!(matches!(outcome, Ok(Outcome::Interrupted)), "{outcome:?}");
+        let made = |shard: &u64| toy.made[4 * *shard as usize..][..4].iter().all(|m| m.load(Ordering::Relaxed) == 1);
+        assert_eq!(written.keys().copied().collect::<Vec<_>>(), (0..10).filter(made).collect::<Vec<_>>());
+    }
 }
