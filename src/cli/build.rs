@@ -6,6 +6,7 @@
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use serde_json::json;
@@ -132,6 +133,7 @@ impl Builder<'_> {
             limit: Duration::from_secs(10),
             parts_limit: Duration::ZERO,
             place: None,
+            stop: &AtomicBool::new(false),
         };
         let estimate = estimate::estimate(plan, &options).map_err(Failure::failed)?;
         Ok((estimate.bytes.value / plan.shards() as f64) as u64)

@@ -13,6 +13,7 @@ use super::generate::{default_threads, parse_threads, split_warnings};
 use super::output::outln;
 use super::place::corpus_failure;
 use super::progress::{human, si};
+use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure};
 use crate::config::Plan;
 use crate::corpus::Split;
@@ -51,6 +52,7 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     let plan = args.config.load()?;
+    let stop = stop_on_signals()?;
     let half = Duration::from_secs_f64(0.5 * args.limit);
     let options = Options {
         threads: args.threads,
@@ -58,10 +60,12 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         limit: half,
         parts_limit: if args.no_parts { Duration::ZERO } else { half },
         place: args.out.as_deref(),
+        stop: &stop,
     };
     let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
     let estimate = measured.transpose().map_err(|error| match error {
         EstimateError::Corpus(error) => corpus_failure(error),
+        EstimateError::Interrupted => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
         other => Failure::failed(other),
     })?;
     if args.json {

@@ -17,6 +17,7 @@ mod sample;
 mod storage;
 
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use crate::config::Plan;
@@ -41,6 +42,14 @@ pub struct Options<'a> {
     pub parts_limit: Duration,
     /// Where the build will write; its storage is measured there.
     pub place: Option<&'a Path>,
+    /// When it is raised, what was tried at the place is taken away, and there is no estimate.
+    pub stop: &'a AtomicBool,
+}
+
+impl Options<'_> {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
 }
 
 /// Relative standard error of time and of rows at which sampling ends: a fifth of the 15 % that the estimate is held to.
@@ -93,6 +102,8 @@ pub enum EstimateError {
     Corpus(#[from] CorpusError),
     #[error("{place}: cannot be written to: {reason}")]
     Place { place: String, reason: String },
+    #[error("interrupted: there is no estimate, and nothing is left at the place")]
+    Interrupted,
 }
 
 /// Runs scenes of the plan, writes them to memory (and to the place, if one is given), and reckons up.
@@ -101,11 +112,17 @@ pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateErro
     options.place.map(storage::check).transpose()?;
     let prepared = Prepared::new(plan.clone())?;
     let mut sample = sample::take(&prepared, options);
+    if options.stopped() {
+        return Err(EstimateError::Interrupted);
+    }
     let encoded = encode::encode(&plan.corpus_spec(), std::mem::take(&mut sample.outputs), options.threads)?;
     let bytes = encoded.bytes(&sample, plan.shards());
-    let probed = options.place.map(|place| storage::probe(place, &encoded, plan.shards(), bytes.value));
+    let probed = options.place.map(|place| storage::probe(place, &encoded, plan.shards(), bytes.value, options));
     let storage = probed.transpose()?;
     let families = parts::prices(plan, &sample, options)?;
+    if options.stopped() {
+        return Err(EstimateError::Interrupted);
+    }
 
     let threads = options.threads as f64;
     let shards = plan.shards() as f64;

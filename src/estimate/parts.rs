@@ -200,6 +200,9 @@ pub(super) fn prices(plan: &Plan, sample: &Sample, options: &Options) -> Result<
     let lock = || pairs.lock().expect("no thread panics while it holds the pairs");
     // The family that has had the fewest scenes, until all are known or the time is over; each has one at least.
     let next = || {
+        if options.stopped() {
+            return None;
+        }
         let mut pairs = lock();
         let late = started.elapsed() > options.parts_limit;
         let open = pairs.iter_mut().enumerate().filter(|(_, p)| !p.is_known() && (!late || p.begun == 0));
@@ -220,6 +223,9 @@ pub(super) fn prices(plan: &Plan, sample: &Sample, options: &Options) -> Result<
         }
     };
     std::thread::scope(|scope| (0..options.threads).for_each(|_| _ = scope.spawn(one_thread)));
+    if options.stopped() {
+        return Ok(costs);
+    }
     let pairs = pairs.into_inner().expect("no thread panics while it holds the pairs");
     for (stratum, pairs) in sample.strata.iter().zip(&pairs) {
         let cost = &mut costs[stratum.family];

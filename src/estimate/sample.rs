@@ -185,6 +185,9 @@ impl Sample {
 
     /// The next scene to run, if one is needed: its stratum and its number.
     fn next(&mut self, options: &Options, started: Instant) -> Option<(usize, u64)> {
+        if options.stopped() {
+            return None;
+        }
         let begun: usize = self.strata.iter().map(|stratum| stratum.begun).sum();
         let late = started.elapsed() > options.limit && begun > 0;
         let enough = match options.scenes {

@@ -6,8 +6,8 @@
 use std::path::Path;
 use std::time::{Instant, SystemTime};
 
-use super::EstimateError;
 use super::encode::{Encoded, bytes_of};
+use super::{EstimateError, Options};
 use crate::corpus::FinishedShard;
 use crate::corpus::address::Address;
 
@@ -81,10 +81,19 @@ fn refused(place: &Path, error: &std::io::Error) -> EstimateError {
 }
 
 /// Measures the place with the sample's shard.
-pub(super) fn probe(place: &Path, encoded: &Encoded, shards: u64, build_bytes: f64) -> Result<Storage, EstimateError> {
+pub(super) fn probe(
+    place: &Path,
+    encoded: &Encoded,
+    shards: u64,
+    build_bytes: f64,
+    options: &Options,
+) -> Result<Storage, EstimateError> {
     let ground = Ground::of(place)?;
     let (mut whole_s, mut half_s) = ([0.0; ROUNDS], [0.0; ROUNDS]);
     for round in 0..ROUNDS {
+        if options.stopped() {
+            return Err(EstimateError::Interrupted);
+        }
         half_s[round] = ground.committed_s(&encoded.half, &format!("half-{round}"))?;
         whole_s[round] = ground.committed_s(&encoded.whole, &format!("whole-{round}"))?;
     }

@@ -6,6 +6,8 @@
 //! which of two shards is put first may. Memory is bounded by the scenes in flight: a thread may run at most a window
 //! ahead of the scenes whose rows are laid.
 
+mod hands;
+
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,6 +15,7 @@ use std::sync::mpsc;
 use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
+use self::hands::{Hands, Rows};
 use super::{Hashes, Prepared, Record, Scratch, run_scene};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, SceneOutput, ShardWriter};
 use crate::random::Drawn;
@@ -130,8 +133,7 @@ impl<'a, T: Send, P: Fn(FinishedShard) -> Result<T, CorpusError> + Sync> Sink fo
 
 /// What threads may take, and how far the rows are laid.
 struct Queue<W> {
-    /// Shards of which scenes are there, by number.
-    hands: BTreeMap<u64, Hand<W>>,
+    hands: Hands<W>,
     taken: usize,
     /// Scenes that have come back and stand in order, or wait for those before them.
     back: usize,
@@ -139,33 +141,10 @@ struct Queue<W> {
     laid: usize,
 }
 
-/// A shard in the making.
-struct Hand<W> {
-    /// The next of its scenes, in order.
-    ready: Vec<SceneOutput>,
-    /// Not before its first scene, and not while a thread works on it.
-    open: Option<W>,
-    busy: bool,
-    /// Its scenes whose rows are laid.
-    laid: usize,
-    took: Duration,
-}
-
-impl<W> Default for Hand<W> {
-    fn default() -> Hand<W> {
-        Hand { ready: Vec::new(), open: None, busy: false, laid: 0, took: Duration::ZERO }
-    }
-}
-
 /// What a thread does next.
 enum Task<W> {
     Scene(u64),
-    /// Lay these rows.
-    Rows {
-        shard: u64,
-        open: Option<W>,
-        scenes: Vec<SceneOutput>,
-    },
+    Rows(Rows<W>),
 }
 
 /// What a thread has done.
@@ -209,7 +188,7 @@ fn build<S: Sink>(
     let scene_at = |k: usize| shards[k / per_shard] * per_shard as u64 + (k % per_shard) as u64;
     // A window of two scenes a thread beyond a whole shard keeps every thread busy while the slowest scene finishes.
     let window = per_shard + 2 * threads;
-    let queue = Mutex::new(Queue { hands: BTreeMap::new(), taken: 0, back: 0, laid: 0 });
+    let queue = Mutex::new(Queue { hands: Hands::new(), taken: 0, back: 0, laid: 0 });
     let queue = || queue.lock().expect("no thread panics while it holds the queue");
     let news = Condvar::new();
     let quit = AtomicBool::new(false);
@@ -221,10 +200,8 @@ fn build<S: Sink>(
             if quit.load(Ordering::Relaxed) {
                 return None;
             }
-            if let Some((&shard, hand)) = queue.hands.iter_mut().find(|(_, hand)| !hand.busy && !hand.ready.is_empty())
-            {
-                hand.busy = true;
-                return Some(Task::Rows { shard, open: hand.open.take(), scenes: std::mem::take(&mut hand.ready) });
+            if let Some(rows) = queue.hands.take() {
+                return Some(Task::Rows(rows));
             }
             let stopped = stop.load(Ordering::Relaxed);
             if queue.laid == all || stopped && queue.back == queue.taken {
@@ -239,36 +216,31 @@ fn build<S: Sink>(
             queue = news.wait_timeout(queue, tick).expect("no thread panics while it holds the queue").0;
         }
     };
-    // Some rows of a shard; whoever lays the last of them closes it.
-    let lay =
-        |shard: u64, open: Option<S::Open>, scenes: Vec<SceneOutput>| -> Result<Option<Message<_, _>>, S::Error> {
-            let started = Instant::now();
-            let mut open = open.map_or_else(|| sink.open(shard), Ok)?;
-            let count = scenes.len();
-            scenes.into_iter().try_for_each(|scene| sink.push(&mut open, scene))?;
-            let took = {
-                let mut queue = queue();
-                queue.laid += count;
-                news.notify_all();
-                let hand = queue.hands.get_mut(&shard).expect("a shard in hand");
-                (hand.laid, hand.busy, hand.took) = (hand.laid + count, false, hand.took + started.elapsed());
-                if hand.laid < per_shard {
-                    hand.open = Some(open);
-                    return Ok(None);
-                }
-                let took = hand.took;
-                queue.hands.remove(&shard);
-                took
-            };
-            let started = Instant::now();
-            sink.close(open).map(|written| Some(Message::Shard { shard, written, took: took + started.elapsed() }))
+    // Whoever lays the last rows of a shard closes it.
+    let lay = |Rows { shard, open, scenes }: Rows<S::Open>| -> Result<Option<Message<_, _>>, S::Error> {
+        let started = Instant::now();
+        let mut open = open.map_or_else(|| sink.open(shard), Ok)?;
+        let count = scenes.len();
+        scenes.into_iter().try_for_each(|scene| sink.push(&mut open, scene))?;
+        let whole = {
+            let mut queue = queue();
+            queue.laid += count;
+            news.notify_all();
+            queue.hands.laid((shard, open), count, started.elapsed(), per_shard)
         };
+        let Some((open, took)) = whole else { return Ok(None) };
+        let started = Instant::now();
+        sink.close(open).map(|written| Some(Message::Shard { shard, written, took: took + started.elapsed() }))
+    };
     let do_task = |task, scratch: &mut Scratch| match task {
         Task::Scene(scene) => Some(make_scene(scenes, scene, hashes, scratch)),
-        Task::Rows { shard, open, scenes } => match catch_unwind(AssertUnwindSafe(|| lay(shard, open, scenes))) {
-            Err(panic) => Some(Message::Panic { shard, message: panic_message(panic) }),
-            Ok(laid) => laid.unwrap_or_else(|error| Some(Message::Refused(error))),
-        },
+        Task::Rows(rows) => {
+            let shard = rows.shard;
+            match catch_unwind(AssertUnwindSafe(|| lay(rows))) {
+                Err(panic) => Some(Message::Panic { shard, message: panic_message(panic) }),
+                Ok(laid) => laid.unwrap_or_else(|error| Some(Message::Refused(error))),
+            }
+        }
     };
 
     let pool = rayon::ThreadPoolBuilder::new()
@@ -313,7 +285,7 @@ fn build<S: Sink>(
                     while next < all
                         && let Some(output) = waiting.remove(&scene_at(next))
                     {
-                        queue.hands.entry(shards[next / per_shard]).or_default().ready.push(output);
+                        queue.hands.add(shards[next / per_shard], output);
                         next += 1;
                     }
                     queue.back += 1;

@@ -1,6 +1,6 @@
 //! Verbs from the outside: exit codes, what is written, what is said.
 
-use crate::yard::{Yard, text};
+use crate::yard::{Yard, stopped, text};
 
 #[test]
 fn law_a_bad_config_exits_2_and_writes_nothing() {
@@ -177,6 +177,21 @@ fn equal_plan_of_all_scenes_and_the_corpus() {
     assert!(text(&output.stdout).contains("bytes_per_s"), "a file:// place is measured, too");
     assert!(!yard.path("elsewhere").exists(), "the probe left something behind");
     assert_eq!(entries(), before, "the probe left something behind");
+}
+
+#[test]
+fn law_an_interrupted_plan_leaves_nothing_at_the_place() {
+    let yard = Yard::new();
+    let config = Yard::everything().display().to_string();
+    // So many scenes that the signal comes in time however fast the machine is.
+    let arguments = ["plan", &config, "--set", "scenes=80000", "--sample", "80000", "--out", "there"];
+    let mut command = yard.command(arguments);
+    command.stderr(std::process::Stdio::piped()).stdout(std::process::Stdio::null());
+    let child = command.spawn().expect("the binary starts");
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let output = stopped(child, "-INT");
+    assert!(text(&output.stderr).contains("nothing is left at the place"), "{}", text(&output.stderr));
+    assert_eq!(std::fs::read_dir(yard.path("")).expect("the folder").count(), 0, "something was left");
 }
 
 #[test]

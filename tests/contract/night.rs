@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
-use crate::yard::{Yard, assert_same, text};
+use crate::yard::{Yard, assert_same, stopped, text};
 
 /// The binary under a limit of the shell, such as `ulimit -f 8`.
 fn limited(yard: &Yard, limit: &str, arguments: &str) -> Output {
@@ -47,10 +47,7 @@ fn law_a_signal_stops_between_two_shards_and_says_how_to_go_on() {
             receipts.is_dir()
         });
         assert!(started.is_some(), "no receipt within a minute");
-        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill");
-        assert!(sent.success());
-        let output = child.wait_with_output().expect("a child to wait for");
-        assert_eq!(output.status.code(), Some(75), "{}", text(&output.stderr));
+        let output = stopped(child, signal);
         assert!(text(&output.stderr).contains("the same command again goes on"), "{}", text(&output.stderr));
         let said = text(&yard.marsyard(["status", out]).stdout);
         assert!(said.contains("damaged        0"), "{said}");

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::yard::{Yard, assert_same, text};
+use crate::yard::{Yard, assert_same, stopped, text};
 
 fn with_corpus() -> Yard {
     let yard = Yard::new();
@@ -113,10 +113,7 @@ fn law_an_interrupted_search_exits_75_and_says_how_to_go_on() {
         journal.exists()
     });
     assert!(waited.is_some(), "no journal within a minute");
-    let signal = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(signal.expect("kill").success());
-    let output = child.wait_with_output().expect("a child to wait for");
-    assert_eq!(output.status.code(), Some(75), "{}", text(&output.stderr));
+    let output = stopped(child, "-INT");
     assert!(text(&output.stderr).contains("--resume --out run"), "{}", text(&output.stderr));
 }
 

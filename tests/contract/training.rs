@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
-use crate::yard::{Yard, assert_same, text};
+use crate::yard::{Yard, assert_same, stopped, text};
 
 fn corpus_config() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/training.yaml")
@@ -119,10 +119,7 @@ fn law_an_interrupted_training_exits_75_and_says_how_to_go_on() {
         checkpoint.exists()
     });
     assert!(waited.is_some(), "no checkpoint within a minute");
-    let signal = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-    assert!(signal.expect("kill").success());
-    let output = child.wait_with_output().expect("a child to wait for");
-    assert_eq!(output.status.code(), Some(75), "{}", text(&output.stderr));
+    let output = stopped(child, "-INT");
     assert!(text(&output.stderr).contains("--resume --out run"), "{}", text(&output.stderr));
 }
 

@@ -88,6 +88,15 @@ impl Yard {
     }
 }
 
+/// Sends a signal that asks a process to stop, and waits for what it says; it must ask to be run again.
+pub fn stopped(child: Child, signal: &str) -> Output {
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill");
+    assert!(sent.success());
+    let output = child.wait_with_output().expect("a child to wait for");
+    assert_eq!(output.status.code(), Some(75), "{}", text(&output.stderr));
+    output
+}
+
 pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
