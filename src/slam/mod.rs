@@ -10,6 +10,7 @@ pub mod filter;
 pub mod matrix;
 pub mod measurement;
 pub mod motion;
+mod near;
 pub mod params;
 pub mod particle;
 mod tum;

@@ -9,11 +9,12 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::matrix::{
-    Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, product, solve, square, sum, symmetrise,
-    transpose,
+    Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, product, product_across, solve, square, sum,
+    symmetrise, transpose,
 };
-use super::measurement::{self, Mounting, Polar, Prediction, View, innovation};
+use super::measurement::{self, Mounting, Polar, View, innovation};
 use super::motion::Belief;
+use super::near::{Places, Ring};
 use super::visibility::Visibility;
 use crate::math;
 
@@ -78,7 +79,7 @@ pub struct Particle {
 /// Chi-square of three degrees of freedom at 99 %.
 const GATE: f64 = 11.34;
 /// A feature is new beyond this distance squared from every landmark; between the two nothing is said.
-const NEW_BEYOND: f64 = 25.0;
+pub const NEW_BEYOND: f64 = 25.0;
 /// Two landmarks are told apart from this ratio of likelihoods on.
 const LN_RATIO: f64 = 1.098_612_288_668_109_8;
 const EXISTENCE_NEW: f64 = 0.4;
@@ -113,21 +114,37 @@ impl Clone for Particle {
 }
 
 /// A landmark judged against a feature.
+#[derive(Default)]
 struct Candidate {
     index: usize,
-    prediction: Prediction,
+    by_pose: Matrix<3, 6>,
+    /// The same times the pose's covariance.
+    pull: Matrix<3, 6>,
     innovation: Vector<3>,
     /// Covariance of the measurement and of the landmark alone, and the factor of all of it with the pose's.
     spread: Matrix<3, 3>,
     factor: Matrix<3, 3>,
     distance2: f64,
-    ln_likelihood: f64,
 }
 
+impl Candidate {
+    /// Without the density's constant.
+    #[inline(always)]
+    fn ln_likelihood(&self) -> f64 {
+        -0.5 * (self.distance2 + ln_determinant(&self.factor))
+    }
+}
+
+/// Room for the best landmark so far and for the next one.
+type Pair = [Candidate; 2];
+
 /// What a feature turns out to be.
-#[allow(clippy::large_enum_variant, reason = "lives for one feature; a box would cost an allocation each")]
 enum Verdict {
-    Match(Candidate),
+    /// Of which of the pair, and `ln_likelihood` without the density's constant.
+    Match {
+        slot: usize,
+        ln_likelihood: f64,
+    },
     /// Of one of two landmarks; `ln_likelihood` without the density's constant.
     Torn {
         loser: usize,
@@ -155,6 +172,8 @@ impl Particle {
         let noise = diagonal(variances);
         let unmatched = ln_unmatched(variances);
         let mut taken = vec![false; self.landmarks.len()];
+        let mut places = Places::new(&self.landmarks);
+        let mut pair = Pair::default();
         let mut view = View::new(&self.belief.mean, mounting);
         let mut moved = false;
         for sighting in sightings {
@@ -162,12 +181,13 @@ impl Particle {
                 view = View::new(&self.belief.mean, mounting);
             }
             moved = false;
-            let association = match self.associate(sighting, &view, &noise, &taken) {
-                Verdict::Match(candidate) => {
+            let association = match self.associate(sighting, &view, &noise, &taken, &mut places, &mut pair) {
+                Verdict::Match { slot, ln_likelihood } => {
+                    let candidate = &pair[slot];
                     taken[candidate.index] = true;
                     self.innovation_sum += candidate.distance2;
-                    self.log_weight += candidate.ln_likelihood + LN_DENSITY;
-                    self.absorb(&candidate);
+                    self.log_weight += ln_likelihood + LN_DENSITY;
+                    self.absorb(candidate);
                     moved = true;
                     Association::Matched(candidate.index)
                 }
@@ -188,30 +208,46 @@ impl Particle {
         }
     }
 
-    fn associate(&self, sighting: &Sighting, view: &View, noise: &Matrix<3, 3>, taken: &[bool]) -> Verdict {
+    #[inline(always)]
+    fn associate(
+        &self,
+        sighting: &Sighting,
+        view: &View,
+        noise: &Matrix<3, 3>,
+        taken: &[bool],
+        places: &mut Places,
+        pair: &mut Pair,
+    ) -> Verdict {
         let feature = &sighting.feature;
         if let Some(id) = feature.known {
             let index = self.landmarks.iter().position(|l| l.known == Some(id));
-            return index.and_then(|i| self.judge(i, feature, view, noise)).map_or(Verdict::New, Verdict::Match);
+            let known = index.is_some_and(|i| self.judge(i, feature, view, noise, f64::INFINITY, &mut pair[0]));
+            return if known { Verdict::Match { slot: 0, ln_likelihood: pair[0].ln_likelihood() } } else { Verdict::New };
         }
-        let place = view.in_map(&sighting.point_m);
         let p = &self.belief.covariance;
-        let (moved, turned) = (p[0][0] + p[1][1] + p[2][2], p[3][3] + p[4][4] + p[5][5]);
+        let ring = Ring {
+            range_m: feature.polar[0],
+            variance_m2: noise[0][0],
+            sensor_m: view.sensor_m(),
+            lever_m: view.lever_m(),
+            moved_m: (p[0][0] + p[1][1] + p[2][2]).sqrt(),
+            turned_rad: (p[3][3] + p[4][4] + p[5][5]).sqrt(),
+        };
         // Farther away than this, no landmark can lie within NEW_BEYOND.
-        let reach_m = 1.0 + 5.0 * (moved.sqrt() + feature.polar[0] * turned.sqrt());
-        let mut best: Option<Candidate> = None;
+        let reach_m = 1.0 + 5.0 * (ring.moved_m + feature.polar[0] * ring.turned_rad);
+        let mut best: Option<(usize, f64)> = None;
         let mut runner_up: Option<(usize, f64)> = None;
         let mut nearest = f64::INFINITY;
         let mut crowded = false;
-        for (index, landmark) in self.landmarks.iter().enumerate() {
-            let mut apart = landmark.mean_m;
-            for i in 0..3 {
-                apart[i] -= place[i];
-            }
-            if square(&apart) > reach_m * reach_m || self.far_by_range(landmark, feature, view, noise) {
+        for &index in places.within(reach_m, &view.in_map(&sighting.point_m)) {
+            let index = index as usize;
+            let slot = best.map_or(0, |(slot, _)| 1 - slot);
+            if ring.rules_out(&self.landmarks[index])
+                || !self.judge(index, feature, view, noise, NEW_BEYOND, &mut pair[slot])
+            {
                 continue;
             }
-            let Some(candidate) = self.judge(index, feature, view, noise) else { continue };
+            let candidate = &pair[slot];
             if taken[index] {
                 crowded |= candidate.distance2 <= GATE;
                 continue;
@@ -220,68 +256,66 @@ impl Particle {
             if candidate.distance2 > GATE {
                 continue;
             }
-            let rival = match &best {
-                Some(leader) if leader.ln_likelihood >= candidate.ln_likelihood => (index, candidate.ln_likelihood),
-                _ => {
-                    let Some(loser) = best.replace(candidate) else { continue };
-                    (loser.index, loser.ln_likelihood)
-                }
+            let ln_likelihood = candidate.ln_likelihood();
+            let rival = match best {
+                Some((_, leader)) if leader >= ln_likelihood => (index, ln_likelihood),
+                _ => match best.replace((slot, ln_likelihood)) {
+                    Some((old, ln_likelihood)) => (pair[old].index, ln_likelihood),
+                    None => continue,
+                },
             };
             if runner_up.is_none_or(|(_, ln)| rival.1 > ln) {
                 runner_up = Some(rival);
             }
         }
         match (best, runner_up) {
-            (Some(best), Some((loser, ln))) if best.ln_likelihood - ln < LN_RATIO => {
+            (Some((_, best)), Some((loser, ln))) if best - ln < LN_RATIO => {
                 // The mean of the two likelihoods: it is one of them, and neither is known to be it.
-                let ln_likelihood = best.ln_likelihood + math::ln(0.5 * (1.0 + math::exp(ln - best.ln_likelihood)));
+                let ln_likelihood = best + math::ln(0.5 * (1.0 + math::exp(ln - best)));
                 Verdict::Torn { loser, ln_likelihood }
             }
-            (Some(best), _) => Verdict::Match(best),
+            (Some((slot, ln_likelihood)), _) => Verdict::Match { slot, ln_likelihood },
             (None, _) if nearest > NEW_BEYOND && !crowded => Verdict::New,
             (None, _) => Verdict::Unclear,
         }
     }
 
-    /// Whether the range alone puts the landmark beyond [`NEW_BEYOND`]: the first term of the sum of squares that
-    /// [`Particle::judge`] forms, to the bit, and the other terms are not negative. Saves most landmarks two arc tangents.
-    #[inline]
-    fn far_by_range(&self, landmark: &Landmark, feature: &Feature, view: &View, noise: &Matrix<3, 3>) -> bool {
-        let Some((range, hm, hs)) = view.predict_range(&landmark.mean_m) else { return false };
-        let spread = product(&product(&hm, &landmark.covariance_m2), &transpose(&hm))[0][0] + noise[0][0];
-        let whole = product(&product(&hs, &self.belief.covariance), &transpose(&hs))[0][0] + spread;
-        let first = (feature.polar[0] - range) / whole.sqrt();
-        first * first > NEW_BEYOND
-    }
-
-    fn judge(&self, index: usize, feature: &Feature, view: &View, noise: &Matrix<3, 3>) -> Option<Candidate> {
+    /// Judges a landmark; false where it cannot be judged, or where the range's part of the distance squared, which is a sum of
+    /// squares, is beyond `limit` by itself: that saves most of those two arc tangents.
+    #[inline(always)]
+    fn judge(
+        &self,
+        index: usize,
+        feature: &Feature,
+        view: &View,
+        noise: &Matrix<3, 3>,
+        limit: f64,
+        to: &mut Candidate,
+    ) -> bool {
         let landmark = &self.landmarks[index];
-        let prediction = view.predict(&landmark.mean_m)?;
-        let innovation = innovation(&feature.polar, &prediction.polar);
-        let hm = &prediction.by_landmark;
-        let spread = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), noise);
-        let hs = &prediction.by_pose;
-        let whole = sum(&product(&product(hs, &self.belief.covariance), &transpose(hs)), &spread);
-        let factor = cholesky(&whole)?;
+        let Some(sight) = view.sight(&landmark.mean_m) else { return false };
+        let (hm, hs) = view.slopes(&sight);
+        let pull = product(&hs, &self.belief.covariance);
+        let spread = sum(&product(&product(&hm, &landmark.covariance_m2), &transpose(&hm)), noise);
+        let Some(factor) = cholesky(&sum(&product(&pull, &transpose(&hs)), &spread)) else { return false };
+        let first = (feature.polar[0] - sight.range) / factor[0][0];
+        if first * first > limit {
+            return false;
+        }
+        let innovation = innovation(&feature.polar, &sight.polar());
         let distance2 = square(&half_solve(&factor, &innovation));
-        let ln_likelihood = -0.5 * (distance2 + ln_determinant(&factor));
-        Some(Candidate { index, prediction, innovation, spread, factor, distance2, ln_likelihood })
+        *to = Candidate { index, by_pose: hs, pull, innovation, spread, factor, distance2 };
+        true
     }
 
     /// Kalman update of the pose by a match, Joseph form.
+    #[inline(always)]
     fn absorb(&mut self, candidate: &Candidate) {
-        let hs = &candidate.prediction.by_pose;
-        let ph: Matrix<6, 3> = product(&self.belief.covariance, &transpose(hs));
-        let mut gain = ph;
-        for row in &mut gain {
-            *row = solve(&candidate.factor, row);
-        }
-        let moved = apply(&gain, &candidate.innovation);
-        for (mean, by) in self.belief.mean.iter_mut().zip(moved) {
-            *mean += by;
-        }
+        // P is symmetric to the last bit: H P is the transpose of P H'.
+        let gain = solve(&candidate.factor, &candidate.pull);
+        add_across(&mut self.belief.mean, &gain, &candidate.innovation);
         self.belief.wrap();
-        self.belief.covariance = joseph(&self.belief.covariance, &gain, hs, &candidate.spread);
+        self.belief.covariance = joseph(&self.belief.covariance, &gain, &candidate.by_pose, &candidate.spread);
     }
 
     /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly.
@@ -342,29 +376,41 @@ impl Landmark {
     fn absorb(&mut self, feature: &Feature, view: &View, noise: &Matrix<3, 3>) {
         let Some(prediction) = view.predict(&self.mean_m) else { return };
         let hm = &prediction.by_landmark;
+        // A new landmark's covariance is symmetric to rounding only.
         let ph = product(&self.covariance_m2, &transpose(hm));
         let Some(factor) = cholesky(&sum(&product(hm, &ph), noise)) else { return };
-        let mut gain = ph;
-        for row in &mut gain {
-            *row = solve(&factor, row);
-        }
-        let moved = apply(&gain, &innovation(&feature.polar, &prediction.polar));
-        for (mean, by) in self.mean_m.iter_mut().zip(moved) {
-            *mean += by;
-        }
+        let gain = solve(&factor, &transpose(&ph));
+        add_across(&mut self.mean_m, &gain, &innovation(&feature.polar, &prediction.polar));
         self.covariance_m2 = joseph(&self.covariance_m2, &gain, hm, noise);
     }
 }
 
-/// (I - K H) P (I - K H)' + K Q K', symmetric to the last bit.
-fn joseph<const N: usize>(p: &Matrix<N, N>, gain: &Matrix<N, 3>, h: &Matrix<3, N>, q: &Matrix<3, 3>) -> Matrix<N, N> {
-    let mut rest = product(gain, h);
-    for r in 0..N {
-        for c in 0..N {
-            rest[r][c] = if r == c { 1.0 - rest[r][c] } else { -rest[r][c] };
+/// x += K v, of the transpose of K.
+#[inline(always)]
+fn add_across<const N: usize>(x: &mut Vector<N>, gain: &Matrix<3, N>, v: &Vector<3>) {
+    let mut by = [-0.0; N];
+    for k in 0..3 {
+        for i in 0..N {
+            by[i] += gain[k][i] * v[k];
         }
     }
-    let mut out = sum(&product(&product(&rest, p), &transpose(&rest)), &product(&product(gain, q), &transpose(gain)));
+    for i in 0..N {
+        x[i] += by[i];
+    }
+}
+
+/// (I - K H) P (I - K H)' + K Q K', symmetric to the last bit, of the transpose of K.
+#[inline(always)]
+fn joseph<const N: usize>(p: &Matrix<N, N>, gain: &Matrix<3, N>, h: &Matrix<3, N>, q: &Matrix<3, 3>) -> Matrix<N, N> {
+    // I - K H and its transpose, each by rows: no product then asks for a column.
+    let (mut rest, mut across) = (product_across(gain, h), product_across(h, gain));
+    for r in 0..N {
+        for c in 0..N {
+            let unit = f64::from(u8::from(r == c));
+            (rest[r][c], across[r][c]) = (unit - rest[r][c], unit - across[r][c]);
+        }
+    }
+    let mut out = sum(&product(&product(&rest, p), &across), &product(&product_across(gain, q), gain));
     symmetrise(&mut out);
     out
 }
@@ -373,6 +419,7 @@ fn joseph<const N: usize>(p: &Matrix<N, N>, gain: &Matrix<N, 3>, h: &Matrix<3, N
 mod tests {
     use super::*;
     use crate::geometry::{DVec3, Pose};
+    use crate::slam::measurement::Prediction;
 
     const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
     const LANDMARKS: [Vector<3>; 3] = [[2.0, 0.5, 0.2], [-1.0, 2.0, 0.1], [1.5, -2.5, 0.4]];
@@ -419,15 +466,8 @@ mod tests {
         features.iter().copied().map(Sighting::new).collect()
     }
 
-    /// Inverse by solving for the unit vectors.
     fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {
-        let l = cholesky(a).expect("positive definite");
-        let columns: Matrix<6, 6> = std::array::from_fn(|i| {
-            let mut unit = [0.0; 6];
-            unit[i] = 1.0;
-            solve(&l, &unit)
-        });
-        transpose(&columns)
+        solve(&cholesky(a).expect("positive definite"), &diagonal(&[1.0; 6]))
     }
 
     #[test]
@@ -442,8 +482,7 @@ mod tests {
             let hm = &h.by_landmark;
             let q = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), &diagonal(&VARIANCES));
             let l = cholesky(&q).expect("positive definite");
-            let rows: Matrix<6, 3> = transpose(&h.by_pose).map(|column| solve(&l, &column));
-            information = sum(&information, &product(&rows, &h.by_pose));
+            information = sum(&information, &product_across(&solve(&l, &h.by_pose), &h.by_pose));
         }
         refined.refine(&sighted(&found), &VARIANCES, &mounting());
         let want = inverse(&information);
