@@ -8,13 +8,14 @@
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
 use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Sighting};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Room, Sighting};
 use super::visibility::Visibility;
 use super::weights::{Ancestry, effective_samples, normalise, systematic};
 use super::{Counters, FastslamParams};
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;
 use crate::random::{Purpose, Streams};
+use crate::wide::{Work, widest};
 
 /// Base noise of a feature: range, metres; bearing and elevation, radians. Covers the extraction's own errors once inflated.
 const FEATURE_SIGMA: Vector<3> = [0.03, DEGREE, DEGREE];
@@ -106,9 +107,7 @@ impl Filter {
         self.at_sweep = None;
         match Control::of(reading) {
             Some(control) => {
-                for particle in &mut self.particles {
-                    particle.belief.drive(control, &self.motion);
-                }
+                widest(Drive { particles: &mut self.particles, control, noise: &self.motion });
             }
             None => self.counters.not_finite += 1,
         }
@@ -148,9 +147,7 @@ impl Filter {
             self.counters.gated += 1;
             return;
         }
-        for particle in &mut self.particles {
-            particle.log_weight += particle.belief.read_angle(component, angle_rad, variance_rad2);
-        }
+        widest(Read { particles: &mut self.particles, component, angle_rad, variance_rad2 });
     }
 
     /// Keeps the log weights normalised, so that none drifts out of range over a long drive.
@@ -191,8 +188,9 @@ impl Filter {
     pub fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
         let features = self.choose(found);
         let prior = self.weights();
+        let mut room = Room::default();
         for particle in &mut self.particles {
-            particle.refine(&features, &self.feature_variances, &self.mounting);
+            particle.refine(&features, &self.feature_variances, &self.mounting, &mut room);
         }
         self.mean_innovation = self.innovation(&prior);
         self.equalise();
@@ -224,7 +222,7 @@ impl Filter {
             self.drew = true;
         }
         for particle in &mut self.particles {
-            particle.chart(&features, &self.feature_variances, &self.mounting, visibility);
+            particle.chart(&features, &self.feature_variances, &self.mounting, visibility, &mut room);
         }
         let sure = |l: &&Landmark| l.existence >= EXISTENCE_SURE;
         self.scan.landmarks = self.particles[self.likeliest()].landmarks.iter().filter(sure).count() as u32;
@@ -352,5 +350,40 @@ impl Filter {
     pub fn best(&self) -> (&Vector<6>, &[Landmark]) {
         let particle = &self.particles[self.likeliest()];
         (&particle.belief.mean, &particle.landmarks)
+    }
+}
+
+/// [`Belief::drive`] of all.
+struct Drive<'a> {
+    particles: &'a mut [Particle],
+    control: Control,
+    noise: &'a MotionNoise,
+}
+
+impl Work for Drive<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run(self) {
+        for particle in self.particles {
+            particle.belief.drive(self.control, self.noise);
+        }
+    }
+}
+
+/// [`Belief::read_angle`] of all.
+struct Read<'a> {
+    particles: &'a mut [Particle],
+    component: usize,
+    angle_rad: f64,
+    variance_rad2: f64,
+}
+
+impl Work for Read<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run(self) {
+        for particle in self.particles {
+            particle.log_weight += particle.belief.read_angle(self.component, self.angle_rad, self.variance_rad2);
+        }
     }
 }

@@ -198,7 +198,11 @@ pub fn half_solve<const N: usize>(l: &Matrix<N, N>, b: &Vector<N>) -> Vector<N> 
 /// ln |L L'|, with one logarithm.
 #[inline(always)]
 pub fn ln_determinant<const N: usize>(l: &Matrix<N, N>) -> f64 {
-    2.0 * math::ln((0..N).map(|i| l[i][i]).product())
+    let mut root = 1.0;
+    for i in 0..N {
+        root *= l[i][i];
+    }
+    2.0 * math::ln(root)
 }
 
 /// v' v.

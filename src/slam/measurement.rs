@@ -97,9 +97,10 @@ pub struct Prediction {
 }
 
 impl View {
+    #[inline(always)]
     pub fn new(pose: &Vector<6>, mounting: &Mounting) -> View {
-        let (sr, cr) = math::sin_cos(pose[3]);
-        let (sp, cp) = math::sin_cos(pose[4]);
+        // Roll and pitch are small as a rule.
+        let [[sr, sp], [cr, cp]] = math::sin_cos_lanes(&[pose[3], pose[4]]);
         let (sy, cy) = math::sin_cos(pose[5]);
         // rover_from_map = (Rz Ry Rx)': its rows are the columns of map_from_rover.
         let rover = [
@@ -188,19 +189,19 @@ impl View {
     }
 
     /// The sensor's place in the map.
-    #[inline]
+    #[inline(always)]
     pub fn sensor_m(&self) -> Vector<3> {
         self.in_map(&[0.0; 3])
     }
 
     /// How far the sensor sits from the rover's origin, metres.
-    #[inline]
+    #[inline(always)]
     pub fn lever_m(&self) -> f64 {
         square(&self.offset_m).sqrt()
     }
 
     /// The map point of a point in the sensor frame.
-    #[inline]
+    #[inline(always)]
     pub fn in_map(&self, point_m: &Vector<3>) -> Vector<3> {
         let mut from_rover = *point_m;
         for i in 0..3 {
@@ -214,6 +215,7 @@ impl View {
     }
 
     /// The map point of a measurement, and its covariance for diagonal measurement variances (the pose taken as exact).
+    #[inline(always)]
     pub fn locate(&self, polar: &Polar, variances: &Vector<3>) -> (Vector<3>, Matrix<3, 3>) {
         let [range, bearing, elevation] = *polar;
         let (sb, cb) = math::sin_cos(bearing);

@@ -7,6 +7,7 @@
 
 pub mod features;
 pub mod filter;
+mod kalman;
 pub mod matrix;
 pub mod measurement;
 pub mod motion;

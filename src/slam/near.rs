@@ -13,15 +13,17 @@ const LANES: usize = 8;
 const SLACK: f64 = 1.001;
 
 /// A particle's landmarks by coordinate.
+#[derive(Default)]
 pub struct Places {
     blocks: Vec<[[f64; LANES]; 3]>,
     near: Vec<u32>,
 }
 
 impl Places {
-    pub fn new(landmarks: &[Landmark]) -> Places {
-        let count = landmarks.len().div_ceil(LANES);
-        let mut blocks = Vec::with_capacity(count);
+    /// Takes in a map; the last one's room serves again.
+    #[inline(always)]
+    pub fn fill(&mut self, landmarks: &[Landmark]) {
+        self.blocks.clear();
         for landmarks in landmarks.chunks(LANES) {
             // What is not there is nowhere near.
             let mut block = [[f64::NAN; LANES]; 3];
@@ -30,9 +32,9 @@ impl Places {
                     block[i][lane] = landmark.mean_m[i];
                 }
             }
-            blocks.push(block);
+            self.blocks.push(block);
         }
-        Places { blocks, near: vec![0; LANES * count] }
+        self.near.resize(LANES * self.blocks.len(), 0);
     }
 
     /// Those within `reach_m` of a place, by number.
@@ -88,5 +90,39 @@ impl Ring {
         let variance_m2 = pose_m * pose_m + (c[0][0] + c[1][1] + c[2][2]) + self.variance_m2;
         let innovation_m = self.range_m - range_m;
         innovation_m * innovation_m > SLACK * NEW_BEYOND * variance_m2
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math;
+
+    #[test]
+    fn equal_landmarks_within_a_ball_and_a_plain_scan() {
+        let mut places = Places::default();
+        for count in [0, 1, 7, 8, 9, 40] {
+            let mut landmarks: Vec<Landmark> = (0..count)
+                .map(|i| Landmark {
+                    mean_m: [1.0, 2.0, 3.0].map(|k| 3.0 * math::sin(k * f64::from(i * i))),
+                    covariance_m2: [[0.0; 3]; 3],
+                    existence: 1.0,
+                    known: None,
+                })
+                .collect();
+            if let Some(broken) = landmarks.get_mut(3) {
+                broken.mean_m[1] = f64::NAN;
+            }
+            places.fill(&landmarks);
+            let place = [0.5, -0.5, 0.2];
+            for reach_m in [0.0, 1.0, 2.5, f64::INFINITY] {
+                let inside = |l: &Landmark| {
+                    let apart: Vector<3> = std::array::from_fn(|i| l.mean_m[i] - place[i]);
+                    square(&apart) <= reach_m * reach_m
+                };
+                let want: Vec<u32> = (0..).zip(&landmarks).filter(|(_, l)| inside(l)).map(|(i, _)| i).collect();
+                assert_eq!(places.within(reach_m, &place), want, "{count} {reach_m}");
+            }
+        }
     }
 }

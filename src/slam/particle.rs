@@ -8,9 +8,9 @@
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
 
+use super::kalman;
 use super::matrix::{
-    Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, product, product_across, solve, square, sum,
-    symmetrise, transpose,
+    Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, product, square, sum, transpose,
 };
 use super::measurement::{self, Mounting, Polar, View, innovation};
 use super::motion::Belief;
@@ -135,8 +135,17 @@ impl Candidate {
     }
 }
 
-/// Room for the best landmark so far and for the next one.
+/// The best landmark so far and the next one.
 type Pair = [Candidate; 2];
+
+/// What a particle needs while it takes in a sweep; serves one after the other.
+#[derive(Default)]
+pub struct Room {
+    places: Places,
+    pair: Pair,
+    /// Landmarks that a feature was given to.
+    taken: Vec<bool>,
+}
 
 /// What a feature turns out to be.
 enum Verdict {
@@ -166,14 +175,15 @@ fn ln_unmatched(variances: &Vector<3>) -> f64 {
 impl Particle {
     /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
     /// log term a feature whatever becomes of it, so that particles stay comparable.
-    pub fn refine(&mut self, sightings: &[Sighting], variances: &Vector<3>, mounting: &Mounting) {
+    pub fn refine(&mut self, sightings: &[Sighting], variances: &Vector<3>, mounting: &Mounting, room: &mut Room) {
         self.associations.clear();
         self.innovation_sum = 0.0;
         let noise = diagonal(variances);
         let unmatched = ln_unmatched(variances);
-        let mut taken = vec![false; self.landmarks.len()];
-        let mut places = Places::new(&self.landmarks);
-        let mut pair = Pair::default();
+        let Room { places, pair, taken } = room;
+        places.fill(&self.landmarks);
+        taken.clear();
+        taken.resize(self.landmarks.len(), false);
         let mut view = View::new(&self.belief.mean, mounting);
         let mut moved = false;
         for sighting in sightings {
@@ -181,7 +191,7 @@ impl Particle {
                 view = View::new(&self.belief.mean, mounting);
             }
             moved = false;
-            let association = match self.associate(sighting, &view, &noise, &taken, &mut places, &mut pair) {
+            let association = match self.associate(sighting, &view, &noise, taken, places, pair) {
                 Verdict::Match { slot, ln_likelihood } => {
                     let candidate = &pair[slot];
                     taken[candidate.index] = true;
@@ -222,17 +232,13 @@ impl Particle {
         if let Some(id) = feature.known {
             let index = self.landmarks.iter().position(|l| l.known == Some(id));
             let known = index.is_some_and(|i| self.judge(i, feature, view, noise, f64::INFINITY, &mut pair[0]));
-            return if known { Verdict::Match { slot: 0, ln_likelihood: pair[0].ln_likelihood() } } else { Verdict::New };
+            return if known {
+                Verdict::Match { slot: 0, ln_likelihood: pair[0].ln_likelihood() }
+            } else {
+                Verdict::New
+            };
         }
-        let p = &self.belief.covariance;
-        let ring = Ring {
-            range_m: feature.polar[0],
-            variance_m2: noise[0][0],
-            sensor_m: view.sensor_m(),
-            lever_m: view.lever_m(),
-            moved_m: (p[0][0] + p[1][1] + p[2][2]).sqrt(),
-            turned_rad: (p[3][3] + p[4][4] + p[5][5]).sqrt(),
-        };
+        let ring = self.ring(&feature.polar, view, noise);
         // Farther away than this, no landmark can lie within NEW_BEYOND.
         let reach_m = 1.0 + 5.0 * (ring.moved_m + feature.polar[0] * ring.turned_rad);
         let mut best: Option<(usize, f64)> = None;
@@ -280,6 +286,20 @@ impl Particle {
         }
     }
 
+    /// What the range of a feature says of landmarks.
+    #[inline(always)]
+    fn ring(&self, polar: &Polar, view: &View, noise: &Matrix<3, 3>) -> Ring {
+        let p = &self.belief.covariance;
+        Ring {
+            range_m: polar[0],
+            variance_m2: noise[0][0],
+            sensor_m: view.sensor_m(),
+            lever_m: view.lever_m(),
+            moved_m: (p[0][0] + p[1][1] + p[2][2]).sqrt(),
+            turned_rad: (p[3][3] + p[4][4] + p[5][5]).sqrt(),
+        }
+    }
+
     /// Judges a landmark; false where it cannot be judged, or where the range's part of the distance squared, which is a sum of
     /// squares, is beyond `limit` by itself: that saves most of those two arc tangents.
     #[inline(always)]
@@ -308,14 +328,13 @@ impl Particle {
         true
     }
 
-    /// Kalman update of the pose by a match, Joseph form.
+    /// Kalman update of the pose by a match.
     #[inline(always)]
     fn absorb(&mut self, candidate: &Candidate) {
-        // P is symmetric to the last bit: H P is the transpose of P H'.
-        let gain = solve(&candidate.factor, &candidate.pull);
-        add_across(&mut self.belief.mean, &gain, &candidate.innovation);
+        let Candidate { by_pose, pull, factor, innovation, spread, .. } = candidate;
+        let Belief { mean, covariance } = &mut self.belief;
+        kalman::update((mean, covariance), by_pose, pull, factor, innovation, spread);
         self.belief.wrap();
-        self.belief.covariance = joseph(&self.belief.covariance, &gain, &candidate.by_pose, &candidate.spread);
     }
 
     /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly.
@@ -336,10 +355,12 @@ impl Particle {
         variances: &Vector<3>,
         mounting: &Mounting,
         visibility: &Visibility,
+        Room { taken: seen, .. }: &mut Room,
     ) {
         let view = View::new(&self.belief.mean, mounting);
         let noise = diagonal(variances);
-        let mut seen = vec![false; self.landmarks.len()];
+        seen.clear();
+        seen.resize(self.landmarks.len(), false);
         for (Sighting { feature, .. }, association) in sightings.iter().zip(&self.associations) {
             match *association {
                 Association::Matched(index) => {
@@ -361,7 +382,7 @@ impl Particle {
                 Association::Ambiguous(None) => {}
             }
         }
-        for (landmark, seen) in self.landmarks.iter_mut().zip(seen) {
+        for (landmark, &mut seen) in self.landmarks.iter_mut().zip(seen) {
             if !seen && visibility.sees(&view.in_sensor(&landmark.mean_m)) {
                 landmark.existence += EXISTENCE_MISSED;
             }
@@ -372,53 +393,25 @@ impl Particle {
 }
 
 impl Landmark {
-    /// Kalman update of the landmark from an exact pose, Joseph form.
+    /// Kalman update of the landmark from an exact pose.
+    #[inline(always)]
     fn absorb(&mut self, feature: &Feature, view: &View, noise: &Matrix<3, 3>) {
         let Some(prediction) = view.predict(&self.mean_m) else { return };
         let hm = &prediction.by_landmark;
-        // A new landmark's covariance is symmetric to rounding only.
+        // A new landmark's covariance is symmetric to rounding only: P H', not H P.
         let ph = product(&self.covariance_m2, &transpose(hm));
         let Some(factor) = cholesky(&sum(&product(hm, &ph), noise)) else { return };
-        let gain = solve(&factor, &transpose(&ph));
-        add_across(&mut self.mean_m, &gain, &innovation(&feature.polar, &prediction.polar));
-        self.covariance_m2 = joseph(&self.covariance_m2, &gain, hm, noise);
+        let innovation = innovation(&feature.polar, &prediction.polar);
+        let belief = (&mut self.mean_m, &mut self.covariance_m2);
+        kalman::update(belief, hm, &transpose(&ph), &factor, &innovation, noise);
     }
-}
-
-/// x += K v, of the transpose of K.
-#[inline(always)]
-fn add_across<const N: usize>(x: &mut Vector<N>, gain: &Matrix<3, N>, v: &Vector<3>) {
-    let mut by = [-0.0; N];
-    for k in 0..3 {
-        for i in 0..N {
-            by[i] += gain[k][i] * v[k];
-        }
-    }
-    for i in 0..N {
-        x[i] += by[i];
-    }
-}
-
-/// (I - K H) P (I - K H)' + K Q K', symmetric to the last bit, of the transpose of K.
-#[inline(always)]
-fn joseph<const N: usize>(p: &Matrix<N, N>, gain: &Matrix<3, N>, h: &Matrix<3, N>, q: &Matrix<3, 3>) -> Matrix<N, N> {
-    // I - K H and its transpose, each by rows: no product then asks for a column.
-    let (mut rest, mut across) = (product_across(gain, h), product_across(h, gain));
-    for r in 0..N {
-        for c in 0..N {
-            let unit = f64::from(u8::from(r == c));
-            (rest[r][c], across[r][c]) = (unit - rest[r][c], unit - across[r][c]);
-        }
-    }
-    let mut out = sum(&product(&product(&rest, p), &across), &product(&product_across(gain, q), gain));
-    symmetrise(&mut out);
-    out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::{DVec3, Pose};
+    use crate::slam::matrix::{product_across, solve};
     use crate::slam::measurement::Prediction;
 
     const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
@@ -484,7 +477,7 @@ mod tests {
             let l = cholesky(&q).expect("positive definite");
             information = sum(&information, &product_across(&solve(&l, &h.by_pose), &h.by_pose));
         }
-        refined.refine(&sighted(&found), &VARIANCES, &mounting());
+        refined.refine(&sighted(&found), &VARIANCES, &mounting(), &mut Room::default());
         let want = inverse(&information);
         for r in 0..6 {
             for c in 0..6 {
@@ -526,7 +519,7 @@ mod tests {
         let l = cholesky(&stacked).expect("positive definite");
         let want =
             -0.5 * (square(&half_solve(&l, &residual)) + ln_determinant(&l) + 9.0 * math::ln(std::f64::consts::TAU));
-        refined.refine(&sighted(&found), &variances, &mounting());
+        refined.refine(&sighted(&found), &variances, &mounting(), &mut Room::default());
         assert!((refined.log_weight - want).abs() < 1e-6, "{} {want}", refined.log_weight);
     }
 
@@ -538,7 +531,7 @@ mod tests {
         assert!((ln_unmatched(&VARIANCES) - matched).abs() < 1e-12);
         let mut lone = Particle::default();
         let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
-        lone.refine(&sighted(&[far, far]), &VARIANCES, &mounting());
+        lone.refine(&sighted(&[far, far]), &VARIANCES, &mounting(), &mut Room::default());
         assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
     }
 
@@ -551,7 +544,43 @@ mod tests {
             torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
         }
         let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
-        torn.refine(&sighted(&[between]), &VARIANCES, &mounting());
+        torn.refine(&sighted(&[between]), &VARIANCES, &mounting(), &mut Room::default());
         assert_eq!(torn.associations, vec![Association::Ambiguous(Some(0))]);
+    }
+
+    #[test]
+    fn law_a_landmark_that_the_range_rules_out_is_judged_too_far() {
+        let numbers = |from: usize| (from..).map(|i| math::sin(1.7 * (i * i) as f64));
+        let (mut ruled_out, mut judged) = (0, 0);
+        for trial in 0..200 {
+            let mut draws = numbers(1000 * trial);
+            let mut believed = particle([1e-2, 1.0, 10.0][trial % 3]);
+            for (mean, n) in believed.belief.mean.iter_mut().zip(draws.by_ref()) {
+                *mean += 0.5 * n;
+            }
+            let view = View::new(&believed.belief.mean, &mounting());
+            let noise = diagonal(&VARIANCES);
+            for landmark in &mut believed.landmarks {
+                for (mean, n) in landmark.mean_m.iter_mut().zip(draws.by_ref()) {
+                    *mean += n;
+                }
+            }
+            for index in 0..3 {
+                let prediction = view.predict(&believed.landmarks[index].mean_m).expect("in view");
+                for off_m in draws.by_ref().take(20) {
+                    let polar =
+                        [(prediction.polar[0] + 3.0 * off_m).max(0.2), prediction.polar[1], prediction.polar[2]];
+                    let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None };
+                    let mut candidate = Candidate::default();
+                    assert!(believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate));
+                    let far = believed.ring(&polar, &view, &noise).rules_out(&believed.landmarks[index]);
+                    assert!(!far || candidate.distance2 > NEW_BEYOND, "{trial}: {}", candidate.distance2);
+                    ruled_out += u32::from(far);
+                    judged += u32::from(candidate.distance2 > NEW_BEYOND);
+                }
+            }
+        }
+        // Rules out most of what is too far.
+        assert!(2 * ruled_out > judged && judged > 1000, "{ruled_out} of {judged}");
     }
 }
