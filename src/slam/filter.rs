@@ -5,17 +5,18 @@
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
 //! modelled: constant instrument biases; they make the angles' sigmas too small.
 
+use super::each::{Chart, Drive, ReadAngle, Refine, Seen};
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
 use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
 use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Room, Sighting};
 use super::visibility::Visibility;
-use super::weights::{Ancestry, effective_samples, normalise, systematic};
+use super::weights::{Ancestry, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;
 use crate::random::{Purpose, Streams};
-use crate::wide::{Work, widest};
+use crate::wide::in_fours;
 
 /// Base noise of a feature: range, metres; bearing and elevation, radians. Covers the extraction's own errors once inflated.
 const FEATURE_SIGMA: Vector<3> = [0.03, DEGREE, DEGREE];
@@ -107,7 +108,7 @@ impl Filter {
         self.at_sweep = None;
         match Control::of(reading) {
             Some(control) => {
-                widest(Drive { particles: &mut self.particles, control, noise: &self.motion });
+                in_fours(Drive { particles: &mut self.particles, control, noise: &self.motion });
             }
             None => self.counters.not_finite += 1,
         }
@@ -147,7 +148,7 @@ impl Filter {
             self.counters.gated += 1;
             return;
         }
-        widest(Read { particles: &mut self.particles, component, angle_rad, variance_rad2 });
+        in_fours(ReadAngle { particles: &mut self.particles, component, angle_rad, variance_rad2 });
     }
 
     /// Keeps the log weights normalised, so that none drifts out of range over a long drive.
@@ -163,7 +164,7 @@ impl Filter {
 
     /// The particles' weights; they sum to 1.
     pub fn weights(&self) -> Vec<f64> {
-        self.particles.iter().map(|p| math::exp(p.log_weight)).collect()
+        exponentials(self.particles.iter().map(|p| p.log_weight).collect())
     }
 
     /// Mean and variance of one angle over the cloud.
@@ -171,9 +172,9 @@ impl Filter {
         let reference = self.particles[0].belief.mean[component];
         // Within a step the weights are not normalised, and their logarithms may be large.
         let most = self.particles[self.likeliest()].log_weight;
+        let weights = exponentials(self.particles.iter().map(|p| p.log_weight - most).collect());
         let (mut total, mut first, mut second, mut own) = (0.0, 0.0, 0.0, 0.0);
-        for particle in &self.particles {
-            let weight = math::exp(particle.log_weight - most);
+        for (particle, weight) in self.particles.iter().zip(weights) {
             let d = math::wrap_angle(particle.belief.mean[component] - reference);
             total += weight;
             first += weight * d;
@@ -189,9 +190,8 @@ impl Filter {
         let features = self.choose(found);
         let prior = self.weights();
         let mut room = Room::default();
-        for particle in &mut self.particles {
-            particle.refine(&features, &self.feature_variances, &self.mounting, &mut room);
-        }
+        let seen = Seen { sightings: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        in_fours(Refine { particles: &mut self.particles, seen, room: &mut room });
         self.mean_innovation = self.innovation(&prior);
         self.equalise();
         let mixture = self.mixture();
@@ -221,9 +221,8 @@ impl Filter {
             }
             self.drew = true;
         }
-        for particle in &mut self.particles {
-            particle.chart(&features, &self.feature_variances, &self.mounting, visibility, &mut room);
-        }
+        let seen = Seen { sightings: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        in_fours(Chart { particles: &mut self.particles, seen, visibility, room: &mut room });
         let sure = |l: &&Landmark| l.existence >= EXISTENCE_SURE;
         self.scan.landmarks = self.particles[self.likeliest()].landmarks.iter().filter(sure).count() as u32;
         self.at_sweep = Some(mixture);
@@ -350,40 +349,5 @@ impl Filter {
     pub fn best(&self) -> (&Vector<6>, &[Landmark]) {
         let particle = &self.particles[self.likeliest()];
         (&particle.belief.mean, &particle.landmarks)
-    }
-}
-
-/// [`Belief::drive`] of all.
-struct Drive<'a> {
-    particles: &'a mut [Particle],
-    control: Control,
-    noise: &'a MotionNoise,
-}
-
-impl Work for Drive<'_> {
-    type Out = ();
-    #[inline(always)]
-    fn run(self) {
-        for particle in self.particles {
-            particle.belief.drive(self.control, self.noise);
-        }
-    }
-}
-
-/// [`Belief::read_angle`] of all.
-struct Read<'a> {
-    particles: &'a mut [Particle],
-    component: usize,
-    angle_rad: f64,
-    variance_rad2: f64,
-}
-
-impl Work for Read<'_> {
-    type Out = ();
-    #[inline(always)]
-    fn run(self) {
-        for particle in self.particles {
-            particle.log_weight += particle.belief.read_angle(self.component, self.angle_rad, self.variance_rad2);
-        }
     }
 }

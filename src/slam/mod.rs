@@ -5,6 +5,8 @@
 //! start, so that coordinates of any size lose no digits. Of the start only the position is believed: the attitude comes
 //! from the first readings, where the rover has the instruments.
 
+mod associate;
+mod each;
 pub mod features;
 pub mod filter;
 mod kalman;
