@@ -127,12 +127,12 @@ impl View {
     /// A map point in the sensor frame.
     #[inline(always)]
     pub fn in_sensor(&self, point_m: &Vector<3>) -> Vector<3> {
-        self.turned(&self.from_rover(point_m))
+        self.turned(&self.place_from_rover(point_m))
     }
 
     /// A map point from the rover, map axes.
     #[inline(always)]
-    fn from_rover(&self, point_m: &Vector<3>) -> Vector<3> {
+    fn place_from_rover(&self, point_m: &Vector<3>) -> Vector<3> {
         let mut w = *point_m;
         for i in 0..3 {
             w[i] -= self.position_m[i];
@@ -152,7 +152,7 @@ impl View {
     /// A landmark from the sensor; `None` where the bearing means nothing.
     #[inline(always)]
     pub fn sight(&self, landmark_m: &Vector<3>) -> Option<Sight> {
-        let w = self.from_rover(landmark_m);
+        let w = self.place_from_rover(landmark_m);
         let q = self.turned(&w);
         let level2 = q[0] * q[0] + q[1] * q[1];
         let range2 = level2 + q[2] * q[2];

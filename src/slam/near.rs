@@ -4,6 +4,9 @@
 //! about the feature's place, then what the range alone puts too far: a square and a root each, where a judgement takes products of
 //! covariances and two arc tangents. Of what is left out, a judgement would say no more than that it is too far.
 
+// Algebra reads by its indices.
+#![allow(clippy::needless_range_loop)]
+
 use super::associate::NEW_BEYOND;
 use super::matrix::{Vector, square};
 use super::particle::Landmark;
