@@ -130,6 +130,54 @@ pub fn ln_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
     out
 }
 
+/// e to the power of several numbers: the bits of [`exp`], whose steps these are (FreeBSD's e_exp.c); with a number among them
+/// that is large or not a number, all go through it one by one.
+#[inline(always)]
+pub fn exp_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
+    const LN2_HI: f64 = 6.931_471_803_691_238e-1;
+    const LN2_LO: f64 = 1.908_214_929_270_587_7e-10;
+    const P: [f64; 5] = [
+        1.666_666_666_666_660_2e-1,
+        -2.777_777_777_701_559_3e-3,
+        6.613_756_321_437_934e-5,
+        -1.653_390_220_546_525_2e-6,
+        4.138_136_797_057_238_5e-8,
+    ];
+    // Below this the result is a normal number by far.
+    const LARGEST: f64 = 700.0;
+    // High words of 2^-28, ln 2 / 2 and 3 ln 2 / 2.
+    const TINY: u64 = 0x3e30_0000;
+    const HALF_LN2: u64 = 0x3fd6_2e42;
+    const MORE_LN2: u64 = 0x3ff0_a2b2;
+    let mut tame = true;
+    for &x in x {
+        tame &= x.abs() <= LARGEST;
+    }
+    let mut out = [0.0; N];
+    if !tame {
+        for l in 0..N {
+            out[l] = exp(x[l]);
+        }
+        return out;
+    }
+    for l in 0..N {
+        let x = x[l];
+        let high = (x.to_bits() >> 32) & 0x7fff_ffff;
+        let turns = std::f64::consts::LOG2_E * x + 0.5f64.copysign(x);
+        let turns = if high >= MORE_LN2 { turns } else { 1f64.copysign(x) };
+        let k = if high > HALF_LN2 { turns as i32 } else { 0 };
+        let hi = x - f64::from(k) * LN2_HI;
+        let lo = f64::from(k) * LN2_LO;
+        let r = hi - lo;
+        let z = r * r;
+        let c = r - z * (P[0] + z * (P[1] + z * (P[2] + z * (P[3] + z * P[4]))));
+        let y = 1.0 + (r * c / (2.0 - c) - lo + hi);
+        let scale = f64::from_bits(((1023 + k) as u64) << 52);
+        out[l] = if high > TINY { y * scale } else { 1.0 + x };
+    }
+    out
+}
+
 /// Angle of the point (x, y) from the x axis, in (-pi, pi].
 #[inline]
 pub fn atan2(y: f64, x: f64) -> f64 {
@@ -231,6 +279,21 @@ mod tests {
             assert_eq!(c.to_bits(), cos(x).to_bits(), "{x}");
             for alone in [sin_cos_lanes(&[x; 2]), sin_cos_lanes(&[x, 1.0])] {
                 assert_eq!(alone.map(|lanes| lanes[0].to_bits()), [s, c].map(f64::to_bits), "{x}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_exponentials_one_by_one_and_by_lanes() {
+        let edges = [0.5, 1.0, 1.5, 2.5].map(|turns| turns * std::f64::consts::LN_2);
+        let near = |x: f64| (-20..=20).map(move |ulps: i64| f64::from_bits((x.to_bits() as i64 + ulps) as u64));
+        let grid = (0..200_000).map(|i| 1e-3 * f64::from(i * i % 700_001));
+        let small = (0..300).map(|i| exp(-0.1 * f64::from(i)));
+        let ends = [0.0, f64::MIN_POSITIVE, 699.9, 708.4, 709.8, 745.2, 1e4, f64::INFINITY, f64::NAN];
+        let edges = edges.into_iter().chain([700.0]).flat_map(near);
+        for x in edges.chain(grid).chain(small).chain(ends).flat_map(|x| [x, -x]) {
+            for alone in [exp_lanes(&[x; 2]), exp_lanes(&[x, 1.0])] {
+                assert_eq!(alone[0].to_bits(), exp(x).to_bits(), "{x}");
             }
         }
     }

@@ -33,6 +33,18 @@ pub fn widest<W: Work>(work: W) -> W::Out {
     work.run()
 }
 
+/// Runs the work in the form of registers of four f64, for rows that fill no wider ones.
+#[allow(unsafe_code)] // Calls what the CPU was asked for.
+#[inline]
+pub fn in_fours<W: Work>(work: W) -> W::Out {
+    #[cfg(target_arch = "x86_64")]
+    if Isa::detect() >= Isa::Avx2 {
+        // SAFETY: a CPU with this set or a wider one has this set.
+        return unsafe { avx2(work) };
+    }
+    work.run()
+}
+
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
 fn avx512<W: Work>(work: W) -> W::Out {

@@ -5,16 +5,18 @@
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
 //! modelled: constant instrument biases; they make the angles' sigmas too small.
 
+use super::each::{Chart, Drive, ReadAngle, Refine, Seen};
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
 use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Sighting};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Room, Sighting};
 use super::visibility::Visibility;
-use super::weights::{Ancestry, effective_samples, normalise, systematic};
+use super::weights::{Ancestry, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;
 use crate::random::{Purpose, Streams};
+use crate::wide::in_fours;
 
 /// Base noise of a feature: range, metres; bearing and elevation, radians. Covers the extraction's own errors once inflated.
 const FEATURE_SIGMA: Vector<3> = [0.03, DEGREE, DEGREE];
@@ -106,9 +108,7 @@ impl Filter {
         self.at_sweep = None;
         match Control::of(reading) {
             Some(control) => {
-                for particle in &mut self.particles {
-                    particle.belief.drive(control, &self.motion);
-                }
+                in_fours(Drive { particles: &mut self.particles, control, noise: &self.motion });
             }
             None => self.counters.not_finite += 1,
         }
@@ -148,9 +148,7 @@ impl Filter {
             self.counters.gated += 1;
             return;
         }
-        for particle in &mut self.particles {
-            particle.log_weight += particle.belief.read_angle(component, angle_rad, variance_rad2);
-        }
+        in_fours(ReadAngle { particles: &mut self.particles, component, angle_rad, variance_rad2 });
     }
 
     /// Keeps the log weights normalised, so that none drifts out of range over a long drive.
@@ -166,7 +164,7 @@ impl Filter {
 
     /// The particles' weights; they sum to 1.
     pub fn weights(&self) -> Vec<f64> {
-        self.particles.iter().map(|p| math::exp(p.log_weight)).collect()
+        exponentials(self.particles.iter().map(|p| p.log_weight).collect())
     }
 
     /// Mean and variance of one angle over the cloud.
@@ -174,9 +172,9 @@ impl Filter {
         let reference = self.particles[0].belief.mean[component];
         // Within a step the weights are not normalised, and their logarithms may be large.
         let most = self.particles[self.likeliest()].log_weight;
+        let weights = exponentials(self.particles.iter().map(|p| p.log_weight - most).collect());
         let (mut total, mut first, mut second, mut own) = (0.0, 0.0, 0.0, 0.0);
-        for particle in &self.particles {
-            let weight = math::exp(particle.log_weight - most);
+        for (particle, weight) in self.particles.iter().zip(weights) {
             let d = math::wrap_angle(particle.belief.mean[component] - reference);
             total += weight;
             first += weight * d;
@@ -191,9 +189,9 @@ impl Filter {
     pub fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
         let features = self.choose(found);
         let prior = self.weights();
-        for particle in &mut self.particles {
-            particle.refine(&features, &self.feature_variances, &self.mounting);
-        }
+        let mut room = Room::default();
+        let seen = Seen { sightings: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        in_fours(Refine { particles: &mut self.particles, seen, room: &mut room });
         self.mean_innovation = self.innovation(&prior);
         self.equalise();
         let mixture = self.mixture();
@@ -223,9 +221,8 @@ impl Filter {
             }
             self.drew = true;
         }
-        for particle in &mut self.particles {
-            particle.chart(&features, &self.feature_variances, &self.mounting, visibility);
-        }
+        let seen = Seen { sightings: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        in_fours(Chart { particles: &mut self.particles, seen, visibility, room: &mut room });
         let sure = |l: &&Landmark| l.existence >= EXISTENCE_SURE;
         self.scan.landmarks = self.particles[self.likeliest()].landmarks.iter().filter(sure).count() as u32;
         self.at_sweep = Some(mixture);

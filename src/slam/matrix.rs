@@ -28,6 +28,23 @@ pub fn product<const R: usize, const K: usize, const C: usize>(a: &Matrix<R, K>,
     out
 }
 
+/// a' b.
+#[inline(always)]
+pub fn product_across<const K: usize, const R: usize, const C: usize>(
+    a: &Matrix<K, R>,
+    b: &Matrix<K, C>,
+) -> Matrix<R, C> {
+    let mut out = [[0.0; C]; R];
+    for r in 0..R {
+        for k in 0..K {
+            for c in 0..C {
+                out[r][c] += a[k][r] * b[k][c];
+            }
+        }
+    }
+    out
+}
+
 /// The transpose.
 #[inline(always)]
 pub fn transpose<const R: usize, const C: usize>(a: &Matrix<R, C>) -> Matrix<C, R> {
@@ -138,15 +155,29 @@ pub fn cholesky_clamped<const N: usize>(a: &Matrix<N, N>) -> Matrix<N, N> {
     l
 }
 
-/// x with L L' x = b.
+/// The columns x with L L' x = b, for each column b.
 #[inline(always)]
-pub fn solve<const N: usize>(l: &Matrix<N, N>, b: &Vector<N>) -> Vector<N> {
-    let mut x = half_solve(l, b);
+pub fn solve<const N: usize, const C: usize>(l: &Matrix<N, N>, b: &Matrix<N, C>) -> Matrix<N, C> {
+    let mut x = *b;
+    for r in 0..N {
+        for k in 0..r {
+            for c in 0..C {
+                x[r][c] -= l[r][k] * x[k][c];
+            }
+        }
+        for c in 0..C {
+            x[r][c] /= l[r][r];
+        }
+    }
     for r in (0..N).rev() {
         for k in r + 1..N {
-            x[r] -= l[k][r] * x[k];
+            for c in 0..C {
+                x[r][c] -= l[k][r] * x[k][c];
+            }
         }
-        x[r] /= l[r][r];
+        for c in 0..C {
+            x[r][c] /= l[r][r];
+        }
     }
     x
 }
@@ -167,7 +198,11 @@ pub fn half_solve<const N: usize>(l: &Matrix<N, N>, b: &Vector<N>) -> Vector<N> 
 /// ln |L L'|, with one logarithm.
 #[inline(always)]
 pub fn ln_determinant<const N: usize>(l: &Matrix<N, N>) -> f64 {
-    2.0 * math::ln((0..N).map(|i| l[i][i]).product())
+    let mut root = 1.0;
+    for i in 0..N {
+        root *= l[i][i];
+    }
+    2.0 * math::ln(root)
 }
 
 /// v' v.
@@ -188,8 +223,8 @@ mod tests {
         // 4 (15 - 1) - 2 (6 - 0.6) + 0.6 (2 - 3), by hand.
         assert!((math::exp(ln_determinant(&l)) - 44.6).abs() < 1e-12);
         let x = [1.0, -2.0, 0.5];
-        let back = solve(&l, &apply(&A, &x));
-        for (a, b) in x.iter().zip(back) {
+        let back = solve(&l, &apply(&A, &x).map(|b| [b]));
+        for (a, [b]) in x.iter().zip(back) {
             assert!((a - b).abs() < 1e-14);
         }
     }

@@ -7,7 +7,7 @@
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
 
-use super::matrix::{Matrix, Vector, apply, product, transpose};
+use super::matrix::{Matrix, Vector, apply, product, square, transpose};
 use crate::geometry::Transform;
 use crate::math;
 
@@ -38,12 +38,35 @@ impl Mounting {
 }
 
 /// A landmark from where the sensor stands.
-struct Sight {
+pub struct Sight {
+    /// From the rover, map axes.
+    w: Vector<3>,
+    /// In the sensor frame.
     q: Vector<3>,
     level2: f64,
     range2: f64,
     level: f64,
-    range: f64,
+    pub range: f64,
+}
+
+impl Sight {
+    /// What would be measured.
+    #[inline(always)]
+    pub fn polar(&self) -> Polar {
+        let Sight { q, level, range, .. } = *self;
+        [range, math::atan2(q[1], q[0]), math::atan2(q[2], level)]
+    }
+
+    /// Derivatives of the measurement by the point in the sensor frame.
+    #[inline(always)]
+    fn slopes(&self) -> Matrix<3, 3> {
+        let Sight { q, level2, range2, level, range, .. } = *self;
+        [
+            [q[0] / range, q[1] / range, q[2] / range],
+            [-q[1] / level2, q[0] / level2, 0.0],
+            [-q[0] * q[2] / (range2 * level), -q[1] * q[2] / (range2 * level), level / range2],
+        ]
+    }
 }
 
 /// A pose as the sensor needs it: rotations and their derivatives, computed once for many landmarks.
@@ -74,9 +97,10 @@ pub struct Prediction {
 }
 
 impl View {
+    #[inline(always)]
     pub fn new(pose: &Vector<6>, mounting: &Mounting) -> View {
-        let (sr, cr) = math::sin_cos(pose[3]);
-        let (sp, cp) = math::sin_cos(pose[4]);
+        // Roll and pitch are small as a rule.
+        let [[sr, sp], [cr, cp]] = math::sin_cos_lanes(&[pose[3], pose[4]]);
         let (sy, cy) = math::sin_cos(pose[5]);
         // rover_from_map = (Rz Ry Rx)': its rows are the columns of map_from_rover.
         let rover = [
@@ -84,82 +108,71 @@ impl View {
             [cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr],
             [cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr],
         ];
-        let by_roll = [[0.0; 3], rover[2], rover[1].map(|v| -v)];
+        let by_roll = [[0.0; 3], rover[2], [-rover[1][0], -rover[1][1], -rover[1][2]]];
         let by_pitch =
             [[-cy * sp, -sy * sp, -cp], [cy * cp * sr, sy * cp * sr, -sp * sr], [cy * cp * cr, sy * cp * cr, -sp * cr]];
-        let by_yaw = rover.map(|row| [-row[1], row[0], 0.0]);
+        let mut by_yaw = [[0.0; 3]; 3];
+        for r in 0..3 {
+            by_yaw[r] = [-rover[r][1], rover[r][0], 0.0];
+        }
+        let mount = &mounting.rotation;
         View {
             position_m: [pose[0], pose[1], pose[2]],
             offset_m: mounting.offset_m,
-            rotation: product(&mounting.rotation, &rover),
-            by_angle: [by_roll, by_pitch, by_yaw].map(|d| product(&mounting.rotation, &d)),
+            rotation: product(mount, &rover),
+            by_angle: [product(mount, &by_roll), product(mount, &by_pitch), product(mount, &by_yaw)],
         }
     }
 
     /// A map point in the sensor frame.
-    #[inline]
+    #[inline(always)]
     pub fn in_sensor(&self, point_m: &Vector<3>) -> Vector<3> {
+        self.turned(&self.place_from_rover(point_m))
+    }
+
+    /// A map point from the rover, map axes.
+    #[inline(always)]
+    fn place_from_rover(&self, point_m: &Vector<3>) -> Vector<3> {
         let mut w = *point_m;
         for i in 0..3 {
             w[i] -= self.position_m[i];
         }
-        let mut q = apply(&self.rotation, &w);
+        w
+    }
+
+    #[inline(always)]
+    fn turned(&self, w: &Vector<3>) -> Vector<3> {
+        let mut q = apply(&self.rotation, w);
         for i in 0..3 {
             q[i] -= self.offset_m[i];
         }
         q
     }
 
-    /// What would be measured of a landmark; `None` where the bearing means nothing.
-    #[inline]
-    pub fn predict(&self, landmark_m: &Vector<3>) -> Option<Prediction> {
-        let Sight { q, level2, range2, level, range } = self.sight(landmark_m)?;
-        let by_sensor_point = [
-            [q[0] / range, q[1] / range, q[2] / range],
-            [-q[1] / level2, q[0] / level2, 0.0],
-            [-q[0] * q[2] / (range2 * level), -q[1] * q[2] / (range2 * level), level / range2],
-        ];
-        let (by_landmark, by_pose) = self.slopes(landmark_m, &by_sensor_point);
-        Some(Prediction { polar: [range, math::atan2(q[1], q[0]), math::atan2(q[2], level)], by_landmark, by_pose })
-    }
-
-    /// The range alone, with its derivatives by the landmark and by the pose: the first rows of [`View::predict`], to the bit.
-    #[inline]
-    pub fn predict_range(&self, landmark_m: &Vector<3>) -> Option<(f64, Matrix<1, 3>, Matrix<1, 6>)> {
-        let Sight { q, range, .. } = self.sight(landmark_m)?;
-        let (by_landmark, by_pose) = self.slopes(landmark_m, &[[q[0] / range, q[1] / range, q[2] / range]]);
-        Some((range, by_landmark, by_pose))
-    }
-
+    /// A landmark from the sensor; `None` where the bearing means nothing.
     #[inline(always)]
-    fn sight(&self, landmark_m: &Vector<3>) -> Option<Sight> {
-        let q = self.in_sensor(landmark_m);
+    pub fn sight(&self, landmark_m: &Vector<3>) -> Option<Sight> {
+        let w = self.place_from_rover(landmark_m);
+        let q = self.turned(&w);
         let level2 = q[0] * q[0] + q[1] * q[1];
         let range2 = level2 + q[2] * q[2];
         let (level, range) = (level2.sqrt(), range2.sqrt());
-        (level > 1e-6 && range < f64::INFINITY).then_some(Sight { q, level2, range2, level, range })
+        (level > 1e-6 && range < f64::INFINITY).then_some(Sight { w, q, level2, range2, level, range })
     }
 
-    /// Derivatives by the landmark and by the pose, from those by the point in the sensor frame.
+    /// Derivatives of a measurement by the landmark and by the pose.
     #[inline(always)]
-    fn slopes<const R: usize>(
-        &self,
-        landmark_m: &Vector<3>,
-        by_sensor_point: &Matrix<R, 3>,
-    ) -> (Matrix<R, 3>, Matrix<R, 6>) {
-        let by_landmark = product(by_sensor_point, &self.rotation);
-        let mut w = *landmark_m;
-        for i in 0..3 {
-            w[i] -= self.position_m[i];
-        }
-        let mut by_pose = [[0.0; 6]; R];
-        for (angle, by_angle) in self.by_angle.iter().enumerate() {
-            let turned = apply(by_sensor_point, &apply(by_angle, &w));
-            for r in 0..R {
+    pub fn slopes(&self, sight: &Sight) -> (Matrix<3, 3>, Matrix<3, 6>) {
+        let by_sensor_point = sight.slopes();
+        let by_landmark = product(&by_sensor_point, &self.rotation);
+        let mut by_pose = [[0.0; 6]; 3];
+        for angle in 0..3 {
+            let turned = apply(&by_sensor_point, &apply(&self.by_angle[angle], &sight.w));
+            for r in 0..3 {
                 by_pose[r][3 + angle] = turned[r];
             }
         }
-        for r in 0..R {
+        for r in 0..3 {
             for i in 0..3 {
                 by_pose[r][i] = -by_landmark[r][i];
             }
@@ -167,8 +180,28 @@ impl View {
         (by_landmark, by_pose)
     }
 
+    /// What would be measured of a landmark; `None` where the bearing means nothing.
+    #[inline(always)]
+    pub fn predict(&self, landmark_m: &Vector<3>) -> Option<Prediction> {
+        let sight = self.sight(landmark_m)?;
+        let (by_landmark, by_pose) = self.slopes(&sight);
+        Some(Prediction { polar: sight.polar(), by_landmark, by_pose })
+    }
+
+    /// The sensor's place in the map.
+    #[inline(always)]
+    pub fn sensor_m(&self) -> Vector<3> {
+        self.in_map(&[0.0; 3])
+    }
+
+    /// How far the sensor sits from the rover's origin, metres.
+    #[inline(always)]
+    pub fn lever_m(&self) -> f64 {
+        square(&self.offset_m).sqrt()
+    }
+
     /// The map point of a point in the sensor frame.
-    #[inline]
+    #[inline(always)]
     pub fn in_map(&self, point_m: &Vector<3>) -> Vector<3> {
         let mut from_rover = *point_m;
         for i in 0..3 {
@@ -182,6 +215,7 @@ impl View {
     }
 
     /// The map point of a measurement, and its covariance for diagonal measurement variances (the pose taken as exact).
+    #[inline(always)]
     pub fn locate(&self, polar: &Polar, variances: &Vector<3>) -> (Vector<3>, Matrix<3, 3>) {
         let [range, bearing, elevation] = *polar;
         let (sb, cb) = math::sin_cos(bearing);

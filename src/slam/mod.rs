@@ -5,11 +5,15 @@
 //! start, so that coordinates of any size lose no digits. Of the start only the position is believed: the attitude comes
 //! from the first readings, where the rover has the instruments.
 
+mod associate;
+mod each;
 pub mod features;
 pub mod filter;
+mod kalman;
 pub mod matrix;
 pub mod measurement;
 pub mod motion;
+mod near;
 pub mod params;
 pub mod particle;
 mod tum;

@@ -85,6 +85,7 @@ pub fn angle_sigma_rad(sigma_rad: f64) -> f64 {
 
 impl Belief {
     /// One step of driving. At rest nothing is added.
+    #[inline(always)]
     pub fn drive(&mut self, control: Control, noise: &MotionNoise) {
         let Control { distance_m: d, turn_rad } = control;
         if d == 0.0 && turn_rad == 0.0 {
@@ -133,6 +134,7 @@ impl Belief {
     }
 
     /// Kalman update by a direct reading of one angle; returns the logarithm of the reading's likelihood.
+    #[inline(always)]
     pub fn read_angle(&mut self, component: usize, reading_rad: f64, variance_rad2: f64) -> f64 {
         let p = &mut self.covariance;
         let spread = p[component][component] + variance_rad2;
@@ -151,6 +153,7 @@ impl Belief {
     }
 
     /// Brings roll and yaw back to (-pi, pi].
+    #[inline(always)]
     pub fn wrap(&mut self) {
         self.mean[ROLL] = math::wrap_angle(self.mean[ROLL]);
         self.mean[YAW] = math::wrap_angle(self.mean[YAW]);

@@ -8,12 +8,12 @@
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
 
-use super::matrix::{
-    Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, product, solve, square, sum, symmetrise,
-    transpose,
-};
-use super::measurement::{self, Mounting, Polar, Prediction, View, innovation};
+use super::associate::{Candidate, GATE, Pair, Verdict};
+use super::kalman;
+use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, product, sum, transpose};
+use super::measurement::{self, Mounting, Polar, View, innovation};
 use super::motion::Belief;
+use super::near::Places;
 use super::visibility::Visibility;
 use crate::math;
 
@@ -75,12 +75,6 @@ pub struct Particle {
     pub innovation_sum: f64,
 }
 
-/// Chi-square of three degrees of freedom at 99 %.
-const GATE: f64 = 11.34;
-/// A feature is new beyond this distance squared from every landmark; between the two nothing is said.
-const NEW_BEYOND: f64 = 25.0;
-/// Two landmarks are told apart from this ratio of likelihoods on.
-const LN_RATIO: f64 = 1.098_612_288_668_109_8;
 const EXISTENCE_NEW: f64 = 0.4;
 const EXISTENCE_SEEN: f64 = 0.85;
 const EXISTENCE_MISSED: f64 = -0.4;
@@ -112,29 +106,13 @@ impl Clone for Particle {
     }
 }
 
-/// A landmark judged against a feature.
-struct Candidate {
-    index: usize,
-    prediction: Prediction,
-    innovation: Vector<3>,
-    /// Covariance of the measurement and of the landmark alone, and the factor of all of it with the pose's.
-    spread: Matrix<3, 3>,
-    factor: Matrix<3, 3>,
-    distance2: f64,
-    ln_likelihood: f64,
-}
-
-/// What a feature turns out to be.
-#[allow(clippy::large_enum_variant, reason = "lives for one feature; a box would cost an allocation each")]
-enum Verdict {
-    Match(Candidate),
-    /// Of one of two landmarks; `ln_likelihood` without the density's constant.
-    Torn {
-        loser: usize,
-        ln_likelihood: f64,
-    },
-    New,
-    Unclear,
+/// What a particle needs while it takes in a sweep; serves one after the other.
+#[derive(Default)]
+pub struct Room {
+    places: Places,
+    pair: Pair,
+    /// Landmarks that a feature was given to.
+    taken: Vec<bool>,
 }
 
 /// -3/2 ln 2 pi: the constant of a density in three dimensions.
@@ -149,12 +127,16 @@ fn ln_unmatched(variances: &Vector<3>) -> f64 {
 impl Particle {
     /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
     /// log term a feature whatever becomes of it, so that particles stay comparable.
-    pub fn refine(&mut self, sightings: &[Sighting], variances: &Vector<3>, mounting: &Mounting) {
+    #[inline(always)]
+    pub fn refine(&mut self, sightings: &[Sighting], variances: &Vector<3>, mounting: &Mounting, room: &mut Room) {
         self.associations.clear();
         self.innovation_sum = 0.0;
         let noise = diagonal(variances);
         let unmatched = ln_unmatched(variances);
-        let mut taken = vec![false; self.landmarks.len()];
+        let Room { places, pair, taken } = room;
+        places.fill(&self.landmarks);
+        taken.clear();
+        taken.resize(self.landmarks.len(), false);
         let mut view = View::new(&self.belief.mean, mounting);
         let mut moved = false;
         for sighting in sightings {
@@ -162,12 +144,13 @@ impl Particle {
                 view = View::new(&self.belief.mean, mounting);
             }
             moved = false;
-            let association = match self.associate(sighting, &view, &noise, &taken) {
-                Verdict::Match(candidate) => {
+            let association = match self.associate(sighting, &view, &noise, taken, places, pair) {
+                Verdict::Match { slot, ln_likelihood } => {
+                    let candidate = &pair[slot];
                     taken[candidate.index] = true;
                     self.innovation_sum += candidate.distance2;
-                    self.log_weight += candidate.ln_likelihood + LN_DENSITY;
-                    self.absorb(&candidate);
+                    self.log_weight += ln_likelihood + LN_DENSITY;
+                    self.absorb(candidate);
                     moved = true;
                     Association::Matched(candidate.index)
                 }
@@ -188,100 +171,13 @@ impl Particle {
         }
     }
 
-    fn associate(&self, sighting: &Sighting, view: &View, noise: &Matrix<3, 3>, taken: &[bool]) -> Verdict {
-        let feature = &sighting.feature;
-        if let Some(id) = feature.known {
-            let index = self.landmarks.iter().position(|l| l.known == Some(id));
-            return index.and_then(|i| self.judge(i, feature, view, noise)).map_or(Verdict::New, Verdict::Match);
-        }
-        let place = view.in_map(&sighting.point_m);
-        let p = &self.belief.covariance;
-        let (moved, turned) = (p[0][0] + p[1][1] + p[2][2], p[3][3] + p[4][4] + p[5][5]);
-        // Farther away than this, no landmark can lie within NEW_BEYOND.
-        let reach_m = 1.0 + 5.0 * (moved.sqrt() + feature.polar[0] * turned.sqrt());
-        let mut best: Option<Candidate> = None;
-        let mut runner_up: Option<(usize, f64)> = None;
-        let mut nearest = f64::INFINITY;
-        let mut crowded = false;
-        for (index, landmark) in self.landmarks.iter().enumerate() {
-            let mut apart = landmark.mean_m;
-            for i in 0..3 {
-                apart[i] -= place[i];
-            }
-            if square(&apart) > reach_m * reach_m || self.far_by_range(landmark, feature, view, noise) {
-                continue;
-            }
-            let Some(candidate) = self.judge(index, feature, view, noise) else { continue };
-            if taken[index] {
-                crowded |= candidate.distance2 <= GATE;
-                continue;
-            }
-            nearest = nearest.min(candidate.distance2);
-            if candidate.distance2 > GATE {
-                continue;
-            }
-            let rival = match &best {
-                Some(leader) if leader.ln_likelihood >= candidate.ln_likelihood => (index, candidate.ln_likelihood),
-                _ => {
-                    let Some(loser) = best.replace(candidate) else { continue };
-                    (loser.index, loser.ln_likelihood)
-                }
-            };
-            if runner_up.is_none_or(|(_, ln)| rival.1 > ln) {
-                runner_up = Some(rival);
-            }
-        }
-        match (best, runner_up) {
-            (Some(best), Some((loser, ln))) if best.ln_likelihood - ln < LN_RATIO => {
-                // The mean of the two likelihoods: it is one of them, and neither is known to be it.
-                let ln_likelihood = best.ln_likelihood + math::ln(0.5 * (1.0 + math::exp(ln - best.ln_likelihood)));
-                Verdict::Torn { loser, ln_likelihood }
-            }
-            (Some(best), _) => Verdict::Match(best),
-            (None, _) if nearest > NEW_BEYOND && !crowded => Verdict::New,
-            (None, _) => Verdict::Unclear,
-        }
-    }
-
-    /// Whether the range alone puts the landmark beyond [`NEW_BEYOND`]: the first term of the sum of squares that
-    /// [`Particle::judge`] forms, to the bit, and the other terms are not negative. Saves most landmarks two arc tangents.
-    #[inline]
-    fn far_by_range(&self, landmark: &Landmark, feature: &Feature, view: &View, noise: &Matrix<3, 3>) -> bool {
-        let Some((range, hm, hs)) = view.predict_range(&landmark.mean_m) else { return false };
-        let spread = product(&product(&hm, &landmark.covariance_m2), &transpose(&hm))[0][0] + noise[0][0];
-        let whole = product(&product(&hs, &self.belief.covariance), &transpose(&hs))[0][0] + spread;
-        let first = (feature.polar[0] - range) / whole.sqrt();
-        first * first > NEW_BEYOND
-    }
-
-    fn judge(&self, index: usize, feature: &Feature, view: &View, noise: &Matrix<3, 3>) -> Option<Candidate> {
-        let landmark = &self.landmarks[index];
-        let prediction = view.predict(&landmark.mean_m)?;
-        let innovation = innovation(&feature.polar, &prediction.polar);
-        let hm = &prediction.by_landmark;
-        let spread = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), noise);
-        let hs = &prediction.by_pose;
-        let whole = sum(&product(&product(hs, &self.belief.covariance), &transpose(hs)), &spread);
-        let factor = cholesky(&whole)?;
-        let distance2 = square(&half_solve(&factor, &innovation));
-        let ln_likelihood = -0.5 * (distance2 + ln_determinant(&factor));
-        Some(Candidate { index, prediction, innovation, spread, factor, distance2, ln_likelihood })
-    }
-
-    /// Kalman update of the pose by a match, Joseph form.
+    /// Kalman update of the pose by a match.
+    #[inline(always)]
     fn absorb(&mut self, candidate: &Candidate) {
-        let hs = &candidate.prediction.by_pose;
-        let ph: Matrix<6, 3> = product(&self.belief.covariance, &transpose(hs));
-        let mut gain = ph;
-        for row in &mut gain {
-            *row = solve(&candidate.factor, row);
-        }
-        let moved = apply(&gain, &candidate.innovation);
-        for (mean, by) in self.belief.mean.iter_mut().zip(moved) {
-            *mean += by;
-        }
+        let Candidate { by_pose, pull, factor, innovation, spread, .. } = candidate;
+        let Belief { mean, covariance } = &mut self.belief;
+        kalman::update((mean, covariance), by_pose, pull, factor, innovation, spread);
         self.belief.wrap();
-        self.belief.covariance = joseph(&self.belief.covariance, &gain, hs, &candidate.spread);
     }
 
     /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly.
@@ -296,16 +192,19 @@ impl Particle {
     }
 
     /// Updates the landmarks from the pose as it now is: matches, newcomers, what should have been seen.
+    #[inline(always)]
     pub fn chart(
         &mut self,
         sightings: &[Sighting],
         variances: &Vector<3>,
         mounting: &Mounting,
         visibility: &Visibility,
+        Room { taken: seen, .. }: &mut Room,
     ) {
         let view = View::new(&self.belief.mean, mounting);
         let noise = diagonal(variances);
-        let mut seen = vec![false; self.landmarks.len()];
+        seen.clear();
+        seen.resize(self.landmarks.len(), false);
         for (Sighting { feature, .. }, association) in sightings.iter().zip(&self.associations) {
             match *association {
                 Association::Matched(index) => {
@@ -327,7 +226,7 @@ impl Particle {
                 Association::Ambiguous(None) => {}
             }
         }
-        for (landmark, seen) in self.landmarks.iter_mut().zip(seen) {
+        for (landmark, &mut seen) in self.landmarks.iter_mut().zip(seen) {
             if !seen && visibility.sees(&view.in_sensor(&landmark.mean_m)) {
                 landmark.existence += EXISTENCE_MISSED;
             }
@@ -338,41 +237,27 @@ impl Particle {
 }
 
 impl Landmark {
-    /// Kalman update of the landmark from an exact pose, Joseph form.
+    /// Kalman update of the landmark from an exact pose.
+    #[inline(always)]
     fn absorb(&mut self, feature: &Feature, view: &View, noise: &Matrix<3, 3>) {
         let Some(prediction) = view.predict(&self.mean_m) else { return };
         let hm = &prediction.by_landmark;
+        // A new landmark's covariance is symmetric to rounding only: P H', not H P.
         let ph = product(&self.covariance_m2, &transpose(hm));
         let Some(factor) = cholesky(&sum(&product(hm, &ph), noise)) else { return };
-        let mut gain = ph;
-        for row in &mut gain {
-            *row = solve(&factor, row);
-        }
-        let moved = apply(&gain, &innovation(&feature.polar, &prediction.polar));
-        for (mean, by) in self.mean_m.iter_mut().zip(moved) {
-            *mean += by;
-        }
-        self.covariance_m2 = joseph(&self.covariance_m2, &gain, hm, noise);
+        let innovation = innovation(&feature.polar, &prediction.polar);
+        let belief = (&mut self.mean_m, &mut self.covariance_m2);
+        kalman::update(belief, hm, &transpose(&ph), &factor, &innovation, noise);
     }
-}
-
-/// (I - K H) P (I - K H)' + K Q K', symmetric to the last bit.
-fn joseph<const N: usize>(p: &Matrix<N, N>, gain: &Matrix<N, 3>, h: &Matrix<3, N>, q: &Matrix<3, 3>) -> Matrix<N, N> {
-    let mut rest = product(gain, h);
-    for r in 0..N {
-        for c in 0..N {
-            rest[r][c] = if r == c { 1.0 - rest[r][c] } else { -rest[r][c] };
-        }
-    }
-    let mut out = sum(&product(&product(&rest, p), &transpose(&rest)), &product(&product(gain, q), &transpose(gain)));
-    symmetrise(&mut out);
-    out
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::{DVec3, Pose};
+    use crate::slam::associate::NEW_BEYOND;
+    use crate::slam::matrix::{half_solve, ln_determinant, product_across, solve, square};
+    use crate::slam::measurement::Prediction;
 
     const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
     const LANDMARKS: [Vector<3>; 3] = [[2.0, 0.5, 0.2], [-1.0, 2.0, 0.1], [1.5, -2.5, 0.4]];
@@ -419,15 +304,8 @@ mod tests {
         features.iter().copied().map(Sighting::new).collect()
     }
 
-    /// Inverse by solving for the unit vectors.
     fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {
-        let l = cholesky(a).expect("positive definite");
-        let columns: Matrix<6, 6> = std::array::from_fn(|i| {
-            let mut unit = [0.0; 6];
-            unit[i] = 1.0;
-            solve(&l, &unit)
-        });
-        transpose(&columns)
+        solve(&cholesky(a).expect("positive definite"), &diagonal(&[1.0; 6]))
     }
 
     #[test]
@@ -442,10 +320,9 @@ mod tests {
             let hm = &h.by_landmark;
             let q = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), &diagonal(&VARIANCES));
             let l = cholesky(&q).expect("positive definite");
-            let rows: Matrix<6, 3> = transpose(&h.by_pose).map(|column| solve(&l, &column));
-            information = sum(&information, &product(&rows, &h.by_pose));
+            information = sum(&information, &product_across(&solve(&l, &h.by_pose), &h.by_pose));
         }
-        refined.refine(&sighted(&found), &VARIANCES, &mounting());
+        refined.refine(&sighted(&found), &VARIANCES, &mounting(), &mut Room::default());
         let want = inverse(&information);
         for r in 0..6 {
             for c in 0..6 {
@@ -487,7 +364,7 @@ mod tests {
         let l = cholesky(&stacked).expect("positive definite");
         let want =
             -0.5 * (square(&half_solve(&l, &residual)) + ln_determinant(&l) + 9.0 * math::ln(std::f64::consts::TAU));
-        refined.refine(&sighted(&found), &variances, &mounting());
+        refined.refine(&sighted(&found), &variances, &mounting(), &mut Room::default());
         assert!((refined.log_weight - want).abs() < 1e-6, "{} {want}", refined.log_weight);
     }
 
@@ -499,7 +376,7 @@ mod tests {
         assert!((ln_unmatched(&VARIANCES) - matched).abs() < 1e-12);
         let mut lone = Particle::default();
         let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
-        lone.refine(&sighted(&[far, far]), &VARIANCES, &mounting());
+        lone.refine(&sighted(&[far, far]), &VARIANCES, &mounting(), &mut Room::default());
         assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
     }
 
@@ -512,7 +389,43 @@ mod tests {
             torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
         }
         let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
-        torn.refine(&sighted(&[between]), &VARIANCES, &mounting());
+        torn.refine(&sighted(&[between]), &VARIANCES, &mounting(), &mut Room::default());
         assert_eq!(torn.associations, vec![Association::Ambiguous(Some(0))]);
+    }
+
+    #[test]
+    fn law_a_landmark_that_the_range_rules_out_is_judged_too_far() {
+        let numbers = |from: usize| (from..).map(|i| math::sin(1.7 * (i * i) as f64));
+        let (mut ruled_out, mut judged) = (0, 0);
+        for trial in 0..200 {
+            let mut draws = numbers(1000 * trial);
+            let mut believed = particle([1e-2, 1.0, 10.0][trial % 3]);
+            for (mean, n) in believed.belief.mean.iter_mut().zip(draws.by_ref()) {
+                *mean += 0.5 * n;
+            }
+            let view = View::new(&believed.belief.mean, &mounting());
+            let noise = diagonal(&VARIANCES);
+            for landmark in &mut believed.landmarks {
+                for (mean, n) in landmark.mean_m.iter_mut().zip(draws.by_ref()) {
+                    *mean += n;
+                }
+            }
+            for index in 0..3 {
+                let prediction = view.predict(&believed.landmarks[index].mean_m).expect("in view");
+                for off_m in draws.by_ref().take(20) {
+                    let polar =
+                        [(prediction.polar[0] + 3.0 * off_m).max(0.2), prediction.polar[1], prediction.polar[2]];
+                    let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None };
+                    let mut candidate = Candidate::default();
+                    assert!(believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate));
+                    let far = believed.ring(&polar, &view, &noise).rules_out(&believed.landmarks[index]);
+                    assert!(!far || candidate.distance2 > NEW_BEYOND, "{trial}: {}", candidate.distance2);
+                    ruled_out += u32::from(far);
+                    judged += u32::from(candidate.distance2 > NEW_BEYOND);
+                }
+            }
+        }
+        // Rules out most of what is too far.
+        assert!(2 * ruled_out > judged && judged > 1000, "{ruled_out} of {judged}");
     }
 }

@@ -110,6 +110,7 @@ impl<'s> Visibility<'s> {
     }
 
     /// Whether a thing at a point of the sensor frame would have been in view.
+    #[inline]
     pub fn sees(&self, point_m: &Vector<3>) -> bool {
         let [x, y, z] = *point_m;
         let range_m = (x * x + y * y + z * z).sqrt();

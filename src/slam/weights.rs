@@ -4,6 +4,7 @@
 //! et al. 1999). Logarithms throughout: products of densities underflow within a few sweeps.
 
 use crate::math;
+use crate::wide::{LANES, Work, widest};
 
 /// Normalises in place to weights that sum to 1. All equal, and `false`, where no weight is left (all zero or not a number).
 pub fn normalise(log_weights: &mut [f64]) -> bool {
@@ -12,12 +13,36 @@ pub fn normalise(log_weights: &mut [f64]) -> bool {
         log_weights.fill(-math::ln(log_weights.len() as f64));
         return false;
     }
-    let total: f64 = log_weights.iter().filter(|w| !w.is_nan()).map(|w| math::exp(w - most)).sum();
+    let shares = exponentials(log_weights.iter().map(|w| w - most).collect());
+    let total: f64 = shares.iter().filter(|share| !share.is_nan()).sum();
     let scale = most + math::ln(total);
     for w in log_weights {
         *w = if w.is_nan() { f64::NEG_INFINITY } else { *w - scale };
     }
     true
+}
+
+/// e to the power of each.
+pub fn exponentials(mut logs: Vec<f64>) -> Vec<f64> {
+    widest(Exponentials(&mut logs));
+    logs
+}
+
+/// Replaces numbers by e to their power.
+struct Exponentials<'a>(&'a mut [f64]);
+
+impl Work for Exponentials<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run(self) {
+        let (blocks, rest) = self.0.as_chunks_mut::<LANES>();
+        for block in blocks {
+            *block = math::exp_lanes(block);
+        }
+        for x in rest {
+            *x = math::exp(*x);
+        }
+    }
 }
 
 /// 1 / sum of squares: how many equally weighted particles would do as well.

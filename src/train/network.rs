@@ -54,10 +54,18 @@ impl Layout {
     }
 }
 
-/// The logistic function (eq. 1); 0 or 1 where exp overflows or vanishes, NaN for NaN.
+/// The logistic function (eq. 1) of several numbers; 0 or 1 where exp overflows or vanishes, NaN for NaN.
 #[inline(always)]
-pub fn logistic(x: f64) -> f64 {
-    1.0 / (1.0 + math::exp(-x))
+pub fn logistic<const N: usize>(x: &[f64; N]) -> [f64; N] {
+    let mut values = *x;
+    for value in &mut values {
+        *value = -*value;
+    }
+    values = math::exp_lanes(&values);
+    for value in &mut values {
+        *value = 1.0 / (1.0 + *value);
+    }
+    values
 }
 
 impl Network {
@@ -158,7 +166,7 @@ fn side_by_side<const N: usize>(rows: &[f64], before: &[f64], bias: bool) -> [f6
             sums[n] = rows[n][i].mul_add(*x, sums[n]); // Eq. (2)
         }
     }
-    sums.map(logistic) // Eq. (1)
+    logistic(&sums) // Eq. (1)
 }
 
 struct Gradient<'a> {
@@ -242,9 +250,8 @@ impl Kernel<f64> for Many<'_> {
                         sum = V::splat(*w).mul_add(V::load(x), sum);
                     }
                     sum.store(value);
-                    for x in value.as_mut() {
-                        *x = logistic(*x);
-                    }
+                    let lanes: &mut [f64; f64::LANES] = value.as_mut().try_into().expect("a chunk has its lanes");
+                    *lanes = logistic(lanes);
                     rest = others;
                 }
                 std::mem::swap(&mut values, &mut next);

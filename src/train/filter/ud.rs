@@ -121,11 +121,16 @@ impl<T: Real> Ud<T> {
     }
 }
 
+/// How far ahead of the sums a factor is asked for, in tiles: 32 KiB. Two streams in turn, one of them written, are more than CPUs
+/// keep up with by themselves.
+const FETCHED_AHEAD: usize = 128;
+
 /// Adds a tile's part to the sums of U' b.
 #[inline(always)]
 fn add<T: Real, V: Simd<T>>(tile: &Tile<T::Chunk>, b: &T::Chunk, sums: &mut [V; ROWS]) {
     let b = V::load(b);
     for r in 0..ROWS {
+        V::fetch((&raw const tile.0[r]).wrapping_add(ROWS * FETCHED_AHEAD));
         sums[r] = V::load(&tile.0[r]).mul_add(b, sums[r]);
     }
 }

@@ -95,7 +95,7 @@ fn equal_instruction_sets_give_the_same_bits() {
 #[test]
 fn extreme_arguments_saturate_without_nan() {
     for (x, y) in [(1e4, 1.0), (-1e4, 0.0), (f64::INFINITY, 1.0), (f64::NEG_INFINITY, 0.0), (0.0, 0.5)] {
-        assert_eq!(logistic(x), y);
+        assert_eq!(logistic(&[x]), [y]);
     }
     let mut network = network(3, &[4], true, 1);
     network.weights.iter_mut().for_each(|w| *w *= 1e6);

@@ -42,6 +42,9 @@ pub trait Simd<T: Real>: Copy {
     const MANY: bool = false;
     fn load(from: &T::Chunk) -> Self;
     fn store(self, to: &mut T::Chunk);
+    /// Asks for a chunk that is read in a while, into the second cache; nothing happens where there is none.
+    #[inline(always)]
+    fn fetch(_from: *const T::Chunk) {}
     fn splat(x: T) -> Self;
     fn mul(self, b: Self) -> Self;
     /// self b + c, rounded once.

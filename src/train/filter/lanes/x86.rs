@@ -26,7 +26,7 @@ macro_rules! wide {
         pub struct $wide($register);
 
         // SAFETY (all): values of this type exist only in kernels that `avx512` runs, on a CPU that has the set; a
-        // chunk and the register have the same size, and every bit pattern is valid.
+        // chunk and the register have the same size, and every bit pattern is valid. A fetch may have any address.
         impl Simd<$real> for $wide {
             const MANY: bool = true;
 
@@ -37,6 +37,10 @@ macro_rules! wide {
             #[inline(always)]
             fn store(self, to: &mut $chunk) {
                 *to = unsafe { std::mem::transmute::<Self, $chunk>(self) };
+            }
+            #[inline(always)]
+            fn fetch(from: *const $chunk) {
+                unsafe { _mm_prefetch::<_MM_HINT_T1>(from.cast()) }
             }
             #[inline(always)]
             fn splat(x: $real) -> Self {
@@ -72,7 +76,7 @@ macro_rules! pair {
         pub struct $pair($register, $register);
 
         // SAFETY (all): values of this type exist only in kernels that `avx2` runs, on a CPU that has the set; a
-        // chunk and the pair have the same size, and every bit pattern is valid.
+        // chunk and the pair have the same size, and every bit pattern is valid. A fetch may have any address.
         impl Simd<$real> for $pair {
             #[inline(always)]
             fn load(from: &$chunk) -> Self {
@@ -81,6 +85,10 @@ macro_rules! pair {
             #[inline(always)]
             fn store(self, to: &mut $chunk) {
                 *to = unsafe { std::mem::transmute::<Self, $chunk>(self) };
+            }
+            #[inline(always)]
+            fn fetch(from: *const $chunk) {
+                unsafe { _mm_prefetch::<_MM_HINT_T1>(from.cast()) }
             }
             #[inline(always)]
             fn splat(x: $real) -> Self {
