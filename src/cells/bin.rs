@@ -15,6 +15,7 @@ use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 use crate::scene::Scene;
 use crate::slam::Estimate;
 use crate::sweep::Sweep;
+use crate::wide::{Work, widest};
 
 /// One sweep of a window.
 #[derive(Clone, Copy, Debug)]
@@ -151,7 +152,7 @@ fn summarise(
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
     let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local } = scratch;
     cells.points_binned = points.cells.len() as u64;
-    add_up(points, numbers, verdicts, mean_heights_m, sums);
+    widest(AddUp { points, numbers, verdicts, mean_heights_m, sums });
     if intensity {
         means_and_variances(numbers, &points.intensities, sums, intensities);
     }
@@ -190,34 +191,42 @@ fn summarise(
     }
 }
 
-/// Sums over the points of each cell, and the means of their heights.
-fn add_up(
-    points: &Points,
-    numbers: &Numbers,
-    verdicts: &[Verdict],
-    mean_heights_m: &mut Vec<f64>,
-    sums: &mut Vec<CellSum>,
-) {
-    sums.clear();
-    sums.resize(numbers.cells.len(), CellSum::NONE);
-    let slope_squared = &points.grounds.slope_squared;
-    for ((&cell, &height_m), point) in numbers.of_point.iter().zip(&points.heights_m).zip(&points.returns) {
-        let sum = &mut sums[cell as usize];
-        sum.points += 1;
-        sum.height_m += height_m;
-        sum.low_m = f64::min(sum.low_m, height_m);
-        sum.high_m = f64::max(sum.high_m, height_m);
-        sum.distance_m += point.distance_m;
-        let slope_squared = slope_squared.get(point.ground as usize).copied().unwrap_or(0.0);
-        sum.truth.add(point.object, point.top, slope_squared, verdicts);
-    }
-    mean_heights_m.clear();
-    // Eq. (3)
-    mean_heights_m.extend(sums.iter().map(|sum| sum.height_m / f64::from(sum.points)));
-    for (&cell, &height_m) in numbers.of_point.iter().zip(&points.heights_m) {
-        // Eq. (4)
-        let off_m = height_m - mean_heights_m[cell as usize];
-        sums[cell as usize].squares_m2 += off_m * off_m;
+/// Sums over the points of each cell, and the means of their heights; in the machine's widest form, which compares floats in fewer steps.
+struct AddUp<'a> {
+    points: &'a Points,
+    numbers: &'a Numbers,
+    verdicts: &'a [Verdict],
+    mean_heights_m: &'a mut Vec<f64>,
+    sums: &'a mut Vec<CellSum>,
+}
+
+impl Work for AddUp<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let AddUp { points, numbers, verdicts, mean_heights_m, sums } = self;
+        sums.clear();
+        sums.resize(numbers.cells.len(), CellSum::NONE);
+        let slope_squared = &points.grounds.slope_squared;
+        for ((&cell, &height_m), point) in numbers.of_point.iter().zip(&points.heights_m).zip(&points.returns) {
+            let sum = &mut sums[cell as usize];
+            sum.points += 1;
+            sum.height_m += height_m;
+            sum.low_m = f64::min(sum.low_m, height_m);
+            sum.high_m = f64::max(sum.high_m, height_m);
+            sum.distance_m += point.distance_m;
+            let slope_squared = slope_squared.get(point.ground as usize).copied().unwrap_or(0.0);
+            sum.truth.add(point.object, point.top, slope_squared, verdicts);
+        }
+        mean_heights_m.clear();
+        // Eq. (3)
+        mean_heights_m.extend(sums.iter().map(|sum| sum.height_m / f64::from(sum.points)));
+        for (&cell, &height_m) in numbers.of_point.iter().zip(&points.heights_m) {
+            // Eq. (4)
+            let off_m = height_m - mean_heights_m[cell as usize];
+            sums[cell as usize].squares_m2 += off_m * off_m;
+        }
     }
 }
 

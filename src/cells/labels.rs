@@ -77,7 +77,7 @@ impl TruthSum {
     };
 
     /// Adds a point: its true object (-1 ground, -2 nothing) and the ground's slope, squared, where it is ground.
-    #[inline]
+    #[inline(always)]
     pub(super) fn add(&mut self, object: i32, top: bool, slope_squared: f64, verdicts: &[Verdict]) {
         let Some(verdict) = usize::try_from(object).ok().and_then(|id| verdicts.get(id)) else {
             self.steepest_squared = self.steepest_squared.max(slope_squared);

@@ -127,10 +127,28 @@ impl Points {
             (ground_x_m[lane], ground_y_m[lane]) = (truly_m.x, truly_m.y);
         }
         counts.points_in += slots.len() as u64;
+        let cell =
+            |lane: usize| placer.cell(distances_m[lane], CellIndex { row: rows[lane], col: cols[lane] }, on_grid[lane]);
+        let of_ground = |&slot: &u32| sweep.truth[slot as usize].object == GROUND;
+        if slots.len() == LANES
+            && slots.iter().all(of_ground)
+            && (0..LANES).all(|lane| cell(lane).is_ok())
+            && !scan.intensity
+        {
+            // Most blocks: appended at once, as they would be one by one.
+            let first = self.grounds.extend(ground_x_m, ground_y_m);
+            self.cells.extend((0..LANES).map(|lane| CellIndex { row: rows[lane], col: cols[lane] }));
+            self.heights_m.extend(z_m.map(|z_m| z_m - scan.rover_z_m));
+            self.returns.extend((0..LANES).map(|lane| Return {
+                distance_m: distances_m[lane],
+                ground: first + lane as u32,
+                object: GROUND,
+                top: sweep.truth[slot(lane)].top,
+            }));
+            return;
+        }
         for (lane, &slot) in slots.iter().enumerate() {
-            let distance_m = distances_m[lane];
-            let cell = placer.cell(distance_m, CellIndex { row: rows[lane], col: cols[lane] }, on_grid[lane]);
-            let Some(cell) = count_dropped(cell, counts) else { continue };
+            let Some(cell) = count_dropped(cell(lane), counts) else { continue };
             let truth = &sweep.truth[slot as usize];
             let ground = if truth.object == GROUND {
                 self.grounds.push(ground_x_m[lane], ground_y_m[lane])
@@ -147,7 +165,7 @@ impl Points {
                 let received = sweep.intensity.as_ref().map_or(f64::NAN, |i| f64::from(i[slot as usize]));
                 self.intensities.push(received * range_m * range_m);
             }
-            self.returns.push(Return { distance_m, ground, object: truth.object, top: truth.top });
+            self.returns.push(Return { distance_m: distances_m[lane], ground, object: truth.object, top: truth.top });
         }
     }
 }
