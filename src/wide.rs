@@ -46,13 +46,13 @@ pub fn in_fours<W: Work>(work: W) -> W::Out {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+#[target_feature(enable = "avx512f,avx512dq,avx2,fma,popcnt")]
 fn avx512<W: Work>(work: W) -> W::Out {
     work.run()
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
+#[target_feature(enable = "avx2,fma,popcnt")]
 fn avx2<W: Work>(work: W) -> W::Out {
     work.run()
 }

@@ -62,13 +62,22 @@ pub(super) struct TruthSum {
 }
 
 impl TruthSum {
-    pub(super) fn new() -> TruthSum {
-        let truth = CellTruth { class: Class::Ground as i8, object: -1, ..CellTruth::default() };
-        TruthSum { truth, tallest_m: f64::NEG_INFINITY, steepest_squared: 0.0 }
-    }
+    /// Of no point.
+    pub(super) const NONE: TruthSum = TruthSum {
+        truth: CellTruth {
+            obstacle_points: 0,
+            top_points: 0,
+            class: Class::Ground as i8,
+            object: -1,
+            protrusion_m: 0.0,
+            slope_rad: 0.0,
+        },
+        tallest_m: f64::NEG_INFINITY,
+        steepest_squared: 0.0,
+    };
 
     /// Adds a point: its true object (-1 ground, -2 nothing) and the ground's slope, squared, where it is ground.
-    #[inline]
+    #[inline(always)]
     pub(super) fn add(&mut self, object: i32, top: bool, slope_squared: f64, verdicts: &[Verdict]) {
         let Some(verdict) = usize::try_from(object).ok().and_then(|id| verdicts.get(id)) else {
             self.steepest_squared = self.steepest_squared.max(slope_squared);

@@ -10,6 +10,7 @@ mod labels;
 mod local;
 pub mod params;
 mod place;
+mod points;
 mod slope;
 #[cfg(test)]
 mod tests;

@@ -24,6 +24,16 @@ pub struct Placed {
     pub cell: Result<CellIndex, Unplaced>,
 }
 
+/// A point in the map that has not been asked yet whether it has a cell: plain numbers, worked out for many points side by side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Located {
+    pub point_m: DVec3,
+    pub distance_m: f64,
+    /// Means something where the point is on the grid.
+    pub index: CellIndex,
+    pub on_grid: bool,
+}
+
 /// Why a point is in no cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unplaced {
@@ -52,24 +62,40 @@ impl Placer {
     /// Where a point of the sensor frame lies.
     #[inline(always)]
     pub fn place_point(&self, in_sensor_m: DVec3) -> Placed {
-        let offset = self.map_from_sensor.direction(in_sensor_m);
-        self.placed(offset, offset + self.map_from_sensor.translation_m)
+        self.placed(self.locate(in_sensor_m))
     }
 
     /// The same for a point whose place in the map is known.
     pub fn place_in_map(&self, point_m: DVec3) -> Placed {
-        self.placed(point_m - self.map_from_sensor.translation_m, point_m)
+        self.placed(self.located(point_m - self.map_from_sensor.translation_m, point_m))
+    }
+
+    /// A point of the sensor frame in the map.
+    #[inline(always)]
+    pub(super) fn locate(&self, in_sensor_m: DVec3) -> Located {
+        let offset = self.map_from_sensor.direction(in_sensor_m);
+        self.located(offset, offset + self.map_from_sensor.translation_m)
     }
 
     #[inline(always)]
-    fn placed(&self, offset: DVec3, point_m: DVec3) -> Placed {
+    fn located(&self, offset: DVec3, point_m: DVec3) -> Located {
         let distance_m = (offset.x * offset.x + offset.y * offset.y).sqrt();
-        let cell = if distance_m > self.max_range_m {
-            Err(Unplaced::BeyondRange)
-        } else {
-            // A NaN or infinite x or y has no index; z has to be asked.
-            self.grid.cell(point_m.x, point_m.y).filter(|_| point_m.z.is_finite()).ok_or(Unplaced::OffGrid)
-        };
-        Placed { point_m, distance_m, cell }
+        // A NaN or infinite x or y has no index; z has to be asked.
+        let (index, on_grid) = self.grid.cell_or_not(point_m.x, point_m.y);
+        Located { point_m, distance_m, index, on_grid: on_grid & point_m.z.is_finite() }
+    }
+
+    /// The cell of a point, or why it has none.
+    #[inline(always)]
+    pub(super) fn cell(&self, distance_m: f64, index: CellIndex, on_grid: bool) -> Result<CellIndex, Unplaced> {
+        if distance_m > self.max_range_m {
+            return Err(Unplaced::BeyondRange);
+        }
+        on_grid.then_some(index).ok_or(Unplaced::OffGrid)
+    }
+
+    #[inline(always)]
+    fn placed(&self, Located { point_m, distance_m, index, on_grid }: Located) -> Placed {
+        Placed { point_m, distance_m, cell: self.cell(distance_m, index, on_grid) }
     }
 }

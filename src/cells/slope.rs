@@ -31,6 +31,15 @@ impl GroundPlaces {
         (self.x_m.len() - 1) as u32
     }
 
+    /// Adds a block of places and returns the first one's number.
+    #[inline(always)]
+    pub(super) fn extend(&mut self, x_m: [f64; LANES], y_m: [f64; LANES]) -> u32 {
+        let first = self.x_m.len() as u32;
+        self.x_m.extend(x_m);
+        self.y_m.extend(y_m);
+        first
+    }
+
     /// Works out the squared slope (rise over run) of every place.
     pub(super) fn steepen(&mut self, ground: &Ground) {
         match ground {

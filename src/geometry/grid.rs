@@ -20,11 +20,18 @@ impl GridSpec {
     /// The cell that holds the point, or `None` where the index would leave the i32 range (or the point is not finite).
     #[inline]
     pub fn cell(&self, x_m: f64, y_m: f64) -> Option<CellIndex> {
+        let (cell, is_one) = self.cell_or_not(x_m, y_m);
+        is_one.then_some(cell)
+    }
+
+    /// The same without a branch, for blocks of points: an index, and whether it means anything.
+    #[inline(always)]
+    pub fn cell_or_not(&self, x_m: f64, y_m: f64) -> (CellIndex, bool) {
         let row = (y_m / self.size_m).floor();
         let col = (x_m / self.size_m).floor();
         // Headroom of 16 cells keeps neighbour arithmetic inside i32.
         let limit = f64::from(i32::MAX - 16);
-        (row.abs() < limit && col.abs() < limit).then_some(CellIndex { row: row as i32, col: col as i32 })
+        (CellIndex { row: row as i32, col: col as i32 }, (row.abs() < limit) & (col.abs() < limit))
     }
 
     /// The cell's centre (x, y).

@@ -119,9 +119,20 @@ pub fn sweep(
     scratch: &mut Scratch,
 ) -> Result<Sweep, SweepError> {
     let origin_m = world_from_sensor.translation_m;
-    check_place(caster, world_from_sensor)?;
+    if !origin_m.is_finite() || !world_from_sensor.rotation.is_finite() {
+        return Err(SweepError::NoPose { x_m: origin_m.x, y_m: origin_m.y, z_m: origin_m.z });
+    }
     let effects = &params.effects;
     let reach_m = RangeError::reach_m(&params.sensor, effects);
+    // Before it is asked what the sensor is in: the caster's first look about is then as wide as the sweeps need it.
+    let origin = caster.from(origin_m, reach_m);
+    match caster.inside(origin_m) {
+        Some(Inside::Ground { depth_m }) => {
+            return Err(SweepError::Buried { x_m: origin_m.x, y_m: origin_m.y, depth_m });
+        }
+        Some(Inside::Obstacle(object)) => return Err(SweepError::Inside { object }),
+        None => {}
+    }
     let setting = Setting {
         params,
         pattern,
@@ -130,7 +141,7 @@ pub fn sweep(
         world_from_sensor,
         origin_m,
         reach_m,
-        origin: caster.from(origin_m, reach_m),
+        origin,
         drawn,
         streams,
         foliage: [streams.open(Purpose::SweepPatch), streams.open(Purpose::SweepVolume)],
@@ -166,19 +177,6 @@ pub fn sweep(
         }
     }
     Ok(sweep)
-}
-
-/// Refuses places where no sensor can be.
-fn check_place(caster: &Caster, world_from_sensor: &Transform) -> Result<(), SweepError> {
-    let place_m = world_from_sensor.translation_m;
-    if !place_m.is_finite() || !world_from_sensor.rotation.is_finite() {
-        return Err(SweepError::NoPose { x_m: place_m.x, y_m: place_m.y, z_m: place_m.z });
-    }
-    match caster.inside(place_m) {
-        Some(Inside::Ground { depth_m }) => Err(SweepError::Buried { x_m: place_m.x, y_m: place_m.y, depth_m }),
-        Some(Inside::Obstacle(object)) => Err(SweepError::Inside { object }),
-        None => Ok(()),
-    }
 }
 
 impl Setting<'_> {

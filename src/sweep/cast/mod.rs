@@ -73,8 +73,7 @@ pub struct Caster<'a> {
     ground: GroundCaster<'a>,
     /// For rays of any origin; a sweep casts none.
     tree: OnceLock<Tree>,
-    /// Where the obstacles stand, worked out when first asked.
-    places: OnceLock<Places>,
+    places: Places,
 }
 
 enum GroundCaster<'a> {
@@ -101,7 +100,7 @@ impl<'a> Caster<'a> {
             }
             (Cast::Mesh(sampling), _) => GroundCaster::Mesh(MeshCaster::new(scene, sampling.spacing_m)),
         };
-        Caster { scene, ground, tree: OnceLock::new(), places: OnceLock::new() }
+        Caster { scene, ground, tree: OnceLock::new(), places: Places::new(extent_m) }
     }
 
     /// The scene that is cast at.
@@ -140,7 +139,7 @@ impl<'a> Caster<'a> {
         // A mesh holds the obstacles too.
         let packets = match &ground {
             GroundFrom::Mesh(_) => None,
-            _ => Packets::new(&self.scene.obstacles, self.places(), origin_m, max_range_m),
+            _ => Packets::new(&self.scene.obstacles, &self.places, origin_m, max_range_m),
         };
         Origin { ground, packets, origin_m, max_range_m }
     }
@@ -162,7 +161,7 @@ impl<'a> Caster<'a> {
             return Some(Inside::Ground { depth_m });
         }
         let mut first = None;
-        self.places().near(&self.scene.obstacles, point_m.truncate(), 0.0, |index, _| {
+        self.places.near(&self.scene.obstacles, point_m.truncate(), 0.0, |index, _| {
             let obstacle = &self.scene.obstacles[index];
             let near = first.is_none_or(|first| index < first) && !obstacle.is_beyond(point_m.truncate(), 0.0);
             if near && convex::contains(&obstacle.shape, point_m) {
@@ -170,10 +169,6 @@ impl<'a> Caster<'a> {
             }
         });
         first.map(|index| Inside::Obstacle(self.scene.obstacles[index].id))
-    }
-
-    fn places(&self) -> &Places {
-        self.places.get_or_init(|| Places::new(&self.scene.obstacles, self.scene.extent_m))
     }
 }
 

@@ -153,20 +153,21 @@ fn exact_nearness_by_squares() {
     let mut draws = Draws(2);
     for (count, extent_m) in [(0, 10.0), (1, 10.0), (40, 10.0), (3000, 300.0)] {
         let scene = yard(extent_m, Polynomial::flat(extent_m), strewn(extent_m, count, &mut draws));
-        let places = places::Places::new(&scene.obstacles, extent_m);
-        for reach_m in [0.0, 0.5, 20.0, f64::INFINITY] {
-            for (x, y) in [(5.0, 5.0), (0.0, 10.0), (-7.0, 3.0), (1e9, 0.0), (200.0, 100.0)] {
-                let point_m = DVec2::new(x, y);
+        let reaches_m = [0.0, 0.5, 20.0, f64::INFINITY];
+        let points_m = [(5.0, 5.0), (0.0, 10.0), (-7.0, 3.0), (1e9, 0.0), (200.0, 100.0), (212.0, 90.0)];
+        let points_m = points_m.map(|(x, y)| DVec2::new(x, y));
+        let queries = || points_m.iter().flat_map(|&point_m| reaches_m.map(|reach_m| (point_m, reach_m)));
+        // Each as the first, which the window is drawn about.
+        for first in queries() {
+            let places = places::Places::new(extent_m);
+            for (point_m, reach_m) in std::iter::once(first).chain(queries()) {
                 let mut near = Vec::new();
                 places.near(&scene.obstacles, point_m, reach_m, |index, _| near.push(index));
                 near.sort_unstable();
-                let wanted = scene.obstacles.iter().filter(|o| !o.is_beyond(point_m, reach_m)).map(|o| o.id as usize);
                 // What an earlier query has worked out may be told of too.
                 assert!(near.windows(2).all(|pair| pair[0] < pair[1]));
-                assert!(
-                    wanted.into_iter().all(|index| near.binary_search(&index).is_ok()),
-                    "{count} {reach_m} {point_m}"
-                );
+                let mut wanted = (0..count).filter(|&k| !scene.obstacles[k].is_beyond(point_m, reach_m));
+                assert!(wanted.all(|k| near.binary_search(&k).is_ok()), "{count} {reach_m} {point_m} {first:?}");
             }
         }
     }
