@@ -19,8 +19,11 @@ use crate::cells::Cells;
 pub struct Take<R> {
     kind: Kind,
     nullable: bool,
-    column: Box<dyn Fn(&[R]) -> ArrayRef>,
+    column: Taking<R>,
 }
+
+/// Rows -> a column of them.
+type Taking<R> = Box<dyn Fn(&[R]) -> ArrayRef>;
 
 /// A number that a column may hold.
 pub trait Number: ArrowNativeType {
