@@ -202,6 +202,14 @@ fn equal_cells_of_a_window_agree_with_a_plain_recomputation() {
         let cells = bin(&params, &window, &mount, 0.1, 100.0, &scene, &mut scratch);
         let members = plainly(size_m, &window, &mount, 2.4);
         let width = feature_columns(&params, true).len();
+        // Without intensities: the same rows, the same features but for the last two.
+        let dark: Vec<Sweep> = sweeps.iter().map(|sweep| Sweep { intensity: None, ..sweep.clone() }).collect();
+        let dark: Vec<WindowScan> =
+            window.iter().zip(&dark).map(|(scan, sweep)| WindowScan { sweep, ..*scan }).collect();
+        let dark = bin(&params, &dark, &mount, 0.1, 100.0, &scene, &mut scratch);
+        assert_eq!(format!("{:?}", dark.rows), format!("{:?}", cells.rows));
+        let lit = cells.features.chunks(width).flat_map(|features| &features[..width - 2]);
+        assert!(dark.features.iter().map(|f| f.to_bits()).eq(lit.map(|f| f.to_bits())));
 
         assert_eq!(cells.rows.len(), members.len());
         assert_eq!(cells.features.len(), width * members.len());

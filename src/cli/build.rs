@@ -1,7 +1,7 @@
 //! Shard numbers -> those shards in their place, with progress, signals, free space and a report.
 //!
-//! What `generate` and `verify --repair` have in common. Between two shards the build may be stopped by a signal, a disk that
-//! fills up or a folder that goes away; what is there then is whole, and the same command goes on.
+//! What `generate` and `verify --repair` have in common. A signal, a disk that fills up or a folder that goes away may
+//! end the build; shards are there whole or not at all, those that the scenes in hand make whole too, and the same command goes on.
 
 use std::fs::File;
 use std::io::Write;
@@ -12,6 +12,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::place::corpus_failure;
+use super::plan::estimate_failure;
 use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
@@ -60,7 +61,7 @@ impl Builder<'_> {
             self.tell_other_programs(status);
         }
         let room = Room::new(self.store, self.keep_free_bytes);
-        if let Some(bytes) = self.expected_bytes(status, shards)? {
+        if let Some(bytes) = self.expected_bytes(status, shards, &stop)? {
             let what = || format!("a build of {} shards", shards.len());
             room.check(bytes, what).map_err(corpus_failure)?;
         }
@@ -113,11 +114,11 @@ impl Builder<'_> {
     }
 
     /// Bytes of these shards: as those that are there, or as a few scenes say; `None` for a build too short to be worth it.
-    fn expected_bytes(&self, status: &Status, shards: &[u64]) -> Result<Option<u64>, Failure> {
+    fn expected_bytes(&self, status: &Status, shards: &[u64], stop: &AtomicBool) -> Result<Option<u64>, Failure> {
         let per_shard = if let Some(done) = std::num::NonZero::new(status.done.len() as u64) {
             status.bytes / done
         } else if shards.len() as u64 * u64::from(self.spec.scenes_per_shard) >= SAMPLE_FROM_SCENES {
-            self.sampled_bytes()?
+            self.sampled_bytes(stop)?
         } else {
             return Ok(None);
         };
@@ -125,7 +126,7 @@ impl Builder<'_> {
     }
 
     /// Bytes of a shard, by a few scenes.
-    fn sampled_bytes(&self) -> Result<u64, Failure> {
+    fn sampled_bytes(&self, stop: &AtomicBool) -> Result<u64, Failure> {
         let plan = &self.prepared.plan;
         let options = estimate::Options {
             threads: 1,
@@ -133,9 +134,9 @@ impl Builder<'_> {
             limit: Duration::from_secs(10),
             parts_limit: Duration::ZERO,
             place: None,
-            stop: &AtomicBool::new(false),
+            stop,
         };
-        let estimate = estimate::estimate(plan, &options).map_err(Failure::failed)?;
+        let estimate = estimate::estimate(plan, &options).map_err(estimate_failure)?;
         Ok((estimate.bytes.value / plan.shards() as f64) as u64)
     }
 
@@ -211,7 +212,7 @@ pub(super) fn build_outcome(
 fn interrupted() -> miette::Report {
     miette::miette!(
         help = "the same command again goes on from here",
-        "interrupted: finished shards are kept, the shard in hand was discarded"
+        "interrupted: shards that are whole are kept, others were discarded"
     )
 }
 

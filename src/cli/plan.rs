@@ -63,17 +63,22 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         stop: &stop,
     };
     let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
-    let estimate = measured.transpose().map_err(|error| match error {
-        EstimateError::Corpus(error) => corpus_failure(error),
-        EstimateError::Interrupted => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
-        other => Failure::failed(other),
-    })?;
+    let estimate = measured.transpose().map_err(estimate_failure)?;
     if args.json {
         outln!("{:#}", as_json(&plan, estimate.as_ref()));
     } else {
         tell(&plan, estimate.as_ref());
     }
     Ok(())
+}
+
+/// What a failed or interrupted estimate is to the user.
+pub(super) fn estimate_failure(error: EstimateError) -> Failure {
+    match error {
+        EstimateError::Corpus(error) => corpus_failure(error),
+        EstimateError::Interrupted => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
+        other => Failure::failed(other),
+    }
 }
 
 fn tell(plan: &Plan, estimate: Option<&Estimate>) {

@@ -102,7 +102,7 @@ pub enum EstimateError {
     Corpus(#[from] CorpusError),
     #[error("{place}: cannot be written to: {reason}")]
     Place { place: String, reason: String },
-    #[error("interrupted: there is no estimate, and nothing is left at the place")]
+    #[error("interrupted: there is no estimate, and what was tried at a place is taken away")]
     Interrupted,
 }
 

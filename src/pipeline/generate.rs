@@ -3,8 +3,8 @@
 //! Threads take scenes across shard borders, so one shard may keep all of them busy. Outputs are put back in order, and the
 //! thread that is free next lays their rows into their shard before it takes another scene: a shard's work is spread over the
 //! time of its scenes, and a thread that puts one in its place holds nobody up. What a shard holds depends on no number of threads;
-//! which of two shards is put first may. Memory is bounded by the scenes in flight: a thread may run at most a window
-//! ahead of the scenes whose rows are laid.
+//! which of two shards is put first may. Memory is bounded by the scenes in flight, for a thread may run at most a window
+//! ahead of the scenes whose rows are laid, and by the bytes of two shards in the making and of one a thread that is put in its place.
 
 mod hands;
 

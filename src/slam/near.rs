@@ -10,9 +10,8 @@
 use super::associate::NEW_BEYOND;
 use super::matrix::{Vector, square};
 use super::particle::Landmark;
+use crate::wide::LANES;
 
-/// Landmarks looked at together.
-const LANES: usize = 8;
 /// Covers the rounding of the bounds and of what they bound.
 const SLACK: f64 = 1.001;
 

@@ -122,7 +122,9 @@ mod tests {
                 expected.iter_mut().zip(row).for_each(|(moments, &value)| moments.add(f64::from(value)));
             }
             assert!(expected.iter().any(|moments| moments.not_finite > 0));
-            let bits = |m: Moments| (m.count, m.not_finite, [m.mean, m.m2].map(f64::to_bits), [m.min, m.max]);
+            let bits = |m: Moments| {
+                (m.count, m.not_finite, [m.mean, m.m2].map(f64::to_bits), [m.min, m.max].map(|m| m.map(f64::to_bits)))
+            };
             let expected: Vec<_> = expected.into_iter().map(bits).collect();
             let mut parts = RowMoments::new(features);
             rows.chunks(features * 77).for_each(|part| parts.add(part));

@@ -150,8 +150,8 @@ fn law_scenes_in_flight_are_bounded_by_the_window() {
     let shards: Vec<u64> = (0..1000).collect();
     let laid = AtomicU32::new(0);
     let on_push = || {
-        let ahead = made.load(Ordering::Relaxed) - laid.fetch_add(1, Ordering::Relaxed);
-        assert!(ahead as usize <= per_shard + 2 * threads, "{ahead} scenes ahead");
+        let (made, laid) = (made.load(Ordering::Relaxed), laid.fetch_add(1, Ordering::Relaxed));
+        assert!(made as usize <= laid as usize + per_shard + 2 * threads, "{made} scenes made, {laid} laid");
     };
     let (outcome, _) = build_until(&AtomicBool::new(false), &toy, &shards, threads, on_push, |_| Ok(()));
     assert_eq!(outcome.unwrap(), Outcome::Done);

@@ -140,8 +140,12 @@ fn equal_bits_to_a_plain_loop_over_all_bodies() {
                 met += usize::from(hit.object >= 0);
             }
             let inside = scene.obstacles.iter().find(|o| convex::contains(&o.shape, origin));
-            if let Some(Inside::Obstacle(id)) = caster.inside(origin) {
-                assert_eq!(Some(id), inside.map(|o| o.id));
+            let ground = &scene.ground;
+            let deep = ground.contains(origin.x, origin.y) && ground.height_m(origin.x, origin.y) > origin.z;
+            match caster.inside(origin) {
+                Some(Inside::Ground { depth_m }) => assert!(deep && depth_m > 0.0, "{origin}"),
+                Some(Inside::Obstacle(id)) => assert_eq!((deep, Some(id)), (false, inside.map(|o| o.id))),
+                None => assert!(!deep && inside.is_none(), "{origin}"),
             }
         }
         assert!(met > 100, "{count} bodies: {met}");
