@@ -198,11 +198,14 @@ impl Store for LocalFolder {
         let path = if folder.is_empty() { self.root.clone() } else { self.path(folder)? };
         let Ok(entries) = fs::read_dir(path) else { return Ok(()) };
         for entry in entries.flatten() {
-            if entry.file_name().to_string_lossy().starts_with(TEMPORARY) && is_abandoned(&entry.path()) {
-                match fs::remove_file(entry.path()) {
-                    Err(error) if error.kind() != ErrorKind::NotFound => return Err(self.failed(folder)(error)),
-                    _ => {}
-                }
+            if !entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+                continue;
+            }
+            // The lock is held while the file is removed: a writer that waits for it finds its file gone and takes another.
+            let Some(_lock) = abandoned(&entry.path()) else { continue };
+            match fs::remove_file(entry.path()) {
+                Err(error) if error.kind() != ErrorKind::NotFound => return Err(self.failed(folder)(error)),
+                _ => {}
             }
         }
         Ok(())
@@ -245,9 +248,9 @@ fn locked_temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     }
 }
 
-/// Nobody holds the temporary file; where that cannot be known, somebody does.
-fn is_abandoned(path: &Path) -> bool {
-    File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+/// A temporary file that nobody holds, locked; where that cannot be known, somebody does.
+fn abandoned(path: &Path) -> Option<File> {
+    File::open(path).ok().filter(|file| file.try_lock().is_ok())
 }
 
 /// Whether a name stays within its place, and is none of an unfinished file.
@@ -354,11 +357,10 @@ mod tests {
                     store.sweep_temporaries("data").unwrap();
                 }
             });
-            for k in 0..200 {
-                assert_eq!(store.put(&format!("data/{k}"), &[k as u8; 1000]).unwrap(), Put::Created);
-            }
+            let puts: Vec<_> = (0..200).map(|k| store.put(&format!("data/{k}"), &[k as u8; 1000])).collect();
             over.store(true, std::sync::atomic::Ordering::Relaxed);
             sweeper.join().unwrap();
+            assert!(puts.into_iter().all(|put| put.unwrap() == Put::Created));
         });
         assert_eq!(store.list("data").unwrap().len(), 200);
     }
