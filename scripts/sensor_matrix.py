@@ -1,4 +1,6 @@
-"""Trained with one sensor, judged with another: the whole matrix (paper-notes: transfer between scan patterns without retraining).
+"""Trained with one sensor, judged with another: the whole matrix.
+
+Hewitt, Ellery & de Ruiter 2017, "Outdoor tests", train on one scan pattern and judge scans of others without retraining (A66 in docs/paper.md).
 
 Usage:  cargo build --release
         python scripts/sensor_matrix.py [--scenes 150] [--seeds 1,2,3] [--quick] [--figure docs/sensor-matrix.png]

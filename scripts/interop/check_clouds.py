@@ -142,6 +142,9 @@ def check_points(name, out, stem, points, labels, intensities):
     cloud = PointCloud.from_path(out / f"{stem}-labelled.pcd")
     again = cloud.numpy(("x", "y", "z"))
     expect((again.astype(np.float32) == here.astype(np.float32)).all(), f"{name}: points of the PCD")
+    # Singles only where they move no point by more than 0.01 mm; else the doubles of the PLY.
+    moved = np.abs(cloud.pc_data["x"].astype(np.float64) - vertices["x"]).max()
+    expect(moved <= (1e-5 if cloud.pc_data["x"].dtype == np.float32 else 0), f"{name}: the PCD moves points by {moved} m")
     of_class = cloud.numpy(("class",))[:, 0]
     expect((of_class == vertices["class"]).all(), f"{name}: classes of PCD and PLY")
     return vertices
@@ -183,23 +186,36 @@ def check_cells(name, out, points, vertices, model):
     return cells
 
 
+def map_server(about, pixels):
+    """Occupancies as nav2_map_server reads opaque pixels (map_io.cpp, loadMapFromFile): -1 unknown, 0 free to 100 occupied."""
+    shade = pixels / 255.0
+    occupancy = shade if about["negate"] else 1.0 - shade
+    free, occupied = about["free_thresh"], about["occupied_thresh"]
+    if about["mode"] == "raw":
+        percent = np.round(shade * 255)
+        return np.where(percent <= 100, percent, -1).astype(int)
+    between = -1 if about["mode"] == "trinary" else np.rint((occupancy - free) / (occupied - free) * 100)
+    return np.where(occupied < occupancy, 100, np.where(occupancy < free, 0, between)).astype(int)
+
+
 def check_maps(name, out, stem, cells, model):
-    """PGM and YAML as a map server reads them: cell by cell, north up, and nothing where there is no cell."""
+    """PGM and YAML as a map server reads them: cell by cell, north up, and unknown where there is no cell."""
     low, high = model["about"]["targets"]
     shade = np.clip((cells["output"].to_numpy(dtype=np.float64) - low) / (high - low), 0, 1)
-    for kind, mode in (("cost", "scale"), ("class", "trinary")):
+    for kind, mode in (("cost", "raw"), ("class", "trinary")):
         about = yaml.safe_load((out / f"{stem}-{kind}.yaml").read_text())
         expect((about["mode"], about["negate"]) == (mode, 0), f"{name}: mode of {kind}")
         image = np.array(Image.open(out / about["image"]))
         size = about["resolution"]
         row = np.round(cells["row"] - about["origin"][1] / size).astype(int)
         col = np.round(cells["col"] - about["origin"][0] / size).astype(int)
-        pixels = image[image.shape[0] - 1 - row, col].astype(int)
-        wanted = np.round(255 * (1 - (shade if kind == "cost" else cells["class"].to_numpy(dtype=float))))
-        expect(np.abs(pixels - wanted).max() <= (1 if kind == "cost" else 0), f"{name}: pixels of {kind}")
+        read = map_server(about, image)
+        wanted = 100 * (shade if kind == "cost" else cells["class"].to_numpy(dtype=float))
+        there = read[image.shape[0] - 1 - row, col]
+        expect(np.abs(there - wanted).max() <= (0.5001 if kind == "cost" else 0), f"{name}: occupancies of {kind}")
         rest = np.ones(image.shape, dtype=bool)
         rest[image.shape[0] - 1 - row, col] = False
-        expect((image[rest] == 128).all(), f"{name}: pixels of {kind} where no cell is")
+        expect((read[rest] == -1).all(), f"{name}: {kind} is not unknown where no cell is")
 
 
 def check_mesh(name, out, stem, cells):
@@ -213,6 +229,23 @@ def check_mesh(name, out, stem, cells):
     if open3d is not None:
         again = open3d.io.read_triangle_mesh(str(out / f"{stem}-mesh.ply"))
         expect((len(again.vertices), len(again.triangles)) == (len(vertices), len(faces)), f"{name}: Open3D's mesh")
+
+
+def check_far(marsyard, model_file, folder):
+    """UTM coordinates come back from the labelled PLY and PCD as they went in."""
+    cloud, _ = yard()
+    there = cloud[np.isfinite(cloud[:, :3]).all(axis=1), :3].astype(np.float64) + [445000.125, 5030000.25, 1200.0]
+    np.savetxt(folder / "utm.xyz", there, fmt="%.17g")
+    pose = "--pose=445000.125,5030000.25,1200,0,0,0"
+    command = [marsyard, "classify", model_file, folder / "utm.xyz", "--frame", "map", pose, "--out", folder / "utm-out"]
+    done = subprocess.run(list(map(str, command)) + ["--max-range", "100", "--window", "1"], capture_output=True, text=True)
+    expect(done.returncode == 0, f"classify utm.xyz: {done.stderr}")
+    pcd = PointCloud.from_path(folder / "utm-out/utm-labelled.pcd").pc_data
+    ply = PlyData.read(str(folder / "utm-out/utm-labelled.ply"))["vertex"].data
+    for name, rows in (("PCD", pcd), ("PLY", ply)):
+        off = np.abs(np.column_stack([rows[axis] for axis in "xyz"]) - there).max()
+        expect(off <= 1e-9, f"UTM: the {name} is off by {off} m")
+    print(f"UTM coordinates            {len(there)} points: equal in PLY and PCD")
 
 
 def run(marsyard, model_file, folder):
@@ -233,6 +266,7 @@ def run(marsyard, model_file, folder):
         check_maps(name, out, path.stem, cells, model)
         check_mesh(name, out, path.stem, cells)
         print(f"{name:<26} {len(points)} points, {lost} not finite, {len(cells)} cells: equal")
+    check_far(marsyard, model_file, folder)
     print(f"Open3D {open3d.__version__ if open3d else 'is not installed: its files were not tried'}")
 
 

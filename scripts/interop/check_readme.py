@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
-"""Runs the Python and SQL examples of README.md on a finished corpus: what a reader copies must work.
+"""Runs the Python and SQL examples of README.md and docs/columns.md on a finished corpus: what a reader copies must work.
 
-    python scripts/interop/check_readme.py README.md corpora/quickstart
+    python scripts/interop/check_readme.py README.md docs/columns.md corpora/quickstart
 
 Each block between ```python or ```sql and ``` runs as it stands, in a folder where corpora/quickstart is the corpus given; SQL in
 DuckDB, and must return rows. Exit 1 at the first block that fails.
 """
 
+import itertools
 import os
 import pathlib
 import re
@@ -42,24 +43,23 @@ def run_sql(code, folder):
 
 
 def main():
-    if len(sys.argv) != 3:
+    if len(sys.argv) < 3:
         sys.exit(__doc__)
-    readme, corpus = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]).resolve()
-    text = readme.read_text()
+    *pages, corpus = map(pathlib.Path, sys.argv[1:])
     ran = 0
     with tempfile.TemporaryDirectory() as scratch:
         folder = pathlib.Path(scratch)
         (folder / "corpora").mkdir()
-        (folder / "corpora" / "quickstart").symlink_to(corpus)
-        for language, run in (("python", run_python), ("sql", run_sql)):
-            for line, code in blocks(text, language):
+        (folder / "corpora" / "quickstart").symlink_to(corpus.resolve())
+        for page, (language, run) in itertools.product(pages, (("python", run_python), ("sql", run_sql))):
+            for line, code in blocks(page.read_text(), language):
                 fine, said = run(code, folder)
                 if not fine:
-                    sys.exit(f"FAILED {readme}, line {line} ({language}): {said}")
-                print(f"ok  {readme}, line {line} ({language})")
+                    sys.exit(f"FAILED {page}, line {line} ({language}): {said}")
+                print(f"ok  {page}, line {line} ({language})")
                 ran += 1
-    if ran < 2:
-        sys.exit(f"FAILED {readme}: {ran} examples found; one in Python and one in SQL are expected")
+    if ran < 3:
+        sys.exit(f"FAILED: {ran} examples found; one in Python and two in SQL are expected")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ trap 'rm -rf "$scratch"' EXIT
 "$marsyard" generate "$here/points.yaml" --out "$scratch/points"
 "$python" "$here/check_corpus.py" "$scratch/points" --datasets --croissant
 "$python" "$here/../read_corpus.py" "$corpus" > /dev/null
-"$python" "$here/check_readme.py" "$here/../../README.md" "$corpus"
+"$python" "$here/check_readme.py" "$here/../../README.md" "$here/../../docs/columns.md" "$corpus"
 
 "$marsyard" train "$corpus" --set epochs=1 --out "$scratch/run" > /dev/null
 "$marsyard" export "$scratch/run" --onnx "$scratch/model.onnx" --json "$scratch/model.json"

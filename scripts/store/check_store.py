@@ -7,11 +7,12 @@ before it that drops, delays and breaks requests.
 Checked: every file in the bucket is the folder's, byte for byte; status, finalize, verify, inspect, explain, train, evaluate,
 search and classify work from URLs and give what they give from folders; builds that are killed and resumed, two builds at once,
 and builds, reads and trainings through faults end in the same bytes; faults that never end lead to exit 75 in bounded time,
-wrong credentials and missing buckets to exit 2 in seconds; damage is found and repaired; and no key or token is in any output or
-file. Exit 1 at the first difference.
+wrong credentials, missing buckets, redirects and floods to exit 2 in seconds, flipped bits and strange certificates to exit 1;
+damage is found and repaired; and no key or token is in any output or file. Exit 1 at the first difference.
 """
 
 import argparse
+import http.server
 import importlib.metadata
 import json
 import os
@@ -20,9 +21,11 @@ import random
 import re
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import urllib.request
 
@@ -242,6 +245,44 @@ def check_endless(bench, url, proxy):
     expect("cannot connect" in said, f"a server that is down: {said}")
 
 
+def serve_tls():
+    """A server on loopback whose certificate nobody signed; its port."""
+    fixture = CONFIG.parent / "loopback"
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(fixture / "certificate.pem", fixture / "key.pem")
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler)
+    server.socket = context.wrap_socket(server.socket, server_side=True)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    return server.server_address[1]
+
+
+def check_hostile(bench, bucket, url, proxy):
+    """Servers that lie: refused at once, or given up in bounded time and memory; nothing is taken from another host."""
+    env = {"AWS_ENDPOINT_URL": f"http://127.0.0.1:{proxy.port}", "MARSYARD_RETRY_S": "3"}
+
+    def ends(code, needle, *words, within, env=env):
+        begun = time.monotonic()
+        said = bench.failure(code, *words, env=env)
+        expect(needle in said, f"{words}: no '{needle}' in\n{said}")
+        expect(time.monotonic() - begun < within, f"{words} took {time.monotonic() - begun:.0f} s")
+
+    other = FaultyProxy(proxy.upstream, 1)
+    proxy.other, proxy.faults = f"http://127.0.0.1:{other.port}", {"elsewhere": 1}
+    for verb in (["status", url], ["verify", url], ["generate", CONFIG, "--out", f"{url}-elsewhere"]):
+        ends(2, "redirects are not followed", *verb, within=20)
+    expect(other.requests == 0, "a redirect to another host was followed")
+    other.close()
+    proxy.faults = {"flood": 1}
+    for verb in (["status", url], ["inspect", url], ["verify", url], ["plan", f"{url}/plan.yaml"]):
+        ends(2, "bytes, more than the", *verb, within=20)
+    proxy.faults = {"flipped": 1}
+    ends(1, "twice other bytes were stored", "generate", CONFIG, "--out", f"{url}-flipped", within=60)
+    expect(not bucket.files("corpus-flipped"), "a damaged put was left there")
+    proxy.faults = {}
+    tls = env | {"AWS_ENDPOINT_URL": f"https://127.0.0.1:{serve_tls()}"}
+    ends(1, "SSL_CERT_FILE", "status", url, within=20, env=tls)
+
+
 def check_damage(bench, bucket, name, url, endpoint, whole):
     """Objects that were removed, changed or put there by others."""
     cells = "data/cells/train-0000001.parquet"
@@ -261,9 +302,16 @@ def check_damage(bench, bucket, name, url, endpoint, whole):
     bucket.put(f"{name}/{cells}", b"something else")
     said = bench.failure(1, "generate", CONFIG, "--out", url, env=endpoint)
     expect("other bytes" in said, f"a foreign object is not refused: {said}")
+    said = bench.failure(2, "verify", url, "--repair", env=endpoint)
+    expect("which marsyard did not write" in said, f"a repair would remove a foreign object: {said}")
+    expect(bucket.get(f"{name}/{cells}") == b"something else", "a foreign object is gone")
     bucket.delete(f"{name}/{cells}")
     bench.run("generate", CONFIG, "--out", url, env=endpoint)
     same_files(bucket.files(name), whole, "after a foreign object")
+    bucket.put("project/src/main.c", b"mine")
+    said = bench.failure(2, "generate", CONFIG, "--out", f"s3://{BUCKET}/project", env=endpoint)
+    expect("which marsyard did not write" in said, f"a place with a foreign object is not refused: {said}")
+    expect(list(bucket.files("project")) == ["src/main.c"], "a refused build leaves something")
     said = bench.failure(2, "generate", CONFIG, "--out", url, "--set", "seed=8", env=endpoint)
     expect("holds another corpus" in said, f"another plan is not refused: {said}")
 
@@ -374,6 +422,8 @@ def main():
             check_refusals(bench, url, endpoint, proxy)
             check_profile(bench, url, port)
             say("refused with exit 2: no bucket, no keys, wrong keys, plain http, keys in URLs; profiles are read", begun)
+            check_hostile(bench, bucket, url, proxy)
+            say("redirects, floods, flipped bits and strange certificates are refused at once", begun)
             check_damage(bench, bucket, name, url, endpoint, whole)
             check_height_map(bench, bucket, endpoint)
             say("removed, changed and foreign objects are found and repaired; plans with files beside them", begun)

@@ -8,7 +8,9 @@
 Faults: `broken` (500) and `busy` (503 SlowDown) instead of an answer; `lost` (the server did it, the answer is a 500); `deaf`
 (the connection closes without an answer), `dropped` (the same after the server did it); `cut` (half of the body, then a reset),
 `short` (half of the body, then an orderly end); `slow` (late, and in pieces); `conflict` (409, to create-only puts alone);
-`denied` (403 with the body that S3 sends, which repeats the key); `hang` (nothing at all, until the client gives up).
+`denied` (403 with the body that S3 sends, which repeats the key); `hang` (nothing at all, until the client gives up);
+`elsewhere` (302 to `proxy.other`); `flood` (10^15 bytes are announced, and come); `drip` (one byte per 0.5 s); `flipped` (a put is
+stored with a flipped bit).
 """
 
 import collections
@@ -36,7 +38,7 @@ def error(code):
 class FaultyProxy:
     def __init__(self, upstream, seed):
         self.upstream, self.faults, self.injected = upstream, {}, collections.Counter()
-        self.requests, self.google = 0, False
+        self.requests, self.google, self.other = 0, False, "http://127.0.0.1:9"
         self._random, self._lock = random.Random(seed), threading.Lock()
         proxy = self
 
@@ -102,6 +104,14 @@ class _Handler(http.server.BaseHTTPRequestHandler):
             authorization = self.headers.get("Authorization", "").encode()
             key = authorization.split(b"Credential=")[-1].split(b"/")[0]
             return self.answer(403, DENIED % (key, authorization))
+        if fault == "elsewhere":
+            return self.answer(302, b"", [("Location", self.proxy.other + self.path)])
+        if fault in ("flood", "drip"):
+            return self.go_on(b"x" if fault == "drip" else bytes(1 << 16), 0.5 if fault == "drip" else 0)
+        if fault == "flipped" and self.command == "PUT" and body:
+            body = bytes([body[0] ^ 1]) + body[1:]
+            headers = {name: value for name, value in headers.items() if not name.lower().startswith("x-amz-")}
+            headers["Authorization"] = AWS
         status, answer_headers, answer = self.forward(headers, body)
         if fault == "lost":
             return self.answer(500, error("InternalError"))
@@ -145,6 +155,19 @@ class _Handler(http.server.BaseHTTPRequestHandler):
             self.wfile.flush()
             if slow:
                 time.sleep(0.1)
+
+    def go_on(self, piece, pause):
+        """An answer that does not end before the client hangs up."""
+        self.send_response_only(200)
+        for name, value in (("Content-Length", 10**15), ("ETag", '"one"'), ("Last-Modified", "Sat, 21 Nov 2026 00:00:00 GMT")):
+            self.send_header(name, str(value))
+        self.end_headers()
+        self.close_connection = True
+        if self.command != "HEAD":
+            while True:
+                self.wfile.write(piece)
+                self.wfile.flush()
+                time.sleep(pause)
 
     def hang_up(self, reset):
         self.close_connection = True

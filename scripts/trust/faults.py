@@ -249,7 +249,8 @@ def truncation(lab, rng):
 
 
 def foreign_file(lab, rng):
-    """A shard or receipt of the same name from another corpus."""
+    """A shard or receipt of the same name from another corpus: a receipt is written anew, a shard may be somebody's only one and is
+    refused until it is moved away."""
     other = lab.folder / "other"
     if not other.exists():
         code, _, err = lab.run(lab.arguments("other", sets=("seed=1",)))
@@ -257,6 +258,11 @@ def foreign_file(lab, rng):
     place = lab.fresh("fault", whole=True)
     path = one_file(lab, rng, place)
     shutil.copy(other / path.relative_to(place), path)
+    if path.suffix == ".parquet":
+        code, out, err = lab.run(["verify", str(place), "--repair"])
+        if code != 2 or "move the file away" not in err or path.read_bytes() != (other / path.relative_to(place)).read_bytes():
+            raise Lost(f"foreign {path.name}: the repair ends with {code}: {(out + err)[-300:]}")
+        path.unlink()
     repaired(lab, place, f"foreign {path.name}")
     return "repaired"
 
@@ -376,10 +382,15 @@ def growth(lab, rng):
 
 
 def another_program(lab, rng):
-    """Begun by a binary with another sha256 (a byte more), killed, gone on with by this one: told, and merged."""
+    """Begun by a binary that says it was made of other sources, killed, gone on with by this one: told, and merged."""
     twin = lab.folder / "another-marsyard"
     if not twin.exists():
-        twin.write_bytes(pathlib.Path(lab.binary).read_bytes() + b"\0")
+        manifest = json.loads((lab.folder / "reference" / "manifest.json").read_text())
+        sources = manifest["build"]["sources_sha256"].encode()
+        whole = pathlib.Path(lab.binary).read_bytes()
+        if sources not in whole:
+            raise Lost("the binary does not hold the hash of its sources in one piece")
+        twin.write_bytes(whole.replace(sources, sources[::-1]))
         twin.chmod(0o755)
     place = lab.fresh("fault")
     child = subprocess.Popen([str(twin), *lab.arguments("fault")], cwd=lab.folder, stdout=subprocess.PIPE,

@@ -118,7 +118,7 @@ def files_of(place):
     files = (path for path in sorted(place.rglob("*")) if path.is_file())
     names = ((str(path.relative_to(place)), path) for path in files)
     return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in names
-            if name != "report.json" and "/.tmp-" not in f"/{name}"}
+            if name != "report.json" and "/.marsyard-tmp-" not in f"/{name}"}
 
 
 def corpus_id(place):

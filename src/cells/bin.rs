@@ -1,6 +1,6 @@
 //! The sweeps of a window -> cells: place the points, number their cells, sum up each cell, look at its neighbours.
 //!
-//! Source: Hewitt et al. 2017, "Cell inputs", eqs 3 and 4. Sums run in slot order, sweep after sweep. Heights are taken
+//! Source: Hewitt et al. 2017, "Neural network input types", eqs 3 and 4. Sums run in slot order, sweep after sweep. Heights are taken
 //! from the rover's estimated z before anything is summed, and the variance in two passes, so that a map a thousand
 //! kilometres up costs no more digits than its points have lost already.
 

@@ -1,6 +1,6 @@
 //! Cell parameters -> the feature columns: names, units, meaning and order, said here once.
 //!
-//! Source: Hewitt et al. 2017, "Cell inputs" and figure 4. The order is part of the data contract.
+//! Source: Hewitt et al. 2017, "Neural network input types" and figure 4. The order is part of the data contract.
 
 use super::{CellParams, FeatureColumn};
 

@@ -1,6 +1,7 @@
 //! Scene and rule -> which objects are obstacles; true returns -> a cell's truth and label.
 //!
-//! Source: Hewitt et al. 2017, "Training": a cell is untraversable when any of its points belongs to an obstacle (any, or as many as the config says).
+//! Source: Hewitt et al. 2017, "Methodology for training": a cell is untraversable when any of its points belongs to an obstacle (any, or as
+//! many as the config says).
 //! A point's object is its true one, its cell is where the *estimated* pose puts it: that label noise stays.
 //! The label follows from the truth columns alone: obstacle points, or the slope where a config limits it.
 

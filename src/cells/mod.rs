@@ -1,7 +1,7 @@
 //! A sweep and the estimated pose -> cells: features and labels.
 //!
 //! In: sweeps of a window with their estimates, the mount, and (for labels and `truth_` columns only) the scene.
-//! Out: [`Cells`], sorted by (row, col), frame `map`. Source: Hewitt et al. 2017, "Cell inputs", eqs 3 and 4.
+//! Out: [`Cells`], sorted by (row, col), frame `map`. Source: Hewitt et al. 2017, "Neural network input types", eqs 3 and 4.
 
 mod bin;
 mod columns;

@@ -1,6 +1,6 @@
 //! A measured range and an estimated pose -> where the point lies in the map, and its cell or why it has none.
 //!
-//! Source: Hewitt et al. 2017, "Cell inputs": points go to the global frame with the *estimated* pose, then into cells.
+//! Source: Hewitt et al. 2017, "Cell grid": points go to the global frame with the *estimated* pose, then into cells.
 //! Frames: ranges along unit directions in `sensor`, points in `map`. A point's distance is horizontal, from the sensor of
 //! its own sweep. Features and the `points` table both go through here, so that they cannot disagree.
 

@@ -9,11 +9,8 @@ use super::slope::GroundPlaces;
 use super::{Cells, WindowCloud, WindowScan};
 use crate::geometry::{CellIndex, DVec3};
 use crate::scene::Scene;
-use crate::sweep::Status;
+use crate::sweep::{Hit, Status};
 use crate::wide::{LANES, Work, widest};
-
-/// The id that stands for ground in `TrueReturn::object`.
-const GROUND: i32 = -1;
 
 /// The id that stands for no verdict at all.
 pub(super) const UNKNOWN: i32 = -2;
@@ -94,7 +91,7 @@ impl Points {
             }
             let object = match cloud.obstacle.and_then(|verdicts| verdicts[i]) {
                 None => UNKNOWN,
-                Some(false) => GROUND,
+                Some(false) => Hit::GROUND,
                 Some(true) => 0,
             };
             self.returns.push(Return { distance_m: placed.distance_m, ground: NOT_GROUND, object, top: false });
@@ -129,7 +126,7 @@ impl Points {
         counts.points_in += slots.len() as u64;
         let cell =
             |lane: usize| placer.cell(distances_m[lane], CellIndex { row: rows[lane], col: cols[lane] }, on_grid[lane]);
-        let of_ground = |&slot: &u32| sweep.truth[slot as usize].object == GROUND;
+        let of_ground = |&slot: &u32| sweep.truth[slot as usize].object == Hit::GROUND;
         if slots.len() == LANES
             && slots.iter().all(of_ground)
             && (0..LANES).all(|lane| cell(lane).is_ok())
@@ -142,7 +139,7 @@ impl Points {
             self.returns.extend((0..LANES).map(|lane| Return {
                 distance_m: distances_m[lane],
                 ground: first + lane as u32,
-                object: GROUND,
+                object: Hit::GROUND,
                 top: sweep.truth[slot(lane)].top,
             }));
             return;
@@ -150,7 +147,7 @@ impl Points {
         for (lane, &slot) in slots.iter().enumerate() {
             let Some(cell) = count_dropped(cell(lane), counts) else { continue };
             let truth = &sweep.truth[slot as usize];
-            let ground = if truth.object == GROUND {
+            let ground = if truth.object == Hit::GROUND {
                 self.grounds.push(ground_x_m[lane], ground_y_m[lane])
             } else {
                 // Its verdict will be asked for.

@@ -168,7 +168,7 @@ fn random_sweep(stream: &Stream, seed: u64, slots: u64) -> Sweep {
     sweep
 }
 
-/// Within the contract's 2 ulp of f32, or 1e-9.
+/// Within 2 units in the last place of f32, as which features are stored, or 1e-9.
 fn close(got: f32, want: f64) -> bool {
     let want32 = want as f32;
     let ulp = f32::from_bits(want32.abs().to_bits() + 1) - want32.abs();

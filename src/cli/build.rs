@@ -16,7 +16,7 @@ use super::plan::estimate_failure;
 use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
-use crate::corpus::{self, CorpusError, CorpusSpec, FinishedShard, Place, Room, SceneOutput, Status, Store};
+use crate::corpus::{self, CorpusError, CorpusSpec, FinishedShard, Place, Room, SceneOutput, Status, Store, owner};
 use crate::estimate;
 use crate::pipeline::generate::{self, BuildError, Event, Job, Outcome};
 use crate::pipeline::{Prepared, Record};
@@ -98,7 +98,7 @@ impl Builder<'_> {
         self.place.still_there().map_err(corpus_failure)?;
         if self.report {
             let report = report(&progress, writing, self.threads);
-            self.store.replace("report.json", format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
+            self.store.replace(owner::REPORT, format!("{report:#}\n").as_bytes()).map_err(corpus_failure)?;
         }
         match outcome {
             Outcome::Done => Ok(Built { progress, writing }),
@@ -140,19 +140,16 @@ impl Builder<'_> {
         Ok((estimate.bytes.value / plan.shards() as f64) as u64)
     }
 
-    /// Says so where another program wrote shards that are there: equal values are promised for one binary.
+    /// Says so where another program wrote shards that are there: equal values are promised for equal sources by one compiler.
     fn tell_other_programs(&self, status: &Status) {
-        if status.builds.is_empty() {
-            return; // Nor is this program's own file read for nothing.
-        }
         let here = corpus::Build::of_this_binary();
-        let others: Vec<_> = status.builds.iter().filter(|(build, _)| build != here).collect();
+        let others: Vec<_> = status.builds.iter().filter(|(build, _)| !here.is_like(build)).collect();
         if let Some((there, _)) = others.first() {
             let shards: u64 = others.iter().map(|(_, shards)| shards).sum();
             let place = self.store.place();
             tracing::warn!(
                 "{shards} of the shards there were written by another marsyard ({there}), this is {here}; equal values are \
-                 promised for one binary alone: `marsyard verify {place} --rebuild 3`, once it is whole, says whether this one \
+                 promised for equal sources by one compiler: `marsyard verify {place} --rebuild 3`, once it is whole, says whether this one \
                  builds them alike"
             );
         }
@@ -163,6 +160,11 @@ impl Builder<'_> {
 const SAMPLE_FROM_SCENES: u64 = 200;
 /// Scenes of that look.
 const SAMPLE: u64 = 4;
+
+/// Whether a file holds such lines: what is appended to another's file is lost in it.
+pub(super) fn is_stage_hashes(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"{\"scene\":")
+}
 
 /// One line of JSON a scene.
 struct HashFile<'a> {
@@ -225,11 +227,9 @@ fn report(progress: &Progress, writing: Duration, threads: usize) -> serde_json:
         .map(|(name, time)| (name.to_string(), time.as_secs_f64().into()))
         .chain([("writing".to_string(), writing.as_secs_f64().into())])
         .collect();
-    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     json!({
         "wall_s": seconds,
         "threads": threads,
-        "host": host.trim(),
         "build": corpus::Build::of_this_binary(),
         "scenes": progress.done,
         "failed_scenes": progress.failed,

@@ -12,7 +12,7 @@ use std::collections::VecDeque;
 use super::Failure;
 use super::evaluate::read_model;
 use super::output::errln;
-use super::place::must_be_local;
+use super::place::{corpus_failure, must_be_local};
 use crate::cells::{self, Cells, WindowCloud, feature_columns};
 use crate::evaluate::{Cell, Judge, Threshold, ThresholdOrigin};
 use crate::train::Model;
@@ -42,8 +42,8 @@ pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
     let thresholds =
         model.about.thresholds.iter().map(|&value| Threshold { value, origin: ThresholdOrigin::Model }).collect();
     let mut judge = Judge::new(thresholds, None);
-    write::folder(&args.out)?;
-    report::assumed(args, &setup);
+    let mut outputs = write::open(args, &setup)?;
+    report::assumed(args, &model, &setup);
     for (number, path) in args.clouds.iter().enumerate() {
         if window.len() == setup.window {
             window.pop_front();
@@ -51,8 +51,9 @@ pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
         window.push_back(setup.load(args, &model, number, path)?);
         let scan = classify(&model, &setup, &window, args.min_points, &mut scratch);
         let newest = window.back().expect("pushed above");
+        report::nowhere(&setup, newest, &scan);
         report::scan(args, &model, newest, &scan);
-        written.extend(write::scan(args, &model, &setup, newest, &scan)?);
+        written.extend(write::files(args, &mut outputs, write::scan(&model, &setup, newest, &scan)?)?);
         if setup.labels.is_some() {
             let (judged, outputs) = judged_cells(&model, &setup, &scan);
             judge.unknown_cells += (scan.cells.rows.len() - judged.len()) as u64;
@@ -60,11 +61,13 @@ pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
         }
         scans.push(scan);
     }
-    written.push(write::cells(args, &setup, &scans)?);
+    written.extend(write::files(args, &mut outputs, vec![write::cells(&setup, &scans)?])?);
     report::ranges(args, &model, &scans);
     if setup.labels.is_some() {
-        written.push(report::evaluation(args, &model, &setup, &judge, scans.len())?);
+        let evaluation = report::evaluation(args, &model, &setup, &judge, scans.len());
+        written.extend(write::files(args, &mut outputs, vec![evaluation])?);
     }
+    outputs.finish().map_err(corpus_failure)?;
     written.iter().for_each(|path| errln!("{}", path.display()));
     Ok(())
 }

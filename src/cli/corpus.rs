@@ -2,24 +2,18 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
 
 use clap::Args;
-use rand::SeedableRng;
-use rand::rngs::ChaCha8Rng;
 
-use super::build::{Builder, build_outcome};
+use super::build::Builder;
 use super::explain::plan_of;
 use super::generate::{default_threads, judge_failures, parse_threads};
 use super::output::{errln, out, outln};
 use super::place::{self, corpus_failure};
-use super::progress::Progress;
-use super::signals::stop_on_signals;
-use super::{Failure, LogFormat};
-use crate::corpus::verify::Finding;
-use crate::corpus::{self, CorpusSpec, Manifest, Place, Store, ranges, rebuild, verify};
+use super::rebuild::{Rebuild, Share, tell_before};
+use super::{Failure, LogFormat, sign};
+use crate::corpus::{self, CorpusError, CorpusSpec, Finished, Manifest, Place, Store, owner, ranges, verify};
 use crate::pipeline::Prepared;
-use crate::pipeline::generate::{self, Event, Job, Outcome};
 
 #[derive(Debug, Args)]
 pub(super) struct PlaceArgs {
@@ -34,10 +28,16 @@ pub(super) struct VerifyArgs {
     /// Build the damaged and missing shards anew, and merge the receipts again.
     #[arg(long)]
     repair: bool,
-    /// Also build N shards again, taken at random, and compare every byte: is this corpus what its plan says, and would this
-    /// program build it today? Names the first row and column that differ.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    rebuild: u64,
+    /// Also build shards again, taken at random, and compare every byte: is this corpus what its plan says, and would this program
+    /// build it today? Names the first row and column that differ. What was found is kept in rebuilt.json.
+    #[arg(long, value_name = "all|N|5%")]
+    rebuild: Option<Share>,
+    /// First check the manifest's signature (`marsyard sign`): a file with the public key, or the key itself.
+    #[arg(long, value_name = "PUBLIC_KEY")]
+    key: Option<String>,
+    /// Where the signature is; default: manifest.json.minisig in the corpus.
+    #[arg(long, value_name = "FILE", requires = "key")]
+    signature: Option<PathBuf>,
     /// Threads to build with.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
@@ -86,10 +86,35 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
     let status = corpus::status(store.as_ref(), &spec).map_err(corpus_failure)?;
     if !args.missing {
         out!("{status}");
+        tell_faults(store.as_ref(), &spec)?;
     } else if !status.to_build().is_empty() {
         outln!("{}", ranges::to_text(&status.to_build()));
     }
     Ok(())
+}
+
+/// Faults that are told one by one.
+const MOST_TOLD: usize = 20;
+
+/// What readers would refuse of a finished corpus, and what is in the folders of an unfinished one and belongs to no shard.
+fn tell_faults(store: &dyn Store, spec: &CorpusSpec) -> Result<(), Failure> {
+    let faults: Vec<String> = match Manifest::read(store) {
+        Err(CorpusError::BadManifest { .. }) if !is_finished(store)? => {
+            verify::strays(store, spec).map_err(corpus_failure)?.iter().map(ToString::to_string).collect()
+        }
+        Err(error @ (CorpusError::BadManifest { .. } | CorpusError::OtherFormat { .. })) => vec![error.to_string()],
+        Err(error) => return Err(corpus_failure(error)),
+        Ok(_) => Finished::faults(store).map_err(corpus_failure)?.iter().map(ToString::to_string).collect(),
+    };
+    faults.iter().take(MOST_TOLD).for_each(|fault| outln!("  {fault}"));
+    if faults.len() > MOST_TOLD {
+        outln!("  and {} more", faults.len() - MOST_TOLD);
+    }
+    Ok(())
+}
+
+fn is_finished(store: &dyn Store) -> Result<bool, Failure> {
+    Ok(store.size(corpus::manifest::NAME).map_err(corpus_failure)?.is_some())
 }
 
 pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
@@ -103,11 +128,18 @@ pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
 pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let place = args.place.display();
+    if let Some(key) = &args.key {
+        sign::check(&args.place, store.as_ref(), key, args.signature.as_deref())?;
+    }
     let findings = verify::verify(store.as_ref(), &spec).map_err(corpus_failure)?;
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
         errln!("{place}: {} shards are as their receipts say", spec.shards());
-        return rebuild(args, &spec, store.as_ref(), log);
+        tell_before(store.as_ref())?;
+        let (plan, _) = plan_of(&args.place, &[])?;
+        let (place, threads) = (place.to_string(), args.threads);
+        let rebuild = Rebuild { place, plan, spec: &spec, store: store.as_ref(), threads, log };
+        return args.rebuild.map_or(Ok(()), |share| rebuild.run(share));
     }
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
     shards.sort_unstable();
@@ -136,7 +168,13 @@ fn repair(
     let before = Manifest::read(store).ok().filter(witness).map(|manifest| manifest.corpus_id);
     let place = Place::open(store, spec).map_err(corpus_failure)?;
     let status = corpus::status(store, spec).map_err(corpus_failure)?;
+    // All of them before the first is removed.
+    let check = |&shard: &u64| owner::check_shard(store, &spec.scene_plan_hash, shard);
+    shards.iter().try_for_each(check).map_err(corpus_failure)?;
     shards.iter().try_for_each(|&shard| place.discard(shard)).map_err(corpus_failure)?;
+    for name in place.remove_strays().map_err(corpus_failure)? {
+        errln!("{}/{name}: belonged to no shard, and is removed", args.place.display());
+    }
     let (prepared, threads) = (Prepared::new(plan).map_err(Failure::failed)?, args.threads);
     let builder = Builder {
         prepared,
@@ -150,7 +188,17 @@ fn repair(
         log,
     };
     builder.build(&status, shards, |scene| format!("marsyard explain {} --scene {scene}", args.place.display()))?;
-    let manifest = corpus::finalize(store, spec).map_err(corpus_failure)?;
+    let manifest = corpus::finalize(store, spec).map_err(|error| match error {
+        // They were built just now.
+        gaps @ CorpusError::Gaps { .. } => Failure::new(
+            Failure::TRY_AGAIN,
+            miette::miette!(
+                help = "somebody else builds or repairs here: when they are done, the same command again",
+                "{gaps}"
+            ),
+        ),
+        error => corpus_failure(error),
+    })?;
     let (place, after) = (args.place.display(), &manifest.corpus_id);
     match before.filter(|before| before != after) {
         Some(before) => Err(Failure::failed(format!(
@@ -167,54 +215,6 @@ fn repair(
             Ok(())
         }
     }
-}
-
-/// Builds shards of a sound corpus again and compares them.
-fn rebuild(args: &VerifyArgs, spec: &CorpusSpec, store: &dyn Store, log: LogFormat) -> Result<(), Failure> {
-    if args.rebuild == 0 {
-        return Ok(());
-    }
-    let (plan, _) = plan_of(&args.place, &[])?;
-    let seed = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |now| now.as_nanos() as u64);
-    let count = args.rebuild.min(spec.shards()) as usize;
-    let taken = rand::seq::index::sample(&mut ChaCha8Rng::seed_from_u64(seed), spec.shards() as usize, count);
-    let mut shards: Vec<u64> = taken.into_iter().map(|shard| shard as u64).collect();
-    shards.sort_unstable();
-    let prepared = Prepared::new(plan).map_err(Failure::failed)?;
-    let mut progress = Progress::new(shards.len() as u64 * u64::from(spec.scenes_per_shard), log);
-    let mut findings: Vec<Finding> = Vec::new();
-    let built = generate::generate(
-        &prepared,
-        spec,
-        Job { shards: &shards, threads: args.threads, stop: &*stop_on_signals()?, hashes: false },
-        |event: Event<Vec<Finding>>| match event {
-            Event::Scene { output, record } => {
-                let replay = || format!("marsyard explain {} --scene {}", args.place.display(), output.scene_id);
-                progress.scene(output, &record.times, replay);
-            }
-            Event::Shard { written, .. } => findings.extend_from_slice(written),
-        },
-        |finished| rebuild::compare(store, spec, finished),
-    );
-    progress.finish();
-    let place = args.place.display();
-    match build_outcome(built, |scene| format!("marsyard explain {place} --scene {scene}"))? {
-        Outcome::Interrupted => {
-            return Err(Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was changed")));
-        }
-        Outcome::Done => {}
-    }
-    let ranges = ranges::to_text(&shards);
-    if findings.is_empty() {
-        errln!("{place}: shards {ranges}, built again, have the same bytes");
-        return Ok(());
-    }
-    findings.sort_by_key(|finding| (finding.shard, finding.name.clone()));
-    findings.iter().for_each(|finding| outln!("{finding}"));
-    Err(Failure::failed(format!(
-        "{} of the files of shards {ranges} differ when built again; the corpus is not what this program makes of its plan.yaml",
-        findings.len()
-    )))
 }
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {

@@ -10,10 +10,11 @@ use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
 use crate::cells::CellParams;
 use crate::config::Plan;
-use crate::corpus::{Split, address};
-use crate::evaluate::{self, EvaluateError, FamilyFacts, Options};
+use crate::corpus::limits::FileKind;
+use crate::corpus::{Outputs, Split, address};
+use crate::evaluate::{self, EvaluateError, FamilyFacts, Options, Report};
 use crate::train::labels::LabelRule;
-use crate::train::{Model, ModelError, folder};
+use crate::train::{MODEL_FORMAT, Model, ModelError, folder};
 
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
@@ -34,6 +35,9 @@ pub(super) struct EvaluateArgs {
     /// Thresholds of the output in place of the model's own, ascending: --threshold 0.3,0.5.
     #[arg(long = "threshold", value_delimiter = ',', value_name = "T")]
     thresholds: Vec<f64>,
+    /// Judge also on scenes that the model learnt from or was stopped by; the report says so.
+    #[arg(long)]
+    allow_shared_scenes: bool,
     /// Print JSON in place of the table.
     #[arg(long)]
     json: bool,
@@ -68,14 +72,23 @@ pub(super) fn model_file(path: &Path) -> PathBuf {
 /// A model from its file, or from the run folder that holds it.
 pub(super) fn read_model(path: &Path) -> Result<Model, Failure> {
     let file = model_file(path);
-    let model = if address::is_url(&file) { Model::load(&place::read(&file)?) } else { Model::read(&file) };
-    model.map_err(|error| match error {
+    let model =
+        if address::is_url(&file) { Model::load(&place::read(&file, FileKind::Model)?) } else { Model::read(&file) };
+    let model = model.map_err(|error| match error {
         ModelError::Io { .. } => Failure::usage(miette::miette!(
             help = "give the model.safetensors that `marsyard train` wrote, or its run folder",
             "{error}"
         )),
         error => Failure::usage(miette::Report::msg(format!("{}: {error}", file.display()))),
-    })
+    })?;
+    if model.about.marsyard_model < MODEL_FORMAT {
+        tracing::warn!(
+            "{}: of format {}, which has no checksum: damage would not be noticed",
+            file.display(),
+            model.about.marsyard_model
+        );
+    }
+    Ok(model)
 }
 
 /// What judging needs to know of a plan's families.
@@ -91,9 +104,18 @@ pub(super) fn family_facts(plan: &Plan) -> Vec<FamilyFacts> {
     plan.families.iter().map(facts).collect()
 }
 
+/// What is written of a judgement.
+pub(super) fn files_of(report: &Report) -> Result<Vec<(String, Vec<u8>)>, Failure> {
+    let figures = evaluate::figures(report).map_err(Failure::failed)?;
+    let figures = figures.into_iter().map(|(name, svg)| (name.to_string(), svg.into_bytes()));
+    Ok(std::iter::once(("evaluation.json".into(), report.to_json().into_bytes())).chain(figures).collect())
+}
+
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     check_folder(&args.corpus)?;
     let model = read_model(&args.model)?;
+    let open = |out: &PathBuf| Outputs::open(out, ["evaluation.json"], vec![model_file(&args.model)]);
+    let outputs = args.out.as_ref().map(open).transpose().map_err(corpus_failure)?;
     let (plan, _) = plan_of(&args.corpus, &[])?;
     let split = match args.split {
         SplitName::Train => Split::Train,
@@ -104,6 +126,8 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         labels: args.labels.clone(),
         thresholds: args.thresholds.clone(),
         only_families: args.families.clone(),
+        allow_shared_scenes: args.allow_shared_scenes,
+        yards: plan.yards(),
         ..Options::of(split)
     };
     let store = place::open(&args.corpus)?;
@@ -112,16 +136,14 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
             EvaluateError::Corpus(error) => corpus_failure(error),
             error @ (EvaluateError::Model(_)
             | EvaluateError::Family { .. }
+            | EvaluateError::Shared { .. }
             | EvaluateError::NoFamily { .. }
             | EvaluateError::Thresholds(_)) => Failure::usage(miette::Report::msg(error.to_string())),
             error => Failure::failed(error),
         })?;
-    if let Some(folder) = &args.out {
-        let store = place::open(folder)?;
-        store.replace("evaluation.json", report.to_json().as_bytes()).map_err(corpus_failure)?;
-        for (name, svg) in evaluate::figures(&report).map_err(Failure::failed)? {
-            store.replace(name, svg.as_bytes()).map_err(corpus_failure)?;
-        }
+    if let (Some(folder), Some(mut outputs)) = (&args.out, outputs) {
+        outputs.write(&files_of(&report)?).map_err(corpus_failure)?;
+        outputs.finish().map_err(corpus_failure)?;
         errln!("evaluation.json and figures are in {}", folder.display());
     }
     if args.json {

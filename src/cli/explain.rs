@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::output::outln;
-use super::place::is_config;
+use super::place::{self, is_config};
 use super::{Failure, config_failure};
 use crate::config::{self, Family, Plan};
 use crate::corpus::{ScanOutput, Split};
@@ -59,6 +59,7 @@ pub(super) fn check_scene(plan: &Plan, scene: u64) -> Result<(), Failure> {
 
 pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
     let (plan, corpus) = plan_of(&args.place, &args.sets)?;
+    corpus.map_or(Ok(()), place::check_if_finished)?;
     check_scene(&plan, args.scene)?;
     let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();
     let mut hashes = Hashes::new();
@@ -76,7 +77,7 @@ pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
         Some(cell) => {
             let scan = pick_scan(&replay, args.scan)?;
             cell::tell(family, &replay, scan, cell)?;
-            corpus.map_or(Ok(()), |folder| cell::compare_stored(folder, &prepared.plan, args.scene, family, scan, cell))
+            corpus.map_or(Ok(()), |folder| cell::compare_stored(folder, args.scene, family, scan, cell))
         }
     }
 }

@@ -1,13 +1,15 @@
 //! Writes a model for other programs: ONNX, or weights as JSON.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::Failure;
-use super::evaluate::read_model;
+use super::evaluate::{model_file, read_model};
 use super::output::{errln, out};
-use super::place::must_be_local;
+use super::place::{corpus_failure, must_be_local};
+use crate::corpus::store::write_whole;
+use crate::corpus::{CorpusError, owner};
 use crate::train::{export, onnx};
 
 #[derive(Debug, Args)]
@@ -31,6 +33,18 @@ struct To {
 
 pub(super) fn run(args: &ExportArgs) -> Result<(), Failure> {
     let model = read_model(&args.model)?;
+    let inputs = [model_file(&args.model)];
+    let json = args.to.json.as_deref().filter(|path| path.as_os_str() != "-");
+    args.to.onnx.iter().try_for_each(|path| check(path, &inputs, onnx::is_ours))?;
+    json.iter().try_for_each(|path| check(path, &inputs, export::is_ours))?;
+    if let Some((onnx, json)) = args.to.onnx.as_deref().zip(json).filter(|(onnx, json)| is_one(onnx, json)) {
+        return Err(Failure::usage(miette::miette!(
+            help = "name two files",
+            "--onnx {} and --json {} are one file",
+            onnx.display(),
+            json.display()
+        )));
+    }
     if let Some(path) = &args.to.onnx {
         write(path, &onnx::onnx(&model))?;
     }
@@ -45,10 +59,22 @@ pub(super) fn run(args: &ExportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn write(path: &std::path::Path, bytes: &[u8]) -> Result<(), Failure> {
+/// Refuses a file that no export wrote, and the model itself, before anything is written.
+fn check(path: &Path, inputs: &[PathBuf], is_ours: fn(&[u8]) -> bool) -> Result<(), Failure> {
     must_be_local("--onnx and --json", path)?;
-    let failed = |error| Failure::new(Failure::TRY_AGAIN, miette::miette!("{}: {error}", path.display()));
-    std::fs::write(path, bytes).map_err(failed)?;
+    owner::check_file(path, inputs, is_ours).map_err(corpus_failure)
+}
+
+/// Whether two names of files to be written are of one file, also where it is not there yet.
+fn is_one(a: &Path, b: &Path) -> bool {
+    let folder =
+        |path: &Path| path.parent().filter(|p| !p.as_os_str().is_empty()).map_or(".".into(), Path::to_path_buf);
+    owner::is_same_file(a, b) || a.file_name() == b.file_name() && owner::is_same_file(&folder(a), &folder(b))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
+    write_whole(path, bytes).map_err(|error| corpus_failure(failed(error)))?;
     errln!("{}: {} bytes", path.display(), bytes.len());
     Ok(())
 }

@@ -10,14 +10,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::build::{Builder, Built};
+use super::build::{Builder, Built, is_stage_hashes};
 use super::explain::plan_of;
 use super::output::errln;
-use super::place::{self, corpus_failure};
+use super::place::{self, corpus_failure, inputs};
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::config::Plan;
-use crate::corpus::{self, Manifest, Place, Selection, Split, ranges};
+use crate::corpus::limits::FileKind;
+use crate::corpus::{self, Manifest, Place, Selection, Split, owner, ranges};
 use crate::pipeline::Prepared;
 
 #[derive(Debug, Args)]
@@ -36,6 +37,9 @@ pub(super) struct GenerateArgs {
     /// machines.
     #[arg(long, conflicts_with = "shards")]
     plan_only: bool,
+    /// Remove whole shards behind the plan's end, which a config of more scenes left in the folder; without this they are refused.
+    #[arg(long, conflicts_with = "shards")]
+    discard_beyond: bool,
     /// Threads; never changes a byte.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
@@ -52,9 +56,13 @@ pub(super) fn default_threads() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
 
+/// More than any machine has cores for.
+const MOST_THREADS: usize = 4096;
+
 pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("at least one thread is needed".into()),
+        Ok(threads) if threads > MOST_THREADS => Err(format!("at most {MOST_THREADS} threads are started")),
         Ok(threads) => Ok(threads),
         Err(e) => Err(format!("'{text}': {e}")),
     }
@@ -66,11 +74,20 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let out = args.out.clone().unwrap_or_else(default_out);
     let selected = selected_shards(args, &plan)?;
     let spec = plan.corpus_spec();
+    if let Some(file) = &args.stage_hashes {
+        owner::check_file(file, &inputs(&args.config.config), is_stage_hashes).map_err(corpus_failure)?;
+    }
     let store = place::open(&out)?;
     let store = store.as_ref();
-    let place = Place::open(store, &spec).map_err(corpus_failure)?;
+    let place = if args.discard_beyond {
+        let (place, discarded) = Place::open_discarding(store, &spec).map_err(corpus_failure)?;
+        tell_discarded(discarded, &out, log);
+        place
+    } else {
+        Place::open(store, &spec).map_err(corpus_failure)?
+    };
     for file in &plan.files {
-        let bytes = place::read(&file.from)?;
+        let bytes = place::read(&file.from, FileKind::Config)?;
         store.put(&file.path, &bytes).map_err(corpus_failure)?;
     }
     if args.plan_only {
@@ -110,7 +127,7 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         return Ok(());
     }
     let manifest = corpus::finalize(store, &spec).map_err(corpus_failure)?;
-    tell_end(&manifest, &store.place(), &built, log);
+    tell_end(&manifest, &store.place(), &built, args.threads, log);
     judge_failures(&builder.prepared.plan, &manifest)
 }
 
@@ -118,6 +135,14 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
 fn selected_shards(args: &GenerateArgs, plan: &Plan) -> Result<Vec<u64>, Failure> {
     let Some(selection) = &args.shards else { return Ok((0..plan.shards()).collect()) };
     selection.of(plan.shards()).map_err(|why| Failure::usage(miette::miette!("--shards {why}")))
+}
+
+fn tell_discarded(shards: u64, out: &Path, log: LogFormat) {
+    if log == LogFormat::Json {
+        tracing::info!(event = "discarded", corpus = %out.display(), shards);
+    } else {
+        errln!("{}: {shards} shards behind the plan's end were removed", out.display());
+    }
 }
 
 fn tell_plan_laid(plan: &Plan, out: &Path, log: LogFormat) {
@@ -218,7 +243,7 @@ pub(super) fn judge_failures(plan: &Plan, manifest: &Manifest) -> Result<(), Fai
     )))
 }
 
-fn tell_end(manifest: &Manifest, place: &str, built: &Built, log: LogFormat) {
+fn tell_end(manifest: &Manifest, place: &str, built: &Built, threads: usize, log: LogFormat) {
     let Built { progress, writing } = built;
     let labels = manifest.labels();
     let cells = labels.traversable + labels.untraversable;
@@ -231,13 +256,13 @@ fn tell_end(manifest: &Manifest, place: &str, built: &Built, log: LogFormat) {
     let seconds = progress.elapsed().as_secs_f64().max(1e-9);
     if progress.done > 0 {
         errln!(
-            "built {} scenes in {}: {} rays ({} rays/s), {} rows/s, writing {:.1} % of the time",
+            "built {} scenes in {}: {} rays ({} rays/s), {} rows/s, writing {:.1} % of the threads' time",
             progress.done,
             human(progress.elapsed()),
             si(progress.times.rays() as f64),
             si(progress.times.rays() as f64 / seconds),
             si(progress.rows as f64 / seconds),
-            100.0 * writing.as_secs_f64() / seconds
+            100.0 * writing.as_secs_f64() / (seconds * threads as f64)
         );
     }
     errln!(

@@ -6,6 +6,7 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use super::output::errln;
+use super::place::StoreFault;
 use super::{Failure, LogFormat};
 
 /// Sets the log up for the whole process.
@@ -34,7 +35,20 @@ pub(super) fn failure(format: LogFormat, failure: &Failure) {
         LogFormat::Json => {
             // One event for the whole, one for each fault of a config, each with its cure.
             let help = failure.report.help().map(|help| help.to_string()).unwrap_or_default();
-            tracing::error!(exit_code = failure.code, help, "{}", failure.report);
+            match failure.report.downcast_ref::<StoreFault>() {
+                Some(StoreFault { kind, place, .. }) => {
+                    tracing::error!(
+                        event = "store_fault",
+                        kind,
+                        place,
+                        exit_code = failure.code,
+                        help,
+                        "{}",
+                        failure.report
+                    );
+                }
+                None => tracing::error!(exit_code = failure.code, help, "{}", failure.report),
+            }
             for fault in failure.report.related().into_iter().flatten() {
                 let help = fault.help().map(|help| help.to_string()).unwrap_or_default();
                 tracing::error!(exit_code = failure.code, help, "{fault}");

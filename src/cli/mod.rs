@@ -10,13 +10,16 @@ mod evaluate;
 mod explain;
 mod export;
 mod generate;
+mod leaks;
 mod log;
 mod output;
 mod place;
 mod plan;
 mod preview;
 mod progress;
+mod rebuild;
 mod search;
+mod sign;
 mod signals;
 mod tradeoff;
 mod train;
@@ -29,6 +32,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use output::out;
 
 use crate::config::{self, Kind, Plan};
+use crate::corpus::owner::RULE;
 use crate::cpu;
 
 /// Training corpora for rovers that must see where they can drive.
@@ -59,29 +63,40 @@ enum Verb {
     /// Check a config; say what it models, and what it costs in time, rows and bytes.
     Plan(plan::PlanArgs),
     /// Build a corpus, or go on where an earlier run stopped (the same command again).
+    #[command(after_help = RULE)]
     Generate(generate::GenerateArgs),
     /// Say which shards are done, missing, failed or damaged, as ranges ready for --shards.
     Status(corpus::StatusArgs),
     /// Merge the receipts of all shards (of many machines) into the manifest; refuses gaps.
+    #[command(after_help = RULE)]
     Finalize(corpus::PlaceArgs),
     /// Check every shard of a corpus against its manifest: hashes, schema, counts.
+    #[command(after_help = RULE)]
     Verify(corpus::VerifyArgs),
+    /// Sign a finished corpus (minisign's format), or make a key for it; `verify --key` checks the signature.
+    Sign(sign::SignArgs),
     /// Balance of labels, ranges of features, dead features.
     Inspect(corpus::InspectArgs),
     /// Replay one scene and say what was drawn and computed; for a cell, the arithmetic of each feature and label.
     Explain(explain::ExplainArgs),
     /// Pictures (PNG), cloud (PLY) and trajectories (TUM) of one scene.
+    #[command(after_help = RULE)]
     Preview(preview::PreviewArgs),
     /// Train a network on finished corpora, or go on where a training was interrupted (--resume).
+    #[command(after_help = RULE)]
     Train(train::TrainArgs),
     /// Judge a trained model on a split of a corpus: confusion, Table 1, error against density.
+    #[command(after_help = RULE)]
     Evaluate(evaluate::EvaluateArgs),
     Search(Box<search::SearchArgs>),
     /// Write a model for other programs: ONNX, or weights as JSON.
+    #[command(after_help = RULE)]
     Export(export::ExportArgs),
     /// Judge real scans: labelled clouds, cells, meshes, pictures and cost maps; with labels, Table 1.
+    #[command(after_help = RULE)]
     Classify(Box<classify::ClassifyArgs>),
     /// Measure what each choice between speed and accuracy costs, and the error it brings: a table, Parquet, a chart.
+    #[command(after_help = RULE)]
     Tradeoff(tradeoff::TradeoffArgs),
     /// Print the JSON Schema of a file that marsyard reads or writes.
     Schema {
@@ -145,7 +160,11 @@ impl Failure {
 
 /// A config that is wrong, or that could not be read for now.
 fn config_failure(error: config::ConfigError) -> Failure {
-    let code = if error.unreachable { Failure::TRY_AGAIN } else { Failure::USAGE };
+    let code = match (error.untrusted, error.unreachable) {
+        (true, _) => Failure::FAILED,
+        (_, true) => Failure::TRY_AGAIN,
+        _ => Failure::USAGE,
+    };
     Failure::new(code, miette::Report::new(error))
 }
 
@@ -175,6 +194,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Status(args) => corpus::status(args),
         Verb::Finalize(args) => corpus::finalize(args),
         Verb::Verify(args) => corpus::verify(args, cli.log),
+        Verb::Sign(args) => sign::run(args),
         Verb::Inspect(args) => corpus::inspect(args),
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),

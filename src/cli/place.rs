@@ -1,14 +1,13 @@
 //! What was typed for a place or a file -> the place or file: a folder, or a URL of an object store.
 
 use std::ffi::OsString;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Failure;
-use crate::corpus::{CorpusError, Store, address};
-
-/// The largest file that is read as a whole from a URL.
-const MAX_FILE_BYTES: u64 = 4 << 30;
+use crate::corpus::limits::FileKind;
+use crate::corpus::{CorpusError, Finished, Store, address, manifest};
 
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
@@ -19,7 +18,17 @@ pub(super) fn corpus_failure(error: CorpusError) -> Failure {
             ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
                 (Failure::FAILED, Some("make the folder writable, or choose another".into()))
             }
-            ErrorKind::NotADirectory | ErrorKind::NotFound | ErrorKind::InvalidInput => (Failure::FAILED, None),
+            ErrorKind::IsADirectory => (
+                Failure::FAILED,
+                Some("a folder is where a file should be: move it away, and run the same command again".into()),
+            ),
+            ErrorKind::NotADirectory => (Failure::USAGE, Some("name a folder, or a place where nothing is yet".into())),
+            // Whatever the next try would find, it would find this.
+            ErrorKind::NotFound
+            | ErrorKind::InvalidInput
+            | ErrorKind::InvalidFilename
+            | ErrorKind::AlreadyExists
+            | ErrorKind::Unsupported => (Failure::FAILED, None),
             ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
                 (Failure::TRY_AGAIN, Some(format!("free some space, or choose another folder; {again}")))
             }
@@ -32,16 +41,38 @@ pub(super) fn corpus_failure(error: CorpusError) -> Failure {
         CorpusError::Refused { .. }
         | CorpusError::OtherPlan { .. }
         | CorpusError::ForeignPlan { .. }
+        | CorpusError::Foreign { .. }
+        | CorpusError::Overtaken { .. }
         | CorpusError::BeyondPlan { .. } => (Failure::USAGE, None),
         _ => (Failure::FAILED, None),
     };
     Failure::new(
         code,
-        match help {
-            Some(help) => miette::miette!(help = help, "{error}"),
-            None => miette::Report::msg(error.to_string()),
-        },
+        StoreFault { kind: error.kind(), place: error.place().to_owned(), said: error.to_string(), help },
     )
+}
+
+/// A fault of a corpus's place, as machines are told of it too.
+#[derive(Debug)]
+pub(super) struct StoreFault {
+    pub(super) kind: &'static str,
+    pub(super) place: String,
+    said: String,
+    help: Option<String>,
+}
+
+impl fmt::Display for StoreFault {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&self.said)
+    }
+}
+
+impl std::error::Error for StoreFault {}
+
+impl miette::Diagnostic for StoreFault {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
+    }
 }
 
 /// Refuses a folder that is not there, whatever it should hold; what a URL names is asked for when it is read.
@@ -57,9 +88,29 @@ pub(super) fn check_folder(place: &Path) -> Result<(), Failure> {
     )))
 }
 
+/// The file that a verb reads of what was named: a config, or the plan of a corpus.
+pub(super) fn inputs(place: &Path) -> Vec<PathBuf> {
+    vec![if is_config(place) { place.into() } else { place.join("plan.yaml") }]
+}
+
 /// The store at a place.
 pub(super) fn open(place: &Path) -> Result<Arc<dyn Store>, Failure> {
     address::open(place).map_err(corpus_failure)
+}
+
+/// The finished corpus at a place, and a word of what could not be checked.
+pub(super) fn finished(place: &Path) -> Result<Finished, Failure> {
+    let corpus = Finished::open(open(place)?.as_ref()).map_err(corpus_failure)?;
+    corpus.unchecked.iter().for_each(|what| tracing::warn!("{what}"));
+    Ok(corpus)
+}
+
+/// Refuses a corpus that is not the one that its manifest names; one that is not finished yet has only its plan.
+pub(super) fn check_if_finished(place: &Path) -> Result<(), Failure> {
+    match open(place)?.size(manifest::NAME).map_err(corpus_failure)? {
+        Some(_) => finished(place).map(drop),
+        None => Ok(()),
+    }
 }
 
 /// The plan of a place that should be a corpus; refused where there is none.
@@ -87,11 +138,11 @@ pub(super) fn is_config(place: &Path) -> bool {
 }
 
 /// The bytes of a file in a folder or at a URL.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+pub(super) fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, Failure> {
     if address::is_url(path) {
-        return address::read_url(path, MAX_FILE_BYTES).map_err(corpus_failure);
+        return address::read_url(path, kind.most_bytes()).map_err(corpus_failure);
     }
-    std::fs::read(path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+    kind.read_path(path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
 }
 
 /// Whether there is such a file in a folder or at a URL.

@@ -1,13 +1,14 @@
 //! Pictures, a cloud and trajectories of one scene.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
 use super::Failure;
 use super::explain::{check_scene, plan_of};
 use super::output::outln;
-use super::place::must_be_local;
+use super::place::{self, corpus_failure, inputs, must_be_local};
+use crate::corpus::Outputs;
 use crate::geometry::Pose;
 use crate::picture::{self, Overlay, View};
 use crate::pipeline::{NoWatch, Prepared, Scratch, replay_scene};
@@ -35,8 +36,12 @@ pub(super) struct PreviewArgs {
 
 pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     must_be_local("--out", &args.out)?;
-    let (plan, _) = plan_of(&args.place, &args.sets)?;
+    let (plan, corpus) = plan_of(&args.place, &args.sets)?;
+    corpus.map_or(Ok(()), place::check_if_finished)?;
     check_scene(&plan, args.scene)?;
+    let names = FILES.map(|file| format!("scene-{}-{file}", args.scene));
+    let mut outputs =
+        Outputs::open(&args.out, names.iter().map(String::as_str), inputs(&args.place)).map_err(corpus_failure)?;
     let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();
     let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut NoWatch)
         .map_err(|e| Failure::failed(format!("scene {}: {e}", args.scene)))?;
@@ -58,27 +63,25 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
         cell_size_m: family.cells.size_m,
     };
     let caster = Caster::new(&replay.scene, &Cast::Exact);
-    let stem = format!("scene-{}", args.scene);
     let trajectory = |pose: fn(&crate::corpus::PoseRow) -> &Pose| {
         slam::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
     };
-    std::fs::create_dir_all(&args.out).map_err(|e| cannot_write(&args.out, &e))?;
-    for (name, bytes) in [
-        ("top.png", picture::top_view(&view)),
-        ("perspective.png", picture::perspective(&view, &caster, Overlay::Points)),
-        ("cells.png", picture::perspective(&view, &caster, Overlay::Cells)),
-        ("scan.png", picture::scan_view(&view)),
-        ("cloud.ply", picture::labelled_cloud(&view)),
-        ("truth.tum", trajectory(|row| &row.truth)),
-        ("estimate.tum", trajectory(|row| &row.estimate.pose)),
-    ] {
-        let path = args.out.join(format!("{stem}-{name}"));
-        std::fs::write(&path, bytes).map_err(|e| cannot_write(&path, &e))?;
-        outln!("{}", path.display());
-    }
+    let bytes = [
+        picture::top_view(&view),
+        picture::perspective(&view, &caster, Overlay::Points),
+        picture::perspective(&view, &caster, Overlay::Cells),
+        picture::scan_view(&view),
+        picture::labelled_cloud(&view),
+        trajectory(|row| &row.truth),
+        trajectory(|row| &row.estimate.pose),
+    ];
+    let files: Vec<(String, Vec<u8>)> = names.into_iter().zip(bytes).collect();
+    outputs.write(&files).map_err(corpus_failure)?;
+    outputs.finish().map_err(corpus_failure)?;
+    files.iter().for_each(|(name, _)| outln!("{}", args.out.join(name).display()));
     Ok(())
 }
 
-fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display())))
-}
+/// What is written of a scene, each behind `scene-K-`.
+const FILES: [&str; 7] =
+    ["top.png", "perspective.png", "cells.png", "scan.png", "cloud.ply", "truth.tum", "estimate.tum"];

@@ -12,16 +12,16 @@ use serde_json::json;
 use self::progress::Progress;
 use super::generate::{default_threads, parse_threads};
 use super::output::{errln, out};
-use super::place::{self, check_folder, must_be_local};
+use super::place::{check_folder, corpus_failure, must_be_local};
 use super::signals::stop_on_signals;
-use super::train::{labels_set, numbered_folder, train_failure};
+use super::train::{goes_on, labels_set, numbered_folder, open_source, train_failure};
 use super::{Failure, LogFormat, config_failure};
 use crate::config;
-use crate::corpus::{Build, Split};
+use crate::corpus::{Build, LocalFolder, Split, Store, owner};
 use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
-use crate::search::{Board, Entry, Outcome, Setup, leaderboard, search};
+use crate::search::{Board, Entry, Outcome, Setup, journal, leaderboard, search};
 use crate::train::memory::Held;
-use crate::train::{Source, Sources, TrainParams, scenes};
+use crate::train::{Sources, TrainParams, folder, scenes};
 
 /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
 ///
@@ -30,8 +30,8 @@ use crate::train::{Source, Sources, TrainParams, scenes};
 /// for each network and rung, as it is finished), search.json, search.svg and train.yaml: the config of the smallest network
 /// whose validation error is within --margin of the best.
 #[derive(Debug, Args)]
-#[command(after_long_help = "Start with:  marsyard search corpora/quickstart\n\
-    then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml")]
+#[command(after_help = owner::RULE, after_long_help = format!("Start with:  marsyard search corpora/quickstart\n\
+    then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml\n\n{}", owner::RULE))]
 pub(super) struct SearchArgs {
     /// The folder or URL of a finished corpus.
     corpus: PathBuf,
@@ -144,11 +144,23 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let networks = args.networks(params.seed)?;
     check_folder(&args.corpus)?;
     args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
-    let source = Source::open(place::open(&args.corpus)?.as_ref(), 1.0).map_err(train_failure)?;
-    let (name, corpus_id, manifest_sha256) =
-        (source.name.clone(), source.corpus_id.clone(), source.manifest_sha256.clone());
+    let source = open_source(&args.corpus, 1.0)?;
+    let name = source.name.clone();
+    let mut data = json!({
+        "corpus": name,
+        "corpus_id": source.corpus_id,
+        "manifest_sha256": source.manifest_sha256,
+        journal::SHARDS: source.shards_sha256,
+        "rows": args.rows,
+        "validation_rows": args.validation_rows,
+    });
     let out = args.out.clone().unwrap_or_else(|| numbered_folder(&format!("{name}-search"), args.resume));
+    if args.config.as_ref().is_some_and(|config| owner::is_same_file(config, &out.join(folder::CONFIG))) {
+        let refused = owner::foreign(out.display().to_string(), folder::CONFIG, owner::IS_INPUT);
+        return Err(corpus_failure(refused));
+    }
     let sources = Sources::new(vec![source], &params.features, params.labels.clone()).map_err(train_failure)?;
+    data["features"] = json!(sources.features);
     let draw = |split, rows| scenes::draw(&sources, split, rows, params.seed).map_err(train_failure);
     let train = draw(Split::Train, args.rows)?;
     let validation = draw(Split::Validation, args.validation_rows)?;
@@ -162,14 +174,7 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
         keep: args.keep,
         margin: args.margin,
         threads: args.threads,
-        data: json!({
-            "corpus": name,
-            "corpus_id": corpus_id,
-            "manifest_sha256": manifest_sha256,
-            "rows": args.rows,
-            "validation_rows": args.validation_rows,
-            "features": sources.features,
-        }),
+        data,
         config_of: Box::new(move |hidden| {
             let mut params = to_train.clone();
             params.network.hidden = hidden.to_vec();
@@ -181,10 +186,11 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let stop = stop_on_signals()?;
     let outcome = search(&setup, &stop, &mut |event| progress.take(&event));
     progress.finish();
-    match outcome.map_err(train_failure)? {
+    let goes_on = |failure| goes_on(failure, &setup.out);
+    match outcome.map_err(train_failure).map_err(goes_on)? {
         Outcome::Interrupted { entries } => Err(Failure::new(Failure::TRY_AGAIN, interrupted(&setup, entries))),
         Outcome::Done(board, entries) => {
-            write_report(&setup, &progress)?;
+            write_report(&setup, &progress).map_err(goes_on)?;
             tell_end(args, &setup, &board, &entries, log);
             Ok(())
         }
@@ -200,22 +206,19 @@ fn interrupted(setup: &Setup, entries: usize) -> miette::Report {
 
 /// Times, which are no part of what a search finds.
 fn write_report(setup: &Setup, progress: &Progress) -> Result<(), Failure> {
-    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     let report = json!({
         "wall_s": progress.elapsed().as_secs_f64(),
         "trainings": progress.done_here(),
         "expected_thread_s": progress.expected_thread_s(),
         "thread_s": progress.thread_s(),
         "threads": setup.threads,
-        "host": host.trim(),
         "build": Build::of_this_binary(),
     });
-    let path = setup.out.join(crate::train::folder::REPORT);
-    if progress.done_here() == 0 && path.exists() {
+    if progress.done_here() == 0 && setup.out.join(folder::REPORT).exists() {
         return Ok(());
     }
-    std::fs::write(&path, format!("{report:#}\n"))
-        .map_err(|error| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display()))))
+    let store = LocalFolder::new(&setup.out);
+    store.replace(folder::REPORT, format!("{report:#}\n").as_bytes()).map_err(corpus_failure)
 }
 
 fn tell_end(args: &SearchArgs, setup: &Setup, board: &Board, entries: &[Entry], log: LogFormat) {
@@ -239,7 +242,7 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Board, entries: &[Entry], 
         errln!("no network has a finite validation error: look at the features, and at the filter's settings");
         return;
     }
-    let config = setup.out.join(crate::train::folder::CONFIG);
+    let config = setup.out.join(folder::CONFIG);
     errln!(
         "> {chosen}: the smallest network within {} of the best validation error\nnext: marsyard train {} --config {}",
         setup.margin,

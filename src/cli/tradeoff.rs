@@ -7,10 +7,10 @@ use clap::Args;
 
 use super::generate::{default_threads, parse_threads};
 use super::output::{errln, out};
-use super::place::must_be_local;
+use super::place::{corpus_failure, inputs, must_be_local};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat, config_failure};
-use crate::corpus::{LocalFolder, Store};
+use crate::corpus::Outputs;
 use crate::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
 
 mod progress;
@@ -54,6 +54,9 @@ fn parse_loss(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
     args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
+    let plan = args.config.load()?;
+    let out = args.out.clone().unwrap_or_else(|| Path::new("tradeoffs").join(&plan.name));
+    let outputs = Outputs::open(&out, FILES, inputs(&args.config.config)).map_err(corpus_failure)?;
     let stop = stop_on_signals()?;
     let options = Options {
         config: args.config.config.clone(),
@@ -71,8 +74,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
     let Some(report) = report.filter(|_| !stop.load(Ordering::Relaxed)) else {
         return Err(Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was written")));
     };
-    let out = args.out.clone().unwrap_or_else(|| Path::new("tradeoffs").join(&report.name));
-    write(&report, &out)?;
+    write(&report, outputs)?;
     out!("{}", table::text(&report));
     errln!("\nwritten: {0}/tradeoff.parquet, .json, .md and .svg", out.display());
     Ok(())
@@ -86,17 +88,16 @@ fn failure(error: TradeoffError) -> Failure {
     }
 }
 
-fn write(report: &Report, out: &Path) -> Result<(), Failure> {
-    let store = LocalFolder::new(out);
-    let mut files = vec![
-        ("tradeoff.parquet", records::parquet(report).map_err(Failure::failed)?),
-        ("tradeoff.json", format!("{:#}\n", serde_json::json!(report)).into_bytes()),
-        ("tradeoff.md", table::markdown(report).into_bytes()),
+const FILES: [&str; 4] = ["tradeoff.parquet", "tradeoff.json", "tradeoff.md", "tradeoff.svg"];
+
+fn write(report: &Report, mut outputs: Outputs) -> Result<(), Failure> {
+    let bytes = [
+        Some(records::parquet(report).map_err(Failure::failed)?),
+        Some(format!("{:#}\n", serde_json::json!(report)).into_bytes()),
+        Some(table::markdown(report).into_bytes()),
+        chart::svg(report).map(String::into_bytes),
     ];
-    files.extend(chart::svg(report).map(|text| ("tradeoff.svg", text.into_bytes())));
-    for (name, bytes) in files {
-        let said = |error: &dyn std::fmt::Display| miette::miette!("{}: {error}", out.join(name).display());
-        store.replace(name, &bytes).map_err(|error| Failure::new(Failure::TRY_AGAIN, said(&error)))?;
-    }
-    Ok(())
+    let files = FILES.into_iter().zip(bytes).filter_map(|(name, bytes)| Some((name.to_string(), bytes?)));
+    outputs.write(&files.collect::<Vec<_>>()).map_err(corpus_failure)?;
+    outputs.finish().map_err(corpus_failure)
 }

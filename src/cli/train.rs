@@ -12,17 +12,20 @@ use clap::Args;
 use serde_json::json;
 
 use self::progress::Progress;
-use super::evaluate::{family_facts, model_file, read_model};
+use super::evaluate::{family_facts, files_of, model_file, read_model};
 use super::explain::plan_of;
-use super::generate::default_threads;
+use super::generate::{default_threads, parse_threads};
+use super::leaks::{self, Learnt};
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure, must_be_local};
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat, config_failure};
-use crate::config;
-use crate::corpus::{Build, LocalFolder, Split, Store};
-use crate::evaluate::{EvaluateError, Options, evaluate, figures};
+use crate::config::{self, Plan};
+use crate::corpus::limits::FileKind;
+use crate::corpus::{Build, CorpusError, LocalFolder, Split, Store};
+use crate::evaluate::{EvaluateError, Options, evaluate};
 use crate::train::filter::{Counters, MOST_WEIGHT};
+use crate::train::folder::RunFolder;
 use crate::train::run::{Init, Origin, Summary};
 use crate::train::{Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
 
@@ -40,7 +43,8 @@ pub(super) struct TrainArgs {
     /// Override a key: --set network.hidden=[8] (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
-    /// Go on in the run folder where training was interrupted; begin where nothing is there. Default --out: the last number.
+    /// Go on in the run folder where training was interrupted; begin where nothing is there; write again what a finished run
+    /// lacks. Default --out: the last number.
     #[arg(long)]
     resume: bool,
     /// Start from a trained network (a model.safetensors or its run folder) and, where it is beside it, its covariance.
@@ -53,8 +57,11 @@ pub(super) struct TrainArgs {
     /// Of initial weights and of the order of rows; short for --set seed=N.
     #[arg(long)]
     seed: Option<u64>,
+    /// Learn also from corpora that have a yard in common in other splits, or the same rows twice; told, and kept in training.json.
+    #[arg(long)]
+    allow_shared_scenes: bool,
     /// Threads that look at the validation split; never changes a bit.
-    #[arg(long, default_value_t = default_threads())]
+    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
     /// Windows of eight row groups read ahead; never changes a bit.
     #[arg(long, default_value_t = 1, value_name = "WINDOWS", hide_short_help = true)]
@@ -110,7 +117,8 @@ impl TrainArgs {
 pub(super) fn train_failure(error: TrainError) -> Failure {
     let code = match error {
         TrainError::Corpus(error) => return corpus_failure(error),
-        TrainError::Io { .. } => Failure::TRY_AGAIN,
+        TrainError::Io { path, source } => return corpus_failure(CorpusError::of_path(Path::new(&path), source)),
+        TrainError::Busy { .. } => Failure::TRY_AGAIN,
         TrainError::NoFeature { .. }
         | TrainError::FeatureTwice { .. }
         | TrainError::NoCells { .. }
@@ -133,25 +141,35 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
     let mut list = Vec::new();
     let mut origins: Vec<(PathBuf, Origin)> = Vec::new();
+    let mut learnt: Vec<Learnt> = Vec::new();
     for (path, weight) in &args.corpora {
         check_folder(path)?;
-        list.push(Source::open(place::open(path)?.as_ref(), *weight).map_err(train_failure)?);
-        origins.push((path.clone(), origin_of(path)?));
+        let mut source = open_source(path, *weight)?;
+        let (plan, _) = plan_of(path, &[])?;
+        if !source.yards.known() {
+            source.yards.yards = plan.yards();
+        }
+        let (place, yards) = (path.display().to_string(), source.yards.clone());
+        learnt.push(Learnt { place, yards, rows_hash: plan.rows_hash() });
+        origins.push((path.clone(), origin_of(&plan)));
+        list.push(source);
     }
     let out = args.out.clone().unwrap_or_else(|| numbered_folder(&list[0].name, args.resume));
     let (place, origin) = origins.remove(0);
     for (other, theirs) in &origins {
         check_grids((&place, &origin), (other, theirs))?;
     }
-    let sources = Arc::new(Sources::new(list, &params.features, params.labels.clone()).map_err(train_failure)?);
+    let mut sources = Sources::new(list, &params.features, params.labels.clone()).map_err(train_failure)?;
+    let init = args.init.as_deref().map(read_init).transpose()?;
+    sources.shared_scenes = leaks::check(&learnt, init.as_ref().map(|init| &init.model), args.allow_shared_scenes)?;
     let setup = Setup {
         config_yaml: config::train_yaml(&params),
         params,
-        sources,
+        sources: Arc::new(sources),
         origin,
         out,
         resume: args.resume,
-        init: args.init.as_deref().map(read_init).transpose()?,
+        init,
         ahead: args.prefetch,
     };
     rayon::ThreadPoolBuilder::new()
@@ -162,14 +180,35 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     let mut progress = Progress::new(&setup, log);
     let outcome = train(&setup, &stop, &mut |event| progress.take(&event));
     progress.finish();
-    match outcome.map_err(train_failure)? {
+    let goes_on = |failure| goes_on(failure, &setup.out);
+    match outcome.map_err(train_failure).map_err(goes_on)? {
         Outcome::Interrupted { rows } => Err(Failure::new(Failure::TRY_AGAIN, interrupted(&setup, rows))),
-        Outcome::Done(summary) => {
-            write_report(&setup.out, &progress, args)?;
+        Outcome::Done(summary, run) => {
+            write_report(&run, &progress, args).map_err(goes_on)?;
             tell_end(&setup.out, &summary, &progress, log);
-            evaluate_on_test(args, &setup, log)
+            evaluate_on_test(args, &setup, log).map_err(goes_on)
         }
     }
+}
+
+/// Says of what may work another time how a run folder is gone on with.
+pub(super) fn goes_on(failure: Failure, out: &Path) -> Failure {
+    if failure.code != Failure::TRY_AGAIN {
+        return failure;
+    }
+    let flags = format!("with --resume --out {}", out.display());
+    let help = match failure.report.help() {
+        Some(help) => format!("{help}: {flags}"),
+        None => format!("the same command {flags} goes on from here"),
+    };
+    Failure::new(failure.code, miette::miette!(help = help, "{}", failure.report))
+}
+
+/// A finished corpus to learn from, and a word of what could not be checked of it.
+pub(super) fn open_source(corpus: &Path, weight: f64) -> Result<Source, Failure> {
+    let source = Source::open(place::open(corpus)?.as_ref(), weight).map_err(train_failure)?;
+    source.unchecked.iter().for_each(|what| tracing::warn!("{what}"));
+    Ok(source)
 }
 
 fn interrupted(setup: &Setup, rows: u64) -> miette::Report {
@@ -187,18 +226,17 @@ pub(super) fn numbered_folder(name: &str, resume: bool) -> PathBuf {
 }
 
 /// What the corpus's own plan says of its cells, rover and sensor: of the first family.
-fn origin_of(corpus: &Path) -> Result<Origin, Failure> {
-    let (plan, _) = plan_of(corpus, &[])?;
+fn origin_of(plan: &Plan) -> Origin {
     let family = &plan.families[0];
     let rover = &family.drive.rover;
     let mast = rover.mount;
     let own = [mast.x_m, mast.y_m, mast.z_m, mast.yaw_deg, mast.pitch_deg, mast.roll_deg];
-    Ok(Origin {
+    Origin {
         cells: family.cells.clone(),
         mount: family.sweep.mount.as_ref().map_or(own, |mount| mount.middle(own)),
         rover: (**rover).clone(),
         sensor: (*family.sweep.sensor).clone(),
-    })
+    }
 }
 
 /// Features mean the same on the same grid only.
@@ -228,7 +266,7 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
     let file = model_file(path);
     let model = read_model(&file)?;
     let beside = file.with_file_name(folder::FILTER);
-    let filter = if place::is_file(&beside)? { Some(place::read(&beside)?) } else { None };
+    let filter = if place::is_file(&beside)? { Some(place::read(&beside, FileKind::Checkpoint)?) } else { None };
     Ok(Init { path: file.display().to_string(), model, filter })
 }
 
@@ -236,9 +274,14 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
 /// are several corpora.
 fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(), Failure> {
     let model = read_model(&setup.out)?;
-    let options = Options { labels: setup.params.labels.clone(), ..Options::of(Split::Test) };
     for ((path, _), source) in args.corpora.iter().zip(&setup.sources.list) {
         let (plan, _) = plan_of(path, &[])?;
+        let options = Options {
+            labels: setup.params.labels.clone(),
+            allow_shared_scenes: args.allow_shared_scenes,
+            yards: plan.yards(),
+            ..Options::of(Split::Test)
+        };
         let report = match evaluate(&model, place::open(path)?.as_ref(), &family_facts(&plan), &options) {
             Ok(report) => report,
             Err(error @ EvaluateError::EmptySplit { .. }) => {
@@ -248,12 +291,13 @@ fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(
             Err(EvaluateError::Corpus(error)) => return Err(corpus_failure(error)),
             Err(error) => return Err(Failure::failed(error)),
         };
-        let folder =
-            if args.corpora.len() == 1 { setup.out.clone() } else { setup.out.join("evaluation").join(&source.name) };
-        let store = LocalFolder::new(folder);
-        store.replace("evaluation.json", report.to_json().as_bytes()).map_err(corpus_failure)?;
-        for (name, svg) in figures(&report).map_err(Failure::failed)? {
-            store.replace(name, svg.as_bytes()).map_err(corpus_failure)?;
+        let below = if args.corpora.len() == 1 { String::new() } else { format!("evaluation/{}/", source.name) };
+        let store = LocalFolder::new(&setup.out);
+        // Beside the run's own files a killed one may have left some here.
+        store.sweep_temporaries(below.trim_end_matches('/')).map_err(corpus_failure)?;
+        for (name, bytes) in files_of(&report)? {
+            // The store refuses names that leave it, whatever a corpus is called.
+            store.replace(&format!("{below}{name}"), &bytes).map_err(corpus_failure)?;
         }
         if log == LogFormat::Text {
             out!("{report}");
@@ -263,23 +307,19 @@ fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(
 }
 
 /// Times and rates, which are no part of what a training is.
-fn write_report(out: &Path, progress: &Progress, args: &TrainArgs) -> Result<(), Failure> {
-    let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+fn write_report(run: &RunFolder, progress: &Progress, args: &TrainArgs) -> Result<(), Failure> {
     let report = json!({
         "wall_s": progress.elapsed().as_secs_f64(),
         "rows_learnt": progress.rows_here(),
         "rows_per_s": progress.rate(),
         "threads": args.threads,
         "prefetch": args.prefetch,
-        "host": host.trim(),
         "build": Build::of_this_binary(),
     });
-    let path = out.join(folder::REPORT);
-    if progress.rows_here() == 0 && path.exists() {
+    if progress.rows_here() == 0 && run.holds(folder::REPORT).map_err(train_failure)? {
         return Ok(());
     }
-    std::fs::write(&path, format!("{report:#}\n"))
-        .map_err(|error| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display()))))
+    run.write(folder::REPORT, format!("{report:#}\n").as_bytes()).map_err(train_failure)
 }
 
 /// For a training that was of no use.

@@ -132,17 +132,29 @@ fn ply_header(title: &str, elements: &[(&str, usize, &[&str])]) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// PCD 0.7, binary. Coordinates are f32, as the Point Cloud Library expects them: a grain of 8 mm at 100 km from the origin.
+/// What f32 coordinates may move a point by: a hundredth of what any range sensor can tell.
+const F32_MOST_M: f64 = 1e-5;
+
+/// PCD 0.7, binary. Coordinates are f32, as the Point Cloud Library's own types are, where that moves no point by more than 0.01 mm
+/// (some 100 m around the origin); else f64, so that none is lost far from it, as in UTM. The viewpoint is that of the
+/// coordinates, which are the map's: readers that move points by it shall leave them where they are.
 pub fn pcd(points: &[LabelledPoint]) -> Vec<u8> {
     let count = points.len();
+    let is_near = |point: &LabelledPoint| {
+        point.point_m.to_array().iter().all(|&value| (f64::from(value as f32) - value).abs() <= F32_MOST_M)
+    };
+    let is_single = points.iter().all(is_near);
+    let size = if is_single { 4 } else { 8 };
     let mut bytes = format!(
         "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z intensity label output class rgb\n\
-         SIZE 4 4 4 4 4 4 1 4\nTYPE F F F F I F I U\nCOUNT 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\n\
+         SIZE {size} {size} {size} 4 4 4 1 4\nTYPE F F F F I F I U\nCOUNT 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\n\
          VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n"
     )
     .into_bytes();
     for point in points {
-        point.point_m.to_array().iter().for_each(|&value| bytes.extend((value as f32).to_le_bytes()));
+        for value in point.point_m.to_array() {
+            if is_single { bytes.extend((value as f32).to_le_bytes()) } else { bytes.extend(value.to_le_bytes()) }
+        }
         bytes.extend(point.intensity.to_le_bytes());
         bytes.extend((point.label as i32).to_le_bytes());
         bytes.extend(point.output.to_le_bytes());

@@ -67,6 +67,23 @@ pub(super) fn shown(text: &str, most: usize) -> String {
     }
 }
 
+/// What should be a number and is none, as messages show it: a file may be anything, so only what was meant for a number.
+pub(super) fn no_number(word: &str) -> String {
+    let meant = word.len() <= 24 && word.chars().all(|c| c.is_ascii_digit() || "+-.,eE".contains(c));
+    format!("'{}' is not a number", if meant { word } else { "..." })
+}
+
+/// The columns' names as messages show them, where they look like such.
+fn shown_names(names: &[String]) -> String {
+    let plain = |name: &String| {
+        name.len() <= 32
+            && name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+            && name.chars().all(|c| c.is_ascii_alphanumeric() || "_.:".contains(c))
+    };
+    let is_header = names.len() >= 2 && names.iter().all(plain);
+    if is_header { format!("'{}'", shown(&names.join(" "), 300)) } else { format!("{} columns", names.len()) }
+}
+
 /// What files call them, likeliest first, in lower case.
 const INTENSITIES: [&str; 6] =
     ["intensity", "scalar_intensity", "reflectance", "remission", "reflectivity", "scalar_reflectance"];
@@ -81,17 +98,17 @@ impl Places {
         label_field: Option<&str>,
     ) -> Result<Places, CloudError> {
         let malformed = |reason: String| CloudError::Malformed { file: file.into(), place: place.into(), reason };
-        let there = shown(&names.join(" "), 300);
+        let there = shown_names(names);
         let find = |name: &str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
         let coordinate = |axis: &str| {
             find(axis).or_else(|| find(&format!("{axis}_m"))).ok_or_else(|| {
-                malformed(format!("there is no column {axis} among '{there}'; name the columns x, y and z"))
+                malformed(format!("there is no column {axis} among {there}; name the columns x, y and z"))
             })
         };
         let label = match label_field {
-            Some(name) => Some(
-                find(name).ok_or_else(|| malformed(format!("there is no label column '{name}' among '{there}'")))?,
-            ),
+            Some(name) => {
+                Some(find(name).ok_or_else(|| malformed(format!("there is no label column '{name}' among {there}")))?)
+            }
             None => LABELS.iter().find_map(|name| find(name)),
         };
         Ok(Places {
@@ -110,4 +127,19 @@ impl Places {
 /// A label as a number; what is none is -1.
 pub(super) fn label_of(value: f64) -> i64 {
     if value.is_finite() { value.round() as i64 } else { -1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_messages_show_numbers_and_names_and_nothing_else() {
+        assert_eq!(no_number("1.2.3"), "'1.2.3' is not a number");
+        assert_eq!(no_number("AKIDEXAMPLE"), "'...' is not a number");
+        let names = |all: &[&str]| shown_names(&all.iter().map(|name| (*name).to_string()).collect::<Vec<_>>());
+        assert_eq!(names(&["east", "north_m", "up"]), "'east north_m up'");
+        assert_eq!(names(&["aws_access_key_id", "=", "AKIDEXAMPLE"]), "3 columns");
+        assert_eq!(names(&["hush"]), "1 columns");
+    }
 }

@@ -30,10 +30,17 @@ pub struct LabelMap {
 impl LabelMap {
     /// The mapping in the text of a file.
     pub fn parse(file: &str, text: &str) -> Result<LabelMap, CloudError> {
+        // What the parser says may quote the file, and any file may be named here.
+        let place = |error: &serde_saphyr::Error| match error.location() {
+            Some(at) => format!("line {}, column {}", at.line(), at.column()),
+            None => "label mapping".into(),
+        };
         serde_saphyr::from_str(text).map_err(|error| CloudError::Malformed {
             file: file.into(),
-            place: "label mapping".into(),
-            reason: format!("{error}; write `labels: {{40: traversable, 50: untraversable, 0: ignore}}`"),
+            place: place(error.without_snippet()),
+            reason: "this is no label mapping: write `labels: {40: traversable, 50: untraversable, 0: ignore}`, and beside it, if \
+                     need be, `others: ignore`"
+                .into(),
         })
     }
 
@@ -61,7 +68,8 @@ mod tests {
         assert_eq!(error, "c.ply: label 7 (point 1) is not in the label mapping; add it, or add `others: ignore`");
         let map = LabelMap::parse("m.yaml", "labels: {}\nothers: untraversable").unwrap();
         assert_eq!(map.verdicts("c.ply", &[7]).unwrap(), [Some(true)]);
-        assert!(LabelMap::parse("m.yaml", "labels: {1: lava}").is_err());
+        let error = LabelMap::parse("m.yaml", "labels:\n  1: lava").unwrap_err().to_string();
+        assert!(error.starts_with("m.yaml: line 2, column 6: ") && !error.contains("lava"), "{error}");
     }
 
     #[test]

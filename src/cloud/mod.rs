@@ -19,6 +19,7 @@ pub mod place;
 mod ply;
 pub mod range;
 pub mod read;
+pub mod scale;
 mod text;
 pub mod trajectory;
 

@@ -1,6 +1,6 @@
 //! PCD 0.6 and 0.7 (Point Cloud Library): ascii, binary, and binary_compressed (LZF, field by field). Little endian.
 
-use super::fields::{Number, Places, label_of, shown};
+use super::fields::{Number, Places, label_of, no_number, shown};
 use super::lzf::{self, Fault};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
@@ -148,9 +148,7 @@ impl Header {
                     field += 1;
                 }
                 if columns.get(field) == Some(&(k as u64)) {
-                    row[field] = word
-                        .parse()
-                        .map_err(|_| malformed(file, &place(), format!("'{}' is not a number", shown(word, 40))))?;
+                    row[field] = word.parse().map_err(|_| malformed(file, &place(), no_number(word)))?;
                 }
             }
             if there < column {

@@ -1,6 +1,6 @@
 //! PLY (Turk 1994): ascii, binary little and big endian; the element `vertex`, lists in it skipped.
 
-use super::fields::{Number, Places, label_of, shown};
+use super::fields::{Number, Places, label_of, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
 
@@ -184,7 +184,7 @@ fn read_ascii(
                 let word = words
                     .next()
                     .ok_or_else(|| fault(format!("fewer values than the {} properties", vertex.properties.len())))?;
-                word.parse::<f64>().map_err(|_| fault(format!("'{}' is not a number", shown(word, 40))))
+                word.parse::<f64>().map_err(|_| fault(no_number(word)))
             };
             match property {
                 Property::One { .. } => *value = next()?,

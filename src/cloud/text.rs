@@ -5,7 +5,7 @@
 //! intensity; others are left out. Empty lines and lines that start with `#` or `//` are skipped; a line with a single whole number
 //! before the first point (the count of .pts files) too.
 
-use super::fields::{Places, label_of, shown};
+use super::fields::{Places, label_of, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
 
@@ -57,8 +57,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         for (column, value) in values().enumerate() {
             columns = column + 1;
             if let Some(k) = wanted.iter().position(|&w| w == Some(column)) {
-                row[k] =
-                    value.parse().map_err(|_| malformed(number, format!("'{}' is not a number", shown(value, 40))))?;
+                row[k] = value.parse().map_err(|_| malformed(number, no_number(value)))?;
             }
         }
         if columns <= places.last() {

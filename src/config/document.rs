@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fidelity::Fidelity;
 use crate::cells::CellParams;
-use crate::corpus::Table;
+use crate::corpus::{Table, names};
 use crate::drive::DriveParams;
 use crate::random::within;
 use crate::scene::SceneParams;
@@ -140,10 +140,5 @@ fn this_format(version: &u32, _: &()) -> garde::Result {
 }
 
 fn folder_name(name: &str, _: &()) -> garde::Result {
-    let legal = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    if (1..=64).contains(&name.len()) && name.chars().all(legal) && !name.starts_with('.') {
-        Ok(())
-    } else {
-        Err(garde::Error::new("must be 1 to 64 letters, digits, '-', '_' or '.', not beginning with '.'"))
-    }
+    if names::is_folder_name(name) { Ok(()) } else { Err(garde::Error::new(names::RULE)) }
 }

@@ -33,6 +33,26 @@ impl Fault {
     }
 }
 
+/// Around what a message quotes from a source; characters of Unicode's private use, which mean nothing.
+const QUOTE: [char; 2] = ['\u{e000}', '\u{e001}'];
+
+/// A text of a source, marked, so that it can be left out where the source is not to be shown.
+pub fn quoted(text: &str) -> String {
+    let [open, close] = QUOTE;
+    format!("{open}{}{close}", text.replace(QUOTE, ""))
+}
+
+/// A message with what it quotes, or with dots in its place.
+pub fn told(message: &str, is_shown: bool) -> String {
+    if is_shown {
+        return message.replace(QUOTE, "");
+    }
+    let [open, close] = QUOTE;
+    let mut parts = message.split(open);
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + "..." + part.split_once(close).map_or("", |(_, rest)| rest))
+}
+
 /// Everything that is wrong with a config. `Display` is the heading, [`ConfigError::lines`] the faults one by one; as a
 /// miette [`Diagnostic`] it shows the places.
 #[derive(Debug)]
@@ -41,6 +61,8 @@ pub struct ConfigError {
     pub faults: Vec<Located>,
     /// An object store could not be reached: the config may be fine.
     pub unreachable: bool,
+    /// An object store is not known to be it.
+    pub untrusted: bool,
 }
 
 /// A fault with its source.
@@ -52,6 +74,8 @@ pub struct Located {
     pub cure: Option<String>,
     labels: Vec<LabeledSpan>,
     source: NamedSource<Arc<String>>,
+    /// Whether the place is shown with the text around it.
+    is_shown: bool,
 }
 
 impl ConfigError {
@@ -62,6 +86,7 @@ impl ConfigError {
         ConfigError {
             config: config.into(),
             unreachable: false,
+            untrusted: false,
             faults: faults.into_iter().map(|fault| Located::new(fault, sources)).collect(),
         }
     }
@@ -70,8 +95,13 @@ impl ConfigError {
 impl Located {
     fn new(fault: Fault, sources: &[Source]) -> Located {
         let source = &sources[fault.at.source];
+        let is_shown = source.is_shown;
         let (line, column) = line_column(&source.text, fault.at.start);
-        let mut cure = fault.cure;
+        let mut cure = fault.cure.map(|cure| told(&cure, is_shown));
+        if !is_shown {
+            let note = "what stands there is not shown: the file is no YAML file below the config's folder";
+            cure = Some(cure.map_or(note.into(), |cure| format!("{cure}; {note}")));
+        }
         let mut labels = vec![label(source, fault.at, None)];
         for (span, word) in fault.also {
             if span.source == fault.at.source && span.start != fault.at.start {
@@ -84,7 +114,7 @@ impl Located {
             }
         }
         let named = NamedSource::new(&source.name, Arc::clone(&source.text)).with_language("yaml");
-        Located { line, column, rule: fault.rule, cure, labels, source: named }
+        Located { line, column, rule: told(&fault.rule, is_shown), cure, labels, source: named, is_shown }
     }
 
     pub fn file(&self) -> &str {
@@ -143,6 +173,9 @@ impl Diagnostic for ConfigError {
 
 impl fmt::Display for Located {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if !self.is_shown {
+            write!(f, "{}:{}:{}: ", self.file(), self.line, self.column)?;
+        }
         f.write_str(&self.rule)
     }
 }
@@ -154,16 +187,24 @@ impl Diagnostic for Located {
         self.cure.as_ref().map(|cure| Box::new(cure) as Box<dyn fmt::Display>)
     }
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        Some(&self.source)
+        self.is_shown.then_some(&self.source as &dyn SourceCode)
     }
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        Some(Box::new(self.labels.iter().cloned()))
+        self.is_shown.then(|| Box::new(self.labels.iter().cloned()) as Box<dyn Iterator<Item = LabeledSpan> + '_>)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn exact_what_is_quoted_is_left_out_whatever_it_holds() {
+        let rule = format!("unknown key '{}' in 'a', got {}", quoted("x' or 'y\u{e001}"), quoted("z"));
+        assert_eq!(told(&rule, true), "unknown key 'x' or 'y' in 'a', got z");
+        assert_eq!(told(&rule, false), "unknown key '...' in 'a', got ...");
+        assert_eq!(told("no quote", false), "no quote");
+    }
 
     #[test]
     fn exact_lines_and_columns_count_characters_from_one() {

@@ -77,6 +77,7 @@ pub fn lay_under(root: &mut Node, reader: &mut Reader) {
             name: format!("fidelity {}", fidelity.name()),
             text: (*value).to_owned().into(),
             folder: "".into(),
+            is_shown: true,
         };
         let Ok(leaf) = reader.parse(source) else { unreachable!("constant YAML") };
         let path: Vec<&str> = key.split('.').collect();

@@ -33,6 +33,7 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
         Some(plan) if loader.faults.is_empty() => Ok(plan),
         _ => Err(ConfigError {
             unreachable: loader.reader.unreachable.get(),
+            untrusted: loader.reader.untrusted.get(),
             ..ConfigError::new(path.display().to_string(), &loader.reader.sources, loader.faults)
         }),
     }
@@ -90,11 +91,12 @@ impl Loader {
         let text = self.reader.text_of(path);
         let (text, unreadable) = text.map_or_else(|why| (String::new(), Some(why)), |text| (text, None));
         if let Some(why) = unreadable {
-            self.reader.sources.push(Source { name: shown, text: text.into(), folder });
+            self.reader.sources.push(Source { name: shown, text: text.into(), folder, is_shown: true });
             self.faults.push(Fault::new(Span::default(), format!("the config cannot be read: {why}")));
             return None;
         }
-        let mut root = self.kept(|reader| reader.parse(Source { name: shown, text: text.into(), folder }))?;
+        let is_shown = self.reader.may_show(path);
+        let mut root = self.kept(|reader| reader.parse(Source { name: shown, text: text.into(), folder, is_shown }))?;
         if !matches!(root.value, Value::Map(_)) {
             let fault = Fault::new(root.span, format!("a config is a mapping, got {}", root.kind()));
             self.faults.push(fault.cure("begin with 'marsyard: 1'"));
@@ -192,7 +194,11 @@ impl Loader {
     fn typed<T: DeserializeOwned>(&mut self, node: &Node, name: &str) -> Option<T> {
         let read = serde_json::from_value(node.to_json());
         // The shape was checked against the schema of this very type.
-        read.map_err(|error| self.faults.push(Fault::new(node.span, format!("'{name}' cannot be read: {error}")))).ok()
+        // What it quotes may be of any of the files that are put together here.
+        let is_shown = self.reader.sources.iter().all(|source| source.is_shown);
+        let why = |error: serde_json::Error| if is_shown { format!(": {error}") } else { String::new() };
+        read.map_err(|error| self.faults.push(Fault::new(node.span, format!("'{name}' cannot be read{}", why(error)))))
+            .ok()
     }
 
     /// The types' own rules: ranges, lengths, laws.
@@ -341,7 +347,8 @@ pub(super) fn with_set(root: Node, argument: &str, reader: &mut Reader, kind: Ki
     };
     let source = reader.sources.len();
     let text = std::sync::Arc::new(argument.to_owned());
-    reader.sources.push(Source { name: "--set".into(), text, folder: reader.folder(root.span) });
+    let folder = reader.folder(root.span);
+    reader.sources.push(Source { name: "--set".into(), text, folder, is_shown: true });
     let whole = Span { source, start: 0, len: argument.len() };
     let Some((dotted, _)) = argument.split_once('=') else {
         return Err(Fault::new(whole, "an override has the form key=value").cure(example));

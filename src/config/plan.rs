@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 use super::fidelity::Fidelity;
 use super::write::yaml;
 use crate::cells::{CellParams, feature_columns};
-use crate::corpus::{CorpusSpec, Split, Table};
+use crate::corpus::{CorpusSpec, Split, Table, yards};
 use crate::drive::DriveParams;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::SceneParams;
@@ -121,6 +121,7 @@ impl Plan {
             drawn: drawn.into_iter().collect(),
             families: self.families.iter().map(|f| f.name.clone()).collect(),
             scene_plan_hash: self.scene_plan_hash(),
+            yards: self.yards(),
             plan_yaml: self.to_yaml(),
             license: "unknown".into(),
         }
@@ -142,6 +143,20 @@ impl Plan {
         }
         // Keys in the order of the types, numbers in their shortest form: the same plan, the same bytes.
         blake3::hash(document.to_string().as_bytes()).to_hex().to_string()
+    }
+
+    /// Hashes of the kinds of yard that its families have, ascending.
+    pub fn yards(&self) -> Vec<String> {
+        let section =
+            |family: &Family| serde_json::to_value(&family.scene).expect("a scene is finite numbers and text keys");
+        let kinds: BTreeSet<String> = self.families.iter().map(|f| yards::kind(self.seed, &section(f))).collect();
+        kinds.into_iter().collect()
+    }
+
+    /// Hash of all that makes the rows of a scene: equal where two corpora hold the same rows, be they cut into other shards.
+    pub fn rows_hash(&self) -> String {
+        let plan = Plan { scenes_per_shard: 1, tables: Vec::new(), max_failed_share: 0.0, ..self.clone() };
+        plan.scene_plan_hash()
     }
 
     /// The plan in the form of a document. One family named `default` is the document's own sections.

@@ -72,7 +72,7 @@ pub fn write_out(sections: &mut Node, reader: &mut Reader, faults: &mut Vec<Faul
 fn tree_of(kind: &Kind, name: &str, node: &Node, reader: &mut Reader) -> Result<Node, Fault> {
     if let Some((name, text)) = kind.shipped.iter().find(|(shipped, _)| *shipped == name) {
         let text = (*text).to_owned().into();
-        return reader.parse(Source { name: format!("preset {name}"), text, folder: "".into() });
+        return reader.parse(Source { name: format!("preset {name}"), text, folder: "".into(), is_shown: true });
     }
     let is_path = name.contains('/') || name.ends_with(".yaml") || name.ends_with(".yml");
     if !is_path {
@@ -91,5 +91,12 @@ fn tree_of(kind: &Kind, name: &str, node: &Node, reader: &mut Reader) -> Result<
             .cure("paths start at the folder of the file that names them")
     })?;
     let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-    reader.parse(Source { name: shown, text: text.into(), folder })
+    let is_shown = reader.may_show(&path);
+    let tree = reader.parse(Source { name: shown, text: text.into(), folder, is_shown })?;
+    if matches!(tree.value, Value::Map(_)) {
+        return Ok(tree);
+    }
+    // A text would be taken for another name, and nothing for a section without one.
+    let rule = format!("a {} file is a mapping of its keys, got {}", kind.key, tree.kind());
+    Err(Fault::new(tree.span, rule).cure("begin with its keys; `marsyard schema corpus` has them all"))
 }

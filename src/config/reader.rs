@@ -2,18 +2,16 @@
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::error::Fault;
+use super::error::{Fault, told};
 use super::tree::{self, Node, Source, Span};
+use crate::corpus::limits::FileKind;
 use crate::corpus::{CorpusError, address};
 use crate::geometry::DVec2;
 use crate::scene::Raster;
 
-/// Bytes of the largest file that a config may name.
-const MAX_FILE_BYTES: u64 = 256 << 20;
 /// Beams of the largest pattern; all of them stand in the resolved plan.
 const MAX_BEAMS: usize = 250_000;
 /// Nodes of the largest height map: 4096 x 4096.
@@ -28,8 +26,12 @@ pub struct Reader {
     pub sources: Vec<Source>,
     /// The folder that the files named must lie in: a corpus comes with all that its plan names.
     within: Option<PathBuf>,
+    /// The config's own folder, links followed: what lies below it may be shown in messages.
+    home: Option<PathBuf>,
     /// A file could not be read because its store could not be reached.
     pub unreachable: Cell<bool>,
+    /// Or because it is not known to be the store.
+    pub untrusted: Cell<bool>,
     height_maps: BTreeMap<(PathBuf, Option<u64>), Result<HeightMap, String>>,
     patterns: BTreeMap<PathBuf, Result<Vec<[f64; 3]>, String>>,
 }
@@ -52,8 +54,22 @@ impl Reader {
     /// For the config at `path`: the plan of a corpus, which may be anybody's, names files beside itself only.
     pub fn of(path: &Path) -> Reader {
         let is_plan = path.file_name().is_some_and(|name| name == PLAN);
-        let folder = || path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Reader { within: is_plan.then(|| folder().to_owned()), ..Reader::default() }
+        Reader { within: is_plan.then(|| folder_of(path).to_owned()), ..Reader::beside(path) }
+    }
+
+    /// For the config at `path`.
+    pub fn beside(path: &Path) -> Reader {
+        Reader { home: real(folder_of(path)), ..Reader::default() }
+    }
+
+    /// Whether messages may show what stands in a file: a YAML or CSV file below the config's folder is the user's own; anything
+    /// else that a config or a command line names may be a key, or the environment.
+    pub fn may_show(&self, path: &Path) -> bool {
+        let known =
+            |path: &Path| path.extension().is_some_and(|end| ["yaml", "yml", "json", "csv"].iter().any(|e| end == *e));
+        let plain = |below: &Path| below.iter().all(|part| !part.as_encoded_bytes().starts_with(b"."));
+        let (Some(home), Some(path)) = (&self.home, real(path)) else { return false };
+        path.strip_prefix(home).is_ok_and(plain) && known(&path)
     }
 
     /// Where relative paths written at a place start.
@@ -80,50 +96,56 @@ impl Reader {
         Ok(path)
     }
 
+    fn bytes_of(&self, path: &Path) -> Result<Vec<u8>, String> {
+        if address::is_url(path) {
+            return address::read_url(path, FileKind::Config.most_bytes()).map_err(|error| {
+                self.unreachable.set(self.unreachable.get() || matches!(error, CorpusError::Unreachable { .. }));
+                self.untrusted.set(self.untrusted.get() || matches!(error, CorpusError::Untrusted { .. }));
+                error.to_string()
+            });
+        }
+        FileKind::Config.read_path(path).map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => "there is no such file".into(),
+            std::io::ErrorKind::PermissionDenied => "no permission".into(),
+            std::io::ErrorKind::IsADirectory => "it is not a file but a folder".into(),
+            _ => error.to_string(),
+        })
+    }
+
     /// The text of a YAML file.
     pub fn text_of(&self, path: &Path) -> Result<String, String> {
-        String::from_utf8(bytes_of(path, &self.unreachable)?).map_err(|_| "it is not UTF-8 text".into())
+        String::from_utf8(self.bytes_of(path)?).map_err(|_| "it is not UTF-8 text".into())
     }
 
     /// The beams of a pattern file: time_s, azimuth_deg, elevation_deg under a header of these names.
     pub fn pattern(&mut self, path: &Path) -> Result<Vec<[f64; 3]>, String> {
-        self.patterns.entry(path.to_owned()).or_insert_with(|| pattern_of(&bytes_of(path, &self.unreachable)?)).clone()
+        if !self.patterns.contains_key(path) {
+            let is_shown = self.may_show(path);
+            let read = self.bytes_of(path).and_then(|bytes| pattern_of(&bytes)).map_err(|why| told(&why, is_shown));
+            self.patterns.insert(path.to_owned(), read);
+        }
+        self.patterns[path].clone()
     }
 
     /// A height map (NPY or PNG), a metre from node to node: the scene stretches it over its yard.
     pub fn height_map(&mut self, path: &Path, white_m: Option<f64>) -> Result<HeightMap, String> {
         let key = (path.to_owned(), white_m.map(f64::to_bits));
-        let map = self
-            .height_maps
-            .entry(key)
-            .or_insert_with(|| height_map_of(path, &bytes_of(path, &self.unreachable)?, white_m));
-        map.clone()
+        if !self.height_maps.contains_key(&key) {
+            let read = self.bytes_of(path).and_then(|bytes| height_map_of(path, &bytes, white_m));
+            self.height_maps.insert(key.clone(), read);
+        }
+        self.height_maps[&key].clone()
     }
 }
 
-fn bytes_of(path: &Path, unreachable: &Cell<bool>) -> Result<Vec<u8>, String> {
-    if address::is_url(path) {
-        return address::read_url(path, MAX_FILE_BYTES).map_err(|error| {
-            unreachable.set(unreachable.get() || matches!(error, CorpusError::Unreachable { .. }));
-            error.to_string()
-        });
-    }
-    let said = |error: std::io::Error| match error.kind() {
-        std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
-        std::io::ErrorKind::PermissionDenied => "no permission".to_owned(),
-        _ => error.to_string(),
-    };
-    // Asked before it is opened: opening a pipe waits for its writer.
-    if !std::fs::metadata(path).map_err(said)?.is_file() {
-        return Err("it is not a file".into());
-    }
-    let file = std::fs::File::open(path).map_err(said)?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(said)?;
-    if bytes.len() as u64 > MAX_FILE_BYTES {
-        return Err(format!("it is larger than {} MB", MAX_FILE_BYTES >> 20));
-    }
-    Ok(bytes)
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A path with links followed; a URL has none.
+fn real(path: &Path) -> Option<PathBuf> {
+    let dots = |path: &Path| path.components().any(|part| part == std::path::Component::ParentDir);
+    if address::is_url(path) { (!dots(path)).then(|| path.to_owned()) } else { path.canonicalize().ok() }
 }
 
 fn pattern_of(bytes: &[u8]) -> Result<Vec<[f64; 3]>, String> {
@@ -274,7 +296,7 @@ mod tests {
             ),
             ("time_s,azimuth_deg,elevation_deg\n0,0\n", "CSV error"),
         ] {
-            let fault = pattern_of(text.as_bytes()).expect_err(text);
+            let fault = told(&pattern_of(text.as_bytes()).expect_err(text), true);
             assert!(fault.contains(expected), "{text:?}: {fault}");
         }
     }

@@ -5,7 +5,7 @@
 
 use serde_json::Value as Json;
 
-use super::error::Fault;
+use super::error::{Fault, quoted};
 use super::tree::{Node, Source, Value};
 
 /// How a part of the schema can be written, with references and optional wrappers taken off.
@@ -192,7 +192,7 @@ impl Shape<'_> {
             (Form::Dist(variants), Value::Map(_)) => self.choice(node, &variants, schema, path),
             (Form::Dist(_), Value::Seq(items)) if items.len() == 2 => {
                 let pair: Vec<String> = items.iter().map(|item| item.to_json().to_string()).collect();
-                let cure = format!("for a range write {{uniform: [{}]}}", pair.join(", "));
+                let cure = format!("for a range write {{uniform: [{}]}}", quoted(&pair.join(", ")));
                 self.wrong(node, path, "a number or a distribution", Some(cure));
             }
             (Form::Dist(variants), _) => {
@@ -337,7 +337,7 @@ impl Shape<'_> {
                 ),
                 [first, rest @ ..] => {
                     let names = listed(entries.iter().map(|(key, _)| key.name.as_str())).replace(" or ", " and ");
-                    let rule = format!("'{path}' is one thing, got {names}");
+                    let rule = format!("'{path}' is one thing, got {}", quoted(&names));
                     let mut fault = Fault::new(first.0.span, rule).cure(format!("choose one of {}", listed(all())));
                     for (key, _) in rest {
                         fault = fault.also(key.span, "and here");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::error::{ConfigError, Fault};
+use super::error::{ConfigError, Fault, quoted};
 use super::load::{value_faults, with_set, without};
 use super::place::Place;
 use super::reader::Reader;
@@ -15,8 +15,12 @@ use crate::train::TrainParams;
 /// Reads and checks a training config; without a path, the defaults. `sets` are overrides like `network.hidden=[8]`.
 pub fn load_train(path: Option<&Path>, sets: &[String]) -> Result<TrainParams, ConfigError> {
     let shown = path.map_or("the default training config".to_string(), |path| path.display().to_string());
-    let mut reader = Reader::default();
-    read(path, &shown, sets, &mut reader).map_err(|faults| ConfigError::new(shown, &reader.sources, faults))
+    let mut reader = path.map_or_else(Reader::default, Reader::beside);
+    read(path, &shown, sets, &mut reader).map_err(|faults| ConfigError {
+        unreachable: reader.unreachable.get(),
+        untrusted: reader.untrusted.get(),
+        ..ConfigError::new(shown, &reader.sources, faults)
+    })
 }
 
 /// The parameters as a config with every default written out; [`load_train`] gives the same again.
@@ -30,7 +34,8 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     let folder = path.and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
     let text = path.map_or(Ok("{}".to_string()), |path| reader.text_of(path));
     let (text, unreadable) = text.map_or_else(|why| (String::new(), Some(why)), |text| (text, None));
-    let source = Source { name: shown.into(), text: text.into(), folder };
+    let is_shown = path.is_none_or(|path| reader.may_show(path));
+    let source = Source { name: shown.into(), text: text.into(), folder, is_shown };
     if let Some(why) = unreadable {
         reader.sources.push(source);
         return Err(one(Fault::new(Span::default(), format!("the config cannot be read: {why}"))));
@@ -58,7 +63,10 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
                     return Ok(params);
                 }
             }
-            Err(error) if sound => faults.push(Fault::new(root.span, format!("the config cannot be read: {error}"))),
+            Err(error) if sound => {
+                faults
+                    .push(Fault::new(root.span, format!("the config cannot be read: {}", quoted(&error.to_string()))));
+            }
             Err(_) => (),
         }
     }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_saphyr::Spanned;
 
-use super::error::Fault;
+use super::error::{Fault, quoted};
 
 /// Bytes of the largest document; a resolved plan may hold a beam pattern.
 const MAX_BYTES: usize = 32 << 20;
@@ -24,6 +24,8 @@ pub struct Source {
     pub text: Arc<String>,
     /// Where relative paths written in it start.
     pub folder: PathBuf,
+    /// Whether messages may show what stands in it: not that of files anywhere, which may be anything.
+    pub is_shown: bool,
 }
 
 /// A place in one of the sources, in bytes.
@@ -89,10 +91,10 @@ impl Node {
         match &self.value {
             Value::Null => "nothing".into(),
             Value::Bool(b) => format!("{b}"),
-            Value::Int(i) => format!("the number {i}"),
+            Value::Int(i) => format!("the number {}", quoted(&i.to_string())),
             Value::Float(f) if f.is_nan() => "NaN".into(),
             Value::Float(f) if f.is_infinite() => "infinity".into(),
-            Value::Float(f) => format!("the number {f}"),
+            Value::Float(f) => format!("the number {}", quoted(&f.to_string())),
             Value::Text(text) => format!("the text '{}'", shortened(text)),
             Value::Seq(items) => format!("a list of {}", items.len()),
             Value::Map(entries) => match entries.as_slice() {
@@ -121,13 +123,13 @@ impl Node {
     }
 }
 
-/// A text cut to a length that a message can hold.
+/// A text of a source, cut to a length that a message can hold.
 pub fn shortened(text: &str) -> String {
     let line = text.lines().next().unwrap_or_default();
     if line.chars().count() <= 40 && line.len() == text.len() {
-        line.to_owned()
+        quoted(line)
     } else {
-        line.chars().take(37).chain("...".chars()).collect()
+        quoted(&line.chars().take(37).chain("...".chars()).collect::<String>())
     }
 }
 
@@ -200,7 +202,7 @@ fn syntax_fault(error: &serde_saphyr::Error, source: usize, text: &str, from: us
                 rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
             let message =
                 message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
-            Fault::new(span, format!("this is no YAML: {message}"))
+            Fault::new(span, format!("this is no YAML: {}", quoted(&message)))
         }
     }
 }

@@ -7,7 +7,7 @@ use arrow::array::{ArrayRef, Float32Array, Int8Array};
 use super::schema::{self, Column, Kind, Role};
 use super::shard::ZSTD_LEVEL;
 use super::write::TableWriter;
-use super::{CorpusError, FORMAT, Table, tables};
+use super::{CorpusError, PARQUET_FORMAT, Table, tables};
 use crate::cells::{Cells, FeatureColumn};
 
 /// One scan's cells, and per cell the output and class, `None` where it was not judged.
@@ -44,7 +44,7 @@ pub fn judged_cells(name: &str, features: &[FeatureColumn], scans: &[JudgedScan]
     let parquet = |source| CorpusError::Parquet { name: name.into(), source };
     let key_values = [
         ("marsyard.columns", schema::columns_json(&columns)),
-        ("marsyard.format", FORMAT.to_string()),
+        ("marsyard.format", PARQUET_FORMAT.to_string()),
         ("marsyard.table", Table::Cells.name().to_string()),
     ];
     let sorted_by = schema::sort_keys(Table::Cells);

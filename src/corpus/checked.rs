@@ -5,9 +5,10 @@
 
 use sha2::Digest;
 
+use super::belongs::ShardIdentity;
+use super::manifest::ShardLine;
 use super::reader::TableFile;
-use super::receipt::FileFacts;
-use super::{CorpusError, Store, hex};
+use super::{CorpusError, Store, Table, hex};
 
 /// What a finished corpus says of one of its files.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,8 @@ pub struct Expected<'a> {
     pub sha256: &'a str,
     pub rows: u64,
     pub row_groups: u32,
+    pub table: Table,
+    pub identity: ShardIdentity<'a>,
 }
 
 /// Why a file cannot be taken.
@@ -37,10 +40,19 @@ impl From<CorpusError> for Refused {
     }
 }
 
-impl<'a> From<&'a FileFacts> for Expected<'a> {
-    fn from(facts: &'a FileFacts) -> Expected<'a> {
-        let FileFacts { path, rows, row_groups, bytes, sha256, .. } = facts;
-        Expected { name: path, bytes: *bytes, sha256, rows: *rows, row_groups: *row_groups }
+impl<'a> Expected<'a> {
+    /// A table of a shard; `None` where the corpus has no such table.
+    pub fn of(scene_plan_hash: &'a str, line: &'a ShardLine, table: Table) -> Option<Expected<'a>> {
+        let facts = line.tables.get(&table)?;
+        Some(Expected {
+            name: &facts.path,
+            bytes: facts.bytes,
+            sha256: &facts.sha256,
+            rows: facts.rows,
+            row_groups: facts.row_groups,
+            table,
+            identity: ShardIdentity { scene_plan_hash, shard: line.shard, split: line.split, scenes: line.scenes },
+        })
     }
 }
 
@@ -48,7 +60,7 @@ impl<'a> From<&'a FileFacts> for Expected<'a> {
 const PIECE_BYTES: usize = 1 << 20;
 
 impl Expected<'_> {
-    /// Checks size and sha256 first, then opens.
+    /// Checks size and sha256 first, then opens, and asks the file whose it is.
     pub fn open_checked(&self, store: &dyn Store) -> Result<TableFile, Refused> {
         let other = |reason: String| Err(Refused::Other(reason));
         let Some(bytes) = store.size(self.name)? else { return other("it is missing".into()) };
@@ -58,7 +70,9 @@ impl Expected<'_> {
         if sha256_of(store, self.name, bytes)? != self.sha256 {
             return other("its sha256 is not that of shards.jsonl: bytes have changed".into());
         }
-        self.open(store)
+        let table = self.open(store)?;
+        self.identity.check(&table, self.table).map_err(Refused::Other)?;
+        Ok(table)
     }
 
     /// Opens a file that was checked before.

@@ -8,8 +8,15 @@ use parquet::errors::ParquetError;
 pub enum CorpusError {
     #[error("{place}/{name}: {source}")]
     Io { place: String, name: String, source: std::io::Error },
+    #[error("{place} holds {name}, which {why}. {}; {cure}", super::owner::RULE)]
+    Foreign { place: String, name: String, why: &'static str, cure: &'static str },
     #[error("{place}: {reason}; {cure}")]
     Refused { place: String, reason: String, cure: String },
+    #[error(
+        "{place}: the server is not known to be the store: {reason}; mend its certificate, or add the authority that signed it to this \
+             machine's (SSL_CERT_FILE names a file of such); nothing was sent"
+    )]
+    Untrusted { place: String, reason: String },
     #[error(
         "{place}/{name}: {why}; nothing else came in {patience_s:.0} s of trying. What is stored is kept: when the network and the \
              store are well again, the same command goes on"
@@ -26,8 +33,16 @@ pub enum CorpusError {
     BadReceipt { place: String, name: String, reason: String },
     #[error("{place}/{name}: {reason}; run `marsyard finalize {place}` to write it again from the receipts")]
     BadManifest { place: String, name: String, reason: String },
+    #[error("{place}/{name}: {reason}; {cure}")]
+    NotWhole { place: String, name: String, reason: String, cure: String },
+    #[error("{place}/{name} is {what}, not a file; move it away, or put the file itself in its place")]
+    NotAFile { place: String, name: String, what: &'static str },
     #[error(
-        "{place}/{name}: written in format {there}, this program reads format {}; use the marsyard that wrote it, or build the \
+        "{place}/{name} is larger than {most_bytes} bytes, the most that is read of {kind}: it is none, or damaged"
+    )]
+    TooLarge { place: String, name: String, kind: &'static str, most_bytes: u64 },
+    #[error(
+        "{place}/{name}: written in format {there}, this program reads formats 1 to {}; use the marsyard that wrote it, or build the \
              corpus again with this one, in another place; a file of which you know that it is damaged may be deleted",
         super::FORMAT
     )]
@@ -42,8 +57,8 @@ pub enum CorpusError {
     )]
     ForeignPlan { place: String },
     #[error(
-        "{place} holds shard {shard}, but the plan ends before shard {shards}: a corpus only grows; raise `scenes` or choose \
-             another place"
+        "{place} holds shard {shard}, but the plan ends before shard {shards}: a corpus only grows; raise `scenes`, choose another \
+             place, or add --discard-beyond to remove the shards behind the plan's end"
     )]
     BeyondPlan { place: String, shard: u64, shards: u64 },
     #[error(
@@ -62,12 +77,65 @@ pub enum CorpusError {
              where it went: bring it back, and the same command again goes on"
     )]
     Vanished { place: String },
+    #[error(
+        "{place}: another `marsyard generate` has taken it over for {theirs}, this one builds {ours}: the shards that belong to both are \
+             kept; let the other end, or stop it and start this one again"
+    )]
+    Overtaken { place: String, ours: String, theirs: String },
     #[error("shard {shard}: {reason}")]
     Rows { shard: u64, reason: String },
     #[error("{name}: {source}")]
     Parquet { name: String, source: ParquetError },
     #[error("{name}: {source}")]
     Arrow { name: String, source: ArrowError },
+}
+
+impl CorpusError {
+    /// What a file system says of a file.
+    pub fn of_path(path: &std::path::Path, source: std::io::Error) -> CorpusError {
+        let place = path.parent().map(|above| above.display().to_string()).unwrap_or_default();
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        CorpusError::Io { place, name, source }
+    }
+
+    /// A word for machines: what kind of fault it is.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            CorpusError::Io { .. } => "io",
+            CorpusError::Refused { .. } => "refused",
+            CorpusError::Untrusted { .. } => "untrusted",
+            CorpusError::Unreachable { .. } => "unreachable",
+            CorpusError::NoRoom { .. } => "no_room",
+            CorpusError::Vanished { .. } => "vanished",
+            CorpusError::Differs { .. } => "differs",
+            CorpusError::OtherPlan { .. } | CorpusError::ForeignPlan { .. } | CorpusError::BeyondPlan { .. } => {
+                "other_corpus"
+            }
+            CorpusError::Gaps { .. } => "gaps",
+            _ => "damaged",
+        }
+    }
+
+    /// The place that it speaks of; empty where it names none.
+    pub fn place(&self) -> &str {
+        match self {
+            CorpusError::Io { place, .. }
+            | CorpusError::Refused { place, .. }
+            | CorpusError::Untrusted { place, .. }
+            | CorpusError::Unreachable { place, .. }
+            | CorpusError::NoRoom { place, .. }
+            | CorpusError::Vanished { place }
+            | CorpusError::Differs { place, .. }
+            | CorpusError::BadReceipt { place, .. }
+            | CorpusError::BadManifest { place, .. }
+            | CorpusError::OtherFormat { place, .. }
+            | CorpusError::OtherPlan { place, .. }
+            | CorpusError::ForeignPlan { place }
+            | CorpusError::BeyondPlan { place, .. }
+            | CorpusError::Gaps { place, .. } => place,
+            _ => "",
+        }
+    }
 }
 
 /// Whole megabytes, rounded up: no room is not "0 MB".

@@ -5,10 +5,9 @@ use std::fmt;
 
 use arrow::array::{Array, BooleanArray, Int64Array, RecordBatch, StringArray};
 
-use super::manifest::{self, FeatureSummary, Manifest};
-use super::reader::TableFile;
+use super::manifest::{FeatureSummary, Manifest};
 use super::stats::LabelCounts;
-use super::{CorpusError, Split, Store, Table};
+use super::{CorpusError, Finished, Split, Store, Table};
 
 /// What `marsyard inspect` shows.
 #[derive(Clone, Debug)]
@@ -17,6 +16,8 @@ pub struct Inspection {
     pub features: Vec<FeatureReport>,
     /// By family; empty where the `scenes` table is off.
     pub families: BTreeMap<String, FamilyReport>,
+    /// What could not be checked.
+    unchecked: Vec<String>,
 }
 
 /// A feature of the train split.
@@ -44,21 +45,23 @@ pub struct FamilyReport {
 
 /// Reads the manifest and the (small) `scenes` tables of a finished corpus.
 pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
-    let manifest = Manifest::read(store)?;
-    let features = manifest
+    let corpus = Finished::open(store)?;
+    let features = corpus
+        .manifest
         .features
         .iter()
         .map(|summary| FeatureReport { fault: fault(summary), summary: summary.clone() })
         .collect();
     let mut families = BTreeMap::new();
-    for line in manifest::read_shard_lines(store)? {
-        if let Some(facts) = line.tables.get(&Table::Scenes) {
-            for batch in TableFile::open(store, &facts.path)?.batches() {
-                add_scenes(&batch?, &mut families);
-            }
+    for line in &corpus.lines {
+        let refused = |refused| corpus.refused(line, Table::Scenes, refused);
+        let Some(table) = corpus.open_table(line, Table::Scenes).map_err(refused)? else { continue };
+        for batch in table.batches() {
+            add_scenes(&batch?, &mut families);
         }
     }
-    Ok(Inspection { manifest, features, families })
+    let Finished { manifest, unchecked, .. } = corpus;
+    Ok(Inspection { manifest, features, families, unchecked })
 }
 
 fn fault(summary: &FeatureSummary) -> Option<FeatureFault> {
@@ -97,7 +100,7 @@ fn add_scenes(batch: &RecordBatch, families: &mut BTreeMap<String, FamilyReport>
 impl Inspection {
     /// What should be put right before training; empty where all is well.
     pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
+        let mut warnings = self.unchecked.clone();
         for feature in &self.features {
             let name = &feature.summary.name;
             warnings.extend(feature.fault.map(|fault| match fault {

@@ -3,9 +3,9 @@
 use arrow::array::Array;
 use arrow::datatypes::{Float32Type, Int8Type, Int32Type};
 
-use super::reader::{TableFile, column};
-use super::{CorpusError, CorpusSpec, Store, Table};
-use crate::cells::FeatureColumn;
+use super::manifest::FeatureSummary;
+use super::reader::column;
+use super::{CorpusError, Finished, Table};
 use crate::geometry::CellIndex;
 
 /// A row of `cells` as it is stored.
@@ -19,14 +19,17 @@ pub struct StoredCell {
 
 /// The stored row of a cell; `None` where there is no such row.
 pub fn stored_cell(
-    store: &dyn Store,
-    spec: &CorpusSpec,
+    corpus: &Finished,
     scene: u64,
     scan: u32,
     cell: CellIndex,
 ) -> Result<Option<StoredCell>, CorpusError> {
-    let shard = scene / u64::from(spec.scenes_per_shard.max(1));
-    let file = TableFile::open(store, &Table::Cells.path(shard))?;
+    let Some(line) = corpus.lines.iter().find(|line| (line.scenes[0]..line.scenes[1]).contains(&scene)) else {
+        return Ok(None);
+    };
+    let opened =
+        corpus.open_table(line, Table::Cells).map_err(|refused| corpus.refused(line, Table::Cells, refused))?;
+    let Some(file) = opened else { return Ok(None) };
     let batch = file.rows_of_scene(scene)?;
     let odd = |reason: String| file.odd(reason);
     let whole = |name: &str| column::<Int32Type>(&batch, name).map_err(odd);
@@ -34,13 +37,13 @@ pub fn stored_cell(
     let is_it = |at: usize| wanted.iter().all(|(column, value)| column.value(at) == *value);
     let Some(at) = (0..batch.num_rows()).find(|&at| is_it(at)) else { return Ok(None) };
     let label = column::<Int8Type>(&batch, "label").map_err(odd)?;
-    let float = |feature: &FeatureColumn| {
+    let float = |feature: &FeatureSummary| {
         let values = column::<Float32Type>(&batch, &feature.name).map_err(odd)?;
         Ok((feature.name.clone(), values.value(at)))
     };
     Ok(Some(StoredCell {
         label: label.is_valid(at).then(|| label.value(at)),
         points: whole("points")?.value(at),
-        features: spec.features.iter().map(float).collect::<Result<_, CorpusError>>()?,
+        features: corpus.manifest.features.iter().map(float).collect::<Result<_, CorpusError>>()?,
     }))
 }

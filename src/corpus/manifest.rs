@@ -4,15 +4,22 @@ use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use sha2::Digest;
 
+use super::limits::FileKind;
 use super::receipt::{self, FileFacts, Receipt};
-use super::spec::{Build, CorpusSpec};
+use super::spec::CorpusSpec;
 use super::stats::{LabelCounts, Moments, PointCounts};
-use super::{CorpusError, FORMAT, Split, Store, Table, ranges, value_hash};
+use super::totals::Totals;
+use super::{Build, CorpusError, FORMAT, Split, Store, Table, Yards, card, croissant, hex, names, plan_file, ranges};
 use crate::cells::FeatureColumn;
 
 pub const NAME: &str = "manifest.json";
 pub const SHARDS: &str = "shards.jsonl";
+/// The files beside the manifest whose hashes it holds, ascending.
+pub const FILES: [&str; 4] = [card::NAME, croissant::NAME, plan_file::NAME, SHARDS];
+/// The formats that are read.
+pub const FORMATS: std::ops::RangeInclusive<u64> = 1..=FORMAT as u64;
 
 /// What is known of a whole corpus. No time, host or path: equal plans and programs give equal manifests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,6 +28,10 @@ pub struct Manifest {
     pub name: String,
     pub seed: u64,
     pub scene_plan_hash: String,
+    /// Hashes of the kinds of yard (seed and `scene` section of a family), ascending: scenes of equal number are the same yard where
+    /// two corpora have one of these in common. Since format 2.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub yards: Vec<String>,
     /// Hash over the sorted value hashes of all files.
     pub corpus_id: String,
     pub scenes: u64,
@@ -35,6 +46,12 @@ pub struct Manifest {
     pub failed: Vec<FailedEntry>,
     /// The program that wrote shard 0.
     pub build: Build,
+    /// Since format 2: the SHA-256 of the files beside the manifest, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
+    /// Since format 2: the SHA-256 of all receipts, one behind the other in the order of their shards.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub receipts_sha256: Option<String>,
     /// Programs that wrote the other shards, where they differ from it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub other_builds: Vec<OtherBuild>,
@@ -87,47 +104,41 @@ pub fn replay(scene: u64) -> String {
 /// Receipts, one after another in shard order -> the manifest and `shards.jsonl`. Holds one line of text a shard, no receipts.
 pub struct Merge<'a> {
     spec: &'a CorpusSpec,
-    tables: BTreeMap<Table, TableTotals>,
-    splits: BTreeMap<Split, SplitTotals>,
+    format: u32,
+    totals: Totals,
     moments: Vec<Moments>,
     points: PointCounts,
     failed: Vec<FailedEntry>,
-    value_hashes: Vec<String>,
     /// Each program with the shards that it wrote; the first is that of the first shard.
     builds: Vec<(Build, Vec<u64>)>,
+    receipts: sha2::Sha256,
     lines: String,
 }
 
 impl<'a> Merge<'a> {
     pub fn new(spec: &'a CorpusSpec) -> Merge<'a> {
+        Merge::in_format(spec, FORMAT)
+    }
+
+    /// What an earlier version would have merged, to be compared with what it did.
+    pub fn in_format(spec: &'a CorpusSpec, format: u32) -> Merge<'a> {
         Merge {
             spec,
-            tables: BTreeMap::new(),
-            splits: Split::ALL.iter().map(|&split| (split, SplitTotals::default())).collect(),
+            format,
+            totals: Totals::new(),
             moments: vec![Moments::default(); spec.features.len()],
             points: PointCounts::default(),
             failed: Vec::new(),
-            value_hashes: Vec::new(),
             builds: Vec::new(),
+            receipts: sha2::Sha256::default(),
             lines: String::new(),
         }
     }
 
-    /// The next shard's receipt.
-    pub fn add(&mut self, receipt: &Receipt) {
+    /// The next shard's receipt, and the bytes that it was read from.
+    pub fn add(&mut self, receipt: &Receipt, bytes: &[u8]) {
+        self.receipts.update(bytes);
         self.points = self.points + receipt.points;
-        let split = self.splits.entry(receipt.split).or_default();
-        split.shards += 1;
-        split.scenes += receipt.scenes[1] - receipt.scenes[0];
-        split.failed_scenes += receipt.failed.len() as u64;
-        split.labels = split.labels + receipt.labels;
-        for (&table, facts) in &receipt.tables {
-            *split.rows.entry(table).or_default() += facts.rows;
-            let totals = self.tables.entry(table).or_default();
-            totals.rows += facts.rows;
-            totals.bytes += facts.bytes;
-            self.value_hashes.push(facts.value_hash.clone());
-        }
         if receipt.split == Split::Train {
             for (merged, of_shard) in self.moments.iter_mut().zip(&receipt.features) {
                 *merged = merged.merge(&of_shard.moments);
@@ -142,13 +153,15 @@ impl<'a> Merge<'a> {
             Some((_, shards)) => shards.push(receipt.shard),
             None => self.builds.push((receipt.build.clone(), vec![receipt.shard])),
         }
+        let labels = (self.format > 1).then_some(receipt.labels);
         let tables = receipt.tables.clone();
-        let line = ShardLine { shard: receipt.shard, split: receipt.split, scenes: receipt.scenes, tables };
+        let line = ShardLine { shard: receipt.shard, split: receipt.split, scenes: receipt.scenes, labels, tables };
+        self.totals.add(&line, receipt.labels, receipt.failed.len() as u64);
         self.lines += &serde_json::to_string(&line).expect("a line is plain data");
         self.lines.push('\n');
     }
 
-    /// The manifest, and `shards.jsonl` as text.
+    /// The manifest, and `shards.jsonl` as text. The hashes of the files beside it are for whoever writes them.
     pub fn finish(self) -> (Manifest, String) {
         let spec = self.spec;
         let summary = |(feature, moments): (&FeatureColumn, Moments)| FeatureSummary {
@@ -160,21 +173,24 @@ impl<'a> Merge<'a> {
         let build = builds.next().map(|(build, _)| build).unwrap_or_default();
         let named = |(build, shards): (Build, Vec<u64>)| OtherBuild { shards: ranges::to_text(&shards), build };
         let manifest = Manifest {
-            format: FORMAT,
+            format: self.format,
             name: spec.name.clone(),
             seed: spec.seed,
             scene_plan_hash: spec.scene_plan_hash.clone(),
-            corpus_id: value_hash::corpus_id(self.value_hashes.iter().map(String::as_str)),
+            yards: if self.format > 1 { spec.yards.clone() } else { Vec::new() },
+            corpus_id: self.totals.corpus_id(),
             scenes: spec.scenes,
             scenes_per_shard: spec.scenes_per_shard,
             shards: spec.shards(),
             families: spec.families.clone(),
-            tables: self.tables,
-            splits: self.splits,
+            tables: self.totals.tables,
+            splits: self.totals.splits,
             features: spec.features.iter().zip(self.moments).map(summary).collect(),
             points: self.points,
             failed: self.failed,
             build,
+            files: BTreeMap::new(),
+            receipts_sha256: (self.format > 1).then(|| hex(&self.receipts.finalize())),
             other_builds: builds.map(named).collect(),
         };
         (manifest, self.lines)
@@ -188,17 +204,68 @@ impl Manifest {
     }
 
     pub fn read(store: &dyn Store) -> Result<Manifest, CorpusError> {
+        Manifest::read_with_bytes(store).map(|(manifest, _)| manifest)
+    }
+
+    /// The manifest, and the bytes that it was read from.
+    pub fn read_with_bytes(store: &dyn Store) -> Result<(Manifest, Vec<u8>), CorpusError> {
         let bad = |reason: String| CorpusError::BadManifest { place: store.place(), name: NAME.into(), reason };
-        if store.size(NAME)?.is_none() {
-            return Err(bad("there is no manifest: the corpus is not finished, or this is not a corpus".into()));
-        }
-        let bytes = store.read(NAME)?;
-        // The format first: the rest of another format's manifest cannot be known.
+        let bytes = match FileKind::Manifest.read(store, NAME) {
+            Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                return Err(bad("there is no manifest: the corpus is not finished, or this is not a corpus".into()));
+            }
+            other => other?,
+        };
+        // The format first: the rest of a later format's manifest cannot be known.
         let stated = serde_json::from_slice::<serde_json::Value>(&bytes).ok().and_then(|all| all["format"].as_u64());
-        if let Some(there) = stated.filter(|&there| there != u64::from(FORMAT)) {
+        if let Some(there) = stated.filter(|there| !FORMATS.contains(there)) {
             return Err(CorpusError::OtherFormat { place: store.place(), name: NAME.into(), there });
         }
-        serde_json::from_slice(&bytes).map_err(|error| bad(format!("not a whole manifest ({error})")))
+        let manifest: Manifest =
+            serde_json::from_slice(&bytes).map_err(|error| bad(format!("not a whole manifest ({error})")))?;
+        manifest.check().map_err(bad)?;
+        Ok((manifest, bytes))
+    }
+
+    /// What holds for every manifest that marsyard wrote: names that are no paths, numbers that can be true.
+    fn check(&self) -> Result<(), String> {
+        let named = self.families.iter().chain([&self.name]).find(|name| !names::is_folder_name(name));
+        if let Some(name) = named {
+            return Err(format!("the name {name:?} {}", names::RULE));
+        }
+        if !(1..=receipt::MOST_SCENES).contains(&u64::from(self.scenes_per_shard)) {
+            return Err(format!("{} scenes in a shard are absurd", self.scenes_per_shard));
+        }
+        if self.format > 1 && (self.receipts_sha256.is_none() || !self.files.keys().map(String::as_str).eq(FILES)) {
+            return Err(format!("it lacks the hashes of {} and the receipts", FILES.join(", ")));
+        }
+        let foreign = |failed: &&FailedEntry| failed.scene >= self.scenes || failed.replay != replay(failed.scene);
+        match self.failed.iter().find(foreign) {
+            Some(failed) => Err(format!("it lists scene {} as failed, which is none of its own", failed.scene)),
+            None => Ok(()),
+        }
+    }
+
+    /// As many shards as its scenes fill.
+    pub fn shards_of_scenes(&self) -> u64 {
+        self.scenes.div_ceil(u64::from(self.scenes_per_shard.max(1)))
+    }
+
+    /// The scenes of a shard: the first, and the one after the last.
+    pub fn scenes_of(&self, shard: u64) -> [u64; 2] {
+        let size = u64::from(self.scenes_per_shard);
+        [shard, shard.saturating_add(1)].map(|shard| shard.saturating_mul(size).min(self.scenes))
+    }
+
+    /// The split that a scene lies in.
+    pub fn split_of(&self, scene: u64) -> Split {
+        Split::of_shard(scene / u64::from(self.scenes_per_shard.max(1)))
+    }
+
+    /// Its yards and their splits.
+    pub fn yards(&self) -> Yards {
+        let Manifest { seed, scenes, scenes_per_shard, .. } = *self;
+        Yards { seed, yards: self.yards.clone(), scenes, scenes_per_shard }
     }
 
     pub fn labels(&self) -> LabelCounts {
@@ -212,17 +279,18 @@ pub struct ShardLine {
     pub shard: u64,
     pub split: Split,
     pub scenes: [u64; 2],
+    /// Since format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels: Option<LabelCounts>,
     pub tables: BTreeMap<Table, FileFacts>,
 }
 
-/// `shards.jsonl` read back.
-pub fn read_shard_lines(store: &dyn Store) -> Result<Vec<ShardLine>, CorpusError> {
-    let bad = |reason: String| CorpusError::BadManifest { place: store.place(), name: SHARDS.into(), reason };
-    let bytes = store.read(SHARDS)?;
-    let text = std::str::from_utf8(&bytes).map_err(|error| bad(error.to_string()))?;
+/// The lines of `shards.jsonl`, of its bytes; `Err` says what is wrong with it.
+pub fn parse_shard_lines(bytes: &[u8]) -> Result<Vec<ShardLine>, String> {
+    let text = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
     let mut lines: Vec<ShardLine> = Vec::new();
     for (number, text) in text.lines().enumerate() {
-        let at = |reason: String| bad(format!("line {}: {reason}", number + 1));
+        let at = |reason: String| format!("line {}: {reason}", number + 1);
         let line: ShardLine = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
         receipt::check_shard(line.shard, line.split, line.scenes, &line.tables).map_err(at)?;
         if lines.last().is_some_and(|before| before.shard >= line.shard) {

@@ -14,54 +14,76 @@
 //! ways: sha256 covers a file, the value hash covers its Arrow values and outlives a change of compression.
 //! Not here: what the columns' numbers mean beyond a sentence (the stages say that), and how scenes are scheduled.
 
+pub mod belongs;
 pub mod card;
 pub mod cell_file;
 pub mod checked;
 pub mod croissant;
 pub mod documents;
 pub mod error;
+pub mod finished;
 pub mod inspect;
+pub mod limits;
+mod listing;
 mod lookup;
 pub mod manifest;
+pub mod names;
+pub mod outputs;
+pub mod owner;
 mod pages;
 pub mod place;
 pub mod plain;
+pub mod plan_file;
+mod program;
 pub mod ranges;
 pub mod reader;
 pub mod rebuild;
+pub mod rebuilt;
 pub mod receipt;
 pub mod room;
 pub mod schema;
 pub mod shard;
+pub mod signature;
 pub mod spec;
 pub mod split;
 pub mod stats;
 pub mod store;
 mod tables;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
+mod totals;
 mod value_hash;
 pub mod verify;
 mod write;
+pub mod yards;
 
 pub use error::CorpusError;
+pub use finished::Finished;
 pub use inspect::{Inspection, inspect};
 pub use lookup::stored_cell;
 pub use manifest::Manifest;
+pub use outputs::Outputs;
 pub use place::{Place, Status, finalize, status, status_of};
+pub use program::Build;
 pub use ranges::Selection;
 pub use receipt::Receipt;
 pub use room::Room;
 pub use shard::{FinishedShard, ShardWriter};
-pub use spec::{Build, CorpusSpec, PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
+pub use spec::{CorpusSpec, PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
 pub use split::{Split, Table};
 pub use store::{LocalFolder, Store, address};
+pub use yards::Yards;
 
-/// Version of everything this module writes: a change of a column, of the Parquet crates or of an encoding raises it.
-pub const FORMAT: u32 = 1;
+/// Version of the manifest, `shards.jsonl` and the receipts; those of earlier versions are read, too.
+///
+/// 1: no hashes of the files beside the manifest, none of the receipts, no labels in `shards.jsonl`. 2: with them.
+pub const FORMAT: u32 = 2;
+
+/// Version of the tables, written into each: a change of a column, of the Parquet crates or of an encoding raises it.
+pub const PARQUET_FORMAT: u32 = 1;
 
 /// 32 bytes as 64 hexadecimal digits.
-fn hex(bytes: &[u8]) -> String {
+pub(crate) fn hex(bytes: &[u8]) -> String {
     use std::fmt::Write;
     bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
         let _ = write!(text, "{byte:02x}");

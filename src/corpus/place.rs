@@ -5,13 +5,14 @@ use std::fmt;
 
 use rayon::prelude::*;
 
+use super::finished;
+use super::limits::FileKind;
+use super::listing::{Listing, Stray};
 use super::manifest::{self, Merge};
+use super::plan_file::{self, Extent, PlanHead};
 use super::receipt::{self, Receipt};
 use super::shard::FinishedShard;
-use super::{Build, CorpusError, CorpusSpec, Manifest, Store, Table, card, croissant, ranges};
-
-const PLAN: &str = "plan.yaml";
-const PLAN_HEAD: &str = "# scene_plan_hash: ";
+use super::{Build, CorpusError, CorpusSpec, Manifest, Store, Table, card, croissant, owner, ranges, sha256};
 
 /// A place that belongs to the plan.
 pub struct Place<'a> {
@@ -20,42 +21,143 @@ pub struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// Takes an empty place for the plan, or goes on in one that is the plan's already.
+    /// Takes an empty place for the plan, or goes on in one that is the plan's already; any other is refused, untouched.
     ///
     /// `name` and `scenes` may differ from the last time: a corpus may be renamed and may grow. Anything else is another
-    /// corpus and is refused with the difference.
+    /// corpus and is refused with the difference. Where they differ, the plan is the first file that is written: from then on
+    /// it is not the finished corpus's plan, and no reader takes what grows for the corpus that was.
     pub fn open(store: &'a dyn Store, spec: &'a CorpusSpec) -> Result<Place<'a>, CorpusError> {
-        let text = format!("{PLAN_HEAD}{}\n{}", spec.scene_plan_hash, spec.plan_yaml);
-        if store.size(PLAN)?.is_some() {
-            let there = String::from_utf8_lossy(&store.read(PLAN)?).into_owned();
-            let (hash, plan) = there
-                .strip_prefix(PLAN_HEAD)
-                .and_then(|rest| rest.split_once('\n'))
-                .ok_or_else(|| CorpusError::ForeignPlan { place: store.place() })?;
-            if there == text {
-                return Ok(Place { store, spec });
-            }
-            if hash.trim() != spec.scene_plan_hash {
-                return Err(CorpusError::OtherPlan {
-                    place: store.place(),
-                    there: hash.trim().into(),
-                    here: spec.scene_plan_hash.clone(),
-                    difference: difference(plan, &spec.plan_yaml),
-                });
-            }
+        let place = Place { store, spec };
+        if place.is_taken()? {
+            return Ok(place);
         }
-        if let Some(&shard) = receipt::numbers(store)?.iter().find(|&&shard| shard >= spec.shards()) {
+        if let Some(&shard) = place.shards_beyond()?.first() {
             return Err(CorpusError::BeyondPlan { place: store.place(), shard, shards: spec.shards() });
         }
-        store.replace(PLAN, text.as_bytes())?;
-        let place = Place { store, spec };
-        place.sweep()?;
+        place.take()?;
         Ok(place)
+    }
+
+    /// The same, and removes whole shards behind the plan's end; also how many.
+    pub fn open_discarding(store: &'a dyn Store, spec: &'a CorpusSpec) -> Result<(Place<'a>, u64), CorpusError> {
+        let place = Place { store, spec };
+        if !place.is_taken()? {
+            place.take()?;
+        }
+        let discarded = place.discard_beyond()?;
+        Ok((place, discarded))
+    }
+
+    /// Whether the place holds this very plan; one that holds another's is refused.
+    fn is_taken(&self) -> Result<bool, CorpusError> {
+        let Place { store, spec } = self;
+        if store.size(plan_file::NAME)?.is_none() {
+            return match owner::check_empty(*store) {
+                Ok(()) => Ok(false),
+                // Another build may have taken it for the same plan meanwhile.
+                Err(_) if store.size(plan_file::NAME)?.is_some() => self.is_taken(),
+                Err(foreign) => Err(foreign),
+            };
+        }
+        let there = String::from_utf8_lossy(&FileKind::Config.read(*store, plan_file::NAME)?).into_owned();
+        let (hash, plan) = plan_file::split(&there).ok_or_else(|| CorpusError::ForeignPlan { place: store.place() })?;
+        if hash != spec.scene_plan_hash {
+            return Err(CorpusError::OtherPlan {
+                place: store.place(),
+                there: hash.into(),
+                here: spec.scene_plan_hash.clone(),
+                difference: difference(plan, &spec.plan_yaml),
+            });
+        }
+        owner::check_derived(*store)?;
+        Ok(there == plan_file::text(spec))
+    }
+
+    /// Writes the plan, and clears what crashed builds left.
+    fn take(&self) -> Result<(), CorpusError> {
+        self.store.replace(plan_file::NAME, plan_file::text(self.spec).as_bytes())?;
+        self.sweep()?;
+        // After the plan: a growth that goes on all the same finds it changed, and takes back what it puts from now on.
+        self.remove_half_shards().map(drop)
+    }
+
+    /// Shards behind the plan's end that have a receipt, ascending.
+    fn shards_beyond(&self) -> Result<Vec<u64>, CorpusError> {
+        let shards = self.spec.shards();
+        Ok(receipt::numbers(self.store)?.into_iter().filter(|&shard| shard >= shards).collect())
+    }
+
+    /// Removes whole shards behind the plan's end, the receipts first: what is left of one is half a shard.
+    fn discard_beyond(&self) -> Result<u64, CorpusError> {
+        let listing = Listing::of(self.store)?;
+        let mut shards = BTreeSet::new();
+        let mut files = Vec::new();
+        for name in self.strays(&listing) {
+            if let Stray::Beyond { shard } = self.judge(&listing, &name)? {
+                shards.insert(shard);
+                files.extend(Table::of_path(&name).map(|_| name));
+            }
+        }
+        shards.iter().try_for_each(|&shard| self.store.remove(&Receipt::path(shard)))?;
+        files.iter().try_for_each(|name| self.store.remove(name))?;
+        Ok(shards.len() as u64)
+    }
+
+    /// What lies in the folders and is of no shard of the plan.
+    fn strays(&self, listing: &Listing) -> Vec<String> {
+        listing.strays(self.spec.shards(), |table| self.spec.tables.contains(&table))
+    }
+
+    fn judge(&self, listing: &Listing, name: &str) -> Result<Stray, CorpusError> {
+        listing.judge(self.store, name, &self.spec.scene_plan_hash, self.spec.shards())
+    }
+
+    /// Removes files behind the plan's end for which no receipt speaks, where they say themselves that they are of this plan; the
+    /// names that are left and of no shard, and the listing that they are in.
+    fn remove_half_shards(&self) -> Result<(Vec<String>, Listing), CorpusError> {
+        let listing = Listing::of(self.store)?;
+        let mut left = Vec::new();
+        for name in self.strays(&listing) {
+            let beyond = Table::of_path(&name).is_some_and(|(_, shard)| shard >= self.spec.shards());
+            if beyond && self.judge(&listing, &name)? == Stray::Ours {
+                self.store.remove(&name)?;
+            } else {
+                left.push(name);
+            }
+        }
+        Ok((left, listing))
+    }
+
+    /// Removes every file of no shard that says itself that marsyard wrote it for this plan; also their names. Whole shards behind
+    /// the plan's end stay, and so does what others put there.
+    pub fn remove_strays(&self) -> Result<Vec<String>, CorpusError> {
+        let listing = Listing::of(self.store)?;
+        let mut removed = Vec::new();
+        for name in self.strays(&listing) {
+            if self.judge(&listing, &name)? == Stray::Ours {
+                self.store.remove(&name)?;
+                removed.push(name);
+            }
+        }
+        Ok(removed)
+    }
+
+    /// Refuses a place in which readers would find more than the shards of the plan.
+    fn refuse_strays(&self) -> Result<(), CorpusError> {
+        let (store, spec) = (self.store, self.spec);
+        let (left, listing) = self.remove_half_shards()?;
+        let Some(name) = left.first() else { return Ok(()) };
+        if let Stray::Beyond { shard } = self.judge(&listing, name)? {
+            return Err(CorpusError::BeyondPlan { place: store.place(), shard, shards: spec.shards() });
+        }
+        let finished::Fault { name, what, cure } =
+            finished::stray_fault(store, &listing, name, &spec.scene_plan_hash, spec.shards())?;
+        Err(CorpusError::NotWhole { place: store.place(), name, reason: what, cure })
     }
 
     /// Removes what crashed builds left; what a live one is writing stays.
     fn sweep(&self) -> Result<(), CorpusError> {
-        let data = Table::ALL.map(|table| format!("data/{}", table.name()));
+        let data = Table::ALL.map(Table::folder);
         let folders = ["", receipt::FOLDER].into_iter().chain(data.iter().map(String::as_str));
         folders.into_iter().try_for_each(|folder| self.store.sweep_temporaries(folder))
     }
@@ -63,58 +165,75 @@ impl<'a> Place<'a> {
     /// Puts a shard, where the place is still the plan's: not removed, unmounted or taken by another since it was opened.
     pub fn commit(&self, shard: &FinishedShard) -> Result<(), CorpusError> {
         self.still_there()?;
-        match shard.commit(self.store) {
-            Ok(_) => Ok(()),
-            Err(error) => self.still_there().and(Err(error)),
+        let put = shard.commit(self.store);
+        // Asked again: who took the place over meanwhile may have looked for files behind its end before this shard came.
+        match self.still_there() {
+            Err(error @ CorpusError::Overtaken { .. }) if self.is_beyond(shard)? => {
+                shard.withdraw(self.store).and(Err(error))
+            }
+            Err(error) => Err(error),
+            Ok(()) => put.map(|_| ()),
         }
     }
 
-    /// Refuses to go on where the place is no longer the plan's.
+    /// The shard lies behind the end of the plan that is in the place now.
+    fn is_beyond(&self, shard: &FinishedShard) -> Result<bool, CorpusError> {
+        let extent = plan_file::head(self.store)?.and_then(|head| head.extent);
+        Ok(extent.is_some_and(|extent| shard.receipt.scenes[0] >= extent.scenes))
+    }
+
+    /// Refuses to go on where the place is no longer the plan's, or where another build has given it another number of scenes.
     pub fn still_there(&self) -> Result<(), CorpusError> {
-        match owner(self.store)? {
-            Some(hash) if hash == self.spec.scene_plan_hash => Ok(()),
-            _ => Err(CorpusError::Vanished { place: self.store.place() }),
+        let place = || self.store.place();
+        let ours = Extent::from(self.spec);
+        let words = |extent: &Extent| format!("{} scenes of '{}'", extent.scenes, extent.name);
+        match plan_file::head(self.store)? {
+            Some(PlanHead { scene_plan_hash, extent }) if scene_plan_hash == self.spec.scene_plan_hash => {
+                match extent {
+                    Some(theirs) if theirs != ours => {
+                        Err(CorpusError::Overtaken { place: place(), ours: words(&ours), theirs: words(&theirs) })
+                    }
+                    _ => Ok(()),
+                }
+            }
+            _ => Err(CorpusError::Vanished { place: place() }),
         }
     }
 
     /// The shard is there, whole: its receipt, and every table with the size that the receipt says.
     pub fn is_done(&self, shard: u64) -> Result<bool, CorpusError> {
-        Ok(matches!(shard_state(self.store, self.spec, shard)?, ShardState::Done(_)))
+        Ok(matches!(shard_state(self.store, self.spec, shard)?, ShardState::Done(..)))
     }
 
-    /// Removes a damaged shard, so that it can be built anew: the receipt first, so that no half of it is taken for whole.
+    /// Removes a damaged shard, so that it can be built anew: the receipt last, since it says that what cannot be read is ours. With
+    /// a table missing the shard is no longer whole. What marsyard did not write stays, and is refused ([`owner::check_shard`]).
     pub fn discard(&self, shard: u64) -> Result<(), CorpusError> {
-        self.store.remove(&Receipt::path(shard))?;
-        Table::ALL.iter().try_for_each(|table| self.store.remove(&table.path(shard)))
+        owner::check_shard(self.store, &self.spec.scene_plan_hash, shard)?;
+        Table::ALL.iter().try_for_each(|table| self.store.remove(&table.path(shard)))?;
+        self.store.remove(&Receipt::path(shard))
     }
 }
 
 /// The scene_plan_hash of the plan that a place belongs to, as the first line of its plan.yaml says; `None` where there is none.
 pub fn owner(store: &dyn Store) -> Result<Option<String>, CorpusError> {
-    if store.size(PLAN)?.is_none() {
-        return Ok(None);
-    }
-    let head = store.read_range(PLAN, 0, PLAN_HEAD.len() + 64)?;
-    let hash = std::str::from_utf8(&head).ok().and_then(|head| head.strip_prefix(PLAN_HEAD));
-    Ok(hash.and_then(|hash| hash.lines().next()).map(|hash| hash.trim().to_string()))
+    Ok(plan_file::head(store)?.map(|head| head.scene_plan_hash))
 }
 
 enum ShardState {
-    Done(Box<Receipt>),
+    /// The receipt, and the bytes that it was read from.
+    Done(Box<Receipt>, Vec<u8>),
     Missing,
     Damaged(String),
     OtherFormat(CorpusError),
 }
 
 fn shard_state(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<ShardState, CorpusError> {
-    if store.size(&Receipt::path(shard))?.is_none() {
-        return Ok(ShardState::Missing);
-    }
-    let receipt = match Receipt::read(store, shard, &spec.scene_plan_hash) {
-        Ok(receipt) => receipt,
-        Err(error @ CorpusError::BadReceipt { .. }) => return Ok(ShardState::Damaged(error.to_string())),
+    let (receipt, bytes) = match Receipt::read_with_bytes(store, shard, &spec.scene_plan_hash) {
+        Ok(read) => read,
+        Err(error @ (CorpusError::BadReceipt { .. } | CorpusError::NotAFile { .. } | CorpusError::TooLarge { .. })) => {
+            return Ok(ShardState::Damaged(error.to_string()));
+        }
         Err(error @ CorpusError::OtherFormat { .. }) => return Ok(ShardState::OtherFormat(error)),
-        // Removed since the line above, by a build that makes the shard anew.
         Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
             return Ok(ShardState::Missing);
         }
@@ -122,7 +241,10 @@ fn shard_state(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<Shard
     };
     for table in &spec.tables {
         let path = table.path(shard);
-        let size = store.size(&path)?;
+        let size = match store.size(&path) {
+            Err(error @ CorpusError::NotAFile { .. }) => return Ok(ShardState::Damaged(error.to_string())),
+            other => other?,
+        };
         let reason = match (receipt.tables.get(table), size) {
             (None, _) => format!("its receipt says nothing of {}", table.name()),
             (_, None) => format!("{path} is missing"),
@@ -133,7 +255,7 @@ fn shard_state(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<Shard
         };
         return Ok(ShardState::Damaged(reason));
     }
-    Ok(ShardState::Done(Box::new(receipt)))
+    Ok(ShardState::Done(Box::new(receipt), bytes))
 }
 
 /// Which shards of the plan are there.
@@ -210,7 +332,7 @@ pub fn status(store: &dyn Store, spec: &CorpusSpec) -> Result<Status, CorpusErro
 
 /// Looks at some shards of the plan: a machine that builds a part need not look at all.
 pub fn status_of(store: &dyn Store, spec: &CorpusSpec, shards: &[u64]) -> Result<Status, CorpusError> {
-    survey(store, spec, shards, |_| ())
+    survey(store, spec, shards, |_, _| ())
 }
 
 /// Receipts that are read at a time, on all threads.
@@ -221,7 +343,7 @@ fn survey(
     store: &dyn Store,
     spec: &CorpusSpec,
     shards: &[u64],
-    mut done: impl FnMut(&Receipt),
+    mut done: impl FnMut(&Receipt, &[u8]),
 ) -> Result<Status, CorpusError> {
     let mut status = Status { place: store.place(), shards: spec.shards(), ..Status::default() };
     for block in shards.chunks(BLOCK) {
@@ -231,9 +353,9 @@ fn survey(
                 ShardState::Missing => status.missing.push(shard),
                 ShardState::Damaged(reason) => status.damaged.push((shard, reason)),
                 ShardState::OtherFormat(error) => status.other_format.push((shard, error.to_string())),
-                ShardState::Done(receipt) => {
+                ShardState::Done(receipt, bytes) => {
                     status.add_done(&receipt);
-                    done(&receipt);
+                    done(&receipt, &bytes);
                 }
             }
         }
@@ -241,10 +363,19 @@ fn survey(
     Ok(status)
 }
 
-/// Merges the receipts of whoever built the shards into `shards.jsonl`, `manifest.json`, card and Croissant; refuses gaps.
+/// Merges the receipts of whoever built the shards into `shards.jsonl`, `manifest.json`, card and Croissant; refuses gaps, and files
+/// that are of no shard.
+///
+/// The manifest names the others by their hashes and is written last: a corpus whose finalize was cut off is the old one whole, or is
+/// refused by readers until another finalize ends. It takes receipts at their word: what was edited in one to fit its shard is merged,
+/// and only a shard that is built again tells.
 pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
+    let place = Place { store, spec };
+    place.still_there()?;
+    owner::check_derived(store)?;
     let mut merge = Merge::new(spec);
-    let status = survey(store, spec, &(0..spec.shards()).collect::<Vec<_>>(), |receipt| merge.add(receipt))?;
+    let all: Vec<u64> = (0..spec.shards()).collect();
+    let status = survey(store, spec, &all, |receipt, bytes| merge.add(receipt, bytes))?;
     let gaps = status.gaps();
     if !gaps.is_empty() {
         return Err(CorpusError::Gaps {
@@ -254,13 +385,20 @@ pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, Corpus
             ranges: ranges::to_text(&gaps),
         });
     }
-    let (manifest, lines) = merge.finish();
-    store.replace(manifest::SHARDS, lines.as_bytes())?;
-    store.replace(card::NAME, card::text(spec, &manifest).as_bytes())?;
-    store.replace(croissant::NAME, croissant::text(spec, &manifest).as_bytes())?;
+    place.refuse_strays()?;
+    let (mut manifest, lines) = merge.finish();
+    let plan = FileKind::Config.read(store, plan_file::NAME)?;
+    let card = card::text(spec, &manifest).into_bytes();
+    let croissant = croissant::text(spec, &manifest).into_bytes();
+    let files = [(manifest::SHARDS, lines.into_bytes()), (card::NAME, card), (croissant::NAME, croissant)];
+    manifest.files = files.iter().map(|(name, bytes)| (name.to_string(), sha256(bytes))).collect();
+    manifest.files.insert(plan_file::NAME.into(), sha256(&plan));
+    place.still_there()?;
+    files.iter().try_for_each(|(name, bytes)| store.replace(name, bytes))?;
+    place.still_there()?;
     // Last: whoever waits for the manifest finds the rest.
     manifest.write(store)?;
-    Place { store, spec }.sweep()?;
+    place.sweep()?;
     Ok(manifest)
 }
 
@@ -299,7 +437,7 @@ pub fn difference(there: &str, here: &str) -> String {
     let lines: Vec<String> = lines.collect();
     if lines.is_empty() {
         "  (no key differs: another version of marsyard made the other hash, or the first line of plan.yaml is damaged; if so, \
-             delete plan.yaml, and the same command goes on)"
+             write into it the scene_plan_hash of this plan, and the same command goes on)"
             .into()
     } else {
         lines.join("\n")

@@ -7,7 +7,7 @@ use arrow::array::{ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch
 use super::schema::{self, Column, Kind, Role};
 use super::shard::ZSTD_LEVEL;
 use super::write::TableWriter;
-use super::{CorpusError, FORMAT};
+use super::{CorpusError, PARQUET_FORMAT};
 
 /// A column's values.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,7 +64,7 @@ pub fn plain_table(name: &str, columns: &[PlainColumn]) -> Result<Vec<u8>, Corpu
     let parquet = |source| CorpusError::Parquet { name: name.into(), source };
     let key_values = [
         ("marsyard.columns", schema::columns_json(&described)),
-        ("marsyard.format", FORMAT.to_string()),
+        ("marsyard.format", PARQUET_FORMAT.to_string()),
         ("marsyard.table", name.to_string()),
     ];
     let arrays = columns.iter().map(|column| column.values.array()).collect();

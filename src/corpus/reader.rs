@@ -19,6 +19,7 @@ use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
 use parquet::errors::ParquetError;
+use parquet::file::metadata::RowGroupMetaData;
 use parquet::file::reader::{ChunkReader, Length};
 
 use super::pages::{self, Chunks};
@@ -69,6 +70,11 @@ impl TableFile {
 
     pub fn rows(&self) -> u64 {
         self.row_groups().iter().sum()
+    }
+
+    /// What the footer says of each row group.
+    pub fn row_group_facts(&self) -> &[RowGroupMetaData] {
+        self.facts.metadata().row_groups()
     }
 
     /// The file's key-values, less Arrow's own schema blob.

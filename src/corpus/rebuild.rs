@@ -12,9 +12,9 @@ use arrow::util::display::array_value_to_string;
 use super::reader::TableFile;
 use super::receipt::Receipt;
 use super::shard::FinishedShard;
-use super::spec::{Build, CorpusSpec};
+use super::spec::CorpusSpec;
 use super::verify::Finding;
-use super::{CorpusError, LocalFolder, Store};
+use super::{Build, CorpusError, LocalFolder, Store};
 
 /// Compares a shard in the corpus with the same shard built again; empty where every byte is equal.
 pub fn compare(store: &dyn Store, spec: &CorpusSpec, again: FinishedShard) -> Result<Vec<Finding>, CorpusError> {
@@ -30,7 +30,7 @@ pub fn compare(store: &dyn Store, spec: &CorpusSpec, again: FinishedShard) -> Re
             find(name, difference(store, name, bytes)? + &other_program(&there.build, &here.build));
         }
     }
-    if (Receipt { build: there.build.clone(), ..here }) != there {
+    if (Receipt { format: there.format, build: there.build.clone(), ..here }) != there {
         find(&Receipt::path(shard), "is not the receipt of the shard built again".into());
     }
     Ok(findings)

@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::spec::Build;
+use super::limits::FileKind;
 use super::stats::{LabelCounts, Moments, PointCounts};
 use super::store::{Put, Store};
-use super::{CorpusError, FORMAT, Split, Table};
+use super::{Build, CorpusError, Split, Table, manifest};
 
 pub const FOLDER: &str = "receipts";
 
@@ -73,28 +73,40 @@ impl Receipt {
         format!("{FOLDER}/{shard:07}.json")
     }
 
-    /// Writes the receipt. One that is there already and differs by the program alone that wrote it is the same shard.
+    /// Writes the receipt. One that is there already and differs by its format and the program alone that wrote it is the same
+    /// shard.
     pub fn put(&self, store: &dyn Store) -> Result<Put, CorpusError> {
         let name = Receipt::path(self.shard);
         let text = serde_json::to_string_pretty(self).expect("a receipt is plain data") + "\n";
         match store.put(&name, text.as_bytes()) {
             Err(refused @ CorpusError::Differs { .. }) => match Receipt::read(store, self.shard, &self.scene_plan_hash)
             {
-                Ok(there) if Receipt { build: self.build.clone(), ..there.clone() } == *self => Ok(Put::Same),
+                Ok(there) if Receipt { format: self.format, build: self.build.clone(), ..there.clone() } == *self => {
+                    Ok(Put::Same)
+                }
                 _ => Err(refused),
             },
             other => other,
         }
     }
 
-    /// Reads and checks a receipt: whole, of this format, of this plan, of this shard.
+    /// Reads and checks a receipt: whole, of a format that is read, of this plan, of this shard.
     pub fn read(store: &dyn Store, shard: u64, scene_plan_hash: &str) -> Result<Receipt, CorpusError> {
+        Receipt::read_with_bytes(store, shard, scene_plan_hash).map(|(receipt, _)| receipt)
+    }
+
+    /// The receipt, and the bytes that it was read from.
+    pub fn read_with_bytes(
+        store: &dyn Store,
+        shard: u64,
+        scene_plan_hash: &str,
+    ) -> Result<(Receipt, Vec<u8>), CorpusError> {
         let name = Receipt::path(shard);
-        let bytes = store.read(&name)?;
+        let bytes = FileKind::Receipt.read(store, &name)?;
         let bad = |reason: String| CorpusError::BadReceipt { place: store.place(), name: name.clone(), reason };
-        // The format first: the rest of another format's receipt cannot be known, and it may be sound.
+        // The format first: the rest of a later format's receipt cannot be known, and it may be sound.
         let stated = serde_json::from_slice::<Format>(&bytes).ok().map(|stated| stated.format);
-        if let Some(there) = stated.filter(|&there| there != u64::from(FORMAT)) {
+        if let Some(there) = stated.filter(|there| !manifest::FORMATS.contains(there)) {
             return Err(CorpusError::OtherFormat { place: store.place(), name, there });
         }
         let receipt: Receipt =
@@ -108,12 +120,12 @@ impl Receipt {
             return Err(bad(format!("it is the receipt of shard {}", receipt.shard)));
         }
         check_shard(shard, receipt.split, receipt.scenes, &receipt.tables).map_err(bad)?;
-        Ok(receipt)
+        Ok((receipt, bytes))
     }
 }
 
 /// More of anything than a shard can have; lists of scenes and row groups are made from these numbers.
-const MOST_SCENES: u64 = 100_000;
+pub const MOST_SCENES: u64 = 100_000;
 const MOST_ROW_GROUPS: u32 = 4096;
 const MOST_ROWS: u64 = 1 << 40;
 
@@ -141,8 +153,13 @@ pub fn check_shard(
 /// Numbers of the shards that have a receipt file, ascending.
 pub fn numbers(store: &dyn Store) -> Result<Vec<u64>, CorpusError> {
     let files = store.list(FOLDER)?;
-    let number = |name: &str| name.strip_prefix(FOLDER)?.strip_prefix('/')?.strip_suffix(".json")?.parse::<u64>().ok();
     let mut numbers: Vec<u64> = files.iter().filter_map(|(name, _)| number(name)).collect();
     numbers.sort_unstable();
     Ok(numbers)
+}
+
+/// The shard whose receipt bears this name.
+pub fn number(name: &str) -> Option<u64> {
+    let number = name.strip_prefix(FOLDER)?.strip_prefix('/')?.strip_suffix(".json")?.parse().ok()?;
+    (Receipt::path(number) == name).then_some(number)
 }

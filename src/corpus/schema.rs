@@ -176,7 +176,7 @@ pub fn columns_json(columns: &[Column]) -> String {
 /// A table's entry in `schemas/`.
 pub fn document(table: Table, features: &[FeatureColumn], drawn: &[Purpose]) -> serde_json::Value {
     serde_json::json!({
-        "format": super::FORMAT,
+        "format": super::PARQUET_FORMAT,
         "table": table.name(),
         "row": table.row_is(),
         "sorted_by": sort_keys(table),

@@ -9,11 +9,11 @@ use arrow::array::{ArrayRef, Float64Array, RecordBatch};
 use arrow::datatypes::SchemaRef;
 
 use super::receipt::{FailedScene, FeatureMoments, FileFacts, Receipt};
-use super::spec::{Build, CorpusSpec, ScanOutput, SceneOutput};
+use super::spec::{CorpusSpec, ScanOutput, SceneOutput};
 use super::stats::{LabelCounts, Moments, PointCounts, RowMoments};
 use super::store::{Put, Store};
 use super::write::{FinishedFile, TableWriter};
-use super::{CorpusError, FORMAT, Split, Table, schema, tables};
+use super::{Build, CorpusError, FORMAT, PARQUET_FORMAT, Split, Table, schema, tables};
 use crate::cells::FeatureColumn;
 
 /// zstd's own default; higher levels cost more time than they save space here.
@@ -57,7 +57,7 @@ impl<'a> ShardWriter<'a> {
             let range = spec.scenes_of(shard);
             let key_values = [
                 ("marsyard.columns", schema::columns_json(&columns)),
-                ("marsyard.format", FORMAT.to_string()),
+                ("marsyard.format", PARQUET_FORMAT.to_string()),
                 ("marsyard.scene_plan_hash", spec.scene_plan_hash.clone()),
                 ("marsyard.scenes", format!("{}..{}", range.start, range.end)),
                 ("marsyard.shard", shard.to_string()),
@@ -140,7 +140,7 @@ impl<'a> ShardWriter<'a> {
             labels: self.labels,
             points: self.points,
             failed: self.failed,
-            build: Build::of_this_binary().clone(),
+            build: Build::of_this_binary(),
         };
         Ok(FinishedShard { receipt, files })
     }

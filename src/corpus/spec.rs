@@ -1,12 +1,5 @@
 //! What the corpus is told: the plan's facts about the whole, and one scene's rows.
 
-use std::fmt;
-use std::io::Read;
-use std::sync::OnceLock;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::split::Table;
 use crate::cells::{Cells, FeatureColumn};
 use crate::geometry::{GridSpec, Pose, Transform};
@@ -29,6 +22,8 @@ pub struct CorpusSpec {
     pub families: Vec<String>,
     /// Hash of the resolved plan without `name` and `scenes`, hexadecimal.
     pub scene_plan_hash: String,
+    /// Hashes of the kinds of yard, ascending: see [`Yards`](super::Yards).
+    pub yards: Vec<String>,
     /// The resolved plan as text.
     pub plan_yaml: String,
     /// SPDX name in lower case, as Hugging Face writes it, of the licence that the data is given under.
@@ -118,50 +113,4 @@ pub struct PoseRow {
     pub scan_id: Option<u32>,
     pub truth: Pose,
     pub estimate: Estimate,
-}
-
-/// Which program wrote a shard.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Build {
-    pub version: String,
-    pub commit: String,
-    pub binary_sha256: String,
-    pub rustc: String,
-    pub target: String,
-}
-
-impl fmt::Display for Build {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let start = |text: &str| text.chars().take(12).collect::<String>();
-        write!(f, "{} (commit {}, binary {})", self.version, start(&self.commit), start(&self.binary_sha256))
-    }
-}
-
-impl Build {
-    /// The running program. Its own file is read once; "unknown" where that cannot be done.
-    pub fn of_this_binary() -> &'static Build {
-        static BUILD: OnceLock<Build> = OnceLock::new();
-        BUILD.get_or_init(|| Build {
-            version: env!("CARGO_PKG_VERSION").into(),
-            commit: env!("MARSYARD_COMMIT").into(),
-            binary_sha256: sha256_of_this_binary().unwrap_or_else(|_| "unknown".into()),
-            rustc: env!("MARSYARD_RUSTC").into(),
-            target: env!("MARSYARD_TARGET").into(),
-        })
-    }
-}
-
-/// Read in pieces: a binary may be larger than all that a build holds in memory.
-/// The file that runs, be it unlinked or replaced since it was started.
-fn sha256_of_this_binary() -> std::io::Result<String> {
-    use sha2::Digest;
-    let mut file = std::fs::File::open("/proc/self/exe")?;
-    let mut hasher = sha2::Sha256::new();
-    let mut piece = vec![0; 1 << 16];
-    loop {
-        match file.read(&mut piece)? {
-            0 => return Ok(super::hex(&hasher.finalize())),
-            length => hasher.update(&piece[..length]),
-        }
-    }
 }

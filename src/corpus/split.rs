@@ -36,9 +36,20 @@ impl Table {
         }
     }
 
+    /// Where its files lie.
+    pub fn folder(self) -> String {
+        format!("data/{}", self.name())
+    }
+
     /// Where a shard's rows of this table lie.
     pub fn path(self, shard: u64) -> String {
         format!("data/{}/{}-{shard:07}.parquet", self.name(), Split::of_shard(shard).name())
+    }
+
+    /// The table and the shard whose rows lie at a path.
+    pub fn of_path(path: &str) -> Option<(Table, u64)> {
+        let shard = path.strip_suffix(".parquet")?.rsplit_once('-')?.1.parse().ok()?;
+        Table::ALL.into_iter().map(|table| (table, shard)).find(|(table, shard)| table.path(*shard) == path)
     }
 }
 
@@ -95,5 +106,11 @@ mod tests {
     fn exact_paths_carry_table_split_and_shard() {
         assert_eq!(Table::Cells.path(7), "data/cells/train-0000007.parquet");
         assert_eq!(Table::Points.path(12_345_669), "data/points/validation-12345669.parquet");
+        assert_eq!(Table::of_path("data/points/validation-12345669.parquet"), Some((Table::Points, 12_345_669)));
+        for other in
+            ["data/cells/train-7.parquet", "data/cells/test-0000007.parquet", "cells", "data/cells/train-0000007"]
+        {
+            assert_eq!(Table::of_path(other), None, "{other}");
+        }
     }
 }

@@ -2,16 +2,17 @@
 //!
 //! A [`Store`] holds whole files under names such as `data/cells/train-0000007.parquet`. A file is there whole or not at
 //! all, and two writers of the same bytes are both right. In a folder it is written to a temporary name of its own, synced, and
-//! renamed without replacing; then the folder is synced. What ends in a crash is a file whose name begins with `.tmp-`; it is
+//! renamed without replacing; then the folder is synced. What ends in a crash is a file named `.marsyard-tmp-PID-...`; it is
 //! never listed and never taken for whole. A live writer holds a lock on each of its temporary files, and the lock ends with the
-//! process, however it ends: who sweeps removes only what it can lock itself. [`address`] says what a user's text names, `objects`
-//! what object stores do.
+//! process, however it ends: who sweeps removes only what it can lock itself, in folders of marsyard's own ([`super::owner`]).
+//! [`address`] says what a user's text names, `objects` what object stores do.
 
 pub mod address;
 #[cfg(feature = "object-stores")]
 mod connect;
 #[cfg(test)]
 mod contract;
+mod files;
 #[cfg(feature = "object-stores")]
 mod objects;
 #[cfg(feature = "object-stores")]
@@ -21,20 +22,28 @@ mod profile;
 #[cfg(feature = "object-stores")]
 mod secrets;
 #[cfg(feature = "object-stores")]
+mod stored;
+#[cfg(feature = "object-stores")]
 mod watch;
 #[cfg(all(test, feature = "object-stores"))]
 mod wire;
 
 use std::fs::{self, File, Permissions};
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+pub use files::read_local;
+use files::{FolderEntry, read_file, read_folder, take_name};
+
 use super::{CorpusError, sha256};
 
-/// Unfinished files begin with this.
-const TEMPORARY: &str = ".tmp-";
+/// Unfinished files begin with this, and then the number of the process that writes them.
+const TEMPORARY: &str = ".marsyard-tmp-";
+
+/// The largest file that is read as a whole where nobody says otherwise.
+pub const MAX_FILE_BYTES: u64 = 4 << 30;
 
 /// What a create-only put found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,15 +59,32 @@ pub trait Store: Send + Sync {
     fn put(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError>;
     /// Writes a file that may be there already with other bytes (the derived ones: manifest, card).
     fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError>;
-    fn read(&self, name: &str) -> Result<Vec<u8>, CorpusError>;
+    fn read(&self, name: &str) -> Result<Vec<u8>, CorpusError> {
+        self.read_within(name, MAX_FILE_BYTES)
+    }
+    /// A whole file, refused where it is longer than that, before more of it is taken in.
+    fn read_within(&self, name: &str, most: u64) -> Result<Vec<u8>, CorpusError>;
     /// The bytes from `offset` on, `length` of them, or fewer at the file's end.
     fn read_range(&self, name: &str, offset: u64, length: usize) -> Result<Vec<u8>, CorpusError>;
     /// Names and sizes of the files right in a folder, ascending by name; empty where there is no such folder.
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError>;
-    /// Size in bytes, or `None` where there is no such file.
+    /// Names of what lies right in a folder and is no file: links, folders, pipes.
+    fn odd_entries(&self, _folder: &str) -> Result<Vec<String>, CorpusError> {
+        Ok(Vec::new())
+    }
+    /// Size in bytes, or `None` where there is no such file; what bears the name and is no file is refused.
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError>;
     /// Removes a file; no such file is fine.
     fn remove(&self, name: &str) -> Result<(), CorpusError>;
+    /// Adds to the end of a file that is there.
+    fn append(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
+        let mut whole = self.read(name)?;
+        whole.extend_from_slice(bytes);
+        self.replace(name, &whole)
+    }
+    /// The name of something in the place, file or folder, that is none of marsyard's temporary files; the first of them where they
+    /// have an order. `None` where the place is empty or not there.
+    fn first_entry(&self) -> Result<Option<String>, CorpusError>;
     /// Removes what crashed writers left in a folder (or, for "", beside the folders); what a live writer holds stays.
     fn sweep_temporaries(&self, folder: &str) -> Result<(), CorpusError>;
     /// Bytes that may still be written, where the place can say.
@@ -99,6 +125,46 @@ impl LocalFolder {
         move |source| CorpusError::Io { place: self.place(), name: name.into(), source }
     }
 
+    /// Refuses a link that leads nowhere: what is made at its end is not what was named.
+    fn is_nothing(&self) -> Result<(), CorpusError> {
+        if fs::symlink_metadata(&self.root).is_err() {
+            return Ok(());
+        }
+        let (reason, cure) = ("it is a link to a folder that is not there", "make that folder, or remove the link");
+        Err(CorpusError::Refused { place: self.place(), reason: reason.into(), cure: cure.into() })
+    }
+
+    /// A file, opened without waiting: for a pipe, whose writer may never come, as for all else that is no file, it is refused.
+    fn opened(&self, name: &str) -> Result<File, CorpusError> {
+        let path = self.path(name)?;
+        let not_a_file = |what| CorpusError::NotAFile { place: self.place(), name: name.into(), what };
+        let facts = fs::symlink_metadata(&path).map_err(self.failed(name))?;
+        let refused = |facts: &fs::Metadata| kind_of(facts.file_type()).map_or(Ok(()), |what| Err(not_a_file(what)));
+        refused(&facts)?;
+        // It may have been replaced since.
+        let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
+        let mut options = File::options();
+        let file = options.read(true).custom_flags(flags.bits() as i32).open(&path).map_err(self.failed(name))?;
+        refused(&file.metadata().map_err(self.failed(name))?)?;
+        Ok(file)
+    }
+
+    /// What lies right in a folder; nothing where there is no such folder.
+    fn entries(&self, folder: &str) -> Result<Vec<FolderEntry>, CorpusError> {
+        let entries = match read_folder(&self.path(folder)?) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            other => other.map_err(self.failed(folder))?,
+        };
+        let mut kept = Vec::new();
+        for entry in entries {
+            let entry = entry.map_err(self.failed(folder))?;
+            if !is_temporary(&entry.file_name().to_string_lossy()) {
+                kept.push(entry);
+            }
+        }
+        Ok(kept)
+    }
+
     /// The bytes, synced, under a temporary name beside their final one.
     fn written(&self, path: &Path, bytes: &[u8]) -> std::io::Result<tempfile::NamedTempFile> {
         let folder = path.parent().unwrap_or(&self.root);
@@ -121,14 +187,14 @@ impl Store for LocalFolder {
             return compared(self, name, &self.read(name)?, bytes);
         }
         let file = self.written(&path, bytes).map_err(self.failed(name))?;
-        match file.persist_noclobber(&path) {
-            Ok(_) => {
+        match take_name(file, &path, |file| file.persist_noclobber(&path)) {
+            Ok(()) => {
                 sync_folder_of(&path).map_err(self.failed(name))?;
                 Ok(Put::Created)
             }
             // Another writer was faster.
             Err(_) if self.size(name)?.is_some() => compared(self, name, &self.read(name)?, bytes),
-            Err(error) => Err(self.failed(name)(error.error)),
+            Err(error) => Err(self.failed(name)(error)),
         }
     }
 
@@ -142,63 +208,92 @@ impl Store for LocalFolder {
         sync_folder_of(&path).map_err(self.failed(name))
     }
 
-    fn read(&self, name: &str) -> Result<Vec<u8>, CorpusError> {
-        fs::read(self.path(name)?).map_err(self.failed(name))
+    fn read_within(&self, name: &str, most: u64) -> Result<Vec<u8>, CorpusError> {
+        read_file(self.opened(name)?, most).map_err(self.failed(name))
     }
 
     fn read_range(&self, name: &str, offset: u64, length: usize) -> Result<Vec<u8>, CorpusError> {
-        let read = || {
-            let mut file = File::open(self.root.join(name))?;
+        let mut file = self.opened(name)?;
+        let mut read = || {
             file.seek(SeekFrom::Start(offset))?;
             let mut bytes = Vec::new();
-            file.take(length as u64).read_to_end(&mut bytes)?;
+            (&file).take(length as u64).read_to_end(&mut bytes)?;
             Ok(bytes)
         };
-        self.path(name)?;
         read().map_err(self.failed(name))
     }
 
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
-        let entries = match fs::read_dir(self.path(folder)?) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-            other => other.map_err(self.failed(folder))?,
-        };
         let mut files = Vec::new();
-        for entry in entries {
-            let entry = entry.map_err(self.failed(folder))?;
-            let name = entry.file_name().to_string_lossy().into_owned();
-            if name.starts_with(TEMPORARY) {
-                continue;
-            }
-            let facts = entry.metadata().map_err(self.failed(folder))?;
+        for entry in self.entries(folder)? {
+            let facts = match entry.metadata() {
+                // Removed since it was listed.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                other => other.map_err(self.failed(folder))?,
+            };
             if facts.is_file() {
-                files.push((format!("{folder}/{name}"), facts.len()));
+                files.push((format!("{folder}/{}", entry.file_name().to_string_lossy()), facts.len()));
             }
         }
         files.sort();
         Ok(files)
     }
 
+    fn odd_entries(&self, folder: &str) -> Result<Vec<String>, CorpusError> {
+        let mut names = Vec::new();
+        for entry in self.entries(folder)? {
+            if !entry.is_file().map_err(self.failed(folder))? {
+                names.push(format!("{folder}/{}", entry.file_name().to_string_lossy()));
+            }
+        }
+        Ok(names)
+    }
+
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {
-        match fs::metadata(self.path(name)?) {
-            Ok(facts) => Ok(facts.is_file().then_some(facts.len())),
+        match fs::symlink_metadata(self.path(name)?) {
+            Ok(facts) => match kind_of(facts.file_type()) {
+                None => Ok(Some(facts.len())),
+                Some(what) => Err(CorpusError::NotAFile { place: self.place(), name: name.into(), what }),
+            },
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(self.failed(name)(error)),
         }
     }
 
     fn remove(&self, name: &str) -> Result<(), CorpusError> {
+        if self.size(name)?.is_none() {
+            return Ok(());
+        }
         match fs::remove_file(self.path(name)?) {
             Err(error) if error.kind() != ErrorKind::NotFound => Err(self.failed(name)(error)),
             _ => Ok(()),
         }
     }
 
+    fn append(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
+        let append = |path: PathBuf| {
+            let mut file = File::options().append(true).open(path)?;
+            file.write_all(bytes)?;
+            file.sync_data()
+        };
+        append(self.path(name)?).map_err(self.failed(name))
+    }
+
+    fn first_entry(&self) -> Result<Option<String>, CorpusError> {
+        let entries = match read_folder(&self.root) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return self.is_nothing().map(|()| None),
+            other => other.map_err(self.failed(""))?,
+        };
+        let names = entries.map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()));
+        let names = names.collect::<Result<Vec<_>, _>>().map_err(self.failed(""))?;
+        Ok(names.into_iter().filter(|name| !is_temporary(name)).min())
+    }
+
     fn sweep_temporaries(&self, folder: &str) -> Result<(), CorpusError> {
         let path = if folder.is_empty() { self.root.clone() } else { self.path(folder)? };
-        let Ok(entries) = fs::read_dir(path) else { return Ok(()) };
+        let Ok(entries) = read_folder(&path) else { return Ok(()) };
         for entry in entries.flatten() {
-            if !entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+            if !entry.is_file().unwrap_or(false) || !is_temporary(&entry.file_name().to_string_lossy()) {
                 continue;
             }
             // The lock is held while the file is removed: a writer that waits for it finds its file gone and takes another.
@@ -231,12 +326,23 @@ impl Store for LocalFolder {
     }
 }
 
+/// What is no file, in words; `None` for a file.
+fn kind_of(kind: fs::FileType) -> Option<&'static str> {
+    match kind {
+        kind if kind.is_file() => None,
+        kind if kind.is_symlink() => Some("a link"),
+        kind if kind.is_dir() => Some("a folder"),
+        kind if kind.is_fifo() => Some("a pipe"),
+        _ => Some("a device or a socket"),
+    }
+}
+
 /// A new file that says, by its lock, that its writer lives.
 fn locked_temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     loop {
         // Mode 666 less the umask, as any other new file: others shall read a corpus.
         let file = tempfile::Builder::new()
-            .prefix(&format!("{TEMPORARY}{}-", std::process::id()))
+            .prefix(&temporary_prefix())
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(folder)?;
         match file.as_file().lock() {
@@ -248,6 +354,32 @@ fn locked_temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     }
 }
 
+/// Writes a file that lies in no place of marsyard's: whole, or not at all. What is no file (a pipe, a terminal) is written to.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    if fs::metadata(path).is_ok_and(|facts| !facts.is_file()) {
+        return fs::write(path, bytes);
+    }
+    // Through a link, so that it stays one.
+    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = locked_temporary(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(&path).map_err(|error| error.error)?;
+    sync_folder_of(&path)
+}
+
+/// Whether a name is that of an unfinished file of marsyard's: `.marsyard-tmp-PID-...`.
+pub(crate) fn is_temporary(name: &str) -> bool {
+    let pid = name.strip_prefix(TEMPORARY).and_then(|rest| rest.split_once('-'));
+    pid.is_some_and(|(pid, _)| !pid.is_empty() && pid.bytes().all(|digit| digit.is_ascii_digit()))
+}
+
+/// What a temporary file or folder of this process begins with.
+pub(crate) fn temporary_prefix() -> String {
+    format!("{TEMPORARY}{}-", std::process::id())
+}
+
 /// A temporary file that nobody holds, locked; where that cannot be known, somebody does.
 fn abandoned(path: &Path) -> Option<File> {
     File::open(path).ok().filter(|file| file.try_lock().is_ok())
@@ -255,7 +387,7 @@ fn abandoned(path: &Path) -> Option<File> {
 
 /// Whether a name stays within its place, and is none of an unfinished file.
 fn is_name(name: &str) -> bool {
-    let sound = |part: &str| !part.is_empty() && part != "." && part != ".." && !part.starts_with(TEMPORARY);
+    let sound = |part: &str| !part.is_empty() && part != "." && part != ".." && !is_temporary(part);
     name.split('/').all(sound) && !name.contains(['\\', '\0'])
 }
 
@@ -274,7 +406,7 @@ fn compared(store: &dyn Store, name: &str, there: &[u8], here: &[u8]) -> Result<
 }
 
 /// Creates a folder and those above it, `root` and beyond left out; each new name is synced into the folder that holds it.
-fn create_synced(folder: &Path, root: Option<&Path>) -> std::io::Result<()> {
+pub(crate) fn create_synced(folder: &Path, root: Option<&Path>) -> std::io::Result<()> {
     if folder.as_os_str().is_empty() || folder.is_dir() || Some(folder) == root {
         return Ok(());
     }
@@ -288,7 +420,7 @@ fn create_synced(folder: &Path, root: Option<&Path>) -> std::io::Result<()> {
 }
 
 /// A name is on disk only once its folder is.
-fn sync_folder_of(path: &Path) -> std::io::Result<()> {
+pub(crate) fn sync_folder_of(path: &Path) -> std::io::Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     File::open(folder)?.sync_all()
 }
@@ -320,9 +452,9 @@ mod tests {
     fn law_what_a_killed_writer_leaves_is_never_taken_for_whole() {
         let (_dir, store) = folder();
         store.put("data/a", b"whole").unwrap();
-        fs::write(store.root.join("data/.tmp-4711-x1"), b"half").unwrap();
+        fs::write(store.root.join("data/.marsyard-tmp-4711-x1"), b"half").unwrap();
         assert_eq!(store.list("data").unwrap(), vec![("data/a".to_string(), 5)]);
-        assert!(store.read("data/.tmp-4711-x1").is_err());
+        assert!(store.read("data/.marsyard-tmp-4711-x1").is_err());
         store.sweep_temporaries("data").unwrap();
         assert_eq!(fs::read_dir(store.root.join("data")).unwrap().count(), 1);
     }
@@ -332,12 +464,12 @@ mod tests {
         let (_dir, store) = folder();
         store.put("data/a", b"whole").unwrap();
         let live = locked_temporary(&store.root.join("data")).unwrap();
-        fs::write(store.root.join("data/.tmp-1-dead"), b"half").unwrap();
-        fs::write(store.root.join(".tmp-1-dead"), b"half").unwrap();
+        fs::write(store.root.join("data/.marsyard-tmp-1-dead"), b"half").unwrap();
+        fs::write(store.root.join(".marsyard-tmp-1-dead"), b"half").unwrap();
         store.sweep_temporaries("data").unwrap();
         store.sweep_temporaries("").unwrap();
-        assert!(live.path().exists() && !store.root.join("data/.tmp-1-dead").exists());
-        assert!(!store.root.join(".tmp-1-dead").exists());
+        assert!(live.path().exists() && !store.root.join("data/.marsyard-tmp-1-dead").exists());
+        assert!(!store.root.join(".marsyard-tmp-1-dead").exists());
         let abandoned = live.path().to_path_buf();
         // The lock ends with the file's handle, as it does with the process.
         let (handle, path) = live.keep().unwrap();
@@ -375,6 +507,20 @@ mod tests {
         assert!(store.put("data/a", b"x").is_err() && !store.root.exists(), "what has gone away is not made again");
         fs::write(&store.root, b"a file").unwrap();
         assert!(matches!(store.probe(), Err(CorpusError::Io { .. })));
+    }
+
+    #[test]
+    fn extreme_files_are_read_within_their_limit_and_devices_not_at_all() {
+        let (_dir, store) = folder();
+        store.put("a", b"12345").unwrap();
+        assert_eq!(store.read_within("a", 5).unwrap(), b"12345");
+        let long = store.read_within("a", 4).unwrap_err().to_string();
+        assert!(long.contains("it has 5 bytes, more than the 4"), "{long}");
+        std::os::unix::fs::symlink("/dev/zero", store.root.join("zero")).unwrap();
+        assert!(store.read("zero").unwrap_err().to_string().contains("a device"));
+        fs::create_dir(store.root.join("folder")).unwrap();
+        let folder = store.read("folder").unwrap_err();
+        assert!(matches!(&folder, CorpusError::Io { source, .. } if source.kind() == ErrorKind::IsADirectory));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Record batches -> the bytes of one Parquet file, the same bytes every time.
 //!
 //! Everything that parquet-rs would choose by itself and might choose otherwise tomorrow is set here; the crates' versions
-//! are pinned by Cargo.lock, and a change of either is a change of [`FORMAT`](super::FORMAT). A batch is a whole scan (or scene), written
+//! are pinned by Cargo.lock, and a change of either is a change of [`PARQUET_FORMAT`](super::PARQUET_FORMAT). A batch is a whole scan (or scene), written
 //! at once and never cut by a row group.
 
 use arrow::array::RecordBatch;
@@ -15,7 +15,7 @@ use parquet::schema::types::ColumnPath;
 
 use super::schema::{Column, Kind};
 use super::value_hash::ValueHasher;
-use super::{FORMAT, sha256};
+use super::{PARQUET_FORMAT, sha256};
 
 /// Rows that a row group holds unless a single scan holds more: readers take one group per task.
 pub const ROW_GROUP_ROWS: usize = 131_072;
@@ -95,7 +95,7 @@ fn properties(
         .map(|index| SortingColumn { column_idx: index as i32, descending: false, nulls_first: false })
         .collect();
     let mut builder = WriterProperties::builder()
-        .set_created_by(format!("marsyard {FORMAT}"))
+        .set_created_by(format!("marsyard {PARQUET_FORMAT}"))
         .set_writer_version(WriterVersion::PARQUET_1_0)
         .set_key_value_metadata(Some(key_values))
         .set_sorting_columns(Some(sorting))

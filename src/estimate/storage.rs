@@ -10,6 +10,7 @@ use super::encode::{Encoded, bytes_of};
 use super::{EstimateError, Options};
 use crate::corpus::FinishedShard;
 use crate::corpus::address::Address;
+use crate::corpus::store::temporary_prefix;
 
 const ROUNDS: usize = 3;
 
@@ -33,19 +34,19 @@ struct Ground {
 
 impl Ground {
     fn of(place: &Path) -> Result<Ground, EstimateError> {
-        const NAME: &str = ".marsyard-probe-";
         let folder = match Address::parse(place)? {
             Address::Folder(folder) => folder,
             objects @ Address::Objects { .. } => {
                 // Containers share their process numbers: two probes of one place must not meet.
                 let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-                let own = format!("{NAME}{}-{}", std::process::id(), since_1970.as_nanos());
+                let own = format!("{}{}", temporary_prefix(), since_1970.as_nanos());
                 return Ok(Ground { there: place.display().to_string(), beside: objects.join(&own), _folder: None });
             }
         };
         let absolute = std::path::absolute(&folder).unwrap_or(folder);
         let there = absolute.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
-        let folder = tempfile::Builder::new().prefix(NAME).tempdir_in(there).map_err(|e| refused(there, &e))?;
+        let folder =
+            tempfile::Builder::new().prefix(&temporary_prefix()).tempdir_in(there).map_err(|e| refused(there, &e))?;
         let beside = Address::Folder(folder.path().into());
         Ok(Ground { there: there.display().to_string(), beside, _folder: Some(folder) })
     }

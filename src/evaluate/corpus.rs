@@ -11,13 +11,12 @@ use super::columns::{CLASS, Columns, HEIGHT_DIFFERENCE, OBSTACLE_POINTS, Scan, T
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::params::LocalHeightParams;
-use crate::corpus::checked::{Expected, Refused};
-use crate::corpus::manifest::{self, ShardLine};
+use crate::corpus::checked::Refused;
+use crate::corpus::manifest::ShardLine;
 use crate::corpus::reader::TableFile;
-use crate::corpus::receipt::FileFacts;
-use crate::corpus::{CorpusError, Manifest, Split, Store, Table};
+use crate::corpus::{CorpusError, Finished, Split, Store, Table};
 use crate::train::labels::{self, LabelRule};
-use crate::train::{Model, ModelError};
+use crate::train::{Model, ModelError, leaks};
 
 /// What the plan says of a family.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,11 +42,23 @@ pub struct Options {
     /// Judge the scenes of these families alone; empty = all. Thresholds are chosen on all families all the same: one that is held
     /// out has no validation scenes.
     pub only_families: Vec<String>,
+    /// Judge also scenes that the model learnt from, and tell it.
+    pub allow_shared_scenes: bool,
+    /// Hashes of the corpus's kinds of yard, by its plan, for a manifest that does not say them (format 1).
+    pub yards: Vec<String>,
 }
 
 impl Options {
     pub fn of(split: Split) -> Options {
-        Options { split, labels: None, thresholds: Vec::new(), choose: true, only_families: Vec::new() }
+        Options {
+            split,
+            labels: None,
+            thresholds: Vec::new(),
+            choose: true,
+            only_families: Vec::new(),
+            allow_shared_scenes: false,
+            yards: Vec::new(),
+        }
     }
 }
 
@@ -68,6 +79,11 @@ pub enum EvaluateError {
     Family { family: String, source: ModelError },
     #[error("the corpus has no family '{family}'; it has {known}")]
     NoFamily { family: String, known: String },
+    #[error(
+        "{place}: {leaks}: a model is judged on scenes that it knows nothing of; judge it on another corpus, or say \
+         --allow-shared-scenes to have it told in the report"
+    )]
+    Shared { place: String, leaks: String },
     #[error("the thresholds {0:?} are not 1 to 16 rising numbers within 0 and 1")]
     Thresholds(Vec<f64>),
 }
@@ -88,13 +104,14 @@ pub fn evaluate(
         let known: Vec<&str> = families.iter().map(|f| f.name.as_str()).collect();
         return Err(EvaluateError::NoFamily { family: family.clone(), known: known.join(", ") });
     }
-    let manifest = Manifest::read(store)?;
+    let corpus = Finished::open(store)?;
+    let manifest = &corpus.manifest;
     let columns: Vec<&str> = manifest.features.iter().map(|feature| feature.name.as_str()).collect();
     model.inputs_of(&columns)?;
-    let reader =
-        Reader { model, store, families, labels: options.labels.as_ref(), lines: manifest::read_shard_lines(store)? };
+    let reader = Reader { model, corpus: &corpus, families, labels: options.labels.as_ref() };
     let mut thresholds = thresholds(model, options)?;
-    let mut notes = Vec::new();
+    let mut notes = corpus.unchecked.clone();
+    notes.extend(shared_scenes(model, &corpus, options)?);
     let mut height_threshold = None;
     if options.choose {
         let chosen = reader.judge(Split::Validation, &[], Judge::new(Vec::new(), None))?.0.best_thresholds();
@@ -139,6 +156,30 @@ pub fn evaluate(
     Ok(Report::new(model, &judge, data, notes))
 }
 
+/// Refuses scenes that the model used more than their split says; what is to be told where that is allowed, or cannot be known.
+fn shared_scenes(model: &Model, corpus: &Finished, options: &Options) -> Result<Vec<String>, EvaluateError> {
+    let manifest = &corpus.manifest;
+    let mut judged = manifest.yards();
+    if !judged.known() {
+        judged.yards.clone_from(&options.yards);
+    }
+    let learnt_from = model.about.learnt_from();
+    let leaks = leaks::of_judging(("this corpus", &judged), options.split, &learnt_from);
+    let mut notes: Vec<String> =
+        leaks.iter().map(|leak| format!("{leak}, which the model learnt from or was stopped by")).collect();
+    if !notes.is_empty() && !options.allow_shared_scenes {
+        return Err(EvaluateError::Shared { place: corpus.store().place(), leaks: notes.join("; ") });
+    }
+    let unknown = leaks::unknown(&judged, &manifest.corpus_id, &learnt_from);
+    if !unknown.is_empty() {
+        let of = unknown.join(", ");
+        notes.push(format!(
+            "whether the model learnt from scenes of this corpus cannot be said: nothing is known of the yards of {of}"
+        ));
+    }
+    Ok(notes)
+}
+
 fn thresholds(model: &Model, options: &Options) -> Result<Vec<Threshold>, EvaluateError> {
     let given = &options.thresholds;
     if given.is_empty() {
@@ -163,10 +204,9 @@ fn rule_text(families: &[FamilyFacts], rule: Option<&LabelRule>) -> String {
 
 struct Reader<'a> {
     model: &'a Model,
-    store: &'a dyn Store,
+    corpus: &'a Finished,
     families: &'a [FamilyFacts],
     labels: Option<&'a LabelRule>,
-    lines: Vec<ShardLine>,
 }
 
 impl Reader<'_> {
@@ -174,12 +214,11 @@ impl Reader<'_> {
     fn judge(&self, split: Split, only: &[String], mut judge: Judge) -> Result<(Judge, u64), EvaluateError> {
         let mut scans = 0;
         let mut outputs = Vec::new();
-        for line in self.lines.iter().filter(|line| line.split == split) {
-            let Some(facts) = line.tables.get(&Table::Cells) else { continue };
+        for line in self.corpus.lines_of(split) {
+            let Some(table) = self.open(line, Table::Cells)? else { continue };
             let family_of = self.families_of_scenes(line)?;
             let wanted_scene =
                 |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
-            let table = self.open(facts)?;
             let mut scan = Scan::default();
             let wanted = self.wanted(&table)?;
             for group in 0..table.row_groups().len() {
@@ -201,8 +240,9 @@ impl Reader<'_> {
     }
 
     /// A file of the corpus, its bytes checked.
-    fn open(&self, facts: &FileFacts) -> Result<TableFile, EvaluateError> {
-        Expected::from(facts).open_checked(self.store).map_err(|refused| self.refused(&facts.path, refused))
+    fn open(&self, line: &ShardLine, table: Table) -> Result<Option<TableFile>, EvaluateError> {
+        let opened = self.corpus.open_table(line, table);
+        opened.map_err(|refused| self.refused(&table.path(line.shard), refused))
     }
 
     fn refused(&self, name: &str, refused: Refused) -> EvaluateError {
@@ -213,7 +253,7 @@ impl Reader<'_> {
     }
 
     fn fault(&self, name: &str, reason: String) -> EvaluateError {
-        EvaluateError::Table { place: self.store.place(), name: name.into(), reason }
+        EvaluateError::Table { place: self.corpus.store().place(), name: name.into(), reason }
     }
 
     /// The columns to read of a table.
@@ -252,14 +292,14 @@ impl Reader<'_> {
     /// Family by scene, from the small `scenes` table; empty where the corpus has none.
     fn families_of_scenes(&self, line: &ShardLine) -> Result<BTreeMap<i64, String>, EvaluateError> {
         let mut families = BTreeMap::new();
-        let Some(facts) = line.tables.get(&Table::Scenes) else { return Ok(families) };
-        for batch in self.open(facts)?.batches() {
-            let batch = batch.map_err(|error| self.refused(&facts.path, error.into()))?;
+        let Some(table) = self.open(line, Table::Scenes)? else { return Ok(families) };
+        for batch in table.batches() {
+            let batch = batch.map_err(|error| self.refused(table.name(), error.into()))?;
             let ids = batch.column_by_name("scene_id").and_then(|c| c.as_any().downcast_ref::<Int64Array>());
             let names = batch.column_by_name("family").and_then(|c| c.as_any().downcast_ref::<StringArray>());
             let (Some(ids), Some(names)) = (ids, names) else {
                 let reason = "it has no columns 'scene_id' and 'family' of whole numbers and text".into();
-                return Err(self.fault(&facts.path, reason));
+                return Err(self.fault(table.name(), reason));
             };
             families.extend(ids.values().iter().zip(names.iter()).map(|(&id, name)| (id, name.unwrap_or("").into())));
         }

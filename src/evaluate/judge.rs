@@ -1,8 +1,9 @@
 //! Scans with outputs -> everything that a report is made of, cell by cell, in bounded memory.
 //!
-//! Three weighings: by *cells*; by *points*, each with its cell's label (paper-notes E13); and by points with their *own* truth, a
-//! cell's obstacle points being untraversable and its other points traversable. A call is always the cell's. `without_tops`
-//! leaves out the points that lie on an obstacle's flat top (A61), and the cells whose obstacle points all do.
+//! Three weighings: by *cells*; by *points*, each with its cell's label, as table 1 of Hewitt et al. 2017 is read (see
+//! [`Table1`](super::Table1)); and by points with their *own* truth, a cell's obstacle points being untraversable and its other points
+//! traversable. A call is always the cell's. `without_tops` leaves out the points that lie on an obstacle's flat top ("Outdoor
+//! tests": most of the paper's error), and the cells whose obstacle points all do.
 
 use std::collections::BTreeMap;
 

@@ -46,6 +46,9 @@ pub struct ModelFacts {
     pub trained_on: Vec<String>,
     pub sensor: String,
     pub rover: String,
+    /// Of the model's file, as `sha256sum` says it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -183,6 +186,7 @@ impl ModelFacts {
             trained_on: about.corpus_names.clone(),
             sensor: about.sensor.name.clone(),
             rover: about.rover.name.clone(),
+            sha256: model.sha256.clone(),
         }
     }
 }

@@ -38,7 +38,8 @@ impl Report {
         let hidden: Vec<String> = model.hidden.iter().map(usize::to_string).collect();
         writeln!(
             f,
-            "model   {} network, {} inputs, {} weights; trained on {} ({} on {})",
+            "model   {}{} network, {} inputs, {} weights; trained on {} ({} on {})",
+            model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", &digits[..digits.len().min(12)])),
             hidden.join("-"),
             model.features.len(),
             thousands(model.weights as u64),

@@ -1,10 +1,10 @@
 //! Missed tops of rocks -> can a rover reach them? The paper says that they are walled in.
 //!
-//! Source: Hewitt et al. 2017, "Petrie Island": most missed points lie on flat tops, "the rover will not attempt to drive over
-//! this terrain as it is surrounded by untraversable points"; paper-notes A61. A missed top is a cell that holds points of an
-//! obstacle's top and was called traversable. It is *enclosed* when no path of cells called traversable (8 neighbours, cells with
-//! points only) leads from it to a cell that truly is traversable. It is *walled in* when, besides, no cell without points touches
-//! that path: behind a rock there usually are such cells, in its shadow.
+//! Source: Hewitt et al. 2017, "Outdoor tests", after table 1: most missed points lie on flat tops, "the rover will not attempt to
+//! drive over this terrain as it is surrounded by untraversable points" (A61 in `docs/paper.md`). A missed top is a cell that holds
+//! points of an obstacle's top and was called traversable. It is *enclosed* when no path of cells called traversable (8 neighbours,
+//! cells with points only) leads from it to a cell that truly is traversable. It is *walled in* when, besides, no cell without points
+//! touches that path: behind a rock there usually are such cells, in its shadow.
 
 use serde::{Deserialize, Serialize};
 

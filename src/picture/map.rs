@@ -52,9 +52,7 @@ impl Map {
         let decimals = usize::from(step_m < 1.0);
         for axis in [DVec2::X, DVec2::Y] {
             let from_m = self.south_west_m.dot(axis);
-            let mut tick = (from_m / step_m).ceil();
-            while tick * step_m <= from_m + self.side_m() + 1e-9 {
-                let value_m = tick * step_m;
+            for value_m in ticks(from_m, from_m + self.side_m() + 1e-9, step_m) {
                 let at = self.spot(self.south_west_m + axis * (value_m - from_m));
                 let label = format!("{value_m:.decimals$}");
                 if axis == DVec2::X {
@@ -64,7 +62,6 @@ impl Map {
                     canvas.line(whole, (at.0 - 5.0, at.1), at, 1.2, palette.ink, 1.0);
                     canvas.text(&label, (at.0 - 8.0, at.1 - 6.0), SMALL, Alignment::Right, palette.ink);
                 }
-                tick += 1.0;
             }
         }
         canvas.text(
@@ -122,6 +119,16 @@ impl Map {
     }
 }
 
+/// Ticks of one side: a step is a seventh of it or a little less.
+const MOST_TICKS: u32 = 20;
+
+/// The multiples of a step between two values. They are counted, for so far out that doubles are wider apart than a step, none
+/// follows another.
+fn ticks(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
+    let first = (from / step).ceil();
+    (0..MOST_TICKS).map(move |k| (first + f64::from(k)) * step).take_while(move |value| *value <= to)
+}
+
 /// The largest of 1, 2 or 5 times a power of ten that is at most `value`.
 pub(super) fn round_step(value: f64) -> f64 {
     // A yard's side lies between 1 m and 10 km: the powers from 0.01 to 1000 suffice.
@@ -142,6 +149,15 @@ mod tests {
             assert!((map.world((x - 60.0, y - 40.0)) - at_m).length() < 1e-12);
         }
         assert_eq!(map.spot(DVec2::new(12.0, 17.0)), (760.0, 40.0));
+    }
+
+    #[test]
+    fn exact_ticks_are_the_multiples_within_and_end_however_far_out() {
+        assert_eq!(ticks(-0.3, 1.2, 0.5).collect::<Vec<_>>(), [0.0, 0.5, 1.0]);
+        assert_eq!(ticks(2.0, 4.0, 1.0).collect::<Vec<_>>(), [2.0, 3.0, 4.0]);
+        for far in [1e15, -1e15, 1e17, 1e300, f64::NAN, f64::INFINITY] {
+            assert!(ticks(far, far + 10.0, 0.5).count() <= MOST_TICKS as usize, "{far}");
+        }
     }
 
     #[test]

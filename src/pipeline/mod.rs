@@ -1,4 +1,4 @@
-//! The whole flow on one screen: a plan and a scene number -> that scene's rows.
+//! The whole flow: a plan and a scene number -> that scene's rows.
 //!
 //! [`run_scene`] is pure: equal plan and scene give equal output on any thread, after any other scene. Clocks and hashes
 //! belong to the [`Watch`] that its caller brings. `truth` and `surrogate` poses are made here from the drive's log, so

@@ -1,23 +1,29 @@
 //! `search.jsonl`: what a search was begun with, and a line for every network trained as far as a rung.
 //!
-//! Each line is written by one call, so that a kill leaves whole lines and at most one torn one at the end, which is cut off when the
-//! search goes on. Lines stand in the order in which networks were finished, which differs from run to run; what they say does not,
-//! but for the seconds.
+//! The first line is written whole and synced before anything else; whoever writes holds a lock on the file. Each other line is
+//! written by one call and carries a checksum, so that a kill leaves whole lines and at most one torn one at the end. From the first
+//! line on that is not whole, all are cut off when the search goes on: those networks are trained again, to the same entries. Lines
+//! stand in the order in which networks were finished, which differs from run to run; what they say does not, but for the seconds.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 
 use super::entry::Entry;
 use super::networks::Hidden;
-use crate::train::TrainError;
+use crate::corpus::{CorpusError, LocalFolder, Store, sha256};
+use crate::train::{TrainError, lock};
 
 pub const NAME: &str = "search.jsonl";
+/// In what is searched on: the SHA-256 of the corpus's `shards.jsonl`.
+pub const SHARDS: &str = "shards_sha256";
+/// Of a line: the first digits of the SHA-256 of the line without it. Lines of earlier searches have none.
+const CHECKSUM: &str = "checksum";
 
-/// Open at its end.
+/// Open at its end, and locked.
 pub struct Journal {
     path: PathBuf,
     file: File,
@@ -26,45 +32,42 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Begins one; `identity` is its first line.
-    pub fn create(folder: &Path, identity: &Json) -> Result<Journal, TrainError> {
+    /// Begins one, with `identity` as its first line, or goes on with one that was begun with the same.
+    pub fn open(folder: &Path, identity: &Json) -> Result<Journal, TrainError> {
+        let first = format!("{}\n", json!({"search": identity}));
+        match LocalFolder::new(folder).put(NAME, first.as_bytes()) {
+            // There is one already.
+            Ok(_) | Err(CorpusError::Differs { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
         let path = folder.join(NAME);
-        let file = OpenOptions::new().create(true).truncate(true).write(true).open(&path);
-        let file = file.map_err(|source| io(&path, source))?;
-        let mut journal = Journal { path, file, entries: BTreeMap::new() };
-        journal.line(&json!({"search": identity}))?;
+        let mut journal = Journal { file: lock::hold(&path)?, path, entries: BTreeMap::new() };
+        let mut bytes = Vec::new();
+        journal.file.read_to_end(&mut bytes).map_err(|source| io(&journal.path, source))?;
+        let whole = journal.take_lines(&bytes, identity)?;
+        journal.file.set_len(whole as u64).map_err(|source| io(&journal.path, source))?;
+        if whole == 0 {
+            journal.append(first.as_bytes())?;
+        }
         Ok(journal)
     }
 
-    /// Goes on with one that was begun with the same `identity`; begins it where there is no whole line.
-    pub fn resume(folder: &Path, identity: &Json) -> Result<Journal, TrainError> {
-        let path = folder.join(NAME);
-        let bytes = match std::fs::read(&path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Journal::create(folder, identity),
-            Err(error) => return Err(io(&path, error)),
-        };
-        let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |last| last + 1);
-        if whole == 0 {
-            return Journal::create(folder, identity);
+    /// Takes in the entries of all lines before the first that is not whole; how many bytes these lines have.
+    fn take_lines(&mut self, bytes: &[u8], identity: &Json) -> Result<usize, TrainError> {
+        let mut lines = bytes.split_inclusive(|&byte| byte == b'\n').filter(|line| line.ends_with(b"\n"));
+        let Some(first) = lines.next() else { return Ok(0) };
+        let begun: Json = serde_json::from_slice(first).map_err(|error| TrainError::BadState {
+            path: self.path.display().to_string(),
+            reason: format!("its first line, which says what was begun, is broken ({error})"),
+        })?;
+        check(&self.path, &begun["search"], identity)?;
+        let mut whole = first.len();
+        for line in lines {
+            let Some(entry) = entry_of(line) else { break };
+            self.entries.insert((entry.rung, entry.hidden.clone()), entry);
+            whole += line.len();
         }
-        let bad = |line: usize, reason: String| TrainError::BadState {
-            path: path.display().to_string(),
-            reason: format!("line {line} is broken ({reason})"),
-        };
-        let mut entries = BTreeMap::new();
-        for (number, line) in bytes[..whole].split_inclusive(|&byte| byte == b'\n').enumerate() {
-            if number == 0 {
-                let first: Json = serde_json::from_slice(line).map_err(|error| bad(1, error.to_string()))?;
-                check(&path, &first["search"], identity)?;
-                continue;
-            }
-            let entry: Entry = serde_json::from_slice(line).map_err(|error| bad(number + 1, error.to_string()))?;
-            entries.insert((entry.rung, entry.hidden.clone()), entry);
-        }
-        let file = OpenOptions::new().append(true).open(&path).map_err(|source| io(&path, source))?;
-        file.set_len(whole as u64).map_err(|source| io(&path, source))?;
-        Ok(Journal { path, file, entries })
+        Ok(whole)
     }
 
     pub fn get(&self, rung: usize, hidden: &[usize]) -> Option<&Entry> {
@@ -77,14 +80,40 @@ impl Journal {
     }
 
     pub fn push(&mut self, entry: Entry) -> Result<(), TrainError> {
-        self.line(&json!(entry))?;
+        self.append(line_of(&entry).as_bytes())?;
         self.entries.insert((entry.rung, entry.hidden.clone()), entry);
         Ok(())
     }
 
-    fn line(&mut self, line: &Json) -> Result<(), TrainError> {
-        self.file.write_all(format!("{line}\n").as_bytes()).map_err(|source| io(&self.path, source))
+    /// Waits until it is on disk.
+    pub fn sync(&self) -> Result<(), TrainError> {
+        self.file.sync_all().map_err(|source| io(&self.path, source))
     }
+
+    fn append(&mut self, line: &[u8]) -> Result<(), TrainError> {
+        self.file.write_all(line).map_err(|source| io(&self.path, source))
+    }
+}
+
+fn line_of(entry: &Entry) -> String {
+    let mut line = json!(entry);
+    line[CHECKSUM] = digits(&line).into();
+    format!("{line}\n")
+}
+
+/// The entry of a line, where it is whole.
+fn entry_of(line: &[u8]) -> Option<Entry> {
+    let mut line: Json = serde_json::from_slice(line).ok()?;
+    if let Some(there) = line.as_object_mut()?.remove(CHECKSUM)
+        && there != digits(&line)
+    {
+        return None;
+    }
+    serde_json::from_value(line).ok()
+}
+
+fn digits(line: &Json) -> String {
+    sha256(line.to_string().as_bytes())[..16].to_string()
 }
 
 fn io(path: &Path, source: std::io::Error) -> TrainError {
@@ -93,7 +122,12 @@ fn io(path: &Path, source: std::io::Error) -> TrainError {
 
 fn check(path: &Path, there: &Json, here: &Json) -> Result<(), TrainError> {
     let mut differences = Vec::new();
-    compare("", there, here, &mut differences);
+    let mut here = here.clone();
+    if let Some(data) = here["data"].as_object_mut().filter(|_| there["data"].get(SHARDS).is_none()) {
+        // A search of an earlier marsyard did not note it.
+        data.remove(SHARDS);
+    }
+    compare("", there, &here, &mut differences);
     if differences.is_empty() {
         return Ok(());
     }
@@ -125,14 +159,15 @@ mod tests {
     fn equal_a_journal_after_any_cut_holds_its_whole_lines() {
         let dir = tempfile::tempdir().unwrap();
         let identity = json!({"rows": 3, "config": {"seed": 1}});
-        let mut journal = Journal::create(dir.path(), &identity).unwrap();
+        let mut journal = Journal::open(dir.path(), &identity).unwrap();
         let entries = [entry(&[1], 10, 0.5), entry(&[2, 2], 20, f64::NAN), entry(&[4], 40, 0.2)];
         entries.iter().for_each(|entry| journal.push(entry.clone()).unwrap());
+        drop(journal);
         let path = dir.path().join(NAME);
         let bytes = std::fs::read(&path).unwrap();
         for cut in 0..=bytes.len() {
             std::fs::write(&path, &bytes[..cut]).unwrap();
-            let mut journal = Journal::resume(dir.path(), &identity).unwrap();
+            let mut journal = Journal::open(dir.path(), &identity).unwrap();
             let whole = bytes[..cut].iter().filter(|&&byte| byte == b'\n').count().saturating_sub(1);
             assert_eq!(journal.trainings(), whole, "{cut}");
             entries[whole..].iter().for_each(|entry| journal.push(entry.clone()).unwrap());
@@ -143,21 +178,39 @@ mod tests {
     #[test]
     fn exact_a_search_begun_otherwise_is_refused_with_what_differs() {
         let dir = tempfile::tempdir().unwrap();
-        Journal::create(dir.path(), &json!({"rows": 3, "config": {"seed": 1, "clip": 8}})).unwrap();
+        Journal::open(dir.path(), &json!({"rows": 3, "config": {"seed": 1, "clip": 8}})).unwrap();
         let here = json!({"rows": 4, "config": {"seed": 1, "clip": 5}});
-        let error = Journal::resume(dir.path(), &here).err().unwrap().to_string();
+        let error = Journal::open(dir.path(), &here).err().unwrap().to_string();
         assert!(error.contains("'rows' was 3 and is 4 now, 'config.clip' was 8 and is 5 now"), "{error}");
     }
 
     #[test]
-    fn extreme_a_broken_line_in_the_middle_is_named() {
+    fn extreme_a_flipped_byte_costs_its_line_and_those_behind_it() {
         let dir = tempfile::tempdir().unwrap();
         let identity = json!({});
-        Journal::create(dir.path(), &identity).unwrap().push(entry(&[1], 10, 0.5)).unwrap();
+        let entries = [entry(&[1], 10, 0.5), entry(&[2], 20, 0.25), entry(&[3], 30, 0.125)];
+        let mut journal = Journal::open(dir.path(), &identity).unwrap();
+        entries.iter().for_each(|entry| journal.push(entry.clone()).unwrap());
+        drop(journal);
         let path = dir.path().join(NAME);
-        let text = std::fs::read_to_string(&path).unwrap();
-        std::fs::write(&path, text.replace("\"rung\"", "rung\"")).unwrap();
-        let error = Journal::resume(dir.path(), &identity).err().unwrap().to_string();
-        assert!(error.contains("line 2 is broken"), "{error}");
+        let whole = std::fs::read(&path).unwrap();
+        let ends: Vec<usize> = (0..whole.len()).filter(|&at| whole[at] == b'\n').collect();
+        for at in ends[1] + 1..ends[2] {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 1;
+            std::fs::write(&path, bytes).unwrap();
+            let journal = Journal::open(dir.path(), &identity).unwrap();
+            assert_eq!((journal.trainings(), journal.get(0, &[1])), (1, Some(&entries[0])), "byte {at}");
+        }
+        std::fs::write(&path, [b"7", &whole[1..]].concat()).unwrap();
+        let error = Journal::open(dir.path(), &identity).err().unwrap().to_string();
+        assert!(error.contains("first line") && error.contains("delete that file"), "{error}");
+    }
+
+    #[test]
+    fn law_a_journal_is_written_by_one_at_a_time() {
+        let dir = tempfile::tempdir().unwrap();
+        let _journal = Journal::open(dir.path(), &json!({})).unwrap();
+        assert!(matches!(Journal::open(dir.path(), &json!({})), Err(TrainError::Busy { .. })));
     }
 }

@@ -6,7 +6,7 @@
 //!     -> leaderboard; the smallest network within a margin of the best -> train.yaml
 //! ```
 //!
-//! Source: Hewitt et al. 2017, "Training": a sweep over all networks of one to three hidden layers of up to 32 neurons. Deviation:
+//! Source: Hewitt et al. 2017, "Results": a sweep over all networks of one to three hidden layers of up to 32 neurons. Deviation:
 //! successive halving instead of training all to the end. Each finished network is a line in the journal at once; a search that was
 //! killed goes on with those that lack a line, and ends in the same bytes but for times.
 
@@ -22,7 +22,7 @@ pub mod rungs;
 #[cfg(test)]
 mod tests;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value as Json, json};
@@ -34,6 +34,7 @@ pub use self::leaderboard::Board;
 use self::networks::Hidden;
 use self::pace::Pace;
 use self::rungs::{Rung, rungs, survivors};
+use crate::corpus::store::is_temporary;
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
 use crate::train::stopping::Stop;
@@ -153,6 +154,7 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
         entries.push(done);
     }
     let board = Board::of(&rungs, &entries, setup.margin, identity);
+    journal.sync()?;
     write(setup, &board, &entries)?;
     Ok(Outcome::Done(Box::new(board), entries.pop().unwrap_or_default()))
 }
@@ -199,16 +201,33 @@ fn identity(setup: &Setup) -> Json {
 
 fn open(setup: &Setup, identity: &Json) -> Result<Journal, TrainError> {
     let out = &setup.out;
+    if out.exists() {
+        if !setup.resume {
+            return Err(TrainError::Exists { path: out.display().to_string() });
+        }
+        if LocalFolder::new(out).size(journal::NAME)?.is_none() && !is_lost(out, identity)? {
+            let reason = format!("it holds files, and no {}", journal::NAME);
+            return Err(TrainError::NoRun { path: out.display().to_string(), reason });
+        }
+    }
+    let journal = Journal::open(out, identity)?;
+    LocalFolder::new(out).sweep_temporaries("")?;
+    Ok(journal)
+}
+
+/// Whether a folder without a journal is that of such a search: killed in its first moments, or finished and its journal lost.
+fn is_lost(out: &Path, identity: &Json) -> Result<bool, TrainError> {
+    if let Ok(text) = std::fs::read(out.join(leaderboard::NAME)) {
+        let board = serde_json::from_slice::<Board>(&text);
+        return Ok(board.is_ok_and(|board| board.begun_with == *identity));
+    }
     let io = |source| TrainError::Io { path: out.display().to_string(), source };
-    if out.exists() && !setup.resume {
-        return Err(TrainError::Exists { path: out.display().to_string() });
+    for entry in std::fs::read_dir(out).map_err(io)? {
+        if !entry.map_err(io)?.file_name().to_str().is_some_and(is_temporary) {
+            return Ok(false);
+        }
     }
-    if out.exists() && !out.join(journal::NAME).exists() && std::fs::read_dir(out).map_err(io)?.next().is_some() {
-        let reason = format!("it holds files, and no {}", journal::NAME);
-        return Err(TrainError::NoRun { path: out.display().to_string(), reason });
-    }
-    std::fs::create_dir_all(out).map_err(io)?;
-    Journal::resume(out, identity)
+    Ok(true)
 }
 
 fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], pace: &Pace, resumed: usize) -> Start {

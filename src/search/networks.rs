@@ -1,6 +1,6 @@
 //! Which networks are searched: hidden layers as lists of widths.
 //!
-//! Source: Hewitt et al. 2017, "Training": all networks of one to three hidden layers of up to 32 neurons. A grid over a few widths
+//! Source: Hewitt et al. 2017, "Results": all networks of one to three hidden layers of up to 32 neurons. A grid over a few widths
 //! stands for them unless all are asked for.
 
 use crate::random::{Purpose, Stage, Streams};

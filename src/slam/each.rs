@@ -3,10 +3,8 @@
 //! In: particles, and what [`Particle`] takes for one. Out: the same particles. Rows of six numbers fill registers of eight badly: there
 //! the compiler shuffles more than it saves (measured: a third slower than in fours).
 
-use super::matrix::Vector;
-use super::measurement::Mounting;
 use super::motion::{Control, MotionNoise};
-use super::particle::{Particle, Room, Sighting};
+use super::particle::{Particle, Room, Seen};
 use super::visibility::Visibility;
 use crate::wide::Work;
 
@@ -45,14 +43,6 @@ impl Work for ReadAngle<'_> {
     }
 }
 
-/// A sweep's features, and what all particles need to take them in.
-#[derive(Clone, Copy)]
-pub struct Seen<'a> {
-    pub sightings: &'a [Sighting],
-    pub variances: &'a Vector<3>,
-    pub mounting: &'a Mounting,
-}
-
 /// [`Particle::refine`].
 pub struct Refine<'a> {
     pub particles: &'a mut [Particle],
@@ -64,9 +54,8 @@ impl Work for Refine<'_> {
     type Out = ();
     #[inline(always)]
     fn run(self) {
-        let Seen { sightings, variances, mounting } = self.seen;
         for particle in self.particles {
-            particle.refine(sightings, variances, mounting, self.room);
+            particle.refine(&self.seen, self.room);
         }
     }
 }
@@ -83,9 +72,8 @@ impl Work for Chart<'_> {
     type Out = ();
     #[inline(always)]
     fn run(self) {
-        let Seen { sightings, variances, mounting } = self.seen;
         for particle in self.particles {
-            particle.chart(sightings, variances, mounting, self.visibility, self.room);
+            particle.chart(&self.seen, self.visibility, self.room);
         }
     }
 }

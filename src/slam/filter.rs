@@ -5,11 +5,11 @@
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
 //! modelled: constant instrument biases; they make the angles' sigmas too small.
 
-use super::each::{Chart, Drive, ReadAngle, Refine, Seen};
+use super::each::{Chart, Drive, ReadAngle, Refine};
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
 use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Room, Sighting};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Room, Seen, Sighting};
 use super::visibility::Visibility;
 use super::weights::{Ancestry, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};

@@ -2,8 +2,8 @@
 //!
 //! In: a [`Particle`], [`Feature`]s, the mount. Out: the same particle. Source: Montemerlo et al. 2003, in the gain form of
 //! T. Bailey's fastslam2: the covariance is carried and never inverted (it is singular right after a step), and every
-//! feature of a sweep refines the pose before it is drawn. Deviations: likelihood instead of distance picks a landmark
-//! (MRPT's matching likelihood); a feature that may be of two landmarks weighs as the mean of both and updates neither.
+//! feature of a sweep refines the pose before it is drawn. Deviation: a feature that may be of two landmarks updates neither; those
+//! of association are told in `associate`.
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
@@ -106,6 +106,13 @@ impl Clone for Particle {
     }
 }
 
+/// A sweep's features, and what all particles need to take them in.
+pub struct Seen<'a> {
+    pub sightings: &'a [Sighting],
+    pub variances: &'a Vector<3>,
+    pub mounting: &'a Mounting,
+}
+
 /// What a particle needs while it takes in a sweep; serves one after the other.
 #[derive(Default)]
 pub struct Room {
@@ -128,7 +135,7 @@ impl Particle {
     /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
     /// log term a feature whatever becomes of it, so that particles stay comparable.
     #[inline(always)]
-    pub fn refine(&mut self, sightings: &[Sighting], variances: &Vector<3>, mounting: &Mounting, room: &mut Room) {
+    pub fn refine(&mut self, &Seen { sightings, variances, mounting }: &Seen, room: &mut Room) {
         self.associations.clear();
         self.innovation_sum = 0.0;
         let noise = diagonal(variances);
@@ -195,9 +202,7 @@ impl Particle {
     #[inline(always)]
     pub fn chart(
         &mut self,
-        sightings: &[Sighting],
-        variances: &Vector<3>,
-        mounting: &Mounting,
+        &Seen { sightings, variances, mounting }: &Seen,
         visibility: &Visibility,
         Room { taken: seen, .. }: &mut Room,
     ) {
@@ -300,6 +305,12 @@ mod tests {
             .collect()
     }
 
+    /// Lets a particle take in features from this mount.
+    fn refine(particle: &mut Particle, features: &[Feature], variances: &Vector<3>) {
+        let seen = Seen { sightings: &sighted(features), variances, mounting: &mounting() };
+        particle.refine(&seen, &mut Room::default());
+    }
+
     fn sighted(features: &[Feature]) -> Vec<Sighting> {
         features.iter().copied().map(Sighting::new).collect()
     }
@@ -322,7 +333,7 @@ mod tests {
             let l = cholesky(&q).expect("positive definite");
             information = sum(&information, &product_across(&solve(&l, &h.by_pose), &h.by_pose));
         }
-        refined.refine(&sighted(&found), &VARIANCES, &mounting(), &mut Room::default());
+        refine(&mut refined, &found, &VARIANCES);
         let want = inverse(&information);
         for r in 0..6 {
             for c in 0..6 {
@@ -364,7 +375,7 @@ mod tests {
         let l = cholesky(&stacked).expect("positive definite");
         let want =
             -0.5 * (square(&half_solve(&l, &residual)) + ln_determinant(&l) + 9.0 * math::ln(std::f64::consts::TAU));
-        refined.refine(&sighted(&found), &variances, &mounting(), &mut Room::default());
+        refine(&mut refined, &found, &variances);
         assert!((refined.log_weight - want).abs() < 1e-6, "{} {want}", refined.log_weight);
     }
 
@@ -376,7 +387,7 @@ mod tests {
         assert!((ln_unmatched(&VARIANCES) - matched).abs() < 1e-12);
         let mut lone = Particle::default();
         let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
-        lone.refine(&sighted(&[far, far]), &VARIANCES, &mounting(), &mut Room::default());
+        refine(&mut lone, &[far, far], &VARIANCES);
         assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
     }
 
@@ -389,7 +400,7 @@ mod tests {
             torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
         }
         let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
-        torn.refine(&sighted(&[between]), &VARIANCES, &mounting(), &mut Room::default());
+        refine(&mut torn, &[between], &VARIANCES);
         assert_eq!(torn.associations, vec![Association::Ambiguous(Some(0))]);
     }
 

@@ -87,9 +87,7 @@ fn candidates(rows: &[Row], side: Side) -> (Vec<usize>, Vec<Candidate>) {
 fn deviations(measured: &Measured) -> Vec<f64> {
     let mut moments = RowMoments::new(measured.features.len());
     for made in measured.scenes.iter().filter_map(|scene| scene[0].as_ref().ok()) {
-        for row in 0..made.cells.labels.len() {
-            moments.add(made.cells.row(row));
-        }
+        moments.add(&made.cells.features);
     }
     moments.moments().map(|moments| moments.variance().sqrt()).collect()
 }

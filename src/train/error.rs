@@ -46,11 +46,15 @@ pub enum TrainError {
     Io { path: String, source: std::io::Error },
     #[error("{path} is there already; choose another --out, or go on with it by --resume")]
     Exists { path: String },
+    #[error("{path}: another training or search writes there; wait until it is over, or choose another --out")]
+    Busy { path: String },
     #[error("{path} is no run folder to go on with: {reason}")]
     NoRun { path: String, reason: String },
     #[error("{path} was begun otherwise: {what}; give what it was begun with, or begin another run")]
     OtherRun { path: String, what: String },
-    #[error("{path}: {reason}; delete the run folder and train again")]
+    #[error(
+        "{path}: {reason}; delete that file, and the same command with --resume begins anew and ends in the same bits"
+    )]
     BadState { path: String, reason: String },
     #[error("{path} cannot be started from: {reason}")]
     Init { path: String, reason: String },

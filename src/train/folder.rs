@@ -1,93 +1,118 @@
 //! A run folder: what training writes, and what it goes on from after a kill.
 //!
 //! ```text
-//! train.yaml                the resolved config                         }
-//! model.safetensors         the best network                            } the same bits for the same corpora and config,
-//! filter.safetensors        its covariance, for --init                  } killed and resumed or not
-//! training.json             what was trained on what, and how it ended  }
-//! curves.svg                training and validation error               }
+//! train.yaml                the resolved config, written first        }
+//! model.safetensors         the best network                          } the same bits for the same corpora and config,
+//! filter.safetensors        its covariance, for --init                } killed and resumed or not
+//! training.json             what was trained on what, how it ended    }
+//! curves.svg                training and validation error             }
 //! training.jsonl            one line a look at the validation split, with the time
 //! report.json               times and rates
 //! checkpoint.safetensors    while training is under way
 //! ```
 //!
-//! Files are written whole, under a temporary name first; `training.jsonl` is appended to, and cut back to the checkpoint on resume.
+//! Files are written whole: under a temporary name, synced, renamed. `training.jsonl` alone is appended to; it is made of what the
+//! checkpoint says. Whoever writes in the folder holds a lock on `train.yaml`, and sweeps away what killed ones left.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{BufRead, BufReader, Write};
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
-
-use super::TrainError;
-use super::stopping::Look;
-use crate::corpus::{LocalFolder, Store};
+use super::looks::{self, LookLog, Looks};
+use super::{TrainError, lock};
+use crate::corpus::store::{create_synced, is_temporary, sync_folder_of};
+use crate::corpus::{CorpusError, LocalFolder, Store};
 
 pub const CONFIG: &str = "train.yaml";
 pub const MODEL: &str = "model.safetensors";
 pub const FILTER: &str = "filter.safetensors";
-pub const LOOKS: &str = "training.jsonl";
+pub const LOOKS: &str = looks::NAME;
 pub const SUMMARY: &str = "training.json";
 pub const CURVES: &str = "curves.svg";
 pub const REPORT: &str = "report.json";
 pub const CHECKPOINT: &str = "checkpoint.safetensors";
 
-/// A line of `training.jsonl`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Line {
-    #[serde(flatten)]
-    pub look: Look,
-    /// Whether it was the best so far.
-    pub best: bool,
-    /// Seconds of training so far, those before a kill included.
-    pub elapsed_s: f64,
-}
-
-/// A folder that belongs to one training.
+/// A folder that belongs to one training, and that no other process writes in while this one is there.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
     store: LocalFolder,
+    lock: File,
 }
 
 impl RunFolder {
-    /// A new folder; one that is there already is refused.
-    pub fn create(path: &Path) -> Result<RunFolder, TrainError> {
-        if let Some(above) = path.parent() {
-            fs::create_dir_all(above).map_err(|source| io(above, source))?;
-        }
+    /// A folder for a run with this config, which is written first of all. One that is there already is refused, but for what a
+    /// run left there in its first moments where this one is to `resume`.
+    pub fn begin(path: &Path, config: &str, resume: bool) -> Result<RunFolder, TrainError> {
+        let above = path.parent().unwrap_or(Path::new(""));
+        create_synced(above, None).map_err(|source| io(above, source))?;
         match fs::create_dir(path) {
-            Ok(()) => Ok(RunFolder::at(path)),
+            Ok(()) => sync_folder_of(path).map_err(|source| io(path, source))?,
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
-                Err(TrainError::Exists { path: path.display().to_string() })
+                if !resume {
+                    return Err(TrainError::Exists { path: path.display().to_string() });
+                }
             }
-            Err(error) => Err(io(path, error)),
+            Err(error) => return Err(io(path, error)),
         }
+        match LocalFolder::new(path).put(CONFIG, config.as_bytes()) {
+            Err(CorpusError::Differs { .. }) => return Err(other_config(path)),
+            put => put?,
+        };
+        RunFolder::held(path)
     }
 
-    /// The folder of a run that was begun; a new one where there is none.
-    pub fn resume(path: &Path) -> Result<RunFolder, TrainError> {
-        if !path.exists() {
-            return RunFolder::create(path);
+    /// The folder of a run that was begun; `None` where none was, or where it was killed before it had written its config.
+    pub fn resume(path: &Path) -> Result<Option<RunFolder>, TrainError> {
+        if LocalFolder::new(path).size(CONFIG)?.is_some() {
+            return RunFolder::held(path).map(Some);
         }
-        let empty = fs::read_dir(path).map_err(|source| io(path, source))?.next().is_none();
-        if !empty && !path.join(CONFIG).is_file() {
+        if path.try_exists().map_err(|source| io(path, source))? && !is_barely_begun(path)? {
             let reason = format!("it holds files, and no {CONFIG}");
             return Err(TrainError::NoRun { path: path.display().to_string(), reason });
         }
-        Ok(RunFolder::at(path))
+        Ok(None)
     }
 
-    fn at(path: &Path) -> RunFolder {
-        RunFolder { path: path.to_owned(), store: LocalFolder::new(path) }
+    fn held(path: &Path) -> Result<RunFolder, TrainError> {
+        let lock = lock::hold(&path.join(CONFIG))?;
+        let store = LocalFolder::new(path);
+        store.sweep_temporaries("")?;
+        Ok(RunFolder { path: path.to_owned(), store, lock })
+    }
+
+    /// Refuses to begin a run anew where the folder says that it is another one's, or holds what no run leaves before its first
+    /// checkpoint.
+    pub fn check_unlearnt(&self, config: &str) -> Result<(), TrainError> {
+        if !is_barely_begun(&self.path)? {
+            let reason = format!("it holds other files, and neither {CHECKPOINT} nor {FILTER}");
+            return Err(TrainError::NoRun { path: self.path.display().to_string(), reason });
+        }
+        if self.read(CONFIG)? != config.as_bytes() {
+            return Err(other_config(&self.path));
+        }
+        Ok(())
+    }
+
+    /// Writes the config again where it was changed meanwhile; the lock moves on with the file.
+    pub fn write_config(&mut self, config: &str) -> Result<(), TrainError> {
+        if self.read(CONFIG)? != config.as_bytes() {
+            self.write(CONFIG, config.as_bytes())?;
+            self.lock = lock::hold(&self.path.join(CONFIG))?;
+        }
+        Ok(())
     }
 
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    pub fn holds(&self, name: &str) -> bool {
-        self.path.join(name).is_file()
+    pub fn holds(&self, name: &str) -> Result<bool, TrainError> {
+        Ok(self.store.size(name)?.is_some())
+    }
+
+    /// A file's bytes; `None` where it is not there.
+    pub fn read_if_there(&self, name: &str) -> Result<Option<Vec<u8>>, TrainError> {
+        if self.holds(name)? { self.read(name).map(Some) } else { Ok(None) }
     }
 
     pub fn read(&self, name: &str) -> Result<Vec<u8>, TrainError> {
@@ -103,53 +128,39 @@ impl RunFolder {
         Ok(self.store.remove(name)?)
     }
 
-    /// The log of looks, cut back to its first `keep` lines; and the time in the last of them.
-    pub fn looks(&self, keep: u64) -> Result<(LookLog, f64), TrainError> {
-        let path = self.path.join(LOOKS);
-        let failed = |source| io(&path, source);
-        let (mut bytes, mut elapsed_s) = (0, 0.0);
-        if keep > 0 {
-            let mut reader = BufReader::new(File::open(&path).map_err(failed)?);
-            let mut text = String::new();
-            for kept in 0..keep {
-                text.clear();
-                bytes += reader.read_line(&mut text).map_err(failed)? as u64;
-                let line: Line = serde_json::from_str(&text).map_err(|error| TrainError::BadState {
-                    path: path.display().to_string(),
-                    reason: format!("line {} of the {keep} that the checkpoint counts is broken ({error})", kept + 1),
-                })?;
-                elapsed_s = line.elapsed_s;
-            }
+    /// The log, with these looks in it.
+    pub fn log(&self, looks: &Looks) -> Result<LookLog, TrainError> {
+        LookLog::begin(&self.path, looks)
+    }
+}
+
+/// Whether a folder holds nothing but what a run leaves that is killed before its first checkpoint.
+fn is_barely_begun(path: &Path) -> Result<bool, TrainError> {
+    for entry in fs::read_dir(path).map_err(|source| io(path, source))? {
+        let entry = entry.map_err(|source| io(path, source))?;
+        let name = entry.file_name();
+        let ours = match name.to_str() {
+            Some(CONFIG) => true,
+            Some(LOOKS) => is_log(&entry.path()) || path.join(CONFIG).is_file(),
+            name => name.is_some_and(is_temporary),
+        };
+        if !ours {
+            return Ok(false);
         }
-        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(failed)?;
-        file.set_len(bytes).map_err(failed)?;
-        Ok((LookLog { path, file }, elapsed_s))
     }
-
-    /// All looks so far.
-    pub fn read_looks(&self) -> Result<Vec<Look>, TrainError> {
-        let path = self.path.join(LOOKS);
-        let text = fs::read_to_string(&path).map_err(|source| io(&path, source))?;
-        let parse = |line: &str| serde_json::from_str::<Line>(line).map(|line| line.look);
-        text.lines()
-            .map(parse)
-            .collect::<Result<_, _>>()
-            .map_err(|error| TrainError::BadState { path: path.display().to_string(), reason: error.to_string() })
-    }
+    Ok(true)
 }
 
-/// `training.jsonl`, open at its end.
-#[derive(Debug)]
-pub struct LookLog {
-    path: PathBuf,
-    file: File,
+/// Whether a file of that name is a log of looks, or nothing yet.
+fn is_log(path: &Path) -> bool {
+    let length = fs::symlink_metadata(path).ok().filter(fs::Metadata::is_file).map(|facts| facts.len());
+    let folder = path.parent().unwrap_or(path);
+    length.is_some_and(|length| length == 0 || !looks::read(folder, 1).is_empty())
 }
 
-impl LookLog {
-    pub fn push(&mut self, line: &Line) -> Result<(), TrainError> {
-        let text = serde_json::to_string(line).expect("a line is plain data") + "\n";
-        self.file.write_all(text.as_bytes()).map_err(|source| io(&self.path, source))
-    }
+fn other_config(path: &Path) -> TrainError {
+    let what = "the config is another one (its own is in train.yaml)".into();
+    TrainError::OtherRun { path: path.display().to_string(), what }
 }
 
 fn io(path: &Path, source: std::io::Error) -> TrainError {

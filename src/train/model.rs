@@ -13,13 +13,14 @@ use garde::Validate;
 use serde::{Deserialize, Serialize};
 
 use super::Network;
+use super::leaks::LearntFrom;
 use crate::cells::params::LocalHeightParams;
 use crate::cells::{CellParams, LOCAL_HEIGHT};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
-/// Version of the model format.
-pub const MODEL_FORMAT: u32 = 1;
+/// Version of the model format; files of every earlier one are read.
+pub const MODEL_FORMAT: u32 = 2;
 
 /// Features -> what the network takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,6 +40,8 @@ pub struct Scaler {
 pub struct Model {
     pub network: Network,
     pub about: About,
+    /// SHA-256 of the file that it was read from, as `sha256sum` says it; `None` for one that comes from no file.
+    pub sha256: Option<String>,
 }
 
 /// The metadata of a model file.
@@ -67,6 +70,13 @@ pub struct About {
     pub mount: [f64; 6],
     pub corpus_ids: Vec<String>,
     pub corpus_names: Vec<String>,
+    /// SHA-256 of what the run was begun with: config, corpora, and the network it started from. Format 1 had none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
+    /// Which scenes it learnt from and was stopped by, those of the network that it was started from included; none in models from
+    /// before this was kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub learnt_from: Vec<LearntFrom>,
 }
 
 /// Why a model cannot be used.
@@ -77,9 +87,14 @@ pub enum ModelError {
     #[error("not a marsyard model: {reason}; give the `model.safetensors` of a run folder of `marsyard train`")]
     NotAModel { reason: String },
     #[error(
-        "a model of format {there}, this marsyard reads format {MODEL_FORMAT}: use the marsyard that wrote it, or train again"
+        "a model of format {there}, this marsyard reads formats 1 to {MODEL_FORMAT}: use the marsyard that wrote it, or train again"
     )]
     OtherVersion { there: u64 },
+    #[error(
+        "the model is damaged: {reason}; copy it again from where it came, or have its run write it anew: remove it and give the \
+         command that trained it, with --resume"
+    )]
+    Damaged { reason: String },
     #[error("the model contradicts itself: {reason}; the file was damaged or changed by hand: train again")]
     Contradiction { reason: String },
     #[error(
@@ -119,6 +134,11 @@ const SANE: f64 = 1e100;
 const CHUNK_ROWS: usize = 1024;
 
 impl Model {
+    /// The first digits of its file's SHA-256: how a model is named in what is said of it.
+    pub fn short_sha256(&self) -> Option<&str> {
+        self.sha256.as_ref().and_then(|digits| digits.get(..12))
+    }
+
     /// Where each input of the model stands among the columns of some data.
     pub fn inputs_of<S: AsRef<str>>(&self, columns: &[S]) -> Result<Vec<usize>, ModelError> {
         let place = |name: &String| columns.iter().position(|column| column.as_ref() == name);

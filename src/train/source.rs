@@ -1,7 +1,7 @@
 //! Finished corpora -> what a trainer reads of them: which files and row groups, and their rows.
 //!
-//! The manifest and `shards.jsonl` are read once; of each shard a few dozen bytes are kept. A shard's size and sha256 are
-//! checked when it is first opened, so that a truncated, damaged or foreign file is never learnt from.
+//! The corpus is opened once, by its one door; of each shard a few dozen bytes are kept. A shard's size and sha256 and whose it says
+//! it is are checked when it is first opened, so that a truncated, damaged or foreign file is never learnt from.
 
 mod open_file;
 
@@ -11,11 +11,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::labels::LabelRule;
 use super::{FeatureSet, TrainError};
 use crate::cells::LOCAL_HEIGHT;
+use crate::corpus::belongs::ShardIdentity;
 use crate::corpus::checked::{Expected, Refused};
-use crate::corpus::manifest::{self, FeatureSummary, ShardLine};
+use crate::corpus::manifest::{FeatureSummary, ShardLine};
 use crate::corpus::reader::TableFile;
 use crate::corpus::stats::LabelCounts;
-use crate::corpus::{Manifest, Split, Store, Table, sha256};
+use crate::corpus::{Finished, Split, Store, Table, Yards};
 
 /// One corpus.
 pub struct Source {
@@ -24,6 +25,12 @@ pub struct Source {
     pub corpus_id: String,
     pub scene_plan_hash: String,
     pub manifest_sha256: String,
+    /// Where the manifest does not say which they are (format 1), whoever has the plan may.
+    pub yards: Yards,
+    /// Of `shards.jsonl`.
+    pub shards_sha256: String,
+    /// What could not be checked of it, for people.
+    pub unchecked: Vec<String>,
     /// How much one of its rows counts, against a row of another corpus.
     pub weight: f64,
     /// Of the train split.
@@ -61,11 +68,10 @@ pub struct SceneAddress {
 
 impl Source {
     pub fn open(store: &dyn Store, weight: f64) -> Result<Source, TrainError> {
-        let manifest = Manifest::read(store)?;
-        let manifest_sha256 = sha256(&store.read(manifest::NAME)?);
+        let Finished { manifest, manifest_sha256, shards_sha256, lines, unchecked, .. } = Finished::open(store)?;
         let mut files: [Vec<ShardFile>; 3] = Default::default();
-        for line in manifest::read_shard_lines(store)? {
-            let ShardLine { shard, split, tables, scenes: [first, end] } = line;
+        for line in lines {
+            let ShardLine { shard, split, tables, scenes: [first, end], .. } = line;
             if let Some(facts) = tables.get(&Table::Cells) {
                 files[at(split)].push(ShardFile {
                     shard,
@@ -82,12 +88,15 @@ impl Source {
             return Err(TrainError::NoCells { place: store.place() });
         }
         Ok(Source {
+            yards: manifest.yards(),
             store: store.share(),
             labels: Split::ALL.map(|split| manifest.splits.get(&split).map(|s| s.labels).unwrap_or_default()),
             name: manifest.name,
             corpus_id: manifest.corpus_id,
             scene_plan_hash: manifest.scene_plan_hash,
             manifest_sha256,
+            shards_sha256,
+            unchecked,
             weight,
             features: manifest.features,
             files,
@@ -114,8 +123,10 @@ impl Source {
     /// The file, its bytes checked if nobody has done so before.
     fn open_file(&self, split: Split, file: &ShardFile) -> Result<TableFile, TrainError> {
         let name = path(split, file.shard);
-        let ShardFile { rows, bytes, row_groups, ref sha256, ref verified, .. } = *file;
-        let expected = Expected { name: &name, bytes, sha256, rows, row_groups };
+        let ShardFile { shard, ref scenes, rows, bytes, row_groups, ref sha256, ref verified } = *file;
+        let (scene_plan_hash, scenes) = (&*self.scene_plan_hash, [scenes.start, scenes.end]);
+        let identity = ShardIdentity { scene_plan_hash, shard, split, scenes };
+        let expected = Expected { name: &name, bytes, sha256, rows, row_groups, table: Table::Cells, identity };
         let known = verified.load(Ordering::Acquire);
         let opened =
             if known { expected.open(self.store.as_ref()) } else { expected.open_checked(self.store.as_ref()) };
@@ -148,6 +159,8 @@ pub struct Sources {
     /// The inputs, in order.
     pub features: Vec<String>,
     pub rule: Option<LabelRule>,
+    /// What was told of scenes in two splits, where that was allowed.
+    pub shared_scenes: Vec<String>,
 }
 
 impl Sources {
@@ -183,12 +196,12 @@ impl Sources {
                 });
             }
         }
-        Ok(Sources { list: list.into_iter().map(Arc::new).collect(), features, rule })
+        Ok(Sources { list: list.into_iter().map(Arc::new).collect(), features, rule, shared_scenes: Vec::new() })
     }
 
     /// The same corpora, to read labels from and nothing else.
     pub fn labels_alone(&self) -> Sources {
-        Sources { list: self.list.clone(), features: Vec::new(), rule: self.rule.clone() }
+        Sources { list: self.list.clone(), features: Vec::new(), rule: self.rule.clone(), shared_scenes: Vec::new() }
     }
 
     /// Every row group of a split: corpus by corpus, shard by shard.

@@ -1,7 +1,7 @@
 //! Validation errors at set intervals -> when to stop, and which weights were the best.
 //!
-//! Source: Hewitt et al. 2017, "Training": the validation error is looked at at set intervals; when it rises, training ends and
-//! the weights revert to those at the minimum. Deviation: it may rise `patience` times in a row before that is believed.
+//! Source: Hewitt et al. 2017, "Methodology for training": the validation error is looked at at set intervals; when it rises, training
+//! ends and the weights revert to those at the minimum. Deviation: it may rise `patience` times in a row before that is believed.
 
 use serde::{Deserialize, Serialize};
 

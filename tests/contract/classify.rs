@@ -110,8 +110,17 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         mount: [0.0, 0.0, 0.5, 0.0, 0.0, 0.0],
         corpus_ids: vec!["ab".repeat(32)],
         corpus_names: vec!["tiny".into()],
+        run: None,
+        learnt_from: Vec::new(),
     };
-    Model { network: Network { layout, weights }, about }
+    Model { network: Network { layout, weights }, about, sha256: None }
+}
+
+/// Such a model in the yard, by its name.
+pub fn model_file(yard: &Yard) -> String {
+    let model = model(&prepared(), &["height_difference_m"]);
+    std::fs::write(yard.path("model.safetensors"), model.save().expect("a model")).expect("a file");
+    "model.safetensors".into()
 }
 
 #[test]
@@ -164,7 +173,7 @@ fn law_classify_writes_all_it_promises_and_judges_by_labels() {
     let counted = report["groups"][0]["cells"].as_u64().expect("a count");
     assert_eq!(counted, scan.cells.rows.len() as u64);
     let yaml = std::fs::read_to_string(yard.path("c/scene-1-cloud-cost.yaml")).expect("a map");
-    assert!(yaml.starts_with("image: scene-1-cloud-cost.pgm\nmode: scale\nresolution: 0.1\norigin: ["), "{yaml}");
+    assert!(yaml.starts_with("image: scene-1-cloud-cost.pgm\nmode: raw\nresolution: 0.1\norigin: ["), "{yaml}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use marsyard::corpus::{Table, sha256};
 use marsyard::train::Model;
 use serde_json::Value as Json;
 
+use crate::door::mend;
 use crate::yard::{Yard, text};
 
 fn corpus_config() -> PathBuf {
@@ -117,6 +118,7 @@ fn cook(yard: &Yard, corpus: &str, bytes: &[u8], facts: &Json) {
     }
     (cells["bytes"], cells["sha256"]) = (bytes.len().into(), sha256(bytes).into());
     std::fs::write(&books, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).expect("a file");
+    mend(&yard.path(corpus));
 }
 
 #[test]
@@ -138,14 +140,17 @@ fn extreme_damaged_and_foreign_shards_are_named_with_the_cure() {
         assert_eq!(code, Some(1), "{said}");
         assert!(said.contains(&path) && said.contains(says) && said.contains("marsyard verify corpus"), "{said}");
     }
-    // Books that were cooked: the columns are looked at all the same.
+    // Books that were cooked: the file is asked whose it is all the same.
     let books = std::fs::read_to_string(yard.path("corpus/shards.jsonl")).expect("the books");
     let line: Json = serde_json::from_str(books.lines().nth(6).expect("seven shards")).expect("JSON");
     let scenes = std::fs::read(yard.path("corpus").join(Table::Scenes.path(6))).expect("another table");
     cook(&yard, "corpus", &scenes, &line["tables"]["scenes"]);
     for arguments in [&evaluate[..], &["evaluate", "run", "corpus", "--split", "test"]] {
         let (code, said) = told(&yard, arguments);
-        assert!(code == Some(1) && said.contains(&path) && said.contains("it has no column"), "{said}");
+        assert!(
+            code == Some(1) && said.contains(&path) && said.contains("its own marsyard.table is 'scenes', not 'cells'"),
+            "{said}"
+        );
     }
     cook(&yard, "corpus", &[b'x'; 4000], &line["tables"]["cells"]);
     let (code, said) = told(&yard, &evaluate);
@@ -168,13 +173,13 @@ fn extreme_corpora_of_another_version_and_models_of_other_features_are_refused()
     assert!(code == Some(2) && said.contains("cells.size_m 0.2"), "{said}");
     let manifest = yard.path("corpus/manifest.json");
     let there = std::fs::read_to_string(&manifest).expect("a manifest");
-    std::fs::write(&manifest, there.replacen("\"format\": 1", "\"format\": 9", 1)).expect("a file");
+    std::fs::write(&manifest, there.replacen("\"format\": 2", "\"format\": 9", 1)).expect("a file");
     for arguments in [&["evaluate", "run", "corpus"][..], &["train", "corpus", "--out", "again"]] {
         let (code, said) = told(&yard, arguments);
         assert!(
             code == Some(1)
                 && said.contains("manifest.json")
-                && said.contains("format 9, this program reads format 1; use the"),
+                && said.contains("format 9, this program reads formats 1 to 2; use the"),
             "{said}"
         );
     }

@@ -4,21 +4,33 @@
 mod classify;
 /// The verbs: exit codes, what is written, what is said.
 mod cli;
+/// The one door into a finished corpus: what is not the corpus that its manifest names is refused by every reader.
+mod door;
 /// Pinned ids of three small corpora.
 mod golden;
 /// Judging and exporting: reports, exit codes, faults with their cures.
 mod judging;
 /// Signals, full disks, folders that go away, other programs, too little memory.
 mod night;
+/// Far and absurd inputs, and what is told of a build.
+mod outputs;
+/// Folders have owners: no file of another's is replaced, and no input.
+mod owners;
+/// Run folders: whatever a kill, a lost file or a flipped bit leaves there.
+mod run_safety;
 /// The same plan gives the same bytes.
 mod sameness;
 /// Scans of every pattern, from a corpus to a classified cloud.
 mod scans;
 /// Searches: the same leaderboard after any kill; faults with their cures.
 mod search;
+/// What files hold that are not the user's config is in no message.
+mod secrets;
 /// Speed against accuracy: what the verb writes and refuses.
 mod tradeoff;
 /// Training: the same bits after any kill; faults with their cures.
 mod training;
+/// Who made a corpus, what it may be judged on, and who vouches for it.
+mod trust;
 /// A scratch folder, a config in it, and the binary.
 mod yard;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::yard::{Yard, assert_same, stopped, text};
+use crate::yard::{Yard, assert_same, stopped, text, wait_for};
 
 fn with_corpus() -> Yard {
     let yard = Yard::new();
@@ -40,7 +40,7 @@ fn search(yard: &Yard, out: &str, extra: &[&str]) -> std::process::Output {
 /// The files whose bytes are promised, and the journal's lines in order and without times.
 fn promised(yard: &Yard, out: &str) -> BTreeMap<String, Vec<u8>> {
     let mut files = yard.identity(out);
-    files.retain(|name, _| !name.contains(".tmp"));
+    files.retain(|name, _| !name.contains(".marsyard-tmp-"));
     let journal = files.get_mut("search.jsonl").expect("search.jsonl");
     let whole = text(journal);
     let mut lines: Vec<&str> =
@@ -108,11 +108,7 @@ fn law_an_interrupted_search_exits_75_and_says_how_to_go_on() {
     command.stderr(std::process::Stdio::piped()).stdout(std::process::Stdio::null());
     let child = command.spawn().expect("the binary starts");
     let journal = yard.path("run/search.jsonl");
-    let waited = (0..600).find(|_| {
-        std::thread::sleep(Duration::from_millis(100));
-        journal.exists()
-    });
-    assert!(waited.is_some(), "no journal within a minute");
+    wait_for("journal", || journal.exists());
     let output = stopped(child, "-INT");
     assert!(text(&output.stderr).contains("--resume --out run"), "{}", text(&output.stderr));
 }

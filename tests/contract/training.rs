@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
-use crate::yard::{Yard, assert_same, stopped, text};
+use crate::yard::{Yard, assert_same, stopped, text, wait_for};
 
 fn corpus_config() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/training.yaml")
@@ -99,7 +99,7 @@ fn equal_bits_after_kills_and_resumes_at_ten_random_moments() {
     let output = yard.marsyard(arguments.iter().chain(&QUICK).chain(&whole));
     assert!(output.status.success(), "{}", text(&output.stderr));
     let mut killed = promised(&yard, "killed");
-    killed.retain(|name, _| !name.contains(".tmp"));
+    killed.retain(|name, _| !name.contains(".marsyard-tmp-"));
     assert_same(&promised(&yard, "whole"), &killed);
 }
 
@@ -114,11 +114,7 @@ fn law_an_interrupted_training_exits_75_and_says_how_to_go_on() {
         .spawn()
         .expect("the binary starts");
     let checkpoint = yard.path("run/checkpoint.safetensors");
-    let waited = (0..600).find(|_| {
-        std::thread::sleep(Duration::from_millis(100));
-        checkpoint.exists()
-    });
-    assert!(waited.is_some(), "no checkpoint within a minute");
+    wait_for("checkpoint", || checkpoint.exists());
     let output = stopped(child, "-INT");
     assert!(text(&output.stderr).contains("--resume --out run"), "{}", text(&output.stderr));
 }

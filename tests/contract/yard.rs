@@ -88,6 +88,15 @@ impl Yard {
     }
 }
 
+/// Waits until something is there, a minute at most.
+pub fn wait_for(what: &str, is_there: impl Fn() -> bool) {
+    let waited = (0..6000).any(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        is_there()
+    });
+    assert!(waited, "no {what} within a minute");
+}
+
 /// Sends a signal that asks a process to stop, and waits for what it says; it must ask to be run again.
 pub fn stopped(child: Child, signal: &str) -> Output {
     let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill");

@@ -2,9 +2,10 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use marsyard::corpus::reader::TableFile;
-use marsyard::corpus::{LocalFolder, Manifest, Receipt, Split, inspect, manifest, sha256};
+use marsyard::corpus::{Finished, LocalFolder, Manifest, Receipt, Split, inspect, manifest, sha256};
 use marsyard::train::{FeatureSet, Source, Sources};
 use proptest::prelude::*;
+use serde_json::Value;
 
 use crate::edits::{JSON, apply, cases, edits};
 use crate::heap::{MIB, bounded, bounded_by};
@@ -28,7 +29,8 @@ pub static CORPUS: LazyLock<PathBuf> = LazyLock::new(|| {
     place
 });
 
-/// Files of the corpus with other bytes for some of them; the others are links.
+/// The corpus with other bytes for some of its files, and sizes and hashes put right, as who forges a corpus would: readers meet the
+/// files themselves, and not only the door before them. The other files are hard links.
 struct Altered {
     folder: tempfile::TempDir,
     store: LocalFolder,
@@ -36,30 +38,50 @@ struct Altered {
 
 impl Altered {
     fn new(files: &[(&str, &[u8])]) -> Altered {
-        let folder = tempfile::tempdir().expect("a folder");
+        let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder");
         let place = folder.path();
-        for name in ["manifest.json", "shards.jsonl", "plan.yaml"] {
-            std::os::unix::fs::symlink(CORPUS.join(name), place.join(name)).expect("a link");
-        }
-        std::fs::create_dir(place.join("data")).expect("a folder");
-        for name in ["receipts", "data/cells", "data/scenes", "data/poses", "data/points"] {
-            if files.iter().all(|(file, _)| !file.starts_with(name)) {
-                std::os::unix::fs::symlink(CORPUS.join(name), place.join(name)).expect("a link");
-                continue;
-            }
-            std::fs::create_dir(place.join(name)).expect("a folder");
+        for name in ["", "receipts", "data", "data/cells", "data/scenes", "data/poses", "data/points"] {
+            std::fs::create_dir_all(place.join(name)).expect("a folder");
             for entry in std::fs::read_dir(CORPUS.join(name)).expect("a folder of the corpus") {
-                let entry = entry.expect("an entry");
-                std::os::unix::fs::symlink(entry.path(), place.join(name).join(entry.file_name())).expect("a link");
+                let path = entry.expect("an entry").path();
+                let there = place.join(name).join(path.file_name().expect("a name"));
+                if path.is_file() {
+                    std::fs::hard_link(&path, there).expect("a link");
+                }
             }
         }
-        for (name, bytes) in files {
-            let path = place.join(name);
-            let _ = std::fs::remove_file(&path);
-            std::fs::write(path, bytes).expect("a file");
+        let put = |name: &str, bytes: &[u8]| {
+            std::fs::remove_file(place.join(name)).expect("a file of the corpus");
+            std::fs::write(place.join(name), bytes).expect("a file");
+        };
+        files.iter().for_each(|(name, bytes)| put(name, bytes));
+        let altered = |name: &str| files.iter().any(|(file, _)| *file == name);
+        let mut manifest: Value = serde_json::from_slice(&whole("manifest.json")).expect("JSON");
+        if !altered("shards.jsonl") {
+            put("shards.jsonl", forged_list(files, &mut manifest).as_bytes());
+        }
+        if !altered("manifest.json") {
+            for (name, hash) in manifest["files"].as_object_mut().expect("hashes by name") {
+                *hash = sha256(&std::fs::read(place.join(name)).expect("a file of the corpus")).into();
+            }
+            put("manifest.json", manifest.to_string().as_bytes());
         }
         Altered { store: LocalFolder::new(place), folder }
     }
+}
+
+/// `shards.jsonl` with the sizes and hashes of altered tables; their sizes are added up anew in the manifest.
+fn forged_list(files: &[(&str, &[u8])], manifest: &mut Value) -> String {
+    let mut list = String::from_utf8(whole("shards.jsonl")).expect("text");
+    for (name, bytes) in files.iter().filter(|(name, _)| name.starts_with("data/")) {
+        let (before, table) = (whole(name), name.split('/').nth(1).expect("a table"));
+        let said = |bytes: &[u8]| format!("\"bytes\":{},\"sha256\":\"{}\"", bytes.len(), sha256(bytes));
+        assert!(list.contains(&said(&before)), "{name}");
+        list = list.replace(&said(&before), &said(bytes));
+        let total = &mut manifest["tables"][table]["bytes"];
+        *total = (total.as_u64().expect("bytes") - before.len() as u64 + bytes.len() as u64).into();
+    }
+    list
 }
 
 fn whole(name: &str) -> Vec<u8> {
@@ -134,7 +156,7 @@ proptest! {
     fn extreme_broken_shard_lists_are_read_or_refused(edits in edits(&[JSON, TOKENS].concat())) {
         let bytes = apply(&whole("shards.jsonl"), &edits);
         let altered = Altered::new(&[("shards.jsonl", &bytes)]);
-        if let Ok(lines) = bounded(bytes.len(), || manifest::read_shard_lines(&altered.store)) {
+        if let Ok(lines) = bounded(bytes.len(), || manifest::parse_shard_lines(&bytes)) {
             prop_assert!(lines.iter().all(|line| line.tables.iter().all(|(table, facts)| facts.path == table.path(line.shard))));
             let _ = bounded_by(FREE_BYTES, bytes.len(), || inspect(&altered.store).map(|_| ()));
             let _ = train_on(&altered.store, bytes.len());
@@ -174,17 +196,12 @@ proptest! {
         let _ = read_table(&[body, &footer, &size, b"PAR1"].concat(), &table(which));
     }
 
-    /// Sizes and hashes put right, as who forges a corpus would: the trainer meets the file itself.
     #[test]
     fn extreme_forged_corpora_are_learnt_from_or_refused(edits in edits(&["PAR1", "\u{0}"])) {
         let name = table(0);
-        let (before, bytes) = (whole(&name), apply(&whole(&name), &edits));
-        let said = |bytes: &[u8]| format!("\"bytes\":{},\"sha256\":\"{}\"", bytes.len(), sha256(bytes));
-        let list = String::from_utf8(whole("shards.jsonl")).expect("text");
-        prop_assert!(list.contains(&said(&before)));
-        let list = list.replace(&said(&before), &said(&bytes));
-        let altered = Altered::new(&[(&name, &bytes), ("shards.jsonl", list.as_bytes())]);
-        let _ = train_on(&altered.store, bytes.len() + list.len());
+        let bytes = apply(&whole(&name), &edits);
+        let altered = Altered::new(&[(&name, &bytes)]);
+        let _ = train_on(&altered.store, bytes.len());
     }
 }
 
@@ -245,30 +262,24 @@ fn regress_a_page_header_that_announces_more_than_the_file_warrants_is_refused()
 #[test]
 fn regress_a_cell_is_looked_up_in_a_table_of_other_types_without_a_panic() {
     use arrow::array::{ArrayRef, Float32Array, Int64Array, RecordBatch};
+    use parquet::file::metadata::KeyValue;
+    let (name, store) = (table(0), LocalFolder::new(CORPUS.as_path()));
+    let there = TableFile::open(&store, &name).expect("a table");
+    let rows = there.rows() as usize;
     let columns: [(&str, ArrayRef); 2] = [
-        ("scene_id", std::sync::Arc::new(Int64Array::from(vec![0]))),
-        ("scan_id", std::sync::Arc::new(Float32Array::from(vec![0.0]))),
+        ("scene_id", std::sync::Arc::new(Int64Array::from_value(0, rows))),
+        ("scan_id", std::sync::Arc::new(Float32Array::from_value(0.0, rows))),
     ];
     let batch = RecordBatch::try_from_iter(columns).expect("a batch");
-    let mut writer = parquet::arrow::ArrowWriter::try_new(Vec::new(), batch.schema(), None).expect("a writer");
+    let said = there.key_values().into_iter().map(|(key, value)| KeyValue::new(key, value)).collect();
+    let properties = parquet::file::properties::WriterProperties::builder().set_key_value_metadata(Some(said)).build();
+    let mut writer =
+        parquet::arrow::ArrowWriter::try_new(Vec::new(), batch.schema(), Some(properties)).expect("a writer");
     writer.write(&batch).expect("rows");
-    let name = table(0);
     let altered = Altered::new(&[(&name, &writer.into_inner().expect("a file"))]);
-    let spec = marsyard::corpus::CorpusSpec {
-        name: "training".into(),
-        seed: 5,
-        scenes: 14,
-        scenes_per_shard: 2,
-        tables: Vec::new(),
-        features: Vec::new(),
-        drawn: Vec::new(),
-        families: Vec::new(),
-        scene_plan_hash: String::new(),
-        plan_yaml: String::new(),
-        license: String::new(),
-    };
+    let corpus = Finished::open(&altered.store).expect("a forged corpus");
     let cell = marsyard::geometry::CellIndex { row: 0, col: 0 };
-    let said = marsyard::corpus::stored_cell(&altered.store, &spec, 0, 0, cell).expect_err("other types").to_string();
+    let said = marsyard::corpus::stored_cell(&corpus, 0, 0, cell).expect_err("other types").to_string();
     assert!(said.contains("its column 'scan_id' is Float32, not Int32"), "{said}");
 }
 
@@ -285,11 +296,9 @@ fn extreme_shard_lists_that_leave_the_place_or_are_absurd_are_refused() {
         ("{\"shard\":1,\"split\":\"train\"", "{\"shard\":0,\"split\":\"train\"", "split or paths"),
     ] {
         assert!(list.contains(from), "{from} in {list}");
-        let altered = Altered::new(&[("shards.jsonl", list.replacen(from, to, 1).as_bytes())]);
-        let error = manifest::read_shard_lines(&altered.store).expect_err(to).to_string();
+        let error = manifest::parse_shard_lines(list.replacen(from, to, 1).as_bytes()).expect_err(to);
         assert!(error.contains(word), "{to}: {error}");
     }
     let twice = format!("{}\n{list}", list.lines().next().expect("a line"));
-    let altered = Altered::new(&[("shards.jsonl", twice.as_bytes())]);
-    assert!(manifest::read_shard_lines(&altered.store).expect_err("twice").to_string().contains("does not follow"));
+    assert!(manifest::parse_shard_lines(twice.as_bytes()).expect_err("twice").contains("does not follow"));
 }

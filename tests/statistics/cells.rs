@@ -73,9 +73,9 @@ fn law_points_a_cell_on_flat_ground_follow_the_tilted_scanners_density() {
         let lines = (first - last) / tilt_step;
         assert!((counted / law - 1.0).abs() < 1.0 / lines, "{from}..{to}: {counted} points, the law says {law}");
     }
-    // The notes' own figures for a cell straight ahead: 58 points at 1 m, 8.6 at 2 m, 2.6 at 3 m.
-    for (x, notes) in [(1.0, 58.0), (2.0, 8.6), (3.0, 2.6)] {
-        assert!((density(x, 0.0) * 0.01 / notes - 1.0).abs() < 0.1);
+    // By hand, straight ahead: lines lie (x^2 + h^2) dt / h apart, beams sqrt(x^2 + h^2) db, and a cell has 0.01 m2.
+    for (x, points) in [(1.0, 59.8), (2.0, 8.80), (3.0, 2.69)] {
+        assert!((density(x, 0.0) * 0.01 / points - 1.0).abs() < 0.01);
     }
 }
 

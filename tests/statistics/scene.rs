@@ -1,7 +1,6 @@
 //! The scene's random laws against their closed forms.
 //!
-//! Seeds are fixed, so each test either holds or does not; bands are the issue's, with the standard error of each figure
-//! beside it.
+//! Seeds are fixed, so each test either holds or does not; the standard error of each figure stands beside its band.
 
 use marsyard::random::{Purpose, Stage, Stream, Streams};
 use marsyard::scene::{Polynomial, RandomField};

@@ -48,7 +48,7 @@ fn streams() -> Streams {
 /// What the features or the weights suffer.
 const CASES: [&str; 4] = ["standardised", "one constant, one twice", "scales 1e-8 to 1e8", "saturated weights"];
 
-/// One cell of the grid of `ekf.md`, section 3.
+/// One cell of the grid: how large R, P0 and Q are, and what the features or the weights suffer.
 struct Run {
     case: usize,
     r: f64,

@@ -9,9 +9,13 @@ use crate::cli::{Failure, place};
 use crate::cloud::place::{Place, Sigmas};
 use crate::cloud::{self, Cloud, CloudError, LabelMap, Levelled, level, trajectory};
 use crate::corpus::address;
+use crate::corpus::limits::FileKind;
 use crate::drive::rover::Mount;
 use crate::geometry::{DVec3, Pose, Transform};
 use crate::train::Model;
+
+/// Poses lie no farther from the map's origin: the Earth's own coordinates do not, and so far out doubles still tell 0.02 um.
+const FARTHEST_M: f64 = 1e8;
 
 /// What holds for all clouds.
 pub(super) struct Setup {
@@ -61,15 +65,15 @@ fn usage(error: impl std::fmt::Display) -> Failure {
     Failure::usage(miette::Report::msg(error.to_string()))
 }
 
-fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
+fn read_file(path: &Path, kind: FileKind) -> Result<Vec<u8>, Failure> {
     if address::is_url(path) {
-        return place::read(path);
+        return place::read(path, kind);
     }
-    std::fs::read(path).map_err(|source| usage(CloudError::Io { file: path.display().to_string(), source }))
+    kind.read_path(path).map_err(|source| usage(CloudError::Io { file: path.display().to_string(), source }))
 }
 
-fn read_text(path: &Path) -> Result<String, Failure> {
-    Ok(String::from_utf8_lossy(&read_file(path)?).into_owned())
+fn read_text(path: &Path, kind: FileKind) -> Result<String, Failure> {
+    Ok(String::from_utf8_lossy(&read_file(path, kind)?).into_owned())
 }
 
 impl Setup {
@@ -90,16 +94,24 @@ impl Setup {
         let poses = match &args.trajectory {
             Some(path) => {
                 let file = path.display().to_string();
-                let stamped = trajectory::parse(&file, &read_text(path)?).map_err(usage)?;
+                let stamped = trajectory::parse(&file, &read_text(path, FileKind::Trajectory)?).map_err(usage)?;
                 let names: Vec<String> = args.clouds.iter().map(|path| bare_name(path)).collect();
                 trajectory::match_clouds(&file, &stamped, &names, args.time_tolerance).map_err(usage)?
             }
             None => poses_of(args)?,
         };
         let labels = match &args.labels {
-            Some(path) => Some(LabelMap::parse(&path.display().to_string(), &read_text(path)?).map_err(usage)?),
+            Some(path) => Some(
+                LabelMap::parse(&path.display().to_string(), &read_text(path, FileKind::LabelMap)?).map_err(usage)?,
+            ),
             None => None,
         };
+        if let Some(pose) = poses.iter().find(|pose| pose.position_m.abs().max_element() > FARTHEST_M) {
+            return Err(usage(format!(
+                "a pose at {}: positions lie within {FARTHEST_M:e} m of the map's origin; subtract the origin, or mend the unit",
+                pose.position_m
+            )));
+        }
         Ok(Setup {
             window: window(args, model)?,
             max_range_m,
@@ -116,6 +128,11 @@ impl Setup {
         })
     }
 
+    /// The clouds' names in what is written, one a cloud.
+    pub(super) fn stems(&self) -> &[String] {
+        &self.stems
+    }
+
     /// Reads one cloud and finds its place.
     pub(super) fn load(
         &self,
@@ -125,9 +142,9 @@ impl Setup {
         path: &Path,
     ) -> Result<Loaded, Failure> {
         let name = path.display().to_string();
-        let bytes = read_file(path)?;
+        let bytes = read_file(path, FileKind::Cloud)?;
         let beside = if self.labels.is_some() { label_file(path)? } else { None };
-        let label_bytes = beside.as_deref().map(read_file).transpose()?;
+        let label_bytes = beside.as_deref().map(|path| read_file(path, FileKind::Cloud)).transpose()?;
         let options = cloud::Options { label_field: args.label_field.clone() };
         let mut cloud = cloud::read(&name, &bytes, label_bytes.as_deref(), &options).map_err(usage)?;
         let at_sensor = if self.in_map { 0 } else { cloud.drop_at(DVec3::ZERO) };

@@ -1,33 +1,54 @@
 //! What is told of judged scans: counts, features outside the training range, and how good the model is by the clouds' labels.
 
-use std::path::PathBuf;
-
 use serde_json::json;
 
+use super::Scan;
 use super::args::ClassifyArgs;
 use super::load::{Loaded, Setup};
-use super::{Scan, write};
-use crate::cli::Failure;
+use super::write::EVALUATION;
 use crate::cli::output::{errln, out, outln};
 use crate::cloud::place::Sigmas;
-use crate::cloud::range;
+use crate::cloud::{range, scale};
 use crate::evaluate::{DataFacts, Judge, Report};
 use crate::train::Model;
 
-/// What was not measured but taken for granted.
-pub(super) fn assumed(args: &ClassifyArgs, setup: &Setup) {
+/// Which model judges, and what was not measured but taken for granted.
+pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
     let Sigmas { xy_m, z_m, tilt_rad, yaw_rad } = setup.sigmas;
     if args.json {
         let sigmas = json!({ "xy_m": xy_m, "z_m": z_m, "tilt_rad": tilt_rad, "yaw_rad": yaw_rad });
-        outln!("{}", json!({ "max_range_m": setup.max_range_m, "window": setup.window, "sigmas": sigmas }));
+        outln!(
+            "{}",
+            json!({
+                "model_sha256": model.sha256,
+                "max_range_m": setup.max_range_m,
+                "window": setup.window,
+                "sigmas": sigmas,
+            })
+        );
         return;
     }
     outln!(
-        "range {} m, window {}, pose sigmas: xy {xy_m} m, z {z_m} m, tilt {:.3} degrees, yaw {:.3} degrees",
+        "model {}: range {} m, window {}, pose sigmas: xy {xy_m} m, z {z_m} m, tilt {:.3} degrees, yaw {:.3} degrees",
+        model.short_sha256().unwrap_or_default(),
         setup.max_range_m,
         setup.window,
         tilt_rad.to_degrees(),
         yaw_rad.to_degrees()
+    );
+}
+
+/// Says so where no point of a scan lies in any cell, with what may be the reason.
+pub(super) fn nowhere(setup: &Setup, loaded: &Loaded, scan: &Scan) {
+    if !scan.cells.rows.is_empty() {
+        return;
+    }
+    let question = scale::question(&loaded.cloud.points_m).filter(|_| !setup.in_map);
+    errln!(
+        "warning: {}: no point lies within {} m of the sensor; {}",
+        loaded.name,
+        setup.max_range_m,
+        question.unwrap_or("check --frame, the pose and the unit, which is metres")
     );
 }
 
@@ -149,7 +170,7 @@ pub(super) fn evaluation(
     setup: &Setup,
     judge: &Judge,
     scans: usize,
-) -> Result<PathBuf, Failure> {
+) -> (String, Vec<u8>) {
     let data = DataFacts {
         name: args.clouds.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
         labels: format!(
@@ -174,5 +195,5 @@ pub(super) fn evaluation(
         outln!("");
         out!("{report}");
     }
-    write::file(&args.out, "evaluation.json", report.to_json().as_bytes())
+    (EVALUATION.into(), report.to_json().into_bytes())
 }

@@ -1,41 +1,66 @@
 //! Judged scans -> files.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::Scan;
 use super::args::ClassifyArgs;
 use super::load::{Loaded, Setup};
 use crate::cells::Placer;
 use crate::cli::Failure;
+use crate::cli::evaluate::model_file;
+use crate::cli::place::corpus_failure;
 use crate::cloud::costmap::{Shown, cost_map};
 use crate::cloud::export::{self, Judged};
+use crate::corpus::Outputs;
 use crate::corpus::cell_file::{self, JudgedScan};
 use crate::geometry::GridSpec;
 use crate::picture::{ShadedCell, Shades, cell_map};
 use crate::train::Model;
 
-fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::new(Failure::TRY_AGAIN, miette::Report::msg(format!("{}: {error}", path.display())))
+/// Judges' reports, over all clouds.
+pub(super) const EVALUATION: &str = "evaluation.json";
+const CELLS: &str = "cells.parquet";
+/// Behind a cloud's name.
+const OF_SCAN: [&str; 10] = [
+    "labelled.ply",
+    "labelled.pcd",
+    "mesh.ply",
+    "cost.pgm",
+    "cost.yaml",
+    "class.pgm",
+    "class.yaml",
+    "binary.png",
+    "direct.png",
+    "density.png",
+];
+
+/// The folder for what is written; refused, before anything is, where it is another's or an input would be lost.
+pub(super) fn open(args: &ClassifyArgs, setup: &Setup) -> Result<Outputs, Failure> {
+    let of_scan = |stem: &String| OF_SCAN.map(|end| format!("{stem}-{end}"));
+    let mut names: Vec<String> = setup.stems().iter().flat_map(of_scan).collect();
+    names.extend([CELLS.into(), EVALUATION.into()]);
+    let more = args.trajectory.iter().chain(&args.labels).chain(&args.clouds);
+    let inputs = more.cloned().chain([model_file(&args.model)]).collect();
+    Outputs::open(&args.out, names.iter().map(String::as_str), inputs).map_err(corpus_failure)
 }
 
-pub(super) fn folder(path: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(path).map_err(|e| cannot_write(path, &e))
-}
-
-pub(super) fn file(folder: &Path, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {
-    let path = folder.join(name);
-    std::fs::write(&path, bytes).map_err(|e| cannot_write(&path, &e))?;
-    Ok(path)
+/// Writes files, and says where they are.
+pub(super) fn files(
+    args: &ClassifyArgs,
+    outputs: &mut Outputs,
+    files: Vec<(String, Vec<u8>)>,
+) -> Result<Vec<PathBuf>, Failure> {
+    outputs.write(&files).map_err(corpus_failure)?;
+    Ok(files.iter().map(|(name, _)| args.out.join(name)).collect())
 }
 
 /// Clouds, mesh, pictures and cost maps of one scan.
 pub(super) fn scan(
-    args: &ClassifyArgs,
     model: &Model,
     setup: &Setup,
     loaded: &Loaded,
     scan: &Scan,
-) -> Result<Vec<PathBuf>, Failure> {
+) -> Result<Vec<(String, Vec<u8>)>, Failure> {
     let grid = GridSpec { size_m: model.about.cells.size_m };
     let judged = Judged {
         cells: &scan.cells,
@@ -61,7 +86,7 @@ pub(super) fn scan(
         files.push((format!("{stem}-{name}.yaml"), map.yaml.into_bytes()));
     }
     files.extend(pictures(stem, &judged, &placer_origin(loaded)));
-    files.into_iter().map(|(name, bytes)| file(&args.out, &name, &bytes)).collect()
+    Ok(files)
 }
 
 fn placer_origin(loaded: &Loaded) -> crate::geometry::DVec2 {
@@ -90,8 +115,7 @@ fn pictures(stem: &str, judged: &Judged, sensor_m: &crate::geometry::DVec2) -> V
 }
 
 /// The cells of all scans as one Parquet file.
-pub(super) fn cells(args: &ClassifyArgs, setup: &Setup, scans: &[Scan]) -> Result<PathBuf, Failure> {
-    let name = "cells.parquet";
+pub(super) fn cells(setup: &Setup, scans: &[Scan]) -> Result<(String, Vec<u8>), Failure> {
     let judged: Vec<JudgedScan> = scans
         .iter()
         .enumerate()
@@ -102,6 +126,6 @@ pub(super) fn cells(args: &ClassifyArgs, setup: &Setup, scans: &[Scan]) -> Resul
             classes: &scan.classes,
         })
         .collect();
-    let bytes = cell_file::judged_cells(name, &setup.features, &judged).map_err(Failure::failed)?;
-    file(&args.out, name, &bytes)
+    let bytes = cell_file::judged_cells(CELLS, &setup.features, &judged).map_err(Failure::failed)?;
+    Ok((CELLS.into(), bytes))
 }

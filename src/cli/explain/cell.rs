@@ -7,7 +7,7 @@ use crate::cells::{CellRow, Offset, Placer, feature_columns, is_neighbour, neigh
 use crate::cli::Failure;
 use crate::cli::output::outln;
 use crate::cli::place::{self, corpus_failure};
-use crate::config::{Family, Plan};
+use crate::config::Family;
 use crate::corpus::{self, ScanOutput, ScanPoints};
 use crate::geometry::{CellIndex, DVec3};
 use crate::pipeline::Replay;
@@ -198,15 +198,13 @@ fn object_name(scene: &Scene, object: i32, class: i8) -> String {
 /// Sets the replayed row beside the stored one.
 pub(super) fn compare_stored(
     folder: &Path,
-    plan: &Plan,
     scene: u64,
     family: &Family,
     scan: &ScanOutput,
     cell: CellIndex,
 ) -> Result<(), Failure> {
-    let store = place::open(folder)?;
-    let stored =
-        corpus::stored_cell(store.as_ref(), &plan.corpus_spec(), scene, scan.scan_id, cell).map_err(corpus_failure)?;
+    let corpus = place::finished(folder)?;
+    let stored = corpus::stored_cell(&corpus, scene, scan.scan_id, cell).map_err(corpus_failure)?;
     let Some(stored) = stored else {
         return Err(Failure::failed("the corpus has no row for this cell: it was built by another plan or binary"));
     };

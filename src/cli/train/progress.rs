@@ -73,6 +73,10 @@ impl Progress {
                 self.look(look, best, *is_best);
                 self.guards(counters);
             }
+            Event::Note(note) => match self.display {
+                Display::Json => tracing::warn!(event = "note", note),
+                _ => self.say(&format!("{}: {note}", self.out)),
+            },
             Event::Checkpoint { rows } => {
                 if matches!(self.display, Display::Json) {
                     tracing::info!(event = "checkpoint", rows);

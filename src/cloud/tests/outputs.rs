@@ -54,42 +54,71 @@ fn exact_cost_map_has_north_up_and_its_origin_at_the_lower_left_corner() {
     let ell = ell();
     let map = cost_map(&judged(&ell), "scan-cost.pgm", Shown::Output).unwrap();
     // From the top: (22) unknown, (21) output 1.0 beyond the target, (20) 0.1 and 0.5; the eastern column is empty but below.
-    assert_eq!(map.pgm, b"P5\n2 3\n255\n\x80\x80\x00\x80\xff\x80".to_vec());
+    assert_eq!(map.pgm, b"P5\n2 3\n255\n\xff\xff\x64\xff\x00\x32".to_vec());
     assert_eq!(
         map.yaml,
-        "image: scan-cost.pgm\nmode: scale\nresolution: 0.5\norigin: [-5.0, 10.0, 0.0]\nnegate: 0\n\
-         occupied_thresh: 1.0\nfree_thresh: 0.0\n"
+        "image: scan-cost.pgm\nmode: raw\nresolution: 0.5\norigin: [-5.0, 10.0, 0.0]\nnegate: 0\n\
+         occupied_thresh: 0.65\nfree_thresh: 0.25\n"
     );
     let map = cost_map(&judged(&ell), "scan-class.pgm", Shown::Class).unwrap();
     assert_eq!(map.pgm, b"P5\n2 3\n255\n\x80\x80\x00\x80\xff\x00".to_vec());
     assert!(map.yaml.contains("mode: trinary\n") && map.yaml.ends_with("occupied_thresh: 0.65\nfree_thresh: 0.25\n"));
 }
 
-/// What nav2_map_server makes of a pixel (map_io.cpp, `MapMode::Scale`): -1 unknown, 0 to 100.
-fn nav2_scale(pixel: u8, free: f64, occupied: f64) -> i32 {
-    let occupancy = 1.0 - f64::from(pixel) / 255.0;
-    if occupied <= occupancy {
-        100
-    } else if occupancy <= free {
-        0
-    } else {
-        ((occupancy - free) / (occupied - free) * 100.0).round() as i32
+/// What nav2_map_server makes of an opaque pixel (map_io.cpp, `loadMapFromFile`) and ROS 1's map_server of the same (image_loader.cpp):
+/// -1 unknown, 0 free to 100 occupied.
+fn map_servers(yaml: &str, pixel: u8) -> [i32; 2] {
+    let value = |key: &str| yaml.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(": ")).unwrap();
+    let [occupied, free] = ["occupied_thresh", "free_thresh"].map(|key| value(key).parse::<f64>().unwrap());
+    assert_eq!(value("negate"), "0");
+    let shade = f64::from(pixel) / 255.0;
+    let occupancy = 1.0 - shade;
+    let scaled = |occupancy: f64| ((occupancy - free) / (occupied - free) * 100.0).round_ties_even() as i32;
+    let thresholds = |between: i32| {
+        if occupied < occupancy {
+            100
+        } else if occupancy < free {
+            0
+        } else {
+            between
+        }
+    };
+    match value("mode") {
+        "trinary" => [thresholds(-1); 2],
+        "scale" => [thresholds(scaled(occupancy)); 2],
+        "raw" => {
+            let percent = (shade * 255.0).round() as i32;
+            // ROS 1 copies the byte into an i8, where all below zero is unknown to who reads it.
+            [if (0..=100).contains(&percent) { percent } else { -1 }, i32::from(pixel as i8)]
+        }
+        mode => panic!("{mode}"),
     }
 }
 
 #[test]
-fn law_a_map_server_reads_costs_that_rise_with_the_output() {
+fn law_map_servers_read_costs_that_rise_with_the_output_and_unseen_cells_as_unknown() {
     let mut ell = ell();
     let mut last = -1;
     for k in 0..=80 {
         let output = 0.1 + 0.01 * f64::from(k);
         ell.outputs[0] = Some(output);
-        let pgm = cost_map(&judged(&ell), "a.pgm", Shown::Output).unwrap().pgm;
-        let cost = nav2_scale(pgm[pgm.len() - 2], 0.0, 1.0);
-        assert!((f64::from(cost) - 1.25 * f64::from(k)).abs() <= 1.0 && cost >= last, "{output}: {cost}");
-        last = cost;
+        let map = cost_map(&judged(&ell), "a.pgm", Shown::Output).unwrap();
+        let costs = map_servers(&map.yaml, map.pgm[map.pgm.len() - 2]);
+        for cost in costs {
+            assert!((f64::from(cost) - 1.25 * f64::from(k)).abs() <= 0.5 + 1e-9 && cost >= last, "{output}: {cost}");
+        }
+        last = costs[0];
+        // The eastern column holds no cell but the lowest; the topmost cell is not judged.
+        for unseen in map.pgm[map.pgm.len() - 6..].iter().take(2) {
+            assert_eq!(map_servers(&map.yaml, *unseen), [-1, -1]);
+        }
     }
     assert_eq!(last, 100);
+    let map = cost_map(&judged(&ell), "a.pgm", Shown::Class).unwrap();
+    let read: Vec<i32> = map.pgm[map.pgm.len() - 6..].iter().map(|&pixel| map_servers(&map.yaml, pixel)[0]).collect();
+    assert_eq!(read, [-1, -1, 100, -1, 0, 100]);
+    // The test can tell: the old form read unseen cells as half occupied.
+    assert_eq!(map_servers("mode: scale\nnegate: 0\noccupied_thresh: 1.0\nfree_thresh: 0.0", 128), [50, 50]);
 }
 
 #[test]
@@ -126,6 +155,28 @@ fn equal_labelled_clouds_read_back_in_the_map_frame() {
             assert!((*p - q).length() < grain_m, "{name}: {p} {q}");
         }
         assert_eq!(read(name, &bytes, None, &options("class")).unwrap().labels, Some(vec![0, 1, -1, -1]));
+    }
+}
+
+#[test]
+fn equal_far_coordinates_come_back_from_ply_and_pcd() {
+    let far =
+        [DVec3::new(445_000.123_456_789, 5_030_000.987_654_321, 1_234.5), DVec3::new(445_001.0, 5_030_001.0, 1_234.0)];
+    let near = [DVec3::new(3.123_456_789, -99.0, 0.5), DVec3::new(0.1, 0.2, 0.3)];
+    let placer = Placer::of_sensor(GridSpec { size_m: 0.5 }, 50.0, Transform::IDENTITY);
+    let ell = ell();
+    for (there, size, most_m) in [(far, "SIZE 8 8 8 4 4 4 1 4\n", 1e-9), (near, "SIZE 4 4 4 4 4 4 1 4\n", 1e-5)] {
+        let cloud = Cloud { points_m: there.to_vec(), ..Cloud::default() };
+        let points = export::labelled(&cloud, &placer, true, &judged(&ell));
+        let pcd = export::pcd(&points);
+        let head = String::from_utf8_lossy(&pcd);
+        assert!(head.contains(size) && head.contains("VIEWPOINT 0 0 0 1 0 0 0\n"), "{head}");
+        for (name, bytes, most_m) in [("a.pcd", pcd, most_m), ("a.ply", export::ply(&points, ""), 0.0)] {
+            let back = read(name, &bytes, None, &Options::default()).unwrap();
+            for (p, q) in back.points_m.iter().zip(there) {
+                assert!((*p - q).abs().max_element() <= most_m, "{name}: {p} {q}");
+            }
+        }
     }
 }
 

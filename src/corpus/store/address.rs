@@ -163,13 +163,7 @@ pub fn open_file(path: &Path) -> Result<(Arc<dyn Store>, String), CorpusError> {
 /// The bytes of a file at a URL, `most` at most.
 pub fn read_url(url: &Path, most: u64) -> Result<Vec<u8>, CorpusError> {
     let (store, name) = open_file(url)?;
-    let io = |source: std::io::Error| CorpusError::Io { place: store.place(), name: name.clone(), source };
-    let size = store.size(&name)?.ok_or_else(|| io(std::io::ErrorKind::NotFound.into()))?;
-    if size > most {
-        let said = format!("it has {size} bytes, more than the {most} that are read");
-        return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidInput, said)));
-    }
-    store.read(&name)
+    store.read_within(&name, most)
 }
 
 fn refused(place: &str, reason: &str, cure: &str) -> CorpusError {

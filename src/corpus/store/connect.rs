@@ -61,10 +61,6 @@ fn retry() -> RetryConfig {
     RetryConfig { backoff, max_retries: 2, retry_timeout: Duration::from_secs(10) }
 }
 
-/// Limits of the HTTP client; attempts as a whole are limited by what they carry.
-const CLIENT: [(ClientConfigKey, &str); 2] =
-    [(ClientConfigKey::ConnectTimeout, "10 seconds"), (ClientConfigKey::Timeout, "1 hour")];
-
 fn amazon(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> {
     use AmazonS3ConfigKey as Key;
     let mut builder =
@@ -103,7 +99,6 @@ fn amazon(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> 
     if may_be_plain(url, endpoint.as_deref(), allowed.as_deref(), "AWS_ENDPOINT_URL", "AWS_ALLOW_HTTP")? {
         builder = builder.with_allow_http(true);
     }
-    let builder = CLIENT.iter().fold(builder, |builder, (key, value)| builder.with_config(Key::Client(*key), *value));
     built(url, builder.with_http_connector(Watched).build())
 }
 
@@ -126,7 +121,6 @@ fn google(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> 
     if may_be_plain(url, endpoint.as_deref(), allowed.as_deref(), "GOOGLE_BASE_URL", "GOOGLE_ALLOW_HTTP")? {
         builder = builder.with_config(Key::Client(ClientConfigKey::AllowHttp), "true");
     }
-    let builder = CLIENT.iter().fold(builder, |builder, (key, value)| builder.with_config(Key::Client(*key), *value));
     built(url, builder.with_http_connector(Watched).build())
 }
 
@@ -149,7 +143,6 @@ fn azure(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> {
     if may_be_plain(url, endpoint.as_deref(), allowed.as_deref(), "AZURE_STORAGE_ENDPOINT", "AZURE_ALLOW_HTTP")? {
         builder = builder.with_allow_http(true);
     }
-    let builder = CLIENT.iter().fold(builder, |builder, (key, value)| builder.with_config(Key::Client(*key), *value));
     built(url, builder.with_http_connector(Watched).build())
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{LocalFolder, Put, Store};
-use crate::corpus::CorpusError;
+use crate::corpus::{CorpusError, owner};
 
 /// Runs a check on a fresh store of each kind.
 fn each(check: impl Fn(&dyn Store, &str)) {
@@ -83,6 +83,28 @@ fn exact_listings_hold_the_files_right_in_a_folder_ascending() {
         let listed = vec![("data/a".to_string(), 6), ("data/b".to_string(), 6)];
         assert_eq!(store.list("data").unwrap(), listed, "{kind}");
         assert_eq!(store.list("none").unwrap(), vec![], "{kind}");
+    });
+}
+
+#[test]
+fn law_a_place_with_anything_in_it_is_not_empty() {
+    each(|store, kind| {
+        assert_eq!(store.first_entry().unwrap(), None, "{kind}");
+        owner::check_empty(store).unwrap();
+        store.put("project/deep/main.c", b"mine").unwrap();
+        assert!(store.first_entry().unwrap().is_some_and(|name| name.starts_with("project")), "{kind}");
+        let refused = owner::check_empty(store).unwrap_err();
+        assert!(matches!(refused, CorpusError::Foreign { .. }), "{kind}: {refused}");
+    });
+}
+
+#[test]
+fn exact_bytes_are_added_to_the_end_of_a_file() {
+    each(|store, kind| {
+        store.put("a", b"one").unwrap();
+        store.append("a", b", two").unwrap();
+        assert_eq!(store.read("a").unwrap(), b"one, two", "{kind}");
+        assert!(store.append("b", b"two").is_err() && store.size("b").unwrap().is_none(), "{kind}");
     });
 }
 

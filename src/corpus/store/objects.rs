@@ -3,7 +3,8 @@
 //! An object is there whole or not at all, and is put without replacing (`If-None-Match`, or what the service has instead): two
 //! writers of the same bytes are both right. Where a put finds the name taken, the bytes there are read and compared; an answer
 //! that was lost on the way (a dropped connection, a time-out) is met the same way by the next try. Reads go on where a
-//! connection broke, as long as the object is still the same one.
+//! connection broke, as long as the object is still the same one. What a put stored is held against what was sent ([`Stored`]).
+//! What a server announces is judged before it is taken in, and what it sends is counted: bytes, names, and time.
 //!
 //! The pipeline is threads, `object_store` is async: one small runtime serves all stores of the process, and each call
 //! waits for its own end. Faults that pass are borne with for as long as [`Limits`] say.
@@ -17,15 +18,18 @@ use object_store::path::Path;
 use object_store::{Error, GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutMode, PutOptions, PutPayload};
 use tokio::runtime::{Builder, Runtime};
 
-use super::patience::{Limits, Patience};
-use super::watch::{self, Fault};
-use super::{Put, Store, compared, is_name};
+use super::patience::{Limits, NAME_BYTES, Patience, SLOWEST};
+use super::stored::Stored;
+use super::watch::{self, Fault, MAX_ANSWER_BYTES};
+use super::{Put, Store, compared, is_name, is_temporary};
 use crate::corpus::CorpusError;
 
 /// What a request costs in time, reading on costs for so many bytes.
 const GRAIN_BYTES: usize = 4 << 20;
-/// The slowest upload that is waited for, bytes a second.
-const SLOWEST_PUT: f64 = 32_768.0;
+/// How much longer than ours an object may be that another writer put in our place, to be compared and told of.
+const OTHERS_MORE: u64 = 64 << 20;
+/// Names in the longest listing: a folder of a corpus holds a file a shard.
+const MOST_NAMES: usize = 1 << 20;
 /// Trouble is told of from this try on; before, it is over in less than a second.
 const TELL_FROM_TRY: u32 = 4;
 
@@ -50,6 +54,48 @@ struct Coming {
     same: Option<String>,
     /// The most that ever had come: only more than that is progress.
     furthest: usize,
+}
+
+/// What is asked of an object.
+#[derive(Clone, Copy, Debug)]
+enum Part {
+    /// All of it, refused where it is longer.
+    Whole { most: u64 },
+    /// Its bytes from `offset` on, or fewer at its end.
+    Range { offset: u64, length: usize },
+}
+
+impl Part {
+    fn first(self) -> u64 {
+        if let Part::Range { offset, .. } = self { offset } else { 0 }
+    }
+
+    fn most(self) -> u64 {
+        match self {
+            Part::Whole { most } => most,
+            Part::Range { length, .. } => length as u64,
+        }
+    }
+
+    /// What to ask for where all before `begin` is there.
+    fn rest(self, begin: u64) -> Option<GetRange> {
+        match self {
+            Part::Range { offset, length } => Some(GetRange::Bounded(begin..offset + length as u64)),
+            Part::Whole { .. } if begin == 0 => None,
+            Part::Whole { .. } => Some(GetRange::Offset(begin)),
+        }
+    }
+}
+
+/// What follows where other bytes were stored than were sent: once it may have been the way.
+fn altered(again: bool) -> Fault {
+    if again {
+        Fault::Lasting(
+            "twice other bytes were stored than were sent: the store, or something before it, damages data".into(),
+        )
+    } else {
+        Fault::Passing("other bytes were stored than were sent".into())
+    }
 }
 
 impl ObjectFolder {
@@ -89,6 +135,9 @@ impl ObjectFolder {
                     Err(Fault::Refused { reason, cure }) => {
                         return Err(CorpusError::Refused { place: self.place(), reason, cure: cure.into() });
                     }
+                    Err(Fault::Untrusted(reason)) => {
+                        return Err(CorpusError::Untrusted { place: self.place(), reason });
+                    }
                     Err(Fault::Lasting(reason)) => {
                         let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, reason);
                         return Err(CorpusError::Io { place: self.place(), name: name.into(), source });
@@ -120,50 +169,50 @@ impl ObjectFolder {
         CorpusError::Io { place: self.place(), name: name.into(), source }
     }
 
-    /// Reads a range, or all.
-    fn fetch(&self, name: &str, range: Option<(u64, usize)>) -> Result<Vec<u8>, CorpusError> {
+    /// Reads a part.
+    fn fetch(&self, name: &str, part: Part) -> Result<Vec<u8>, CorpusError> {
         let path = self.path(name)?;
         let mut coming = Coming::default();
-        self.done(name, async |patience| self.take_in(&path, range, &mut coming, patience).await)?;
+        self.done(name, async |patience| self.take_in(&path, part, &mut coming, patience).await)?;
         Ok(coming.received)
     }
 
-    /// Asks for what is missing of a range, or of all, and takes in what comes.
-    async fn take_in(
-        &self,
-        path: &Path,
-        range: Option<(u64, usize)>,
-        coming: &mut Coming,
-        patience: &Patience,
-    ) -> Result<(), Fault> {
+    /// Asks for what is missing of a part, and takes in what comes.
+    async fn take_in(&self, path: &Path, part: Part, coming: &mut Coming, patience: &Patience) -> Result<(), Fault> {
         if coming.same.is_none() {
             // Nothing would tell whether the rest is of the same object.
             coming.received.clear();
         }
-        let first = range.map_or(0, |(offset, _)| offset);
+        let first = part.first();
         let begin = first + coming.received.len() as u64;
-        let wanted = match range {
-            Some((offset, length)) => Some(GetRange::Bounded(begin..offset + length as u64)),
-            None if begin == 0 => None,
-            None => Some(GetRange::Offset(begin)),
-        };
-        let options = GetOptions { range: wanted, if_match: coming.same.clone(), ..GetOptions::default() };
-        let answer = match watch::attempt(self.limits.silence, self.client.get_opts(path, options)).await {
-            Err(Fault::BeyondEnd) => return Ok(()),
-            Err(Fault::Taken) => {
-                coming.same = None;
-                return Err(Fault::Passing("it was replaced while it was read".into()));
-            }
-            other => other?,
-        };
+        let options = GetOptions { range: part.rest(begin), if_match: coming.same.clone(), ..GetOptions::default() };
+        let (silence, most) = (self.limits.silence, part.most());
+        let answer =
+            match watch::attempt(silence, most.max(MAX_ANSWER_BYTES), self.client.get_opts(path, options)).await {
+                Err(Fault::BeyondEnd) => return Ok(()),
+                Err(Fault::Taken) => {
+                    coming.same = None;
+                    return Err(Fault::Passing("it was replaced while it was read".into()));
+                }
+                other => other?,
+            };
         coming.same = answer.meta.e_tag.clone();
         let end = answer.range.end;
+        if end.saturating_sub(first) > most {
+            return Err(Fault::Lasting(format!("it has {end} bytes, more than the {most} that are read")));
+        }
         let mut pieces = answer.into_stream();
-        while let Some(piece) = watch::attempt(self.limits.silence, pieces.try_next()).await? {
+        while let Some(piece) = watch::attempt(silence, most.max(MAX_ANSWER_BYTES), pieces.try_next()).await? {
             coming.received.extend_from_slice(&piece);
+            if first + coming.received.len() as u64 > end {
+                return Err(Fault::Lasting("the store sends more than it announced".into()));
+            }
             if coming.received.len() > coming.furthest {
+                patience.made_progress(coming.received.len() - coming.furthest);
                 coming.furthest = coming.received.len();
-                patience.made_progress();
+            }
+            if patience.is_over() {
+                return Err(Fault::Passing(format!("only {} bytes came in all that time", coming.furthest)));
             }
         }
         match end.saturating_sub(first + coming.received.len() as u64) {
@@ -172,11 +221,58 @@ impl ObjectFolder {
         }
     }
 
-    async fn put_once(&self, path: &Path, bytes: &Bytes, mode: PutMode) -> Result<(), Fault> {
-        let limit = self.limits.silence + Duration::from_secs_f64(bytes.len() as f64 / SLOWEST_PUT);
+    /// Puts the bytes, and makes sure that it is they that are stored.
+    async fn put_once(&self, path: &Path, bytes: &Bytes, mode: PutMode, patience: &Patience) -> Result<(), Fault> {
+        let limit = self.limits.silence + Duration::from_secs_f64(bytes.len() as f64 / SLOWEST);
         let payload = PutPayload::from_bytes(bytes.clone());
         let options = PutOptions { mode, ..PutOptions::default() };
-        watch::attempt(limit, self.client.put_opts(path, payload, options)).await.map(|_| ())
+        let told: Stored = watch::attempt_put(limit, self.client.put_opts(path, payload, options)).await?;
+        let is_stored = match told.holds(bytes) {
+            Some(is_stored) => is_stored,
+            None => {
+                let mut there = Coming::default();
+                self.take_in(path, Part::Whole { most: bytes.len() as u64 }, &mut there, patience).await?;
+                there.received == bytes[..]
+            }
+        };
+        if is_stored { Ok(()) } else { Err(Fault::Altered) }
+    }
+
+    /// Puts an object; where other bytes were stored than were sent, once more. What is not to stay is removed.
+    fn put_checked(&self, name: &str, bytes: &[u8], create: bool) -> Result<Put, CorpusError> {
+        let path = self.path(name)?;
+        let bytes = Bytes::copy_from_slice(bytes);
+        let mode = if create { PutMode::Create } else { PutMode::Overwrite };
+        let (mut is_first, mut is_altered) = (true, false);
+        let there = self.done(name, async |patience| {
+            if std::mem::take(&mut is_first) {
+                patience.made_progress(bytes.len());
+            }
+            match self.put_once(&path, &bytes, mode.clone(), patience).await {
+                Err(Fault::Taken) if create => self.what_is_there(&path, &bytes, patience).await.map(Some),
+                Err(Fault::Taken) => Err(Fault::Passing("another writer is at it".into())),
+                Err(Fault::Altered) => {
+                    if create || is_altered {
+                        watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.remove_once(&path)).await?;
+                    }
+                    Err(altered(std::mem::replace(&mut is_altered, true)))
+                }
+                other => other.map(|()| None),
+            }
+        })?;
+        there.map_or(Ok(Put::Created), |there| compared(self, name, &there, &bytes))
+    }
+
+    /// The object that a create-only put found: by another writer, or by a try of ours whose answer was lost.
+    async fn what_is_there(&self, path: &Path, bytes: &Bytes, patience: &Patience) -> Result<Vec<u8>, Fault> {
+        let mut there = Coming::default();
+        let part = Part::Whole { most: bytes.len() as u64 + OTHERS_MORE };
+        match self.take_in(path, part, &mut there, patience).await {
+            Ok(()) => Ok(there.received),
+            // A conflict also says so while the other writer is not done.
+            Err(Fault::NotFound) => Err(Fault::Passing("another writer is at it".into())),
+            Err(fault) => Err(fault),
+        }
     }
 
     async fn remove_once(&self, path: &Path) -> Result<(), Error> {
@@ -189,42 +285,22 @@ impl ObjectFolder {
 
 impl Store for ObjectFolder {
     fn put(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError> {
-        let path = self.path(name)?;
-        let bytes = Bytes::copy_from_slice(bytes);
-        let there = self.done(name, async |patience| match self.put_once(&path, &bytes, PutMode::Create).await {
-            // By another writer, or by a try of ours whose answer was lost.
-            Err(Fault::Taken) => {
-                let mut there = Coming::default();
-                match self.take_in(&path, None, &mut there, patience).await {
-                    Ok(()) => Ok(Some(there.received)),
-                    // A conflict also says so while the other writer is not done.
-                    Err(Fault::NotFound) => Err(Fault::Passing("another writer is at it".into())),
-                    Err(fault) => Err(fault),
-                }
-            }
-            other => other.map(|()| None),
-        })?;
-        there.map_or(Ok(Put::Created), |there| compared(self, name, &there, &bytes))
+        self.put_checked(name, bytes, true)
     }
 
     fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
-        let path = self.path(name)?;
-        let bytes = Bytes::copy_from_slice(bytes);
-        self.done(name, async |_| match self.put_once(&path, &bytes, PutMode::Overwrite).await {
-            Err(Fault::Taken) => Err(Fault::Passing("another writer is at it".into())),
-            other => other,
-        })
+        self.put_checked(name, bytes, false).map(drop)
     }
 
-    fn read(&self, name: &str) -> Result<Vec<u8>, CorpusError> {
-        self.fetch(name, None)
+    fn read_within(&self, name: &str, most: u64) -> Result<Vec<u8>, CorpusError> {
+        self.fetch(name, Part::Whole { most })
     }
 
     fn read_range(&self, name: &str, offset: u64, length: usize) -> Result<Vec<u8>, CorpusError> {
         if length == 0 {
             return Ok(Vec::new());
         }
-        self.fetch(name, Some((offset, length)))
+        self.fetch(name, Part::Range { offset, length })
     }
 
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
@@ -233,10 +309,20 @@ impl Store for ObjectFolder {
         let mut files = self.done(folder, async |patience| {
             let mut files = Vec::new();
             let mut pages = self.client.list(Some(&path));
-            while let Some(object) = watch::attempt(self.limits.silence, pages.try_next()).await? {
-                if files.len() > furthest {
-                    furthest = files.len();
-                    patience.made_progress();
+            let mut names = 0;
+            while let Some(object) = watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, pages.try_next()).await? {
+                names += 1;
+                if names > MOST_NAMES {
+                    return Err(Fault::Lasting(format!(
+                        "more than {MOST_NAMES} names are listed there; no corpus has so many"
+                    )));
+                }
+                if names > furthest {
+                    furthest = names;
+                    patience.made_progress(NAME_BYTES);
+                }
+                if patience.is_over() {
+                    return Err(Fault::Passing(format!("only {names} names came in all that time")));
                 }
                 let (whole, root): (&str, &str) = (object.location.as_ref(), path.as_ref());
                 let below = whole.strip_prefix(root).and_then(|rest| rest.strip_prefix('/'));
@@ -250,9 +336,29 @@ impl Store for ObjectFolder {
         Ok(files)
     }
 
+    fn first_entry(&self) -> Result<Option<String>, CorpusError> {
+        let bad = |_| CorpusError::BadName { name: self.prefix.clone() };
+        let root = if self.prefix.is_empty() { None } else { Some(Path::parse(&self.prefix).map_err(bad)?) };
+        self.done("", async |_| {
+            let mut objects = self.client.list(root.as_ref());
+            while let Some(object) = watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, objects.try_next()).await? {
+                let whole: &str = object.location.as_ref();
+                let below = whole.strip_prefix(&self.prefix).unwrap_or(whole).trim_start_matches('/');
+                let first = below.split('/').next().unwrap_or_default();
+                // An object of the folder's own name is how some tools draw an empty folder.
+                if !first.is_empty() && !is_temporary(first) {
+                    return Ok(Some(below.to_string()));
+                }
+            }
+            Ok(None)
+        })
+    }
+
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {
         let path = self.path(name)?;
-        match self.persist(name, async |_| watch::attempt(self.limits.silence, self.client.head(&path)).await)? {
+        match self.persist(name, async |_| {
+            watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.client.head(&path)).await
+        })? {
             Ok(meta) => Ok(Some(meta.size)),
             Err(Fault::NotFound) => Ok(None),
             Err(fault) => Err(self.unexpected(name, &fault)),
@@ -261,7 +367,9 @@ impl Store for ObjectFolder {
 
     fn remove(&self, name: &str) -> Result<(), CorpusError> {
         let path = self.path(name)?;
-        match self.persist(name, async |_| watch::attempt(self.limits.silence, self.remove_once(&path)).await)? {
+        match self.persist(name, async |_| {
+            watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.remove_once(&path)).await
+        })? {
             Ok(()) | Err(Fault::NotFound) => Ok(()),
             Err(fault) => Err(self.unexpected(name, &fault)),
         }

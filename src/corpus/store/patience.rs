@@ -2,7 +2,8 @@
 //!
 //! Waits double from 0.1 s to 10 s, each between half and all of that, so that many machines do not come back at once; which
 //! share is a hash of name and try, for no generator of random numbers is at work here. The limit is time without progress: by default
-//! 120 s, `MARSYARD_RETRY_S` sets another. At least one more try is made.
+//! 120 s, `MARSYARD_RETRY_S` sets another. At least one more try is made. The whole is limited too: every byte earns the time that
+//! it takes at the slowest rate that is waited for, so that a server that drips ends as one that says nothing.
 
 use std::cell::Cell;
 use std::time::{Duration, Instant};
@@ -12,6 +13,10 @@ const LONGEST: Duration = Duration::from_secs(10);
 const LIMIT_S: f64 = 120.0;
 /// A request without an answer for so long is given up; tried again, if there is time.
 const SILENCE_S: f64 = 30.0;
+/// The slowest transfer that is waited for, bytes a second.
+pub const SLOWEST: f64 = 32_768.0;
+/// What a name in a listing earns, as bytes: listings come by some thousand names a second.
+pub const NAME_BYTES: usize = 32;
 
 /// How long faults are borne with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +44,10 @@ impl Limits {
 pub struct Patience {
     limits: Limits,
     salt: u64,
+    started: Instant,
     last_progress: Cell<Instant>,
+    /// Time for the whole, earned by what came.
+    earned: Cell<Duration>,
     tries: Cell<u32>,
 }
 
@@ -47,20 +55,34 @@ impl Patience {
     pub fn new(limits: Limits, name: &str) -> Patience {
         let salt = blake3::hash(format!("{name} {}", std::process::id()).as_bytes());
         let salt = u64::from_le_bytes(salt.as_bytes()[..8].try_into().expect("a hash has 32 bytes"));
-        Patience { limits, salt, last_progress: Cell::new(Instant::now()), tries: Cell::new(0) }
+        let now = Instant::now();
+        Patience {
+            limits,
+            salt,
+            started: now,
+            last_progress: Cell::new(now),
+            earned: Cell::default(),
+            tries: Cell::new(0),
+        }
     }
 
-    /// Something came: begin anew.
-    pub fn made_progress(&self) {
+    /// So many bytes came, or are to be sent: begin anew, with more time for the whole.
+    pub fn made_progress(&self, bytes: usize) {
         self.last_progress.set(Instant::now());
+        self.earned.set(self.earned.get() + Duration::from_secs_f64(bytes as f64 / SLOWEST));
         self.tries.set(0);
+    }
+
+    /// Whether all of this took longer than what came is worth.
+    pub fn is_over(&self) -> bool {
+        self.started.elapsed() > self.limits.patience.max(self.limits.silence) + self.earned.get()
     }
 
     /// How long to wait before the next try; `None`: give up.
     pub fn pause(&self) -> Option<Duration> {
         let tries = self.tries.get();
         let gone = self.last_progress.get().elapsed();
-        if tries > 0 && gone >= self.limits.patience {
+        if tries > 0 && gone >= self.limits.patience || self.is_over() {
             return None;
         }
         self.tries.set(tries + 1);
@@ -91,8 +113,22 @@ mod tests {
         }
         let other = Patience::new(Limits::of(1e4), "b");
         assert!((0..20).any(|k| other.pause().unwrap().as_secs_f64() != pauses[k]), "two names wait alike");
-        patience.made_progress();
+        patience.made_progress(1);
         assert!(patience.pause().unwrap().as_secs_f64() <= 0.1);
+    }
+
+    #[test]
+    fn law_progress_too_small_for_its_time_ends_and_enough_of_it_does_not() {
+        let patience = Patience::new(Limits::of(0.05), "a");
+        let begun = Instant::now();
+        while !patience.is_over() {
+            patience.made_progress(1);
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        // A second is the least that any answer is waited for.
+        assert!(begun.elapsed() >= Duration::from_secs(1) && patience.pause().is_none());
+        patience.made_progress(10 * SLOWEST as usize);
+        assert!(!patience.is_over() && patience.pause().is_some());
     }
 
     #[test]

@@ -3,6 +3,9 @@
 //! Sits between `object_store` and its HTTP client and notes how each request was answered, so that faults are told apart
 //! by status and error code, not by the wording of a message. Texts of faults are made of status, code and the operating
 //! system's words alone: bodies and URLs of requests can hold keys and signatures, and are never repeated.
+//!
+//! What a server sends is bounded: no attempt takes in more bytes than it was allowed, whatever is announced. Redirects are not
+//! followed: what another host answers is not the corpus that was asked for, and tokens would go along.
 
 use std::cell::RefCell;
 use std::error::Error;
@@ -10,10 +13,14 @@ use std::time::Duration;
 
 use async_trait::async_trait;
 use bytes::Bytes;
-use object_store::ClientOptions;
+use futures_util::TryStreamExt;
+use http_body_util::{BodyExt, LengthLimitError, Limited};
 use object_store::client::{
-    HttpClient, HttpConnector, HttpError, HttpErrorKind, HttpRequest, HttpResponse, HttpService, ReqwestConnector,
+    HttpClient, HttpConnector, HttpError, HttpErrorKind, HttpRequest, HttpResponse, HttpResponseBody, HttpService,
 };
+use object_store::{ClientConfigKey, ClientOptions};
+
+use super::stored::Stored;
 
 /// Why an attempt failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,6 +33,10 @@ pub enum Fault {
     BeyondEnd,
     /// Bucket, credentials or rights: trying again does not help.
     Refused { reason: String, cure: &'static str },
+    /// Who answers is not known to be the store.
+    Untrusted(String),
+    /// A put stored other bytes than were sent.
+    Altered,
     /// May work again.
     Passing(String),
     /// Will not.
@@ -37,29 +48,59 @@ pub enum Fault {
 enum Answer {
     Status { status: u16, code: String },
     Transport(String),
+    Untrusted(String),
+}
+
+/// What is noted of the requests within one attempt.
+#[derive(Default)]
+struct Notes {
+    /// The last request's failure.
+    answer: Option<Answer>,
+    /// What the last answer says of an object's bytes.
+    stored: Stored,
 }
 
 tokio::task_local! {
-    /// The last request's failure within one attempt.
-    static ANSWER: RefCell<Option<Answer>>;
+    static NOTES: RefCell<Notes>;
+    /// Bytes that each answer within an attempt may have.
+    static MOST: u64;
 }
 
 /// The longest error answer that is looked at.
 const MAX_ERROR_BYTES: usize = 64 * 1024;
+/// The longest answer that is no object: a page of a listing has some thousand names, a token a few lines.
+pub const MAX_ANSWER_BYTES: u64 = 32 << 20;
 
-/// Runs one attempt, which ends in time or is a fault.
+/// Runs one attempt, which ends in time and within so many bytes an answer, or is a fault.
 pub async fn attempt<T>(
     limit: Duration,
+    most: u64,
     work: impl Future<Output = Result<T, object_store::Error>>,
 ) -> Result<T, Fault> {
+    noted(limit, most, work).await.map(|(value, _)| value)
+}
+
+/// The same, with what the store said of the bytes that it keeps.
+pub async fn attempt_put<T>(
+    limit: Duration,
+    work: impl Future<Output = Result<T, object_store::Error>>,
+) -> Result<Stored, Fault> {
+    noted(limit, MAX_ANSWER_BYTES, work).await.map(|(_, stored)| stored)
+}
+
+async fn noted<T>(
+    limit: Duration,
+    most: u64,
+    work: impl Future<Output = Result<T, object_store::Error>>,
+) -> Result<(T, Stored), Fault> {
     let watched = async {
         match tokio::time::timeout(limit, work).await {
             Err(_) => Err(Fault::Passing(format!("no answer within {:.0} s", limit.as_secs_f64()))),
-            Ok(Ok(value)) => Ok(value),
-            Ok(Err(error)) => Err(fault(&error, ANSWER.with(|cell| cell.borrow().clone()))),
+            Ok(Ok(value)) => Ok((value, NOTES.with(|notes| notes.take().stored))),
+            Ok(Err(error)) => Err(fault(&error, NOTES.with(|notes| notes.take().answer))),
         }
     };
-    ANSWER.scope(RefCell::new(None), watched).await
+    MOST.scope(most, NOTES.scope(RefCell::default(), watched)).await
 }
 
 /// Sorts an error by what the server answered, or else by what `object_store` made of it.
@@ -67,12 +108,16 @@ fn fault(error: &object_store::Error, answer: Option<Answer>) -> Fault {
     use object_store::Error as E;
     match answer {
         Some(Answer::Transport(why)) => return Fault::Passing(why),
+        Some(Answer::Untrusted(why)) => return Fault::Untrusted(why),
         Some(Answer::Status { status, code }) => return of_status(status, &code),
         None => {}
     }
     match error {
         E::NotFound { .. } => Fault::NotFound,
         E::AlreadyExists { .. } | E::Precondition { .. } => Fault::Taken,
+        _ if chain(error).any(|e| e.is::<LengthLimitError>()) => {
+            Fault::Lasting("the store sends more than was asked for".into())
+        }
         // An answer that began well and ended badly.
         _ if chain(error).any(|e| e.is::<HttpError>()) => Fault::Passing(innermost(error)),
         E::PermissionDenied { .. } | E::Unauthenticated { .. } => {
@@ -96,7 +141,9 @@ fn of_status(status: u16, code: &str) -> Fault {
         (_, "RequestTimeTooSkewed") => refused("this machine's clock is wrong: set it"),
         (400, "ExpiredToken" | "InvalidToken" | "TokenRefreshRequired") => refused("get new credentials"),
         (401 | 403, _) => refused(RIGHTS),
-        (301 | 302 | 307 | 308, _) => refused("the bucket lies elsewhere: set AWS_REGION (or the endpoint) to its own"),
+        (301 | 302 | 303 | 307 | 308, _) => refused(
+            "the bucket lies elsewhere, and redirects are not followed: set AWS_REGION (or the endpoint) to its own",
+        ),
         (404, _) => Fault::NotFound,
         (409 | 412 | 304, _) => Fault::Taken,
         (416, _) => Fault::BeyondEnd,
@@ -120,7 +167,26 @@ fn innermost(error: &(dyn Error + 'static)) -> String {
     chain(error).last().map_or(String::new(), |cause| super::secrets::stripped(&cause.to_string()))
 }
 
-/// Makes HTTP clients whose answers are noted.
+/// Why a server's certificate, or its TLS, is refused; `None` where that is not what happened.
+fn distrust(error: &(dyn Error + 'static)) -> Option<String> {
+    use rustls::Error as Tls;
+    let tls = chain(error).find_map(|cause| wrapped(cause).downcast_ref::<Tls>())?;
+    let is_lasting = matches!(
+        tls,
+        Tls::InvalidCertificate(_) | Tls::NoCertificatesPresented | Tls::PeerIncompatible(_) | Tls::InvalidMessage(_)
+    );
+    is_lasting.then(|| tls.to_string())
+}
+
+/// What an `io::Error` is made of: as a chain of causes goes, it shows the cause of that, and not that itself.
+fn wrapped<'e>(mut error: &'e (dyn Error + 'static)) -> &'e (dyn Error + 'static) {
+    while let Some(inside) = error.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref) {
+        error = inside;
+    }
+    error
+}
+
+/// Makes HTTP clients whose answers are noted and bounded.
 #[derive(Debug)]
 pub struct Watched;
 
@@ -128,8 +194,44 @@ impl HttpConnector for Watched {
     fn connect(&self, options: &ClientOptions) -> object_store::Result<HttpClient> {
         // TLS needs to know its cryptography; whoever comes second finds it known.
         let _ = rustls::crypto::ring::default_provider().install_default();
-        let inner = ReqwestConnector::default().connect(options)?;
-        Ok(HttpClient::new(WatchedClient { inner }))
+        let failed = |source: reqwest::Error| object_store::Error::Generic { store: "HTTP", source: source.into() };
+        let client = client(options).and_then(reqwest::ClientBuilder::build).map_err(failed)?;
+        Ok(HttpClient::new(WatchedClient { inner: HttpClient::new(client) }))
+    }
+}
+
+/// A client as the options say, which goes nowhere else than it was sent to. Attempts as a whole are limited by what they carry.
+fn client(options: &ClientOptions) -> reqwest::Result<reqwest::ClientBuilder> {
+    use ClientConfigKey as Key;
+    let value = |key: Key| options.get_config_value(&key);
+    let on = |key: Key| value(key).is_some_and(|value| value == "true");
+    let mut builder = reqwest::Client::builder()
+        .redirect(reqwest::redirect::Policy::none())
+        .user_agent(concat!("marsyard/", env!("CARGO_PKG_VERSION")))
+        .connect_timeout(Duration::from_secs(10))
+        .timeout(Duration::from_secs(3600))
+        .https_only(!on(Key::AllowHttp))
+        // A compressed answer would have another length than its object.
+        .no_gzip()
+        .no_brotli()
+        .no_zstd()
+        .no_deflate();
+    if on(Key::Http1Only) {
+        builder = builder.http1_only();
+    }
+    if on(Key::AllowInvalidCertificates) {
+        builder = builder.tls_danger_accept_invalid_certs(true);
+    }
+    if on(Key::NoSystemCertificates) {
+        builder = builder.tls_certs_only([]);
+    }
+    if let Some(url) = value(Key::ProxyUrl) {
+        let excluded = value(Key::ProxyExcludes).and_then(|hosts| reqwest::NoProxy::from_string(&hosts));
+        builder = builder.proxy(reqwest::Proxy::all(url)?.no_proxy(excluded));
+    }
+    match value(Key::ProxyCaCertificate) {
+        Some(pem) => Ok(builder.tls_certs_merge([reqwest::Certificate::from_pem(pem.as_bytes())?])),
+        None => Ok(builder),
     }
 }
 
@@ -138,39 +240,58 @@ struct WatchedClient {
     inner: HttpClient,
 }
 
-fn note(answer: Option<Answer>) {
+fn note(answer: Option<Answer>, stored: Stored) {
     // Outside an attempt nobody asks.
-    let _ = ANSWER.try_with(|cell| cell.replace(answer));
+    let _ = NOTES.try_with(|notes| notes.replace(Notes { answer, stored }));
 }
 
 #[async_trait]
 impl HttpService for WatchedClient {
     async fn call(&self, request: HttpRequest) -> Result<HttpResponse, HttpError> {
-        note(None);
+        note(None, Stored::default());
         let response = self.inner.execute(request).await.inspect_err(|error| {
             let what = match error.kind() {
                 HttpErrorKind::Connect => "cannot connect: ",
                 HttpErrorKind::Timeout => "timed out: ",
                 _ => "the connection broke: ",
             };
-            note(Some(Answer::Transport(format!("{what}{}", innermost(error)))));
+            let broken = || Answer::Transport(format!("{what}{}", innermost(error)));
+            note(Some(distrust(error).map_or_else(broken, Answer::Untrusted)), Stored::default());
         })?;
-        if response.status().is_success() {
-            return Ok(response);
-        }
         let (parts, body) = response.into_parts();
+        if parts.status.is_success() {
+            note(None, Stored::of(&parts.headers));
+            let most = MOST.try_with(|most| *most).unwrap_or(MAX_ANSWER_BYTES);
+            let most = usize::try_from(most).unwrap_or(usize::MAX);
+            let bounded = Limited::new(body, most).map_err(|error| HttpError::new_boxed(HttpErrorKind::Decode, error));
+            return Ok(HttpResponse::from_parts(parts, HttpResponseBody::new(bounded)));
+        }
         let status = parts.status.as_u16();
-        let bytes = body.bytes().await.unwrap_or_else(|_| Bytes::new());
+        let bytes = beginning(body).await;
         let header = parts.headers.get("x-ms-error-code").and_then(|code| code.to_str().ok());
         let code = header.map_or_else(|| error_code(&bytes), plain_code);
-        note(Some(Answer::Status { status, code }));
-        Ok(HttpResponse::from_parts(parts, bytes.into()))
+        note(Some(Answer::Status { status, code }), Stored::default());
+        Ok(HttpResponse::from_parts(parts, Bytes::from(bytes).into()))
     }
+}
+
+/// The first bytes of an error answer; the rest is not waited for.
+async fn beginning(body: HttpResponseBody) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut pieces = body.bytes_stream();
+    while let Ok(Some(piece)) = pieces.try_next().await {
+        bytes.extend_from_slice(&piece);
+        if bytes.len() >= MAX_ERROR_BYTES {
+            break;
+        }
+    }
+    bytes.truncate(MAX_ERROR_BYTES);
+    bytes
 }
 
 /// What stands between `<Code>` and `</Code>`.
 fn error_code(body: &[u8]) -> String {
-    let text = String::from_utf8_lossy(&body[..body.len().min(MAX_ERROR_BYTES)]);
+    let text = String::from_utf8_lossy(body);
     let inside = text.split_once("<Code>").and_then(|(_, rest)| rest.split_once("</Code>"));
     inside.map_or_else(String::new, |(code, _)| plain_code(code))
 }
@@ -215,7 +336,7 @@ mod tests {
     fn law_an_attempt_ends_in_time() {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().unwrap();
         let never = std::future::pending::<Result<(), object_store::Error>>();
-        let ended = runtime.block_on(attempt(Duration::from_millis(20), never));
+        let ended = runtime.block_on(attempt(Duration::from_millis(20), 1, never));
         assert!(matches!(ended, Err(Fault::Passing(_))), "{ended:?}");
     }
 }

@@ -49,13 +49,13 @@ fn law_a_receipt_of_another_format_is_not_damage_and_is_left_alone() {
     let name = Receipt::path(1);
     let whole = String::from_utf8(store.read(&name).unwrap()).unwrap();
     // What a later format holds beside its number is not known.
-    let later = whole.replace("\"format\": 1", "\"format\": 99").replace("\"split\"", "\"part\"");
+    let later = whole.replace("\"format\": 2", "\"format\": 99").replace("\"split\"", "\"part\"");
     fs::write(path(&store, &name), &later).unwrap();
     let found = status(&store, &spec).unwrap();
     assert_eq!((found.done.clone(), found.to_build(), found.other_format.len()), (vec![0], vec![], 1));
     let said = found.to_string();
     assert!(
-        said.contains("written in format 99, this program reads format 1") && said.contains("other format"),
+        said.contains("written in format 99, this program reads formats 1 to 2") && said.contains("other format"),
         "{said}"
     );
     assert!(matches!(finalize(&store, &spec), Err(CorpusError::Gaps { missing: 1, .. })));
@@ -120,7 +120,7 @@ fn law_verify_sees_receipts_and_manifests_that_lie() {
         (Receipt::path(0), "\"value_hash\": \"", "\"value_hash\": \"0", "its value hash is not the receipt's"),
         ("manifest.json".into(), "\"scenes\": 4", "\"scenes\": 5", "is not what the receipts add up to"),
         ("manifest.json".into(), "{", "[", "not a whole manifest"),
-        ("shards.jsonl".into(), "train", "test", "shards.jsonl: is not what the receipts"),
+        ("shards.jsonl".into(), "train", "test", "shards.jsonl: its SHA-256 is not the manifest's"),
     ] {
         let whole = edit(&name, from, to);
         let text = said();

@@ -31,7 +31,10 @@ pub fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         drawn: vec![Purpose::GroundRmsHeight, Purpose::GroundCorrelationLength],
         families: vec!["default".into()],
         scene_plan_hash: "ab".repeat(32),
-        plan_yaml: format!("marsyard: 1\nname: tiny\nseed: 42\nscenes: {scenes}\nscene:\n  extent_m: 20.0\n"),
+        yards: vec!["ef".repeat(32)],
+        plan_yaml: format!(
+            "marsyard: 1\nname: tiny\nseed: 42\nscenes: {scenes}\nscenes_per_shard: 2\nscene:\n  extent_m: 20.0\n"
+        ),
         license: "cc0-1.0".into(),
     }
 }

@@ -1,7 +1,10 @@
 //! Tests of the corpus as a whole, on hand-made scenes.
 
+pub mod books;
 mod damage;
-mod fixture;
+mod door;
+pub(super) mod fixture;
+mod interrupted;
 mod place;
 mod shard;
 mod texts;

@@ -67,7 +67,7 @@ fn law_a_shard_without_its_receipt_is_not_there_and_is_made_again() {
     for (name, bytes) in &shard.files[..2] {
         store.put(name, bytes).unwrap();
     }
-    fs::write(format!("{}/data/cells/.tmp-1-half", store.place()), b"PAR1 half").unwrap();
+    fs::write(format!("{}/data/cells/.marsyard-tmp-1-half", store.place()), b"PAR1 half").unwrap();
     assert!(!place.is_done(0).unwrap());
     shard.commit(&store).unwrap();
     assert!(place.is_done(0).unwrap());
@@ -129,7 +129,7 @@ fn equal_manifest_written_and_read_back_and_its_sums() {
     assert_eq!(manifest.features[0].moments.count, 5 * 2 * 80);
     assert_eq!(manifest.labels().total(), 14 * 80);
     assert_eq!(manifest.splits[&Split::Test].rows[&Table::Scenes], 2);
-    assert!(manifest.other_builds.is_empty() && manifest.build.binary_sha256.len() == 64);
+    assert!(manifest.other_builds.is_empty() && manifest.build.sources_sha256.len() == 64);
 }
 
 #[test]

@@ -3,10 +3,10 @@
 use arrow::array::{Array, AsArray, RecordBatch};
 use arrow::datatypes::{Float32Type, Float64Type, Int8Type, Int32Type, Int64Type};
 
-use super::fixture::{scene, spec, write_shard};
+use super::fixture::{corpus, scene, spec, write_shard};
 use crate::corpus::reader::TableFile;
 use crate::corpus::write::ROW_GROUP_ROWS;
-use crate::corpus::{CorpusError, LocalFolder, SceneOutput, ShardWriter, Store, Table, stored_cell};
+use crate::corpus::{CorpusError, Finished, LocalFolder, SceneOutput, ShardWriter, Store, Table, stored_cell};
 use crate::random::Drawn;
 
 fn stored(files: &[(String, Vec<u8>)]) -> (tempfile::TempDir, LocalFolder) {
@@ -177,14 +177,15 @@ fn equal_rows_of_a_scene_and_all_rows_filtered() {
 #[test]
 fn exact_a_stored_cell_is_found_by_its_address() {
     let spec = spec(2, &[Table::Cells]);
-    let (_dir, store) = stored(&write_shard(&spec, 0).files);
+    let (_dir, store, _) = corpus(&spec);
+    let finished = Finished::open(&store).unwrap();
     let scan = scene(1, 40).scans.remove(1);
     let cell = &scan.cells.rows[17];
-    let found = stored_cell(&store, &spec, 1, 3, cell.index).unwrap().unwrap();
+    let found = stored_cell(&finished, 1, 3, cell.index).unwrap().unwrap();
     assert_eq!((found.label, found.points), (cell.label, cell.points));
     let features: Vec<f32> = found.features.iter().map(|(_, value)| *value).collect();
     assert_eq!(features, scan.cells.features[34..36]);
-    assert_eq!(stored_cell(&store, &spec, 1, 2, cell.index).unwrap(), None);
+    assert_eq!(stored_cell(&finished, 1, 2, cell.index).unwrap(), None);
 }
 
 #[test]

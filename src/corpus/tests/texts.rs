@@ -8,6 +8,7 @@ use crate::corpus::{Store, Table, schema};
 fn golden_card_of_a_tiny_corpus() {
     let mut spec = spec(14, &[Table::Cells, Table::Scenes]);
     spec.name = "tiny: \"a\" corpus".into();
+    spec.plan_yaml = spec.plan_yaml.replace("name: tiny", "name: 'tiny: \"a\" corpus'");
     let (_dir, store, manifest) = corpus(&spec);
     let card = String::from_utf8(store.read("README.md").unwrap()).unwrap();
     let card = card.replace(&manifest.corpus_id, "(corpus id)");

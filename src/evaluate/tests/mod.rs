@@ -46,7 +46,8 @@ fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         drawn: Vec::new(),
         families: vec!["even".into(), "odd".into()],
         scene_plan_hash: "cd".repeat(32),
-        plan_yaml: "marsyard: 1\nname: known\nseed: 1\nscenes: 7\n".into(),
+        yards: vec!["ef".repeat(32)],
+        plan_yaml: format!("marsyard: 1\nname: known\nseed: 1\nscenes: {scenes}\nscenes_per_shard: 1\n"),
         license: "cc0-1.0".into(),
     }
 }

@@ -10,7 +10,18 @@ use crate::train::params::{NoiseParams, Precision, Schedule};
 /// Rows in which R and Q of the schedule fall by e.
 const TIME_CONSTANT: f64 = 4000.0;
 
-/// Largest P0 / R and Q / R of a plain f32 covariance: beyond, rounding outgrows R (`ekf.md` section 3).
+/// Largest P0 / R and Q / R of a plain covariance, by its precision: beyond, rounding outgrows R.
+///
+/// A row shrinks the variance along its own b from v = b'Pb to v R / (v + R), which is less than R. Eq. (14) forms that as the difference of v
+/// and v^2 / (v + R), both of size v and both rounded to a share eps of themselves, and so to some eps v. Where v / R comes near 1 / eps the
+/// rounding is as large as all that should be left: the next row like it may find b'Pb < 0, and S below R. No rule that starts from the rounded
+/// b'Pb cures that (neither symmetry nor Joseph's form does); U D U' takes no such difference, and needs no limit.
+///
+/// At the start v = P0 |b|^2, and never less than Q |b|^2 afterwards. |b|^2 is about 1: the 17 slopes of a neuron of 16 inputs and a bias are
+/// at most 1/4 each, y (1 - y) times an input in (0, 1), and slopes of deeper layers carry more factors of 1/4. So P0 / R and Q / R must
+/// stay below 1 / eps: 2^24 = 1.7e7 in f32, 2^53 = 9e15 in f64. The limits are two and four decades lower, for larger |b|, and because the
+/// rounding of many rows adds up. `extreme_grid_the_plain_form_keeps_weights_finite_and_says_when_it_rebuilt` holds them: up to them no guard
+/// acts on features of one scale; the same grid has settings beyond them where guards do.
 const F32_LIMIT: f64 = 1e5;
 const F64_LIMIT: f64 = 1e12;
 

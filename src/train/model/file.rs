@@ -1,7 +1,8 @@
 //! A model <-> the bytes of `model.safetensors`.
 //!
 //! One tensor a layer, `layers.0` from the input on: F64, shape [neurons, inputs] or, with biases, [neurons, inputs + 1] with the
-//! bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys. Equal models give equal bytes.
+//! bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys, and a [`checksum`] of the whole file.
+//! Equal models give equal bytes. Files of format 1 have no checksum, and do not name their run.
 //!
 //! Loading trusts nothing: sizes are checked against the bytes that are there before anything is made of that size.
 
@@ -12,13 +13,18 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde_json::Value;
 
 use super::{About, MODEL_FORMAT, Model, ModelError};
-use crate::train::{Layout, Network};
+use crate::corpus::limits::MODEL_BYTES;
+use crate::corpus::sha256;
+use crate::train::{Layout, Network, checksum};
 
 /// The one metadata key.
 const KEY: &str = "marsyard";
 
+/// The first format with a checksum.
+const CHECKED_FORMAT: u32 = 2;
+
 /// More than any network that the trainer makes: 64 million weights.
-const MAX_BYTES: usize = 1 << 29;
+const MAX_BYTES: usize = MODEL_BYTES as usize;
 
 impl Model {
     /// The bytes of a model file.
@@ -40,8 +46,10 @@ impl Model {
             .map(|(k, (shape, bytes))| Ok((layer_name(k), TensorView::new(Dtype::F64, shape.clone(), bytes)?)))
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
             .map_err(|error| failed(&error))?;
-        let metadata = HashMap::from([(KEY.to_string(), self.about.to_json())]);
-        safetensors::serialize(tensors, Some(metadata)).map_err(|error| failed(&error))
+        let checked = self.about.marsyard_model >= CHECKED_FORMAT;
+        let metadata = HashMap::from([(KEY.to_string(), self.about.text(checked.then_some(checksum::UNSET)))]);
+        let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|error| failed(&error))?;
+        Ok(if checked { checksum::seal(bytes) } else { bytes })
     }
 
     /// A model from the bytes of its file.
@@ -53,10 +61,10 @@ impl Model {
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| foreign(format!("{error}")))?;
         let text = header.metadata().as_ref().and_then(|pairs| pairs.get(KEY));
         let text = text.ok_or_else(|| foreign(format!("its metadata has no key '{KEY}'")))?;
-        let about = About::from_json(text)?;
+        let about = About::read(bytes, text)?;
         let tensors = SafeTensors::deserialize(bytes).map_err(|error| foreign(format!("{error}")))?;
         let network = network(&about, &tensors)?;
-        let model = Model { network, about };
+        let model = Model { network, about, sha256: Some(sha256(bytes)) };
         model.check()?;
         Ok(model)
     }
@@ -81,22 +89,30 @@ impl Model {
 impl About {
     /// Sorted JSON, one line.
     pub fn to_json(&self) -> String {
+        self.text(None)
+    }
+
+    fn text(&self, checksum: Option<&str>) -> String {
         let mut value = serde_json::to_value(self).expect("the facts of a model are plain data");
+        if let Some(digits) = checksum {
+            value[checksum::KEY] = digits.into();
+        }
         value.sort_all_objects();
         value.to_string()
     }
 
-    fn from_json(text: &str) -> Result<About, ModelError> {
+    /// Those of a file, whose bytes are checked where it is of a format that has a checksum.
+    fn read(bytes: &[u8], text: &str) -> Result<About, ModelError> {
         let foreign = |reason: String| ModelError::NotAModel { reason };
-        let value: Value = serde_json::from_str(text).map_err(|e| foreign(format!("metadata '{KEY}': {e}")))?;
+        let mut value: Value = serde_json::from_str(text).map_err(|e| foreign(format!("metadata '{KEY}': {e}")))?;
         // The version first: another version may have other keys.
-        match value.get("marsyard_model").and_then(Value::as_u64) {
-            None => return Err(foreign(format!("metadata '{KEY}' has no format version"))),
-            Some(version) if version != u64::from(MODEL_FORMAT) => {
-                return Err(ModelError::OtherVersion { there: version });
-            }
-            Some(_) => {}
+        let version = value.get("marsyard_model").and_then(Value::as_u64);
+        let version = version.ok_or_else(|| foreign(format!("metadata '{KEY}' has no format version")))?;
+        if !(1..=u64::from(MODEL_FORMAT)).contains(&version) {
+            return Err(ModelError::OtherVersion { there: version });
         }
+        let needed = version >= u64::from(CHECKED_FORMAT);
+        checksum::take(bytes, &mut value, needed).map_err(|reason| ModelError::Damaged { reason })?;
         serde_json::from_value(value).map_err(|e| foreign(format!("metadata '{KEY}': {e}")))
     }
 }

@@ -32,8 +32,10 @@ pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
         mount: [0.2, 0.0, 0.4, 0.0, 0.0, 0.0],
         corpus_ids: vec!["ab".repeat(32)],
         corpus_names: vec!["tiny".into()],
+        run: Some("cd".repeat(32)),
+        learnt_from: Vec::new(),
     };
-    Model { network: Network { layout, weights }, about }
+    Model { network: Network { layout, weights }, about, sha256: None }
 }
 
 fn small() -> Model {
@@ -54,6 +56,14 @@ fn exact_one_neuron_is_the_logistic_of_its_weighted_sum() {
     plain.network.weights = vec![2.0, -3.0];
     plain.about.scaler = Scaler { minus: vec![None], mean: vec![0.0], scale: vec![1.0], clip: 8.0 };
     assert!((plain.output(&[0.25]) - logistic(-3.0 * logistic(0.5))).abs() < 1e-15);
+}
+
+#[test]
+fn exact_an_output_at_a_threshold_is_of_the_class_above_it() {
+    let mut model = small();
+    assert_eq!([0.0, 0.5_f64.next_down(), 0.5, 1.0].map(|output| model.class(output)), [0, 0, 1, 1]);
+    model.about.thresholds = vec![0.3, 0.7];
+    assert_eq!([0.1, 0.3, 0.5, 0.7, 0.9].map(|output| model.class(output)), [0, 1, 1, 2, 2]);
 }
 
 #[test]
@@ -88,7 +98,8 @@ fn equal_a_model_and_its_file_read_back() {
         original.about.cells.max_range_m = Some(10.0);
         let bytes = original.save().unwrap();
         let back = Model::load(&bytes).unwrap();
-        assert_eq!(back, original);
+        assert_eq!(back.sha256.as_deref(), Some(crate::corpus::sha256(&bytes).as_str()));
+        assert_eq!(Model { sha256: None, ..back.clone() }, original);
         assert_eq!(back.save().unwrap(), bytes);
     }
 }
@@ -123,13 +134,46 @@ fn extreme_another_cell_size_is_refused_with_both() {
     assert!(error.contains("cells of 0.1 m, the data has cells of 0.25 m"), "{error}");
 }
 
-/// The file with another metadata text (or none), all else as it was.
+#[test]
+fn exact_every_flipped_byte_of_a_model_is_refused() {
+    let mut bytes = model(&["a"], &[1], true).save().unwrap();
+    for at in 0..bytes.len() {
+        for mask in [1, 0x20, 0x80, 0xff] {
+            bytes[at] ^= mask;
+            assert!(Model::load(&bytes).is_err(), "byte {at} by {mask}");
+            bytes[at] ^= mask;
+        }
+    }
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    let error = Model::load(&bytes).unwrap_err().to_string();
+    assert!(error.contains("damaged") && error.contains("--resume"), "{error}");
+}
+
+#[test]
+fn equal_models_of_the_format_without_a_checksum_are_still_read_and_written() {
+    let mut before = small();
+    (before.about.marsyard_model, before.about.run) = (1, None);
+    let bytes = before.save().unwrap();
+    let text = with_metadata(Some(&before.about.to_json()));
+    assert_eq!(bytes, text, "no checksum, no run");
+    assert_eq!(Model { sha256: None, ..Model::load(&bytes).unwrap() }, before);
+}
+
+/// The file with another metadata text (or none), all else as it was: of format 1, which has no checksum to be refused by.
 fn with_metadata(text: Option<&str>) -> Vec<u8> {
     let model = small();
     let bytes = model.save().unwrap();
     let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
     let metadata = text.map(|text| std::collections::HashMap::from([("marsyard".to_string(), text.to_string())]));
     safetensors::serialize(tensors.tensors(), metadata).unwrap()
+}
+
+/// The metadata of a model of format 1.
+fn unchecked() -> String {
+    let mut about = small().about;
+    (about.marsyard_model, about.run) = (1, None);
+    about.to_json()
 }
 
 #[test]
@@ -139,9 +183,9 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
         let error = Model::load(bytes).unwrap_err().to_string();
         assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
     }
-    let newer = small().about.to_json().replace("\"marsyard_model\":1", "\"marsyard_model\":7");
+    let newer = small().about.to_json().replace("\"marsyard_model\":2", "\"marsyard_model\":7");
     let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
-    assert!(error.contains("format 7, this marsyard reads format 1"), "{error}");
+    assert!(error.contains("format 7, this marsyard reads formats 1 to 2"), "{error}");
     let whole = small().save().unwrap();
     for end in 0..whole.len() {
         assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");
@@ -150,7 +194,7 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
 
 #[test]
 fn extreme_contradictions_are_refused_by_name() {
-    let json = small().about.to_json();
+    let json = unchecked();
     let changed = |from: &str, to: &str| {
         assert!(json.contains(from), "{from} in {json}");
         Model::load(&with_metadata(Some(&json.replace(from, to)))).unwrap_err().to_string()
@@ -192,7 +236,7 @@ proptest! {
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         x in prop::array::uniform3(any::<f32>()),
     ) {
-        let mut bytes = small().save().unwrap();
+        let mut bytes = with_metadata(Some(&unchecked()));
         for (at, value) in changes {
             let at = at.index(bytes.len());
             bytes[at] = value;
@@ -207,7 +251,7 @@ proptest! {
     #[test]
     fn extreme_hostile_numbers_in_the_metadata_never_panic(at in any::<prop::sample::Index>(), pick in 0usize..8) {
         let hostile = ["1e308", "-1e308", "1e-320", "18446744073709551615", "-1", "[]", "null", "0"][pick];
-        let json = small().about.to_json();
+        let json = unchecked();
         let starts: Vec<usize> = json
             .char_indices()
             .filter(|(i, c)| c.is_ascii_digit() && json[..*i].ends_with([':', '[', ',']))

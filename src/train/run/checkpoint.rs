@@ -1,4 +1,5 @@
-//! What a killed run goes on from: the place in the stream, what was learnt, and the weights and filter's memory of now and the best.
+//! What a killed run goes on from: the place in the stream, what was learnt, the looks, and the weights and
+//! filter's memory of now and the best.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
@@ -7,8 +8,9 @@ use super::{Setup, Training, identity};
 use crate::train::TrainError;
 use crate::train::folder::{self, RunFolder};
 use crate::train::learner::Learnt;
+use crate::train::looks::{self, Looks};
 use crate::train::rows::LeftOut;
-use crate::train::state::{self, Snapshot};
+use crate::train::state::{self, Snapshot, State};
 use crate::train::stopping::Stop;
 
 /// Where training stands in the stream.
@@ -26,8 +28,11 @@ pub(super) struct Place {
 pub(super) struct Checkpoint {
     pub place: Place,
     pub learnt: Learnt,
+    pub looks: Looks,
     pub now: Snapshot,
     pub best: Snapshot,
+    /// A checksum vouches for it.
+    pub checked: bool,
 }
 
 impl Checkpoint {
@@ -38,21 +43,22 @@ impl Checkpoint {
         identity: &Json,
         weights: usize,
     ) -> Result<Option<Checkpoint>, TrainError> {
-        if !run.holds(folder::CHECKPOINT) {
-            return Ok(None);
-        }
+        let Some(bytes) = run.read_if_there(folder::CHECKPOINT)? else { return Ok(None) };
         let path = run.path().join(folder::CHECKPOINT).display().to_string();
         let bad = |reason: String| TrainError::BadState { path: path.clone(), reason };
-        let (mut header, mut snapshots) = state::from_bytes(&run.read(folder::CHECKPOINT)?).map_err(bad)?;
+        let State { header, looks, mut snapshots, checked } = state::from_bytes(&bytes).map_err(bad)?;
         identity::check(setup, &header["identity"], identity)?;
-        let place = serde_json::from_value(header["place"].take()).map_err(|error| bad(error.to_string()))?;
-        let learnt = serde_json::from_value(header["learnt"].take()).map_err(|error| bad(error.to_string()))?;
+        let place = serde_json::from_value(header["place"].clone()).map_err(|error| bad(error.to_string()))?;
+        let learnt: Learnt =
+            serde_json::from_value(header["learnt"].clone()).map_err(|error| bad(error.to_string()))?;
         let both = snapshots.remove("now").zip(snapshots.remove("best"));
         let (now, best) = both.ok_or_else(|| bad("it is not whole".into()))?;
         if now.weights.len() != weights || best.weights.len() != weights {
             return Err(bad(format!("it holds {} weights", now.weights.len())));
         }
-        Ok(Some(Checkpoint { place, learnt, now, best }))
+        // One of an earlier marsyard holds no looks: what is left of the log must do.
+        let looks = if checked { looks } else { looks::read(run.path(), learnt.stopping.looks) };
+        Ok(Some(Checkpoint { place, learnt, looks: Looks::new(looks), now, best, checked }))
     }
 }
 
@@ -60,6 +66,7 @@ impl Training<'_> {
     /// The checkpoint of now, as a file's bytes.
     pub(super) fn checkpoint_bytes(&self) -> Vec<u8> {
         let header = json!({"identity": self.identity, "place": self.place, "learnt": self.learner.learnt});
-        state::to_bytes(&header, &[("now", &self.learner.snapshot()), ("best", &self.learner.best)])
+        let snapshots = [("now", &self.learner.snapshot()), ("best", &self.learner.best)];
+        state::to_bytes(&header, self.looks.lines(), &snapshots)
     }
 }

@@ -3,7 +3,11 @@
 use serde_json::{Value as Json, json};
 
 use super::Setup;
+use crate::corpus::sha256;
 use crate::train::TrainError;
+
+/// What runs of an earlier marsyard did not note.
+const SHARDS: &str = "shards_sha256";
 
 /// What must be the same for a run to go on.
 pub(super) fn of(setup: &Setup) -> Json {
@@ -16,6 +20,7 @@ pub(super) fn of(setup: &Setup) -> Json {
                 "name": source.name,
                 "corpus_id": source.corpus_id,
                 "manifest_sha256": source.manifest_sha256,
+                SHARDS: source.shards_sha256,
                 "scene_plan_hash": source.scene_plan_hash,
                 "weight": source.weight,
             })
@@ -30,17 +35,36 @@ pub(super) fn of(setup: &Setup) -> Json {
     json!({"config": setup.params, "corpora": corpora, "init": init})
 }
 
+/// A run's name for itself: the SHA-256 of what it was begun with.
+pub(super) fn run_id(identity: &Json) -> String {
+    let mut sorted = identity.clone();
+    sorted.sort_all_objects();
+    sha256(sorted.to_string().as_bytes())
+}
+
 /// Refuses to go on with a run that was begun otherwise, and says in what.
 pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), TrainError> {
     let differs = |what: &str| TrainError::OtherRun { path: setup.out.display().to_string(), what: what.into() };
-    for (key, what) in [
-        ("config", "the config is another one (its own is in train.yaml)"),
-        ("corpora", "the corpora, or their weights, are others"),
-        ("init", "the network it starts from is another one"),
+    let corpora = as_known(&here["corpora"], &there["corpora"]);
+    for (there, here, what) in [
+        (&there["config"], &here["config"], "the config is another one (its own is in train.yaml)"),
+        (&there["corpora"], &corpora, "the corpora, or their weights, are others"),
+        (&there["init"], &here["init"], "the network it starts from is another one"),
     ] {
-        if there[key] != here[key] {
+        if there != here {
             return Err(differs(what));
         }
     }
     Ok(())
+}
+
+/// The corpora, without what a run of an earlier marsyard did not know of them.
+fn as_known(here: &Json, there: &Json) -> Json {
+    let mut corpora = here.clone();
+    for (ours, theirs) in corpora.as_array_mut().into_iter().flatten().zip(there.as_array().into_iter().flatten()) {
+        if let Some(facts) = ours.as_object_mut().filter(|_| theirs.get(SHARDS).is_none()) {
+            facts.remove(SHARDS);
+        }
+    }
+    corpora
 }

@@ -1,10 +1,11 @@
 //! Corpora and parameters -> a run folder: the loop itself.
 //!
-//! A checkpoint holds the place in the stream, the weights, the filter's memory, the best of both and the patience. It may be
+//! A checkpoint holds the place in the stream, the weights, the filter's memory, the best of both, the patience and the looks. It may be
 //! written after any look at the validation split, and when training is interrupted; whenever that is, what follows has the same
 //! bits, because the place alone says which rows come next and in which portions they are learnt.
 
 mod checkpoint;
+mod finished;
 mod identity;
 mod prepare;
 mod summary;
@@ -14,18 +15,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use serde_json::{Value as Json, json};
+use serde_json::Value as Json;
 
 use self::checkpoint::Place;
+use self::finished::Finished;
 pub use self::summary::Summary;
 use super::filter::Counters;
-use super::folder::{self, Line, LookLog, RunFolder};
+use super::folder::{self, RunFolder};
 use super::learner::Learner;
-use super::state;
+use super::looks::{Line, LookLog, Looks};
 use super::stopping::{Look, Stop};
 use super::stream::{Course, Stream, Window};
 use super::validation::Validation;
-use super::{Model, Sources, TrainError, TrainParams, curves, quantiles};
+use super::{Model, Sources, TrainError, TrainParams};
 use crate::cells::CellParams;
 use crate::drive::Rover;
 use crate::sweep::Sensor;
@@ -84,6 +86,8 @@ pub enum Event<'a> {
     Checkpoint {
         rows: u64,
     },
+    /// Something in the run folder was not as it should be, and this is done about it.
+    Note(&'a str),
 }
 
 /// What is known before the first row is learnt.
@@ -108,29 +112,30 @@ pub struct Start {
 }
 
 /// How it ended.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub enum Outcome {
-    Done(Box<Summary>),
+    /// The folder stays locked until it is dropped: what else is written there is written under the same lock.
+    Done(Box<Summary>, RunFolder),
     /// Asked to stop; the checkpoint is written.
-    Interrupted {
-        rows: u64,
-    },
+    Interrupted { rows: u64 },
 }
 
 /// Trains, or goes on training, until the validation error rises, the epochs are over, or `stop` is raised.
 pub fn train(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
-    let identity = identity::of(setup);
-    if setup.resume {
-        if let Some(there) = Summary::read(setup)? {
-            let begun = json!({"config": there.config, "corpora": there.corpora, "init": there.init});
-            identity::check(setup, &begun, &identity)?;
-            return Ok(Outcome::Done(Box::new(there)));
-        }
-    } else if setup.out.exists() {
+    if !setup.resume && setup.out.exists() {
         // Said before the corpora are read; creating the folder says it again, whoever was faster.
         return Err(TrainError::Exists { path: setup.out.display().to_string() });
     }
-    let mut training = Training::prepare(setup, identity)?;
+    let identity = identity::of(setup);
+    let begun = if setup.resume { RunFolder::resume(&setup.out)? } else { None };
+    let begun = match begun {
+        Some(run) => match finished::completed(setup, &run, &identity, tell)? {
+            Some(summary) => return Ok(Outcome::Done(Box::new(summary), run)),
+            None => Some(run),
+        },
+        None => None,
+    };
+    let training = Training::prepare(setup, identity, begun, tell)?;
     tell(Event::Start(&training.start));
     training.learn(stop, tell)
 }
@@ -142,6 +147,7 @@ struct Training<'s> {
     validation: Validation,
     learner: Learner,
     place: Place,
+    looks: Looks,
     log: LookLog,
     started: Instant,
     elapsed_before: Duration,
@@ -151,7 +157,7 @@ struct Training<'s> {
 }
 
 impl Training<'_> {
-    fn learn(&mut self, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
+    fn learn(mut self, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
         if self.learner.learnt.stopping.looks == 0 {
             self.look(tell)?;
             self.save(tell)?;
@@ -211,7 +217,9 @@ impl Training<'_> {
         let error = self.validation.error(&self.learner.judge, &self.learner.network)?;
         let (look, is_best) = self.learner.look(self.place.epoch, error);
         let elapsed_s = (self.elapsed_before + self.started.elapsed()).as_secs_f64();
-        self.log.push(&Line { look, best: is_best, elapsed_s })?;
+        let line = Line { look, best: is_best, elapsed_s };
+        self.looks.push(self.learner.learnt.stopping.looks - 1, line);
+        self.log.push(&line)?;
         let best = self.learner.learnt.stopping.best.as_ref().unwrap_or(&look);
         tell(Event::Look { look: &look, best, is_best, counters: self.learner.filter.counters() });
         Ok(())
@@ -226,21 +234,14 @@ impl Training<'_> {
     }
 
     /// Reverts to the best, and writes everything that is left of a training.
-    fn finish(&mut self) -> Result<Outcome, TrainError> {
-        let sources = &self.setup.sources;
+    fn finish(mut self) -> Result<Outcome, TrainError> {
         self.learner.revert();
         let summary = self.summary();
-        let scaler = &self.learner.judge.scaler;
-        let model = self.model(quantiles::of_train_split(sources, self.setup.params.seed, scaler)?);
-        self.run.write(folder::MODEL, &model.save()?)?;
-        let about = json!({"features": sources.features, "best": summary.best});
-        self.run.write(folder::FILTER, &state::to_bytes(&about, &[("best", &self.learner.best)]))?;
-        if let Some(svg) = curves::svg(&self.run.read_looks()?, Some(&summary.best)) {
-            self.run.write(folder::CURVES, svg.as_bytes())?;
-        }
-        let text = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
-        self.run.write(folder::SUMMARY, text.as_bytes())?;
-        self.run.remove(folder::CHECKPOINT)?;
-        Ok(Outcome::Done(Box::new(summary)))
+        let run_id = identity::run_id(&self.identity);
+        let scaler = self.learner.judge.scaler.clone();
+        let model = summary::model_of(self.setup, run_id, scaler, self.learner.network.clone())?;
+        let finished = Finished { summary, looks: self.looks, best: self.learner.best };
+        let summary = finished.write(&self.run, Some(&model))?;
+        Ok(Outcome::Done(Box::new(summary), self.run))
     }
 }

@@ -6,17 +6,24 @@ use std::time::{Duration, Instant};
 use serde_json::Value as Json;
 
 use super::checkpoint::{Checkpoint, Place};
-use super::{Init, Setup, Start, Training};
+use super::{Event, Init, Setup, Start, Training};
 use crate::corpus::Split;
 use crate::train::folder::{self, RunFolder};
 use crate::train::learner::Learner;
+use crate::train::looks::Looks;
 use crate::train::rows::LeftOut;
 use crate::train::scaling::scaler;
 use crate::train::validation::{Judge, Validation, each_group};
 use crate::train::{Layout, Sources, TrainError, state, stream};
 
 impl<'s> Training<'s> {
-    pub(super) fn prepare(setup: &'s Setup, identity: Json) -> Result<Training<'s>, TrainError> {
+    /// `begun`: the folder, where the run was begun before.
+    pub(super) fn prepare(
+        setup: &'s Setup,
+        identity: Json,
+        begun: Option<RunFolder>,
+        tell: &mut dyn FnMut(Event),
+    ) -> Result<Training<'s>, TrainError> {
         let (params, sources) = (&setup.params, &setup.sources);
         let counts = class_counts(sources)?;
         let labelled: u64 = counts.iter().flatten().sum();
@@ -41,16 +48,23 @@ impl<'s> Training<'s> {
         let judge = Judge::new(scaler, params, &counts, &corpora);
         let mut learner = Learner::new(params, judge, params.rows_between_looks(labelled))?;
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
-        let run = if setup.resume { RunFolder::resume(&setup.out)? } else { RunFolder::create(&setup.out)? };
-        let mut place = Place::default();
+        let mut run = match begun {
+            Some(run) => run,
+            None => begin(setup)?,
+        };
+        let (mut place, mut looks) = (Place::default(), Looks::default());
         if let Some(checkpoint) = Checkpoint::read(setup, &run, &identity, weights)? {
+            if !checkpoint.checked {
+                tell(Event::Note("the checkpoint is of an earlier marsyard, and has no checksum to be judged by"));
+            }
             learner.filter.restore(&checkpoint.now.filter)?;
             learner.network.weights = checkpoint.now.weights;
             (learner.best, learner.learnt) = (checkpoint.best, checkpoint.learnt);
-            place = checkpoint.place;
+            (place, looks) = (checkpoint.place, checkpoint.looks);
         }
-        let (log, elapsed_s) = run.looks(learner.learnt.stopping.looks)?;
-        run.write(folder::CONFIG, setup.config_yaml.as_bytes())?;
+        run.write_config(&setup.config_yaml)?;
+        let log = run.log(&looks)?;
+        let elapsed_s = looks.lines().last().map_or(0.0, |line| line.elapsed_s);
         let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
         Ok(Training {
             start: Start {
@@ -71,6 +85,7 @@ impl<'s> Training<'s> {
             validation,
             learner,
             place,
+            looks,
             log,
             started: Instant::now(),
             elapsed_before: Duration::try_from_secs_f64(elapsed_s).unwrap_or_default(),
@@ -79,6 +94,16 @@ impl<'s> Training<'s> {
             run,
         })
     }
+}
+
+/// A new folder, or one in which a run was killed in its first moments.
+fn begin(setup: &Setup) -> Result<RunFolder, TrainError> {
+    let run = RunFolder::begin(&setup.out, &setup.config_yaml, setup.resume)?;
+    if run.holds(folder::FILTER)? {
+        // Another process began and finished it while this one read the corpora.
+        return Err(TrainError::Busy { path: setup.out.display().to_string() });
+    }
+    Ok(run)
 }
 
 /// Rows of each class in the train split, by corpus.
@@ -119,7 +144,7 @@ fn start_from(init: &Init, sources: &Sources, learner: &mut Learner) -> Result<b
     }
     network.weights.clone_from(&init.model.network.weights);
     let Some(bytes) = &init.filter else { return Ok(false) };
-    let read = state::from_bytes(bytes).map(|(_, mut snapshots)| snapshots.remove("best"));
+    let read = state::from_bytes(bytes).map(|mut state| state.snapshots.remove("best"));
     match read {
         Ok(Some(best)) if best.weights == network.weights => match filter.restore(&best.filter) {
             Ok(()) => Ok(true),

@@ -1,13 +1,14 @@
 //! A finished training -> `training.json` and the model.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value as Json;
+use serde_json::{Value as Json, json};
 
-use super::{Setup, Training};
+use super::{Setup, Training, identity};
 use crate::train::filter::Counters;
+use crate::train::folder::{self, RunFolder};
 use crate::train::rows::LeftOut;
 use crate::train::stopping::{Look, Stop, Stopping};
-use crate::train::{About, MODEL_FORMAT, Model, TrainError, TrainParams, folder};
+use crate::train::{About, MODEL_FORMAT, Model, Network, Scaler, TrainError, TrainParams, leaks, quantiles};
 
 /// `training.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,21 +33,29 @@ pub struct Summary {
     /// Of the filter at its last update; where it started from another run's covariance, that run's included.
     pub counters: Counters,
     pub corpora: Json,
+    /// What was told of scenes in two splits, where that was allowed.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shared_scenes: Vec<String>,
     /// Hash of the network and covariance it started from.
     pub init: Option<String>,
+    /// SHA-256 of what it was begun with, which the model names too; that of the model's file. Runs of before had neither.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model_sha256: Option<String>,
     pub config: TrainParams,
 }
 
 impl Summary {
-    /// That of a finished run; `None` where it is not finished.
-    pub(super) fn read(setup: &Setup) -> Result<Option<Summary>, TrainError> {
-        let path = setup.out.join(folder::SUMMARY);
-        if !path.is_file() {
-            return Ok(None);
-        }
-        let bad = |reason: String| TrainError::BadState { path: path.display().to_string(), reason };
-        let bytes = std::fs::read(&path).map_err(|error| bad(error.to_string()))?;
-        serde_json::from_slice(&bytes).map(Some).map_err(|error| bad(error.to_string()))
+    /// That of a run folder; `None` where there is none, or none that is whole.
+    pub(super) fn read(run: &RunFolder) -> Result<Option<Summary>, TrainError> {
+        let bytes = run.read_if_there(folder::SUMMARY)?;
+        Ok(bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()))
+    }
+
+    /// What the training was begun with.
+    pub(super) fn identity(&self) -> Json {
+        json!({"config": self.config, "corpora": self.corpora, "init": self.init})
     }
 }
 
@@ -72,33 +81,37 @@ impl Training<'_> {
             filter: self.learner.best.filter.kind.clone(),
             counters: self.learner.filter.counters(),
             corpora: self.identity["corpora"].clone(),
+            shared_scenes: self.setup.sources.shared_scenes.clone(),
             init: self.identity["init"].as_str().map(str::to_string),
+            run: Some(identity::run_id(&self.identity)),
+            model_sha256: None,
             config: self.setup.params.clone(),
         }
     }
+}
 
-    pub(super) fn model(&self, quantiles: Vec<[f64; 7]>) -> Model {
-        let Setup { params, sources, origin, .. } = self.setup;
-        let network = self.learner.network.clone();
-        Model {
-            about: About {
-                marsyard_model: MODEL_FORMAT,
-                inputs: network.layout.inputs,
-                hidden: network.layout.hidden.clone(),
-                bias: network.layout.bias,
-                features: sources.features.clone(),
-                scaler: self.learner.judge.scaler.clone(),
-                quantiles,
-                targets: params.targets,
-                thresholds: params.thresholds.clone(),
-                cells: origin.cells.clone(),
-                rover: origin.rover.clone(),
-                sensor: origin.sensor.clone(),
-                mount: origin.mount,
-                corpus_ids: sources.list.iter().map(|source| source.corpus_id.clone()).collect(),
-                corpus_names: sources.list.iter().map(|source| source.name.clone()).collect(),
-            },
-            network,
-        }
-    }
+/// The network with everything that its use needs.
+pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: Network) -> Result<Model, TrainError> {
+    let Setup { params, sources, origin, init, .. } = setup;
+    let quantiles = quantiles::of_train_split(sources, params.seed, &scaler)?;
+    let about = About {
+        marsyard_model: MODEL_FORMAT,
+        inputs: network.layout.inputs,
+        hidden: network.layout.hidden.clone(),
+        bias: network.layout.bias,
+        features: sources.features.clone(),
+        scaler,
+        quantiles,
+        targets: params.targets,
+        thresholds: params.thresholds.clone(),
+        cells: origin.cells.clone(),
+        rover: origin.rover.clone(),
+        sensor: origin.sensor.clone(),
+        mount: origin.mount,
+        corpus_ids: sources.list.iter().map(|source| source.corpus_id.clone()).collect(),
+        corpus_names: sources.list.iter().map(|source| source.name.clone()).collect(),
+        run: Some(run_id),
+        learnt_from: leaks::learnt_from(sources, init.as_ref().map(|init| &init.model)),
+    };
+    Ok(Model { network, about, sha256: None })
 }

@@ -33,7 +33,8 @@ pub fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -> PathB
         drawn: Vec::new(),
         families: vec!["default".into()],
         scene_plan_hash: "cd".repeat(32),
-        plan_yaml: "marsyard: 1\n".into(),
+        yards: vec![format!("yards of {name}")],
+        plan_yaml: format!("marsyard: 1\nname: {name}\nseed: 1\nscenes: {}\nscenes_per_shard: 1\n", shards.len()),
         license: "cc0-1.0".into(),
     };
     crate::corpus::Place::open(&store, &spec).unwrap();
@@ -131,7 +132,7 @@ pub fn setup(places: &[PathBuf], params: &TrainParams, out: PathBuf) -> Result<S
 /// Trains to the end.
 pub fn run(setup: &Setup) -> Result<crate::train::run::Summary, TrainError> {
     match train(setup, &AtomicBool::new(false), &mut |_| ())? {
-        Outcome::Done(summary) => Ok(*summary),
+        Outcome::Done(summary, _) => Ok(*summary),
         Outcome::Interrupted { .. } => panic!("nobody asked it to stop"),
     }
 }
@@ -169,5 +170,5 @@ pub fn identity(setup: &Setup) -> Vec<(&'static str, Vec<u8>)> {
 /// The looks of a run.
 pub fn looks(setup: &Setup) -> Vec<crate::train::stopping::Look> {
     let text = std::fs::read_to_string(setup.out.join(crate::train::folder::LOOKS)).unwrap();
-    text.lines().map(|line| serde_json::from_str::<crate::train::folder::Line>(line).unwrap().look).collect()
+    text.lines().map(|line| serde_json::from_str::<crate::train::looks::Line>(line).unwrap().look).collect()
 }

@@ -2,7 +2,7 @@
 //!
 //! P = triangle + q I - sum_j t_j t_j'. With t = P B' L^-T, L L' = S, one more t is eq. 14 exactly. A pass forms y = P b for new
 //! Jacobians b; the t stay beside the triangle as long as there is room for them, and go into it all at once, in the pass that
-//! finds no room (`ekf.md`: lazy). So a pass reads P and seldom writes it: what bounds a pass is then the fused multiply-adds or
+//! finds no room. So a pass reads P and seldom writes it: what bounds a pass is then the fused multiply-adds or
 //! the reading, not the writing. A triangle that lies in the nearest cache is written every time. P is symmetric by construction.
 //! Passes run forward and backward in turn: the strips read last are still in the cache; the direction is part of the state,
 //! because it is the order of sums.

@@ -23,7 +23,7 @@ fn network(inputs: usize, hidden: &[usize]) -> Network {
     Network::random(Layout { inputs, hidden: hidden.to_vec(), bias: true }, &streams)
 }
 
-/// The 87-weight network of `ekf.md` and rows that it can learn.
+/// A network of 87 weights, as small as has two hidden layers of some use, and rows that it can learn.
 fn case(rows: usize) -> (Network, Vec<f64>, Vec<f64>, Vec<f64>) {
     let inputs = normals(1, rows * 8);
     let targets = inputs.chunks(8).map(|x| if x[0] * x[1] + x[2] > 0.3 { 0.9 } else { 0.1 }).collect();
