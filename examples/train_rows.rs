@@ -11,8 +11,10 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use arrow::array::{Array, AsArray, RecordBatch};
-use arrow::datatypes::{DataType, Float32Type, Int64Type};
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float32Type, Int8Type, Int32Type, Int64Type};
+use arrow_array::{Array, Int64Array, RecordBatch};
+use arrow_schema::DataType;
 use clap::Parser;
 use marsyard::config::load_train;
 use marsyard::pipeline::clock::thread_cpu_s;
@@ -95,6 +97,16 @@ fn main() -> Result<(), Fault> {
     Ok(())
 }
 
+/// A column of signed integers, widened.
+fn integers(column: &dyn Array) -> Option<Int64Array> {
+    Some(match column.data_type() {
+        DataType::Int8 => column.as_primitive::<Int8Type>().unary(i64::from),
+        DataType::Int32 => column.as_primitive::<Int32Type>().unary(i64::from),
+        DataType::Int64 => column.as_primitive::<Int64Type>().clone(),
+        _ => return None,
+    })
+}
+
 impl Table {
     fn read(path: &Path) -> Result<Table, Fault> {
         let fault = |reason: String| format!("{}: {reason}", path.display());
@@ -122,10 +134,9 @@ impl Table {
     fn push(&mut self, batch: &RecordBatch) -> Result<(), String> {
         let column = |name: &str| batch.column_by_name(name).ok_or(format!("it has no column '{name}'"));
         let whole = |name: &str| {
-            arrow::compute::cast(column(name)?, &DataType::Int64).map_err(|error| format!("column '{name}': {error}"))
+            integers(column(name)?).ok_or(format!("column '{name}' holds no signed integers of 8, 32 or 64 bits"))
         };
         let (labels, roles) = (whole("label")?, whole("role")?);
-        let (labels, roles) = (labels.as_primitive::<Int64Type>(), roles.as_primitive::<Int64Type>());
         let features = self
             .features
             .iter()

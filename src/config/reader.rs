@@ -205,58 +205,53 @@ fn height_map_of(path: &Path, bytes: &[u8], white_m: Option<f64>) -> Result<Heig
 
 type Heights = (usize, usize, Vec<f64>);
 
-/// Refuses headers that the reader would multiply, nest or allocate without end.
-fn check_npy_header(bytes: &[u8]) -> Result<(), String> {
-    let (start, length): (usize, usize) = match bytes {
+/// The header of an NPY file of formats 1 to 3, and the numbers behind it.
+fn npy_parts(bytes: &[u8]) -> Option<(&str, &[u8])> {
+    let (start, length) = match bytes {
         [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, low, high, ..] => {
             (10, usize::from(u16::from_le_bytes([*low, *high])))
         }
-        [0x93, b'N', b'U', b'M', b'P', b'Y', _, _, a, b, c, d, ..] => {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 2 | 3, _, a, b, c, d, ..] => {
             (12, u32::from_le_bytes([*a, *b, *c, *d]) as usize)
         }
-        _ => return Err("it is no NPY file".into()),
+        _ => return None,
     };
-    let header = bytes.get(start..length.saturating_add(start)).ok_or("it is no NPY file: its header ends early")?;
-    let brackets = header.iter().filter(|byte| b"([{".contains(byte)).count();
-    let numbers = || header.split(|byte| !byte.is_ascii_digit()).filter(|digits| !digits.is_empty());
-    // A plain 2-D array has the numbers of '<f8' and of its shape, and two brackets.
-    if brackets > 2 || numbers().count() > 3 || length > 4096 {
-        return Err("it is no 2-D array of float32 or float64".into());
-    }
-    if numbers().any(|digits| digits.len() > 9) {
-        return Err(format!("its shape is absurd; at most {MAX_HEIGHTS} heights"));
-    }
-    Ok(())
+    let end = length.checked_add(start)?;
+    Some((str::from_utf8(bytes.get(start..end)?).ok()?, &bytes[end..]))
 }
 
+/// A 2-D array of float32 or float64, by rows or by columns. The header is the literal of a Python dictionary with
+/// three keys (NEP 1); what NumPy itself writes is read, in any order of keys.
 fn npy_heights(bytes: &[u8]) -> Result<Heights, String> {
-    check_npy_header(bytes)?;
-    let file = npyz::NpyFile::new(bytes).map_err(|error| format!("it is no NPY file: {error}"))?;
-    let &[rows, cols] = file.shape() else {
-        return Err(format!("it has {} dimensions; a height map has 2", file.shape().len()));
+    let (header, numbers) = npy_parts(bytes).ok_or("it is no NPY file, or its header ends early")?;
+    let value = |key: &str| header.split_once(&format!("'{key}':")).map(|(_, rest)| rest.trim_start());
+    let lacks = |key: &str| format!("its header lacks '{key}'");
+    let descr = value("descr").ok_or_else(|| lacks("descr"))?;
+    let descr = descr.split(',').next().unwrap_or_default();
+    let float: fn(&[u8]) -> f64 = match descr {
+        "'<f4'" => |bytes| f64::from(f32::from_le_bytes(bytes.try_into().expect("four bytes"))),
+        "'>f4'" => |bytes| f64::from(f32::from_be_bytes(bytes.try_into().expect("four bytes"))),
+        "'<f8'" => |bytes| f64::from_le_bytes(bytes.try_into().expect("eight bytes")),
+        "'>f8'" => |bytes| f64::from_be_bytes(bytes.try_into().expect("eight bytes")),
+        _ => return Err(format!("its numbers are {descr:.24}; a height map holds float32 or float64")),
     };
-    let (rows, cols) = (rows as usize, cols as usize);
+    let bytes_each = if descr.contains("f4") { 4 } else { 8 };
+    let by_row = !value("fortran_order").ok_or_else(|| lacks("fortran_order"))?.starts_with("True");
+    let shape =
+        value("shape").and_then(|rest| rest.strip_prefix('(')?.split_once(')')).ok_or_else(|| lacks("shape"))?.0;
+    let sides: Vec<&str> = shape.split(',').map(str::trim).filter(|side| !side.is_empty()).collect();
+    let &[rows, cols] = &sides[..] else {
+        return Err(format!("it has {} dimensions; a height map has 2", sides.len()));
+    };
+    let (Ok(rows), Ok(cols)) = (rows.parse::<usize>(), cols.parse::<usize>()) else {
+        return Err(format!("its shape ({rows}, {cols}) is absurd; at most {MAX_HEIGHTS} heights"));
+    };
     let count = rows.checked_mul(cols).filter(|&count| count <= MAX_HEIGHTS);
     let count = count.ok_or_else(|| format!("it has {rows} x {cols} heights; at most {MAX_HEIGHTS}"))?;
-    let by_row = file.order() == npyz::Order::C;
-    let read = |error: std::io::Error| format!("its heights cannot be read: {error}");
-    let flat: Vec<f64> = match file.dtype() {
-        npyz::DType::Plain(plain) if plain.type_char() == npyz::TypeChar::Float && plain.size_field() == 4 => {
-            file.into_vec::<f32>().map_err(read)?.into_iter().map(f64::from).collect()
-        }
-        npyz::DType::Plain(plain) if plain.type_char() == npyz::TypeChar::Float && plain.size_field() == 8 => {
-            file.into_vec::<f64>().map_err(read)?
-        }
-        other => return Err(format!("its numbers are {}; a height map holds float32 or float64", other.descr())),
-    };
-    if flat.len() != count {
-        return Err("it ends early".into());
-    }
-    if by_row {
-        return Ok((rows, cols, flat));
-    }
-    let transposed = (0..count).map(|at| flat[(at % cols) * rows + at / cols]).collect();
-    Ok((rows, cols, transposed))
+    let numbers = numbers.get(..count * bytes_each).ok_or("it ends early")?;
+    let height = |at: usize| float(&numbers[at * bytes_each..][..bytes_each]);
+    let heights_m = (0..count).map(|at| if by_row { height(at) } else { height(at % cols * rows + at / cols) });
+    Ok((rows, cols, heights_m.collect()))
 }
 
 /// 16-bit grey; row 0 of the picture is the north edge, row 0 of a raster the south.
@@ -327,10 +322,10 @@ mod tests {
         for (bytes, expected) in [
             (npy("<f4", "False", "(99999999, 99999999)", &floats), "at most"),
             (npy("<f4", "False", "(18446744073709551615, 2)", &floats), "at most"),
-            (npy("<f4", "False", "(999999999, 999999999, 999999999)", &floats), "no 2-D array"),
-            (npy("<f4", "False", &"(".repeat(60), &floats), "no 2-D array"),
+            (npy("<f4", "False", "(999999999, 999999999, 999999999)", &floats), "it has 3 dimensions"),
+            (npy("<f4", "False", &"(".repeat(60), &floats), "lacks 'shape'"),
             (b"\x93NUMPY\x02\x00\xff\xff\xff\xff{}".to_vec(), "its header ends early"),
-            (npy("<f4", "False", "(2, 2)", &floats[..10]), "cannot be read"),
+            (npy("<f4", "False", "(2, 2)", &floats[..10]), "it ends early"),
             (npy("<i4", "False", "(2, 2)", &floats), "holds float32 or float64"),
             (npy("<f4", "False", "(4,)", &floats), "it has 1 dimensions"),
             (npy("<f4", "False", "(1, 4)", &floats), "at least 2 of each"),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Float32Array, Int8Array};
+use arrow_array::{ArrayRef, Float32Array, Int8Array};
 
 use super::schema::{self, Column, Kind, Role};
 use super::shard::ZSTD_LEVEL;

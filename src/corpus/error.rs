@@ -1,6 +1,6 @@
 //! What can go wrong between rows and files; each message names the place, the rule and the cure.
 
-use arrow::error::ArrowError;
+use arrow_schema::ArrowError;
 use parquet::errors::ParquetError;
 
 /// Why a corpus could not be written or read.

@@ -1,7 +1,7 @@
 //! One stored cell, found by its address: for comparing what is on disk with what a replay computes.
 
-use arrow::array::Array;
-use arrow::datatypes::{Float32Type, Int8Type, Int32Type};
+use arrow_array::Array;
+use arrow_array::types::{Float32Type, Int8Type, Int32Type};
 
 use super::manifest::FeatureSummary;
 use super::reader::column;

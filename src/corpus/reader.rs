@@ -12,9 +12,11 @@ use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use arrow::array::{ArrowPrimitiveType, BooleanArray, PrimitiveArray, RecordBatch};
-use arrow::compute::{concat_batches, filter_record_batch};
-use arrow::datatypes::{Int64Type, SchemaRef};
+use arrow_array::types::Int64Type;
+use arrow_array::{ArrowPrimitiveType, BooleanArray, PrimitiveArray, RecordBatch};
+use arrow_schema::SchemaRef;
+use arrow_select::concat::concat_batches;
+use arrow_select::filter::filter_record_batch;
 use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder};
@@ -114,7 +116,7 @@ impl TableFile {
             .with_batch_size((facts.num_rows() as usize).max(1));
         let mask = ProjectionMask::roots(builder.parquet_schema(), columns.iter().copied());
         let mut reader = builder.with_projection(mask).build()?;
-        let schema = arrow::array::RecordBatchReader::schema(&reader);
+        let schema = arrow_array::RecordBatchReader::schema(&reader);
         let rows = reader.next().transpose()?;
         Ok(rows.unwrap_or_else(|| RecordBatch::new_empty(schema)))
     }

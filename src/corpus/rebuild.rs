@@ -6,8 +6,9 @@
 
 use std::fmt;
 
-use arrow::array::{Array, RecordBatch};
-use arrow::util::display::array_value_to_string;
+use arrow_array::cast::AsArray;
+use arrow_array::{Array, RecordBatch};
+use arrow_schema::DataType;
 
 use super::reader::TableFile;
 use super::receipt::Receipt;
@@ -84,7 +85,7 @@ impl fmt::Display for FirstDifference {
 pub fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<FirstDifference>, CorpusError> {
     let read = |file: &TableFile| -> Result<RecordBatch, CorpusError> {
         let batches = file.batches().collect::<Result<Vec<_>, _>>()?;
-        arrow::compute::concat_batches(file.schema(), &batches)
+        arrow_select::concat::concat_batches(file.schema(), &batches)
             .map_err(|source| CorpusError::Arrow { name: file.name().into(), source })
     };
     let (there, here) = (read(there)?, read(here)?);
@@ -96,10 +97,7 @@ pub fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<Fi
     let rows = there.num_rows().min(here.num_rows());
     let differs = |k: usize| first_row(there.column(k).as_ref(), here.column(k).as_ref(), rows).map(|row| (row, k));
     let first = (0..there.num_columns()).filter_map(differs).min();
-    let text = |batch: &RecordBatch, row: usize, k: usize| {
-        if batch.column(k).is_null(row) { Ok("null".into()) } else { array_value_to_string(batch.column(k), row) }
-            .unwrap_or_else(|error| error.to_string())
-    };
+    let text = |batch: &RecordBatch, row: usize, k: usize| value_text(batch.column(k), row);
     Ok(match first {
         Some((row, k)) => Some(FirstDifference {
             row: row as u64,
@@ -115,6 +113,24 @@ pub fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<Fi
         }),
         None => None,
     })
+}
+
+/// A value of a table as people read it.
+fn value_text(column: &dyn Array, row: usize) -> String {
+    use arrow_array::types::{Float32Type, Float64Type, Int8Type, Int32Type, Int64Type};
+    if column.is_null(row) {
+        return "null".into();
+    }
+    match column.data_type() {
+        DataType::Boolean => column.as_boolean().value(row).to_string(),
+        DataType::Int8 => column.as_primitive::<Int8Type>().value(row).to_string(),
+        DataType::Int32 => column.as_primitive::<Int32Type>().value(row).to_string(),
+        DataType::Int64 => column.as_primitive::<Int64Type>().value(row).to_string(),
+        DataType::Float32 => column.as_primitive::<Float32Type>().value(row).to_string(),
+        DataType::Float64 => column.as_primitive::<Float64Type>().value(row).to_string(),
+        DataType::Utf8 => column.as_string::<i32>().value(row).to_string(),
+        other => format!("a value of type {other}"),
+    }
 }
 
 /// The first of `rows` rows in which two columns differ: found by halving, since slices compare fast.

@@ -5,8 +5,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Float64Array, RecordBatch};
-use arrow::datatypes::SchemaRef;
+use arrow_array::{ArrayRef, Float64Array, RecordBatch};
+use arrow_schema::SchemaRef;
 
 use super::receipt::{FailedScene, FeatureMoments, FileFacts, Receipt};
 use super::spec::{CorpusSpec, ScanOutput, SceneOutput};
@@ -114,7 +114,7 @@ impl<'a> ShardWriter<'a> {
         }
         if let Some((schema, _)) = self.tables.get(&Table::Scenes) {
             // One batch a shard: a row at a time would cost a page each.
-            let whole = arrow::compute::concat_batches(schema, &self.scene_batches);
+            let whole = arrow_select::concat::concat_batches(schema, &self.scene_batches);
             self.write(Table::Scenes, |_, _| whole)?;
         }
         let mut files = Vec::new();
@@ -149,7 +149,7 @@ impl<'a> ShardWriter<'a> {
         CorpusError::Rows { shard: self.shard, reason }
     }
 
-    fn arrow(&self, table: Table, source: arrow::error::ArrowError) -> CorpusError {
+    fn arrow(&self, table: Table, source: arrow_schema::ArrowError) -> CorpusError {
         CorpusError::Arrow { name: table.path(self.shard), source }
     }
 
@@ -203,7 +203,7 @@ impl<'a> ShardWriter<'a> {
     fn write(
         &mut self,
         table: Table,
-        batch: impl FnOnce(&SchemaRef, &CorpusSpec) -> Result<RecordBatch, arrow::error::ArrowError>,
+        batch: impl FnOnce(&SchemaRef, &CorpusSpec) -> Result<RecordBatch, arrow_schema::ArrowError>,
     ) -> Result<(), CorpusError> {
         let name = table.path(self.shard);
         let Some((schema, writer)) = self.tables.get_mut(&table) else { return Ok(()) };
@@ -229,7 +229,7 @@ impl FinishedShard {
     }
 }
 
-type Batch = Result<RecordBatch, arrow::error::ArrowError>;
+type Batch = Result<RecordBatch, arrow_schema::ArrowError>;
 
 fn cells_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput, scan: &ScanOutput) -> Batch {
     let row = |cell| tables::cells::Row { scene_id: scene.scene_id as i64, scan_id: scan.scan_id as i32, cell };

@@ -4,10 +4,10 @@
 //! length and bytes; a null's value is left out). The table's hash covers, column by column, name, type and both streams.
 //! Batches may be cut anywhere.
 
-use arrow::array::{
+use arrow_array::{
     Array, BooleanArray, Float32Array, Float64Array, Int8Array, Int32Array, Int64Array, RecordBatch, StringArray,
 };
-use arrow::datatypes::{DataType, Schema};
+use arrow_schema::{DataType, Schema};
 
 use super::hex;
 use super::tables::{canonical_f32, canonical_f64};
@@ -148,7 +148,7 @@ pub fn corpus_id<'a>(value_hashes: impl IntoIterator<Item = &'a str>) -> String 
 mod tests {
     use std::sync::Arc;
 
-    use arrow::datatypes::Field;
+    use arrow_schema::Field;
 
     use super::*;
 

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use arrow::array::{Array, Float32Array, Int8Array, RecordBatch};
-use arrow::datatypes::Int64Type;
+use arrow_array::types::Int64Type;
+use arrow_array::{Array, Float32Array, Int8Array, RecordBatch};
 
 use super::belongs::ShardIdentity;
 use super::finished::{self, Fault};
@@ -213,7 +213,7 @@ fn verify_file(
 /// The scenes of the rows themselves.
 fn check_scenes(batch: &RecordBatch, identity: &ShardIdentity) -> Result<(), String> {
     let ids = column::<Int64Type>(batch, "scene_id")?;
-    let range = arrow::compute::min(ids).zip(arrow::compute::max(ids));
+    let range = ids.iter().flatten().min().zip(ids.iter().flatten().max());
     range.map_or(Ok(()), |(least, most)| identity.check_scenes(least, most))
 }
 

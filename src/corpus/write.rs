@@ -4,8 +4,8 @@
 //! are pinned by Cargo.lock, and a change of either is a change of [`PARQUET_FORMAT`](super::PARQUET_FORMAT). A batch is a whole scan (or scene), written
 //! at once and never cut by a row group.
 
-use arrow::array::RecordBatch;
-use arrow::datatypes::SchemaRef;
+use arrow_array::RecordBatch;
+use arrow_schema::SchemaRef;
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::errors::ParquetError;

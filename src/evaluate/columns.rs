@@ -1,7 +1,7 @@
 //! The columns of a row group of `cells` -> the cells of a scan, with the model's inputs, or why one cannot be judged.
 
-use arrow::array::{Array, PrimitiveArray, RecordBatch};
-use arrow::datatypes::{Float32Type, Int8Type, Int32Type, Int64Type};
+use arrow_array::types::{Float32Type, Int8Type, Int32Type, Int64Type};
+use arrow_array::{Array, PrimitiveArray, RecordBatch};
 
 use super::judge::{Cell, Judge};
 use crate::corpus::reader::column;

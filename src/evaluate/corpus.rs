@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use arrow::array::{Int64Array, StringArray};
+use arrow_array::{Int64Array, StringArray};
 
 use super::columns::{CLASS, Columns, HEIGHT_DIFFERENCE, OBSTACLE_POINTS, Scan, TOP_POINTS};
 use super::judge::{Judge, Threshold, ThresholdOrigin};

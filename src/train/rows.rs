@@ -2,8 +2,8 @@
 //!
 //! A row whose label is unknown, and a row with a value that is not finite, are counted and left out.
 
-use arrow::array::{Array, PrimitiveArray, RecordBatch};
-use arrow::datatypes::{Float32Type, Int8Type, Int32Type};
+use arrow_array::types::{Float32Type, Int8Type, Int32Type};
+use arrow_array::{Array, PrimitiveArray, RecordBatch};
 
 use super::labels::{self, LabelRule, Truth};
 use crate::corpus::reader::column;
@@ -137,7 +137,7 @@ impl TruthColumns<'_> {
 mod tests {
     use std::sync::Arc;
 
-    use arrow::array::{ArrayRef, Float32Array, Int8Array};
+    use arrow_array::{ArrayRef, Float32Array, Int8Array};
 
     use super::*;
 

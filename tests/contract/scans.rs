@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use arrow::array::{Array, PrimitiveArray, RecordBatch};
-use arrow::datatypes::{ArrowPrimitiveType, Float32Type, Int8Type, Int32Type};
+use arrow_array::types::{ArrowPrimitiveType, Float32Type, Int8Type, Int32Type};
+use arrow_array::{Array, PrimitiveArray, RecordBatch};
 use marsyard::corpus::reader::TableFile;
 use marsyard::corpus::{LocalFolder, Table};
 use serde_json::Value as Json;

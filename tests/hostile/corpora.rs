@@ -206,8 +206,8 @@ proptest! {
 }
 
 /// A table of one column, written by the Parquet crate itself, as a stranger would.
-fn foreign(column: arrow::array::ArrayRef, name: &str, dictionary: bool) -> Vec<u8> {
-    let batch = arrow::array::RecordBatch::try_from_iter([(name, column)]).expect("a batch");
+fn foreign(column: arrow_array::ArrayRef, name: &str, dictionary: bool) -> Vec<u8> {
+    let batch = arrow_array::RecordBatch::try_from_iter([(name, column)]).expect("a batch");
     let properties = parquet::file::properties::WriterProperties::builder()
         .set_compression(parquet::basic::Compression::ZSTD(parquet::basic::ZstdLevel::default()))
         .set_max_row_group_row_count(None)
@@ -223,8 +223,8 @@ fn foreign(column: arrow::array::ArrayRef, name: &str, dictionary: bool) -> Vec<
 
 #[test]
 fn extreme_small_tables_of_many_rows_or_long_texts_are_refused() {
-    use arrow::array::{Int64Array, ListArray, StringArray};
-    use arrow::datatypes::Int32Type;
+    use arrow_array::types::Int32Type;
+    use arrow_array::{Int64Array, ListArray, StringArray};
     use std::sync::Arc;
 
     // Run-length encoded: 20 million rows in some hundred bytes.
@@ -247,7 +247,7 @@ fn extreme_small_tables_of_many_rows_or_long_texts_are_refused() {
 /// What a page header announces was reserved before a byte was expanded: up to 2 GiB.
 #[test]
 fn regress_a_page_header_that_announces_more_than_the_file_warrants_is_refused() {
-    let column = std::sync::Arc::new(arrow::array::Float32Array::from_value(1.0, 8_000_000));
+    let column = std::sync::Arc::new(arrow_array::Float32Array::from_value(1.0, 8_000_000));
     let mut bytes = foreign(column, "range_m", false);
     assert_eq!(read_table(&bytes, &table(0)), Ok(8_000_000));
     // Behind the magic: the page's type, then its size as a varint of four bytes, of which the largest says 134 MB.
@@ -261,7 +261,7 @@ fn regress_a_page_header_that_announces_more_than_the_file_warrants_is_refused()
 
 #[test]
 fn regress_a_cell_is_looked_up_in_a_table_of_other_types_without_a_panic() {
-    use arrow::array::{ArrayRef, Float32Array, Int64Array, RecordBatch};
+    use arrow_array::{ArrayRef, Float32Array, Int64Array, RecordBatch};
     use parquet::file::metadata::KeyValue;
     let (name, store) = (table(0), LocalFolder::new(CORPUS.as_path()));
     let there = TableFile::open(&store, &name).expect("a table");

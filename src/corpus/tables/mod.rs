@@ -7,10 +7,12 @@ pub mod scenes;
 
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, ArrowPrimitiveType, BooleanArray, PrimitiveArray, RecordBatch, StringArray};
-use arrow::buffer::{BooleanBuffer, NullBuffer};
-use arrow::datatypes::{ArrowNativeType, Float32Type, Float64Type, Int8Type, Int32Type, Int64Type, SchemaRef};
-use arrow::error::ArrowError;
+use arrow_array::types::{Float32Type, Float64Type, Int8Type, Int32Type, Int64Type};
+use arrow_array::{ArrayRef, ArrowPrimitiveType, BooleanArray, PrimitiveArray, RecordBatch, StringArray};
+use arrow_buffer::ArrowNativeType;
+use arrow_buffer::{BooleanBuffer, NullBuffer};
+use arrow_schema::ArrowError;
+use arrow_schema::SchemaRef;
 
 use super::schema::{Column, Kind, Role};
 use crate::cells::Cells;

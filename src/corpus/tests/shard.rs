@@ -1,7 +1,8 @@
 //! Rows in, rows out; the same bytes each time.
 
-use arrow::array::{Array, AsArray, RecordBatch};
-use arrow::datatypes::{Float32Type, Float64Type, Int8Type, Int32Type, Int64Type};
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float32Type, Float64Type, Int8Type, Int32Type, Int64Type};
+use arrow_array::{Array, RecordBatch};
 
 use super::fixture::{corpus, scene, spec, write_shard};
 use crate::corpus::reader::TableFile;
@@ -21,7 +22,7 @@ fn stored(files: &[(String, Vec<u8>)]) -> (tempfile::TempDir, LocalFolder) {
 fn whole(store: &LocalFolder, table: Table) -> RecordBatch {
     let file = TableFile::open(store, &table.path(0)).unwrap();
     let batches: Vec<RecordBatch> = file.batches().map(Result::unwrap).collect();
-    arrow::compute::concat_batches(file.schema(), &batches).unwrap()
+    arrow_select::concat::concat_batches(file.schema(), &batches).unwrap()
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! The address of a row group or scene -> its rows.
 
-use arrow::array::{AsArray, BooleanArray, RecordBatch};
-use arrow::compute::filter_record_batch;
-use arrow::datatypes::Int64Type;
+use arrow_array::cast::AsArray;
+use arrow_array::types::Int64Type;
+use arrow_array::{BooleanArray, RecordBatch};
+use arrow_select::filter::filter_record_batch;
 
 use super::{Group, SceneAddress, Sources, at, path};
 use crate::corpus::Split;
