@@ -1,4 +1,4 @@
-//! What holds for every store: a folder, and object stores that keep their objects in memory and in a folder.
+//! What holds for every store: a folder, and object stores that keep their objects in memory.
 
 use std::sync::Arc;
 
@@ -14,11 +14,9 @@ fn each(check: impl Fn(&dyn Store, &str)) {
     #[cfg(feature = "object-stores")]
     {
         use super::objects::ObjectFolder;
-        use object_store::{local::LocalFileSystem, memory::InMemory};
+        use object_store::memory::InMemory;
         check(&ObjectFolder::new(Arc::new(InMemory::new()), "mem://b", "a/corpus"), "objects in memory");
         check(&ObjectFolder::new(Arc::new(InMemory::new()), "mem://b", ""), "a whole bucket");
-        let files = LocalFileSystem::new_with_prefix(dir.path()).unwrap().with_fsync(true);
-        check(&ObjectFolder::new(Arc::new(files), "files://b", "objects"), "objects in files");
     }
 }
 
