@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn described(prepared: &Prepared, replay: &Replay) -> Value {
     let family = prepared.plan.family_of(0);
     let Ground::Polynomial(ground) = &replay.scene.ground else { unreachable!("the paper's grounds are polynomials") };
-    let rocks = replay.scene.obstacles.iter().filter_map(|obstacle| match &obstacle.shape {
+    let rocks = replay.scene.obstacles.iter().filter_map(|obstacle| match &obstacle.body().shape {
         Shape::Convex(body) => Some(body.vertices_m.iter().map(|v| v.to_array()).collect::<Vec<_>>()),
         Shape::Cylinder(_) => None,
     });

@@ -5,8 +5,7 @@
 //! `clippy.toml` forbids `f64::sin` and its kin elsewhere. `sqrt`, `abs`, `floor` and `mul_add` are exact by
 //! IEEE 754 and need no door.
 //!
-//! The second half defines the C symbols themselves, so that dependencies (rustfft's twiddles among them) land on the
-//! same code.
+//! Other crates (rustfft's twiddles among them) call the C library's names; the program binds those to the same code (`c_symbols`).
 
 use std::f64::consts::{PI, TAU};
 
@@ -204,60 +203,6 @@ pub fn wrap_angle(angle_rad: f64) -> f64 {
     }
     let wrapped = angle_rad - TAU * (angle_rad / TAU).round();
     if wrapped <= -PI { wrapped + TAU } else { wrapped }
-}
-
-/// The C library's names, bound to `libm` for the whole binary.
-///
-/// Why `unsafe`: exporting an unmangled symbol replaces the C library's. Each has the C signature and the C meaning, and
-/// the linker prefers ours, so no code in the process sees two versions.
-#[cfg(target_os = "linux")]
-#[allow(unsafe_code)]
-mod pinned_symbols {
-    macro_rules! pinned {
-        ($($name:ident)*) => {$(
-            #[unsafe(no_mangle)]
-            pub extern "C" fn $name(x: f64) -> f64 { libm::$name(x) }
-        )*};
-    }
-    macro_rules! pinned_f32 {
-        ($($name:ident)*) => {$(
-            #[unsafe(no_mangle)]
-            pub extern "C" fn $name(x: f32) -> f32 { libm::$name(x) }
-        )*};
-    }
-    pinned! { sin cos tan asin acos atan sinh cosh tanh exp exp2 expm1 log log2 log10 log1p cbrt }
-    pinned_f32! { sinf cosf tanf asinf acosf atanf expf exp2f logf log2f log10f cbrtf }
-
-    #[unsafe(no_mangle)]
-    pub extern "C" fn pow(x: f64, y: f64) -> f64 {
-        libm::pow(x, y)
-    }
-    #[unsafe(no_mangle)]
-    pub extern "C" fn powf(x: f32, y: f32) -> f32 {
-        libm::powf(x, y)
-    }
-    #[unsafe(no_mangle)]
-    pub extern "C" fn atan2(y: f64, x: f64) -> f64 {
-        libm::atan2(y, x)
-    }
-    #[unsafe(no_mangle)]
-    pub extern "C" fn atan2f(y: f32, x: f32) -> f32 {
-        libm::atan2f(y, x)
-    }
-    #[unsafe(no_mangle)]
-    pub extern "C" fn hypot(x: f64, y: f64) -> f64 {
-        libm::hypot(x, y)
-    }
-    /// # Safety
-    /// `sin_out` and `cos_out` are writable, as the C contract of `sincos` says.
-    #[unsafe(no_mangle)]
-    pub unsafe extern "C" fn sincos(x: f64, sin_out: *mut f64, cos_out: *mut f64) {
-        // SAFETY: the caller passes two writable places; LLVM itself emits this call for a sin and a cos of one argument.
-        unsafe {
-            *sin_out = libm::sin(x);
-            *cos_out = libm::cos(x);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! compiler never contracts a product and a sum on its own and never reorders a sum, so that the form changes the speed and
 //! not a bit. Where `mul_add` is written out, CPUs without the instruction round alike, slowly.
 
-use crate::cpu::Isa;
+use crate::cpu::{InstructionSet, Isa};
 
 /// Lanes that fill the widest registers, for loops over blocks.
 pub const LANES: usize = 8;
@@ -17,20 +17,24 @@ pub trait Work {
 }
 
 /// Runs the work in the widest form that this CPU has.
-#[allow(unsafe_code)] // Calls what the CPU was asked for.
 #[inline]
 pub fn widest<W: Work>(work: W) -> W::Out {
-    #[cfg(target_arch = "x86_64")]
-    {
-        match Isa::detect() {
-            // SAFETY: `detect` gave this set because the CPU has it.
-            Isa::Avx512 => return unsafe { avx512(work) },
-            // SAFETY: as above.
-            Isa::Avx2 => return unsafe { avx2(work) },
-            Isa::Portable => {}
-        }
+    run(Isa::detect(), work)
+}
+
+/// Runs the work in the form of one instruction set.
+#[allow(unsafe_code)] // Calls what the CPU was asked for.
+#[inline]
+pub fn run<W: Work>(isa: Isa, work: W) -> W::Out {
+    match isa.set() {
+        // SAFETY: an `Isa` of this set proves that the CPU has it.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 => unsafe { avx512(work) },
+        // SAFETY: as above.
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 => unsafe { avx2(work) },
+        _ => work.run(),
     }
-    work.run()
 }
 
 /// Runs the work in the form of registers of four f64, for rows that fill no wider ones.
@@ -38,7 +42,7 @@ pub fn widest<W: Work>(work: W) -> W::Out {
 #[inline]
 pub fn in_fours<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
-    if Isa::detect() >= Isa::Avx2 {
+    if Isa::detect().set() >= InstructionSet::Avx2 {
         // SAFETY: a CPU with this set or a wider one has this set.
         return unsafe { avx2(work) };
     }
@@ -58,19 +62,7 @@ fn avx2<W: Work>(work: W) -> W::Out {
 }
 
 /// All forms that this CPU has, for tests of their sameness.
-#[allow(unsafe_code)] // Calls what the CPU was asked for.
 #[cfg(test)]
 pub fn every_form<W: Work>(work: impl Fn() -> W) -> Vec<W::Out> {
-    let form = |isa| match isa {
-        Isa::Portable => work().run(),
-        // SAFETY: the CPU has what the function is compiled for.
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => unsafe { avx2(work()) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => unsafe { avx512(work()) },
-        #[cfg(not(target_arch = "x86_64"))]
-        _ => unreachable!("only x86-64 has these sets"),
-    };
-    Isa::available().map(form).collect()
+    Isa::available().map(|isa| run(isa, work())).collect()
 }

@@ -87,15 +87,17 @@ pub fn bin(
     let grid = GridSpec { size_m: params.size_m };
     let max_range_m = params.max_range_m.unwrap_or(max_range_m);
     let Scratch { points, numbers, verdicts, .. } = scratch;
-    let intensity = kept.sweep.intensity.is_some();
+    let intensity = kept.sweep.returns.intensity.is_some();
     points.clear();
+    points.seen_obstacles.resize(scene.obstacles.len(), false);
     for scan in window {
         let placer = Placer::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
         let rover_z_m = kept.estimate.pose.position_m.z;
-        points.add_sweep(Scan { scan, placer: &placer, rover_z_m, intensity, scene }, &mut cells);
+        points.add_sweep(Scan { scan, placer: &placer, rover_z_m, intensity }, &mut cells);
     }
     points.grounds.steepen(&scene.ground);
-    labels::verdicts(scene, params.labels.obstacle, wheel_diameter_m, verdicts);
+    let is_seen = |index: usize| points.seen_obstacles[index];
+    labels::verdicts(scene, params.labels.obstacle, wheel_diameter_m, is_seen, verdicts);
     numbers.number(&points.cells);
     let label = |truth: &CellTruth| Some(labels::label(&params.labels, truth));
     summarise(params, intensity, kept.estimate, label, scratch, &mut cells);

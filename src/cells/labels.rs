@@ -21,20 +21,31 @@ pub(super) struct Verdict {
 impl Verdict {
     /// An obstacle of which nothing else is known.
     pub(super) const OBSTACLE: Verdict = Verdict { untraversable: true, class: Class::Ground, protrusion_m: 0.0 };
+    /// Of an obstacle that no point was returned by: its body is not asked for, and nothing reads it.
+    const NOT_SEEN: Verdict = Verdict { protrusion_m: f64::NEG_INFINITY, untraversable: false, ..Verdict::OBSTACLE };
 }
 
-/// Solid objects by the rule, porous ones and patches as they are marked; indexed by object id.
-pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64, out: &mut Vec<Verdict>) {
+/// Solid objects by the rule, porous ones and patches as they are marked; indexed by object id. The bodies of obstacles are asked
+/// for where `is_seen` says that a point was returned by the obstacle of that index.
+pub(super) fn verdicts(
+    scene: &Scene,
+    rule: ObstacleRule,
+    wheel_diameter_m: f64,
+    is_seen: impl Fn(usize) -> bool,
+    out: &mut Vec<Verdict>,
+) {
     let taller_than_m = match rule {
         ObstacleRule::All => f64::NEG_INFINITY,
         ObstacleRule::TallerThanWheel => wheel_diameter_m,
         ObstacleRule::TallerThanM(height_m) => height_m,
     };
     out.clear();
-    out.extend(scene.obstacles.iter().map(|o| {
-        // What nobody has asked for has no points: whoever places a point asks (`bin`).
-        let protrusion_m = o.known_body().map_or(f64::NEG_INFINITY, |body| body.protrusion_m);
-        Verdict { untraversable: protrusion_m > taller_than_m, class: o.class, protrusion_m }
+    out.extend(scene.obstacles.iter().enumerate().map(|(index, obstacle)| {
+        if !is_seen(index) {
+            return Verdict::NOT_SEEN;
+        }
+        let protrusion_m = obstacle.body().protrusion_m;
+        Verdict { untraversable: protrusion_m > taller_than_m, class: obstacle.class, protrusion_m }
     }));
     out.extend(scene.volumes.iter().map(|v| Verdict {
         untraversable: v.untraversable,
@@ -49,8 +60,7 @@ pub(super) fn verdicts(scene: &Scene, rule: ObstacleRule, wheel_diameter_m: f64,
 /// Per object id: whether its points make a cell untraversable. Solid objects by the rule, others as they are marked.
 pub fn obstacles(params: &LabelParams, wheel_diameter_m: f64, scene: &Scene) -> Vec<bool> {
     let mut by_id = Vec::new();
-    scene.make_all();
-    verdicts(scene, params.obstacle, wheel_diameter_m, &mut by_id);
+    verdicts(scene, params.obstacle, wheel_diameter_m, |_| true, &mut by_id);
     by_id.iter().map(|verdict| verdict.untraversable).collect()
 }
 

@@ -8,7 +8,6 @@ use super::place::{Placer, Unplaced};
 use super::slope::GroundPlaces;
 use super::{Cells, WindowCloud, WindowScan};
 use crate::geometry::{CellIndex, DVec3};
-use crate::scene::Scene;
 use crate::sweep::{Hit, Status};
 use crate::wide::{LANES, Work, widest};
 
@@ -28,6 +27,8 @@ pub(super) struct Points {
     pub intensities: Vec<f64>,
     pub returns: Vec<Return>,
     pub grounds: GroundPlaces,
+    /// By index of a scene's obstacles: whether a point was returned by it.
+    pub seen_obstacles: Vec<bool>,
 }
 
 /// What else is known of a point.
@@ -50,17 +51,17 @@ pub(super) struct Scan<'a> {
     pub rover_z_m: f64,
     /// Whether the kept sweep has intensities.
     pub intensity: bool,
-    pub scene: &'a Scene,
 }
 
 impl Points {
     pub fn clear(&mut self) {
-        let Points { cells, heights_m, intensities, returns, grounds } = self;
+        let Points { cells, heights_m, intensities, returns, grounds, seen_obstacles } = self;
         cells.clear();
         heights_m.clear();
         intensities.clear();
         returns.clear();
         grounds.clear();
+        seen_obstacles.clear();
     }
 
     /// Appends the points of one sweep that have a cell, and counts those that have none.
@@ -106,8 +107,8 @@ impl Points {
         let (mut measured, mut true_m) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for lane in 0..LANES {
             let slot = slot(lane);
-            let direction = sweep.pattern.directions[slot];
-            let points = [direction * sweep.range_m[slot], direction * sweep.truth[slot].range_m];
+            let direction = sweep.returns.pattern.directions[slot];
+            let points = [direction * sweep.returns.range_m[slot], direction * sweep.truth[slot].range_m];
             for axis in 0..3 {
                 measured[axis][lane] = points[0][axis];
                 true_m[axis][lane] = points[1][axis];
@@ -150,16 +151,17 @@ impl Points {
             let ground = if truth.object == Hit::GROUND {
                 self.grounds.push(ground_x_m[lane], ground_y_m[lane])
             } else {
-                // Its verdict will be asked for.
-                let obstacle = usize::try_from(truth.object).ok().and_then(|id| scan.scene.obstacles.get(id));
-                obstacle.inspect(|obstacle| _ = obstacle.protrusion_m);
+                let index = usize::try_from(truth.object).ok();
+                if let Some(seen) = index.and_then(|index| self.seen_obstacles.get_mut(index)) {
+                    *seen = true;
+                }
                 NOT_GROUND
             };
             self.cells.push(cell);
             self.heights_m.push(z_m[lane] - scan.rover_z_m);
             if scan.intensity {
-                let range_m = sweep.range_m[slot as usize];
-                let received = sweep.intensity.as_ref().map_or(f64::NAN, |i| f64::from(i[slot as usize]));
+                let range_m = sweep.returns.range_m[slot as usize];
+                let received = sweep.returns.intensity.as_ref().map_or(f64::NAN, |i| f64::from(i[slot as usize]));
                 self.intensities.push(received * range_m * range_m);
             }
             self.returns.push(Return { distance_m: distances_m[lane], ground, object: truth.object, top: truth.top });
@@ -180,7 +182,7 @@ impl Work for AddSweep<'_> {
     #[inline(always)]
     fn run(self) {
         let AddSweep { points, scan, counts } = self;
-        for (first, statuses) in (0..).step_by(CHUNK).zip(scan.scan.sweep.status.chunks(CHUNK)) {
+        for (first, statuses) in (0..).step_by(CHUNK).zip(scan.scan.sweep.returns.status.chunks(CHUNK)) {
             if statuses.iter().filter(|&&status| status == Status::Hit).count() == 0 {
                 continue;
             }

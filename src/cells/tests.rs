@@ -12,7 +12,7 @@ use crate::math;
 use crate::random::{Purpose, Stage, Stream, Streams};
 use crate::scene::{Body, Class, Cylinder, Ground, Obstacle, Patch, Raster, Scene, Shape, Volume};
 use crate::slam::Estimate;
-use crate::sweep::{Pattern, Status, Sweep, TrueReturn};
+use crate::sweep::{Pattern, Returns, Status, Sweep, TrueReturn};
 
 /// A plane that rises by `slope` a metre along x.
 fn ramp(slope: f64) -> Ground {
@@ -61,10 +61,12 @@ fn sweep_of(points: &[(DVec3, i32)]) -> Sweep {
         times_s: vec![0.0; points.len()],
     };
     Sweep {
-        pattern: Arc::new(pattern),
-        range_m: points.iter().map(|(p, _)| p.length()).collect(),
-        status: vec![Status::Hit; points.len()],
-        intensity: None,
+        returns: Returns {
+            pattern: Arc::new(pattern),
+            range_m: points.iter().map(|(p, _)| p.length()).collect(),
+            status: vec![Status::Hit; points.len()],
+            intensity: None,
+        },
         mixed: None,
         truth: points
             .iter()
@@ -133,15 +135,16 @@ fn plainly(size_m: f64, window: &[WindowScan], mount: &Transform, max_range_m: f
     for scan in window {
         let map_from_rover = scan.estimate.pose.transform();
         let sensor_m = map_from_rover.point(mount.translation_m);
-        for (slot, &range_m) in scan.sweep.range_m.iter().enumerate() {
-            let in_rover = mount.point(scan.sweep.pattern.directions[slot] * range_m);
+        for (slot, &range_m) in scan.sweep.returns.range_m.iter().enumerate() {
+            let in_rover = mount.point(scan.sweep.returns.pattern.directions[slot] * range_m);
             let p = map_from_rover.point(in_rover);
             let distance_m = math::hypot(p.x - sensor_m.x, p.y - sensor_m.y);
-            if scan.sweep.status[slot] != Status::Hit || distance_m > max_range_m || !p.is_finite() {
+            if scan.sweep.returns.status[slot] != Status::Hit || distance_m > max_range_m || !p.is_finite() {
                 continue;
             }
             let cell = ((p.y / size_m).floor() as i64, (p.x / size_m).floor() as i64);
-            let intensity = scan.sweep.intensity.as_ref().map_or(0.0, |i| f64::from(i[slot]) * range_m * range_m);
+            let intensity =
+                scan.sweep.returns.intensity.as_ref().map_or(0.0, |i| f64::from(i[slot]) * range_m * range_m);
             let truth = scan.sweep.truth[slot];
             members.entry(cell).or_default().push((p.z - rover_z_m, distance_m, intensity, truth.object, truth.top));
         }
@@ -160,11 +163,12 @@ fn random_sweep(stream: &Stream, seed: u64, slots: u64) -> Sweep {
         .collect();
     let mut sweep = sweep_of(&points);
     for i in 0..slots as usize {
-        sweep.status[i] = if u(i as u64, 4) < 0.05 { Status::None } else { Status::Hit };
-        sweep.range_m[i] = if sweep.status[i] == Status::Hit { sweep.range_m[i] } else { f64::NAN };
+        sweep.returns.status[i] = if u(i as u64, 4) < 0.05 { Status::None } else { Status::Hit };
+        sweep.returns.range_m[i] =
+            if sweep.returns.status[i] == Status::Hit { sweep.returns.range_m[i] } else { f64::NAN };
         sweep.truth[i].top = u(i as u64, 5) < 0.5;
     }
-    sweep.intensity = Some((0..slots).map(|i| u(i, 6) as f32).collect());
+    sweep.returns.intensity = Some((0..slots).map(|i| u(i, 6) as f32).collect());
     sweep
 }
 
@@ -203,7 +207,9 @@ fn equal_cells_of_a_window_agree_with_a_plain_recomputation() {
         let members = plainly(size_m, &window, &mount, 2.4);
         let width = feature_columns(&params, true).len();
         // Without intensities: the same rows, the same features but for the last two.
-        let dark: Vec<Sweep> = sweeps.iter().map(|sweep| Sweep { intensity: None, ..sweep.clone() }).collect();
+        let without = |returns: &Returns| Returns { intensity: None, ..returns.clone() };
+        let dark: Vec<Sweep> =
+            sweeps.iter().map(|sweep| Sweep { returns: without(&sweep.returns), ..sweep.clone() }).collect();
         let dark: Vec<WindowScan> =
             window.iter().zip(&dark).map(|(scan, sweep)| WindowScan { sweep, ..*scan }).collect();
         let dark = bin(&params, &dark, &mount, 0.1, 100.0, &scene, &mut scratch);
@@ -213,7 +219,7 @@ fn equal_cells_of_a_window_agree_with_a_plain_recomputation() {
 
         assert_eq!(cells.rows.len(), members.len());
         assert_eq!(cells.features.len(), width * members.len());
-        let hits = sweeps.iter().flat_map(|s| &s.status).filter(|&&s| s == Status::Hit).count() as u64;
+        let hits = sweeps.iter().flat_map(|s| &s.returns.status).filter(|&&s| s == Status::Hit).count() as u64;
         assert_eq!(cells.points_in, hits);
         assert_eq!(cells.points_in, cells.points_binned + cells.dropped_beyond_range + cells.dropped_off_grid);
         assert_eq!(cells.points_binned, members.values().map(|m| m.len() as u64).sum::<u64>());
@@ -302,9 +308,9 @@ fn extreme_a_map_a_thousand_kilometres_off_keeps_the_variance() {
 #[test]
 fn extreme_slots_without_a_number_or_off_the_grid_are_counted_by_cause() {
     let mut sweep = sweep_of(&[(DVec3::X, -1); 8]);
-    sweep.range_m = vec![1.0, f64::NAN, f64::INFINITY, 1e300, 1e8, 11.0, f64::NAN, 2.0];
-    sweep.status[6] = Status::Dropped;
-    sweep.status[7] = Status::OutOfRange;
+    sweep.returns.range_m = vec![1.0, f64::NAN, f64::INFINITY, 1e300, 1e8, 11.0, f64::NAN, 2.0];
+    sweep.returns.status[6] = Status::Dropped;
+    sweep.returns.status[7] = Status::OutOfRange;
     let estimate = estimate_at(Pose::default());
     let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor: Transform::IDENTITY };
     let run = |max_range_m, size_m| {

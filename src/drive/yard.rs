@@ -105,8 +105,8 @@ impl<'a> Yard<'a> {
     fn outline(&self, k: usize) -> Option<&Outline> {
         let thing = &self.things[k];
         let made = || {
-            let taller = thing.obstacle.filter(|o| o.protrusion_m > self.wheel_diameter_m)?;
-            let outline = match &taller.shape {
+            let taller = thing.obstacle.filter(|o| o.body().protrusion_m > self.wheel_diameter_m)?;
+            let outline = match &taller.body().shape {
                 Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
                 Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
             };

@@ -53,7 +53,7 @@ impl SceneCost {
     fn of(costs: &Costs, output: &SceneOutput) -> SceneCost {
         let scans = || output.scans.iter();
         let cells: usize = scans().map(|scan| scan.cells.rows.len()).sum();
-        let points: usize = scans().filter_map(|scan| scan.points.as_ref()).map(|p| p.sweep.status.len()).sum();
+        let points: usize = scans().filter_map(|scan| scan.points.as_ref()).map(|p| p.sweep.returns.status.len()).sum();
         SceneCost {
             whole: costs.whole,
             stages: costs.stages.map(|stage| stage.cpu),

@@ -359,11 +359,12 @@ impl<'a> Picture<'a> {
     fn draw_points(&self, canvas: &mut Canvas, seen: &[Sample]) {
         let (sweep, world_from_sensor) = (self.view.sweep, self.view.world_from_sensor());
         let clip = canvas.whole();
-        for (slot, &direction) in sweep.pattern.directions.iter().enumerate() {
-            if sweep.status[slot] != Status::Hit {
+        for (slot, &direction) in sweep.returns.pattern.directions.iter().enumerate() {
+            if sweep.returns.status[slot] != Status::Hit {
                 continue;
             }
-            let Some((spot, range_m)) = self.project(world_from_sensor.point(direction * sweep.range_m[slot])) else {
+            let Some((spot, range_m)) = self.project(world_from_sensor.point(direction * sweep.returns.range_m[slot]))
+            else {
                 continue;
             };
             let (colour, alpha) = if self.view.on_object(slot) {

@@ -19,18 +19,18 @@ pub fn labelled_cloud(view: &View) -> Vec<u8> {
     let placer = Placer::new(grid, f64::INFINITY, &view.estimated_pose(), &view.rover_from_sensor);
     let mut body = Vec::new();
     let mut points = 0;
-    for (slot, &direction) in sweep.pattern.directions.iter().enumerate() {
-        if sweep.status[slot] != Status::Hit {
+    for (slot, &direction) in sweep.returns.pattern.directions.iter().enumerate() {
+        if sweep.returns.status[slot] != Status::Hit {
             continue;
         }
         points += 1;
-        let placed = placer.place(direction, sweep.range_m[slot]);
+        let placed = placer.place(direction, sweep.returns.range_m[slot]);
         let row = placed.cell.ok().and_then(|cell| view.cells.rows.binary_search_by_key(&cell, |r| r.index).ok());
         let label = row.and_then(|r| view.cells.rows[r].label).unwrap_or(-1);
         for value in placed.point_m.to_array() {
             body.extend(value.to_le_bytes());
         }
-        let intensity = sweep.intensity.as_ref().map_or(f32::NAN, |i| i[slot]);
+        let intensity = sweep.returns.intensity.as_ref().map_or(f32::NAN, |i| i[slot]);
         body.extend(intensity.to_le_bytes());
         let truth = &sweep.truth[slot];
         body.extend(truth.class.to_le_bytes());

@@ -129,9 +129,9 @@ impl Field {
 
     /// Writes an obstacle's upper surface over what is lower.
     fn stand(&mut self, map: &Map, obstacle: &Obstacle, at: impl Fn(usize, usize) -> DVec2) {
-        let (x, y) = map.spot(obstacle.centre_m.truncate());
+        let (x, y) = map.spot(obstacle.body().centre_m.truncate());
         let (x, y) = ((x - map.left as f64) * FINE as f64, (y - map.top as f64) * FINE as f64);
-        let reach = obstacle.radius_m / self.spacing_m + 1.0;
+        let reach = obstacle.body().radius_m / self.spacing_m + 1.0;
         let range = |centre: f64| {
             let end = self.side as f64;
             ((centre - reach).clamp(0.0, end) as usize)..((centre + reach).ceil().clamp(0.0, end) as usize)
@@ -140,7 +140,7 @@ impl Field {
         for row in range(y) {
             for column in columns.clone() {
                 let index = row * self.side + column;
-                if let Some((height_m, normal)) = top_of(&obstacle.shape, at(column, row))
+                if let Some((height_m, normal)) = top_of(&obstacle.body().shape, at(column, row))
                     && height_m > self.top_m[index]
                 {
                     self.top_m[index] = height_m;

@@ -29,18 +29,20 @@ struct Layout {
 pub fn scan_view(view: &View) -> Vec<u8> {
     let palette = palette();
     let sweep = view.sweep;
-    let layout = Layout::of(&sweep.pattern);
+    let layout = Layout::of(&sweep.returns.pattern);
     // Whole pixels a beam where they fit; lines as tall as keeps the image between a quarter and half as high as wide.
     let height = (layout.rows * WIDTH / layout.columns.max(1)).clamp(WIDTH / 5, WIDTH / 2);
     let mut canvas = Canvas::new(WIDTH + 2 * LEFT, TOP + 2 * height + BETWEEN + BELOW, palette.paper);
     canvas.text(view.title, (LEFT as f64, 16.0), TITLE, Alignment::Left, palette.ink);
-    let hits = sweep.status.iter().filter(|&&s| s == Status::Hit).count();
-    let heading =
-        format!("Sweep: {} x {} beams, {hits} returns. Colour: range", sweep.pattern.lines, sweep.pattern.beams);
+    let hits = sweep.returns.status.iter().filter(|&&s| s == Status::Hit).count();
+    let heading = format!(
+        "Sweep: {} x {} beams, {hits} returns. Colour: range",
+        sweep.returns.pattern.lines, sweep.returns.pattern.beams
+    );
     canvas.text(&heading, (LEFT as f64, TOP as f64 - 26.0), NORMAL, Alignment::Left, palette.ink);
     let far_m = far_end(sweep);
     // The square root gives near ranges, where the rover is about to drive, half of the scale.
-    let by_range = |slot: usize| scale((sweep.range_m[slot] / far_m).clamp(0.0, 1.0).sqrt());
+    let by_range = |slot: usize| scale((sweep.returns.range_m[slot] / far_m).clamp(0.0, 1.0).sqrt());
     layout.draw(&mut canvas, TOP, height, sweep, &palette, by_range);
     let lower = TOP + height + BETWEEN;
     range_legend(&mut canvas, (LEFT as f64, (TOP + height) as f64 + 12.0), far_m, &palette);
@@ -59,7 +61,7 @@ pub fn scan_view(view: &View) -> Vec<u8> {
 
 /// The range below which 99 % of the returns lie: one far stray does not darken the rest.
 fn far_end(sweep: &Sweep) -> f64 {
-    let mut ranges_m: Vec<f64> = sweep.range_m.iter().copied().filter(|r| r.is_finite()).collect();
+    let mut ranges_m: Vec<f64> = sweep.returns.range_m.iter().copied().filter(|r| r.is_finite()).collect();
     ranges_m.sort_by(f64::total_cmp);
     ranges_m.get(ranges_m.len() * 99 / 100).copied().unwrap_or(1.0).max(1e-3)
 }
@@ -124,7 +126,7 @@ impl Layout {
         for y in 0..height {
             for x in 0..WIDTH {
                 let pixel = (y * self.rows / height) * self.columns + x * self.columns / WIDTH;
-                let slot = self.slot[pixel].map(|s| s as usize).filter(|&s| sweep.status[s] == Status::Hit);
+                let slot = self.slot[pixel].map(|s| s as usize).filter(|&s| sweep.returns.status[s] == Status::Hit);
                 let colour = slot.map_or(palette.traversable, &colour);
                 canvas.blend(LEFT + x, top + y, colour, 1.0);
             }
@@ -158,7 +160,7 @@ fn range_legend(canvas: &mut Canvas, at: Spot, far_m: f64, palette: &Palette) {
 
 fn class_legend(canvas: &mut Canvas, at: Spot, sweep: &Sweep, palette: &Palette) {
     let met = |class: Class| {
-        let slots = sweep.truth.iter().zip(&sweep.status);
+        let slots = sweep.truth.iter().zip(&sweep.returns.status);
         slots.filter(|(t, s)| t.class == class as i8 && **s == Status::Hit).count()
     };
     let classes = ALL_CLASSES.into_iter().map(|class| (class, met(class))).filter(|(_, count)| *count > 0);

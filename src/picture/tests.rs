@@ -11,7 +11,7 @@ use crate::random::{Purpose, Stage, Streams};
 use crate::scene::{Class, Convex, Cylinder, Ground, Patch, Polynomial, Shape, Volume};
 use crate::slam::Estimate;
 use crate::sweep::params::Cast;
-use crate::sweep::{Caster, Pattern, Status, TrueReturn};
+use crate::sweep::{Caster, Pattern, Returns, Status, TrueReturn};
 
 fn kapvik_like() -> Rover {
     Rover {
@@ -114,14 +114,8 @@ fn sweep_from(caster: &Caster, world_from_sensor: &Transform, scene: &Scene) -> 
     let range_m = hits.iter().map(|h| if h.range_m.is_finite() { h.range_m } else { f64::NAN }).collect();
     let truth = truth.collect();
     let times_s = vec![0.0; directions.len()];
-    Sweep {
-        pattern: Arc::new(Pattern { lines, beams, directions, times_s }),
-        range_m,
-        status,
-        intensity: None,
-        mixed: None,
-        truth,
-    }
+    let pattern = Arc::new(Pattern { lines, beams, directions, times_s });
+    Sweep { returns: Returns { pattern, range_m, status, intensity: None }, mixed: None, truth }
 }
 
 /// Runs a claim on a view of the yard by hand: a rover that drove 3 m, and one sweep's cells.
@@ -224,7 +218,7 @@ fn exact_the_cloud_holds_every_return_with_its_label() {
         let file = labelled_cloud(view);
         let end = b"end_header\n";
         let body = file.windows(end.len()).position(|w| w == end).expect("a header") + end.len();
-        let hits = view.sweep.status.iter().filter(|&&s| s == Status::Hit).count();
+        let hits = view.sweep.returns.status.iter().filter(|&&s| s == Status::Hit).count();
         let header = String::from_utf8(file[..body].to_vec()).expect("a text header");
         assert!(
             header.starts_with("ply\nformat binary_little_endian 1.0\n")
@@ -250,14 +244,15 @@ fn exact_the_cloud_holds_every_return_with_its_label() {
 fn extreme_a_view_without_cells_poses_or_returns_still_makes_pictures() {
     with_view(|view, caster| {
         let (none, mut blind) = (Cells::default(), view.sweep.clone());
-        blind.status.fill(Status::None);
-        blind.range_m.fill(f64::NAN);
+        blind.returns.status.fill(Status::None);
+        blind.returns.range_m.fill(f64::NAN);
         let bare = View { truth: &view.truth[..1], estimates: &[], cells: &none, sweep: &blind, title: "", ..*view };
         decoded(&top_view(&bare));
         decoded(&scan_view(&bare));
         decoded(&perspective::render(&bare, caster, Overlay::Points, 160, 90));
-        let rosette = Pattern { lines: 1, beams: 68_200, ..(*blind.pattern).clone() };
-        let by_angles = Sweep { pattern: Arc::new(rosette), ..view.sweep.clone() };
+        let rosette = Pattern { lines: 1, beams: 68_200, ..(*blind.returns.pattern).clone() };
+        let returns = Returns { pattern: Arc::new(rosette), ..view.sweep.returns.clone() };
+        let by_angles = Sweep { returns, ..view.sweep.clone() };
         decoded(&scan_view(&View { sweep: &by_angles, ..*view }));
     });
 }

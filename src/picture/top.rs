@@ -45,7 +45,7 @@ pub fn top_view(view: &View) -> Vec<u8> {
 }
 
 fn hits(view: &View) -> usize {
-    view.sweep.status.iter().filter(|&&s| s == Status::Hit).count()
+    view.sweep.returns.status.iter().filter(|&&s| s == Status::Hit).count()
 }
 
 /// The least square that holds all cells and the rover, with a border.
@@ -61,9 +61,9 @@ pub(super) fn scanned_square(view: &View) -> (DVec2, f64) {
 fn draw_yard(canvas: &mut Canvas, map: &Map, view: &View, palette: &Palette) {
     relief::draw(canvas, map, view.scene, Style { fade: 0.0, contours: true }, palette);
     let world_from_sensor = view.world_from_sensor();
-    for (slot, &direction) in view.sweep.pattern.directions.iter().enumerate() {
-        if view.sweep.status[slot] == Status::Hit {
-            let point_m = world_from_sensor.point(direction * view.sweep.range_m[slot]);
+    for (slot, &direction) in view.sweep.returns.pattern.directions.iter().enumerate() {
+        if view.sweep.returns.status[slot] == Status::Hit {
+            let point_m = world_from_sensor.point(direction * view.sweep.returns.range_m[slot]);
             let (colour, alpha) =
                 if view.on_object(slot) { (palette.obstacle_point, 0.8) } else { (palette.ground_point, 0.4) };
             canvas.disc(map.clip(), map.spot(point_m.truncate()), 0.8, colour, alpha);
@@ -96,7 +96,7 @@ fn draw_cells(canvas: &mut Canvas, map: &Map, view: &View, palette: &Palette) {
 /// The outline of each body from above: the hull of its corners.
 fn outline_obstacles(canvas: &mut Canvas, map: &Map, scene: &Scene, colour: Colour) {
     for obstacle in &scene.obstacles {
-        let corners: Vec<DVec2> = match &obstacle.shape {
+        let corners: Vec<DVec2> = match &obstacle.body().shape {
             Shape::Convex(convex) => convex.vertices_m.iter().map(|v| v.truncate()).collect(),
             Shape::Cylinder(cylinder) => {
                 let turn = |k: i32| DVec2::from(crate::math::sin_cos(f64::from(k) * std::f64::consts::TAU / 48.0));

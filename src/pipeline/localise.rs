@@ -6,7 +6,7 @@ use crate::drive::{InstrumentNoise, Reading};
 use crate::geometry::{Pose, Transform};
 use crate::random::Streams;
 use crate::slam::{self, Estimate, Slam, SlamError, SlamParams};
-use crate::sweep::Sweep;
+use crate::sweep::Returns;
 
 pub(super) enum Localiser<'p> {
     /// FastSLAM or dead reckoning.
@@ -56,12 +56,12 @@ impl<'p> Localiser<'p> {
     /// The estimate after a sweep at the same place.
     pub(super) fn observe(
         &mut self,
-        sweep: &Sweep,
+        returns: &Returns,
         before: Estimate,
         streams: &Streams,
     ) -> Result<Estimate, SlamError> {
         match self {
-            Localiser::Slam { filter, reads_sweeps: true } => filter.observe(sweep, streams),
+            Localiser::Slam { filter, reads_sweeps: true } => filter.observe(returns, streams),
             Localiser::Slam { .. } | Localiser::Surrogate(_) | Localiser::Truth => Ok(before),
         }
     }

@@ -250,7 +250,7 @@ fn run_attempt(
             )?;
             watch.end(Stage::Sweep, |hasher| sweep.hash_into(hasher));
             watch.count_rays(pattern.directions.len() as u64);
-            estimate = localiser.observe(&sweep, estimate, &at_step)?;
+            estimate = localiser.observe(&sweep.returns, estimate, &at_step)?;
             watch.end(Stage::Slam, |hasher| estimate.hash_into(hasher));
             window.push_back(Visit { sweep, estimate: estimate.clone(), world_from_sensor });
             if kept_stops.contains(&stop) {

@@ -156,7 +156,7 @@ purposes! {
     /// Index: line.
     SweepTilt = 604, "sweep.tilt_jitter";
     /// Index: slot.
-    SweepIntensity = 605, "sweep.intensity";
+    SweepIntensity = 605, "sweep.returns.intensity";
     /// Index: slot.
     SweepPatch = 606, "sweep.patch";
     /// Index: slot.

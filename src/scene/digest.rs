@@ -29,15 +29,16 @@ impl Scene {
 impl Obstacle {
     fn hash_into(&self, hasher: &mut blake3::Hasher) {
         whole(hasher, &[self.id.into(), self.class as i64]);
-        match &self.shape {
+        let body = self.body();
+        match &body.shape {
             Shape::Convex(convex) => convex.hash_into(hasher),
             Shape::Cylinder(cylinder) => {
                 points(hasher, &[cylinder.base_m]);
                 numbers(hasher, &[cylinder.radius_m, cylinder.height_m]);
             }
         }
-        points(hasher, &[self.centre_m]);
-        numbers(hasher, &[self.radius_m, self.protrusion_m]);
+        points(hasher, &[body.centre_m]);
+        numbers(hasher, &[body.radius_m, body.protrusion_m]);
     }
 }
 

@@ -132,11 +132,6 @@ impl Scene {
         (0.0..=self.extent_m).contains(&x_m) && (0.0..=self.extent_m).contains(&y_m)
     }
 
-    /// Makes every body that is not made yet.
-    pub fn make_all(&self) {
-        self.obstacles.iter().for_each(|obstacle| _ = obstacle.protrusion_m);
-    }
-
     /// What the id of a return belongs to.
     pub fn object(&self, id: i32) -> Option<Object<'_>> {
         let mut k = usize::try_from(id).ok()?;
@@ -294,21 +289,21 @@ vegetation:
         for scene in 0..8 {
             let yard = yard(&params, scene);
             for obstacle in &yard.obstacles {
-                assert!((0.0..=20.0).contains(&obstacle.centre_m.x) || obstacle.class == Class::Rock);
-                match &obstacle.shape {
+                assert!((0.0..=20.0).contains(&obstacle.body().centre_m.x) || obstacle.class == Class::Rock);
+                match &obstacle.body().shape {
                     Shape::Convex(body) if obstacle.class == Class::Box => {
                         assert_eq!((body.planes.len(), body.vertices_m.len()), (6, 8));
                         let low = body.vertices_m.iter().fold(f64::MAX, |low, v| low.min(v.z));
                         let bottom = body.vertices_m.iter().filter(|v| v.z < low + 1e-9);
                         assert!(bottom.clone().count() == 4);
                         bottom.for_each(|v| assert!(v.z <= yard.ground_below_m(v.x, v.y) + 1e-12));
-                        assert!(obstacle.protrusion_m >= 0.2 - 1e-9);
+                        assert!(obstacle.body().protrusion_m >= 0.2 - 1e-9);
                     }
                     Shape::Cylinder(trunk) => {
                         let ground = yard.ground_below_m(trunk.base_m.x, trunk.base_m.y);
                         let height = trunk.base_m.z + trunk.height_m - ground;
                         assert!(trunk.base_m.z <= ground && (2.0..=5.0 + 1e-9).contains(&height));
-                        assert!(obstacle.protrusion_m >= height - 1e-12);
+                        assert!(obstacle.body().protrusion_m >= height - 1e-12);
                     }
                     Shape::Convex(_) => {}
                 }
@@ -334,8 +329,8 @@ vegetation:
         let changes: [fn(&mut Scene); 5] = [
             |s| {
                 let Obstacle { id, class, .. } = s.obstacles[1];
-                let protrusion_m = s.obstacles[1].protrusion_m + 1e-16;
-                s.obstacles[1] = Obstacle::new(id, class, Body { protrusion_m, ..(*s.obstacles[1]).clone() });
+                let protrusion_m = s.obstacles[1].body().protrusion_m + 1e-16;
+                s.obstacles[1] = Obstacle::new(id, class, Body { protrusion_m, ..s.obstacles[1].body().clone() });
             },
             |s| s.volumes[0].extinction_per_m += 1e-15,
             |s| s.patches[0].untraversable = !s.patches[0].untraversable,

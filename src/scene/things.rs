@@ -4,7 +4,6 @@
 //! the protrusion, the greatest height above the ground right below, which "taller than a wheel" is judged by.
 
 use std::fmt;
-use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 use super::rocks::Quarry;
@@ -122,9 +121,20 @@ impl Obstacle {
         Obstacle { id, class, middle_m, within_m, body: Box::new(body).into(), quarry: None, number: 0 }
     }
 
-    /// The body, if anything has asked for it.
-    pub fn known_body(&self) -> Option<&Body> {
-        self.body.get().map(Box::as_ref)
+    /// The body: worked out at the first call, kept for later ones.
+    #[inline]
+    pub fn body(&self) -> &Body {
+        let made = || {
+            let quarry = self.quarry.as_ref().expect("an obstacle without a body has a source of bodies");
+            Box::new(quarry.body(self.number, self.middle_m))
+        };
+        self.body.get_or_init(made)
+    }
+
+    /// Whether anything has asked for the body yet.
+    #[cfg(test)]
+    pub(super) fn has_body(&self) -> bool {
+        self.body.get().is_some()
     }
 
     /// Whether all of it is farther than `reach_m` from a point, seen from above; without asking for the body.
@@ -136,22 +146,9 @@ impl Obstacle {
     }
 }
 
-impl Deref for Obstacle {
-    type Target = Body;
-
-    #[inline]
-    fn deref(&self) -> &Body {
-        let made = || {
-            let quarry = self.quarry.as_ref().expect("a thing without a body has a quarry");
-            Box::new(quarry.body(self.number, self.middle_m))
-        };
-        self.body.get_or_init(made)
-    }
-}
-
 impl fmt::Debug for Obstacle {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Obstacle").field("id", &self.id).field("class", &self.class).field("body", &**self).finish()
+        f.debug_struct("Obstacle").field("id", &self.id).field("class", &self.class).field("body", self.body()).finish()
     }
 }
 

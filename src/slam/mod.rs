@@ -1,6 +1,6 @@
 //! Readings and sweeps -> estimated poses with covariance. Never the truth.
 //!
-//! In: [`SlamParams`], the start pose (known), [`Reading`]s, [`Sweep`]s. Out: an [`Estimate`] per step, frame `map`.
+//! In: [`SlamParams`], the start pose (known), [`Reading`]s, [`Returns`]s. Out: an [`Estimate`] per step, frame `map`.
 //! Source: Montemerlo et al. 2003 (FastSLAM 2.0), in six degrees of freedom on terrain. All of it runs relative to the
 //! start, so that coordinates of any size lose no digits. Of the start only the position is believed: the attitude comes
 //! from the first readings, where the rover has the instruments.
@@ -29,7 +29,7 @@ use crate::drive::{InstrumentNoise, Reading};
 use crate::geometry::{DVec3, Pose, Transform};
 use crate::math;
 use crate::random::{Purpose, Streams};
-use crate::sweep::Sweep;
+use crate::sweep::Returns;
 use features::Extractor;
 use filter::Filter;
 use measurement::Mounting;
@@ -153,10 +153,10 @@ impl Slam {
     }
 
     /// The sweep made where the rover stands now; streams at the step.
-    pub fn observe(&mut self, sweep: &Sweep, streams: &Streams) -> Result<Estimate, SlamError> {
+    pub fn observe(&mut self, returns: &Returns, streams: &Streams) -> Result<Estimate, SlamError> {
         if let Some(extractor) = &mut self.extractor {
             let mean = self.filter.believed().mean;
-            let (features, visibility) = extractor.extract(sweep, mean[motion::ROLL], mean[motion::PITCH]);
+            let (features, visibility) = extractor.extract(returns, mean[motion::ROLL], mean[motion::PITCH]);
             self.filter.observe(features, &visibility, streams);
         }
         upright(self.filter.angle(motion::PITCH).0)?;

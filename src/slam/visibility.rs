@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use super::matrix::Vector;
 use crate::geometry::DVec3;
-use crate::sweep::{Pattern, Status, Sweep};
+use crate::sweep::{Pattern, Returns, Status};
 
 const SIDE: usize = 64;
 /// A surface this much nearer than a landmark hides it, metres: a rock's own front is nearer than its centre.
@@ -28,7 +28,7 @@ pub struct Visibility<'s> {
 enum Reach<'s> {
     /// Per bin, metres; 0 where no beam went, infinite where one met nothing.
     Told(Vec<f64>),
-    Sweep(&'s Sweep, Arc<Bins>),
+    Sweep(&'s Returns, Arc<Bins>),
 }
 
 /// The beams of a pattern, bin by bin.
@@ -105,8 +105,8 @@ impl<'s> Visibility<'s> {
     }
 
     /// What a sweep saw; `bins` are those of its pattern.
-    pub fn of_sweep(max_range_m: f64, sweep: &'s Sweep, bins: Arc<Bins>) -> Visibility<'s> {
-        Visibility { max_range_m, reach: Reach::Sweep(sweep, bins) }
+    pub fn of_sweep(max_range_m: f64, returns: &'s Returns, bins: Arc<Bins>) -> Visibility<'s> {
+        Visibility { max_range_m, reach: Reach::Sweep(returns, bins) }
     }
 
     /// Whether a thing at a point of the sensor frame would have been in view.
@@ -125,10 +125,10 @@ impl<'s> Visibility<'s> {
     fn reach_m(&self, bin: usize) -> f64 {
         match &self.reach {
             Reach::Told(reach_m) => reach_m[bin],
-            Reach::Sweep(sweep, bins) => {
+            Reach::Sweep(returns, bins) => {
                 let saw_m = |&slot: &u32| {
                     let slot = slot as usize;
-                    match (sweep.status.get(slot), sweep.range_m.get(slot)) {
+                    match (returns.status.get(slot), returns.range_m.get(slot)) {
                         (Some(Status::None), Some(_)) => f64::INFINITY,
                         (Some(Status::Hit), Some(&range_m)) if range_m.is_finite() => range_m,
                         _ => 0.0,
@@ -160,15 +160,13 @@ mod tests {
     }
 
     /// A sweep of some beams by what each met: its range, or nothing.
-    fn sweep(directions: Vec<DVec3>, met: &[(Status, f64)]) -> Sweep {
+    fn sweep(directions: Vec<DVec3>, met: &[(Status, f64)]) -> Returns {
         let beams = directions.len() as u32;
-        Sweep {
+        Returns {
             pattern: Arc::new(Pattern { lines: 1, beams, directions, times_s: Vec::new() }),
             range_m: met.iter().map(|met| met.1).collect(),
             status: met.iter().map(|met| met.0).collect(),
             intensity: None,
-            mixed: None,
-            truth: Vec::new(),
         }
     }
 

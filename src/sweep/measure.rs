@@ -23,7 +23,7 @@ use super::range_error::{Lit, RangeError, Reports};
 use super::ranging::Echo;
 use super::returns::Side;
 use super::vegetation::{BLOCK, Draws, Rays, Vegetation};
-use super::{Pattern, Status, Sweep, SweepError, SweepParams, TrueReturn};
+use super::{Pattern, Returns, Status, Sweep, SweepError, SweepParams, TrueReturn};
 use crate::geometry::{DVec3, Transform};
 use crate::math;
 use crate::random::{Drawn, Purpose, Stream, Streams};
@@ -69,15 +69,18 @@ impl Scratch {
         let (mut range_m, mut status, mut truth) = Default::default();
         let (mut intensity, mut mixed) = (None, None);
         if let Some(spare) = self.spare.pop() {
-            (range_m, status, truth) = (spare.range_m, spare.status, spare.truth);
-            (intensity, mixed) = (spare.intensity, spare.mixed);
+            (range_m, status, truth) = (spare.returns.range_m, spare.returns.status, spare.truth);
+            (intensity, mixed) = (spare.returns.intensity, spare.mixed);
         }
         let slots = pattern.directions.len();
-        Sweep {
+        let returns = Returns {
             pattern: Arc::clone(pattern),
             range_m: emptied(range_m, slots),
             status: emptied(status, slots),
             intensity: effects.intensity.as_ref().map(|_| emptied(intensity.unwrap_or_default(), slots)),
+        };
+        Sweep {
+            returns,
             mixed: effects.mixed_pixels.as_ref().map(|_| emptied(mixed.unwrap_or_default(), slots)),
             truth: emptied(truth, slots),
         }
@@ -164,15 +167,15 @@ pub fn sweep(
         if let (Some(pixels), Some(mixed)) = (&effects.mixed_pixels, &mut sweep.mixed) {
             setting.mix(pixels, scratch, truth, mixed);
         }
-        sweep.status.resize(first + truth.len(), Status::None);
-        let status = &mut sweep.status[first..];
+        sweep.returns.status.resize(first + truth.len(), Status::None);
+        let status = &mut sweep.returns.status[first..];
         widest(Lit { range_m: &scratch.range_m, status });
         let Scratch { draws, gain_per_m2, .. } = scratch;
         if let Some(losses) = &mut losses {
             losses.drop_out(first, truth, gain_per_m2, draws, status);
         }
-        setting.report(first, scratch, status, &mut sweep.range_m);
-        if let (Some(brightness), Some(intensity)) = (&mut brightness, &mut sweep.intensity) {
+        setting.report(first, scratch, status, &mut sweep.returns.range_m);
+        if let (Some(brightness), Some(intensity)) = (&mut brightness, &mut sweep.returns.intensity) {
             brightness.receive(first, truth, &scratch.gain_per_m2, &mut scratch.draws, status, intensity);
         }
     }

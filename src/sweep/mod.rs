@@ -54,20 +54,27 @@ pub enum Status {
     OutOfRange = 3,
 }
 
-/// One sweep, slot by slot; every vector has one entry a slot, misses included.
+/// One sweep: what the sensor reports, and what is known of it besides. Localisation takes the [`Returns`] alone, so that it cannot see
+/// the truth.
 #[derive(Clone, Debug)]
 pub struct Sweep {
+    pub returns: Returns,
+    /// Share of the return's energy that came off other surfaces than the labelled one, where sub-rays are cast; NaN where
+    /// no light came back. One entry a slot.
+    pub mixed: Option<Vec<f32>>,
+    /// What each beam truly met, for labels and scoring; one entry a slot.
+    pub truth: Vec<TrueReturn>,
+}
+
+/// What a sensor reports, slot by slot; every vector has one entry a slot, misses included.
+#[derive(Clone, Debug)]
+pub struct Returns {
     pub pattern: Arc<Pattern>,
     /// Measured range, metres; NaN unless the status is `Hit`.
     pub range_m: Vec<f64>,
     pub status: Vec<Status>,
     /// Received intensity, where the effect is on; NaN unless the status is `Hit`.
     pub intensity: Option<Vec<f32>>,
-    /// Share of the return's energy that came off other surfaces than the labelled one, where sub-rays are cast; NaN where
-    /// no light came back.
-    pub mixed: Option<Vec<f32>>,
-    /// Truth, for labels and scoring only: never read by slam or by features.
-    pub truth: Vec<TrueReturn>,
 }
 
 /// What a beam truly met.
@@ -85,25 +92,27 @@ pub struct TrueReturn {
     pub top: bool,
 }
 
-impl Sweep {
+impl Returns {
     /// The measured point of a slot, sensor frame: the reported range along the reported direction.
     #[inline]
     pub fn point_sensor(&self, slot: usize) -> Option<DVec3> {
         (self.status[slot] == Status::Hit).then(|| self.pattern.directions[slot] * self.range_m[slot])
     }
+}
 
+impl Sweep {
     /// Feeds all bits in order: what two builds of one sweep must share.
     pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
         let mut feed = |bytes: &[u8]| {
             hasher.update(bytes);
         };
-        feed(&self.pattern.lines.to_le_bytes());
-        feed(&self.pattern.beams.to_le_bytes());
-        for (range_m, status) in self.range_m.iter().zip(&self.status) {
+        feed(&self.returns.pattern.lines.to_le_bytes());
+        feed(&self.returns.pattern.beams.to_le_bytes());
+        for (range_m, status) in self.returns.range_m.iter().zip(&self.returns.status) {
             feed(&range_m.to_bits().to_le_bytes());
             feed(&(*status as i8).to_le_bytes());
         }
-        for column in [&self.intensity, &self.mixed] {
+        for column in [&self.returns.intensity, &self.mixed] {
             feed(&[u8::from(column.is_some())]);
             for value in column.iter().flatten() {
                 feed(&value.to_bits().to_le_bytes());

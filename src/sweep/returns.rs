@@ -67,7 +67,7 @@ impl TrueReturn {
 
     fn is_top(&self, caster: &Caster, point_m: DVec3, last: &mut Side) -> bool {
         let upward = || caster.normal_at(self.object, point_m).z >= UPWARD_COS;
-        let body = match &caster.scene().obstacles[self.object as usize].shape {
+        let body = match &caster.scene().obstacles[self.object as usize].body().shape {
             Shape::Convex(body) => body,
             Shape::Cylinder(c) => return (point_m - c.base_m).truncate().length() < c.radius_m - RIM_M && upward(),
         };

@@ -76,9 +76,11 @@ fn equal_clouds_in_sensor_and_map_frame_give_the_cells_of_the_corpus() {
     assert_same_cells(&here, &scan.cells, &names);
 
     let sweep = &points.sweep;
-    let hits: Vec<usize> = (0..sweep.status.len()).filter(|&slot| sweep.point_sensor(slot).is_some()).collect();
-    let in_sensor: Vec<DVec3> = hits.iter().filter_map(|&slot| sweep.point_sensor(slot)).collect();
-    let intensity: Vec<f32> = hits.iter().map(|&slot| sweep.intensity.as_ref().expect("intensities")[slot]).collect();
+    let hits: Vec<usize> =
+        (0..sweep.returns.status.len()).filter(|&slot| sweep.returns.point_sensor(slot).is_some()).collect();
+    let in_sensor: Vec<DVec3> = hits.iter().filter_map(|&slot| sweep.returns.point_sensor(slot)).collect();
+    let intensity: Vec<f32> =
+        hits.iter().map(|&slot| sweep.returns.intensity.as_ref().expect("intensities")[slot]).collect();
     assert_same_cells(&bin(&in_sensor, &intensity, false), &scan.cells, &names);
 }
 

@@ -140,8 +140,8 @@ fn equal_labels_agree_with_where_the_points_lie() {
         let pose = Pose { position_m, yaw_rad, pitch_rad: 0.05, roll_rad: -0.03 };
         let Some((sweep, cells, world_from_sensor)) = cells_of(&scene, &params, &pose) else { continue };
         let mut obstacle = std::collections::BTreeMap::new();
-        for slot in (0..sweep.status.len()).filter(|&s| sweep.status[s] == Status::Hit) {
-            let p = world_from_sensor.point(sweep.pattern.directions[slot] * sweep.range_m[slot]);
+        for slot in (0..sweep.returns.status.len()).filter(|&s| sweep.returns.status[s] == Status::Hit) {
+            let p = world_from_sensor.point(sweep.returns.pattern.directions[slot] * sweep.returns.range_m[slot]);
             let cell = ((p.y / 0.1).floor() as i32, (p.x / 0.1).floor() as i32);
             let touched = scene.obstacles.iter().find(|o| outside_m(&o.shape, p).abs() < 1e-8);
             let entry = obstacle.entry(cell).or_insert((false, 0.0_f64));
@@ -179,12 +179,12 @@ fn rate_of_a_full_sweep_is_printed() {
     let position_m = DVec3::new(10.0, 10.0, scene.ground.height_m(10.0, 10.0));
     let (mut sweep, estimate, world_from_sensor) = swept(&scene, &Pose { position_m, ..Pose::default() }, &head(0.4));
     let ground = Class::Ground as i8;
-    for slot in 0..sweep.status.len() {
-        if sweep.status[slot] != Status::Hit {
-            sweep.status[slot] = Status::Hit;
-            sweep.range_m[slot] = 1.0 + 4.0 * (slot % 97) as f64 / 97.0;
+    for slot in 0..sweep.returns.status.len() {
+        if sweep.returns.status[slot] != Status::Hit {
+            sweep.returns.status[slot] = Status::Hit;
+            sweep.returns.range_m[slot] = 1.0 + 4.0 * (slot % 97) as f64 / 97.0;
             sweep.truth[slot] =
-                sweep::TrueReturn { range_m: sweep.range_m[slot], object: -1, class: ground, top: false };
+                sweep::TrueReturn { range_m: sweep.returns.range_m[slot], object: -1, class: ground, top: false };
         }
     }
     let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor };
@@ -196,5 +196,5 @@ fn rate_of_a_full_sweep_is_printed() {
         rows = cells::bin(&CellParams::default(), &[scan], &head(0.4), 0.1, 5.6, &scene, &mut scratch).rows.len();
         best_ms = best_ms.min(start.elapsed().as_secs_f64() * 1e3);
     }
-    println!("{} points into {rows} cells: {best_ms:.2} ms", sweep.status.len());
+    println!("{} points into {rows} cells: {best_ms:.2} ms", sweep.returns.status.len());
 }

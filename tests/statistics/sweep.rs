@@ -73,8 +73,8 @@ fn dist_range_noise_is_normal_with_the_stated_sigma_for_every_sensor() {
         assert_eq!(clean.truth, noisy.truth);
         // Away from the greatest range, where the gate cuts the law.
         let far_m = sensor.max_range_m - 10.0 * (sensor.range_sigma_m + sensor.range_sigma_per_m * sensor.max_range_m);
-        let errors = (0..clean.status.len()).filter(|&slot| clean.range_m[slot] < far_m).map(|slot| {
-            let range_m = clean.range_m[slot];
+        let errors = (0..clean.returns.status.len()).filter(|&slot| clean.returns.range_m[slot] < far_m).map(|slot| {
+            let range_m = clean.returns.range_m[slot];
             normal_law((noisy.range_m[slot] - range_m) / (sensor.range_sigma_m + sensor.range_sigma_per_m * range_m))
         });
         let distance = ks(errors.collect());
@@ -91,12 +91,13 @@ fn dist_oblique_noise_grows_with_the_tangent_of_incidence_up_to_82_degrees() {
     let noisy = run(&scene, &sensor, Effects { range_noise: Some(noise), ..Effects::default() }, 2, 0);
     let up = DVec3::new(-0.1, 0.05, 1.0).normalize();
     let eye = eye(&scene);
-    let ground = (0..clean.status.len()).filter(|&slot| clean.truth[slot].object == -1 && clean.range_m[slot] < 15.0);
+    let ground = (0..clean.returns.status.len())
+        .filter(|&slot| clean.truth[slot].object == -1 && clean.returns.range_m[slot] < 15.0);
     let errors = ground.map(|slot| {
-        let cos = -up.dot(eye.direction(clean.pattern.directions[slot]));
+        let cos = -up.dot(eye.direction(clean.returns.pattern.directions[slot]));
         let alpha_rad = math::acos(cos).min(82.0f64.to_radians());
-        let sigma_m = 0.001 + clean.range_m[slot] * 0.015 * math::tan(alpha_rad) / 4.0;
-        normal_law((noisy.range_m[slot] - clean.range_m[slot]) / sigma_m)
+        let sigma_m = 0.001 + clean.returns.range_m[slot] * 0.015 * math::tan(alpha_rad) / 4.0;
+        normal_law((noisy.range_m[slot] - clean.returns.range_m[slot]) / sigma_m)
     });
     let distance = ks(errors.collect());
     assert!(distance < 1.0, "{distance}");
@@ -238,8 +239,9 @@ fn dist_intensity_noise_is_normal_and_object_reflectances_follow_their_law() {
         run(&scene, &sensor, Effects { intensity: Some(intensity), ..Effects::default() }, 6, 0)
     };
     let (clean, noisy) = (of(0.0), of(0.1));
-    let (clean_i, noisy_i) = (clean.intensity.as_ref().unwrap(), noisy.intensity.as_ref().unwrap());
-    let hits: Vec<usize> = (0..clean.status.len()).filter(|&slot| clean.status[slot] == Status::Hit).collect();
+    let (clean_i, noisy_i) = (clean.returns.intensity.as_ref().unwrap(), noisy.intensity.as_ref().unwrap());
+    let hits: Vec<usize> =
+        (0..clean.returns.status.len()).filter(|&slot| clean.returns.status[slot] == Status::Hit).collect();
     // f32 rounding is 6e-8 of a noise of 0.1.
     let ratio = |slot: &usize| normal_law((f64::from(noisy_i[*slot]) / f64::from(clean_i[*slot]) - 1.0) / 0.1);
     let distance = ks(hits.iter().map(ratio).collect());
@@ -252,7 +254,7 @@ fn dist_intensity_noise_is_normal_and_object_reflectances_follow_their_law() {
     let mut seen = [false; 12];
     for &slot in hits.iter().filter(|&&slot| clean.truth[slot].object >= 0) {
         let (id, range_m) = (clean.truth[slot].object, clean.truth[slot].range_m);
-        let d = eye.direction(clean.pattern.directions[slot]);
+        let d = eye.direction(clean.returns.pattern.directions[slot]);
         let cos = caster.normal_at(id, eye.translation_m + d * range_m).dot(d).abs();
         let rho = 0.2 + 0.6 * stream.uniform(id as u64);
         assert!((f64::from(clean_i[slot]) / (rho * cos / (range_m * range_m)) - 1.0).abs() < 1e-6);
@@ -273,10 +275,12 @@ fn law_mixed_pixels_stand_at_jumps_alone_and_say_their_share() {
         let touched = (0..shares.len()).filter(|&slot| shares[slot] > 0.0).count();
         assert!(touched > 20, "{name}: {touched} mixed pixels");
         for (slot, share) in shares.iter().enumerate() {
-            assert!(share.is_nan() == (mixed.status[slot] == Status::None), "{name} {slot}");
+            assert!(share.is_nan() == (mixed.returns.status[slot] == Status::None), "{name} {slot}");
             assert!(share.is_nan() || (0.0..=0.95).contains(share));
         }
-        let same = (0..shares.len()).filter(|&s| mixed.range_m[s].to_bits() == clean.range_m[s].to_bits()).count();
+        let same = (0..shares.len())
+            .filter(|&s| mixed.returns.range_m[s].to_bits() == clean.returns.range_m[s].to_bits())
+            .count();
         assert!(same * 10 > shares.len() * 6, "{name}: {same} of {} untouched", shares.len());
     }
 }

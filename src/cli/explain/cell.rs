@@ -28,9 +28,9 @@ fn points_in(family: &Family, replay: &Replay, scan: &ScanOutput, points: &ScanP
     let max_range_m = family.cells.max_range_m.unwrap_or(points.max_range_m);
     let placer = Placer::new(points.grid, max_range_m, pose, &replay.rover_from_sensor);
     let sweep = &points.sweep;
-    let hits = (0..sweep.status.len()).filter(|&slot| sweep.status[slot] == Status::Hit);
+    let hits = (0..sweep.returns.status.len()).filter(|&slot| sweep.returns.status[slot] == Status::Hit);
     hits.filter_map(|slot| {
-        let placed = placer.place(sweep.pattern.directions[slot], sweep.range_m[slot]);
+        let placed = placer.place(sweep.returns.pattern.directions[slot], sweep.returns.range_m[slot]);
         let truth = &sweep.truth[slot];
         (placed.cell == Ok(cell)).then_some(Point {
             slot,
@@ -71,13 +71,13 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
     let rover_z_m = pose_of(replay, scan).estimate.pose.position_m.z;
     outln!("\npoints of the kept sweep (heights above the rover's estimated z, {rover_z_m:.4} m)");
     outln!("  {:>5} {:>5}  {:>8}  {:>8}  {:>8}  {:>8}  truth", "line", "beam", "range m", "x m", "y m", "height m");
-    let beams = points.sweep.pattern.beams as usize;
+    let beams = points.sweep.returns.pattern.beams as usize;
     for p in &inside {
         outln!(
             "  {:>5} {:>5}  {:>8.4}  {:>8.4}  {:>8.4}  {:>8.4}  {}{}",
             p.slot / beams,
             p.slot % beams,
-            points.sweep.range_m[p.slot],
+            points.sweep.returns.range_m[p.slot],
             p.map_m.x,
             p.map_m.y,
             p.map_m.z - rover_z_m,
@@ -189,7 +189,7 @@ fn object_name(scene: &Scene, object: i32, class: i8) -> String {
     ];
     let name = NAMES.iter().find(|(c, _)| *c as i8 == class).map_or("nothing", |(_, name)| name);
     match scene.obstacles.get(object.max(0) as usize).filter(|_| object >= 0) {
-        Some(obstacle) => format!("{name} {object} ({:.2} m tall)", obstacle.protrusion_m),
+        Some(obstacle) => format!("{name} {object} ({:.2} m tall)", obstacle.body().protrusion_m),
         None if object >= 0 => format!("{name} {object}"),
         None => name.to_string(),
     }

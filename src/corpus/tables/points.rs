@@ -34,25 +34,25 @@ impl Row {
         let is_obstacle =
             |object: i32| usize::try_from(object).ok().and_then(|id| points.obstacles.get(id)) == Some(&true);
         let row = |slot: usize| {
-            let range_m = (sweep.status[slot] == Status::Hit).then(|| sweep.range_m[slot]);
-            let direction = sweep.pattern.directions[slot];
+            let range_m = (sweep.returns.status[slot] == Status::Hit).then(|| sweep.returns.range_m[slot]);
+            let direction = sweep.returns.pattern.directions[slot];
             let placed = range_m.map(|range_m| placer.place(direction, range_m));
             Row {
                 scene_id,
                 scan_id,
-                line: (slot / sweep.pattern.beams as usize) as i32,
-                beam: (slot % sweep.pattern.beams as usize) as i32,
-                status: sweep.status[slot],
+                line: (slot / sweep.returns.pattern.beams as usize) as i32,
+                beam: (slot % sweep.returns.pattern.beams as usize) as i32,
+                status: sweep.returns.status[slot],
                 range_m,
                 sensor_m: range_m.map(|range_m| direction * range_m),
                 map_m: placed.map(|placed| placed.point_m),
-                intensity: sweep.intensity.as_ref().map(|values| values[slot]).filter(|_| range_m.is_some()),
+                intensity: sweep.returns.intensity.as_ref().map(|values| values[slot]).filter(|_| range_m.is_some()),
                 truth: sweep.truth[slot],
                 obstacle: is_obstacle(sweep.truth[slot].object),
                 cell: placed.and_then(|placed| placed.cell.ok()),
             }
         };
-        (0..sweep.status.len()).map(row).collect()
+        (0..sweep.returns.status.len()).map(row).collect()
     }
 }
 

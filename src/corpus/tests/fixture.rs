@@ -10,7 +10,7 @@ use crate::corpus::{
 use crate::geometry::{CellIndex, DMat3, DVec3, GridSpec, Pose, Transform};
 use crate::random::{Dist, Drawn, Purpose, Stage, Streams};
 use crate::slam::Estimate;
-use crate::sweep::{Pattern, Status, Sweep, TrueReturn};
+use crate::sweep::{Pattern, Returns, Status, Sweep, TrueReturn};
 
 pub fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
     let feature = |name: &str, unit, description: &str| FeatureColumn {
@@ -82,10 +82,12 @@ fn points() -> ScanPoints {
     let ground = |range_m| TrueReturn { range_m, object: -1, class: 0, top: false };
     ScanPoints {
         sweep: Sweep {
-            pattern: Arc::new(pattern),
-            range_m: vec![2.0, f64::NAN, 20.0],
-            status: vec![Status::Hit, Status::None, Status::Hit],
-            intensity: None,
+            returns: Returns {
+                pattern: Arc::new(pattern),
+                range_m: vec![2.0, f64::NAN, 20.0],
+                status: vec![Status::Hit, Status::None, Status::Hit],
+                intensity: None,
+            },
             mixed: None,
             truth: vec![
                 ground(2.5),

@@ -29,7 +29,7 @@ fn on_slope(params: &RocksParams, slope: f64, scene: u64) -> Scene {
 }
 
 fn body(scene: &Scene, k: usize) -> &Convex {
-    let Shape::Convex(body) = &scene.obstacles[k].shape else { panic!("a rock is a polyhedron") };
+    let Shape::Convex(body) = &scene.obstacles[k].body().shape else { panic!("a rock is a polyhedron") };
     body
 }
 
@@ -51,7 +51,7 @@ fn law_rocks_are_closed_convex_bodies_of_8_to_40_faces_and_the_drawn_size() {
         assert!((high - low - 0.4).abs() < 1e-12);
         assert!(rock.volume_m3() > 0.1 * 0.4 * 0.25 && rock.volume_m3() < 0.4 * 0.25);
         for v in &rock.vertices_m {
-            assert!(rock.depth_m(*v) < 1e-9 && v.distance(obstacle.centre_m) <= obstacle.radius_m);
+            assert!(rock.depth_m(*v) < 1e-9 && v.distance(obstacle.body().centre_m) <= obstacle.body().radius_m);
         }
         assert!(rock.contains(rock.vertices_m.iter().sum::<DVec3>() / rock.vertices_m.len() as f64));
     }
@@ -79,7 +79,7 @@ fn law_rocks_rise_to_the_least_height_and_stay_in_the_ground() {
         params.min_height_m = Some(0.12);
         let scene = on_slope(&params, slope, 2);
         for (k, obstacle) in scene.obstacles.iter().enumerate() {
-            assert!(obstacle.protrusion_m >= 0.12, "{}", obstacle.protrusion_m);
+            assert!(obstacle.body().protrusion_m >= 0.12, "{}", obstacle.body().protrusion_m);
             let vertices_m = &body(&scene, k).vertices_m;
             let depth = vertices_m.iter().map(|v| v.z - scene.ground_below_m(v.x, v.y)).fold(f64::MAX, f64::min);
             assert!(depth < 0.0, "the rock hovers {depth} m above the ground");
@@ -97,7 +97,7 @@ fn law_no_rock_leaves_the_disc_that_is_known_before_it_is_made() {
     let mut widest = 0.0_f64;
     for (params, scene) in [(&params(200.0, 0.5), 6), (&wild, 7)] {
         let scene = on_slope(params, 0.3, scene);
-        assert!(scene.obstacles.iter().all(|rock| rock.known_body().is_none()), "made before anything asked");
+        assert!(scene.obstacles.iter().all(|rock| !rock.has_body()), "made before anything asked");
         for (k, rock) in scene.obstacles.iter().enumerate() {
             for v in &body(&scene, k).vertices_m {
                 let off_m = v.truncate().distance(rock.middle_m);
@@ -144,7 +144,7 @@ fn extreme_rocks_small_large_many_and_none() {
     for diameter_m in [1e-3, 1e4] {
         let scene = on_slope(&params(20.0, diameter_m), 0.1, 4);
         for k in 0..20 {
-            assert!(body(&scene, k).planes.len() >= 8 && scene.obstacles[k].protrusion_m.is_finite());
+            assert!(body(&scene, k).planes.len() >= 8 && scene.obstacles[k].body().protrusion_m.is_finite());
         }
     }
     let mut wild = params(50.0, 0.3);

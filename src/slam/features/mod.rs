@@ -1,6 +1,6 @@
 //! One sweep -> the rocks in it, as seen: range, bearing, elevation of each.
 //!
-//! In: a [`Sweep`]'s ranges and statuses (never its truth), and the believed roll and pitch, which only level it. Out:
+//! In: [`Returns`]: ranges and statuses, and the believed roll and pitch, which only level it. Out:
 //! [`Feature`]s in the sensor frame, and where the sweep looked. Source: ground-plane fitting and clustering after Di et al.
 //! 2013. What stands up from the ground is clustered; a cluster's centroid lies on the near side of its rock and moves with
 //! the viewpoint, so it is pushed back along the ray by a fitted share of the half width. Not modelled: walls, crater
@@ -17,7 +17,7 @@ use super::particle::Feature;
 use super::visibility::{Bins, Visibility};
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
 use crate::math;
-use crate::sweep::{Pattern, Status, Sweep};
+use crate::sweep::{Pattern, Returns, Status};
 use crate::wide::{LANES, Work, widest};
 use clusters::{Cluster, Clusters};
 use ground::GroundGrid;
@@ -84,17 +84,18 @@ impl Extractor {
     }
 
     /// The features of a sweep, and where it looked.
-    pub fn extract<'s>(&mut self, sweep: &'s Sweep, roll_rad: f64, pitch_rad: f64) -> (&[Feature], Visibility<'s>) {
+    pub fn extract<'s>(&mut self, returns: &'s Returns, roll_rad: f64, pitch_rad: f64) -> (&[Feature], Visibility<'s>) {
         let level = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation() * self.rover_from_sensor;
-        let bins = self.bins(&sweep.pattern);
-        widest(Gather { extractor: self, sweep, level: &level });
+        let bins = self.bins(&returns.pattern);
+        widest(Gather { extractor: self, returns, level: &level });
         self.grid.fit();
         self.clusters.grow(&self.grid, OBJECT_M);
-        self.collect(sweep, &level);
+        self.collect(returns, &level);
         self.features.clear();
-        let features = self.clusters.found().iter().filter_map(|cluster| feature(cluster, sweep, &level, self.range_m));
+        let features =
+            self.clusters.found().iter().filter_map(|cluster| feature(cluster, returns, &level, self.range_m));
         self.features.extend(features);
-        (&self.features, Visibility::of_sweep(EXPECTED_SHARE * self.range_m, sweep, bins))
+        (&self.features, Visibility::of_sweep(EXPECTED_SHARE * self.range_m, returns, bins))
     }
 
     fn bins(&mut self, pattern: &Arc<Pattern>) -> Arc<Bins> {
@@ -106,16 +107,16 @@ impl Extractor {
 
     /// Levels the usable points and enters them into the grid.
     #[inline(always)]
-    fn gather(&mut self, sweep: &Sweep, level: &DMat3) {
+    fn gather(&mut self, returns: &Returns, level: &DMat3) {
         self.grid.clear();
-        let slots = sweep.range_m.len().min(sweep.status.len()).min(sweep.pattern.directions.len());
+        let slots = returns.range_m.len().min(returns.status.len()).min(returns.pattern.directions.len());
         self.cells.clear();
         self.cells.resize(slots.div_ceil(BLOCK), [self.grid.nowhere(); BLOCK]);
         let limit_m = self.range_m + MARGIN_M;
         for (first, cells) in (0..slots).step_by(BLOCK).zip(&mut self.cells) {
-            let taken = taken(sweep, first..slots, limit_m);
+            let taken = taken(returns, first..slots, limit_m);
             if taken.iter().fold(false, |any, &taken| any | taken) {
-                let [x_m, y_m, z_m] = levelled(level, sweep, first);
+                let [x_m, y_m, z_m] = levelled(level, returns, first);
                 self.grid.place(&x_m, &y_m, &taken, cells);
                 for (&cell, &z_m) in cells.iter().zip(&z_m) {
                     self.grid.enter(cell, z_m);
@@ -125,7 +126,7 @@ impl Extractor {
     }
 
     /// Gives each cluster its points: those of its cells that are above the ground.
-    fn collect(&mut self, sweep: &Sweep, level: &DMat3) {
+    fn collect(&mut self, returns: &Returns, level: &DMat3) {
         let blocks = self.cells.iter().flat_map(|cells| cells.as_chunks().0);
         for (first, cells) in (0..).step_by(LANES).zip(blocks) {
             if !self.clusters.own_any(cells) {
@@ -133,7 +134,7 @@ impl Extractor {
             }
             for (slot, &cell) in (first..).zip(cells) {
                 let Some(cluster) = self.clusters.of_cell(cell) else { continue };
-                let place_m = *level * (sweep.pattern.directions[slot] * sweep.range_m[slot]);
+                let place_m = *level * (returns.pattern.directions[slot] * returns.range_m[slot]);
                 if place_m.z - self.grid.ground_m(place_m.x, place_m.y) > ABOVE_GROUND_M {
                     cluster.points.push(Point { place_m, slot: slot as u32 });
                 }
@@ -144,11 +145,11 @@ impl Extractor {
 
 /// Which of the first slots hold a point near enough that is no mixed pixel: a jump to both neighbours in its line.
 #[inline(always)]
-fn taken(sweep: &Sweep, slots: Range<usize>, limit_m: f64) -> [bool; BLOCK] {
-    let range_m = around(&sweep.range_m, slots.start);
+fn taken(returns: &Returns, slots: Range<usize>, limit_m: f64) -> [bool; BLOCK] {
+    let range_m = around(&returns.range_m, slots.start);
     let mut spare = [Status::None; BLOCK];
-    let status = block(&sweep.status[slots.clone()], Status::None, &mut spare);
-    let inner = inner(slots.start, sweep.pattern.beams.max(1) as usize);
+    let status = block(&returns.status[slots.clone()], Status::None, &mut spare);
+    let inner = inner(slots.start, returns.pattern.beams.max(1) as usize);
     let mut taken = [false; BLOCK];
     for l in 0..BLOCK {
         let own_m = range_m[l + 1];
@@ -198,10 +199,10 @@ fn inner(first: usize, beams: usize) -> [bool; BLOCK] {
 
 /// The points of a block in levelled axes with the sensor as origin, axis by axis; nonsense where a slot has no range.
 #[inline(always)]
-fn levelled(level: &DMat3, sweep: &Sweep, first: usize) -> [[f64; BLOCK]; 3] {
+fn levelled(level: &DMat3, returns: &Returns, first: usize) -> [[f64; BLOCK]; 3] {
     let (mut ranges_m, mut ways) = ([0.0; BLOCK], [DVec3::ZERO; BLOCK]);
-    let range_m = block(&sweep.range_m[first..], 0.0, &mut ranges_m);
-    let directions = block(&sweep.pattern.directions[first..], DVec3::ZERO, &mut ways);
+    let range_m = block(&returns.range_m[first..], 0.0, &mut ranges_m);
+    let directions = block(&returns.pattern.directions[first..], DVec3::ZERO, &mut ways);
     let [mut x_m, mut y_m, mut z_m] = [[0.0; BLOCK]; 3];
     for l in 0..BLOCK {
         let place_m = *level * (directions[l] * range_m[l]);
@@ -213,7 +214,7 @@ fn levelled(level: &DMat3, sweep: &Sweep, first: usize) -> [[f64; BLOCK]; 3] {
 /// [`Extractor::gather`], in the machine's widest form.
 struct Gather<'a> {
     extractor: &'a mut Extractor,
-    sweep: &'a Sweep,
+    returns: &'a Returns,
     level: &'a DMat3,
 }
 
@@ -222,12 +223,12 @@ impl Work for Gather<'_> {
 
     #[inline(always)]
     fn run(self) {
-        self.extractor.gather(self.sweep, self.level);
+        self.extractor.gather(self.returns, self.level);
     }
 }
 
 /// The feature that a cluster is, unless it is too small, too large, hidden in part or more than `most_m` away.
-fn feature(cluster: &Cluster, sweep: &Sweep, level: &DMat3, most_m: f64) -> Option<Feature> {
+fn feature(cluster: &Cluster, returns: &Returns, level: &DMat3, most_m: f64) -> Option<Feature> {
     if cluster.points.len() < LEAST_POINTS {
         return None;
     }
@@ -236,7 +237,7 @@ fn feature(cluster: &Cluster, sweep: &Sweep, level: &DMat3, most_m: f64) -> Opti
     if width_m < LEAST_WIDTH_M || width_m.max(depth_m) > MOST_WIDTH_M || seen.aspect > MOST_ASPECT {
         return None;
     }
-    if hidden_beside(sweep, seen.leftmost) || hidden_beside(sweep, seen.rightmost) {
+    if hidden_beside(returns, seen.leftmost) || hidden_beside(returns, seen.rightmost) {
         return None;
     }
     let half_width_m = 0.5 * width_m;
@@ -256,13 +257,13 @@ fn polar(sensor_m: DVec3, range_m: f64) -> Polar {
 }
 
 /// A ray beside this one ends well before it, or there is none: the cluster goes on where it cannot be seen.
-fn hidden_beside(sweep: &Sweep, slot: u32) -> bool {
-    let (slot, beams) = (slot as usize, sweep.pattern.beams.max(1) as usize);
+fn hidden_beside(returns: &Returns, slot: u32) -> bool {
+    let (slot, beams) = (slot as usize, returns.pattern.beams.max(1) as usize);
     let beam = slot % beams;
     if beam == 0 || beam + 1 == beams {
         return true;
     }
-    let nearer = |other: usize| sweep.range_m.get(other).is_some_and(|&r| r < sweep.range_m[slot] - HIDDEN_M);
+    let nearer = |other: usize| returns.range_m.get(other).is_some_and(|&r| r < returns.range_m[slot] - HIDDEN_M);
     nearer(slot - 1) || nearer(slot + 1)
 }
 

@@ -32,7 +32,7 @@ fn mount() -> Transform {
 }
 
 /// A noise-free sweep up to 5.6 m.
-fn scan(scene: &Scene, pattern: &Arc<Pattern>, pose: &Pose) -> Sweep {
+fn scan(scene: &Scene, pattern: &Arc<Pattern>, pose: &Pose) -> Returns {
     let caster = Caster::new(scene, &Cast::Exact);
     let world_from_sensor = pose.transform() * mount();
     let hits: Vec<Hit> = pattern
@@ -41,13 +41,11 @@ fn scan(scene: &Scene, pattern: &Arc<Pattern>, pose: &Pose) -> Sweep {
         .map(|d| caster.first_hit(world_from_sensor.translation_m, world_from_sensor.direction(*d), 5.6))
         .collect();
     let status = |h: &Hit| if h.range_m.is_finite() { Status::Hit } else { Status::None };
-    Sweep {
+    Returns {
         pattern: pattern.clone(),
         status: hits.iter().map(status).collect(),
         range_m: hits.iter().map(|h| if h.range_m.is_finite() { h.range_m } else { f64::NAN }).collect(),
         intensity: None,
-        mixed: None,
-        truth: Vec::new(),
     }
 }
 
@@ -68,9 +66,9 @@ fn pose(yaw_rad: f64) -> Pose {
 }
 
 /// The features of a sweep, in the world.
-fn found(sweep: &Sweep, pose: &Pose, believed: &Pose) -> Vec<DVec3> {
+fn found(returns: &Returns, pose: &Pose, believed: &Pose) -> Vec<DVec3> {
     let mut extractor = Extractor::new(3.75, &mount());
-    let (features, _) = extractor.extract(sweep, believed.roll_rad, believed.pitch_rad);
+    let (features, _) = extractor.extract(returns, believed.roll_rad, believed.pitch_rad);
     let world_from_sensor = pose.transform() * mount();
     features
         .iter()
@@ -160,14 +158,8 @@ fn extreme_sweeps_of_nothing_and_of_nonsense() {
         (1.0, Status::Dropped),
         (2.0, Status::OutOfRange),
     ] {
-        let sweep = Sweep {
-            pattern: pattern.clone(),
-            range_m: vec![range_m; n],
-            status: vec![status; n],
-            intensity: None,
-            mixed: None,
-            truth: Vec::new(),
-        };
+        let sweep =
+            Returns { pattern: pattern.clone(), range_m: vec![range_m; n], status: vec![status; n], intensity: None };
         let (features, _) = extractor.extract(&sweep, 0.1, -0.1);
         assert!(features.iter().all(|f| f.polar.iter().all(|v| v.is_finite())), "{range_m} {status:?}");
     }
@@ -194,7 +186,10 @@ fn extreme_other_patterns_give_features_or_none_but_no_panic() {
         let (pattern, pose) = (pattern_of(pattern), pose(0.0));
         let found = found(&scan(&scene, &pattern, &pose), &pose, &pose);
         for place in &found {
-            assert!(scene.obstacles.iter().any(|o| o.centre_m.truncate().distance(place.truncate()) < 0.3), "{place}");
+            assert!(
+                scene.obstacles.iter().any(|o| o.body().centre_m.truncate().distance(place.truncate()) < 0.3),
+                "{place}"
+            );
         }
         counts.push(found.len());
     }
@@ -202,14 +197,14 @@ fn extreme_other_patterns_give_features_or_none_but_no_panic() {
 }
 
 /// What the extractor takes of a slot, by the definition: its cell.
-fn cell_of(grid: &GroundGrid, sweep: &Sweep, level: &DMat3, slot: usize, limit_m: f64) -> u32 {
-    let (range_m, beams) = (sweep.range_m[slot], sweep.pattern.beams as usize);
+fn cell_of(grid: &GroundGrid, returns: &Returns, level: &DMat3, slot: usize, limit_m: f64) -> u32 {
+    let (range_m, beams) = (returns.range_m[slot], returns.pattern.beams as usize);
     let beam = slot % beams;
-    let jumps = |other: usize| sweep.range_m.get(other).is_some_and(|&r| (range_m - r).abs() > JUMP_M);
+    let jumps = |other: usize| returns.range_m.get(other).is_some_and(|&r| (range_m - r).abs() > JUMP_M);
     let alone = beam > 0 && beam + 1 < beams && jumps(slot - 1) && jumps(slot + 1);
     let mut cells = [grid.nowhere()];
-    if sweep.status[slot] == Status::Hit && range_m > 0.0 && range_m <= limit_m && !alone {
-        let place_m = *level * (sweep.pattern.directions[slot] * range_m);
+    if returns.status[slot] == Status::Hit && range_m > 0.0 && range_m <= limit_m && !alone {
+        let place_m = *level * (returns.pattern.directions[slot] * range_m);
         grid.place(&[place_m.x], &[place_m.y], &[true], &mut cells);
     }
     cells[0]
@@ -226,30 +221,28 @@ fn equal_points_are_taken_slot_by_slot_and_by_blocks() {
             DVec3::new(c, s, -0.3 * number(slot, 0.414_214)).normalize()
         });
         let pattern = Pattern { lines, beams, directions: directions.collect(), times_s: Vec::new() };
-        let mut sweep = Sweep {
+        let mut returns = Returns {
             pattern: Arc::new(pattern),
             // Few steps, so that neighbours jump and do not.
             range_m: (0..slots).map(|slot| 2.0 + 0.25 * (7.0 * number(slot, 0.732_051)).floor()).collect(),
             status: vec![Status::Hit; slots],
             intensity: None,
-            mixed: None,
-            truth: Vec::new(),
         };
         for slot in 0..slots {
             match slot % 23 {
-                3 => sweep.range_m[slot] = f64::NAN,
-                5 => sweep.status[slot] = Status::None,
-                8 => sweep.status[slot] = Status::Dropped,
-                13 => sweep.status[slot] = Status::OutOfRange,
-                17 => sweep.range_m[slot] = -1.0,
-                19 => sweep.range_m[slot] = f64::INFINITY,
+                3 => returns.range_m[slot] = f64::NAN,
+                5 => returns.status[slot] = Status::None,
+                8 => returns.status[slot] = Status::Dropped,
+                13 => returns.status[slot] = Status::OutOfRange,
+                17 => returns.range_m[slot] = -1.0,
+                19 => returns.range_m[slot] = f64::INFINITY,
                 _ => {}
             }
         }
         let mut extractor = Extractor::new(2.5, &mount());
-        extractor.gather(&sweep, &level);
+        extractor.gather(&returns, &level);
         let limit_m = 2.5 + MARGIN_M;
-        let expected = (0..slots).map(|slot| cell_of(&extractor.grid, &sweep, &level, slot, limit_m));
+        let expected = (0..slots).map(|slot| cell_of(&extractor.grid, &returns, &level, slot, limit_m));
         let taken: Vec<u32> = extractor.cells.iter().flatten().copied().collect();
         assert!(taken[slots..].iter().all(|&cell| cell == extractor.grid.nowhere()));
         assert!(slots < 3 || taken.iter().any(|&cell| cell != extractor.grid.nowhere()));

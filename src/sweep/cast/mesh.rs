@@ -38,7 +38,7 @@ impl MeshCaster {
         let mut soup = Soup { centre_m, triangles: Vec::new(), objects: Vec::new() };
         soup.ground(&ground);
         for obstacle in &scene.obstacles {
-            soup.object(&obstacle.shape, obstacle.id);
+            soup.object(&obstacle.body().shape, obstacle.id);
         }
         let bvh = build_bvh2_from_tris(&soup.triangles, BvhBuildParams::medium_build(), &mut Duration::default());
         let in_tree_order = bvh.primitive_indices.iter().map(|&k| k as usize);

@@ -149,7 +149,7 @@ impl<'a> Caster<'a> {
         match object {
             Hit::GROUND => self.scene.ground.normal(point_m.x, point_m.y),
             Hit::NOTHING => DVec3::Z,
-            id => self.scene.obstacles.get(id as usize).map_or(DVec3::Z, |o| convex::normal(&o.shape, point_m)),
+            id => self.scene.obstacles.get(id as usize).map_or(DVec3::Z, |o| convex::normal(&o.body().shape, point_m)),
         }
     }
 
@@ -164,7 +164,7 @@ impl<'a> Caster<'a> {
         self.places.near(&self.scene.obstacles, point_m.truncate(), 0.0, |index, _| {
             let obstacle = &self.scene.obstacles[index];
             let near = first.is_none_or(|first| index < first) && !obstacle.is_beyond(point_m.truncate(), 0.0);
-            if near && convex::contains(&obstacle.shape, point_m) {
+            if near && convex::contains(&obstacle.body().shape, point_m) {
                 first = Some(index);
             }
         });

@@ -12,8 +12,8 @@ use super::packets::Packets;
 use super::polynomial::PolynomialCaster;
 use super::raster::{RasterCaster, Waiting};
 use super::{Hit, is_ray, series};
-use crate::cpu::Isa;
 use crate::geometry::DVec3;
+use crate::wide::{self, Work};
 
 /// Rays for which a look around pays.
 pub(in crate::sweep) const SWEEP_RAYS: usize = 2000;
@@ -58,7 +58,7 @@ impl Origin<'_> {
             above.get_or_init(|| Above::new(ground, self.origin_m, self.max_range_m));
         }
         hits.reserve(dirs.len());
-        cast_blocks(self, dirs, hits);
+        wide::widest(CastBlocks { origin: self, dirs, hits });
     }
 
     #[inline(always)]
@@ -160,36 +160,27 @@ fn part(rays: &[DVec3], parted: &mut [[Lanes; BLOCKS]; 3]) {
     }
 }
 
-/// Casts with the widest vectors of the machine; every choice gives the same bits.
-#[allow(unsafe_code)]
-fn cast_blocks(origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
-    let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree.max(1) } else { 0 };
-    match Isa::detect() {
-        // SAFETY: `detect` gave this set because the machine has it.
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => unsafe { cast_avx512(degree, origin, dirs, hits) },
-        // SAFETY: as above.
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => unsafe { cast_avx2(degree, origin, dirs, hits) },
-        _ => cast_of_degree(degree, origin, dirs, hits),
+/// Casts a list of directions, in the machine's widest form.
+pub(super) struct CastBlocks<'a> {
+    pub(super) origin: &'a Origin<'a>,
+    pub(super) dirs: &'a [DVec3],
+    pub(super) hits: &'a mut Vec<Hit>,
+}
+
+impl Work for CastBlocks<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let CastBlocks { origin, dirs, hits } = self;
+        let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree.max(1) } else { 0 };
+        cast_of_degree(degree, origin, dirs, hits);
     }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
-fn cast_avx512(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
-    cast_of_degree(degree, origin, dirs, hits);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-pub(super) fn cast_avx2(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
-    cast_of_degree(degree, origin, dirs, hits);
 }
 
 /// One loop a degree, so that each is unrolled; lower degrees are padded with zeros. Degree 0 is a ground without an expansion.
 #[inline(always)]
-pub(super) fn cast_of_degree(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
+fn cast_of_degree(degree: usize, origin: &Origin, dirs: &[DVec3], hits: &mut Vec<Hit>) {
     match degree {
         0 => origin.blocks::<0>(dirs, hits),
         1..=3 => origin.blocks::<3>(dirs, hits),

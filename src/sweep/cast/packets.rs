@@ -125,7 +125,7 @@ impl<'a> Packets<'a> {
     /// A polyhedron's planes; a cylinder as it stands about the sensor.
     #[inline(never)]
     fn make(&self, planes: &mut Planes, rank: u32) -> Option<Cylinder> {
-        match &self.obstacles[self.bodies[rank as usize].index as usize].shape {
+        match &self.obstacles[self.bodies[rank as usize].index as usize].body().shape {
             Shape::Convex(convex) => {
                 planes.make(rank, convex, self.origin);
                 None

@@ -73,7 +73,13 @@ impl Places {
                 let sphere = known.copied().or_else(|| {
                     let obstacle = &obstacles[index as usize];
                     let spheres = || members.iter().map(|_| OnceLock::new()).collect();
-                    let made = || convex::bounding_sphere(&obstacle.shape, obstacle.centre_m, obstacle.radius_m);
+                    let made = || {
+                        convex::bounding_sphere(
+                            &obstacle.body().shape,
+                            obstacle.body().centre_m,
+                            obstacle.body().radius_m,
+                        )
+                    };
                     (!obstacle.is_beyond(point_m, reach_m))
                         .then(|| *square.spheres.get_or_init(spheres)[k].get_or_init(made))
                 });

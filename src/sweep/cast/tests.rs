@@ -3,13 +3,13 @@
 mod extremes;
 mod rocks;
 
-#[cfg(target_arch = "x86_64")]
-use super::origin::cast_avx2;
-use super::origin::cast_of_degree;
+use super::origin::CastBlocks;
 use super::*;
+use crate::cpu::Isa;
 use crate::geometry::DVec2;
 use crate::scene::{Body, Class, Convex, Cylinder, Obstacle, Polynomial, Shape};
 use crate::sweep::params::SpacingParams;
+use crate::wide;
 
 fn yard(extent_m: f64, ground: Polynomial, shapes: Vec<Shape>) -> Scene {
     let obstacles = shapes
@@ -96,7 +96,6 @@ fn exact_ranges_on_a_plane_a_cube_and_a_cylinder() {
 }
 
 #[test]
-#[allow(unsafe_code)]
 fn equal_bits_with_every_instruction_set_and_in_every_company() {
     let shapes = (0..40)
         .map(|k| {
@@ -110,17 +109,13 @@ fn equal_bits_with_every_instruction_set_and_in_every_company() {
         let caster = Caster::new(&scene, &Cast::Exact);
         let from = caster.from(DVec3::new(10.0, 10.0, 1.0), 30.0);
         let dirs = fan(777);
-        let (mut plain, mut best) = (Vec::new(), Vec::new());
-        cast_of_degree(degree, &from, &dirs, &mut plain);
+        let mut best = Vec::new();
         from.cast(&dirs, &mut best);
         let bits = |hits: &[Hit]| hits.iter().map(|h| (h.range_m.to_bits(), h.object)).collect::<Vec<_>>();
-        assert_eq!(bits(&plain), bits(&best));
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            let mut narrow = Vec::new();
-            // SAFETY: the machine has what the function is compiled for.
-            unsafe { cast_avx2(degree, &from, &dirs, &mut narrow) };
-            assert_eq!(bits(&narrow), bits(&best));
+        for isa in Isa::available() {
+            let mut hits = Vec::new();
+            wide::run(isa, CastBlocks { origin: &from, dirs: &dirs, hits: &mut hits });
+            assert_eq!(bits(&hits), bits(&best), "{isa:?}");
         }
         // Alone, and in another block: the same bits.
         let mut shifted = Vec::new();
@@ -342,7 +337,7 @@ fn equal_bits_by_the_skyline_and_by_the_pyramid() {
                 // Looked around by now: the plain form of the march itself.
                 let mut plain = Vec::new();
                 from.cast(&dirs, &mut single);
-                cast_of_degree(0, &from, &dirs, &mut plain);
+                wide::run(Isa::PORTABLE, CastBlocks { origin: &from, dirs: &dirs, hits: &mut plain });
                 assert_eq!(bits(&plain), bits(&sweep));
             }
         }

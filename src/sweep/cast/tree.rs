@@ -35,7 +35,10 @@ impl Tree {
         if obstacles.is_empty() {
             return Tree { bvh: None, centre_m: DVec3::ZERO };
         }
-        let boxes: Vec<_> = obstacles.iter().map(|o| convex::bounding_box(&o.shape, o.centre_m, o.radius_m)).collect();
+        let boxes: Vec<_> = obstacles
+            .iter()
+            .map(|o| convex::bounding_box(&o.body().shape, o.body().centre_m, o.body().radius_m))
+            .collect();
         let low = boxes.iter().fold(DVec3::INFINITY, |a, b| a.min(b.0));
         let high = boxes.iter().fold(DVec3::NEG_INFINITY, |a, b| a.max(b.1));
         let centre_m = 0.5 * (low + high);
@@ -77,7 +80,7 @@ impl Tree {
             }
             for &primitive in &bvh.primitive_indices[first..first + node.prim_count as usize] {
                 let obstacle = &obstacles[primitive as usize];
-                if let Some(range) = convex::first_hit(&obstacle.shape, origin, dir, limit) {
+                if let Some(range) = convex::first_hit(&obstacle.body().shape, origin, dir, limit) {
                     // Of two at the same range the smaller id is met: the order of the tree must not matter.
                     if best.is_none_or(|(r, id)| range < r || (range == r && obstacle.id < id)) {
                         best = Some((range, obstacle.id));

@@ -74,35 +74,43 @@ fn noise() -> Option<RangeNoise> {
 fn exact_flat_ground_lies_at_height_over_sine_of_depression() {
     let sensor = shipped("urg-04lx");
     let sweep = run(&flat_yard(), &sensor, Effects::default());
-    assert_eq!(sweep.range_m.len(), 68_200);
+    assert_eq!(sweep.returns.range_m.len(), 68_200);
     let mut hits = 0;
-    for (slot, d) in sweep.pattern.directions.iter().enumerate() {
+    for (slot, d) in sweep.returns.pattern.directions.iter().enumerate() {
         let range_m = if d.z < 0.0 { EYE.z / -d.z } else { f64::INFINITY };
         if range_m <= 5.6 {
             hits += 1;
-            assert_eq!((sweep.status[slot], sweep.truth[slot].object, sweep.truth[slot].class), (Status::Hit, -1, 0));
-            assert!((sweep.range_m[slot] - range_m).abs() < 1e-9, "{slot}: {}", sweep.range_m[slot]);
-            assert!((sweep.point_sensor(slot).unwrap().z + EYE.z).abs() < 1e-9);
+            assert_eq!(
+                (sweep.returns.status[slot], sweep.truth[slot].object, sweep.truth[slot].class),
+                (Status::Hit, -1, 0)
+            );
+            assert!((sweep.returns.range_m[slot] - range_m).abs() < 1e-9, "{slot}: {}", sweep.returns.range_m[slot]);
+            assert!((sweep.returns.point_sensor(slot).unwrap().z + EYE.z).abs() < 1e-9);
             assert!(!sweep.truth[slot].top);
         } else if range_m > 5.600_001 {
-            assert_eq!((sweep.status[slot], sweep.truth[slot].object, sweep.truth[slot].class), (Status::None, -2, -1));
-            assert!(sweep.range_m[slot].is_nan() && sweep.truth[slot].range_m == f64::INFINITY);
-            assert!(sweep.point_sensor(slot).is_none());
+            assert_eq!(
+                (sweep.returns.status[slot], sweep.truth[slot].object, sweep.truth[slot].class),
+                (Status::None, -2, -1)
+            );
+            assert!(sweep.returns.range_m[slot].is_nan() && sweep.truth[slot].range_m == f64::INFINITY);
+            assert!(sweep.returns.point_sensor(slot).is_none());
         }
     }
     assert!(hits > 25_000, "{hits}");
-    assert!(sweep.intensity.is_none() && sweep.mixed.is_none());
+    assert!(sweep.returns.intensity.is_none() && sweep.mixed.is_none());
 }
 
 #[test]
 fn exact_a_pitched_and_turned_sensor_meets_the_ground_where_its_beam_points() {
     let pose = Pose { position_m: EYE, pitch_rad: 0.3, yaw_rad: 2.0, roll_rad: 0.1 }.transform();
     let sweep = run_at(&flat_yard(), &params(shipped("vlp-16"), Effects::default()), &streams(1), &pose).unwrap();
-    for (slot, d) in sweep.pattern.directions.iter().enumerate().filter(|(slot, _)| sweep.truth[*slot].object == -1) {
+    for (slot, d) in
+        sweep.returns.pattern.directions.iter().enumerate().filter(|(slot, _)| sweep.truth[*slot].object == -1)
+    {
         let down = -(pose.direction(*d)).z;
-        assert!((sweep.range_m[slot] * down - EYE.z).abs() < 1e-9);
+        assert!((sweep.returns.range_m[slot] * down - EYE.z).abs() < 1e-9);
     }
-    assert!(sweep.status.iter().filter(|s| **s == Status::Hit).count() > 1000);
+    assert!(sweep.returns.status.iter().filter(|s| **s == Status::Hit).count() > 1000);
 }
 
 #[test]
@@ -129,9 +137,9 @@ fn equal_effects_of_size_zero_reproduce_the_clean_sweep() {
     let scene = Scene { volumes: vec![], patches: vec![], ..full_yard() };
     let clean = run(&scene, &sensor, Effects::default());
     let same = run(&scene, &bright, nothing);
-    assert_eq!(clean.status, same.status);
+    assert_eq!(clean.returns.status, same.returns.status);
     assert_eq!(clean.truth, same.truth);
-    assert!(clean.range_m.iter().zip(&same.range_m).all(|(a, b)| a.to_bits() == b.to_bits()));
+    assert!(clean.returns.range_m.iter().zip(&same.returns.range_m).all(|(a, b)| a.to_bits() == b.to_bits()));
     assert!(same.mixed.unwrap().iter().all(|share| *share == 0.0 || share.is_nan()));
 }
 
@@ -162,17 +170,18 @@ fn law_switching_an_effect_moves_no_other_draw() {
         let less = run(&scene, &sensor, effects);
         // Jitter, grass and bushes: the truth tells their draws.
         assert_eq!(full.truth, less.truth, "{name}");
-        let both = |slot: &usize| full.status[*slot] == Status::Hit && less.status[*slot] == Status::Hit;
-        let shared: Vec<usize> = (0..full.status.len()).filter(both).collect();
+        let both =
+            |slot: &usize| full.returns.status[*slot] == Status::Hit && less.returns.status[*slot] == Status::Hit;
+        let shared: Vec<usize> = (0..full.returns.status.len()).filter(both).collect();
         assert!(shared.len() > 20_000);
         if name != "dropout" {
-            let dropped = |s: &Sweep| s.status.iter().map(|s| *s == Status::Dropped).collect::<Vec<_>>();
+            let dropped = |s: &Sweep| s.returns.status.iter().map(|s| *s == Status::Dropped).collect::<Vec<_>>();
             assert_eq!(dropped(&full), dropped(&less), "{name}");
         }
-        if let (Some(a), Some(b)) = (&full.intensity, &less.intensity) {
+        if let (Some(a), Some(b)) = (&full.returns.intensity, &less.returns.intensity) {
             assert!(shared.iter().all(|&slot| a[slot].to_bits() == b[slot].to_bits()), "{name}");
         }
-        let differs_m = |slot: usize| full.range_m[slot] - less.range_m[slot];
+        let differs_m = |slot: usize| full.returns.range_m[slot] - less.returns.range_m[slot];
         match name {
             "noise" => {}
             "bias" => {
@@ -186,8 +195,8 @@ fn law_switching_an_effect_moves_no_other_draw() {
     let steady = run(&scene, &sensor, Effects { tilt_jitter_deg: None, ..all.clone() });
     let jitter_alone = Effects { tilt_jitter_deg: Some(0.0.into()), ..all };
     let still = run(&scene, &sensor, jitter_alone);
-    assert_eq!(steady.status, still.status);
-    assert!(steady.range_m.iter().zip(&still.range_m).all(|(a, b)| a.to_bits() == b.to_bits()));
+    assert_eq!(steady.returns.status, still.returns.status);
+    assert!(steady.returns.range_m.iter().zip(&still.returns.range_m).all(|(a, b)| a.to_bits() == b.to_bits()));
 }
 
 #[test]
@@ -201,12 +210,13 @@ fn law_vegetation_and_sub_rays_move_no_draw_of_the_beams_beside_them() {
     assert!(with.truth.iter().filter(|t| green(t)).count() > 500);
     for slot in (0..with.truth.len()).filter(|&slot| !green(&with.truth[slot])) {
         assert_eq!(with.truth[slot], without.truth[slot]);
-        assert_eq!(with.range_m[slot].to_bits(), without.range_m[slot].to_bits());
+        assert_eq!(with.returns.range_m[slot].to_bits(), without.returns.range_m[slot].to_bits());
     }
     let pixels = Some(MixedPixels { sub_rays: 7, only_at_jumps_m: 0.05 });
     let mixed = run(&scene, &sensor, Effects { mixed_pixels: pixels, ..effects });
-    let alike =
-        (0..with.truth.len()).filter(|&slot| mixed.range_m[slot].to_bits() == with.range_m[slot].to_bits()).count();
+    let alike = (0..with.truth.len())
+        .filter(|&slot| mixed.returns.range_m[slot].to_bits() == with.returns.range_m[slot].to_bits())
+        .count();
     assert!(alike > 55_000 && alike < 68_200, "{alike} of 68,200 slots lie away from jumps");
 }
 
@@ -215,9 +225,9 @@ fn dist_range_noise_has_its_moments_and_the_bias_is_one_number_a_sweep() {
     let sensor = shipped("lms111");
     let clean = run(&flat_yard(), &sensor, Effects::default());
     let noisy = run(&flat_yard(), &sensor, Effects { range_noise: Some(RangeNoise::default()), ..Effects::default() });
-    let errors: Vec<f64> = (0..clean.status.len())
-        .filter(|&slot| noisy.status[slot] == Status::Hit && clean.range_m[slot] < 19.0)
-        .map(|slot| (noisy.range_m[slot] - clean.range_m[slot]) / 0.012)
+    let errors: Vec<f64> = (0..clean.returns.status.len())
+        .filter(|&slot| noisy.returns.status[slot] == Status::Hit && clean.returns.range_m[slot] < 19.0)
+        .map(|slot| (noisy.returns.range_m[slot] - clean.returns.range_m[slot]) / 0.012)
         .collect();
     let n = errors.len() as f64;
     assert!(n > 10_000.0);
@@ -232,7 +242,7 @@ fn dist_range_noise_has_its_moments_and_the_bias_is_one_number_a_sweep() {
         let pose = Transform { translation_m: EYE, ..Transform::IDENTITY };
         let at = streams(7).at_step(step);
         let sweep = run_at(&flat_yard(), &params(listed(&[(0.0, -30.0), (5.0, -60.0)]), effects), &at, &pose).unwrap();
-        [0, 1].map(|slot| sweep.range_m[slot] - sweep.truth[slot].range_m)
+        [0, 1].map(|slot| sweep.returns.range_m[slot] - sweep.truth[slot].range_m)
     };
     let (first, second) = (biased(0), biased(1));
     assert!((first[0] - first[1]).abs() < 1e-15 && first[0] != second[0]);
@@ -248,7 +258,7 @@ fn dist_dropout_follows_the_flat_rate_and_the_power_law() {
     let flat = Dropout { rate: 0.15.into(), softness: 0.01, ..Dropout::default() };
     let sweep = run(&flat_yard(), &bright, Effects { dropout: Some(flat), ..Effects::default() });
     let met = sweep.truth.iter().filter(|t| t.object == -1).count() as f64;
-    let dropped = sweep.status.iter().filter(|s| **s == Status::Dropped).count() as f64;
+    let dropped = sweep.returns.status.iter().filter(|s| **s == Status::Dropped).count() as f64;
     assert!((dropped / met - 0.15).abs() < 4.0 * (0.15 * 0.85 / met).sqrt(), "{}", dropped / met);
     // Many beams at one range and incidence: the logistic law. cos = h / R; P = (0.3 / 0.1) (h / R) (R10 / R)^2.
     let elevation = -0.8f64 / 4.0;
@@ -257,9 +267,9 @@ fn dist_dropout_follows_the_flat_rate_and_the_power_law() {
     let sweep = run(&flat_yard(), &sensor, Effects { dropout: Some(Dropout::default()), ..Effects::default() });
     let power: f64 = 3.0 * 0.2 * (sensor.range_at_10_percent_m / 4.0) * (sensor.range_at_10_percent_m / 4.0);
     let seen = 1.0 / (1.0 + math::exp(-math::ln(power) / 0.3));
-    let kept = sweep.status.iter().filter(|s| **s == Status::Hit).count() as f64 / 20_000.0;
+    let kept = sweep.returns.status.iter().filter(|s| **s == Status::Hit).count() as f64 / 20_000.0;
     assert!((kept - seen).abs() < 4.0 * (seen * (1.0 - seen) / 20_000.0).sqrt(), "{kept} against {seen}");
-    assert!(sweep.range_m.iter().zip(&sweep.status).all(|(r, s)| r.is_nan() == (*s != Status::Hit)));
+    assert!(sweep.returns.range_m.iter().zip(&sweep.returns.status).all(|(r, s)| r.is_nan() == (*s != Status::Hit)));
 }
 
 #[test]
@@ -271,7 +281,7 @@ fn exact_intensity_is_reflectance_times_cosine_over_range_squared() {
         &listed(&[(180.0, -30.0), (0.0, 0.0), (0.0, 80.0)]),
         Effects { intensity: Some(intensity), ..Effects::default() },
     );
-    let values = sweep.intensity.unwrap();
+    let values = sweep.returns.intensity.unwrap();
     // Ground: R = 0.8 / sin 30 = 1.6, cos = 0.5. Wall: 2 m, met squarely. Sky.
     assert!((f64::from(values[0]) - 0.5 * 0.5 / 2.56).abs() < 1e-7);
     assert!((f64::from(values[1]) - 0.8 / 4.0).abs() < 1e-7);
@@ -290,7 +300,7 @@ fn equal_a_beam_on_an_edge_gives_the_phase_of_its_nineteen_sub_rays() {
     let Ranging::Phase(PhaseRanging { modulation_mhz }) = sensor.ranging else { panic!("phase ranging") };
     let k = 4.0 * std::f64::consts::PI * modulation_mhz * 1e6 / 299_792_458.0;
     for slot in 0..2 {
-        let axis = sweep.pattern.directions[slot];
+        let axis = sweep.returns.pattern.directions[slot];
         let rays = footprint::sub_rays(19);
         let mut directions = vec![axis];
         footprint::spread(axis, 0.020, &rays, &mut directions);
@@ -305,8 +315,12 @@ fn equal_a_beam_on_an_edge_gives_the_phase_of_its_nineteen_sub_rays() {
             near += if d.y > 0.0 { power } else { 0.0 };
         }
         let expected_m = 1.0 + math::atan2(im, re) / k;
-        assert!((sweep.range_m[slot] - expected_m).abs() < 1e-9, "{} against {expected_m}", sweep.range_m[slot]);
-        assert!(sweep.range_m[slot] > 1.02 && sweep.range_m[slot] < 1.58, "between the walls");
+        assert!(
+            (sweep.returns.range_m[slot] - expected_m).abs() < 1e-9,
+            "{} against {expected_m}",
+            sweep.returns.range_m[slot]
+        );
+        assert!(sweep.returns.range_m[slot] > 1.02 && sweep.returns.range_m[slot] < 1.58, "between the walls");
         let (object, share) = if near > 0.5 * total { (0, 1.0 - near / total) } else { (1, near / total) };
         assert_eq!(sweep.truth[slot].object, object);
         assert!((f64::from(sweep.mixed.as_ref().unwrap()[slot]) - share).abs() < 1e-6);
@@ -324,9 +338,9 @@ fn exact_tilt_jitter_moves_the_true_beam_and_not_the_reported_one() {
         let slot = line * 682 + 340;
         let tilt_rad = (-45.0 + 0.5 * line as f64).to_radians() + sigma_rad * stream.normal(line as u64);
         let range_m = EYE.z / -math::sin(tilt_rad);
-        assert!((sweep.range_m[slot] - range_m).abs() < 1e-9, "line {line}");
+        assert!((sweep.returns.range_m[slot] - range_m).abs() < 1e-9, "line {line}");
     }
-    assert_eq!(sweep.pattern.directions, Pattern::build(&sensor).unwrap().directions);
+    assert_eq!(sweep.returns.pattern.directions, Pattern::build(&sensor).unwrap().directions);
 }
 
 #[test]
@@ -381,7 +395,7 @@ fn extreme_places_where_no_sensor_can_be_are_refused() {
     assert!(matches!(at(f64::NAN, 3.0, 1.0), Err(SweepError::NoPose { .. })));
     assert!(matches!(at(3.0, 3.0, f64::INFINITY), Err(SweepError::NoPose { .. })));
     // Outside the yard there is no ground, and nothing wrong.
-    assert_eq!(at(-50.0, 3.0, -1.0).unwrap().status, [Status::None]);
+    assert_eq!(at(-50.0, 3.0, -1.0).unwrap().returns.status, [Status::None]);
 }
 
 #[test]
@@ -414,11 +428,11 @@ fn extreme_sensors_on_the_ground_and_with_kilometres_of_reach_give_finite_ranges
             let sensor = Sensor { pattern, max_range_m: reach_m, divergence_mrad, ..shipped(name) };
             let pose = Transform { translation_m: DVec3::new(10.0, 10.0, height_m), ..Transform::IDENTITY };
             let sweep = run_at(&full_yard(), &params(sensor, everything.clone()), &streams(2), &pose).unwrap();
-            for slot in 0..sweep.status.len() {
-                let hit = sweep.status[slot] == Status::Hit;
-                assert_eq!(sweep.range_m[slot].is_finite(), hit);
-                assert!(!hit || sweep.range_m[slot] > 0.0 && sweep.range_m[slot] <= reach_m);
-                assert_eq!(sweep.intensity.as_ref().unwrap()[slot].is_finite(), hit);
+            for slot in 0..sweep.returns.status.len() {
+                let hit = sweep.returns.status[slot] == Status::Hit;
+                assert_eq!(sweep.returns.range_m[slot].is_finite(), hit);
+                assert!(!hit || sweep.returns.range_m[slot] > 0.0 && sweep.returns.range_m[slot] <= reach_m);
+                assert_eq!(sweep.returns.intensity.as_ref().unwrap()[slot].is_finite(), hit);
                 assert!(!sweep.truth[slot].range_m.is_nan());
             }
         }

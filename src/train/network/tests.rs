@@ -79,7 +79,7 @@ fn equal_instruction_sets_give_the_same_bits() {
         let output = isa.run(kernel);
         (output.to_bits(), gradient.iter().map(|g| g.to_bits()).collect::<Vec<_>>())
     };
-    let want = run(Isa::Portable);
+    let want = run(Isa::PORTABLE);
     assert!(Isa::available().all(|isa| run(isa) == want));
     // Many rows at once, a last portion that is not full among them.
     let inputs = rows(333, 14);
@@ -88,7 +88,7 @@ fn equal_instruction_sets_give_the_same_bits() {
         isa.run(Many { network: &network, rows: &inputs, outputs: &mut outputs });
         outputs.iter().map(|y| y.to_bits()).collect::<Vec<_>>()
     };
-    let want = many(Isa::Portable);
+    let want = many(Isa::PORTABLE);
     assert!(Isa::available().all(|isa| many(isa) == want));
 }
 

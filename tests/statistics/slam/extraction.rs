@@ -106,10 +106,10 @@ impl Study {
         let centre_m = DVec2::splat(10.0);
         let mut scene = Scene::bare(full.extent_m, full.ground.clone());
         for rock in &full.obstacles {
-            let from_ring_m = (rock.centre_m.truncate().distance(centre_m) - RADIUS_M).abs();
-            let inside = (rock.centre_m.truncate() - centre_m).abs().max_element() < 9.0;
-            if scene.obstacles.len() < scenario.rocks && inside && from_ring_m > rock.radius_m + 0.5 {
-                scene = scene.with_obstacle(rock.class, rock.shape.clone());
+            let from_ring_m = (rock.body().centre_m.truncate().distance(centre_m) - RADIUS_M).abs();
+            let inside = (rock.body().centre_m.truncate() - centre_m).abs().max_element() < 9.0;
+            if scene.obstacles.len() < scenario.rocks && inside && from_ring_m > rock.body().radius_m + 0.5 {
+                scene = scene.with_obstacle(rock.class, rock.body().shape.clone());
             }
         }
         // Oracle features: the middles and tops of the rocks, relative to the ring's centre.
@@ -164,7 +164,7 @@ fn clear_place(scene: &Scene, rng: &mut ChaCha8Rng) -> Option<Pose> {
     for _ in 0..200 {
         let at = DVec2::new(rng.random_range(5.0..15.0), rng.random_range(5.0..15.0));
         let yaw_rad: f64 = rng.random_range(-3.1..3.1);
-        if scene.obstacles.iter().all(|o| o.centre_m.truncate().distance(at) > o.radius_m + 0.5) {
+        if scene.obstacles.iter().all(|o| o.body().centre_m.truncate().distance(at) > o.body().radius_m + 0.5) {
             return Some(on_slope(at, scene.ground.height_m(at.x, at.y), scene.ground.gradient(at.x, at.y), yaw_rad));
         }
     }
@@ -179,12 +179,13 @@ struct Rock {
 }
 
 fn rock(scene: &Scene, obstacle: &Obstacle) -> Rock {
-    let Shape::Convex(body) = &obstacle.shape else { panic!("rocks are polyhedra") };
+    let Shape::Convex(body) = &obstacle.body().shape else { panic!("rocks are polyhedra") };
     // The outline above the ground: a fine grid over the bounding circle, which also does for rocks cut by the ground.
     let (mut sum, mut count, mut top_m) = (DVec2::ZERO, 0.0, f64::NEG_INFINITY);
     for i in -30..=30 {
         for j in -30..=30 {
-            let at = obstacle.centre_m.truncate() + obstacle.radius_m / 30.0 * DVec2::new(f64::from(i), f64::from(j));
+            let at = obstacle.body().centre_m.truncate()
+                + obstacle.body().radius_m / 30.0 * DVec2::new(f64::from(i), f64::from(j));
             let ground_m = scene.ground.height_m(at.x, at.y);
             if let Some(height_m) = roof_m(&body.planes, at).filter(|&h| h > ground_m) {
                 sum += at;
@@ -193,7 +194,7 @@ fn rock(scene: &Scene, obstacle: &Obstacle) -> Rock {
             }
         }
     }
-    let cell_m = obstacle.radius_m / 30.0;
+    let cell_m = obstacle.body().radius_m / 30.0;
     Rock { middle_m: sum / count, half_width_m: (count * cell_m * cell_m / std::f64::consts::PI).sqrt(), top_m }
 }
 
@@ -217,7 +218,7 @@ fn roof_m(planes: &[marsyard::scene::Plane], at: DVec2) -> Option<f64> {
 impl Tally {
     fn score(&mut self, scene: &Scene, sweep: &Sweep, sensor_m: DVec3, features: &[(DVec3, f64)]) {
         let mut points = vec![0usize; scene.obstacles.len()];
-        for (truth, range_m) in sweep.truth.iter().zip(&sweep.range_m) {
+        for (truth, range_m) in sweep.truth.iter().zip(&sweep.returns.range_m) {
             if truth.object >= 0 && *range_m <= RANGE_M {
                 points[truth.object as usize] += 1;
             }

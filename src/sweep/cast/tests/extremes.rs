@@ -275,7 +275,7 @@ fn extreme_yards_a_thousand_kilometres_off() {
         let [near_caster, far_caster] = [near.0, off.0].map(|scene| Caster::new(scene, &Cast::Exact));
         near_caster.from(near.1, reach_m).cast(dirs, &mut a);
         far_caster.from(off.1, reach_m).cast(dirs, &mut b);
-        let faces: Vec<Vec<[Vec3; 3]>> = off.0.obstacles.iter().map(|o| triangles(&o.shape)).collect();
+        let faces: Vec<Vec<[Vec3; 3]>> = off.0.obstacles.iter().map(|o| triangles(&o.body().shape)).collect();
         for ((dir, near_hit), far_hit) in dirs.iter().zip(&a).zip(&b) {
             let single = far_caster.first_hit(off.1, *dir, reach_m);
             for hit in [*far_hit, single] {
@@ -411,7 +411,7 @@ fn extreme_slivers_and_coplanar_faces() {
     let scene = yard(20.0, Polynomial::flat(20.0), vec![dome, left, right, twin]);
     let caster = Caster::new(&scene, &Cast::Exact);
     let (mut rays, mut leaked) = (0, 0);
-    let soup: Vec<[Vec3; 3]> = scene.obstacles[1..3].iter().flat_map(|o| triangles(&o.shape)).collect();
+    let soup: Vec<[Vec3; 3]> = scene.obstacles[1..3].iter().flat_map(|o| triangles(&o.body().shape)).collect();
     for k in 0..400 {
         let (sin, cos) = math::sin_cos(f64::from(k));
         let inside = 0.9 * f64::from(k) / 400.0;

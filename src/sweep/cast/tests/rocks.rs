@@ -46,7 +46,7 @@ fn plainly(bodies: &[(f64, DVec3, f64, &Obstacle)], origin: DVec3, dir: DVec3, h
         if centre.length_squared() - along * along > radius * radius * 1.01 + 1e-3 {
             continue;
         }
-        let met = match &obstacle.shape {
+        let met = match &obstacle.body().shape {
             Shape::Cylinder(upright) => {
                 let upright = Cylinder { base_m: upright.base_m - origin, ..*upright };
                 let range_m = convex::cylinder_first_hit(&upright, DVec3::ZERO, dir, 1.0 / inverse);
@@ -110,8 +110,8 @@ fn equal_bits_to_a_plain_loop_over_all_bodies() {
         // Beside and in the first body, in the yard, at its corner, above it, off it.
         let middle = 0.5 * extent_m;
         let origins = [
-            scene.obstacles[0].centre_m + 0.9 * scene.obstacles[0].radius_m * DVec3::Z,
-            scene.obstacles[0].centre_m,
+            scene.obstacles[0].body().centre_m + 0.9 * scene.obstacles[0].body().radius_m * DVec3::Z,
+            scene.obstacles[0].body().centre_m,
             DVec3::new(middle, middle, 1.2),
             DVec3::new(0.0, 0.0, 1.5),
             DVec3::new(middle, 0.3 * extent_m, 9.0),
@@ -123,7 +123,8 @@ fn equal_bits_to_a_plain_loop_over_all_bodies() {
                 .obstacles
                 .iter()
                 .map(|o| {
-                    let (centre, radius) = convex::bounding_sphere(&o.shape, o.centre_m, o.radius_m);
+                    let (centre, radius) =
+                        convex::bounding_sphere(&o.body().shape, o.body().centre_m, o.body().radius_m);
                     let radius = radius + 1e-14 * (centre.abs().max_element() + origin.abs().max_element());
                     let centre = centre - origin;
                     ((centre.length() - radius).max(0.0), centre, radius, o)
@@ -139,7 +140,7 @@ fn equal_bits_to_a_plain_loop_over_all_bodies() {
                 assert_eq!(bits(hit), bits(&plain), "{count} bodies from {origin}: {dir}, {hit:?}, {plain:?}");
                 met += usize::from(hit.object >= 0);
             }
-            let inside = scene.obstacles.iter().find(|o| convex::contains(&o.shape, origin));
+            let inside = scene.obstacles.iter().find(|o| convex::contains(&o.body().shape, origin));
             let ground = &scene.ground;
             let deep = ground.contains(origin.x, origin.y) && ground.height_m(origin.x, origin.y) > origin.z;
             match caster.inside(origin) {

@@ -16,6 +16,7 @@ mod x86;
 use std::fmt::Debug;
 use std::ops::Add;
 
+use crate::cpu::InstructionSet;
 pub use crate::cpu::Isa;
 
 /// Element of a covariance.
@@ -68,17 +69,17 @@ pub trait Kernel<T: Real> {
 }
 
 impl Isa {
-    /// Runs a kernel. `self` must come from [`Isa::available`].
+    /// Runs a kernel, compiled for this set.
     #[inline]
     #[allow(unsafe_code)]
     pub fn run<T: Real, K: Kernel<T>>(self, kernel: K) -> K::Out {
-        match self {
-            // SAFETY: `available` gave this set because the CPU has it.
+        match self.set() {
+            // SAFETY: an `Isa` of this set proves that the CPU has it.
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => unsafe { x86::avx512(kernel) },
+            InstructionSet::Avx512 => unsafe { x86::avx512(kernel) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => unsafe { x86::avx2(kernel) },
+            InstructionSet::Avx2 => unsafe { x86::avx2(kernel) },
             _ => kernel.run::<T::Chunk>(),
         }
     }

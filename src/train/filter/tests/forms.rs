@@ -229,7 +229,7 @@ fn equal_instruction_sets_give_the_same_bits() {
     for (robust, batch, by) in
         [(false, 1, Groups::One), (false, 1, Groups::Node), (false, 5, Groups::One), (true, 1, Groups::One)]
     {
-        let wanted = (run::<f32>(Isa::Portable, robust, batch, by), run::<f64>(Isa::Portable, robust, batch, by));
+        let wanted = (run::<f32>(Isa::PORTABLE, robust, batch, by), run::<f64>(Isa::PORTABLE, robust, batch, by));
         for isa in Isa::available() {
             assert_eq!(run::<f32>(isa, robust, batch, by), wanted.0, "{isa:?} f32 {robust} {batch} {by:?}");
             assert_eq!(run::<f64>(isa, robust, batch, by), wanted.1, "{isa:?} f64 {robust} {batch} {by:?}");
