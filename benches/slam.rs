@@ -58,7 +58,7 @@ fn find_features() {
     let pose = replay.poses.iter().rfind(|pose| pose.scan_id.is_some()).expect("a sweep is kept").estimate.pose;
     let mut extractor = Extractor::new(FastslamParams::default().feature_range_m, &replay.rover_from_sensor);
     rate("features of a sweep", "rays", sweep.returns.range_m.len() as f64, || {
-        extractor.extract(sweep, pose.roll_rad, pose.pitch_rad);
+        extractor.extract(&sweep.returns, pose.roll_rad, pose.pitch_rad);
     });
 }
 

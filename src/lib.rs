@@ -55,5 +55,9 @@ pub mod tradeoff;
 
 pub mod cli;
 
+// Unit tests run as the program does: with the pinned functions under the C library's names.
+#[cfg(test)]
+mod c_symbols;
+
 #[cfg(test)]
 mod extremes;

@@ -9,7 +9,8 @@ use super::params::{LabelParams, ObstacleRule};
 use super::*;
 use crate::geometry::{DVec2, DVec3, Pose, Transform};
 use crate::math;
-use crate::random::{Purpose, Stage, Stream, Streams};
+use crate::random::{Drawn, Purpose, Stage, Stream, Streams};
+use crate::scene::params::SceneParams;
 use crate::scene::{Body, Class, Cylinder, Ground, Obstacle, Patch, Raster, Scene, Shape, Volume};
 use crate::slam::Estimate;
 use crate::sweep::{Pattern, Returns, Status, Sweep, TrueReturn};
@@ -379,4 +380,35 @@ fn law_the_order_of_points_moves_no_truth_and_hashes_tell_cells_apart() {
     let fewer = bin_one(&params, &points[1..], Pose::default(), &yard(0.0));
     assert_eq!(hash(&one), hash(&one.clone()));
     assert_ne!(hash(&one), hash(&fewer));
+}
+
+/// A rock's shape is computed when something asks for it. Which label a cell has must not depend on who asked before: casting computes
+/// the shapes it meets, but a recorded sweep may be labelled in a yard that nobody has looked at.
+#[test]
+fn law_labels_of_a_yard_that_nothing_has_asked_of_are_those_of_one_that_was_cast_at() {
+    let params: SceneParams =
+        serde_saphyr::from_str("{extent_m: 10, rocks: {count: 12, diameter_m: {uniform: [0.05, 0.8]}}}").unwrap();
+    let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Scene, step: 0 };
+    let drawn = Drawn::draw(&streams, params.dists());
+    let yard = || crate::scene::build(&params, &drawn, &streams).unwrap();
+    let (asked, fresh) = (yard(), yard());
+    let protrusions_m: Vec<f64> = asked.obstacles.iter().map(|rock| rock.body().protrusion_m).collect();
+    let rule = LabelParams { obstacle: ObstacleRule::TallerThanM(0.15), ..LabelParams::default() };
+    let params = CellParams { labels: rule, ..CellParams::default() };
+    // One point by each rock, each in a cell of its own.
+    let points: Vec<(DVec3, i32)> =
+        (0..12).map(|id| (DVec3::new(1.05 + 0.2 * f64::from(id), 0.05, -0.5), id)).collect();
+    let (sweep, estimate) = (sweep_of(&points), estimate_at(Pose::default()));
+    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor: Transform::IDENTITY };
+    let cells = |scene: &Scene| bin(&params, &[scan], &Transform::IDENTITY, 0.1, 50.0, scene, &mut Scratch::default());
+    for scene in [&fresh, &asked] {
+        let cells = cells(scene);
+        let labels: Vec<Option<i8>> = cells.rows.iter().map(|row| row.label).collect();
+        let wanted: Vec<Option<i8>> = protrusions_m.iter().map(|&height_m| Some(i8::from(height_m > 0.15))).collect();
+        assert_eq!(labels, wanted);
+        let truths = cells.rows.iter().map(|row| row.truth.protrusion_m);
+        assert!(truths.eq(protrusions_m.iter().map(|&height_m| height_m as f32)));
+    }
+    let tall = protrusions_m.iter().filter(|&&height_m| height_m > 0.15).count();
+    assert!(tall > 2 && tall < 10, "both classes: {protrusions_m:?}");
 }

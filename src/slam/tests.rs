@@ -43,6 +43,28 @@ fn rest(pose: &Pose) -> Reading {
     }
 }
 
+/// A step at constant speed and yaw rate is an arc. The chord of the arc points half the turn to the side, and is shorter than the arc
+/// by a share of turn^2 / 24: what the filter predicts is the arc's end within that, and never the end of a straight line.
+#[test]
+fn law_a_predicted_step_ends_where_the_arc_ends() {
+    let noise = motion::MotionNoise::new(&EXACT, 1.0);
+    for (yaw_rad, turn_rad) in [(0.0, 0.1), (0.7, -0.3), (3.0, 0.5), (-2.0, 0.02), (1.0, 0.0)] {
+        let mut belief = motion::Belief { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+        belief.mean[motion::YAW] = yaw_rad;
+        belief.drive(motion::Control { distance_m: 2.0, turn_rad }, &noise);
+        let end = yaw_rad + turn_rad;
+        let arc = if turn_rad == 0.0 {
+            [2.0 * math::cos(yaw_rad), 2.0 * math::sin(yaw_rad)]
+        } else {
+            let radius_m = 2.0 / turn_rad;
+            [radius_m * (math::sin(end) - math::sin(yaw_rad)), radius_m * (math::cos(yaw_rad) - math::cos(end))]
+        };
+        let off_m = math::hypot(belief.mean[0] - arc[0], belief.mean[1] - arc[1]);
+        assert!(off_m <= 2.0 * turn_rad * turn_rad / 24.0 + 1e-12, "yaw {yaw_rad}, turn {turn_rad}: {off_m} m");
+        assert!((belief.mean[motion::YAW] - math::wrap_angle(end)).abs() < 1e-15);
+    }
+}
+
 fn feature(polar: [f64; 3]) -> Feature {
     Feature { polar, points: 20, half_width_m: 0.1, known: None }
 }

@@ -140,6 +140,25 @@ mod tests {
     }
 
     #[test]
+    fn exact_inputs_are_standardised_and_end_at_the_clip_that_the_config_names() {
+        let mut moments = Moments::default();
+        [1.0, 3.0].into_iter().for_each(|x| moments.add(x));
+        let (scaler, constant) = scaler_of(vec![None], std::iter::once(moments), 8.0);
+        assert!(constant.is_empty());
+        let scaled = |x: f32| {
+            let mut out = [0.0];
+            scaler.scale(&[x], &mut out);
+            out[0]
+        };
+        // Mean 2, standard deviation 1.
+        let inside = [(2.0, 0.0), (3.0, 1.0), (-5.5, -7.5), (10.0, 8.0)];
+        let beyond = [(10.5, 8.0), (1e30, 8.0), (-6.5, -8.0), (f32::NEG_INFINITY, -8.0)];
+        for (x, wanted) in [inside, beyond].concat() {
+            assert_eq!(scaled(x), wanted, "{x}");
+        }
+    }
+
+    #[test]
     fn extreme_one_class_alone_is_not_weighed() {
         assert_eq!(Weights::new(&[[90, 0]], &[1.0], Balance::Classes).class, [1.0, 1.0]);
     }

@@ -221,7 +221,7 @@ fn slope(scene: &Scene, ray: &Ray, hit: Hit) -> f64 {
         }
         id => {
             let small = 1e-7;
-            let shape = &scene.obstacles[id as usize].shape;
+            let shape = &scene.obstacles[id as usize].body().shape;
             let rate = reference::outside(shape, ray.at(hit.range_m + small))
                 - reference::outside(shape, ray.at(hit.range_m - small));
             (0.5 * rate / small).abs().max(1e-300)
@@ -240,7 +240,7 @@ fn doubt(scene: &Scene, ray: &Ray, hit: Hit, truth: Hit) -> f64 {
     let until = if late.range_m.is_finite() { late.range_m } else { border };
     let height = |t: f64| match early.object {
         Hit::GROUND => reference::clearance(scene, ray, t),
-        id => reference::outside(&scene.obstacles[id as usize].shape, ray.at(t)),
+        id => reference::outside(&scene.obstacles[id as usize].body().shape, ray.at(t)),
     };
     let mut deepest = height(early.range_m);
     let mut step = 1e-9;
@@ -262,7 +262,7 @@ fn march(scene: &Scene, ray: &Ray, steps: usize) -> f64 {
     let end = ray.reach_m.min(200.0);
     let border = reference::leaves_square(scene.extent_m, ray);
     let height = |t: f64| {
-        let bodies = scene.obstacles.iter().map(|o| reference::outside(&o.shape, ray.at(t)));
+        let bodies = scene.obstacles.iter().map(|o| reference::outside(&o.body().shape, ray.at(t)));
         let ground = if t <= border { reference::clearance(scene, ray, t) } else { f64::INFINITY };
         bodies.fold(ground, f64::min)
     };
@@ -374,7 +374,7 @@ fn extreme_a_hundred_thousand_rocks() {
         let ray = Ray { origin, dir, reach_m: 100.0 };
         let truth = reference::first_hit(&scene, &ray);
         tally.compare(&scene, &ray, hit, truth, "100,000 rocks");
-        let Shape::Convex(body) = &scene.obstacles[truth.object as usize].shape else { panic!("a rock") };
+        let Shape::Convex(body) = &scene.obstacles[truth.object as usize].body().shape else { panic!("a rock") };
         match in_f32(body, &ray) {
             Some(range_m) => textbook_worst = textbook_worst.max((range_m - truth.range_m).abs()),
             None => other += 1,

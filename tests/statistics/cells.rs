@@ -143,10 +143,10 @@ fn equal_labels_agree_with_where_the_points_lie() {
         for slot in (0..sweep.returns.status.len()).filter(|&s| sweep.returns.status[s] == Status::Hit) {
             let p = world_from_sensor.point(sweep.returns.pattern.directions[slot] * sweep.returns.range_m[slot]);
             let cell = ((p.y / 0.1).floor() as i32, (p.x / 0.1).floor() as i32);
-            let touched = scene.obstacles.iter().find(|o| outside_m(&o.shape, p).abs() < 1e-8);
+            let touched = scene.obstacles.iter().find(|o| outside_m(&o.body().shape, p).abs() < 1e-8);
             let entry = obstacle.entry(cell).or_insert((false, 0.0_f64));
             match touched {
-                Some(o) => entry.0 |= o.protrusion_m > 0.1,
+                Some(o) => entry.0 |= o.body().protrusion_m > 0.1,
                 None => {
                     let step = 1e-5;
                     let height = |dx: f64, dy: f64| scene.ground.height_m(p.x + dx, p.y + dy);

@@ -398,7 +398,7 @@ fn dist_extracted_features_beat_dead_reckoning_and_come_near_to_points() {
             let streams = streams.at_step(k as u32);
             slam.step(&drive.readings[k], &streams).expect("upright");
             if let Some(sweep) = &ring.sweeps[k] {
-                let estimate = slam.observe(sweep, &streams).expect("upright");
+                let estimate = slam.observe(&sweep.returns, &streams).expect("upright");
                 counts.push((f64::from(estimate.features), f64::from(estimate.matched)));
             }
             let estimate = slam.estimate();

@@ -75,7 +75,9 @@ fn dist_range_noise_is_normal_with_the_stated_sigma_for_every_sensor() {
         let far_m = sensor.max_range_m - 10.0 * (sensor.range_sigma_m + sensor.range_sigma_per_m * sensor.max_range_m);
         let errors = (0..clean.returns.status.len()).filter(|&slot| clean.returns.range_m[slot] < far_m).map(|slot| {
             let range_m = clean.returns.range_m[slot];
-            normal_law((noisy.range_m[slot] - range_m) / (sensor.range_sigma_m + sensor.range_sigma_per_m * range_m))
+            normal_law(
+                (noisy.returns.range_m[slot] - range_m) / (sensor.range_sigma_m + sensor.range_sigma_per_m * range_m),
+            )
         });
         let distance = ks(errors.collect());
         assert!(distance < 1.0, "{name}: {distance}");
@@ -97,7 +99,7 @@ fn dist_oblique_noise_grows_with_the_tangent_of_incidence_up_to_82_degrees() {
         let cos = -up.dot(eye.direction(clean.returns.pattern.directions[slot]));
         let alpha_rad = math::acos(cos).min(82.0f64.to_radians());
         let sigma_m = 0.001 + clean.returns.range_m[slot] * 0.015 * math::tan(alpha_rad) / 4.0;
-        normal_law((noisy.range_m[slot] - clean.returns.range_m[slot]) / sigma_m)
+        normal_law((noisy.returns.range_m[slot] - clean.returns.range_m[slot]) / sigma_m)
     });
     let distance = ks(errors.collect());
     assert!(distance < 1.0, "{distance}");
@@ -113,17 +115,17 @@ fn dist_dropout_follows_the_logistic_law_of_received_power() {
         let sensor = Sensor { range_at_10_percent_m: 4.0, ..shipped(name) };
         let intensity = Intensity { ground_reflectance: 1.0.into(), object_reflectance: 1.0.into(), noise: 0.0.into() };
         let lit = run(&scene, &sensor, Effects { intensity: Some(intensity), ..Effects::default() }, 3, 0);
-        let gains = lit.intensity.as_ref().unwrap();
+        let gains = lit.returns.intensity.as_ref().unwrap();
         let dim = run(&scene, &sensor, Effects { dropout: Some(dropout.clone()), ..Effects::default() }, 3, 0);
         // Ten bins of equal chance of a return; chi-square with 10 degrees of freedom, 0.1 %: 29.6.
         let mut bins = [(0.0, 0.0, 0.0); 10];
-        for slot in (0..lit.status.len()).filter(|&slot| lit.status[slot] == Status::Hit) {
+        for slot in (0..lit.returns.status.len()).filter(|&slot| lit.returns.status[slot] == Status::Hit) {
             let power = 0.2 / 0.1 * f64::from(gains[slot]) * 16.0;
             let chance = 0.95 / (1.0 + math::exp(-math::ln(power) / 0.5));
             let bin = &mut bins[((chance * 10.0) as usize).min(9)];
             bin.0 += chance;
             bin.1 += chance * (1.0 - chance);
-            bin.2 += f64::from(u8::from(dim.status[slot] == Status::Hit));
+            bin.2 += f64::from(u8::from(dim.returns.status[slot] == Status::Hit));
         }
         let filled = bins.iter().filter(|b| b.1 > 5.0);
         assert!(filled.clone().count() >= 6, "{name}: {bins:?}");
@@ -152,7 +154,7 @@ fn dist_depths_in_bushes_are_exponential_along_every_chord() {
         let (mut depths, mut inside, mut expected, mut variance) = (Vec::new(), 0.0, 0.0, 0.0);
         for step in 0..4 {
             let leafy = run(&scene, &sensor, Effects::default(), 4, step);
-            for (slot, d) in leafy.pattern.directions.iter().enumerate() {
+            for (slot, d) in leafy.returns.pattern.directions.iter().enumerate() {
                 // The chord by its textbook quadratic, cut at the solid hit.
                 let (o, d) =
                     ((eye.translation_m - bush.centre_m) / bush.semi_axes_m, eye.direction(*d) / bush.semi_axes_m);
@@ -206,8 +208,8 @@ fn dist_grass_on_a_slope_stands_half_normal_above_the_slope() {
     let mut heights = Vec::new();
     for step in 0..4 {
         let grass = run(&scene, &sensor, Effects::default(), 5, step);
-        for slot in 0..grass.status.len() {
-            let at = |range_m: f64| eye.point(grass.pattern.directions[slot] * range_m);
+        for slot in 0..grass.returns.status.len() {
+            let at = |range_m: f64| eye.point(grass.returns.pattern.directions[slot] * range_m);
             let foot = at(bare.truth[slot].range_m).truncate();
             let in_patch = bare.truth[slot].object == -1 && foot.distance(patch.centre_m) <= patch.radius_m;
             assert_eq!(grass.truth[slot].object == 0, in_patch);
@@ -239,7 +241,7 @@ fn dist_intensity_noise_is_normal_and_object_reflectances_follow_their_law() {
         run(&scene, &sensor, Effects { intensity: Some(intensity), ..Effects::default() }, 6, 0)
     };
     let (clean, noisy) = (of(0.0), of(0.1));
-    let (clean_i, noisy_i) = (clean.returns.intensity.as_ref().unwrap(), noisy.intensity.as_ref().unwrap());
+    let (clean_i, noisy_i) = (clean.returns.intensity.as_ref().unwrap(), noisy.returns.intensity.as_ref().unwrap());
     let hits: Vec<usize> =
         (0..clean.returns.status.len()).filter(|&slot| clean.returns.status[slot] == Status::Hit).collect();
     // f32 rounding is 6e-8 of a noise of 0.1.

@@ -50,7 +50,7 @@ pub fn first_hit(scene: &Scene, ray: &Ray) -> Hit {
         best = Hit { range_m, object: Hit::GROUND };
     }
     for obstacle in &scene.obstacles {
-        let span = body_span(&obstacle.shape, ray);
+        let span = body_span(&obstacle.body().shape, ray);
         if let Some((enter, _)) = span.filter(|s| s.0 < best.range_m && s.0 <= ray.reach_m) {
             best = Hit { range_m: enter, object: obstacle.id };
         }
