@@ -69,7 +69,7 @@ impl Peer {
             }
         }
         for obstacle in &self.scene.obstacles {
-            let Shape::Convex(hull) = &obstacle.shape else { continue };
+            let Shape::Convex(hull) = &obstacle.body().shape else { continue };
             let base = (vertices.len() / 3) as i32;
             vertices.extend(hull.vertices_m.iter().flat_map(|v| v.to_array()));
             for face in &hull.faces {
