@@ -135,6 +135,10 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
         errln!("{place}: {} shards are as their receipts say", spec.shards());
+        if args.repair {
+            // A repair that was killed when all was well again left no more than this.
+            Place::open(store.as_ref(), &spec).and_then(|place| place.sweep()).map_err(corpus_failure)?;
+        }
     } else if args.repair {
         repair(args, &spec, store.as_ref(), &shards_of(&findings), signed.as_deref(), log)?;
     } else {
@@ -158,8 +162,11 @@ fn shards_of(findings: &[Finding]) -> Vec<u64> {
 fn unsound(findings: &[Finding], place: &str) -> Failure {
     let shards = shards_of(findings);
     let places = if shards.is_empty() { String::new() } else { format!(" in shards {}", ranges::to_text(&shards)) };
-    let is_repairable = findings.iter().any(Finding::is_repairable);
-    let cure = if is_repairable { format!("; cure: marsyard verify {place} --repair") } else { String::new() };
+    // What no repair mends says itself what does.
+    let cure = match findings.iter().any(Finding::is_repairable) {
+        true => format!("; cure: marsyard verify {place} --repair"),
+        false => findings.first().map_or_else(String::new, |first| format!("; the first: {first}")),
+    };
     Failure::failed(format!("{} findings{places}{cure}", findings.len()))
 }
 

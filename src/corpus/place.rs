@@ -160,7 +160,7 @@ impl<'a> Place<'a> {
     }
 
     /// Removes what crashed builds left; what a live one is writing stays.
-    pub(super) fn sweep(&self) -> Result<(), CorpusError> {
+    pub fn sweep(&self) -> Result<(), CorpusError> {
         let data = Table::ALL.map(Table::folder);
         let folders = ["", receipt::FOLDER].into_iter().chain(data.iter().map(String::as_str));
         folders.into_iter().try_for_each(|folder| self.store.sweep_temporaries(folder))
