@@ -12,7 +12,8 @@ use super::output::{errln, out, outln};
 use super::place::{self, corpus_failure};
 use super::rebuild::{Rebuild, Share, tell_before};
 use super::{Failure, LogFormat, sign};
-use crate::corpus::{self, CorpusError, CorpusSpec, Finished, Manifest, Place, Store, owner, ranges, verify};
+use crate::corpus::verify::{self, Finding};
+use crate::corpus::{self, Build, CorpusError, CorpusSpec, Finished, Known, Manifest, Place, Store, owner, ranges};
 use crate::pipeline::Prepared;
 
 #[derive(Debug, Args)]
@@ -128,27 +129,45 @@ pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
 pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let (spec, store) = open(&args.place)?;
     let place = args.place.display();
-    if let Some(key) = &args.key {
-        sign::check(&args.place, store.as_ref(), key, args.signature.as_deref())?;
-    }
-    let findings = verify::verify(store.as_ref(), &spec).map_err(corpus_failure)?;
+    let check = |key: &String| sign::check(&args.place, store.as_ref(), key, args.signature.as_deref());
+    let signed = args.key.as_ref().map(check).transpose()?;
+    let findings = verify::verify_signed(store.as_ref(), &spec, signed.as_deref()).map_err(corpus_failure)?;
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
         errln!("{place}: {} shards are as their receipts say", spec.shards());
-        tell_before(store.as_ref())?;
-        let (plan, _) = plan_of(&args.place, &[])?;
-        let (place, threads) = (place.to_string(), args.threads);
-        let rebuild = Rebuild { place, plan, spec: &spec, store: store.as_ref(), threads, log };
-        return args.rebuild.map_or(Ok(()), |share| rebuild.run(share));
+        if args.repair {
+            // A repair that was killed when all was well again left no more than this.
+            Place::open(store.as_ref(), &spec).and_then(|place| place.sweep()).map_err(corpus_failure)?;
+        }
+    } else if args.repair {
+        repair(args, &spec, store.as_ref(), &shards_of(&findings), signed.as_deref(), log)?;
+    } else {
+        return Err(unsound(&findings, &place.to_string()));
     }
+    tell_before(store.as_ref())?;
+    let (plan, _) = plan_of(&args.place, &[])?;
+    let (place, threads) = (place.to_string(), args.threads);
+    let rebuild = Rebuild { place, plan, spec: &spec, store: store.as_ref(), threads, log };
+    args.rebuild.map_or(Ok(()), |share| rebuild.run(share))
+}
+
+/// The shards in which something was found, ascending.
+fn shards_of(findings: &[Finding]) -> Vec<u64> {
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
     shards.sort_unstable();
     shards.dedup();
-    if args.repair {
-        return repair(args, &spec, store.as_ref(), &shards, log);
-    }
+    shards
+}
+
+fn unsound(findings: &[Finding], place: &str) -> Failure {
+    let shards = shards_of(findings);
     let places = if shards.is_empty() { String::new() } else { format!(" in shards {}", ranges::to_text(&shards)) };
-    Err(Failure::failed(format!("{} findings{places}; cure: marsyard verify {place} --repair", findings.len())))
+    // What no repair mends says itself what does.
+    let cure = match findings.iter().any(Finding::is_repairable) {
+        true => format!("; cure: marsyard verify {place} --repair"),
+        false => findings.first().map_or_else(String::new, |first| format!("; the first: {first}")),
+    };
+    Failure::failed(format!("{} findings{places}{cure}", findings.len()))
 }
 
 /// Builds shards anew in place of what is there, and merges the receipts again.
@@ -157,9 +176,13 @@ fn repair(
     spec: &CorpusSpec,
     store: &dyn Store,
     shards: &[u64],
+    signed: Option<&str>,
     log: LogFormat,
 ) -> Result<(), Failure> {
     let (plan, _) = plan_of(&args.place, &[])?;
+    if signed.is_some() {
+        refuse_other_program(&args.place, store, shards)?;
+    }
     // What the corpus was, if that is known: where all shards are sound it is the manifest that is not, or it is another corpus's,
     // or that of the corpus before it was raised.
     let witness = |there: &Manifest| {
@@ -187,8 +210,11 @@ fn repair(
         report: true,
         log,
     };
-    builder.build(&status, shards, |scene| format!("marsyard explain {} --scene {scene}", args.place.display()))?;
-    let manifest = corpus::finalize(store, spec).map_err(|error| match error {
+    // By its plan: while shards are missing the corpus itself is refused.
+    let plan_file = args.place.join("plan.yaml");
+    builder.build(&status, shards, |scene| format!("marsyard explain {} --scene {scene}", plan_file.display()))?;
+    let known = Known { built: shards, signed };
+    let manifest = corpus::finalize_knowing(store, spec, known).map_err(|error| match error {
         // They were built just now.
         gaps @ CorpusError::Gaps { .. } => Failure::new(
             Failure::TRY_AGAIN,
@@ -215,6 +241,24 @@ fn repair(
             Ok(())
         }
     }
+}
+
+/// Refuses to build anew, in a corpus that was signed, what another program wrote: its receipts would name this one.
+fn refuse_other_program(place: &Path, store: &dyn Store, shards: &[u64]) -> Result<(), Failure> {
+    let manifest = Manifest::read(store).map_err(corpus_failure)?;
+    let here = Build::of_this_binary();
+    let Some(there) = shards.iter().map(|&shard| manifest.build_of(shard)).find(|there| **there != here) else {
+        return Ok(());
+    };
+    Err(Failure::new(
+        Failure::FAILED,
+        miette::miette!(
+            help = "use that marsyard; without --key the shards are built all the same, and the corpus is no longer the signed one",
+            "{}: shards {} are to be built anew and were written by marsyard {there}, this is {here}: the signature would not cover them",
+            place.display(),
+            ranges::to_text(shards)
+        ),
+    ))
 }
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::Failure;
-use super::explain::plan_of;
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
 use crate::cells::CellParams;
@@ -116,7 +115,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let model = read_model(&args.model)?;
     let open = |out: &PathBuf| Outputs::open(out, ["evaluation.json"], vec![model_file(&args.model)]);
     let outputs = args.out.as_ref().map(open).transpose().map_err(corpus_failure)?;
-    let (plan, _) = plan_of(&args.corpus, &[])?;
+    let plan = place::finished_plan(&args.corpus)?;
     let split = match args.split {
         SplitName::Train => Split::Train,
         SplitName::Validation => Split::Validation,

@@ -12,13 +12,13 @@ use clap::Args;
 
 use super::build::{Builder, Built, is_stage_hashes};
 use super::explain::plan_of;
-use super::output::errln;
-use super::place::{self, corpus_failure, inputs};
+use super::output::{errln, printable};
+use super::place::{self, config_file, corpus_failure, inputs};
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::config::Plan;
 use crate::corpus::limits::FileKind;
-use crate::corpus::{self, Manifest, Place, Selection, Split, owner, ranges};
+use crate::corpus::{self, Known, Manifest, Place, Selection, Split, owner, ranges};
 use crate::pipeline::Prepared;
 
 #[derive(Debug, Args)]
@@ -126,7 +126,8 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         tell_part_end(&store.place(), &selected, &built.progress, log);
         return Ok(());
     }
-    let manifest = corpus::finalize(store, &spec).map_err(corpus_failure)?;
+    let known = Known { built: &shards, signed: None };
+    let manifest = corpus::finalize_knowing(store, &spec, known).map_err(corpus_failure)?;
     tell_end(&manifest, &store.place(), &built, args.threads, log);
     judge_failures(&builder.prepared.plan, &manifest)
 }
@@ -200,7 +201,9 @@ pub(super) fn split_warnings(plan: &Plan) -> Vec<String> {
 /// The command that replays one scene, as it would be typed here.
 fn replay_command(config: &ConfigArgs, scene: u64) -> String {
     let sets: String = config.sets.iter().map(|set| format!(" --set '{set}'")).collect();
-    format!("marsyard explain {} --scene {scene}{sets}", config.config.display())
+    // Of a corpus its plan: while it is built the corpus itself is refused.
+    let file = config_file(&config.config);
+    format!("marsyard explain {} --scene {scene}{sets}", file.display())
 }
 
 /// The end of a part: whether too many scenes failed is judged over the whole corpus, by `finalize`.
@@ -235,7 +238,7 @@ pub(super) fn judge_failures(plan: &Plan, manifest: &Manifest) -> Result<(), Fai
     let first = manifest
         .failed
         .first()
-        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, f.error, f.replay))
+        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, printable(&f.error), f.replay))
         .unwrap_or_default();
     Err(Failure::failed(format!(
         "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {first}",

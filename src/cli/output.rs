@@ -39,4 +39,9 @@ pub(super) fn tell(text: Arguments) {
     let _ = std::io::stderr().lock().write_fmt(format_args!("{text}\n"));
 }
 
+/// Words of a file that anybody may have written, without the control characters by which a terminal would obey them.
+pub(super) fn printable(text: &str) -> String {
+    text.chars().map(|letter| if letter.is_control() { '\u{fffd}' } else { letter }).collect()
+}
+
 pub(super) use {errln, out, outln};

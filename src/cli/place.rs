@@ -5,9 +5,10 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Failure;
+use super::{Failure, config_failure};
+use crate::config::{self, Plan};
 use crate::corpus::limits::FileKind;
-use crate::corpus::{CorpusError, Finished, Store, address, manifest};
+use crate::corpus::{CorpusError, Finished, Manifest, Store, address, manifest, plan_file};
 
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
@@ -89,8 +90,13 @@ pub(super) fn check_folder(place: &Path) -> Result<(), Failure> {
 }
 
 /// The file that a verb reads of what was named: a config, or the plan of a corpus.
+pub(super) fn config_file(place: &Path) -> PathBuf {
+    if is_config(place) { place.into() } else { place.join("plan.yaml") }
+}
+
+/// What a verb reads and so never writes.
 pub(super) fn inputs(place: &Path) -> Vec<PathBuf> {
-    vec![if is_config(place) { place.into() } else { place.join("plan.yaml") }]
+    vec![config_file(place)]
 }
 
 /// The store at a place.
@@ -105,10 +111,34 @@ pub(super) fn finished(place: &Path) -> Result<Finished, Failure> {
     Ok(corpus)
 }
 
+/// The plan of a finished corpus, held against its manifest: the first line of plan.yaml says a hash, its keys must give the same.
+/// That the corpus is whole is for [`finished`] to say.
+pub(super) fn finished_plan(place: &Path) -> Result<Plan, Failure> {
+    let store = open(place)?;
+    let there = Manifest::read(store.as_ref()).map_err(corpus_failure)?.scene_plan_hash;
+    let plan = config::load(&place.join(plan_file::NAME), &[]).map_err(config_failure)?;
+    let here = plan.scene_plan_hash();
+    if here == there {
+        return Ok(plan);
+    }
+    Err(corpus_failure(CorpusError::NotWhole {
+        place: store.place(),
+        name: plan_file::NAME.into(),
+        reason: format!(
+            "its keys give scene_plan_hash {here}, the manifest says {there}: it was edited or damaged, or written by another version \
+             of marsyard"
+        ),
+        cure: format!(
+            "`marsyard generate CONFIG --out {}`, with the config that the corpus was built from, writes it anew",
+            place.display()
+        ),
+    }))
+}
+
 /// Refuses a corpus that is not the one that its manifest names; one that is not finished yet has only its plan.
 pub(super) fn check_if_finished(place: &Path) -> Result<(), Failure> {
     match open(place)?.size(manifest::NAME).map_err(corpus_failure)? {
-        Some(_) => finished(place).map(drop),
+        Some(_) => finished(place).and_then(|_| finished_plan(place)).map(drop),
         None => Ok(()),
     }
 }

@@ -15,7 +15,7 @@ use super::{Failure, LogFormat};
 use crate::config::Plan;
 use crate::corpus::rebuilt::{self, Rebuilt};
 use crate::corpus::verify::Finding;
-use crate::corpus::{Build, CorpusSpec, Manifest, Store, ranges, rebuild};
+use crate::corpus::{Build, CorpusError, CorpusSpec, Manifest, Store, ranges, rebuild};
 use crate::pipeline::Prepared;
 use crate::pipeline::generate::{self, Event, Job, Outcome};
 
@@ -81,13 +81,14 @@ impl Rebuild<'_> {
         if shards.is_empty() {
             return Ok(());
         }
-        let (place, spec, store) = (self.place.clone(), self.spec, self.store);
+        let (place, store) = (self.place.clone(), self.store);
+        let before = Manifest::read(store).map_err(corpus_failure)?;
         let mut findings = self.compare(&shards)?;
         findings.sort_by_key(|finding| (finding.shard, finding.name.clone()));
         let mut differing: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
         differing.dedup();
         let equal: Vec<u64> = shards.iter().copied().filter(|shard| differing.binary_search(shard).is_err()).collect();
-        if let Err(error) = record(store, spec, &equal, &differing) {
+        if let Err(error) = record(store, &before, &equal, &differing) {
             tracing::warn!("{} was not written: {error}", rebuilt::NAME);
         }
         let ranges = ranges::to_text(&shards);
@@ -129,21 +130,22 @@ impl Rebuild<'_> {
 }
 
 /// Adds what was found to the corpus's record.
-fn record(
-    store: &dyn Store,
-    spec: &CorpusSpec,
-    equal: &[u64],
-    differing: &[u64],
-) -> Result<(), crate::corpus::CorpusError> {
-    let mut rebuilt = Rebuilt::read(store, &Manifest::read(store)?)?;
-    rebuilt.add(&Build::of_this_binary(), equal, differing, spec.shards());
+fn record(store: &dyn Store, before: &Manifest, equal: &[u64], differing: &[u64]) -> Result<(), CorpusError> {
+    if Manifest::read(store)?.corpus_id != before.corpus_id {
+        let reason = "the corpus became another one while its shards were built again".into();
+        return Err(CorpusError::Refused { place: store.place(), reason, cure: "build them again".into() });
+    }
+    let mut rebuilt = Rebuilt::read(store, before)?;
+    rebuilt.add(&Build::of_this_binary(), equal, differing, before.shards);
     rebuilt.write(store)
 }
 
 /// Says what others found when they built it again.
 pub(super) fn tell_before(store: &dyn Store) -> Result<(), Failure> {
     let manifest = Manifest::read(store).map_err(corpus_failure)?;
-    for entry in Rebuilt::read(store, &manifest).map_err(corpus_failure)?.rebuilt {
+    // A note beside the corpus, not a part of it: what cannot be read of it harms nothing.
+    let rebuilt = Rebuilt::read(store, &manifest).inspect_err(|error| tracing::warn!("{error}"));
+    for entry in rebuilt.map_or_else(|_| Vec::new(), |rebuilt| rebuilt.rebuilt) {
         let had = if entry.equal { "had the same bytes" } else { "had other bytes" };
         errln!("{}: shards {}, built again by marsyard {}, {had}", rebuilt::NAME, entry.shards, entry.build);
     }

@@ -3,13 +3,15 @@
 use std::io::{IsTerminal, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 
 use super::Failure;
-use super::output::errln;
+use super::output::{errln, printable};
 use super::place::{self, check_folder, corpus_failure};
 use crate::corpus::limits::FileKind;
+use crate::corpus::owner::RULE;
 use crate::corpus::signature::{self, PublicKey, SignatureError, SigningKey};
 use crate::corpus::{CorpusError, Finished, Manifest, Store, address, finished, manifest, sha256};
 
@@ -18,10 +20,12 @@ const PASSWORD: &str = "MARSYARD_KEY_PASSWORD";
 
 #[derive(Debug, Args)]
 #[command(
-    after_long_help = "Once:   marsyard sign --new-key my.key        (writes my.key, and my.key.pub to be handed out)\n\
+    after_help = RULE,
+    after_long_help = format!("Once:   marsyard sign --new-key my.key        (writes my.key, and my.key.pub to be handed out)\n\
     then:   marsyard sign corpora/mine --key my.key\n\
     others: marsyard verify corpora/mine --key my.key.pub\n\
-    or:     minisign -Vm corpora/mine/manifest.json -p my.key.pub   (the signature alone)"
+    or:     minisign -Vm corpora/mine/manifest.json -p my.key.pub   (the signature alone)\n\n\
+    {RULE}")
 )]
 pub(super) struct SignArgs {
     /// Folder or URL of a finished corpus.
@@ -68,25 +72,41 @@ fn sign(corpus: &Path, key: &Path, out: Option<&Path>) -> Result<(), Failure> {
     }
     let key = signing_key(key)?;
     let text = key.sign(&bytes, &comment(&manifest)).map_err(Failure::failed)?;
-    let (place, name) = match out {
-        Some(file) => address::open_file(file).map_err(corpus_failure)?,
-        None => (store, signature::NAME.to_string()),
-    };
-    refuse_foreign(place.as_ref(), &name)?;
+    let (place, name) = signature_file(store.as_ref(), out)?;
+    // Beside the corpus's manifest a signature is the corpus's, whoever made it; elsewhere it may be of anything.
+    let begins = if out.is_some() { COMMENT } else { "" };
+    let there = shown(corpus, out);
+    refuse_foreign(place.as_ref(), &name, begins, &there)?;
     place.replace(&name, text.as_bytes()).map_err(corpus_failure)?;
-    let there = format!("{}/{name}", place.place());
     errln!("{}: signed with the key {}, in {there}", corpus.display(), key.id());
     Ok(())
 }
 
-/// What is signed with the bytes, for people: what the corpus was when it was signed.
-fn comment(manifest: &Manifest) -> String {
-    format!("marsyard corpus of {} scenes, corpus_id {}", manifest.scenes, manifest.corpus_id)
+/// Where a signature is.
+fn signature_file(corpus: &dyn Store, at: Option<&Path>) -> Result<(Arc<dyn Store>, String), Failure> {
+    match at {
+        Some(file) => address::open_file(file).map_err(corpus_failure),
+        None => Ok((corpus.share(), signature::NAME.to_string())),
+    }
 }
 
-/// Only a signature is replaced by a signature.
-fn refuse_foreign(place: &dyn Store, name: &str) -> Result<(), Failure> {
-    let is_signature = |bytes: &[u8]| std::str::from_utf8(bytes).is_ok_and(|text| signature::said(text).is_ok());
+/// The same as it was typed.
+fn shown(corpus: &Path, at: Option<&Path>) -> String {
+    at.map_or_else(|| corpus.join(signature::NAME), Path::to_path_buf).display().to_string()
+}
+
+/// How the comment of a corpus's signature begins.
+const COMMENT: &str = "marsyard corpus of ";
+
+/// What is signed with the bytes, for people: what the corpus was when it was signed.
+fn comment(manifest: &Manifest) -> String {
+    format!("{COMMENT}{} scenes, corpus_id {}, name {}", manifest.scenes, manifest.corpus_id, manifest.name)
+}
+
+/// Only a signature is replaced by a signature, one whose comment begins so.
+fn refuse_foreign(place: &dyn Store, name: &str, begins: &str, shown: &str) -> Result<(), Failure> {
+    let said = |bytes: &[u8]| std::str::from_utf8(bytes).ok().and_then(|text| signature::said(text).ok());
+    let is_signature = |bytes: &[u8]| said(bytes).is_some_and(|said| said.comment.starts_with(begins));
     match finished::read_present(place, name, FileKind::Signature) {
         Ok(None) => return Ok(()),
         Ok(Some(bytes)) if is_signature(&bytes) => return Ok(()),
@@ -94,9 +114,8 @@ fn refuse_foreign(place: &dyn Store, name: &str) -> Result<(), Failure> {
         Err(error) => return Err(corpus_failure(error)),
     }
     Err(Failure::usage(miette::miette!(
-        help = "name another file with --out, or remove it",
-        "{}/{name} is there and is no signature",
-        place.place()
+        help = format!("name another file with --out, or move it away: {RULE}"),
+        "{shown} is there and is no signature of a corpus"
     )))
 }
 
@@ -189,28 +208,31 @@ fn public_key(typed: &str) -> Result<PublicKey, Failure> {
     PublicKey::parse(&text).map_err(|error| Failure::usage(miette::Report::msg(format!("--key {typed}: {error}"))))
 }
 
-/// Holds the manifest against its signature; says whose it is, or why it is not to be trusted.
-pub(super) fn check(corpus: &Path, store: &dyn Store, key: &str, at: Option<&Path>) -> Result<(), Failure> {
+/// Holds the manifest against its signature; says whose it is, or why it is not to be trusted. Also the SHA-256 of what was signed.
+pub(super) fn check(corpus: &Path, store: &dyn Store, key: &str, at: Option<&Path>) -> Result<String, Failure> {
     let key = public_key(key)?;
-    let (place, name) = match at {
-        Some(file) => address::open_file(file).map_err(corpus_failure)?,
-        None => (store.share(), signature::NAME.to_string()),
-    };
-    let there = format!("{}/{name}", place.place());
+    let (place, name) = signature_file(store, at)?;
+    let there = shown(corpus, at);
     let text = finished::read_present(place.as_ref(), &name, FileKind::Signature).map_err(corpus_failure)?;
     let Some(text) = text.map(|bytes| String::from_utf8_lossy(&bytes).into_owned()) else {
         let why = format!("{there}: there is no signature: the corpus was not signed, or it was taken away");
         return Err(distrust(&why));
     };
-    let bytes = FileKind::Manifest.read(store, manifest::NAME).map_err(corpus_failure)?;
+    let (manifest, bytes) = Manifest::read_with_bytes(store).map_err(corpus_failure)?;
     match key.check(&bytes, &text) {
-        Ok(comment) => {
-            errln!("{}: manifest.json is what the key {} signed ({comment})", corpus.display(), key.id());
-            Ok(())
+        Ok(_) if manifest.format < 2 => Err(distrust(&format!(
+            "{there}: manifest.json is what was signed, and of format 1: it lacks the hashes of the lists and receipts, so that \
+             nothing else is covered"
+        ))),
+        Ok(said) => {
+            let (id, said) = (key.id(), printable(&said));
+            errln!("{}: manifest.json is what the key {id} signed ({said})", corpus.display());
+            errln!("{}: it names the corpus {}, corpus_id {}", corpus.display(), manifest.name, manifest.corpus_id);
+            Ok(sha256(&bytes))
         }
         Err(SignatureError::OtherBytes) => {
-            let then = signature::said(&text).map(|said| said.comment).unwrap_or_default();
-            let now = Manifest::read(store).map(|manifest| comment(&manifest)).unwrap_or_default();
+            let then = signature::said(&text).map(|said| printable(&said.comment)).unwrap_or_default();
+            let now = comment(&manifest);
             Err(distrust(&format!(
                 "{there}: manifest.json is not what was signed: by its comment that was a {then}; it is a {now}: the corpus grew, was \
                  renamed or finalized by another marsyard since, or somebody changed it"

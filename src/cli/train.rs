@@ -13,7 +13,6 @@ use serde_json::json;
 
 use self::progress::Progress;
 use super::evaluate::{family_facts, files_of, model_file, read_model};
-use super::explain::plan_of;
 use super::generate::{default_threads, parse_threads};
 use super::leaks::{self, Learnt};
 use super::output::{errln, out};
@@ -145,7 +144,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     for (path, weight) in &args.corpora {
         check_folder(path)?;
         let mut source = open_source(path, *weight)?;
-        let (plan, _) = plan_of(path, &[])?;
+        let plan = place::finished_plan(path)?;
         if !source.yards.known() {
             source.yards.yards = plan.yards();
         }
@@ -275,7 +274,7 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
 fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(), Failure> {
     let model = read_model(&setup.out)?;
     for ((path, _), source) in args.corpora.iter().zip(&setup.sources.list) {
-        let (plan, _) = plan_of(path, &[])?;
+        let plan = place::finished_plan(path)?;
         let options = Options {
             labels: setup.params.labels.clone(),
             allow_shared_scenes: args.allow_shared_scenes,

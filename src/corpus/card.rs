@@ -6,6 +6,8 @@ use super::schema::{self, Column, Role};
 use super::{CorpusSpec, Manifest, Split, Table};
 
 pub const NAME: &str = "README.md";
+/// How it ends.
+pub const END: &str = "never train on them. `info` columns are not features either.\n";
 
 /// The card as text.
 pub fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {
@@ -112,10 +114,7 @@ fn body(out: &mut String, spec: &CorpusSpec, manifest: &Manifest) -> std::fmt::R
         }
         writeln!(out)?;
     }
-    writeln!(
-        out,
-        "Columns of the role `truth` are known to the simulator only: never train on them. `info` columns are not features either."
-    )
+    writeln!(out, "Columns of the role `truth` are known to the simulator only: {}", END.trim_end())
 }
 
 /// Splits that have a shard: loaders refuse a pattern that matches nothing.

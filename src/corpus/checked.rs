@@ -89,7 +89,8 @@ impl Expected<'_> {
     }
 }
 
-fn sha256_of(store: &dyn Store, name: &str, bytes: u64) -> Result<String, CorpusError> {
+/// The SHA-256 of a file of so many bytes.
+pub fn sha256_of(store: &dyn Store, name: &str, bytes: u64) -> Result<String, CorpusError> {
     let mut hasher = sha2::Sha256::new();
     let mut offset = 0;
     while offset < bytes {

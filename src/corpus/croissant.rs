@@ -9,6 +9,8 @@ use super::schema::{self, Column};
 use super::{CorpusSpec, Manifest, Table, manifest};
 
 pub const NAME: &str = "croissant.json";
+/// How it ends: behind the last field of the last record.
+pub const END: &str = "          }\n        }\n      ]\n    }\n  ]\n}\n";
 
 /// The description as JSON-LD text.
 pub fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {

@@ -112,7 +112,18 @@ impl CorpusError {
                 "other_corpus"
             }
             CorpusError::Gaps { .. } => "gaps",
-            _ => "damaged",
+            CorpusError::Foreign { .. } => "foreign",
+            CorpusError::Overtaken { .. } => "overtaken",
+            CorpusError::OtherFormat { .. } => "other_format",
+            CorpusError::BadName { .. }
+            | CorpusError::BadReceipt { .. }
+            | CorpusError::BadManifest { .. }
+            | CorpusError::NotWhole { .. }
+            | CorpusError::NotAFile { .. }
+            | CorpusError::TooLarge { .. }
+            | CorpusError::Rows { .. }
+            | CorpusError::Parquet { .. }
+            | CorpusError::Arrow { .. } => "damaged",
         }
     }
 
@@ -132,8 +143,16 @@ impl CorpusError {
             | CorpusError::OtherPlan { place, .. }
             | CorpusError::ForeignPlan { place }
             | CorpusError::BeyondPlan { place, .. }
-            | CorpusError::Gaps { place, .. } => place,
-            _ => "",
+            | CorpusError::Gaps { place, .. }
+            | CorpusError::Foreign { place, .. }
+            | CorpusError::NotWhole { place, .. }
+            | CorpusError::NotAFile { place, .. }
+            | CorpusError::TooLarge { place, .. }
+            | CorpusError::Overtaken { place, .. } => place,
+            CorpusError::BadName { .. }
+            | CorpusError::Rows { .. }
+            | CorpusError::Parquet { .. }
+            | CorpusError::Arrow { .. } => "",
         }
     }
 }

@@ -8,6 +8,7 @@
 //! Not seen here: a manifest, list, receipts and tables that were all edited to fit each other. `marsyard verify --rebuild` builds
 //! shards again and sees that.
 
+use std::collections::HashMap;
 use std::fmt;
 use std::sync::Arc;
 
@@ -44,6 +45,28 @@ pub struct Fault {
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}; {}", self.name, self.what, self.cure)
+    }
+}
+
+impl Fault {
+    /// A file that belongs to no shard.
+    pub fn of_stray(place: &str, name: String, stray: &Stray) -> Fault {
+        let (what, cure) = match stray {
+            Stray::Beyond { shard } => (
+                format!("it is of shard {shard}, behind the end of the corpus"),
+                format!(
+                    "`marsyard generate {place} --discard-beyond` removes such shards; with a config of more scenes they belong to it"
+                ),
+            ),
+            Stray::Ours => (
+                "it belongs to no shard, and readers that go by *.parquet read it".into(),
+                format!("`marsyard verify {place} --repair` removes it"),
+            ),
+            Stray::Foreign => {
+                ("it was not written for this corpus, and readers of the folder read it".into(), "move it away".into())
+            }
+        };
+        Fault { name, what, cure }
     }
 }
 
@@ -204,7 +227,13 @@ fn unlike(store: &dyn Store, name: &str, there: Option<&str>, expected: &str) ->
         Some(_) => "its SHA-256 is not the manifest's: it was edited or damaged, or a finalize was cut off",
         None => "it is missing",
     };
-    let cure = format!("`marsyard finalize {}` writes it anew from the receipts", store.place());
+    let anew = format!("`marsyard finalize {}` writes it anew from the receipts", store.place());
+    // People may have added something of their own, which finalize does not replace.
+    let cure = if there.is_some() && [card::NAME, croissant::NAME].contains(&name) {
+        format!("move away what was edited by hand, and {anew}")
+    } else {
+        anew
+    };
     Some(Fault { name: name.into(), what: what.into(), cure })
 }
 
@@ -231,6 +260,42 @@ fn shard_lines(
     }
 }
 
+/// What the list of shards in a place is to the manifest there.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Listed {
+    /// The manifest's own: the SHA-256 of each shard's receipt, by shard, as the corpus was finished with them.
+    Own(HashMap<u64, String>),
+    /// A whole list that the manifest does not name: a finalize was cut off between the two.
+    Other,
+    /// None, or damaged; or of format 1, which knew no hashes.
+    Unknown,
+}
+
+impl Listed {
+    pub fn read(store: &dyn Store, manifest: &Manifest) -> Result<Listed, CorpusError> {
+        // A growth may have left a longer one.
+        let kind = FileKind::ShardList { shards: u64::MAX };
+        let bytes = match read_present(store, manifest::SHARDS, kind) {
+            Err(CorpusError::TooLarge { .. }) => None,
+            other => other?,
+        };
+        let Some(lines) = bytes.as_deref().and_then(|bytes| manifest::parse_shard_lines(bytes).ok()) else {
+            return Ok(Listed::Unknown);
+        };
+        if manifest.files.get(manifest::SHARDS) != bytes.as_deref().map(sha256).as_ref() {
+            return Ok(Listed::Other);
+        }
+        let receipts = lines.into_iter().map(|line| Some((line.shard, line.receipt_sha256?))).collect::<Option<_>>();
+        Ok(receipts.map_or(Listed::Unknown, Listed::Own))
+    }
+
+    /// Whether a shard is listed with another receipt than one of these bytes.
+    pub fn has_other(&self, shard: u64, receipt: &[u8]) -> bool {
+        let Listed::Own(receipts) = self else { return false };
+        receipts.get(&shard).is_some_and(|there| *there != sha256(receipt))
+    }
+}
+
 /// A stray in words.
 pub fn stray_fault(
     store: &dyn Store,
@@ -239,23 +304,8 @@ pub fn stray_fault(
     scene_plan_hash: &str,
     shards: u64,
 ) -> Result<Fault, CorpusError> {
-    let place = store.place();
-    let (what, cure) = match listing.judge(store, name, scene_plan_hash, shards)? {
-        Stray::Beyond { shard } => (
-            format!("it is of shard {shard}, behind the end of the corpus"),
-            format!(
-                "`marsyard generate {place} --discard-beyond` removes such shards; with a config of more scenes they belong to it"
-            ),
-        ),
-        Stray::Ours => (
-            "it belongs to no shard, and readers that go by *.parquet read it".into(),
-            format!("`marsyard verify {place} --repair` removes it"),
-        ),
-        Stray::Foreign => {
-            ("it was not written for this corpus, and readers of the folder read it".into(), "move it away".into())
-        }
-    };
-    Ok(Fault { name: name.into(), what, cure })
+    let stray = listing.judge(store, name, scene_plan_hash, shards)?;
+    Ok(Fault::of_stray(&store.place(), name.into(), &stray))
 }
 
 /// The bytes of a file, or `None` where there is none.

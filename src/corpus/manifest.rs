@@ -7,11 +7,14 @@ use serde::{Deserialize, Serialize};
 use sha2::Digest;
 
 use super::limits::FileKind;
+use super::ranges::Selection;
 use super::receipt::{self, FileFacts, Receipt};
 use super::spec::CorpusSpec;
 use super::stats::{LabelCounts, Moments, PointCounts};
 use super::totals::Totals;
-use super::{Build, CorpusError, FORMAT, Split, Store, Table, Yards, card, croissant, hex, names, plan_file, ranges};
+use super::{
+    Build, CorpusError, FORMAT, Split, Store, Table, Yards, card, croissant, hex, names, plan_file, ranges, sha256,
+};
 use crate::cells::FeatureColumn;
 
 pub const NAME: &str = "manifest.json";
@@ -155,7 +158,9 @@ impl<'a> Merge<'a> {
         }
         let labels = (self.format > 1).then_some(receipt.labels);
         let tables = receipt.tables.clone();
-        let line = ShardLine { shard: receipt.shard, split: receipt.split, scenes: receipt.scenes, labels, tables };
+        let Receipt { shard, split, scenes, .. } = *receipt;
+        let receipt_sha256 = (self.format > 1).then(|| sha256(bytes));
+        let line = ShardLine { shard, split, scenes, labels, receipt_sha256, tables };
         self.totals.add(&line, receipt.labels, receipt.failed.len() as u64);
         self.lines += &serde_json::to_string(&line).expect("a line is plain data");
         self.lines.push('\n');
@@ -198,9 +203,9 @@ impl<'a> Merge<'a> {
 }
 
 impl Manifest {
-    pub fn write(&self, store: &dyn Store) -> Result<(), CorpusError> {
-        let text = serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n";
-        store.replace(NAME, text.as_bytes())
+    /// The manifest's file.
+    pub fn text(&self) -> String {
+        serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n"
     }
 
     pub fn read(store: &dyn Store) -> Result<Manifest, CorpusError> {
@@ -228,7 +233,7 @@ impl Manifest {
     }
 
     /// What holds for every manifest that marsyard wrote: names that are no paths, numbers that can be true.
-    fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), String> {
         let named = self.families.iter().chain([&self.name]).find(|name| !names::is_folder_name(name));
         if let Some(name) = named {
             return Err(format!("the name {name:?} {}", names::RULE));
@@ -238,6 +243,11 @@ impl Manifest {
         }
         if self.format > 1 && (self.receipts_sha256.is_none() || !self.files.keys().map(String::as_str).eq(FILES)) {
             return Err(format!("it lacks the hashes of {} and the receipts", FILES.join(", ")));
+        }
+        // Their names would say that what they cover is checked.
+        let has_later_keys = !self.files.is_empty() || self.receipts_sha256.is_some() || !self.yards.is_empty();
+        if self.format == 1 && has_later_keys {
+            return Err("it is of format 1, and has keys of format 2: its format was edited".into());
         }
         let foreign = |failed: &&FailedEntry| failed.scene >= self.scenes || failed.replay != replay(failed.scene);
         match self.failed.iter().find(foreign) {
@@ -268,6 +278,17 @@ impl Manifest {
         Yards { seed, yards: self.yards.clone(), scenes, scenes_per_shard }
     }
 
+    /// The program that wrote a shard.
+    pub fn build_of(&self, shard: u64) -> &Build {
+        let wrote = |other: &&OtherBuild| {
+            other
+                .shards
+                .parse()
+                .is_ok_and(|shards: Selection| shards.of(self.shards).is_ok_and(|all| all.contains(&shard)))
+        };
+        self.other_builds.iter().find(wrote).map_or(&self.build, |other| &other.build)
+    }
+
     pub fn labels(&self) -> LabelCounts {
         self.splits.values().map(|split| split.labels).sum()
     }
@@ -282,6 +303,9 @@ pub struct ShardLine {
     /// Since format 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelCounts>,
+    /// Of the shard's receipt. Since format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub receipt_sha256: Option<String>,
     pub tables: BTreeMap<Table, FileFacts>,
 }
 

@@ -2,9 +2,11 @@
 //!
 //! The folder's ledger, `marsyard.sha256`, has a line for each file that was written, hash and name, as `sha256sum --check` reads them.
 //! The line is there before the file is, so that a folder that was left by a kill is still known; then a file may have two lines, and
-//! is marsyard's where it is as one of them says. The same command again replaces these files, and no other.
+//! is marsyard's where it is as one of them says. The same command again replaces these files, and no other. Commands that write into
+//! one folder at once take turns, and keep each other's lines.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -28,7 +30,7 @@ pub struct Outputs {
 }
 
 /// By name, the hashes that the file may have: the last is that of the file written last.
-#[derive(Default)]
+#[derive(Default, PartialEq)]
 struct Ledger(BTreeMap<String, Vec<String>>);
 
 impl Ledger {
@@ -58,6 +60,15 @@ impl Ledger {
             hashes.push(hash.into());
         }
         is_new
+    }
+
+    /// Adds what another command wrote meanwhile; of a name that both wrote the last hash stays.
+    fn take_in(&mut self, there: &Ledger) {
+        for (name, theirs) in &there.0 {
+            let ours = self.0.entry(name.clone()).or_default();
+            let new: Vec<String> = theirs.iter().filter(|hash| !ours.contains(hash)).cloned().collect();
+            ours.splice(0..0, new);
+        }
     }
 
     fn text(&self) -> String {
@@ -92,6 +103,22 @@ impl Outputs {
         Ok(outputs)
     }
 
+    /// Keeps other commands from writing here until the handle is dropped, and takes in what they wrote; also whether the ledger there
+    /// holds all that is known here. A place that cannot be locked (a URL, some network file systems) is for one command at a time.
+    fn hold(&mut self) -> Result<(Option<File>, bool), CorpusError> {
+        let Some(folder) = &self.folder else { return Ok((None, !self.written.is_empty())) };
+        let failed = |source| CorpusError::of_path(folder, source);
+        fs::create_dir_all(folder).map_err(failed)?;
+        let held = File::open(folder).map_err(failed)?;
+        // Where there are no locks nobody can be kept out.
+        let _ = held.lock();
+        let there = Ledger::read(self.store.as_ref())?.unwrap_or_default();
+        self.ledger.take_in(&there);
+        // A broken last line, which a kill left, is none of it: the first write is of the whole.
+        let is_whole = !self.written.is_empty() && there == self.ledger;
+        Ok((Some(held), is_whole))
+    }
+
     /// Refuses a name under which there is something that marsyard did not write.
     fn check(&self, name: &str) -> Result<(), CorpusError> {
         let refused = |why| Err(owner::foreign(self.store.place(), name, why));
@@ -114,6 +141,7 @@ impl Outputs {
 
     /// Writes files, each whole, in the place of those that an earlier command wrote.
     pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<(), CorpusError> {
+        let (_held, is_whole) = self.hold()?;
         files.iter().try_for_each(|(name, _)| self.check(name))?;
         let mut lines = String::new();
         for (name, bytes) in files {
@@ -122,8 +150,7 @@ impl Outputs {
                 lines += &format!("{hash}  {name}\n");
             }
         }
-        if self.written.is_empty() {
-            // Whole: what a kill left of it may end in a broken line.
+        if !is_whole {
             self.store.replace(LEDGER, self.ledger.text().as_bytes())?;
         } else if !lines.is_empty() {
             self.store.append(LEDGER, lines.as_bytes())?;
@@ -134,9 +161,40 @@ impl Outputs {
 
     /// Leaves one line in the ledger for each file written, and nothing of what a killed command left.
     pub fn finish(mut self) -> Result<(), CorpusError> {
+        let _held = self.hold()?;
         let written = self.ledger.0.iter_mut().filter(|(name, _)| self.written.contains(*name));
-        written.for_each(|(_, hashes)| _ = hashes.drain(..hashes.len() - 1));
+        for (name, hashes) in written.filter(|(_, hashes)| hashes.len() > 1) {
+            // Another command may have written the same name after this one.
+            let there = self.store.size(name)?.map(|_| self.store.read(name)).transpose()?.map(|bytes| sha256(&bytes));
+            let last = hashes.pop().expect("more than one");
+            *hashes = vec![there.filter(|there| hashes.contains(there)).unwrap_or(last)];
+        }
         self.store.replace(LEDGER, self.ledger.text().as_bytes())?;
         self.store.sweep_temporaries("")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn law_commands_that_write_into_one_folder_at_once_own_each_others_files() {
+        let dir = tempfile::tempdir().unwrap();
+        let names = ["a", "b", "both"];
+        let open = || Outputs::open(dir.path(), names, Vec::new());
+        let file = |name: &str, bytes: &[u8]| [(name.to_string(), bytes.to_vec())];
+        let (mut first, mut second) = (open().unwrap(), open().unwrap());
+        first.write(&file("a", b"1")).unwrap();
+        second.write(&file("b", b"2")).unwrap();
+        first.write(&file("both", b"1")).unwrap();
+        second.write(&file("both", b"2")).unwrap();
+        first.finish().unwrap();
+        open().unwrap();
+        second.finish().unwrap();
+        let ledger = open().unwrap().ledger;
+        let expected = [("a", b"1"), ("b", b"2"), ("both", b"2")];
+        let hashes = expected.map(|(name, bytes)| (name.to_string(), vec![sha256(bytes)]));
+        assert!(ledger == Ledger(BTreeMap::from(hashes)), "{}", ledger.text());
     }
 }

@@ -6,10 +6,12 @@
 //! take its name.
 
 use std::fs;
+use std::io::Read;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-use super::{CorpusError, Receipt, Store, Table, card, croissant, listing, manifest};
+use super::limits::{self, FileKind};
+use super::{CorpusError, Receipt, Store, Table, card, croissant, finished, listing, manifest, sha256};
 
 /// The rule, as `--help` and every refusal say it.
 pub const RULE: &str = "marsyard writes into a place that is empty, not there yet, or its own; it never replaces a file that it did \
@@ -27,18 +29,18 @@ const MOVE_FILE: &str =
 pub const REPORT: &str = "report.json";
 
 /// How a kind of file that marsyard may replace in its own place is known, also where it was cut short or damaged: by how it begins, or
-/// by one of some words in it.
+/// by all of some words in it, if there are such.
 struct Look {
     begins: &'static str,
     holds: &'static [&'static str],
 }
 
-/// What `generate` and `finalize` replace in a corpus.
+/// What `generate` and `finalize` replace in a corpus. The first two are read by people, who add to them: see [`check_text`].
 const DERIVED: [(&str, Look); 5] = [
-    (card::NAME, Look { begins: "---\npretty_name: ", holds: &["\n- marsyard\n", "Made by `marsyard "] }),
-    (croissant::NAME, Look { begins: "{\n  \"@context\"", holds: &["\"corpus_id ", "mlcommons.org/croissant"] }),
+    (card::NAME, Look { begins: "---\npretty_name: ", holds: &[] }),
+    (croissant::NAME, Look { begins: "{\n  \"@context\"", holds: &[] }),
     (manifest::NAME, Look { begins: "{\n  \"format\"", holds: &["\"corpus_id\"", "\"scene_plan_hash\""] }),
-    (manifest::SHARDS, Look { begins: "{\"shard\":", holds: &["{\"shard\":"] }),
+    (manifest::SHARDS, Look { begins: "{\"shard\":", holds: &["{\"shard\":", "\"value_hash\":"] }),
     (REPORT, Look { begins: "{\n  \"wall_s\"", holds: &["\"cell_rows_per_s\"", "\"stage_thread_seconds\""] }),
 ];
 const RECEIPT: Look = Look { begins: "{\n  \"format\"", holds: &["\"scene_plan_hash\"", "\"shard\""] };
@@ -61,6 +63,27 @@ pub fn check_empty(store: &dyn Store) -> Result<(), CorpusError> {
 /// Refuses a corpus in which a file of another's has the name of one that is merged from the receipts.
 pub fn check_derived(store: &dyn Store) -> Result<(), CorpusError> {
     DERIVED.iter().try_for_each(|(name, look)| check_look(store, name, look))
+}
+
+/// How the texts end that people read.
+const ENDS: [(&str, &str); 2] = [(card::NAME, card::END), (croissant::NAME, croissant::END)];
+
+/// Refuses to replace a text that people read where they may have edited it, or brought it themselves. It is marsyard's where it is
+/// what is to be written now, whole or cut short; where it is what was written last, of this SHA-256; and, where that is not known,
+/// where it begins and ends as marsyard's.
+pub fn check_text(store: &dyn Store, name: &str, text: &[u8], last: Option<&str>) -> Result<(), CorpusError> {
+    let there = match finished::read_present(store, name, FileKind::Card) {
+        Ok(Some(there)) => there,
+        Ok(None) => return Ok(()),
+        Err(CorpusError::TooLarge { .. }) => return Err(foreign(store.place(), name, CHANGED)),
+        Err(error) => return Err(error),
+    };
+    let ends = ENDS.iter().any(|(of, end)| *of == name && there.ends_with(end.as_bytes()));
+    if text.starts_with(&there) || last.map_or(ends, |last| sha256(&there) == last) {
+        // How it begins has been asked before anything was written.
+        return Ok(());
+    }
+    Err(foreign(store.place(), name, CHANGED))
 }
 
 /// Refuses a shard, to be built anew, in whose place is a file that is not of the plan by its own metadata: it may be somebody's only
@@ -87,10 +110,15 @@ fn check_look(store: &dyn Store, name: &str, look: &Look) -> Result<(), CorpusEr
     let shorter = head.len().min(look.begins.len());
     let begins = head[..shorter] == look.begins.as_bytes()[..shorter];
     let holds = |word: &&str| head.windows(word.len()).any(|part| part == word.as_bytes());
-    if begins || look.holds.iter().any(holds) { Ok(()) } else { Err(foreign(store.place(), name, NOT_WRITTEN)) }
+    if begins || (!look.holds.is_empty() && look.holds.iter().all(holds)) {
+        Ok(())
+    } else {
+        Err(foreign(store.place(), name, NOT_WRITTEN))
+    }
 }
 
-/// Refuses to replace a single file that is none of marsyard's, by what `is_ours` says of its bytes, or that is an input.
+/// Refuses to replace a single file that is none of marsyard's, by what `is_ours` says of its bytes, or that is an input. Of what is
+/// larger than any model the beginning alone is looked at.
 pub fn check_file(path: &Path, inputs: &[PathBuf], is_ours: impl Fn(&[u8]) -> bool) -> Result<(), CorpusError> {
     let refused = |why| {
         let place = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -112,7 +140,9 @@ pub fn check_file(path: &Path, inputs: &[PathBuf], is_ours: impl Fn(&[u8]) -> bo
     }
     let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
     let ours = kind.is_file() && {
-        let bytes = fs::read(path).map_err(failed)?;
+        let mut bytes = Vec::new();
+        let file = fs::File::open(path).map_err(failed)?;
+        file.take(limits::MODEL_BYTES).read_to_end(&mut bytes).map_err(failed)?;
         bytes.is_empty() || is_ours(&bytes)
     };
     if ours { Ok(()) } else { refused(NOT_WRITTEN) }

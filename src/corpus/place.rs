@@ -1,4 +1,4 @@
-//! A place where a corpus is built: whose it is, which shards are there, and the merge of what many machines did.
+//! A place where a corpus is built: whose it is, and which shards are there.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -8,11 +8,10 @@ use rayon::prelude::*;
 use super::finished;
 use super::limits::FileKind;
 use super::listing::{Listing, Stray};
-use super::manifest::{self, Merge};
 use super::plan_file::{self, Extent, PlanHead};
 use super::receipt::{self, Receipt};
 use super::shard::FinishedShard;
-use super::{Build, CorpusError, CorpusSpec, Manifest, Store, Table, card, croissant, owner, ranges, sha256};
+use super::{Build, CorpusError, CorpusSpec, Store, Table, owner, ranges};
 
 /// A place that belongs to the plan.
 pub struct Place<'a> {
@@ -21,6 +20,11 @@ pub struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
+    /// A place that is known to be the plan's.
+    pub(super) fn of(store: &'a dyn Store, spec: &'a CorpusSpec) -> Place<'a> {
+        Place { store, spec }
+    }
+
     /// Takes an empty place for the plan, or goes on in one that is the plan's already; any other is refused, untouched.
     ///
     /// `name` and `scenes` may differ from the last time: a corpus may be renamed and may grow. Anything else is another
@@ -143,7 +147,7 @@ impl<'a> Place<'a> {
     }
 
     /// Refuses a place in which readers would find more than the shards of the plan.
-    fn refuse_strays(&self) -> Result<(), CorpusError> {
+    pub(super) fn refuse_strays(&self) -> Result<(), CorpusError> {
         let (store, spec) = (self.store, self.spec);
         let (left, listing) = self.remove_half_shards()?;
         let Some(name) = left.first() else { return Ok(()) };
@@ -156,7 +160,7 @@ impl<'a> Place<'a> {
     }
 
     /// Removes what crashed builds left; what a live one is writing stays.
-    fn sweep(&self) -> Result<(), CorpusError> {
+    pub fn sweep(&self) -> Result<(), CorpusError> {
         let data = Table::ALL.map(Table::folder);
         let folders = ["", receipt::FOLDER].into_iter().chain(data.iter().map(String::as_str));
         folders.into_iter().try_for_each(|folder| self.store.sweep_temporaries(folder))
@@ -228,7 +232,7 @@ enum ShardState {
 }
 
 fn shard_state(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<ShardState, CorpusError> {
-    let (receipt, bytes) = match Receipt::read_with_bytes(store, shard, &spec.scene_plan_hash) {
+    let (receipt, bytes) = match Receipt::read_of(store, spec, shard) {
         Ok(read) => read,
         Err(error @ (CorpusError::BadReceipt { .. } | CorpusError::NotAFile { .. } | CorpusError::TooLarge { .. })) => {
             return Ok(ShardState::Damaged(error.to_string()));
@@ -246,7 +250,6 @@ fn shard_state(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<Shard
             other => other?,
         };
         let reason = match (receipt.tables.get(table), size) {
-            (None, _) => format!("its receipt says nothing of {}", table.name()),
             (_, None) => format!("{path} is missing"),
             (Some(facts), Some(size)) if facts.bytes != size => {
                 format!("{path} has {size} bytes, its receipt says {}", facts.bytes)
@@ -287,7 +290,7 @@ impl Status {
     }
 
     /// Shards without which there is no whole corpus, ascending.
-    fn gaps(&self) -> Vec<u64> {
+    pub(super) fn gaps(&self) -> Vec<u64> {
         let mut gaps = self.to_build();
         gaps.extend(self.other_format.iter().map(|(shard, _)| *shard));
         gaps.sort_unstable();
@@ -339,7 +342,7 @@ pub fn status_of(store: &dyn Store, spec: &CorpusSpec, shards: &[u64]) -> Result
 const BLOCK: usize = 1024;
 
 /// Looks at these shards, and shows the receipts of those that are done, in their order; few are in memory at a time.
-fn survey(
+pub(super) fn survey(
     store: &dyn Store,
     spec: &CorpusSpec,
     shards: &[u64],
@@ -361,45 +364,6 @@ fn survey(
         }
     }
     Ok(status)
-}
-
-/// Merges the receipts of whoever built the shards into `shards.jsonl`, `manifest.json`, card and Croissant; refuses gaps, and files
-/// that are of no shard.
-///
-/// The manifest names the others by their hashes and is written last: a corpus whose finalize was cut off is the old one whole, or is
-/// refused by readers until another finalize ends. It takes receipts at their word: what was edited in one to fit its shard is merged,
-/// and only a shard that is built again tells.
-pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
-    let place = Place { store, spec };
-    place.still_there()?;
-    owner::check_derived(store)?;
-    let mut merge = Merge::new(spec);
-    let all: Vec<u64> = (0..spec.shards()).collect();
-    let status = survey(store, spec, &all, |receipt, bytes| merge.add(receipt, bytes))?;
-    let gaps = status.gaps();
-    if !gaps.is_empty() {
-        return Err(CorpusError::Gaps {
-            place: store.place(),
-            missing: gaps.len() as u64,
-            shards: spec.shards(),
-            ranges: ranges::to_text(&gaps),
-        });
-    }
-    place.refuse_strays()?;
-    let (mut manifest, lines) = merge.finish();
-    let plan = FileKind::Config.read(store, plan_file::NAME)?;
-    let card = card::text(spec, &manifest).into_bytes();
-    let croissant = croissant::text(spec, &manifest).into_bytes();
-    let files = [(manifest::SHARDS, lines.into_bytes()), (card::NAME, card), (croissant::NAME, croissant)];
-    manifest.files = files.iter().map(|(name, bytes)| (name.to_string(), sha256(bytes))).collect();
-    manifest.files.insert(plan_file::NAME.into(), sha256(&plan));
-    place.still_there()?;
-    files.iter().try_for_each(|(name, bytes)| store.replace(name, bytes))?;
-    place.still_there()?;
-    // Last: whoever waits for the manifest finds the rest.
-    manifest.write(store)?;
-    place.sweep()?;
-    Ok(manifest)
 }
 
 /// A dotted key in which two plans differ, with its value in each as JSON.

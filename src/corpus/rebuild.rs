@@ -21,9 +21,9 @@ use super::{Build, CorpusError, LocalFolder, Store};
 pub fn compare(store: &dyn Store, spec: &CorpusSpec, again: FinishedShard) -> Result<Vec<Finding>, CorpusError> {
     let FinishedShard { receipt: here, files } = again;
     let shard = here.shard;
-    let there = Receipt::read(store, shard, &spec.scene_plan_hash)?;
+    let (there, _) = Receipt::read_of(store, spec, shard)?;
     let mut findings = Vec::new();
-    let mut find = |name: &str, what: String| findings.push(Finding { name: name.into(), what, shard: Some(shard) });
+    let mut find = |name: &str, what: String| findings.push(Finding::in_shard(shard, name, what));
     for (name, bytes) in &files {
         if store.size(name)?.is_none() {
             find(name, "is missing".into());

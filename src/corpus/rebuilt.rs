@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::FileKind;
 use super::ranges::{self, Selection};
-use super::{Build, CorpusError, Manifest, Store, finished};
+use super::{Build, CorpusError, Manifest, Store, finished, owner};
 
 pub const NAME: &str = "rebuilt.json";
 
@@ -63,7 +63,16 @@ impl Rebuilt {
         }
     }
 
+    /// Replaces what an earlier record was; a file of that name which is none stays, and is refused.
     pub fn write(&self, store: &dyn Store) -> Result<(), CorpusError> {
+        let is_record = |bytes: &[u8]| bytes.is_empty() || serde_json::from_slice::<Rebuilt>(bytes).is_ok();
+        match finished::read_present(store, NAME, FileKind::Rebuilt) {
+            Ok(there) if there.as_deref().is_none_or(is_record) => {}
+            Ok(_) | Err(CorpusError::TooLarge { .. }) => {
+                return Err(owner::foreign(store.place(), NAME, owner::NOT_WRITTEN));
+            }
+            Err(error) => return Err(error),
+        }
         let text = serde_json::to_string_pretty(self).expect("it is plain data") + "\n";
         store.replace(NAME, text.as_bytes())
     }
@@ -112,6 +121,12 @@ mod tests {
         for damaged in ["{}".to_string(), text.replace("\"0\"", "\"0..99999999999\""), text.replace('{', "")] {
             std::fs::write(&path, damaged).unwrap();
             assert_eq!(Rebuilt::read(&LocalFolder::new(dir.path().join("tiny")), &manifest).unwrap().rebuilt, []);
+        }
+        // What is no record is somebody's, and stays.
+        for mine in ["{}", "mine"] {
+            std::fs::write(&path, mine).unwrap();
+            assert!(matches!(rebuilt.write(&store), Err(CorpusError::Foreign { .. })));
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), mine);
         }
     }
 }

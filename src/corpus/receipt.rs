@@ -3,7 +3,7 @@
 //! A receipt is written after the shard's tables, create-only: where it is, the shard is whole. The manifest and
 //! `shards.jsonl` are merged from receipts alone, so that many machines can build one corpus.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::limits::FileKind;
 use super::stats::{LabelCounts, Moments, PointCounts};
 use super::store::{Put, Store};
-use super::{Build, CorpusError, Split, Table, manifest};
+use super::{Build, CorpusError, CorpusSpec, Split, Table, manifest};
 
 pub const FOLDER: &str = "receipts";
 
@@ -95,8 +95,39 @@ impl Receipt {
         Receipt::read_with_bytes(store, shard, scene_plan_hash).map(|(receipt, _)| receipt)
     }
 
+    /// The receipt of a plan's shard, and the bytes that it was read from; one that says what the plan does not is refused.
+    pub fn read_of(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<(Receipt, Vec<u8>), CorpusError> {
+        let (receipt, bytes) = Receipt::read_with_bytes(store, shard, &spec.scene_plan_hash)?;
+        let bad = |reason| CorpusError::BadReceipt { place: store.place(), name: Receipt::path(shard), reason };
+        receipt.check(spec).map_err(bad)?;
+        Ok((receipt, bytes))
+    }
+
+    /// Whether scenes, tables, features and failures are such as the plan asks of the shard.
+    fn check(&self, spec: &CorpusSpec) -> Result<(), String> {
+        let due = spec.scenes_of(self.shard);
+        let [first, end] = self.scenes;
+        if (first..end) != due {
+            return Err(format!("it says scenes {first}..{end}, where the plan has {}..{}", due.start, due.end));
+        }
+        if !self.tables.keys().eq(BTreeSet::from_iter(&spec.tables)) {
+            return Err("its tables are not those of the plan".into());
+        }
+        if !self.features.iter().map(|said| &said.name).eq(spec.features.iter().map(|feature| &feature.name)) {
+            return Err("its features are not those of the plan".into());
+        }
+        // Ascending, so that none is counted twice.
+        if !self.failed.is_sorted_by(|a, b| a.scene < b.scene) {
+            return Err("its failed scenes do not ascend".into());
+        }
+        match self.failed.iter().find(|failed| !due.contains(&failed.scene)) {
+            Some(failed) => Err(format!("it lists scene {} as failed, which is none of its own", failed.scene)),
+            None => Ok(()),
+        }
+    }
+
     /// The receipt, and the bytes that it was read from.
-    pub fn read_with_bytes(
+    fn read_with_bytes(
         store: &dyn Store,
         shard: u64,
         scene_plan_hash: &str,

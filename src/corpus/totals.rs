@@ -65,6 +65,13 @@ pub fn disagreement(manifest: &Manifest, lines: &[ShardLine]) -> Option<String> 
                 line.shard, scenes[0], scenes[1]
             ));
         }
+        let is_format_1 = manifest.format == 1;
+        if line.labels.is_none() != is_format_1 || line.receipt_sha256.is_none() != is_format_1 {
+            return Some(format!("its line of shard {number} is not of the manifest's format {}", manifest.format));
+        }
+        if !line.tables.keys().eq(manifest.tables.keys()) {
+            return Some(format!("its line of shard {number} has other tables than the manifest"));
+        }
         totals.add(line, line.labels.unwrap_or_default(), 0);
     }
     for failed in &manifest.failed {

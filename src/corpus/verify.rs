@@ -6,15 +6,19 @@ use arrow_array::types::Int64Type;
 use arrow_array::{Array, Float32Array, Int8Array, RecordBatch};
 
 use super::belongs::ShardIdentity;
-use super::finished::{self, Fault};
+use super::checked::sha256_of;
+use super::finalize::CHANGED_RECEIPT;
+use super::finished::{self, Fault, Listed};
 use super::limits::FileKind;
-use super::listing::Listing;
+use super::listing::{Listing, Stray};
 use super::manifest::{self, Merge};
 use super::reader::{TableFile, column};
 use super::receipt::{FileFacts, Receipt};
 use super::stats::{LabelCounts, Moments};
 use super::value_hash::ValueHasher;
 use super::{CorpusError, CorpusSpec, Manifest, Store, Table, card, croissant, schema, sha256};
+
+const AGAIN: &str = "the same command again checks the one that is there now";
 
 /// Something that is not as it must be.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,6 +28,25 @@ pub struct Finding {
     pub what: String,
     /// The shard to build anew, where that would help.
     pub shard: Option<u64>,
+    /// It belongs to no shard and is marsyard's: a repair removes it.
+    pub is_ours: bool,
+}
+
+impl Finding {
+    /// In a shard, to be built anew.
+    pub fn in_shard(shard: u64, name: &str, what: String) -> Finding {
+        Finding { name: name.into(), what, shard: Some(shard), is_ours: false }
+    }
+
+    /// In a file that no shard built anew would mend.
+    fn beside(name: &str, what: impl Into<String>) -> Finding {
+        Finding { name: name.into(), what: what.into(), shard: None, is_ours: false }
+    }
+
+    /// Whether `verify --repair` helps.
+    pub fn is_repairable(&self) -> bool {
+        self.shard.is_some() || self.is_ours
+    }
 }
 
 impl fmt::Display for Finding {
@@ -34,34 +57,43 @@ impl fmt::Display for Finding {
 
 impl From<Fault> for Finding {
     fn from(Fault { name, what, cure }: Fault) -> Finding {
-        Finding { name, what: format!("{what}; {cure}"), shard: None }
+        Finding::beside(&name, format!("{what}; {cure}"))
     }
 }
 
 /// Reads every byte of the corpus and checks it: sha256, schema, row counts, value hashes, statistics, whose each file says it is,
 /// what lies in its folders, manifest.
 ///
-/// A receipt is held against its shard and against the manifest's hash of all receipts. One that was edited before a finalize (its
-/// failed scenes, counts of points or build, which no table holds) is seen by none of these: only building the shard again tells.
+/// A receipt is held against its shard and against the hash of it in the list. One that was edited before the first finalize (its
+/// failed scenes, counts of points or build, which no table holds) is seen by neither: only building the shard again tells.
 pub fn verify(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, CorpusError> {
+    verify_signed(store, spec, None)
+}
+
+/// The same, where the manifest was signed: its bytes must be those of this SHA-256.
+pub fn verify_signed(store: &dyn Store, spec: &CorpusSpec, signed: Option<&str>) -> Result<Vec<Finding>, CorpusError> {
     let mut findings = Vec::new();
-    let manifest = match Manifest::read(store) {
-        Ok(manifest) => Some(manifest),
+    let manifest = match Manifest::read_with_bytes(store) {
+        Ok((_, bytes)) if signed.is_some_and(|signed| sha256(&bytes) != signed) => {
+            let (place, reason) = (store.place(), "it was replaced since its signature was checked".into());
+            return Err(CorpusError::NotWhole { place, name: manifest::NAME.into(), reason, cure: AGAIN.into() });
+        }
+        Ok((manifest, _)) => Some(manifest),
         Err(
             error @ (CorpusError::BadManifest { .. } | CorpusError::NotAFile { .. } | CorpusError::TooLarge { .. }),
         ) => {
-            findings.push(Finding { name: manifest::NAME.into(), what: error.to_string(), shard: None });
+            findings.push(Finding::beside(manifest::NAME, error.to_string()));
             None
         }
         Err(error) => return Err(error),
     };
     let mut merge = manifest.as_ref().map_or_else(|| Merge::new(spec), |there| Merge::in_format(spec, there.format));
+    let listed = manifest.as_ref().map_or(Ok(Listed::Unknown), |there| Listed::read(store, there))?;
     let mut receipts = 0;
     for shard in 0..spec.shards() {
         let name = Receipt::path(shard);
-        let mut find =
-            |name: &str, what: String| findings.push(Finding { name: name.into(), what, shard: Some(shard) });
-        let (receipt, bytes) = match Receipt::read_with_bytes(store, shard, &spec.scene_plan_hash) {
+        let mut find = |name: &str, what: String| findings.push(Finding::in_shard(shard, name, what));
+        let (receipt, bytes) = match Receipt::read_of(store, spec, shard) {
             Ok(read) => read,
             Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
                 find(&name, "is missing".into());
@@ -75,20 +107,18 @@ pub fn verify(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, Corp
             }
             // It may be sound, so nothing here is to be built anew.
             Err(error @ CorpusError::OtherFormat { .. }) => {
-                findings.push(Finding { name, what: error.to_string(), shard: None });
+                findings.push(Finding::beside(&name, error.to_string()));
                 continue;
             }
             Err(error) => return Err(error),
         };
-        for &table in &spec.tables {
-            match receipt.tables.get(&table) {
-                None => find(&name, format!("says nothing of {}", table.name())),
-                Some(facts) => {
-                    verify_file(store, spec, table, facts, &receipt)?
-                        .into_iter()
-                        .for_each(|what| find(&facts.path, what));
-                }
-            }
+        if listed.has_other(shard, &bytes) {
+            // What it says of its tables, and gives to the sums, is nobody's word.
+            find(&name, CHANGED_RECEIPT.into());
+            continue;
+        }
+        for (&table, facts) in &receipt.tables {
+            verify_file(store, spec, table, facts, &receipt)?.into_iter().for_each(|what| find(&facts.path, what));
         }
         merge.add(&receipt, &bytes);
         receipts += 1;
@@ -104,19 +134,19 @@ pub fn verify(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, Corp
 /// What lies in the folders and is of no shard.
 pub fn strays(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, CorpusError> {
     let listing = Listing::of(store)?;
+    let finding = |name: String| {
+        let stray = listing.judge(store, &name, &spec.scene_plan_hash, spec.shards())?;
+        let is_ours = stray == Stray::Ours;
+        Ok(Finding { is_ours, ..Fault::of_stray(&store.place(), name, &stray).into() })
+    };
     let names = listing.strays(spec.shards(), |table| spec.tables.contains(&table));
-    names
-        .iter()
-        .map(|name| {
-            finished::stray_fault(store, &listing, name, &spec.scene_plan_hash, spec.shards()).map(Finding::from)
-        })
-        .collect()
+    names.into_iter().map(finding).collect()
 }
 
 /// The files that `finalize` writes, against the receipts, where all are there, and against the manifest.
 fn verify_merged(store: &dyn Store, there: &Manifest, merge: Option<Merge>) -> Result<Vec<Finding>, CorpusError> {
     let again = "is not what the receipts add up to; run `marsyard finalize` again";
-    let find = |name: &str| Finding { name: name.into(), what: again.into(), shard: None };
+    let find = |name: &str| Finding::beside(name, again);
     let mut findings: Vec<Finding> = finished::plan_fault(store, there)?.into_iter().map(Finding::from).collect();
     let sides = [
         (card::NAME, FileKind::Card),
@@ -127,13 +157,12 @@ fn verify_merged(store: &dyn Store, there: &Manifest, merge: Option<Merge>) -> R
         findings.extend(finished::side_fault(store, there, name, kind)?.map(Finding::from));
     }
     let Some((merged, shard_lines)) = merge.map(Merge::finish) else { return Ok(findings) };
-    if (Manifest { files: there.files.clone(), receipts_sha256: there.receipts_sha256.clone(), ..merged.clone() })
-        != *there
-    {
+    if merged.receipts_sha256 != there.receipts_sha256 {
+        let what = "its receipts_sha256 is not that of the receipts: one was edited since the corpus was finished, or a finalize \
+                    was cut off, which `marsyard finalize` then completes";
+        findings.push(Finding::beside(manifest::NAME, what));
+    } else if (Manifest { files: there.files.clone(), ..merged }) != *there {
         findings.push(find(manifest::NAME));
-    } else if merged.receipts_sha256 != there.receipts_sha256 {
-        let what = "its receipts_sha256 is not that of the receipts: one was edited since the corpus was finished";
-        findings.push(Finding { name: manifest::NAME.into(), what: what.into(), shard: None });
     }
     if finished::read_present(store, manifest::SHARDS, FileKind::ShardList { shards: there.shards })?.as_deref()
         != Some(shard_lines.as_bytes())
@@ -151,20 +180,19 @@ fn verify_file(
     facts: &FileFacts,
     receipt: &Receipt,
 ) -> Result<Vec<String>, CorpusError> {
-    match store.size(&facts.path) {
-        Ok(Some(_)) => {}
+    let bytes = match store.size(&facts.path) {
+        Ok(Some(bytes)) => bytes,
         Ok(None) => return Ok(vec!["is missing".into()]),
         Err(error @ CorpusError::NotAFile { .. }) => return Ok(vec![error.to_string()]),
         Err(error) => return Err(error),
+    };
+    if bytes != facts.bytes {
+        return Ok(vec![format!("has {bytes} bytes, its receipt says {}", facts.bytes)]);
     }
-    let bytes = store.read(&facts.path)?;
-    if bytes.len() as u64 != facts.bytes {
-        return Ok(vec![format!("has {} bytes, its receipt says {}", bytes.len(), facts.bytes)]);
-    }
-    if sha256(&bytes) != facts.sha256 {
+    // Piece by piece: a table may be larger than memory.
+    if sha256_of(store, &facts.path, bytes)? != facts.sha256 {
         return Ok(vec!["its sha256 is not the receipt's: bytes have changed".into()]);
     }
-    drop(bytes);
     let file = match TableFile::open(store, &facts.path) {
         Ok(file) => file,
         Err(error) => return damage(error),

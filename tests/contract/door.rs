@@ -211,6 +211,7 @@ fn regress_a_train_shard_in_a_test_shards_place_is_refused_and_found() {
         test["tables"][table.name()]["path"] = table.path(6).into();
     }
     std::fs::write(receipt(6), test.to_string()).expect("a receipt");
+    std::fs::remove_file(place.join("manifest.json")).expect("a manifest");
     assert_eq!(told(&yard, &["finalize", "s"]).0, Some(0), "finalize takes receipts at their word");
     for verb in [&["evaluate", "run", "s"][..], &["inspect", "s"], &["verify", "s"], &["verify", "s", "--rebuild", "1"]]
     {
@@ -249,12 +250,64 @@ fn regress_edited_plans_cards_and_receipts_are_found() {
     for key in ["\"points_in\": ", "\"commit\": \"", "\"row_groups\": "] {
         edit(&copy(&yard, "d").join("receipts/0000002.json"), key, &format!("{key}1"));
         let (code, said) = told(&yard, &["verify", "d"]);
-        assert!(code == Some(1) && said.contains("manifest.json"), "{key}: {said}");
+        assert!(code == Some(1) && said.contains("receipts/0000002.json: its SHA-256"), "{key}: {said}");
     }
-    // What no table holds and no sum shows: the hash of all receipts.
+    // What no table holds and no sum shows: the hash of the receipt.
     more(&copy(&yard, "d").join("receipts/0000002.json"));
     let (code, said) = told(&yard, &["verify", "d"]);
-    assert!(code == Some(1) && said.contains("receipts_sha256"), "{said}");
+    assert!(code == Some(1) && said.contains("receipts/0000002.json: its SHA-256"), "{said}");
+}
+
+#[test]
+fn regress_an_edited_receipt_is_built_anew_and_its_word_is_never_taken() {
+    let yard = yard();
+    let place = copy(&yard, "d");
+    let receipt = place.join("receipts/0000002.json");
+    let manifest = || std::fs::read(place.join("manifest.json")).expect("a manifest");
+    let before = manifest();
+    edit(&receipt, "\"points_in\": ", "\"points_in\": 1");
+    for verb in [&["finalize", "d"][..], &["generate", "tiny.yaml", "--out", "d"]] {
+        let (code, said) = told(&yard, verb);
+        let told = said.contains("d/receipts/0000002.json") && said.contains("marsyard verify d --repair");
+        assert!(code == Some(1) && told && manifest() == before, "{verb:?}: {said}");
+    }
+    let (code, said) = told(&yard, &["verify", "d", "--repair"]);
+    assert!(code == Some(0) && said.contains("shards 2 are built anew"), "{said}");
+    assert_same(&yard.identity("G"), &yard.identity("d"));
+    // Nor where the list that names it is damaged.
+    edit(&receipt, "\"points_in\": ", "\"points_in\": 1");
+    edit(&place.join("shards.jsonl"), "\"rows\":", "\"rows\":1");
+    for verb in [&["finalize", "d"][..], &["verify", "d", "--repair"]] {
+        let (code, said) = told(&yard, verb);
+        assert!(code == Some(1) && said.contains("remove manifest.json") && manifest() == before, "{verb:?}: {said}");
+    }
+    // A growth holds the receipts that it found against its list, too.
+    let place = copy(&yard, "g");
+    edit(&place.join("receipts/0000002.json"), "\"points_in\": ", "\"points_in\": 1");
+    let grow = ["generate", "tiny.yaml", "--out", "g", "--set", "scenes=8", "--threads", "1"];
+    let (code, said) = told(&yard, &grow);
+    assert!(code == Some(1) && said.contains("g/receipts/0000002.json"), "{said}");
+    assert_eq!(told(&yard, &["verify", "g", "--repair"]).0, Some(0));
+    yard.generate(Path::new("tiny.yaml"), "L", &grow[4..]);
+    assert_same(&yard.identity("L"), &yard.identity("g"));
+}
+
+#[test]
+fn regress_receipts_that_the_plan_does_not_ask_for_are_damaged_and_built_anew() {
+    let yard = yard();
+    let scenes = "\"scenes\": [\n    6,\n    7";
+    for (from, to) in
+        [(scenes, "\"scenes\": [6, 8"), ("\"failed\": []", "\"failed\": [{\"scene\": 99, \"error\": \"\"}]")]
+    {
+        let place = copy(&yard, "d");
+        edit(&place.join("receipts/0000006.json"), from, to);
+        std::fs::remove_file(place.join("manifest.json")).expect("a manifest");
+        let (code, said) = told(&yard, &["finalize", "d"]);
+        assert!(code == Some(1) && said.contains("1 of 7 shards are missing or damaged (6)"), "{said}");
+        assert!(!place.join("manifest.json").exists());
+        assert_eq!(told(&yard, &["generate", "d"]).0, Some(0));
+        assert_same(&yard.identity("G"), &yard.identity("d"));
+    }
 }
 
 #[test]
@@ -309,14 +362,17 @@ fn as_format_1(place: &Path) {
     (0..7).for_each(|shard| rewrite(&format!("receipts/{shard:07}.json"), &first));
     let without = |text: &str, from: &str, to: &str| {
         let begin = text.find(from).unwrap_or_else(|| panic!("no {from}"));
-        let end = begin + text[begin..].find(to).expect("its end") + to.len();
+        let behind = begin + from.len();
+        let end = behind + text[behind..].find(to).expect("its end") + to.len();
         format!("{}{}", &text[..begin], &text[end..])
     };
     rewrite("manifest.json", &|text| {
         let text = without(&first(text), ",\n  \"files\": {", "}");
+        let text = without(&text, ",\n  \"yards\": [", "]");
         without(&text, ",\n  \"receipts_sha256\": \"", "\"")
     });
-    rewrite("shards.jsonl", &|text| text.lines().map(|line| without(line, "\"labels\":{", "},") + "\n").collect());
+    let line = |line: &str| without(&without(line, "\"labels\":{", "},"), "\"receipt_sha256\":\"", "\",") + "\n";
+    rewrite("shards.jsonl", &|text| text.lines().map(line).collect());
 }
 
 #[test]
@@ -339,6 +395,18 @@ fn law_a_corpus_of_the_first_format_is_read_with_a_word_of_what_cannot_be_checke
     edit(&place.join("plan.yaml"), "scenes: 7", "scenes: 14");
     assert_refused(&yard, "old", &["plan.yaml", "marsyard generate old"]);
     edit(&place.join("plan.yaml"), "scenes: 14", "scenes: 7");
+    edit(&place.join("plan.yaml"), "wheel_diameter_m: 0.1", "wheel_diameter_m: 0.2");
+    let [explain, preview] = [["explain", "old", "--scene", "6"], ["preview", "old", "--scene", "6"]];
+    for verb in [&train("old", "never")[..], &["evaluate", "run", "old"], &["inspect", "old"], &explain, &preview] {
+        let (code, said) = told(&yard, verb);
+        assert!(code == Some(1) && said.contains("old/plan.yaml: its keys give scene_plan_hash"), "{verb:?}: {said}");
+    }
+    edit(&place.join("plan.yaml"), "wheel_diameter_m: 0.2", "wheel_diameter_m: 0.1");
+    // No signature covers what the manifest does not name; and no corpus of format 2 passes for one.
+    assert_eq!(told(&yard, &["sign", "--new-key", "k", "--no-password"]).0, Some(0));
+    assert_eq!(told(&yard, &["sign", "G", "--key", "k"]).0, Some(0));
+    edit(&copy(&yard, "younger").join("manifest.json"), "\"format\": 2", "\"format\": 1");
+    assert_refused(&yard, "younger", &["has keys of format 2"]);
     // A finalize writes what is missing, and nothing else.
     assert_eq!(told(&yard, &["finalize", "old"]).0, Some(0));
     let (code, said) = told(&yard, &["inspect", "old"]);

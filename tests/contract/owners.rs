@@ -185,6 +185,40 @@ fn law_files_of_others_in_a_corpus_stay_and_are_never_replaced() {
 }
 
 #[test]
+fn regress_texts_that_were_edited_by_hand_are_not_replaced() {
+    let yard = Yard::new();
+    let config = everything();
+    succeeds(&yard, &["generate", &config, "--out", "corpus", "--shards", "0..4"]);
+    let [card, croissant] = ["README.md", "croissant.json"].map(|name| yard.path("corpus").join(name));
+    // Before there is a manifest: by how they begin and end.
+    for mine in ["---\npretty_name: mine\n---\n", "{\n  \"@context\": \"mine\"\n}\n"] {
+        let path = if mine.starts_with('-') { &card } else { &croissant };
+        fs::write(path, mine).expect("a file");
+        refused(&yard, &["finalize", "corpus"], &["which was changed since marsyard wrote it", "move the file away"]);
+        fs::remove_file(path).expect("a file");
+    }
+    fs::write(&card, "# mine\n- marsyard\nMade by `marsyard 0.1.0`").expect("a file");
+    refused(&yard, &["finalize", "corpus"], &["corpus holds README.md, which marsyard did not write"]);
+    fs::remove_file(&card).expect("a file");
+    succeeds(&yard, &["finalize", "corpus"]);
+    for path in [&card, &croissant] {
+        let own = fs::read_to_string(path).expect("a text");
+        let edited = own.replacen("lidar", "lidar, mine,", 1);
+        fs::write(path, &edited).expect("a file");
+        refused(&yard, &["finalize", "corpus"], &["which was changed since marsyard wrote it", "move the file away"]);
+        for verb in [&["generate", &config, "--out", "corpus"][..], &["verify", "corpus", "--repair"]] {
+            assert_eq!(yard.marsyard(verb).status.code(), Some(2), "{verb:?}");
+            assert_eq!(fs::read_to_string(path).expect("a text"), edited, "{verb:?}");
+        }
+        let said = text(&yard.marsyard(["inspect", "corpus"]).stderr);
+        assert!(said.contains("move away what was edited"), "{said}");
+        fs::rename(path, path.with_extension("mine")).expect("a file to move");
+        succeeds(&yard, &["finalize", "corpus"]);
+        assert_eq!(fs::read_to_string(path).expect("a text"), own);
+    }
+}
+
+#[test]
 fn regress_repair_removes_no_file_of_another() {
     let yard = Yard::new();
     yard.generate(&Yard::everything(), "corpus", &[]);
@@ -430,7 +464,7 @@ fn law_runs_are_written_where_nothing_is_or_in_their_own_folder() {
 #[test]
 fn law_every_verb_that_writes_says_the_rule() {
     let yard = Yard::new();
-    let verbs = "generate finalize verify preview train evaluate search export classify tradeoff";
+    let verbs = "generate finalize verify sign preview train evaluate search export classify tradeoff";
     for verb in verbs.split(' ') {
         for flag in ["--help", "-h"] {
             let said = text(&yard.marsyard([verb, flag]).stdout).split_whitespace().collect::<Vec<_>>().join(" ");

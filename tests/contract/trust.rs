@@ -151,6 +151,8 @@ fn law_a_signature_is_checked_first_and_by_its_key_alone() {
             let receipt = std::fs::read_to_string(&path).expect("a receipt");
             std::fs::write(&path, receipt.replace(from, to)).expect("a receipt to change");
         }
+        // While it is there, receipts are held against it.
+        std::fs::remove_file(yard.path("c/manifest.json")).expect("a manifest");
         assert_eq!(told(&yard, &["finalize", "c"]).0, Some(0));
     };
     forge(&commit, "forged");
@@ -160,6 +162,28 @@ fn law_a_signature_is_checked_first_and_by_its_key_alone() {
     assert!(said.contains("manifest.json is not what was signed"), "{said}");
     forge("forged", &commit);
     assert_eq!(told(&yard, &["verify", "c", "--key", "mine.pub"]).0, Some(0));
+
+    // A receipt that changed is built anew, and the signed bytes are there again; or nothing is written.
+    let signed = std::fs::read(yard.path("c/manifest.json")).expect("a manifest");
+    let receipt = yard.path("c/receipts/0000002.json");
+    let whole = std::fs::read_to_string(&receipt).expect("a receipt");
+    std::fs::write(&receipt, whole.replace("\"points_in\": ", "\"points_in\": 1")).expect("a receipt to change");
+    let (code, said) = told(&yard, &["verify", "c", "--key", "mine.pub", "--repair", "--rebuild", "1"]);
+    assert!(code == Some(0) && said.contains("built again, have the same bytes"), "{said}");
+    assert_eq!(std::fs::read_to_string(&receipt).expect("a receipt"), whole);
+    assert_eq!(std::fs::read(yard.path("c/manifest.json")).expect("a manifest"), signed);
+    // By another program, which cannot give the receipt that was signed.
+    forge(&commit, "forged");
+    assert_eq!(told(&yard, &["sign", "c", "--key", "mine"]).0, Some(0));
+    let signed = std::fs::read(yard.path("c/manifest.json")).expect("a manifest");
+    let forged = std::fs::read_to_string(&receipt).expect("a receipt");
+    std::fs::write(&receipt, forged.replace("\"points_in\": ", "\"points_in\": 1")).expect("a receipt to change");
+    let (code, said) = told(&yard, &["verify", "c", "--key", "mine.pub", "--repair"]);
+    assert!(code == Some(1) && said.contains("the signature would not cover them"), "{said}");
+    assert_eq!(std::fs::read(yard.path("c/manifest.json")).expect("a manifest"), signed);
+    std::fs::write(&receipt, forged).expect("a receipt");
+    forge("forged", &commit);
+    assert_eq!(told(&yard, &["sign", "c", "--key", "mine"]).0, Some(0));
 
     // Grown since: it says so.
     tiny(&yard, "c", &["--set", "scenes=8"]);
@@ -266,6 +290,7 @@ fn law_what_was_built_again_is_on_record_and_a_difference_is_not_recorded_as_equ
     let mut receipt = json(&yard, "c/receipts/0000006.json");
     receipt["points"]["points_in"] = 1.into();
     std::fs::write(&path, format!("{receipt:#}\n")).expect("a receipt to change");
+    std::fs::remove_file(yard.path("c/manifest.json")).expect("a manifest");
     assert_eq!(told(&yard, &["finalize", "c"]).0, Some(0));
     let (code, said) = told(&yard, &["verify", "c", "--rebuild", "all"]);
     assert_eq!(code, Some(1), "{said}");

@@ -28,6 +28,12 @@ fn extreme_bad_receipts_are_damaged_and_say_so() {
         ),
         (whole.replace("\"shard\": 1", "\"shard\": 0"), "it is the receipt of shard 0"),
         (whole.replace("data/cells/", "data/sells/"), "its split or paths"),
+        (whole.replace("    2,\n    4\n", "    2,\n    5\n"), "it says scenes 2..5, where the plan has 2..4"),
+        (
+            whole.replace("\"failed\": []", "\"failed\": [{\"scene\": 9, \"error\": \"\"}]"),
+            "it lists scene 9 as failed",
+        ),
+        (whole.replace("\"mean_height_m\"", "\"height_m\""), "its features are not those of the plan"),
     ];
     for (text, reason) in cases {
         fs::write(path(&store, &name), &text).unwrap();
@@ -123,7 +129,11 @@ fn law_verify_sees_receipts_and_manifests_that_lie() {
         ("shards.jsonl".into(), "train", "test", "shards.jsonl: its SHA-256 is not the manifest's"),
     ] {
         let whole = edit(&name, from, to);
+        // With a manifest the receipt's hash alone would be told.
+        let manifest = name.starts_with("receipts").then(|| store.read("manifest.json").unwrap());
+        manifest.iter().for_each(|_| store.remove("manifest.json").unwrap());
         let text = said();
+        manifest.iter().for_each(|bytes| store.replace("manifest.json", bytes).unwrap());
         assert!(text.contains(expected), "{name}: {text}");
         fs::write(path(&store, &name), whole).unwrap();
     }
