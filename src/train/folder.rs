@@ -19,8 +19,9 @@ use std::path::{Path, PathBuf};
 
 use super::looks::{self, LookLog, Looks};
 use super::{TrainError, lock};
-use crate::corpus::store::{create_synced, is_temporary, sync_folder_of};
-use crate::corpus::{CorpusError, LocalFolder, Store};
+use crate::corpus::limits::FileKind;
+use crate::corpus::store::{create_synced, is_temporary, read_folder, sync_folder_of};
+use crate::corpus::{CorpusError, LocalFolder, Store, owner};
 
 pub const CONFIG: &str = "train.yaml";
 pub const MODEL: &str = "model.safetensors";
@@ -38,6 +39,9 @@ pub struct RunFolder {
     store: LocalFolder,
     lock: File,
 }
+
+/// Why a file in a run folder is left alone.
+const OTHER_PRODUCT: &str = "is not what this command gives: it was changed since, or another wrote it";
 
 impl RunFolder {
     /// A folder for a run with this config, which is written first of all. One that is there already is refused, but for what a
@@ -116,7 +120,7 @@ impl RunFolder {
     }
 
     pub fn read(&self, name: &str) -> Result<Vec<u8>, TrainError> {
-        Ok(self.store.read(name)?)
+        Ok(self.store.read_within(name, FileKind::Checkpoint.most_bytes())?)
     }
 
     /// Writes a file whole, in the place of an older one.
@@ -134,21 +138,45 @@ impl RunFolder {
     }
 }
 
+/// Writes files whose bytes follow from what a run was begun with, in the place of those that it wrote `before`. One that is there with
+/// other bytes was edited, or is another's: then nothing is written.
+pub fn write_products(
+    store: &LocalFolder,
+    files: &[(String, Vec<u8>)],
+    before: &[(String, Vec<u8>)],
+) -> Result<(), CorpusError> {
+    for (name, _) in files {
+        let mut known = files.iter().chain(before).filter(|(other, _)| other == name).map(|(_, bytes)| bytes);
+        if store.size(name)?.is_some() {
+            let there = store.read(name)?;
+            if !known.any(|bytes| *bytes == there) {
+                return Err(owner::foreign(store.place(), name, OTHER_PRODUCT));
+            }
+        }
+    }
+    files.iter().try_for_each(|(name, bytes)| store.replace(name, bytes))
+}
+
 /// Whether a folder holds nothing but what a run leaves that is killed before its first checkpoint.
 fn is_barely_begun(path: &Path) -> Result<bool, TrainError> {
-    for entry in fs::read_dir(path).map_err(|source| io(path, source))? {
+    for entry in read_folder(path).map_err(|source| io(path, source))? {
         let entry = entry.map_err(|source| io(path, source))?;
-        let name = entry.file_name();
-        let ours = match name.to_str() {
+        let ours = match entry.file_name().to_str() {
             Some(CONFIG) => true,
             Some(LOOKS) => is_log(&entry.path()) || path.join(CONFIG).is_file(),
-            name => name.is_some_and(is_temporary),
+            name => name.is_some_and(|name| is_temporary(name) || is_temporary_of_before(name)),
         };
         if !ours {
             return Ok(false);
         }
     }
     Ok(true)
+}
+
+/// Whether a name is that of an unfinished file of an earlier marsyard: `.tmp-` and six letters or digits.
+fn is_temporary_of_before(name: &str) -> bool {
+    let drawn = name.strip_prefix(".tmp-");
+    drawn.is_some_and(|drawn| drawn.len() == 6 && drawn.bytes().all(|byte| byte.is_ascii_alphanumeric()))
 }
 
 /// Whether a file of that name is a log of looks, or nothing yet.

@@ -27,6 +27,15 @@ fn cut(bench: &Bench, task: Task, stride: usize) -> Tally {
             tally.add(format_args!("{}, cut off before {call}, {names:?}", task.name), outcome);
         }
     }
+    for names in [Names::Keep, Names::Undo] {
+        let (work, end) = bench.disturbed(&task, How::Cut(usize::MAX, names));
+        // Who was told that it is done has it, power or not; times and rates alone may be lost.
+        let outcome = match end.code {
+            0 => bar.done(&work, &end.stdout),
+            code => Err(format!("not done, exit {code}: {}", end.stderr)),
+        };
+        tally.add(format_args!("{}, cut off behind its end, {names:?}", task.name), outcome);
+    }
     tally
 }
 

@@ -10,6 +10,7 @@ use crate::aftermath::{Bar, flat, refusal};
 use crate::kills::Tally;
 use crate::tasks::{Bench, CLASSIFY, EVALUATE, FINALIZE, GENERATE, GROW, REPAIR, SEARCH, TRAIN, Task};
 use crate::tracer::{Call, End, Fault, How};
+use crate::tree;
 
 use Fault::{Error, Short};
 
@@ -75,12 +76,37 @@ fn judged(bar: &Bar, work: &Path, met: &Call, fault: Fault, end: &End) -> Result
         return Err(format!("not made again, exit {}: {}", end.code, flat(&end.stderr)));
     }
     refusal("it", Some(end.code), &end.stderr)?;
-    let said: String = flat(&end.stderr).split(' ').collect();
-    // Of the folder that all is in, any name below it is a place.
-    match met.path.is_empty() || met.path.split('/').any(|part| !part.is_empty() && said.contains(part)) {
-        true => Ok(()),
-        false => Err(format!("names no place: {}", flat(&end.stderr))),
+    let due = exit_of(fault);
+    if due.is_some_and(|due| due != end.code) {
+        return Err(format!("exit {}, and not {due:?}: {}", end.code, flat(&end.stderr)));
     }
+    let said: String = flat(&end.stderr).split(' ').collect();
+    match said.contains(named(&met.path)) {
+        true => Ok(()),
+        false => Err(format!("does not name {}: {}", named(&met.path), flat(&end.stderr))),
+    }
+}
+
+/// The exit code that a fault is due: what passes is tried again, a folder that cannot be written stays so.
+fn exit_of(fault: Fault) -> Option<i32> {
+    match fault {
+        Error("EIO" | "EMFILE" | "ENOSPC") => Some(75),
+        Error("EROFS") => Some(1),
+        _ => None,
+    }
+}
+
+/// What a message must name of a path: its last part, or the folder of a temporary file, which nobody knows by name. Of the
+/// folder that all is in, nothing.
+fn named(path: &str) -> &str {
+    let parts = path.rsplit('/').filter(|part| !part.is_empty());
+    parts.into_iter().find(|part| *part != "TEMPORARY" && !tree::is_temporary(part)).unwrap_or_default()
+}
+
+#[test]
+fn exact_what_a_message_must_name() {
+    let paths = ["/run/model.safetensors", "/run/TEMPORARY", "/run", "", "/TEMPORARY"];
+    assert_eq!(paths.map(named), ["model.safetensors", "run", "run", "", ""]);
 }
 
 fn demand(tasks: &[Task], stride: usize) {
