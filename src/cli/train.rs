@@ -30,7 +30,7 @@ use crate::evaluate::{EvaluateError, Options, evaluate};
 use crate::train::filter::{Counters, MOST_WEIGHT};
 use crate::train::folder::RunFolder;
 use crate::train::run::{Init, Origin, Summary};
-use crate::train::{Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
+use crate::train::{Model, Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArgs {
@@ -166,6 +166,9 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     }
     let mut sources = Sources::new(list, &params.features, params.labels.clone()).map_err(train_failure)?;
     let init = args.init.as_deref().map(read_init).transpose()?;
+    if let Some(of) = init.as_ref().and_then(|init| unknown_yards(&init.model)) {
+        tracing::warn!("whether the network of --init learnt from scenes of these corpora cannot be said: nothing is known of the yards of {of}");
+    }
     sources.shared_scenes = leaks::check(&learnt, init.as_ref().map(|init| &init.model), args.allow_shared_scenes)?;
     let setup = Setup {
         config_yaml: config::train_yaml(&params),
@@ -211,6 +214,14 @@ pub(super) fn goes_on(failure: Failure, out: &Path) -> Failure {
         Ok(fault) => Failure::new(failure.code, StoreFault { help: Some(help), ..fault }),
         Err(report) => Failure::new(failure.code, miette::miette!(help = help, "{report}")),
     }
+}
+
+/// The corpora that a model learnt from without saying which yards they hold, as those of before format 2.
+fn unknown_yards(model: &Model) -> Option<String> {
+    let learnt_from = model.about.learnt_from();
+    let names: Vec<&str> =
+        learnt_from.iter().filter(|corpus| !corpus.yards.known()).map(|corpus| corpus.name.as_str()).collect();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 /// A finished corpus to learn from, and a word of what could not be checked of it.

@@ -228,13 +228,14 @@ impl Store for LocalFolder {
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
         let mut files = Vec::new();
         for entry in self.entries(folder)? {
+            let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
             let facts = match entry.metadata() {
                 // Removed since it was listed.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                other => other.map_err(self.failed(folder))?,
+                other => other.map_err(self.failed(&name))?,
             };
             if facts.is_file() {
-                files.push((format!("{folder}/{}", entry.file_name().to_string_lossy()), facts.len()));
+                files.push((name, facts.len()));
             }
         }
         files.sort();

@@ -194,3 +194,35 @@ fn other_config(path: &Path) -> TrainError {
 fn io(path: &Path, source: std::io::Error) -> TrainError {
     TrainError::Io { path: path.display().to_string(), source }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_what_a_kill_leaves_in_the_first_moments_is_told_from_files_of_others() {
+        for (names, is_ours) in [
+            (&["training.jsonl", ".tmp-a1B2c3"][..], true),
+            (&[".marsyard-tmp-4711-x1"], true),
+            (&["training.jsonl", ".tmp-notes-of-mine"], false),
+            (&["train.yaml", "notes.txt"], false),
+        ] {
+            let dir = tempfile::tempdir().unwrap();
+            names.iter().for_each(|name| fs::write(dir.path().join(name), "").unwrap());
+            assert_eq!(is_barely_begun(dir.path()).unwrap(), is_ours, "{names:?}");
+        }
+    }
+
+    #[test]
+    fn law_a_product_that_was_edited_is_left_alone_with_all_others() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = LocalFolder::new(dir.path());
+        let files = |text: &str| ["a", "b"].map(|name| (name.to_owned(), text.as_bytes().to_vec()));
+        write_products(&store, &files("one"), &[]).unwrap();
+        write_products(&store, &files("two"), &files("one")).unwrap();
+        fs::write(dir.path().join("b"), "mine").unwrap();
+        let refused = write_products(&store, &files("three"), &files("two")).unwrap_err().to_string();
+        assert!(refused.contains("holds b, which is not what this command gives"), "{refused}");
+        assert_eq!(fs::read(dir.path().join("a")).unwrap(), b"two");
+    }
+}

@@ -8,7 +8,9 @@ use std::path::Path;
 
 use crate::aftermath::{Bar, flat, refusal};
 use crate::kills::Tally;
-use crate::tasks::{Bench, CLASSIFY, EVALUATE, FINALIZE, GENERATE, GROW, REPAIR, SEARCH, TRAIN, Task};
+use crate::tasks::{
+    Bench, CLASSIFY, EVALUATE, FINALIZE, GENERATE, GROW, REPAIR, SEARCH, SEARCH_BEGUN, TRAIN, TRAIN_BEGUN, Task,
+};
 use crate::tracer::{Call, End, Fault, How};
 use crate::tree;
 
@@ -121,6 +123,16 @@ fn law_a_training_or_search_whose_calls_fail_loses_nothing() {
 }
 
 #[test]
+fn law_a_run_in_an_empty_folder_whose_calls_fail_loses_nothing() {
+    demand(&[TRAIN_BEGUN, SEARCH_BEGUN], 61);
+}
+
+#[test]
+fn law_a_build_whose_calls_fail_loses_nothing() {
+    demand(&[GENERATE, FINALIZE, REPAIR], 29);
+}
+
+#[test]
 fn law_judging_and_classifying_survive_failing_calls() {
     demand(&[EVALUATE, CLASSIFY], 7);
 }
@@ -128,5 +140,6 @@ fn law_judging_and_classifying_survive_failing_calls() {
 #[test]
 #[ignore = "every call with every fault: many minutes"]
 fn law_every_failing_call_loses_nothing() {
-    demand(&[TRAIN, SEARCH, EVALUATE, CLASSIFY, GENERATE, GROW, FINALIZE, REPAIR], 1);
+    let runs = [TRAIN, SEARCH, TRAIN_BEGUN, SEARCH_BEGUN, EVALUATE, CLASSIFY];
+    demand(&[&runs[..], &[GENERATE, GROW, FINALIZE, REPAIR]].concat(), 1);
 }
