@@ -24,7 +24,9 @@ fn same_rows(here: &Learnt, there: &Learnt) -> Option<String> {
     let first = same().min()?;
     let (count, here, there) = (same().count(), &here.place, &there.place);
     let shards = if count == 1 { "shard" } else { "shards" };
-    Some(format!("{count} {shards} of the train split of {here} (the first is shard {first}) have the same rows in {there}"))
+    Some(format!(
+        "{count} {shards} of the train split of {here} (the first is shard {first}) have the same rows in {there}"
+    ))
 }
 
 /// Refuses leaks between the corpora, and from what the network to start from learnt; where they are allowed, they are told, and
@@ -43,7 +45,9 @@ pub(super) fn check(corpora: &[Learnt], init: Option<&Model>, allow: bool) -> Re
             found.extend(same_rows(other, corpus).filter(|_| !is_told));
         }
         let judged = [Split::Test, Split::Validation].into_iter();
-        found.extend(judged.flat_map(|split| leaks::of_judging(here, split, &learnt_before)).map(|leak| leak.to_string()));
+        found.extend(
+            judged.flat_map(|split| leaks::of_judging(here, split, &learnt_before)).map(|leak| leak.to_string()),
+        );
     }
     if allow {
         found.iter().for_each(|leak| tracing::warn!("{leak}"));
@@ -74,7 +78,10 @@ mod tests {
         };
         let all = [learnt("a", "1", &["x", "y", "z"]), learnt("b", "2", &["w", "z", "y"])];
         let said = check(&all, None, false).unwrap_err().report.to_string();
-        assert!(said.contains("2 shards of the train split of a (the first is shard 1) have the same rows in b"), "{said}");
+        assert!(
+            said.contains("2 shards of the train split of a (the first is shard 1) have the same rows in b"),
+            "{said}"
+        );
         assert_eq!(check(&all, None, true).unwrap().len(), 1);
         assert!(check(&[learnt("a", "1", &["x"]), learnt("b", "1", &["w"])], None, false).unwrap().is_empty());
     }

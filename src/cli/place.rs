@@ -78,7 +78,11 @@ impl miette::Diagnostic for StoreFault {
 }
 
 /// A fault of a file that was named on the command line: what may pass is told as a store's is, the rest is `usage`.
-pub(super) fn named_failure(path: &Path, source: std::io::Error, usage: impl FnOnce(std::io::Error) -> Failure) -> Failure {
+pub(super) fn named_failure(
+    path: &Path,
+    source: std::io::Error,
+    usage: impl FnOnce(std::io::Error) -> Failure,
+) -> Failure {
     if may_pass(&source) { corpus_failure(CorpusError::of_path(path, source)) } else { usage(source) }
 }
 

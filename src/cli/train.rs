@@ -167,7 +167,9 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     let mut sources = Sources::new(list, &params.features, params.labels.clone()).map_err(train_failure)?;
     let init = args.init.as_deref().map(read_init).transpose()?;
     if let Some(of) = init.as_ref().and_then(|init| unknown_yards(&init.model)) {
-        tracing::warn!("whether the network of --init learnt from scenes of these corpora cannot be said: nothing is known of the yards of {of}");
+        tracing::warn!(
+            "whether the network of --init learnt from scenes of these corpora cannot be said: nothing is known of the yards of {of}"
+        );
     }
     sources.shared_scenes = leaks::check(&learnt, init.as_ref().map(|init| &init.model), args.allow_shared_scenes)?;
     let setup = Setup {
@@ -243,9 +245,12 @@ pub(super) fn numbered_folder(name: &str, resume: bool) -> Result<PathBuf, Failu
     let runs = Path::new("runs");
     let entries = match read_folder(runs) {
         Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
-        entries => entries.and_then(Iterator::collect).map_err(|error| corpus_failure(CorpusError::of_path(runs, error)))?,
+        entries => {
+            entries.and_then(Iterator::collect).map_err(|error| corpus_failure(CorpusError::of_path(runs, error)))?
+        }
     };
-    let taken: BTreeSet<u64> = entries.iter().filter_map(|entry| number_of(entry.file_name().to_str()?, name)).collect();
+    let taken: BTreeSet<u64> =
+        entries.iter().filter_map(|entry| number_of(entry.file_name().to_str()?, name)).collect();
     let number = taken.last().copied().filter(|_| resume);
     let number = number.or_else(|| (1..).find(|number| !taken.contains(number))).unwrap_or(1);
     Ok(runs.join(format!("{name}-{number}")))

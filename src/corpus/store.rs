@@ -34,9 +34,9 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use files::{may_pass, read_local};
 pub(crate) use files::read_folder;
 use files::{FolderEntry, read_file, take_name};
+pub use files::{may_pass, read_local};
 
 use super::{CorpusError, sha256};
 
@@ -522,10 +522,13 @@ mod tests {
         let long = store.read_within("a", 4).unwrap_err().to_string();
         assert!(long.contains("it has 5 bytes, more than the 4"), "{long}");
         std::os::unix::fs::symlink("/dev/zero", store.root.join("zero")).unwrap();
-        assert!(store.read("zero").unwrap_err().to_string().contains("a device"));
         fs::create_dir(store.root.join("folder")).unwrap();
-        let folder = store.read("folder").unwrap_err();
-        assert!(matches!(&folder, CorpusError::Io { source, .. } if source.kind() == ErrorKind::IsADirectory));
+        for (name, expected) in [("zero", "a link"), ("folder", "a folder")] {
+            let refused = store.read(name).unwrap_err();
+            assert!(matches!(refused, CorpusError::NotAFile { what, .. } if what == expected), "{refused}");
+        }
+        let device = LocalFolder::new("/dev").read("zero").unwrap_err();
+        assert!(matches!(device, CorpusError::NotAFile { .. }), "{device}");
     }
 
     #[test]

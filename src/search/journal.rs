@@ -45,7 +45,8 @@ impl Journal {
         let mut bytes = Vec::new();
         journal.file.read_to_end(&mut bytes).map_err(|source| io(&journal.path, source))?;
         if !bytes.contains(&b'\n') && !first.as_bytes().starts_with(&bytes) {
-            let reason = format!("its {NAME} was begun by no such search; move that file away, or choose another --out");
+            let reason =
+                format!("its {NAME} was begun by no such search; move that file away, or choose another --out");
             return Err(TrainError::NoRun { path: folder.display().to_string(), reason });
         }
         let whole = journal.take_lines(&bytes, identity)?;

@@ -182,7 +182,11 @@ fn is_lasting(tls: &rustls::Error) -> bool {
         Tls::InvalidMessage(_) => true,
         Tls::AlertReceived(alert) => !matches!(
             alert,
-            Alert::CloseNotify | Alert::InternalError | Alert::UserCanceled | Alert::BadRecordMac | Alert::RecordOverflow
+            Alert::CloseNotify
+                | Alert::InternalError
+                | Alert::UserCanceled
+                | Alert::BadRecordMac
+                | Alert::RecordOverflow
         ),
         _ => false,
     }

@@ -15,7 +15,6 @@ use crate::corpus::limits::COVARIANCE_BYTES;
 use crate::train::Layout;
 use crate::train::params::{DecoupledParams, EkfParams, FilterParams, Groups, Precision};
 
-
 /// The filter that the settings ask for, at its start. Refuses, with the reason, settings that it cannot hold. `clip`: what the
 /// inputs were clipped to; rows that reach it are counted.
 pub fn build(params: &FilterParams, layout: &Layout, clip: f64) -> Result<Box<dyn Filter>, FilterError> {

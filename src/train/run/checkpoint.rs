@@ -47,9 +47,9 @@ impl Checkpoint {
         let path = run.path().join(folder::CHECKPOINT).display().to_string();
         let bad = |reason: String| TrainError::BadState { path: path.clone(), reason };
         let State { header, looks, mut snapshots, checked } = state::from_bytes(&bytes).map_err(|why| match why {
-                Unreadable::Newer { there } => TrainError::Newer { path: path.clone(), there },
-                Unreadable::Damaged(reason) => bad(reason),
-            })?;
+            Unreadable::Newer { there } => TrainError::Newer { path: path.clone(), there },
+            Unreadable::Damaged(reason) => bad(reason),
+        })?;
         identity::check(setup, &header["identity"], identity)?;
         let place = serde_json::from_value(header["place"].clone()).map_err(|error| bad(error.to_string()))?;
         let learnt: Learnt =
