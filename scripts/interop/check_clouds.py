@@ -142,9 +142,9 @@ def check_points(name, out, stem, points, labels, intensities):
     cloud = PointCloud.from_path(out / f"{stem}-labelled.pcd")
     again = cloud.numpy(("x", "y", "z"))
     expect((again.astype(np.float32) == here.astype(np.float32)).all(), f"{name}: points of the PCD")
-    # Singles only where they move no point by more than 0.01 mm; else the doubles of the PLY.
+    # Singles only where they move no point by more than 1 mm; else the doubles of the PLY.
     moved = np.abs(cloud.pc_data["x"].astype(np.float64) - vertices["x"]).max()
-    expect(moved <= (1e-5 if cloud.pc_data["x"].dtype == np.float32 else 0), f"{name}: the PCD moves points by {moved} m")
+    expect(moved <= (1e-3 if cloud.pc_data["x"].dtype == np.float32 else 0), f"{name}: the PCD moves points by {moved} m")
     of_class = cloud.numpy(("class",))[:, 0]
     expect((of_class == vertices["class"]).all(), f"{name}: classes of PCD and PLY")
     return vertices

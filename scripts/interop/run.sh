@@ -3,11 +3,11 @@
 # (ONNX), against classified clouds, and against an object store (a server on loopback) with faults; the Kubernetes manifests
 # against their schema.
 #
-#   scripts/interop/run.sh PYTHON MARSYARD CORPUS
+#   scripts/interop/run.sh PYTHON MARSYARD CORPUS STORES
 #
-# PYTHON has scripts/interop/requirements.txt installed.
+# PYTHON has scripts/interop/requirements.txt installed; STORES is a marsyard built with --features object-stores.
 set -euo pipefail
-python=$1 marsyard=$2 corpus=$3
+python=$1 marsyard=$2 corpus=$3 stores=$4
 here=$(dirname "$0")
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
@@ -23,4 +23,4 @@ trap 'rm -rf "$scratch"' EXIT
 "$python" "$here/../check_onnx.py" "$scratch/model.onnx" "$scratch/model.json" --tolerance 1e-6
 "$python" "$here/check_clouds.py" "$marsyard" "$scratch/run/model.safetensors"
 "$python" "$here/../scale_out/check_kubernetes.py" "$marsyard"
-"$python" "$here/../store/check_store.py" "$marsyard"
+"$python" "$here/../store/check_store.py" "$stores"

@@ -10,6 +10,7 @@ use super::place::{self, check_folder, corpus_failure};
 use crate::cells::CellParams;
 use crate::config::Plan;
 use crate::corpus::limits::FileKind;
+use crate::corpus::store::may_pass;
 use crate::corpus::{Outputs, Split, address};
 use crate::evaluate::{self, EvaluateError, FamilyFacts, Options, Report};
 use crate::train::labels::LabelRule;
@@ -64,7 +65,12 @@ fn parse_rule(text: &str) -> Result<LabelRule, String> {
 /// The model's file, for it or for the run folder that holds it.
 pub(super) fn model_file(path: &Path) -> PathBuf {
     let is_model = path.extension().is_some_and(|end| end == "safetensors");
-    let is_folder = if address::is_url(path) { !is_model } else { path.is_dir() };
+    // What cannot be asked now is met again when it is read.
+    let is_folder = match std::fs::metadata(path) {
+        _ if address::is_url(path) => !is_model,
+        Ok(facts) => facts.is_dir(),
+        Err(error) => !is_model && may_pass(&error),
+    };
     if is_folder { path.join(folder::MODEL) } else { path.into() }
 }
 
@@ -74,10 +80,13 @@ pub(super) fn read_model(path: &Path) -> Result<Model, Failure> {
     let model =
         if address::is_url(&file) { Model::load(&place::read(&file, FileKind::Model)?) } else { Model::read(&file) };
     let model = model.map_err(|error| match error {
-        ModelError::Io { .. } => Failure::usage(miette::miette!(
-            help = "give the model.safetensors that `marsyard train` wrote, or its run folder",
-            "{error}"
-        )),
+        ModelError::Io { source, .. } => place::named_failure(&file, source, |source| {
+            Failure::usage(miette::miette!(
+                help = "give the model.safetensors that `marsyard train` wrote, or its run folder",
+                "{}: {source}",
+                file.display()
+            ))
+        }),
         error => Failure::usage(miette::Report::msg(format!("{}: {error}", file.display()))),
     })?;
     if model.about.marsyard_model < MODEL_FORMAT {

@@ -2,12 +2,14 @@
 
 use std::ffi::OsString;
 use std::fmt;
+use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{Failure, config_failure};
 use crate::config::{self, Plan};
 use crate::corpus::limits::FileKind;
+use crate::corpus::store::may_pass;
 use crate::corpus::{CorpusError, Finished, Manifest, Store, address, manifest, plan_file};
 
 /// Storage that fails may work again; everything else will not.
@@ -58,8 +60,8 @@ pub(super) fn corpus_failure(error: CorpusError) -> Failure {
 pub(super) struct StoreFault {
     pub(super) kind: &'static str,
     pub(super) place: String,
-    said: String,
-    help: Option<String>,
+    pub(super) said: String,
+    pub(super) help: Option<String>,
 }
 
 impl fmt::Display for StoreFault {
@@ -76,12 +78,34 @@ impl miette::Diagnostic for StoreFault {
     }
 }
 
+/// A fault of a file that was named on the command line: what may pass is told as a store's is, the rest is `usage`.
+pub(super) fn named_failure(
+    path: &Path,
+    source: std::io::Error,
+    usage: impl FnOnce(std::io::Error) -> Failure,
+) -> Failure {
+    if may_pass(&source) { corpus_failure(CorpusError::of_path(path, source)) } else { usage(source) }
+}
+
+/// What is at a path, links followed; `None` where there is nothing.
+fn facts_of(path: &Path) -> Result<Option<Metadata>, Failure> {
+    match std::fs::metadata(path) {
+        Ok(facts) => Ok(Some(facts)),
+        Err(error) if may_pass(&error) => Err(corpus_failure(CorpusError::of_path(path, error))),
+        Err(_) => Ok(None),
+    }
+}
+
 /// Refuses a folder that is not there, whatever it should hold; what a URL names is asked for when it is read.
 pub(super) fn check_folder(place: &Path) -> Result<(), Failure> {
-    if address::is_url(place) || place.is_dir() {
+    if address::is_url(place) {
         return Ok(());
     }
-    let what = if place.exists() { "is a file, not a folder" } else { "no such folder" };
+    let what = match facts_of(place)? {
+        Some(facts) if facts.is_dir() => return Ok(()),
+        Some(_) => "is a file, not a folder",
+        None => "no such folder",
+    };
     Err(Failure::usage(miette::miette!(
         help = "give the folder that `marsyard generate` named, such as corpora/quickstart",
         "{}: {what}",
@@ -149,7 +173,7 @@ pub(super) fn plan_file(place: &Path) -> Result<PathBuf, Failure> {
     let there = if address::is_url(place) {
         open(place)?.size("plan.yaml").map_err(corpus_failure)?.is_some()
     } else {
-        place.join("plan.yaml").is_file()
+        is_file(&place.join("plan.yaml"))?
     };
     if there {
         return Ok(place.join("plan.yaml"));
@@ -172,13 +196,13 @@ pub(super) fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, Failure> {
     if address::is_url(path) {
         return address::read_url(path, kind.most_bytes()).map_err(corpus_failure);
     }
-    kind.read_path(path).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+    kind.read_path(path).map_err(|error| corpus_failure(CorpusError::of_path(path, error)))
 }
 
 /// Whether there is such a file in a folder or at a URL.
 pub(super) fn is_file(path: &Path) -> Result<bool, Failure> {
     if !address::is_url(path) {
-        return Ok(path.is_file());
+        return Ok(facts_of(path)?.is_some_and(|facts| facts.is_file()));
     }
     let (store, name) = address::open_file(path).map_err(corpus_failure)?;
     Ok(store.size(&name).map_err(corpus_failure)?.is_some())

@@ -154,7 +154,8 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
         "rows": args.rows,
         "validation_rows": args.validation_rows,
     });
-    let out = args.out.clone().unwrap_or_else(|| numbered_folder(&format!("{name}-search"), args.resume));
+    let numbered = || numbered_folder(&format!("{name}-search"), args.resume);
+    let out = args.out.clone().map_or_else(numbered, Ok)?;
     if args.config.as_ref().is_some_and(|config| owner::is_same_file(config, &out.join(folder::CONFIG))) {
         let refused = owner::foreign(out.display().to_string(), folder::CONFIG, owner::IS_INPUT);
         return Err(corpus_failure(refused));

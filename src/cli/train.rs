@@ -5,6 +5,8 @@
 
 mod progress;
 
+use std::collections::BTreeSet;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,17 +18,18 @@ use super::evaluate::{family_facts, files_of, model_file, read_model};
 use super::generate::{default_threads, parse_threads};
 use super::leaks::{self, Learnt};
 use super::output::{errln, out};
-use super::place::{self, check_folder, corpus_failure, must_be_local};
+use super::place::{self, StoreFault, check_folder, corpus_failure, must_be_local};
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat, config_failure};
 use crate::config::{self, Plan};
 use crate::corpus::limits::FileKind;
+use crate::corpus::store::read_folder;
 use crate::corpus::{Build, CorpusError, LocalFolder, Split, Store};
 use crate::evaluate::{EvaluateError, Options, evaluate};
 use crate::train::filter::{Counters, MOST_WEIGHT};
 use crate::train::folder::RunFolder;
 use crate::train::run::{Init, Origin, Summary};
-use crate::train::{Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
+use crate::train::{Model, Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArgs {
@@ -128,6 +131,7 @@ pub(super) fn train_failure(error: TrainError) -> Failure {
         | TrainError::Exists { .. }
         | TrainError::NoRun { .. }
         | TrainError::OtherRun { .. }
+        | TrainError::OtherModel { .. }
         | TrainError::Init { .. }
         | TrainError::Filter(_) => Failure::USAGE,
         _ => Failure::FAILED,
@@ -149,17 +153,23 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
             source.yards.yards = plan.yards();
         }
         let (place, yards) = (path.display().to_string(), source.yards.clone());
-        learnt.push(Learnt { place, yards, rows_hash: plan.rows_hash() });
+        let shards = source.shards_by_values(Split::Train);
+        learnt.push(Learnt { place, yards, rows_hash: plan.rows_hash(), shards });
         origins.push((path.clone(), origin_of(&plan)));
         list.push(source);
     }
-    let out = args.out.clone().unwrap_or_else(|| numbered_folder(&list[0].name, args.resume));
+    let out = args.out.clone().map_or_else(|| numbered_folder(&list[0].name, args.resume), Ok)?;
     let (place, origin) = origins.remove(0);
     for (other, theirs) in &origins {
         check_grids((&place, &origin), (other, theirs))?;
     }
     let mut sources = Sources::new(list, &params.features, params.labels.clone()).map_err(train_failure)?;
     let init = args.init.as_deref().map(read_init).transpose()?;
+    if let Some(of) = init.as_ref().and_then(|init| unknown_yards(&init.model)) {
+        tracing::warn!(
+            "whether the network of --init learnt from scenes of these corpora cannot be said: nothing is known of the yards of {of}"
+        );
+    }
     sources.shared_scenes = leaks::check(&learnt, init.as_ref().map(|init| &init.model), args.allow_shared_scenes)?;
     let setup = Setup {
         config_yaml: config::train_yaml(&params),
@@ -200,7 +210,19 @@ pub(super) fn goes_on(failure: Failure, out: &Path) -> Failure {
         Some(help) => format!("{help}: {flags}"),
         None => format!("the same command {flags} goes on from here"),
     };
-    Failure::new(failure.code, miette::miette!(help = help, "{}", failure.report))
+    // A store's fault stays one, for whoever reads the log.
+    match failure.report.downcast::<StoreFault>() {
+        Ok(fault) => Failure::new(failure.code, StoreFault { help: Some(help), ..fault }),
+        Err(report) => Failure::new(failure.code, miette::miette!(help = help, "{report}")),
+    }
+}
+
+/// The corpora that a model learnt from without saying which yards they hold, as those of before format 2.
+fn unknown_yards(model: &Model) -> Option<String> {
+    let learnt_from = model.about.learnt_from();
+    let names: Vec<&str> =
+        learnt_from.iter().filter(|corpus| !corpus.yards.known()).map(|corpus| corpus.name.as_str()).collect();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 /// A finished corpus to learn from, and a word of what could not be checked of it.
@@ -217,11 +239,26 @@ fn interrupted(setup: &Setup, rows: u64) -> miette::Report {
     )
 }
 
-/// The first free `runs/<name>-1`, `-2`, ...; to resume, the last that is there.
-pub(super) fn numbered_folder(name: &str, resume: bool) -> PathBuf {
-    let numbered = |number: u64| PathBuf::from("runs").join(format!("{name}-{number}"));
-    let free = (1..).find(|&number| !numbered(number).exists()).unwrap_or(1);
-    numbered(if resume && free > 1 { free - 1 } else { free })
+/// The first free `runs/<name>-1`, `-2`, ...; to resume, the one with the highest number that is there.
+pub(super) fn numbered_folder(name: &str, resume: bool) -> Result<PathBuf, Failure> {
+    let runs = Path::new("runs");
+    let entries = match read_folder(runs) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
+        entries => {
+            entries.and_then(Iterator::collect).map_err(|error| corpus_failure(CorpusError::of_path(runs, error)))?
+        }
+    };
+    let taken: BTreeSet<u64> =
+        entries.iter().filter_map(|entry| number_of(entry.file_name().to_str()?, name)).collect();
+    let number = taken.last().copied().filter(|_| resume);
+    let number = number.or_else(|| (1..).find(|number| !taken.contains(number))).unwrap_or(1);
+    Ok(runs.join(format!("{name}-{number}")))
+}
+
+/// The number in `<name>-<number>`, written as marsyard writes it.
+fn number_of(entry: &str, name: &str) -> Option<u64> {
+    let digits = entry.strip_prefix(name)?.strip_prefix('-')?;
+    digits.parse().ok().filter(|number: &u64| *number > 0 && number.to_string() == digits)
 }
 
 /// What the corpus's own plan says of its cells, rover and sensor: of the first family.
@@ -290,14 +327,13 @@ fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(
             Err(EvaluateError::Corpus(error)) => return Err(corpus_failure(error)),
             Err(error) => return Err(Failure::failed(error)),
         };
-        let below = if args.corpora.len() == 1 { String::new() } else { format!("evaluation/{}/", source.name) };
+        let below = evaluation_folder(source, &setup.sources.list);
         let store = LocalFolder::new(&setup.out);
         // Beside the run's own files a killed one may have left some here.
         store.sweep_temporaries(below.trim_end_matches('/')).map_err(corpus_failure)?;
-        for (name, bytes) in files_of(&report)? {
-            // The store refuses names that leave it, whatever a corpus is called.
-            store.replace(&format!("{below}{name}"), &bytes).map_err(corpus_failure)?;
-        }
+        // The store refuses names that leave it, whatever a corpus is called.
+        let files = files_of(&report)?.into_iter().map(|(name, bytes)| (format!("{below}{name}"), bytes));
+        folder::write_products(&store, &files.collect::<Vec<_>>(), &[]).map_err(corpus_failure)?;
         if log == LogFormat::Text {
             out!("{report}");
         }
@@ -305,11 +341,22 @@ fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(
     Ok(())
 }
 
+/// Where in a run folder the judgement on a corpus lies, with `/` behind it: its own folder where there are several corpora, which
+/// says more than the name where two have one.
+fn evaluation_folder(source: &Source, all: &[Arc<Source>]) -> String {
+    if all.len() == 1 {
+        return String::new();
+    }
+    let namesakes = all.iter().filter(|other| other.name == source.name).count();
+    let id: String = source.corpus_id.chars().take(12).collect();
+    if namesakes == 1 { format!("evaluation/{}/", source.name) } else { format!("evaluation/{}-{id}/", source.name) }
+}
+
 /// Times and rates, which are no part of what a training is.
 fn write_report(run: &RunFolder, progress: &Progress, args: &TrainArgs) -> Result<(), Failure> {
     let report = json!({
         "wall_s": progress.elapsed().as_secs_f64(),
-        "rows_learnt": progress.rows_here(),
+        "rows_learnt_by_this_process": progress.rows_here(),
         "rows_per_s": progress.rate(),
         "threads": args.threads,
         "prefetch": args.prefetch,
@@ -400,6 +447,22 @@ mod tests {
         for wrong in ["a:0", "a:-1", "a:nan", "a:inf"] {
             assert!(parse_corpus(wrong).is_err(), "{wrong}");
         }
+    }
+
+    #[test]
+    fn exact_a_run_s_number_is_read_as_it_is_written() {
+        let numbers = ["a-1", "a-12", "a-0", "a-01", "a-x", "a-b-3", "a", "b-2"].map(|entry| number_of(entry, "a"));
+        assert_eq!(numbers, [Some(1), Some(12), None, None, None, None, None, None]);
+    }
+
+    #[test]
+    fn law_what_a_machine_is_told_of_a_store_outlives_the_advice_to_resume() {
+        let fault = std::io::Error::from_raw_os_error(rustix::io::Errno::IO.raw_os_error());
+        let failure = goes_on(corpus_failure(CorpusError::of_path(Path::new("run/model"), fault)), Path::new("run"));
+        assert_eq!(failure.code, Failure::TRY_AGAIN);
+        let said = failure.report.downcast::<StoreFault>().expect("still a store's fault");
+        assert_eq!((said.kind, said.place.as_str()), ("io", "run"));
+        assert!(said.help.is_some_and(|help| help.contains("--resume --out run")));
     }
 
     #[test]

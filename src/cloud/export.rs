@@ -132,11 +132,11 @@ fn ply_header(title: &str, elements: &[(&str, usize, &[&str])]) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// What f32 coordinates may move a point by: a hundredth of what any range sensor can tell.
-const F32_MOST_M: f64 = 1e-5;
+/// What f32 coordinates may move a point by: less than any range sensor can tell.
+const F32_MOST_M: f64 = 1e-3;
 
-/// PCD 0.7, binary. Coordinates are f32, as the Point Cloud Library's own types are, where that moves no point by more than 0.01 mm
-/// (some 100 m around the origin); else f64, so that none is lost far from it, as in UTM. The viewpoint is that of the
+/// PCD 0.7, binary. Coordinates are f32, as the Point Cloud Library's own types are, where that moves no point by more than 1 mm
+/// (32 km around the origin); else f64, so that none is lost far from it, as in UTM. The viewpoint is that of the
 /// coordinates, which are the map's: readers that move points by it shall leave them where they are.
 pub fn pcd(points: &[LabelledPoint]) -> Vec<u8> {
     let count = points.len();

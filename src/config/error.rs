@@ -59,7 +59,7 @@ pub fn told(message: &str, is_shown: bool) -> String {
 pub struct ConfigError {
     pub config: String,
     pub faults: Vec<Located>,
-    /// An object store could not be reached: the config may be fine.
+    /// A file could not be read that another time may be: the config may be fine.
     pub unreachable: bool,
     /// An object store is not known to be it.
     pub untrusted: bool,
@@ -166,6 +166,10 @@ impl fmt::Display for ConfigError {
 impl std::error::Error for ConfigError {}
 
 impl Diagnostic for ConfigError {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        let again = "a file could not be read just now: the same command again goes on";
+        self.unreachable.then(|| Box::new(again) as Box<dyn fmt::Display>)
+    }
     fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
         Some(Box::new(self.faults.iter().map(|fault| fault as &dyn Diagnostic)))
     }

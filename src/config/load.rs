@@ -7,7 +7,7 @@ use garde::Validate;
 use serde::de::DeserializeOwned;
 
 use super::document::{Document, SECTIONS};
-use super::error::{ConfigError, Fault};
+use super::error::{ConfigError, Fault, quoted};
 use super::fidelity;
 use super::merge::{merge, set};
 use super::place::Place;
@@ -316,7 +316,7 @@ pub(super) fn value_faults<T: Validate<Context = ()>>(
 
 /// A range rule in words, with the value that broke it.
 fn plain(message: &str, value: Option<String>) -> String {
-    let got = value.map_or(String::new(), |value| format!(", got {value}"));
+    let got = value.map_or(String::new(), |value| format!(", got {}", quoted(&value)));
     for (said, meant) in [
         ("length is lower than ", "needs at least this many entries: "),
         ("length is greater than ", "may have at most this many entries: "),
@@ -327,7 +327,11 @@ fn plain(message: &str, value: Option<String>) -> String {
             return format!("{meant}{limit}{got}");
         }
     }
-    message.to_owned()
+    // What the file gave stands last.
+    match message.split_once(", got ") {
+        Some((rule, got)) => format!("{rule}, got {}", quoted(got)),
+        None => message.to_owned(),
+    }
 }
 
 /// What the schema says that a key means.

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::error::{Fault, told};
 use super::tree::{self, Node, Source, Span};
 use crate::corpus::limits::FileKind;
+use crate::corpus::store::may_pass;
 use crate::corpus::{CorpusError, address};
 use crate::geometry::DVec2;
 use crate::scene::Raster;
@@ -28,7 +29,7 @@ pub struct Reader {
     within: Option<PathBuf>,
     /// The config's own folder, links followed: what lies below it may be shown in messages.
     home: Option<PathBuf>,
-    /// A file could not be read because its store could not be reached.
+    /// A file could not be read because its store could not be reached, or the system failed to.
     pub unreachable: Cell<bool>,
     /// Or because it is not known to be the store.
     pub untrusted: Cell<bool>,
@@ -104,11 +105,14 @@ impl Reader {
                 error.to_string()
             });
         }
-        FileKind::Config.read_path(path).map_err(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => "there is no such file".into(),
-            std::io::ErrorKind::PermissionDenied => "no permission".into(),
-            std::io::ErrorKind::IsADirectory => "it is not a file but a folder".into(),
-            _ => error.to_string(),
+        FileKind::Config.read_path(path).map_err(|error| {
+            self.unreachable.set(self.unreachable.get() || may_pass(&error));
+            match error.kind() {
+                std::io::ErrorKind::NotFound => "there is no such file".into(),
+                std::io::ErrorKind::PermissionDenied => "no permission".into(),
+                std::io::ErrorKind::IsADirectory => "it is not a file but a folder".into(),
+                _ => error.to_string(),
+            }
         })
     }
 

@@ -219,14 +219,21 @@ impl Shape<'_> {
                 let low = part["minimum"].as_i64().map_or(default_low, i128::from);
                 let high = part["maximum"].as_u64().map_or(default_high, i128::from);
                 if *value < low || *value > high {
-                    let rule = format!("'{path}' must be a whole number in [{low}, {high}], got {value}");
+                    let rule = format!(
+                        "'{path}' must be a whole number in [{low}, {high}], got {}",
+                        quoted(&value.to_string())
+                    );
                     self.faults.push(with_cure(Fault::new(node.span, rule), meaning(schema, path)));
                 }
             }
             (Form::Integer(_), Value::Float(value)) => {
                 // Above 2^53 the decimals are not what was written.
                 let whole = value.abs() < 9e15 && *value == value.trunc();
-                let cure = if whole { Some(format!("write {value:.0}")) } else { meaning(schema, path) };
+                let cure = if whole {
+                    Some(format!("write {}", quoted(&format!("{value:.0}"))))
+                } else {
+                    meaning(schema, path)
+                };
                 self.wrong(node, path, "a whole number", cure);
             }
             (Form::Integer(_), _) => self.wrong(node, path, "a whole number", quoted_number(node)),

@@ -13,6 +13,9 @@ const MIB: u64 = 1 << 20;
 /// Of the largest model.
 pub const MODEL_BYTES: u64 = 512 * MIB;
 
+/// Of the largest covariance that a filter may have.
+pub const COVARIANCE_BYTES: u64 = 8192 * MIB;
+
 /// A kind of file that is read as a whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
@@ -104,7 +107,9 @@ impl FileKind {
             FileKind::Rebuilt => 16 * MIB,
             FileKind::Trajectory => 1024 * MIB,
             FileKind::Model => MODEL_BYTES,
-            FileKind::Checkpoint | FileKind::Cloud => 4096 * MIB,
+            FileKind::Cloud => 4096 * MIB,
+            // Of now and of the best look, with their weights; the looks and names are far shorter than a model.
+            FileKind::Checkpoint => 2 * (COVARIANCE_BYTES + MODEL_BYTES),
         }
     }
 

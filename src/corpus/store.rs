@@ -34,8 +34,9 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use files::read_local;
-use files::{FolderEntry, read_file, read_folder, take_name};
+pub(crate) use files::read_folder;
+use files::{FolderEntry, read_file, take_name};
+pub use files::{may_pass, read_local};
 
 use super::{CorpusError, sha256};
 
@@ -200,7 +201,8 @@ impl Store for LocalFolder {
 
     fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
         let path = self.path(name)?;
-        if self.size(name)? == Some(bytes.len() as u64) && self.read(name)? == bytes {
+        // What cannot be read is replaced: it may be damaged, or nobody's to read.
+        if self.size(name)? == Some(bytes.len() as u64) && self.read(name).is_ok_and(|there| there == bytes) {
             return Ok(());
         }
         let file = self.written(&path, bytes).map_err(self.failed(name))?;
@@ -226,13 +228,14 @@ impl Store for LocalFolder {
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
         let mut files = Vec::new();
         for entry in self.entries(folder)? {
+            let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
             let facts = match entry.metadata() {
                 // Removed since it was listed.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                other => other.map_err(self.failed(folder))?,
+                other => other.map_err(self.failed(&name))?,
             };
             if facts.is_file() {
-                files.push((format!("{folder}/{}", entry.file_name().to_string_lossy()), facts.len()));
+                files.push((name, facts.len()));
             }
         }
         files.sort();
@@ -264,9 +267,11 @@ impl Store for LocalFolder {
         if self.size(name)?.is_none() {
             return Ok(());
         }
-        match fs::remove_file(self.path(name)?) {
-            Err(error) if error.kind() != ErrorKind::NotFound => Err(self.failed(name)(error)),
-            _ => Ok(()),
+        let path = self.path(name)?;
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            // What a power cut brings back would be there beside what was written since.
+            removed => removed.and_then(|()| sync_folder_of(&path)).map_err(self.failed(name)),
         }
     }
 
@@ -524,6 +529,15 @@ mod tests {
         }
         let device = LocalFolder::new("/dev").read("zero").unwrap_err();
         assert!(matches!(device, CorpusError::NotAFile { .. }), "{device}");
+    }
+
+    #[test]
+    fn extreme_a_file_that_cannot_be_read_is_replaced_by_one_of_its_length() {
+        let (_dir, store) = folder();
+        store.put("a", b"old").unwrap();
+        fs::set_permissions(store.root.join("a"), Permissions::from_mode(0)).unwrap();
+        store.replace("a", b"new").unwrap();
+        assert_eq!(store.read("a").unwrap(), b"new");
     }
 
     #[test]

@@ -139,6 +139,9 @@ pub fn evaluate(
     if options.split == Split::Train {
         notes.push("the model may have learnt these very cells: quote the test split".to_string());
     }
+    if options.split == Split::Validation && model.about.corpus_ids.contains(&corpus.manifest.corpus_id) {
+        notes.push("the model was stopped by these scenes: quote the test split".to_string());
+    }
     if options.labels.is_some() {
         notes.push("labels were derived anew from the truth columns by another rule than the corpus's".to_string());
     }

@@ -13,8 +13,9 @@ use crate::train::memory::{self, Course, Held, Trained};
 use crate::train::stopping::Stop;
 use crate::train::{TrainError, TrainParams};
 
-/// A line of the journal.
+/// A line of the journal. It has these keys and no others: the name of a checksum that a flipped bit spelt otherwise is none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Entry {
     pub hidden: Hidden,
     /// From 0.

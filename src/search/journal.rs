@@ -44,6 +44,11 @@ impl Journal {
         let mut journal = Journal { file: lock::hold(&path)?, path, entries: BTreeMap::new() };
         let mut bytes = Vec::new();
         journal.file.read_to_end(&mut bytes).map_err(|source| io(&journal.path, source))?;
+        if !bytes.contains(&b'\n') && !first.as_bytes().starts_with(&bytes) {
+            let reason =
+                format!("its {NAME} was begun by no such search; move that file away, or choose another --out");
+            return Err(TrainError::NoRun { path: folder.display().to_string(), reason });
+        }
         let whole = journal.take_lines(&bytes, identity)?;
         journal.file.set_len(whole as u64).map_err(|source| io(&journal.path, source))?;
         if whole == 0 {
@@ -205,6 +210,17 @@ mod tests {
         std::fs::write(&path, [b"7", &whole[1..]].concat()).unwrap();
         let error = Journal::open(dir.path(), &identity).err().unwrap().to_string();
         assert!(error.contains("first line") && error.contains("delete that file"), "{error}");
+    }
+
+    #[test]
+    fn extreme_a_line_of_another_s_is_refused_and_left_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(NAME);
+        for text in ["notes of mine, without a line feed", "notes\nof mine\n", "{\"search\":{\"rows\":7"] {
+            std::fs::write(&path, text).unwrap();
+            assert!(Journal::open(dir.path(), &json!({"rows": 3})).is_err(), "{text}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        }
     }
 
     #[test]

@@ -34,7 +34,8 @@ pub use self::leaderboard::Board;
 use self::networks::Hidden;
 use self::pace::Pace;
 use self::rungs::{Rung, rungs, survivors};
-use crate::corpus::store::is_temporary;
+use crate::corpus::limits::FileKind;
+use crate::corpus::store::{is_temporary, read_folder};
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
 use crate::train::stopping::Stop;
@@ -153,9 +154,9 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
         }
         entries.push(done);
     }
-    let board = Board::of(&rungs, &entries, setup.margin, identity);
+    let board = Board::of(&rungs, &entries, setup.margin, identity.clone());
     journal.sync()?;
-    write(setup, &board, &entries)?;
+    write(setup, &board, &entries, |margin| Board::of(&rungs, &entries, margin, identity.clone()))?;
     Ok(Outcome::Done(Box::new(board), entries.pop().unwrap_or_default()))
 }
 
@@ -217,12 +218,12 @@ fn open(setup: &Setup, identity: &Json) -> Result<Journal, TrainError> {
 
 /// Whether a folder without a journal is that of such a search: killed in its first moments, or finished and its journal lost.
 fn is_lost(out: &Path, identity: &Json) -> Result<bool, TrainError> {
-    if let Ok(text) = std::fs::read(out.join(leaderboard::NAME)) {
-        let board = serde_json::from_slice::<Board>(&text);
-        return Ok(board.is_ok_and(|board| board.begun_with == *identity));
+    let store = LocalFolder::new(out);
+    if store.size(leaderboard::NAME)?.is_some() {
+        return Ok(board_in(&store)?.is_some_and(|board| board.begun_with == *identity));
     }
     let io = |source| TrainError::Io { path: out.display().to_string(), source };
-    for entry in std::fs::read_dir(out).map_err(io)? {
+    for entry in read_folder(out).map_err(io)? {
         if !entry.map_err(io)?.file_name().to_str().is_some_and(is_temporary) {
             return Ok(false);
         }
@@ -247,14 +248,33 @@ fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], pace: &Pace, resume
     }
 }
 
-fn write(setup: &Setup, board: &Board, entries: &[Vec<Entry>]) -> Result<(), TrainError> {
+/// Writes what a search gives, in the place of what it gave with the margin of the leaderboard that is there.
+fn write(
+    setup: &Setup,
+    board: &Board,
+    entries: &[Vec<Entry>],
+    board_of: impl Fn(f64) -> Board,
+) -> Result<(), TrainError> {
     let store = LocalFolder::new(&setup.out);
-    if let Some(svg) = picture::svg(entries, setup.margin) {
-        store.replace(picture::NAME, svg.as_bytes())?;
-    }
-    if let Some(chosen) = &board.chosen {
-        store.replace(folder::CONFIG, (setup.config_of)(&chosen.hidden).as_bytes())?;
-    }
+    let before = board_in(&store)?.map(|there| products(setup, &board_of(there.margin), entries));
+    Ok(folder::write_products(&store, &products(setup, board, entries), &before.unwrap_or_default())?)
+}
+
+/// The picture, the config and, last of all, the leaderboard.
+fn products(setup: &Setup, board: &Board, entries: &[Vec<Entry>]) -> Vec<(String, Vec<u8>)> {
+    let mut files: Vec<(&str, String)> = Vec::new();
+    files.extend(picture::svg(entries, board.margin).map(|svg| (picture::NAME, svg)));
+    files.extend(board.chosen.as_ref().map(|chosen| (folder::CONFIG, (setup.config_of)(&chosen.hidden))));
     let text = serde_json::to_string_pretty(board).expect("a leaderboard is plain data") + "\n";
-    Ok(store.replace(leaderboard::NAME, text.as_bytes())?)
+    files.push((leaderboard::NAME, text));
+    files.into_iter().map(|(name, text)| (name.to_owned(), text.into_bytes())).collect()
+}
+
+/// The leaderboard in a folder, where there is a whole one.
+fn board_in(store: &LocalFolder) -> Result<Option<Board>, TrainError> {
+    if store.size(leaderboard::NAME)?.is_none() {
+        return Ok(None);
+    }
+    let text = store.read_within(leaderboard::NAME, FileKind::Manifest.most_bytes())?;
+    Ok(serde_json::from_slice(&text).ok())
 }

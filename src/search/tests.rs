@@ -108,6 +108,12 @@ fn equal_searches_after_interruptions_and_kills_at_any_byte() {
     assert_eq!(run(&broken), 0);
     assert_eq!(run(&Setup { margin: 1.0, ..setup(&broken.out, 1) }), 0);
     assert_ne!(promised(&broken.out), want);
+    // What somebody edited is not replaced.
+    let edited = broken.out.join(folder::CONFIG);
+    std::fs::write(&edited, "seed: 7\n").unwrap();
+    let refused = search(&broken, &AtomicBool::new(false), &mut |_| {}).unwrap_err().to_string();
+    assert!(refused.contains("holds train.yaml, which is not what this command gives"), "{refused}");
+    assert_eq!(std::fs::read_to_string(&edited).unwrap(), "seed: 7\n");
 }
 
 #[test]

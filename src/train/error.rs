@@ -56,6 +56,15 @@ pub enum TrainError {
         "{path}: {reason}; delete that file, and the same command with --resume begins anew and ends in the same bits"
     )]
     BadState { path: String, reason: String },
+    #[error(
+        "{path}: it is of format {there}, which this marsyard does not read: go on with the one that wrote it; nothing was touched"
+    )]
+    Newer { path: String, there: u64 },
+    #[error(
+        "{path} is a whole model, but not the one that this run ended with; move it away, and the same command with --resume writes \
+         the run's own"
+    )]
+    OtherModel { path: String },
     #[error("{path} cannot be started from: {reason}")]
     Init { path: String, reason: String },
 }

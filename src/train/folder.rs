@@ -19,8 +19,9 @@ use std::path::{Path, PathBuf};
 
 use super::looks::{self, LookLog, Looks};
 use super::{TrainError, lock};
-use crate::corpus::store::{create_synced, is_temporary, sync_folder_of};
-use crate::corpus::{CorpusError, LocalFolder, Store};
+use crate::corpus::limits::FileKind;
+use crate::corpus::store::{create_synced, is_temporary, read_folder, sync_folder_of};
+use crate::corpus::{CorpusError, LocalFolder, Store, owner};
 
 pub const CONFIG: &str = "train.yaml";
 pub const MODEL: &str = "model.safetensors";
@@ -38,6 +39,9 @@ pub struct RunFolder {
     store: LocalFolder,
     lock: File,
 }
+
+/// Why a file in a run folder is left alone.
+const OTHER_PRODUCT: &str = "is not what this command gives: it was changed since, or another wrote it";
 
 impl RunFolder {
     /// A folder for a run with this config, which is written first of all. One that is there already is refused, but for what a
@@ -116,7 +120,7 @@ impl RunFolder {
     }
 
     pub fn read(&self, name: &str) -> Result<Vec<u8>, TrainError> {
-        Ok(self.store.read(name)?)
+        Ok(self.store.read_within(name, FileKind::Checkpoint.most_bytes())?)
     }
 
     /// Writes a file whole, in the place of an older one.
@@ -134,21 +138,45 @@ impl RunFolder {
     }
 }
 
+/// Writes files whose bytes follow from what a run was begun with, in the place of those that it wrote `before`. One that is there with
+/// other bytes was edited, or is another's: then nothing is written.
+pub fn write_products(
+    store: &LocalFolder,
+    files: &[(String, Vec<u8>)],
+    before: &[(String, Vec<u8>)],
+) -> Result<(), CorpusError> {
+    for (name, _) in files {
+        let mut known = files.iter().chain(before).filter(|(other, _)| other == name).map(|(_, bytes)| bytes);
+        if store.size(name)?.is_some() {
+            let there = store.read(name)?;
+            if !known.any(|bytes| *bytes == there) {
+                return Err(owner::foreign(store.place(), name, OTHER_PRODUCT));
+            }
+        }
+    }
+    files.iter().try_for_each(|(name, bytes)| store.replace(name, bytes))
+}
+
 /// Whether a folder holds nothing but what a run leaves that is killed before its first checkpoint.
 fn is_barely_begun(path: &Path) -> Result<bool, TrainError> {
-    for entry in fs::read_dir(path).map_err(|source| io(path, source))? {
+    for entry in read_folder(path).map_err(|source| io(path, source))? {
         let entry = entry.map_err(|source| io(path, source))?;
-        let name = entry.file_name();
-        let ours = match name.to_str() {
+        let ours = match entry.file_name().to_str() {
             Some(CONFIG) => true,
             Some(LOOKS) => is_log(&entry.path()) || path.join(CONFIG).is_file(),
-            name => name.is_some_and(is_temporary),
+            name => name.is_some_and(|name| is_temporary(name) || is_temporary_of_before(name)),
         };
         if !ours {
             return Ok(false);
         }
     }
     Ok(true)
+}
+
+/// Whether a name is that of an unfinished file of an earlier marsyard: `.tmp-` and six letters or digits.
+fn is_temporary_of_before(name: &str) -> bool {
+    let drawn = name.strip_prefix(".tmp-");
+    drawn.is_some_and(|drawn| drawn.len() == 6 && drawn.bytes().all(|byte| byte.is_ascii_alphanumeric()))
 }
 
 /// Whether a file of that name is a log of looks, or nothing yet.
@@ -165,4 +193,36 @@ fn other_config(path: &Path) -> TrainError {
 
 fn io(path: &Path, source: std::io::Error) -> TrainError {
     TrainError::Io { path: path.display().to_string(), source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_what_a_kill_leaves_in_the_first_moments_is_told_from_files_of_others() {
+        for (names, is_ours) in [
+            (&["training.jsonl", ".tmp-a1B2c3"][..], true),
+            (&[".marsyard-tmp-4711-x1"], true),
+            (&["training.jsonl", ".tmp-notes-of-mine"], false),
+            (&["train.yaml", "notes.txt"], false),
+        ] {
+            let dir = tempfile::tempdir().unwrap();
+            names.iter().for_each(|name| fs::write(dir.path().join(name), "").unwrap());
+            assert_eq!(is_barely_begun(dir.path()).unwrap(), is_ours, "{names:?}");
+        }
+    }
+
+    #[test]
+    fn law_a_product_that_was_edited_is_left_alone_with_all_others() {
+        let dir = tempfile::tempdir().unwrap();
+        let store = LocalFolder::new(dir.path());
+        let files = |text: &str| ["a", "b"].map(|name| (name.to_owned(), text.as_bytes().to_vec()));
+        write_products(&store, &files("one"), &[]).unwrap();
+        write_products(&store, &files("two"), &files("one")).unwrap();
+        fs::write(dir.path().join("b"), "mine").unwrap();
+        let refused = write_products(&store, &files("three"), &files("two")).unwrap_err().to_string();
+        assert!(refused.contains("holds b, which is not what this command gives"), "{refused}");
+        assert_eq!(fs::read(dir.path().join("a")).unwrap(), b"two");
+    }
 }

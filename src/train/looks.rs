@@ -204,12 +204,13 @@ mod tests {
     }
 
     #[test]
-    fn extreme_a_link_in_the_place_of_the_log_is_replaced_and_not_followed() {
+    fn extreme_a_link_in_the_place_of_the_log_is_refused_and_not_followed() {
         let dir = tempfile::tempdir().unwrap();
         let other = dir.path().join("other");
         fs::write(&other, "mine\n").unwrap();
         std::os::unix::fs::symlink(&other, dir.path().join(NAME)).unwrap();
-        LookLog::begin(dir.path(), &Looks::new(vec![line(0)])).unwrap();
+        let refused = LookLog::begin(dir.path(), &Looks::new(vec![line(0)])).unwrap_err().to_string();
+        assert!(refused.contains("training.jsonl is a link"), "{refused}");
         assert_eq!(fs::read_to_string(&other).unwrap(), "mine\n");
     }
 }

@@ -5,6 +5,7 @@
 
 mod open_file;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -47,6 +48,7 @@ struct ShardFile {
     bytes: u64,
     row_groups: u32,
     sha256: String,
+    value_hash: String,
     verified: AtomicBool,
 }
 
@@ -80,6 +82,7 @@ impl Source {
                     bytes: facts.bytes,
                     row_groups: facts.row_groups,
                     sha256: facts.sha256.clone(),
+                    value_hash: facts.value_hash.clone(),
                     verified: AtomicBool::new(false),
                 });
             }
@@ -111,6 +114,12 @@ impl Source {
         self.files[at(split)].iter().map(|file| file.rows).sum()
     }
 
+    /// Shards of a split that hold rows, by the hash of what is in their rows.
+    pub fn shards_by_values(&self, split: Split) -> BTreeMap<String, u64> {
+        let with_rows = self.files[at(split)].iter().filter(|file| file.rows > 0);
+        with_rows.map(|file| (file.value_hash.clone(), file.shard)).collect()
+    }
+
     pub fn shards(&self, split: Split) -> u64 {
         self.files[at(split)].len() as u64
     }
@@ -123,7 +132,7 @@ impl Source {
     /// The file, its bytes checked if nobody has done so before.
     fn open_file(&self, split: Split, file: &ShardFile) -> Result<TableFile, TrainError> {
         let name = path(split, file.shard);
-        let ShardFile { shard, ref scenes, rows, bytes, row_groups, ref sha256, ref verified } = *file;
+        let ShardFile { shard, ref scenes, rows, bytes, row_groups, ref sha256, ref verified, .. } = *file;
         let (scene_plan_hash, scenes) = (&*self.scene_plan_hash, [scenes.start, scenes.end]);
         let identity = ShardIdentity { scene_plan_hash, shard, split, scenes };
         let expected = Expected { name: &name, bytes, sha256, rows, row_groups, table: Table::Cells, identity };

@@ -66,23 +66,39 @@ pub fn to_bytes(header: &Json, looks: &[Line], snapshots: &[(&str, &Snapshot)]) 
 
 const DTYPES: [(Dtype, &str); 3] = [(Dtype::F32, "F32"), (Dtype::F64, "F64"), (Dtype::U64, "U64")];
 
+/// Why a file says nothing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Unreadable {
+    /// Whole for all that is known, but not for this program.
+    #[error("it is of format {there}, this marsyard reads up to {FORMAT}: use the one that wrote it")]
+    Newer { there: u64 },
+    #[error("{0}")]
+    Damaged(String),
+}
+
+impl From<String> for Unreadable {
+    fn from(reason: String) -> Unreadable {
+        Unreadable::Damaged(reason)
+    }
+}
+
 /// The content of a file.
-pub fn from_bytes(bytes: &[u8]) -> Result<State, String> {
+pub fn from_bytes(bytes: &[u8]) -> Result<State, Unreadable> {
     let unreadable = |error: safetensors::SafeTensorError| format!("it is no whole safetensors file ({error})");
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(unreadable)?;
-    let about = metadata.metadata().as_ref().and_then(|all| all.get(KEY)).ok_or("its metadata lack 'marsyard'")?;
+    let about = metadata.metadata().as_ref().and_then(|all| all.get(KEY));
+    let about = about.ok_or_else(|| "its metadata lack 'marsyard'".to_string())?;
     let mut about: Json = serde_json::from_str(about).map_err(|error| format!("its metadata are no JSON ({error})"))?;
     let format = about.get(VERSION).map_or(Some(1), Json::as_u64);
     if format.is_none_or(|format| format > u64::from(FORMAT)) {
-        let there = format.unwrap_or_default();
-        return Err(format!("it is of format {there}, this marsyard reads up to {FORMAT}: use the one that wrote it"));
+        return Err(Unreadable::Newer { there: format.unwrap_or_default() });
     }
     let checked = checksum::take(bytes, &mut about, format == Some(u64::from(FORMAT)))?;
     let tensors = SafeTensors::deserialize(bytes).map_err(unreadable)?;
     let mut snapshots = HashMap::new();
     for (name, listed) in about["snapshots"].as_object().into_iter().flatten() {
         if name.contains('/') {
-            return Err(format!("'{name}' is no name of a snapshot"));
+            return Err(format!("'{name}' is no name of a snapshot").into());
         }
         snapshots.insert(name.clone(), snapshot(&tensors, name, listed)?);
     }
@@ -168,7 +184,7 @@ mod tests {
             about[checksum::KEY] = checksum::UNSET.into();
             let metadata = HashMap::from([(KEY.to_string(), about.to_string())]);
             let tensors = SafeTensors::deserialize(&bytes).unwrap();
-            from_bytes(&checksum::seal(serialize(tensors.tensors(), Some(metadata)).unwrap())).unwrap_err()
+            from_bytes(&checksum::seal(serialize(tensors.tensors(), Some(metadata)).unwrap())).unwrap_err().to_string()
         };
         assert!(with(r#"["factor"]"#, r#"["factor","factor"]"#).contains("'factor' is listed twice"));
         assert!(with(r#""now""#, r#""now/filter""#).contains("no name of a snapshot"));

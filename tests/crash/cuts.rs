@@ -8,7 +8,7 @@ use crate::kills::{Tally, changes};
 use crate::tasks::{Bench, FINALIZE, GENERATE, GROW, REPAIR, SEARCH, TRAIN, Task};
 use crate::tracer::{How, Names, Tracer};
 
-/// Cuts a task off before every `stride`-th of its changes, and once behind the last one, in both ways.
+/// Cuts a task off before every `stride`-th of its changes, and once behind its end, in both ways.
 fn cut(bench: &Bench, task: Task, stride: usize) -> Tally {
     let mut tally = Tally::default();
     let bar = Bar::of(bench, task);
@@ -27,6 +27,15 @@ fn cut(bench: &Bench, task: Task, stride: usize) -> Tally {
             tally.add(format_args!("{}, cut off before {call}, {names:?}", task.name), outcome);
         }
     }
+    for names in [Names::Keep, Names::Undo] {
+        let (work, end) = bench.disturbed(&task, How::Cut(usize::MAX, names));
+        // Who was told that it is done has it, power or not; times and rates alone may be lost.
+        let outcome = match end.code {
+            0 => bar.done(&work, &end.stdout),
+            code => Err(format!("not done, exit {code}: {}", end.stderr)),
+        };
+        tally.add(format_args!("{}, cut off behind its end, {names:?}", task.name), outcome);
+    }
     tally
 }
 
@@ -44,6 +53,11 @@ fn law_a_build_cut_off_from_power_goes_on() {
 #[test]
 fn law_a_growth_cut_off_from_power_is_old_or_new_and_goes_on() {
     demand(&[GROW], 16);
+}
+
+#[test]
+fn law_a_finalize_or_repair_cut_off_from_power_goes_on() {
+    demand(&[FINALIZE, REPAIR], 8);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! After each crash: whoever reads the corpus gets the old one whole, or the new one whole, or is refused with the command that
 //! completes it; the same command again ends with the bytes of an undisturbed run; nothing temporary stays. `cargo test` takes
-//! some of the calls, spread over each run; the long form takes all of them and counts:
+//! every kill point, and of the power cuts and failing calls some, spread over each run; the long form takes all of them and counts:
 //!
 //!     cargo test --release --test crash -- --ignored --nocapture --test-threads 2
 //!

@@ -18,6 +18,8 @@ pub enum Start {
     Unmerged,
     /// A corpus of 7 scenes.
     Corpus,
+    /// The same, and the folders of a training and a search that were killed before their first file.
+    Begun,
     /// The same, and the shards of 7 more scenes, not yet merged.
     Grown,
     /// The corpus, with a shard cut short and another one gone.
@@ -32,7 +34,7 @@ impl Start {
         match self {
             Start::Empty => None,
             Start::Unmerged | Start::Corpus => Some(Start::Empty),
-            Start::Grown | Start::Damaged | Start::Trained => Some(Start::Corpus),
+            Start::Begun | Start::Grown | Start::Damaged | Start::Trained => Some(Start::Corpus),
         }
     }
 }
@@ -68,6 +70,8 @@ pub const SEARCH: Task = Task {
     arguments: "search corpus --out found --resume --threads 1 --widths 1,2 --layers 1 --rungs 2 --rows 200 \
                 --validation-rows 50 --epochs 2 --set validate_every=50",
 };
+pub const TRAIN_BEGUN: Task = Task { name: "train in an empty folder", start: Start::Begun, ..TRAIN };
+pub const SEARCH_BEGUN: Task = Task { name: "search in an empty folder", start: Start::Begun, ..SEARCH };
 pub const EVALUATE: Task =
     Task { name: "evaluate", start: Start::Trained, arguments: "evaluate run corpus --out judged" };
 pub const CLASSIFY: Task = Task {
@@ -139,6 +143,9 @@ fn make(start: Start, folder: &Path) {
         }
         Start::Unmerged => run("generate crash.yaml --out corpus --threads 1 --shards 0..7"),
         Start::Corpus => run(GENERATE.arguments),
+        Start::Begun => ["run", "found"].iter().for_each(|name| {
+            fs::create_dir(folder.join(name)).expect("an empty folder");
+        }),
         Start::Grown => run("generate crash.yaml --out corpus --threads 1 --set scenes=14 --shards 7..14"),
         Start::Damaged => {
             let bytes = fs::read(shard(1)).expect("a shard");

@@ -5,7 +5,8 @@
  *
  *     tracer LOG FOLDER list changes|all        -- COMMAND...    writes the calls to LOG and lets them pass
  *     tracer LOG FOLDER kill N                  -- COMMAND...    kills the command before its N-th change (from 1)
- *     tracer LOG FOLDER cut N keep|undo         -- COMMAND...    the same; then what was not synced is lost
+ *     tracer LOG FOLDER cut N keep|undo         -- COMMAND...    the same; then what was not synced is lost, also where the
+ *                                                               command ended by itself before its N-th change
  *     tracer LOG FOLDER fail N CLASS ERRNO|short -- COMMAND...   the first call of that class from the N-th call of all on fails,
  *                                                               or moves half of its bytes
  *     tracer LOG FOLDER fail N CLASS ERRNO on   -- COMMAND...    and so does every later one of that class
@@ -509,6 +510,8 @@ int main(int count, char **words) {
         give_up("no command behind --");
     int code = follow_to_the_end(start(words + at + 1));
     fclose(asked.log);
+    if (asked.action == CUT)
+        lose_power();
     nftw(shadow, remove_one, 16, FTW_DEPTH | FTW_PHYS);
     return code;
 }

@@ -69,7 +69,8 @@ fn read_file(path: &Path, kind: FileKind) -> Result<Vec<u8>, Failure> {
     if address::is_url(path) {
         return place::read(path, kind);
     }
-    kind.read_path(path).map_err(|source| usage(CloudError::Io { file: path.display().to_string(), source }))
+    let wrong = |source| usage(CloudError::Io { file: path.display().to_string(), source });
+    kind.read_path(path).map_err(|source| place::named_failure(path, source, wrong))
 }
 
 fn read_text(path: &Path, kind: FileKind) -> Result<String, Failure> {

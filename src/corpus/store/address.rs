@@ -129,7 +129,8 @@ impl Address {
             Address::Objects { service, bucket, .. } => Err(refused(
                 &format!("{}://{bucket}", service.scheme()),
                 "this marsyard was built without object stores",
-                "build it with its default features, or name a folder",
+                "install one that has them with `cargo install --path . --features object-stores` (or try one with `cargo run \
+                 --release --features object-stores`), or name a folder",
             )),
         }
     }

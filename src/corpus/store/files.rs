@@ -21,6 +21,23 @@ pub fn read_local(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     read_file(File::open(path)?, most)
 }
 
+/// Whether what the system said may be otherwise another time: all but what is wrong with a name, a kind of file or a right.
+pub fn may_pass(error: &io::Error) -> bool {
+    let is_lasting = matches!(
+        error.kind(),
+        ErrorKind::NotFound
+            | ErrorKind::PermissionDenied
+            | ErrorKind::ReadOnlyFilesystem
+            | ErrorKind::IsADirectory
+            | ErrorKind::NotADirectory
+            | ErrorKind::InvalidInput
+            | ErrorKind::InvalidFilename
+            | ErrorKind::AlreadyExists
+            | ErrorKind::Unsupported
+    );
+    !is_lasting && error.raw_os_error() != Some(rustix::io::Errno::LOOP.raw_os_error())
+}
+
 /// The bytes of an opened file, `most` at most.
 pub(super) fn read_file(file: File, most: u64) -> io::Result<Vec<u8>> {
     let too_long = |there: u64| {
@@ -38,14 +55,14 @@ pub(super) fn read_file(file: File, most: u64) -> io::Result<Vec<u8>> {
 }
 
 /// Something in a folder.
-pub(super) struct FolderEntry {
+pub(crate) struct FolderEntry {
     folder: PathBuf,
     name: OsString,
     kind: FileType,
 }
 
 impl FolderEntry {
-    pub(super) fn file_name(&self) -> &OsStr {
+    pub(crate) fn file_name(&self) -> &OsStr {
         &self.name
     }
 
@@ -58,7 +75,7 @@ impl FolderEntry {
         }
     }
 
-    pub(super) fn path(&self) -> PathBuf {
+    pub(crate) fn path(&self) -> PathBuf {
         self.folder.join(&self.name)
     }
 
@@ -69,7 +86,7 @@ impl FolderEntry {
 }
 
 /// What is in a folder. As `std::fs::read_dir`, which panics where the system fails to close the folder (EIO, on network file systems).
-pub(super) fn read_folder(folder: &Path) -> io::Result<std::vec::IntoIter<io::Result<FolderEntry>>> {
+pub(crate) fn read_folder(folder: &Path) -> io::Result<std::vec::IntoIter<io::Result<FolderEntry>>> {
     let is_own = |name: &OsStr| name == "." || name == "..";
     let mut entries = Vec::new();
     for entry in rustix::fs::Dir::new(File::open(folder)?)? {
@@ -127,6 +144,14 @@ mod tests {
         let full = take_name(written(b"x"), &dir.path().join("b"), failing(ErrorKind::StorageFull)).unwrap_err();
         assert!(full.kind() == ErrorKind::StorageFull && !dir.path().join("b").exists());
         assert_eq!(fs::read_dir(&dir).unwrap().count(), 1, "what was not named is gone");
+    }
+
+    #[test]
+    fn exact_what_may_pass_is_told_from_what_was_named_wrong() {
+        use rustix::io::Errno;
+        let passes = |errno: Errno| may_pass(&errno.into());
+        assert!([Errno::IO, Errno::MFILE, Errno::NFILE, Errno::NOMEM, Errno::STALE].into_iter().all(passes));
+        assert!(![Errno::NOENT, Errno::ACCESS, Errno::ISDIR, Errno::NOTDIR, Errno::LOOP].into_iter().any(passes));
     }
 
     #[test]

@@ -98,6 +98,22 @@ fn altered(again: bool) -> Fault {
     }
 }
 
+/// Takes one more name of a listing, as long as they are not too many and do not take too long. `furthest`: the most that ever came.
+fn count_name(names: &mut usize, furthest: &mut usize, patience: &Patience) -> Result<(), Fault> {
+    *names += 1;
+    if *names > MOST_NAMES {
+        return Err(Fault::Lasting(format!("more than {MOST_NAMES} names are listed there; no corpus has so many")));
+    }
+    if *names > *furthest {
+        *furthest = *names;
+        patience.made_progress(NAME_BYTES);
+    }
+    if patience.is_over() {
+        return Err(Fault::Passing(format!("only {names} names came in all that time")));
+    }
+    Ok(())
+}
+
 impl ObjectFolder {
     pub fn new(client: Arc<dyn ObjectStore>, bucket: &str, prefix: &str) -> ObjectFolder {
         ObjectFolder { client, bucket: bucket.into(), prefix: prefix.into(), limits: Limits::of_environment() }
@@ -231,7 +247,9 @@ impl ObjectFolder {
             Some(is_stored) => is_stored,
             None => {
                 let mut there = Coming::default();
-                self.take_in(path, Part::Whole { most: bytes.len() as u64 }, &mut there, patience).await?;
+                // A byte more than was sent: what is longer is other bytes too, and not too long to be read.
+                let part = Part::Range { offset: 0, length: bytes.len() + 1 };
+                self.take_in(path, part, &mut there, patience).await?;
                 there.received == bytes[..]
             }
         };
@@ -311,19 +329,7 @@ impl Store for ObjectFolder {
             let mut pages = self.client.list(Some(&path));
             let mut names = 0;
             while let Some(object) = watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, pages.try_next()).await? {
-                names += 1;
-                if names > MOST_NAMES {
-                    return Err(Fault::Lasting(format!(
-                        "more than {MOST_NAMES} names are listed there; no corpus has so many"
-                    )));
-                }
-                if names > furthest {
-                    furthest = names;
-                    patience.made_progress(NAME_BYTES);
-                }
-                if patience.is_over() {
-                    return Err(Fault::Passing(format!("only {names} names came in all that time")));
-                }
+                count_name(&mut names, &mut furthest, patience)?;
                 let (whole, root): (&str, &str) = (object.location.as_ref(), path.as_ref());
                 let below = whole.strip_prefix(root).and_then(|rest| rest.strip_prefix('/'));
                 if let Some(name) = below.filter(|name| !name.contains('/')) {
@@ -339,9 +345,12 @@ impl Store for ObjectFolder {
     fn first_entry(&self) -> Result<Option<String>, CorpusError> {
         let bad = |_| CorpusError::BadName { name: self.prefix.clone() };
         let root = if self.prefix.is_empty() { None } else { Some(Path::parse(&self.prefix).map_err(bad)?) };
-        self.done("", async |_| {
+        let mut furthest = 0;
+        self.done("", async |patience| {
             let mut objects = self.client.list(root.as_ref());
+            let mut names = 0;
             while let Some(object) = watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, objects.try_next()).await? {
+                count_name(&mut names, &mut furthest, patience)?;
                 let whole: &str = object.location.as_ref();
                 let below = whole.strip_prefix(&self.prefix).unwrap_or(whole).trim_start_matches('/');
                 let first = below.split('/').next().unwrap_or_default();

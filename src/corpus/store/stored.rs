@@ -21,11 +21,13 @@ pub struct Stored {
 impl Stored {
     pub fn of(headers: &HeaderMap) -> Stored {
         let header = |name: &str| headers.get(name).and_then(|value| value.to_str().ok());
+        // Google writes one header a kind of hash.
+        let all = |name: &str| headers.get_all(name).iter().filter_map(|value| value.to_str().ok());
         let digest = |text: &str| BASE64_STANDARD.decode(text.trim()).ok();
         let google = |text: &str| text.split(',').find_map(|part| digest(part.trim().strip_prefix("md5=")?));
         Stored {
             tag: header("etag").map(|tag| tag.trim_matches('"').to_ascii_lowercase()),
-            md5: header("content-md5").and_then(digest).or_else(|| header("x-goog-hash").and_then(google)),
+            md5: header("content-md5").and_then(digest).or_else(|| all("x-goog-hash").find_map(google)),
             sha256: header("x-amz-checksum-sha256").and_then(digest),
         }
     }
@@ -51,7 +53,7 @@ mod tests {
     fn holds(headers: &[(&'static str, &'static str)], bytes: &[u8]) -> Option<bool> {
         let mut map = HeaderMap::new();
         for (name, value) in headers {
-            map.insert(*name, object_store::HeaderValue::from_static(value));
+            map.append(*name, object_store::HeaderValue::from_static(value));
         }
         Stored::of(&map).holds(bytes)
     }
@@ -69,6 +71,8 @@ mod tests {
         for header in [md5, google, sha256] {
             assert_eq!(holds(&[header], b"abd"), Some(false), "{header:?}");
         }
+        let apart = [("x-goog-hash", "crc32c=AAAAAA=="), ("x-goog-hash", "md5=kAFQmDzST7DWlj99KOF/cg==")];
+        assert_eq!((holds(&apart, b"abc"), holds(&apart, b"abd")), (Some(true), Some(false)));
         // The tag of an encrypted object looks like an MD5 and is none.
         assert_eq!((holds(&[tag], b"abd"), holds(&[], b"abc")), (None, None));
         assert_eq!(holds(&[("etag", "0x8D"), ("content-md5", "not base64!")], b"abc"), None);

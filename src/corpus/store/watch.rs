@@ -171,11 +171,25 @@ fn innermost(error: &(dyn Error + 'static)) -> String {
 fn distrust(error: &(dyn Error + 'static)) -> Option<String> {
     use rustls::Error as Tls;
     let tls = chain(error).find_map(|cause| wrapped(cause).downcast_ref::<Tls>())?;
-    let is_lasting = matches!(
-        tls,
-        Tls::InvalidCertificate(_) | Tls::NoCertificatesPresented | Tls::PeerIncompatible(_) | Tls::InvalidMessage(_)
-    );
-    is_lasting.then(|| tls.to_string())
+    is_lasting(tls).then(|| tls.to_string())
+}
+
+/// Whether another try would be answered alike: the two cannot agree, or one of them is not trusted.
+fn is_lasting(tls: &rustls::Error) -> bool {
+    use rustls::{AlertDescription as Alert, Error as Tls};
+    match tls {
+        Tls::InvalidCertificate(_) | Tls::NoCertificatesPresented | Tls::PeerIncompatible(_) => true,
+        Tls::InvalidMessage(_) => true,
+        Tls::AlertReceived(alert) => !matches!(
+            alert,
+            Alert::CloseNotify
+                | Alert::InternalError
+                | Alert::UserCanceled
+                | Alert::BadRecordMac
+                | Alert::RecordOverflow
+        ),
+        _ => false,
+    }
 }
 
 /// What an `io::Error` is made of: as a chain of causes goes, it shows the cause of that, and not that itself.
@@ -330,6 +344,15 @@ mod tests {
         assert_eq!(of_status(409, "ConditionalRequestConflict"), Fault::Taken);
         assert_eq!(of_status(416, "InvalidRange"), Fault::BeyondEnd);
         assert!(matches!(of_status(400, "MalformedXML"), Fault::Lasting(_)));
+    }
+
+    #[test]
+    fn exact_alerts_are_lasting_but_for_those_of_a_broken_connection() {
+        use rustls::{AlertDescription as Alert, Error as Tls};
+        let lasting = |alert| is_lasting(&Tls::AlertReceived(alert));
+        let refusals = [Alert::ProtocolVersion, Alert::HandshakeFailure, Alert::UnknownCA, Alert::CertificateExpired];
+        assert!(refusals.into_iter().all(lasting));
+        assert!(![Alert::CloseNotify, Alert::InternalError, Alert::BadRecordMac].into_iter().any(lasting));
     }
 
     #[test]

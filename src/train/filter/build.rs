@@ -11,11 +11,9 @@ use super::noise::Noise;
 use super::ud::Ud;
 use super::ukf::{MOST_WEIGHTS, Ukf};
 use super::{Filter, FilterError};
+use crate::corpus::limits::COVARIANCE_BYTES;
 use crate::train::Layout;
 use crate::train::params::{DecoupledParams, EkfParams, FilterParams, Groups, Precision};
-
-/// Largest memory for covariances, bytes.
-const MOST_BYTES: u64 = 8 << 30;
 
 /// The filter that the settings ask for, at its start. Refuses, with the reason, settings that it cannot hold. `clip`: what the
 /// inputs were clipped to; rows that reach it are counted.
@@ -100,11 +98,11 @@ fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
         Groups::One => size as u64 * (size as u64 + 1) / 2 * element,
         by => groups(layout, by).iter().map(|g| g.len() as u64 * (g.len() as u64 + 1) / 2 * element).sum(),
     };
-    if bytes > MOST_BYTES {
+    if bytes > COVARIANCE_BYTES {
         return Err(FilterError::OutOfRange(format!(
             "the covariance of {size} weights takes {} GiB, more than {}: set fewer neurons, or `decoupled` with smaller groups",
             bytes >> 30,
-            MOST_BYTES >> 30
+            COVARIANCE_BYTES >> 30
         )));
     }
     Ok(())

@@ -10,7 +10,7 @@ use crate::train::folder::{self, RunFolder};
 use crate::train::learner::Learnt;
 use crate::train::looks::{self, Looks};
 use crate::train::rows::LeftOut;
-use crate::train::state::{self, Snapshot, State};
+use crate::train::state::{self, Snapshot, State, Unreadable};
 use crate::train::stopping::Stop;
 
 /// Where training stands in the stream.
@@ -46,7 +46,10 @@ impl Checkpoint {
         let Some(bytes) = run.read_if_there(folder::CHECKPOINT)? else { return Ok(None) };
         let path = run.path().join(folder::CHECKPOINT).display().to_string();
         let bad = |reason: String| TrainError::BadState { path: path.clone(), reason };
-        let State { header, looks, mut snapshots, checked } = state::from_bytes(&bytes).map_err(bad)?;
+        let State { header, looks, mut snapshots, checked } = state::from_bytes(&bytes).map_err(|why| match why {
+            Unreadable::Newer { there } => TrainError::Newer { path: path.clone(), there },
+            Unreadable::Damaged(reason) => bad(reason),
+        })?;
         identity::check(setup, &header["identity"], identity)?;
         let place = serde_json::from_value(header["place"].clone()).map_err(|error| bad(error.to_string()))?;
         let learnt: Learnt =

@@ -4,6 +4,8 @@
 //! files are made of it and of the corpora: at the end of a training, and again in a finished run where one of them is gone. The
 //! checkpoint goes last, so that a kill between any two of them leaves a run to go on with.
 
+use std::io::ErrorKind;
+
 use serde_json::{Value as Json, json};
 
 use super::summary::{Summary, model_of};
@@ -12,8 +14,8 @@ use crate::corpus::sha256;
 use crate::train::folder::{self, RunFolder};
 use crate::train::looks::{self, Line, Looks};
 use crate::train::scaling::scaler;
-use crate::train::state::{self, Snapshot, State};
-use crate::train::{Model, Network, TrainError, curves};
+use crate::train::state::{self, Snapshot, State, Unreadable};
+use crate::train::{Model, ModelError, Network, TrainError, curves};
 
 /// What a training ended with.
 pub(super) struct Finished {
@@ -30,34 +32,73 @@ pub(super) fn completed(
     tell: &mut dyn FnMut(Event),
 ) -> Result<Option<Summary>, TrainError> {
     let run_id = identity::run_id(identity);
-    let record = run.read_if_there(folder::FILTER)?.and_then(|bytes| state::from_bytes(&bytes).ok());
-    let is_of_before = record.as_ref().is_some_and(|state| !state.checked);
-    if let Some(finished) = record.and_then(Finished::of) {
+    let record = read_record(run)?;
+    let word = if matches!(record, Some(Err(_))) { "damaged" } else { "gone" };
+    let is_of_before = matches!(&record, Some(Ok(state)) if !state.checked);
+    let damage = record.as_ref().and_then(|record| record.as_ref().err().cloned());
+    if let Some(finished) = record.and_then(Result::ok).and_then(Finished::of) {
         identity::check(setup, &finished.summary.identity(), identity)?;
         return finished.restore(setup, run, run_id, tell).map(Some);
     }
+    let anew = |tell: &mut dyn FnMut(Event)| {
+        tell(Event::Note(&format!("the run is finished, but its {} is {word}: it is trained anew", folder::FILTER)));
+    };
+    let has_checkpoint = run.holds(folder::CHECKPOINT)?;
     let Some(summary) = Summary::read(run)? else {
-        if !run.holds(folder::CHECKPOINT)? && !holds_model_of(run, Some(&run_id)) {
+        if has_checkpoint {
+            return Ok(None);
+        }
+        if holds_model_of(run, Some(&run_id), None)? {
+            anew(tell);
+        } else if let Some(reason) = damage {
+            let path = run.path().join(folder::FILTER).display().to_string();
+            let reason = format!("{reason}, and nothing else there says what the run learnt");
+            return Err(TrainError::BadState { path, reason });
+        } else {
             run.check_unlearnt(&setup.config_yaml)?;
         }
         return Ok(None);
     };
     identity::check(setup, &summary.identity(), identity)?;
-    if is_of_before && summary.run.is_none() && holds_model_of(run, None) {
+    if is_of_before && summary.run.is_none() && holds_model_of(run, None, None)? {
         run.remove(folder::CHECKPOINT)?;
         return Ok(Some(summary));
     }
-    if !run.holds(folder::CHECKPOINT)? {
-        let what = format!("the run is finished, but its {} is gone or damaged: it is trained anew", folder::FILTER);
-        tell(Event::Note(&what));
+    if !has_checkpoint {
+        anew(tell);
     }
     Ok(None)
 }
 
-/// Whether there is a whole model of the run of that id.
-fn holds_model_of(run: &RunFolder, run_id: Option<&str>) -> bool {
-    let model = Model::read(&run.path().join(folder::MODEL));
-    model.is_ok_and(|model| model.about.run.as_deref() == run_id)
+/// The record, or why it cannot be read; `None` where there is none. One of a newer format is left alone.
+fn read_record(run: &RunFolder) -> Result<Option<Result<State, String>>, TrainError> {
+    let Some(bytes) = run.read_if_there(folder::FILTER)? else { return Ok(None) };
+    match state::from_bytes(&bytes) {
+        Err(Unreadable::Newer { there }) => {
+            Err(TrainError::Newer { path: run.path().join(folder::FILTER).display().to_string(), there })
+        }
+        Err(Unreadable::Damaged(reason)) => Ok(Some(Err(reason))),
+        Ok(state) => Ok(Some(Ok(state))),
+    }
+}
+
+/// Whether there is a whole model of the run of that id, with those weights; no other whole model is to be replaced.
+fn holds_model_of(run: &RunFolder, run_id: Option<&str>, weights: Option<&[f64]>) -> Result<bool, TrainError> {
+    let path = run.path().join(folder::MODEL);
+    let shown = || path.display().to_string();
+    match Model::read(&path) {
+        Ok(model)
+            if model.about.run.as_deref() == run_id && weights.is_none_or(|best| best == model.network.weights) =>
+        {
+            Ok(true)
+        }
+        Ok(_) => Err(TrainError::OtherModel { path: shown() }),
+        Err(ModelError::Io { source, .. }) if source.kind() != ErrorKind::NotFound => {
+            Err(TrainError::Io { path: shown(), source })
+        }
+        Err(ModelError::OtherVersion { there }) => Err(TrainError::Newer { path: shown(), there }),
+        Err(_) => Ok(false),
+    }
 }
 
 impl Finished {
@@ -76,7 +117,7 @@ impl Finished {
         run_id: String,
         tell: &mut dyn FnMut(Event),
     ) -> Result<Summary, TrainError> {
-        let has_model = holds_model_of(run, Some(&run_id));
+        let has_model = holds_model_of(run, Some(&run_id), Some(&self.best.weights))?;
         let log = looks::read(run.path(), u64::MAX);
         let has_log = log.iter().map(|line| line.timeless()).eq(self.looks.lines().iter().copied());
         let gone: Vec<&str> = [(folder::MODEL, has_model), (folder::LOOKS, has_log)]
@@ -84,8 +125,9 @@ impl Finished {
             .chain([(folder::SUMMARY, run.holds(folder::SUMMARY)?)])
             .filter_map(|(name, is_there)| (!is_there).then_some(name))
             .collect();
-        if !gone.is_empty() {
-            tell(Event::Note(&format!("{} gone or damaged: written anew", gone.join(", "))));
+        for name in gone {
+            let word = if run.holds(name)? { "damaged" } else { "gone" };
+            tell(Event::Note(&format!("{name} is {word}: written anew")));
         }
         if has_log {
             // Its times are nowhere else.

@@ -29,7 +29,9 @@ pub(super) fn of(setup: &Setup) -> Json {
     let init = setup.init.as_ref().map(|init| {
         let weights = init.model.network.weights.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
         let mut hasher = blake3::Hasher::new();
-        hasher.update(&weights).update(init.filter.as_deref().unwrap_or_default());
+        // The weights mean what they mean behind the model's own scaling: all of its file counts.
+        hasher.update(&weights).update(init.model.sha256.as_deref().unwrap_or_default().as_bytes());
+        hasher.update(init.filter.as_deref().unwrap_or_default());
         hasher.finalize().to_hex().to_string()
     });
     json!({"config": setup.params, "corpora": corpora, "init": init})

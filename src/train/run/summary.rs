@@ -10,6 +10,9 @@ use crate::train::rows::LeftOut;
 use crate::train::stopping::{Look, Stop, Stopping};
 use crate::train::{About, MODEL_FORMAT, Model, Network, Scaler, TrainError, TrainParams, leaks, quantiles};
 
+/// Of `training.json`.
+const FORMAT: u32 = 1;
+
 /// `training.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -49,8 +52,14 @@ pub struct Summary {
 impl Summary {
     /// That of a run folder; `None` where there is none, or none that is whole.
     pub(super) fn read(run: &RunFolder) -> Result<Option<Summary>, TrainError> {
-        let bytes = run.read_if_there(folder::SUMMARY)?;
-        Ok(bytes.and_then(|bytes| serde_json::from_slice(&bytes).ok()))
+        let Some(bytes) = run.read_if_there(folder::SUMMARY)? else { return Ok(None) };
+        let Ok(json) = serde_json::from_slice::<Json>(&bytes) else { return Ok(None) };
+        match json["marsyard_training"].as_u64() {
+            Some(there) if there > u64::from(FORMAT) => {
+                Err(TrainError::Newer { path: run.path().join(folder::SUMMARY).display().to_string(), there })
+            }
+            _ => Ok(serde_json::from_value(json).ok()),
+        }
     }
 
     /// What the training was begun with.
@@ -64,7 +73,7 @@ impl Training<'_> {
         let none = Look { rows: 0, epoch: 0, train_error: None, validation_error: None };
         let Stopping { looks, last, best, .. } = self.learner.learnt.stopping;
         Summary {
-            marsyard_training: 1,
+            marsyard_training: FORMAT,
             stopped: self.place.stopped.unwrap_or(Stop::Epochs),
             best: best.unwrap_or(none),
             last: last.unwrap_or(none),
