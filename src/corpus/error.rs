@@ -115,12 +115,12 @@ impl CorpusError {
             CorpusError::Foreign { .. } => "foreign",
             CorpusError::Overtaken { .. } => "overtaken",
             CorpusError::OtherFormat { .. } => "other_format",
+            CorpusError::NotAFile { .. } => "not_a_file",
+            CorpusError::TooLarge { .. } => "too_large",
             CorpusError::BadName { .. }
             | CorpusError::BadReceipt { .. }
             | CorpusError::BadManifest { .. }
             | CorpusError::NotWhole { .. }
-            | CorpusError::NotAFile { .. }
-            | CorpusError::TooLarge { .. }
             | CorpusError::Rows { .. }
             | CorpusError::Parquet { .. }
             | CorpusError::Arrow { .. } => "damaged",

@@ -37,8 +37,9 @@ impl Listing {
     pub fn of(store: &dyn Store) -> Result<Listing, CorpusError> {
         let mut listing = Listing::none();
         for folder in Table::ALL.map(Table::folder).iter().map(String::as_str).chain([receipt::FOLDER]) {
-            listing.sizes.extend(store.list(folder)?);
-            listing.odd.extend(store.odd_entries(folder)?);
+            let (files, others) = store.list_all(folder)?;
+            listing.sizes.extend(files);
+            listing.odd.extend(others);
         }
         Ok(listing)
     }

@@ -69,9 +69,9 @@ pub trait Store: Send + Sync {
     fn read_range(&self, name: &str, offset: u64, length: usize) -> Result<Vec<u8>, CorpusError>;
     /// Names and sizes of the files right in a folder, ascending by name; empty where there is no such folder.
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError>;
-    /// Names of what lies right in a folder and is no file: links, folders, pipes.
-    fn odd_entries(&self, _folder: &str) -> Result<Vec<String>, CorpusError> {
-        Ok(Vec::new())
+    /// The same, and the names of what lies right in the folder and is no file (links, folders, pipes), by one listing.
+    fn list_all(&self, folder: &str) -> Result<(Vec<(String, u64)>, Vec<String>), CorpusError> {
+        Ok((self.list(folder)?, Vec::new()))
     }
     /// Size in bytes, or `None` where there is no such file; what bears the name and is no file is refused.
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError>;
@@ -226,7 +226,11 @@ impl Store for LocalFolder {
     }
 
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
-        let mut files = Vec::new();
+        Ok(self.list_all(folder)?.0)
+    }
+
+    fn list_all(&self, folder: &str) -> Result<(Vec<(String, u64)>, Vec<String>), CorpusError> {
+        let (mut files, mut others) = (Vec::new(), Vec::new());
         for entry in self.entries(folder)? {
             let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
             let facts = match entry.metadata() {
@@ -236,20 +240,12 @@ impl Store for LocalFolder {
             };
             if facts.is_file() {
                 files.push((name, facts.len()));
+            } else {
+                others.push(name);
             }
         }
         files.sort();
-        Ok(files)
-    }
-
-    fn odd_entries(&self, folder: &str) -> Result<Vec<String>, CorpusError> {
-        let mut names = Vec::new();
-        for entry in self.entries(folder)? {
-            if !entry.is_file().map_err(self.failed(folder))? {
-                names.push(format!("{folder}/{}", entry.file_name().to_string_lossy()));
-            }
-        }
-        Ok(names)
+        Ok((files, others))
     }
 
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {

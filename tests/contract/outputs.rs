@@ -121,7 +121,7 @@ fn regress_faults_of_a_place_have_their_exit_code_and_are_told_to_machines() {
     let fault = events.filter(|event| event["event"] == "store_fault").last().expect("an event");
     assert_eq!(
         (&fault["kind"], &fault["place"], &fault["exit_code"]),
-        (&"io".into(), &"c".into(), &1.into()),
+        (&"not_a_file".into(), &"c".into(), &1.into()),
         "{fault}"
     );
 }

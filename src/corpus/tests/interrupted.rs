@@ -55,8 +55,8 @@ impl Store for Killed {
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
         self.folder.list(folder)
     }
-    fn odd_entries(&self, folder: &str) -> Result<Vec<String>, CorpusError> {
-        self.folder.odd_entries(folder)
+    fn list_all(&self, folder: &str) -> Result<(Vec<(String, u64)>, Vec<String>), CorpusError> {
+        self.folder.list_all(folder)
     }
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {
         self.folder.size(name)
