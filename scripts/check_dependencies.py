@@ -68,7 +68,8 @@ def main():
     check_itself()
     rules = tomllib.loads((ROOT / "deny.toml").read_text())
     allowed = set(rules["licenses"]["allow"])
-    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", "x86_64-unknown-linux-gnu"]
+    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--all-features"]
+    command += ["--filter-platform", "x86_64-unknown-linux-gnu"]
     metadata = json.loads(subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout)
     linked = {node["id"] for node in metadata["resolve"]["nodes"]}
     crates = [crate for crate in metadata["packages"] if crate["id"] in linked]

@@ -54,6 +54,9 @@ pub enum Put {
     Same,
 }
 
+/// Files of a folder, by name: what they are called and their bytes.
+pub type Files = Vec<(String, u64)>;
+
 /// A place for whole files.
 pub trait Store: Send + Sync {
     /// Writes a new file; the same bytes twice are fine, other bytes are refused ([`CorpusError::Differs`]).
@@ -70,7 +73,7 @@ pub trait Store: Send + Sync {
     /// Names and sizes of the files right in a folder, ascending by name; empty where there is no such folder.
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError>;
     /// The same, and the names of what lies right in the folder and is no file (links, folders, pipes), by one listing.
-    fn list_all(&self, folder: &str) -> Result<(Vec<(String, u64)>, Vec<String>), CorpusError> {
+    fn list_all(&self, folder: &str) -> Result<(Files, Vec<String>), CorpusError> {
         Ok((self.list(folder)?, Vec::new()))
     }
     /// Size in bytes, or `None` where there is no such file; what bears the name and is no file is refused.
@@ -229,7 +232,7 @@ impl Store for LocalFolder {
         Ok(self.list_all(folder)?.0)
     }
 
-    fn list_all(&self, folder: &str) -> Result<(Vec<(String, u64)>, Vec<String>), CorpusError> {
+    fn list_all(&self, folder: &str) -> Result<(Files, Vec<String>), CorpusError> {
         let (mut files, mut others) = (Vec::new(), Vec::new());
         for entry in self.entries(folder)? {
             let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
@@ -531,7 +534,7 @@ mod tests {
     fn extreme_a_file_that_cannot_be_read_is_replaced_by_one_of_its_length() {
         let (_dir, store) = folder();
         store.put("a", b"old").unwrap();
-        fs::set_permissions(store.root.join("a"), Permissions::from_mode(0)).unwrap();
+        fs::set_permissions(store.root.join("a"), Permissions::from_mode(0o000)).unwrap();
         store.replace("a", b"new").unwrap();
         assert_eq!(store.read("a").unwrap(), b"new");
     }

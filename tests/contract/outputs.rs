@@ -117,8 +117,8 @@ fn regress_faults_of_a_place_have_their_exit_code_and_are_told_to_machines() {
     let output = yard.marsyard(["--log", "json", "generate", &config, "--out", "c"]);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    let events = said.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
-    let fault = events.filter(|event| event["event"] == "store_fault").last().expect("an event");
+    let mut events = said.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let fault = events.rfind(|event| event["event"] == "store_fault").expect("an event");
     assert_eq!(
         (&fault["kind"], &fault["place"], &fault["exit_code"]),
         (&"not_a_file".into(), &"c".into(), &1.into()),

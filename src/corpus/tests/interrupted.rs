@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::fixture::{corpus, scene, spec, write_shard};
-use crate::corpus::store::Put;
+use crate::corpus::store::{Files, Put};
 use crate::corpus::{
     CorpusError, CorpusSpec, Finished, Known, LocalFolder, Manifest, Place, ShardWriter, Store, Table, finalize,
     finalize_knowing, status, verify,
@@ -55,7 +55,7 @@ impl Store for Killed {
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
         self.folder.list(folder)
     }
-    fn list_all(&self, folder: &str) -> Result<(Vec<(String, u64)>, Vec<String>), CorpusError> {
+    fn list_all(&self, folder: &str) -> Result<(Files, Vec<String>), CorpusError> {
         self.folder.list_all(folder)
     }
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {
