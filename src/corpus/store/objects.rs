@@ -154,7 +154,7 @@ impl ObjectFolder {
                     Err(Fault::Untrusted(reason)) => {
                         return Err(CorpusError::Untrusted { place: self.place(), reason });
                     }
-                    Err(Fault::Lasting(reason)) => {
+                    Err(Fault::Lasting(reason) | Fault::TooLong(reason)) => {
                         let source = std::io::Error::new(std::io::ErrorKind::InvalidInput, reason);
                         return Err(CorpusError::Io { place: self.place(), name: name.into(), source });
                     }
@@ -215,7 +215,7 @@ impl ObjectFolder {
         coming.same = answer.meta.e_tag.clone();
         let end = answer.range.end;
         if end.saturating_sub(first) > most {
-            return Err(Fault::Lasting(format!("it has {end} bytes, more than the {most} that are read")));
+            return Err(Fault::TooLong(format!("it has {end} bytes, more than the {most} that are read")));
         }
         let mut pieces = answer.into_stream();
         while let Some(piece) = watch::attempt(silence, most.max(MAX_ANSWER_BYTES), pieces.try_next()).await? {
@@ -247,10 +247,15 @@ impl ObjectFolder {
             Some(is_stored) => is_stored,
             None => {
                 let mut there = Coming::default();
-                // A byte more than was sent: what is longer is other bytes too, and not too long to be read.
-                let part = Part::Range { offset: 0, length: bytes.len() + 1 };
-                self.take_in(path, part, &mut there, patience).await?;
-                there.received == bytes[..]
+                let part = Part::Whole { most: bytes.len() as u64 };
+                match self.take_in(path, part, &mut there, patience).await {
+                    // What is longer is other bytes too.
+                    Err(Fault::TooLong(_)) => false,
+                    other => {
+                        other?;
+                        there.received == bytes[..]
+                    }
+                }
             }
         };
         if is_stored { Ok(()) } else { Err(Fault::Altered) }

@@ -37,6 +37,8 @@ pub enum Fault {
     Untrusted(String),
     /// A put stored other bytes than were sent.
     Altered,
+    /// An object is longer than whoever reads it takes.
+    TooLong(String),
     /// May work again.
     Passing(String),
     /// Will not.

@@ -347,7 +347,7 @@ fn law_a_put_that_stores_other_bytes_is_noticed_and_mended_once() {
     assert_eq!(server.store(20.0).put("a", b"abc").unwrap(), Put::Created);
     assert_eq!(methods(&server), ["put", "get", "delete", "put"]);
     // A longer object is as altered as a flipped bit.
-    let longer = answer("206 Partial Content", "ETag: \"y\"\r\nContent-Range: bytes 0-3/4\r\n", 4, "abcd");
+    let longer = answer("200 OK", "ETag: \"y\"\r\n", 4, "abcd");
     let server = Server::playing(vec![stored("1"), longer, gone(), stored(abc)]);
     assert_eq!(server.store(20.0).put("a", b"abc").unwrap(), Put::Created);
     assert_eq!(methods(&server), ["put", "get", "delete", "put"]);
