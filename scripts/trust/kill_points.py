@@ -1,8 +1,8 @@
-"""The long form of the crash tests: every kill point, every power cut, every failing call, counted.
+"""The crash tests of the gate, counted: every kill point, and power cuts and failing calls spread over each run.
 
     python scripts/trust/kill_points.py
 
-Runs the ignored tests of tests/crash on the release build and writes scripts/results/kill_points.md; exit 1 where anything was
+Runs tests/crash on the release build and writes scripts/results/kill_points.md; exit 1 where anything was
 lost. Needs a C compiler and the right to trace; Python's standard library alone.
 """
 
@@ -11,11 +11,11 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-COMMAND = "cargo test --release --locked --test crash -- --ignored --nocapture --test-threads 2"
+COMMAND = "cargo test --release --locked --test crash -- --nocapture --test-threads 2"
 HEAD = """# Every kill point
 
-`scripts/trust/kill_points.py`: `tests/crash` in its long form. Each verb runs on a tiny corpus and is disturbed at each of its system
-calls in turn: killed before each change to a file; cut off from power there, once with all names on disk and once with those that
+`scripts/trust/kill_points.py`: `tests/crash` as the gate runs it. Each verb runs on a tiny corpus and is disturbed at each of its system
+calls: killed before each change to a file (all of them); at calls spread over the run cut off from power, once with all names on disk and once with those that
 were synced, and always without the data that was not; or with that call failing (EIO, ENOSPC, EINTR, EMFILE, EROFS, EXDEV, half of the
 bytes). Lost: the same command does not end with the bytes of an undisturbed run, a temporary file stays, a message names no
 cure, or there is a panic. Mixed: a reader takes a corpus that is neither that of before nor that of after, or a model that is

@@ -406,3 +406,17 @@ impl Store for ObjectFolder {
         if self.prefix.is_empty() { self.bucket.clone() } else { format!("{}/{}", self.bucket, self.prefix) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_a_listing_ends_behind_the_most_names() {
+        let patience = Patience::new(Limits::of_environment(), "data");
+        let (mut names, mut furthest) = (MOST_NAMES - 1, MOST_NAMES - 1);
+        count_name(&mut names, &mut furthest, &patience).expect("as many as may be");
+        let fault = count_name(&mut names, &mut furthest, &patience).expect_err("one too many");
+        assert!(matches!(&fault, Fault::Lasting(why) if why.contains("no corpus has so many")), "{fault:?}");
+    }
+}

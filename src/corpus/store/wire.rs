@@ -263,10 +263,6 @@ fn extreme_listings_and_bodies_that_never_end_are_given_up_in_bounded_time() {
         "{said}"
     );
     assert!(begun.elapsed() < Duration::from_secs(15), "{:?}", begun.elapsed());
-    // Pages of a thousand, faster than any store: the number of names ends it.
-    let many = Server::playing(vec![page(0..20_000)]);
-    let said = many.store(60.0).list("data").unwrap_err().to_string();
-    assert!(said.contains("no corpus has so many"), "{said}");
 }
 
 #[test]
