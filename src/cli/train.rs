@@ -309,7 +309,7 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
 /// Judges the model on the test split of each corpus: `evaluation.json` and its figures, in a folder of their own for each where there
 /// are several corpora.
 fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(), Failure> {
-    let model = read_model(&setup.out)?;
+    let (model, store) = (read_model(&setup.out)?, LocalFolder::new(&setup.out));
     for ((path, _), source) in args.corpora.iter().zip(&setup.sources.list) {
         let plan = place::finished_plan(path)?;
         let options = Options {
@@ -328,7 +328,6 @@ fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(
             Err(error) => return Err(Failure::failed(error)),
         };
         let below = evaluation_folder(source, &setup.sources.list);
-        let store = LocalFolder::new(&setup.out);
         // Beside the run's own files a killed one may have left some here.
         store.sweep_temporaries(below.trim_end_matches('/')).map_err(corpus_failure)?;
         // The store refuses names that leave it, whatever a corpus is called.

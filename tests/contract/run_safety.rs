@@ -344,18 +344,6 @@ fn search(yard: &Yard, out: &str) -> Output {
     yard.marsyard(SEARCH.iter().chain(&["--out", out, "--resume"]))
 }
 
-/// The products of a search, and its journal's lines in order and without times.
-fn found(yard: &Yard, out: &str) -> BTreeMap<String, Vec<u8>> {
-    let mut files = yard.identity(out);
-    let journal = files.get_mut("search.jsonl").expect("search.jsonl");
-    let whole = text(journal);
-    let mut lines: Vec<&str> =
-        whole.lines().map(|line| line.split(",\"seconds\"").next().unwrap_or_default()).collect();
-    lines.sort_unstable();
-    *journal = lines.join("\n").into_bytes();
-    files
-}
-
 #[test]
 fn equal_leaderboards_after_a_journal_that_was_damaged_or_lost() {
     let yard = with_corpus();
@@ -381,14 +369,14 @@ fn equal_leaderboards_after_a_journal_that_was_damaged_or_lost() {
         }
         let output = search(&yard, name);
         assert!(output.status.success(), "{name}: {}", told(&output));
-        assert_same(&found(&yard, "whole"), &found(&yard, name));
+        assert_same(&yard.search_identity("whole"), &yard.search_identity(name));
     }
-    let whole = found(&yard, "whole");
+    let whole = yard.search_identity("whole");
     for gone in ["search.jsonl", "search.json", "search.svg", "train.yaml"] {
         std::fs::remove_file(yard.path("whole").join(gone)).expect("a file to lose");
         let output = search(&yard, "whole");
         assert!(output.status.success(), "{gone}: {}", told(&output));
-        assert_same(&whole, &found(&yard, "whole"));
+        assert_same(&whole, &yard.search_identity("whole"));
     }
 }
 

@@ -79,6 +79,18 @@ impl Yard {
         peak
     }
 
+    /// The `identity` of a search's folder, with the journal's lines in order and without times.
+    pub fn search_identity(&self, out: &str) -> BTreeMap<String, Vec<u8>> {
+        let mut files = self.identity(out);
+        let journal = files.get_mut("search.jsonl").expect("search.jsonl");
+        let whole = text(journal);
+        let mut lines: Vec<&str> =
+            whole.lines().map(|line| line.split(",\"seconds\"").next().unwrap_or_default()).collect();
+        lines.sort_unstable();
+        *journal = lines.join("\n").into_bytes();
+        files
+    }
+
     /// Every file of a corpus that belongs to its identity, by path, with its bytes.
     pub fn identity(&self, corpus: &str) -> BTreeMap<String, Vec<u8>> {
         let mut files = BTreeMap::new();
