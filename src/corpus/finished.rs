@@ -193,6 +193,13 @@ pub fn plan_fault(store: &dyn Store, manifest: &Manifest) -> Result<Option<Fault
     let there = head.and_then(|head| head.extent);
     let finished = Extent::from(manifest);
     match there {
+        Some(there) if (there.seed, there.scenes_per_shard) != (finished.seed, finished.scenes_per_shard) => Ok(fault(
+            format!(
+                "it has seed {} and {} scenes a shard, the corpus was finished with seed {} and {}: no growth leads from one to the other",
+                there.seed, there.scenes_per_shard, finished.seed, finished.scenes_per_shard
+            ),
+            anew,
+        )),
         Some(there) if there != finished => Ok(fault(
             format!(
                 "it plans {} scenes of '{}', the corpus was finished with {} of '{}': it grows, or was left while it grew",

@@ -35,6 +35,7 @@ pub enum FileKind {
     Cloud,
     Signature,
     Rebuilt,
+    Ledger,
 }
 
 /// Bytes of one line of `shards.jsonl`: four tables with their hashes take 1.3 kB.
@@ -42,7 +43,7 @@ const SHARD_LINE: u64 = 4096;
 
 impl FileKind {
     /// One of each kind, in the order of the table.
-    pub const ALL: [FileKind; 13] = [
+    pub const ALL: [FileKind; 14] = [
         FileKind::Manifest,
         FileKind::Receipt,
         FileKind::ShardList { shards: 1 },
@@ -56,6 +57,7 @@ impl FileKind {
         FileKind::Cloud,
         FileKind::Signature,
         FileKind::Rebuilt,
+        FileKind::Ledger,
     ];
 
     /// What it is called in messages and in the table.
@@ -74,6 +76,7 @@ impl FileKind {
             FileKind::Cloud => "a cloud",
             FileKind::Signature => "a key or a signature",
             FileKind::Rebuilt => "a record of shards built again",
+            FileKind::Ledger => "a ledger of results",
         }
     }
 
@@ -93,6 +96,7 @@ impl FileKind {
             FileKind::Cloud => "clouds that `classify` reads",
             FileKind::Signature => "`*.minisig`, keys of `sign` and `verify`",
             FileKind::Rebuilt => "`rebuilt.json`",
+            FileKind::Ledger => "`marsyard.sha256` in folders of results",
         }
     }
 
@@ -104,7 +108,7 @@ impl FileKind {
             FileKind::ShardList { shards } => shards.saturating_mul(SHARD_LINE).min(4096 * MIB),
             FileKind::Card | FileKind::Croissant | FileKind::LabelMap => 4 * MIB,
             FileKind::Signature => MIB,
-            FileKind::Rebuilt => 16 * MIB,
+            FileKind::Rebuilt | FileKind::Ledger => 16 * MIB,
             FileKind::Trajectory => 1024 * MIB,
             FileKind::Model => MODEL_BYTES,
             FileKind::Cloud => 4096 * MIB,

@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::address::Address;
+use super::limits::FileKind;
 use super::owner::{self, CHANGED, IS_INPUT, NOT_WRITTEN};
-use super::{CorpusError, Store, sha256};
+use super::{CorpusError, Store, finished, sha256};
 
 /// The ledger's name.
 pub const LEDGER: &str = "marsyard.sha256";
@@ -35,10 +36,8 @@ struct Ledger(BTreeMap<String, Vec<String>>);
 
 impl Ledger {
     fn read(store: &dyn Store) -> Result<Option<Ledger>, CorpusError> {
-        if store.size(LEDGER)?.is_none() {
-            return Ok(None);
-        }
-        let text = String::from_utf8(store.read(LEDGER)?).ok();
+        let Some(bytes) = finished::read_present(store, LEDGER, FileKind::Ledger)? else { return Ok(None) };
+        let text = String::from_utf8(bytes).ok();
         Ok(text.filter(|text| text.starts_with(HEAD)).map(|text| Ledger::parse(&text)))
     }
 

@@ -106,7 +106,8 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
     let rungs = rungs(networks.len(), held.train.len() as u64, params.epochs, setup.rungs, setup.keep);
     let identity = identity(setup);
     let mut journal = open(setup, &identity)?;
-    let pace = Pace::measure(params, held, &networks, setup.threads)?;
+    let most_rows = rungs.last().map_or(0, |rung| rung.rows);
+    let pace = Pace::measure(params, held, &networks, most_rows, setup.threads)?;
     tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.trainings())));
     let mut contenders = networks;
     let mut entries: Vec<Vec<Entry>> = Vec::new();

@@ -13,7 +13,7 @@ use crate::math;
 use crate::train::memory::{Course, Event, Held, train};
 use crate::train::{TrainError, TrainParams};
 
-/// Time to measure a network.
+/// Time to measure a network, unless it has learnt all that it will in the search before.
 const EACH: Duration = Duration::from_millis(120);
 /// Networks that are measured.
 const PROBES: usize = 6;
@@ -35,8 +35,14 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Measures networks from the smallest to the largest. `sorted`: by ascending weights.
-    pub fn measure(params: &TrainParams, held: &Held, sorted: &[Hidden], threads: usize) -> Result<Pace, TrainError> {
+    /// Measures networks from the smallest to the largest. `sorted`: by ascending weights; `most_rows`: of the last rung.
+    pub fn measure(
+        params: &TrainParams,
+        held: &Held,
+        sorted: &[Hidden],
+        most_rows: u64,
+        threads: usize,
+    ) -> Result<Pace, TrainError> {
         let mut probes: Vec<Probe> = Vec::new();
         for k in 0..PROBES {
             let hidden = &sorted[k * (sorted.len() - 1) / (PROBES - 1)];
@@ -46,7 +52,7 @@ impl Pace {
                 continue;
             }
             let measured = std::thread::scope(|scope| {
-                let one = || scope.spawn(|| time(&params, held));
+                let one = || scope.spawn(|| time(&params, held, most_rows));
                 let all: Vec<_> = (0..threads).map(|_| one()).collect();
                 all.into_iter().map(|one| one.join().expect("a training does not panic")).collect::<Result<Vec<_>, _>>()
             })?;
@@ -78,10 +84,10 @@ impl Pace {
 }
 
 /// Seconds a row and a look.
-fn time(params: &TrainParams, held: &Held) -> Result<(f64, f64), TrainError> {
+fn time(params: &TrainParams, held: &Held, most_rows: u64) -> Result<(f64, f64), TrainError> {
     let over = AtomicBool::new(false);
     let (mut begun, mut look_s, mut learnt) = (Instant::now(), 0.0, (1, f64::EPSILON));
-    let course = Course { rows: u64::MAX, validate_every: u64::MAX };
+    let course = Course { rows: most_rows, validate_every: u64::MAX };
     train(params, held, course, &over, &mut |event| match event {
         Event::Look { .. } => {
             look_s = begun.elapsed().as_secs_f64();

@@ -67,17 +67,33 @@ fn train<'a>(corpus: &'a str, out: &'a str) -> Vec<&'a str> {
     [&["train", corpus, "--out", out][..], &TRAIN].concat()
 }
 
-/// Every reader refuses the corpus with exit 1 and these words, and writes nothing.
+/// Every reader refuses the corpus with exit 1 and these words, and writes nothing; `verify` fails on what the first of them names, and
+/// `status`, which is asked about unfinished corpora too, tells it.
 fn assert_refused(yard: &Yard, corpus: &str, words: &[&str]) {
+    if !yard.path("learnt").exists() {
+        assert_eq!(told(yard, &train("G", "learnt")).0, Some(0));
+    }
     let explain = ["explain", corpus, "--scene", "6"];
     let preview = ["preview", corpus, "--scene", "6", "--out", "never"];
-    for arguments in
-        [&train(corpus, "never")[..], &["search", corpus, "--out", "never"], &["inspect", corpus], &explain, &preview]
-    {
+    let readers = [
+        &train(corpus, "never")[..],
+        &["search", corpus, "--out", "never"],
+        &["evaluate", "learnt", corpus, "--out", "never"],
+        &["inspect", corpus],
+        &explain,
+        &preview,
+    ];
+    for arguments in readers {
         let (code, said) = told(yard, arguments);
         assert_eq!(code, Some(1), "{arguments:?}: {said}");
         assert!(words.iter().all(|word| said.contains(word)), "{arguments:?} lacks one of {words:?}: {said}");
         assert!(!yard.path("never").exists(), "{arguments:?}");
+    }
+    let thing = words[0].strip_prefix(&format!("{corpus}/")).unwrap_or(words[0]);
+    for verb in ["verify", "status"] {
+        let (code, said) = told(yard, &[verb, corpus]);
+        assert!(code == Some(1) || verb == "status" && code == Some(0), "{verb}: {code:?}: {said}");
+        assert!(said.contains(thing), "{verb} lacks {thing}: {said}");
     }
 }
 
@@ -256,6 +272,17 @@ fn regress_edited_plans_cards_and_receipts_are_found() {
     more(&copy(&yard, "d").join("receipts/0000002.json"));
     let (code, said) = told(&yard, &["verify", "d"]);
     assert!(code == Some(1) && said.contains("receipts/0000002.json: its SHA-256"), "{said}");
+}
+
+#[test]
+fn regress_a_plan_of_another_seed_or_shard_size_is_told_as_no_growth() {
+    let yard = yard();
+    for (from, to) in [("seed: 3", "seed: 4"), ("scenes_per_shard: 1", "scenes_per_shard: 2")] {
+        edit(&copy(&yard, "d").join("plan.yaml"), from, to);
+        assert_refused(&yard, "d", &["plan.yaml", "marsyard generate CONFIG"]);
+        let (_, said) = told(&yard, &["inspect", "d"]);
+        assert!(said.contains("no growth leads from one to the other"), "{said}");
+    }
 }
 
 #[test]
