@@ -31,8 +31,8 @@ pub enum CorpusError {
     Differs { place: String, name: String, there: String, here: String },
     #[error("{place}/{name}: {reason}; delete the file and run `marsyard generate` again: it builds that shard anew")]
     BadReceipt { place: String, name: String, reason: String },
-    #[error("{place}/{name}: {reason}; run `marsyard finalize {place}` to write it again from the receipts")]
-    BadManifest { place: String, name: String, reason: String },
+    #[error("{place}/{name}: {reason}; {cure}")]
+    BadManifest { place: String, name: String, reason: String, cure: String },
     #[error("{place}/{name}: {reason}; {cure}")]
     NotWhole { place: String, name: String, reason: String, cure: String },
     #[error("{place}/{name} is {what}, not a file; move it away, or put the file itself in its place")]

@@ -214,10 +214,25 @@ impl Manifest {
 
     /// The manifest, and the bytes that it was read from.
     pub fn read_with_bytes(store: &dyn Store) -> Result<(Manifest, Vec<u8>), CorpusError> {
-        let bad = |reason: String| CorpusError::BadManifest { place: store.place(), name: NAME.into(), reason };
+        let place = store.place();
+        let fault = |reason: String, cure: String| {
+            let (place, name) = (store.place(), NAME.into());
+            CorpusError::BadManifest { place, name, reason, cure }
+        };
+        let bad =
+            |reason| fault(reason, format!("run `marsyard finalize {place}` to write it again from the receipts"));
         let bytes = match FileKind::Manifest.read(store, NAME) {
             Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
-                return Err(bad("there is no manifest: the corpus is not finished, or this is not a corpus".into()));
+                return Err(match store.size(plan_file::NAME)? {
+                    Some(_) => fault(
+                        "there is no manifest: the corpus is not finished".into(),
+                        format!("`marsyard generate {place}` completes it"),
+                    ),
+                    None => fault(
+                        "there is no manifest, nor a plan: this is no corpus".into(),
+                        "name the place that `marsyard generate` named, such as corpora/quickstart".into(),
+                    ),
+                });
             }
             other => other?,
         };

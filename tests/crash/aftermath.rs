@@ -42,6 +42,8 @@ const READERS: [(&str, &str); 3] = [
     ("verify", "verify corpus --threads 1"),
 ];
 
+const INSPECT: usize = 1;
+
 impl Bar {
     pub fn of(bench: &Bench, task: Task) -> Bar {
         let work = bench.fresh(task.start);
@@ -70,8 +72,8 @@ impl Bar {
     }
 
     /// Whether those readers that `asked` picks say what they said before the task, or all what they say after it, or refuse with a
-    /// command that helps.
-    pub fn readers(&self, work: &Path, asked: impl Fn(usize) -> bool) -> Result<(), String> {
+    /// command that helps; `with_cure`: which is run, too.
+    pub fn readers(&self, work: &Path, asked: impl Fn(usize) -> bool, with_cure: bool) -> Result<(), String> {
         let Some([before, after]) = &self.said else { return self.model(work) };
         let chosen: Vec<usize> = (0..READERS.len()).filter(|&k| asked(k)).collect();
         let mut sides = [true, true];
@@ -84,10 +86,34 @@ impl Bar {
                         return Err(format!("{MIXED}{name} reads neither the corpus of before nor that of after"));
                     }
                 }
-                Said::Refused { code, why } => refusal(name, code, &why)?,
+                Said::Refused { code, why } => {
+                    refusal(name, code, &why)?;
+                    // Whoever learns is in the way of nobody: what it is told to run must help.
+                    if k == 0 && with_cure {
+                        self.cured(work, &why)?;
+                    }
+                }
             }
         }
         Ok(())
+    }
+
+    /// Whether the command that a refusal names leads to the corpus of before or that of after, as `inspect` reads it.
+    fn cured(&self, work: &Path, why: &str) -> Result<(), String> {
+        let (Some(cure), Some([before, after])) = (command_in(why), &self.said) else { return Ok(()) };
+        let elsewhere = work.with_file_name("cured");
+        let _ = fs::remove_dir_all(&elsewhere);
+        tree::copy(work, &elsewhere);
+        let output = run(&elsewhere, &cure);
+        if !output.status.success() {
+            let why = flat(&String::from_utf8_lossy(&output.stderr));
+            return Err(format!("the cure `marsyard {cure}`: exit {:?}: {why}", output.status.code()));
+        }
+        let (_, inspect) = READERS[INSPECT];
+        match ask(&elsewhere, inspect) {
+            said if [&before[INSPECT], &after[INSPECT]].contains(&&said) => Ok(()),
+            other => Err(format!("{MIXED}behind the cure `marsyard {cure}` inspect says {other:?}")),
+        }
     }
 
     /// A model is there whole or not at all.
@@ -163,6 +189,13 @@ pub fn refusal(who: &str, code: Option<i32>, why: &str) -> Result<(), String> {
     }
     let end: String = why.chars().skip(why.chars().count().saturating_sub(250)).collect();
     Err(format!("{who} says nothing that helps, exit {code:?}: {end}"))
+}
+
+/// The arguments of the first command of marsyard's that a message says to run; a verb alone is named, not said to run.
+fn command_in(why: &str) -> Option<String> {
+    let why = flat(why);
+    let (_, command) = why.split_once("`marsyard ").filter(|(_, command)| !command.starts_with("generate`"))?;
+    command.split_once('`').map(|(arguments, _)| arguments.to_owned())
 }
 
 /// A message without the line breaks and bars that stand in it for people.

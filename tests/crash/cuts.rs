@@ -19,7 +19,7 @@ fn cut(bench: &Bench, task: Task, stride: usize) -> Tally {
             let outcome = match end.code {
                 Tracer::KILLED => {
                     let asked = |reader: usize| stride == 1 || reader == k % 3;
-                    bar.readers(&work, asked).and_then(|()| bar.again(&work))
+                    bar.readers(&work, asked, stride == 1).and_then(|()| bar.again(&work))
                 }
                 0 if task.name == TRAIN.name => bar.done(&work, &end.stdout),
                 code => Err(format!("not cut, exit {code}: {}", end.stderr)),

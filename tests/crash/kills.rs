@@ -52,7 +52,7 @@ fn killed(bench: &Bench, task: Task, is_long: bool) -> Tally {
             Tracer::KILLED => {
                 let asked = |reader: usize| is_long || reader == 0 || reader == 1 + k % 2;
                 let back = || if task.name == GROW.name { bar.back(&work) } else { Ok(()) };
-                bar.readers(&work, asked).and_then(|()| back()).and_then(|()| bar.again(&work))
+                bar.readers(&work, asked, is_long || k % 8 == 0).and_then(|()| back()).and_then(|()| bar.again(&work))
             }
             // How often a checkpoint is written is a matter of time.
             0 if task.arguments == TRAIN.arguments => bar.done(&work, &end.stdout),

@@ -70,7 +70,7 @@ fn extreme_foreign_files_with_a_matching_hash_are_refused_by_what_they_say() {
 #[test]
 fn extreme_corpora_that_are_none_or_of_another_format_are_refused() {
     let dir = tempfile::tempdir().unwrap();
-    assert!(fault(&dir.path().join("nowhere"), &params()).contains("no manifest"));
+    assert!(fault(&dir.path().join("nowhere"), &params()).contains("no manifest, nor a plan"));
     let place = circles(&dir, "a", 100);
     let manifest = place.join("manifest.json");
     let text = std::fs::read_to_string(&manifest).unwrap();
