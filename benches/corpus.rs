@@ -4,8 +4,9 @@
 
 mod shared;
 
-use marsyard::corpus::{SceneOutput, ShardWriter};
-use marsyard::pipeline::{NoWatch, Scratch, run_scene};
+use marsyard::corpus::ShardWriter;
+use marsyard::episode::SceneOutput;
+use marsyard::episode::{Scratch, Unobserved, run_scene};
 use shared::paper::prepared;
 use shared::rate;
 
@@ -19,7 +20,7 @@ fn main() {
         let spec = prepared.plan.corpus_spec();
         let mut scratch = Scratch::default();
         let outputs: Vec<SceneOutput> =
-            (0..20).map(|scene| run_scene(&prepared, scene, &mut scratch, &mut NoWatch)).collect();
+            (0..20).map(|scene| run_scene(&prepared, scene, &mut scratch, &mut Unobserved)).collect();
         let rows: usize = outputs.iter().flat_map(|output| &output.scans).map(|scan| scan.cells.rows.len()).sum();
         let shard = || {
             let mut writer = ShardWriter::new(&spec, 0).expect("a schema");

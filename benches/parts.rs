@@ -7,10 +7,11 @@
 use std::path::Path;
 
 use marsyard::config;
-use marsyard::corpus::{CorpusSpec, SceneOutput, ShardWriter, Table};
-use marsyard::estimate::interleaved;
-use marsyard::pipeline::clock::{Costs, thread_cpu_s};
-use marsyard::pipeline::{NoWatch, Prepared, Scratch, StageTimes, run_scene};
+use marsyard::corpus::{CorpusSpec, ShardWriter, Table};
+use marsyard::episode::SceneOutput;
+use marsyard::episode::{Prepared, Scratch, StageTimes, Unobserved, run_scene};
+use marsyard::measure::clock::{Costs, thread_cpu_s};
+use marsyard::measure::estimate::interleaved;
 
 /// A yard that parts are added to, by its place in `YARDS`.
 const EMPTY: usize = 0;
@@ -137,7 +138,7 @@ fn tables(rounds: usize, scratch: &mut Scratch) {
     let set = format!("scenes_per_shard={SCENES}");
     let plan = prepared(&["tables=[cells, scenes, poses, points]", &set]);
     let outputs: Vec<SceneOutput> =
-        (0..u64::from(SCENES)).map(|scene| run_scene(&plan, scene, scratch, &mut NoWatch)).collect();
+        (0..u64::from(SCENES)).map(|scene| run_scene(&plan, scene, scratch, &mut Unobserved)).collect();
     let spec = plan.plan.corpus_spec();
     let made_s = |table: Table| {
         let spec = CorpusSpec { tables: vec![table], ..spec.clone() };

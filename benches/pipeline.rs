@@ -9,9 +9,9 @@
 mod shared;
 
 use marsyard::corpus::ShardWriter;
+use marsyard::episode::{Prepared, Scratch, StageTimes, Unobserved, replay_scene, run_scene};
 use marsyard::geometry::DVec3;
-use marsyard::pipeline::clock::{Costs, thread_cpu_s};
-use marsyard::pipeline::{NoWatch, Prepared, Scratch, StageTimes, replay_scene, run_scene};
+use marsyard::measure::clock::{Costs, thread_cpu_s};
 use marsyard::sweep::Caster;
 use shared::paper::prepared;
 
@@ -46,7 +46,7 @@ fn measure(prepared: &Prepared, scenes: u32) -> Sums {
     let mut writer = ShardWriter::new(&spec, 0).expect("a schema");
     let (mut scratch, mut sums) = (Scratch::default(), Sums::default());
     // Once without counting: memory is at hand afterwards.
-    run_scene(prepared, 0, &mut scratch, &mut NoWatch);
+    run_scene(prepared, 0, &mut scratch, &mut Unobserved);
     for scene in 0..u64::from(scenes) {
         let mut costs = Costs::start();
         let output = run_scene(prepared, scene, &mut scratch, &mut costs);
@@ -70,7 +70,7 @@ fn measure(prepared: &Prepared, scenes: u32) -> Sums {
 
 /// CPU seconds of casting a scene's rays and nothing else.
 fn casting_alone_s(prepared: &Prepared, scene: u64, scratch: &mut Scratch, rays: u64) -> f64 {
-    let Ok(replay) = replay_scene(prepared, scene, scratch, &mut NoWatch) else { return 0.0 };
+    let Ok(replay) = replay_scene(prepared, scene, scratch, &mut Unobserved) else { return 0.0 };
     let family = &prepared.plan.families[replay.family];
     let directions = &prepared.pattern(replay.family).directions;
     let caster = Caster::new(&replay.scene, &family.sweep.cast);

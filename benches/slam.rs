@@ -9,7 +9,7 @@ mod shared;
 use marsyard::drive::{InstrumentNoise, Reading};
 use marsyard::geometry::{DVec3, Pose, Transform};
 use marsyard::math;
-use marsyard::pipeline::clock::thread_cpu_s;
+use marsyard::measure::clock::thread_cpu_s;
 use marsyard::random::{Purpose, Stage, Stream, Streams};
 use marsyard::slam::features::Extractor;
 use marsyard::slam::{FastslamParams, Feature, Slam, SlamParams, Visibility};

@@ -12,7 +12,7 @@ use std::io::{BufRead, Write};
 use std::path::{Path, PathBuf};
 
 use marsyard::geometry::DVec3;
-use marsyard::pipeline::clock::thread_cpu_s;
+use marsyard::measure::clock::thread_cpu_s;
 use marsyard::scene::{Ground, Raster, Scene, Shape};
 use marsyard::sweep::params::{Cast, SpacingParams};
 use marsyard::sweep::{Caster, Hit};

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use marsyard::config;
-use marsyard::pipeline::{NoWatch, Prepared, Scratch, run_scene};
+use marsyard::episode::{Prepared, Scratch, Unobserved, run_scene};
 
 fn main() {
     let times = std::env::args().nth(1).and_then(|text| text.parse::<u32>().ok());
@@ -19,7 +19,7 @@ fn main() {
     let mut scratch = Scratch::default();
     let mut cells = 0;
     for _ in 0..times {
-        let output = run_scene(&prepared, 0, &mut scratch, &mut NoWatch);
+        let output = run_scene(&prepared, 0, &mut scratch, &mut Unobserved);
         assert!(output.error.is_none(), "{:?}", output.error);
         cells += output.scans[0].cells.rows.len();
     }

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use marsyard::cells::feature_columns;
 use marsyard::config;
-use marsyard::pipeline::{NoWatch, Prepared, Replay, Scratch, replay_scene};
+use marsyard::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use marsyard::scene::{Ground, Shape};
 use serde_json::{Value, json};
 
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     fs::write(dir.join("directions.f64"), directions.flat_map(f64::to_le_bytes).collect::<Vec<u8>>())?;
     let mut scratch = Scratch::default();
     for scene in 0..scenes.parse()? {
-        let Ok(replay) = replay_scene(&prepared, scene, &mut scratch, &mut NoWatch) else { continue };
+        let Ok(replay) = replay_scene(&prepared, scene, &mut scratch, &mut Unobserved) else { continue };
         fs::write(dir.join(format!("{scene}.json")), described(&prepared, &replay).to_string())?;
         println!("{scene}");
     }

@@ -17,7 +17,7 @@ use arrow_array::{Array, Int64Array, RecordBatch};
 use arrow_schema::DataType;
 use clap::Parser;
 use marsyard::config::load_train;
-use marsyard::pipeline::clock::thread_cpu_s;
+use marsyard::measure::clock::thread_cpu_s;
 use marsyard::train::memory::{self, Event, Held};
 use marsyard::train::rows::Rows;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;

@@ -4,13 +4,22 @@
 //! and writes per-cell features and labels as Parquet shards:
 //!
 //! ```text
-//! scene -> drive -> sweep -> slam -> cells -> corpus
+//! scene -> drive -> sweep -> slam -> cells     the stages: one yard, one rover, one scan
+//!    \________ episode ________/               one scene, from its address in a plan to its rows
+//! config -> plan -> build -> corpus            scenes on all threads, shards in a place
+//! corpus -> train -> evaluate, search          a network, and how good it is
+//! cloud  -> cells -> the network               a real scan, judged
 //! ```
 //!
-//! The modules stand in that order. The shelf is pure maths and knows nothing; a stage is a function of its parameters, its
-//! inputs, a scratch space and its random streams; files are touched by the boundary alone; the top knows everything and
-//! computes nothing. `use` points up this list only.
+//! The modules stand in that order, and `use` points up this list only. The shelf is pure maths and knows nothing; a stage is a function of
+//! its parameters, its inputs, a scratch space and its random streams; files are touched by `config`, `corpus` and what lies below;
+//! the verbs speak.
+//!
+//! Without features the library is the stages, a plan and an episode: one scene to arrays, with no file format, no text and no threads.
+//! `corpus` adds configs and shards, `train` the networks and real scans, `cli` (the default) the verbs, pictures and studies of cost;
+//! `object-stores` corpora in `s3://`, `gs://` and `az://`.
 
+// The shelf.
 pub mod math;
 
 pub mod cpu;
@@ -23,6 +32,7 @@ pub mod random;
 
 pub mod preset;
 
+// The stages.
 pub mod scene;
 
 pub mod drive;
@@ -33,26 +43,42 @@ pub mod slam;
 
 pub mod cells;
 
+// One scene.
+pub mod plan;
+
+pub mod episode;
+
+// Many scenes.
+#[cfg(feature = "corpus")]
 pub mod corpus;
 
-pub mod train;
-
-pub mod evaluate;
-
-pub mod search;
-
-pub mod cloud;
-
+#[cfg(feature = "corpus")]
 pub mod config;
 
+#[cfg(feature = "corpus")]
+pub mod build;
+
+// Networks.
+#[cfg(feature = "train")]
+pub mod train;
+
+#[cfg(feature = "train")]
+pub mod evaluate;
+
+#[cfg(feature = "train")]
+pub mod search;
+
+#[cfg(feature = "train")]
+pub mod cloud;
+
+// The program.
+#[cfg(feature = "cli")]
 pub mod picture;
 
-pub mod pipeline;
+#[cfg(feature = "cli")]
+pub mod measure;
 
-pub mod estimate;
-
-pub mod tradeoff;
-
+#[cfg(feature = "cli")]
 pub mod cli;
 
 // Unit tests run as the program does: with the pinned functions under the C library's names.

@@ -2,7 +2,7 @@
 //!
 //! Both are the best of several rounds by CPU time, with the widest registers that the CPU has: a bound is what nothing passes.
 
-use marsyard::pipeline::clock::thread_cpu_s;
+use marsyard::measure::clock::thread_cpu_s;
 
 const ROUNDS: usize = 9;
 

@@ -5,7 +5,7 @@
 pub mod paper;
 pub mod yards;
 
-use marsyard::pipeline::clock::thread_cpu_s;
+use marsyard::measure::clock::thread_cpu_s;
 
 /// Rounds that a rate is the median of.
 const ROUNDS: usize = 9;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use marsyard::config;
-use marsyard::pipeline::{NoWatch, Prepared, Replay, Scratch, replay_scene};
+use marsyard::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 
 /// A config of `configs/`, with overrides.
 pub fn prepared(name: &str, sets: &[&str]) -> Prepared {
@@ -16,5 +16,5 @@ pub fn prepared(name: &str, sets: &[&str]) -> Prepared {
 /// The first scenes that can be made.
 pub fn replays(prepared: &Prepared, count: usize) -> Vec<Replay> {
     let mut scratch = Scratch::default();
-    (0..).filter_map(|scene| replay_scene(prepared, scene, &mut scratch, &mut NoWatch).ok()).take(count).collect()
+    (0..).filter_map(|scene| replay_scene(prepared, scene, &mut scratch, &mut Unobserved).ok()).take(count).collect()
 }

@@ -1,6 +1,6 @@
 //! Networks of 14 inputs in training, and rows to train them on: for the bench of the filters and for their peers.
 
-use marsyard::pipeline::clock::thread_cpu_s;
+use marsyard::measure::clock::thread_cpu_s;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::build;
 use marsyard::train::params::{

@@ -16,10 +16,11 @@ use super::plan::estimate_failure;
 use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
-use crate::corpus::{self, CorpusError, CorpusSpec, FinishedShard, Place, Room, SceneOutput, Status, Store, owner};
-use crate::estimate;
-use crate::pipeline::generate::{self, BuildError, Event, Job, Outcome};
-use crate::pipeline::{Prepared, Record};
+use crate::build::{self, BuildError, Event, Job, Outcome};
+use crate::corpus::{self, CorpusError, CorpusSpec, FinishedShard, Place, Room, Status, Store, owner};
+use crate::episode::SceneOutput;
+use crate::episode::{Prepared, StageRecord};
+use crate::measure::estimate;
 
 /// A plan, its place, and how to build.
 pub(super) struct Builder<'a> {
@@ -30,7 +31,7 @@ pub(super) struct Builder<'a> {
     pub(super) threads: usize,
     /// To be left free on the disk.
     pub(super) keep_free_bytes: u64,
-    /// Hashes of the stages' results go here.
+    /// StageHashes of the stages' results go here.
     pub(super) stage_hashes: Option<&'a Path>,
     /// Write report.json: nobody else builds other shards.
     pub(super) report: bool,
@@ -74,7 +75,7 @@ impl Builder<'_> {
         let mut progress = Progress::new(shards.len() as u64 * u64::from(self.spec.scenes_per_shard), self.log);
         let mut writing = Duration::ZERO;
         let mut lost_hashes = None;
-        let outcome = generate::generate(
+        let outcome = build::generate(
             &self.prepared,
             self.spec,
             job,
@@ -178,7 +179,7 @@ impl HashFile<'_> {
         opened.map(|file| HashFile { path, file }).map_err(|error| HashFile::failed(path, &error))
     }
 
-    fn add(&mut self, output: &SceneOutput, record: &Record) -> Result<(), Failure> {
+    fn add(&mut self, output: &SceneOutput, record: &StageRecord) -> Result<(), Failure> {
         let stages: serde_json::Map<_, _> = record
             .hashes
             .iter()

@@ -14,7 +14,7 @@ use super::rebuild::{Rebuild, Share, tell_before};
 use super::{Failure, LogFormat, sign};
 use crate::corpus::verify::{self, Finding};
 use crate::corpus::{self, Build, CorpusError, CorpusSpec, Finished, Known, Manifest, Place, Store, owner, ranges};
-use crate::pipeline::Prepared;
+use crate::episode::Prepared;
 
 #[derive(Debug, Args)]
 pub(super) struct PlaceArgs {

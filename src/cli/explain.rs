@@ -9,10 +9,12 @@ use clap::Args;
 use super::output::outln;
 use super::place::{self, is_config};
 use super::{Failure, config_failure};
-use crate::config::{self, Family, Plan};
-use crate::corpus::{ScanOutput, Split};
+use crate::config::{self};
+use crate::corpus::Split;
+use crate::episode::ScanOutput;
+use crate::episode::{Prepared, Replay, Scratch, StageHashes, replay_scene};
 use crate::geometry::CellIndex;
-use crate::pipeline::{Hashes, Prepared, Replay, Scratch, replay_scene};
+use crate::plan::{Family, Plan};
 use crate::random::Drawn;
 
 #[derive(Debug, Args)]
@@ -62,7 +64,7 @@ pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {
     corpus.map_or(Ok(()), place::check_if_finished)?;
     check_scene(&plan, args.scene)?;
     let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();
-    let mut hashes = Hashes::new();
+    let mut hashes = StageHashes::new();
     let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut hashes).map_err(|failed| {
         outln!("drawn values");
         tell_drawn(&failed.drawn);
@@ -88,7 +90,7 @@ fn tell_drawn(drawn: &Drawn) {
     }
 }
 
-fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes: &Hashes) {
+fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes: &StageHashes) {
     let shard = plan.shard_of(scene);
     outln!("scene {scene} of '{}' (seed {}), family {}", plan.name, plan.seed, family.name);
     outln!("shard {shard} ({}), attempts {}\n", Split::of_shard(shard).name(), replay.attempts);

@@ -16,10 +16,10 @@ use super::output::{errln, printable};
 use super::place::{self, config_file, corpus_failure, inputs};
 use super::progress::{Progress, human, si};
 use super::{ConfigArgs, Failure, LogFormat};
-use crate::config::Plan;
 use crate::corpus::limits::FileKind;
 use crate::corpus::{self, Known, Manifest, Place, Selection, Split, owner, ranges};
-use crate::pipeline::Prepared;
+use crate::episode::Prepared;
+use crate::plan::Plan;
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {

@@ -31,9 +31,10 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use output::out;
 
-use crate::config::{self, Kind, Plan};
+use crate::config::{self, Kind};
 use crate::corpus::owner::RULE;
 use crate::cpu;
+use crate::plan::Plan;
 
 /// Training corpora for rovers that must see where they can drive.
 ///

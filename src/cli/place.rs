@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{Failure, config_failure};
-use crate::config::{self, Plan};
+use crate::config::{self};
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::may_pass;
 use crate::corpus::{CorpusError, Finished, Manifest, Store, address, manifest, plan_file};
+use crate::plan::Plan;
 
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {

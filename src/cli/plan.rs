@@ -15,9 +15,9 @@ use super::place::corpus_failure;
 use super::progress::{human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure};
-use crate::config::Plan;
 use crate::corpus::Split;
-use crate::estimate::{self, Estimate, EstimateError, FamilyCost, Figure, Options};
+use crate::measure::estimate::{self, Estimate, EstimateError, FamilyCost, Figure, Options};
+use crate::plan::Plan;
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {

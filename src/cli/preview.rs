@@ -9,9 +9,9 @@ use super::explain::{check_scene, plan_of};
 use super::output::outln;
 use super::place::{self, corpus_failure, inputs, must_be_local};
 use crate::corpus::Outputs;
+use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
 use crate::geometry::Pose;
 use crate::picture::{self, Overlay, View};
-use crate::pipeline::{NoWatch, Prepared, Scratch, replay_scene};
 use crate::slam;
 use crate::sweep::Caster;
 use crate::sweep::params::Cast;
@@ -43,7 +43,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     let mut outputs =
         Outputs::open(&args.out, names.iter().map(String::as_str), inputs(&args.place)).map_err(corpus_failure)?;
     let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();
-    let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut NoWatch)
+    let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut Unobserved)
         .map_err(|e| Failure::failed(format!("scene {}: {e}", args.scene)))?;
     let scan = super::explain::pick_scan(&replay, args.scan)?;
     let family = &prepared.plan.families[replay.family];
@@ -63,7 +63,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
         cell_size_m: family.cells.size_m,
     };
     let caster = Caster::new(&replay.scene, &Cast::Exact);
-    let trajectory = |pose: fn(&crate::corpus::PoseRow) -> &Pose| {
+    let trajectory = |pose: fn(&crate::episode::PoseRow) -> &Pose| {
         slam::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
     };
     let bytes = [

@@ -7,8 +7,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::LogFormat;
 use super::output::errln;
-use crate::corpus::SceneOutput;
-use crate::pipeline::StageTimes;
+use crate::episode::SceneOutput;
+use crate::episode::StageTimes;
 
 /// Counts a build and shows it.
 pub(super) struct Progress {

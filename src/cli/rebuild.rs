@@ -12,12 +12,12 @@ use super::place::corpus_failure;
 use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
-use crate::config::Plan;
+use crate::build::{self, Event, Job, Outcome};
 use crate::corpus::rebuilt::{self, Rebuilt};
 use crate::corpus::verify::Finding;
 use crate::corpus::{Build, CorpusError, CorpusSpec, Manifest, Store, ranges, rebuild};
-use crate::pipeline::Prepared;
-use crate::pipeline::generate::{self, Event, Job, Outcome};
+use crate::episode::Prepared;
+use crate::plan::Plan;
 
 /// How many shards are built again.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,7 +109,7 @@ impl Rebuild<'_> {
         let mut progress = Progress::new(shards.len() as u64 * u64::from(spec.scenes_per_shard), log);
         let mut findings: Vec<Finding> = Vec::new();
         let replay = |scene: u64| format!("marsyard explain {place} --scene {scene}");
-        let built = generate::generate(
+        let built = build::generate(
             &prepared,
             spec,
             Job { shards, threads, stop: &*stop_on_signals()?, hashes: false },

@@ -11,7 +11,7 @@ use super::place::{corpus_failure, inputs, must_be_local};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat, config_failure};
 use crate::corpus::Outputs;
-use crate::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
+use crate::measure::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
 
 mod progress;
 

@@ -4,10 +4,10 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::fidelity::Fidelity;
 use crate::cells::CellParams;
 use crate::corpus::{Table, names};
 use crate::drive::DriveParams;
+use crate::plan::Fidelity;
 use crate::random::within;
 use crate::scene::SceneParams;
 use crate::slam::SlamParams;
@@ -15,9 +15,6 @@ use crate::sweep::SweepParams;
 
 /// Version of the config format that this program reads.
 pub const FORMAT: u32 = 1;
-
-/// The keys that hold a stage's parameters, in the order of the flow.
-pub const SECTIONS: [&str; 5] = ["scene", "drive", "sweep", "slam", "cells"];
 
 /// One YAML file is one corpus.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Validate)]

@@ -6,24 +6,9 @@
 //! `marsyard tradeoff configs/paper.yaml` (`scripts/results/tradeoff_paper.md`): casting exactly costs least and errs least in all three,
 //! Gauss-Newton a fiftieth of Nelder-Mead at the same pose.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use super::reader::Reader;
 use super::tree::{Key, Node, Source, Value};
-
-/// Speed against accuracy in one word.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Fidelity {
-    /// To see whether a config does what it should, for a quarter of the cost: pose errors are drawn instead of estimated, so that
-    /// sweeps that are not kept need not be cast.
-    Draft,
-    /// The pose as a filter of 30 particles estimates it.
-    Standard,
-    /// What the others are judged by: 100 particles, and the finest footprints of beams.
-    Reference,
-}
+use crate::plan::Fidelity;
 
 /// A key and its value as YAML.
 pub type Setting = (&'static str, &'static str);
@@ -32,16 +17,6 @@ pub type Setting = (&'static str, &'static str);
 pub const SUB_RAYS: &str = "sweep.effects.mixed_pixels.sub_rays";
 
 impl Fidelity {
-    pub const ALL: [Fidelity; 3] = [Fidelity::Draft, Fidelity::Standard, Fidelity::Reference];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Fidelity::Draft => "draft",
-            Fidelity::Standard => "standard",
-            Fidelity::Reference => "reference",
-        }
-    }
-
     /// What it sets.
     pub fn settings(self) -> &'static [Setting] {
         match self {

@@ -6,18 +6,19 @@ use std::path::Path;
 use garde::Validate;
 use serde::de::DeserializeOwned;
 
-use super::document::{Document, SECTIONS};
+use super::document::Document;
 use super::error::{ConfigError, Fault, quoted};
 use super::fidelity;
 use super::merge::{merge, set};
 use super::place::Place;
-use super::plan::{Family, Plan, PlanFile};
 use super::presets;
 use super::reader::Reader;
 use super::rules;
 use super::schema::{Kind, schema};
 use super::shape::{self, Schema};
 use super::tree::{self, Key, Node, Source, Span, Value};
+use crate::plan::SECTIONS;
+use crate::plan::{Family, Plan, PlanFile};
 use crate::preset::Preset;
 use crate::scene::SceneParams;
 use crate::scene::params::GroundSource;
@@ -346,6 +347,7 @@ fn described(schema: Schema<'static>, dotted: &str) -> Option<String> {
 /// A `--set key=value` laid over the document.
 pub(super) fn with_set(root: Node, argument: &str, reader: &mut Reader, kind: Kind) -> Result<Node, Fault> {
     let example = match kind {
+        #[cfg(feature = "train")]
         Kind::Train => "for example: network.hidden=[8]",
         _ => "for example: scene.rocks.count=5",
     };

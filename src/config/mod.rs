@@ -11,20 +11,20 @@ pub mod fidelity;
 mod load;
 mod merge;
 mod place;
-pub mod plan;
 mod presets;
 mod reader;
+mod resolved;
 mod rules;
 mod schema;
 mod shape;
+#[cfg(feature = "train")]
 mod train;
 mod tree;
 mod write;
 
 pub use error::{ConfigError, Located};
-pub use fidelity::Fidelity;
 pub use load::load;
-pub use plan::{Family, Plan, PlanFile};
 pub use presets::shipped;
 pub use schema::{Kind, schema, schema_text};
+#[cfg(feature = "train")]
 pub use train::{load_train, train_yaml};

@@ -5,10 +5,10 @@
 use super::document::Document;
 use super::error::Fault;
 use super::place::Place;
-use super::plan::Family;
 use crate::cells::CellParams;
 use crate::drive::params::{Keep, PathParams};
 use crate::drive::rover::Chassis;
+use crate::plan::Family;
 use crate::random::Dist;
 use crate::scene::params::{GroundShape, RocksParams};
 use crate::slam::SlamParams;

@@ -10,14 +10,16 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json, json};
 
-use super::document::{Document, SECTIONS};
+use super::document::Document;
 use super::presets::shipped;
 use super::shape::{Form, Schema};
 use crate::cells::CellParams;
 use crate::drive::{DriveParams, Rover};
+use crate::plan::SECTIONS;
 use crate::scene::SceneParams;
 use crate::slam::SlamParams;
 use crate::sweep::{Sensor, SweepParams};
+#[cfg(feature = "train")]
 use crate::train::TrainParams;
 
 /// A kind of file that has a schema.
@@ -26,10 +28,12 @@ pub enum Kind {
     Corpus,
     Rover,
     Sensor,
+    #[cfg(feature = "train")]
     Train,
 }
 
 impl Kind {
+    #[cfg(feature = "train")]
     pub const ALL: [Kind; 4] = [Kind::Corpus, Kind::Rover, Kind::Sensor, Kind::Train];
 
     /// As in `schemas/NAME.schema.json`.
@@ -38,6 +42,7 @@ impl Kind {
             Kind::Corpus => "corpus",
             Kind::Rover => "rover",
             Kind::Sensor => "sensor",
+            #[cfg(feature = "train")]
             Kind::Train => "train",
         }
     }
@@ -48,11 +53,13 @@ pub fn schema(kind: Kind) -> &'static Json {
     static CORPUS: LazyLock<Json> = LazyLock::new(corpus);
     static ROVER: LazyLock<Json> = LazyLock::new(|| ranged::<Rover>("rover"));
     static SENSOR: LazyLock<Json> = LazyLock::new(|| ranged::<Sensor>("sensor"));
+    #[cfg(feature = "train")]
     static TRAIN: LazyLock<Json> = LazyLock::new(|| ranged::<TrainParams>("train"));
     match kind {
         Kind::Corpus => &CORPUS,
         Kind::Rover => &ROVER,
         Kind::Sensor => &SENSOR,
+        #[cfg(feature = "train")]
         Kind::Train => &TRAIN,
     }
 }

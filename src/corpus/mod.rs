@@ -46,7 +46,6 @@ pub mod schema;
 pub mod shard;
 pub mod signature;
 pub mod spec;
-pub mod split;
 pub mod stats;
 pub mod store;
 mod tables;
@@ -58,6 +57,7 @@ pub mod verify;
 mod write;
 pub mod yards;
 
+pub use crate::plan::{Split, Table};
 pub use error::CorpusError;
 pub use finalize::{Known, finalize, finalize_knowing};
 pub use finished::Finished;
@@ -71,8 +71,7 @@ pub use ranges::Selection;
 pub use receipt::Receipt;
 pub use room::Room;
 pub use shard::{FinishedShard, ShardWriter};
-pub use spec::{CorpusSpec, PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
-pub use split::{Split, Table};
+pub use spec::CorpusSpec;
 pub use store::{LocalFolder, Store, address};
 pub use yards::Yards;
 

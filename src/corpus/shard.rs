@@ -9,12 +9,13 @@ use arrow_array::{ArrayRef, Float64Array, RecordBatch};
 use arrow_schema::SchemaRef;
 
 use super::receipt::{FailedScene, FeatureMoments, FileFacts, Receipt};
-use super::spec::{CorpusSpec, ScanOutput, SceneOutput};
+use super::spec::CorpusSpec;
 use super::stats::{LabelCounts, Moments, PointCounts, RowMoments};
 use super::store::{Put, Store};
 use super::write::{FinishedFile, TableWriter};
 use super::{Build, CorpusError, FORMAT, PARQUET_FORMAT, Split, Table, schema, tables};
 use crate::cells::FeatureColumn;
+use crate::episode::{ScanOutput, SceneOutput};
 
 /// zstd's own default; higher levels cost more time than they save space here.
 pub const ZSTD_LEVEL: i32 = 3;

@@ -48,11 +48,6 @@ const MOST_SCENES_PER_SHARD: u32 = 100_000;
 /// Shards after which the splits come again.
 const TURN: u64 = 20;
 
-/// The hash of a kind of yard.
-pub fn kind(seed: u64, scene_section: &serde_json::Value) -> String {
-    blake3::hash(serde_json::json!({"seed": seed, "scene": scene_section}).to_string().as_bytes()).to_hex().to_string()
-}
-
 impl Yards {
     /// Whether it can be said which yards these are.
     pub fn known(&self) -> bool {
@@ -106,6 +101,7 @@ mod tests {
     use std::time::{Duration, Instant};
 
     use super::*;
+    use crate::plan::yard_kind;
 
     fn yards(kind: &str, scenes: u64, scenes_per_shard: u32) -> Yards {
         Yards { seed: 3, yards: vec![kind.into()], scenes, scenes_per_shard }
@@ -168,8 +164,8 @@ mod tests {
     #[test]
     fn exact_a_kind_is_of_seed_and_section() {
         let section = |rocks: u32| serde_json::json!({"extent_m": 20.0, "rocks": rocks});
-        assert_eq!(kind(3, &section(5)), kind(3, &section(5)));
-        assert_ne!(kind(3, &section(5)), kind(4, &section(5)));
-        assert_ne!(kind(3, &section(5)), kind(3, &section(6)));
+        assert_eq!(yard_kind(3, &section(5)), yard_kind(3, &section(5)));
+        assert_ne!(yard_kind(3, &section(5)), yard_kind(4, &section(5)));
+        assert_ne!(yard_kind(3, &section(5)), yard_kind(3, &section(6)));
     }
 }

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use marsyard::config::{Fidelity, Plan, load};
+use marsyard::config::load;
 use marsyard::corpus::place::differences;
 use marsyard::drive::params::ContactSolver;
+use marsyard::plan::Fidelity;
+use marsyard::plan::Plan;
 use marsyard::slam::SlamParams;
 use marsyard::sweep::params::Cast;
 

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use marsyard::config::{Plan, load};
+use marsyard::config::load;
 use marsyard::corpus::place::{Difference, differences};
+use marsyard::plan::Plan;
 use marsyard::random::{Dist, Law};
 use marsyard::scene::params::GroundSource;
 use marsyard::slam::SlamParams;

@@ -4,8 +4,8 @@ use marsyard::cells::{Cells, Scratch, WindowCloud, bin_clouds, feature_columns};
 use marsyard::cloud::{self, Options};
 use marsyard::config;
 use marsyard::drive::Rover;
+use marsyard::episode::{self, Prepared, Replay, Unobserved, replay_scene};
 use marsyard::geometry::DVec3;
-use marsyard::pipeline::{self, NoWatch, Prepared, Replay, replay_scene};
 use marsyard::sweep::Sensor;
 use marsyard::train::{About, Layout, MODEL_FORMAT, Model, Network, Scaler};
 
@@ -19,7 +19,7 @@ fn prepared() -> Prepared {
 }
 
 fn replay(prepared: &Prepared) -> Replay {
-    replay_scene(prepared, SCENE, &mut pipeline::Scratch::default(), &mut NoWatch).expect("a scene")
+    replay_scene(prepared, SCENE, &mut episode::Scratch::default(), &mut Unobserved).expect("a scene")
 }
 
 /// The cloud that `marsyard preview` wrote of the scene's last scan.

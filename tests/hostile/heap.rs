@@ -57,7 +57,7 @@ pub fn bounded<T>(file_bytes: usize, read: impl FnOnce() -> T) -> T {
 /// The same for readers that may take more for a small file, because a compressed one may hold much.
 pub fn bounded_by<T>(free_bytes: usize, file_bytes: usize, read: impl FnOnce() -> T) -> T {
     let limit = (free_bytes + 100 * file_bytes) as isize;
-    let _watch = Watch::start();
+    let _watch = StageObserver::start();
     let before = HELD.get();
     PEAK.set(before);
     let made = read();
@@ -86,17 +86,17 @@ fn watch() {
     }
 }
 
-struct Watch(String);
+struct StageObserver(String);
 
-impl Watch {
-    fn start() -> Watch {
+impl StageObserver {
+    fn start() -> StageObserver {
         let test = std::thread::current().name().unwrap_or("a test").to_owned();
         RUNNING.lock().unwrap_or_else(|held| held.into_inner()).insert(test.clone(), Instant::now());
-        Watch(test)
+        StageObserver(test)
     }
 }
 
-impl Drop for Watch {
+impl Drop for StageObserver {
     fn drop(&mut self) {
         RUNNING.lock().unwrap_or_else(|held| held.into_inner()).remove(&self.0);
     }

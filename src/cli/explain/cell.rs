@@ -7,10 +7,11 @@ use crate::cells::{CellRow, Offset, Placer, feature_columns, is_neighbour, neigh
 use crate::cli::Failure;
 use crate::cli::output::outln;
 use crate::cli::place::{self, corpus_failure};
-use crate::config::Family;
-use crate::corpus::{self, ScanOutput, ScanPoints};
+use crate::corpus::{self};
+use crate::episode::Replay;
+use crate::episode::{ScanOutput, ScanPoints};
 use crate::geometry::{CellIndex, DVec3};
-use crate::pipeline::Replay;
+use crate::plan::Family;
 use crate::scene::{Class, Scene};
 use crate::sweep::Status;
 
@@ -43,7 +44,7 @@ fn points_in(family: &Family, replay: &Replay, scan: &ScanOutput, points: &ScanP
     .collect()
 }
 
-fn pose_of<'r>(replay: &'r Replay, scan: &ScanOutput) -> &'r corpus::PoseRow {
+fn pose_of<'r>(replay: &'r Replay, scan: &ScanOutput) -> &'r crate::episode::PoseRow {
     replay.poses.iter().find(|row| row.scan_id == Some(scan.scan_id)).expect("every kept scan has its pose row")
 }
 

@@ -1,8 +1,8 @@
 //! A plan in words: what a family models, and what no family names.
 
-use crate::config::Plan;
 use crate::drive::params::Keep;
-use crate::estimate::PARTS;
+use crate::measure::estimate::PARTS;
+use crate::plan::Plan;
 use crate::random::{Dist, Law};
 use crate::scene::params::{GroundShape, GroundSource};
 use crate::slam::SlamParams;

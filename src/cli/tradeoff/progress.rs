@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::cli::LogFormat;
 use crate::cli::output::errln;
 use crate::cli::progress::human;
-use crate::tradeoff::Event;
+use crate::measure::tradeoff::Event;
 
 /// Time between two plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);

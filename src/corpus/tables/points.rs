@@ -6,7 +6,7 @@
 use super::{Definition, define};
 use crate::cells::Placer;
 use crate::corpus::schema::Role::{Info, Key, Truth};
-use crate::corpus::spec::ScanPoints;
+use crate::episode::ScanPoints;
 use crate::geometry::{CellIndex, DVec3};
 use crate::sweep::{Status, TrueReturn};
 

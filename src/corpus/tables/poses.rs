@@ -2,7 +2,7 @@
 
 use super::{Definition, define};
 use crate::corpus::schema::Role::{Info, Key, Truth};
-use crate::corpus::spec::PoseRow;
+use crate::episode::PoseRow;
 
 /// A step and where it belongs.
 pub struct Row<'a> {

@@ -3,8 +3,8 @@
 use super::{Definition, define};
 use crate::cells::Cells;
 use crate::corpus::schema::Role::{Info, Key};
-use crate::corpus::spec::SceneOutput;
 use crate::corpus::stats::LabelCounts;
+use crate::episode::SceneOutput;
 
 /// A scene and the sums over its kept scans.
 pub struct Row<'a> {

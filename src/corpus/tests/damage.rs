@@ -159,7 +159,7 @@ fn exact_the_first_difference_of_two_tables_is_found() {
     let spec = spec(2, &[Table::Cells]);
     let dir = tempfile::tempdir().unwrap();
     let store = LocalFolder::new(dir.path());
-    let write = |folder: &str, change: fn(&mut crate::corpus::SceneOutput)| {
+    let write = |folder: &str, change: fn(&mut crate::episode::SceneOutput)| {
         let mut writer = crate::corpus::ShardWriter::new(&spec, 0).unwrap();
         for id in 0..2 {
             let mut scene = super::fixture::scene(id, 40);
@@ -195,11 +195,11 @@ fn exact_the_first_difference_of_two_tables_is_found() {
 fn exact_a_shard_built_again_from_other_scenes_is_told_by_row_and_column() {
     let spec = spec(2, &[Table::Cells, Table::Scenes]);
     let (_dir, store, _) = corpus(&spec);
-    let scenes = |change: fn(&mut crate::corpus::SceneOutput)| {
+    let scenes = |change: fn(&mut crate::episode::SceneOutput)| {
         let of_shard = spec.scenes_of(0).map(|id| super::fixture::scene(id, 40));
         of_shard.map(|mut scene| (change(&mut scene), scene).1).collect::<Vec<_>>()
     };
-    let compare = |scenes: &[crate::corpus::SceneOutput]| {
+    let compare = |scenes: &[crate::episode::SceneOutput]| {
         let mut again = ShardWriter::new(&spec, 0)?;
         scenes.iter().try_for_each(|scene| again.push(scene))?;
         crate::corpus::rebuild::compare(&store, &spec, again.finish()?)

@@ -3,10 +3,8 @@
 use std::sync::Arc;
 
 use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn};
-use crate::corpus::{
-    CorpusSpec, LocalFolder, Manifest, Place, PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput, ShardWriter,
-    Table, finalize,
-};
+use crate::corpus::{CorpusSpec, LocalFolder, Manifest, Place, ShardWriter, Table, finalize};
+use crate::episode::{PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
 use crate::geometry::{CellIndex, DMat3, DVec3, GridSpec, Pose, Transform};
 use crate::random::{Dist, Drawn, Purpose, Stage, Streams};
 use crate::slam::Estimate;

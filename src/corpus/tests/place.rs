@@ -5,9 +5,9 @@ use std::fs;
 use super::fixture::{corpus, spec, write_shard};
 use crate::corpus::place::difference;
 use crate::corpus::{
-    CorpusError, LocalFolder, Manifest, Place, SceneOutput, ShardWriter, Split, Store, Table, finalize, inspect,
-    status, verify,
+    CorpusError, LocalFolder, Manifest, Place, ShardWriter, Split, Store, Table, finalize, inspect, status, verify,
 };
+use crate::episode::SceneOutput;
 use crate::random::Drawn;
 
 fn place() -> (tempfile::TempDir, LocalFolder) {

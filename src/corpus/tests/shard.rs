@@ -7,7 +7,8 @@ use arrow_array::{Array, RecordBatch};
 use super::fixture::{corpus, scene, spec, write_shard};
 use crate::corpus::reader::TableFile;
 use crate::corpus::write::ROW_GROUP_ROWS;
-use crate::corpus::{CorpusError, Finished, LocalFolder, SceneOutput, ShardWriter, Store, Table, stored_cell};
+use crate::corpus::{CorpusError, Finished, LocalFolder, ShardWriter, Store, Table, stored_cell};
+use crate::episode::SceneOutput;
 use crate::random::Drawn;
 
 fn stored(files: &[(String, Vec<u8>)]) -> (tempfile::TempDir, LocalFolder) {

@@ -4,9 +4,8 @@ mod numbers;
 
 use super::*;
 use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn};
-use crate::corpus::{
-    CorpusSpec, LocalFolder, Place, ScanOutput, SceneOutput, ShardWriter, Split, Store, Table, finalize,
-};
+use crate::corpus::{CorpusSpec, LocalFolder, Place, ShardWriter, Split, Store, Table, finalize};
+use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
 use crate::train::labels::{LabelRule, Obstacle};
 use crate::train::model::tests::model;

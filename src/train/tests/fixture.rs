@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use crate::cells::{CellParams, CellRow, CellTruth, Cells, FeatureColumn};
-use crate::corpus::{CorpusSpec, LocalFolder, ScanOutput, SceneOutput, ShardWriter, Store, Table, finalize};
+use crate::corpus::{CorpusSpec, LocalFolder, ShardWriter, Store, Table, finalize};
+use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
 use crate::math;
 use crate::random::{Purpose, Stage, Streams};

@@ -4,9 +4,9 @@
 //! thread that is free next lays their rows into their shard before it takes another scene: a shard's work is spread over the
 //! time of its scenes, and a thread that puts one in its place holds nobody up. What a shard holds depends on no number of threads;
 //! which of two shards is put first may. Memory is bounded by the scenes in flight, for a thread may run at most a window
-//! ahead of the scenes whose rows are laid, and by the bytes of two shards in the making and of one a thread that is put in its place.
+//! ahead of the scenes whose rows are appended, and by the bytes of two shards in the making and of one a thread that is put in its place.
 
-mod hands;
+mod open_shards;
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -15,16 +15,17 @@ use std::sync::mpsc;
 use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-use self::hands::{Hands, Rows};
-use super::{Hashes, Prepared, Record, Scratch, run_scene};
-use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, SceneOutput, ShardWriter};
+use self::open_shards::{OpenShards, ReadyScenes};
+use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, ShardWriter};
+use crate::episode::SceneOutput;
+use crate::episode::{Prepared, Scratch, StageHashes, StageRecord, run_scene};
 use crate::random::Drawn;
 
 /// What happens while a corpus is built, for progress and logs.
 #[derive(Debug)]
 pub enum Event<'a, T> {
     /// A scene's rows are there (or its failure).
-    Scene { output: &'a SceneOutput, record: &'a Record },
+    Scene { output: &'a SceneOutput, record: &'a StageRecord },
     /// A shard was handed over: what came of it, and how long threads worked on it beside its scenes.
     Shard { shard: u64, written: &'a T, took: Duration },
 }
@@ -67,14 +68,14 @@ pub struct Job<'a> {
     pub threads: usize,
     /// When it is raised, shards that are whole are still written.
     pub stop: &'a AtomicBool,
-    /// Record the hashes of each stage's f64 results.
+    /// StageRecord the hashes of each stage's f64 results.
     pub hashes: bool,
 }
 
 /// Where scenes come from: a plan, or a test.
 trait Scenes: Sync {
     fn per_shard(&self) -> usize;
-    fn make(&self, scene: u64, scratch: &mut Scratch, record: &mut Record) -> SceneOutput;
+    fn make(&self, scene: u64, scratch: &mut Scratch, record: &mut StageRecord) -> SceneOutput;
     fn family(&self, scene: u64) -> &str;
 }
 
@@ -83,7 +84,7 @@ impl Scenes for Prepared {
         self.plan.scenes_per_shard as usize
     }
 
-    fn make(&self, scene: u64, scratch: &mut Scratch, record: &mut Record) -> SceneOutput {
+    fn make(&self, scene: u64, scratch: &mut Scratch, record: &mut StageRecord) -> SceneOutput {
         run_scene(self, scene, scratch, record)
     }
 
@@ -131,25 +132,25 @@ impl<'a, T: Send, P: Fn(FinishedShard) -> Result<T, CorpusError> + Sync> Sink fo
     }
 }
 
-/// What threads may take, and how far the rows are laid.
+/// What threads may take, and how far the rows are appended.
 struct Queue<W> {
-    hands: Hands<W>,
+    shards: OpenShards<W>,
     taken: usize,
     /// Scenes that have come back and stand in order, or wait for those before them.
     back: usize,
-    /// Scenes whose rows are laid.
-    laid: usize,
+    /// Scenes whose rows are appended.
+    appended: usize,
 }
 
 /// What a thread does next.
 enum Task<W> {
     Scene(u64),
-    Rows(Rows<W>),
+    Append(ReadyScenes<W>),
 }
 
 /// What a thread has done.
 enum Message<T, E> {
-    Scene(Box<SceneOutput>, Record),
+    Scene(Box<SceneOutput>, StageRecord),
     Unsteady { scene: u64, first: String, second: String },
     Shard { shard: u64, written: T, took: Duration },
     Refused(E),
@@ -188,9 +189,9 @@ fn build<S: Sink>(
     let scene_at = |k: usize| shards[k / per_shard] * per_shard as u64 + (k % per_shard) as u64;
     // A window of two scenes a thread beyond a whole shard keeps every thread busy while the slowest scene finishes.
     let window = per_shard + 2 * threads;
-    let queue = Mutex::new(Queue { hands: Hands::new(), taken: 0, back: 0, laid: 0 });
+    let queue = Mutex::new(Queue { shards: OpenShards::new(), taken: 0, back: 0, appended: 0 });
     let queue = || queue.lock().expect("no thread panics while it holds the queue");
-    let news = Condvar::new();
+    let changed = Condvar::new();
     let quit = AtomicBool::new(false);
     let (sender, receiver) = mpsc::channel();
 
@@ -200,45 +201,46 @@ fn build<S: Sink>(
             if quit.load(Ordering::Relaxed) {
                 return None;
             }
-            if let Some(rows) = queue.hands.take() {
-                return Some(Task::Rows(rows));
+            if let Some(rows) = queue.shards.take() {
+                return Some(Task::Append(rows));
             }
             let stopped = stop.load(Ordering::Relaxed);
-            if queue.laid == all || stopped && queue.back == queue.taken {
+            if queue.appended == all || stopped && queue.back == queue.taken {
                 return None;
             }
-            if !stopped && queue.taken < all && queue.taken < queue.laid + window {
+            if !stopped && queue.taken < all && queue.taken < queue.appended + window {
                 queue.taken += 1;
                 return Some(Task::Scene(scene_at(queue.taken - 1)));
             }
-            // Woken when rows may be laid or were laid; the timeout notices a stop signal.
+            // Woken when rows may be appended or were appended; the timeout notices a stop signal.
             let tick = Duration::from_millis(50);
-            queue = news.wait_timeout(queue, tick).expect("no thread panics while it holds the queue").0;
+            queue = changed.wait_timeout(queue, tick).expect("no thread panics while it holds the queue").0;
         }
     };
     // Whoever lays the last rows of a shard closes it.
-    let lay = |Rows { shard, open, scenes }: Rows<S::Open>| -> Result<Option<Message<_, _>>, S::Error> {
-        let started = Instant::now();
-        let mut open = open.map_or_else(|| sink.open(shard), Ok)?;
-        let count = scenes.len();
-        scenes.into_iter().try_for_each(|scene| sink.push(&mut open, scene))?;
-        let whole = {
-            let mut queue = queue();
-            queue.laid += count;
-            news.notify_all();
-            queue.hands.laid((shard, open), count, started.elapsed(), per_shard)
+    let append =
+        |ReadyScenes { shard, open, scenes }: ReadyScenes<S::Open>| -> Result<Option<Message<_, _>>, S::Error> {
+            let started = Instant::now();
+            let mut open = open.map_or_else(|| sink.open(shard), Ok)?;
+            let count = scenes.len();
+            scenes.into_iter().try_for_each(|scene| sink.push(&mut open, scene))?;
+            let whole = {
+                let mut queue = queue();
+                queue.appended += count;
+                changed.notify_all();
+                queue.shards.appended((shard, open), count, started.elapsed(), per_shard)
+            };
+            let Some((open, took)) = whole else { return Ok(None) };
+            let started = Instant::now();
+            sink.close(open).map(|written| Some(Message::Shard { shard, written, took: took + started.elapsed() }))
         };
-        let Some((open, took)) = whole else { return Ok(None) };
-        let started = Instant::now();
-        sink.close(open).map(|written| Some(Message::Shard { shard, written, took: took + started.elapsed() }))
-    };
     let do_task = |task, scratch: &mut Scratch| match task {
         Task::Scene(scene) => Some(make_scene(scenes, scene, hashes, scratch)),
-        Task::Rows(rows) => {
+        Task::Append(rows) => {
             let shard = rows.shard;
-            match catch_unwind(AssertUnwindSafe(|| lay(rows))) {
+            match catch_unwind(AssertUnwindSafe(|| append(rows))) {
                 Err(panic) => Some(Message::Panic { shard, message: panic_message(panic) }),
-                Ok(laid) => laid.unwrap_or_else(|error| Some(Message::Refused(error))),
+                Ok(appended) => appended.unwrap_or_else(|error| Some(Message::Refused(error))),
             }
         }
     };
@@ -269,7 +271,7 @@ fn build<S: Sink>(
         let (mut next, mut written_shards) = (0, 0);
         let end_with = |error| {
             quit.store(true, Ordering::Relaxed);
-            news.notify_all();
+            changed.notify_all();
             Err(error)
         };
         for message in receiver {
@@ -285,11 +287,11 @@ fn build<S: Sink>(
                     while next < all
                         && let Some(output) = waiting.remove(&scene_at(next))
                     {
-                        queue.hands.add(shards[next / per_shard], output);
+                        queue.shards.add(shards[next / per_shard], output);
                         next += 1;
                     }
                     queue.back += 1;
-                    news.notify_all();
+                    changed.notify_all();
                 }
                 Message::Refused(error) => return end_with(BuildError::Write(error)),
                 Message::Shard { shard, written, took } => {
@@ -305,7 +307,7 @@ fn build<S: Sink>(
 /// One scene; one that panics twice with the same words has failed.
 fn make_scene<T, E>(scenes: &impl Scenes, scene: u64, hashes: bool, scratch: &mut Scratch) -> Message<T, E> {
     let once = |scratch: &mut Scratch| {
-        let mut record = Record { hashes: hashes.then(Hashes::new), ..Record::default() };
+        let mut record = StageRecord { hashes: hashes.then(StageHashes::new), ..StageRecord::default() };
         let made = catch_unwind(AssertUnwindSafe(|| scenes.make(scene, scratch, &mut record)));
         made.map(|output| (output, record)).map_err(panic_message)
     };
@@ -320,7 +322,7 @@ fn make_scene<T, E>(scenes: &impl Scenes, scene: u64, hashes: bool, scratch: &mu
             *scratch = Scratch::default();
             let error = format!("panicked: {first}; this is a bug of marsyard: please report it with the plan");
             let output = SceneOutput::failed(scene, scenes.family(scene), 0, Drawn::default(), error);
-            return Message::Scene(Box::new(output), Record::default());
+            return Message::Scene(Box::new(output), StageRecord::default());
         }
         Err(second) => format!("panicked otherwise ({second})"),
     };

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{StageTimes, Watch};
+use crate::episode::{StageObserver, StageTimes};
 use crate::random::Stage;
 
 /// Seconds that this thread has spent on a CPU (Linux).
@@ -49,7 +49,7 @@ fn passed(from: (f64, Instant), to: (f64, Instant)) -> Seconds {
     Seconds { cpu: to.0 - from.0, wall: (to.1 - from.1).as_secs_f64() }
 }
 
-impl Watch for Costs {
+impl StageObserver for Costs {
     fn begin(&mut self) {
         self.since = now();
     }

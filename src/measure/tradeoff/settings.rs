@@ -9,8 +9,10 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::{Options, TradeoffError};
-use crate::config::fidelity::{Fidelity, SUB_RAYS};
-use crate::config::{self, Family, Plan};
+use crate::config::fidelity::SUB_RAYS;
+use crate::config::{self};
+use crate::plan::Fidelity;
+use crate::plan::{Family, Plan};
 use crate::scene::params::GroundShape;
 use crate::slam::SlamParams;
 use crate::sweep::sensor::PatternParams;

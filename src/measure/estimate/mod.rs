@@ -20,9 +20,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::config::Plan;
 use crate::corpus::{CorpusError, Table};
-use crate::pipeline::{Prepared, StageTimes};
+use crate::episode::{Prepared, StageTimes};
+use crate::plan::Plan;
 use crate::sweep::PatternError;
 
 pub use parts::{PARTS, Part, Price, interleaved};

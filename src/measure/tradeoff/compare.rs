@@ -2,7 +2,7 @@
 //!
 //! Cells are the same where scan, row and col are. One that only one setting has is counted apart and not compared.
 
-use crate::corpus::ScanOutput;
+use crate::episode::ScanOutput;
 use crate::train::rows::Rows;
 
 /// Where a cell is: scan, row, col.

@@ -4,8 +4,9 @@
 //! the same shard at once, as in a build; the time for other rows is taken in proportion to their bytes.
 
 use super::sample::{Figure, Sample};
-use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, SceneOutput, ShardWriter, Table};
-use crate::pipeline::clock::{Seconds, thread_cpu_s};
+use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, ShardWriter, Table};
+use crate::episode::SceneOutput;
+use crate::measure::clock::{Seconds, thread_cpu_s};
 
 /// The shard of a sample, and lines through it.
 pub(super) struct Encoded {

@@ -12,7 +12,7 @@ use super::settings::{Settings, Side};
 use super::statistics::{Interval, Spread, quantile};
 use crate::corpus::Build;
 use crate::corpus::stats::RowMoments;
-use crate::pipeline::StageTimes;
+use crate::episode::StageTimes;
 
 /// One row a setting, and the verdicts.
 pub(super) fn report(

@@ -13,10 +13,10 @@ use super::loss::Role;
 use super::ranges::{RangeErrors, range_errors};
 use super::{Event, TradeoffError};
 use crate::cells::feature_columns;
+use crate::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use crate::geometry::{Pose, Transform};
 use crate::math;
-use crate::pipeline::clock::Costs;
-use crate::pipeline::{NoWatch, Prepared, Replay, Scratch, replay_scene};
+use crate::measure::clock::Costs;
 use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};
 use crate::sweep::params::Cast;
@@ -120,7 +120,7 @@ pub(super) fn measure(
             }
             if made.is_empty() {
                 // What it fails of is told when it is counted.
-                let _ = replay_scene(&prepared[0], scenes[k], &mut scratch, &mut NoWatch);
+                let _ = replay_scene(&prepared[0], scenes[k], &mut scratch, &mut Unobserved);
             }
             let scene = AssertUnwindSafe(|| scene_everywhere(prepared, scenes[k], k, &columns, &mut scratch));
             made.push((k, catch_unwind(scene).map_err(panic_message)?));

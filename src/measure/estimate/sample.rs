@@ -9,10 +9,11 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use super::{ENOUGH, Options};
-use crate::config::Plan;
-use crate::corpus::{SceneOutput, Table};
-use crate::pipeline::clock::{Costs, Seconds};
-use crate::pipeline::{Prepared, Scratch, StageTimes, run_scene};
+use crate::corpus::Table;
+use crate::episode::SceneOutput;
+use crate::episode::{Prepared, Scratch, StageTimes, run_scene};
+use crate::measure::clock::{Costs, Seconds};
+use crate::plan::Plan;
 
 /// Scenes of a family before its spread is known at all.
 const FIRST: usize = 3;

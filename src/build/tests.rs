@@ -22,7 +22,7 @@ impl<F: Fn(u64, u32) + Sync> Scenes for Toy<F> {
         self.per_shard
     }
 
-    fn make(&self, scene: u64, _: &mut Scratch, _: &mut Record) -> SceneOutput {
+    fn make(&self, scene: u64, _: &mut Scratch, _: &mut StageRecord) -> SceneOutput {
         (self.behave)(scene, self.made[scene as usize].fetch_add(1, Ordering::Relaxed));
         SceneOutput { scene_id: scene, attempts: 1, ..SceneOutput::default() }
     }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::random::Stage;
 
 /// Told of each stage's end. `hash` writes the stage's f64 results; it is called by those who want it.
-pub trait Watch {
+pub trait StageObserver {
     /// A stage begins now.
     fn begin(&mut self);
     /// What ran since the last call belongs to `stage`.
@@ -15,9 +15,9 @@ pub trait Watch {
 }
 
 /// Wants nothing.
-pub struct NoWatch;
+pub struct Unobserved;
 
-impl Watch for NoWatch {
+impl StageObserver for Unobserved {
     fn begin(&mut self) {}
     fn end(&mut self, _: Stage, _: impl FnOnce(&mut blake3::Hasher)) {}
 }
@@ -69,7 +69,7 @@ impl Default for StageTimes {
     }
 }
 
-impl Watch for StageTimes {
+impl StageObserver for StageTimes {
     fn begin(&mut self) {
         self.since = Instant::now();
     }
@@ -89,13 +89,13 @@ impl Watch for StageTimes {
 
 /// One hash a stage, over its f64 results in the order they came: what f32 columns would hide.
 #[derive(Clone, Debug)]
-pub struct Hashes {
+pub struct StageHashes {
     hashers: Vec<(Stage, blake3::Hasher)>,
 }
 
-impl Hashes {
-    pub fn new() -> Hashes {
-        Hashes { hashers: StageTimes::STAGES.iter().map(|(s, _)| (*s, blake3::Hasher::new())).collect() }
+impl StageHashes {
+    pub fn new() -> StageHashes {
+        StageHashes { hashers: StageTimes::STAGES.iter().map(|(s, _)| (*s, blake3::Hasher::new())).collect() }
     }
 
     /// (stage, hash as hexadecimal), in the order of the flow.
@@ -105,13 +105,13 @@ impl Hashes {
     }
 }
 
-impl Default for Hashes {
+impl Default for StageHashes {
     fn default() -> Self {
-        Hashes::new()
+        StageHashes::new()
     }
 }
 
-impl Watch for Hashes {
+impl StageObserver for StageHashes {
     fn begin(&mut self) {}
 
     fn end(&mut self, stage: Stage, hash: impl FnOnce(&mut blake3::Hasher)) {
@@ -123,12 +123,12 @@ impl Watch for Hashes {
 
 /// What a build keeps of each scene: times, and hashes where they are asked for.
 #[derive(Clone, Debug, Default)]
-pub struct Record {
+pub struct StageRecord {
     pub times: StageTimes,
-    pub hashes: Option<Hashes>,
+    pub hashes: Option<StageHashes>,
 }
 
-impl Watch for Record {
+impl StageObserver for StageRecord {
     fn begin(&mut self) {
         self.times.begin();
     }

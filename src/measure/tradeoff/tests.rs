@@ -87,7 +87,7 @@ fn law_families_keep_what_they_are_and_all_turn_the_knob() {
 #[test]
 fn law_a_pose_that_is_not_estimated_stays_the_configs_choice() {
     let settings = all("configs/paper.yaml", &["slam=truth"], &[Group::Presets, Group::Slam]);
-    let truth = |plan: &crate::config::Plan| plan.families[0].slam == SlamParams::Truth;
+    let truth = |plan: &crate::plan::Plan| plan.families[0].slam == SlamParams::Truth;
     assert!(truth(settings.reference()));
     let presets = settings.list.iter().zip(settings.plans()).filter(|(s, _)| s.group == Some(Group::Presets));
     assert!(presets.map(|(_, plan)| plan).all(truth));

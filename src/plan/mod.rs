@@ -1,19 +1,29 @@
-//! The checked config: everything resolved, every default written out.
+//! What is built: a corpus as its config resolved it, checked, with no file and no text.
+//!
+//! In: values that [`config`](crate::config) read, or that a program put together. Out: which family a scene belongs to, where its random
+//! streams begin, which split a shard is, and the hashes by which two plans are told apart. Tables and splits have their names here; what
+//! is in the tables' columns is the corpus's.
+
+mod fidelity;
+mod split;
 
 use std::collections::BTreeSet;
 
 use serde::Serialize;
 use serde_json::Value as Json;
 
-use super::fidelity::Fidelity;
-use super::write::yaml;
-use crate::cells::{CellParams, feature_columns};
-use crate::corpus::{CorpusSpec, Split, Table, yards};
+use crate::cells::CellParams;
 use crate::drive::DriveParams;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::SceneParams;
 use crate::slam::SlamParams;
 use crate::sweep::SweepParams;
+
+pub use fidelity::Fidelity;
+pub use split::{Split, Table};
+
+/// The sections of a family, in the order of the flow.
+pub const SECTIONS: [&str; 5] = ["scene", "drive", "sweep", "slam", "cells"];
 
 /// A corpus, ready to build: presets written out, families resolved, rules checked.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -101,37 +111,6 @@ impl Plan {
         open().next_back().expect("checked: at least one family is not held out").0
     }
 
-    /// What the corpus needs to know of the plan.
-    pub fn corpus_spec(&self) -> CorpusSpec {
-        let first = &self.families[0];
-        let drawn: BTreeSet<Purpose> = self
-            .families
-            .iter()
-            .flat_map(|f| f.scene.dists().into_iter().chain(f.drive.dists()).chain(f.sweep.dists()))
-            .map(|(purpose, _)| purpose)
-            .collect();
-        CorpusSpec {
-            name: self.name.clone(),
-            seed: self.seed,
-            scenes: self.scenes,
-            scenes_per_shard: self.scenes_per_shard,
-            tables: self.tables.clone(),
-            // Checked by the rules: the same for all families.
-            features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
-            drawn: drawn.into_iter().collect(),
-            families: self.families.iter().map(|f| f.name.clone()).collect(),
-            scene_plan_hash: self.scene_plan_hash(),
-            yards: self.yards(),
-            plan_yaml: self.to_yaml(),
-            license: "unknown".into(),
-        }
-    }
-
-    /// The whole plan as a document: every default written out, presets in place. [`load`](super::load) gives the same plan.
-    pub fn to_yaml(&self) -> String {
-        format!("# The resolved config: every default written out.\n{}", yaml(&self.to_document()))
-    }
-
     /// Hash of the plan without `name` and `scenes`: the same for a corpus and the same corpus with more scenes. Nor does
     /// `fidelity` enter, a word for values that are all written out.
     pub fn scene_plan_hash(&self) -> String {
@@ -149,7 +128,7 @@ impl Plan {
     pub fn yards(&self) -> Vec<String> {
         let section =
             |family: &Family| serde_json::to_value(&family.scene).expect("a scene is finite numbers and text keys");
-        let kinds: BTreeSet<String> = self.families.iter().map(|f| yards::kind(self.seed, &section(f))).collect();
+        let kinds: BTreeSet<String> = self.families.iter().map(|f| yard_kind(self.seed, &section(f))).collect();
         kinds.into_iter().collect()
     }
 
@@ -160,7 +139,7 @@ impl Plan {
     }
 
     /// The plan in the form of a document. One family named `default` is the document's own sections.
-    fn to_document(&self) -> Json {
+    pub(crate) fn to_document(&self) -> Json {
         let plan = serde_json::to_value(self).expect("a plan holds finite numbers and text keys");
         let Json::Object(mut document) = plan else { unreachable!("a struct is an object") };
         let is_default = |family: &Family| family.name == "default" && family.weight == 1.0 && !family.hold_out;
@@ -169,10 +148,14 @@ impl Plan {
         {
             let families = document.shift_remove("families");
             if let Some(Json::Object(sections)) = families.and_then(|mut list| list.get_mut(0).map(Json::take)) {
-                document
-                    .extend(sections.into_iter().filter(|(key, _)| super::document::SECTIONS.contains(&key.as_str())));
+                document.extend(sections.into_iter().filter(|(key, _)| SECTIONS.contains(&key.as_str())));
             }
         }
         document.into()
     }
+}
+
+/// The hash of a kind of yard: scenes of equal number and kind stand on the same ground, whatever drives and scans them.
+pub fn yard_kind(seed: u64, scene_section: &Json) -> String {
+    blake3::hash(serde_json::json!({"seed": seed, "scene": scene_section}).to_string().as_bytes()).to_hex().to_string()
 }

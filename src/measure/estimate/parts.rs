@@ -11,10 +11,10 @@ use std::time::Instant;
 
 use super::sample::Sample;
 use super::{EstimateError, FamilyCost, Options};
-use crate::config::Plan;
 use crate::corpus::Table;
-use crate::pipeline::clock::Costs;
-use crate::pipeline::{Prepared, Scratch, run_scene};
+use crate::episode::{Prepared, Scratch, run_scene};
+use crate::measure::clock::Costs;
+use crate::plan::Plan;
 use crate::slam::SlamParams;
 
 /// A standard error of a price, relative to the whole scene, at which measuring ends.

@@ -13,7 +13,7 @@ use super::measure::{Measured, on_threads};
 use super::settings::{Settings, What};
 use super::{Event, Options, TradeoffError};
 use crate::evaluate::Confusion;
-use crate::pipeline::clock::thread_cpu_s;
+use crate::measure::clock::thread_cpu_s;
 use crate::train::memory::{self, Held};
 use crate::train::params::FilterParams;
 use crate::train::rows::Rows;

@@ -31,9 +31,10 @@ mod tests;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
-use crate::config::{ConfigError, Plan};
+use crate::config::ConfigError;
 use crate::corpus::Split;
-use crate::pipeline::Prepared;
+use crate::episode::Prepared;
+use crate::plan::Plan;
 use crate::sweep::PatternError;
 use crate::train::TrainError;
 
