@@ -50,6 +50,9 @@ pub mod episode;
 
 // Many scenes.
 #[cfg(feature = "corpus")]
+pub mod parallel;
+
+#[cfg(feature = "corpus")]
 pub mod corpus;
 
 #[cfg(feature = "corpus")]

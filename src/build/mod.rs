@@ -1,24 +1,22 @@
 //! Shards -> scenes on all threads -> rows of shards in the making -> shards, each handed over whole.
 //!
-//! Threads take scenes across shard borders, so one shard may keep all of them busy. Outputs are put back in order, and the
-//! thread that is free next lays their rows into their shard before it takes another scene: a shard's work is spread over the
-//! time of its scenes, and a thread that puts one in its place holds nobody up. What a shard holds depends on no number of threads;
-//! which of two shards is put first may. Memory is bounded by the scenes in flight, for a thread may run at most a window
-//! ahead of the scenes whose rows are appended, and by the bytes of two shards in the making and of one a thread that is put in its place.
+//! Threads take scenes across shard borders, so one shard may keep all of them busy. Outputs are put back in order within their shard, and
+//! the thread that is free next appends their rows before another scene is begun ([`open_shards`]); the last rows make the shard whole, and
+//! the same thread puts it in its place. What a shard holds depends on no number of threads; which of two shards is put first may.
+//! Memory is bounded: one scene a thread in the making, some that wait in each open shard, and the bytes of the open shards, of which there
+//! are two unless writing takes more than a thread can.
 
 mod open_shards;
 
-use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
-use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use self::open_shards::{OpenShards, ReadyScenes};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, ShardWriter};
-use crate::episode::SceneOutput;
-use crate::episode::{Prepared, Scratch, StageHashes, StageRecord, run_scene};
+use crate::episode::{Prepared, SceneOutput, Scratch, StageHashes, StageRecord, run_scene};
+use crate::parallel::{self, PoolError, Schedule, panic_message};
 use crate::random::Drawn;
 
 /// What happens while a corpus is built, for progress and logs.
@@ -56,8 +54,8 @@ pub enum BuildError<E: std::error::Error + 'static> {
              command goes on; otherwise this is a bug of marsyard: please report it with the plan"
     )]
     Panic { shard: u64, message: String },
-    #[error("could not start {threads} threads: {reason}")]
-    Threads { threads: usize, reason: String },
+    #[error(transparent)]
+    Threads(#[from] PoolError),
 }
 
 /// What is built, and by how many.
@@ -109,12 +107,12 @@ trait Sink: Sync {
 }
 
 /// Shards of a corpus, and what is done with those that are whole.
-struct Shards<'a, P> {
+struct CorpusSink<'a, P> {
     spec: &'a CorpusSpec,
     put: P,
 }
 
-impl<'a, T: Send, P: Fn(FinishedShard) -> Result<T, CorpusError> + Sync> Sink for Shards<'a, P> {
+impl<'a, T: Send, P: Fn(FinishedShard) -> Result<T, CorpusError> + Sync> Sink for CorpusSink<'a, P> {
     type Open = ShardWriter<'a>;
     type Written = T;
     type Error = CorpusError;
@@ -132,180 +130,142 @@ impl<'a, T: Send, P: Fn(FinishedShard) -> Result<T, CorpusError> + Sync> Sink fo
     }
 }
 
-/// What threads may take, and how far the rows are appended.
-struct Queue<W> {
-    shards: OpenShards<W>,
-    taken: usize,
-    /// Scenes that have come back and stand in order, or wait for those before them.
-    back: usize,
-    /// Scenes whose rows are appended.
-    appended: usize,
-}
-
 /// What a thread does next.
 enum Task<W> {
     Scene(u64),
     Append(ReadyScenes<W>),
+    /// All scenes are appended; what was spent on the shard until then.
+    Close {
+        shard: u64,
+        writer: W,
+        took: Duration,
+    },
 }
 
 /// What a thread has done.
-enum Message<T, E> {
+enum Message<W, T, E: std::error::Error + 'static> {
     Scene(Box<SceneOutput>, StageRecord),
-    Unsteady { scene: u64, first: String, second: String },
+    Appended { shard: u64, writer: W, scenes: usize, took: Duration },
     Shard { shard: u64, written: T, took: Duration },
-    Refused(E),
-    Panic { shard: u64, message: String },
+    Failed(BuildError<E>),
 }
 
-impl<T, E> Message<T, E> {
-    /// The thread that says it takes no further task.
-    fn is_last(&self) -> bool {
-        matches!(self, Message::Unsteady { .. } | Message::Panic { .. } | Message::Refused(_))
+/// What is left to do, and who is told of what is done.
+struct Shards<'a, S: Sink, F> {
+    open: OpenShards<'a, S::Open>,
+    /// Shards that only need to be put in their place.
+    whole: Vec<Task<S::Open>>,
+    stop: &'a AtomicBool,
+    on_event: F,
+    written: usize,
+    failed: Option<BuildError<S::Error>>,
+}
+
+impl<S: Sink, F: FnMut(Event<S::Written>)> Schedule for Shards<'_, S, F> {
+    type Task = Task<S::Open>;
+    type Output = Message<S::Open, S::Written, S::Error>;
+
+    fn next(&mut self) -> Option<Task<S::Open>> {
+        let to_write = self.whole.pop().or_else(|| self.open.next_append().map(Task::Append));
+        to_write.or_else(|| {
+            let is_stopped = self.stop.load(Ordering::Relaxed);
+            if is_stopped { None } else { self.open.next_scene().map(Task::Scene) }
+        })
+    }
+
+    fn take(&mut self, message: Self::Output) -> ControlFlow<()> {
+        match message {
+            Message::Scene(output, record) => {
+                (self.on_event)(Event::Scene { output: &output, record: &record });
+                self.open.add(*output);
+            }
+            Message::Appended { shard, writer, scenes, took } => {
+                let whole = self.open.appended(shard, writer, scenes, took);
+                self.whole.extend(whole.map(|(writer, took)| Task::Close { shard, writer, took }));
+            }
+            Message::Shard { shard, written, took } => {
+                self.written += 1;
+                (self.on_event)(Event::Shard { shard, written: &written, took });
+            }
+            Message::Failed(error) => {
+                self.failed = Some(error);
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
     }
 }
 
 /// Builds the job's shards and hands each over, whole, to `put`; several at a time, from any thread.
 ///
 /// `on_event` is called on the caller's thread.
-pub fn generate<T: Send>(
+pub fn build_shards<T: Send>(
     prepared: &Prepared,
     spec: &CorpusSpec,
     job: Job,
     on_event: impl FnMut(Event<T>),
     put: impl Fn(FinishedShard) -> Result<T, CorpusError> + Sync,
 ) -> Result<Outcome, BuildError<CorpusError>> {
-    build(prepared, &Shards { spec, put }, job, on_event)
+    build(prepared, &CorpusSink { spec, put }, job, on_event)
 }
 
 fn build<S: Sink>(
     scenes: &impl Scenes,
     sink: &S,
     job: Job,
-    mut on_event: impl FnMut(Event<S::Written>),
+    on_event: impl FnMut(Event<S::Written>),
 ) -> Result<Outcome, BuildError<S::Error>> {
     let Job { shards, threads, stop, hashes } = job;
-    let per_shard = scenes.per_shard();
-    let all = shards.len() * per_shard;
-    let scene_at = |k: usize| shards[k / per_shard] * per_shard as u64 + (k % per_shard) as u64;
-    // A window of two scenes a thread beyond a whole shard keeps every thread busy while the slowest scene finishes.
-    let window = per_shard + 2 * threads;
-    let queue = Mutex::new(Queue { shards: OpenShards::new(), taken: 0, back: 0, appended: 0 });
-    let queue = || queue.lock().expect("no thread panics while it holds the queue");
-    let changed = Condvar::new();
-    let quit = AtomicBool::new(false);
-    let (sender, receiver) = mpsc::channel();
-
-    let next_task = || -> Option<Task<S::Open>> {
-        let mut queue = queue();
-        loop {
-            if quit.load(Ordering::Relaxed) {
-                return None;
-            }
-            if let Some(rows) = queue.shards.take() {
-                return Some(Task::Append(rows));
-            }
-            let stopped = stop.load(Ordering::Relaxed);
-            if queue.appended == all || stopped && queue.back == queue.taken {
-                return None;
-            }
-            if !stopped && queue.taken < all && queue.taken < queue.appended + window {
-                queue.taken += 1;
-                return Some(Task::Scene(scene_at(queue.taken - 1)));
-            }
-            // Woken when rows may be appended or were appended; the timeout notices a stop signal.
-            let tick = Duration::from_millis(50);
-            queue = changed.wait_timeout(queue, tick).expect("no thread panics while it holds the queue").0;
-        }
-    };
-    // Whoever lays the last rows of a shard closes it.
-    let append =
-        |ReadyScenes { shard, open, scenes }: ReadyScenes<S::Open>| -> Result<Option<Message<_, _>>, S::Error> {
+    let open = OpenShards::new(shards, scenes.per_shard(), threads);
+    let mut schedule = Shards::<S, _> { open, whole: Vec::new(), stop, on_event, written: 0, failed: None };
+    parallel::run(threads, &mut schedule, |task, scratch: &mut Scratch| match task {
+        Task::Scene(scene) => make_scene(scenes, scene, hashes, scratch),
+        Task::Append(ReadyScenes { shard, writer, scenes }) => guarded(shard, || append(sink, shard, writer, scenes)),
+        Task::Close { shard, writer, took } => guarded(shard, || {
             let started = Instant::now();
-            let mut open = open.map_or_else(|| sink.open(shard), Ok)?;
-            let count = scenes.len();
-            scenes.into_iter().try_for_each(|scene| sink.push(&mut open, scene))?;
-            let whole = {
-                let mut queue = queue();
-                queue.appended += count;
-                changed.notify_all();
-                queue.shards.appended((shard, open), count, started.elapsed(), per_shard)
-            };
-            let Some((open, took)) = whole else { return Ok(None) };
-            let started = Instant::now();
-            sink.close(open).map(|written| Some(Message::Shard { shard, written, took: took + started.elapsed() }))
-        };
-    let do_task = |task, scratch: &mut Scratch| match task {
-        Task::Scene(scene) => Some(make_scene(scenes, scene, hashes, scratch)),
-        Task::Append(rows) => {
-            let shard = rows.shard;
-            match catch_unwind(AssertUnwindSafe(|| append(rows))) {
-                Err(panic) => Some(Message::Panic { shard, message: panic_message(panic) }),
-                Ok(appended) => appended.unwrap_or_else(|error| Some(Message::Refused(error))),
-            }
-        }
-    };
+            let written = sink.close(writer)?;
+            Ok(Message::Shard { shard, written, took: took + started.elapsed() })
+        }),
+    })?;
+    match schedule.failed {
+        Some(error) => Err(error),
+        None if schedule.written == shards.len() => Ok(Outcome::Done),
+        None => Ok(Outcome::Interrupted),
+    }
+}
 
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .thread_name(|k| format!("scene-{k}"))
-        .build()
-        .map_err(|e| BuildError::Threads { threads, reason: e.to_string() })?;
-    pool.in_place_scope(|scope| {
-        for _ in 0..threads {
-            let sender = sender.clone();
-            let (next_task, do_task) = (&next_task, &do_task);
-            scope.spawn(move |_| {
-                let mut scratch = Scratch::default();
-                while let Some(task) = next_task() {
-                    let Some(message) = do_task(task, &mut scratch) else { continue };
-                    let last = message.is_last();
-                    if sender.send(message).is_err() || last {
-                        break;
-                    }
-                }
-            });
-        }
-        drop(sender);
+/// Appends scenes, in order, to a shard that is opened for the first of them.
+fn append<S: Sink>(
+    sink: &S,
+    shard: u64,
+    writer: Option<S::Open>,
+    scenes: Vec<SceneOutput>,
+) -> Result<Message<S::Open, S::Written, S::Error>, S::Error> {
+    let started = Instant::now();
+    let mut writer = writer.map_or_else(|| sink.open(shard), Ok)?;
+    let count = scenes.len();
+    scenes.into_iter().try_for_each(|scene| sink.push(&mut writer, scene))?;
+    Ok(Message::Appended { shard, writer, scenes: count, took: started.elapsed() })
+}
 
-        let mut waiting: BTreeMap<u64, SceneOutput> = BTreeMap::new();
-        let (mut next, mut written_shards) = (0, 0);
-        let end_with = |error| {
-            quit.store(true, Ordering::Relaxed);
-            changed.notify_all();
-            Err(error)
-        };
-        for message in receiver {
-            match message {
-                Message::Unsteady { scene, first, second } => {
-                    return end_with(BuildError::Unsteady { scene, first, second });
-                }
-                Message::Panic { shard, message } => return end_with(BuildError::Panic { shard, message }),
-                Message::Scene(output, record) => {
-                    on_event(Event::Scene { output: &output, record: &record });
-                    waiting.insert(output.scene_id, *output);
-                    let mut queue = queue();
-                    while next < all
-                        && let Some(output) = waiting.remove(&scene_at(next))
-                    {
-                        queue.shards.add(shards[next / per_shard], output);
-                        next += 1;
-                    }
-                    queue.back += 1;
-                    changed.notify_all();
-                }
-                Message::Refused(error) => return end_with(BuildError::Write(error)),
-                Message::Shard { shard, written, took } => {
-                    written_shards += 1;
-                    on_event(Event::Shard { shard, written: &written, took });
-                }
-            }
-        }
-        Ok(if written_shards == shards.len() { Outcome::Done } else { Outcome::Interrupted })
-    })
+/// Work on a shard; one that fails or panics ends the build.
+fn guarded<W, T, E>(shard: u64, work: impl FnOnce() -> Result<Message<W, T, E>, E>) -> Message<W, T, E>
+where
+    E: std::error::Error + 'static,
+{
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Err(panic) => Message::Failed(BuildError::Panic { shard, message: panic_message(panic) }),
+        Ok(done) => done.unwrap_or_else(|error| Message::Failed(BuildError::Write(error))),
+    }
 }
 
 /// One scene; one that panics twice with the same words has failed.
-fn make_scene<T, E>(scenes: &impl Scenes, scene: u64, hashes: bool, scratch: &mut Scratch) -> Message<T, E> {
+fn make_scene<W, T, E: std::error::Error + 'static>(
+    scenes: &impl Scenes,
+    scene: u64,
+    hashes: bool,
+    scratch: &mut Scratch,
+) -> Message<W, T, E> {
     let once = |scratch: &mut Scratch| {
         let mut record = StageRecord { hashes: hashes.then(StageHashes::new), ..StageRecord::default() };
         let made = catch_unwind(AssertUnwindSafe(|| scenes.make(scene, scratch, &mut record)));
@@ -326,12 +286,7 @@ fn make_scene<T, E>(scenes: &impl Scenes, scene: u64, hashes: bool, scratch: &mu
         }
         Err(second) => format!("panicked otherwise ({second})"),
     };
-    Message::Unsteady { scene, first, second }
-}
-
-fn panic_message(payload: Box<dyn std::any::Any + Send>) -> String {
-    let text = payload.downcast_ref::<&str>().map(|s| (*s).to_string());
-    text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
+    Message::Failed(BuildError::Unsteady { scene, first, second })
 }
 
 #[cfg(test)]

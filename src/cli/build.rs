@@ -75,7 +75,7 @@ impl Builder<'_> {
         let mut progress = Progress::new(shards.len() as u64 * u64::from(self.spec.scenes_per_shard), self.log);
         let mut writing = Duration::ZERO;
         let mut lost_hashes = None;
-        let outcome = build::generate(
+        let outcome = build::build_shards(
             &self.prepared,
             self.spec,
             job,
@@ -208,7 +208,7 @@ pub(super) fn build_outcome(
             Failure::new(Failure::TRY_AGAIN, miette::miette!(help = help, "{error}"))
         }
         BuildError::Panic { .. } => Failure::failed(error),
-        BuildError::Threads { .. } => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
+        BuildError::Threads(_) => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
     })
 }
 

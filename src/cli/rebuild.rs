@@ -109,7 +109,7 @@ impl Rebuild<'_> {
         let mut progress = Progress::new(shards.len() as u64 * u64::from(spec.scenes_per_shard), log);
         let mut findings: Vec<Finding> = Vec::new();
         let replay = |scene: u64| format!("marsyard explain {place} --scene {scene}");
-        let built = build::generate(
+        let built = build::build_shards(
             &prepared,
             spec,
             Job { shards, threads, stop: &*stop_on_signals()?, hashes: false },

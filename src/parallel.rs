@@ -1,0 +1,153 @@
+//! A schedule of tasks -> their outputs, on a pool of threads.
+//!
+//! The calling thread keeps the schedule: it hands out tasks and takes outputs one at a time, so a schedule needs no lock and may talk to
+//! whoever waits. Outputs come in the order in which tasks end; what must be in another order is the schedule's to put in order, so that
+//! nothing that is made depends on the number of threads. A few tasks more than threads are out at a time: a thread that has ended one
+//! finds the next without waiting for the caller.
+
+use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::{Mutex, mpsc};
+
+/// What is to be done, and what becomes of it.
+pub trait Schedule {
+    type Task: Send;
+    type Output: Send;
+
+    /// A task that may begin now; asked again after each output. It is over when there is none while no task is out.
+    fn next(&mut self) -> Option<Self::Task>;
+
+    /// Takes what came of a task; [`Break`](ControlFlow::Break): no further task is begun, and outputs still to come are dropped.
+    fn take(&mut self, output: Self::Output) -> ControlFlow<()>;
+}
+
+/// Threads that the system does not give.
+#[derive(Debug, thiserror::Error)]
+#[error("could not start {threads} threads: {reason}; fewer --threads take less")]
+pub struct PoolError {
+    pub threads: usize,
+    pub reason: String,
+}
+
+/// Tasks that are out at a time: one a thread, and some that wait for the first thread that is free.
+pub fn most_out(threads: usize) -> usize {
+    threads + 1 + threads / 4
+}
+
+/// Works a schedule off on `threads` threads; each has its own scratch. A task that panics panics here.
+pub fn run<S: Schedule, M: Default + Send>(
+    threads: usize,
+    schedule: &mut S,
+    work: impl Fn(S::Task, &mut M) -> S::Output + Sync,
+) -> Result<(), PoolError> {
+    let threads = threads.max(1);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("worker-{k}")).build();
+    let pool = pool.map_err(|error| PoolError { threads, reason: error.to_string() })?;
+    let scratch: Vec<Mutex<M>> = (0..threads).map(|_| Mutex::default()).collect();
+    let (sender, outputs) = mpsc::channel();
+    let one_task = |task: S::Task| {
+        let own = &scratch[rayon::current_thread_index().expect("a thread of the pool")];
+        // A thread alone holds its scratch, and a panic ends the whole.
+        let mut own = own.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        work(task, &mut own)
+    };
+    let one_task = &one_task;
+    let most_out = most_out(threads);
+    pool.in_place_scope(|scope| {
+        let mut out = 0;
+        let mut is_open = true;
+        loop {
+            while is_open
+                && out < most_out
+                && let Some(task) = schedule.next()
+            {
+                let sender = sender.clone();
+                out += 1;
+                scope.spawn(move |_| {
+                    // The receiver is gone only where a panic is on its way up.
+                    _ = sender.send(catch_unwind(AssertUnwindSafe(|| one_task(task))));
+                });
+            }
+            if out == 0 {
+                return;
+            }
+            let output = outputs.recv().expect("this thread holds a sender");
+            out -= 1;
+            let output = output.unwrap_or_else(|panic| resume_unwind(panic));
+            is_open = is_open && schedule.take(output).is_continue();
+        }
+    });
+    Ok(())
+}
+
+/// What a panic said.
+pub fn panic_message(payload: Box<dyn std::any::Any + Send>) -> String {
+    let text = payload.downcast_ref::<&str>().map(|s| (*s).to_string());
+    text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers below a bound, and the sum of their squares; stops at an output.
+    struct Squares {
+        next: u64,
+        end: u64,
+        sum: u64,
+        taken: u64,
+        stop_at: Option<u64>,
+    }
+
+    impl Schedule for Squares {
+        type Task = u64;
+        type Output = (u64, u64);
+
+        fn next(&mut self) -> Option<u64> {
+            (self.next < self.end).then(|| {
+                self.next += 1;
+                self.next - 1
+            })
+        }
+
+        fn take(&mut self, (number, square): (u64, u64)) -> ControlFlow<()> {
+            self.sum += square;
+            self.taken += 1;
+            if self.stop_at == Some(number) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        }
+    }
+
+    fn squares(end: u64, stop_at: Option<u64>) -> Squares {
+        Squares { next: 0, end, sum: 0, taken: 0, stop_at }
+    }
+
+    #[test]
+    fn exact_every_task_is_done_once_on_any_number_of_threads() {
+        for threads in [0, 1, 3, 64] {
+            let mut schedule = squares(1000, None);
+            run(threads, &mut schedule, |number, done: &mut u64| {
+                *done += 1;
+                (number, number * number)
+            })
+            .unwrap();
+            assert_eq!((schedule.taken, schedule.sum), (1000, (0..1000).map(|k: u64| k * k).sum()));
+        }
+        run(2, &mut squares(0, None), |number, (): &mut ()| (number, 0)).unwrap();
+    }
+
+    #[test]
+    fn law_no_task_is_begun_behind_a_break_but_those_that_are_out() {
+        let mut schedule = squares(1000, Some(10));
+        run(2, &mut schedule, |number, (): &mut ()| (number, 0)).unwrap();
+        assert!((11..=20).contains(&schedule.next), "{}", schedule.next);
+    }
+
+    #[test]
+    #[should_panic(expected = "task 7")]
+    fn law_a_panic_of_a_task_reaches_the_caller() {
+        _ = run(3, &mut squares(100, None), |number, (): &mut ()| {
+            assert_ne!(number, 7, "task {number}");
+            (number, 0)
+        });
+    }
+}
