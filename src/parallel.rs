@@ -7,6 +7,7 @@
 
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, mpsc};
 
 /// What is to be done, and what becomes of it.
@@ -80,6 +81,59 @@ pub fn run<S: Schedule, M: Default + Send>(
     Ok(())
 }
 
+/// Items -> what `work` makes of each, in their order. `tell` hears, on the caller's thread, how many are done. `None` where `stop` was raised
+/// before the last was begun; the first error ends the whole.
+pub fn map<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
+    threads: usize,
+    items: Vec<T>,
+    stop: &AtomicBool,
+    work: impl Fn(T, &mut M) -> Result<U, E> + Sync,
+    tell: impl FnMut(usize),
+) -> Result<Option<Vec<U>>, E> {
+    let count = items.len();
+    let made = (0..count).map(|_| None).collect();
+    let mut items = Items { left: items.into_iter().enumerate(), stop, made, done: 0, tell, failed: None };
+    run(threads.min(count), &mut items, |(k, item), scratch: &mut M| (k, work(item, scratch)))?;
+    match items.failed {
+        Some(error) => Err(error),
+        None => Ok(items.made.into_iter().collect()),
+    }
+}
+
+/// The schedule of [`map`].
+struct Items<'a, T, U, E, F> {
+    left: std::iter::Enumerate<std::vec::IntoIter<T>>,
+    stop: &'a AtomicBool,
+    made: Vec<Option<U>>,
+    done: usize,
+    tell: F,
+    failed: Option<E>,
+}
+
+impl<T: Send, U: Send, E: Send, F: FnMut(usize)> Schedule for Items<'_, T, U, E, F> {
+    type Task = (usize, T);
+    type Output = (usize, Result<U, E>);
+
+    fn next(&mut self) -> Option<(usize, T)> {
+        if self.stop.load(Ordering::Relaxed) { None } else { self.left.next() }
+    }
+
+    fn take(&mut self, (k, made): (usize, Result<U, E>)) -> ControlFlow<()> {
+        match made {
+            Ok(made) => {
+                self.made[k] = Some(made);
+                self.done += 1;
+                (self.tell)(self.done);
+                ControlFlow::Continue(())
+            }
+            Err(error) => {
+                self.failed = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+}
+
 /// What a panic said.
 pub fn panic_message(payload: Box<dyn std::any::Any + Send>) -> String {
     let text = payload.downcast_ref::<&str>().map(|s| (*s).to_string());
@@ -140,6 +194,23 @@ mod tests {
         let mut schedule = squares(1000, Some(10));
         run(2, &mut schedule, |number, (): &mut ()| (number, 0)).unwrap();
         assert!((11..=20).contains(&schedule.next), "{}", schedule.next);
+    }
+
+    #[test]
+    fn exact_a_map_keeps_the_order_and_ends_at_an_error_or_a_stop() {
+        let stop = AtomicBool::new(false);
+        let items: Vec<u64> = (0..200).collect();
+        let mut told = 0;
+        let made = map(5, items.clone(), &stop, |k, (): &mut ()| Ok::<_, PoolError>(2 * k), |done| told = done);
+        assert_eq!((made.unwrap().unwrap(), told), ((0..200).map(|k| 2 * k).collect(), 200));
+        let refuse = |k, (): &mut ()| match k {
+            70 => Err(PoolError { threads: 70, reason: "a test".into() }),
+            _ => Ok(k),
+        };
+        assert_eq!(map(5, items.clone(), &stop, refuse, |_| ()).unwrap_err().threads, 70);
+        let raise = |done| stop.fetch_or(done == 50, Ordering::Relaxed);
+        let made = map(5, items, &stop, |k, (): &mut ()| Ok::<_, PoolError>(k), |done| _ = raise(done));
+        assert!(made.unwrap().is_none());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Shards -> scenes on all threads -> rows of shards in the making -> shards, each handed over whole.
 //!
 //! Threads take scenes across shard borders, so one shard may keep all of them busy. Outputs are put back in order within their shard, and
-//! the thread that is free next appends their rows before another scene is begun ([`open_shards`]); the last rows make the shard whole, and
+//! the thread that is free next appends their rows before another scene is begun (`open_shards`); the last rows make the shard whole, and
 //! the same thread puts it in its place. What a shard holds depends on no number of threads; which of two shards is put first may.
 //! Memory is bounded: one scene a thread in the making, some that wait in each open shard, and the bytes of the open shards, of which there
 //! are two unless writing takes more than a thread can.
@@ -150,6 +150,9 @@ enum Message<W, T, E: std::error::Error + 'static> {
     Failed(BuildError<E>),
 }
 
+/// Of the threads that write into a sink.
+type SinkMessage<S> = Message<<S as Sink>::Open, <S as Sink>::Written, <S as Sink>::Error>;
+
 /// What is left to do, and who is told of what is done.
 struct Shards<'a, S: Sink, F> {
     open: OpenShards<'a, S::Open>,
@@ -163,7 +166,7 @@ struct Shards<'a, S: Sink, F> {
 
 impl<S: Sink, F: FnMut(Event<S::Written>)> Schedule for Shards<'_, S, F> {
     type Task = Task<S::Open>;
-    type Output = Message<S::Open, S::Written, S::Error>;
+    type Output = SinkMessage<S>;
 
     fn next(&mut self) -> Option<Task<S::Open>> {
         let to_write = self.whole.pop().or_else(|| self.open.next_append().map(Task::Append));
@@ -240,7 +243,7 @@ fn append<S: Sink>(
     shard: u64,
     writer: Option<S::Open>,
     scenes: Vec<SceneOutput>,
-) -> Result<Message<S::Open, S::Written, S::Error>, S::Error> {
+) -> Result<SinkMessage<S>, S::Error> {
     let started = Instant::now();
     let mut writer = writer.map_or_else(|| sink.open(shard), Ok)?;
     let count = scenes.len();

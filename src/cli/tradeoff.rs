@@ -83,7 +83,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
 fn failure(error: TradeoffError) -> Failure {
     match error {
         TradeoffError::Config(error) => config_failure(error),
-        TradeoffError::Threads { .. } => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
+        TradeoffError::Threads(_) => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
         other => Failure::failed(other),
     }
 }

@@ -1,4 +1,4 @@
-//! A YAML document as written -> a [`Plan`] (or the parameters of a training) as checked.
+//! A YAML document as written -> a [`Plan`](crate::plan::Plan) (or the parameters of a training) as checked.
 //!
 //! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
 //! fault, its place and its cure. The way: text -> tree (`tree`) -> presets written out (`presets`) -> overrides laid over

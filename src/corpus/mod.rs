@@ -1,6 +1,6 @@
 //! Scenes' rows -> Parquet shards, receipts, manifest; and back. The only user of arrow and parquet.
 //!
-//! In: a [`CorpusSpec`] (what the plan says of the corpus as a whole) and one [`SceneOutput`] a scene. Out: a place (a folder
+//! In: a [`CorpusSpec`] (what the plan says of the corpus as a whole) and one [`SceneOutput`](crate::episode::SceneOutput) a scene. Out: a place (a folder
 //! or an object store) that holds
 //!
 //! ```text

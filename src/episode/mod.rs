@@ -1,7 +1,7 @@
 //! The whole flow: a plan and a scene number -> what that scene leaves.
 //!
 //! A yard is built once; the rover is driven through it, with other draws, until a kept scan has cells of both classes or the attempts
-//! are used up ([`attempt`]). [`run_scene`] is pure: equal plan and scene give equal output on any thread, after any other scene.
+//! are used up (`attempt`). [`run_scene`] is pure: equal plan and scene give equal output on any thread, after any other scene.
 //! Clocks and hashes belong to the [`StageObserver`] that its caller brings. `truth` and `surrogate` poses are made here from the
 //! drive's log, so that the slam stage never holds a true pose.
 

@@ -10,7 +10,6 @@
 //! successive halving instead of training all to the end. Each finished network is a line in the journal at once; a search that was
 //! killed goes on with those that lack a line, and ends in the same bytes but for times.
 
-mod crew;
 pub mod entry;
 pub mod journal;
 pub mod leaderboard;
@@ -21,19 +20,20 @@ mod ranks;
 pub mod rungs;
 #[cfg(test)]
 mod tests;
+mod worker_pool;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value as Json, json};
 
-use self::crew::Crew;
 pub use self::entry::Entry;
 use self::journal::Journal;
 pub use self::leaderboard::Board;
 use self::networks::Hidden;
 use self::pace::Pace;
 use self::rungs::{Rung, rungs, survivors};
+use self::worker_pool::WorkerPool;
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::{is_temporary, read_folder};
 use crate::corpus::{LocalFolder, Store};
@@ -134,8 +134,8 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
         });
         let there = contenders.iter().filter_map(|hidden| journal.get(number, hidden));
         let mut best: Option<Entry> = there.min_by(|a, b| a.rank(b)).cloned();
-        let crew = Crew { params, held, threads: setup.threads, stop };
-        let all = crew.train(waiting, (number, rung), &mut |entry| {
+        let pool = WorkerPool { params, held, threads: setup.threads, stop };
+        let all = pool.train(waiting, (number, rung), &mut |entry| {
             if best.as_ref().is_none_or(|best| entry.rank(best).is_lt()) {
                 best = Some(entry.clone());
             }

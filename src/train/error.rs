@@ -3,6 +3,7 @@
 use super::filter::FilterError;
 use super::model::ModelError;
 use crate::corpus::CorpusError;
+use crate::parallel::PoolError;
 
 /// Why a network could not be trained.
 #[derive(Debug, thiserror::Error)]
@@ -13,6 +14,8 @@ pub enum TrainError {
     Filter(#[from] FilterError),
     #[error(transparent)]
     Model(#[from] ModelError),
+    #[error(transparent)]
+    Threads(#[from] PoolError),
     #[error(
         "{place}/{name}: {reason}; it is not the file that its corpus was finalized with: run `marsyard verify {place}`, which names \
          the shards to build again"

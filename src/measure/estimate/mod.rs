@@ -22,6 +22,7 @@ use std::time::Duration;
 
 use crate::corpus::{CorpusError, Table};
 use crate::episode::{Prepared, StageTimes};
+use crate::parallel::PoolError;
 use crate::plan::Plan;
 use crate::sweep::PatternError;
 
@@ -100,6 +101,8 @@ pub enum EstimateError {
     Pattern(#[from] PatternError),
     #[error(transparent)]
     Corpus(#[from] CorpusError),
+    #[error(transparent)]
+    Threads(#[from] PoolError),
     #[error("{place}: cannot be written to: {reason}")]
     Place { place: String, reason: String },
     #[error("interrupted: there is no estimate, and what was tried at a place is taken away")]
@@ -111,7 +114,7 @@ pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateErro
     // First: a place that cannot be is told at once.
     options.place.map(storage::check).transpose()?;
     let prepared = Prepared::new(plan.clone())?;
-    let mut sample = sample::take(&prepared, options);
+    let mut sample = sample::take(&prepared, options)?;
     if options.stopped() {
         return Err(EstimateError::Interrupted);
     }

@@ -5,14 +5,14 @@
 //! its first scene twice and counts the second time, unless the scene is so long that warmth cannot matter. Standard errors
 //! are of the sample alone: a machine that is busier later than now is not in them.
 
-use std::sync::Mutex;
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use super::{ENOUGH, Options};
 use crate::corpus::Table;
-use crate::episode::SceneOutput;
-use crate::episode::{Prepared, Scratch, StageTimes, run_scene};
+use crate::episode::{Prepared, SceneOutput, Scratch, StageTimes, run_scene};
 use crate::measure::clock::{Costs, Seconds};
+use crate::parallel::{self, PoolError, Schedule};
 use crate::plan::Plan;
 
 /// Scenes of a family before its spread is known at all.
@@ -89,33 +89,46 @@ pub(super) struct Sample {
 }
 
 /// Runs scenes on all threads until enough is known.
-pub(super) fn take(prepared: &Prepared, options: &Options) -> Sample {
-    let sample = Mutex::new(Sample { strata: strata(&prepared.plan), outputs: Vec::new(), kept_rows: 0 });
-    let started = Instant::now();
-    let lock = || sample.lock().expect("no thread panics while it holds the sample");
-    let one_thread = || {
-        let mut scratch = Scratch::default();
-        let mut warm = false;
-        loop {
-            let Some((stratum, scene)) = lock().next(options, started) else { return };
-            let begun = Instant::now();
-            let mut run = || {
-                let mut costs = Costs::start();
-                let output = run_scene(prepared, scene, &mut scratch, &mut costs);
-                (SceneCost::of(&costs.finish(), &output), output)
-            };
-            let mut made = run();
-            if !warm && begun.elapsed() < LONG {
-                made = run();
-            }
-            warm = true;
-            lock().add(stratum, made.0, made.1);
+pub(super) fn take(prepared: &Prepared, options: &Options) -> Result<Sample, PoolError> {
+    let sample = Sample { strata: strata(&prepared.plan), outputs: Vec::new(), kept_rows: 0 };
+    let mut sampling = Sampling { sample, options, started: Instant::now() };
+    parallel::run(options.threads, &mut sampling, |(stratum, scene), (scratch, is_warm): &mut (Scratch, bool)| {
+        let begun = Instant::now();
+        let mut run = || {
+            let mut costs = Costs::start();
+            let output = run_scene(prepared, scene, scratch, &mut costs);
+            (SceneCost::of(&costs.finish(), &output), output)
+        };
+        let mut made = run();
+        if !std::mem::replace(is_warm, true) && begun.elapsed() < LONG {
+            made = run();
         }
-    };
-    std::thread::scope(|scope| (0..options.threads).for_each(|_| _ = scope.spawn(one_thread)));
-    let mut sample = sample.into_inner().expect("no thread panics while it holds the sample");
+        (stratum, made.0, made.1)
+    })?;
+    let mut sample = sampling.sample;
     sample.outputs.sort_by_key(|output| output.scene_id);
-    sample
+    Ok(sample)
+}
+
+/// Scenes of a sample as threads take them.
+struct Sampling<'a> {
+    sample: Sample,
+    options: &'a Options<'a>,
+    started: Instant,
+}
+
+impl Schedule for Sampling<'_> {
+    type Task = (usize, u64);
+    type Output = (usize, SceneCost, SceneOutput);
+
+    fn next(&mut self) -> Option<(usize, u64)> {
+        self.sample.next(self.options, self.started)
+    }
+
+    fn take(&mut self, (stratum, cost, output): Self::Output) -> ControlFlow<()> {
+        self.sample.add(stratum, cost, output);
+        ControlFlow::Continue(())
+    }
 }
 
 /// The plan's scenes by family, each family's in an order whose every beginning is spread over the plan.

@@ -6,14 +6,14 @@
 //! the trainer learn the reference's cells. Equal cells are learnt once. The interval covers the trainings' draws, not those of the
 //! scenes: what the test would say of other yards is not in it.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::measure::{Measured, on_threads};
+use super::measure::Measured;
 use super::settings::{Settings, What};
 use super::{Event, Options, TradeoffError};
 use crate::evaluate::Confusion;
 use crate::measure::clock::thread_cpu_s;
+use crate::parallel;
 use crate::train::memory::{self, Held};
 use crate::train::params::FilterParams;
 use crate::train::rows::Rows;
@@ -83,40 +83,31 @@ pub(super) fn classifiers(
         .collect();
 
     let test = rows(measured, 0, Role::Test);
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let tell = Mutex::new(tell);
-    let one_thread = || {
-        let mut finished = Vec::new();
-        loop {
-            let job = next.fetch_add(1, Ordering::Relaxed);
-            if job >= jobs.len() || stop.load(Ordering::Relaxed) {
-                return Ok(finished);
+    let one_training = |(k, seed): (usize, u64), (): &mut ()| {
+        let (corpus, filter) = &wanted[k];
+        match training(measured, *corpus, filter, seed, &test, stop) {
+            Ok(trained) => Ok(trained),
+            // All scenes failed there: that is told elsewhere.
+            Err(TrainError::NoRowsHeld { .. }) => Ok(None),
+            Err(source) => {
+                let setting = settings.list[k].name.clone();
+                Err(TradeoffError::Train { setting, source: Box::new(source) })
             }
-            let (k, seed) = jobs[job];
-            let (corpus, filter) = &wanted[k];
-            match training(measured, *corpus, filter, seed, &test, stop) {
-                Ok(trained) => finished.push((job, trained)),
-                // All scenes failed there: that is told elsewhere.
-                Err(TrainError::NoRowsHeld { .. }) => finished.push((job, None)),
-                Err(source) => {
-                    let setting = settings.list[k].name.clone();
-                    return Err(TradeoffError::Train { setting, source: Box::new(source) });
-                }
-            }
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            tell.lock().expect("telling does not panic")(Event::Training { done, of: jobs.len() });
         }
     };
-    let parts = on_threads(options.threads.min(jobs.len()), one_thread)?;
-    let mut finished = parts.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
+    let of = jobs.len();
+    let tell_done = |done| tell(Event::Training { done, of });
+    let Some(finished) = parallel::map(options.threads, jobs.clone(), stop, one_training, tell_done)? else {
+        return Ok(None);
+    };
+    // One that was under way when `stop` was raised gave nothing.
     if stop.load(Ordering::Relaxed) {
         return Ok(None);
     }
-    finished.sort_unstable_by_key(|(job, _)| *job);
     let mut all: Vec<Option<Classifier>> = vec![None; wanted.len()];
-    for (job, trained) in finished {
+    for ((k, _), trained) in jobs.into_iter().zip(finished) {
         if let Some(trained) = trained {
-            let classifier = all[jobs[job].0].get_or_insert_default();
+            let classifier = all[k].get_or_insert_default();
             classifier.balanced_accuracy.push(trained.balanced_accuracy);
             classifier.cpu_us_per_row.push(1e6 * trained.cpu_s / trained.rows_learnt.max(1) as f64);
             classifier.rows_learnt.push(trained.rows_learnt);

@@ -5,8 +5,7 @@
 //! Memory: the cells that classifiers learn of every scene at every setting, some 80 bytes a cell; for `configs/paper.yaml` 3 MB a scene.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use super::compare::{Change, SceneCells, compare};
 use super::loss::Role;
@@ -17,6 +16,7 @@ use crate::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use crate::geometry::{Pose, Transform};
 use crate::math;
 use crate::measure::clock::Costs;
+use crate::parallel::{self, panic_message};
 use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};
 use crate::sweep::params::Cast;
@@ -108,57 +108,23 @@ pub(super) fn measure(
     tell: &mut (dyn FnMut(Event) + Send),
 ) -> Result<Option<Measured>, TradeoffError> {
     let (features, columns) = inputs(&prepared[0]);
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let tell = Mutex::new(tell);
-    let one_thread = || -> Result<Vec<(usize, AtAll)>, String> {
-        let mut scratch = Scratch::default();
-        let mut made = Vec::new();
-        loop {
-            let k = next.fetch_add(1, Ordering::Relaxed);
-            if k >= scenes.len() || stop.load(Ordering::Relaxed) {
-                return Ok(made);
-            }
-            if made.is_empty() {
-                // What it fails of is told when it is counted.
-                let _ = replay_scene(&prepared[0], scenes[k], &mut scratch, &mut Unobserved);
-            }
-            let scene = AssertUnwindSafe(|| scene_everywhere(prepared, scenes[k], k, &columns, &mut scratch));
-            made.push((k, catch_unwind(scene).map_err(panic_message)?));
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            tell.lock().expect("telling does not panic")(Event::Scene { done, of: scenes.len() });
+    let numbered: Vec<(usize, u64)> = scenes.iter().copied().enumerate().collect();
+    let one_scene = |(k, scene): (usize, u64), (scratch, is_warm): &mut (Scratch, bool)| {
+        if !std::mem::replace(is_warm, true) {
+            // What it fails of is told when it is counted.
+            let _ = replay_scene(&prepared[0], scene, scratch, &mut Unobserved);
         }
+        let scene = AssertUnwindSafe(|| scene_everywhere(prepared, scene, k, &columns, scratch));
+        catch_unwind(scene).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })
     };
-    let parts = on_threads(threads.min(scenes.len()), one_thread)?;
-    let mut all = Vec::new();
-    for part in parts {
-        all.extend(part.map_err(|message| TradeoffError::Panic { message })?);
-    }
-    if stop.load(Ordering::Relaxed) {
-        return Ok(None);
-    }
-    all.sort_unstable_by_key(|(k, _)| *k);
-    let scenes: Vec<_> = all.into_iter().map(|(_, made)| made).collect();
+    let of = scenes.len();
+    let made = parallel::map(threads, numbered, stop, one_scene, |done| tell(Event::Scene { done, of }))?;
+    let Some(scenes) = made else { return Ok(None) };
     let failed = |made: &AtAll| made[0].as_ref().err().cloned();
     match scenes.iter().map(failed).collect::<Option<Vec<String>>>() {
         Some(reasons) => Err(TradeoffError::NoScene { reason: reasons.into_iter().next().unwrap_or_default() }),
         None => Ok(Some(Measured { features, scenes })),
     }
-}
-
-/// Runs one closure on so many threads.
-pub(super) fn on_threads<T: Send>(threads: usize, work: impl Fn() -> T + Sync) -> Result<Vec<T>, TradeoffError> {
-    std::thread::scope(|scope| {
-        let start = |_| std::thread::Builder::new().spawn_scoped(scope, &work);
-        let started = (0..threads.max(1)).map(start).collect::<Result<Vec<_>, _>>();
-        let handles = started.map_err(|error| TradeoffError::Threads { threads, reason: error.to_string() })?;
-        let panicked = |payload| TradeoffError::Panic { message: panic_message(payload) };
-        handles.into_iter().map(|handle| handle.join().map_err(panicked)).collect()
-    })
-}
-
-pub(super) fn panic_message(payload: Box<dyn std::any::Any + Send>) -> String {
-    let text = payload.downcast_ref::<&str>().map(|s| (*s).to_string());
-    text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
 }
 
 /// The classifier's inputs: names, and positions among the feature columns.

@@ -34,6 +34,7 @@ use std::sync::atomic::AtomicBool;
 use crate::config::ConfigError;
 use crate::corpus::Split;
 use crate::episode::Prepared;
+use crate::parallel::PoolError;
 use crate::plan::Plan;
 use crate::sweep::PatternError;
 use crate::train::TrainError;
@@ -79,8 +80,8 @@ pub enum TradeoffError {
     Train { setting: String, source: Box<TrainError> },
     #[error("a scene panicked: {message}; this is a bug of marsyard: please report it with the config")]
     Panic { message: String },
-    #[error("could not start {threads} threads: {reason}")]
-    Threads { threads: usize, reason: String },
+    #[error(transparent)]
+    Threads(#[from] PoolError),
     #[error("no scene could be made at the reference setting; the first said: {reason}")]
     NoScene { reason: String },
 }
