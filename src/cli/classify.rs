@@ -53,7 +53,7 @@ pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
         let newest = window.back().expect("pushed above");
         report::nowhere(&setup, newest, &scan);
         report::scan(args, &model, newest, &scan);
-        written.extend(write::files(args, &mut outputs, write::scan(&model, &setup, newest, &scan)?)?);
+        written.extend(write::files(args, &mut outputs, write::scan(args, &model, &setup, newest, &scan)?)?);
         if setup.labels.is_some() {
             let (judged, outputs) = judged_cells(&model, &setup, &scan);
             judge.unknown_cells += (scan.cells.rows.len() - judged.len()) as u64;

@@ -1,12 +1,13 @@
 //! Pictures, a cloud and trajectories of one scene.
 
 use std::path::PathBuf;
+use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::Failure;
 use super::explain::{check_scene, plan_of};
-use super::output::outln;
+use super::output::{errln, outln};
 use super::place::{self, corpus_failure, inputs, must_be_local};
 use crate::corpus::Outputs;
 use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
@@ -26,6 +27,9 @@ pub(super) struct PreviewArgs {
     /// Number of the scan (the stop); default: the last kept one.
     #[arg(long)]
     scan: Option<u32>,
+    /// Make only these, separated by commas; default: all.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PRODUCTS")]
+    only: Vec<Product>,
     /// Folder for the files.
     #[arg(long, default_value = "preview")]
     out: PathBuf,
@@ -34,14 +38,52 @@ pub(super) struct PreviewArgs {
     sets: Vec<String>,
 }
 
+/// What is made of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Product {
+    /// The yard from above, with the drive (PNG).
+    Top,
+    /// The rover in the yard, with the points of its sweep (PNG).
+    Perspective,
+    /// The same with the labelled cells (PNG).
+    Cells,
+    /// The sweep as the sensor sees it (PNG).
+    Scan,
+    /// The sweep's points with class and label (PLY).
+    Cloud,
+    /// The true trajectory (TUM).
+    Truth,
+    /// The estimated trajectory (TUM).
+    Estimate,
+}
+
+impl Product {
+    /// Behind `scene-K-`.
+    fn file(self) -> &'static str {
+        match self {
+            Product::Top => "top.png",
+            Product::Perspective => "perspective.png",
+            Product::Cells => "cells.png",
+            Product::Scan => "scan.png",
+            Product::Cloud => "cloud.ply",
+            Product::Truth => "truth.tum",
+            Product::Estimate => "estimate.tum",
+        }
+    }
+}
+
 pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     must_be_local("--out", &args.out)?;
     let (plan, corpus) = plan_of(&args.place, &args.sets)?;
     corpus.map_or(Ok(()), place::check_if_finished)?;
     check_scene(&plan, args.scene)?;
-    let names = FILES.map(|file| format!("scene-{}-{file}", args.scene));
+    let is_asked = |product: &&Product| args.only.is_empty() || args.only.contains(product);
+    let products: Vec<Product> = Product::value_variants().iter().filter(is_asked).copied().collect();
+    let names: Vec<String> =
+        products.iter().map(|product| format!("scene-{}-{}", args.scene, product.file())).collect();
     let mut outputs =
         Outputs::open(&args.out, names.iter().map(String::as_str), inputs(&args.place)).map_err(corpus_failure)?;
+    let started = Instant::now();
     let prepared = Prepared::new(plan).map_err(Failure::failed)?.keeping_points();
     let replay = replay_scene(&prepared, args.scene, &mut Scratch::default(), &mut Unobserved)
         .map_err(|e| Failure::failed(format!("scene {}: {e}", args.scene)))?;
@@ -66,22 +108,22 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     let trajectory = |pose: fn(&crate::episode::PoseRow) -> &Pose| {
         slam::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
     };
-    let bytes = [
-        picture::top_view(&view),
-        picture::perspective(&view, &caster, Overlay::Points),
-        picture::perspective(&view, &caster, Overlay::Cells),
-        picture::scan_view(&view),
-        picture::labelled_cloud(&view),
-        trajectory(|row| &row.truth),
-        trajectory(|row| &row.estimate.pose),
-    ];
-    let files: Vec<(String, Vec<u8>)> = names.into_iter().zip(bytes).collect();
-    outputs.write(&files).map_err(corpus_failure)?;
-    outputs.finish().map_err(corpus_failure)?;
-    files.iter().for_each(|(name, _)| outln!("{}", args.out.join(name).display()));
-    Ok(())
+    errln!("scene {}: made in {:.1} s", args.scene, started.elapsed().as_secs_f64());
+    for (product, name) in products.into_iter().zip(names) {
+        let started = Instant::now();
+        let bytes = match product {
+            Product::Top => picture::top_view(&view),
+            Product::Perspective => picture::perspective(&view, &caster, Overlay::Points),
+            Product::Cells => picture::perspective(&view, &caster, Overlay::Cells),
+            Product::Scan => picture::scan_view(&view),
+            Product::Cloud => picture::labelled_cloud(&view),
+            Product::Truth => trajectory(|row| &row.truth),
+            Product::Estimate => trajectory(|row| &row.estimate.pose),
+        };
+        let path = args.out.join(&name);
+        outputs.write(&[(name, bytes)]).map_err(corpus_failure)?;
+        errln!("{}: {:.1} s", product.file(), started.elapsed().as_secs_f64());
+        outln!("{}", path.display());
+    }
+    outputs.finish().map_err(corpus_failure)
 }
-
-/// What is written of a scene, each behind `scene-K-`.
-const FILES: [&str; 7] =
-    ["top.png", "perspective.png", "cells.png", "scan.png", "cloud.ply", "truth.tum", "estimate.tum"];

@@ -168,6 +168,27 @@ fn law_classify_writes_all_it_promises_and_judges_by_labels() {
         let png = std::fs::read(yard.path(&format!("c/scene-1-cloud-{end}.png"))).expect("a picture");
         assert!(png.starts_with(b"\x89PNG"));
     }
+    let bare = [
+        "classify",
+        "model.safetensors",
+        "p/scene-1-cloud.ply",
+        &pose,
+        "--frame",
+        "map",
+        "--no-pictures",
+        "--out",
+        "b",
+    ];
+    let output = yard.marsyard(bare);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let pictures = std::fs::read_dir(yard.path("b"))
+        .expect("a folder")
+        .filter(|entry| entry.as_ref().expect("an entry").path().extension().is_some_and(|end| end == "png"));
+    assert_eq!(pictures.count(), 0);
+    assert_eq!(
+        std::fs::read(yard.path("b/scene-1-cloud-cost.pgm")).expect("a map"),
+        std::fs::read(yard.path("c/scene-1-cloud-cost.pgm")).expect("a map")
+    );
     let parquet = std::fs::read(yard.path("c/cells.parquet")).expect("a table");
     assert!(parquet.starts_with(b"PAR1") && parquet.ends_with(b"PAR1"));
     let report = std::fs::read_to_string(yard.path("c/evaluation.json")).expect("a report");

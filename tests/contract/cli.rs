@@ -101,6 +101,20 @@ fn law_preview_writes_pictures_a_cloud_and_trajectories() {
     starts("scene-1-cloud.ply", b"ply\n");
     let truth = std::fs::read_to_string(yard.path("pictures/scene-1-truth.tum")).expect("a trajectory");
     assert!(truth.lines().all(|line| line.split_whitespace().count() == 8), "{truth}");
+    // What is asked for alone, and each named as it is done.
+    let output = yard.marsyard(["preview", &config, "--scene", "1", "--out", "some", "--only", "truth,scan"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let mut names: Vec<_> =
+        std::fs::read_dir(yard.path("some")).expect("a folder").map(|e| e.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["marsyard.sha256", "scene-1-scan.png", "scene-1-truth.tum"]);
+    assert!(text(&output.stderr).contains("scene 1: made in") && text(&output.stderr).contains("scan.png: "));
+    let output = yard.marsyard(["preview", &config, "--scene", "1", "--only", "film"]);
+    assert!(
+        output.status.code() == Some(2) && text(&output.stderr).contains("perspective"),
+        "{}",
+        text(&output.stderr)
+    );
 }
 
 #[test]

@@ -69,6 +69,9 @@ pub(in crate::cli) struct ClassifyArgs {
     /// The column of the clouds that holds the label ids. Default: label, class, classification or semantic.
     #[arg(long, value_name = "NAME")]
     pub(super) label_field: Option<String>,
+    /// Write no PNG: they take most of the time of a scan.
+    #[arg(long)]
+    pub(super) no_pictures: bool,
     /// Print JSON, one object a line, instead of text.
     #[arg(long)]
     pub(super) json: bool,

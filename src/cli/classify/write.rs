@@ -56,6 +56,7 @@ pub(super) fn files(
 
 /// Clouds, mesh, pictures and cost maps of one scan.
 pub(super) fn scan(
+    args: &ClassifyArgs,
     model: &Model,
     setup: &Setup,
     loaded: &Loaded,
@@ -85,7 +86,9 @@ pub(super) fn scan(
         files.push((image, map.pgm));
         files.push((format!("{stem}-{name}.yaml"), map.yaml.into_bytes()));
     }
-    files.extend(pictures(stem, &judged, &placer_origin(loaded)));
+    if !args.no_pictures {
+        files.extend(pictures(stem, &judged, &placer_origin(loaded)));
+    }
     Ok(files)
 }
 
