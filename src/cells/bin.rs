@@ -8,7 +8,7 @@ use super::columns::{Offset, neighbour_offsets};
 use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
-use super::place::Placer;
+use super::place::CellAssigner;
 use super::points::{Points, Scan, UNKNOWN};
 use super::{CellParams, CellRow, CellTruth, Cells};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
@@ -91,7 +91,7 @@ pub fn bin(
     points.clear();
     points.seen_obstacles.resize(scene.obstacles.len(), false);
     for scan in window {
-        let placer = Placer::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
+        let placer = CellAssigner::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
         let rover_z_m = kept.estimate.pose.position_m.z;
         points.add_sweep(Scan { scan, placer: &placer, rover_z_m, intensity }, &mut cells);
     }
@@ -122,7 +122,7 @@ pub fn bin_clouds(
     let intensity = kept.intensity.is_some();
     points.clear();
     for cloud in window {
-        let placer = Placer::of_sensor(grid, max_range_m, cloud.map_from_sensor);
+        let placer = CellAssigner::of_sensor(grid, max_range_m, cloud.map_from_sensor);
         points.add_cloud(cloud, &placer, kept.estimate.pose.position_m.z, intensity, &mut cells);
     }
     verdicts.clear();
@@ -154,7 +154,7 @@ fn summarise(
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
     let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local } = scratch;
     cells.points_binned = points.cells.len() as u64;
-    widest(AddUp { points, numbers, verdicts, mean_heights_m, sums });
+    widest(CellAccumulator { points, numbers, verdicts, mean_heights_m, sums });
     if intensity {
         means_and_variances(numbers, &points.intensities, sums, intensities);
     }
@@ -194,7 +194,7 @@ fn summarise(
 }
 
 /// Sums over the points of each cell, and the means of their heights; in the machine's widest form, which compares floats in fewer steps.
-struct AddUp<'a> {
+struct CellAccumulator<'a> {
     points: &'a Points,
     numbers: &'a Numbers,
     verdicts: &'a [Verdict],
@@ -202,12 +202,12 @@ struct AddUp<'a> {
     sums: &'a mut Vec<CellSum>,
 }
 
-impl Work for AddUp<'_> {
+impl Work for CellAccumulator<'_> {
     type Out = ();
 
     #[inline(always)]
     fn run(self) {
-        let AddUp { points, numbers, verdicts, mean_heights_m, sums } = self;
+        let CellAccumulator { points, numbers, verdicts, mean_heights_m, sums } = self;
         sums.clear();
         sums.resize(numbers.cells.len(), CellSum::NONE);
         let slope_squared = &points.grounds.slope_squared;

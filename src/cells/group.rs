@@ -20,13 +20,13 @@ pub(super) struct Numbers {
     pub(super) cells: Vec<CellIndex>,
     /// Per point, its cell's place in that row.
     pub(super) of_point: Vec<u32>,
-    map: Vec<Word>,
+    map: Vec<BitWord>,
     by_cell: Vec<u32>,
 }
 
 /// Neighbours on a row, the first at bit 0.
 #[derive(Clone, Copy, Debug, Default)]
-struct Word {
+struct BitWord {
     taken: u64,
     /// Taken cells in all words before.
     before: u32,
@@ -64,7 +64,7 @@ impl Numbers {
     fn by_map(&mut self, of_points: &[CellIndex], low: CellIndex, words: usize, words_a_row: usize) {
         let Numbers { cells, of_point, map, .. } = self;
         map.clear();
-        map.resize(words, Word::default());
+        map.resize(words, BitWord::default());
         for cell in of_points {
             // A span may be wider than i32, and is never wider than u32.
             let [row, col] =
@@ -88,7 +88,7 @@ impl Numbers {
             }
         }
         for number in of_point {
-            let Word { taken, before } = map[(*number >> 6) as usize];
+            let BitWord { taken, before } = map[(*number >> 6) as usize];
             *number = before + (taken & ((1 << (*number & 63)) - 1)).count_ones();
         }
     }

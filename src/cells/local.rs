@@ -21,8 +21,8 @@ pub(super) struct Scratch {
     by_rank: Vec<u32>,
     rank: Vec<u32>,
     rows: Vec<Row>,
-    bands: Vec<Band>,
-    inside: RankSet,
+    bands: Vec<WindowBand>,
+    inside: OrderStatistics,
 }
 
 /// The cells of one row of the grid.
@@ -35,7 +35,7 @@ struct Row {
 
 /// What the window covers of one row: cells `leave..enter` are inside.
 #[derive(Clone, Copy, Debug)]
-struct Band {
+struct WindowBand {
     /// Columns to either side.
     half: i64,
     leave: usize,
@@ -76,7 +76,7 @@ pub(super) fn heights(
         bands.extend(near.map(|other| {
             let away = (other.row - row) as f64;
             let half = (reach * reach - away * away).sqrt().floor() as i64;
-            Band { half, leave: other.from, enter: other.from, to: other.to }
+            WindowBand { half, leave: other.from, enter: other.from, to: other.to }
         }));
         inside.empty(rows.len());
         for cell in from..to {
@@ -108,7 +108,7 @@ fn nearest_rank(percentile: f64, count: u32) -> u32 {
 
 /// A set of ranks that finds its nth: a bit for each, and counts of 64 and of 4096.
 #[derive(Clone, Debug, Default)]
-struct RankSet {
+struct OrderStatistics {
     bits: Vec<u64>,
     /// Of each word, and of each 64 words.
     in_word: Vec<u8>,
@@ -116,7 +116,7 @@ struct RankSet {
     len: u32,
 }
 
-impl RankSet {
+impl OrderStatistics {
     /// Of ranks below `ranks`, none.
     fn empty(&mut self, ranks: usize) {
         let words = ranks.div_ceil(64);

@@ -19,7 +19,7 @@ pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub use columns::{LOCAL_HEIGHT, MEAN_HEIGHT, Offset, feature_columns, is_neighbour, neighbour_offsets};
 pub use labels::obstacles;
 pub use params::CellParams;
-pub use place::{Placed, Placer, Unplaced};
+pub use place::{CellAssigner, Placed, Unplaced};
 
 use crate::geometry::CellIndex;
 

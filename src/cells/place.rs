@@ -8,7 +8,7 @@ use crate::geometry::{CellIndex, DVec3, GridSpec, Pose, Transform};
 
 /// Sends the points of one sweep to the grid.
 #[derive(Clone, Copy, Debug)]
-pub struct Placer {
+pub struct CellAssigner {
     pub grid: GridSpec,
     /// Points farther than this are left out, metres, horizontally.
     pub max_range_m: f64,
@@ -42,15 +42,15 @@ pub enum Unplaced {
     OffGrid,
 }
 
-impl Placer {
+impl CellAssigner {
     /// For the sweep taken where `rover` is believed to stand (in the map).
-    pub fn new(grid: GridSpec, max_range_m: f64, rover: &Pose, rover_from_sensor: &Transform) -> Placer {
-        Placer::of_sensor(grid, max_range_m, rover.transform() * *rover_from_sensor)
+    pub fn new(grid: GridSpec, max_range_m: f64, rover: &Pose, rover_from_sensor: &Transform) -> CellAssigner {
+        CellAssigner::of_sensor(grid, max_range_m, rover.transform() * *rover_from_sensor)
     }
 
     /// For the sweep whose sensor is believed to be there.
-    pub fn of_sensor(grid: GridSpec, max_range_m: f64, map_from_sensor: Transform) -> Placer {
-        Placer { grid, max_range_m, map_from_sensor }
+    pub fn of_sensor(grid: GridSpec, max_range_m: f64, map_from_sensor: Transform) -> CellAssigner {
+        CellAssigner { grid, max_range_m, map_from_sensor }
     }
 
     /// Where a range along a unit direction of the sensor frame lies.

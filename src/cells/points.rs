@@ -4,7 +4,7 @@
 //! sweep; the others are counted by cause. Slots without a range are passed by in chunks, and the others worked out in blocks, side by
 //! side.
 
-use super::place::{Placer, Unplaced};
+use super::place::{CellAssigner, Unplaced};
 use super::slope::GroundPlaces;
 use super::{Cells, WindowCloud, WindowScan};
 use crate::geometry::{CellIndex, DVec3};
@@ -46,7 +46,7 @@ const NOT_GROUND: u32 = u32::MAX;
 /// One sweep to add.
 pub(super) struct Scan<'a> {
     pub scan: &'a WindowScan<'a>,
-    pub placer: &'a Placer,
+    pub placer: &'a CellAssigner,
     /// The kept sweep's rover.
     pub rover_z_m: f64,
     /// Whether the kept sweep has intensities.
@@ -73,7 +73,7 @@ impl Points {
     pub fn add_cloud(
         &mut self,
         cloud: &WindowCloud,
-        placer: &Placer,
+        placer: &CellAssigner,
         rover_z_m: f64,
         intensity: bool,
         counts: &mut Cells,

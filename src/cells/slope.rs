@@ -60,7 +60,7 @@ impl GroundPlaces {
         self.slope_squared.clear();
         self.slope_squared.resize(padded, 0.0);
         let Some(slopes) = Slopes::of(polynomial) else { return };
-        widest(Squares { slopes: &slopes, xs: &self.x_m, ys: &self.y_m, out: &mut self.slope_squared });
+        widest(SlopeGrid { slopes: &slopes, xs: &self.x_m, ys: &self.y_m, out: &mut self.slope_squared });
     }
 }
 
@@ -123,14 +123,14 @@ impl Slopes {
 }
 
 /// Squared slopes to work out.
-struct Squares<'a> {
+struct SlopeGrid<'a> {
     slopes: &'a Slopes,
     xs: &'a [f64],
     ys: &'a [f64],
     out: &'a mut [f64],
 }
 
-impl Work for Squares<'_> {
+impl Work for SlopeGrid<'_> {
     type Out = ();
 
     #[inline(always)]

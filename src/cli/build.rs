@@ -17,7 +17,7 @@ use super::progress::Progress;
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat};
 use crate::build::{self, BuildError, Event, Job, Outcome};
-use crate::corpus::{self, CorpusError, CorpusSpec, FinishedShard, Place, Room, Status, Store, owner};
+use crate::corpus::{self, CorpusError, CorpusSpec, FinishedShard, FreeSpace, Place, Status, Store, owner};
 use crate::episode::SceneOutput;
 use crate::episode::{Prepared, StageRecord};
 use crate::measure::estimate;
@@ -61,7 +61,7 @@ impl Builder<'_> {
             self.store.probe().map_err(corpus_failure)?;
             self.tell_other_programs(status);
         }
-        let room = Room::new(self.store, self.keep_free_bytes);
+        let room = FreeSpace::new(self.store, self.keep_free_bytes);
         if let Some(bytes) = self.expected_bytes(status, shards, &stop)? {
             let what = || format!("a build of {} shards", shards.len());
             room.check(bytes, what).map_err(corpus_failure)?;
@@ -107,7 +107,7 @@ impl Builder<'_> {
         }
     }
 
-    fn put(&self, room: &Room, finished: &FinishedShard) -> Result<u64, CorpusError> {
+    fn put(&self, room: &FreeSpace, finished: &FinishedShard) -> Result<u64, CorpusError> {
         let bytes = finished.files.iter().map(|(_, bytes)| bytes.len() as u64).sum();
         room.check(bytes, || format!("shard {}", finished.receipt.shard))?;
         self.place.commit(finished)?;

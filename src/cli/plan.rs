@@ -179,7 +179,7 @@ fn as_json(plan: &Plan, estimate: Option<&Estimate>) -> serde_json::Value {
         let words: serde_json::Map<_, _> = parts(plan, k).into_iter().map(|(k, v)| (k.into(), v.into())).collect();
         let cost = estimate.map(|estimate| &estimate.families[k]);
         let prices: Option<serde_json::Map<_, _>> = cost.filter(|cost| cost.scene_s.is_some()).map(|cost| {
-            let price = |(part, price): &(&estimate::Part, estimate::Price)| {
+            let price = |(part, price): &(&estimate::Part, estimate::PartCost)| {
                 let value = json!({"cpu_s": price.cpu_s, "standard_error_s": price.standard_error_s});
                 (part.name.to_string(), value)
             };

@@ -19,7 +19,7 @@ use super::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::{Build, LocalFolder, Split, Store, owner};
 use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
-use crate::search::{Board, Entry, Outcome, Setup, journal, leaderboard, search};
+use crate::search::{Entry, Leaderboard, Outcome, Setup, journal, leaderboard, search};
 use crate::train::memory::Held;
 use crate::train::{Sources, TrainParams, folder, scenes};
 
@@ -222,7 +222,7 @@ fn write_report(setup: &Setup, progress: &Progress) -> Result<(), Failure> {
     store.replace(folder::REPORT, format!("{report:#}\n").as_bytes()).map_err(corpus_failure)
 }
 
-fn tell_end(args: &SearchArgs, setup: &Setup, board: &Board, entries: &[Entry], log: LogFormat) {
+fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[Entry], log: LogFormat) {
     let chosen = board.chosen.as_ref().map(|line| shown(&line.hidden)).unwrap_or_default();
     if log == LogFormat::Json {
         let best = entries.first().and_then(|entry| entry.validation_error);

@@ -1,6 +1,6 @@
 //! Judged cells and points -> clouds and meshes for other tools, frame `map`: PLY and PCD (binary, little endian).
 
-use crate::cells::{Cells, Placer};
+use crate::cells::{CellAssigner, Cells};
 use crate::geometry::{CellIndex, DVec3, GridSpec};
 
 /// The cells of one scan and what a model said of them.
@@ -62,7 +62,7 @@ pub struct LabelledPoint {
 /// The points of a scan with what was said of their cells, in the file's order.
 ///
 /// `in_map`: they are in the frame map already.
-pub fn labelled(cloud: &super::Cloud, placer: &Placer, in_map: bool, judged: &Judged) -> Vec<LabelledPoint> {
+pub fn labelled(cloud: &super::Cloud, placer: &CellAssigner, in_map: bool, judged: &Judged) -> Vec<LabelledPoint> {
     let point = |(i, &p): (usize, &DVec3)| {
         let placed = if in_map { placer.place_in_map(p) } else { placer.place_point(p) };
         let row = placed.cell.ok().and_then(|cell| judged.find(cell));

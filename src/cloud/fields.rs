@@ -53,7 +53,7 @@ impl Number {
 
 /// Where the values of a point stand among the columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Places {
+pub(super) struct FieldOffsets {
     pub xyz: [usize; 3],
     pub intensity: Option<usize>,
     pub label: Option<usize>,
@@ -89,14 +89,14 @@ const INTENSITIES: [&str; 6] =
     ["intensity", "scalar_intensity", "reflectance", "remission", "reflectivity", "scalar_reflectance"];
 const LABELS: [&str; 6] = ["label", "class", "classification", "semantic", "scalar_label", "scalar_classification"];
 
-impl Places {
+impl FieldOffsets {
     /// `label_field`: the name that the user gave.
     pub(super) fn of(
         file: &str,
         place: &str,
         names: &[String],
         label_field: Option<&str>,
-    ) -> Result<Places, CloudError> {
+    ) -> Result<FieldOffsets, CloudError> {
         let malformed = |reason: String| CloudError::Malformed { file: file.into(), place: place.into(), reason };
         let there = shown_names(names);
         let find = |name: &str| names.iter().position(|n| n.eq_ignore_ascii_case(name));
@@ -111,7 +111,7 @@ impl Places {
             }
             None => LABELS.iter().find_map(|name| find(name)),
         };
-        Ok(Places {
+        Ok(FieldOffsets {
             xyz: [coordinate("x")?, coordinate("y")?, coordinate("z")?],
             intensity: INTENSITIES.iter().find_map(|name| find(name)),
             label,

@@ -1,6 +1,6 @@
 //! Real point clouds -> cells that a model can judge; labelled clouds, meshes and cost maps back.
 //!
-//! In: the bytes of PLY, PCD, LAS, CSV / XYZ or KITTI files ([`mod@read`]), where the sensor was ([`place`]), what a model says of
+//! In: the bytes of PLY, PCD, LAS, CSV / XYZ or KITTI files ([`mod@read`]), where the sensor was ([`scan_pose`]), what a model says of
 //! each cell. Out: bytes of the files that other tools read ([`export`], [`costmap`]). Frames: points come in `sensor` (x forward,
 //! y left, z up) or in `map`; what goes out is in `map`. Cells and features are made by the `cells` stage, by the code that makes
 //! a corpus. Not modelled: motion during a scan (undistort it first), several echoes a beam, LAZ.
@@ -15,11 +15,11 @@ mod las;
 pub mod level;
 mod lzf;
 mod pcd;
-pub mod place;
 mod ply;
 pub mod range;
 pub mod read;
 pub mod scale;
+pub mod scan_pose;
 mod text;
 pub mod trajectory;
 

@@ -1,6 +1,6 @@
 //! PCD 0.6 and 0.7 (Point Cloud Library): ascii, binary, and binary_compressed (LZF, field by field). Little endian.
 
-use super::fields::{Number, Places, label_of, no_number, shown};
+use super::fields::{FieldOffsets, Number, label_of, no_number, shown};
 use super::lzf::{self, Fault};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
@@ -20,7 +20,7 @@ const MOST_HEADER_BYTES: usize = 1 << 16;
 
 pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Result<Cloud, CloudError> {
     let header = Header::of(file, bytes)?;
-    let places = Places::of(file, "the line FIELDS", &header.names, label_field)?;
+    let places = FieldOffsets::of(file, "the line FIELDS", &header.names, label_field)?;
     let body = &bytes[header.body..];
     let mut gathered = Gathered::new(places.intensity.is_some(), places.label.is_some());
     match header.data.as_str() {
@@ -43,7 +43,7 @@ fn malformed(file: &str, place: &str, reason: String) -> CloudError {
 }
 
 /// Takes the values in use of point `i`: `value(i, field)`.
-fn push(gathered: &mut Gathered, places: &Places, value: impl Fn(usize) -> f64) {
+fn push(gathered: &mut Gathered, places: &FieldOffsets, value: impl Fn(usize) -> f64) {
     let [x, y, z] = places.xyz.map(&value);
     let of = |place: Option<usize>| place.map_or(f64::NAN, &value);
     gathered.push(DVec3::new(x, y, z), of(places.intensity), label_of(of(places.label)));
@@ -123,7 +123,7 @@ impl Header {
         self.numbers.iter().zip(&self.counts).map(next).collect()
     }
 
-    fn ascii(&self, file: &str, body: &[u8], places: &Places, gathered: &mut Gathered) -> Result<(), CloudError> {
+    fn ascii(&self, file: &str, body: &[u8], places: &FieldOffsets, gathered: &mut Gathered) -> Result<(), CloudError> {
         self.check_fields(file)?;
         let text = String::from_utf8_lossy(body);
         let mut columns = Vec::new();
@@ -159,7 +159,13 @@ impl Header {
         Ok(())
     }
 
-    fn binary(&self, file: &str, body: &[u8], places: &Places, gathered: &mut Gathered) -> Result<(), CloudError> {
+    fn binary(
+        &self,
+        file: &str,
+        body: &[u8],
+        places: &FieldOffsets,
+        gathered: &mut Gathered,
+    ) -> Result<(), CloudError> {
         let size = self.check_size(file, body.len())?;
         self.check_fields(file)?;
         let offsets = self.offsets();
@@ -171,7 +177,13 @@ impl Header {
     }
 
     /// Two sizes, then LZF; expanded, the values lie field after field.
-    fn compressed(&self, file: &str, body: &[u8], places: &Places, gathered: &mut Gathered) -> Result<(), CloudError> {
+    fn compressed(
+        &self,
+        file: &str,
+        body: &[u8],
+        places: &FieldOffsets,
+        gathered: &mut Gathered,
+    ) -> Result<(), CloudError> {
         let place = || "the compressed data".to_string();
         let sizes = body.get(..8).map(|head| [0, 4].map(|at| Number::U32.take(head, at, false) as usize));
         let Some([packed, unpacked]) = sizes else {

@@ -1,6 +1,6 @@
 //! PLY (Turk 1994): ascii, binary little and big endian; the element `vertex`, lists in it skipped.
 
-use super::fields::{Number, Places, label_of, no_number};
+use super::fields::{FieldOffsets, Number, label_of, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
 
@@ -46,7 +46,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         Property::List { .. } => String::new(),
     };
     let names: Vec<String> = vertex.properties.iter().map(name).collect();
-    let places = Places::of(file, "the element 'vertex'", &names, label_field)?;
+    let places = FieldOffsets::of(file, "the element 'vertex'", &names, label_field)?;
     let mut gathered = Gathered::new(places.intensity.is_some(), places.label.is_some());
     let body = &bytes[header.body..];
     match header.encoding {
@@ -69,7 +69,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
     gathered.finish(file)
 }
 
-fn push(gathered: &mut Gathered, places: &Places, row: &[f64]) {
+fn push(gathered: &mut Gathered, places: &FieldOffsets, row: &[f64]) {
     let [x, y, z] = places.xyz.map(|place| row[place]);
     let value = |place: Option<usize>| place.map_or(f64::NAN, |place| row[place]);
     gathered.push(DVec3::new(x, y, z), value(places.intensity), label_of(value(places.label)));
@@ -158,7 +158,7 @@ fn read_ascii(
     header_lines: usize,
     skipped: u64,
     vertex: &Element,
-    places: &Places,
+    places: &FieldOffsets,
     gathered: &mut Gathered,
 ) -> Result<(), CloudError> {
     let text = String::from_utf8_lossy(body);

@@ -5,7 +5,7 @@
 //! intensity; others are left out. Empty lines and lines that start with `#` or `//` are skipped; a line with a single whole number
 //! before the first point (the count of .pts files) too.
 
-use super::fields::{Places, label_of, no_number};
+use super::fields::{FieldOffsets, label_of, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
 
@@ -16,7 +16,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         reason,
     };
     let text = String::from_utf8_lossy(bytes);
-    let mut places: Option<Places> = None;
+    let mut places: Option<FieldOffsets> = None;
     let mut gathered = Gathered::new(false, false);
     let mut first = true;
     for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
@@ -31,13 +31,14 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
             let names: Vec<String> = values().map(|name| name.trim_matches('"').to_string()).collect();
             let named = names.iter().any(|name| name.parse::<f64>().is_err());
             if named && (!comment || is_header(&names)) {
-                places = Some(Places::of(file, &format!("line {} (column names)", number + 1), &names, label_field)?);
+                places =
+                    Some(FieldOffsets::of(file, &format!("line {} (column names)", number + 1), &names, label_field)?);
             } else if !(comment || first && names.len() == 1) {
                 if names.len() < 3 {
                     return Err(malformed(number, format!("{} values, a point has three", names.len())));
                 }
                 let intensity = (names.len() == 4).then_some(3);
-                places = Some(Places { xyz: [0, 1, 2], intensity, label: unnamed(file, label_field)? });
+                places = Some(FieldOffsets { xyz: [0, 1, 2], intensity, label: unnamed(file, label_field)? });
             }
             if let Some(places) = &places {
                 gathered = Gathered::new(places.intensity.is_some(), places.label.is_some());

@@ -9,8 +9,8 @@ use serde::de::DeserializeOwned;
 use super::document::Document;
 use super::error::{ConfigError, Fault, quoted};
 use super::fidelity;
+use super::key_path::KeyPath;
 use super::merge::{merge, set};
-use super::place::Place;
 use super::presets;
 use super::reader::Reader;
 use super::rules;
@@ -52,10 +52,10 @@ impl Loader {
         let document = self.document(&root);
         let trees = family_trees(&root);
         let families: Vec<Option<Family>> = trees.iter().map(|(name, tree)| self.family(name, tree)).collect();
-        let families: Vec<(Family, Place)> = families
+        let families: Vec<(Family, KeyPath)> = families
             .into_iter()
             .zip(&trees)
-            .filter_map(|(family, (_, tree))| Some((family?, Place { root: tree })))
+            .filter_map(|(family, (_, tree))| Some((family?, KeyPath { root: tree })))
             .collect();
         self.rules_of_families(&families, trees.len());
         if !self.faults.is_empty() || families.len() < trees.len() {
@@ -132,7 +132,7 @@ impl Loader {
         let sound = shape.is_empty();
         self.faults.extend(shape);
         let document: Document = sound.then(|| self.typed(&head, "the config"))??;
-        let place = Place { root: &head };
+        let place = KeyPath { root: &head };
         self.check_values(&document, &place, "");
         rules::of_document(&document, &place, &mut self.faults);
         Some(document)
@@ -157,7 +157,7 @@ impl Loader {
         };
         // A preset that could not be read has its fault already.
         let resolved = matches!((&family.drive.rover, &family.sweep.sensor), (Preset::Inline(_), Preset::Inline(_)));
-        (resolved && self.read_pattern(&mut family.sweep, &Place { root: tree }).is_some()).then_some(family)
+        (resolved && self.read_pattern(&mut family.sweep, &KeyPath { root: tree }).is_some()).then_some(family)
     }
 
     /// A section as its type; the faults of its shape, or else of its values, are noted.
@@ -175,7 +175,7 @@ impl Loader {
         self.faults.extend(shape);
         // What has a wrong shape is left out, so that the values of the rest are judged in the same go.
         let section = rest.map(|rest| self.typed(&rest, name))??;
-        self.check_values(&section, &Place { root: tree }, name);
+        self.check_values(&section, &KeyPath { root: tree }, name);
         sound.then_some(section)
     }
 
@@ -203,12 +203,12 @@ impl Loader {
     }
 
     /// The types' own rules: ranges, lengths, laws.
-    fn check_values<T: Validate<Context = ()>>(&mut self, value: &T, place: &Place, section: &str) {
+    fn check_values<T: Validate<Context = ()>>(&mut self, value: &T, place: &KeyPath, section: &str) {
         self.faults.extend(value_faults(value, place, section, Kind::Corpus));
     }
 
     /// Rules between keys, for those families that could be read. A fault of some families says of which.
-    fn rules_of_families(&mut self, families: &[(Family, Place)], all: usize) {
+    fn rules_of_families(&mut self, families: &[(Family, KeyPath)], all: usize) {
         let mut found: BTreeMap<Fault, Vec<&str>> = BTreeMap::new();
         for (family, place) in families {
             let mut faults = Vec::new();
@@ -225,7 +225,7 @@ impl Loader {
     }
 
     /// Puts the beams of a pattern file into the sensor.
-    fn read_pattern(&mut self, sweep: &mut SweepParams, place: &Place) -> Option<()> {
+    fn read_pattern(&mut self, sweep: &mut SweepParams, place: &KeyPath) -> Option<()> {
         let Preset::Inline(sensor) = &mut sweep.sensor else { return Some(()) };
         let PatternParams::File(file) = &mut sensor.pattern else { return Some(()) };
         if file.beams.is_empty() {
@@ -247,7 +247,7 @@ impl Loader {
     }
 
     /// Puts the heights of a height map into the scene; its path becomes the one beside `plan.yaml`.
-    fn read_height_map(&mut self, scene: &mut SceneParams, place: &Place) -> Option<PlanFile> {
+    fn read_height_map(&mut self, scene: &mut SceneParams, place: &KeyPath) -> Option<PlanFile> {
         let GroundSource::File(file) = &mut scene.ground.source else { return None };
         let span = place.span("scene.ground.source.file.path");
         let from = self.reader.folder(span).join(&file.path);
@@ -294,7 +294,7 @@ pub(super) fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
 /// What a type's own rules say of a value.
 pub(super) fn value_faults<T: Validate<Context = ()>>(
     value: &T,
-    place: &Place,
+    place: &KeyPath,
     section: &str,
     kind: Kind,
 ) -> Vec<Fault> {

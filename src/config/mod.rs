@@ -8,9 +8,9 @@
 pub mod document;
 pub mod error;
 pub mod fidelity;
+mod key_path;
 mod load;
 mod merge;
-mod place;
 mod presets;
 mod reader;
 mod resolved;

@@ -4,7 +4,7 @@
 
 use super::document::Document;
 use super::error::Fault;
-use super::place::Place;
+use super::key_path::KeyPath;
 use crate::cells::CellParams;
 use crate::drive::params::{Keep, PathParams};
 use crate::drive::rover::Chassis;
@@ -23,7 +23,7 @@ const MAX_LOCAL_RADIUS_CELLS: f64 = 100.0;
 const MAX_SLOTS: f64 = 4e6;
 
 /// Rules of the document as a whole.
-pub fn of_document(document: &Document, place: &Place, faults: &mut Vec<Fault>) {
+pub fn of_document(document: &Document, place: &KeyPath, faults: &mut Vec<Fault>) {
     let (scenes, per_shard) = (document.scenes, u64::from(document.scenes_per_shard));
     if per_shard > 0 && scenes % per_shard != 0 {
         let below = scenes / per_shard * per_shard;
@@ -73,7 +73,7 @@ pub fn of_document(document: &Document, place: &Place, faults: &mut Vec<Fault>) 
 }
 
 /// Columns are the same in all scenes, so families must agree on what makes them.
-pub fn between_families(families: &[(Family, Place)], faults: &mut Vec<Fault>) {
+pub fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<Fault>) {
     let Some(((first, first_place), others)) = families.split_first() else { return };
     for (family, place) in others {
         let mut differ = |key: &str, ours: String, theirs: String, why: &str| {
@@ -105,7 +105,7 @@ pub fn between_families(families: &[(Family, Place)], faults: &mut Vec<Fault>) {
 }
 
 /// Rules of one family's sections.
-pub fn of_family(family: &Family, place: &Place, faults: &mut Vec<Fault>) {
+pub fn of_family(family: &Family, place: &KeyPath, faults: &mut Vec<Fault>) {
     let mut rules = Rules { family, place, faults };
     rules.yard();
     rules.rocks();
@@ -120,7 +120,7 @@ pub fn of_family(family: &Family, place: &Place, faults: &mut Vec<Fault>) {
 
 struct Rules<'a, 'p, 'f> {
     family: &'a Family,
-    place: &'a Place<'p>,
+    place: &'a KeyPath<'p>,
     faults: &'f mut Vec<Fault>,
 }
 

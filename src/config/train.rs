@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::error::{ConfigError, Fault, quoted};
+use super::key_path::KeyPath;
 use super::load::{value_faults, with_set, without};
-use super::place::Place;
 use super::reader::Reader;
 use super::schema::{Kind, schema};
 use super::shape::{self, Schema};
@@ -56,7 +56,7 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     if let Some(rest) = rest {
         match serde_json::from_value::<TrainParams>(rest.to_json()) {
             Ok(params) => {
-                let place = Place { root: &root };
+                let place = KeyPath { root: &root };
                 faults.extend(value_faults(&params, &place, "", Kind::Train));
                 rules(&params, &place, &mut faults);
                 if faults.is_empty() {
@@ -74,7 +74,7 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
 }
 
 /// Rules between keys.
-fn rules(params: &TrainParams, place: &Place, faults: &mut Vec<Fault>) {
+fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
     let [low, high] = params.targets;
     if low >= high {
         let rule = format!("'targets' must rise, from traversable to untraversable, got [{low}, {high}]");

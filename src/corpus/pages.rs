@@ -56,20 +56,20 @@ fn check_types(schema: &Schema) -> Result<(), String> {
 
 /// The bytes of some columns of a row group, read once; to the Parquet reader, a file with holes.
 #[derive(Clone)]
-pub(super) struct Chunks {
+pub(super) struct ColumnChunks {
     file_bytes: u64,
     /// Ascending by offset.
     parts: Arc<Vec<(u64, Bytes)>>,
 }
 
-impl Chunks {
+impl ColumnChunks {
     /// Reads and judges the columns with these numbers; `read` gives the bytes from an offset on.
     pub fn fetch(
         file_bytes: u64,
         group: &RowGroupMetaData,
         columns: &[usize],
         read: impl Fn(u64, usize) -> Result<Bytes, ParquetError>,
-    ) -> Result<Chunks, ParquetError> {
+    ) -> Result<ColumnChunks, ParquetError> {
         let refused = |reason: String| ParquetError::General(format!("not a file of marsyard's: {reason}"));
         let most = most_bytes(file_bytes);
         let rows = group.num_rows().max(0) as u64;
@@ -97,7 +97,7 @@ impl Chunks {
             parts.push((start, bytes));
         }
         parts.sort_by_key(|(start, _)| *start);
-        let chunks = Chunks { file_bytes, parts: Arc::new(parts) };
+        let chunks = ColumnChunks { file_bytes, parts: Arc::new(parts) };
         for &k in columns.iter().filter(|&&k| group.column(k).column_type() == Type::BYTE_ARRAY) {
             let longest = chunks.longest_in_dictionary(group.column(k), rows)?;
             expanded = expanded.saturating_add(rows.saturating_mul(longest));
@@ -138,13 +138,13 @@ fn bytes_of(kind: Type) -> u64 {
     }
 }
 
-impl Length for Chunks {
+impl Length for ColumnChunks {
     fn len(&self) -> u64 {
         self.file_bytes
     }
 }
 
-impl ChunkReader for Chunks {
+impl ChunkReader for ColumnChunks {
     type T = bytes::buf::Reader<Bytes>;
 
     fn get_read(&self, start: u64) -> Result<Self::T, ParquetError> {
@@ -160,7 +160,7 @@ impl ChunkReader for Chunks {
     }
 }
 
-impl Chunks {
+impl ColumnChunks {
     /// From an offset to the end of the column that it lies in.
     fn tail(&self, start: u64) -> Result<Bytes, ParquetError> {
         let part = self.parts.iter().find(|(first, bytes)| (*first..*first + bytes.len() as u64).contains(&start));
@@ -175,7 +175,7 @@ fn expanded_bytes(mut chunk: &[u8]) -> Result<u64, String> {
     let mut page = 0;
     while !chunk.is_empty() {
         let mut header = PageHeader::default();
-        let mut walk = Walk { rest: chunk };
+        let mut walk = PageHeaderReader { rest: chunk };
         walk.structure(0, 0, &mut header).ok_or_else(|| format!("the header of page {page} is broken"))?;
         let (Ok(stored), Ok(expanded)) = (usize::try_from(header.stored), u64::try_from(header.expanded)) else {
             return Err(format!("page {page} has fewer than no bytes"));
@@ -207,11 +207,11 @@ struct PageHeader {
 }
 
 /// A walk over Thrift's compact protocol.
-struct Walk<'b> {
+struct PageHeaderReader<'b> {
     rest: &'b [u8],
 }
 
-impl Walk<'_> {
+impl PageHeaderReader<'_> {
     /// Page headers nest two deep.
     const DEEPEST: u8 = 4;
 

@@ -24,7 +24,7 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::RowGroupMetaData;
 use parquet::file::reader::{ChunkReader, Length};
 
-use super::pages::{self, Chunks};
+use super::pages::{self, ColumnChunks};
 use super::{CorpusError, Store};
 
 /// A Parquet file in a store, opened: its footer is read, its rows are not.
@@ -110,7 +110,7 @@ impl TableFile {
             return Err(ParquetError::General(format!("there is no row group {group}")));
         };
         let read = |start: u64, length: usize| self.file.get_bytes(start, length);
-        let chunks = Chunks::fetch(self.file.length, facts, columns, read)?;
+        let chunks = ColumnChunks::fetch(self.file.length, facts, columns, read)?;
         let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(chunks, self.facts.clone())
             .with_row_groups(vec![group])
             .with_batch_size((facts.num_rows() as usize).max(1));

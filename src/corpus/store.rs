@@ -9,22 +9,22 @@
 
 pub mod address;
 #[cfg(feature = "object-stores")]
+mod backoff;
+#[cfg(feature = "object-stores")]
 mod connect;
 #[cfg(test)]
 mod contract;
 mod files;
 #[cfg(feature = "object-stores")]
-mod objects;
+mod inspected_client;
 #[cfg(feature = "object-stores")]
-mod patience;
+mod objects;
 #[cfg(feature = "object-stores")]
 mod profile;
 #[cfg(feature = "object-stores")]
 mod secrets;
 #[cfg(feature = "object-stores")]
 mod stored;
-#[cfg(feature = "object-stores")]
-mod watch;
 #[cfg(all(test, feature = "object-stores"))]
 mod wire;
 

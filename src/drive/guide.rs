@@ -24,7 +24,7 @@ const DONE_M: f64 = 1e-9;
 const DONE_RAD: f64 = 1e-9;
 
 /// Tells the rover what to do, step by step.
-pub(super) struct Guide {
+pub(super) struct PathFollower {
     pub pace: Pace,
     pub way: Way,
 }
@@ -73,7 +73,7 @@ pub(super) struct Walk {
     pub detours: u32,
 }
 
-impl Guide {
+impl PathFollower {
     /// The next command, or `None` at the path's end.
     pub fn next(&mut self, pose: &Pose) -> Option<Command> {
         match &mut self.way {

@@ -25,7 +25,7 @@ mod tests;
 mod travel;
 mod yard;
 
-pub use contact::{Minimum, Stance, Stander, minimise};
+pub use contact::{ContactPose, Minimum, Stander, minimise};
 pub use params::DriveParams;
 pub use rover::Rover;
 

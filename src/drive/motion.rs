@@ -22,7 +22,7 @@ pub(super) struct Command {
 
 /// Position on the map and heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct Pose2 {
     pub at_m: DVec2,
     pub yaw_rad: f64,
 }
@@ -72,12 +72,12 @@ pub(super) fn outer_way_m(length_m: f64, turn_rad: f64, half_track_m: f64) -> f6
 }
 
 /// Where an arc from `pose` ends.
-pub(super) fn advance(pose: &Pose, command: &Command) -> Place {
+pub(super) fn advance(pose: &Pose, command: &Command) -> Pose2 {
     let half = 0.5 * command.turn_rad;
     // Chord of the arc: length sin(half) / half, along the mean heading.
     let chord_m = command.length_m / arc_over_chord(command.turn_rad) * math::cos(pose.pitch_rad);
     let (sin, cos) = math::sin_cos(pose.yaw_rad + half);
-    Place {
+    Pose2 {
         at_m: DVec2::new(pose.position_m.x + chord_m * cos, pose.position_m.y + chord_m * sin),
         yaw_rad: math::wrap_angle(pose.yaw_rad + command.turn_rad),
     }

@@ -5,8 +5,8 @@
 
 use std::collections::VecDeque;
 
-use super::contact::{Stance, Stander};
-use super::guide::{Guide, Pace, Piece, Points, Walk, Way};
+use super::contact::{ContactPose, Stander};
+use super::guide::{Pace, PathFollower, Piece, Points, Walk, Way};
 use super::outline::unit;
 use super::params::{DriveParams, PathParams};
 use super::yard::Yard;
@@ -28,7 +28,7 @@ pub(super) fn begin(
     stander: &Stander,
     drawn: &Drawn,
     streams: &Streams,
-) -> Result<(Stance, Guide), DriveError> {
+) -> Result<(ContactPose, PathFollower), DriveError> {
     let mut tries = 0;
     for _ in 1..MAX_STARTS {
         let start = start::choose(params, yard, stander, drawn, streams, &mut tries)?;
@@ -46,7 +46,7 @@ fn guide(
     start: &Pose,
     drawn: &Drawn,
     streams: &Streams,
-) -> Result<Guide, DriveError> {
+) -> Result<PathFollower, DriveError> {
     let drive =
         |length_m: f64, curvature_radpm: f64| Way::Pieces(VecDeque::from([Piece::Drive { length_m, curvature_radpm }]));
     let way = match &params.path {
@@ -76,7 +76,7 @@ fn guide(
     let fastest_mps = params.rover.max_speed_mps;
     let speed_mps = if params.speed_mps.is_some() { drawn[Purpose::DriveSpeed].min(fastest_mps) } else { fastest_mps };
     let max_yaw_rate_radps = params.rover.max_yaw_rate_degps.to_radians();
-    Ok(Guide { pace: Pace { step_m: params.step_m, speed_mps, max_yaw_rate_radps }, way })
+    Ok(PathFollower { pace: Pace { step_m: params.step_m, speed_mps, max_yaw_rate_radps }, way })
 }
 
 fn through(points: impl Iterator<Item = DVec2>) -> Way {

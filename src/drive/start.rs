@@ -5,7 +5,7 @@
 //! point on the curve around it at the wanted distance; it is taken where no other obstacle is nearer.
 
 use super::DriveError;
-use super::contact::{Stance, Stander};
+use super::contact::{ContactPose, Stander};
 use super::guide::heading;
 use super::outline::Outline;
 use super::params::{DriveParams, PathParams};
@@ -27,7 +27,7 @@ pub(super) fn choose(
     drawn: &Drawn,
     streams: &Streams,
     tries: &mut u32,
-) -> Result<Stance, DriveError> {
+) -> Result<ContactPose, DriveError> {
     if let PathParams::Waypoints(path) = &params.path {
         return at_first_point(params, yard, stander, &path.points_m);
     }
@@ -38,7 +38,7 @@ pub(super) fn choose(
     // Asked for only where it matters: every outline is made for it.
     let asks_for_nearest = wanted_m.is_some() || matches!(params.path, PathParams::TowardObstacle(_));
     let margin_m = params.start.margin_m;
-    let mut best: Option<(f64, Stance)> = None;
+    let mut best: Option<(f64, ContactPose)> = None;
     let first = *tries;
     while *tries < first + if best.is_some() { ENOUGH_TRIES } else { MAX_TRIES } {
         let index = *tries;
@@ -86,7 +86,7 @@ fn at_first_point(
     yard: &Yard,
     stander: &Stander,
     points_m: &[[f64; 2]],
-) -> Result<Stance, DriveError> {
+) -> Result<ContactPose, DriveError> {
     let at = DVec2::from(points_m[0]);
     let next = points_m[1..].iter().map(|&p| DVec2::from(p)).find(|&p| p != at).unwrap_or(at);
     let yaw_rad = heading(at, next);

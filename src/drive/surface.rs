@@ -17,7 +17,7 @@ pub(super) struct Surface<'a> {
 
 /// The ground at one point.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Touch {
+pub(super) struct WheelContact {
     pub height_m: f64,
     /// Derivative of the height.
     pub gradient: DVec2,
@@ -67,7 +67,7 @@ impl<'a> Surface<'a> {
     }
 
     /// The ground at (x, y); `None` outside the yard, or where the ground is not finite.
-    pub fn touch(&self, x_m: f64, y_m: f64) -> Option<Touch> {
+    pub fn touch(&self, x_m: f64, y_m: f64) -> Option<WheelContact> {
         if !self.scene.contains(x_m, y_m) {
             return None;
         }
@@ -76,7 +76,7 @@ impl<'a> Surface<'a> {
                 let (height_m, gradient) = polynomial.height_and_gradient(x_m, y_m);
                 let [xx, xy, yy] = polynomial.hessian(x_m, y_m);
                 let (slope_by_x, slope_by_y) = (DVec2::new(xx, xy), DVec2::new(xy, yy));
-                Touch { height_m, gradient, slope: gradient, slope_by_x, slope_by_y }
+                WheelContact { height_m, gradient, slope: gradient, slope_by_x, slope_by_y }
             }
             Ground::Raster(raster) => on_raster(raster, x_m, y_m),
         };
@@ -89,14 +89,14 @@ impl<'a> Surface<'a> {
     }
 }
 
-fn on_raster(raster: &Raster, x_m: f64, y_m: f64) -> Touch {
+fn on_raster(raster: &Raster, x_m: f64, y_m: f64) -> WheelContact {
     let step = raster.spacing_m;
     let (col, u) = cell((x_m - raster.origin_m.x) / step, raster.cols);
     let (row, v) = cell((y_m - raster.origin_m.y) / step, raster.rows);
     let (gsw, gse) = (node_slope(raster, row, col), node_slope(raster, row, col + 1));
     let (gnw, gne) = (node_slope(raster, row + 1, col), node_slope(raster, row + 1, col + 1));
     let (height_m, gradient) = raster.height_and_gradient(x_m, y_m);
-    Touch {
+    WheelContact {
         height_m,
         gradient,
         slope: (gsw * (1.0 - u) + gse * u) * (1.0 - v) + (gnw * (1.0 - u) + gne * u) * v,

@@ -4,8 +4,8 @@
 //! The drive ends at the path's end, or before the step that would bring the body onto an obstacle or over the yard's edge,
 //! or onto ground that the rover cannot stand on. A random walk keeps room to turn in place, so that it can go on elsewhere.
 
-use super::contact::{Stance, Stander};
-use super::guide::Guide;
+use super::contact::{ContactPose, Stander};
+use super::guide::PathFollower;
 use super::motion::{Bumps, advance};
 use super::yard::{Yard, body};
 use super::{DriveError, Rover};
@@ -15,7 +15,7 @@ const MAX_STEPS: usize = 200_000;
 /// The true way of a drive.
 pub(super) struct Travel {
     /// The start, then one per step.
-    pub stances: Vec<Stance>,
+    pub stances: Vec<ContactPose>,
     /// One per step.
     pub durations_s: Vec<f64>,
     pub cut_short: bool,
@@ -25,8 +25,8 @@ pub(super) fn follow(
     rover: &Rover,
     yard: &Yard,
     stander: &Stander,
-    start: Stance,
-    mut guide: Guide,
+    start: ContactPose,
+    mut guide: PathFollower,
     bumps: &Bumps,
 ) -> Result<Travel, DriveError> {
     let mut travel = Travel { stances: vec![start], durations_s: Vec::new(), cut_short: false };

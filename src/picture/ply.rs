@@ -6,7 +6,7 @@
 
 use super::View;
 use super::colour::{class_of, lit, of_class, srgb_byte};
-use crate::cells::Placer;
+use crate::cells::CellAssigner;
 use crate::geometry::GridSpec;
 use crate::sweep::Status;
 
@@ -16,7 +16,7 @@ use crate::sweep::Status;
 pub fn labelled_cloud(view: &View) -> Vec<u8> {
     let sweep = view.sweep;
     let grid = GridSpec { size_m: view.cell_size_m };
-    let placer = Placer::new(grid, f64::INFINITY, &view.estimated_pose(), &view.rover_from_sensor);
+    let placer = CellAssigner::new(grid, f64::INFINITY, &view.estimated_pose(), &view.rover_from_sensor);
     let mut body = Vec::new();
     let mut points = 0;
     for (slot, &direction) in sweep.returns.pattern.directions.iter().enumerate() {

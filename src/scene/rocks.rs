@@ -44,7 +44,7 @@ struct RockStreams {
 }
 
 /// All that a scene's rocks are made from.
-pub(super) struct Quarry {
+pub(super) struct LazyRocks {
     params: RocksParams,
     sizes: Sizes,
     streams: RockStreams,
@@ -74,7 +74,7 @@ impl Sizes {
     }
 }
 
-impl Quarry {
+impl LazyRocks {
     /// The body of a rock whose seat lies at a place.
     pub(super) fn body(&self, rock: u32, seat_m: DVec2) -> Body {
         let diameter_m = self.sizes.diameter_m(rock.into());
@@ -114,7 +114,7 @@ pub(super) fn build(
     let mut places = vec![0.0; 2 * count];
     streams.place.fill_uniform(0, &mut places);
     let yard = Scene::bare(scene.extent_m, scene.ground.clone());
-    let quarry = Arc::new(Quarry { params: params.clone(), sizes, streams, yard });
+    let quarry = Arc::new(LazyRocks { params: params.clone(), sizes, streams, yard });
     let within_m = quarry.within_m();
     let first_id = scene.obstacles.len() as i32;
     scene.obstacles.extend((0..).zip(places.chunks_exact(2)).map(|(number, place)| {

@@ -6,7 +6,7 @@
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
-use super::rocks::Quarry;
+use super::rocks::LazyRocks;
 use super::{Convex, Scene};
 use crate::geometry::{DVec2, DVec3};
 
@@ -40,7 +40,7 @@ pub struct Obstacle {
     pub within_m: f64,
     pub(super) body: OnceLock<Box<Body>>,
     /// Where the body comes from, and its number there.
-    pub(super) quarry: Option<Arc<Quarry>>,
+    pub(super) quarry: Option<Arc<LazyRocks>>,
     pub(super) number: u32,
 }
 

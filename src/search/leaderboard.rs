@@ -18,7 +18,7 @@ const KEPT: usize = 1000;
 
 /// `search.json`: the same bytes however many threads there were, and however often they were killed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Board {
+pub struct Leaderboard {
     pub marsyard_search: u32,
     pub margin: f64,
     /// The smallest network whose validation error is at most `margin` above the best; `None` where no error is finite.
@@ -71,16 +71,16 @@ impl From<&Entry> for Line {
     }
 }
 
-impl Board {
+impl Leaderboard {
     /// `entries`: of each rung, best first.
-    pub fn of(rungs: &[Rung], entries: &[Vec<Entry>], margin: f64, begun_with: Json) -> Board {
+    pub fn of(rungs: &[Rung], entries: &[Vec<Entry>], margin: f64, begun_with: Json) -> Leaderboard {
         let last = entries.last().map_or(&[][..], Vec::as_slice);
         let facts = rungs.iter().zip(entries).map(|(rung, entries)| RungFacts {
             rows: rung.rows,
             networks: entries.len(),
             rank_correlation: spearman(&pairs(entries, last)),
         });
-        Board {
+        Leaderboard {
             marsyard_search: 1,
             margin,
             chosen: smallest_within(last, margin).map(Line::from),
@@ -148,7 +148,7 @@ mod tests {
         let early = vec![entry(&[1], 1, 0.3), entry(&[2], 2, 0.2), entry(&[3], 3, 0.1), entry(&[4], 4, 0.9)];
         let last = vec![entry(&[1], 1, 0.03), entry(&[3], 3, 0.05), entry(&[2], 2, 0.04)];
         let rungs = [Rung { rows: 10, networks: 4 }, Rung { rows: 40, networks: 3 }];
-        let board = Board::of(&rungs, &[early, last], 0.0, Json::Null);
+        let board = Leaderboard::of(&rungs, &[early, last], 0.0, Json::Null);
         let rho: Vec<_> = board.rungs.iter().map(|rung| rung.rank_correlation).collect();
         assert_eq!(rho, [Some(-1.0), Some(1.0)]);
         assert_eq!((board.networks, board.chosen.unwrap().hidden), (4, vec![1]));

@@ -14,12 +14,12 @@ pub mod entry;
 pub mod journal;
 pub mod leaderboard;
 pub mod networks;
-pub mod pace;
 pub mod picture;
 mod ranks;
 pub mod rungs;
 #[cfg(test)]
 mod tests;
+pub mod throughput;
 mod worker_pool;
 
 use std::path::{Path, PathBuf};
@@ -29,10 +29,10 @@ use serde_json::{Value as Json, json};
 
 pub use self::entry::Entry;
 use self::journal::Journal;
-pub use self::leaderboard::Board;
+pub use self::leaderboard::Leaderboard;
 use self::networks::Hidden;
-use self::pace::Pace;
 use self::rungs::{Rung, rungs, survivors};
+use self::throughput::Throughput;
 use self::worker_pool::WorkerPool;
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::{is_temporary, read_folder};
@@ -79,7 +79,7 @@ pub enum Event<'a> {
 pub struct Start {
     pub networks: usize,
     pub rungs: Vec<Rung>,
-    pub pace: Pace,
+    pub pace: Throughput,
     /// Of one thread for each rung, if no patience ends early and those that go on are of mean size.
     pub rung_seconds: Vec<f64>,
     /// Lines in the journal.
@@ -93,7 +93,7 @@ pub struct Start {
 #[derive(Clone, Debug)]
 pub enum Outcome {
     /// The leaderboard, and the entries of the last rung, best first.
-    Done(Box<Board>, Vec<Entry>),
+    Done(Box<Leaderboard>, Vec<Entry>),
     /// Asked to stop; so many lines are in the journal.
     Interrupted { entries: usize },
 }
@@ -107,7 +107,7 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
     let identity = identity(setup);
     let mut journal = open(setup, &identity)?;
     let most_rows = rungs.last().map_or(0, |rung| rung.rows);
-    let pace = Pace::measure(params, held, &networks, most_rows, setup.threads)?;
+    let pace = Throughput::measure(params, held, &networks, most_rows, setup.threads)?;
     tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.trainings())));
     let mut contenders = networks;
     let mut entries: Vec<Vec<Entry>> = Vec::new();
@@ -155,9 +155,9 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
         }
         entries.push(done);
     }
-    let board = Board::of(&rungs, &entries, setup.margin, identity.clone());
+    let board = Leaderboard::of(&rungs, &entries, setup.margin, identity.clone());
     journal.sync()?;
-    write(setup, &board, &entries, |margin| Board::of(&rungs, &entries, margin, identity.clone()))?;
+    write(setup, &board, &entries, |margin| Leaderboard::of(&rungs, &entries, margin, identity.clone()))?;
     Ok(Outcome::Done(Box::new(board), entries.pop().unwrap_or_default()))
 }
 
@@ -232,7 +232,7 @@ fn is_lost(out: &Path, identity: &Json) -> Result<bool, TrainError> {
     Ok(true)
 }
 
-fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], pace: &Pace, resumed: usize) -> Start {
+fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], pace: &Throughput, resumed: usize) -> Start {
     let Setup { params, held, .. } = setup;
     let of_all = |rung: &Rung| networks.iter().map(|hidden| pace.seconds(params, held, hidden, rung)).sum::<f64>();
     let share = |rung: &Rung| rung.networks as f64 / networks.len() as f64;
@@ -252,9 +252,9 @@ fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], pace: &Pace, resume
 /// Writes what a search gives, in the place of what it gave with the margin of the leaderboard that is there.
 fn write(
     setup: &Setup,
-    board: &Board,
+    board: &Leaderboard,
     entries: &[Vec<Entry>],
-    board_of: impl Fn(f64) -> Board,
+    board_of: impl Fn(f64) -> Leaderboard,
 ) -> Result<(), TrainError> {
     let store = LocalFolder::new(&setup.out);
     let before = board_in(&store)?.map(|there| products(setup, &board_of(there.margin), entries));
@@ -262,7 +262,7 @@ fn write(
 }
 
 /// The picture, the config and, last of all, the leaderboard.
-fn products(setup: &Setup, board: &Board, entries: &[Vec<Entry>]) -> Vec<(String, Vec<u8>)> {
+fn products(setup: &Setup, board: &Leaderboard, entries: &[Vec<Entry>]) -> Vec<(String, Vec<u8>)> {
     let mut files: Vec<(&str, String)> = Vec::new();
     files.extend(picture::svg(entries, board.margin).map(|svg| (picture::NAME, svg)));
     files.extend(board.chosen.as_ref().map(|chosen| (folder::CONFIG, (setup.config_of)(&chosen.hidden))));
@@ -272,7 +272,7 @@ fn products(setup: &Setup, board: &Board, entries: &[Vec<Entry>]) -> Vec<(String
 }
 
 /// The leaderboard in a folder, where there is a whole one.
-fn board_in(store: &LocalFolder) -> Result<Option<Board>, TrainError> {
+fn board_in(store: &LocalFolder) -> Result<Option<Leaderboard>, TrainError> {
     if store.size(leaderboard::NAME)?.is_none() {
         return Ok(None);
     }

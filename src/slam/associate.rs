@@ -6,8 +6,8 @@
 
 use super::matrix::{Matrix, Vector, cholesky, half_solve, ln_determinant, product, square, sum, transpose};
 use super::measurement::{Polar, View, innovation};
-use super::near::{Places, Ring};
-use super::particle::{Feature, Particle, Sighting};
+use super::near::{LandmarkIndex, Ring};
+use super::particle::{Feature, Observation, Particle};
 use crate::math;
 
 /// Chi-square of three degrees of freedom at 99 %.
@@ -63,11 +63,11 @@ impl Particle {
     #[inline(always)]
     pub fn associate(
         &self,
-        sighting: &Sighting,
+        sighting: &Observation,
         view: &View,
         noise: &Matrix<3, 3>,
         taken: &[bool],
-        places: &mut Places,
+        places: &mut LandmarkIndex,
         pair: &mut Pair,
     ) -> Verdict {
         let feature = &sighting.feature;

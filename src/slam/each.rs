@@ -4,11 +4,11 @@
 //! the compiler shuffles more than it saves (measured: a third slower than in fours).
 
 use super::motion::{Control, MotionNoise};
-use super::particle::{Particle, Room, Seen};
+use super::particle::{Particle, Scratch, Seen};
 use super::visibility::Visibility;
 use crate::wide::Work;
 
-/// [`Belief::drive`](super::motion::Belief::drive).
+/// [`GaussianPose::drive`](super::motion::GaussianPose::drive).
 pub struct Drive<'a> {
     pub particles: &'a mut [Particle],
     pub control: Control,
@@ -25,7 +25,7 @@ impl Work for Drive<'_> {
     }
 }
 
-/// [`Belief::read_angle`](super::motion::Belief::read_angle), and its part of the weight.
+/// [`GaussianPose::read_angle`](super::motion::GaussianPose::read_angle), and its part of the weight.
 pub struct ReadAngle<'a> {
     pub particles: &'a mut [Particle],
     pub component: usize,
@@ -47,7 +47,7 @@ impl Work for ReadAngle<'_> {
 pub struct Refine<'a> {
     pub particles: &'a mut [Particle],
     pub seen: Seen<'a>,
-    pub room: &'a mut Room,
+    pub room: &'a mut Scratch,
 }
 
 impl Work for Refine<'_> {
@@ -65,7 +65,7 @@ pub struct Chart<'a> {
     pub particles: &'a mut [Particle],
     pub seen: Seen<'a>,
     pub visibility: &'a Visibility<'a>,
-    pub room: &'a mut Room,
+    pub room: &'a mut Scratch,
 }
 
 impl Work for Chart<'_> {

@@ -8,10 +8,10 @@
 use super::each::{Chart, Drive, ReadAngle, Refine};
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
-use super::motion::{Belief, Control, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Particle, Room, Seen, Sighting};
+use super::motion::{Control, GaussianPose, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
+use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Observation, Particle, Scratch, Seen};
 use super::visibility::Visibility;
-use super::weights::{Ancestry, effective_samples, exponentials, normalise, systematic};
+use super::weights::{Genealogy, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;
@@ -32,7 +32,7 @@ const FEW_ANCESTORS: usize = 3;
 
 /// Mean and covariance of the whole cloud, and how good it is; position relative to the start.
 #[derive(Clone, Debug)]
-pub struct Mixture {
+pub struct ParticleMoments {
     pub mean: Vector<6>,
     pub covariance: Matrix<6, 6>,
     pub effective_samples: f64,
@@ -54,8 +54,8 @@ pub struct Filter {
     spare: Vec<Particle>,
     started: bool,
     /// Mixture right after the last sweep, before the draw; until the next step.
-    at_sweep: Option<Mixture>,
-    ancestry: Ancestry,
+    at_sweep: Option<ParticleMoments>,
+    ancestry: Genealogy,
     drew: bool,
     scan: ScanCounts,
     counters: Counters,
@@ -75,7 +75,7 @@ impl Filter {
     pub fn new(params: &FastslamParams, noise: &InstrumentNoise, attitude: Vector<3>, mounting: Mounting) -> Filter {
         let count = params.particles as usize;
         let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
-        let belief = Belief { mean, ..Belief::default() };
+        let belief = GaussianPose { mean, ..GaussianPose::default() };
         let log_weight = -math::ln(count as f64);
         let particle = Particle { belief, log_weight, ..Particle::default() };
         let inflation = params.measurement_inflation.sqrt();
@@ -84,7 +84,7 @@ impl Filter {
             spare: vec![particle; count],
             started: false,
             at_sweep: None,
-            ancestry: Ancestry::new(count),
+            ancestry: Genealogy::new(count),
             drew: false,
             scan: ScanCounts::default(),
             counters: Counters::default(),
@@ -189,7 +189,7 @@ impl Filter {
     pub fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
         let features = self.choose(found);
         let prior = self.weights();
-        let mut room = Room::default();
+        let mut room = Scratch::default();
         let seen = Seen { sightings: &features, variances: &self.feature_variances, mounting: &self.mounting };
         in_fours(Refine { particles: &mut self.particles, seen, room: &mut room });
         self.mean_innovation = self.innovation(&prior);
@@ -229,16 +229,16 @@ impl Filter {
     }
 
     /// The usable features: those of most points (the nearer of two), apart from one another, nearest first.
-    fn choose(&mut self, found: &[Feature]) -> Vec<Sighting> {
+    fn choose(&mut self, found: &[Feature]) -> Vec<Observation> {
         let mut order: Vec<Feature> = found.iter().copied().filter(|f| usable(&f.polar)).collect();
         self.counters.not_finite += (found.len() - order.len()) as u32;
         order.sort_by(|a, b| b.points.cmp(&a.points).then(a.polar[0].total_cmp(&b.polar[0])));
-        let mut chosen: Vec<Sighting> = Vec::with_capacity(self.max_features);
-        for sighting in order.into_iter().map(Sighting::new) {
+        let mut chosen: Vec<Observation> = Vec::with_capacity(self.max_features);
+        for sighting in order.into_iter().map(Observation::new) {
             if chosen.len() == self.max_features {
                 break;
             }
-            let near = |other: &Sighting| {
+            let near = |other: &Observation| {
                 let apart: Vector<3> = std::array::from_fn(|i| sighting.point_m[i] - other.point_m[i]);
                 square(&apart) < FEATURE_SPACING_M * FEATURE_SPACING_M
             };
@@ -282,7 +282,7 @@ impl Filter {
     }
 
     /// Mean and covariance of the cloud as it is, angles as differences to the first particle's.
-    fn mixture(&self) -> Mixture {
+    fn mixture(&self) -> ParticleMoments {
         let weights = self.weights();
         let reference = self.particles[0].belief.mean;
         let apart = |mean: &Vector<6>| -> Vector<6> {
@@ -311,11 +311,11 @@ impl Filter {
         let mut mean: Vector<6> = std::array::from_fn(|i| reference[i] + shift[i]);
         mean[ROLL] = math::wrap_angle(mean[ROLL]);
         mean[YAW] = math::wrap_angle(mean[YAW]);
-        Mixture { mean, covariance, effective_samples: effective_samples(&weights) }
+        ParticleMoments { mean, covariance, effective_samples: effective_samples(&weights) }
     }
 
     /// The belief now: right after a sweep that of before the draw, whose variance is lower.
-    pub fn believed(&self) -> Mixture {
+    pub fn believed(&self) -> ParticleMoments {
         self.at_sweep.clone().unwrap_or_else(|| self.mixture())
     }
 

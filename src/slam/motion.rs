@@ -1,6 +1,6 @@
 //! Odometry, IMU and sun readings -> a pose's mean and covariance: the filter without features.
 //!
-//! In: [`Belief`] and readings. Out: the same belief, later or sharper. State order x, y, z, roll, pitch, yaw; metres,
+//! In: [`GaussianPose`] and readings. Out: the same belief, later or sharper. State order x, y, z, roll, pitch, yaw; metres,
 //! radians; position relative to the start. Source: Thrun et al. 2005, chapter 5 (velocity motion), on a slope; scalar
 //! Kalman updates. Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with the root of the
 //! distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a
@@ -35,7 +35,7 @@ const MOST_STEP: f64 = 100.0;
 
 /// Mean and covariance of a pose.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Belief {
+pub struct GaussianPose {
     pub mean: Vector<6>,
     pub covariance: Matrix<6, 6>,
 }
@@ -83,7 +83,7 @@ pub fn angle_sigma_rad(sigma_rad: f64) -> f64 {
     sigma_rad.max(LEAST_ANGLE_RAD)
 }
 
-impl Belief {
+impl GaussianPose {
     /// One step of driving. At rest nothing is added.
     #[inline(always)]
     pub fn drive(&mut self, control: Control, noise: &MotionNoise) {

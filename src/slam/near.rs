@@ -17,12 +17,12 @@ const SLACK: f64 = 1.001;
 
 /// A particle's landmarks by coordinate.
 #[derive(Default)]
-pub struct Places {
+pub struct LandmarkIndex {
     blocks: Vec<[[f64; LANES]; 3]>,
     near: Vec<u32>,
 }
 
-impl Places {
+impl LandmarkIndex {
     /// Takes in a map; the last one's room serves again.
     #[inline(always)]
     pub fn fill(&mut self, landmarks: &[Landmark]) {
@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn equal_landmarks_within_a_ball_and_a_plain_scan() {
-        let mut places = Places::default();
+        let mut places = LandmarkIndex::default();
         for count in [0, 1, 7, 8, 9, 40] {
             let mut landmarks: Vec<Landmark> = (0..count)
                 .map(|i| Landmark {

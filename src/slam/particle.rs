@@ -12,8 +12,8 @@ use super::associate::{Candidate, GATE, Pair, Verdict};
 use super::kalman;
 use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, product, sum, transpose};
 use super::measurement::{self, Mounting, Polar, View, innovation};
-use super::motion::Belief;
-use super::near::Places;
+use super::motion::GaussianPose;
+use super::near::LandmarkIndex;
 use super::visibility::Visibility;
 use crate::math;
 
@@ -32,15 +32,15 @@ pub struct Feature {
 
 /// A feature that was chosen, with what all particles need of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sighting {
+pub struct Observation {
     pub feature: Feature,
     /// Its point in the sensor frame.
     pub point_m: Vector<3>,
 }
 
-impl Sighting {
-    pub fn new(feature: Feature) -> Sighting {
-        Sighting { feature, point_m: measurement::point_m(&feature.polar) }
+impl Observation {
+    pub fn new(feature: Feature) -> Observation {
+        Observation { feature, point_m: measurement::point_m(&feature.polar) }
     }
 }
 
@@ -66,7 +66,7 @@ pub enum Association {
 /// One belief of pose and map.
 #[derive(Debug, Default)]
 pub struct Particle {
-    pub belief: Belief,
+    pub belief: GaussianPose,
     pub log_weight: f64,
     pub landmarks: Vec<Landmark>,
     /// Of the current sweep's features, in their order.
@@ -83,9 +83,9 @@ const EXISTENCE_DELETE: f64 = -1.0;
 /// Landmarks above this are counted as there.
 pub const EXISTENCE_SURE: f64 = 0.8;
 
-impl Default for Belief {
+impl Default for GaussianPose {
     fn default() -> Self {
-        Belief { mean: [0.0; 6], covariance: [[0.0; 6]; 6] }
+        GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] }
     }
 }
 
@@ -108,15 +108,15 @@ impl Clone for Particle {
 
 /// A sweep's features, and what all particles need to take them in.
 pub struct Seen<'a> {
-    pub sightings: &'a [Sighting],
+    pub sightings: &'a [Observation],
     pub variances: &'a Vector<3>,
     pub mounting: &'a Mounting,
 }
 
 /// What a particle needs while it takes in a sweep; serves one after the other.
 #[derive(Default)]
-pub struct Room {
-    places: Places,
+pub struct Scratch {
+    places: LandmarkIndex,
     pair: Pair,
     /// Landmarks that a feature was given to.
     taken: Vec<bool>,
@@ -135,12 +135,12 @@ impl Particle {
     /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
     /// log term a feature whatever becomes of it, so that particles stay comparable.
     #[inline(always)]
-    pub fn refine(&mut self, &Seen { sightings, variances, mounting }: &Seen, room: &mut Room) {
+    pub fn refine(&mut self, &Seen { sightings, variances, mounting }: &Seen, room: &mut Scratch) {
         self.associations.clear();
         self.innovation_sum = 0.0;
         let noise = diagonal(variances);
         let unmatched = ln_unmatched(variances);
-        let Room { places, pair, taken } = room;
+        let Scratch { places, pair, taken } = room;
         places.fill(&self.landmarks);
         taken.clear();
         taken.resize(self.landmarks.len(), false);
@@ -182,7 +182,7 @@ impl Particle {
     #[inline(always)]
     fn absorb(&mut self, candidate: &Candidate) {
         let Candidate { by_pose, pull, factor, innovation, spread, .. } = candidate;
-        let Belief { mean, covariance } = &mut self.belief;
+        let GaussianPose { mean, covariance } = &mut self.belief;
         kalman::update((mean, covariance), by_pose, pull, factor, innovation, spread);
         self.belief.wrap();
     }
@@ -204,13 +204,13 @@ impl Particle {
         &mut self,
         &Seen { sightings, variances, mounting }: &Seen,
         visibility: &Visibility,
-        Room { taken: seen, .. }: &mut Room,
+        Scratch { taken: seen, .. }: &mut Scratch,
     ) {
         let view = View::new(&self.belief.mean, mounting);
         let noise = diagonal(variances);
         seen.clear();
         seen.resize(self.landmarks.len(), false);
-        for (Sighting { feature, .. }, association) in sightings.iter().zip(&self.associations) {
+        for (Observation { feature, .. }, association) in sightings.iter().zip(&self.associations) {
             match *association {
                 Association::Matched(index) => {
                     seen[index] = true;
@@ -291,7 +291,7 @@ mod tests {
                 known: Some(id),
             })
             .collect();
-        Particle { belief: Belief { mean, covariance: covariance(scale) }, landmarks, ..Particle::default() }
+        Particle { belief: GaussianPose { mean, covariance: covariance(scale) }, landmarks, ..Particle::default() }
     }
 
     fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Feature> {
@@ -308,11 +308,11 @@ mod tests {
     /// Lets a particle take in features from this mount.
     fn refine(particle: &mut Particle, features: &[Feature], variances: &Vector<3>) {
         let seen = Seen { sightings: &sighted(features), variances, mounting: &mounting() };
-        particle.refine(&seen, &mut Room::default());
+        particle.refine(&seen, &mut Scratch::default());
     }
 
-    fn sighted(features: &[Feature]) -> Vec<Sighting> {
-        features.iter().copied().map(Sighting::new).collect()
+    fn sighted(features: &[Feature]) -> Vec<Observation> {
+        features.iter().copied().map(Observation::new).collect()
     }
 
     fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {

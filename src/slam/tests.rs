@@ -49,7 +49,7 @@ fn rest(pose: &Pose) -> Reading {
 fn law_a_predicted_step_ends_where_the_arc_ends() {
     let noise = motion::MotionNoise::new(&EXACT, 1.0);
     for (yaw_rad, turn_rad) in [(0.0, 0.1), (0.7, -0.3), (3.0, 0.5), (-2.0, 0.02), (1.0, 0.0)] {
-        let mut belief = motion::Belief { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
         belief.mean[motion::YAW] = yaw_rad;
         belief.drive(motion::Control { distance_m: 2.0, turn_rad }, &noise);
         let end = yaw_rad + turn_rad;

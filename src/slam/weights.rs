@@ -75,11 +75,11 @@ pub fn systematic(weights: &[f64], start: f64) -> Vec<u32> {
 
 /// The family tree of the particles: which of the first each descends from.
 #[derive(Clone, Debug)]
-pub struct Ancestry(Vec<u32>);
+pub struct Genealogy(Vec<u32>);
 
-impl Ancestry {
-    pub fn new(particles: usize) -> Ancestry {
-        Ancestry((0..particles as u32).collect())
+impl Genealogy {
+    pub fn new(particles: usize) -> Genealogy {
+        Genealogy((0..particles as u32).collect())
     }
 
     /// A resampling: the parent of each particle.
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn exact_ancestors_are_counted_through_generations() {
-        let mut tree = Ancestry::new(4);
+        let mut tree = Genealogy::new(4);
         assert_eq!(tree.distinct(), 4);
         tree.record(&[0, 0, 2, 3]);
         assert_eq!(tree.distinct(), 3);

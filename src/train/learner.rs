@@ -26,7 +26,7 @@ pub(super) struct Learner {
     /// Rows between two looks.
     pub validate_every: u64,
     patience: u32,
-    portion: Portion,
+    portion: Share,
 }
 
 /// What was learnt so far, as far as it decides what comes next.
@@ -68,7 +68,7 @@ impl Learner {
             learnt: Learnt::default(),
             validate_every: validate_every.max(1),
             patience: params.patience,
-            portion: Portion::default(),
+            portion: Share::default(),
         })
     }
 
@@ -81,7 +81,7 @@ impl Learner {
         let mut sum = ErrorSum::from(self.learnt.train_sum);
         sum += self.portion.error(&self.network);
         self.learnt.train_sum = sum.into();
-        let Portion { inputs, targets, noise, .. } = &self.portion;
+        let Share { inputs, targets, noise, .. } = &self.portion;
         self.filter.learn(&mut self.network, inputs, targets, noise);
         self.learnt.rows += (end - from) as u64;
         end
@@ -137,14 +137,14 @@ fn first_network(params: &TrainParams, layout: Layout) -> Network {
 
 /// Rows as the filter takes them.
 #[derive(Default)]
-struct Portion {
+struct Share {
     inputs: Vec<f64>,
     targets: Vec<f64>,
     noise: Vec<f64>,
     outputs: Vec<f64>,
 }
 
-impl Portion {
+impl Share {
     fn fill(&mut self, rows: &Rows, order: &[u32], judge: &Judge) {
         let width = rows.width;
         self.inputs.resize(order.len() * width, 0.0);

@@ -27,7 +27,7 @@ pub struct Network {
 
 /// What a forward run leaves for the way back. Reused from row to row.
 #[derive(Clone, Debug, Default)]
-pub struct Tape {
+pub struct Activations {
     /// Values of all nodes, layer by layer, inputs first.
     values: Vec<f64>,
     /// d output / d value of the nodes of a layer, and of the layer before it.
@@ -87,7 +87,7 @@ impl Network {
     }
 
     /// The output for one row of scaled features.
-    pub fn output(&self, inputs: &[f64], tape: &mut Tape) -> f64 {
+    pub fn output(&self, inputs: &[f64], tape: &mut Activations) -> f64 {
         Isa::detect().run(Forward { network: self, inputs, tape })
     }
 
@@ -97,14 +97,14 @@ impl Network {
     /// Where `rows` is not a whole number of rows, or `outputs` has another number of them.
     pub fn outputs(&self, rows: &[f64], outputs: &mut [f64]) {
         assert_eq!(rows.len(), outputs.len() * self.layout.inputs, "one output a row");
-        Isa::detect().run(Many { network: self, rows, outputs });
+        Isa::detect().run(NetworkBatch { network: self, rows, outputs });
     }
 
     /// The output for one row, and its gradient by the weights (eq. 16).
     ///
     /// # Panics
     /// Where `inputs` or `gradient` has another length than the layout says.
-    pub fn gradient(&self, inputs: &[f64], tape: &mut Tape, gradient: &mut [f64]) -> f64 {
+    pub fn gradient(&self, inputs: &[f64], tape: &mut Activations, gradient: &mut [f64]) -> f64 {
         assert_eq!(inputs.len(), self.layout.inputs, "one value an input");
         assert_eq!(gradient.len(), self.weights.len(), "one slope a weight");
         Isa::detect().run(Gradient { network: self, inputs, tape, gradient })
@@ -114,7 +114,7 @@ impl Network {
 struct Forward<'a> {
     network: &'a Network,
     inputs: &'a [f64],
-    tape: &'a mut Tape,
+    tape: &'a mut Activations,
 }
 
 impl Kernel<f64> for Forward<'_> {
@@ -172,7 +172,7 @@ fn side_by_side<const N: usize>(rows: &[f64], before: &[f64], bias: bool) -> [f6
 struct Gradient<'a> {
     network: &'a Network,
     inputs: &'a [f64],
-    tape: &'a mut Tape,
+    tape: &'a mut Activations,
     gradient: &'a mut [f64],
 }
 
@@ -184,7 +184,7 @@ impl Kernel<f64> for Gradient<'_> {
         let Gradient { network, inputs, tape, gradient } = self;
         let output = Forward { network, inputs, tape }.run::<V>();
         let Network { layout, weights } = network;
-        let Tape { values, slopes, slopes_before } = tape;
+        let Activations { values, slopes, slopes_before } = tape;
         slopes.clear();
         slopes.push(1.0);
         let mut last = values.len() - 1;
@@ -217,20 +217,20 @@ impl Kernel<f64> for Gradient<'_> {
     }
 }
 
-struct Many<'a> {
+struct NetworkBatch<'a> {
     network: &'a Network,
     rows: &'a [f64],
     outputs: &'a mut [f64],
 }
 
-impl Kernel<f64> for Many<'_> {
+impl Kernel<f64> for NetworkBatch<'_> {
     type Out = ();
 
     /// Rows stand in the lanes.
     #[inline(always)]
     fn run<V: Simd<f64>>(self) {
         type Lane = <f64 as Real>::Chunk;
-        let Many { network: Network { layout, weights }, rows, outputs } = self;
+        let NetworkBatch { network: Network { layout, weights }, rows, outputs } = self;
         let widest = layout.hidden.iter().copied().max().unwrap_or(0).max(layout.inputs).max(1);
         let mut values = vec![Lane::default(); widest];
         let mut next = values.clone();

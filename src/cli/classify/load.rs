@@ -6,7 +6,7 @@ use super::args::{ClassifyArgs, Frame, PoseOf};
 use crate::cells::{FeatureColumn, WindowCloud, feature_columns};
 use crate::cli::output::errln;
 use crate::cli::{Failure, place};
-use crate::cloud::place::{Place, Sigmas};
+use crate::cloud::scan_pose::{ScanPose, Sigmas};
 use crate::cloud::{self, Cloud, CloudError, LabelMap, Levelled, level, trajectory};
 use crate::corpus::address;
 use crate::corpus::limits::FileKind;
@@ -43,7 +43,7 @@ pub(super) struct Loaded {
     pub cloud: Cloud,
     /// Points at the sensor's own place, which are no returns.
     pub at_sensor: u64,
-    pub place: Place,
+    pub place: ScanPose,
     pub levelled: Option<Levelled>,
     pub verdicts: Option<Vec<Option<bool>>>,
 }
@@ -181,13 +181,13 @@ impl Setup {
             (Some(height_m), _) => {
                 let found = level::level(&name, &cloud.points_m, height_m).map_err(usage)?;
                 levelled = Some(found);
-                let rover = Place::of_rover(&found.rover(), &self.rover_from_sensor, &self.sigmas);
-                Place { map_from_sensor: found.map_from_sensor, ..rover }
+                let rover = ScanPose::of_rover(&found.rover(), &self.rover_from_sensor, &self.sigmas);
+                ScanPose { map_from_sensor: found.map_from_sensor, ..rover }
             }
             (None, Some(pose)) if args.pose_of == PoseOf::Sensor => {
-                Place::of_sensor(pose, &self.rover_from_sensor, &self.sigmas)
+                ScanPose::of_sensor(pose, &self.rover_from_sensor, &self.sigmas)
             }
-            (None, Some(pose)) => Place::of_rover(pose, &self.rover_from_sensor, &self.sigmas),
+            (None, Some(pose)) => ScanPose::of_rover(pose, &self.rover_from_sensor, &self.sigmas),
             (None, None) => return Err(usage(format!("{name}: there is no pose for it"))),
         };
         Ok(Loaded { name, stem: self.stems[number].clone(), cloud, at_sensor, place, levelled, verdicts })

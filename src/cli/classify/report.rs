@@ -7,7 +7,7 @@ use super::args::ClassifyArgs;
 use super::load::{Loaded, Setup};
 use super::write::EVALUATION;
 use crate::cli::output::{errln, out, outln};
-use crate::cloud::place::Sigmas;
+use crate::cloud::scan_pose::Sigmas;
 use crate::cloud::{range, scale};
 use crate::evaluate::{DataFacts, Judge, Report};
 use crate::train::Model;

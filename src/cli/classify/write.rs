@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::Scan;
 use super::args::ClassifyArgs;
 use super::load::{Loaded, Setup};
-use crate::cells::Placer;
+use crate::cells::CellAssigner;
 use crate::cli::Failure;
 use crate::cli::evaluate::model_file;
 use crate::cli::place::corpus_failure;
@@ -72,7 +72,7 @@ pub(super) fn scan(
         grid,
         rover_z_m: loaded.place.estimate.pose.position_m.z,
     };
-    let placer = Placer::of_sensor(grid, setup.max_range_m, loaded.place.map_from_sensor);
+    let placer = CellAssigner::of_sensor(grid, setup.max_range_m, loaded.place.map_from_sensor);
     let points = export::labelled(&loaded.cloud, &placer, setup.in_map, &judged);
     let stem = &scan.stem;
     let mut files = vec![

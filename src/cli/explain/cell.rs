@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::cells::params::{LabelParams, ObstacleRule};
-use crate::cells::{CellRow, Offset, Placer, feature_columns, is_neighbour, neighbour_offsets};
+use crate::cells::{CellAssigner, CellRow, Offset, feature_columns, is_neighbour, neighbour_offsets};
 use crate::cli::Failure;
 use crate::cli::output::outln;
 use crate::cli::place::{self, corpus_failure};
@@ -27,7 +27,7 @@ struct Point {
 fn points_in(family: &Family, replay: &Replay, scan: &ScanOutput, points: &ScanPoints, cell: CellIndex) -> Vec<Point> {
     let pose = &pose_of(replay, scan).estimate.pose;
     let max_range_m = family.cells.max_range_m.unwrap_or(points.max_range_m);
-    let placer = Placer::new(points.grid, max_range_m, pose, &replay.rover_from_sensor);
+    let placer = CellAssigner::new(points.grid, max_range_m, pose, &replay.rover_from_sensor);
     let sweep = &points.sweep;
     let hits = (0..sweep.returns.status.len()).filter(|&slot| sweep.returns.status[slot] == Status::Hit);
     hits.filter_map(|slot| {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::cells::{self, CellParams, Cells, Placer, WindowCloud};
+use crate::cells::{self, CellAssigner, CellParams, Cells, WindowCloud};
 use crate::cloud::costmap::{Shown, cost_map};
 use crate::cloud::export::{self, Judged};
 use crate::cloud::*;
@@ -142,7 +142,7 @@ fn equal_labelled_clouds_read_back_in_the_map_frame() {
         DVec3::new(3.0, 3.0, 3.0),
     ];
     let cloud = Cloud { points_m: there.map(in_sensor).to_vec(), labels: Some(vec![4, 5, 6, 7]), ..Cloud::default() };
-    let placer = Placer::of_sensor(GridSpec { size_m: 0.5 }, 50.0, turn);
+    let placer = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, turn);
     let points = export::labelled(&cloud, &placer, false, &judged(&ell));
     assert_eq!(points.iter().map(|p| p.class).collect::<Vec<_>>(), [0, 1, -1, -1]);
     let options = |field: &str| Options { label_field: Some(field.into()) };
@@ -163,7 +163,7 @@ fn equal_far_coordinates_come_back_from_ply_and_pcd() {
     let far =
         [DVec3::new(445_000.123_456_789, 5_030_000.987_654_321, 1_234.5), DVec3::new(445_001.0, 5_030_001.0, 1_234.0)];
     let near = [DVec3::new(3.123_456_789, -999.1, 0.5), DVec3::new(0.1, 0.2, 0.3)];
-    let placer = Placer::of_sensor(GridSpec { size_m: 0.5 }, 50.0, Transform::IDENTITY);
+    let placer = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, Transform::IDENTITY);
     let ell = ell();
     for (there, size, most_m) in [(far, "SIZE 8 8 8 4 4 4 1 4\n", 1e-9), (near, "SIZE 4 4 4 4 4 4 1 4\n", 1e-3)] {
         let cloud = Cloud { points_m: there.to_vec(), ..Cloud::default() };

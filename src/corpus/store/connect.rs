@@ -21,8 +21,8 @@ use object_store::gcp::{GoogleCloudStorageBuilder, GoogleConfigKey};
 use object_store::{BackoffConfig, ClientConfigKey, ObjectStore, RetryConfig};
 
 use super::address::Service;
+use super::inspected_client::InspectedClient;
 use super::objects::ObjectFolder;
-use super::watch::Watched;
 use super::{profile, secrets};
 use crate::corpus::CorpusError;
 
@@ -99,7 +99,7 @@ fn amazon(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> 
     if may_be_plain(url, endpoint.as_deref(), allowed.as_deref(), "AWS_ENDPOINT_URL", "AWS_ALLOW_HTTP")? {
         builder = builder.with_allow_http(true);
     }
-    built(url, builder.with_http_connector(Watched).build())
+    built(url, builder.with_http_connector(InspectedClient).build())
 }
 
 fn google(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> {
@@ -121,7 +121,7 @@ fn google(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> 
     if may_be_plain(url, endpoint.as_deref(), allowed.as_deref(), "GOOGLE_BASE_URL", "GOOGLE_ALLOW_HTTP")? {
         builder = builder.with_config(Key::Client(ClientConfigKey::AllowHttp), "true");
     }
-    built(url, builder.with_http_connector(Watched).build())
+    built(url, builder.with_http_connector(InspectedClient).build())
 }
 
 fn azure(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> {
@@ -143,7 +143,7 @@ fn azure(url: &str, bucket: &str) -> Result<Arc<dyn ObjectStore>, CorpusError> {
     if may_be_plain(url, endpoint.as_deref(), allowed.as_deref(), "AZURE_STORAGE_ENDPOINT", "AZURE_ALLOW_HTTP")? {
         builder = builder.with_allow_http(true);
     }
-    built(url, builder.with_http_connector(Watched).build())
+    built(url, builder.with_http_connector(InspectedClient).build())
 }
 
 fn refused(place: &str, reason: &str, cure: &str) -> CorpusError {

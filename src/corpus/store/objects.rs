@@ -18,9 +18,9 @@ use object_store::path::Path;
 use object_store::{Error, GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutMode, PutOptions, PutPayload};
 use tokio::runtime::{Builder, Runtime};
 
-use super::patience::{Limits, NAME_BYTES, Patience, SLOWEST};
+use super::backoff::{Backoff, Limits, NAME_BYTES, SLOWEST};
+use super::inspected_client::{self, Fault, MAX_ANSWER_BYTES};
 use super::stored::Stored;
-use super::watch::{self, Fault, MAX_ANSWER_BYTES};
 use super::{Put, Store, compared, is_name, is_temporary};
 use crate::corpus::CorpusError;
 
@@ -48,7 +48,7 @@ pub struct ObjectFolder {
 
 /// What has come of an object so far.
 #[derive(Default)]
-struct Coming {
+struct ResumableRead {
     received: Vec<u8>,
     /// The entity tag that the rest must have too.
     same: Option<String>,
@@ -99,7 +99,7 @@ fn altered(again: bool) -> Fault {
 }
 
 /// Takes one more name of a listing, as long as they are not too many and do not take too long. `furthest`: the most that ever came.
-fn count_name(names: &mut usize, furthest: &mut usize, patience: &Patience) -> Result<(), Fault> {
+fn count_name(names: &mut usize, furthest: &mut usize, patience: &Backoff) -> Result<(), Fault> {
     *names += 1;
     if *names > MOST_NAMES {
         return Err(Fault::Lasting(format!("more than {MOST_NAMES} names are listed there; no corpus has so many")));
@@ -135,7 +135,7 @@ impl ObjectFolder {
     fn persist<T>(
         &self,
         name: &str,
-        mut attempt: impl AsyncFnMut(&Patience) -> Result<T, Fault>,
+        mut attempt: impl AsyncFnMut(&Backoff) -> Result<T, Fault>,
     ) -> Result<Result<T, Fault>, CorpusError> {
         let runtime = RUNTIME.as_ref().map_err(|error| CorpusError::Io {
             place: self.place(),
@@ -143,7 +143,7 @@ impl ObjectFolder {
             source: std::io::Error::other(format!("cannot start threads for the network: {error}")),
         })?;
         runtime.block_on(async {
-            let patience = Patience::new(self.limits, name);
+            let patience = Backoff::new(self.limits, name);
             loop {
                 let why = match attempt(&patience).await {
                     Ok(value) => return Ok(Ok(value)),
@@ -173,7 +173,7 @@ impl ObjectFolder {
     }
 
     /// The same, where a missing object is an error like any other.
-    fn done<T>(&self, name: &str, attempt: impl AsyncFnMut(&Patience) -> Result<T, Fault>) -> Result<T, CorpusError> {
+    fn done<T>(&self, name: &str, attempt: impl AsyncFnMut(&Backoff) -> Result<T, Fault>) -> Result<T, CorpusError> {
         self.persist(name, attempt)?.map_err(|fault| self.unexpected(name, &fault))
     }
 
@@ -188,13 +188,19 @@ impl ObjectFolder {
     /// Reads a part.
     fn fetch(&self, name: &str, part: Part) -> Result<Vec<u8>, CorpusError> {
         let path = self.path(name)?;
-        let mut coming = Coming::default();
+        let mut coming = ResumableRead::default();
         self.done(name, async |patience| self.take_in(&path, part, &mut coming, patience).await)?;
         Ok(coming.received)
     }
 
     /// Asks for what is missing of a part, and takes in what comes.
-    async fn take_in(&self, path: &Path, part: Part, coming: &mut Coming, patience: &Patience) -> Result<(), Fault> {
+    async fn take_in(
+        &self,
+        path: &Path,
+        part: Part,
+        coming: &mut ResumableRead,
+        patience: &Backoff,
+    ) -> Result<(), Fault> {
         if coming.same.is_none() {
             // Nothing would tell whether the rest is of the same object.
             coming.received.clear();
@@ -204,7 +210,9 @@ impl ObjectFolder {
         let options = GetOptions { range: part.rest(begin), if_match: coming.same.clone(), ..GetOptions::default() };
         let (silence, most) = (self.limits.silence, part.most());
         let answer =
-            match watch::attempt(silence, most.max(MAX_ANSWER_BYTES), self.client.get_opts(path, options)).await {
+            match inspected_client::attempt(silence, most.max(MAX_ANSWER_BYTES), self.client.get_opts(path, options))
+                .await
+            {
                 Err(Fault::BeyondEnd) => return Ok(()),
                 Err(Fault::Taken) => {
                     coming.same = None;
@@ -218,7 +226,9 @@ impl ObjectFolder {
             return Err(Fault::TooLong(format!("it has {end} bytes, more than the {most} that are read")));
         }
         let mut pieces = answer.into_stream();
-        while let Some(piece) = watch::attempt(silence, most.max(MAX_ANSWER_BYTES), pieces.try_next()).await? {
+        while let Some(piece) =
+            inspected_client::attempt(silence, most.max(MAX_ANSWER_BYTES), pieces.try_next()).await?
+        {
             coming.received.extend_from_slice(&piece);
             if first + coming.received.len() as u64 > end {
                 return Err(Fault::Lasting("the store sends more than it announced".into()));
@@ -238,15 +248,15 @@ impl ObjectFolder {
     }
 
     /// Puts the bytes, and makes sure that it is they that are stored.
-    async fn put_once(&self, path: &Path, bytes: &Bytes, mode: PutMode, patience: &Patience) -> Result<(), Fault> {
+    async fn put_once(&self, path: &Path, bytes: &Bytes, mode: PutMode, patience: &Backoff) -> Result<(), Fault> {
         let limit = self.limits.silence + Duration::from_secs_f64(bytes.len() as f64 / SLOWEST);
         let payload = PutPayload::from_bytes(bytes.clone());
         let options = PutOptions { mode, ..PutOptions::default() };
-        let told: Stored = watch::attempt_put(limit, self.client.put_opts(path, payload, options)).await?;
+        let told: Stored = inspected_client::attempt_put(limit, self.client.put_opts(path, payload, options)).await?;
         let is_stored = match told.holds(bytes) {
             Some(is_stored) => is_stored,
             None => {
-                let mut there = Coming::default();
+                let mut there = ResumableRead::default();
                 let part = Part::Whole { most: bytes.len() as u64 };
                 match self.take_in(path, part, &mut there, patience).await {
                     // What is longer is other bytes too.
@@ -276,7 +286,8 @@ impl ObjectFolder {
                 Err(Fault::Taken) => Err(Fault::Passing("another writer is at it".into())),
                 Err(Fault::Altered) => {
                     if create || is_altered {
-                        watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.remove_once(&path)).await?;
+                        inspected_client::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.remove_once(&path))
+                            .await?;
                     }
                     Err(altered(std::mem::replace(&mut is_altered, true)))
                 }
@@ -287,8 +298,8 @@ impl ObjectFolder {
     }
 
     /// The object that a create-only put found: by another writer, or by a try of ours whose answer was lost.
-    async fn what_is_there(&self, path: &Path, bytes: &Bytes, patience: &Patience) -> Result<Vec<u8>, Fault> {
-        let mut there = Coming::default();
+    async fn what_is_there(&self, path: &Path, bytes: &Bytes, patience: &Backoff) -> Result<Vec<u8>, Fault> {
+        let mut there = ResumableRead::default();
         let part = Part::Whole { most: bytes.len() as u64 + OTHERS_MORE };
         match self.take_in(path, part, &mut there, patience).await {
             Ok(()) => Ok(there.received),
@@ -333,7 +344,9 @@ impl Store for ObjectFolder {
             let mut files = Vec::new();
             let mut pages = self.client.list(Some(&path));
             let mut names = 0;
-            while let Some(object) = watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, pages.try_next()).await? {
+            while let Some(object) =
+                inspected_client::attempt(self.limits.silence, MAX_ANSWER_BYTES, pages.try_next()).await?
+            {
                 count_name(&mut names, &mut furthest, patience)?;
                 let (whole, root): (&str, &str) = (object.location.as_ref(), path.as_ref());
                 let below = whole.strip_prefix(root).and_then(|rest| rest.strip_prefix('/'));
@@ -354,7 +367,9 @@ impl Store for ObjectFolder {
         self.done("", async |patience| {
             let mut objects = self.client.list(root.as_ref());
             let mut names = 0;
-            while let Some(object) = watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, objects.try_next()).await? {
+            while let Some(object) =
+                inspected_client::attempt(self.limits.silence, MAX_ANSWER_BYTES, objects.try_next()).await?
+            {
                 count_name(&mut names, &mut furthest, patience)?;
                 let whole: &str = object.location.as_ref();
                 let below = whole.strip_prefix(&self.prefix).unwrap_or(whole).trim_start_matches('/');
@@ -371,7 +386,7 @@ impl Store for ObjectFolder {
     fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {
         let path = self.path(name)?;
         match self.persist(name, async |_| {
-            watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.client.head(&path)).await
+            inspected_client::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.client.head(&path)).await
         })? {
             Ok(meta) => Ok(Some(meta.size)),
             Err(Fault::NotFound) => Ok(None),
@@ -382,7 +397,7 @@ impl Store for ObjectFolder {
     fn remove(&self, name: &str) -> Result<(), CorpusError> {
         let path = self.path(name)?;
         match self.persist(name, async |_| {
-            watch::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.remove_once(&path)).await
+            inspected_client::attempt(self.limits.silence, MAX_ANSWER_BYTES, self.remove_once(&path)).await
         })? {
             Ok(()) | Err(Fault::NotFound) => Ok(()),
             Err(fault) => Err(self.unexpected(name, &fault)),
@@ -413,7 +428,7 @@ mod tests {
 
     #[test]
     fn exact_a_listing_ends_behind_the_most_names() {
-        let patience = Patience::new(Limits::of_environment(), "data");
+        let patience = Backoff::new(Limits::of_environment(), "data");
         let (mut names, mut furthest) = (MOST_NAMES - 1, MOST_NAMES - 1);
         count_name(&mut names, &mut furthest, &patience).expect("as many as may be");
         let fault = count_name(&mut names, &mut furthest, &patience).expect_err("one too many");

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 use object_store::RetryConfig;
 use object_store::aws::AmazonS3Builder;
 
+use super::backoff::Limits;
+use super::inspected_client::InspectedClient;
 use super::objects::ObjectFolder;
-use super::patience::Limits;
-use super::watch::Watched;
 use super::{Put, Store};
 use crate::corpus::CorpusError;
 
@@ -81,7 +81,7 @@ impl Server {
             .with_secret_access_key(SECRET)
             .with_retry(RetryConfig { max_retries: 0, ..RetryConfig::default() })
             .with_disable_bulk_delete(true)
-            .with_http_connector(Watched)
+            .with_http_connector(InspectedClient)
             .build()
             .unwrap();
         ObjectFolder::new(Arc::new(client), "s3://yards", "corpus").with_limits(Limits::of(patience_s))

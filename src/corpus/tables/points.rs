@@ -4,7 +4,7 @@
 //! `cells.max_range_m`) has a position and no cell.
 
 use super::{Definition, define};
-use crate::cells::Placer;
+use crate::cells::CellAssigner;
 use crate::corpus::schema::Role::{Info, Key, Truth};
 use crate::episode::ScanPoints;
 use crate::geometry::{CellIndex, DVec3};
@@ -30,7 +30,7 @@ impl Row {
     /// One row a slot, in firing order.
     pub fn of_scan(scene_id: i64, scan_id: i32, points: &ScanPoints) -> Vec<Row> {
         let sweep = &points.sweep;
-        let placer = Placer::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
+        let placer = CellAssigner::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
         let is_obstacle =
             |object: i32| usize::try_from(object).ok().and_then(|id| points.obstacles.get(id)) == Some(&true);
         let row = |slot: usize| {

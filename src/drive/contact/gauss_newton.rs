@@ -5,7 +5,7 @@
 //! method takes over: solve with the ground under each wheel held, go half the way, look again, repeat. That is a contraction
 //! while slope times tangent of tilt stays moderate, kinks or not.
 
-use super::residual::{Jacobian, Problem, Residuals, UNKNOWNS, Under, Unknowns, sum_of_squares};
+use super::residual::{GroundDerivatives, Jacobian, Problem, Residuals, UNKNOWNS, Unknowns, sum_of_squares};
 
 const MAX_STEPS: u32 = 60;
 /// Unless a tolerance is given, an articulated chassis is done when no wheel lacks more than this, and any when a step
@@ -36,7 +36,7 @@ pub(super) fn solve(problem: &Problem, start: Unknowns, tolerance: Option<f64>) 
 
 fn descend(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32) {
     let mut q = start;
-    let Some((mut e, mut jacobian)) = problem.linearised(&q, Under::Moving) else { return (q, 1) };
+    let Some((mut e, mut jacobian)) = problem.linearised(&q, GroundDerivatives::Moving) else { return (q, 1) };
     let mut cost = sum_of_squares(&e);
     let mut damping = 0.0;
     for steps in 1..MAX_STEPS {
@@ -50,7 +50,7 @@ fn descend(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32
                 return (trial, steps);
             }
             let lost = damping == 0.0 && delta.iter().all(|d| d.abs() <= LOST);
-            if let Some((trial_e, trial_jacobian)) = problem.linearised(&trial, Under::Moving) {
+            if let Some((trial_e, trial_jacobian)) = problem.linearised(&trial, GroundDerivatives::Moving) {
                 let trial_cost = sum_of_squares(&trial_e);
                 // A least sum above zero is flat to rounding long before its place is found to rounding.
                 if trial_cost < cost || lost {
@@ -71,7 +71,7 @@ fn descend(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32
 fn hold_and_look(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32) {
     let mut q = start;
     for steps in 0..MAX_STEPS {
-        let Some((e, jacobian)) = problem.linearised(&q, Under::Frozen) else { return (start, steps) };
+        let Some((e, jacobian)) = problem.linearised(&q, GroundDerivatives::Frozen) else { return (start, steps) };
         let Some(delta) = step(&e, &jacobian, problem.unknowns(), 0.0) else { return (q, steps) };
         q = std::array::from_fn(|i| q[i] + RELAX * delta[i]);
         if delta.iter().all(|d| d.abs() <= tolerance) {

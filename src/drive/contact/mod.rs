@@ -33,7 +33,7 @@ const TOUCH_TOLERANCES: f64 = 100.0;
 
 /// A rover that stands on the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stance {
+pub struct ContactPose {
     pub pose: Pose,
     pub contact: Contact,
 }
@@ -59,7 +59,13 @@ impl<'a> Stander<'a> {
     }
 
     /// The rover at (x, y) with this heading. `near` is a stance close by (the step before), to start from.
-    pub fn stand(&self, x_m: f64, y_m: f64, yaw_rad: f64, near: Option<&Stance>) -> Result<Stance, DriveError> {
+    pub fn stand(
+        &self,
+        x_m: f64,
+        y_m: f64,
+        yaw_rad: f64,
+        near: Option<&ContactPose>,
+    ) -> Result<ContactPose, DriveError> {
         let no = |reason: &str| DriveError::NoContact { x_m, y_m, reason: reason.to_string() };
         let problem = Problem::new(&self.linkage, &self.surface, x_m, y_m, yaw_rad);
         let plane = problem.plane().ok_or_else(|| no("a wheel is outside the yard"))?;
@@ -86,22 +92,22 @@ impl<'a> Stander<'a> {
             return Err(no("its wheels cannot all touch the ground"));
         }
         let [z_m, pitch_rad, roll_rad, rocker_rad, bogie_left_rad, bogie_right_rad] = found;
-        Ok(Stance {
+        Ok(ContactPose {
             pose: Pose { position_m: DVec3::new(x_m, y_m, z_m), roll_rad, pitch_rad, yaw_rad },
             contact: Contact { rocker_rad, bogie_left_rad, bogie_right_rad, residual_m, iterations },
         })
     }
 
     /// Signed distance of each wheel from touching, metres: what the solvers bring to zero.
-    pub fn residuals_m(&self, stance: &Stance) -> Option<Vec<f64>> {
+    pub fn residuals_m(&self, stance: &ContactPose) -> Option<Vec<f64>> {
         let position = stance.pose.position_m;
         let problem = Problem::new(&self.linkage, &self.surface, position.x, position.y, stance.pose.yaw_rad);
         Some(problem.residuals(&unknowns_of(stance))?[..self.linkage.wheel_count()].to_vec())
     }
 }
 
-fn unknowns_of(stance: &Stance) -> Unknowns {
-    let Stance { pose, contact } = stance;
+fn unknowns_of(stance: &ContactPose) -> Unknowns {
+    let ContactPose { pose, contact } = stance;
     let unknowns: [f64; UNKNOWNS] = [
         pose.position_m.z,
         pose.pitch_rad,

@@ -26,7 +26,7 @@ pub(super) struct Problem<'a> {
 
 /// Whether the ground under a wheel follows the wheel as the unknowns change.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Under {
+pub(super) enum GroundDerivatives {
     /// Exact derivatives.
     Moving,
     /// The ground's height and slope held as they are.
@@ -83,7 +83,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Residuals and their derivatives by the unknowns.
-    pub fn linearised(&self, q: &Unknowns, under: Under) -> Option<(Residuals, Jacobian)> {
+    pub fn linearised(&self, q: &Unknowns, under: GroundDerivatives) -> Option<(Residuals, Jacobian)> {
         let wheels = self.linkage.place(&[q[3], q[4], q[5]]);
         let tilt = Tilt::new(q);
         let mut residuals = [0.0; MAX_WHEELS];
@@ -97,11 +97,11 @@ impl<'a> Problem<'a> {
             let scale = 1.0 / (1.0 + touch.slope.length_squared()).sqrt();
             residuals[wheel] = height * scale - self.linkage.wheel_radius_m;
             let k = match under {
-                Under::Moving => {
+                GroundDerivatives::Moving => {
                     let bend = DVec2::new(touch.slope_by_x.dot(touch.slope), touch.slope_by_y.dot(touch.slope));
                     touch.gradient * -scale - bend * (height * scale * scale * scale)
                 }
-                Under::Frozen => DVec2::ZERO,
+                GroundDerivatives::Frozen => DVec2::ZERO,
             };
             // World -> heading frame, in which the tilted offsets are.
             let weight = DVec3::new(self.ahead.dot(k), self.ahead.perp_dot(k), scale);

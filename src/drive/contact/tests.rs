@@ -7,8 +7,8 @@ use super::super::linkage::Linkage;
 use super::super::params::ContactSolver;
 use super::super::surface::Surface;
 use super::super::{DriveError, Rover};
-use super::residual::{Problem, UNKNOWNS, Under, Unknowns, sum_of_squares};
-use super::{Stance, Stander, minimise, unknowns_of};
+use super::residual::{GroundDerivatives, Problem, UNKNOWNS, Unknowns, sum_of_squares};
+use super::{ContactPose, Stander, minimise, unknowns_of};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::random::Purpose;
@@ -117,7 +117,7 @@ fn equal_residuals_and_wheel_centres_by_whole_transforms() {
         let scene = hills(seed);
         let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
         for (x, y, yaw) in places(seed, 20.0, 20) {
-            let Stance { pose, contact } = stander.stand(x, y, yaw, None).unwrap();
+            let ContactPose { pose, contact } = stander.stand(x, y, yaw, None).unwrap();
             let angles = [contact.rocker_rad, contact.bogie_left_rad, contact.bogie_right_rad];
             for centre in linkage.place(&angles).centres_m {
                 let centre = pose.transform().point(centre);
@@ -155,7 +155,7 @@ fn equal_derivatives_and_central_differences() {
             let problem = Problem::new(&linkage, &surface, 5.013, 4.021, 0.7);
             let ground = scene.ground.height_m(5.013, 4.021);
             let q: Unknowns = [ground + 0.01, 0.1, -0.15, 0.05, -0.1, 0.12];
-            let (_, jacobian) = problem.linearised(&q, Under::Moving).unwrap();
+            let (_, jacobian) = problem.linearised(&q, GroundDerivatives::Moving).unwrap();
             for i in 0..problem.unknowns() {
                 // Small enough to stay in one raster cell.
                 let moved = |by: f64| {
@@ -184,7 +184,7 @@ fn law_a_rigid_chassis_stands_where_its_least_squares_are_stationary() {
         for (x, y, yaw) in places(seed, 20.0, 20) {
             let stance = stander.stand(x, y, yaw, None).unwrap();
             let problem = Problem::new(&linkage, &surface, x, y, yaw);
-            let (e, jacobian) = problem.linearised(&unknowns_of(&stance), Under::Moving).unwrap();
+            let (e, jacobian) = problem.linearised(&unknowns_of(&stance), GroundDerivatives::Moving).unwrap();
             for i in 0..3 {
                 let gradient: f64 = e.iter().zip(&jacobian).map(|(e, row)| e * row[i]).sum();
                 assert!(gradient.abs() < 1e-12, "{seed} {i}: {gradient:e} {stance:?}");

@@ -26,7 +26,7 @@ use crate::parallel::PoolError;
 use crate::plan::Plan;
 use crate::sweep::PatternError;
 
-pub use parts::{PARTS, Part, Price, interleaved};
+pub use parts::{PARTS, Part, PartCost, interleaved};
 pub use sample::Figure;
 pub use storage::Storage;
 
@@ -83,7 +83,7 @@ pub struct FamilyCost {
     pub scenes: u64,
     /// CPU seconds a scene: all of it, where the parts were measured.
     pub scene_s: Option<f64>,
-    pub parts: Vec<(&'static Part, Price)>,
+    pub parts: Vec<(&'static Part, PartCost)>,
 }
 
 impl Estimate {

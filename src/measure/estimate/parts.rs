@@ -34,12 +34,12 @@ pub struct Part {
 
 /// CPU seconds a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Price {
+pub struct PartCost {
     pub cpu_s: f64,
     pub standard_error_s: f64,
 }
 
-impl Price {
+impl PartCost {
     /// More than twice its standard error from nothing.
     pub fn is_told_apart(&self) -> bool {
         self.cpu_s.abs() > 2.0 * self.standard_error_s
@@ -163,7 +163,7 @@ impl Pairs {
     }
 
     /// The price of part `k`.
-    fn price(&self, k: usize) -> Price {
+    fn price(&self, k: usize) -> PartCost {
         let sign = if self.parts[k].name == "attempts" { -1.0 } else { 1.0 };
         let differences: Vec<f64> = self.taken_s.iter().map(|s| sign * (s[0] - s[k + 1])).collect();
         mean_with_error(&differences)
@@ -177,12 +177,12 @@ impl Pairs {
     }
 }
 
-fn mean_with_error(values: &[f64]) -> Price {
+fn mean_with_error(values: &[f64]) -> PartCost {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
     let standard_error_s = if count > 1.0 { (squares / (count - 1.0) / count).sqrt() } else { f64::INFINITY };
-    Price { cpu_s: mean, standard_error_s }
+    PartCost { cpu_s: mean, standard_error_s }
 }
 
 /// What every part of every family costs; nothing where no time is given for it.

@@ -47,7 +47,7 @@ pub(super) struct Made {
     pub scans: usize,
     pub poses: Vec<PoseError>,
     /// `None` where the kept scans are another attempt's: nothing can be matched.
-    pub against: Option<Against>,
+    pub against: Option<Comparison>,
     pub ranges: Option<RangeErrors>,
     pub counts: Counts,
     /// Empty where no classifier learns them or is tested on them.
@@ -71,7 +71,7 @@ impl Counts {
 
 /// What differs from the reference.
 #[derive(Clone, Debug)]
-pub(super) struct Against {
+pub(super) struct Comparison {
     pub cells: Change,
     pub drive: Vec<DriveShift>,
 }
@@ -87,7 +87,7 @@ pub(super) struct Measured {
 pub(super) type AtAll = Vec<Result<Made, String>>;
 
 /// A scene just made.
-struct Fresh {
+struct Rerun {
     costs: Costs,
     attempts: u32,
     cells: SceneCells,
@@ -143,17 +143,17 @@ fn scene_everywhere(
     columns: &[usize],
     scratch: &mut Scratch,
 ) -> AtAll {
-    let mut fresh: Vec<Option<Result<Fresh, String>>> = prepared.iter().map(|_| None).collect();
+    let mut fresh: Vec<Option<Result<Rerun, String>>> = prepared.iter().map(|_| None).collect();
     for k in (0..prepared.len()).map(|k| (k + turn) % prepared.len()) {
         let mut costs = Costs::start();
         let replay = replay_scene(&prepared[k], scene_id, scratch, &mut costs);
         let costs = costs.finish();
         fresh[k] = Some(match replay {
-            Ok(replay) => Ok(Fresh::of(replay, costs, columns, k == 0)),
+            Ok(replay) => Ok(Rerun::of(replay, costs, columns, k == 0)),
             Err(failed) => Err(failed.to_string()),
         });
     }
-    let mut fresh: Vec<Result<Fresh, String>> = fresh.into_iter().map(|f| f.expect("each was made")).collect();
+    let mut fresh: Vec<Result<Rerun, String>> = fresh.into_iter().map(|f| f.expect("each was made")).collect();
     let (reference, others) = fresh.split_first_mut().expect("there is a reference");
     let mut all = vec![reference.as_mut().map_err(|reason| reason.clone()).map(|it| {
         let cells = std::mem::take(&mut it.cells);
@@ -178,10 +178,10 @@ fn scene_everywhere(
     all
 }
 
-impl Fresh {
-    fn of(replay: Replay, costs: Costs, columns: &[usize], is_reference: bool) -> Fresh {
+impl Rerun {
+    fn of(replay: Replay, costs: Costs, columns: &[usize], is_reference: bool) -> Rerun {
         let kept = replay.poses.iter().filter(|pose| pose.scan_id.is_some());
-        Fresh {
+        Rerun {
             costs,
             attempts: replay.attempts,
             cells: SceneCells::of(&replay.scans, columns),
@@ -192,20 +192,20 @@ impl Fresh {
         }
     }
 
-    fn made(&self, cells: SceneCells, against: Option<Against>, ranges: Option<RangeErrors>) -> Made {
+    fn made(&self, cells: SceneCells, against: Option<Comparison>, ranges: Option<RangeErrors>) -> Made {
         let poses: Vec<PoseError> = self.poses.iter().map(|(truth, estimate)| pose_error(truth, estimate)).collect();
         let counts = Counts::of(&cells);
         Made { costs: self.costs, scans: poses.len(), poses, against, ranges, counts, cells }
     }
 
-    fn against_itself(&self, cells: &SceneCells) -> Against {
+    fn against_itself(&self, cells: &SceneCells) -> Comparison {
         self.against(self, cells, cells)
     }
 
-    fn against(&self, reference: &Fresh, old: &SceneCells, new: &SceneCells) -> Against {
+    fn against(&self, reference: &Rerun, old: &SceneCells, new: &SceneCells) -> Comparison {
         let pairs = reference.poses.iter().zip(&self.poses);
         let drive = pairs.map(|((old, _), (new, _))| drive_shift(old, new)).collect();
-        Against { cells: compare(old, new), drive }
+        Comparison { cells: compare(old, new), drive }
     }
 
     /// The reference's last kept beams, cast as another plan casts; `None` where it casts them alike, or has another yard.

@@ -118,7 +118,7 @@ impl GroundGrid {
 
     /// Fits the ground to what has been entered.
     pub fn fit(&mut self) {
-        widest(Fit(self));
+        widest(PlaneFit(self));
     }
 
     #[inline(always)]
@@ -172,7 +172,7 @@ impl GroundGrid {
                 let cells = at..at + LANES;
                 let (lowest_m, weight) = (&lowest_m[cells.clone()], &mut weight[cells.clone()]);
                 let weighted_m = &mut weighted_m[cells];
-                let ground_m = Between::new(&self.node_m, self.nodes, row).block_m(block);
+                let ground_m = Bilinear::new(&self.node_m, self.nodes, row).block_m(block);
                 let mut other = false;
                 for c in 0..LANES {
                     let above_m = lowest_m[c] - ground_m[c];
@@ -201,7 +201,7 @@ impl GroundGrid {
                 let at = row * self.cells.width + block * LANES;
                 let highest_m = &self.highest_m[at..at + LANES];
                 let standing_m = &mut self.standing_m[at..at + LANES];
-                let ground_m = Between::new(&self.node_m, self.nodes, row).block_m(block);
+                let ground_m = Bilinear::new(&self.node_m, self.nodes, row).block_m(block);
                 for c in 0..LANES {
                     let above_m = highest_m[c] - ground_m[c];
                     standing_m[c] = if highest_m[c] == f64::NEG_INFINITY { f64::NAN } else { above_m };
@@ -251,17 +251,17 @@ fn widen(rows: &mut Range<usize>, row: usize) {
 }
 
 /// A row of cells between two rows of nodes.
-struct Between<'a> {
+struct Bilinear<'a> {
     rows: [&'a [f64]; 2],
     /// From the first row of nodes to the second.
     share: f64,
 }
 
-impl<'a> Between<'a> {
+impl<'a> Bilinear<'a> {
     #[inline(always)]
-    fn new(node_m: &'a [f64], nodes: usize, row: usize) -> Between<'a> {
+    fn new(node_m: &'a [f64], nodes: usize, row: usize) -> Bilinear<'a> {
         let share = (row % CELLS_A_NODE) as f64 / CELLS_A_NODE as f64;
-        Between { rows: node_rows(node_m, nodes, row / CELLS_A_NODE), share }
+        Bilinear { rows: node_rows(node_m, nodes, row / CELLS_A_NODE), share }
     }
 
     /// The ground at the cells of a block; nonsense beyond the last node.
@@ -294,9 +294,9 @@ fn between(rows: [&[f64]; 2], col: usize, u: f64, v: f64) -> f64 {
 }
 
 /// The fit, in the machine's widest form.
-struct Fit<'a>(&'a mut GroundGrid);
+struct PlaneFit<'a>(&'a mut GroundGrid);
 
-impl Work for Fit<'_> {
+impl Work for PlaneFit<'_> {
     type Out = ();
 
     #[inline(always)]

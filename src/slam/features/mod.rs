@@ -87,7 +87,7 @@ impl Extractor {
     pub fn extract<'s>(&mut self, returns: &'s Returns, roll_rad: f64, pitch_rad: f64) -> (&[Feature], Visibility<'s>) {
         let level = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation() * self.rover_from_sensor;
         let bins = self.bins(&returns.pattern);
-        widest(Gather { extractor: self, returns, level: &level });
+        widest(ClusterPass { extractor: self, returns, level: &level });
         self.grid.fit();
         self.clusters.grow(&self.grid, OBJECT_M);
         self.collect(returns, &level);
@@ -212,13 +212,13 @@ fn levelled(level: &DMat3, returns: &Returns, first: usize) -> [[f64; BLOCK]; 3]
 }
 
 /// [`Extractor::gather`], in the machine's widest form.
-struct Gather<'a> {
+struct ClusterPass<'a> {
     extractor: &'a mut Extractor,
     returns: &'a Returns,
     level: &'a DMat3,
 }
 
-impl Work for Gather<'_> {
+impl Work for ClusterPass<'_> {
     type Out = ();
 
     #[inline(always)]

@@ -18,7 +18,7 @@ use crate::geometry::DVec3;
 const STRIDE_CELLS: usize = 8;
 
 /// A sensor above a raster ground, ready to be cast from.
-pub struct Above {
+pub struct HorizonProfile {
     skyline: Skyline,
     view: View,
     origin_m: DVec3,
@@ -67,10 +67,10 @@ impl Axes {
     }
 }
 
-impl Above {
+impl HorizonProfile {
     /// `None` for a sensor beside the yard or below its ground.
-    pub fn new(ground: &RasterCaster, origin_m: DVec3, reach_m: f64) -> Option<Above> {
-        ground.is_under(origin_m).then(|| Above {
+    pub fn new(ground: &RasterCaster, origin_m: DVec3, reach_m: f64) -> Option<HorizonProfile> {
+        ground.is_under(origin_m).then(|| HorizonProfile {
             skyline: Skyline::new(ground, origin_m, reach_m),
             view: ground.view(origin_m),
             origin_m,
@@ -81,7 +81,7 @@ impl Above {
     /// Solves one block of rays up to `max_m`.
     #[inline(always)]
     pub fn solve(&self, ground: &RasterCaster, dirs: &[DVec3; LANES], max_m: f64, ranges: &mut Lanes) {
-        let Above { skyline, view, .. } = self;
+        let HorizonProfile { skyline, view, .. } = self;
         let mut rays = Rays { x: Axes::still(view.x), y: Axes::still(view.y), dz: [0.0; LANES], to: [0.0; LANES] };
         let (mut level, mut slope) = ([0.0; LANES], [0.0f64; LANES]);
         for l in 0..LANES {

@@ -35,7 +35,7 @@ impl MeshCaster {
         let ground = Raster::sampled(scene.extent_m, spacing_m, |x, y| scene.ground.height_m(x, y));
         let middle = 0.5 * scene.extent_m;
         let centre_m = DVec3::new(middle, middle, scene.ground.height_m(middle, middle));
-        let mut soup = Soup { centre_m, triangles: Vec::new(), objects: Vec::new() };
+        let mut soup = TriangleSoup { centre_m, triangles: Vec::new(), objects: Vec::new() };
         soup.ground(&ground);
         for obstacle in &scene.obstacles {
             soup.object(&obstacle.body().shape, obstacle.id);
@@ -68,13 +68,13 @@ impl MeshCaster {
 }
 
 /// Triangles under collection.
-struct Soup {
+struct TriangleSoup {
     centre_m: DVec3,
     triangles: Vec<Triangle>,
     objects: Vec<i32>,
 }
 
-impl Soup {
+impl TriangleSoup {
     fn add(&mut self, corners: [DVec3; 3], object: i32) {
         let [v0, v1, v2] = corners.map(|p| {
             let p = p - self.centre_m;

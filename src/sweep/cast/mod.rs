@@ -32,7 +32,7 @@ pub(super) use origin::SWEEP_RAYS;
 use mesh::MeshCaster;
 use origin::GroundFrom;
 use packets::Packets;
-use places::Places;
+use places::ObstacleGrid;
 use polynomial::PolynomialCaster;
 use raster::RasterCaster;
 use tree::Tree;
@@ -73,7 +73,7 @@ pub struct Caster<'a> {
     ground: GroundCaster<'a>,
     /// For rays of any origin; a sweep casts none.
     tree: OnceLock<Tree>,
-    places: Places,
+    places: ObstacleGrid,
 }
 
 enum GroundCaster<'a> {
@@ -100,7 +100,7 @@ impl<'a> Caster<'a> {
             }
             (Cast::Mesh(sampling), _) => GroundCaster::Mesh(MeshCaster::new(scene, sampling.spacing_m)),
         };
-        Caster { scene, ground, tree: OnceLock::new(), places: Places::new(extent_m) }
+        Caster { scene, ground, tree: OnceLock::new(), places: ObstacleGrid::new(extent_m) }
     }
 
     /// The scene that is cast at.
@@ -130,7 +130,7 @@ impl<'a> Caster<'a> {
     pub fn from(&self, origin_m: DVec3, max_range_m: f64) -> Origin<'_> {
         let ground = match &self.ground {
             GroundCaster::Polynomial(ground) => match ground.near(origin_m, max_range_m) {
-                Some(near) => GroundFrom::Near(Box::new(near), ground),
+                Some(near) => GroundFrom::LocalSeries(Box::new(near), ground),
                 None => GroundFrom::Polynomial(ground),
             },
             GroundCaster::Raster(ground) => GroundFrom::Raster(ground, OnceLock::new()),

@@ -17,7 +17,7 @@ const STEPS: usize = 12;
 
 /// The ground about a sensor, and how far this expansion serves.
 #[derive(Clone)]
-pub struct Near {
+pub struct LocalSeries {
     pub degree: usize,
     /// `table[k][j]` goes with X^(k-j) Y^j, metres.
     pub table: [Series; MAX_DEGREE + 1],
@@ -65,7 +65,7 @@ pub struct Dirs<'a> {
 
 /// Solves one block of rays up to `max_m`.
 #[inline(always)]
-pub fn solve<const N: usize>(near: &Near, dirs: Dirs, max_m: f64, block: &mut Block) {
+pub fn solve<const N: usize>(near: &LocalSeries, dirs: Dirs, max_m: f64, block: &mut Block) {
     let mut t = extent(near, dirs, max_m, block);
     forms::<N>(near, dirs, &mut block.series);
     let bound = curvature::<N>(&block.series, &block.end_m);
@@ -101,7 +101,7 @@ pub fn solve<const N: usize>(near: &Near, dirs: Dirs, max_m: f64, block: &mut Bl
 /// The part of each ray over the yard, between the lowest and the highest ground and within reach: its end goes to the
 /// block, its start is returned (NaN, the mark of a ray that is done, where there is no such part).
 #[inline(always)]
-fn extent(near: &Near, dirs: Dirs, max_m: f64, block: &mut Block) -> Lanes {
+fn extent(near: &LocalSeries, dirs: Dirs, max_m: f64, block: &mut Block) -> Lanes {
     let Dirs { x: dx, y: dy, z: dz } = dirs;
     let inverse = |d: f64| 1.0 / if d == 0.0 { 1e-300 } else { d };
     let [west, east, south, north] = near.square_m;
@@ -127,7 +127,7 @@ fn extent(near: &Near, dirs: Dirs, max_m: f64, block: &mut Block) -> Lanes {
     clippy::needless_range_loop,
     reason = "plain counted loops are unrolled; iterator chains cost a sixth of the rate"
 )]
-fn forms<const N: usize>(near: &Near, dirs: Dirs, p: &mut [Lanes; MAX_DEGREE + 1]) {
+fn forms<const N: usize>(near: &LocalSeries, dirs: Dirs, p: &mut [Lanes; MAX_DEGREE + 1]) {
     let Dirs { x: dx, y: dy, z: dz } = dirs;
     let mut powers = [[1.0; LANES]; MAX_DEGREE + 1];
     for k in 1..N + 1 {

@@ -5,12 +5,12 @@
 
 use std::sync::OnceLock;
 
-use super::march::Above;
+use super::march::HorizonProfile;
 use super::mesh::MeshCaster;
-use super::newton::{self, Block, Dirs, LANES, Lanes, Near, each, smaller};
+use super::newton::{self, Block, Dirs, LANES, Lanes, LocalSeries, each, smaller};
 use super::packets::Packets;
 use super::polynomial::PolynomialCaster;
-use super::raster::{RasterCaster, Waiting};
+use super::raster::{MarchStack, RasterCaster};
 use super::{Hit, is_ray, series};
 use crate::geometry::DVec3;
 use crate::wide::{self, Work};
@@ -31,10 +31,10 @@ pub struct Origin<'a> {
 
 pub(super) enum GroundFrom<'a> {
     /// An expansion about the sensor, and the ground itself for what lies beyond its reach.
-    Near(Box<Near>, &'a PolynomialCaster<'a>),
+    LocalSeries(Box<LocalSeries>, &'a PolynomialCaster<'a>),
     Polynomial(&'a PolynomialCaster<'a>),
     /// The ground, and how the sensor stands above it: looked at when a sweep is cast, not for a few rays.
-    Raster(&'a RasterCaster<'a>, OnceLock<Option<Above>>),
+    Raster(&'a RasterCaster<'a>, OnceLock<Option<HorizonProfile>>),
     Mesh(&'a MeshCaster),
 }
 
@@ -55,7 +55,7 @@ impl Origin<'_> {
         if let GroundFrom::Raster(ground, above) = &self.ground
             && dirs.len() >= SWEEP_RAYS
         {
-            above.get_or_init(|| Above::new(ground, self.origin_m, self.max_range_m));
+            above.get_or_init(|| HorizonProfile::new(ground, self.origin_m, self.max_range_m));
         }
         hits.reserve(dirs.len());
         wide::widest(CastBlocks { origin: self, dirs, hits });
@@ -64,7 +64,7 @@ impl Origin<'_> {
     #[inline(always)]
     fn blocks<const N: usize>(&self, dirs: &[DVec3], hits: &mut Vec<Hit>) {
         let mut block = Block::new();
-        let mut waiting = Waiting::default();
+        let mut waiting = MarchStack::default();
         let mut parted = [[[0.0; LANES]; BLOCKS]; 3];
         for rays in dirs.chunks(BLOCKS * LANES) {
             part(rays, &mut parted);
@@ -88,9 +88,9 @@ impl Origin<'_> {
 
     /// The ground's part of a block: `block.range_m`. `rays` are the directions without what fills the block up.
     #[inline(always)]
-    fn ground_block<const N: usize>(&self, dirs: Dirs, rays: &[DVec3], block: &mut Block, waiting: &mut Waiting) {
+    fn ground_block<const N: usize>(&self, dirs: Dirs, rays: &[DVec3], block: &mut Block, waiting: &mut MarchStack) {
         match &self.ground {
-            GroundFrom::Near(near, ground) if N > 0 => {
+            GroundFrom::LocalSeries(near, ground) if N > 0 => {
                 newton::solve::<N>(near, dirs, self.max_range_m, block);
                 self.finish_rays(near, ground, rays, block);
             }
@@ -107,7 +107,7 @@ impl Origin<'_> {
                     ground.first_hit_with(waiting, self.origin_m, dir, self.max_range_m)
                 }),
             },
-            GroundFrom::Near(..) | GroundFrom::Mesh(_) => block.range_m = [f64::INFINITY; LANES],
+            GroundFrom::LocalSeries(..) | GroundFrom::Mesh(_) => block.range_m = [f64::INFINITY; LANES],
         }
     }
 
@@ -121,7 +121,7 @@ impl Origin<'_> {
 
     /// What the block left open: rays that did not settle, and the way beyond the expansion's reach.
     #[inline(always)]
-    fn finish_rays(&self, near: &Near, ground: &PolynomialCaster, rays: &[DVec3], block: &mut Block) {
+    fn finish_rays(&self, near: &LocalSeries, ground: &PolynomialCaster, rays: &[DVec3], block: &mut Block) {
         let farther = near.reach_m < self.max_range_m;
         let mut open = 0u32;
         for l in 0..LANES {
@@ -173,7 +173,7 @@ impl Work for CastBlocks<'_> {
     #[inline(always)]
     fn run(self) {
         let CastBlocks { origin, dirs, hits } = self;
-        let degree = if let GroundFrom::Near(near, _) = &origin.ground { near.degree.max(1) } else { 0 };
+        let degree = if let GroundFrom::LocalSeries(near, _) = &origin.ground { near.degree.max(1) } else { 0 };
         cast_of_degree(degree, origin, dirs, hits);
     }
 }

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use super::convex;
 use super::newton::{Dirs, LANES, Lanes, bits, each, smaller};
-use super::places::Places;
+use super::places::ObstacleGrid;
 use super::planes::Planes;
 use super::sectors::{Cone, Sectors, View, of_all};
 use crate::geometry::DVec3;
@@ -38,7 +38,7 @@ struct Body {
 
 impl<'a> Packets<'a> {
     /// `None` where nothing is in reach.
-    pub fn new(obstacles: &'a [Obstacle], places: &Places, origin: DVec3, reach_m: f64) -> Option<Packets<'a>> {
+    pub fn new(obstacles: &'a [Obstacle], places: &ObstacleGrid, origin: DVec3, reach_m: f64) -> Option<Packets<'a>> {
         let mut near: Vec<(f64, usize, DVec3, f64)> = Vec::new();
         places.near(obstacles, origin.truncate(), reach_m, |index, (centre, radius)| {
             // A hair of slack for the rounding of the centre's place.

@@ -22,7 +22,7 @@ const ROAMING: f64 = 0.125;
 pub type Sphere = (DVec3, f64);
 
 /// The obstacles of a yard by where they stand.
-pub struct Places {
+pub struct ObstacleGrid {
     extent_m: f64,
     /// About the point of the first query.
     near: OnceLock<Window>,
@@ -55,9 +55,9 @@ struct Square {
     spheres: OnceLock<Box<[OnceLock<Sphere>]>>,
 }
 
-impl Places {
-    pub fn new(extent_m: f64) -> Places {
-        Places { extent_m, near: OnceLock::new(), all: OnceLock::new() }
+impl ObstacleGrid {
+    pub fn new(extent_m: f64) -> ObstacleGrid {
+        ObstacleGrid { extent_m, near: OnceLock::new(), all: OnceLock::new() }
     }
 
     /// Calls `take` for every obstacle within reach (and maybe some that are not), in no order that means anything, with its place

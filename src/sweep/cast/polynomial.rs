@@ -5,7 +5,7 @@
 //! against the fitted square, and each piece is solved by [`series::first_crossing`] about its own centre. Beyond the
 //! yard there is no ground, although the fit goes on. A ray that starts below the surface meets it from below.
 
-use super::newton::Near;
+use super::newton::LocalSeries;
 use super::series::{self, Series};
 use crate::geometry::DVec3;
 use crate::scene::Polynomial;
@@ -96,7 +96,7 @@ impl<'a> PolynomialCaster<'a> {
     }
 
     /// What rays from one point share, or `None` where they must be cast one by one: from off the yard or from below.
-    pub fn near(&self, origin: DVec3, max_m: f64) -> Option<Near> {
+    pub fn near(&self, origin: DVec3, max_m: f64) -> Option<LocalSeries> {
         let yard = 0.0..=self.extent_m;
         if !yard.contains(&origin.x) || !yard.contains(&origin.y) || !origin.z.is_finite() {
             return None;
@@ -116,7 +116,7 @@ impl<'a> PolynomialCaster<'a> {
         let beyond = |to_border_m: f64| if to_border_m == 0.0 { f64::EPSILON * self.extent_m } else { to_border_m };
         let square_m = [-origin.x, beyond(self.extent_m - origin.x), -origin.y, beyond(self.extent_m - origin.y)];
         let to_border = square_m.iter().fold(f64::INFINITY, |least, side| least.min(side.abs()));
-        Some(Near {
+        Some(LocalSeries {
             degree: self.ground.degree.max(1),
             table,
             z_m: origin.z,

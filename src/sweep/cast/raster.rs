@@ -84,7 +84,7 @@ struct Visit {
 
 /// Blocks that wait for their visit, nearest last.
 #[derive(Default)]
-pub struct Waiting(Vec<Visit>);
+pub struct MarchStack(Vec<Visit>);
 
 impl<'a> RasterCaster<'a> {
     pub fn new(raster: Cow<'a, Raster>, extent_m: f64) -> RasterCaster<'a> {
@@ -114,12 +114,12 @@ impl<'a> RasterCaster<'a> {
 
     /// Range of the first crossing in [0, to].
     pub fn first_hit(&self, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
-        self.first_hit_with(&mut Waiting::default(), origin, dir, to)
+        self.first_hit_with(&mut MarchStack::default(), origin, dir, to)
     }
 
     /// As [`Self::first_hit`], with a list that many rays share.
     #[inline]
-    pub fn first_hit_with(&self, waiting: &mut Waiting, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
+    pub fn first_hit_with(&self, waiting: &mut MarchStack, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
         let mut ray = self.view(origin).ray(dir, to);
         if ray.from > ray.to {
             return None;

@@ -4,7 +4,7 @@ use super::backprop::Backprop;
 use super::diagonal::Diagonal;
 use super::ekf::Ekf;
 use super::groups::groups;
-use super::guarded::Guarded;
+use super::guarded::CheckedFilter;
 use super::lanes::{Isa, Real};
 use super::linearised::Linearised;
 use super::noise::Noise;
@@ -46,7 +46,7 @@ fn one_group<T: Real>(params: &EkfParams, layout: &Layout, clip: f64) -> Box<dyn
         Box::new(Linearised::new(Ud::<T>::new(size, noise.p0, params.batch, isa), noise, size, clip))
     } else {
         let plain = Ekf::<T>::new("ekf", groups(layout, Groups::One), noise.p0, params.batch, isa);
-        Box::new(Linearised::new(Guarded::new(plain, isa), noise, size, clip))
+        Box::new(Linearised::new(CheckedFilter::new(plain, isa), noise, size, clip))
     }
 }
 

@@ -12,7 +12,7 @@ use super::state::{Reader, Writer};
 use super::ud::Ud;
 
 /// The filter with covariances of element type `T`.
-pub struct Guarded<T: Real> {
+pub struct CheckedFilter<T: Real> {
     form: Form<T>,
     kind: String,
     isa: Isa,
@@ -23,13 +23,13 @@ enum Form<T: Real> {
     Factored(Ud<T>),
 }
 
-impl<T: Real> Guarded<T> {
-    pub fn new(plain: Ekf<T>, isa: Isa) -> Guarded<T> {
-        Guarded { kind: plain.kind().to_string(), form: Form::Plain(plain), isa }
+impl<T: Real> CheckedFilter<T> {
+    pub fn new(plain: Ekf<T>, isa: Isa) -> CheckedFilter<T> {
+        CheckedFilter { kind: plain.kind().to_string(), form: Form::Plain(plain), isa }
     }
 }
 
-impl<T: Real> Learner for Guarded<T> {
+impl<T: Real> Learner for CheckedFilter<T> {
     /// Of the plain form, whichever learns: a state of either goes on in a filter of the same settings.
     fn kind(&self) -> &str {
         &self.kind

@@ -7,7 +7,7 @@ use super::noise::Noise;
 use super::state::{Reader, Writer};
 use super::{Counters, Filter, FilterError, FilterState};
 use crate::train::Network;
-use crate::train::network::Tape;
+use crate::train::network::Activations;
 
 /// A batch of rows, linearised at the same weights.
 pub struct Rows<'a> {
@@ -57,7 +57,7 @@ pub struct Linearised<L> {
     noise: Noise,
     clip: f64,
     counters: Counters,
-    tape: Tape,
+    tape: Activations,
     jacobian: Vec<f64>,
     innovations: Vec<f64>,
     row_noise: Vec<f64>,
@@ -72,7 +72,7 @@ impl<L: Learner> Linearised<L> {
             noise,
             clip,
             counters: Counters::default(),
-            tape: Tape::default(),
+            tape: Activations::default(),
             jacobian: vec![0.0; batch * weights],
             innovations: Vec::with_capacity(batch),
             row_noise: Vec::with_capacity(batch),

@@ -12,13 +12,13 @@ pub const ROWS: usize = 4;
 /// Four rows by one chunk of columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct Tile<C>(pub [C; ROWS]);
+pub struct CovarianceBlock<C>(pub [C; ROWS]);
 
 /// Lower triangle of a `size` x `size` matrix.
 #[derive(Clone, Debug)]
 pub struct Triangle<T: Real> {
     size: usize,
-    pub tiles: Vec<Tile<T::Chunk>>,
+    pub tiles: Vec<CovarianceBlock<T::Chunk>>,
 }
 
 /// For the last tile of a strip: 1 where the column is below, at, or at most the row, else 0.
@@ -50,7 +50,7 @@ pub fn start<T: Real>(strip: usize) -> usize {
 impl<T: Real> Triangle<T> {
     pub fn diagonal(size: usize, value: f64) -> Triangle<T> {
         let mut triangle = Triangle { size, tiles: Vec::new() };
-        triangle.tiles.resize(start::<T>(triangle.strips()), Tile::default());
+        triangle.tiles.resize(start::<T>(triangle.strips()), CovarianceBlock::default());
         for i in 0..size {
             triangle.set(i, i, T::of(value));
         }

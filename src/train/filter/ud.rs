@@ -12,7 +12,7 @@ use super::FilterError;
 use super::lanes::{Isa, Kernel, Real, Simd};
 use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
-use super::triangle::{ROWS, Tile, Triangle, chunks, width};
+use super::triangle::{CovarianceBlock, ROWS, Triangle, chunks, width};
 
 /// The filter with factors of element type `T`.
 pub struct Ud<T: Real> {
@@ -127,7 +127,7 @@ const FETCHED_AHEAD: usize = 128;
 
 /// Adds a tile's part to the sums of U' b.
 #[inline(always)]
-fn add<T: Real, V: Simd<T>>(tile: &Tile<T::Chunk>, b: &T::Chunk, sums: &mut [V; ROWS]) {
+fn add<T: Real, V: Simd<T>>(tile: &CovarianceBlock<T::Chunk>, b: &T::Chunk, sums: &mut [V; ROWS]) {
     let b = V::load(b);
     for r in 0..ROWS {
         V::fetch((&raw const tile.0[r]).wrapping_add(ROWS * FETCHED_AHEAD));
@@ -137,7 +137,12 @@ fn add<T: Real, V: Simd<T>>(tile: &Tile<T::Chunk>, b: &T::Chunk, sums: &mut [V; 
 
 /// Columns of a tile of U, one after the other: u += p k, and the gain k += v u of the old u.
 #[inline(always)]
-fn change<T: Real, V: Simd<T>>(tile: &mut Tile<T::Chunk>, gain: &mut T::Chunk, p: &[V; ROWS], v: &[V; ROWS]) {
+fn change<T: Real, V: Simd<T>>(
+    tile: &mut CovarianceBlock<T::Chunk>,
+    gain: &mut T::Chunk,
+    p: &[V; ROWS],
+    v: &[V; ROWS],
+) {
     let mut k = V::load(gain);
     for r in 0..ROWS {
         let u = V::load(&tile.0[r]);

@@ -9,7 +9,7 @@ use super::noise::Noise;
 use super::state::{Reader, Writer};
 use super::{Counters, Filter, FilterError, FilterState};
 use crate::train::Network;
-use crate::train::network::Tape;
+use crate::train::network::Activations;
 use crate::train::params::UkfParams;
 
 /// Largest number of weights: beyond, a row takes more than some milliseconds.
@@ -19,15 +19,15 @@ const KIND: &str = "ukf";
 
 /// The filter.
 pub struct Ukf {
-    root: Root,
+    root: SquareRoot,
     noise: Noise,
     clip: f64,
     counters: Counters,
-    tape: Tape,
+    tape: Activations,
 }
 
 /// Weights' square root of covariance, and what an update needs.
-pub struct Root {
+pub struct SquareRoot {
     p0: f64,
     alpha: f64,
     beta: f64,
@@ -47,8 +47,8 @@ pub enum Learnt {
     No,
 }
 
-impl Root {
-    pub fn new(size: usize, p0: f64, alpha: f64, beta: f64) -> Root {
+impl SquareRoot {
+    pub fn new(size: usize, p0: f64, alpha: f64, beta: f64) -> SquareRoot {
         let columns = (0..size)
             .map(|j| {
                 let mut column = vec![0.0; size - j];
@@ -56,7 +56,7 @@ impl Root {
                 column
             })
             .collect();
-        Root { p0, alpha, beta, columns, slopes: vec![0.0; size], shifted: vec![0.0; size] }
+        SquareRoot { p0, alpha, beta, columns, slopes: vec![0.0; size], shifted: vec![0.0; size] }
     }
 
     /// Learns one target of any function of the weights; they stay finite.
@@ -159,11 +159,11 @@ impl Ukf {
     pub fn new(params: &UkfParams, size: usize, clip: f64) -> Ukf {
         let noise = Noise::of(&params.noise);
         Ukf {
-            root: Root::new(size, noise.p0, params.alpha, params.beta),
+            root: SquareRoot::new(size, noise.p0, params.alpha, params.beta),
             noise,
             clip,
             counters: Counters::default(),
-            tape: Tape::default(),
+            tape: Activations::default(),
         }
     }
 }

@@ -21,7 +21,7 @@ fn exact_two_neurons_by_hand() {
     let h = sigma(0.5 * 3.0 - 0.25 * 2.0 + 0.125);
     let y = sigma(2.0 * h - 1.0);
     let mut gradient = [0.0; 5];
-    let got = network.gradient(&[3.0, 2.0], &mut Tape::default(), &mut gradient);
+    let got = network.gradient(&[3.0, 2.0], &mut Activations::default(), &mut gradient);
     assert!((got - y).abs() < 1e-15);
     let (d, e) = (y * (1.0 - y), h * (1.0 - h));
     for (got, want) in gradient.iter().zip([d * 2.0 * e * 3.0, d * 2.0 * e * 2.0, d * 2.0 * e, d * h, d]) {
@@ -34,7 +34,7 @@ fn exact_gradients_equal_central_differences() {
     for (hidden, bias) in [(&[][..], true), (&[1], false), (&[16, 16], true), (&[3, 7, 2], true), (&[5, 4], false)] {
         let mut network = network(14, hidden, bias, 3);
         let input = rows(1, 14);
-        let mut tape = Tape::default();
+        let mut tape = Activations::default();
         let mut gradient = vec![f64::NAN; network.weights.len()];
         network.gradient(&input, &mut tape, &mut gradient);
         for (k, slope) in gradient.iter().enumerate() {
@@ -61,7 +61,7 @@ fn equal_rows_alone_and_among_others_to_the_bit() {
         let rows = rows(count, 5);
         let mut outputs = vec![0.0; count];
         network.outputs(&rows, &mut outputs);
-        let mut tape = Tape::default();
+        let mut tape = Activations::default();
         for (row, output) in rows.chunks(5).zip(&outputs) {
             assert_eq!(network.output(row, &mut tape).to_bits(), output.to_bits());
         }
@@ -74,7 +74,7 @@ fn equal_instruction_sets_give_the_same_bits() {
     let input = rows(1, 14);
     let run = |isa: Isa| {
         let mut gradient = vec![0.0; network.weights.len()];
-        let mut tape = Tape::default();
+        let mut tape = Activations::default();
         let kernel = Gradient { network: &network, inputs: &input, tape: &mut tape, gradient: &mut gradient };
         let output = isa.run(kernel);
         (output.to_bits(), gradient.iter().map(|g| g.to_bits()).collect::<Vec<_>>())
@@ -85,7 +85,7 @@ fn equal_instruction_sets_give_the_same_bits() {
     let inputs = rows(333, 14);
     let many = |isa: Isa| {
         let mut outputs = vec![0.0; 333];
-        isa.run(Many { network: &network, rows: &inputs, outputs: &mut outputs });
+        isa.run(NetworkBatch { network: &network, rows: &inputs, outputs: &mut outputs });
         outputs.iter().map(|y| y.to_bits()).collect::<Vec<_>>()
     };
     let want = many(Isa::PORTABLE);
@@ -100,7 +100,7 @@ fn extreme_arguments_saturate_without_nan() {
     let mut network = network(3, &[4], true, 1);
     network.weights.iter_mut().for_each(|w| *w *= 1e6);
     let mut gradient = vec![f64::NAN; network.weights.len()];
-    let output = network.gradient(&[1e4, -1e4, 1e3], &mut Tape::default(), &mut gradient);
+    let output = network.gradient(&[1e4, -1e4, 1e3], &mut Activations::default(), &mut gradient);
     assert!((0.0..=1.0).contains(&output) && gradient.iter().all(|g| g.is_finite()));
     let up = math::exp(1e4);
     let (value, slope) = (up / (1.0 + up), up / ((1.0 + up) * (1.0 + up)));

@@ -15,7 +15,7 @@ use crate::train::stopping::Stop;
 
 /// Where training stands in the stream.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Place {
+pub(super) struct Cursor {
     pub epoch: u32,
     pub window: u32,
     /// Rows of the window that are learnt.
@@ -26,7 +26,7 @@ pub(super) struct Place {
 
 /// What a killed run left.
 pub(super) struct Checkpoint {
-    pub place: Place,
+    pub place: Cursor,
     pub learnt: Learnt,
     pub looks: Looks,
     pub now: Snapshot,

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value as Json;
 
-use self::checkpoint::Place;
+use self::checkpoint::Cursor;
 use self::finished::Finished;
 pub use self::summary::Summary;
 use super::filter::Counters;
@@ -146,7 +146,7 @@ struct Training<'s> {
     identity: Json,
     validation: Validation,
     learner: Learner,
-    place: Place,
+    place: Cursor,
     looks: Looks,
     log: LookLog,
     started: Instant,
@@ -163,7 +163,7 @@ impl Training<'_> {
             self.save(tell)?;
         }
         if self.place.stopped.is_none() {
-            let Place { epoch, window, .. } = self.place;
+            let Cursor { epoch, window, .. } = self.place;
             let course = Course { seed: self.setup.params.seed, epoch, window, epochs: self.setup.params.epochs };
             for window in Stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead) {
                 let going_on = self.window(&window?, stop, tell)?;

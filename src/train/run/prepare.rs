@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value as Json;
 
-use super::checkpoint::{Checkpoint, Place};
+use super::checkpoint::{Checkpoint, Cursor};
 use super::{Event, Init, Setup, Start, Training};
 use crate::corpus::Split;
 use crate::train::folder::{self, RunFolder};
@@ -52,7 +52,7 @@ impl<'s> Training<'s> {
             Some(run) => run,
             None => begin(setup)?,
         };
-        let (mut place, mut looks) = (Place::default(), Looks::default());
+        let (mut place, mut looks) = (Cursor::default(), Looks::default());
         if let Some(checkpoint) = Checkpoint::read(setup, &run, &identity, weights)? {
             if !checkpoint.checked {
                 tell(Event::Note("the checkpoint is of an earlier marsyard, and has no checksum to be judged by"));

@@ -11,7 +11,7 @@ use marsyard::drive::Reading;
 use marsyard::math;
 use marsyard::slam::Feature;
 use marsyard::slam::measurement::{Mounting, View, innovation};
-use marsyard::slam::motion::{Belief, Control, MotionNoise};
+use marsyard::slam::motion::{Control, GaussianPose, MotionNoise};
 
 pub struct EkfSlam {
     pub mean: Vec<f64>,
@@ -46,7 +46,7 @@ impl EkfSlam {
             }
         }
         let covariance = std::array::from_fn(|r| std::array::from_fn(|c| self.covariance[r][c]));
-        let mut belief = Belief { mean: pose, covariance };
+        let mut belief = GaussianPose { mean: pose, covariance };
         belief.drive(control, noise);
         for r in 0..6 {
             self.mean[r] = belief.mean[r];
@@ -193,7 +193,7 @@ impl EkfSlam {
 
 fn motion_jacobian(pose: &[f64; 6], control: Control) -> [[f64; 6]; 6] {
     let moved = |i: usize, by: f64| {
-        let mut belief = Belief { mean: *pose, covariance: [[0.0; 6]; 6] };
+        let mut belief = GaussianPose { mean: *pose, covariance: [[0.0; 6]; 6] };
         belief.mean[i] += by;
         let quiet = MotionNoise { distance_m_per_sqrt_m: 0.0, heading_rad_per_sqrt_m: 0.0, inflation: 0.0 };
         belief.drive(control, &quiet);

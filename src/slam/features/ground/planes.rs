@@ -25,7 +25,7 @@ const MOMENTS: usize = 5;
 
 /// The window `k` steps from its centre, where it is `g`.
 #[derive(Clone, Debug)]
-struct Tap {
+struct FilterTap {
     g: f64,
     /// 1, k, k^2.
     powers: [f64; 3],
@@ -40,7 +40,7 @@ struct Tap {
 pub struct Planes {
     side: usize,
     nodes: usize,
-    taps: Vec<Tap>,
+    taps: Vec<FilterTap>,
     /// Columns of nothing before the first, a multiple of `CELLS_A_NODE`; there are some after the last as well.
     before: usize,
     /// Moments along y by row of nodes, moment and column of cells.
@@ -67,7 +67,7 @@ impl Planes {
             let g = math::exp(-0.5 * t * t);
             let column = before + step - reach;
             let place = column % CELLS_A_NODE * phase_len + column / CELLS_A_NODE;
-            Tap { g, powers: [1.0, k, k * k], weighted: [g, g * k, g * k * k], place }
+            FilterTap { g, powers: [1.0, k, k * k], weighted: [g, g * k, g * k * k], place }
         };
         Planes {
             side,
@@ -215,7 +215,7 @@ impl Planes {
 /// The sum over rows of values by the window and a power of y. One sum at a time: of several in one loop, the compiler puts
 /// together what does not belong together.
 #[inline(always)]
-fn sum_along_y<const POWER: usize>(taps: &[Tap], values: &[f64], width: usize) -> [f64; LANES] {
+fn sum_along_y<const POWER: usize>(taps: &[FilterTap], values: &[f64], width: usize) -> [f64; LANES] {
     let mut sum = [0.0; LANES];
     for (row, tap) in taps.iter().enumerate() {
         let values = &values[row * width..][..LANES];
@@ -289,13 +289,13 @@ mod tests {
     }
 
     /// A grid that has seen other points before.
-    struct Second(f64, f64);
+    struct SecondMoments(f64, f64);
 
-    impl Work for Second {
+    impl Work for SecondMoments {
         type Out = GroundGrid;
         #[inline(always)]
         fn run(self) -> GroundGrid {
-            let Second(half_m, cell_m) = self;
+            let SecondMoments(half_m, cell_m) = self;
             let mut grid = GroundGrid::new(half_m, cell_m);
             for turn in [-1.0, 1.0] {
                 grid.clear();
@@ -310,7 +310,7 @@ mod tests {
     fn equal_planes_by_lanes_and_cell_by_cell_in_every_form() {
         // Sides of 85, 86, 88, 80 and 7 cells: at and off a whole number of lanes and of nodes.
         for (half_m, cell_m) in [(4.25, 0.1), (4.3, 0.1), (4.4, 0.1), (4.0, 0.1), (1.0, 0.3)] {
-            for grid in every_form(|| Second(half_m, cell_m)) {
+            for grid in every_form(|| SecondMoments(half_m, cell_m)) {
                 let bits = |x: f64| if x.is_nan() { 0 } else { x.to_bits() };
                 for node in 0..grid.nodes * grid.nodes {
                     let plain = plane_by_cells_m(&grid, node / grid.nodes, node % grid.nodes);

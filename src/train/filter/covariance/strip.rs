@@ -6,7 +6,7 @@
 #![allow(clippy::needless_range_loop)] // Lanes and rows of small arrays, by number.
 
 use crate::train::filter::lanes::{Real, Simd};
-use crate::train::filter::triangle::{Masks, ROWS, Tile};
+use crate::train::filter::triangle::{CovarianceBlock, Masks, ROWS};
 
 /// The elements of a vector that stand at a strip's rows.
 #[inline(always)]
@@ -27,7 +27,7 @@ pub fn put_rows<T: Real>(vector: &mut [T::Chunk], strip: usize, four: &[T; ROWS]
 /// `room` for each chunk's; `at_rows` holds their elements at the strips' rows.
 #[inline(always)]
 pub fn apply<T: Real, V: Simd<T>, const N: usize>(
-    strips: &mut [&mut [Tile<T::Chunk>]; N],
+    strips: &mut [&mut [CovarianceBlock<T::Chunk>]; N],
     pending: &[T::Chunk],
     room: usize,
     at_rows: &[[T; 2 * ROWS]],
@@ -73,7 +73,7 @@ pub fn apply<T: Real, V: Simd<T>, const N: usize>(
 /// [`apply`] for one vector and [`multiply`] for one Jacobian, in one go: for strips that lie in the nearest cache.
 #[inline(always)]
 pub fn fused<T: Real, V: Simd<T>>(
-    tiles: &mut [Tile<T::Chunk>],
+    tiles: &mut [CovarianceBlock<T::Chunk>],
     (t, t_rows): (&[T::Chunk], [T; ROWS]),
     (b, b_rows): (&[T::Chunk], [T; ROWS]),
     y: &mut [T::Chunk],
@@ -113,7 +113,7 @@ pub fn fused<T: Real, V: Simd<T>>(
 /// Adds the part of P b of `N` strips of one width to y, but for the sums along their rows, which it returns.
 #[inline(always)]
 pub fn multiply<T: Real, V: Simd<T>, const N: usize>(
-    strips: &[&mut [Tile<T::Chunk>]; N],
+    strips: &[&mut [CovarianceBlock<T::Chunk>]; N],
     b: &[T::Chunk],
     at_rows: &[[T; ROWS]; N],
     y: &mut [T::Chunk],

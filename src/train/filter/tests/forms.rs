@@ -11,7 +11,7 @@ use crate::train::filter::linearised::{Learner, Linearised, Outcome, Rows};
 use crate::train::filter::noise::Noise;
 use crate::train::filter::state::Writer;
 use crate::train::filter::ud::Ud;
-use crate::train::filter::ukf::{Learnt, Root};
+use crate::train::filter::ukf::{Learnt, SquareRoot};
 
 /// Eqs 11-16 as printed, dense, with a mask for the blocks of groups; `batch` rows at a time.
 fn textbook(rows: usize, p0: f64, q: f64, batch: usize, by: Groups) -> Vec<f64> {
@@ -161,7 +161,7 @@ fn exact_linear_model_is_least_squares_in_closed_form() {
             assert!(furthest(&got, &want) < 1e-3, "UD f32 size {size}, batch {batch}: {}", furthest(&got, &want));
         }
         for alpha in [1.0, 0.3, 0.01] {
-            let mut root = Root::new(size, 50.0, alpha, 2.0);
+            let mut root = SquareRoot::new(size, 50.0, alpha, 2.0);
             let mut weights = vec![0.0; size];
             for (x, d) in rows.chunks(size).zip(&targets) {
                 let output = |w: &[f64]| x.iter().zip(w).map(|(x, w)| x * w).sum::<f64>();

@@ -30,11 +30,11 @@ pub struct Probe {
 
 /// Measured times, by ascending weights.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pace {
+pub struct Throughput {
     pub probes: Vec<Probe>,
 }
 
-impl Pace {
+impl Throughput {
     /// Measures networks from the smallest to the largest. `sorted`: by ascending weights; `most_rows`: of the last rung.
     pub fn measure(
         params: &TrainParams,
@@ -42,7 +42,7 @@ impl Pace {
         sorted: &[Hidden],
         most_rows: u64,
         threads: usize,
-    ) -> Result<Pace, TrainError> {
+    ) -> Result<Throughput, TrainError> {
         let mut probes: Vec<Probe> = Vec::new();
         for k in 0..PROBES {
             let hidden = &sorted[k * (sorted.len() - 1) / (PROBES - 1)];
@@ -60,7 +60,7 @@ impl Pace {
             let (row_s, look_s) = (mean(|times| times.0), mean(|times| times.1));
             probes.push(Probe { hidden: hidden.clone(), weights, row_s, look_s });
         }
-        Ok(Pace { probes })
+        Ok(Throughput { probes })
     }
 
     /// Thread seconds of a network up to a rung, if patience lasts.
@@ -108,13 +108,13 @@ mod tests {
     #[test]
     fn exact_times_between_two_probes_follow_a_power_of_the_weights() {
         let probe = |weights: usize, row_s| Probe { hidden: vec![1], weights, row_s, look_s: 2.0 };
-        let pace = Pace { probes: vec![probe(10, 1e-6), probe(100, 1e-4), probe(1000, 1e-2)] };
+        let pace = Throughput { probes: vec![probe(10, 1e-6), probe(100, 1e-4), probe(1000, 1e-2)] };
         for weights in [10, 20, 100, 300, 1000] {
             let (row_s, look_s) = pace.at(weights);
             let square = (weights * weights) as f64 * 1e-8;
             assert!((row_s / square - 1.0).abs() < 1e-12 && (look_s - 2.0).abs() < 1e-12, "{weights}: {row_s}");
         }
-        let single = Pace { probes: vec![probe(10, 1e-6)] };
+        let single = Throughput { probes: vec![probe(10, 1e-6)] };
         assert!((single.at(10).0 - 1e-6).abs() < 1e-18);
     }
 }

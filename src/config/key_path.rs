@@ -4,7 +4,7 @@ use super::tree::{Node, Span, Value};
 
 /// A tree, to be asked where its parts stand.
 #[derive(Clone, Debug)]
-pub struct Place<'a> {
+pub struct KeyPath<'a> {
     pub root: &'a Node,
 }
 
@@ -19,7 +19,7 @@ pub struct Found {
     pub value: Option<String>,
 }
 
-impl Place<'_> {
+impl KeyPath<'_> {
     /// The place of a key, or of the nearest thing above it that the document holds.
     pub fn span(&self, path: &str) -> Span {
         self.find(path).span

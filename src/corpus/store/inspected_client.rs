@@ -204,9 +204,9 @@ fn wrapped<'e>(mut error: &'e (dyn Error + 'static)) -> &'e (dyn Error + 'static
 
 /// Makes HTTP clients whose answers are noted and bounded.
 #[derive(Debug)]
-pub struct Watched;
+pub struct InspectedClient;
 
-impl HttpConnector for Watched {
+impl HttpConnector for InspectedClient {
     fn connect(&self, options: &ClientOptions) -> object_store::Result<HttpClient> {
         // TLS needs to know its cryptography; whoever comes second finds it known.
         let _ = rustls::crypto::ring::default_provider().install_default();

@@ -5,7 +5,7 @@ use crate::slam::Estimate;
 
 /// Where one scan was taken.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct ScanPose {
     pub estimate: Estimate,
     pub map_from_sensor: Transform,
 }
@@ -19,18 +19,18 @@ pub struct Sigmas {
     pub yaw_rad: f64,
 }
 
-impl Place {
+impl ScanPose {
     /// The rover's pose is known; the sensor sits where its mount says.
-    pub fn of_rover(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> Place {
+    pub fn of_rover(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> ScanPose {
         let map_from_sensor = pose.transform() * *rover_from_sensor;
-        Place { estimate: estimate(pose, sigmas), map_from_sensor }
+        ScanPose { estimate: estimate(pose, sigmas), map_from_sensor }
     }
 
     /// The sensor's pose is known (LiDAR odometry); the rover is where its mount puts it.
-    pub fn of_sensor(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> Place {
+    pub fn of_sensor(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> ScanPose {
         let map_from_sensor = pose.transform();
         let rover = Pose::from_transform(&(map_from_sensor * rover_from_sensor.inverse()));
-        Place { estimate: estimate(&rover, sigmas), map_from_sensor }
+        ScanPose { estimate: estimate(&rover, sigmas), map_from_sensor }
     }
 }
 
@@ -52,9 +52,9 @@ mod tests {
     fn equal_the_sensors_pose_gives_back_the_rovers() {
         let rover = Pose { position_m: DVec3::new(3.0, -1.0, 0.2), roll_rad: 0.1, pitch_rad: -0.2, yaw_rad: 2.0 };
         let mount = Pose { position_m: DVec3::new(0.3, 0.0, 0.5), pitch_rad: 0.4, ..Pose::default() }.transform();
-        let by_rover = Place::of_rover(&rover, &mount, &Sigmas::default());
+        let by_rover = ScanPose::of_rover(&rover, &mount, &Sigmas::default());
         let sensor = Pose::from_transform(&by_rover.map_from_sensor);
-        let back = Place::of_sensor(&sensor, &mount, &Sigmas::default()).estimate.pose;
+        let back = ScanPose::of_sensor(&sensor, &mount, &Sigmas::default()).estimate.pose;
         assert!((back.position_m - rover.position_m).length() < 1e-12);
         assert!((back.pitch_rad - rover.pitch_rad).abs() < 1e-12 && (back.yaw_rad - rover.yaw_rad).abs() < 1e-12);
     }

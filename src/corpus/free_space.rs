@@ -8,14 +8,14 @@
 use super::{CorpusError, Store};
 
 /// A place's free space, some of which is to stay free.
-pub struct Room<'a> {
+pub struct FreeSpace<'a> {
     store: &'a dyn Store,
     keep_bytes: u64,
 }
 
-impl<'a> Room<'a> {
-    pub fn new(store: &'a dyn Store, keep_bytes: u64) -> Room<'a> {
-        Room { store, keep_bytes }
+impl<'a> FreeSpace<'a> {
+    pub fn new(store: &'a dyn Store, keep_bytes: u64) -> FreeSpace<'a> {
+        FreeSpace { store, keep_bytes }
     }
 
     /// Refuses what would leave less than is to stay free.
@@ -39,11 +39,11 @@ mod tests {
     fn exact_what_leaves_too_little_is_refused_with_the_figures() {
         let dir = tempfile::tempdir().unwrap();
         let store = LocalFolder::new(dir.path().join("not/there/yet"));
-        Room::new(&store, 0).check(0, String::new).unwrap();
+        FreeSpace::new(&store, 0).check(0, String::new).unwrap();
         let free = store.free_bytes().unwrap().unwrap();
         // Others write on the same disk while this runs, so only a wide margin is exact.
         for (keep_bytes, bytes) in [(2 * free, 0), (0, 2 * free), (u64::MAX, u64::MAX)] {
-            let said = Room::new(&store, keep_bytes).check(bytes, || "the build".into()).unwrap_err().to_string();
+            let said = FreeSpace::new(&store, keep_bytes).check(bytes, || "the build".into()).unwrap_err().to_string();
             assert!(said.contains("the build takes") && said.contains("the same command again"), "{said}");
         }
     }

@@ -41,7 +41,7 @@ impl Limits {
 
 /// The patience with one operation.
 #[derive(Debug)]
-pub struct Patience {
+pub struct Backoff {
     limits: Limits,
     salt: u64,
     started: Instant,
@@ -51,12 +51,12 @@ pub struct Patience {
     tries: Cell<u32>,
 }
 
-impl Patience {
-    pub fn new(limits: Limits, name: &str) -> Patience {
+impl Backoff {
+    pub fn new(limits: Limits, name: &str) -> Backoff {
         let salt = blake3::hash(format!("{name} {}", std::process::id()).as_bytes());
         let salt = u64::from_le_bytes(salt.as_bytes()[..8].try_into().expect("a hash has 32 bytes"));
         let now = Instant::now();
-        Patience {
+        Backoff {
             limits,
             salt,
             started: now,
@@ -105,13 +105,13 @@ mod tests {
 
     #[test]
     fn law_waits_grow_to_ten_seconds_and_are_spread() {
-        let patience = Patience::new(Limits::of(1e4), "a");
+        let patience = Backoff::new(Limits::of(1e4), "a");
         let pauses: Vec<f64> = (0..20).map(|_| patience.pause().unwrap().as_secs_f64()).collect();
         for (k, pause) in pauses.iter().enumerate() {
             let whole = (0.1 * f64::from(1 << k.min(10))).min(10.0);
             assert!((0.5 * whole..=whole).contains(pause), "try {k}: {pause} s of {whole}");
         }
-        let other = Patience::new(Limits::of(1e4), "b");
+        let other = Backoff::new(Limits::of(1e4), "b");
         assert!((0..20).any(|k| other.pause().unwrap().as_secs_f64() != pauses[k]), "two names wait alike");
         patience.made_progress(1);
         assert!(patience.pause().unwrap().as_secs_f64() <= 0.1);
@@ -119,7 +119,7 @@ mod tests {
 
     #[test]
     fn law_progress_too_small_for_its_time_ends_and_enough_of_it_does_not() {
-        let patience = Patience::new(Limits::of(0.05), "a");
+        let patience = Backoff::new(Limits::of(0.05), "a");
         let begun = Instant::now();
         while !patience.is_over() {
             patience.made_progress(1);
@@ -133,9 +133,9 @@ mod tests {
 
     #[test]
     fn law_patience_ends_after_at_least_one_more_try() {
-        let none = Patience::new(Limits::of(0.0), "a");
+        let none = Backoff::new(Limits::of(0.0), "a");
         assert!(none.pause().is_some() && none.pause().is_none());
-        let short = Patience::new(Limits::of(0.3), "a");
+        let short = Backoff::new(Limits::of(0.3), "a");
         let (started, mut tries) = (Instant::now(), 0);
         while let Some(pause) = short.pause() {
             std::thread::sleep(pause);
