@@ -1,10 +1,10 @@
 //! Shards -> scenes on all threads -> rows of shards in the making -> shards, each handed over whole.
 //!
 //! Threads take scenes across shard borders, so one shard may keep all of them busy. Outputs are put back in order within their shard, and
-//! the thread that is free next appends their rows before another scene is begun (`open_shards`); the last rows make the shard whole, and
-//! the same thread puts it in its place. What a shard holds depends on no number of threads; which of two shards is put first may.
-//! Memory is bounded: one scene a thread in the making, some that wait in each open shard, and the bytes of the open shards, of which there
-//! are two unless writing takes more than a thread can.
+//! the thread that is free next appends their rows before another scene is begun (`open_shards`); a shard with all its rows is put in its
+//! place by the thread that is free next. What a shard holds depends on no number of threads; which of two shards is put first may.
+//! Memory is bounded: one scene a thread in the making, some that wait in each open shard, and the bytes of the open shards: few, unless
+//! scenes wait for their rows, and at most one a thread.
 
 mod open_shards;
 
@@ -66,7 +66,7 @@ pub struct Job<'a> {
     pub threads: usize,
     /// When it is raised, shards that are whole are still written.
     pub stop: &'a AtomicBool,
-    /// StageRecord the hashes of each stage's f64 results.
+    /// Record the hashes of each stage's f64 results.
     pub hashes: bool,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Builder<'a> {
     pub(super) threads: usize,
     /// To be left free on the disk.
     pub(super) keep_free_bytes: u64,
-    /// StageHashes of the stages' results go here.
+    /// Hashes of the stages' results go here.
     pub(super) stage_hashes: Option<&'a Path>,
     /// Write report.json: nobody else builds other shards.
     pub(super) report: bool,
