@@ -4,11 +4,11 @@
 //! from the rover's estimated z before anything is summed, and the variance in two passes, so that a map a thousand
 //! kilometres up costs no more digits than its points have lost already.
 
+use super::assign::CellAssigner;
 use super::columns::{Offset, neighbour_offsets};
 use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
-use super::place::CellAssigner;
 use super::points::{Points, Scan, UNKNOWN};
 use super::{CellParams, CellRow, CellTruth, Cells};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};

@@ -39,7 +39,7 @@ impl Numbers {
         if of_points.is_empty() {
             return;
         }
-        widest(Number { numbers: self, of_points });
+        widest(AssignNumbers { numbers: self, of_points });
     }
 
     /// Inlined into each of its forms: most of it is comparing, shifting and counting bits.
@@ -111,12 +111,12 @@ impl Numbers {
 }
 
 /// [`Numbers::number`], in the machine's widest form.
-struct Number<'a> {
+struct AssignNumbers<'a> {
     numbers: &'a mut Numbers,
     of_points: &'a [CellIndex],
 }
 
-impl Work for Number<'_> {
+impl Work for AssignNumbers<'_> {
     type Out = ();
 
     #[inline(always)]

@@ -20,14 +20,14 @@ pub(super) struct Scratch {
     /// Cell numbers by height, and the place of each cell in that order.
     by_rank: Vec<u32>,
     rank: Vec<u32>,
-    rows: Vec<Row>,
+    rows: Vec<GridRow>,
     bands: Vec<WindowBand>,
     inside: OrderStatistics,
 }
 
 /// The cells of one row of the grid.
 #[derive(Clone, Copy, Debug)]
-struct Row {
+struct GridRow {
     row: i64,
     from: usize,
     to: usize,
@@ -63,13 +63,13 @@ pub(super) fn heights(
     grid_rows.clear();
     let mut from = 0;
     for of_row in rows.chunk_by(|a, b| a.index.row == b.index.row) {
-        grid_rows.push(Row { row: i64::from(of_row[0].index.row), from, to: from + of_row.len() });
+        grid_rows.push(GridRow { row: i64::from(of_row[0].index.row), from, to: from + of_row.len() });
         from += of_row.len();
     }
     let col = |cell: usize| i64::from(rows[cell].index.col);
     let reach = reach_cells(params.radius_m, size_m);
     let mut first = 0;
-    for &Row { row, from, to } in grid_rows.iter() {
+    for &GridRow { row, from, to } in grid_rows.iter() {
         first += grid_rows[first..].iter().take_while(|other| ((row - other.row) as f64) > reach).count();
         let near = grid_rows[first..].iter().take_while(|other| (other.row - row) as f64 <= reach);
         bands.clear();

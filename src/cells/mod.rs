@@ -3,23 +3,23 @@
 //! In: sweeps of a window with their estimates, the mount, and (for labels and `truth_` columns only) the scene.
 //! Out: [`Cells`], sorted by (row, col), frame `map`. Source: Hewitt et al. 2017, "Neural network input types", eqs 3 and 4.
 
+mod assign;
 mod bin;
 mod columns;
 mod group;
 mod labels;
 mod local;
 pub mod params;
-mod place;
 mod points;
 mod slope;
 #[cfg(test)]
 mod tests;
 
+pub use assign::{CellAssigner, MapPoint, Unplaced};
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub use columns::{LOCAL_HEIGHT, MEAN_HEIGHT, Offset, feature_columns, is_neighbour, neighbour_offsets};
 pub use labels::obstacles;
 pub use params::CellParams;
-pub use place::{CellAssigner, Placed, Unplaced};
 
 use crate::geometry::CellIndex;
 

@@ -4,7 +4,7 @@
 //! sweep; the others are counted by cause. Slots without a range are passed by in chunks, and the others worked out in blocks, side by
 //! side.
 
-use super::place::{CellAssigner, Unplaced};
+use super::assign::{CellAssigner, Unplaced};
 use super::slope::GroundPlaces;
 use super::{Cells, WindowCloud, WindowScan};
 use crate::geometry::{CellIndex, DVec3};

@@ -30,20 +30,21 @@ pub const REPORT: &str = "report.json";
 
 /// How a kind of file that marsyard may replace in its own place is known, also where it was cut short or damaged: by how it begins, or
 /// by all of some words in it, if there are such.
-struct Look {
+struct FileSignature {
     begins: &'static str,
     holds: &'static [&'static str],
 }
 
 /// What `generate` and `finalize` replace in a corpus. The first two are read by people, who add to them: see [`check_text`].
-const DERIVED: [(&str, Look); 5] = [
-    (card::NAME, Look { begins: "---\npretty_name: ", holds: &[] }),
-    (croissant::NAME, Look { begins: "{\n  \"@context\"", holds: &[] }),
-    (manifest::NAME, Look { begins: "{\n  \"format\"", holds: &["\"corpus_id\"", "\"scene_plan_hash\""] }),
-    (manifest::SHARDS, Look { begins: "{\"shard\":", holds: &["{\"shard\":", "\"value_hash\":"] }),
-    (REPORT, Look { begins: "{\n  \"wall_s\"", holds: &["\"cell_rows_per_s\"", "\"stage_thread_seconds\""] }),
+const DERIVED: [(&str, FileSignature); 5] = [
+    (card::NAME, FileSignature { begins: "---\npretty_name: ", holds: &[] }),
+    (croissant::NAME, FileSignature { begins: "{\n  \"@context\"", holds: &[] }),
+    (manifest::NAME, FileSignature { begins: "{\n  \"format\"", holds: &["\"corpus_id\"", "\"scene_plan_hash\""] }),
+    (manifest::SHARDS, FileSignature { begins: "{\"shard\":", holds: &["{\"shard\":", "\"value_hash\":"] }),
+    (REPORT, FileSignature { begins: "{\n  \"wall_s\"", holds: &["\"cell_rows_per_s\"", "\"stage_thread_seconds\""] }),
 ];
-const RECEIPT: Look = Look { begins: "{\n  \"format\"", holds: &["\"scene_plan_hash\"", "\"shard\""] };
+const RECEIPT: FileSignature =
+    FileSignature { begins: "{\n  \"format\"", holds: &["\"scene_plan_hash\"", "\"shard\""] };
 /// As much of a file is looked at.
 const HEAD_BYTES: usize = 1 << 20;
 
@@ -102,7 +103,7 @@ pub fn check_shard(store: &dyn Store, scene_plan_hash: &str, shard: u64) -> Resu
 }
 
 /// Refuses a file that does not look like its kind.
-fn check_look(store: &dyn Store, name: &str, look: &Look) -> Result<(), CorpusError> {
+fn check_look(store: &dyn Store, name: &str, look: &FileSignature) -> Result<(), CorpusError> {
     if store.size(name)?.is_none() {
         return Ok(());
     }

@@ -25,23 +25,23 @@ const DONE_RAD: f64 = 1e-9;
 
 /// Tells the rover what to do, step by step.
 pub(super) struct PathFollower {
-    pub pace: Pace,
-    pub way: Way,
+    pub pace: StepLimits,
+    pub way: PathPieces,
 }
 
 /// How fast, and in what steps.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pace {
+pub(super) struct StepLimits {
     pub step_m: f64,
     pub speed_mps: f64,
     pub max_yaw_rate_radps: f64,
 }
 
-pub(super) enum Way {
+pub(super) enum PathPieces {
     /// Pieces in a row.
     Pieces(VecDeque<Piece>),
     /// Legs and turns drawn as they come.
-    Walk(Walk),
+    DrawnPath(DrawnPath),
     /// Points to reach, in order.
     Points(Points),
 }
@@ -60,7 +60,7 @@ pub(super) enum Piece {
     Turn { angle_rad: f64 },
 }
 
-pub(super) struct Walk {
+pub(super) struct DrawnPath {
     pub left_m: f64,
     pub leg_m: Dist,
     pub turn_deg: Dist,
@@ -77,13 +77,13 @@ impl PathFollower {
     /// The next command, or `None` at the path's end.
     pub fn next(&mut self, pose: &Pose) -> Option<Command> {
         match &mut self.way {
-            Way::Pieces(pieces) => loop {
+            PathPieces::Pieces(pieces) => loop {
                 match self.pace.begin(pieces.front_mut()?) {
                     Some(command) => return Some(command),
                     None => pieces.pop_front(),
                 };
             },
-            Way::Walk(walk) => loop {
+            PathPieces::DrawnPath(walk) => loop {
                 let piece = walk.piece()?;
                 if let Some(command) = self.pace.begin(piece) {
                     if command.length_m > 0.0 {
@@ -93,7 +93,7 @@ impl PathFollower {
                 }
                 walk.turn_or_go();
             },
-            Way::Points(points) => loop {
+            PathPieces::Points(points) => loop {
                 let target = *points.left_m.front()?;
                 if let Some(command) = self.pace.toward(target, pose, &mut points.turning) {
                     return Some(command);
@@ -105,25 +105,25 @@ impl PathFollower {
 
     /// Whether the rover must be able to turn in place wherever it goes.
     pub fn needs_turning_room(&self) -> bool {
-        matches!(self.way, Way::Walk(_))
+        matches!(self.way, PathPieces::DrawnPath(_))
     }
 
     /// Told that the last command could not be carried out: whether there is something else to try.
     pub fn barred(&mut self, command: &Command) -> bool {
         match &mut self.way {
-            Way::Walk(walk) => {
+            PathPieces::DrawnPath(walk) => {
                 walk.left_m += command.length_m;
                 walk.detours += 1;
                 walk.now = Some(walk.drawn_turn());
                 walk.detours <= MAX_DETOURS
             }
-            Way::Pieces(_) | Way::Points(_) => false,
+            PathPieces::Pieces(_) | PathPieces::Points(_) => false,
         }
     }
 
     /// Told that the last command was carried out.
     pub fn done(&mut self, command: &Command) {
-        if let Way::Walk(walk) = &mut self.way
+        if let PathPieces::DrawnPath(walk) = &mut self.way
             && command.length_m > 0.0
         {
             walk.detours = 0;
@@ -131,7 +131,7 @@ impl PathFollower {
     }
 }
 
-impl Walk {
+impl DrawnPath {
     /// The piece in hand; `None` where the walk's length is used up.
     fn piece(&mut self) -> Option<&mut Piece> {
         if self.left_m <= DONE_M {
@@ -163,7 +163,7 @@ impl Walk {
     }
 }
 
-impl Pace {
+impl StepLimits {
     /// Takes one step off a piece; `None` where nothing is left of it.
     fn begin(&self, piece: &mut Piece) -> Option<Command> {
         match piece {

@@ -6,9 +6,9 @@
 //! that was not driven, and noise grows with the square root of the way (the outer wheel's way for the heading). Not
 //! modelled: drift of the bias, and tilt that leaks into the sun's heading.
 
+use super::follow::DrivenPath;
 use super::motion::{arc_over_chord, outer_way_m};
 use super::params::{DriveParams, InstrumentsParams};
-use super::travel::Travel;
 use super::{InstrumentNoise, Reading};
 use crate::geometry::Pose;
 use crate::math;
@@ -67,7 +67,7 @@ impl Instruments {
     }
 
     /// One reading per pose of a travel; the first is taken at rest. `stops` ascend.
-    pub fn read(&self, travel: &Travel, stops: &[usize]) -> Vec<Reading> {
+    pub fn read(&self, travel: &DrivenPath, stops: &[usize]) -> Vec<Reading> {
         let poses = || travel.stances.iter().map(|stance| &stance.pose);
         let mut readings = vec![self.after(0, &travel.stances[0].pose, 0.0, 0.0, 0.0, true)];
         for (k, (from, to)) in poses().zip(poses().skip(1)).enumerate() {

@@ -9,6 +9,7 @@
 mod contact;
 #[cfg(test)]
 mod fixtures;
+mod follow;
 mod guide;
 mod instruments;
 mod linkage;
@@ -22,10 +23,9 @@ mod start;
 mod surface;
 #[cfg(test)]
 mod tests;
-mod travel;
 mod yard;
 
-pub use contact::{ContactPose, Minimum, Stander, minimise};
+pub use contact::{ContactPose, GroundContact, Minimum, minimise};
 pub use params::DriveParams;
 pub use rover::Rover;
 
@@ -40,10 +40,10 @@ use yard::Yard;
 /// the rover cannot stand on just ends there.
 pub fn drive(params: &DriveParams, scene: &Scene, drawn: &Drawn, streams: &Streams) -> Result<DriveLog, DriveError> {
     let yard = Yard::new(scene, &params.rover);
-    let stander = Stander::new(&params.rover, scene, params.contact).within(params.contact_tolerance_m);
-    let (start, guide) = path::begin(params, &yard, &stander, drawn, streams)?;
-    let bumps = motion::Bumps::new(params, drawn, streams);
-    let travel = travel::follow(&params.rover, &yard, &stander, start, guide, &bumps)?;
+    let contact = GroundContact::new(&params.rover, scene, params.contact).within(params.contact_tolerance_m);
+    let (start, guide) = path::begin(params, &yard, &contact, drawn, streams)?;
+    let bumps = motion::MotionNoise::new(params, drawn, streams);
+    let travel = follow::follow(&params.rover, &yard, &contact, start, guide, &bumps)?;
     let stops = travel.stops(params.stops);
     let readings = instruments::Instruments::new(params, drawn, streams).read(&travel, &stops);
     Ok(DriveLog {

@@ -28,7 +28,7 @@ pub(super) struct Pose2 {
 }
 
 /// Noise of the true motion; none where the config names none.
-pub(super) struct Bumps {
+pub(super) struct MotionNoise {
     half_track_m: f64,
     noise: Option<Noise>,
 }
@@ -39,8 +39,8 @@ struct Noise {
     heading_rad_per_sqrt_m: (f64, Stream),
 }
 
-impl Bumps {
-    pub fn new(params: &DriveParams, drawn: &Drawn, streams: &Streams) -> Bumps {
+impl MotionNoise {
+    pub fn new(params: &DriveParams, drawn: &Drawn, streams: &Streams) -> MotionNoise {
         let noise = params.control_noise.is_some().then(|| Noise {
             speed: (drawn[Purpose::ControlSpeedSd], streams.open(Purpose::ControlSpeedNoise)),
             yaw_rate: (drawn[Purpose::ControlYawRateSd], streams.open(Purpose::ControlYawRateNoise)),
@@ -49,7 +49,7 @@ impl Bumps {
                 streams.open(Purpose::ControlHeadingNoise),
             ),
         });
-        Bumps { half_track_m: 0.5 * params.rover.track_m(), noise }
+        MotionNoise { half_track_m: 0.5 * params.rover.track_m(), noise }
     }
 
     /// What the rover does where it was told `command`, at control step `index`.
@@ -66,7 +66,7 @@ impl Bumps {
     }
 }
 
-/// Way of the outer wheel over a step.
+/// Path of the outer wheel over a step.
 pub(super) fn outer_way_m(length_m: f64, turn_rad: f64, half_track_m: f64) -> f64 {
     length_m.abs() + turn_rad.abs() * half_track_m
 }

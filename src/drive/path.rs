@@ -5,8 +5,8 @@
 
 use std::collections::VecDeque;
 
-use super::contact::{ContactPose, Stander};
-use super::guide::{Pace, PathFollower, Piece, Points, Walk, Way};
+use super::contact::{ContactPose, GroundContact};
+use super::guide::{DrawnPath, PathFollower, PathPieces, Piece, Points, StepLimits};
 use super::outline::unit;
 use super::params::{DriveParams, PathParams};
 use super::yard::Yard;
@@ -25,18 +25,18 @@ const MAX_GOALS: u64 = 64;
 pub(super) fn begin(
     params: &DriveParams,
     yard: &Yard,
-    stander: &Stander,
+    contact: &GroundContact,
     drawn: &Drawn,
     streams: &Streams,
 ) -> Result<(ContactPose, PathFollower), DriveError> {
     let mut tries = 0;
     for _ in 1..MAX_STARTS {
-        let start = start::choose(params, yard, stander, drawn, streams, &mut tries)?;
+        let start = start::choose(params, yard, contact, drawn, streams, &mut tries)?;
         if let Ok(guide) = guide(params, yard, &start.pose, drawn, streams) {
             return Ok((start, guide));
         }
     }
-    let start = start::choose(params, yard, stander, drawn, streams, &mut tries)?;
+    let start = start::choose(params, yard, contact, drawn, streams, &mut tries)?;
     Ok((start, guide(params, yard, &start.pose, drawn, streams)?))
 }
 
@@ -47,8 +47,9 @@ fn guide(
     drawn: &Drawn,
     streams: &Streams,
 ) -> Result<PathFollower, DriveError> {
-    let drive =
-        |length_m: f64, curvature_radpm: f64| Way::Pieces(VecDeque::from([Piece::Drive { length_m, curvature_radpm }]));
+    let drive = |length_m: f64, curvature_radpm: f64| {
+        PathPieces::Pieces(VecDeque::from([Piece::Drive { length_m, curvature_radpm }]))
+    };
     let way = match &params.path {
         PathParams::Straight(_) => drive(drawn[Purpose::StraightLength], 0.0),
         PathParams::TowardObstacle(_) => drive(drawn[Purpose::TowardLength], 0.0),
@@ -57,7 +58,7 @@ fn guide(
             drive(drawn[Purpose::ArcLength], 1.0 / radius_m.abs().max(MIN_RADIUS_M).copysign(radius_m))
         }
         PathParams::Waypoints(path) => through(path.points_m[1..].iter().map(|&p| DVec2::from(p))),
-        PathParams::RandomWalk(path) => Way::Walk(Walk {
+        PathParams::RandomWalk(path) => PathPieces::DrawnPath(DrawnPath {
             left_m: drawn[Purpose::WalkLength],
             leg_m: path.leg_m.clone(),
             turn_deg: path.turn_deg.clone(),
@@ -76,12 +77,12 @@ fn guide(
     let fastest_mps = params.rover.max_speed_mps;
     let speed_mps = if params.speed_mps.is_some() { drawn[Purpose::DriveSpeed].min(fastest_mps) } else { fastest_mps };
     let max_yaw_rate_radps = params.rover.max_yaw_rate_degps.to_radians();
-    Ok(PathFollower { pace: Pace { step_m: params.step_m, speed_mps, max_yaw_rate_radps }, way })
+    Ok(PathFollower { pace: StepLimits { step_m: params.step_m, speed_mps, max_yaw_rate_radps }, way })
 }
 
-fn through(points: impl Iterator<Item = DVec2>) -> Way {
+fn through(points: impl Iterator<Item = DVec2>) -> PathPieces {
     // The first point may lie anywhere: the turn to it goes all the way.
-    Way::Points(Points { left_m: points.collect(), turning: true })
+    PathPieces::Points(Points { left_m: points.collect(), turning: true })
 }
 
 /// The points of a way to the first goal, of those drawn, that can be reached; the first is the start.

@@ -18,19 +18,19 @@ const HEADROOM_M: f64 = 0.2;
 /// The square yard and what stands in it.
 pub(super) struct Yard<'a> {
     pub extent_m: f64,
-    things: Vec<Thing<'a>>,
+    obstacles: Vec<ObstacleBound<'a>>,
     wheel_diameter_m: f64,
-    /// Square buckets, row by row: where the things whose middle lies in each begin in `listed`; and one entry at the end.
+    /// Square buckets, row by row: where the obstacles whose middle lies in each begin in `listed`; and one entry at the end.
     starts: Vec<u32>,
     listed: Vec<u32>,
     bucket_m: f64,
     side: usize,
-    /// No thing reaches farther from its middle.
+    /// No obstacle reaches farther from its middle.
     within_m: f64,
 }
 
 /// Something that may bar the way.
-struct Thing<'a> {
+struct ObstacleBound<'a> {
     /// A disc that holds its outline.
     middle_m: DVec2,
     within_m: f64,
@@ -40,16 +40,16 @@ struct Thing<'a> {
     outline: OnceCell<Option<Outline>>,
 }
 
-impl<'a> Thing<'a> {
-    fn unmade(obstacle: &'a Obstacle) -> Thing<'a> {
+impl<'a> ObstacleBound<'a> {
+    fn unmade(obstacle: &'a Obstacle) -> ObstacleBound<'a> {
         let Obstacle { middle_m, within_m, .. } = *obstacle;
-        Thing { middle_m, within_m, obstacle: Some(obstacle), outline: OnceCell::new() }
+        ObstacleBound { middle_m, within_m, obstacle: Some(obstacle), outline: OnceCell::new() }
     }
 
-    fn of(outline: Outline) -> Thing<'a> {
+    fn of(outline: Outline) -> ObstacleBound<'a> {
         let (low, high) = bounds(&outline.corners_m, outline.radius_m);
         let (middle_m, within_m) = (0.5 * (low + high), 0.5 * (high - low).length());
-        Thing { middle_m, within_m, obstacle: None, outline: OnceCell::from(Some(outline)) }
+        ObstacleBound { middle_m, within_m, obstacle: None, outline: OnceCell::from(Some(outline)) }
     }
 }
 
@@ -62,31 +62,31 @@ impl<'a> Yard<'a> {
         });
         let porous = porous.map(|v| ellipse(v.centre_m, v.semi_axes_m));
         let patches = scene.patches.iter().filter(|p| p.untraversable).map(|p| disc(p.centre_m, p.radius_m));
-        let soft = porous.chain(patches).map(Thing::of);
+        let soft = porous.chain(patches).map(ObstacleBound::of);
         Yard::of(
             scene.extent_m,
             rover.wheel_diameter_m,
-            scene.obstacles.iter().map(Thing::unmade).chain(soft).collect(),
+            scene.obstacles.iter().map(ObstacleBound::unmade).chain(soft).collect(),
         )
     }
 
-    fn of(extent_m: f64, wheel_diameter_m: f64, things: Vec<Thing<'a>>) -> Yard<'a> {
+    fn of(extent_m: f64, wheel_diameter_m: f64, obstacles: Vec<ObstacleBound<'a>>) -> Yard<'a> {
         let bucket_m = (extent_m / 64.0).max(1.0);
         let side = (extent_m / bucket_m).ceil() as usize;
-        let within_m = things.iter().fold(0.0_f64, |most, thing| most.max(thing.within_m));
-        let (starts, listed) = (vec![0; side * side + 1], vec![0; things.len()]);
-        let mut yard = Yard { extent_m, things, wheel_diameter_m, starts, listed, bucket_m, side, within_m };
+        let within_m = obstacles.iter().fold(0.0_f64, |most, obstacle| most.max(obstacle.within_m));
+        let (starts, listed) = (vec![0; side * side + 1], vec![0; obstacles.len()]);
+        let mut yard = Yard { extent_m, obstacles, wheel_diameter_m, starts, listed, bucket_m, side, within_m };
         yard.sort_into_buckets();
         yard
     }
 
-    /// By counting: how many things lie in each bucket, where each bucket ends, then each thing from its bucket's end down.
+    /// By counting: how many obstacles lie in each bucket, where each bucket ends, then each obstacle from its bucket's end down.
     fn sort_into_buckets(&mut self) {
         let bucket_of = |yard: &Yard, k: usize| {
-            let DVec2 { x, y } = yard.things[k].middle_m;
+            let DVec2 { x, y } = yard.obstacles[k].middle_m;
             yard.bucket_along(y) * yard.side + yard.bucket_along(x)
         };
-        for k in 0..self.things.len() {
+        for k in 0..self.obstacles.len() {
             let bucket = bucket_of(self, k);
             self.starts[bucket] += 1;
         }
@@ -94,30 +94,30 @@ impl<'a> Yard<'a> {
             *start += sum;
             *start
         });
-        for k in (0..self.things.len()).rev() {
+        for k in (0..self.obstacles.len()).rev() {
             let bucket = bucket_of(self, k);
             self.starts[bucket] -= 1;
             self.listed[self.starts[bucket] as usize] = k as u32;
         }
     }
 
-    /// The outline of a thing, unless it bars no rover.
+    /// The outline of an obstacle, unless it bars no rover.
     fn outline(&self, k: usize) -> Option<&Outline> {
-        let thing = &self.things[k];
+        let obstacle = &self.obstacles[k];
         let made = || {
-            let taller = thing.obstacle.filter(|o| o.body().protrusion_m > self.wheel_diameter_m)?;
+            let taller = obstacle.obstacle.filter(|o| o.body().protrusion_m > self.wheel_diameter_m)?;
             let outline = match &taller.body().shape {
                 Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
                 Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
             };
             Some(outline).filter(|outline| !outline.corners_m.is_empty())
         };
-        thing.outline.get_or_init(made).as_ref()
+        obstacle.outline.get_or_init(made).as_ref()
     }
 
     /// All outlines, in the order of the scene; makes them.
     pub fn outlines(&self) -> impl Iterator<Item = &Outline> {
-        (0..self.things.len()).filter_map(|k| self.outline(k))
+        (0..self.obstacles.len()).filter_map(|k| self.outline(k))
     }
 
     /// Whether a convex shape (a point, a line or a polygon) lies in the yard and keeps more than `distance_m` from every outline.
@@ -129,9 +129,9 @@ impl<'a> Yard<'a> {
             && self.reached(low - grown, high + grown).all(|bucket| {
                 let listed = &self.listed[self.starts[bucket] as usize..self.starts[bucket + 1] as usize];
                 listed.iter().all(|&k| {
-                    let thing = &self.things[k as usize];
-                    let away = thing.middle_m - thing.middle_m.clamp(low, high);
-                    let reach_m = (thing.within_m + distance_m) * (1.0 + 1e-9) + 1e-12 * self.extent_m;
+                    let obstacle = &self.obstacles[k as usize];
+                    let away = obstacle.middle_m - obstacle.middle_m.clamp(low, high);
+                    let reach_m = (obstacle.within_m + distance_m) * (1.0 + 1e-9) + 1e-12 * self.extent_m;
                     if away.length_squared() > reach_m * reach_m {
                         return true;
                     }
@@ -211,7 +211,7 @@ mod tests {
         let outlines: Vec<Outline> = (0..200)
             .map(|k| Outline { corners_m: shape(&draws, k).iter().map(|p| *p * 20.0).collect(), radius_m: 0.2 })
             .collect();
-        let yard = Yard::of(200.0, 0.1, outlines.iter().cloned().map(Thing::of).collect());
+        let yard = Yard::of(200.0, 0.1, outlines.iter().cloned().map(ObstacleBound::of).collect());
         for k in 0..500 {
             let probe = shape(&draws, 1000 + k).iter().map(|p| *p * 20.0).collect::<Vec<_>>();
             let wanted_m = 3.0 * draws.uniform(99_000 + k);

@@ -16,12 +16,12 @@ mod ground;
 mod hull;
 mod landforms;
 mod legendre;
+mod objects;
 pub mod params;
 pub mod polynomial;
 mod raster;
 mod rocks;
 mod slope;
-mod things;
 mod trees;
 mod vegetation;
 
@@ -29,10 +29,10 @@ pub use field::RandomField;
 pub use golombek::Golombek;
 pub use hull::{Convex, Plane};
 pub use legendre::MAX_DEGREE;
+pub use objects::{Body, Class, Cylinder, Object, Obstacle, Patch, Shape, Volume};
 pub use params::SceneParams;
 pub use polynomial::Polynomial;
 pub use raster::Raster;
-pub use things::{Body, Class, Cylinder, Object, Obstacle, Patch, Shape, Volume};
 
 use crate::geometry::{DVec2, DVec3};
 use crate::random::{Drawn, Stream, Streams};

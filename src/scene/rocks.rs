@@ -114,17 +114,17 @@ pub(super) fn build(
     let mut places = vec![0.0; 2 * count];
     streams.place.fill_uniform(0, &mut places);
     let yard = Scene::bare(scene.extent_m, scene.ground.clone());
-    let quarry = Arc::new(LazyRocks { params: params.clone(), sizes, streams, yard });
-    let within_m = quarry.within_m();
+    let source = Arc::new(LazyRocks { params: params.clone(), sizes, streams, yard });
+    let within_m = source.within_m();
     let first_id = scene.obstacles.len() as i32;
     scene.obstacles.extend((0..).zip(places.chunks_exact(2)).map(|(number, place)| {
         let middle_m = DVec2::from_slice(place) * scene.extent_m;
         let (id, class) = (first_id + number as i32, Class::Rock);
         if params.min_height_m.is_some() {
-            return Obstacle::new(id, class, quarry.body(number, middle_m));
+            return Obstacle::new(id, class, source.body(number, middle_m));
         }
-        let quarry = Some(Arc::clone(&quarry));
-        Obstacle { id, class, middle_m, within_m, body: OnceLock::new(), quarry, number }
+        let source = Some(Arc::clone(&source));
+        Obstacle { id, class, middle_m, within_m, body: OnceLock::new(), source, number }
     }));
     Ok(())
 }

@@ -5,8 +5,8 @@
 //! as they are wide, but never down to the lower half of the trunk. Crowns count as untraversable, as the tree does.
 //! Not modelled: branches, roots, leaning trunks. Draws: tree k stands at index k of every purpose.
 
+use super::objects::disc;
 use super::params::TreesParams;
-use super::things::disc;
 use super::{Class, Cylinder, Scene, Shape, Volume};
 use crate::geometry::DVec3;
 use crate::random::{Drawn, Purpose, Streams};

@@ -1,12 +1,12 @@
 //! A feature and a particle's map -> which landmark it is.
 //!
-//! In: a [`Particle`], a feature, where the sensor stands. Out: a [`Verdict`]; for a match all that the update needs. Source:
+//! In: a [`Particle`], a feature, where the sensor stands. Out: an [`AssociationResult`]; for a match all that the update needs. Source:
 //! Montemerlo et al. 2003, association by particle. Deviations: likelihood instead of distance picks a landmark (MRPT's matching
 //! likelihood); a feature that may be of two landmarks weighs as the mean of both.
 
+use super::gating::{LandmarkIndex, RangeGate};
 use super::matrix::{Matrix, Vector, cholesky, half_solve, ln_determinant, product, square, sum, transpose};
-use super::measurement::{Polar, View, innovation};
-use super::near::{LandmarkIndex, Ring};
+use super::measurement::{Polar, SensorView, innovation};
 use super::particle::{Feature, Observation, Particle};
 use crate::math;
 
@@ -43,14 +43,14 @@ impl Candidate {
 pub type Pair = [Candidate; 2];
 
 /// What a feature turns out to be.
-pub enum Verdict {
+pub enum AssociationResult {
     /// Of which of the pair, and `ln_likelihood` without the density's constant.
     Match {
         slot: usize,
         ln_likelihood: f64,
     },
     /// Of one of two landmarks; `ln_likelihood` without the density's constant.
-    Torn {
+    Ambiguous {
         loser: usize,
         ln_likelihood: f64,
     },
@@ -59,25 +59,25 @@ pub enum Verdict {
 }
 
 impl Particle {
-    /// Which landmark a feature is, if any. `pair` is room to judge in.
+    /// Which landmark a feature is, if any. `pair` is scratch to judge in.
     #[inline(always)]
     pub fn associate(
         &self,
-        sighting: &Observation,
-        view: &View,
+        observation: &Observation,
+        view: &SensorView,
         noise: &Matrix<3, 3>,
         taken: &[bool],
         places: &mut LandmarkIndex,
         pair: &mut Pair,
-    ) -> Verdict {
-        let feature = &sighting.feature;
+    ) -> AssociationResult {
+        let feature = &observation.feature;
         if let Some(id) = feature.known {
             let index = self.landmarks.iter().position(|l| l.known == Some(id));
             let known = index.is_some_and(|i| self.judge(i, feature, view, noise, f64::INFINITY, &mut pair[0]));
             return if known {
-                Verdict::Match { slot: 0, ln_likelihood: pair[0].ln_likelihood() }
+                AssociationResult::Match { slot: 0, ln_likelihood: pair[0].ln_likelihood() }
             } else {
-                Verdict::New
+                AssociationResult::New
             };
         }
         let ring = self.ring(&feature.polar, view, noise);
@@ -87,7 +87,7 @@ impl Particle {
         let mut runner_up: Option<(usize, f64)> = None;
         let mut nearest = f64::INFINITY;
         let mut crowded = false;
-        for &index in places.within(reach_m, &view.in_map(&sighting.point_m)) {
+        for &index in places.within(reach_m, &view.in_map(&observation.point_m)) {
             let index = index as usize;
             let slot = best.map_or(0, |(slot, _)| 1 - slot);
             if ring.rules_out(&self.landmarks[index])
@@ -120,19 +120,19 @@ impl Particle {
             (Some((_, best)), Some((loser, ln))) if best - ln < LN_RATIO => {
                 // The mean of the two likelihoods: it is one of them, and neither is known to be it.
                 let ln_likelihood = best + math::ln(0.5 * (1.0 + math::exp(ln - best)));
-                Verdict::Torn { loser, ln_likelihood }
+                AssociationResult::Ambiguous { loser, ln_likelihood }
             }
-            (Some((slot, ln_likelihood)), _) => Verdict::Match { slot, ln_likelihood },
-            (None, _) if nearest > NEW_BEYOND && !crowded => Verdict::New,
-            (None, _) => Verdict::Unclear,
+            (Some((slot, ln_likelihood)), _) => AssociationResult::Match { slot, ln_likelihood },
+            (None, _) if nearest > NEW_BEYOND && !crowded => AssociationResult::New,
+            (None, _) => AssociationResult::Unclear,
         }
     }
 
     /// What the range of a feature says of landmarks.
     #[inline(always)]
-    pub fn ring(&self, polar: &Polar, view: &View, noise: &Matrix<3, 3>) -> Ring {
+    pub fn ring(&self, polar: &Polar, view: &SensorView, noise: &Matrix<3, 3>) -> RangeGate {
         let p = &self.belief.covariance;
-        Ring {
+        RangeGate {
             range_m: polar[0],
             variance_m2: noise[0][0],
             sensor_m: view.sensor_m(),
@@ -149,7 +149,7 @@ impl Particle {
         &self,
         index: usize,
         feature: &Feature,
-        view: &View,
+        view: &SensorView,
         noise: &Matrix<3, 3>,
         limit: f64,
         to: &mut Candidate,

@@ -5,11 +5,13 @@
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
 //! modelled: constant instrument biases; they make the angles' sigmas too small.
 
-use super::each::{Chart, Drive, ReadAngle, Refine};
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
 use super::motion::{Control, GaussianPose, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
-use super::particle::{Association, EXISTENCE_SURE, Feature, Landmark, Observation, Particle, Scratch, Seen};
+use super::particle::{
+    Association, EXISTENCE_SURE, Feature, Landmark, Observation, Particle, Scratch, SweepObservations,
+};
+use super::per_particle::{Chart, Drive, ReadAngle, Refine};
 use super::visibility::Visibility;
 use super::weights::{Genealogy, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};
@@ -123,7 +125,7 @@ impl Filter {
             }
         }
         self.started = true;
-        self.equalise();
+        self.normalise_weights();
     }
 
     fn read(&mut self, component: usize, angle_rad: f64, variance_rad2: f64) {
@@ -152,7 +154,7 @@ impl Filter {
     }
 
     /// Keeps the log weights normalised, so that none drifts out of range over a long drive.
-    fn equalise(&mut self) {
+    fn normalise_weights(&mut self) {
         let mut logs: Vec<f64> = self.particles.iter().map(|p| p.log_weight).collect();
         if !normalise(&mut logs) {
             self.counters.weight_collapses += 1;
@@ -189,11 +191,12 @@ impl Filter {
     pub fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
         let features = self.choose(found);
         let prior = self.weights();
-        let mut room = Scratch::default();
-        let seen = Seen { sightings: &features, variances: &self.feature_variances, mounting: &self.mounting };
-        in_fours(Refine { particles: &mut self.particles, seen, room: &mut room });
+        let mut scratch = Scratch::default();
+        let seen =
+            SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        in_fours(Refine { particles: &mut self.particles, seen, scratch: &mut scratch });
         self.mean_innovation = self.innovation(&prior);
-        self.equalise();
+        self.normalise_weights();
         let mixture = self.mixture();
         let best = self.likeliest();
         let kinds = &self.particles[best].associations;
@@ -217,12 +220,13 @@ impl Filter {
             let mut normals = vec![0.0; 6 * self.particles.len()];
             streams.open(Purpose::SlamSample).fill_normal(0, &mut normals);
             for (particle, normals) in self.particles.iter_mut().zip(normals.as_chunks::<6>().0) {
-                particle.settle(normals);
+                particle.sample_pose(normals);
             }
             self.drew = true;
         }
-        let seen = Seen { sightings: &features, variances: &self.feature_variances, mounting: &self.mounting };
-        in_fours(Chart { particles: &mut self.particles, seen, visibility, room: &mut room });
+        let seen =
+            SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        in_fours(Chart { particles: &mut self.particles, seen, visibility, scratch: &mut scratch });
         let sure = |l: &&Landmark| l.existence >= EXISTENCE_SURE;
         self.scan.landmarks = self.particles[self.likeliest()].landmarks.iter().filter(sure).count() as u32;
         self.at_sweep = Some(mixture);
@@ -234,17 +238,17 @@ impl Filter {
         self.counters.not_finite += (found.len() - order.len()) as u32;
         order.sort_by(|a, b| b.points.cmp(&a.points).then(a.polar[0].total_cmp(&b.polar[0])));
         let mut chosen: Vec<Observation> = Vec::with_capacity(self.max_features);
-        for sighting in order.into_iter().map(Observation::new) {
+        for observation in order.into_iter().map(Observation::new) {
             if chosen.len() == self.max_features {
                 break;
             }
             let near = |other: &Observation| {
-                let apart: Vector<3> = std::array::from_fn(|i| sighting.point_m[i] - other.point_m[i]);
+                let apart: Vector<3> = std::array::from_fn(|i| observation.point_m[i] - other.point_m[i]);
                 square(&apart) < FEATURE_SPACING_M * FEATURE_SPACING_M
             };
             // Known features cannot be doubles of one another.
-            if sighting.feature.known.is_some() || !chosen.iter().any(near) {
-                chosen.push(sighting);
+            if observation.feature.known.is_some() || !chosen.iter().any(near) {
+                chosen.push(observation);
             }
         }
         chosen.sort_by(|a, b| a.feature.polar[0].total_cmp(&b.feature.polar[0]));

@@ -71,7 +71,7 @@ impl Sight {
 
 /// A pose as the sensor needs it: rotations and their derivatives, computed once for many landmarks.
 #[derive(Clone, Debug)]
-pub struct View {
+pub struct SensorView {
     position_m: Vector<3>,
     offset_m: Vector<3>,
     /// sensor_from_map.
@@ -96,9 +96,9 @@ pub struct Prediction {
     pub by_pose: Matrix<3, 6>,
 }
 
-impl View {
+impl SensorView {
     #[inline(always)]
-    pub fn new(pose: &Vector<6>, mounting: &Mounting) -> View {
+    pub fn new(pose: &Vector<6>, mounting: &Mounting) -> SensorView {
         // Roll and pitch are small as a rule.
         let [[sr, sp], [cr, cp]] = math::sin_cos_lanes(&[pose[3], pose[4]]);
         let (sy, cy) = math::sin_cos(pose[5]);
@@ -116,7 +116,7 @@ impl View {
             by_yaw[r] = [-rover[r][1], rover[r][0], 0.0];
         }
         let mount = &mounting.rotation;
-        View {
+        SensorView {
             position_m: [pose[0], pose[1], pose[2]],
             offset_m: mounting.offset_m,
             rotation: product(mount, &rover),
@@ -271,7 +271,7 @@ mod tests {
         let mounting = mounting();
         for pose in POSES {
             for landmark in [[2.0, 1.0, 0.4], [-3.0, 2.5, -0.7], [0.5, -6.0, 1.0]] {
-                let prediction = View::new(&pose, &mounting).predict(&landmark).expect("usable");
+                let prediction = SensorView::new(&pose, &mounting).predict(&landmark).expect("usable");
                 let step = 1e-6;
                 let slope = |plus: Option<Prediction>, minus: Option<Prediction>| {
                     innovation(&plus.expect("usable").polar, &minus.expect("usable").polar).map(|v| v / (2.0 * step))
@@ -280,7 +280,7 @@ mod tests {
                     let moved = |by: f64| {
                         let mut pose = pose;
                         pose[i] += by;
-                        View::new(&pose, &mounting).predict(&landmark)
+                        SensorView::new(&pose, &mounting).predict(&landmark)
                     };
                     for (r, got) in slope(moved(step), moved(-step)).iter().enumerate() {
                         let want = prediction.by_pose[r][i];
@@ -291,7 +291,7 @@ mod tests {
                     let moved = |by: f64| {
                         let mut landmark = landmark;
                         landmark[i] += by;
-                        View::new(&pose, &mounting).predict(&landmark)
+                        SensorView::new(&pose, &mounting).predict(&landmark)
                     };
                     for (r, got) in slope(moved(step), moved(-step)).iter().enumerate() {
                         let want = prediction.by_landmark[r][i];
@@ -312,7 +312,7 @@ mod tests {
             let world_from_sensor = pose.transform() * rover_from_sensor;
             let q = DVec3::new(2.0, -1.0, 0.5);
             let landmark = world_from_sensor.point(q).to_array();
-            let view = View::new(&p, &Mounting::new(&rover_from_sensor));
+            let view = SensorView::new(&p, &Mounting::new(&rover_from_sensor));
             let polar = view.predict(&landmark).expect("usable").polar;
             assert!((polar[0] - q.length()).abs() < 1e-12);
             assert!((polar[1] - math::atan2(q.y, q.x)).abs() < 1e-12);
@@ -324,7 +324,7 @@ mod tests {
     #[test]
     fn exact_first_landmark_covariance_maps_back_to_the_measurement_noise() {
         let variances = [0.01, 0.002, 0.003];
-        let view = View::new(&POSES[1], &mounting());
+        let view = SensorView::new(&POSES[1], &mounting());
         let polar = [3.0, 0.4, -0.2];
         let (landmark, covariance) = view.locate(&polar, &variances);
         let h = view.predict(&landmark).expect("usable").by_landmark;
@@ -344,6 +344,6 @@ mod tests {
         assert!(!usable(&[f64::NAN, 0.0, 0.0]));
         assert!(!usable(&[f64::INFINITY, 0.0, 0.0]));
         let identity = Mounting::new(&Transform::IDENTITY);
-        assert!(View::new(&[0.0; 6], &identity).predict(&[0.0, 0.0, 1.0]).is_none());
+        assert!(SensorView::new(&[0.0; 6], &identity).predict(&[0.0, 0.0, 1.0]).is_none());
     }
 }

@@ -6,16 +6,16 @@
 //! from the first readings, where the rover has the instruments.
 
 mod associate;
-mod each;
 pub mod features;
 pub mod filter;
+mod gating;
 mod kalman;
 pub mod matrix;
 pub mod measurement;
 pub mod motion;
-mod near;
 pub mod params;
 pub mod particle;
+mod per_particle;
 mod tum;
 pub mod visibility;
 pub mod weights;

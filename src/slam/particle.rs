@@ -8,12 +8,12 @@
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
 
-use super::associate::{Candidate, GATE, Pair, Verdict};
+use super::associate::{AssociationResult, Candidate, GATE, Pair};
+use super::gating::LandmarkIndex;
 use super::kalman;
 use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, product, sum, transpose};
-use super::measurement::{self, Mounting, Polar, View, innovation};
+use super::measurement::{self, Mounting, Polar, SensorView, innovation};
 use super::motion::GaussianPose;
-use super::near::LandmarkIndex;
 use super::visibility::Visibility;
 use crate::math;
 
@@ -107,8 +107,8 @@ impl Clone for Particle {
 }
 
 /// A sweep's features, and what all particles need to take them in.
-pub struct Seen<'a> {
-    pub sightings: &'a [Observation],
+pub struct SweepObservations<'a> {
+    pub observations: &'a [Observation],
     pub variances: &'a Vector<3>,
     pub mounting: &'a Mounting,
 }
@@ -135,41 +135,45 @@ impl Particle {
     /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
     /// log term a feature whatever becomes of it, so that particles stay comparable.
     #[inline(always)]
-    pub fn refine(&mut self, &Seen { sightings, variances, mounting }: &Seen, room: &mut Scratch) {
+    pub fn update_pose(
+        &mut self,
+        &SweepObservations { observations, variances, mounting }: &SweepObservations,
+        scratch: &mut Scratch,
+    ) {
         self.associations.clear();
         self.innovation_sum = 0.0;
         let noise = diagonal(variances);
         let unmatched = ln_unmatched(variances);
-        let Scratch { places, pair, taken } = room;
+        let Scratch { places, pair, taken } = scratch;
         places.fill(&self.landmarks);
         taken.clear();
         taken.resize(self.landmarks.len(), false);
-        let mut view = View::new(&self.belief.mean, mounting);
+        let mut view = SensorView::new(&self.belief.mean, mounting);
         let mut moved = false;
-        for sighting in sightings {
+        for observation in observations {
             if moved {
-                view = View::new(&self.belief.mean, mounting);
+                view = SensorView::new(&self.belief.mean, mounting);
             }
             moved = false;
-            let association = match self.associate(sighting, &view, &noise, taken, places, pair) {
-                Verdict::Match { slot, ln_likelihood } => {
+            let association = match self.associate(observation, &view, &noise, taken, places, pair) {
+                AssociationResult::Match { slot, ln_likelihood } => {
                     let candidate = &pair[slot];
                     taken[candidate.index] = true;
                     self.innovation_sum += candidate.distance2;
                     self.log_weight += ln_likelihood + LN_DENSITY;
-                    self.absorb(candidate);
+                    self.kalman_update(candidate);
                     moved = true;
                     Association::Matched(candidate.index)
                 }
-                Verdict::Torn { loser, ln_likelihood } => {
+                AssociationResult::Ambiguous { loser, ln_likelihood } => {
                     self.log_weight += ln_likelihood + LN_DENSITY;
                     Association::Ambiguous(Some(loser))
                 }
-                Verdict::New => {
+                AssociationResult::New => {
                     self.log_weight += unmatched;
                     Association::New
                 }
-                Verdict::Unclear => {
+                AssociationResult::Unclear => {
                     self.log_weight += unmatched;
                     Association::Ambiguous(None)
                 }
@@ -180,7 +184,7 @@ impl Particle {
 
     /// Kalman update of the pose by a match.
     #[inline(always)]
-    fn absorb(&mut self, candidate: &Candidate) {
+    fn kalman_update(&mut self, candidate: &Candidate) {
         let Candidate { by_pose, pull, factor, innovation, spread, .. } = candidate;
         let GaussianPose { mean, covariance } = &mut self.belief;
         kalman::update((mean, covariance), by_pose, pull, factor, innovation, spread);
@@ -188,7 +192,7 @@ impl Particle {
     }
 
     /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly.
-    pub fn settle(&mut self, normals: &Vector<6>) {
+    pub fn sample_pose(&mut self, normals: &Vector<6>) {
         let factor = super::matrix::cholesky_clamped(&self.belief.covariance);
         let step = apply(&factor, normals);
         for (mean, by) in self.belief.mean.iter_mut().zip(step) {
@@ -200,23 +204,23 @@ impl Particle {
 
     /// Updates the landmarks from the pose as it now is: matches, newcomers, what should have been seen.
     #[inline(always)]
-    pub fn chart(
+    pub fn update_map(
         &mut self,
-        &Seen { sightings, variances, mounting }: &Seen,
+        &SweepObservations { observations, variances, mounting }: &SweepObservations,
         visibility: &Visibility,
         Scratch { taken: seen, .. }: &mut Scratch,
     ) {
-        let view = View::new(&self.belief.mean, mounting);
+        let view = SensorView::new(&self.belief.mean, mounting);
         let noise = diagonal(variances);
         seen.clear();
         seen.resize(self.landmarks.len(), false);
-        for (Observation { feature, .. }, association) in sightings.iter().zip(&self.associations) {
+        for (Observation { feature, .. }, association) in observations.iter().zip(&self.associations) {
             match *association {
                 Association::Matched(index) => {
                     seen[index] = true;
                     let landmark = &mut self.landmarks[index];
                     landmark.existence += EXISTENCE_SEEN;
-                    landmark.absorb(feature, &view, &noise);
+                    landmark.kalman_update(feature, &view, &noise);
                 }
                 Association::New => {
                     let (mean_m, covariance_m2) = view.locate(&feature.polar, variances);
@@ -244,7 +248,7 @@ impl Particle {
 impl Landmark {
     /// Kalman update of the landmark from an exact pose.
     #[inline(always)]
-    fn absorb(&mut self, feature: &Feature, view: &View, noise: &Matrix<3, 3>) {
+    fn kalman_update(&mut self, feature: &Feature, view: &SensorView, noise: &Matrix<3, 3>) {
         let Some(prediction) = view.predict(&self.mean_m) else { return };
         let hm = &prediction.by_landmark;
         // A new landmark's covariance is symmetric to rounding only: P H', not H P.
@@ -295,7 +299,7 @@ mod tests {
     }
 
     fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Feature> {
-        let view = View::new(&particle.belief.mean, &mounting());
+        let view = SensorView::new(&particle.belief.mean, &mounting());
         (0..3)
             .map(|i| {
                 let polar = view.predict(&LANDMARKS[i]).expect("in view").polar;
@@ -306,9 +310,9 @@ mod tests {
     }
 
     /// Lets a particle take in features from this mount.
-    fn refine(particle: &mut Particle, features: &[Feature], variances: &Vector<3>) {
-        let seen = Seen { sightings: &sighted(features), variances, mounting: &mounting() };
-        particle.refine(&seen, &mut Scratch::default());
+    fn update_pose(particle: &mut Particle, features: &[Feature], variances: &Vector<3>) {
+        let seen = SweepObservations { observations: &sighted(features), variances, mounting: &mounting() };
+        particle.update_pose(&seen, &mut Scratch::default());
     }
 
     fn sighted(features: &[Feature]) -> Vec<Observation> {
@@ -324,7 +328,7 @@ mod tests {
         // Measurements as predicted: the mean stays, so that one linearisation holds for all three.
         let mut refined = particle(1.0);
         let found = features(&refined, |_, _| 0.0);
-        let view = View::new(&refined.belief.mean, &mounting());
+        let view = SensorView::new(&refined.belief.mean, &mounting());
         let mut information = inverse(&refined.belief.covariance);
         for landmark in &refined.landmarks {
             let h = view.predict(&landmark.mean_m).expect("in view");
@@ -333,7 +337,7 @@ mod tests {
             let l = cholesky(&q).expect("positive definite");
             information = sum(&information, &product_across(&solve(&l, &h.by_pose), &h.by_pose));
         }
-        refine(&mut refined, &found, &VARIANCES);
+        update_pose(&mut refined, &found, &VARIANCES);
         let want = inverse(&information);
         for r in 0..6 {
             for c in 0..6 {
@@ -350,7 +354,7 @@ mod tests {
         let variances = VARIANCES.map(|v| v * scale);
         let mut refined = particle(scale);
         let found = features(&refined, |i, k| 0.02 * scale.sqrt() * math::sin((3 * i + k + 1) as f64));
-        let view = View::new(&refined.belief.mean, &mounting());
+        let view = SensorView::new(&refined.belief.mean, &mounting());
         let p = refined.belief.covariance;
         let predictions: Vec<Prediction> = LANDMARKS.iter().map(|m| view.predict(m).expect("in view")).collect();
         let mut stacked = [[0.0; 9]; 9];
@@ -375,7 +379,7 @@ mod tests {
         let l = cholesky(&stacked).expect("positive definite");
         let want =
             -0.5 * (square(&half_solve(&l, &residual)) + ln_determinant(&l) + 9.0 * math::ln(std::f64::consts::TAU));
-        refine(&mut refined, &found, &variances);
+        update_pose(&mut refined, &found, &variances);
         assert!((refined.log_weight - want).abs() < 1e-6, "{} {want}", refined.log_weight);
     }
 
@@ -387,20 +391,20 @@ mod tests {
         assert!((ln_unmatched(&VARIANCES) - matched).abs() < 1e-12);
         let mut lone = Particle::default();
         let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
-        refine(&mut lone, &[far, far], &VARIANCES);
+        update_pose(&mut lone, &[far, far], &VARIANCES);
         assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
     }
 
     #[test]
     fn law_two_landmarks_of_like_likelihood_are_left_alone() {
         let mut torn = Particle::default();
-        let view = View::new(&torn.belief.mean, &mounting());
+        let view = SensorView::new(&torn.belief.mean, &mounting());
         for aside in [-0.02, 0.02] {
             let (mean_m, covariance_m2) = view.locate(&[2.0, aside, 0.0], &VARIANCES);
             torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
         }
         let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
-        refine(&mut torn, &[between], &VARIANCES);
+        update_pose(&mut torn, &[between], &VARIANCES);
         assert_eq!(torn.associations, vec![Association::Ambiguous(Some(0))]);
     }
 
@@ -414,7 +418,7 @@ mod tests {
             for (mean, n) in believed.belief.mean.iter_mut().zip(draws.by_ref()) {
                 *mean += 0.5 * n;
             }
-            let view = View::new(&believed.belief.mean, &mounting());
+            let view = SensorView::new(&believed.belief.mean, &mounting());
             let noise = diagonal(&VARIANCES);
             for landmark in &mut believed.landmarks {
                 for (mean, n) in landmark.mean_m.iter_mut().zip(draws.by_ref()) {

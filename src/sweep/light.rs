@@ -42,7 +42,7 @@ impl<'a> Reflectance<'a> {
 }
 
 /// The dropout of one sweep.
-pub(super) struct Losses<'a> {
+pub(super) struct DropoutModel<'a> {
     reflectance: Reflectance<'a>,
     draws: Stream,
     rate: f64,
@@ -50,12 +50,12 @@ pub(super) struct Losses<'a> {
     softness: f64,
 }
 
-impl<'a> Losses<'a> {
+impl<'a> DropoutModel<'a> {
     /// `None` where the effect is off.
-    pub fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<Losses<'a>> {
+    pub fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<DropoutModel<'a>> {
         let dropout = params.effects.dropout.as_ref()?;
         let ground = drawn[Purpose::SweepDropoutGround];
-        Some(Losses {
+        Some(DropoutModel {
             reflectance: Reflectance::new(ground, &dropout.object_reflectance, streams),
             draws: streams.open(Purpose::SweepDropout),
             rate: drawn[Purpose::SweepDropoutRate],
@@ -86,18 +86,18 @@ impl<'a> Losses<'a> {
 }
 
 /// The received intensities of one sweep.
-pub(super) struct Brightness<'a> {
+pub(super) struct IntensityModel<'a> {
     reflectance: Reflectance<'a>,
     draws: Stream,
     sigma: f64,
 }
 
-impl<'a> Brightness<'a> {
+impl<'a> IntensityModel<'a> {
     /// `None` where the effect is off.
-    pub fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<Brightness<'a>> {
+    pub fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<IntensityModel<'a>> {
         let intensity = params.effects.intensity.as_ref()?;
         let ground = drawn[Purpose::SweepIntensityGround];
-        Some(Brightness {
+        Some(IntensityModel {
             reflectance: Reflectance::new(ground, &intensity.object_reflectance, streams),
             draws: streams.open(Purpose::SweepIntensity),
             sigma: drawn[Purpose::SweepIntensitySigma],

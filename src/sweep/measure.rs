@@ -17,11 +17,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::cast::{Caster, Hit, Inside, Origin, SWEEP_RAYS};
-use super::light::{Brightness, Losses, gain};
+use super::light::{DropoutModel, IntensityModel, gain};
 use super::params::Effects;
-use super::range_error::{Lit, RangeError, Reports};
+use super::range_error::{ApplyRangeErrors, MarkStatus, RangeError};
 use super::ranging::Echo;
-use super::returns::Side;
+use super::returns::LastFace;
 use super::vegetation::{BLOCK, Draws, Rays, Vegetation};
 use super::{Pattern, Returns, Status, Sweep, SweepError, SweepParams, TrueReturn};
 use crate::geometry::{DVec3, Transform};
@@ -151,8 +151,8 @@ pub fn sweep(
         error: RangeError::new(&params.sensor, effects, drawn, streams),
         noise: effects.range_noise.as_ref().map(|_| streams.open(Purpose::SweepRangeNoise)),
     };
-    let mut losses = Losses::new(params, drawn, streams);
-    let mut brightness = Brightness::new(params, drawn, streams);
+    let mut losses = DropoutModel::new(params, drawn, streams);
+    let mut brightness = IntensityModel::new(params, drawn, streams);
     let mut sweep = scratch.blank(pattern, effects);
     setting.tilt(scratch);
     scratch.vegetation.reach(setting.scene, origin_m, reach_m);
@@ -160,21 +160,21 @@ pub fn sweep(
     let slots = pattern.directions.len();
     let run = if effects.mixed_pixels.is_some() { slots.max(1) } else { RUN };
     for first in (0..slots).step_by(run) {
-        setting.aim(first..slots.min(first + run), scratch);
-        setting.meet(first, scratch, &mut sweep.truth);
+        setting.beam_directions(first..slots.min(first + run), scratch);
+        setting.cast_beams(first, scratch, &mut sweep.truth);
         let truth = &mut sweep.truth[first..];
-        setting.light(scratch, truth);
+        setting.received_power(scratch, truth);
         if let (Some(pixels), Some(mixed)) = (&effects.mixed_pixels, &mut sweep.mixed) {
-            setting.mix(pixels, scratch, truth, mixed);
+            setting.mix_pixels(pixels, scratch, truth, mixed);
         }
         sweep.returns.status.resize(first + truth.len(), Status::None);
         let status = &mut sweep.returns.status[first..];
-        widest(Lit { range_m: &scratch.range_m, status });
+        widest(MarkStatus { range_m: &scratch.range_m, status });
         let Scratch { draws, gain_per_m2, .. } = scratch;
         if let Some(losses) = &mut losses {
             losses.drop_out(first, truth, gain_per_m2, draws, status);
         }
-        setting.report(first, scratch, status, &mut sweep.returns.range_m);
+        setting.apply_range_errors(first, scratch, status, &mut sweep.returns.range_m);
         if let (Some(brightness), Some(intensity)) = (&mut brightness, &mut sweep.returns.intensity) {
             brightness.receive(first, truth, &scratch.gain_per_m2, &mut scratch.draws, status, intensity);
         }
@@ -196,7 +196,7 @@ impl Setting<'_> {
     }
 
     /// World directions of a run of slots.
-    fn aim(&self, slots: Range<usize>, scratch: &mut Scratch) {
+    fn beam_directions(&self, slots: Range<usize>, scratch: &mut Scratch) {
         let world_from_sensor = self.world_from_sensor.rotation;
         let Scratch { directions, tilts, .. } = scratch;
         directions.clear();
@@ -218,7 +218,7 @@ impl Setting<'_> {
     }
 
     /// First hits on solid things, then what vegetation makes of them: the truth, but for mixed pixels.
-    fn meet(&self, first: usize, scratch: &mut Scratch, truth: &mut Vec<TrueReturn>) {
+    fn cast_beams(&self, first: usize, scratch: &mut Scratch, truth: &mut Vec<TrueReturn>) {
         let Scratch { directions, hits, vegetation, .. } = scratch;
         self.origin.cast(directions, hits);
         let obstacles = &self.scene.obstacles;
@@ -232,14 +232,14 @@ impl Setting<'_> {
                 vegetation.scatter(self.caster, &rays, &self.foliage, truth);
             }
         }
-        let mut side = Side::default();
+        let mut side = LastFace::default();
         for (ret, &direction) in truth.iter_mut().zip(&*directions) {
             ret.mark_top(self.caster, self.origin_m, direction, &mut side);
         }
     }
 
     /// Range of every slot of the run; incidence and gain where an effect asks for them.
-    fn light(&self, scratch: &mut Scratch, truth: &[TrueReturn]) {
+    fn received_power(&self, scratch: &mut Scratch, truth: &[TrueReturn]) {
         let effects = &self.params.effects;
         let Scratch { directions, range_m, cos, gain_per_m2, .. } = scratch;
         range_m.clear();
@@ -254,7 +254,13 @@ impl Setting<'_> {
     }
 
     /// The ranges that the sensor reports; gates change the status.
-    fn report(&self, first: usize, scratch: &mut Scratch, status: &mut [Status], measured_m: &mut Vec<f64>) {
+    fn apply_range_errors(
+        &self,
+        first: usize,
+        scratch: &mut Scratch,
+        status: &mut [Status],
+        measured_m: &mut Vec<f64>,
+    ) {
         let Scratch { draws, range_m, cos, .. } = scratch;
         if let Some(noise) = &self.noise {
             draws.resize(range_m.len(), 0.0);
@@ -264,7 +270,7 @@ impl Setting<'_> {
         }
         measured_m.resize(first + range_m.len(), f64::NAN);
         let measured_m = &mut measured_m[first..];
-        widest(Reports { error: &self.error, range_m, cos_incidence: cos, normal: draws, status, measured_m });
+        widest(ApplyRangeErrors { error: &self.error, range_m, cos_incidence: cos, normal: draws, status, measured_m });
     }
 }
 

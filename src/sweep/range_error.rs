@@ -81,14 +81,14 @@ impl RangeError {
 }
 
 /// What the ranges before errors tell of a run of slots.
-pub(super) struct Lit<'a> {
+pub(super) struct MarkStatus<'a> {
     /// Infinite where nothing was met, NaN where no range could be made of the light.
     pub range_m: &'a [f64],
     /// Overwritten.
     pub status: &'a mut [Status],
 }
 
-impl Work for Lit<'_> {
+impl Work for MarkStatus<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -101,7 +101,7 @@ impl Work for Lit<'_> {
 }
 
 /// The ranges that a run of slots reports, all slots alike whatever became of their beams.
-pub(super) struct Reports<'a> {
+pub(super) struct ApplyRangeErrors<'a> {
     pub error: &'a RangeError,
     /// Ranges before errors.
     pub range_m: &'a [f64],
@@ -115,12 +115,12 @@ pub(super) struct Reports<'a> {
     pub measured_m: &'a mut [f64],
 }
 
-impl Work for Reports<'_> {
+impl Work for ApplyRangeErrors<'_> {
     type Out = ();
 
     #[inline(always)]
     fn run(self) {
-        let Reports { error, range_m, cos_incidence, normal, status, measured_m } = self;
+        let ApplyRangeErrors { error, range_m, cos_incidence, normal, status, measured_m } = self;
         let ranges = measured_m.iter_mut().zip(range_m);
         if normal.is_empty() {
             for (measured_m, &range_m) in ranges {
@@ -161,7 +161,7 @@ mod tests {
     /// One slot that light came back from.
     fn report(error: &RangeError, range_m: f64, cos_incidence: f64, normal: f64) -> (f64, Status) {
         let (mut measured_m, mut status) = ([0.0], [Status::Hit]);
-        Reports {
+        ApplyRangeErrors {
             error,
             range_m: &[range_m],
             cos_incidence: &[cos_incidence],
@@ -232,7 +232,7 @@ mod tests {
             fn run(self) -> (Vec<u64>, Vec<Status>) {
                 let Whole(error, [range_m, cos_incidence, normal], mut status) = self;
                 let mut measured_m = vec![1.0; status.len()];
-                Reports {
+                ApplyRangeErrors {
                     error,
                     range_m: &range_m,
                     cos_incidence: &cos_incidence,

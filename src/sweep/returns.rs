@@ -19,7 +19,7 @@ const RIM_M: f64 = 0.02;
 
 /// The body that the last point lay on and the plane of its side there: most likely the next one's too.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Side(Option<(i32, usize)>);
+pub(super) struct LastFace(Option<(i32, usize)>);
 
 impl TrueReturn {
     pub(super) const NOTHING: TrueReturn =
@@ -59,13 +59,13 @@ impl TrueReturn {
 
     /// Marks a hit that lies on the upward part of an obstacle and off its rim. `last` is what the hits before told.
     #[inline]
-    pub(super) fn mark_top(&mut self, caster: &Caster, origin_m: DVec3, direction: DVec3, last: &mut Side) {
+    pub(super) fn mark_top(&mut self, caster: &Caster, origin_m: DVec3, direction: DVec3, last: &mut LastFace) {
         if self.object >= 0 && !self.is_foliage() {
             self.top = self.is_top(caster, origin_m + direction * self.range_m, last);
         }
     }
 
-    fn is_top(&self, caster: &Caster, point_m: DVec3, last: &mut Side) -> bool {
+    fn is_top(&self, caster: &Caster, point_m: DVec3, last: &mut LastFace) -> bool {
         let upward = || caster.normal_at(self.object, point_m).z >= UPWARD_COS;
         let body = match &caster.scene().obstacles[self.object as usize].body().shape {
             Shape::Convex(body) => body,
@@ -79,7 +79,7 @@ impl TrueReturn {
         let mut near_top = false;
         for (k, plane) in body.planes.iter().enumerate().filter(|(_, plane)| near(plane)) {
             if plane.normal.z < UPWARD_COS {
-                *last = Side(Some((self.object, k)));
+                *last = LastFace(Some((self.object, k)));
                 return false;
             }
             near_top = true;

@@ -3,7 +3,7 @@
 use marsyard::drive::params::{
     ContactSolver, ControlNoise, DriveParams, InstrumentsParams, LengthParams, PathParams, StartParams,
 };
-use marsyard::drive::{DriveLog, Rover, Stander, drive};
+use marsyard::drive::{DriveLog, GroundContact, Rover, drive};
 use marsyard::geometry::DVec2;
 use marsyard::math;
 use marsyard::preset::Preset;
@@ -182,10 +182,10 @@ fn law_a_rocker_bogie_touches_everywhere() {
     let mut stood = 0;
     for seed in 0..40 {
         for scene in [hills(seed), rubble(seed)] {
-            let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
+            let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
             for (x, y, yaw) in places(seed, 2000) {
                 // A failure to touch within 1e-6 m is an error; tipping over is not on these slopes.
-                let stance = stander.stand(x, y, yaw, None).unwrap();
+                let stance = contact.stand(x, y, yaw, None).unwrap();
                 assert!(stance.contact.residual_m < 1e-6, "{seed}: {stance:?}");
                 stood += 1;
             }
@@ -200,8 +200,8 @@ fn equal_gauss_newton_and_nelder_mead_on_many_hills() {
         let rover = rover(name);
         for seed in 0..50 {
             let scene = hills(1000 + seed);
-            let newton = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
-            let simplex = Stander::new(&rover, &scene, ContactSolver::NelderMead);
+            let newton = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
+            let simplex = GroundContact::new(&rover, &scene, ContactSolver::NelderMead);
             for (x, y, yaw) in places(seed, 20) {
                 let (a, b) = (newton.stand(x, y, yaw, None).unwrap(), simplex.stand(x, y, yaw, None).unwrap());
                 let off = [

@@ -18,17 +18,17 @@ use super::schema::{Column, Kind, Role};
 use crate::cells::Cells;
 
 /// How a column is taken from rows: all of it at one call, so that the way to a value is compiled into a loop of its own.
-pub struct Take<R> {
+pub struct Extract<R> {
     kind: Kind,
     nullable: bool,
-    column: Taking<R>,
+    column: ExtractColumn<R>,
 }
 
 /// Rows -> a column of them.
-type Taking<R> = Box<dyn Fn(&[R]) -> ArrayRef>;
+type ExtractColumn<R> = Box<dyn Fn(&[R]) -> ArrayRef>;
 
 /// A number that a column may hold.
-pub trait Number: ArrowNativeType {
+pub trait ColumnValue: ArrowNativeType {
     type Arrow: ArrowPrimitiveType<Native = Self>;
     const KIND: Kind;
     /// Equal values in equal bytes.
@@ -37,7 +37,7 @@ pub trait Number: ArrowNativeType {
 
 macro_rules! number {
     ($($native:ty, $arrow:ty, $kind:expr, $canonical:expr;)*) => {$(
-        impl Number for $native {
+        impl ColumnValue for $native {
             type Arrow = $arrow;
             const KIND: Kind = $kind;
             fn canonical(self) -> Self {
@@ -60,7 +60,7 @@ pub struct Definition<R> {
     unit: &'static str,
     role: Role,
     description: &'static str,
-    take: Take<R>,
+    take: Extract<R>,
 }
 
 fn define<R>(
@@ -68,21 +68,21 @@ fn define<R>(
     unit: &'static str,
     role: Role,
     description: &'static str,
-    take: Take<R>,
+    take: Extract<R>,
 ) -> Definition<R> {
     Definition { name, unit, role, description, take }
 }
 
-impl<R> Take<R> {
-    pub fn number<N: Number>(take: impl Fn(&R) -> N + 'static) -> Take<R> {
-        Take::column(N::KIND, false, move |rows| {
+impl<R> Extract<R> {
+    pub fn number<N: ColumnValue>(take: impl Fn(&R) -> N + 'static) -> Extract<R> {
+        Extract::column(N::KIND, false, move |rows| {
             let values: Vec<N> = rows.iter().map(|row| take(row).canonical()).collect();
             Arc::new(PrimitiveArray::<N::Arrow>::new(values.into(), None))
         })
     }
 
-    pub fn number_or_null<N: Number>(take: impl Fn(&R) -> Option<N> + 'static) -> Take<R> {
-        Take::column(N::KIND, true, move |rows| {
+    pub fn number_or_null<N: ColumnValue>(take: impl Fn(&R) -> Option<N> + 'static) -> Extract<R> {
+        Extract::column(N::KIND, true, move |rows| {
             let values: Vec<N> = rows.iter().map(|row| take(row).unwrap_or_default().canonical()).collect();
             let valid = BooleanBuffer::collect_bool(rows.len(), |i| take(&rows[i]).is_some());
             let nulls = Some(NullBuffer::new(valid)).filter(|nulls| nulls.null_count() > 0);
@@ -90,22 +90,24 @@ impl<R> Take<R> {
         })
     }
 
-    pub fn flag(take: impl Fn(&R) -> bool + 'static) -> Take<R> {
-        Take::column(Kind::Bool, false, move |rows| {
+    pub fn flag(take: impl Fn(&R) -> bool + 'static) -> Extract<R> {
+        Extract::column(Kind::Bool, false, move |rows| {
             Arc::new(BooleanArray::from(BooleanBuffer::collect_bool(rows.len(), |i| take(&rows[i]))))
         })
     }
 
-    pub fn text(take: impl Fn(&R) -> &str + 'static) -> Take<R> {
-        Take::column(Kind::String, false, move |rows| Arc::new(StringArray::from_iter_values(rows.iter().map(&take))))
+    pub fn text(take: impl Fn(&R) -> &str + 'static) -> Extract<R> {
+        Extract::column(Kind::String, false, move |rows| {
+            Arc::new(StringArray::from_iter_values(rows.iter().map(&take)))
+        })
     }
 
-    pub fn text_or_null(take: impl Fn(&R) -> Option<&str> + 'static) -> Take<R> {
-        Take::column(Kind::String, true, move |rows| Arc::new(rows.iter().map(&take).collect::<StringArray>()))
+    pub fn text_or_null(take: impl Fn(&R) -> Option<&str> + 'static) -> Extract<R> {
+        Extract::column(Kind::String, true, move |rows| Arc::new(rows.iter().map(&take).collect::<StringArray>()))
     }
 
-    fn column(kind: Kind, nullable: bool, column: impl Fn(&[R]) -> ArrayRef + 'static) -> Take<R> {
-        Take { kind, nullable, column: Box::new(column) }
+    fn column(kind: Kind, nullable: bool, column: impl Fn(&[R]) -> ArrayRef + 'static) -> Extract<R> {
+        Extract { kind, nullable, column: Box::new(column) }
     }
 }
 
@@ -114,7 +116,7 @@ pub fn columns<R>(definitions: &[Definition<R>]) -> Vec<Column> {
     definitions
         .iter()
         .map(|definition| {
-            let Take { kind, nullable, .. } = definition.take;
+            let Extract { kind, nullable, .. } = definition.take;
             Column {
                 name: definition.name.into(),
                 kind,

@@ -56,30 +56,30 @@ impl Row {
     }
 }
 
-type Take = super::Take<Row>;
+type Extract = super::Extract<Row>;
 
 #[rustfmt::skip]
 pub fn definitions() -> Vec<Definition<Row>> {
     vec![
-        define("scene_id", "1", Key, "Number of the scene in the corpus.", Take::number(|r| r.scene_id)),
-        define("scan_id", "1", Key, "Number of the stop at which the kept scan was made, from 0.", Take::number(|r| r.scan_id)),
-        define("line", "1", Key, "Scan line (a position of the tilt head, or a ring).", Take::number(|r| r.line)),
-        define("beam", "1", Key, "Beam within the line, in firing order.", Take::number(|r| r.beam)),
-        define("status", "1", Info, "0 hit, 1 nothing in reach, 2 dropped (too little light, or at random), 3 outside the sensor's gates.", Take::number(|r| r.status as i8)),
-        define("range_m", "m", Info, "Measured range; null unless hit.", Take::number_or_null(|r| r.range_m)),
-        define("sensor_x_m", "m", Info, "Point in the sensor's frame: x forward.", Take::number_or_null(|r| r.sensor_m.map(|p| p.x))),
-        define("sensor_y_m", "m", Info, "Point in the sensor's frame: y left.", Take::number_or_null(|r| r.sensor_m.map(|p| p.y))),
-        define("sensor_z_m", "m", Info, "Point in the sensor's frame: z up.", Take::number_or_null(|r| r.sensor_m.map(|p| p.z))),
-        define("map_x_m", "m", Info, "Point in the map, by the estimated pose.", Take::number_or_null(|r| r.map_m.map(|p| p.x))),
-        define("map_y_m", "m", Info, "Point in the map, by the estimated pose.", Take::number_or_null(|r| r.map_m.map(|p| p.y))),
-        define("map_z_m", "m", Info, "Point in the map, by the estimated pose.", Take::number_or_null(|r| r.map_m.map(|p| p.z))),
-        define("intensity", "1", Info, "Received intensity; null unless hit and the effect is on.", Take::number_or_null(|r| r.intensity)),
-        define("truth_range_m", "m", Truth, "True distance to the first surface along the beam's axis; null where there is none.", Take::number_or_null(|r| Some(r.truth.range_m).filter(|range_m| range_m.is_finite()))),
-        define("truth_class", "1", Truth, "Class of what was met: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown, -1 nothing.", Take::number(|r| r.truth.class)),
-        define("truth_object_id", "1", Truth, "Id of the object met within the scene, -1 ground, -2 nothing.", Take::number(|r| r.truth.object)),
-        define("truth_top", "1", Truth, "The point lies on the flat top of an object.", Take::flag(|r| r.truth.top)),
-        define("truth_obstacle", "1", Truth, "What was met is an obstacle by the label's rule: a cell with enough such points is untraversable.", Take::flag(|r| r.obstacle)),
-        define("row", "1", Info, "Row of the cell that holds the point; null where none does.", Take::number_or_null(|r| r.cell.map(|c| c.row))),
-        define("col", "1", Info, "Column of the cell that holds the point; null where none does.", Take::number_or_null(|r| r.cell.map(|c| c.col))),
+        define("scene_id", "1", Key, "ColumnValue of the scene in the corpus.", Extract::number(|r| r.scene_id)),
+        define("scan_id", "1", Key, "ColumnValue of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
+        define("line", "1", Key, "Scan line (a position of the tilt head, or a ring).", Extract::number(|r| r.line)),
+        define("beam", "1", Key, "Beam within the line, in firing order.", Extract::number(|r| r.beam)),
+        define("status", "1", Info, "0 hit, 1 nothing in reach, 2 dropped (too little light, or at random), 3 outside the sensor's gates.", Extract::number(|r| r.status as i8)),
+        define("range_m", "m", Info, "Measured range; null unless hit.", Extract::number_or_null(|r| r.range_m)),
+        define("sensor_x_m", "m", Info, "Point in the sensor's frame: x forward.", Extract::number_or_null(|r| r.sensor_m.map(|p| p.x))),
+        define("sensor_y_m", "m", Info, "Point in the sensor's frame: y left.", Extract::number_or_null(|r| r.sensor_m.map(|p| p.y))),
+        define("sensor_z_m", "m", Info, "Point in the sensor's frame: z up.", Extract::number_or_null(|r| r.sensor_m.map(|p| p.z))),
+        define("map_x_m", "m", Info, "Point in the map, by the estimated pose.", Extract::number_or_null(|r| r.map_m.map(|p| p.x))),
+        define("map_y_m", "m", Info, "Point in the map, by the estimated pose.", Extract::number_or_null(|r| r.map_m.map(|p| p.y))),
+        define("map_z_m", "m", Info, "Point in the map, by the estimated pose.", Extract::number_or_null(|r| r.map_m.map(|p| p.z))),
+        define("intensity", "1", Info, "Received intensity; null unless hit and the effect is on.", Extract::number_or_null(|r| r.intensity)),
+        define("truth_range_m", "m", Truth, "True distance to the first surface along the beam's axis; null where there is none.", Extract::number_or_null(|r| Some(r.truth.range_m).filter(|range_m| range_m.is_finite()))),
+        define("truth_class", "1", Truth, "Class of what was met: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown, -1 nothing.", Extract::number(|r| r.truth.class)),
+        define("truth_object_id", "1", Truth, "Id of the object met within the scene, -1 ground, -2 nothing.", Extract::number(|r| r.truth.object)),
+        define("truth_top", "1", Truth, "The point lies on the flat top of an object.", Extract::flag(|r| r.truth.top)),
+        define("truth_obstacle", "1", Truth, "What was met is an obstacle by the label's rule: a cell with enough such points is untraversable.", Extract::flag(|r| r.obstacle)),
+        define("row", "1", Info, "Row of the cell that holds the point; null where none does.", Extract::number_or_null(|r| r.cell.map(|c| c.row))),
+        define("col", "1", Info, "Column of the cell that holds the point; null where none does.", Extract::number_or_null(|r| r.cell.map(|c| c.col))),
     ]
 }

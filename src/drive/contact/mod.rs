@@ -40,22 +40,22 @@ pub struct ContactPose {
 
 /// Sets one rover on the ground of one scene.
 #[derive(Clone, Debug)]
-pub struct Stander<'a> {
+pub struct GroundContact<'a> {
     linkage: Linkage,
     surface: Surface<'a>,
     solver: ContactSolver,
     tolerance: Option<f64>,
 }
 
-impl<'a> Stander<'a> {
+impl<'a> GroundContact<'a> {
     /// With the solver's own tolerance.
-    pub fn new(rover: &Rover, scene: &'a Scene, solver: ContactSolver) -> Stander<'a> {
-        Stander { linkage: Linkage::new(rover), surface: Surface::new(scene), solver, tolerance: None }
+    pub fn new(rover: &Rover, scene: &'a Scene, solver: ContactSolver) -> GroundContact<'a> {
+        GroundContact { linkage: Linkage::new(rover), surface: Surface::new(scene), solver, tolerance: None }
     }
 
     /// The same, its solutions as near as this, metres and radians; `None` = the solver's own tolerance.
-    pub fn within(self, tolerance: Option<f64>) -> Stander<'a> {
-        Stander { tolerance, ..self }
+    pub fn within(self, tolerance: Option<f64>) -> GroundContact<'a> {
+        GroundContact { tolerance, ..self }
     }
 
     /// The rover at (x, y) with this heading. `near` is a stance close by (the step before), to start from.

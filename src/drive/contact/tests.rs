@@ -8,7 +8,7 @@ use super::super::params::ContactSolver;
 use super::super::surface::Surface;
 use super::super::{DriveError, Rover};
 use super::residual::{GroundDerivatives, Problem, UNKNOWNS, Unknowns, sum_of_squares};
-use super::{ContactPose, Stander, minimise, unknowns_of};
+use super::{ContactPose, GroundContact, minimise, unknowns_of};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::random::Purpose;
@@ -36,10 +36,10 @@ fn exact_on_planes_every_wheel_touches_and_the_tilt_is_the_planes_at_every_headi
         for solver in SOLVERS {
             for slope in [DVec2::ZERO, DVec2::new(0.3, -0.2), DVec2::new(-0.1, 0.4)] {
                 let scene = plane(20.0, 0.7, slope);
-                let stander = Stander::new(&rover, &scene, solver);
+                let contact = GroundContact::new(&rover, &scene, solver);
                 for k in 0..24 {
                     let yaw = math::wrap_angle(f64::from(k) * std::f64::consts::TAU / 24.0);
-                    let stance = stander.stand(9.0, 11.0, yaw, None).unwrap();
+                    let stance = contact.stand(9.0, 11.0, yaw, None).unwrap();
                     let (sin, cos) = math::sin_cos(yaw);
                     // The rover's x axis climbs with the slope ahead; its z axis is the plane's normal.
                     let pitch = -math::atan(slope.x * cos + slope.y * sin);
@@ -59,7 +59,8 @@ fn exact_on_planes_every_wheel_touches_and_the_tilt_is_the_planes_at_every_headi
 fn exact_a_rough_raster_of_a_plane_is_a_plane() {
     let scene = raster(10.0, 0.07, |x, y| 0.2 * x - 0.1 * y);
     for yaml in ROVERS {
-        let stance = Stander::new(&rover(yaml), &scene, ContactSolver::GaussNewton).stand(4.0, 5.0, 0.0, None).unwrap();
+        let stance =
+            GroundContact::new(&rover(yaml), &scene, ContactSolver::GaussNewton).stand(4.0, 5.0, 0.0, None).unwrap();
         assert!((stance.pose.pitch_rad + math::atan(0.2)).abs() < 1e-9);
         assert!(stance.contact.residual_m < 1e-9);
     }
@@ -70,9 +71,9 @@ fn law_a_rocker_bogie_touches_with_all_wheels_on_hills_and_rubble() {
     let rover = kapvik();
     let scenes = (0..10).map(hills).chain((0..10).map(|seed| rubble(seed, 0.01)));
     for (k, scene) in scenes.enumerate() {
-        let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
+        let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
         for (x, y, yaw) in places(k as u64, scene.extent_m, 100) {
-            let stance = stander.stand(x, y, yaw, None).unwrap();
+            let stance = contact.stand(x, y, yaw, None).unwrap();
             assert!(stance.contact.residual_m < 1e-6, "{k} {x} {y} {yaw}: {stance:?}");
         }
     }
@@ -87,11 +88,11 @@ fn order_coarser_tolerances_take_fewer_steps_and_stay_near_the_solution() {
             let mut steps = 0;
             for (seed, yaml) in (0..4).flat_map(|seed| ROVERS.map(|yaml| (seed, yaml))) {
                 let scene = hills(seed);
-                let exact = Stander::new(&rover(yaml), &scene, ContactSolver::GaussNewton);
-                let stander = Stander::new(&rover(yaml), &scene, solver).within(tolerance);
+                let exact = GroundContact::new(&rover(yaml), &scene, ContactSolver::GaussNewton);
+                let contact = GroundContact::new(&rover(yaml), &scene, solver).within(tolerance);
                 for (x, y, yaw) in places(seed, scene.extent_m, 20) {
                     let (best, found) =
-                        (exact.stand(x, y, yaw, None).unwrap(), stander.stand(x, y, yaw, None).unwrap());
+                        (exact.stand(x, y, yaw, None).unwrap(), contact.stand(x, y, yaw, None).unwrap());
                     steps += found.contact.iterations;
                     let off = (best.pose.position_m.z - found.pose.position_m.z)
                         .abs()
@@ -115,9 +116,9 @@ fn equal_residuals_and_wheel_centres_by_whole_transforms() {
     let linkage = Linkage::new(&rover);
     for seed in 0..5 {
         let scene = hills(seed);
-        let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
+        let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
         for (x, y, yaw) in places(seed, 20.0, 20) {
-            let ContactPose { pose, contact } = stander.stand(x, y, yaw, None).unwrap();
+            let ContactPose { pose, contact } = contact.stand(x, y, yaw, None).unwrap();
             let angles = [contact.rocker_rad, contact.bogie_left_rad, contact.bogie_right_rad];
             for centre in linkage.place(&angles).centres_m {
                 let centre = pose.transform().point(centre);
@@ -180,9 +181,9 @@ fn law_a_rigid_chassis_stands_where_its_least_squares_are_stationary() {
     for seed in 0..20 {
         let scene = hills(seed);
         let surface = Surface::new(&scene);
-        let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
+        let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
         for (x, y, yaw) in places(seed, 20.0, 20) {
-            let stance = stander.stand(x, y, yaw, None).unwrap();
+            let stance = contact.stand(x, y, yaw, None).unwrap();
             let problem = Problem::new(&linkage, &surface, x, y, yaw);
             let (e, jacobian) = problem.linearised(&unknowns_of(&stance), GroundDerivatives::Moving).unwrap();
             for i in 0..3 {
@@ -200,9 +201,9 @@ fn order_no_stand_nearby_is_better_than_a_rigid_rovers_on_rubble() {
     for seed in 0..5 {
         let scene = rubble(seed, 0.01);
         let surface = Surface::new(&scene);
-        let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
+        let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
         for (x, y, yaw) in places(seed, 10.0, 20) {
-            let stance = stander.stand(x, y, yaw, None).unwrap();
+            let stance = contact.stand(x, y, yaw, None).unwrap();
             let problem = Problem::new(&linkage, &surface, x, y, yaw);
             let q = unknowns_of(&stance);
             let least = sum_of_squares(&problem.residuals(&q).unwrap());
@@ -222,8 +223,8 @@ fn equal_gauss_newton_and_nelder_mead() {
         let rover = rover(yaml);
         for seed in 0..4 {
             let scene = hills(100 + seed);
-            let newton = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
-            let simplex = Stander::new(&rover, &scene, ContactSolver::NelderMead);
+            let newton = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
+            let simplex = GroundContact::new(&rover, &scene, ContactSolver::NelderMead);
             for (x, y, yaw) in places(seed, 20.0, 8) {
                 let (a, b) = (newton.stand(x, y, yaw, None).unwrap(), simplex.stand(x, y, yaw, None).unwrap());
                 let off =
@@ -239,12 +240,12 @@ fn equal_warm_and_cold_starts() {
     for yaml in ROVERS {
         let rover = rover(yaml);
         for scene in [hills(7), hills(8)] {
-            let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
-            let mut before = stander.stand(4.0, 6.0, 0.4, None).unwrap();
+            let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
+            let mut before = contact.stand(4.0, 6.0, 0.4, None).unwrap();
             for k in 1..100 {
                 let (x, y, yaw) = (4.0 + 0.05 * f64::from(k), 6.0 + 0.02 * f64::from(k), 0.4 + 0.01 * f64::from(k));
-                let warm = stander.stand(x, y, yaw, Some(&before)).unwrap();
-                let cold = stander.stand(x, y, yaw, None).unwrap();
+                let warm = contact.stand(x, y, yaw, Some(&before)).unwrap();
+                let cold = contact.stand(x, y, yaw, None).unwrap();
                 let off =
                     unknowns_of(&warm).iter().zip(unknowns_of(&cold)).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
                 assert!(off < 1e-9, "{} {k}: {off:e}", rover.name);
@@ -306,10 +307,10 @@ fn extreme_steep_and_broken_ground_gives_a_stand_or_says_why_not() {
         for yaml in ROVERS {
             let rover = rover(yaml);
             for solver in SOLVERS {
-                let stander = Stander::new(&rover, scene, solver);
+                let contact = GroundContact::new(&rover, scene, solver);
                 for k in 0..16 {
                     let yaw = math::wrap_angle(0.1 + f64::from(k) * 0.4);
-                    match stander.stand(4.0, 4.0, yaw, None) {
+                    match contact.stand(4.0, 4.0, yaw, None) {
                         Ok(stance) => {
                             assert!(
                                 unknowns_of(&stance).iter().all(|v| v.is_finite()),
@@ -335,13 +336,13 @@ fn extreme_wheels_over_the_yards_edge_are_refused() {
     for yaml in ROVERS {
         let rover = rover(yaml);
         for solver in SOLVERS {
-            let stander = Stander::new(&rover, &scene, solver);
+            let contact = GroundContact::new(&rover, &scene, solver);
             for (x, y) in [(0.1, 4.0), (4.0, 7.95), (-1.0, 4.0), (f64::NAN, 4.0), (4.0, f64::INFINITY)] {
-                assert!(matches!(stander.stand(x, y, 0.3, None), Err(DriveError::NoContact { .. })), "{x} {y}");
+                assert!(matches!(contact.stand(x, y, 0.3, None), Err(DriveError::NoContact { .. })), "{x} {y}");
             }
             // A stance that is already close does not help.
-            let inside = stander.stand(1.0, 4.0, 0.3, None).unwrap();
-            assert!(stander.stand(0.05, 4.0, 0.3, Some(&inside)).is_err());
+            let inside = contact.stand(1.0, 4.0, 0.3, None).unwrap();
+            assert!(contact.stand(0.05, 4.0, 0.3, Some(&inside)).is_err());
         }
     }
 }
@@ -349,6 +350,7 @@ fn extreme_wheels_over_the_yards_edge_are_refused() {
 #[test]
 fn extreme_beyond_sixty_degrees_the_rover_tips_over() {
     let scene = plane(8.0, 0.0, DVec2::new(1.8, 0.0));
-    let error = Stander::new(&kapvik(), &scene, ContactSolver::GaussNewton).stand(4.0, 4.0, 0.0, None).unwrap_err();
+    let error =
+        GroundContact::new(&kapvik(), &scene, ContactSolver::GaussNewton).stand(4.0, 4.0, 0.0, None).unwrap_err();
     assert!(error.to_string().contains("tip over"), "{error}");
 }

@@ -30,7 +30,7 @@ pub struct Clusters {
 }
 
 /// A cluster seen from the origin.
-pub struct Seen {
+pub struct ClusterView {
     pub centroid_m: DVec3,
     /// Level unit vector from the sensor through the centroid.
     pub away: DVec3,
@@ -99,7 +99,7 @@ impl Clusters {
 
 impl Cluster {
     /// `None` for a cluster right above or below the sensor.
-    pub fn seen_from_origin(&self) -> Option<Seen> {
+    pub fn seen_from_origin(&self) -> Option<ClusterView> {
         let count = self.points.len() as f64;
         let centroid_m = self.points.iter().map(|p| p.place_m).sum::<DVec3>() / count;
         let away = centroid_m.truncate().try_normalize()?;
@@ -122,7 +122,7 @@ impl Cluster {
         }
         let (mean, apart) = (0.5 * (xx + yy), (0.25 * (xx - yy) * (xx - yy) + xy * xy).sqrt());
         let aspect = ((mean + apart) / (mean - apart).max(1e-12)).sqrt();
-        Some(Seen {
+        Some(ClusterView {
             centroid_m,
             away: away.extend(0.0),
             left_m: left.0,

@@ -3,7 +3,7 @@
 use super::textbook::{Planar, linear_weights, low_variance, nearest_neighbour_map};
 use super::*;
 use crate::extremes::{Family, row};
-use crate::slam::measurement::View;
+use crate::slam::measurement::SensorView;
 use crate::slam::weights::{normalise, systematic};
 
 /// A wavering error of size 1, known to nobody.
@@ -184,7 +184,7 @@ fn extreme_readings_that_are_no_numbers() {
 #[test]
 fn extreme_features_overhead_and_at_arms_length() {
     let pose = [0.0; 6];
-    let view = View::new(&pose, &crate::slam::measurement::Mounting::new(&Transform::IDENTITY));
+    let view = SensorView::new(&pose, &crate::slam::measurement::Mounting::new(&Transform::IDENTITY));
     assert!(view.predict(&[0.0, 0.0, 2.0]).is_none());
     let (dx, dy) = (0.0_f64, 0.0);
     let slope = dy / (dx * dx + dy * dy);

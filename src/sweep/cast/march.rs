@@ -1,8 +1,8 @@
 //! First hits of many rays from one point on a raster ground: the fast path of a sweep.
 //!
 //! In: a sensor above the ground and unit directions. Out: the range of each first crossing, to the bit what the pyramid of
-//! [`raster`] finds. A ray starts where the [`Skyline`] lets it first meet the ground and goes from cell to cell; after a few
-//! cells that it has flown over, the skyline says again how far nothing can be met. Rays go in blocks of [`LANES`], lane by lane
+//! [`raster`] finds. A ray starts where the [`SlopeBounds`] lets it first meet the ground and goes from cell to cell; after a few
+//! cells that it has flown over, the slope bounds say again how far nothing can be met. Rays go in blocks of [`LANES`], lane by lane
 //! the same arithmetic.
 //!
 //! [`raster`]: super::raster
@@ -10,17 +10,17 @@
 use super::cell::{Axis, CellRay};
 use super::is_ray;
 use super::newton::{LANES, Lanes, smaller};
-use super::raster::{RasterCaster, View};
-use super::skyline::Skyline;
+use super::raster::{RasterCaster, RasterView};
+use super::slope_bounds::SlopeBounds;
 use crate::geometry::DVec3;
 
-/// Cells from one look at the skyline to the next.
+/// Cells from one look at the slope bounds to the next.
 const STRIDE_CELLS: usize = 8;
 
 /// A sensor above a raster ground, ready to be cast from.
 pub struct HorizonProfile {
-    skyline: Skyline,
-    view: View,
+    slope_bounds: SlopeBounds,
+    view: RasterView,
     origin_m: DVec3,
     /// The last cell of a row, and of a column.
     last: [f64; 2],
@@ -71,7 +71,7 @@ impl HorizonProfile {
     /// `None` for a sensor beside the yard or below its ground.
     pub fn new(ground: &RasterCaster, origin_m: DVec3, reach_m: f64) -> Option<HorizonProfile> {
         ground.is_under(origin_m).then(|| HorizonProfile {
-            skyline: Skyline::new(ground, origin_m, reach_m),
+            slope_bounds: SlopeBounds::new(ground, origin_m, reach_m),
             view: ground.view(origin_m),
             origin_m,
             last: ground.last_cell(),
@@ -81,7 +81,7 @@ impl HorizonProfile {
     /// Solves one block of rays up to `max_m`.
     #[inline(always)]
     pub fn solve(&self, ground: &RasterCaster, dirs: &[DVec3; LANES], max_m: f64, ranges: &mut Lanes) {
-        let HorizonProfile { skyline, view, .. } = self;
+        let HorizonProfile { slope_bounds, view, .. } = self;
         let mut rays = Rays { x: Axes::still(view.x), y: Axes::still(view.y), dz: [0.0; LANES], to: [0.0; LANES] };
         let (mut level, mut slope) = ([0.0; LANES], [0.0f64; LANES]);
         for l in 0..LANES {
@@ -99,8 +99,8 @@ impl HorizonProfile {
             if is_ray(self.origin_m, dirs[l]) {
                 // Rounded towards the ground.
                 slopes[l] = (slope[l] as f32).next_down();
-                sectors[l] = skyline.sector(dirs[l].x, dirs[l].y);
-                let begins_m = skyline.begins_m(skyline.first_ring(sectors[l], slopes[l]));
+                sectors[l] = slope_bounds.sector(dirs[l].x, dirs[l].y);
+                let begins_m = slope_bounds.begins_m(slope_bounds.first_ring(sectors[l], slopes[l]));
                 at[l] = if begins_m > 0.0 { begins_m / level[l] } else { 0.0 };
                 open |= u32::from(at[l] <= rays.to[l]) << l;
             }
@@ -109,7 +109,7 @@ impl HorizonProfile {
             self.march(ground, &mut rays, &mut at, &mut open, ranges);
             for l in 0..LANES {
                 if open >> l & 1 == 1 {
-                    at[l] = skyline.next_m(sectors[l], slopes[l], at[l] * level[l]) / level[l];
+                    at[l] = slope_bounds.next_m(sectors[l], slopes[l], at[l] * level[l]) / level[l];
                     open &= !(u32::from(at[l] > rays.to[l]) << l);
                 }
             }

@@ -8,20 +8,20 @@
 
 mod cell;
 mod convex;
+mod diamond_angle;
 mod march;
 mod mesh;
 mod newton;
+mod obstacle_grid;
 mod origin;
 mod packets;
-mod places;
 mod planes;
 mod polynomial;
 mod raster;
 mod sectors;
 mod series;
-mod skyline;
+mod slope_bounds;
 mod tree;
-mod turns;
 
 use std::borrow::Cow;
 use std::sync::OnceLock;
@@ -30,9 +30,9 @@ pub use origin::Origin;
 pub(super) use origin::SWEEP_RAYS;
 
 use mesh::MeshCaster;
+use obstacle_grid::ObstacleGrid;
 use origin::GroundFrom;
 use packets::Packets;
-use places::ObstacleGrid;
 use polynomial::PolynomialCaster;
 use raster::RasterCaster;
 use tree::Tree;

@@ -9,9 +9,9 @@ use std::ops::Range;
 
 use super::convex;
 use super::newton::{Dirs, LANES, Lanes, bits, each, smaller};
-use super::places::ObstacleGrid;
+use super::obstacle_grid::ObstacleGrid;
 use super::planes::Planes;
-use super::sectors::{Cone, Sectors, View, of_all};
+use super::sectors::{BlockCone, Cone, Sectors, of_all};
 use crate::geometry::DVec3;
 use crate::scene::{Cylinder, Obstacle, Shape};
 
@@ -20,12 +20,12 @@ pub struct Packets<'a> {
     obstacles: &'a [Obstacle],
     origin: DVec3,
     /// Nearest first.
-    bodies: Vec<Body>,
+    bodies: Vec<PacketBody>,
     sectors: Sectors,
     planes: RefCell<Planes>,
 }
 
-struct Body {
+struct PacketBody {
     /// Its place in the obstacles' row.
     index: u32,
     /// Bounding sphere: centre from the sensor, squared length of the tangent (minus infinity where the sensor is in it).
@@ -53,8 +53,10 @@ impl<'a> Packets<'a> {
             return None;
         }
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let bodies: Vec<Body> =
-            near.iter().map(|&(nearest, index, centre, radius)| Body::new(index, centre, radius, nearest)).collect();
+        let bodies: Vec<PacketBody> = near
+            .iter()
+            .map(|&(nearest, index, centre, radius)| PacketBody::new(index, centre, radius, nearest))
+            .collect();
         let cones = near.iter().map(|&(_, _, centre, radius)| Cone::of_sphere(centre, radius));
         let sectors = Sectors::new(cones, |rank| bodies[rank as usize].nearest);
         let planes = RefCell::new(Planes::new(bodies.len()));
@@ -67,7 +69,7 @@ impl<'a> Packets<'a> {
         if self.bodies[0].nearest * of_all(inverse, smaller) > 1.0 {
             return;
         }
-        let view = View::of(dirs);
+        let view = BlockCone::of(dirs);
         if !view.is_wide() {
             return self.walk(dirs, &view, !0, inverse, objects);
         }
@@ -77,13 +79,13 @@ impl<'a> Packets<'a> {
             let mine = (1 << lanes.end) - (1 << lanes.start);
             let [x, y, z] = filled(dirs, lanes);
             let dirs = Dirs { x: &x, y: &y, z: &z };
-            self.walk(dirs, &View::of(dirs), mine, inverse, objects);
+            self.walk(dirs, &BlockCone::of(dirs), mine, inverse, objects);
         }
     }
 
     /// Tries the rays marked in `mine` at all bodies in view.
     #[inline(always)]
-    fn walk(&self, dirs: Dirs, view: &View, mine: u32, inverse: &mut Lanes, objects: &mut [i32; LANES]) {
+    fn walk(&self, dirs: Dirs, view: &BlockCone, mine: u32, inverse: &mut Lanes, objects: &mut [i32; LANES]) {
         let Dirs { x, y, z } = dirs;
         let mut least = of_all(inverse, smaller);
         let mut planes = self.planes.borrow_mut();
@@ -107,7 +109,7 @@ impl<'a> Packets<'a> {
                 }
                 let upright = if planes.are_made(rank) { None } else { self.make(&mut planes, rank) };
                 let met = match upright {
-                    None => planes.meet(rank, dirs, seen, inverse),
+                    None => planes.intersect(rank, dirs, seen, inverse),
                     Some(cylinder) => meet_cylinder(&cylinder, dirs, seen, inverse),
                 };
                 if met == 0 {
@@ -147,11 +149,11 @@ fn filled(dirs: Dirs, lanes: Range<usize>) -> [Lanes; 3] {
     [dirs.x, dirs.y, dirs.z].map(|of_axis| each(|l| of_axis[ray(l)]))
 }
 
-impl Body {
-    fn new(index: usize, centre: DVec3, radius: f64, nearest: f64) -> Body {
+impl PacketBody {
+    fn new(index: usize, centre: DVec3, radius: f64, nearest: f64) -> PacketBody {
         let distance2 = centre.length_squared();
         let within = distance2 <= radius * radius * (1.0 + 1e-9);
-        Body {
+        PacketBody {
             index: index as u32,
             centre,
             // The last term is for the rounding of a ray's cosine side, which counts for small bodies far off.

@@ -25,7 +25,7 @@ type Chunk = [[f64; SIDE]; 3];
 /// The plane vectors of the bodies that were asked for.
 pub struct Planes {
     /// Per body, its chunks; none yet where there are no fronts and no backs.
-    made: Vec<Made>,
+    made: Vec<PlaneRange>,
     chunks: Vec<Chunk>,
     /// Back planes of the body that is made.
     backs: Vec<Chunk>,
@@ -33,7 +33,7 @@ pub struct Planes {
 
 /// A body's chunks: front planes, then back planes; the last chunk of each is filled up with one of its own planes.
 #[derive(Clone, Copy, Default)]
-struct Made {
+struct PlaneRange {
     first: u32,
     fronts: u32,
     backs: u32,
@@ -41,7 +41,7 @@ struct Made {
 
 impl Planes {
     pub fn new(bodies: usize) -> Planes {
-        Planes { made: vec![Made::default(); bodies], chunks: Vec::new(), backs: Vec::new() }
+        Planes { made: vec![PlaneRange::default(); bodies], chunks: Vec::new(), backs: Vec::new() }
     }
 
     #[inline(always)]
@@ -51,12 +51,12 @@ impl Planes {
     }
 
     pub fn make(&mut self, rank: u32, convex: &Convex, origin: DVec3) {
-        self.made[rank as usize] = widest(Make { planes: self, convex, origin });
+        self.made[rank as usize] = widest(BuildPlanes { planes: self, convex, origin });
     }
 
     /// Shortens the ranges of the rays marked in `seen` that meet a body before they end, and marks those: `inverse` is 1 / range.
     #[inline(always)]
-    pub fn meet(&self, rank: u32, dirs: Dirs, seen: u32, inverse: &mut Lanes) -> u32 {
+    pub fn intersect(&self, rank: u32, dirs: Dirs, seen: u32, inverse: &mut Lanes) -> u32 {
         let made = self.made[rank as usize];
         let chunks = |count: u32| count.div_ceil(SIDE as u32) as usize;
         let (fronts, backs) = self.chunks[made.first as usize..].split_at(chunks(made.fronts));
@@ -128,19 +128,19 @@ fn of_planes(chunks: &[Chunk], [x, y, z]: [f64; 3], none: f64, pick: impl Fn(f64
 }
 
 /// Makes the plane vectors of a body.
-struct Make<'a> {
+struct BuildPlanes<'a> {
     planes: &'a mut Planes,
     convex: &'a Convex,
     origin: DVec3,
 }
 
-impl Work for Make<'_> {
-    type Out = Made;
+impl Work for BuildPlanes<'_> {
+    type Out = PlaneRange;
 
     #[inline(always)]
-    fn run(self) -> Made {
+    fn run(self) -> PlaneRange {
         let Planes { chunks, backs, .. } = self.planes;
-        let mut made = Made { first: chunks.len() as u32, ..Made::default() };
+        let mut made = PlaneRange { first: chunks.len() as u32, ..PlaneRange::default() };
         backs.clear();
         for eight in self.convex.planes.chunks(SIDE) {
             let (mut w, mut over): (Chunk, _) = ([[0.0; SIDE]; 3], [1.0; SIDE]);

@@ -50,7 +50,7 @@ struct Block {
 
 /// A sensor over the grid: what all its rays share.
 #[derive(Clone, Copy)]
-pub struct View {
+pub struct RasterView {
     /// Its place in cells, its height in metres.
     pub x: f64,
     pub y: f64,
@@ -61,7 +61,7 @@ pub struct View {
     pub yard: [[f64; 2]; 2],
 }
 
-impl View {
+impl RasterView {
     /// A ray of the sensor, up to `to` metres, as one that comes from above.
     #[inline(always)]
     pub fn ray(&self, dir: DVec3, to: f64) -> CellRay {
@@ -106,10 +106,16 @@ impl<'a> RasterCaster<'a> {
 
     /// The grid as a sensor sees it.
     #[inline(always)]
-    pub fn view(&self, origin: DVec3) -> View {
+    pub fn view(&self, origin: DVec3) -> RasterView {
         let per_m = 1.0 / self.raster.spacing_m;
         let from = self.raster.origin_m;
-        View { x: (origin.x - from.x) * per_m, y: (origin.y - from.y) * per_m, z: origin.z, per_m, yard: self.yard }
+        RasterView {
+            x: (origin.x - from.x) * per_m,
+            y: (origin.y - from.y) * per_m,
+            z: origin.z,
+            per_m,
+            yard: self.yard,
+        }
     }
 
     /// Range of the first crossing in [0, to].
@@ -186,7 +192,7 @@ impl<'a> RasterCaster<'a> {
     /// The ground around a place in cells, or around the place of the grid that comes nearest to it, by blocks of a level: the slope
     /// of a plane along x and y per cell, and how high above the sensor no node there rises over the plane, at the sensor's place.
     #[inline(always)]
-    pub fn sight_around(&self, level: usize, col: f64, row: f64, view: &View) -> [f64; 3] {
+    pub fn sight_around(&self, level: usize, col: f64, row: f64, view: &RasterView) -> [f64; 3] {
         let Level { rows, cols, blocks } = &self.levels[level];
         let side = f64::from(2u32 << level);
         let (row, col) = (((row / side) as usize).min(rows - 1), ((col / side) as usize).min(cols - 1));

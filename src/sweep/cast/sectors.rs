@@ -9,8 +9,8 @@
 
 use std::cell::OnceCell;
 
+use super::diamond_angle::{at_turn, turn_of};
 use super::newton::{Dirs, LANES, each, larger, smaller};
-use super::turns::{at_turn, turn_of};
 use crate::geometry::DVec3;
 
 /// Sectors of the turn, level by level: the whole turn, one level that is drawn from it, and multiples of that, drawn from it in turn.
@@ -46,7 +46,7 @@ pub struct Chunk {
 }
 
 /// What a block of rays covers.
-pub struct View {
+pub struct BlockCone {
     cone: Cone,
     /// Unit normal of the plane of its first and last ray, and the greatest cosine between it and a ray.
     normal: [f32; 3],
@@ -100,7 +100,7 @@ impl Chunk {
 
     /// The bodies that may be in view.
     #[inline(always)]
-    pub fn in_view(&self, view: &View) -> u32 {
+    pub fn in_view(&self, view: &BlockCone) -> u32 {
         self.bits(|cone| {
             // The axes are no farther apart than the sum of the half angles: cos(a + b) = cos a cos b - sin a sin b.
             let apart = dot(cone.axis, view.cone.axis) - cone.cos * view.cone.cos + cone.sin * view.cone.sin;
@@ -136,7 +136,7 @@ impl Sectors {
 
     /// All that a block can meet.
     #[inline(always)]
-    pub fn list(&self, view: &View, nearest: impl Fn(u32) -> f64) -> &[Chunk] {
+    pub fn list(&self, view: &BlockCone, nearest: impl Fn(u32) -> f64) -> &[Chunk] {
         let [whole, ..] = &self.lists[..] else { return &[] };
         match whole.get() {
             Some(whole) if whole.len() <= FEW => return whole,
@@ -189,9 +189,9 @@ fn place(level: usize, sector: usize) -> usize {
     BEFORE[level] + sector
 }
 
-impl View {
+impl BlockCone {
     /// Where a block's first or last ray is senseless, or its rays go all round.
-    const ALL: View = View { cone: Cone { axis: [0.0; 3], sin: 1.0, cos: -1.0 }, normal: [0.0; 3], off: 0.0 };
+    const ALL: BlockCone = BlockCone { cone: Cone { axis: [0.0; 3], sin: 1.0, cos: -1.0 }, normal: [0.0; 3], off: 0.0 };
 
     /// Whether the block is less a bundle than several.
     #[inline(always)]
@@ -201,7 +201,7 @@ impl View {
 
     /// What a block of rays covers.
     #[inline(always)]
-    pub fn of(dirs: Dirs) -> View {
+    pub fn of(dirs: Dirs) -> BlockCone {
         let ray = |l: usize| DVec3::new(dirs.x[l], dirs.y[l], dirs.z[l]);
         let along = |v: DVec3| each(|l| dirs.x[l] * v.x + dirs.y[l] * v.y + dirs.z[l] * v.z);
         let (first, last) = (ray(0), ray(LANES - 1));
@@ -211,7 +211,7 @@ impl View {
         let cos = of_all(&along(axis).map(|cos| smaller(cos, 1.0)), smaller);
         let sin = (1.0 - cos * cos).sqrt();
         if !axis.is_finite() || cos.is_nan() || cos <= 0.0 {
-            return View::ALL;
+            return BlockCone::ALL;
         }
         let normal = first.cross(last);
         let length = normal.length();
@@ -220,7 +220,7 @@ impl View {
         let off = of_all(&along(normal).map(|cos| larger(cos.abs(), 0.0)), larger);
         let single = |v: DVec3| v.to_array().map(|c| c as f32);
         let cone = Cone { axis: single(axis), sin: sin as f32, cos: cos as f32 };
-        View { cone, normal: single(normal), off: off as f32 + SLACK }
+        BlockCone { cone, normal: single(normal), off: off as f32 + SLACK }
     }
 }
 

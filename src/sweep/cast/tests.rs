@@ -300,7 +300,7 @@ fn rough(extent_m: f64, spacing_m: f64) -> Raster {
 }
 
 #[test]
-fn equal_bits_by_the_skyline_and_by_the_pyramid() {
+fn equal_bits_by_slope_bounds_and_by_the_pyramid() {
     let bits = |hits: &[Hit]| hits.iter().map(|h| (h.range_m.to_bits(), h.object)).collect::<Vec<_>>();
     for (spacing_m, scale) in [(0.05, 1.0), (0.31, 1.0), (0.05, 20.0), (2.0, 0.1)] {
         let mut raster = rough(20.0, spacing_m);

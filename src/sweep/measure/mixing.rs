@@ -7,7 +7,7 @@ use super::super::footprint::{self, SubRay};
 use super::super::light::gain;
 use super::super::params::MixedPixels;
 use super::super::ranging::{self, Echo};
-use super::super::returns::Side;
+use super::super::returns::LastFace;
 use super::super::vegetation::{Draws, Rays};
 use super::{Scratch, Setting, TrueReturn};
 
@@ -16,7 +16,7 @@ const LEAST_COS: f64 = 1e-6;
 
 impl Setting<'_> {
     /// Casts the sub-rays of the slots that need them and reduces their echoes as the sensor does.
-    pub(super) fn mix(
+    pub(super) fn mix_pixels(
         &self,
         pixels: &MixedPixels,
         scratch: &mut Scratch,
@@ -32,7 +32,7 @@ impl Setting<'_> {
         self.cast_sub_rays(pixels.only_at_jumps_m, &rays, scratch, truth);
         let Scratch { directions, jumps, sub_directions, sub_returns, echoes, .. } = scratch;
         let beams = sub_directions.chunks(others).zip(sub_returns.chunks(others));
-        let mut side = Side::default();
+        let mut side = LastFace::default();
         for (&slot, (sub_directions, sub_returns)) in jumps.iter().zip(beams) {
             let slot = slot as usize;
             let beam = std::iter::once((truth[slot], directions[slot]))

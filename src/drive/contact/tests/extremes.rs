@@ -35,14 +35,14 @@ fn extreme_a_saddle_holds_a_rover_level() {
     for (rover, wheelbase_m, track_m) in rigid_rovers() {
         let mut worst = 0.0_f64;
         for solver in SOLVERS {
-            let stander = Stander::new(&rover, &scene, solver);
+            let contact = GroundContact::new(&rover, &scene, solver);
             for yaw in [0.0, 0.4, std::f64::consts::FRAC_PI_4, 2.0] {
-                let stance = stander.stand(4.0, 4.0, yaw, None).unwrap();
+                let stance = contact.stand(4.0, 4.0, yaw, None).unwrap();
                 worst = worst.max(stance.pose.pitch_rad.abs()).max(stance.pose.roll_rad.abs());
             }
             // Along the axes of the saddle diagonal wheels share the error, with alternating signs.
-            let stance = stander.stand(4.0, 4.0, 0.0, None).unwrap();
-            let [a, b, c, d] = stander.residuals_m(&stance).unwrap()[..] else { panic!("four wheels") };
+            let stance = contact.stand(4.0, 4.0, 0.0, None).unwrap();
+            let [a, b, c, d] = contact.residuals_m(&stance).unwrap()[..] else { panic!("four wheels") };
             assert!((a - d).abs() < 1e-6 && (b - c).abs() < 1e-6 && a * b < 0.0, "{solver:?}: {a} {b} {c} {d}");
         }
         assert!(worst < 1e-6, "{}: {worst:e}", rover.name);
@@ -59,7 +59,7 @@ fn extreme_a_saddle_holds_a_rover_level() {
     let mut ridge_and_valley = vec![0.0; crate::scene::polynomial::term_count(2)];
     (ridge_and_valley[2], ridge_and_valley[5]) = (-0.6, 0.6);
     let scene = Scene::bare(8.0, Ground::Polynomial(Polynomial::new(8.0, 2, ridge_and_valley)));
-    let stance = Stander::new(&kapvik(), &scene, ContactSolver::GaussNewton).stand(4.0, 4.0, 0.0, None).unwrap();
+    let stance = GroundContact::new(&kapvik(), &scene, ContactSolver::GaussNewton).stand(4.0, 4.0, 0.0, None).unwrap();
     let contact = stance.contact;
     assert!(stance.pose.roll_rad.abs() < 1e-9 && contact.rocker_rad.abs() < 1e-9 && contact.residual_m < 1e-9);
     assert!((contact.bogie_left_rad - contact.bogie_right_rad).abs() < 1e-9 && contact.bogie_left_rad.abs() > 1e-3);
@@ -73,10 +73,10 @@ fn extreme_a_ridge_under_one_wheel() {
         // A ridge along x under the front left wheel, flat on top.
         let on = |at: f64, place: f64| (at - place).abs() <= 0.0801;
         let scene = raster(8.0, 0.02, |px, py| if on(px, x) && on(py, y) { height_m } else { 0.0 });
-        let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
-        let stance = stander.stand(4.0, 4.0, 0.0, None).unwrap();
+        let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
+        let stance = contact.stand(4.0, 4.0, 0.0, None).unwrap();
         // Four wheels on a rectangle: the least squares leave a quarter of the odd height to each, signs alternating.
-        let residuals = stander.residuals_m(&stance).unwrap();
+        let residuals = contact.residuals_m(&stance).unwrap();
         let share = residuals.iter().map(|e| (e.abs() / (0.25 * height_m) - 1.0).abs()).fold(0.0, f64::max);
         assert!(share < 0.01, "{}: {residuals:?}", rover.name);
         // By hand: each pair's mean heights differ by h / 2 along and across.
@@ -103,9 +103,9 @@ fn extreme_a_ridge_under_one_wheel() {
     let scene = raster(8.0, 0.02, |_, py| 0.05 * math::exp(-(py - 4.0 - place.y) * (py - 4.0 - place.y) / 0.02));
     let mut worst = 0.0_f64;
     for yaw in [0.0, 0.1, -0.3] {
-        let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
-        let stance = stander.stand(4.0, 4.0, yaw, None).unwrap();
-        worst = stander.residuals_m(&stance).unwrap().iter().fold(worst, |worst, e| worst.max(e.abs()));
+        let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
+        let stance = contact.stand(4.0, 4.0, yaw, None).unwrap();
+        worst = contact.residuals_m(&stance).unwrap().iter().fold(worst, |worst, e| worst.max(e.abs()));
     }
     assert!(worst < 1e-6, "{worst:e}");
     row(
@@ -126,7 +126,7 @@ fn extreme_a_step_between_the_wheels() {
         let pitch = -math::asin(height_m / wheelbase_m);
         let mut worst = 0.0_f64;
         for solver in [ContactSolver::GaussNewton, ContactSolver::NelderMead] {
-            let stance = Stander::new(&rover, &scene, solver).stand(3.99, 4.0, 0.0, None).unwrap();
+            let stance = GroundContact::new(&rover, &scene, solver).stand(3.99, 4.0, 0.0, None).unwrap();
             worst = worst.max((stance.pose.pitch_rad - pitch).abs()).max(stance.contact.residual_m);
         }
         assert!(worst < 1e-6, "{}: {worst:e}", rover.name);
@@ -140,9 +140,9 @@ fn extreme_a_step_between_the_wheels() {
         );
     }
     let rover = kapvik();
-    let stander = Stander::new(&rover, &scene, ContactSolver::GaussNewton);
-    let stance = stander.stand(3.85, 4.0, 0.0, None).unwrap();
-    let worst = stander.residuals_m(&stance).unwrap().iter().fold(0.0_f64, |worst, e| worst.max(e.abs()));
+    let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton);
+    let stance = contact.stand(3.85, 4.0, 0.0, None).unwrap();
+    let worst = contact.residuals_m(&stance).unwrap().iter().fold(0.0_f64, |worst, e| worst.max(e.abs()));
     assert!(worst < 1e-6 && stance.contact.rocker_rad.abs() < 1e-9, "{stance:?}");
     row(
         Family::Contact,
@@ -162,10 +162,10 @@ fn extreme_slopes_of_45_degrees_under_every_rover() {
         let rover = rover(yaml);
         let mut worst = 0.0_f64;
         for solver in SOLVERS {
-            let stander = Stander::new(&rover, &scene, solver);
+            let contact = GroundContact::new(&rover, &scene, solver);
             for k in 0..16 {
                 let yaw = math::wrap_angle(0.1 + 0.4 * f64::from(k));
-                let stance = stander.stand(10.0, 10.0, yaw, None).unwrap();
+                let stance = contact.stand(10.0, 10.0, yaw, None).unwrap();
                 let up = DVec3::new(-1.0, 0.0, 1.0).normalize();
                 worst = worst.max((stance.pose.rotation().z_axis - up).length()).max(stance.contact.residual_m);
                 worst = worst.max((stance.pose.position_m.z - 10.0).abs());
@@ -194,7 +194,7 @@ fn extreme_a_wheel_over_the_yards_edge() {
     let scene = Scene::bare(8.0, Ground::Polynomial(ground));
     for yaml in ROVERS {
         for solver in SOLVERS {
-            let refused = Stander::new(&rover(yaml), &scene, solver).stand(4.0, 7.95, 0.3, None).unwrap_err();
+            let refused = GroundContact::new(&rover(yaml), &scene, solver).stand(4.0, 7.95, 0.3, None).unwrap_err();
             assert!(refused.to_string().contains("outside the yard"), "{refused}");
         }
     }

@@ -164,7 +164,7 @@ fn exact_nearness_by_squares() {
         let queries = || points_m.iter().flat_map(|&point_m| reaches_m.map(|reach_m| (point_m, reach_m)));
         // Each as the first, which the window is drawn about.
         for first in queries() {
-            let places = places::ObstacleGrid::new(extent_m);
+            let places = obstacle_grid::ObstacleGrid::new(extent_m);
             for (point_m, reach_m) in std::iter::once(first).chain(queries()) {
                 let mut near = Vec::new();
                 places.near(&scene.obstacles, point_m, reach_m, |index, _| near.push(index));

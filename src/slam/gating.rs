@@ -23,12 +23,12 @@ pub struct LandmarkIndex {
 }
 
 impl LandmarkIndex {
-    /// Takes in a map; the last one's room serves again.
+    /// Takes in a map; the last one's memory serves again.
     #[inline(always)]
     pub fn fill(&mut self, landmarks: &[Landmark]) {
         self.blocks.clear();
         for landmarks in landmarks.chunks(LANES) {
-            // What is not there is nowhere near.
+            // Padding entries are NaN, so that no comparison selects them.
             let mut block = [[f64::NAN; LANES]; 3];
             for (lane, landmark) in landmarks.iter().enumerate() {
                 for i in 0..3 {
@@ -63,7 +63,7 @@ impl LandmarkIndex {
 }
 
 /// What a range says of landmarks, from one belief of the pose.
-pub struct Ring {
+pub struct RangeGate {
     pub range_m: f64,
     /// Variance of the range.
     pub variance_m2: f64,
@@ -75,7 +75,7 @@ pub struct Ring {
     pub turned_rad: f64,
 }
 
-impl Ring {
+impl RangeGate {
     /// Whether the innovation of the range alone puts a landmark beyond [`NEW_BEYOND`].
     ///
     /// Its variance is h P h' + u C u' + R. Here u is a unit vector, so that u C u' is at most the trace of C; h is -u by the

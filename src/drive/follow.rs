@@ -4,16 +4,16 @@
 //! The drive ends at the path's end, or before the step that would bring the body onto an obstacle or over the yard's edge,
 //! or onto ground that the rover cannot stand on. A random walk keeps room to turn in place, so that it can go on elsewhere.
 
-use super::contact::{ContactPose, Stander};
+use super::contact::{ContactPose, GroundContact};
 use super::guide::PathFollower;
-use super::motion::{Bumps, advance};
+use super::motion::{MotionNoise, advance};
 use super::yard::{Yard, body};
 use super::{DriveError, Rover};
 
 const MAX_STEPS: usize = 200_000;
 
 /// The true way of a drive.
-pub(super) struct Travel {
+pub(super) struct DrivenPath {
     /// The start, then one per step.
     pub stances: Vec<ContactPose>,
     /// One per step.
@@ -24,12 +24,12 @@ pub(super) struct Travel {
 pub(super) fn follow(
     rover: &Rover,
     yard: &Yard,
-    stander: &Stander,
+    contact: &GroundContact,
     start: ContactPose,
     mut guide: PathFollower,
-    bumps: &Bumps,
-) -> Result<Travel, DriveError> {
-    let mut travel = Travel { stances: vec![start], durations_s: Vec::new(), cut_short: false };
+    bumps: &MotionNoise,
+) -> Result<DrivenPath, DriveError> {
+    let mut travel = DrivenPath { stances: vec![start], durations_s: Vec::new(), cut_short: false };
     let mut now = start;
     while let Some(command) = guide.next(&now.pose) {
         if travel.stances.len() > MAX_STEPS {
@@ -39,7 +39,7 @@ pub(super) fn follow(
         let place = advance(&now.pose, &bumps.disturb(command, travel.stances.len() as u64));
         let clear = yard.clear(&body(rover, place.at_m, place.yaw_rad), 0.0)
             && (!guide.needs_turning_room() || yard.clear_circle(place.at_m, rover.turning_radius_m()));
-        let next = clear.then(|| stander.stand(place.at_m.x, place.at_m.y, place.yaw_rad, Some(&now)));
+        let next = clear.then(|| contact.stand(place.at_m.x, place.at_m.y, place.yaw_rad, Some(&now)));
         if let Some(Ok(stance)) = next {
             guide.done(&command);
             travel.stances.push(stance);
@@ -53,7 +53,7 @@ pub(super) fn follow(
     Ok(travel)
 }
 
-impl Travel {
+impl DrivenPath {
     /// At most `count` steps at which the rover has come an even share of its way, ascending; the last is the last step.
     pub fn stops(&self, count: u32) -> Vec<usize> {
         let mut way_m = vec![0.0];

@@ -40,7 +40,7 @@ pub struct Obstacle {
     pub within_m: f64,
     pub(super) body: OnceLock<Box<Body>>,
     /// Where the body comes from, and its number there.
-    pub(super) quarry: Option<Arc<LazyRocks>>,
+    pub(super) source: Option<Arc<LazyRocks>>,
     pub(super) number: u32,
 }
 
@@ -118,15 +118,15 @@ impl Obstacle {
     /// A thing whose body is known.
     pub fn new(id: i32, class: Class, body: Body) -> Obstacle {
         let (middle_m, within_m) = (body.centre_m.truncate(), body.radius_m);
-        Obstacle { id, class, middle_m, within_m, body: Box::new(body).into(), quarry: None, number: 0 }
+        Obstacle { id, class, middle_m, within_m, body: Box::new(body).into(), source: None, number: 0 }
     }
 
     /// The body: worked out at the first call, kept for later ones.
     #[inline]
     pub fn body(&self) -> &Body {
         let made = || {
-            let quarry = self.quarry.as_ref().expect("an obstacle without a body has a source of bodies");
-            Box::new(quarry.body(self.number, self.middle_m))
+            let source = self.source.as_ref().expect("an obstacle without a body has a source of bodies");
+            Box::new(source.body(self.number, self.middle_m))
         };
         self.body.get_or_init(made)
     }

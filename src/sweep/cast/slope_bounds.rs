@@ -7,9 +7,9 @@
 //! Planes and how far nodes rise above them come from the pyramid, for blocks with the cells around them. The first ring whose
 //! running maximum reaches a ray's slope is where its search begins; what lies before it cannot be met. All bounds are rounded up.
 
+use super::diamond_angle::{at_turn, turn_of};
 use super::newton::larger;
-use super::raster::{AROUND_LEVELS, RasterCaster, View};
-use super::turns::{at_turn, turn_of};
+use super::raster::{AROUND_LEVELS, RasterCaster, RasterView};
 use crate::geometry::{DVec2, DVec3};
 
 /// Sectors of the turn.
@@ -18,7 +18,7 @@ const SECTORS: usize = 256;
 const MARGIN: f64 = 1e-9;
 
 /// Certified slopes around a sensor.
-pub struct Skyline {
+pub struct SlopeBounds {
     /// Border distances of the rings, metres: one more than there are rings.
     borders_m: Vec<f64>,
     /// Per sector `stride` slopes: those of the rings, then infinities.
@@ -30,7 +30,7 @@ pub struct Skyline {
 }
 
 /// One ring.
-struct Ring {
+struct DistanceBand {
     middle_m: f64,
     /// 1 / distance of its borders: the nearer first.
     per_m: [f64; 2],
@@ -40,20 +40,25 @@ struct Ring {
     radius: f64,
 }
 
-impl Skyline {
-    /// The skyline of a sensor in the yard and above its ground, as far as its rays reach.
-    pub fn new(ground: &RasterCaster, origin: DVec3, reach_m: f64) -> Skyline {
+impl SlopeBounds {
+    /// The slope bounds of a sensor in the yard and above its ground, as far as its rays reach.
+    pub fn new(ground: &RasterCaster, origin: DVec3, reach_m: f64) -> SlopeBounds {
         let rays = sector_rays();
         let half = rays.iter().map(|ray| ray.half).fold(0.0, larger);
         let view = ground.view(origin);
         let borders_m = borders(ground.farthest_m(origin).min(reach_m), 1.0 / view.per_m, half);
-        let rings: Vec<Ring> = borders_m
+        let rings: Vec<DistanceBand> = borders_m
             .windows(2)
             .map(|ring| {
                 let radius = (0.5 * (ring[1] - ring[0]) + ring[1] * half) * view.per_m * (1.0 + MARGIN);
                 // A block of 2^(n + 1) cells has 2^n around it.
                 let level = (0..AROUND_LEVELS).find(|&n| radius <= f64::from(1u32 << n));
-                Ring { middle_m: 0.5 * (ring[0] + ring[1]), per_m: [1.0 / ring[0], 1.0 / ring[1]], level, radius }
+                DistanceBand {
+                    middle_m: 0.5 * (ring[0] + ring[1]),
+                    per_m: [1.0 / ring[0], 1.0 / ring[1]],
+                    level,
+                    radius,
+                }
             })
             .collect();
         let count = rings.len();
@@ -72,7 +77,7 @@ impl Skyline {
                 *slope = most;
             }
         }
-        Skyline { borders_m, upper, reached, stride }
+        SlopeBounds { borders_m, upper, reached, stride }
     }
 
     /// Where a direction's sector begins in the tables.
@@ -143,7 +148,7 @@ fn borders(last_m: f64, cell_m: f64, half_sector: f64) -> Vec<f64> {
 
 /// Upper bound of (h - z) / d over one bin.
 #[inline(always)]
-fn steepest_sight(ground: &RasterCaster, view: &View, ray: &SectorRay, ring: &Ring) -> f32 {
+fn steepest_sight(ground: &RasterCaster, view: &RasterView, ray: &SectorRay, ring: &DistanceBand) -> f32 {
     let Some(level) = ring.level else { return f32::INFINITY };
     let middle = ring.middle_m * view.per_m;
     let (col, row) = (ray.dir.x.mul_add(middle, view.x), ray.dir.y.mul_add(middle, view.y));

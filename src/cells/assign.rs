@@ -17,7 +17,7 @@ pub struct CellAssigner {
 
 /// A point in the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placed {
+pub struct MapPoint {
     pub point_m: DVec3,
     /// Horizontal distance from the sensor, metres.
     pub distance_m: f64,
@@ -55,18 +55,18 @@ impl CellAssigner {
 
     /// Where a range along a unit direction of the sensor frame lies.
     #[inline(always)]
-    pub fn place(&self, direction: DVec3, range_m: f64) -> Placed {
+    pub fn place(&self, direction: DVec3, range_m: f64) -> MapPoint {
         self.place_point(direction * range_m)
     }
 
     /// Where a point of the sensor frame lies.
     #[inline(always)]
-    pub fn place_point(&self, in_sensor_m: DVec3) -> Placed {
+    pub fn place_point(&self, in_sensor_m: DVec3) -> MapPoint {
         self.placed(self.locate(in_sensor_m))
     }
 
     /// The same for a point whose place in the map is known.
-    pub fn place_in_map(&self, point_m: DVec3) -> Placed {
+    pub fn place_in_map(&self, point_m: DVec3) -> MapPoint {
         self.placed(self.located(point_m - self.map_from_sensor.translation_m, point_m))
     }
 
@@ -95,7 +95,7 @@ impl CellAssigner {
     }
 
     #[inline(always)]
-    fn placed(&self, Located { point_m, distance_m, index, on_grid }: Located) -> Placed {
-        Placed { point_m, distance_m, cell: self.cell(distance_m, index, on_grid) }
+    fn placed(&self, Located { point_m, distance_m, index, on_grid }: Located) -> MapPoint {
+        MapPoint { point_m, distance_m, cell: self.cell(distance_m, index, on_grid) }
     }
 }

@@ -4,7 +4,7 @@
 //! the compiler shuffles more than it saves (measured: a third slower than in fours).
 
 use super::motion::{Control, MotionNoise};
-use super::particle::{Particle, Scratch, Seen};
+use super::particle::{Particle, Scratch, SweepObservations};
 use super::visibility::Visibility;
 use crate::wide::Work;
 
@@ -46,8 +46,8 @@ impl Work for ReadAngle<'_> {
 /// [`Particle::refine`].
 pub struct Refine<'a> {
     pub particles: &'a mut [Particle],
-    pub seen: Seen<'a>,
-    pub room: &'a mut Scratch,
+    pub seen: SweepObservations<'a>,
+    pub scratch: &'a mut Scratch,
 }
 
 impl Work for Refine<'_> {
@@ -55,7 +55,7 @@ impl Work for Refine<'_> {
     #[inline(always)]
     fn run(self) {
         for particle in self.particles {
-            particle.refine(&self.seen, self.room);
+            particle.update_pose(&self.seen, self.scratch);
         }
     }
 }
@@ -63,9 +63,9 @@ impl Work for Refine<'_> {
 /// [`Particle::chart`].
 pub struct Chart<'a> {
     pub particles: &'a mut [Particle],
-    pub seen: Seen<'a>,
+    pub seen: SweepObservations<'a>,
     pub visibility: &'a Visibility<'a>,
-    pub room: &'a mut Scratch,
+    pub scratch: &'a mut Scratch,
 }
 
 impl Work for Chart<'_> {
@@ -73,7 +73,7 @@ impl Work for Chart<'_> {
     #[inline(always)]
     fn run(self) {
         for particle in self.particles {
-            particle.chart(&self.seen, self.visibility, self.room);
+            particle.update_map(&self.seen, self.visibility, self.scratch);
         }
     }
 }
