@@ -13,7 +13,7 @@ use crate::parallel;
 /// How far a build may run ahead of the rows that are written; what it needs of memory follows from this.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// Shards that are open at once: every thread may have one to write.
+    /// Shards that are open at once: every thread may have one to write, and half as many others have rows ready for the next thread.
     pub open: usize,
     /// Scenes of one shard that are made and wait, before scenes of another are begun.
     pub waiting: usize,
@@ -23,7 +23,7 @@ pub(super) struct Limits {
 
 impl Limits {
     pub(super) fn of_threads(threads: usize) -> Limits {
-        Limits { open: threads.max(2), waiting: threads / 4 + 2, held: parallel::most_out(threads) }
+        Limits { open: (threads + threads / 2).max(2), waiting: threads / 4 + 2, held: parallel::most_out(threads) }
     }
 
     /// Scenes that are begun and whose rows are not written, where so many shards are open: as many wait as a thread is writing.
