@@ -19,60 +19,17 @@
 //! `corpus` adds configs and shards, `train` the networks and real scans, `cli` (the default) the verbs, pictures and studies of cost;
 //! `object-stores` corpora in `s3://`, `gs://` and `az://`.
 //!
-//! # One scene to arrays
+//! # Where to begin
 //!
-//! ```
-//! use std::path::Path;
+//! | to | call | without which feature it is not there |
+//! |---|---|---|
+//! | simulate one scene, as arrays | [`simulate_scene`] | |
+//! | build a corpus, or go on building it | [`build_corpus`](crate::build_corpus) | `corpus` |
+//! | open one | [`open_corpus`](crate::open_corpus) | `corpus` |
+//! | train a network on it | [`train_network`](crate::train_network) | `train` |
 //!
-//! use marsyard::config;
-//! use marsyard::episode::{Prepared, Scratch, Unobserved, run_scene};
-//!
-//! // Any key of a config may be set from outside; cells of 0.2 m here.
-//! let plan = config::load(Path::new("configs/quickstart.yaml"), &["cells.size_m=0.2".into()])?;
-//! let prepared = Prepared::new(plan)?;
-//! let scene = run_scene(&prepared, 3, &mut Scratch::default(), &mut Unobserved);
-//! assert_eq!(scene.error, None);
-//! let scan = &scene.scans[0];
-//! let untraversable = scan.cells.rows.iter().filter(|row| row.label == Some(1)).count();
-//! assert!(untraversable > 0 && untraversable < scan.cells.rows.len());
-//! // Row-major: as many columns as the config names features.
-//! let columns = scan.cells.features.len() / scan.cells.rows.len();
-//! assert_eq!(columns, prepared.plan.corpus_spec().features.len());
-//! // The same address, the same bits: on any thread, after any other scene.
-//! let again = run_scene(&prepared, 3, &mut Scratch::default(), &mut Unobserved);
-//! assert_eq!(again.scans[0].cells.features, scan.cells.features);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
-//!
-//! # A corpus, built and opened
-//!
-//! ```
-//! use std::path::Path;
-//! use std::sync::atomic::AtomicBool;
-//!
-//! use marsyard::build::{Job, Outcome, build_shards};
-//! use marsyard::corpus::{Finished, LocalFolder, Place, Split, finalize};
-//! use marsyard::{config, episode::Prepared};
-//!
-//! let sets = ["scenes=7", "scenes_per_shard=1"].map(String::from);
-//! let plan = config::load(Path::new("configs/quickstart.yaml"), &sets)?;
-//! let spec = plan.corpus_spec();
-//! let folder = tempfile::tempdir()?;
-//! let store = LocalFolder::new(folder.path());
-//! // An empty folder, or the plan's own: any other is refused.
-//! let place = Place::open(&store, &spec)?;
-//! let shards: Vec<u64> = (0..plan.shards()).collect();
-//! let stop = AtomicBool::new(false);
-//! let job = Job { shards: &shards, threads: 2, stop: &stop, hashes: false };
-//! let built = build_shards(&Prepared::new(plan)?, &spec, job, |_| (), |shard| place.commit(&shard))?;
-//! assert_eq!(built, Outcome::Done);
-//! let manifest = finalize(&store, &spec)?;
-//! // Readers open a corpus whole, or not at all.
-//! let corpus = Finished::open(&store)?;
-//! assert_eq!(corpus.lines_of(Split::Train).count(), 5);
-//! assert_eq!(corpus.manifest.corpus_id, manifest.corpus_id);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! Each has an example that runs, and so have the doors of the stages below them, for who brings scenes, sensors, readings or features of
+//! their own. `examples/` holds whole programs.
 
 // The shelf.
 pub mod math;
@@ -128,6 +85,15 @@ pub mod search;
 
 #[cfg(feature = "train")]
 pub mod cloud;
+
+// The calls to begin with.
+mod front;
+
+pub use front::simulate_scene;
+#[cfg(feature = "corpus")]
+pub use front::{BuildCorpusError, build_corpus, open_corpus};
+#[cfg(feature = "train")]
+pub use front::{TrainNetworkError, train_network};
 
 // The program.
 #[cfg(feature = "cli")]

@@ -83,6 +83,21 @@ pub fn run<S: Schedule, M: Default + Send>(
 
 /// Items -> what `work` makes of each, in their order. `tell` hears, on the caller's thread, how many are done. `None` where `stop` was raised
 /// before the last was begun; the first error ends the whole.
+///
+/// ```
+/// use std::sync::atomic::AtomicBool;
+///
+/// use marsyard::parallel::{self, PoolError};
+///
+/// let stop = AtomicBool::new(false);
+/// let items: Vec<u64> = (0..100).collect();
+/// let squares = parallel::map(4, items, &stop, |item, _: &mut ()| Ok::<u64, PoolError>(item * item), |_| ())?;
+/// // In the items' order, whichever thread was first: the sum of squares is n (n + 1) (2 n + 1) / 6.
+/// let squares = squares.expect("nobody raised the stop");
+/// assert!(squares.is_sorted());
+/// assert_eq!(squares.iter().sum::<u64>(), 99 * 100 * 199 / 6);
+/// # Ok::<(), PoolError>(())
+/// ```
 pub fn map<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
     threads: usize,
     items: Vec<T>,

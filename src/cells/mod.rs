@@ -2,6 +2,34 @@
 //!
 //! In: sweeps of a window with their estimates, the mount, and (for labels and `truth_` columns only) the scene.
 //! Out: [`Cells`], sorted by (row, col), frame `map`. Source: Hewitt et al. 2017, "Neural network input types", eqs 3 and 4.
+//!
+//! ```
+//! use marsyard::cells::{CellParams, Scratch, WindowCloud, bin_clouds, feature_columns};
+//! use marsyard::geometry::{DVec3, Pose, Transform};
+//! use marsyard::slam;
+//!
+//! // Three points in one cell of 10 cm, and one in another.
+//! let points_m = [(0.51, 0.02, 0.1), (0.55, 0.05, 0.2), (0.59, 0.08, 0.6), (1.25, 0.05, 0.0)];
+//! let points_m = points_m.map(|(x, y, z)| DVec3::new(x, y, z));
+//! let cloud = WindowCloud {
+//!     points_m: &points_m,
+//!     in_map: true,
+//!     intensity: None,
+//!     obstacle: None,
+//!     estimate: &slam::truth(&Pose::default()),
+//!     map_from_sensor: Transform::IDENTITY,
+//! };
+//! let params = CellParams::default();
+//! let (cells, _) = bin_clouds(&params, &[cloud], 10.0, &mut Scratch::default());
+//! let counts: Vec<i32> = cells.rows.iter().map(|row| row.points).collect();
+//! assert_eq!((counts, cells.points_in, cells.points_binned), (vec![3, 1], 4, 4));
+//! // Eqs 3 and 4: mean and population variance of the heights 0.1, 0.2 and 0.6.
+//! let columns = feature_columns(&params, false);
+//! let value = |name: &str| cells.features[columns.iter().position(|column| column.name == name).expect("a column")];
+//! assert!((value("mean_height_m") - 0.3).abs() < 1e-6);
+//! assert!((value("height_variance_m2") - (0.04 + 0.01 + 0.09) / 3.0).abs() < 1e-6);
+//! assert!((value("height_difference_m") - 0.5).abs() < 1e-6);
+//! ```
 
 mod assign;
 mod bin;

@@ -194,10 +194,7 @@ pub(super) fn is_config(place: &Path) -> bool {
 
 /// The bytes of a file in a folder or at a URL.
 pub(super) fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, Failure> {
-    if address::is_url(path) {
-        return address::read_url(path, kind.most_bytes()).map_err(corpus_failure);
-    }
-    kind.read_path(path).map_err(|error| corpus_failure(CorpusError::of_path(path, error)))
+    address::read(path, kind).map_err(corpus_failure)
 }
 
 /// Whether there is such a file in a folder or at a URL.

@@ -26,7 +26,6 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::store::read_folder;
 use crate::corpus::{Build, CorpusError, LocalFolder, Split, Store};
 use crate::evaluate::{EvaluateError, Options, evaluate};
-use crate::plan::Plan;
 use crate::train::filter::{Counters, MOST_WEIGHT};
 use crate::train::folder::RunFolder;
 use crate::train::run::{Init, Origin, Summary};
@@ -156,7 +155,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
         let (place, yards) = (path.display().to_string(), source.yards.clone());
         let shards = source.shards_by_values(Split::Train);
         learnt.push(Learnt { place, yards, rows_hash: plan.rows_hash(), shards });
-        origins.push((path.clone(), origin_of(&plan)));
+        origins.push((path.clone(), Origin::of(&plan.families[0])));
         list.push(source);
     }
     let out = args.out.clone().map_or_else(|| numbered_folder(&list[0].name, args.resume), Ok)?;
@@ -260,20 +259,6 @@ pub(super) fn numbered_folder(name: &str, resume: bool) -> Result<PathBuf, Failu
 fn number_of(entry: &str, name: &str) -> Option<u64> {
     let digits = entry.strip_prefix(name)?.strip_prefix('-')?;
     digits.parse().ok().filter(|number: &u64| *number > 0 && number.to_string() == digits)
-}
-
-/// What the corpus's own plan says of its cells, rover and sensor: of the first family.
-fn origin_of(plan: &Plan) -> Origin {
-    let family = &plan.families[0];
-    let rover = &family.drive.rover;
-    let mast = rover.mount;
-    let own = [mast.x_m, mast.y_m, mast.z_m, mast.yaw_deg, mast.pitch_deg, mast.roll_deg];
-    Origin {
-        cells: family.cells.clone(),
-        mount: family.sweep.mount.as_ref().map_or(own, |mount| mount.middle(own)),
-        rover: (**rover).clone(),
-        sensor: (*family.sweep.sensor).clone(),
-    }
 }
 
 /// Features mean the same on the same grid only.

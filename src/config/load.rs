@@ -28,6 +28,27 @@ use crate::sweep::sensor::PatternParams;
 /// Reads, resolves and checks a config; `sets` are overrides like `scene.rocks.count=5`.
 ///
 /// A resolved plan (`plan.yaml`) is a config too, and gives the same plan again.
+///
+/// All faults of a config come at once, each with its place, its rule and a cure.
+///
+/// ```
+/// use marsyard::config;
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("yard.yaml");
+/// let head = "marsyard: 1\nname: yard\nseed: 1\nscenes: 10\nscenes_per_shard: 5\n";
+/// std::fs::write(&path, format!("{head}scene: {{extend_m: 20, rocks: {{count: 5, diameter_m: 0.4}}}}\n"))?;
+/// let error = config::load(&path, &["cells.neighbours=5".into()]).unwrap_err();
+/// let [key, neighbours] = &error.faults[..] else { panic!("{}", error.lines()) };
+/// assert_eq!((key.line, key.column), (6, 9));
+/// assert!(key.cure.as_ref().is_some_and(|cure| cure.contains("extent_m")));
+/// assert_eq!(neighbours.rule, "'cells.neighbours' must be 4, 8 or 24, got 5");
+/// // With both mended, the plan: defaults written out, presets read.
+/// std::fs::write(&path, format!("{head}scene: {{extent_m: 20, rocks: {{count: 5, diameter_m: 0.4}}}}\n"))?;
+/// let plan = config::load(&path, &["cells.neighbours=4".into()])?;
+/// assert_eq!((plan.shards(), plan.families[0].cells.neighbours), (2, 4));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn load(path: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
     let mut loader = Loader { reader: Reader::of(path), faults: Vec::new() };
     match loader.plan(path, sets) {

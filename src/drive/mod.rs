@@ -5,6 +5,50 @@
 //! 2005 (contact). Frames: `rover` has its origin at the chassis centre projected onto the wheel-contact plane, so that
 //! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise, and
 //! obstacles no taller than a wheel, which the rover drives over as if they were not there.
+//!
+//! ```
+//! use marsyard::drive::rover::{Chassis, Mount, RigidChassis};
+//! use marsyard::drive::params::{LengthParams, PathParams};
+//! use marsyard::drive::{DriveParams, Rover, drive};
+//! use marsyard::geometry::DVec2;
+//! use marsyard::preset::Preset;
+//! use marsyard::random::{Dist, Drawn, Stage, Streams};
+//! use marsyard::scene::{Ground, Polynomial, Scene};
+//!
+//! let rover = Rover {
+//!     name: "cart".into(),
+//!     source: String::new(),
+//!     chassis: Chassis::Rigid(RigidChassis { wheelbase_m: 0.5, track_m: 0.4 }),
+//!     wheel_diameter_m: 0.2,
+//!     length_m: 0.7,
+//!     width_m: 0.6,
+//!     max_speed_mps: 0.5,
+//!     max_yaw_rate_degps: 30.0,
+//!     mount: Mount { x_m: 0.2, y_m: 0.0, z_m: 0.6, yaw_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 },
+//! };
+//! let params = DriveParams {
+//!     rover: Preset::Inline(Box::new(rover)),
+//!     path: PathParams::Straight(LengthParams { length_m: Dist::Constant(2.0) }),
+//!     stops: 3,
+//!     ..DriveParams::default()
+//! };
+//! // A plane of slope 0.1 along x.
+//! let ground = Polynomial::plane(20.0, 0.0, DVec2::new(0.1, 0.0));
+//! let yard = Scene::bare(20.0, Ground::Polynomial(ground));
+//! let streams = Streams { seed: 1, scene: 0, attempt: 0, stage: Stage::Drive, step: 0 };
+//! let log = drive(&params, &yard, &Drawn::draw(&streams, params.dists()), &streams)?;
+//!
+//! // The rover advances along its nose: 2 m on the plane, and less as seen from above.
+//! let way = log.truth[log.truth.len() - 1].position_m - log.truth[0].position_m;
+//! assert!(!log.cut_short && (way.length() - 2.0).abs() < 1e-6 && way.truncate().length() < 2.0);
+//! // A rover on a plane stands along it: what its heading climbs is the plane's slope that way.
+//! for pose in &log.truth {
+//!     let forward = pose.rotation().x_axis;
+//!     assert!((forward.z - 0.1 * forward.x).abs() < 1e-6);
+//! }
+//! assert_eq!((log.stops.len(), log.stops[2]), (3, log.truth.len() - 1));
+//! # Ok::<(), marsyard::drive::DriveError>(())
+//! ```
 
 mod contact;
 #[cfg(test)]

@@ -97,6 +97,28 @@ impl Prepared {
 }
 
 /// One scene, from its address to its rows. A scene that cannot be made is a row with its reason.
+///
+/// ```
+/// # #[cfg(feature = "corpus")] {
+/// use std::path::Path;
+///
+/// use marsyard::episode::{Prepared, Scratch, StageTimes, run_scene};
+/// use marsyard::{config, plan::Plan};
+///
+/// let plan: Plan = config::load(Path::new("configs/quickstart.yaml"), &["cells.size_m=0.3".into()])?;
+/// let prepared = Prepared::new(plan)?;
+/// let (mut scratch, mut times) = (Scratch::default(), StageTimes::new());
+/// let first = run_scene(&prepared, 5, &mut scratch, &mut times);
+/// assert_eq!(first.error, None);
+/// // Every stop is a sweep of all the sensor's beams.
+/// assert_eq!(times.rays(), u64::from(first.counts.stops) * prepared.pattern(0).directions.len() as u64);
+/// // What the scratch space held before cannot be seen.
+/// run_scene(&prepared, 6, &mut scratch, &mut times);
+/// let again = run_scene(&prepared, 5, &mut scratch, &mut times);
+/// assert_eq!(again.scans[0].cells.features, first.scans[0].cells.features);
+/// # }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn run_scene(
     prepared: &Prepared,
     scene_id: u64,

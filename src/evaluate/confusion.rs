@@ -96,6 +96,21 @@ impl Confusion {
         self.false_untraversable + self.missed_untraversable
     }
 
+    ///
+    /// ```
+    /// use marsyard::evaluate::Confusion;
+    ///
+    /// // Of 100 cells 10 are untraversable; 8 of them are found, for 9 false alarms.
+    /// let found = Confusion { true_traversable: 81, false_untraversable: 9, missed_untraversable: 2, true_untraversable: 8 };
+    /// let rates = found.rates();
+    /// assert_eq!(rates.missed_untraversable, Some(0.2));
+    /// assert_eq!(rates.false_untraversable, Some(0.1));
+    /// // Accuracy alone says that calling everything traversable is better; what both classes are worth says otherwise.
+    /// assert_eq!((rates.accuracy, rates.majority_baseline), (Some(0.89), Some(0.9)));
+    /// assert!((rates.balanced_accuracy.unwrap() - 0.85).abs() < 1e-15);
+    /// let calls_nothing = Confusion { true_traversable: 90, missed_untraversable: 10, ..Confusion::default() };
+    /// assert_eq!(calls_nothing.rates().balanced_accuracy, Some(0.5));
+    /// ```
     pub fn rates(&self) -> Rates {
         let missed = share(self.missed_untraversable, self.untraversable());
         let false_alarms = share(self.false_untraversable, self.traversable());

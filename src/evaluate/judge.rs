@@ -213,6 +213,20 @@ impl Judge {
     }
 
     /// The best thresholds of the output and of the height difference for the cells gathered so far, by balanced accuracy.
+    ///
+    /// ```
+    /// use marsyard::evaluate::{Cell, Judge};
+    ///
+    /// // Low outputs on traversable cells, high ones on the others, with a gap from 0.4 to 0.7.
+    /// let outputs = [0.1, 0.2, 0.4, 0.7, 0.9];
+    /// let cell = |untraversable| Cell { untraversable, points: 5, ..Cell::default() };
+    /// let cells = [false, false, false, true, true].map(cell);
+    /// let mut judge = Judge::new(Vec::new(), None);
+    /// judge.add_scan("", "", &cells, &outputs);
+    /// let (of_output, _) = judge.best_thresholds().ok_or("a scan was added")?;
+    /// assert!(of_output > 0.4 && of_output <= 0.7);
+    /// # Ok::<(), &str>(())
+    /// ```
     pub fn best_thresholds(&self) -> Option<(f64, f64)> {
         let all = self.groups.get(&Group::All)?;
         all.network.scores.best_threshold().zip(all.height.scores.best_threshold())

@@ -113,6 +113,24 @@ impl Plan {
 
     /// Hash of the plan without `name` and `scenes`: the same for a corpus and the same corpus with more scenes. Nor does
     /// `fidelity` enter, a word for values that are all written out.
+    ///
+    /// ```
+    /// # #[cfg(feature = "corpus")] {
+    /// use std::path::Path;
+    ///
+    /// use marsyard::config;
+    ///
+    /// let load = |set: &str| config::load(Path::new("configs/quickstart.yaml"), &[set.to_string()]);
+    /// let plan = load("scenes=1000")?;
+    /// assert_eq!(load("scenes=2000")?.scene_plan_hash(), plan.scene_plan_hash());
+    /// assert_ne!(load("seed=43")?.scene_plan_hash(), plan.scene_plan_hash());
+    /// // Another sensor in the same yards: other rows, equal grounds.
+    /// let spinning = load("sweep.sensor=os1-64")?;
+    /// assert_ne!(spinning.scene_plan_hash(), plan.scene_plan_hash());
+    /// assert_eq!(spinning.yards(), plan.yards());
+    /// # }
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn scene_plan_hash(&self) -> String {
         let mut document = self.to_document();
         if let Some(entries) = document.as_object_mut() {

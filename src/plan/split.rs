@@ -66,6 +66,16 @@ impl Split {
     pub const ALL: [Split; 3] = [Split::Train, Split::Validation, Split::Test];
 
     /// 14 + 3 + 3 in every 20 shards.
+    ///
+    /// ```
+    /// use marsyard::plan::Split;
+    ///
+    /// let count = |split| (0..20).filter(|&shard| Split::of_shard(shard) == split).count();
+    /// assert_eq!(Split::ALL.map(count), [14, 3, 3]);
+    /// // A corpus that grows moves no shard to another split; seven shards are enough for one of each.
+    /// assert_eq!(Split::of_shard(3), Split::of_shard(23));
+    /// assert!(Split::ALL.iter().all(|&split| (0..7).any(|shard| Split::of_shard(shard) == split)));
+    /// ```
     pub fn of_shard(shard: u64) -> Split {
         match shard % 20 {
             3 | 9 | 16 => Split::Validation,

@@ -4,6 +4,24 @@
 //! Source: Hewitt et al. 2017, "3D terrain"; Garcia & Stoll 1984 (ground), Haines 1991 (convex bodies), Golombek & Rapp
 //! 1997 (rock sizes). What the config does not name is not built and not paid for. Not modelled: overhangs, loose soil,
 //! moving things. Outside the yard there is no ground.
+//!
+//! A yard put together by hand: what "taller than a wheel" is judged by is the height above the ground right below.
+//!
+//! ```
+//! use marsyard::geometry::{DVec2, DVec3};
+//! use marsyard::scene::{Class, Convex, Ground, Polynomial, Scene, Shape};
+//!
+//! // A plane that rises by a fifth along x, and a crate of 0.4 m that stands level in it.
+//! let ground = Ground::Polynomial(Polynomial::plane(10.0, 0.0, DVec2::new(0.2, 0.0)));
+//! let crate_m = Convex::cuboid(DVec3::new(5.0, 5.0, 1.0), DVec3::splat(0.2), 0.0);
+//! let yard = Scene::bare(10.0, ground).with_obstacle(Class::Box, Shape::Convex(crate_m));
+//! // Its top is at 1.2 m; the ground is lowest below its edge at x = 4.8 m.
+//! let protrusion_m = yard.obstacles[0].body().protrusion_m;
+//! assert!((protrusion_m - (1.2 - 0.2 * 4.8)).abs() < 1e-12);
+//! // The normal of the plane.
+//! let normal = yard.ground.normal(2.0, 8.0);
+//! assert!((normal - DVec3::new(-0.2, 0.0, 1.0).normalize()).length() < 1e-12);
+//! ```
 
 pub mod boxes;
 mod digest;

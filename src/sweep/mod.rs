@@ -3,6 +3,53 @@
 //! In: [`SweepParams`], a [`Scene`](crate::scene::Scene), `world_from_sensor`, streams, scratch. Out: a [`Sweep`] in the `sensor` frame.
 //! Source: Hewitt et al. 2017, "LiDAR model"; the sources of beam effects stand in their modules. Not modelled: motion during
 //! a sweep (the rover stands), the tilt head's lever arm (all beams leave one point), dust, crosstalk, several echoes a beam.
+//!
+//! A pattern of one's own, cast without noise: the range to flat ground is the height over the sine of the beam's angle.
+//!
+//! ```
+//! use std::sync::Arc;
+//!
+//! use marsyard::geometry::{DVec3, Transform};
+//! use marsyard::preset::Preset;
+//! use marsyard::random::{Drawn, Stage, Streams};
+//! use marsyard::scene::{Ground, Polynomial, Scene};
+//! use marsyard::sweep::params::Cast;
+//! use marsyard::sweep::sensor::{PatternFile, PatternParams, PhaseRanging, Ranging};
+//! use marsyard::sweep::{Caster, Pattern, Scratch, Sensor, Status, SweepParams, sweep};
+//!
+//! // Time, azimuth and elevation of each beam: ten that look down, one that looks up.
+//! let down_deg = (1..=10).map(|k| 4.0 * f64::from(k));
+//! let beams = down_deg.clone().map(|down_deg| [0.0, 0.0, -down_deg]).chain([[0.0, 0.0, 5.0]]).collect();
+//! let sensor = Sensor {
+//!     name: "own".into(),
+//!     source: String::new(),
+//!     pattern: PatternParams::File(PatternFile { path: "own.csv".into(), beams }),
+//!     min_range_m: 0.1,
+//!     max_range_m: 30.0,
+//!     range_sigma_m: 0.0,
+//!     range_sigma_per_m: 0.0,
+//!     range_bias_m: 0.0,
+//!     range_step_m: 0.001,
+//!     divergence_mrad: 3.0,
+//!     exit_diameter_m: 0.0,
+//!     range_at_10_percent_m: 30.0,
+//!     ranging: Ranging::Phase(PhaseRanging { modulation_mhz: 46.55 }),
+//! };
+//! let pattern = Arc::new(Pattern::build(&sensor)?);
+//! let params = SweepParams { sensor: Preset::Inline(Box::new(sensor)), ..SweepParams::default() };
+//!
+//! let yard = Scene::bare(40.0, Ground::Polynomial(Polynomial::flat(40.0)));
+//! let caster = Caster::new(&yard, &Cast::Exact);
+//! let world_from_sensor = Transform { translation_m: DVec3::new(10.0, 20.0, 1.5), ..Transform::IDENTITY };
+//! let streams = Streams { seed: 1, scene: 0, attempt: 0, stage: Stage::Sweep, step: 0 };
+//! let drawn = Drawn::default();
+//! let scan = sweep(&params, &pattern, &caster, &world_from_sensor, &drawn, &streams, &mut Scratch::default())?;
+//! for (slot, down_deg) in down_deg.enumerate() {
+//!     assert!((scan.returns.range_m[slot] - 1.5 / down_deg.to_radians().sin()).abs() < 1e-9);
+//! }
+//! assert_eq!(scan.returns.status[10], Status::None);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod cast;
 #[cfg(test)]

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use super::{LocalFolder, Store, is_name};
 use crate::corpus::CorpusError;
+use crate::corpus::limits::FileKind;
 
 /// Where objects lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -165,6 +166,14 @@ pub fn open_file(path: &Path) -> Result<(Arc<dyn Store>, String), CorpusError> {
 pub fn read_url(url: &Path, most: u64) -> Result<Vec<u8>, CorpusError> {
     let (store, name) = open_file(url)?;
     store.read_within(&name, most)
+}
+
+/// The bytes of a file that a user named, in a folder or at a URL.
+pub fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>, CorpusError> {
+    if is_url(path) {
+        return read_url(path, kind.most_bytes());
+    }
+    kind.read_path(path).map_err(|error| CorpusError::of_path(path, error))
 }
 
 fn refused(place: &str, reason: &str, cure: &str) -> CorpusError {

@@ -5,6 +5,32 @@
 //! scene, [`Origin`] what is computed once a sweep, because all beams of a sweep leave one point. Ground and bodies are
 //! surfaces: a ray that starts below or inside meets them where it leaves. Outside the yard there is no ground.
 //! Porous volumes and patches are not met here; the beam effects see to them.
+//!
+//! A body of one's own, given by its vertices:
+//!
+//! ```
+//! use marsyard::geometry::DVec3;
+//! use marsyard::scene::{Class, Convex, Ground, Polynomial, Scene, Shape};
+//! use marsyard::sweep::params::Cast;
+//! use marsyard::sweep::{Caster, Hit};
+//!
+//! // A pyramid: base of 2 m x 2 m on the ground, 1 m tall.
+//! let base = [(4.0, 4.0), (6.0, 4.0), (6.0, 6.0), (4.0, 6.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
+//! let points: Vec<DVec3> = base.into_iter().chain([DVec3::new(5.0, 5.0, 1.0)]).collect();
+//! let pyramid = Convex::hull(&points).ok_or("the points span no volume")?;
+//! let yard = Scene::bare(10.0, Ground::Polynomial(Polynomial::flat(10.0)));
+//! let yard = yard.with_obstacle(Class::Rock, Shape::Convex(pyramid));
+//!
+//! let caster = Caster::new(&yard, &Cast::Exact);
+//! // Level at half the height, along x: its side is met half a metre behind the base's edge.
+//! let hit = caster.first_hit(DVec3::new(1.0, 5.0, 0.5), DVec3::X, 20.0);
+//! assert_eq!(hit.object, 0);
+//! assert!((hit.range_m - 3.5).abs() < 1e-12);
+//! // Beside it the ground, or nothing.
+//! assert_eq!(caster.first_hit(DVec3::new(1.0, 1.0, 0.5), -DVec3::Z, 20.0), Hit { range_m: 0.5, object: Hit::GROUND });
+//! assert_eq!(caster.first_hit(DVec3::new(1.0, 1.0, 0.5), DVec3::X, 20.0), Hit::NONE);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod cell;
 mod convex;

@@ -2,6 +2,33 @@
 //!
 //! All learn through one face, so that a config can swap them. Symbols: w weights (s), P their covariance (s x s), b = dy/dw the
 //! Jacobian (s), d target, y output, nu = d - y innovation, R measurement noise, S = b'Pb + R, K = Pb / S gain, Q process noise.
+//!
+//! ```
+//! use marsyard::random::{Stage, Streams};
+//! use marsyard::train::filter::build;
+//! use marsyard::train::params::FilterParams;
+//! use marsyard::train::{Layout, Network};
+//!
+//! // Inputs x and y in [-1, 1]; a cell is untraversable, target 0.9, where x > y.
+//! let streams = Streams { seed: 1, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
+//! let layout = Layout { inputs: 2, hidden: vec![3], bias: true };
+//! let mut network = Network::random(layout.clone(), &streams);
+//! let rows: Vec<f64> = (0..800).map(|k| f64::from(k * 7919 % 2001) / 1000.0 - 1.0).collect();
+//! let targets: Vec<f64> = rows.chunks(2).map(|row| if row[0] > row[1] { 0.9 } else { 0.1 }).collect();
+//! let wrong = |network: &Network| {
+//!     let mut outputs = vec![0.0; targets.len()];
+//!     network.outputs(&rows, &mut outputs);
+//!     outputs.iter().zip(&targets).filter(|(output, target)| (**output > 0.5) != (**target > 0.5)).count()
+//! };
+//! let before = wrong(&network);
+//! let mut filter = build(&FilterParams::default(), &layout, 5.0)?;
+//! for _ in 0..3 {
+//!     filter.learn(&mut network, &rows, &targets, &vec![1.0; targets.len()]);
+//! }
+//! assert_eq!(filter.counters().updates, 3 * 400);
+//! assert!(before > 100 && wrong(&network) < 12, "{before} {}", wrong(&network));
+//! # Ok::<(), marsyard::train::filter::FilterError>(())
+//! ```
 
 mod backprop;
 mod build;

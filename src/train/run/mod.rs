@@ -30,6 +30,7 @@ use super::validation::Validation;
 use super::{Model, Sources, TrainError, TrainParams};
 use crate::cells::CellParams;
 use crate::drive::Rover;
+use crate::plan::Family;
 use crate::sweep::Sensor;
 
 /// Checkpoints take at most this share of the time.
@@ -57,6 +58,21 @@ pub struct Origin {
     pub rover: Rover,
     pub sensor: Sensor,
     pub mount: [f64; 6],
+}
+
+impl Origin {
+    /// What a plan says of a family's cells, rover and sensor.
+    pub fn of(family: &Family) -> Origin {
+        let rover = &family.drive.rover;
+        let mast = rover.mount;
+        let own = [mast.x_m, mast.y_m, mast.z_m, mast.yaw_deg, mast.pitch_deg, mast.roll_deg];
+        Origin {
+            cells: family.cells.clone(),
+            mount: family.sweep.mount.as_ref().map_or(own, |mount| mount.middle(own)),
+            rover: (**rover).clone(),
+            sensor: (*family.sweep.sensor).clone(),
+        }
+    }
 }
 
 /// A network to start from.

@@ -17,7 +17,7 @@ use marsyard::scene::{Ground, Raster, Scene, Shape};
 use marsyard::sweep::params::{Cast, SpacingParams};
 use marsyard::sweep::{Caster, Hit};
 
-#[path = "../benches/shared/yards.rs"]
+#[path = "../shared/yards.rs"]
 mod yards;
 
 use yards::{Sweep, YARDS, Yard, sweeps};

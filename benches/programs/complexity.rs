@@ -15,7 +15,7 @@ use marsyard::slam::{FastslamParams, Feature, Slam, SlamParams, Visibility};
 use marsyard::sweep::Caster;
 use marsyard::sweep::params::Cast;
 
-#[path = "../benches/shared/mod.rs"]
+#[path = "../shared/mod.rs"]
 mod shared;
 
 use shared::paper::{prepared, replays};

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, Write};
 
-#[path = "../benches/trainee/mod.rs"]
+#[path = "../trainee/mod.rs"]
 mod trainee;
 
 use trainee::{Trainee, rows};
