@@ -5,13 +5,15 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use super::build::Builder;
-use super::explain::plan_of;
-use super::generate::{default_threads, judge_failures, parse_threads};
+use super::build::{build_failure, interrupted, judge_corpus};
+use super::options::{default_threads, parse_threads, plan_of};
 use super::output::{errln, out, outln};
 use super::place::{self, corpus_failure};
-use super::rebuild::{Rebuild, Share, tell_before};
+use super::progress::BuildProgress;
+use super::rebuild::{self, tell_before};
+use super::signals::stop_on_signals;
 use super::{Failure, LogFormat, sign};
+use crate::build::{CorpusBuild, Outcome, Share};
 use crate::corpus::verify::{self, Finding};
 use crate::corpus::{self, Build, CorpusError, CorpusSpec, Finished, Known, Manifest, Place, Store, owner, ranges};
 use crate::episode::Prepared;
@@ -123,7 +125,7 @@ pub(super) fn finalize(args: &PlaceArgs) -> Result<(), Failure> {
     let (plan, _) = plan_of(&args.place, &[])?;
     let manifest = corpus::finalize(store.as_ref(), &spec).map_err(corpus_failure)?;
     errln!("{}: {} shards, corpus_id {}", args.place.display(), manifest.shards, manifest.corpus_id);
-    judge_failures(&plan, &manifest)
+    judge_corpus(&plan, &manifest)
 }
 
 pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
@@ -146,9 +148,8 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     }
     tell_before(store.as_ref())?;
     let (plan, _) = plan_of(&args.place, &[])?;
-    let (place, threads) = (place.to_string(), args.threads);
-    let rebuild = Rebuild { place, plan, spec: &spec, store: store.as_ref(), threads, log };
-    args.rebuild.map_or(Ok(()), |share| rebuild.run(share))
+    let again = |share| rebuild::run(&place.to_string(), &plan, store.as_ref(), share, args.threads, log);
+    args.rebuild.map_or(Ok(()), again)
 }
 
 /// The shards in which something was found, ascending.
@@ -198,21 +199,26 @@ fn repair(
     for name in place.remove_strays().map_err(corpus_failure)? {
         errln!("{}/{name}: belonged to no shard, and is removed", args.place.display());
     }
-    let (prepared, threads) = (Prepared::new(plan).map_err(Failure::failed)?, args.threads);
-    let builder = Builder {
-        prepared,
+    // By its plan: while shards are missing the corpus itself is refused.
+    let plan_file = args.place.join("plan.yaml");
+    let replay = |scene| format!("marsyard explain {} --scene {scene}", plan_file.display());
+    let build = CorpusBuild {
+        prepared: &Prepared::new(plan).map_err(Failure::failed)?,
         spec,
         store,
         place: &place,
-        threads,
+        threads: args.threads,
         keep_free_bytes: 0,
         stage_hashes: None,
         report: true,
-        log,
     };
-    // By its plan: while shards are missing the corpus itself is refused.
-    let plan_file = args.place.join("plan.yaml");
-    builder.build(&status, shards, |scene| format!("marsyard explain {} --scene {scene}", plan_file.display()))?;
+    let stop = stop_on_signals()?;
+    let mut progress = BuildProgress::new(log, store.place(), &replay);
+    let built = build.build(&status, shards, &stop, &mut |event| progress.take(&event));
+    progress.finish();
+    if built.map_err(|error| build_failure(error, &replay))?.outcome == Outcome::Interrupted {
+        return Err(interrupted());
+    }
     let known = Known { built: shards, signed };
     let manifest = corpus::finalize_knowing(store, spec, known).map_err(|error| match error {
         // They were built just now.

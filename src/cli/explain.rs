@@ -2,14 +2,14 @@
 
 mod cell;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
+use super::Failure;
+use super::options::{check_scene, plan_of};
 use super::output::outln;
-use super::place::{self, is_config};
-use super::{Failure, config_failure};
-use crate::config::{self};
+use super::place;
 use crate::corpus::Split;
 use crate::episode::ScanOutput;
 use crate::episode::{Prepared, Replay, Scratch, StageHashes, replay_scene};
@@ -39,24 +39,6 @@ fn parse_cell(text: &str) -> Result<CellIndex, String> {
     let parse = |s: &str| s.trim().parse::<i32>().map_err(|e| format!("'{s}': {e}"));
     let (row, col) = text.split_once(',').ok_or("a cell is ROW,COL, such as 104,87")?;
     Ok(CellIndex { row: parse(row)?, col: parse(col)? })
-}
-
-/// The plan of a config file, a plan.yaml or a corpus; and the place of the corpus, if it is one.
-pub(super) fn plan_of<'p>(place: &'p Path, sets: &[String]) -> Result<(Plan, Option<&'p Path>), Failure> {
-    let (file, corpus) = if is_config(place) { (place.into(), None) } else { (place.join("plan.yaml"), Some(place)) };
-    Ok((config::load(&file, sets).map_err(config_failure)?, corpus))
-}
-
-/// Refuses a scene that the plan does not have.
-pub(super) fn check_scene(plan: &Plan, scene: u64) -> Result<(), Failure> {
-    if scene < plan.scenes {
-        return Ok(());
-    }
-    Err(Failure::usage(miette::miette!(
-        help = format!("scenes are numbered 0 to {}", plan.scenes - 1),
-        "--scene {scene}: the plan has {} scenes",
-        plan.scenes
-    )))
 }
 
 pub(super) fn run(args: &ExplainArgs) -> Result<(), Failure> {

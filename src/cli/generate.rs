@@ -1,24 +1,20 @@
 //! Builds a corpus, or goes on where an earlier run stopped.
 //!
-//! The verb ties the pipeline (scenes on all threads) to the corpus (shards in a place), and talks. A shard is on disk whole
-//! or not at all, so there is nothing to repair after a crash: the same command again goes on.
-//!
-//! Many machines build one corpus by `--shards`: each looks at its own shards alone and writes nothing but them, so that a
-//! thousand such runs do not read each other's receipts; `marsyard finalize` is the one that looks at all.
+//! The verb says what to build and where, and tells what happens; the work, and why a build can be gone on with, is `build::generate`'s.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::build::{Builder, Built, is_stage_hashes};
-use super::explain::plan_of;
-use super::output::{errln, printable};
+use super::build::{build_failure, interrupted, judge_corpus};
+use super::options::{default_threads, parse_threads, plan_of, split_warnings};
+use super::output::errln;
 use super::place::{self, config_file, corpus_failure, inputs};
-use super::progress::{Progress, human, si};
+use super::progress::{BuildProgress, counted, human, si};
+use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat};
-use crate::corpus::limits::FileKind;
-use crate::corpus::{self, Known, Manifest, Place, Selection, Split, owner, ranges};
-use crate::episode::Prepared;
+use crate::build::{self, CorpusEvent, Generate, Generated, Tally, Whole};
+use crate::corpus::{Selection, owner, ranges};
 use crate::plan::Plan;
 
 #[derive(Debug, Args)]
@@ -52,90 +48,44 @@ pub(super) struct GenerateArgs {
     stage_hashes: Option<PathBuf>,
 }
 
-pub(super) fn default_threads() -> usize {
-    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
-}
-
-/// More than any machine has cores for.
-const MOST_THREADS: usize = 4096;
-
-pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(0) => Err("at least one thread is needed".into()),
-        Ok(threads) if threads > MOST_THREADS => Err(format!("at most {MOST_THREADS} threads are started")),
-        Ok(threads) => Ok(threads),
-        Err(e) => Err(format!("'{text}': {e}")),
-    }
-}
-
 pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let (plan, corpus) = plan_of(&args.config.config, &args.config.sets)?;
     let default_out = || corpus.map_or_else(|| PathBuf::from("corpora").join(&plan.name), Path::to_path_buf);
     let out = args.out.clone().unwrap_or_else(default_out);
-    let selected = selected_shards(args, &plan)?;
-    let spec = plan.corpus_spec();
+    let replay = |scene| replay_command(&args.config, scene);
+    // Before anything is opened: a part that there is not has no place.
+    build::selected_shards(&plan, args.shards.as_ref()).map_err(|error| build_failure(error, &replay))?;
     if let Some(file) = &args.stage_hashes {
-        owner::check_file(file, &inputs(&args.config.config), is_stage_hashes).map_err(corpus_failure)?;
+        owner::check_file(file, &inputs(&args.config.config), build::is_stage_hashes).map_err(corpus_failure)?;
     }
     let store = place::open(&out)?;
-    let store = store.as_ref();
-    let place = if args.discard_beyond {
-        let (place, discarded) = Place::open_discarding(store, &spec).map_err(corpus_failure)?;
-        tell_discarded(discarded, &out, log);
-        place
-    } else {
-        Place::open(store, &spec).map_err(corpus_failure)?
-    };
-    for file in &plan.files {
-        let bytes = place::read(&file.from, FileKind::Config)?;
-        store.put(&file.path, &bytes).map_err(corpus_failure)?;
-    }
-    if args.plan_only {
-        tell_plan_laid(&plan, &out, log);
-        return Ok(());
-    }
-    let status = corpus::status_of(store, &spec, &selected).map_err(corpus_failure)?;
-    let shards = status.to_build();
-    tell_start(&plan, &out, selected.len(), &shards, args.threads, log);
-
-    let builder = Builder {
-        prepared: Prepared::new(plan).map_err(Failure::failed)?,
-        spec: &spec,
-        store,
-        place: &place,
+    let how = Generate {
+        selection: args.shards.as_ref(),
+        plan_only: args.plan_only,
+        discard_beyond: args.discard_beyond,
         threads: args.threads,
         keep_free_bytes: args.keep_free_mb.saturating_mul(1_000_000),
         stage_hashes: args.stage_hashes.as_deref(),
-        report: args.shards.is_none(),
-        log,
     };
-    let built = builder.build(&status, &shards, |scene| replay_command(&args.config, scene))?;
-    let gone = corpus::status_of(store, &spec, &selected).map_err(corpus_failure)?.to_build();
-    if !gone.is_empty() {
-        return Err(Failure::new(
-            Failure::TRY_AGAIN,
-            miette::miette!(
-                help = "the same command again builds them anew",
-                "{}: shards {} were built and are not there, or damaged: somebody else, or the disk, has changed the folder",
-                store.place(),
-                ranges::to_text(&gone)
-            ),
-        ));
+    let stop = stop_on_signals()?;
+    let mut progress = BuildProgress::new(log, store.place(), &replay);
+    let generated = build::generate(&plan, store.as_ref(), &how, &stop, &mut |event| match event {
+        CorpusEvent::Start { selected, shards } => tell_start(&plan, &out, selected, shards, args.threads, log),
+        CorpusEvent::Discarded { shards } => tell_discarded(shards, &out, log),
+        event => progress.take(&event),
+    });
+    progress.finish();
+    match generated.map_err(|error| build_failure(error, &replay))? {
+        Generated::Plan => tell_plan_laid(&plan, &out, log),
+        Generated::Interrupted => return Err(interrupted()),
+        Generated::Part { shards, tally } => tell_part_end(&store.place(), &shards, &tally, log),
+        Generated::Whole(whole) => {
+            let verdict = judge_corpus(&plan, &whole.manifest);
+            tell_end(&whole, &store.place(), args.threads, verdict.is_ok(), log);
+            return verdict;
+        }
     }
-    if args.shards.is_some() {
-        tell_part_end(&store.place(), &selected, &built.progress, log);
-        return Ok(());
-    }
-    let known = Known { built: &shards, signed: None };
-    let manifest = corpus::finalize_knowing(store, &spec, known).map_err(corpus_failure)?;
-    tell_end(&manifest, &store.place(), &built, args.threads, log);
-    judge_failures(&builder.prepared.plan, &manifest)
-}
-
-/// The shards that were asked for, ascending.
-fn selected_shards(args: &GenerateArgs, plan: &Plan) -> Result<Vec<u64>, Failure> {
-    let Some(selection) = &args.shards else { return Ok((0..plan.shards()).collect()) };
-    selection.of(plan.shards()).map_err(|why| Failure::usage(miette::miette!("--shards {why}")))
+    Ok(())
 }
 
 fn tell_discarded(shards: u64, out: &Path, log: LogFormat) {
@@ -168,34 +118,14 @@ fn tell_start(plan: &Plan, out: &Path, selected: usize, shards: &[u64], threads:
     }
     let resumed = if there > 0 { format!(", {there} are there already") } else { String::new() };
     errln!(
-        "{} -> {}: {} of {selected} shards to build, {} scenes each{resumed}; {threads} threads",
+        "{} -> {}: {} of {selected} shards to build, {} scenes each{resumed}; {}",
         plan.name,
         out.display(),
         shards.len(),
-        plan.scenes_per_shard
+        plan.scenes_per_shard,
+        counted(threads as u64, "thread")
     );
     split_warnings(plan).iter().for_each(|warning| errln!("warning: {warning}"));
-}
-
-/// What a plan of so few shards leaves out.
-pub(super) fn split_warnings(plan: &Plan) -> Vec<String> {
-    let empty = |split| !(0..plan.shards().min(20)).any(|shard| Split::of_shard(shard) == split);
-    let names: Vec<&str> = Split::ALL.into_iter().filter(|&split| empty(split)).map(Split::name).collect();
-    let mut warnings = Vec::new();
-    if !names.is_empty() {
-        let names = names.join(" and ");
-        warnings.push(format!("no shard is in the {names} split; from 7 shards on there is one in each: raise scenes or lower scenes_per_shard"));
-    }
-    if empty(Split::Test) {
-        let held_out = plan.families.iter().filter(|family| family.hold_out);
-        warnings.extend(held_out.map(|family| {
-            format!(
-                "family {} is held out for the test split, which has no shard: no scene of it is built",
-                family.name
-            )
-        }));
-    }
-    warnings
 }
 
 /// The command that replays one scene, as it would be typed here.
@@ -207,21 +137,21 @@ fn replay_command(config: &ConfigArgs, scene: u64) -> String {
 }
 
 /// The end of a part: whether too many scenes failed is judged over the whole corpus, by `finalize`.
-fn tell_part_end(place: &str, selected: &[u64], progress: &Progress, log: LogFormat) {
+fn tell_part_end(place: &str, selected: &[u64], tally: &Tally, log: LogFormat) {
     let shards = ranges::to_text(selected);
     if log == LogFormat::Json {
         tracing::info!(
             event = "part_done",
             corpus = place,
             shards,
-            scenes = progress.done,
-            failed = progress.failed,
-            cells = progress.rows,
-            rays = progress.times.rays()
+            scenes = tally.done,
+            failed = tally.failed,
+            cells = tally.rows,
+            rays = tally.times.rays()
         );
         return;
     }
-    let failed = if progress.failed > 0 { format!(" ({} scenes failed)", progress.failed) } else { String::new() };
+    let failed = if tally.failed > 0 { format!(" ({} failed)", counted(tally.failed, "scene")) } else { String::new() };
     if selected.is_empty() {
         errln!("{place}: this part has no shards, there are more parts than shards");
     } else {
@@ -229,25 +159,8 @@ fn tell_part_end(place: &str, selected: &[u64], progress: &Progress, log: LogFor
     }
 }
 
-/// Refuses a finished corpus of which too many scenes failed.
-pub(super) fn judge_failures(plan: &Plan, manifest: &Manifest) -> Result<(), Failure> {
-    let (failed, scenes) = (manifest.failed.len() as u64, manifest.scenes);
-    if failed as f64 <= plan.max_failed_share * scenes as f64 {
-        return Ok(());
-    }
-    let first = manifest
-        .failed
-        .first()
-        .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, printable(&f.error), f.replay))
-        .unwrap_or_default();
-    Err(Failure::failed(format!(
-        "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {first}",
-        plan.max_failed_share
-    )))
-}
-
-fn tell_end(manifest: &Manifest, place: &str, built: &Built, threads: usize, log: LogFormat) {
-    let Built { progress, writing } = built;
+fn tell_end(whole: &Whole, place: &str, threads: usize, is_good: bool, log: LogFormat) {
+    let Whole { manifest, tally } = whole;
     let labels = manifest.labels();
     let cells = labels.traversable + labels.untraversable;
     let share = 100.0 * labels.untraversable as f64 / cells.max(1) as f64;
@@ -256,23 +169,25 @@ fn tell_end(manifest: &Manifest, place: &str, built: &Built, threads: usize, log
         tracing::info!(event = "done", corpus = place, corpus_id = %manifest.corpus_id, scenes = manifest.scenes, failed = manifest.failed.len(), cells, bytes);
         return;
     }
-    let seconds = progress.elapsed().as_secs_f64().max(1e-9);
-    if progress.done > 0 {
+    if tally.done > 0 {
         errln!(
-            "built {} scenes in {}: {} rays ({} rays/s), {} rows/s, writing {:.1} % of the threads' time",
-            progress.done,
-            human(progress.elapsed()),
-            si(progress.times.rays() as f64),
-            si(progress.times.rays() as f64 / seconds),
-            si(progress.rows as f64 / seconds),
-            100.0 * writing.as_secs_f64() / (seconds * threads as f64)
+            "built {} in {}: {} rays ({} rays/s), {} rows/s, writing {:.1} % of the threads' time",
+            counted(tally.done, "scene"),
+            human(tally.elapsed()),
+            si(tally.times.rays() as f64),
+            si(tally.per_second(tally.times.rays())),
+            si(tally.per_second(tally.rows)),
+            100.0 * tally.writing_share(threads)
         );
     }
     errln!(
-        "{place}: {} scenes ({} failed), {cells} cells, {share:.1} % untraversable, {}B\ncorpus_id {}\nnext: marsyard inspect {place}",
-        manifest.scenes,
+        "{place}: {} ({} failed), {cells} cells, {share:.1} % untraversable, {}B\ncorpus_id {}",
+        counted(manifest.scenes, "scene"),
         manifest.failed.len(),
         si(bytes as f64),
         manifest.corpus_id
     );
+    if is_good {
+        errln!("next: marsyard inspect {place}");
+    }
 }

@@ -12,6 +12,7 @@ mod export;
 mod generate;
 mod leaks;
 mod log;
+mod options;
 mod output;
 mod place;
 mod plan;

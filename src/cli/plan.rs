@@ -9,10 +9,10 @@ use clap::Args;
 use serde_json::json;
 
 use self::words::{absent, parts};
-use super::generate::{default_threads, parse_threads, split_warnings};
+use super::options::{default_threads, parse_threads, split_warnings};
 use super::output::outln;
 use super::place::corpus_failure;
-use super::progress::{human, si};
+use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure};
 use crate::corpus::Split;
@@ -73,7 +73,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
 }
 
 /// What a failed or interrupted estimate is to the user.
-pub(super) fn estimate_failure(error: EstimateError) -> Failure {
+fn estimate_failure(error: EstimateError) -> Failure {
     match error {
         EstimateError::Corpus(error) => corpus_failure(error),
         EstimateError::Interrupted => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
@@ -136,13 +136,13 @@ fn tell_cost(estimate: &Estimate) {
         outln!("  {} of {} scenes failed: `marsyard generate` would list them", estimate.failed, estimate.scenes);
     }
     outln!(
-        "\nwhole build: {} rows of cells ({}), {}B on disk ({}), {} on {} threads ({}), {} of CPU",
+        "\nwhole build: {} rows of cells ({}), {}B on disk ({}), {} on {} ({}), {} of CPU",
         si(estimate.rows.value),
         error(&estimate.rows),
         si(estimate.bytes.value),
         error(&estimate.bytes),
         human(Duration::from_secs_f64(estimate.wall_s.value)),
-        estimate.threads,
+        counted(estimate.threads as u64, "thread"),
         error(&estimate.wall_s),
         human(Duration::from_secs_f64(estimate.cpu_s.value))
     );

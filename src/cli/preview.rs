@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 
 use super::Failure;
-use super::explain::{check_scene, plan_of};
+use super::options::{check_scene, plan_of};
 use super::output::{errln, outln};
 use super::place::{self, corpus_failure, inputs, must_be_local};
 use crate::corpus::Outputs;

@@ -1,26 +1,35 @@
-//! Events of a build -> a bar on a terminal, plain lines elsewhere, JSON lines for machines.
+//! Steps of a long verb -> one line on a terminal, plain lines elsewhere, JSON lines for machines.
+//!
+//! Each verb that takes long keeps its own counts and words (the modules below); how they are shown, and how often, is said here once.
+//! On a terminal a short bar and the text share one line, cut at the terminal's width as it is when the line is drawn: what matters
+//! most stands first.
+
+mod build;
+mod search;
+mod tradeoff;
+mod train;
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+pub(super) use self::build::BuildProgress;
+pub(super) use self::search::SearchProgress;
+pub(super) use self::tradeoff::TradeoffProgress;
+pub(super) use self::train::TrainProgress;
 use super::LogFormat;
 use super::output::errln;
-use crate::episode::SceneOutput;
-use crate::episode::StageTimes;
 
-/// Counts a build and shows it.
-pub(super) struct Progress {
-    started: Instant,
-    last_line: Instant,
+/// Time between two plain lines, or two JSON lines of a build.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+/// Time between two drawings where nothing happens: a line follows its terminal's width.
+const DRAW_EVERY: Duration = Duration::from_millis(250);
+
+/// Shows how far a verb is.
+pub(super) struct Teller {
     display: Display,
-    /// Scenes to build in this run.
-    pub(super) scenes: u64,
-    pub(super) done: u64,
-    pub(super) failed: u64,
-    pub(super) rows: u64,
-    pub(super) times: StageTimes,
+    last_line: Instant,
 }
 
 enum Display {
@@ -29,66 +38,61 @@ enum Display {
     Json,
 }
 
-/// Time between two plain lines.
-const LINE_EVERY: Duration = Duration::from_secs(10);
-
-impl Progress {
-    pub(super) fn new(scenes: u64, log: LogFormat) -> Progress {
+impl Teller {
+    pub(super) fn new(log: LogFormat) -> Teller {
         let display = match log {
             LogFormat::Json => Display::Json,
-            LogFormat::Text if std::io::stderr().is_terminal() => Display::Bar(bar(scenes)),
+            LogFormat::Text if std::io::stderr().is_terminal() => Display::Bar(bar()),
             LogFormat::Text => Display::Lines,
         };
-        let now = Instant::now();
-        let times = StageTimes::new();
-        Progress { started: now, last_line: now, display, scenes, done: 0, failed: 0, rows: 0, times }
+        Teller { display, last_line: Instant::now() }
     }
 
-    /// Counts one scene.
-    pub(super) fn scene(&mut self, output: &SceneOutput, times: &StageTimes, replay: impl FnOnce() -> String) {
-        self.done += 1;
-        self.rows += output.scans.iter().map(|scan| scan.cells.rows.len() as u64).sum::<u64>();
-        self.times.add(times);
-        if let Some(error) = &output.error {
-            self.failed += 1;
-            let scene = output.scene_id;
-            match &self.display {
-                Display::Json => tracing::warn!(event = "scene_failed", scene, error, replay = replay()),
-                Display::Bar(bar) => bar.println(format!("scene {scene} failed: {error}\n  replay: {}", replay())),
-                Display::Lines => errln!("scene {scene} failed: {error}\n  replay: {}", replay()),
-            }
-        }
+    /// Whether machines listen.
+    pub(super) fn is_json(&self) -> bool {
+        matches!(self.display, Display::Json)
+    }
+
+    /// Says a line that stays.
+    pub(super) fn say(&self, line: &str) {
         match &self.display {
-            Display::Bar(bar) => {
-                bar.set_message(self.rates());
-                bar.inc(1);
-            }
-            Display::Lines | Display::Json if self.last_line.elapsed() < LINE_EVERY && self.done < self.scenes => {}
-            Display::Lines => {
-                self.last_line = Instant::now();
-                errln!("{}/{} scenes  {}  ETA {}", self.done, self.scenes, self.rates(), human(self.remaining()));
-            }
-            Display::Json => {
-                self.last_line = Instant::now();
-                tracing::info!(
-                    event = "progress",
-                    scenes_done = self.done,
-                    scenes = self.scenes,
-                    failed = self.failed,
-                    rows = self.rows,
-                    rays = self.times.rays(),
-                    elapsed_s = self.started.elapsed().as_secs_f64(),
-                    eta_s = self.remaining().as_secs_f64(),
-                );
-            }
+            Display::Bar(bar) => bar.println(line),
+            _ => errln!("{line}"),
         }
     }
 
-    /// Says that a shard is on disk.
-    pub(super) fn shard(&self, shard: u64, bytes: u64) {
-        if matches!(self.display, Display::Json) {
-            tracing::info!(event = "shard_written", shard, bytes);
+    /// Shows that so much is done: a terminal always, others where a line is due.
+    pub(super) fn step(
+        &mut self,
+        (done, of): (u64, u64),
+        worth_a_line: bool,
+        text: impl Fn() -> String,
+        json: impl FnOnce(),
+    ) {
+        self.show((done, of), &text);
+        self.line(worth_a_line || done == of, text, json);
+    }
+
+    /// Shows on a terminal that so much is done.
+    pub(super) fn show(&self, (done, of): (u64, u64), text: impl FnOnce() -> String) {
+        if let Display::Bar(bar) = &self.display {
+            bar.set_length(of);
+            bar.set_position(done);
+            bar.set_message(text());
         }
+    }
+
+    /// Writes a line where there is no terminal, if it is worth one or the last one is long ago.
+    pub(super) fn line(&mut self, worth_a_line: bool, text: impl FnOnce() -> String, json: impl FnOnce()) {
+        if !worth_a_line && self.last_line.elapsed() < LINE_EVERY {
+            return;
+        }
+        match self.display {
+            Display::Bar(_) => return,
+            Display::Lines => errln!("{}", text()),
+            Display::Json => json(),
+        }
+        self.last_line = Instant::now();
     }
 
     /// Takes the bar away.
@@ -97,37 +101,21 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
-
-    pub(super) fn elapsed(&self) -> Duration {
-        self.started.elapsed()
-    }
-
-    fn remaining(&self) -> Duration {
-        let left = (self.scenes - self.done) as f64 / self.done.max(1) as f64;
-        self.started.elapsed().mul_f64(left)
-    }
-
-    /// Rates since the start, as people say them.
-    fn rates(&self) -> String {
-        let seconds = self.started.elapsed().as_secs_f64().max(1e-9);
-        let per_second = |count: u64| count as f64 / seconds;
-        format!(
-            "{:.1} scenes/s  {} rays/s  {} rows/s",
-            per_second(self.done),
-            si(per_second(self.times.rays())),
-            si(per_second(self.rows))
-        )
-    }
 }
 
-fn bar(scenes: u64) -> ProgressBar {
-    let style =
-        ProgressStyle::with_template("{bar:32.cyan/blue} {pos}/{len} scenes  {msg}  {elapsed} so far, {eta} left")
-            .expect("a constant template")
-            .progress_chars("━╸─");
-    let bar = ProgressBar::new(scenes).with_style(style);
-    bar.enable_steady_tick(Duration::from_millis(250));
+/// The message takes what the bar and the time leave of the line, and is cut there.
+const LINE: &str = "{bar:16.cyan/blue} {elapsed:>3} {wide_msg}";
+
+fn bar() -> ProgressBar {
+    let style = ProgressStyle::with_template(LINE).expect("a constant template").progress_chars("━╸─");
+    let bar = ProgressBar::new(0).with_style(style);
+    bar.enable_steady_tick(DRAW_EVERY);
     bar
+}
+
+/// "1 thread", "4 threads".
+pub(super) fn counted(count: u64, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
 /// 1234567 -> "1.23 M".
@@ -168,5 +156,19 @@ mod tests {
         assert_eq!(si(999.0), "999");
         assert_eq!(human(Duration::from_secs(3725)), "1 h 2 min");
         assert_eq!(human(Duration::from_millis(12_340)), "12.3 s");
+        assert_eq!([counted(1, "thread"), counted(2, "thread")], ["1 thread", "2 threads"]);
+    }
+
+    #[test]
+    fn law_lines_come_when_they_are_worth_it_late_or_the_last() {
+        let mut teller = Teller { display: Display::Json, last_line: Instant::now() };
+        let mut lines = Vec::new();
+        for (step, worth_a_line) in [((1, 9), false), ((2, 9), true), ((3, 9), false), ((9, 9), false)] {
+            teller.step(step, worth_a_line, String::new, || lines.push(step.0));
+        }
+        assert_eq!(lines, [2, 9]);
+        let late = Instant::now().checked_sub(LINE_EVERY).expect("a clock that runs for ten seconds");
+        Teller { display: Display::Json, last_line: late }.step((4, 9), false, String::new, || lines.push(4));
+        assert_eq!(lines, [2, 9, 4]);
     }
 }

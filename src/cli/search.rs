@@ -2,19 +2,17 @@
 //!
 //! The verb reads the rows, chooses the networks, and talks; what is learnt, and which networks go on, is `search`'s.
 
-mod progress;
-
 use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
 
-use self::progress::Progress;
-use super::generate::{default_threads, parse_threads};
+use super::options::{default_threads, labels_set, parse_threads};
 use super::output::{errln, out};
 use super::place::{check_folder, corpus_failure, must_be_local};
+use super::progress::SearchProgress;
 use super::signals::stop_on_signals;
-use super::train::{goes_on, labels_set, numbered_folder, open_source, train_failure};
+use super::train::{goes_on, numbered_folder, open_source, train_failure};
 use super::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::{Build, LocalFolder, Split, Store, owner};
@@ -165,7 +163,7 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let draw = |split, rows| scenes::draw(&sources, split, rows, params.seed).map_err(train_failure);
     let train = draw(Split::Train, args.rows)?;
     let validation = draw(Split::Validation, args.validation_rows)?;
-    let mut progress = Progress::new(&out, &name, (&train, &validation), args.threads, log);
+    let mut progress = SearchProgress::new(&out, &name, (&train, &validation), args.threads, log);
     let to_train = params.clone();
     let setup = Setup {
         held: Held::new(&sources.features, train.rows, validation.rows, &[1.0], &params).map_err(train_failure)?,
@@ -206,7 +204,7 @@ fn interrupted(setup: &Setup, entries: usize) -> miette::Report {
 }
 
 /// Times, which are no part of what a search finds.
-fn write_report(setup: &Setup, progress: &Progress) -> Result<(), Failure> {
+fn write_report(setup: &Setup, progress: &SearchProgress) -> Result<(), Failure> {
     let report = json!({
         "wall_s": progress.elapsed().as_secs_f64(),
         "trainings": progress.done_here(),

@@ -5,17 +5,14 @@ use std::sync::atomic::Ordering;
 
 use clap::Args;
 
-use super::generate::{default_threads, parse_threads};
+use super::options::{default_threads, parse_threads};
 use super::output::{errln, out};
 use super::place::{corpus_failure, inputs, must_be_local};
+use super::progress::TradeoffProgress;
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat, config_failure};
 use crate::corpus::Outputs;
 use crate::measure::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
-
-mod progress;
-
-use progress::Progress;
 
 /// The fewest scenes that train, stop and test a classifier.
 const LEAST_SCENES: u64 = 8;
@@ -67,7 +64,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
         max_loss: args.max_loss,
         threads: args.threads,
     };
-    let mut progress = Progress::new(log);
+    let mut progress = TradeoffProgress::new(log);
     let report = tradeoff::run(&options, &stop, &mut |event| progress.take(event));
     progress.finish();
     let report = report.map_err(failure)?;

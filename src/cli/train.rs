@@ -3,8 +3,6 @@
 //! The verb ties configs and corpora to the training loop, and talks. All that is learnt from is in the run folder's files;
 //! times go to `report.json` and `training.jsonl`.
 
-mod progress;
-
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -13,12 +11,12 @@ use std::sync::Arc;
 use clap::Args;
 use serde_json::json;
 
-use self::progress::Progress;
 use super::evaluate::{family_facts, files_of, model_file, read_model};
-use super::generate::{default_threads, parse_threads};
 use super::leaks::{self, Learnt};
+use super::options::{default_threads, labels_set, parse_threads};
 use super::output::{errln, out};
 use super::place::{self, StoreFault, check_folder, corpus_failure, must_be_local};
+use super::progress::{TrainProgress, human, si};
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat, config_failure};
 use crate::config::{self};
@@ -82,28 +80,6 @@ fn parse_corpus(text: &str) -> Result<(PathBuf, f64), String> {
         }
         _ => Ok((text.into(), 1.0)),
     }
-}
-
-/// `taller_than_m=0.2,max_ground_slope_deg=20` as an override.
-pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
-    if rule.trim_start().starts_with('{') {
-        return Ok(format!("labels={rule}"));
-    }
-    let mut parts = Vec::new();
-    for part in rule.split(',').map(str::trim) {
-        parts.push(match part.split_once('=') {
-            Some((key @ ("taller_than_wheel" | "taller_than_m"), value)) => format!("obstacle: {{{key}: {value}}}"),
-            Some((key @ ("min_obstacle_points" | "max_ground_slope_deg"), value)) => format!("{key}: {value}"),
-            None if ["all", "as_built"].contains(&part) => format!("obstacle: {part}"),
-            _ => {
-                return Err(Failure::usage(miette::miette!(
-                    help = "for example: --labels taller_than_wheel=0.15, or --labels taller_than_m=0.2,max_ground_slope_deg=20",
-                    "--labels: '{part}' is not part of a rule"
-                )));
-            }
-        });
-    }
-    Ok(format!("labels={{{}}}", parts.join(", ")))
 }
 
 impl TrainArgs {
@@ -186,7 +162,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
         .build_global()
         .map_err(|error| Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())))?;
     let stop = stop_on_signals()?;
-    let mut progress = Progress::new(&setup, log);
+    let mut progress = TrainProgress::new(&setup, log);
     let outcome = train(&setup, &stop, &mut |event| progress.take(&event));
     progress.finish();
     let goes_on = |failure| goes_on(failure, &setup.out);
@@ -338,7 +314,7 @@ fn evaluation_folder(source: &Source, all: &[Arc<Source>]) -> String {
 }
 
 /// Times and rates, which are no part of what a training is.
-fn write_report(run: &RunFolder, progress: &Progress, args: &TrainArgs) -> Result<(), Failure> {
+fn write_report(run: &RunFolder, progress: &TrainProgress, args: &TrainArgs) -> Result<(), Failure> {
     let report = json!({
         "wall_s": progress.elapsed().as_secs_f64(),
         "rows_learnt_by_this_process": progress.rows_here(),
@@ -357,7 +333,7 @@ fn write_report(run: &RunFolder, progress: &Progress, args: &TrainArgs) -> Resul
 const UNTRAINED: &str = "no look at the validation split was better than the first, before a row was learnt: this network knows \
                          nothing; build more scenes, or be more patient (--set patience=20)";
 
-fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) {
+fn tell_end(out: &Path, summary: &Summary, progress: &TrainProgress, log: LogFormat) {
     let best = summary.best;
     let error = best.validation_error.unwrap_or(f64::NAN);
     let untrained = (best.rows == 0).then_some(UNTRAINED);
@@ -378,8 +354,8 @@ fn tell_end(out: &Path, summary: &Summary, progress: &Progress, log: LogFormat) 
         "{}: {} rows in {} ({} rows/s); {why}",
         out.display(),
         summary.rows_learnt,
-        super::progress::human(progress.elapsed()),
-        super::progress::si(progress.rate())
+        human(progress.elapsed()),
+        si(progress.rate())
     );
     if left_out.unlabelled + left_out.not_finite > 0 {
         errln!(
@@ -461,17 +437,5 @@ mod tests {
             "{}",
             told[2]
         );
-    }
-
-    #[test]
-    fn exact_label_rules_become_overrides() {
-        let set = |rule| labels_set(rule).map_err(|failure| failure.report.to_string());
-        assert_eq!(set("all").unwrap(), "labels={obstacle: all}");
-        assert_eq!(
-            set("taller_than_m=0.2, max_ground_slope_deg=20").unwrap(),
-            "labels={obstacle: {taller_than_m: 0.2}, max_ground_slope_deg: 20}"
-        );
-        assert_eq!(set("{obstacle: all}").unwrap(), "labels={obstacle: all}");
-        assert!(set("tall").unwrap_err().contains("'tall' is not part of a rule"));
     }
 }

@@ -1,26 +1,21 @@
-//! Events of a search -> a bar on a terminal, plain lines elsewhere, JSON lines for machines.
+//! A search for a network, in words: rungs, networks and the best so far.
 
-use std::io::IsTerminal;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
-
+use super::{Teller, counted, human, si};
 use crate::cli::LogFormat;
-use crate::cli::output::errln;
-use crate::cli::progress::{human, si};
 use crate::search::networks::shown;
 use crate::search::{Entry, Event, Start};
 use crate::train::scenes::Sample;
 
 /// Counts a search and shows it. Networks differ in cost a thousandfold, so what is left is told by expected time, not by number.
-pub(in crate::cli) struct Progress {
+pub(in crate::cli) struct SearchProgress {
+    teller: Teller,
     out: String,
     rows: String,
     threads: usize,
     started: Instant,
-    last_line: Option<Instant>,
-    display: Display,
     /// Thread seconds of each rung, as expected.
     rung_seconds: Vec<f64>,
     /// From 1.
@@ -34,38 +29,23 @@ pub(in crate::cli) struct Progress {
     left_s: f64,
 }
 
-enum Display {
-    Bar(ProgressBar),
-    Lines,
-    Json,
-}
-
-/// Time between two plain lines.
-const LINE_EVERY: Duration = Duration::from_secs(10);
-
-impl Progress {
-    pub(super) fn new(
+impl SearchProgress {
+    pub(in crate::cli) fn new(
         out: &Path,
         corpus: &str,
         (train, validation): (&Sample, &Sample),
         threads: usize,
         log: LogFormat,
-    ) -> Progress {
-        let display = match log {
-            LogFormat::Json => Display::Json,
-            LogFormat::Text if std::io::stderr().is_terminal() => Display::Bar(bar()),
-            LogFormat::Text => Display::Lines,
-        };
+    ) -> SearchProgress {
         let of = |sample: &Sample| {
             format!("{} rows of {} of {} scenes", sample.rows.len(), sample.scenes, sample.scenes_there)
         };
-        Progress {
+        SearchProgress {
+            teller: Teller::new(log),
             rows: format!("{corpus}: {} to learn, {} to validate by", of(train), of(validation)),
             out: out.display().to_string(),
             threads,
             started: Instant::now(),
-            last_line: None,
-            display,
             rung_seconds: Vec::new(),
             rung: 0,
             networks: 0,
@@ -77,21 +57,17 @@ impl Progress {
         }
     }
 
-    pub(super) fn take(&mut self, event: &Event) {
+    pub(in crate::cli) fn take(&mut self, event: &Event) {
         match event {
             Event::Start(start) => self.start(start),
             Event::Rung { number, rows, networks, done_before, seconds } => {
                 (self.rung, self.networks, self.done) = (number + 1, *networks, *done_before);
                 self.left_s = *seconds;
-                if let Display::Bar(bar) = &self.display {
-                    bar.set_length(*networks as u64);
-                    bar.set_position(*done_before as u64);
-                }
-                if matches!(self.display, Display::Json) {
+                if self.teller.is_json() {
                     tracing::info!(event = "rung", rung = self.rung, rows, networks, done_before);
                 } else {
                     let before = if *done_before > 0 { format!(", {done_before} of them done") } else { String::new() };
-                    self.say(&format!("rung {}: {networks} networks learn {rows} rows{before}", self.rung));
+                    self.teller.say(&format!("rung {}: {networks} networks learn {rows} rows{before}", self.rung));
                 }
             }
             Event::Done { entry, best, seconds } => self.done(entry, best, *seconds),
@@ -104,7 +80,7 @@ impl Progress {
         self.rung_seconds.clone_from(&start.rung_seconds);
         let seconds = start.rung_seconds.iter().sum::<f64>() / self.threads as f64;
         let expected = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-        if matches!(self.display, Display::Json) {
+        if self.teller.is_json() {
             tracing::info!(
                 event = "start",
                 run = %self.out,
@@ -118,7 +94,7 @@ impl Progress {
             );
             return;
         }
-        self.say(&format!(
+        self.teller.say(&format!(
             "{} -> {} ({}B of rows, at most {}B of networks and covariances)",
             self.rows,
             self.out,
@@ -128,16 +104,16 @@ impl Progress {
         let rates = start.pace.probes.iter().map(|probe| {
             format!("{} ({} weights) {}", shown(&probe.hidden), probe.weights, si(1.0 / probe.row_s.max(1e-12)))
         });
-        self.say(&format!("rows/s a thread: {}", rates.collect::<Vec<_>>().join(", ")));
+        self.teller.say(&format!("rows/s a thread: {}", rates.collect::<Vec<_>>().join(", ")));
         let rungs = start.rungs.iter().map(|rung| format!("{} x {} rows", rung.networks, rung.rows));
         let resumed =
             if start.resumed > 0 { format!(", {} trainings done before", start.resumed) } else { String::new() };
-        self.say(&format!(
-            "{} networks ({}): about {} on {} threads{resumed}",
+        self.teller.say(&format!(
+            "{} networks ({}): about {} on {}{resumed}",
             start.networks,
             rungs.collect::<Vec<_>>().join(", "),
             human(expected),
-            self.threads
+            counted(self.threads as u64, "thread")
         ));
     }
 
@@ -147,62 +123,49 @@ impl Progress {
         self.expected_s += seconds;
         self.measured_s += entry.seconds;
         self.left_s = (self.left_s - seconds).max(0.0);
-        let due = self.last_line.is_none_or(|last| last.elapsed() >= LINE_EVERY) || self.done == self.networks;
         let best_shown = format!("{} {:.5}", shown(&best.hidden), best.validation_error.unwrap_or(f64::NAN));
-        match &self.display {
-            Display::Bar(bar) => {
-                bar.set_message(format!("{}  best {best_shown}  {} left", self.rate(), human(self.remaining())));
-                bar.set_position(self.done as u64);
-            }
-            Display::Lines if due => {
-                self.last_line = Some(Instant::now());
-                errln!(
-                    "rung {}: {}/{}  {}  best {best_shown}  ETA {}",
-                    self.rung,
-                    self.done,
-                    self.networks,
-                    self.rate(),
-                    human(self.remaining())
-                );
-            }
-            Display::Lines => {}
-            Display::Json => tracing::info!(
+        let (rate, left) = (self.rate(), self.remaining());
+        let (rung, done, networks) = (self.rung, self.done, self.networks);
+        let text = || format!("rung {rung}: {done}/{networks}  ETA {}  best {best_shown}  {rate}", human(left));
+        let json = || {
+            tracing::info!(
                 event = "network",
-                rung = self.rung,
+                rung,
                 hidden = %shown(&entry.hidden),
                 weights = entry.weights,
                 validation_error = entry.validation_error,
                 best = %shown(&best.hidden),
                 best_validation_error = best.validation_error,
-                done = self.done,
-                networks = self.networks,
+                done,
+                networks,
                 seconds = entry.seconds,
-                eta_s = self.remaining().as_secs_f64(),
-            ),
-        }
+                eta_s = left.as_secs_f64(),
+            );
+        };
+        // Machines are told of every network.
+        let is_told = self.teller.is_json();
+        self.teller.step((done as u64, networks as u64), is_told, text, json);
     }
 
     /// Takes the bar away.
-    pub(super) fn finish(&self) {
-        if let Display::Bar(bar) = &self.display {
-            bar.finish_and_clear();
-        }
+    pub(in crate::cli) fn finish(&self) {
+        self.teller.finish();
     }
 
-    pub(super) fn elapsed(&self) -> Duration {
+    pub(in crate::cli) fn elapsed(&self) -> Duration {
         self.started.elapsed()
     }
 
     /// Networks trained as far as a rung in this process.
-    pub(super) fn done_here(&self) -> u64 {
+    pub(in crate::cli) fn done_here(&self) -> u64 {
         self.done_here
     }
 
-    pub(super) fn expected_thread_s(&self) -> f64 {
+    pub(in crate::cli) fn expected_thread_s(&self) -> f64 {
         self.expected_s
     }
 
-    pub(super) fn thread_s(&self) -> f64 {
+    pub(in crate::cli) fn thread_s(&self) -> f64 {
         self.measured_s
     }
 
@@ -216,20 +179,4 @@ impl Progress {
         let left = self.left_s + self.rung_seconds.iter().skip(self.rung).sum::<f64>();
         Duration::try_from_secs_f64(pace * left).unwrap_or(Duration::MAX)
     }
-
-    fn say(&self, line: &str) {
-        match &self.display {
-            Display::Bar(bar) => bar.println(line),
-            _ => errln!("{line}"),
-        }
-    }
-}
-
-fn bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:32.cyan/blue} {pos}/{len} networks  {msg}  {elapsed} so far")
-        .expect("a constant template")
-        .progress_chars("━╸─");
-    let bar = ProgressBar::new(0).with_style(style);
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
 }

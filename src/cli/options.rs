@@ -1,0 +1,103 @@
+//! What several verbs take alike, and say alike of a plan: threads, labels, the config or corpus that is named.
+
+use std::path::Path;
+
+use super::place::is_config;
+use super::{Failure, config_failure};
+use crate::config;
+use crate::plan::{Plan, Split};
+
+/// As many as there are cores to be used.
+pub(super) fn default_threads() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// More than any machine has cores for.
+const MOST_THREADS: usize = 4096;
+
+pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) => Err("at least one thread is needed".into()),
+        Ok(threads) if threads > MOST_THREADS => Err(format!("at most {MOST_THREADS} threads are started")),
+        Ok(threads) => Ok(threads),
+        Err(e) => Err(format!("'{text}': {e}")),
+    }
+}
+
+/// `taller_than_m=0.2,max_ground_slope_deg=20` as an override.
+pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
+    if rule.trim_start().starts_with('{') {
+        return Ok(format!("labels={rule}"));
+    }
+    let mut parts = Vec::new();
+    for part in rule.split(',').map(str::trim) {
+        parts.push(match part.split_once('=') {
+            Some((key @ ("taller_than_wheel" | "taller_than_m"), value)) => format!("obstacle: {{{key}: {value}}}"),
+            Some((key @ ("min_obstacle_points" | "max_ground_slope_deg"), value)) => format!("{key}: {value}"),
+            None if ["all", "as_built"].contains(&part) => format!("obstacle: {part}"),
+            _ => {
+                return Err(Failure::usage(miette::miette!(
+                    help = "for example: --labels taller_than_wheel=0.15, or --labels taller_than_m=0.2,max_ground_slope_deg=20",
+                    "--labels: '{part}' is not part of a rule"
+                )));
+            }
+        });
+    }
+    Ok(format!("labels={{{}}}", parts.join(", ")))
+}
+
+/// The plan of a config file, a plan.yaml or a corpus; and the place of the corpus, if it is one.
+pub(super) fn plan_of<'p>(place: &'p Path, sets: &[String]) -> Result<(Plan, Option<&'p Path>), Failure> {
+    let (file, corpus) = if is_config(place) { (place.into(), None) } else { (place.join("plan.yaml"), Some(place)) };
+    Ok((config::load(&file, sets).map_err(config_failure)?, corpus))
+}
+
+/// Refuses a scene that the plan does not have.
+pub(super) fn check_scene(plan: &Plan, scene: u64) -> Result<(), Failure> {
+    if scene < plan.scenes {
+        return Ok(());
+    }
+    Err(Failure::usage(miette::miette!(
+        help = format!("scenes are numbered 0 to {}", plan.scenes - 1),
+        "--scene {scene}: the plan has {} scenes",
+        plan.scenes
+    )))
+}
+
+/// What a plan of so few shards leaves out.
+pub(super) fn split_warnings(plan: &Plan) -> Vec<String> {
+    let empty = |split| !(0..plan.shards().min(20)).any(|shard| Split::of_shard(shard) == split);
+    let names: Vec<&str> = Split::ALL.into_iter().filter(|&split| empty(split)).map(Split::name).collect();
+    let mut warnings = Vec::new();
+    if !names.is_empty() {
+        let names = names.join(" and ");
+        warnings.push(format!("no shard is in the {names} split; from 7 shards on there is one in each: raise scenes or lower scenes_per_shard"));
+    }
+    if empty(Split::Test) {
+        let held_out = plan.families.iter().filter(|family| family.hold_out);
+        warnings.extend(held_out.map(|family| {
+            format!(
+                "family {} is held out for the test split, which has no shard: no scene of it is built",
+                family.name
+            )
+        }));
+    }
+    warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_label_rules_become_overrides() {
+        let set = |rule| labels_set(rule).map_err(|failure| failure.report.to_string());
+        assert_eq!(set("all").unwrap(), "labels={obstacle: all}");
+        assert_eq!(
+            set("taller_than_m=0.2, max_ground_slope_deg=20").unwrap(),
+            "labels={obstacle: {taller_than_m: 0.2}, max_ground_slope_deg: 20}"
+        );
+        assert_eq!(set("{obstacle: all}").unwrap(), "labels={obstacle: all}");
+        assert!(set("tall").unwrap_err().contains("'tall' is not part of a rule"));
+    }
+}
