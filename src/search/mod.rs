@@ -15,7 +15,6 @@ pub mod journal;
 pub mod leaderboard;
 pub mod networks;
 pub mod picture;
-mod ranks;
 pub mod rungs;
 #[cfg(test)]
 mod tests;
