@@ -10,8 +10,10 @@ use marsyard::config;
 use marsyard::corpus::{CorpusSpec, ShardWriter, Table};
 use marsyard::episode::SceneOutput;
 use marsyard::episode::{Prepared, Scratch, StageTimes, Unobserved, run_scene};
-use marsyard::measure::clock::{Costs, thread_cpu_s};
-use marsyard::measure::estimate::interleaved;
+use marsyard::measure::clock::thread_cpu_s;
+use marsyard::measure::estimate::scene_costs;
+use marsyard::measure::interleave::{Repeats, rotated};
+use marsyard::statistics::Spread;
 
 /// A yard that parts are added to, by its place in `YARDS`.
 const EMPTY: usize = 0;
@@ -77,9 +79,14 @@ fn main() {
     };
     let plans: Vec<Prepared> = (0..all.len()).map(|k| prepared(&sets_of(k))).collect();
     let mut scratch = Scratch::default();
-    interleaved(&plans, 0, 0, &mut scratch);
-    let taken: Vec<Vec<Costs>> =
-        (0..rounds).map(|round| interleaved(&plans, 1 + round as u64, round, &mut scratch)).collect();
+    scene_costs(&plans, 0, 0, &mut scratch);
+    let sweep = StageTimes::STAGES.iter().position(|(_, name)| *name == "sweep").expect("a stage");
+    let (mut whole_s, mut sweep_s) = (Repeats::default(), Repeats::default());
+    for round in 0..rounds {
+        let costs = scene_costs(&plans, 1 + round as u64, round, &mut scratch);
+        whole_s.push(costs.iter().map(|costs| costs.whole.cpu).collect());
+        sweep_s.push(costs.iter().map(|costs| costs.stages[sweep].cpu).collect());
+    }
 
     println!("# What each part costs\n");
     println!(
@@ -90,20 +97,19 @@ fn main() {
     );
     println!("| part, added alone | ms a scan | quartiles | of what it is added to | added to |");
     println!("|---|--:|---|--:|---|");
-    let whole = |k: usize| quartiles(taken.iter().map(|costs| costs[k].whole.cpu).collect());
-    let [low, empty_s, high] = whole(EMPTY);
-    println!("| empty yard | {:.3} | [{:.3}, {:.3}] | | |", 1e3 * empty_s, 1e3 * low, 1e3 * high);
+    let whole = |k: usize| whole_s.spread(k).expect("a round");
+    println!("| empty yard | {} | | |", median_and_quartiles(&whole(EMPTY)));
     for (k, (name, _, base)) in all.iter().enumerate().skip(1) {
-        row(name, YARDS[*base].0, whole(*base)[1], taken.iter().map(|c| c[k].whole.cpu - c[*base].whole.cpu).collect());
+        let added_s = whole_s.spread_of_difference(k, *base).expect("a round");
+        let share = 100.0 * added_s.median / whole(*base).median;
+        println!("| {name} | {} | {share:+.1} % | {} |", median_and_quartiles(&added_s), YARDS[*base].0);
     }
     tables(rounds, &mut scratch);
 
-    let sweep = StageTimes::STAGES.iter().position(|(_, name)| *name == "sweep").expect("a stage");
     let far = YARDS.len();
-    let [_, added_s, _] = quartiles(taken.iter().map(|c| c[far].whole.cpu - c[VAST].whole.cpu).collect());
-    let [_, sweep_s, _] = quartiles(taken.iter().map(|c| c[VAST].stages[sweep].cpu).collect());
-    let [_, in_sweep_s, _] =
-        quartiles(taken.iter().map(|c| c[far].stages[sweep].cpu - c[VAST].stages[sweep].cpu).collect());
+    let added_s = |seconds: &Repeats| seconds.spread_of_difference(far, VAST).expect("a round").median;
+    let (added_s, in_sweep_s) = (added_s(&whole_s), added_s(&sweep_s));
+    let sweep_s = sweep_s.spread(VAST).expect("a round").median;
     println!(
         "\nOut of reach: 2000 rocks that no beam can meet cost {:.1} us in all, {:.2} % of the sweep ({:.3} ms); {:.1} us of it ({:.2} %) \
          in the sweep's own stage.",
@@ -115,21 +121,10 @@ fn main() {
     );
 }
 
-fn row(name: &str, base: &str, base_s: f64, differences_s: Vec<f64>) {
-    let [low, middle, high] = quartiles(differences_s);
-    println!(
-        "| {name} | {:.3} | [{:.3}, {:.3}] | {:+.1} % | {base} |",
-        1e3 * middle,
-        1e3 * low,
-        1e3 * high,
-        100.0 * middle / base_s
-    );
-}
-
-/// First quartile, median, third quartile.
-fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
-    values.sort_by(f64::total_cmp);
-    [1, 2, 3].map(|k| values[(k * (values.len() - 1) + 2) / 4])
+/// Two fields of a table's row, in milliseconds.
+fn median_and_quartiles(seconds: &Spread) -> String {
+    let Spread { median, lower_quartile, upper_quartile } = seconds;
+    format!("{:.3} | [{:.3}, {:.3}]", 1e3 * median, 1e3 * lower_quartile, 1e3 * upper_quartile)
 }
 
 /// Each table of a shard of 20 scenes, made alone.
@@ -148,20 +143,16 @@ fn tables(rounds: usize, scratch: &mut Scratch) {
         std::hint::black_box(writer.finish().expect("all scenes were pushed"));
         (thread_cpu_s() - begun_s) / f64::from(SCENES)
     };
-    let mut taken = vec![Vec::new(); Table::ALL.len()];
+    let mut seconds = Repeats::default();
     for round in 0..rounds.div_ceil(4) {
-        for k in (0..Table::ALL.len()).map(|k| (k + round) % Table::ALL.len()) {
-            taken[k].push(made_s(Table::ALL[k]));
-        }
+        seconds.push(rotated(Table::ALL.len(), round, |k| made_s(Table::ALL[k])));
     }
-    for (table, taken_s) in Table::ALL.into_iter().zip(taken) {
-        let [low, middle, high] = quartiles(taken_s);
+    for (k, table) in Table::ALL.into_iter().enumerate() {
+        let made_s = seconds.spread(k).expect("a round");
         println!(
-            "| writing the {} table | {:.3} | [{:.3}, {:.3}] | | shards of {SCENES} scenes |",
+            "| writing the {} table | {} | | shards of {SCENES} scenes |",
             table.name(),
-            1e3 * middle,
-            1e3 * low,
-            1e3 * high
+            median_and_quartiles(&made_s)
         );
     }
 }

@@ -75,6 +75,9 @@ pub mod build;
 
 // Networks.
 #[cfg(feature = "train")]
+pub mod statistics;
+
+#[cfg(feature = "train")]
 pub mod train;
 
 #[cfg(feature = "train")]

@@ -4,11 +4,19 @@
 //! whoever waits. Outputs come in the order in which tasks end; what must be in another order is the schedule's to put in order, so that
 //! nothing that is made depends on the number of threads. A few tasks more than threads are out at a time: a thread that has ended one
 //! finds the next without waiting for the caller.
+//!
+//! [`for_each`] and [`map`] are schedules of a list of items; [`on_every_thread`] does one thing on all threads at once; [`ReadAhead`] is
+//! a sequence that another thread makes before it is asked for.
 
+mod read_ahead;
+
+use std::marker::PhantomData;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, mpsc};
+
+pub use read_ahead::ReadAhead;
 
 /// What is to be done, and what becomes of it.
 pub trait Schedule {
@@ -42,8 +50,7 @@ pub fn run<S: Schedule, M: Default + Send>(
     work: impl Fn(S::Task, &mut M) -> S::Output + Sync,
 ) -> Result<(), PoolError> {
     let threads = threads.max(1);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("worker-{k}")).build();
-    let pool = pool.map_err(|error| PoolError { threads, reason: error.to_string() })?;
+    let pool = pool(threads)?;
     let scratch: Vec<Mutex<M>> = (0..threads).map(|_| Mutex::default()).collect();
     let (sender, outputs) = mpsc::channel();
     let one_task = |task: S::Task| {
@@ -81,8 +88,37 @@ pub fn run<S: Schedule, M: Default + Send>(
     Ok(())
 }
 
-/// Items -> what `work` makes of each, in their order. `tell` hears, on the caller's thread, how many are done. `None` where `stop` was raised
-/// before the last was begun; the first error ends the whole.
+fn pool(threads: usize) -> Result<rayon::ThreadPool, PoolError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).thread_name(|k| format!("worker-{k}")).build();
+    pool.map_err(|error| PoolError { threads, reason: error.to_string() })
+}
+
+/// What `work` returns on each of `threads` threads that all do it at once: how long it takes while the others take caches, memory and
+/// hyper-threads. A thread that panics panics here.
+pub fn on_every_thread<T: Send>(threads: usize, work: impl Fn() -> T + Sync) -> Result<Vec<T>, PoolError> {
+    Ok(pool(threads.max(1))?.broadcast(|_| work()))
+}
+
+/// Works items off; `take` gets what `work` makes of each, on the caller's thread, in the order in which they end. False where `stop` was
+/// raised before the last was begun; the first error of either ends the whole.
+pub fn for_each<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
+    threads: usize,
+    items: Vec<T>,
+    stop: &AtomicBool,
+    work: impl Fn(T, &mut M) -> Result<U, E> + Sync,
+    take: impl FnMut(U) -> Result<(), E>,
+) -> Result<bool, E> {
+    let threads = threads.min(items.len());
+    let mut items = Items { waiting: items.into_iter(), stop, take, failed: None, output: PhantomData };
+    run(threads, &mut items, work)?;
+    match items.failed {
+        Some(error) => Err(error),
+        None => Ok(items.waiting.len() == 0),
+    }
+}
+
+/// Items -> what `work` makes of each, in their order. `tell` hears, on the caller's thread, how many are done. `None` where `stop` was
+/// raised before the last was begun; the first error ends the whole.
 ///
 /// ```
 /// use std::sync::atomic::AtomicBool;
@@ -103,49 +139,41 @@ pub fn map<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
     items: Vec<T>,
     stop: &AtomicBool,
     work: impl Fn(T, &mut M) -> Result<U, E> + Sync,
-    tell: impl FnMut(usize),
+    mut tell: impl FnMut(usize),
 ) -> Result<Option<Vec<U>>, E> {
-    let count = items.len();
-    let made = (0..count).map(|_| None).collect();
-    let mut items = Items { left: items.into_iter().enumerate(), stop, made, done: 0, tell, failed: None };
-    run(threads.min(count), &mut items, |(k, item), scratch: &mut M| (k, work(item, scratch)))?;
-    match items.failed {
-        Some(error) => Err(error),
-        None => Ok(items.made.into_iter().collect()),
-    }
+    let mut outputs: Vec<Option<U>> = items.iter().map(|_| None).collect();
+    let mut done = 0;
+    let numbered = items.into_iter().enumerate().collect();
+    let work = |(k, item), scratch: &mut M| Ok::<_, E>((k, work(item, scratch)?));
+    for_each(threads, numbered, stop, work, |(k, output): (usize, U)| {
+        outputs[k] = Some(output);
+        done += 1;
+        tell(done);
+        Ok(())
+    })?;
+    Ok(outputs.into_iter().collect())
 }
 
-/// The schedule of [`map`].
+/// The schedule of [`for_each`].
 struct Items<'a, T, U, E, F> {
-    left: std::iter::Enumerate<std::vec::IntoIter<T>>,
+    waiting: std::vec::IntoIter<T>,
     stop: &'a AtomicBool,
-    made: Vec<Option<U>>,
-    done: usize,
-    tell: F,
+    take: F,
     failed: Option<E>,
+    output: PhantomData<U>,
 }
 
-impl<T: Send, U: Send, E: Send, F: FnMut(usize)> Schedule for Items<'_, T, U, E, F> {
-    type Task = (usize, T);
-    type Output = (usize, Result<U, E>);
+impl<T: Send, U: Send, E: Send, F: FnMut(U) -> Result<(), E>> Schedule for Items<'_, T, U, E, F> {
+    type Task = T;
+    type Output = Result<U, E>;
 
-    fn next(&mut self) -> Option<(usize, T)> {
-        if self.stop.load(Ordering::Relaxed) { None } else { self.left.next() }
+    fn next(&mut self) -> Option<T> {
+        if self.stop.load(Ordering::Relaxed) { None } else { self.waiting.next() }
     }
 
-    fn take(&mut self, (k, made): (usize, Result<U, E>)) -> ControlFlow<()> {
-        match made {
-            Ok(made) => {
-                self.made[k] = Some(made);
-                self.done += 1;
-                (self.tell)(self.done);
-                ControlFlow::Continue(())
-            }
-            Err(error) => {
-                self.failed = Some(error);
-                ControlFlow::Break(())
-            }
-        }
+    fn take(&mut self, output: Result<U, E>) -> ControlFlow<()> {
+        self.failed = output.and_then(&mut self.take).err();
+        if self.failed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
@@ -226,6 +254,35 @@ mod tests {
         let raise = |done| stop.fetch_or(done == 50, Ordering::Relaxed);
         let made = map(5, items, &stop, |k, (): &mut ()| Ok::<_, PoolError>(k), |done| _ = raise(done));
         assert!(made.unwrap().is_none());
+    }
+
+    #[test]
+    fn law_what_takes_an_output_may_end_the_whole() {
+        let stop = AtomicBool::new(false);
+        let mut taken = Vec::new();
+        let refused = for_each(
+            2,
+            (0..100).collect(),
+            &stop,
+            |k: usize, (): &mut ()| Ok(k),
+            |k| {
+                taken.push(k);
+                if taken.len() < 5 { Ok(()) } else { Err(PoolError { threads: taken.len(), reason: "a test".into() }) }
+            },
+        );
+        assert_eq!((refused.unwrap_err().threads, taken.len()), (5, 5));
+        let all =
+            |stop: &AtomicBool| for_each(2, vec![1, 2], stop, |_, (): &mut ()| Ok::<_, PoolError>(()), Ok).unwrap();
+        assert!(all(&stop));
+        assert!(!all(&AtomicBool::new(true)));
+    }
+
+    #[test]
+    fn law_every_thread_is_at_it_at_once() {
+        // Nobody passes before all have come.
+        let barrier = std::sync::Barrier::new(5);
+        assert_eq!(on_every_thread(5, || usize::from(barrier.wait().is_leader())).unwrap().iter().sum::<usize>(), 1);
+        assert_eq!(on_every_thread(0, || ()).unwrap().len(), 1);
     }
 
     #[test]

@@ -120,7 +120,12 @@ fn tell_parts(cost: &FamilyCost) {
     outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
     for (part, price) in &cost.parts {
         let nothing = if price.is_told_apart() { "" } else { "  (not told apart from nothing)" };
-        outln!("    {:<14} {:>9.2} \u{b1} {:.2}{nothing}", part.name, 1e3 * price.cpu_s, 1e3 * price.standard_error_s);
+        outln!(
+            "    {:<14} {:>9.2} \u{b1} {:.2}{nothing}",
+            part.name(),
+            1e3 * price.cpu_s,
+            1e3 * price.standard_error_s
+        );
     }
 }
 
@@ -179,9 +184,9 @@ fn as_json(plan: &Plan, estimate: Option<&Estimate>) -> serde_json::Value {
         let words: serde_json::Map<_, _> = parts(plan, k).into_iter().map(|(k, v)| (k.into(), v.into())).collect();
         let cost = estimate.map(|estimate| &estimate.families[k]);
         let prices: Option<serde_json::Map<_, _>> = cost.filter(|cost| cost.scene_s.is_some()).map(|cost| {
-            let price = |(part, price): &(&estimate::Part, estimate::PartCost)| {
+            let price = |(part, price): &(estimate::Part, estimate::PartCost)| {
                 let value = json!({"cpu_s": price.cpu_s, "standard_error_s": price.standard_error_s});
-                (part.name.to_string(), value)
+                (part.name().to_string(), value)
             };
             cost.parts.iter().map(price).collect()
         });

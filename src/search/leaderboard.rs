@@ -7,8 +7,8 @@ use serde_json::Value as Json;
 
 use super::entry::Entry;
 use super::networks::shown;
-use super::ranks::spearman;
 use super::rungs::{Rung, smallest_within};
+use crate::statistics::spearman;
 
 pub const NAME: &str = "search.json";
 /// Networks in the terminal's table.

@@ -15,12 +15,11 @@ pub mod journal;
 pub mod leaderboard;
 pub mod networks;
 pub mod picture;
-mod ranks;
+mod round;
 pub mod rungs;
 #[cfg(test)]
 mod tests;
 pub mod throughput;
-mod worker_pool;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -31,14 +30,13 @@ pub use self::entry::Entry;
 use self::journal::Journal;
 pub use self::leaderboard::Leaderboard;
 use self::networks::Hidden;
+use self::round::Round;
 use self::rungs::{Rung, rungs, survivors};
 use self::throughput::Throughput;
-use self::worker_pool::WorkerPool;
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::{is_temporary, read_folder};
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
-use crate::train::stopping::Stop;
 use crate::train::{TrainError, TrainParams, filter, folder};
 
 /// Hidden layers -> a config.
@@ -79,7 +77,7 @@ pub enum Event<'a> {
 pub struct Start {
     pub networks: usize,
     pub rungs: Vec<Rung>,
-    pub pace: Throughput,
+    pub throughput: Throughput,
     /// Of one thread for each rung, if no patience ends early and those that go on are of mean size.
     pub rung_seconds: Vec<f64>,
     /// Lines in the journal.
@@ -107,51 +105,18 @@ pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> 
     let identity = identity(setup);
     let mut journal = open(setup, &identity)?;
     let most_rows = rungs.last().map_or(0, |rung| rung.rows);
-    let pace = Throughput::measure(params, held, &networks, most_rows, setup.threads)?;
-    tell(Event::Start(&start(setup, &networks, &rungs, &pace, journal.trainings())));
-    let mut contenders = networks;
+    let throughput = Throughput::measure(params, held, &networks, most_rows, setup.threads)?;
+    tell(Event::Start(&start(setup, &networks, &rungs, &throughput, journal.trainings())));
+    let mut networks = networks;
     let mut entries: Vec<Vec<Entry>> = Vec::new();
     for (number, rung) in rungs.iter().enumerate() {
-        for hidden in &contenders {
-            let before = number.checked_sub(1).and_then(|before| journal.get(before, hidden));
-            if let Some(entry) = before.filter(|entry| entry.stopped == Stop::Patience)
-                && journal.get(number, hidden).is_none()
-            {
-                // It would end where it ended before.
-                let entry = Entry { rung: number, ..entry.clone() };
-                journal.push(entry)?;
-            }
-        }
-        let waiting: Vec<Hidden> =
-            contenders.iter().filter(|hidden| journal.get(number, hidden).is_none()).cloned().collect();
-        let seconds = |hidden: &Hidden| pace.seconds(params, held, hidden, rung);
-        tell(Event::Rung {
-            number,
-            rows: rung.rows,
-            networks: contenders.len(),
-            done_before: contenders.len() - waiting.len(),
-            seconds: waiting.iter().map(seconds).sum(),
-        });
-        let there = contenders.iter().filter_map(|hidden| journal.get(number, hidden));
-        let mut best: Option<Entry> = there.min_by(|a, b| a.rank(b)).cloned();
-        let pool = WorkerPool { params, held, threads: setup.threads, stop };
-        let all = pool.train(waiting, (number, rung), &mut |entry| {
-            if best.as_ref().is_none_or(|best| entry.rank(best).is_lt()) {
-                best = Some(entry.clone());
-            }
-            journal.push(entry.clone())?;
-            let best = best.as_ref().unwrap_or(&entry);
-            tell(Event::Done { entry: &entry, best, seconds: seconds(&entry.hidden) });
-            Ok(())
-        })?;
-        if !all {
+        let round = Round { setup, throughput: &throughput, number, rung, networks: &networks };
+        if !round.train(&mut journal, stop, tell)? {
             return Ok(Outcome::Interrupted { entries: journal.trainings() });
         }
-        let mut done: Vec<Entry> =
-            contenders.iter().filter_map(|hidden| journal.get(number, hidden)).cloned().collect();
-        done.sort_by(Entry::rank);
+        let done = round.entries(&journal);
         if let Some(next) = rungs.get(number + 1) {
-            contenders = survivors(done.clone(), next.networks).into_iter().map(|entry| entry.hidden).collect();
+            networks = survivors(done.clone(), next.networks).into_iter().map(|entry| entry.hidden).collect();
         }
         entries.push(done);
     }
@@ -232,15 +197,16 @@ fn is_lost(out: &Path, identity: &Json) -> Result<bool, TrainError> {
     Ok(true)
 }
 
-fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], pace: &Throughput, resumed: usize) -> Start {
+fn start(setup: &Setup, networks: &[Hidden], rungs: &[Rung], throughput: &Throughput, resumed: usize) -> Start {
     let Setup { params, held, .. } = setup;
-    let of_all = |rung: &Rung| networks.iter().map(|hidden| pace.seconds(params, held, hidden, rung)).sum::<f64>();
+    let of_all =
+        |rung: &Rung| networks.iter().map(|hidden| throughput.seconds(params, held, hidden, rung)).sum::<f64>();
     let share = |rung: &Rung| rung.networks as f64 / networks.len() as f64;
     let largest = networks.last().map_or(0, |hidden| weights(setup, hidden)) as u64;
     Start {
         networks: networks.len(),
         rungs: rungs.to_vec(),
-        pace: pace.clone(),
+        throughput: throughput.clone(),
         rung_seconds: rungs.iter().map(|rung| of_all(rung) * share(rung)).collect(),
         resumed,
         row_bytes: (held.train.bytes() + held.validation.bytes()) as u64,

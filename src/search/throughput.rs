@@ -10,11 +10,12 @@ use super::entry::{course, params_of};
 use super::networks::Hidden;
 use super::rungs::Rung;
 use crate::math;
+use crate::parallel;
 use crate::train::memory::{Course, Event, Held, train};
 use crate::train::{TrainError, TrainParams};
 
 /// Time to measure a network, unless it has learnt all that it will in the search before.
-const EACH: Duration = Duration::from_millis(120);
+const PROBE_TIME: Duration = Duration::from_millis(120);
 /// Networks that are measured.
 const PROBES: usize = 6;
 
@@ -51,11 +52,8 @@ impl Throughput {
             if probes.last().is_some_and(|probe| probe.weights == weights) {
                 continue;
             }
-            let measured = std::thread::scope(|scope| {
-                let one = || scope.spawn(|| time(&params, held, most_rows));
-                let all: Vec<_> = (0..threads).map(|_| one()).collect();
-                all.into_iter().map(|one| one.join().expect("a training does not panic")).collect::<Result<Vec<_>, _>>()
-            })?;
+            let measured = parallel::on_every_thread(threads, || time(&params, held, most_rows))?;
+            let measured = measured.into_iter().collect::<Result<Vec<_>, _>>()?;
             let mean = |of: fn(&(f64, f64)) -> f64| measured.iter().map(of).sum::<f64>() / measured.len() as f64;
             let (row_s, look_s) = (mean(|times| times.0), mean(|times| times.1));
             probes.push(Probe { hidden: hidden.clone(), weights, row_s, look_s });
@@ -95,7 +93,7 @@ fn time(params: &TrainParams, held: &Held, most_rows: u64) -> Result<(f64, f64),
         }
         Event::Rows(rows) => {
             learnt = (rows, begun.elapsed().as_secs_f64());
-            over.store(begun.elapsed() > EACH, Ordering::Relaxed);
+            over.store(begun.elapsed() > PROBE_TIME, Ordering::Relaxed);
         }
     })?;
     Ok((learnt.1 / learnt.0 as f64, look_s))
@@ -108,9 +106,9 @@ mod tests {
     #[test]
     fn exact_times_between_two_probes_follow_a_power_of_the_weights() {
         let probe = |weights: usize, row_s| Probe { hidden: vec![1], weights, row_s, look_s: 2.0 };
-        let pace = Throughput { probes: vec![probe(10, 1e-6), probe(100, 1e-4), probe(1000, 1e-2)] };
+        let throughput = Throughput { probes: vec![probe(10, 1e-6), probe(100, 1e-4), probe(1000, 1e-2)] };
         for weights in [10, 20, 100, 300, 1000] {
-            let (row_s, look_s) = pace.at(weights);
+            let (row_s, look_s) = throughput.at(weights);
             let square = (weights * weights) as f64 * 1e-8;
             assert!((row_s / square - 1.0).abs() < 1e-12 && (look_s - 2.0).abs() < 1e-12, "{weights}: {row_s}");
         }

@@ -1,10 +1,11 @@
 //! A split and a network -> its weighted mean squared error.
 //!
 //! Small splits are kept in memory, others are read again at each look, one row group at a time and one ahead. Chunks of rows are
-//! taken by all threads; their sums are added in the order of the rows, so that the number of threads changes no bit.
+//! taken by all threads; their sums are added in the order of the rows, so that the number of threads changes no bit. The threads are
+//! those of the pool that the caller installed, which lives as long as a training: `parallel::run` starts and ends threads at each call,
+//! and a look at rows in memory takes less than that.
 
 use std::sync::Arc;
-use std::sync::mpsc::sync_channel;
 
 use rayon::prelude::*;
 
@@ -13,6 +14,7 @@ use super::scaling::Weights;
 use super::source::Sources;
 use super::{Network, Scaler, TrainError, TrainParams};
 use crate::corpus::Split;
+use crate::parallel::ReadAhead;
 
 /// A split is kept up to this size.
 const HELD_BYTES: usize = 8 << 20;
@@ -134,27 +136,16 @@ impl Validation {
     }
 
     fn each(&self, take: impl FnMut(Rows)) -> Result<(), TrainError> {
-        each_group(&self.sources, Split::Validation, take)
+        each_group(Arc::clone(&self.sources), Split::Validation, take)
     }
 }
 
 /// Hands over the rows of a split, row group by row group in their order; the next one is read meanwhile.
-pub fn each_group(sources: &Sources, split: Split, mut take: impl FnMut(Rows)) -> Result<(), TrainError> {
-    std::thread::scope(|scope| {
-        let (sender, groups) = sync_channel(0);
-        scope.spawn(move || {
-            for group in sources.groups(split) {
-                let mut rows = Rows::new(sources.features.len());
-                let read = sources.read(split, group, &mut rows).map(|()| rows);
-                let failed = read.is_err();
-                if sender.send(read).is_err() || failed {
-                    return;
-                }
-            }
-        });
-        for rows in groups {
-            take(rows?);
-        }
-        Ok(())
-    })
+pub fn each_group(sources: Arc<Sources>, split: Split, mut take: impl FnMut(Rows)) -> Result<(), TrainError> {
+    let groups = sources.groups(split);
+    let read = move |group| {
+        let mut rows = Rows::new(sources.features.len());
+        sources.read(split, group, &mut rows).map(|()| rows)
+    };
+    ReadAhead::start(0, groups.into_iter().map(read)).try_for_each(|rows| rows.map(&mut take))
 }

@@ -1,16 +1,12 @@
 //! A plan in words: what a family models, and what no family names.
 
 use crate::drive::params::Keep;
-use crate::measure::estimate::PARTS;
+use crate::measure::estimate::Part;
 use crate::plan::Plan;
 use crate::random::{Dist, Law};
 use crate::scene::params::{GroundShape, GroundSource};
 use crate::slam::SlamParams;
 use crate::sweep::params::Cast;
-
-/// The parts that are effects of the beams.
-const EFFECTS: [&str; 8] =
-    ["range_noise", "range_bias", "quantisation", "gates", "dropout", "mixed_pixels", "tilt_jitter", "intensity"];
 
 /// The parts a family switches on, in the order of the flow.
 pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
@@ -75,8 +71,8 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     };
     let sensor = &family.sweep.sensor;
     parts.push(("sensor", format!("{}, {} to {} m, {cast}", sensor.name, sensor.min_range_m, sensor.max_range_m)));
-    let on = PARTS.iter().filter(|part| EFFECTS.contains(&part.name) && (part.is_on)(plan, index));
-    let on: Vec<_> = on.map(|part| part.name).collect();
+    let on = Part::ALL.into_iter().filter(|part| part.is_beam_effect() && part.is_on(plan, index));
+    let on: Vec<_> = on.map(Part::name).collect();
     parts.push(("effects", if on.is_empty() { "none".into() } else { on.join(", ") }));
     let slam = match &family.slam {
         SlamParams::Fastslam(f) => format!("FastSLAM 2.0, {} particles", f.particles),
@@ -101,8 +97,9 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
 
 /// Parts that no family names; dead reckoning is a choice among pose estimates and no part of its own.
 pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
-    let nowhere = PARTS.iter().filter(|part| !(0..plan.families.len()).any(|family| (part.is_on)(plan, family)));
-    nowhere.map(|part| part.name).filter(|name| *name != "dead_reckoning").collect()
+    let is_absent = |part: &Part| (0..plan.families.len()).all(|family| !part.is_on(plan, family));
+    let absent = Part::ALL.into_iter().filter(|part| *part != Part::DeadReckoning && is_absent(part));
+    absent.map(Part::name).collect()
 }
 
 /// Which sweeps are written.

@@ -101,7 +101,7 @@ impl SearchProgress {
             si(start.row_bytes as f64),
             si(start.network_bytes as f64)
         ));
-        let rates = start.pace.probes.iter().map(|probe| {
+        let rates = start.throughput.probes.iter().map(|probe| {
             format!("{} ({} weights) {}", shown(&probe.hidden), probe.weights, si(1.0 / probe.row_s.max(1e-12)))
         });
         self.teller.say(&format!("rows/s a thread: {}", rates.collect::<Vec<_>>().join(", ")));

@@ -3,10 +3,12 @@
 //! Each file is a line: bytes = fixed + rows x slope, through the sample's first half and the whole of it. All threads write
 //! the same shard at once, as in a build; the time for other rows is taken in proportion to their bytes.
 
+use super::EstimateError;
 use super::sample::{Figure, Sample};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, ShardWriter, Table};
 use crate::episode::SceneOutput;
 use crate::measure::clock::{Seconds, thread_cpu_s};
+use crate::parallel;
 
 /// The shard of a sample, and lines through it.
 pub(super) struct Encoded {
@@ -43,7 +45,7 @@ pub(super) fn bytes_of(shard: &FinishedShard) -> f64 {
     shard.files.iter().map(|(_, bytes)| bytes.len() as f64).sum()
 }
 
-pub(super) fn encode(spec: &CorpusSpec, outputs: Vec<SceneOutput>, threads: usize) -> Result<Encoded, CorpusError> {
+pub(super) fn encode(spec: &CorpusSpec, outputs: Vec<SceneOutput>, threads: usize) -> Result<Encoded, EstimateError> {
     // Numbered anew: the scenes of one shard.
     let outputs: Vec<_> = (0u64..).zip(outputs).map(|(scene_id, scene)| SceneOutput { scene_id, ..scene }).collect();
     let half = shard(spec, &outputs[..outputs.len().div_ceil(2)], &spec.tables)?;
@@ -52,12 +54,8 @@ pub(super) fn encode(spec: &CorpusSpec, outputs: Vec<SceneOutput>, threads: usiz
         let shard = shard(spec, &outputs, &spec.tables)?;
         Ok((shard, Seconds { cpu: thread_cpu_s() - cpu, wall: wall.elapsed().as_secs_f64() }))
     };
-    let made: Vec<Result<(FinishedShard, Seconds), CorpusError>> = std::thread::scope(|scope| {
-        let handles: Vec<_> = (0..threads).map(|_| scope.spawn(timed)).collect();
-        let joined = handles.into_iter().map(|handle| handle.join());
-        joined.map(|made| made.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
-    });
-    let made = made.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let made = parallel::on_every_thread(threads, timed)?;
+    let made = made.into_iter().collect::<Result<Vec<_>, CorpusError>>()?;
     let mean = |of: fn(&Seconds) -> f64| made.iter().map(|(_, s)| of(s)).sum::<f64>() / threads as f64;
     let seconds = Seconds { cpu: mean(|s| s.cpu), wall: mean(|s| s.wall) };
     let whole = made.into_iter().next().expect("there is at least one thread").0;

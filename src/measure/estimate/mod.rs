@@ -12,6 +12,7 @@
 //! programs take is in it. Not counted: start and finalize, milliseconds for each hundred shards.
 
 mod encode;
+mod part;
 mod parts;
 mod sample;
 mod storage;
@@ -26,7 +27,8 @@ use crate::parallel::PoolError;
 use crate::plan::Plan;
 use crate::sweep::PatternError;
 
-pub use parts::{PARTS, Part, PartCost, interleaved};
+pub use part::Part;
+pub use parts::{PartCost, scene_costs};
 pub use sample::Figure;
 pub use storage::Storage;
 
@@ -83,7 +85,7 @@ pub struct FamilyCost {
     pub scenes: u64,
     /// CPU seconds a scene: all of it, where the parts were measured.
     pub scene_s: Option<f64>,
-    pub parts: Vec<(&'static Part, PartCost)>,
+    pub parts: Vec<(Part, PartCost)>,
 }
 
 impl Estimate {
@@ -114,7 +116,7 @@ pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateErro
     // First: a place that cannot be is told at once.
     options.place.map(storage::check).transpose()?;
     let prepared = Prepared::new(plan.clone())?;
-    let mut sample = sample::take(&prepared, options)?;
+    let mut sample = sample::run(&prepared, options)?;
     if options.stopped() {
         return Err(EstimateError::Interrupted);
     }
@@ -132,7 +134,7 @@ pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateErro
     let (making_cpu_s, making_wall_s) = (sample.total(|cost| cost.whole.cpu), sample.total(|cost| cost.whole.wall));
     let (writing_cpu_s, writing_wall_s) = encoded.seconds(bytes.value);
     let storing_s = storage.as_ref().map_or(0.0, |s| s.build_s);
-    // Rows are laid while scenes are made. When the last shard is whole, one thread puts it in its place and the others have
+    // Rows are written while scenes are made. When the last shard is whole, one thread puts it in its place and the others have
     // nothing left to do; before that, they wait half a scene on average for the last one.
     let last_s = storing_s / shards + 0.5 * making_wall_s.value / plan.scenes as f64;
     let busy_s = making_wall_s.value + writing_wall_s + storing_s;

@@ -1,36 +1,29 @@
 //! A family and each part that it switches on -> what that part costs.
 //!
-//! The same scenes (same addresses, so the same draws) with the part and without it, in turn, on one thread each: CPU time,
+//! The same scenes (same addresses, so the same draws) with the part and without it, interleaved, on one thread each: CPU time,
 //! mean of the differences. What a part costs elsewhere is in its price: rocks bring features that FastSLAM must match, FastSLAM
 //! reads sweeps that nobody keeps. So prices need not add up to the whole. A scene is measured at one attempt; further attempts
 //! are a part of their own, for whether an attempt is repeated must not decide what dropout costs. The time of writing is not
 //! in it but for tables, which `encode` measures.
 
-use std::sync::Mutex;
+use std::ops::ControlFlow;
 use std::time::Instant;
 
+use super::part::Part;
 use super::sample::Sample;
 use super::{EstimateError, FamilyCost, Options};
-use crate::corpus::Table;
 use crate::episode::{Prepared, Scratch, run_scene};
 use crate::measure::clock::Costs;
+use crate::measure::interleave::{Repeats, rotated};
+use crate::parallel::{self, Schedule};
 use crate::plan::Plan;
-use crate::slam::SlamParams;
 
 /// A standard error of a price, relative to the whole scene, at which measuring ends.
 const ENOUGH: f64 = 0.003;
-/// Rounds before a standard error means anything.
+/// Repeats before a standard error means anything.
 const FIRST: usize = 4;
-
-/// Something that a config may name and may leave out.
-#[derive(Debug)]
-pub struct Part {
-    pub name: &'static str,
-    /// Whether the plan's family switches it on.
-    pub is_on: fn(&Plan, usize) -> bool,
-    /// Takes it out of the family.
-    leave_out: fn(&mut Plan, usize),
-}
+/// Among the variants of a family: the plan at one attempt. Part k is variant k + 1.
+const ONE_ATTEMPT: usize = 0;
 
 /// CPU seconds a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,143 +39,95 @@ impl PartCost {
     }
 }
 
-/// A part that is an optional key.
-macro_rules! key {
-    ($name:literal, $($path:ident).+) => {
-        Part {
-            name: $name,
-            is_on: |plan, family| plan.families[family].$($path).+.is_some(),
-            leave_out: |plan, family| plan.families[family].$($path).+ = None,
-        }
-    };
-}
-
-/// A part that is an optional key of the vegetation.
-macro_rules! plants {
-    ($name:literal, $key:ident) => {
-        Part {
-            name: $name,
-            is_on: |plan, family| plan.families[family].scene.vegetation.as_ref().is_some_and(|v| v.$key.is_some()),
-            leave_out: |plan, family| {
-                if let Some(vegetation) = &mut plan.families[family].scene.vegetation {
-                    vegetation.$key = None;
-                }
-            },
-        }
-    };
-}
-
-/// All parts, in the order of the flow.
-pub static PARTS: [Part; 23] = [
-    key!("roughness", scene.ground.roughness),
-    Part {
-        name: "landforms",
-        is_on: |plan, family| !plan.families[family].scene.ground.features.is_empty(),
-        leave_out: |plan, family| plan.families[family].scene.ground.features.clear(),
-    },
-    key!("rocks", scene.rocks),
-    key!("boxes", scene.boxes),
-    key!("trees", scene.trees),
-    plants!("grass", grass),
-    plants!("brush", brush),
-    plants!("bushes", bushes),
-    key!("control_noise", drive.control_noise),
-    Part {
-        name: "attempts",
-        is_on: |plan, family| plan.families[family].drive.attempts > 1,
-        leave_out: |plan, family| plan.families[family].drive.attempts = 1,
-    },
-    key!("range_noise", sweep.effects.range_noise),
-    key!("range_bias", sweep.effects.range_bias_m),
-    key!("quantisation", sweep.effects.quantisation),
-    key!("gates", sweep.effects.gates),
-    key!("dropout", sweep.effects.dropout),
-    key!("mixed_pixels", sweep.effects.mixed_pixels),
-    key!("tilt_jitter", sweep.effects.tilt_jitter_deg),
-    key!("intensity", sweep.effects.intensity),
-    Part {
-        name: "fastslam",
-        is_on: |plan, family| matches!(plan.families[family].slam, SlamParams::Fastslam(_)),
-        leave_out: |plan, family| plan.families[family].slam = SlamParams::Truth,
-    },
-    Part {
-        name: "dead_reckoning",
-        is_on: |plan, family| plan.families[family].slam == SlamParams::DeadReckoning,
-        leave_out: |plan, family| plan.families[family].slam = SlamParams::Truth,
-    },
-    Part {
-        name: "window_scans",
-        is_on: |plan, family| plan.families[family].cells.window_scans > 1,
-        leave_out: |plan, family| plan.families[family].cells.window_scans = 1,
-    },
-    key!("local_height", cells.local_height),
-    Part {
-        name: "points table",
-        is_on: |plan, _| plan.tables.contains(&Table::Points),
-        leave_out: |plan, _| plan.tables.retain(|table| *table != Table::Points),
-    },
-];
-
-/// What one scene takes under each plan, one after the other; which comes first turns with `turn`.
-pub fn interleaved(prepared: &[Prepared], scene: u64, turn: usize, scratch: &mut Scratch) -> Vec<Costs> {
-    let mut taken = vec![Costs::start(); prepared.len()];
-    for k in (0..prepared.len()).map(|k| (k + turn) % prepared.len()) {
+/// What one scene takes under each plan, interleaved; which plan comes first turns with `repeat`.
+pub fn scene_costs(prepared: &[Prepared], scene: u64, repeat: usize, scratch: &mut Scratch) -> Vec<Costs> {
+    rotated(prepared.len(), repeat, |k| {
         let mut costs = Costs::start();
         std::hint::black_box(run_scene(&prepared[k], scene, scratch, &mut costs));
-        taken[k] = costs.finish();
-    }
-    taken
+        costs.finish()
+    })
 }
 
-/// One family: the plan at one attempt, then without each part.
-struct Pairs {
-    prepared: Vec<Prepared>,
-    parts: Vec<&'static Part>,
+/// The plans that are compared for one family: at one attempt, and for each part the plan that differs by it.
+fn variants(plan: &Plan, family: usize, parts: &[Part]) -> Result<Vec<Prepared>, EstimateError> {
+    let mut once = plan.clone();
+    Part::Attempts.leave_out(&mut once, family);
+    let other = |part: &Part| match part {
+        // Further attempts are what the plan has and the measured scene has not.
+        Part::Attempts => plan.clone(),
+        part => {
+            let mut without = once.clone();
+            part.leave_out(&mut without, family);
+            without
+        }
+    };
+    let others: Vec<Plan> = parts.iter().map(other).collect();
+    let prepared = std::iter::once(once).chain(others).map(Prepared::new);
+    Ok(prepared.collect::<Result<_, _>>()?)
+}
+
+/// What is measured of one family.
+struct FamilyTimes {
+    parts: Vec<Part>,
+    /// Numbers of its scenes, each prefix spread over the plan.
     order: Vec<u64>,
     begun: usize,
-    /// Seconds of each scene under each plan.
-    taken_s: Vec<Vec<f64>>,
+    /// CPU seconds of a scene under each variant.
+    cpu_s: Repeats,
 }
 
-impl Pairs {
-    fn new(plan: &Plan, family: usize, order: &[u64]) -> Result<Pairs, EstimateError> {
-        let parts: Vec<&'static Part> = PARTS.iter().filter(|part| (part.is_on)(plan, family)).collect();
-        let mut once = plan.clone();
-        once.families[family].drive.attempts = 1;
-        let without = |part: &&Part| {
-            // Further attempts are what the plan has and the measured scene has not.
-            let mut other = if part.name == "attempts" { plan.clone() } else { once.clone() };
-            if part.name != "attempts" {
-                (part.leave_out)(&mut other, family);
-            }
-            Prepared::new(other)
-        };
-        let whole = std::iter::once(Prepared::new(once.clone()));
-        let prepared = whole.chain(parts.iter().map(without)).collect::<Result<_, _>>()?;
-        Ok(Pairs { prepared, parts, order: order.to_vec(), begun: 0, taken_s: Vec::new() })
-    }
-
-    /// The price of part `k`.
-    fn price(&self, k: usize) -> PartCost {
-        let sign = if self.parts[k].name == "attempts" { -1.0 } else { 1.0 };
-        let differences: Vec<f64> = self.taken_s.iter().map(|s| sign * (s[0] - s[k + 1])).collect();
-        mean_with_error(&differences)
+impl FamilyTimes {
+    fn price(&self, k: usize) -> Option<PartCost> {
+        let saved_s = self.cpu_s.moments_of_difference(ONE_ATTEMPT, k + 1)?;
+        // The other variant is the one without the part, but for further attempts.
+        let sign = if self.parts[k] == Part::Attempts { -1.0 } else { 1.0 };
+        Some(PartCost { cpu_s: sign * saved_s.mean, standard_error_s: saved_s.standard_error() })
     }
 
     fn is_known(&self) -> bool {
-        let whole_s = self.taken_s.iter().map(|s| s[0]).sum::<f64>() / self.taken_s.len().max(1) as f64;
-        self.begun >= self.order.len()
-            || self.taken_s.len() >= FIRST
-                && (0..self.parts.len()).all(|k| self.price(k).standard_error_s < ENOUGH * whole_s)
+        let enough_s = self.cpu_s.moments(ONE_ATTEMPT).map_or(0.0, |scene_s| ENOUGH * scene_s.mean);
+        let is_known = |k| self.price(k).is_some_and(|price| price.standard_error_s < enough_s);
+        self.begun >= self.order.len() || self.cpu_s.len() >= FIRST && (0..self.parts.len()).all(is_known)
     }
 }
 
-fn mean_with_error(values: &[f64]) -> PartCost {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
-    let standard_error_s = if count > 1.0 { (squares / (count - 1.0) / count).sqrt() } else { f64::INFINITY };
-    PartCost { cpu_s: mean, standard_error_s }
+/// Scenes that are measured until all prices are known or the time is over.
+struct Pricing<'a> {
+    families: Vec<FamilyTimes>,
+    options: &'a Options<'a>,
+    started: Instant,
+}
+
+/// One scene of one family, under all its variants.
+struct Repeat {
+    family: usize,
+    scene: u64,
+    number: usize,
+}
+
+impl Schedule for Pricing<'_> {
+    type Task = Repeat;
+    type Output = Option<(usize, Vec<f64>)>;
+
+    /// The family that has had the fewest scenes; each has one at least.
+    fn next(&mut self) -> Option<Repeat> {
+        if self.options.stopped() {
+            return None;
+        }
+        let is_late = self.started.elapsed() > self.options.parts_limit;
+        let families = self.families.iter_mut().enumerate();
+        let open = families.filter(|(_, times)| !times.is_known() && (!is_late || times.begun == 0));
+        let (family, times) = open.min_by_key(|(_, times)| times.begun)?;
+        times.begun += 1;
+        Some(Repeat { family, scene: times.order[times.begun - 1], number: times.begun })
+    }
+
+    fn take(&mut self, measured: Self::Output) -> ControlFlow<()> {
+        if let Some((family, cpu_s)) = measured {
+            self.families[family].cpu_s.push(cpu_s);
+        }
+        ControlFlow::Continue(())
+    }
 }
 
 /// What every part of every family costs; nothing where no time is given for it.
@@ -194,44 +139,34 @@ pub(super) fn prices(plan: &Plan, sample: &Sample, options: &Options) -> Result<
     if options.parts_limit.is_zero() {
         return Ok(costs);
     }
-    let pairs = sample.strata.iter().map(|stratum| Pairs::new(plan, stratum.family, &stratum.order));
-    let pairs = Mutex::new(pairs.collect::<Result<Vec<_>, _>>()?);
+    let (mut families, mut prepared) = (Vec::new(), Vec::new());
+    for stratum in &sample.strata {
+        let parts: Vec<Part> = Part::ALL.into_iter().filter(|part| part.is_on(plan, stratum.family)).collect();
+        prepared.push(variants(plan, stratum.family, &parts)?);
+        families.push(FamilyTimes { parts, order: stratum.order.clone(), begun: 0, cpu_s: Repeats::default() });
+    }
     let started = Instant::now();
-    let lock = || pairs.lock().expect("no thread panics while it holds the pairs");
-    // The family that has had the fewest scenes, until all are known or the time is over; each has one at least.
-    let next = || {
-        if options.stopped() {
+    let mut pricing = Pricing { families, options, started };
+    let one_scene = |repeat: Repeat, (scratch, is_warm): &mut (Scratch, bool)| {
+        let Repeat { family, scene, number } = repeat;
+        // Tasks wait for a thread: by now the time may be over, and a family's first scene is measured all the same.
+        if options.stopped() || number > 1 && started.elapsed() > options.parts_limit {
             return None;
         }
-        let mut pairs = lock();
-        let late = started.elapsed() > options.parts_limit;
-        let open = pairs.iter_mut().enumerate().filter(|(_, p)| !p.is_known() && (!late || p.begun == 0));
-        let (family, chosen) = open.min_by_key(|(_, p)| p.begun)?;
-        chosen.begun += 1;
-        Some((family, chosen.order[chosen.begun - 1], chosen.begun))
-    };
-    let prepared: Vec<Vec<Prepared>> = lock().iter_mut().map(|p| std::mem::take(&mut p.prepared)).collect();
-    let one_thread = || {
-        let mut scratch = Scratch::default();
-        let mut warm = false;
-        while let Some((family, scene, turn)) = next() {
-            if !std::mem::replace(&mut warm, true) {
-                interleaved(&prepared[family][..1], scene, 0, &mut scratch);
-            }
-            let taken = interleaved(&prepared[family], scene, turn, &mut scratch);
-            lock()[family].taken_s.push(taken.iter().map(|costs| costs.whole.cpu).collect());
+        if !std::mem::replace(is_warm, true) {
+            scene_costs(&prepared[family][..1], scene, 0, scratch);
         }
+        let costs = scene_costs(&prepared[family], scene, number, scratch);
+        Some((family, costs.iter().map(|costs| costs.whole.cpu).collect()))
     };
-    std::thread::scope(|scope| (0..options.threads).for_each(|_| _ = scope.spawn(one_thread)));
+    parallel::run(options.threads, &mut pricing, one_scene)?;
     if options.stopped() {
         return Ok(costs);
     }
-    let pairs = pairs.into_inner().expect("no thread panics while it holds the pairs");
-    for (stratum, pairs) in sample.strata.iter().zip(&pairs) {
+    for (stratum, times) in sample.strata.iter().zip(&pricing.families) {
         let cost = &mut costs[stratum.family];
-        let whole: Vec<f64> = pairs.taken_s.iter().map(|s| s[0]).collect();
-        cost.scene_s = Some(mean_with_error(&whole).cpu_s);
-        cost.parts = (0..pairs.parts.len()).map(|k| (pairs.parts[k], pairs.price(k))).collect();
+        cost.scene_s = times.cpu_s.moments(ONE_ATTEMPT).map(|scene_s| scene_s.mean);
+        cost.parts = (0..times.parts.len()).filter_map(|k| Some((times.parts[k], times.price(k)?))).collect();
     }
     Ok(costs)
 }

@@ -14,6 +14,7 @@ use crate::episode::{Prepared, SceneOutput, Scratch, StageTimes, run_scene};
 use crate::measure::clock::{Costs, Seconds};
 use crate::parallel::{self, PoolError, Schedule};
 use crate::plan::Plan;
+use crate::statistics::Moments;
 
 /// Scenes of a family before its spread is known at all.
 const FIRST: usize = 3;
@@ -77,7 +78,7 @@ pub(super) struct Stratum {
     /// Numbers of its scenes, each prefix spread over the plan.
     pub order: Vec<u64>,
     /// Of the first ones in `order`, as they were finished.
-    pub taken: Vec<SceneCost>,
+    pub measured: Vec<SceneCost>,
     begun: usize,
 }
 
@@ -89,19 +90,19 @@ pub(super) struct Sample {
 }
 
 /// Runs scenes on all threads until enough is known.
-pub(super) fn take(prepared: &Prepared, options: &Options) -> Result<Sample, PoolError> {
+pub(super) fn run(prepared: &Prepared, options: &Options) -> Result<Sample, PoolError> {
     let sample = Sample { strata: strata(&prepared.plan), outputs: Vec::new(), kept_rows: 0 };
     let mut sampling = Sampling { sample, options, started: Instant::now() };
     parallel::run(options.threads, &mut sampling, |(stratum, scene), (scratch, is_warm): &mut (Scratch, bool)| {
         let begun = Instant::now();
-        let mut run = || {
+        let mut make = || {
             let mut costs = Costs::start();
             let output = run_scene(prepared, scene, scratch, &mut costs);
             (SceneCost::of(&costs.finish(), &output), output)
         };
-        let mut made = run();
+        let mut made = make();
         if !std::mem::replace(is_warm, true) && begun.elapsed() < LONG {
-            made = run();
+            made = make();
         }
         (stratum, made.0, made.1)
     })?;
@@ -139,7 +140,7 @@ fn strata(plan: &Plan) -> Vec<Stratum> {
         let scene = (u128::from(k) * u128::from(plan.scenes) / u128::from(listed)) as u64;
         orders[plan.family_index_of(scene)].push(scene);
     }
-    let each = plan.scenes as f64 / listed as f64;
+    let scenes_per_listed = plan.scenes as f64 / listed as f64;
     let spread = |order: Vec<u64>| {
         let mut numbered: Vec<(u32, u64)> = (0u32..).map(u32::reverse_bits).zip(order).collect();
         numbered.sort_unstable();
@@ -149,20 +150,19 @@ fn strata(plan: &Plan) -> Vec<Stratum> {
     families
         .map(|(family, order)| Stratum {
             family,
-            scenes: order.len() as f64 * each,
+            scenes: order.len() as f64 * scenes_per_listed,
             order: spread(order),
-            taken: Vec::new(),
+            measured: Vec::new(),
             begun: 0,
         })
         .collect()
 }
 
 impl Stratum {
+    /// Zeros where too few scenes were measured to tell.
     fn mean_and_variance(&self, value: impl Fn(&SceneCost) -> f64) -> (f64, f64) {
-        let count = self.taken.len() as f64;
-        let mean = self.taken.iter().map(&value).sum::<f64>() / count.max(1.0);
-        let squares: f64 = self.taken.iter().map(|cost| value(cost) - mean).map(|off| off * off).sum();
-        (mean, squares / (count - 1.0).max(1.0))
+        let moments = Moments::of(self.measured.iter().map(&value));
+        moments.map_or((0.0, 0.0), |moments| (moments.mean, moments.variance.unwrap_or(0.0)))
     }
 
     /// Variance that one more scene takes off the total's.
@@ -174,20 +174,20 @@ impl Stratum {
 
 impl Sample {
     pub fn scenes(&self) -> u64 {
-        self.strata.iter().map(|stratum| stratum.taken.len() as u64).sum()
+        self.strata.iter().map(|stratum| stratum.measured.len() as u64).sum()
     }
 
     pub fn failed(&self) -> u64 {
-        self.strata.iter().flat_map(|stratum| &stratum.taken).filter(|cost| cost.failed).count() as u64
+        self.strata.iter().flat_map(|stratum| &stratum.measured).filter(|cost| cost.failed).count() as u64
     }
 
     /// Sum over all scenes of the plan.
     pub fn total(&self, value: impl Fn(&SceneCost) -> f64) -> Figure {
         let mut figure = Figure::default();
         let mut variance = 0.0;
-        for stratum in self.strata.iter().filter(|stratum| !stratum.taken.is_empty()) {
+        for stratum in self.strata.iter().filter(|stratum| !stratum.measured.is_empty()) {
             let (mean, spread) = stratum.mean_and_variance(&value);
-            let count = stratum.taken.len() as f64;
+            let count = stratum.measured.len() as f64;
             figure.value += stratum.scenes * mean;
             // A family that was run to its last scene is known.
             let left = (1.0 - count / stratum.scenes).max(0.0);
@@ -234,13 +234,13 @@ impl Sample {
     }
 
     fn is_known(&self) -> bool {
-        self.strata.iter().all(|stratum| stratum.taken.len() >= FIRST.min(stratum.order.len()))
+        self.strata.iter().all(|stratum| stratum.measured.len() >= FIRST.min(stratum.order.len()))
             && self.total(|cost| cost.whole.cpu).relative_error() < ENOUGH
             && self.total(|cost| cost.rows[0]).relative_error() < ENOUGH
     }
 
     fn add(&mut self, stratum: usize, cost: SceneCost, output: SceneOutput) {
-        self.strata[stratum].taken.push(cost);
+        self.strata[stratum].measured.push(cost);
         let rows = cost.rows.iter().sum::<f64>() as u64;
         if self.outputs.is_empty() || self.outputs.len() < KEPT_SCENES && self.kept_rows + rows <= KEPT_ROWS {
             self.kept_rows += rows;
@@ -259,7 +259,7 @@ mod tests {
             family: 0,
             scenes,
             order: (0..scenes as u64).collect(),
-            taken: values.iter().map(cost).collect(),
+            measured: values.iter().map(cost).collect(),
             begun: values.len(),
         }
     }

@@ -11,8 +11,9 @@ use super::{EstimateError, Options};
 use crate::corpus::FinishedShard;
 use crate::corpus::address::Address;
 use crate::corpus::store::temporary_prefix;
+use crate::measure::interleave::{Repeats, try_rotated};
 
-const ROUNDS: usize = 3;
+const REPEATS: usize = 3;
 
 /// What a place takes.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,21 +27,21 @@ pub struct Storage {
 }
 
 /// Where trials are made: names in an object store, or a folder that goes away with all that is in it.
-struct Ground {
-    there: String,
+struct TrialPlace {
+    name: String,
     beside: Address,
     _folder: Option<tempfile::TempDir>,
 }
 
-impl Ground {
-    fn of(place: &Path) -> Result<Ground, EstimateError> {
+impl TrialPlace {
+    fn of(place: &Path) -> Result<TrialPlace, EstimateError> {
         let folder = match Address::parse(place)? {
             Address::Folder(folder) => folder,
             objects @ Address::Objects { .. } => {
                 // Containers share their process numbers: two probes of one place must not meet.
                 let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
                 let own = format!("{}{}", temporary_prefix(), since_1970.as_nanos());
-                return Ok(Ground { there: place.display().to_string(), beside: objects.join(&own), _folder: None });
+                return Ok(TrialPlace { name: place.display().to_string(), beside: objects.join(&own), _folder: None });
             }
         };
         let absolute = std::path::absolute(&folder).unwrap_or(folder);
@@ -48,7 +49,7 @@ impl Ground {
         let folder =
             tempfile::Builder::new().prefix(&temporary_prefix()).tempdir_in(there).map_err(|e| refused(there, &e))?;
         let beside = Address::Folder(folder.path().into());
-        Ok(Ground { there: there.display().to_string(), beside, _folder: Some(folder) })
+        Ok(TrialPlace { name: there.display().to_string(), beside, _folder: Some(folder) })
     }
 
     /// Seconds until the shard is safely there; then it is taken away again, also where it got there in part.
@@ -89,24 +90,22 @@ pub(super) fn probe(
     build_bytes: f64,
     options: &Options,
 ) -> Result<Storage, EstimateError> {
-    let ground = Ground::of(place)?;
-    let (mut whole_s, mut half_s) = ([0.0; ROUNDS], [0.0; ROUNDS]);
-    for round in 0..ROUNDS {
-        if options.stopped() {
-            return Err(EstimateError::Interrupted);
-        }
-        half_s[round] = ground.committed_s(&encoded.half, &format!("half-{round}"))?;
-        whole_s[round] = ground.committed_s(&encoded.whole, &format!("whole-{round}"))?;
+    let trial = TrialPlace::of(place)?;
+    let shards_tried = [&encoded.half, &encoded.whole];
+    let mut seconds = Repeats::default();
+    for repeat in 0..REPEATS {
+        let commit = |k: usize| {
+            if options.stopped() {
+                return Err(EstimateError::Interrupted);
+            }
+            trial.committed_s(shards_tried[k], &format!("{repeat}-{k}"))
+        };
+        seconds.push(try_rotated(shards_tried.len(), repeat, commit)?);
     }
+    let point = |k: usize| (bytes_of(shards_tried[k]), seconds.spread(k).map_or(0.0, |spread| spread.median));
     let shard_bytes = build_bytes / shards as f64;
-    let shard_s =
-        line_at(shard_bytes, (bytes_of(&encoded.half), median(half_s)), (bytes_of(&encoded.whole), median(whole_s)));
-    Ok(Storage { place: ground.there, bytes_per_s: shard_bytes / shard_s, build_s: shard_s * shards as f64 })
-}
-
-fn median(mut values: [f64; ROUNDS]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[ROUNDS / 2]
+    let shard_s = line_at(shard_bytes, point(0), point(1));
+    Ok(Storage { place: trial.name, bytes_per_s: shard_bytes / shard_s, build_s: shard_s * shards as f64 })
 }
 
 /// Seconds at so many bytes, on the line through two measurements; in proportion to the larger where they lie on none.

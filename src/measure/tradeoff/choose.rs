@@ -1,6 +1,6 @@
 //! Costs and losses -> which settings nobody beats, and which is the cheapest that is good enough.
 
-use super::statistics::Interval;
+use crate::statistics::Interval;
 
 /// What a choice looks at; lower is better in both.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! The settings of the trainer: which weights share a covariance, its type and form, rows learnt together.
 
-use super::settings::{Group, Setting, What};
+use super::settings::{Group, Setting, Variant};
 use crate::train::params::{DecoupledParams, EkfParams, FilterParams, Groups, Precision};
 
 /// The filters, the full f64 one first: what the trainer's settings are judged by.
@@ -13,7 +13,7 @@ pub(super) fn filters() -> Vec<Setting> {
     let mut list = Vec::new();
     let mut add = |group: Option<Group>, name: &str, set: &str, params| {
         let sets = vec![format!("filter={set}")];
-        list.push(Setting { group, name: name.into(), sets, what: What::Filter(params) });
+        list.push(Setting { group, name: name.into(), sets, variant: Variant::Filter(params) });
     };
     let (f32, f64) = (Precision::F32, Precision::F64);
     add(None, "full covariance, f64", "{ekf: {precision: f64}}", ekf(f64, false, 1));

@@ -9,10 +9,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::measure::Measured;
-use super::settings::{Settings, What};
+use super::settings::{Settings, Variant};
 use super::{Event, Options, TradeoffError};
 use crate::evaluate::Confusion;
 use crate::measure::clock::thread_cpu_s;
+use crate::measure::interleave::rotation;
 use crate::parallel;
 use crate::train::memory::{self, Held};
 use crate::train::params::FilterParams;
@@ -71,16 +72,16 @@ pub(super) fn classifiers(
     let first_alike = |k: usize| hashes.iter().position(|hash| *hash == hashes[k]).unwrap_or(k);
     // Per setting: the corpus it learns, and how.
     let default = TrainParams::default().filter;
-    let plan_or_filter = |(k, what): (usize, &What)| match what {
-        What::Plan(_) => (first_alike(k), default.clone()),
-        What::Filter(filter) => (0, filter.clone()),
+    let plan_or_filter = |(k, variant): (usize, &Variant)| match variant {
+        Variant::Plan(_) => (first_alike(k), default.clone()),
+        Variant::Filter(filter) => (0, filter.clone()),
     };
     let wanted: Vec<(usize, FilterParams)> =
-        settings.list.iter().map(|setting| &setting.what).enumerate().map(plan_or_filter).collect();
+        settings.list.iter().map(|setting| &setting.variant).enumerate().map(plan_or_filter).collect();
     let first_same = |k: usize| wanted.iter().position(|other| *other == wanted[k]).unwrap_or(k);
-    let jobs: Vec<(usize, u64)> = (1..=options.seeds)
-        .flat_map(|seed| (0..wanted.len()).filter(|&k| first_same(k) == k).map(move |k| (k, seed)))
-        .collect();
+    let distinct: Vec<usize> = (0..wanted.len()).filter(|&k| first_same(k) == k).collect();
+    let seeds = (1..=options.seeds).flat_map(|seed| rotation(distinct.len(), seed as usize).map(move |k| (k, seed)));
+    let jobs: Vec<(usize, u64)> = seeds.map(|(k, seed)| (distinct[k], seed)).collect();
 
     let test = rows(measured, 0, Role::Test);
     let one_training = |(k, seed): (usize, u64), (): &mut ()| {

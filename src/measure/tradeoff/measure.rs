@@ -1,7 +1,7 @@
 //! Scenes and plans -> what each plan makes of each scene, and what it costs.
 //!
-//! A thread takes a scene and makes it at every setting before it takes the next, in an order that turns by one from scene to scene, so
-//! that no setting always runs first or always while the machine is busy. Each thread warms up on a scene that is not counted.
+//! A thread takes a scene and makes it at every setting before it takes the next, interleaved: the order
+//! is rotated by one from scene to scene. Each thread warms up on a scene that is not counted.
 //! Memory: the cells that classifiers learn of every scene at every setting, some 80 bytes a cell; for `configs/paper.yaml` 3 MB a scene.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,6 +16,7 @@ use crate::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use crate::geometry::{Pose, Transform};
 use crate::math;
 use crate::measure::clock::Costs;
+use crate::measure::interleave::rotated;
 use crate::parallel::{self, panic_message};
 use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};
@@ -42,7 +43,7 @@ pub(super) struct DriveShift {
 
 /// One scene at one setting.
 #[derive(Clone, Debug)]
-pub(super) struct Made {
+pub(super) struct SceneMeasurement {
     pub costs: Costs,
     pub scans: usize,
     pub poses: Vec<PoseError>,
@@ -84,7 +85,7 @@ pub(super) struct Measured {
 }
 
 /// One scene at all settings.
-pub(super) type AtAll = Vec<Result<Made, String>>;
+pub(super) type AtAll = Vec<Result<SceneMeasurement, String>>;
 
 /// A scene just made.
 struct Rerun {
@@ -135,26 +136,21 @@ fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
     kept.map(|(k, column)| (column.name, k)).unzip()
 }
 
-/// One scene at every setting, in an order turned by its number in the list.
+/// One scene at every setting; its number in the list is the number of the repeat.
 fn scene_everywhere(
     prepared: &[Prepared],
     scene_id: u64,
-    turn: usize,
+    repeat: usize,
     columns: &[usize],
     scratch: &mut Scratch,
 ) -> AtAll {
-    let mut fresh: Vec<Option<Result<Rerun, String>>> = prepared.iter().map(|_| None).collect();
-    for k in (0..prepared.len()).map(|k| (k + turn) % prepared.len()) {
+    let mut reruns: Vec<Result<Rerun, String>> = rotated(prepared.len(), repeat, |k| {
         let mut costs = Costs::start();
         let replay = replay_scene(&prepared[k], scene_id, scratch, &mut costs);
         let costs = costs.finish();
-        fresh[k] = Some(match replay {
-            Ok(replay) => Ok(Rerun::of(replay, costs, columns, k == 0)),
-            Err(failed) => Err(failed.to_string()),
-        });
-    }
-    let mut fresh: Vec<Result<Rerun, String>> = fresh.into_iter().map(|f| f.expect("each was made")).collect();
-    let (reference, others) = fresh.split_first_mut().expect("there is a reference");
+        replay.map(|replay| Rerun::of(replay, costs, columns, k == 0)).map_err(|failed| failed.to_string())
+    });
+    let (reference, others) = reruns.split_first_mut().expect("there is a reference");
     let mut all = vec![reference.as_mut().map_err(|reason| reason.clone()).map(|it| {
         let cells = std::mem::take(&mut it.cells);
         let against = it.against_itself(&cells);
@@ -169,7 +165,7 @@ fn scene_everywhere(
             let ranges = at_reference.and_then(|(_, reference)| reference.range_errors(&prepared[0], plan));
             let mut made = it.made(cells, against, ranges);
             // Test cells are the reference's alone.
-            if Role::of(turn) == Role::Test {
+            if Role::of(repeat) == Role::Test {
                 made.cells = SceneCells::default();
             }
             made
@@ -192,10 +188,10 @@ impl Rerun {
         }
     }
 
-    fn made(&self, cells: SceneCells, against: Option<Comparison>, ranges: Option<RangeErrors>) -> Made {
+    fn made(&self, cells: SceneCells, against: Option<Comparison>, ranges: Option<RangeErrors>) -> SceneMeasurement {
         let poses: Vec<PoseError> = self.poses.iter().map(|(truth, estimate)| pose_error(truth, estimate)).collect();
         let counts = Counts::of(&cells);
-        Made { costs: self.costs, scans: poses.len(), poses, against, ranges, counts, cells }
+        SceneMeasurement { costs: self.costs, scans: poses.len(), poses, against, ranges, counts, cells }
     }
 
     fn against_itself(&self, cells: &SceneCells) -> Comparison {

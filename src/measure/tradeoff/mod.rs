@@ -16,13 +16,13 @@ pub mod chart;
 pub mod choose;
 mod compare;
 mod filters;
+mod knobs;
 mod loss;
 mod measure;
 mod ranges;
 pub mod records;
 pub mod report;
 pub mod settings;
-pub mod statistics;
 mod summary;
 pub mod table;
 #[cfg(test)]

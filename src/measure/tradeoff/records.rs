@@ -1,9 +1,9 @@
 //! A report -> `tradeoff.parquet`: one row a setting.
 
 use super::report::{PipelineRow, Report, Row};
-use super::statistics::Spread;
 use crate::corpus::CorpusError;
 use crate::corpus::plain::{PlainColumn, Values, plain_table};
+use crate::statistics::Spread;
 
 /// The bytes of the file.
 pub fn parquet(report: &Report) -> Result<Vec<u8>, CorpusError> {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Group;
 use super::settings::{Refused, Side};
-use super::statistics::{Interval, Spread};
+use crate::statistics::{Interval, Spread};
 
 /// The file `tradeoff.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

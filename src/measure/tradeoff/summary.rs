@@ -3,16 +3,16 @@
 use super::Options;
 use super::choose::{Candidate, cheapest_within, front};
 use super::loss::{Classifier, Role, rows};
-use super::measure::{Counts, Made, Measured, PoseError};
+use super::measure::{Counts, Measured, PoseError, SceneMeasurement};
 use super::ranges::RangeErrors;
 use super::report::{
     CellRow, ClassifierRow, DriveRow, PipelineRow, PoseRow, RangeRow, Report, Row, ShiftRow, StageRow,
 };
 use super::settings::{Settings, Side};
-use super::statistics::{Interval, Spread, quantile};
 use crate::corpus::Build;
 use crate::corpus::stats::RowMoments;
 use crate::episode::StageTimes;
+use crate::statistics::{Interval, Spread, quantile};
 
 /// One row a setting, and the verdicts.
 pub(super) fn report(
@@ -94,11 +94,11 @@ fn deviations(measured: &Measured) -> Vec<f64> {
 
 fn pipeline_row(measured: &Measured, setting: usize, deviations: &[f64]) -> PipelineRow {
     let of_scenes = || measured.scenes.iter().map(|scene| &scene[setting]);
-    let made: Vec<&Made> = of_scenes().filter_map(|made| made.as_ref().ok()).collect();
-    let per_scan = |value: &dyn Fn(&Made) -> f64| -> Vec<f64> {
+    let made: Vec<&SceneMeasurement> = of_scenes().filter_map(|made| made.as_ref().ok()).collect();
+    let per_scan = |value: &dyn Fn(&SceneMeasurement) -> f64| -> Vec<f64> {
         made.iter().filter(|made| made.scans > 0).map(|made| value(made) / made.scans as f64).collect()
     };
-    let ms = |value: &dyn Fn(&Made) -> f64| Spread::of(&per_scan(&|made| 1e3 * value(made)));
+    let ms = |value: &dyn Fn(&SceneMeasurement) -> f64| Spread::of(&per_scan(&|made| 1e3 * value(made)));
     let stages = StageTimes::STAGES.iter().enumerate().map(|(k, (_, name))| StageRow {
         stage: (*name).into(),
         cpu_ms: ms(&|made| made.costs.stages[k].cpu),
@@ -124,7 +124,7 @@ fn pipeline_row(measured: &Measured, setting: usize, deviations: &[f64]) -> Pipe
     }
 }
 
-fn range_row(made: &[&Made]) -> Option<RangeRow> {
+fn range_row(made: &[&SceneMeasurement]) -> Option<RangeRow> {
     let mut sum: Option<RangeErrors> = None;
     for errors in made.iter().filter_map(|made| made.ranges.as_ref()) {
         sum.get_or_insert_default().merge(errors);
@@ -141,20 +141,20 @@ fn range_row(made: &[&Made]) -> Option<RangeRow> {
     })
 }
 
-fn pose_row(made: &[&Made]) -> Option<PoseRow> {
+fn pose_row(made: &[&SceneMeasurement]) -> Option<PoseRow> {
     let poses: Vec<_> = made.iter().flat_map(|made| &made.poses).collect();
-    let each = |value: &dyn Fn(&PoseError) -> f64| -> Vec<f64> { poses.iter().map(|p| value(p)).collect() };
+    let of_each = |value: &dyn Fn(&PoseError) -> f64| -> Vec<f64> { poses.iter().map(|p| value(p)).collect() };
     let nees: Vec<f64> = poses.iter().filter_map(|pose| pose.nees).collect();
     (!poses.is_empty()).then(|| PoseRow {
         scans: poses.len() as u64,
-        position_m: Spread::of(&each(&|pose| pose.position_m)),
-        heading_deg: Spread::of(&each(&|pose| pose.heading_rad.to_degrees())),
+        position_m: Spread::of(&of_each(&|pose| pose.position_m)),
+        heading_deg: Spread::of(&of_each(&|pose| pose.heading_rad.to_degrees())),
         mean_nees: (!nees.is_empty()).then(|| nees.iter().sum::<f64>() / nees.len() as f64),
         nees: Spread::of(&nees),
     })
 }
 
-fn drive_row(made: &[&Made]) -> Option<DriveRow> {
+fn drive_row(made: &[&SceneMeasurement]) -> Option<DriveRow> {
     let shifts: Vec<_> =
         made.iter().filter_map(|made| made.against.as_ref()).flat_map(|against| &against.drive).collect();
     let positions: Vec<f64> = shifts.iter().map(|shift| shift.position_m).collect();
@@ -168,7 +168,7 @@ fn drive_row(made: &[&Made]) -> Option<DriveRow> {
     })
 }
 
-fn cell_row(made: &[&Made], features: &[String], deviations: &[f64]) -> Option<CellRow> {
+fn cell_row(made: &[&SceneMeasurement], features: &[String], deviations: &[f64]) -> Option<CellRow> {
     let mut compared = made.iter().filter_map(|made| made.against.as_ref()).map(|against| &against.cells);
     let mut sum = compared.next()?.clone();
     compared.for_each(|change| sum.merge(change));

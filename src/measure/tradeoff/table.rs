@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::report::{ClassifierRow, Report, Row};
 use super::settings::Side;
-use super::statistics::{Interval, Spread};
+use crate::statistics::{Interval, Spread};
 
 /// Headings, and rows that may be a heading of their own (one cell).
 struct Grid {

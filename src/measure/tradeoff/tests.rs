@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 
 use super::report::{PipelineRow, Report, Row};
-use super::settings::{Settings, Side, What};
+use super::settings::{Settings, Side, Variant};
 use super::{Event, Group, Options, TradeoffError, chart, records, run, scenes, settings, table};
 use crate::config::load;
 use crate::corpus::Split;
@@ -53,13 +53,13 @@ fn exact_the_papers_config_has_every_knob_but_the_references_own_values() {
     assert_eq!((&family.sweep.cast, family.drive.contact), (&Cast::Exact, ContactSolver::GaussNewton));
     // One knob: nothing else differs from the reference.
     let one = settings.list.iter().find(|s| s.name == "raster 0.1 m").unwrap();
-    let What::Plan(plan) = &one.what else { panic!("a plan") };
+    let Variant::Plan(plan) = &one.variant else { panic!("a plan") };
     let found = differences(&settings.reference().to_yaml(), &plan.to_yaml()).unwrap();
     assert!(!found.is_empty() && found.iter().all(|d| d.key.starts_with("sweep.cast")), "{found:?}");
     // What a setting says it sets makes its plan.
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml");
     for setting in &settings.list {
-        if let What::Plan(plan) = &setting.what {
+        if let Variant::Plan(plan) = &setting.variant {
             assert!(load(&config, &setting.sets).unwrap() == **plan, "{}", setting.name);
         }
     }

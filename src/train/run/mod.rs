@@ -25,7 +25,7 @@ use super::folder::{self, RunFolder};
 use super::learner::Learner;
 use super::looks::{Line, LookLog, Looks};
 use super::stopping::{Look, Stop};
-use super::stream::{Course, Stream, Window};
+use super::stream::{self, Course, Window};
 use super::validation::Validation;
 use super::{Model, Sources, TrainError, TrainParams};
 use crate::cells::CellParams;
@@ -181,7 +181,7 @@ impl Training<'_> {
         if self.place.stopped.is_none() {
             let Cursor { epoch, window, .. } = self.place;
             let course = Course { seed: self.setup.params.seed, epoch, window, epochs: self.setup.params.epochs };
-            for window in Stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead) {
+            for window in stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead) {
                 let going_on = self.window(&window?, stop, tell)?;
                 if self.place.stopped.is_some() {
                     break;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::fixture::{self, Row};
 use crate::corpus::Split;
 use crate::train::Sources;
-use crate::train::stream::{Course, Stream, Window};
+use crate::train::stream::{self, Course, Window};
 
 /// Every row has a number of its own in its first feature.
 fn numbered(dir: &tempfile::TempDir, shards: usize) -> std::path::PathBuf {
@@ -31,7 +31,7 @@ fn ids(windows: &[Window]) -> Vec<(u32, u32, u32)> {
 }
 
 fn windows(sources: &Arc<Sources>, course: Course, ahead: usize) -> Vec<Window> {
-    Stream::start(Arc::clone(sources), course, ahead).map(Result::unwrap).collect()
+    stream::start(Arc::clone(sources), course, ahead).map(Result::unwrap).collect()
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn exact_two_corpora_give_the_rows_of_both() {
 fn law_a_reader_that_nobody_listens_to_stops() {
     let dir = tempfile::tempdir().unwrap();
     let sources = Arc::new(fixture::sources(&[numbered(&dir, 40)], &fixture::params()).unwrap());
-    let mut stream = Stream::start(Arc::clone(&sources), course(100_000), 1);
+    let mut stream = stream::start(Arc::clone(&sources), course(100_000), 1);
     stream.next().unwrap().unwrap();
     drop(stream);
     assert_eq!(Arc::strong_count(&sources), 1);

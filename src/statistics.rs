@@ -1,7 +1,8 @@
-//! Numbers -> their middle and spread, and how sure a mean is.
+//! Numbers -> their middle and spread, how sure a mean is, and how well two rankings agree.
 //!
 //! Quantiles interpolate linearly between order statistics (Hyndman & Fan's type 7, NumPy's default). The interval of a mean is
-//! Student's; its distribution for whole degrees of freedom is the finite sum of Abramowitz & Stegun 26.7.3 and 26.7.4.
+//! Student's; its distribution for whole degrees of freedom is the finite sum of Abramowitz & Stegun 26.7.3 and 26.7.4. Rank correlation
+//! is Spearman's (1904), ties at their mean rank (Kendall 1948). Values are taken to be independent: what drifts in time is not modelled.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +19,38 @@ pub fn quantile(values: &[f64], share: f64) -> Option<f64> {
     Some(sorted[below] + (place - below as f64) * (sorted[above] - sorted[below]))
 }
 
+/// `None` of nothing.
+pub fn median(values: &[f64]) -> Option<f64> {
+    quantile(values, 0.5)
+}
+
+/// Mean and sample variance (over n - 1) of independent values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments {
+    pub count: usize,
+    pub mean: f64,
+    /// `None` of a single value, which says nothing of its spread.
+    pub variance: Option<f64>,
+}
+
+impl Moments {
+    /// `None` of nothing.
+    pub fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Moments> {
+        let count = values.clone().count();
+        if count == 0 {
+            return None;
+        }
+        let mean = values.clone().sum::<f64>() / count as f64;
+        let squares: f64 = values.map(|value| (value - mean) * (value - mean)).sum();
+        Some(Moments { count, mean, variance: (count > 1).then(|| squares / (count - 1) as f64) })
+    }
+
+    /// Of the mean; infinite for a single value.
+    pub fn standard_error(&self) -> f64 {
+        self.variance.map_or(f64::INFINITY, |variance| (variance / self.count as f64).sqrt())
+    }
+}
+
 /// Median and quartiles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
@@ -30,7 +63,7 @@ impl Spread {
     /// `None` of nothing.
     pub fn of(values: &[f64]) -> Option<Spread> {
         Some(Spread {
-            median: quantile(values, 0.5)?,
+            median: median(values)?,
             lower_quartile: quantile(values, 0.25)?,
             upper_quartile: quantile(values, 0.75)?,
         })
@@ -61,18 +94,9 @@ mod finite_or_null {
 impl Interval {
     /// Of a mean of independent values; `None` of nothing.
     pub fn of(values: &[f64]) -> Option<Interval> {
-        let count = values.len();
-        if count == 0 {
-            return None;
-        }
-        let mean = values.iter().sum::<f64>() / count as f64;
-        let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
-        if count == 1 {
-            return Some(Interval { mean, half_width: f64::INFINITY });
-        }
-        let freedom = count - 1;
-        let error = (squares / freedom as f64 / count as f64).sqrt();
-        Some(Interval { mean, half_width: student(freedom, 0.95) * error })
+        let moments = Moments::of(values.iter().copied())?;
+        let t = if moments.count > 1 { student(moments.count - 1, 0.95) } else { 1.0 };
+        Some(Interval { mean: moments.mean, half_width: t * moments.standard_error() })
     }
 
     pub fn upper(&self) -> f64 {
@@ -110,6 +134,30 @@ fn within(t: f64, freedom: usize) -> f64 {
         term *= cos * cos * (k + 1) as f64 / (k + 2) as f64;
     }
     if odd { std::f64::consts::FRAC_2_PI * (angle + sin * sum) } else { sin * sum }
+}
+
+/// Spearman's rho of paired numbers; `None` for fewer than two pairs, or where one side is all ties.
+pub fn spearman(pairs: &[(f64, f64)]) -> Option<f64> {
+    let ranks = |of: fn(&(f64, f64)) -> f64| mean_ranks(&pairs.iter().map(of).collect::<Vec<_>>());
+    let (a, b) = (ranks(|pair| pair.0), ranks(|pair| pair.1));
+    let middle = 0.5 * (pairs.len() as f64 + 1.0);
+    let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - middle) * (y - middle)).sum::<f64>();
+    let scale = (sum(&a, &a) * sum(&b, &b)).sqrt();
+    (scale > 0.0).then(|| (sum(&a, &b) / scale).clamp(-1.0, 1.0))
+}
+
+/// The rank of each number from 1 on; equal ones share the mean of theirs.
+fn mean_ranks(values: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
+    let mut ranks = vec![0.0; values.len()];
+    let mut from = 0;
+    for ties in order.chunk_by(|&i, &j| values[i] == values[j]) {
+        let mean = from as f64 + 0.5 * (ties.len() as f64 + 1.0);
+        ties.iter().for_each(|&i| ranks[i] = mean);
+        from += ties.len();
+    }
+    ranks
 }
 
 #[cfg(test)]
@@ -163,5 +211,26 @@ mod tests {
         assert_eq!((one.mean, one.upper()), (0.2, f64::INFINITY));
         assert_eq!(serde_json::to_string(&one).unwrap(), r#"{"mean":0.2,"half_width":null}"#);
         assert_eq!(Interval::of(&[0.0; 5]).unwrap().half_width, 0.0);
+    }
+
+    #[test]
+    fn exact_moments_of_known_values() {
+        let moments = Moments::of([1.0, 2.0, 6.0].into_iter()).unwrap();
+        assert_eq!((moments.count, moments.mean, moments.variance), (3, 3.0, Some(7.0)));
+        assert!((moments.standard_error() - (7.0f64 / 3.0).sqrt()).abs() < 1e-15);
+        assert_eq!(Moments::of([].into_iter()), None);
+        assert_eq!(Moments::of([4.0].into_iter()).unwrap().standard_error(), f64::INFINITY);
+    }
+
+    #[test]
+    fn exact_rho_of_known_pairs() {
+        let pairs = |b: [f64; 5]| (0..5).map(|k| (f64::from(k), b[k as usize])).collect::<Vec<_>>();
+        assert_eq!(spearman(&pairs([1.0, 10.0, 100.0, 1e3, 1e4])), Some(1.0));
+        assert_eq!(spearman(&pairs([5.0, 4.0, 3.0, 2.0, 1.0])), Some(-1.0));
+        // 1 - 6 sum d^2 / (n (n^2 - 1)) with d^2 = 1, 1, 0, 1, 1.
+        assert!((spearman(&pairs([2.0, 1.0, 3.0, 5.0, 4.0])).unwrap() - 0.8).abs() < 1e-15);
+        assert_eq!(mean_ranks(&[3.0, 1.0, 3.0, 0.0]), [3.5, 2.0, 3.5, 1.0]);
+        assert_eq!(spearman(&pairs([1.0; 5])), None);
+        assert_eq!(spearman(&[(1.0, 2.0)]), None);
     }
 }
