@@ -8,7 +8,7 @@
 //!    \________ episode ________/               one scene, from its address in a plan to its rows
 //! config -> plan -> build -> corpus            scenes on all threads, shards in a place
 //! corpus -> train -> evaluate, search          a network, and how good it is
-//! cloud  -> cells -> the network               a real scan, judged
+//! cloud  -> judge                              a real scan: its cells by the network, maps
 //! ```
 //!
 //! The modules stand in that order, and `use` points up this list only. The shelf is pure maths and knows nothing; a stage is a function of
@@ -128,6 +128,9 @@ pub mod search;
 
 #[cfg(feature = "train")]
 pub mod cloud;
+
+#[cfg(feature = "train")]
+pub mod judge;
 
 // The program.
 #[cfg(feature = "cli")]
