@@ -8,7 +8,7 @@
 //!    \________ episode ________/               one scene, from its address in a plan to its rows
 //! config -> plan -> build -> corpus            scenes on all threads, shards in a place
 //! corpus -> train -> evaluate, search          a network, and how good it is
-//! cloud  -> cells -> the network               a real scan, judged
+//! cloud  -> judge                              a real scan: its cells by the network, maps
 //! ```
 //!
 //! The modules stand in that order, and `use` points up this list only. The shelf is pure maths and knows nothing; a stage is a function of
@@ -27,6 +27,7 @@
 //! | build a corpus, or go on building it | [`build_corpus`](crate::build_corpus) | `corpus` |
 //! | open one | [`open_corpus`](crate::open_corpus) | `corpus` |
 //! | train a network on it | [`train_network`](crate::train_network) | `train` |
+//! | judge a real scan | [`judge::ScanJudge`](crate::judge::ScanJudge) | `train` |
 //!
 //! Each has an example that runs, and so have the doors of the stages below them, for who brings scenes, sensors, readings or features of
 //! their own. `examples/` holds whole programs.
@@ -88,6 +89,9 @@ pub mod search;
 
 #[cfg(feature = "train")]
 pub mod cloud;
+
+#[cfg(feature = "train")]
+pub mod judge;
 
 // The calls to begin with.
 mod front;

@@ -3,7 +3,7 @@
 /// Why a cloud cannot be read or used.
 #[derive(Debug, thiserror::Error)]
 pub enum CloudError {
-    #[error("{file}: {source}")]
+    #[error("{file}: {}", unreadable(source))]
     Io { file: String, source: std::io::Error },
     #[error(
         "{file}: the format of a cloud is told by its name: .ply, .pcd, .las, .csv, .xyz, .txt or .bin (KITTI); rename it or convert it"
@@ -24,12 +24,22 @@ pub enum CloudError {
     NoPoints { file: String, not_finite: u64 },
     #[error("{file}: label {label} (point {point}) is not in the label mapping; add it, or add `others: ignore`")]
     UnmappedLabel { file: String, label: i64, point: usize },
-    #[error("{file}: no ground to level by: {reason}; give the pose with --pose instead")]
-    NoGround { file: String, reason: String },
     #[error("{file}: no pose for the cloud {cloud}: {reason}")]
     NoPose { file: String, cloud: String, reason: String },
-    #[error(
-        "the cells span {columns} by {rows}, which is more than the {limit} pixels that a cost map may have; shorten --max-range"
-    )]
-    MapTooLarge { columns: u64, rows: u64, limit: u64 },
+}
+
+/// Why a file that a user named cannot be read, and what to do.
+fn unreadable(source: &std::io::Error) -> String {
+    use std::io::ErrorKind;
+    match source.kind() {
+        ErrorKind::NotFound => "there is no such file; check its name, and the folder that this was started in".into(),
+        ErrorKind::NotADirectory => {
+            "there is no such file: what stands before its name is no folder; check the path".into()
+        }
+        ErrorKind::IsADirectory => "it is a folder; name the files in it, one by one or as FOLDER/*.ply".into(),
+        ErrorKind::PermissionDenied => {
+            "it may not be read by you; make it readable (`chmod u+r`), or run this as its owner".into()
+        }
+        _ => format!("it cannot be read: {source}"),
+    }
 }

@@ -1,25 +1,18 @@
-//! Real point clouds -> cells that a model can judge; labelled clouds, meshes and cost maps back.
+//! Files of real scans -> points, labels, poses.
 //!
-//! In: the bytes of PLY, PCD, LAS, CSV / XYZ or KITTI files ([`mod@read`]), where the sensor was ([`scan_pose`]), what a model says of
-//! each cell. Out: bytes of the files that other tools read ([`export`], [`costmap`]). Frames: points come in `sensor` (x forward,
-//! y left, z up) or in `map`; what goes out is in `map`. Cells and features are made by the `cells` stage, by the code that makes
-//! a corpus. Not modelled: motion during a scan (undistort it first), several echoes a beam, LAZ.
+//! In: the bytes of PLY, PCD, LAS, CSV / XYZ or KITTI files ([`mod@read`]), of a mapping of their labels ([`labels`]) and of a TUM file
+//! of poses ([`trajectory`]). Out: a [`Cloud`], in the file's own frame, in metres; a verdict a point; a pose a scan. What a model says
+//! of them is the business of `judge`. Not read: LAZ, several echoes a beam, the time of a point.
 
-pub mod costmap;
 pub mod error;
-pub mod export;
 mod fields;
 mod kitti;
 pub mod labels;
 mod las;
-pub mod level;
 mod lzf;
 mod pcd;
 mod ply;
-pub mod range;
 pub mod read;
-pub mod scale;
-pub mod scan_pose;
 mod text;
 pub mod trajectory;
 
@@ -28,7 +21,6 @@ mod tests;
 
 pub use error::CloudError;
 pub use labels::{LabelMap, PointClass};
-pub use level::Levelled;
 pub use read::{Format, Options, read};
 
 use crate::geometry::DVec3;

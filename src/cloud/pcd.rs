@@ -16,37 +16,34 @@ struct Header {
     lines: usize,
 }
 
+/// What lies behind a header, and which of its fields are read.
+struct PointData<'a> {
+    file: &'a str,
+    header: &'a Header,
+    bytes: &'a [u8],
+    offsets: FieldOffsets,
+}
+
 const MOST_HEADER_BYTES: usize = 1 << 16;
 
 pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Result<Cloud, CloudError> {
     let header = Header::of(file, bytes)?;
-    let places = FieldOffsets::of(file, "the line FIELDS", &header.names, label_field)?;
-    let body = &bytes[header.body..];
-    let mut gathered = Gathered::new(places.intensity.is_some(), places.label.is_some());
+    let offsets = FieldOffsets::of(file, "the line FIELDS", &header.names, label_field)?;
+    let data = PointData { file, header: &header, bytes: &bytes[header.body..], offsets };
     match header.data.as_str() {
-        "ascii" => header.ascii(file, body, &places, &mut gathered)?,
-        "binary" => header.binary(file, body, &places, &mut gathered)?,
-        "binary_compressed" => header.compressed(file, body, &places, &mut gathered)?,
-        other => {
-            return Err(CloudError::NotSupported {
-                file: file.into(),
-                feature: format!("DATA {}", shown(other, 40)),
-                cure: "write it as ascii, binary or binary_compressed (`pcl_convert_pcd_ascii_binary`)",
-            });
-        }
+        "ascii" => data.ascii(),
+        "binary" => data.binary(),
+        "binary_compressed" => data.compressed(),
+        other => Err(CloudError::NotSupported {
+            file: file.into(),
+            feature: format!("DATA {}", shown(other, 40)),
+            cure: "write it as ascii, binary or binary_compressed (`pcl_convert_pcd_ascii_binary`)",
+        }),
     }
-    gathered.finish(file)
 }
 
 fn malformed(file: &str, place: &str, reason: String) -> CloudError {
     CloudError::Malformed { file: file.into(), place: place.into(), reason }
-}
-
-/// Takes the values in use of point `i`: `value(i, field)`.
-fn push(gathered: &mut Gathered, places: &FieldOffsets, value: impl Fn(usize) -> f64) {
-    let [x, y, z] = places.xyz.map(&value);
-    let of = |place: Option<usize>| place.map_or(f64::NAN, &value);
-    gathered.push(DVec3::new(x, y, z), of(places.intensity), label_of(of(places.label)));
 }
 
 impl Header {
@@ -123,24 +120,39 @@ impl Header {
         self.numbers.iter().zip(&self.counts).map(next).collect()
     }
 
-    fn ascii(&self, file: &str, body: &[u8], places: &FieldOffsets, gathered: &mut Gathered) -> Result<(), CloudError> {
-        self.check_fields(file)?;
-        let text = String::from_utf8_lossy(body);
+    /// A field of no values has no place to read from, and points of no bytes could be as many as one likes.
+    fn check_fields(&self, file: &str) -> Result<(), CloudError> {
+        match self.counts.iter().position(|&count| count == 0) {
+            Some(at) => {
+                Err(malformed(file, "the line COUNT", format!("field '{}' has no values", shown(&self.names[at], 40))))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl PointData<'_> {
+    fn ascii(&self) -> Result<Cloud, CloudError> {
+        let PointData { file, header, .. } = *self;
+        let mut gathered = self.gather()?;
+        let text = String::from_utf8_lossy(self.bytes);
         let mut columns = Vec::new();
         let mut column = 0u64;
-        for &count in &self.counts {
+        for &count in &header.counts {
             columns.push(column);
             column = column.saturating_add(count);
         }
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-        let mut row = vec![f64::NAN; self.names.len()];
-        for i in 0..self.points {
+        let mut row = vec![f64::NAN; header.names.len()];
+        for i in 0..header.points {
             let Some((number, line)) = lines.next() else {
-                let reason =
-                    format!("the file ends where {} points were announced: it was cut off; copy it again", self.points);
+                let reason = format!(
+                    "the file ends where {} points were announced: it was cut off; copy it again",
+                    header.points
+                );
                 return Err(malformed(file, &format!("point {i}"), reason));
             };
-            let place = || format!("line {}", self.lines + number + 1);
+            let place = || format!("line {}", header.lines + number + 1);
             let (mut field, mut there) = (0, 0u64);
             for (k, word) in line.split_whitespace().enumerate() {
                 there = k as u64 + 1;
@@ -154,48 +166,38 @@ impl Header {
             if there < column {
                 return Err(malformed(file, &place(), format!("{there} values, a point has {column}")));
             }
-            push(gathered, places, |field| row[field]);
+            self.push(&mut gathered, |field| row[field]);
         }
-        Ok(())
+        gathered.finish(file)
     }
 
-    fn binary(
-        &self,
-        file: &str,
-        body: &[u8],
-        places: &FieldOffsets,
-        gathered: &mut Gathered,
-    ) -> Result<(), CloudError> {
-        let size = self.check_size(file, body.len())?;
-        self.check_fields(file)?;
-        let offsets = self.offsets();
-        let point_size = size / (self.points as usize).max(1);
-        for i in 0..self.points as usize {
-            push(gathered, places, |field| self.numbers[field].take(body, i * point_size + offsets[field], false));
+    fn binary(&self) -> Result<Cloud, CloudError> {
+        let PointData { file, header, bytes, .. } = *self;
+        let size = header.check_size(file, bytes.len())?;
+        let mut gathered = self.gather()?;
+        let starts = header.offsets();
+        let point_size = size / (header.points as usize).max(1);
+        for i in 0..header.points as usize {
+            self.push(&mut gathered, |field| header.numbers[field].take(bytes, i * point_size + starts[field], false));
         }
-        Ok(())
+        gathered.finish(file)
     }
 
     /// Two sizes, then LZF; expanded, the values lie field after field.
-    fn compressed(
-        &self,
-        file: &str,
-        body: &[u8],
-        places: &FieldOffsets,
-        gathered: &mut Gathered,
-    ) -> Result<(), CloudError> {
+    fn compressed(&self) -> Result<Cloud, CloudError> {
+        let PointData { file, header, bytes, .. } = *self;
         let place = || "the compressed data".to_string();
-        let sizes = body.get(..8).map(|head| [0, 4].map(|at| Number::U32.take(head, at, false) as usize));
+        let sizes = bytes.get(..8).map(|head| [0, 4].map(|at| Number::U32.take(head, at, false) as usize));
         let Some([packed, unpacked]) = sizes else {
             return Err(CloudError::Truncated {
                 file: file.into(),
                 place: place(),
                 needed: 8,
-                there: body.len() as u64,
+                there: bytes.len() as u64,
             });
         };
-        let Some(input) = body[8..].get(..packed) else {
-            let there = body.len() as u64 - 8;
+        let Some(input) = bytes[8..].get(..packed) else {
+            let there = bytes.len() as u64 - 8;
             return Err(CloudError::Truncated { file: file.into(), place: place(), needed: packed as u64, there });
         };
         let expanded = lzf::expand(input, unpacked).map_err(|fault| {
@@ -207,28 +209,31 @@ impl Header {
             };
             malformed(file, "the compressed data", format!("{reason}: the file is damaged; copy it again"))
         })?;
-        self.check_size(file, expanded.len())?;
-        self.check_fields(file)?;
-        let points = self.points as usize;
+        header.check_size(file, expanded.len())?;
+        let mut gathered = self.gather()?;
+        let points = header.points as usize;
         // A block a field: its points' values, `count` each.
-        let starts: Vec<usize> = self.offsets().iter().map(|offset| offset * points).collect();
+        let starts: Vec<usize> = header.offsets().iter().map(|offset| offset * points).collect();
         for i in 0..points {
-            push(gathered, places, |field| {
-                let stride = self.numbers[field].size() * self.counts[field] as usize;
-                self.numbers[field].take(&expanded, starts[field] + i * stride, false)
+            self.push(&mut gathered, |field| {
+                let stride = header.numbers[field].size() * header.counts[field] as usize;
+                header.numbers[field].take(&expanded, starts[field] + i * stride, false)
             });
         }
-        Ok(())
+        gathered.finish(file)
     }
 
-    /// A field of no values has no place to read from, and points of no bytes could be as many as one likes.
-    fn check_fields(&self, file: &str) -> Result<(), CloudError> {
-        match self.counts.iter().position(|&count| count == 0) {
-            Some(at) => {
-                Err(malformed(file, "the line COUNT", format!("field '{}' has no values", shown(&self.names[at], 40))))
-            }
-            None => Ok(()),
-        }
+    /// An empty cloud with the columns that the file has, once it is known that each field has a value to read.
+    fn gather(&self) -> Result<Gathered, CloudError> {
+        self.header.check_fields(self.file)?;
+        Ok(Gathered::new(self.offsets.intensity.is_some(), self.offsets.label.is_some()))
+    }
+
+    /// Adds one point, by the values of its fields.
+    fn push(&self, gathered: &mut Gathered, value: impl Fn(usize) -> f64) {
+        let [x, y, z] = self.offsets.xyz.map(&value);
+        let of = |field: Option<usize>| field.map_or(f64::NAN, &value);
+        gathered.push(DVec3::new(x, y, z), of(self.offsets.intensity), label_of(of(self.offsets.label)));
     }
 }
 

@@ -211,11 +211,16 @@ fn law_classify_says_what_is_wrong_and_exits_2() {
     save("other.safetensors", &["height_difference_m", "soil_moisture"]);
     std::fs::write(yard.path("c.csv"), "x,y,z\n1,2,0\n2,2,0\n").expect("a file");
     std::fs::write(yard.path("nan.csv"), "x,y,z\nnan,2,0\n").expect("a file");
+    std::fs::create_dir(yard.path("folder.ply")).expect("a folder");
+    std::os::unix::fs::symlink("/dev/zero", yard.path("endless.xyz")).expect("a link");
     let place = "--pose=0,0,0,0,0,0";
     for (arguments, needle) in [
         (vec!["plain.safetensors", "c.csv"], "--pose"),
         (vec!["plain.safetensors", "nan.csv", place], "nan.csv: there is no point in it"),
-        (vec!["plain.safetensors", "none.csv", place], "none.csv: "),
+        (vec!["plain.safetensors", "none.csv", place], "none.csv: there is no such file; check its name"),
+        (vec!["plain.safetensors", "c.csv/a.ply", place], "c.csv/a.ply: there is no such file: what stands before"),
+        (vec!["plain.safetensors", "folder.ply", place], "folder.ply: it is a folder; name the files in it"),
+        (vec!["plain.safetensors", "endless.xyz", place], "endless.xyz: it cannot be read: it is not a file but"),
         (vec!["c.csv", "c.csv", place], "not a marsyard model"),
         (vec!["light.safetensors", "c.csv", place], "intensity_mean"),
         (vec!["other.safetensors", "c.csv", place], "soil_moisture"),

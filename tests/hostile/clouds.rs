@@ -1,4 +1,5 @@
-use marsyard::cloud::{LabelMap, Options, level, read, trajectory};
+use marsyard::cloud::{LabelMap, Options, read, trajectory};
+use marsyard::judge::level;
 use proptest::prelude::*;
 
 use crate::edits::{apply, cases, edits};

@@ -11,6 +11,7 @@ pub(in crate::cli) struct ClassifyArgs {
     /// A trained model: the model.safetensors of a run folder, or the folder, or a URL of either.
     pub(super) model: PathBuf,
     /// Scans: PLY, PCD, LAS, CSV / XYZ (with or without a header) or KITTI .bin, in the order they were taken; files or URLs.
+    /// With --labels, a KITTI scan's labels are read from the .label file beside it, or from labels/ beside its folder.
     #[arg(required = true)]
     pub(super) clouds: Vec<PathBuf>,
     /// Folder for what is written.

@@ -2,18 +2,18 @@
 
 use serde_json::json;
 
-use super::Scan;
 use super::args::ClassifyArgs;
-use super::load::{Loaded, Setup};
-use super::write::EVALUATION;
 use crate::cli::output::{errln, out, outln};
-use crate::cloud::scan_pose::Sigmas;
-use crate::cloud::{range, scale};
-use crate::evaluate::{DataFacts, Judge, Report};
+use crate::evaluate::Report;
+use crate::judge::{Frame, JudgedScan, Outside, Setup, Sigmas, scale};
 use crate::train::Model;
 
 /// Which model judges, and what was not measured but taken for granted.
 pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
+    let trained = model.about.cells.window_scans;
+    if args.sensor_height.is_some() && trained > 1 {
+        errln!("warning: the model was trained on windows of {trained} scans; without poses each scan is judged alone");
+    }
     let Sigmas { xy_m, z_m, tilt_rad, yaw_rad } = setup.sigmas;
     if args.json {
         let sigmas = json!({ "xy_m": xy_m, "z_m": z_m, "tilt_rad": tilt_rad, "yaw_rad": yaw_rad });
@@ -39,29 +39,29 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
 }
 
 /// Says so where no point of a scan lies in any cell, with what may be the reason.
-pub(super) fn nowhere(setup: &Setup, loaded: &Loaded, scan: &Scan) {
-    if !scan.cells.rows.is_empty() {
+pub(super) fn nowhere(setup: &Setup, judged: &JudgedScan) {
+    if !judged.cells.cells.rows.is_empty() {
         return;
     }
-    let question = scale::question(&loaded.cloud.points_m).filter(|_| !setup.in_map);
+    let question = scale::question(&judged.scan.cloud.points_m).filter(|_| setup.frame == Frame::Sensor);
     errln!(
         "warning: {}: no point lies within {} m of the sensor; {}",
-        loaded.name,
+        judged.scan.name,
         setup.max_range_m,
         question.unwrap_or("check --frame, the pose and the unit, which is metres")
     );
 }
 
 /// The counts of one scan; with --json as one object a line.
-pub(super) fn scan(args: &ClassifyArgs, model: &Model, loaded: &Loaded, scan: &Scan) {
-    let of_classes = model.about.thresholds.len() + 1;
-    let count = |class: Option<usize>| scan.classes.iter().filter(|&&c| c == class).count();
-    let counts: Vec<usize> = (0..of_classes).map(|class| count(Some(class))).collect();
+pub(super) fn scan(args: &ClassifyArgs, judged: &JudgedScan) {
+    let (loaded, of_classes) = (&judged.scan, judged.cells.of_classes);
+    let counts: Vec<usize> = (0..of_classes).map(|class| judged.cells.count(Some(class))).collect();
+    let unknown = judged.cells.count(None);
     let names: Vec<String> = match of_classes {
         2 => vec!["traversable".into(), "untraversable".into()],
         _ => (0..of_classes).map(|class| format!("class {class}")).collect(),
     };
-    let cells = &scan.cells;
+    let cells = &judged.cells.cells;
     if args.json {
         let mut object = json!({
             "cloud": loaded.name,
@@ -73,7 +73,7 @@ pub(super) fn scan(args: &ClassifyArgs, model: &Model, loaded: &Loaded, scan: &S
             "window_points_off_grid": cells.dropped_off_grid,
             "cells": cells.rows.len(),
             "cells_by_class": counts,
-            "cells_unknown": count(None),
+            "cells_unknown": unknown,
         });
         if let Some(found) = loaded.levelled {
             object["levelled"] = json!({
@@ -110,15 +110,13 @@ pub(super) fn scan(args: &ClassifyArgs, model: &Model, loaded: &Loaded, scan: &S
         "  cells {}: {}, unknown {} (fewer than {} points)",
         cells.rows.len(),
         by_class.join(", "),
-        count(None),
+        unknown,
         args.min_points
     );
 }
 
 /// Per feature, how much of the scans the model never saw the like of.
-pub(super) fn ranges(args: &ClassifyArgs, model: &Model, scans: &[Scan]) {
-    let rows: Vec<f32> = scans.iter().flat_map(|scan| scan.inputs.iter().copied()).collect();
-    let found = range::outside(&model.about.features, &model.about.quantiles, &rows);
+pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
     if args.json {
         let features: Vec<_> = found
             .iter()
@@ -142,7 +140,7 @@ pub(super) fn ranges(args: &ClassifyArgs, model: &Model, scans: &[Scan]) {
         "above",
         "outside 0.1..99.9 %"
     );
-    for f in &found {
+    for f in found {
         outln!(
             "  {:<24}{:>12.4}{:>12.4}{:>8.1}%{:>8.1}%{:>21.1}%",
             f.feature,
@@ -164,36 +162,12 @@ pub(super) fn ranges(args: &ClassifyArgs, model: &Model, scans: &[Scan]) {
 }
 
 /// The report of `evaluate`, over all cells that have a label and were judged.
-pub(super) fn evaluation(
-    args: &ClassifyArgs,
-    model: &Model,
-    setup: &Setup,
-    judge: &Judge,
-    scans: usize,
-) -> (String, Vec<u8>) {
-    let data = DataFacts {
-        name: args.clouds.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
-        labels: format!(
-            "the clouds' own labels by {}: a cell with at least {} untraversable points is untraversable",
-            setup.label_file, model.about.cells.labels.min_obstacle_points
-        ),
-        scans: scans as u64,
-        ..DataFacts::default()
-    };
-    let mut notes = vec!["points whose label is ignored count in the features and nowhere else".to_string()];
-    if setup.window > 1 {
-        notes.push(format!("windows of {} scans overlap: their points are counted once a window", setup.window));
-    }
-    if args.min_points > 1 {
-        notes.push(format!("cells of fewer than {} points were not judged and are left out", args.min_points));
-    }
-    let report = Report::new(model, judge, data, notes);
+pub(super) fn evaluation(args: &ClassifyArgs, report: &Report) {
     if args.json {
-        let object = serde_json::to_value(&report).expect("a report is plain data");
+        let object = serde_json::to_value(report).expect("a report is plain data");
         outln!("{object}");
     } else {
         outln!("");
         out!("{report}");
     }
-    (EVALUATION.into(), report.to_json().into_bytes())
 }

@@ -1,7 +1,6 @@
 //! What all of these tests stand on: points that are known, as the bytes of every format.
 
 mod formats;
-mod outputs;
 
 use super::*;
 

@@ -6,7 +6,7 @@
 //! cannot know is which way is up: ground that slopes as a whole comes out level, and pitch and roll are those of a rover that stands
 //! on the plane, 0.
 
-use super::{CloudError, scale};
+use super::{JudgeError, scale};
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
 use crate::math;
 
@@ -55,10 +55,10 @@ impl Plane {
     }
 }
 
-/// The ground of a scan in the sensor frame.
-pub fn level(file: &str, points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, CloudError> {
-    let none = |reason: String| CloudError::NoGround {
-        file: file.into(),
+/// The ground of a scan in the sensor frame. `scan`: its name, for messages.
+pub fn level(scan: &str, points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, JudgeError> {
+    let none = |reason: String| JudgeError::NoGround {
+        scan: scan.into(),
         reason: scale::question(points_m).map_or(reason.clone(), |question| format!("{reason}; {question}")),
     };
     if !(0.02..=100.0).contains(&sensor_height_m) {

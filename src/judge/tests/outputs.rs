@@ -2,21 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::*;
 use crate::cells::{self, CellAssigner, CellParams, Cells, WindowCloud};
-use crate::cloud::costmap::{Shown, cost_map};
-use crate::cloud::export::{self, Judged};
-use crate::cloud::*;
-use crate::geometry::{GridSpec, Pose, Transform};
+use crate::cloud::{Cloud, Options, read};
+use crate::geometry::{DVec3, GridSpec, Pose, Transform};
+use crate::judge::cost_map::cost_map;
+use crate::judge::{JudgedCells, Shown, export};
 
 /// Cells of an L: (0, 0), (0, 1), (2, 0) and (1, 0), outputs rising; one of them not judged.
-struct Ell {
-    cells: Cells,
-    outputs: Vec<Option<f64>>,
-    classes: Vec<Option<usize>>,
-}
-
-fn ell() -> Ell {
+fn ell() -> JudgedCells {
     let points = [(0.25, 0.25, 1.0), (0.75, 0.25, 1.5), (0.25, 0.75, 2.0), (0.25, 1.25, 2.5)];
     let points_m: Vec<DVec3> = points.iter().map(|&(x, y, z)| DVec3::new(x - 5.0, y + 10.0, z)).collect();
     let params = CellParams { size_m: 0.5, ..CellParams::default() };
@@ -34,25 +27,30 @@ fn ell() -> Ell {
     assert_eq!(known, [0; 4]);
     assert!(cells.rows.iter().all(|row| row.label.is_none() && row.truth.class == -1));
     // Rows in order: (20, -10), (20, -9), (21, -10), (22, -10).
-    Ell { cells, outputs: vec![Some(0.1), Some(0.5), Some(1.0), None], classes: vec![Some(0), Some(1), Some(1), None] }
+    let outputs = vec![Some(0.1), Some(0.5), Some(1.0), None];
+    JudgedCells { classes: vec![Some(0), Some(1), Some(1), None], ..judged(cells, outputs, 0.5, 1.0) }
 }
 
-fn judged(ell: &Ell) -> Judged<'_> {
-    Judged {
-        cells: &ell.cells,
-        outputs: &ell.outputs,
-        classes: &ell.classes,
+/// All of one class.
+fn judged(cells: Cells, outputs: Vec<Option<f64>>, size_m: f64, rover_z_m: f64) -> JudgedCells {
+    JudgedCells {
+        scan: "ell".into(),
+        known_points: vec![0; cells.rows.len()],
+        inputs: Vec::new(),
+        classes: vec![Some(1); outputs.len()],
+        outputs,
         of_classes: 2,
         targets: [0.1, 0.9],
-        grid: GridSpec { size_m: 0.5 },
-        rover_z_m: 1.0,
+        grid: GridSpec { size_m },
+        rover_z_m,
+        cells,
     }
 }
 
 #[test]
 fn exact_cost_map_has_north_up_and_its_origin_at_the_lower_left_corner() {
     let ell = ell();
-    let map = cost_map(&judged(&ell), "scan-cost.pgm", Shown::Output).unwrap();
+    let map = cost_map(&ell, "scan-cost.pgm", Shown::Output).unwrap();
     // From the top: (22) unknown, (21) output 1.0 beyond the target, (20) 0.1 and 0.5; the eastern column is empty but below.
     assert_eq!(map.pgm, b"P5\n2 3\n255\n\xff\xff\x64\xff\x00\x32".to_vec());
     assert_eq!(
@@ -60,7 +58,7 @@ fn exact_cost_map_has_north_up_and_its_origin_at_the_lower_left_corner() {
         "image: scan-cost.pgm\nmode: raw\nresolution: 0.5\norigin: [-5.0, 10.0, 0.0]\nnegate: 0\n\
          occupied_thresh: 0.65\nfree_thresh: 0.25\n"
     );
-    let map = cost_map(&judged(&ell), "scan-class.pgm", Shown::Class).unwrap();
+    let map = cost_map(&ell, "scan-class.pgm", Shown::Class).unwrap();
     assert_eq!(map.pgm, b"P5\n2 3\n255\n\x80\x80\x00\x80\xff\x00".to_vec());
     assert!(map.yaml.contains("mode: trinary\n") && map.yaml.ends_with("occupied_thresh: 0.65\nfree_thresh: 0.25\n"));
 }
@@ -102,7 +100,7 @@ fn law_map_servers_read_costs_that_rise_with_the_output_and_unseen_cells_as_unkn
     for k in 0..=80 {
         let output = 0.1 + 0.01 * f64::from(k);
         ell.outputs[0] = Some(output);
-        let map = cost_map(&judged(&ell), "a.pgm", Shown::Output).unwrap();
+        let map = cost_map(&ell, "a.pgm", Shown::Output).unwrap();
         let costs = map_servers(&map.yaml, map.pgm[map.pgm.len() - 2]);
         for cost in costs {
             assert!((f64::from(cost) - 1.25 * f64::from(k)).abs() <= 0.5 + 1e-9 && cost >= last, "{output}: {cost}");
@@ -114,7 +112,7 @@ fn law_map_servers_read_costs_that_rise_with_the_output_and_unseen_cells_as_unkn
         }
     }
     assert_eq!(last, 100);
-    let map = cost_map(&judged(&ell), "a.pgm", Shown::Class).unwrap();
+    let map = cost_map(&ell, "a.pgm", Shown::Class).unwrap();
     let read: Vec<i32> = map.pgm[map.pgm.len() - 6..].iter().map(|&pixel| map_servers(&map.yaml, pixel)[0]).collect();
     assert_eq!(read, [-1, -1, 100, -1, 0, 100]);
     // The test can tell: the old form read unseen cells as half occupied.
@@ -126,7 +124,7 @@ fn extreme_a_map_without_bounds_is_refused() {
     let mut ell = ell();
     ell.cells.rows[3].index.row = i32::MAX - 16;
     ell.cells.rows[3].index.col = -(i32::MAX - 16);
-    let error = cost_map(&judged(&ell), "a.pgm", Shown::Output).unwrap_err().to_string();
+    let error = cost_map(&ell, "a.pgm", Shown::Output).unwrap_err().to_string();
     assert!(error.contains("shorten --max-range"), "{error}");
 }
 
@@ -143,12 +141,13 @@ fn equal_labelled_clouds_read_back_in_the_map_frame() {
     ];
     let cloud = Cloud { points_m: there.map(in_sensor).to_vec(), labels: Some(vec![4, 5, 6, 7]), ..Cloud::default() };
     let placer = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, turn);
-    let points = export::labelled(&cloud, &placer, false, &judged(&ell));
+    let points = export::labelled(&cloud, &placer, false, &ell);
     assert_eq!(points.iter().map(|p| p.class).collect::<Vec<_>>(), [0, 1, -1, -1]);
     let options = |field: &str| Options { label_field: Some(field.into()) };
-    for (name, bytes, grain_m) in
-        [("a.ply", export::ply(&points, "two\nlines"), 1e-12), ("a.pcd", export::pcd(&points), 1e-6)]
-    {
+    for (name, bytes, grain_m) in [
+        ("a.ply", export::ply(&points, "two\nlines"), 1e-12),
+        ("a.pcd", export::pcd(&points, DVec3::new(-5.0, 10.0, 2.5)), 1e-6),
+    ] {
         let back = read(name, &bytes, None, &options("label")).unwrap();
         assert_eq!(back.labels, Some(vec![4, 5, 6, 7]));
         for (p, q) in back.points_m.iter().zip(there) {
@@ -167,10 +166,11 @@ fn equal_far_coordinates_come_back_from_ply_and_pcd() {
     let ell = ell();
     for (there, size, most_m) in [(far, "SIZE 8 8 8 4 4 4 1 4\n", 1e-9), (near, "SIZE 4 4 4 4 4 4 1 4\n", 1e-3)] {
         let cloud = Cloud { points_m: there.to_vec(), ..Cloud::default() };
-        let points = export::labelled(&cloud, &placer, true, &judged(&ell));
-        let pcd = export::pcd(&points);
+        let points = export::labelled(&cloud, &placer, true, &ell);
+        let pcd = export::pcd(&points, DVec3::new(-5.0, 10.0, 2.5));
         let head = String::from_utf8_lossy(&pcd);
         assert!(head.contains(size) && head.contains("VIEWPOINT 0 0 0 1 0 0 0\n"), "{head}");
+        assert!(head.contains("\n# frame map, metres; the sensor was at -5 10 2.5\nVERSION"), "{head}");
         for (name, bytes, most_m) in [("a.pcd", pcd, most_m), ("a.ply", export::ply(&points, ""), 0.0)] {
             let back = read(name, &bytes, None, &Options::default()).unwrap();
             for (p, q) in back.points_m.iter().zip(there) {
@@ -183,14 +183,14 @@ fn equal_far_coordinates_come_back_from_ply_and_pcd() {
 #[test]
 fn exact_mesh_faces_join_the_cells_that_are_there_and_look_up() {
     let ell = ell();
-    let bytes = export::mesh(&judged(&ell), "ell");
+    let bytes = export::mesh(&ell);
     let head = String::from_utf8_lossy(&bytes);
     assert!(head.contains("element vertex 4\n") && head.contains("element face 1\n"));
     // Three of the lower square: one triangle, (20, -10), (20, -9), (21, -10).
     let mut face = vec![3u8];
     [0i32, 1, 2].iter().for_each(|v| face.extend(v.to_le_bytes()));
     assert!(bytes.ends_with(&face));
-    let vertices = parse("m.ply", &bytes).unwrap().points_m;
+    let vertices = read("m.ply", &bytes, None, &Options::default()).unwrap().points_m;
     assert_eq!(vertices[2], DVec3::new(-4.75, 10.75, 2.0));
     let up = (vertices[1] - vertices[0]).cross(vertices[2] - vertices[0]);
     assert!(up.z > 0.0);
@@ -216,17 +216,9 @@ fn law_a_full_square_of_cells_is_meshed_without_gap_or_overlap() {
         map_from_sensor,
     };
     let (cells, _) = cells::bin_clouds(&params, &[cloud], 50.0, &mut cells::Scratch::default());
-    let (outputs, classes) = (vec![Some(0.5); cells.rows.len()], vec![Some(1); cells.rows.len()]);
-    let judged = Judged {
-        cells: &cells,
-        outputs: &outputs,
-        classes: &classes,
-        of_classes: 2,
-        targets: [0.1, 0.9],
-        grid: GridSpec { size_m: 1.0 },
-        rover_z_m: 0.0,
-    };
-    let bytes = export::mesh(&judged, "disc");
+    let outputs = vec![Some(0.5); cells.rows.len()];
+    let judged = judged(cells, outputs, 1.0, 0.0);
+    let bytes = export::mesh(&judged);
     let corners =
         |r: i32, c: i32| [(0, 0), (0, 1), (1, 0), (1, 1)].iter().filter(|(i, j)| inside(r + i, c + j)).count();
     let squares = (-9..9).flat_map(|r| (-9..9).map(move |c| (r, c)));
@@ -237,7 +229,7 @@ fn law_a_full_square_of_cells_is_meshed_without_gap_or_overlap() {
     let mut seen = BTreeMap::new();
     for face in bytes[bytes.len() - 13 * triangles..].chunks(13) {
         let corner = |k: usize| i32::from_le_bytes(face[1 + 4 * k..5 + 4 * k].try_into().unwrap()) as usize;
-        let [a, b, c] = [0, 1, 2].map(|k| points_m_of(&cells, corner(k)));
+        let [a, b, c] = [0, 1, 2].map(|k| points_m_of(&judged.cells, corner(k)));
         assert_eq!((b - a).cross(c - a).z, 1.0);
         *seen.entry(face.to_vec()).or_insert(0) += 1;
     }

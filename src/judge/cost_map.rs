@@ -10,8 +10,7 @@
 //! Source: nav2_map_server, map_io.cpp, `loadMapFromFile`; map_server (ROS 1), image_loader.cpp. In both a raw pixel above 100 is
 //! unknown.
 
-use super::CloudError;
-use super::export::Judged;
+use super::{JudgeError, JudgedCells};
 
 /// What a map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,7 +34,7 @@ const RAW_UNKNOWN: u8 = 255;
 const TRINARY_UNKNOWN: u8 = 128;
 
 /// `image`: the name that the picture will have beside the YAML.
-pub fn cost_map(judged: &Judged, image: &str, shown: Shown) -> Result<CostMap, CloudError> {
+pub fn cost_map(judged: &JudgedCells, image: &str, shown: Shown) -> Result<CostMap, JudgeError> {
     let rows = &judged.cells.rows;
     let extent = |of: fn(&crate::cells::CellRow) -> i32| {
         let (least, most) = rows.iter().map(of).fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
@@ -43,7 +42,8 @@ pub fn cost_map(judged: &Judged, image: &str, shown: Shown) -> Result<CostMap, C
     };
     let ((south, height), (west, width)) = (extent(|row| row.index.row), extent(|row| row.index.col));
     if height.checked_mul(width).is_none_or(|pixels| pixels > MOST_PIXELS) {
-        return Err(CloudError::MapTooLarge { columns: width, rows: height, limit: MOST_PIXELS });
+        let scan = judged.scan.clone();
+        return Err(JudgeError::MapTooLarge { scan, columns: width, rows: height, limit: MOST_PIXELS });
     }
     let unknown = if shown == Shown::Output { RAW_UNKNOWN } else { TRINARY_UNKNOWN };
     let mut pixels = vec![unknown; (height * width) as usize];

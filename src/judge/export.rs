@@ -1,50 +1,9 @@
 //! Judged cells and points -> clouds and meshes for other tools, frame `map`: PLY and PCD (binary, little endian).
 
-use crate::cells::{CellAssigner, Cells};
-use crate::geometry::{CellIndex, DVec3, GridSpec};
-
-/// The cells of one scan and what a model said of them.
-#[derive(Clone, Copy, Debug)]
-pub struct Judged<'a> {
-    pub cells: &'a Cells,
-    /// One a cell: the network's output, `None` where the cell is not judged (too few points).
-    pub outputs: &'a [Option<f64>],
-    /// One a cell: how many thresholds the output reaches.
-    pub classes: &'a [Option<usize>],
-    /// Number of classes.
-    pub of_classes: usize,
-    /// Outputs for traversable and untraversable in training: the ends of the scale from light to dark.
-    pub targets: [f64; 2],
-    pub grid: GridSpec,
-    /// What mean heights are measured from.
-    pub rover_z_m: f64,
-}
-
-impl Judged<'_> {
-    /// The number of a cell's row.
-    pub fn find(&self, cell: CellIndex) -> Option<usize> {
-        self.cells.rows.binary_search_by_key(&cell, |row| row.index).ok()
-    }
-
-    /// The direct output as a shade: 0 light (traversable) to 1 dark, linear between the targets (paper, figure 12c).
-    pub fn shade(&self, row: usize) -> Option<f64> {
-        let [light, dark] = self.targets;
-        self.outputs[row].map(|output| ((output - light) / (dark - light)).clamp(0.0, 1.0))
-    }
-
-    /// The class as a shade: the first is 0, the last 1.
-    pub fn class_shade(&self, row: usize) -> Option<f64> {
-        let last = self.of_classes.saturating_sub(1).max(1);
-        self.classes[row].map(|class| class as f64 / last as f64)
-    }
-
-    /// Mean height of a cell, frame map.
-    pub fn mean_z_m(&self, row: usize) -> f64 {
-        let width = self.cells.features.len() / self.cells.rows.len().max(1);
-        // The mean height is the first feature.
-        self.rover_z_m + f64::from(self.cells.features[row * width])
-    }
-}
+use super::JudgedCells;
+use crate::cells::CellAssigner;
+use crate::cloud::Cloud;
+use crate::geometry::{CellIndex, DVec3};
 
 /// A point of the scan, as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,7 +21,7 @@ pub struct LabelledPoint {
 /// The points of a scan with what was said of their cells, in the file's order.
 ///
 /// `in_map`: they are in the frame map already.
-pub fn labelled(cloud: &super::Cloud, placer: &CellAssigner, in_map: bool, judged: &Judged) -> Vec<LabelledPoint> {
+pub fn labelled(cloud: &Cloud, placer: &CellAssigner, in_map: bool, judged: &JudgedCells) -> Vec<LabelledPoint> {
     let point = |(i, &p): (usize, &DVec3)| {
         let placed = if in_map { placer.place_in_map(p) } else { placer.place_point(p) };
         let row = placed.cell.ok().and_then(|cell| judged.find(cell));
@@ -136,9 +95,10 @@ fn ply_header(title: &str, elements: &[(&str, usize, &[&str])]) -> Vec<u8> {
 const F32_MOST_M: f64 = 1e-3;
 
 /// PCD 0.7, binary. Coordinates are f32, as the Point Cloud Library's own types are, where that moves no point by more than 1 mm
-/// (32 km around the origin); else f64, so that none is lost far from it, as in UTM. The viewpoint is that of the
-/// coordinates, which are the map's: readers that move points by it shall leave them where they are.
-pub fn pcd(points: &[LabelledPoint]) -> Vec<u8> {
+/// (32 km around the origin); else f64, so that none is lost far from it, as in UTM. VIEWPOINT stays the origin: CloudCompare (qPCL,
+/// `PcdFilter::loadFile`) and PCL's viewer move the points by it, and these are in the map already. Where the sensor was stands in a
+/// comment, for who orients normals towards it.
+pub fn pcd(points: &[LabelledPoint], sensor_m: DVec3) -> Vec<u8> {
     let count = points.len();
     let is_near = |point: &LabelledPoint| {
         point.point_m.to_array().iter().all(|&value| (f64::from(value as f32) - value).abs() <= F32_MOST_M)
@@ -146,9 +106,10 @@ pub fn pcd(points: &[LabelledPoint]) -> Vec<u8> {
     let is_single = points.iter().all(is_near);
     let size = if is_single { 4 } else { 8 };
     let mut bytes = format!(
-        "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z intensity label output class rgb\n\
-         SIZE {size} {size} {size} 4 4 4 1 4\nTYPE F F F F I F I U\nCOUNT 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\n\
-         VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n"
+        "# .PCD v0.7 - Point Cloud Data file format\n# frame map, metres; the sensor was at {} {} {}\nVERSION 0.7\n\
+         FIELDS x y z intensity label output class rgb\nSIZE {size} {size} {size} 4 4 4 1 4\nTYPE F F F F I F I U\n\
+         COUNT 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n",
+        sensor_m.x, sensor_m.y, sensor_m.z
     )
     .into_bytes();
     for point in points {
@@ -167,7 +128,7 @@ pub fn pcd(points: &[LabelledPoint]) -> Vec<u8> {
 
 /// PLY mesh of the mean heights (paper, figure 14b): a vertex a cell, at its centre; a triangle wherever three cells of a square
 /// of four are there, two where all are. Coloured by the direct output.
-pub fn mesh(judged: &Judged, title: &str) -> Vec<u8> {
+pub fn mesh(judged: &JudgedCells) -> Vec<u8> {
     let rows = &judged.cells.rows;
     let mut faces: Vec<[usize; 3]> = Vec::new();
     for row in 0..rows.len() {
@@ -189,7 +150,7 @@ pub fn mesh(judged: &Judged, title: &str) -> Vec<u8> {
         }
     }
     let mut bytes = ply_header(
-        title,
+        &judged.scan,
         &[
             (
                 "vertex",
