@@ -185,7 +185,7 @@ struct Sleeping {
 
 /// Efficiency of the schedule where scenes sleep instead of computing, so that two cores hold 64 threads:
 ///
-///     cargo test --release --lib build::tests::study -- --ignored --nocapture
+///     cargo test --release --lib build::shards::tests::study -- --ignored --nocapture
 #[test]
 #[ignore = "a study of two minutes: prints a table, docs/architecture.md shows it"]
 fn study_of_sleeping_scenes() {
