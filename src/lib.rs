@@ -33,32 +33,45 @@
 //! their own. `examples/` holds whole programs.
 
 // The shelf.
+#[warn(unreachable_pub)]
 pub mod math;
 
+#[warn(unreachable_pub)]
 pub mod cpu;
 
-pub mod wide;
+#[warn(unreachable_pub)]
+pub(crate) mod wide;
 
+#[warn(unreachable_pub)]
 pub mod geometry;
 
+#[warn(unreachable_pub)]
 pub mod random;
 
+#[warn(unreachable_pub)]
 pub mod preset;
 
 // The stages.
+#[warn(unreachable_pub)]
 pub mod scene;
 
+#[warn(unreachable_pub)]
 pub mod drive;
 
+#[warn(unreachable_pub)]
 pub mod sweep;
 
+#[warn(unreachable_pub)]
 pub mod slam;
 
+#[warn(unreachable_pub)]
 pub mod cells;
 
 // One scene.
+#[warn(unreachable_pub)]
 pub mod plan;
 
+#[warn(unreachable_pub)]
 pub mod episode;
 
 // Many scenes.

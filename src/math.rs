@@ -51,7 +51,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
 /// Sines and cosines of several angles: the bits of [`sin_cos`], whose steps for angles up to pi/4 these are (FreeBSD's k_sin.c and
 /// k_cos.c); with a larger angle among them, all go through it one by one.
 #[inline(always)]
-pub fn sin_cos_lanes<const N: usize>(x: &[f64; N]) -> [[f64; N]; 2] {
+pub(crate) fn sin_cos_lanes<const N: usize>(x: &[f64; N]) -> [[f64; N]; 2] {
     const SIN: [f64; 6] = [
         -0.166_666_666_666_666_32,
         0.008_333_333_333_322_49,
@@ -101,7 +101,7 @@ pub fn sin_cos_lanes<const N: usize>(x: &[f64; N]) -> [[f64; N]; 2] {
 /// Natural logarithms of positive normal numbers, lane by lane: the bits of [`ln`], whose steps these are (FreeBSD's e_log.c),
 /// without its branches for numbers that are not positive and normal.
 #[inline(always)]
-pub fn ln_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
+pub(crate) fn ln_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
     const LN2_HI: f64 = 6.931_471_803_691_238e-1;
     const LN2_LO: f64 = 1.908_214_929_270_587_7e-10;
     const EVEN: [f64; 3] = [3.999_999_999_940_942e-1, 2.222_219_843_214_978_4e-1, 1.531_383_769_920_937_3e-1];
@@ -132,7 +132,7 @@ pub fn ln_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
 /// e to the power of several numbers: the bits of [`exp`], whose steps these are (FreeBSD's e_exp.c); with a number among them
 /// that is large or not a number, all go through it one by one.
 #[inline(always)]
-pub fn exp_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
+pub(crate) fn exp_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
     const LN2_HI: f64 = 6.931_471_803_691_238e-1;
     const LN2_LO: f64 = 1.908_214_929_270_587_7e-10;
     const P: [f64; 5] = [

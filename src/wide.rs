@@ -7,10 +7,10 @@
 use crate::cpu::{InstructionSet, Isa};
 
 /// Lanes that fill the widest registers, for loops over blocks.
-pub const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// A loop that may run in any of its forms.
-pub trait Work {
+pub(crate) trait Work {
     type Out;
     /// Implementations are `#[inline(always)]`, so that they take on the instruction set of their caller.
     fn run(self) -> Self::Out;
@@ -18,14 +18,14 @@ pub trait Work {
 
 /// Runs the work in the widest form that this CPU has.
 #[inline]
-pub fn widest<W: Work>(work: W) -> W::Out {
+pub(crate) fn widest<W: Work>(work: W) -> W::Out {
     run(Isa::detect(), work)
 }
 
 /// Runs the work in the form of one instruction set.
 #[allow(unsafe_code)] // Calls what the CPU was asked for.
 #[inline]
-pub fn run<W: Work>(isa: Isa, work: W) -> W::Out {
+pub(crate) fn run<W: Work>(isa: Isa, work: W) -> W::Out {
     match isa.set() {
         // SAFETY: an `Isa` of this set proves that the CPU has it.
         #[cfg(target_arch = "x86_64")]
@@ -40,7 +40,7 @@ pub fn run<W: Work>(isa: Isa, work: W) -> W::Out {
 /// Runs the work in the form of registers of four f64, for rows that fill no wider ones.
 #[allow(unsafe_code)] // Calls what the CPU was asked for.
 #[inline]
-pub fn in_fours<W: Work>(work: W) -> W::Out {
+pub(crate) fn in_fours<W: Work>(work: W) -> W::Out {
     #[cfg(target_arch = "x86_64")]
     if Isa::detect().set() >= InstructionSet::Avx2 {
         // SAFETY: a CPU with this set or a wider one has this set.
@@ -63,6 +63,6 @@ fn avx2<W: Work>(work: W) -> W::Out {
 
 /// All forms that this CPU has, for tests of their sameness.
 #[cfg(test)]
-pub fn every_form<W: Work>(work: impl Fn() -> W) -> Vec<W::Out> {
+pub(crate) fn every_form<W: Work>(work: impl Fn() -> W) -> Vec<W::Out> {
     Isa::available().map(|isa| run(isa, work())).collect()
 }

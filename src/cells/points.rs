@@ -54,7 +54,7 @@ pub(super) struct Scan<'a> {
 }
 
 impl Points {
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         let Points { cells, heights_m, intensities, returns, grounds, seen_obstacles } = self;
         cells.clear();
         heights_m.clear();
@@ -65,12 +65,12 @@ impl Points {
     }
 
     /// Appends the points of one sweep that have a cell, and counts those that have none.
-    pub fn add_sweep(&mut self, scan: Scan, counts: &mut Cells) {
+    pub(super) fn add_sweep(&mut self, scan: Scan, counts: &mut Cells) {
         widest(AddSweep { points: self, scan, counts });
     }
 
     /// The same for one cloud; `intensity`: whether the kept cloud has intensities.
-    pub fn add_cloud(
+    pub(super) fn add_cloud(
         &mut self,
         cloud: &WindowCloud,
         placer: &CellAssigner,

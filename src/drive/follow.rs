@@ -55,7 +55,7 @@ pub(super) fn follow(
 
 impl DrivenPath {
     /// At most `count` steps at which the rover has come an even share of its way, ascending; the last is the last step.
-    pub fn stops(&self, count: u32) -> Vec<usize> {
+    pub(super) fn stops(&self, count: u32) -> Vec<usize> {
         let mut way_m = vec![0.0];
         for pair in self.stances.windows(2) {
             way_m.push(way_m[way_m.len() - 1] + (pair[1].pose.position_m - pair[0].pose.position_m).length());

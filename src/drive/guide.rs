@@ -75,7 +75,7 @@ pub(super) struct DrawnPath {
 
 impl PathFollower {
     /// The next command, or `None` at the path's end.
-    pub fn next(&mut self, pose: &Pose) -> Option<Command> {
+    pub(super) fn next(&mut self, pose: &Pose) -> Option<Command> {
         match &mut self.way {
             PathPieces::Pieces(pieces) => loop {
                 match self.pace.begin(pieces.front_mut()?) {
@@ -104,12 +104,12 @@ impl PathFollower {
     }
 
     /// Whether the rover must be able to turn in place wherever it goes.
-    pub fn needs_turning_room(&self) -> bool {
+    pub(super) fn needs_turning_room(&self) -> bool {
         matches!(self.way, PathPieces::DrawnPath(_))
     }
 
     /// Told that the last command could not be carried out: whether there is something else to try.
-    pub fn barred(&mut self, command: &Command) -> bool {
+    pub(super) fn barred(&mut self, command: &Command) -> bool {
         match &mut self.way {
             PathPieces::DrawnPath(walk) => {
                 walk.left_m += command.length_m;
@@ -122,7 +122,7 @@ impl PathFollower {
     }
 
     /// Told that the last command was carried out.
-    pub fn done(&mut self, command: &Command) {
+    pub(super) fn done(&mut self, command: &Command) {
         if let PathPieces::DrawnPath(walk) = &mut self.way
             && command.length_m > 0.0
         {

@@ -42,7 +42,7 @@ pub(super) struct Instruments {
 }
 
 impl Instruments {
-    pub fn new(params: &DriveParams, drawn: &Drawn, streams: &Streams) -> Instruments {
+    pub(super) fn new(params: &DriveParams, drawn: &Drawn, streams: &Streams) -> Instruments {
         let instruments = &params.instruments;
         let (mut roll_bias_rad, mut pitch_bias_rad) = (0.0, 0.0);
         if instruments.imu_bias_deg.is_some() {
@@ -67,7 +67,7 @@ impl Instruments {
     }
 
     /// One reading per pose of a travel; the first is taken at rest. `stops` ascend.
-    pub fn read(&self, travel: &DrivenPath, stops: &[usize]) -> Vec<Reading> {
+    pub(super) fn read(&self, travel: &DrivenPath, stops: &[usize]) -> Vec<Reading> {
         let poses = || travel.stances.iter().map(|stance| &stance.pose);
         let mut readings = vec![self.after(0, &travel.stances[0].pose, 0.0, 0.0, 0.0, true)];
         for (k, (from, to)) in poses().zip(poses().skip(1)).enumerate() {

@@ -29,11 +29,11 @@ pub(super) struct Wheels {
 }
 
 impl Linkage {
-    pub fn new(rover: &Rover) -> Linkage {
+    pub(super) fn new(rover: &Rover) -> Linkage {
         Linkage { chassis: rover.chassis.clone(), wheel_radius_m: rover.wheel_radius_m() }
     }
 
-    pub fn wheel_count(&self) -> usize {
+    pub(super) fn wheel_count(&self) -> usize {
         match self.chassis {
             Chassis::Rigid(_) => 4,
             Chassis::RockerBogie(_) => 6,
@@ -41,12 +41,12 @@ impl Linkage {
     }
 
     /// Whether the chassis can set every wheel on any ground.
-    pub fn articulated(&self) -> bool {
+    pub(super) fn articulated(&self) -> bool {
         matches!(self.chassis, Chassis::RockerBogie(_))
     }
 
     /// The wheels at beta, rho left and rho right.
-    pub fn place(&self, angles: &[f64; ANGLES]) -> Wheels {
+    pub(super) fn place(&self, angles: &[f64; ANGLES]) -> Wheels {
         let mut wheels = Wheels::default();
         self.each_wheel(&links_rad(angles).map(Turn::about_y), |wheel, centre_m, by_angle| {
             (wheels.centres_m[wheel], wheels.by_angle[wheel]) = (centre_m, by_angle);
@@ -56,7 +56,7 @@ impl Linkage {
 
     /// The wheels' centres alone, for those who search without derivatives; the turns are those of [`links_rad`].
     #[inline(always)]
-    pub fn centres_m(&self, turns: &[Turn; LINKS]) -> [DVec3; MAX_WHEELS] {
+    pub(super) fn centres_m(&self, turns: &[Turn; LINKS]) -> [DVec3; MAX_WHEELS] {
         let mut centres_m = [DVec3::ZERO; MAX_WHEELS];
         self.each_wheel(turns, |wheel, centre_m, _| centres_m[wheel] = centre_m);
         centres_m

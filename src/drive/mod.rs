@@ -69,7 +69,7 @@ mod surface;
 mod tests;
 mod yard;
 
-pub use contact::{ContactPose, GroundContact, Minimum, minimise};
+pub use contact::{ContactPose, GroundContact};
 pub use params::DriveParams;
 pub use rover::Rover;
 

@@ -40,7 +40,7 @@ struct Noise {
 }
 
 impl MotionNoise {
-    pub fn new(params: &DriveParams, drawn: &Drawn, streams: &Streams) -> MotionNoise {
+    pub(super) fn new(params: &DriveParams, drawn: &Drawn, streams: &Streams) -> MotionNoise {
         let noise = params.control_noise.is_some().then(|| Noise {
             speed: (drawn[Purpose::ControlSpeedSd], streams.open(Purpose::ControlSpeedNoise)),
             yaw_rate: (drawn[Purpose::ControlYawRateSd], streams.open(Purpose::ControlYawRateNoise)),
@@ -53,7 +53,7 @@ impl MotionNoise {
     }
 
     /// What the rover does where it was told `command`, at control step `index`.
-    pub fn disturb(&self, command: Command, index: u64) -> Command {
+    pub(super) fn disturb(&self, command: Command, index: u64) -> Command {
         let Some(noise) = &self.noise else { return command };
         let drawn = |(sd, stream): &(f64, Stream)| if *sd > 0.0 { sd * stream.normal(index) } else { 0.0 };
         let way_m = outer_way_m(command.length_m, command.turn_rad, self.half_track_m);

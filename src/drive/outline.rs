@@ -18,7 +18,7 @@ pub(super) struct Outline {
 
 impl Outline {
     /// The point of the curve at a distance outside the outline, a share `along` in [0, 1) of the way around it.
-    pub fn around(&self, distance_m: f64, along: f64) -> DVec2 {
+    pub(super) fn around(&self, distance_m: f64, along: f64) -> DVec2 {
         let offset_m = self.radius_m + distance_m;
         let n = self.corners_m.len();
         let corner = |k: usize| self.corners_m[k % n];
@@ -156,7 +156,7 @@ pub(super) mod tests {
     use crate::random::Purpose;
 
     /// A convex polygon of up to 12 corners around a random place, by the hull of random points.
-    pub fn shape(draws: &crate::random::Stream, k: u64) -> Vec<DVec2> {
+    pub(crate) fn shape(draws: &crate::random::Stream, k: u64) -> Vec<DVec2> {
         let u = |i: u64| draws.uniform(100 * k + i);
         let (x, y, size) = (10.0 * u(0), 10.0 * u(1), 0.2 + 2.0 * u(2));
         let count = 1 + (12.0 * u(3)) as u64;

@@ -29,12 +29,12 @@ pub(super) struct WheelContact {
 }
 
 impl<'a> Surface<'a> {
-    pub fn new(scene: &'a Scene) -> Surface<'a> {
+    pub(super) fn new(scene: &'a Scene) -> Surface<'a> {
         Surface { scene }
     }
 
     /// The height at (x, y) alone; `None` outside the yard, or where the ground is not finite.
-    pub fn height_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
+    pub(super) fn height_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
         if !self.scene.contains(x_m, y_m) {
             return None;
         }
@@ -43,7 +43,7 @@ impl<'a> Surface<'a> {
 
     /// Heights and slopes at the first `count` points, without derivatives of the slopes; `None` where one has no ground.
     #[inline(always)]
-    pub fn heights_and_slopes(&self, points: &[DVec2; LANES], count: usize) -> Option<[(f64, DVec2); LANES]> {
+    pub(super) fn heights_and_slopes(&self, points: &[DVec2; LANES], count: usize) -> Option<[(f64, DVec2); LANES]> {
         let mut felt = [(0.0, DVec2::ZERO); LANES];
         let Ground::Polynomial(polynomial) = &self.scene.ground else {
             for (felt, at) in felt.iter_mut().zip(points).take(count) {
@@ -67,7 +67,7 @@ impl<'a> Surface<'a> {
     }
 
     /// The ground at (x, y); `None` outside the yard, or where the ground is not finite.
-    pub fn touch(&self, x_m: f64, y_m: f64) -> Option<WheelContact> {
+    pub(super) fn touch(&self, x_m: f64, y_m: f64) -> Option<WheelContact> {
         if !self.scene.contains(x_m, y_m) {
             return None;
         }

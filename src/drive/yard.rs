@@ -54,7 +54,7 @@ impl<'a> ObstacleBound<'a> {
 }
 
 impl<'a> Yard<'a> {
-    pub fn new(scene: &'a Scene, rover: &Rover) -> Yard<'a> {
+    pub(super) fn new(scene: &'a Scene, rover: &Rover) -> Yard<'a> {
         let mast_m = rover.mount.z_m + HEADROOM_M;
         let porous = scene.volumes.iter().filter(|v| v.untraversable).filter(|v| {
             let below_m = scene.ground_below_m(v.centre_m.x, v.centre_m.y);
@@ -116,12 +116,12 @@ impl<'a> Yard<'a> {
     }
 
     /// All outlines, in the order of the scene; makes them.
-    pub fn outlines(&self) -> impl Iterator<Item = &Outline> {
+    pub(super) fn outlines(&self) -> impl Iterator<Item = &Outline> {
         (0..self.obstacles.len()).filter_map(|k| self.outline(k))
     }
 
     /// Whether a convex shape (a point, a line or a polygon) lies in the yard and keeps more than `distance_m` from every outline.
-    pub fn clear(&self, shape: &[DVec2], distance_m: f64) -> bool {
+    pub(super) fn clear(&self, shape: &[DVec2], distance_m: f64) -> bool {
         let (low, high) = bounds(shape, 0.0);
         let inside = low.min_element() >= 0.0 && high.max_element() <= self.extent_m;
         let grown = DVec2::splat(distance_m + self.within_m);
@@ -144,17 +144,17 @@ impl<'a> Yard<'a> {
     }
 
     /// Whether a point lies in the yard, at least `margin_m` from its edge.
-    pub fn inside(&self, point: DVec2, margin_m: f64) -> bool {
+    pub(super) fn inside(&self, point: DVec2, margin_m: f64) -> bool {
         point.min_element() >= margin_m && point.max_element() <= self.extent_m - margin_m
     }
 
     /// Whether a circle lies in the yard and clear of every outline.
-    pub fn clear_circle(&self, centre: DVec2, radius_m: f64) -> bool {
+    pub(super) fn clear_circle(&self, centre: DVec2, radius_m: f64) -> bool {
         self.inside(centre, radius_m) && self.clear(&[centre], radius_m)
     }
 
     /// The nearest outline to a point: its surface's distance (0 inside), and its nearest point.
-    pub fn nearest(&self, point: DVec2) -> Option<(f64, DVec2)> {
+    pub(super) fn nearest(&self, point: DVec2) -> Option<(f64, DVec2)> {
         let mut best: Option<(f64, DVec2)> = None;
         for outline in self.outlines() {
             let (low, high) = bounds(&outline.corners_m, outline.radius_m);

@@ -174,6 +174,6 @@ impl Plan {
 }
 
 /// The hash of a kind of yard: scenes of equal number and kind stand on the same ground, whatever drives and scans them.
-pub fn yard_kind(seed: u64, scene_section: &Json) -> String {
+pub(crate) fn yard_kind(seed: u64, scene_section: &Json) -> String {
     blake3::hash(serde_json::json!({"seed": seed, "scene": scene_section}).to_string().as_bytes()).to_hex().to_string()
 }

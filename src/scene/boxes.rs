@@ -29,7 +29,7 @@ pub(super) fn build(params: &BoxesParams, drawn: &Drawn, streams: &Streams, scen
 }
 
 /// A cuboid on the ground, down to its lowest point below the footprint.
-pub fn standing(scene: &Scene, centre_m: DVec2, half_m: DVec2, height_m: f64, yaw_rad: f64) -> Convex {
+pub(super) fn standing(scene: &Scene, centre_m: DVec2, half_m: DVec2, height_m: f64, yaw_rad: f64) -> Convex {
     let (sin, cos) = math::sin_cos(yaw_rad);
     let (along, across) = (DVec2::new(cos, sin) * half_m.x, DVec2::new(-sin, cos) * half_m.y);
     let share = |k: i32| f64::from(2 * k - PROBES) / f64::from(PROBES);

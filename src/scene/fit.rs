@@ -11,7 +11,7 @@ use super::legendre::{self, MAX_DEGREE, Row};
 use super::polynomial::{FIT_MARGIN, Polynomial, terms};
 
 /// Nodes per side that hold the condition of every degree: more where the field is rough.
-pub const MIN_NODES: usize = 64;
+pub(super) const MIN_NODES: usize = 64;
 
 /// Columns q_0 ... q_n over the nodes, and the upper triangle R^-1 with q_i = sum over a <= i of p_a R^-1[a][i].
 struct Orthonormal {
@@ -89,7 +89,12 @@ impl Polynomial {
     }
 
     /// The least-squares polynomial of a surface given as a function of world x and y on the fitted square.
-    pub fn fit_surface(extent_m: f64, degree: usize, nodes: usize, height_m: impl Fn(f64, f64) -> f64) -> Polynomial {
+    pub(crate) fn fit_surface(
+        extent_m: f64,
+        degree: usize,
+        nodes: usize,
+        height_m: impl Fn(f64, f64) -> f64,
+    ) -> Polynomial {
         let place = |k: usize| 0.5 * extent_m * (1.0 + FIT_MARGIN * middle(k, nodes));
         let heights_m: Vec<f64> = (0..nodes * nodes).map(|k| height_m(place(k % nodes), place(k / nodes))).collect();
         Polynomial::fit(extent_m, degree, nodes, &heights_m)

@@ -15,7 +15,7 @@ const EULER_GAMMA: f64 = 0.577_215_664_901_532_9;
 
 /// The size-frequency law of one abundance.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Golombek {
+pub(crate) struct Golombek {
     abundance: f64,
     /// q, per metre.
     decay_per_m: f64,
@@ -23,19 +23,19 @@ pub struct Golombek {
 
 impl Golombek {
     /// The law of a share k > 0 of covered ground.
-    pub fn of(abundance: f64) -> Golombek {
+    pub(crate) fn of(abundance: f64) -> Golombek {
         Golombek { abundance, decay_per_m: 1.79 + 0.152 / abundance }
     }
 
     /// Rocks per square metre with a diameter above the given one.
-    pub fn rocks_per_m2_above(&self, diameter_m: f64) -> f64 {
+    pub(crate) fn rocks_per_m2_above(&self, diameter_m: f64) -> f64 {
         let x = self.decay_per_m * diameter_m;
         let scale = 4.0 * self.abundance * self.decay_per_m / PI;
         scale * (math::exp(-x) / diameter_m - self.decay_per_m * exponential_integral(x)).max(0.0)
     }
 
     /// The diameter that a share `u` in (0, 1) of the rocks between two diameters exceeds.
-    pub fn diameter_m(&self, u: f64, min_m: f64, max_m: f64) -> f64 {
+    pub(crate) fn diameter_m(&self, u: f64, min_m: f64, max_m: f64) -> f64 {
         let (most, least) = (self.rocks_per_m2_above(min_m), self.rocks_per_m2_above(max_m));
         let wanted = least + u * (most - least);
         // Newton in ln D, held inside a bracket that halves where a step leaves it.

@@ -246,7 +246,7 @@ impl Convex {
     }
 
     /// The body with its vertices moved by an affine map that keeps handedness.
-    pub fn mapped(&self, map: impl Fn(DVec3) -> DVec3) -> Convex {
+    pub(crate) fn mapped(&self, map: impl Fn(DVec3) -> DVec3) -> Convex {
         Convex::from_faces(self.vertices_m.iter().map(|v| map(*v)).collect(), self.faces.clone())
     }
 
@@ -271,7 +271,7 @@ impl Convex {
     }
 
     /// Centre and radius of a sphere around the body: about the middle of its bounding box.
-    pub fn bounding_sphere(&self) -> (DVec3, f64) {
+    pub(crate) fn bounding_sphere(&self) -> (DVec3, f64) {
         let low = self.vertices_m.iter().fold(DVec3::INFINITY, |low, v| low.min(*v));
         let high = self.vertices_m.iter().fold(DVec3::NEG_INFINITY, |high, v| high.max(*v));
         let centre = 0.5 * (low + high);

@@ -6,7 +6,7 @@
 //! Source: DLMF 18.9 (three-term recurrence).
 
 /// The highest degree a ground may have.
-pub const MAX_DEGREE: usize = 12;
+pub(crate) const MAX_DEGREE: usize = 12;
 
 /// One value per degree 0 ..= MAX_DEGREE.
 pub(super) type Row = [f64; MAX_DEGREE + 1];
@@ -87,20 +87,20 @@ pub(super) struct Slopes<const N: usize> {
 impl<const N: usize> Slopes<N> {
     /// At degree 0.
     #[inline(always)]
-    pub fn new() -> Slopes<N> {
+    pub(super) fn new() -> Slopes<N> {
         Slopes { degree: 0, value: [1.0; N], value1: [0.0; N], slope: [0.0; N], slope1: [0.0; N] }
     }
 
     /// The value and the derivative of this degree.
     #[inline(always)]
-    pub fn get(&self) -> [[f64; N]; 2] {
+    pub(super) fn get(&self) -> [[f64; N]; 2] {
         let norm = NORM[self.degree];
         [self.value.map(|value| value * norm), self.slope.map(|slope| slope * norm)]
     }
 
     /// On to the next degree, at the places `u`.
     #[inline(always)]
-    pub fn step(&mut self, u: &[f64; N]) {
+    pub(super) fn step(&mut self, u: &[f64; N]) {
         let (a, b) = RECURRENCE[self.degree];
         let (value1, slope1) = (self.value, self.slope);
         for l in 0..N {

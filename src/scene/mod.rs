@@ -23,7 +23,7 @@
 //! assert!((normal - DVec3::new(-0.2, 0.0, 1.0).normalize()).length() < 1e-12);
 //! ```
 
-pub mod boxes;
+mod boxes;
 mod digest;
 #[cfg(test)]
 mod extremes;
@@ -44,9 +44,8 @@ mod trees;
 mod vegetation;
 
 pub use field::RandomField;
-pub use golombek::Golombek;
 pub use hull::{Convex, Plane};
-pub use legendre::MAX_DEGREE;
+pub(crate) use legendre::MAX_DEGREE;
 pub use objects::{Body, Class, Cylinder, Object, Obstacle, Patch, Shape, Volume};
 pub use params::SceneParams;
 pub use polynomial::Polynomial;

@@ -139,7 +139,7 @@ impl Obstacle {
 
     /// Whether all of it is farther than `reach_m` from a point, seen from above; without asking for the body.
     #[inline]
-    pub fn is_beyond(&self, point_m: DVec2, reach_m: f64) -> bool {
+    pub(crate) fn is_beyond(&self, point_m: DVec2, reach_m: f64) -> bool {
         // A hair of slack, so that rounding never hides a thing that is just in reach.
         let limit_m = (reach_m + self.within_m) * (1.0 + 1e-9) + 1e-12 * point_m.abs().max_element();
         (self.middle_m - point_m).length_squared() > limit_m * limit_m
@@ -154,7 +154,7 @@ impl fmt::Debug for Obstacle {
 
 impl Shape {
     /// Centre and radius of a sphere around the body.
-    pub fn bounding_sphere(&self) -> (DVec3, f64) {
+    pub(crate) fn bounding_sphere(&self) -> (DVec3, f64) {
         match self {
             Shape::Convex(convex) => convex.bounding_sphere(),
             Shape::Cylinder(cylinder) => {

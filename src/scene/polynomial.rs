@@ -107,7 +107,7 @@ impl Polynomial {
     ///
     /// Inlined, so that it takes on the instruction set of its caller (see [`crate::wide`]).
     #[inline(always)]
-    pub fn heights_and_gradients(&self, x_m: &[f64; LANES], y_m: &[f64; LANES]) -> [[f64; LANES]; 3] {
+    pub(crate) fn heights_and_gradients(&self, x_m: &[f64; LANES], y_m: &[f64; LANES]) -> [[f64; LANES]; 3] {
         // Memory for what the degree needs: to clear that for degree 12 would take as long as the sums of degree 5.
         if self.degree <= 6 { self.by_lanes::<7>(x_m, y_m) } else { self.by_lanes::<{ MAX_DEGREE + 1 }>(x_m, y_m) }
     }
@@ -149,7 +149,7 @@ impl Polynomial {
     }
 
     /// Second derivatives (xx, xy, yy) at a world point, per metre.
-    pub fn hessian(&self, x_m: f64, y_m: f64) -> [f64; 3] {
+    pub(crate) fn hessian(&self, x_m: f64, y_m: f64) -> [f64; 3] {
         let (u, v) = self.local(x_m, y_m);
         let [p, dp, ddp] = legendre::derivatives(self.degree, u);
         let [q, dq, ddq] = legendre::derivatives(self.degree, v);
@@ -166,14 +166,14 @@ impl Polynomial {
     }
 
     /// Coefficients t_kl of z(x + dx, y + dy) = sum of t_kl dx^k dy^l, metres, in the order of `terms(degree)`.
-    pub fn taylor_at(&self, x_m: f64, y_m: f64) -> Vec<f64> {
+    pub(crate) fn taylor_at(&self, x_m: f64, y_m: f64) -> Vec<f64> {
         let mut out = vec![0.0; self.coefficients.len()];
         self.taylor_into(x_m, y_m, &mut out);
         out
     }
 
     /// `taylor_at` into a slice of `term_count(degree)` places.
-    pub fn taylor_into(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
+    pub(crate) fn taylor_into(&self, x_m: f64, y_m: f64, out: &mut [f64]) {
         let n = self.degree;
         let (u, v) = self.local(x_m, y_m);
         let (a, b) = (legendre::taylor_rows(n, u), legendre::taylor_rows(n, v));

@@ -100,7 +100,7 @@ impl Raster {
     }
 
     /// The steepest slope, as rise over run: exact, since the squared slope is convex in each cell and so greatest at a corner.
-    pub fn max_slope(&self) -> f64 {
+    pub(crate) fn max_slope(&self) -> f64 {
         let mut steepest = 0.0_f64;
         for row in 0..self.rows - 1 {
             let (south, north) = (&self.heights_m[row * self.cols..], &self.heights_m[(row + 1) * self.cols..]);

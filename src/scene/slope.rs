@@ -24,7 +24,7 @@ const HALVINGS: u32 = 24;
 
 impl Polynomial {
     /// The steepest slope in the yard as rise over run: a bound from above, at most 0.2 % too high.
-    pub fn max_slope(&self) -> f64 {
+    pub(crate) fn max_slope(&self) -> f64 {
         let yard_m = 2.0 * self.half_m / FIT_MARGIN;
         let corner = self.centre_m - DVec2::splat(0.5 * yard_m);
         let mut steepest = 0.0_f64;

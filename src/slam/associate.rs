@@ -11,15 +11,15 @@ use super::particle::{Feature, Observation, Particle};
 use crate::math;
 
 /// Chi-square of three degrees of freedom at 99 %.
-pub const GATE: f64 = 11.34;
+pub(super) const GATE: f64 = 11.34;
 /// A feature is new beyond this distance squared from every landmark; between the two nothing is said.
-pub const NEW_BEYOND: f64 = 25.0;
+pub(super) const NEW_BEYOND: f64 = 25.0;
 /// Two landmarks are told apart from this ratio of likelihoods on.
 const LN_RATIO: f64 = 1.098_612_288_668_109_8;
 
 /// A landmark judged against a feature.
 #[derive(Default)]
-pub struct Candidate {
+pub(super) struct Candidate {
     pub index: usize,
     pub by_pose: Matrix<3, 6>,
     /// The same times the pose's covariance.
@@ -40,10 +40,10 @@ impl Candidate {
 }
 
 /// The best landmark so far and the next one.
-pub type Pair = [Candidate; 2];
+pub(super) type Pair = [Candidate; 2];
 
 /// What a feature turns out to be.
-pub enum AssociationResult {
+pub(super) enum AssociationResult {
     /// Of which of the pair, and `ln_likelihood` without the density's constant.
     Match {
         slot: usize,
@@ -61,7 +61,7 @@ pub enum AssociationResult {
 impl Particle {
     /// Which landmark a feature is, if any. `pair` is scratch to judge in.
     #[inline(always)]
-    pub fn associate(
+    pub(super) fn associate(
         &self,
         observation: &Observation,
         view: &SensorView,
@@ -130,7 +130,7 @@ impl Particle {
 
     /// What the range of a feature says of landmarks.
     #[inline(always)]
-    pub fn ring(&self, polar: &Polar, view: &SensorView, noise: &Matrix<3, 3>) -> RangeGate {
+    pub(super) fn ring(&self, polar: &Polar, view: &SensorView, noise: &Matrix<3, 3>) -> RangeGate {
         let p = &self.belief.covariance;
         RangeGate {
             range_m: polar[0],
@@ -145,7 +145,7 @@ impl Particle {
     /// Judges a landmark; false where it cannot be judged, or where the range's part of the distance squared, which is a sum of
     /// squares, is beyond `limit` by itself: that saves most of those two arc tangents.
     #[inline(always)]
-    pub fn judge(
+    pub(super) fn judge(
         &self,
         index: usize,
         feature: &Feature,

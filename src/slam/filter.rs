@@ -34,7 +34,7 @@ const FEW_ANCESTORS: usize = 3;
 
 /// Mean and covariance of the whole cloud, and how good it is; position relative to the start.
 #[derive(Clone, Debug)]
-pub struct ParticleMoments {
+pub(super) struct ParticleMoments {
     pub mean: Vector<6>,
     pub covariance: Matrix<6, 6>,
     pub effective_samples: f64,
@@ -42,7 +42,7 @@ pub struct ParticleMoments {
 
 /// What the last sweep brought; of matches and landmarks, the likeliest particle's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ScanCounts {
+pub(super) struct ScanCounts {
     pub features: u32,
     pub matched: u32,
     pub new_landmarks: u32,
@@ -51,7 +51,7 @@ pub struct ScanCounts {
 
 /// A cloud of particles.
 #[derive(Clone, Debug)]
-pub struct Filter {
+pub(super) struct Filter {
     particles: Vec<Particle>,
     spare: Vec<Particle>,
     started: bool,
@@ -74,7 +74,12 @@ pub struct Filter {
 
 impl Filter {
     /// `attitude`: roll, pitch and yaw believed until the first reading replaces them.
-    pub fn new(params: &FastslamParams, noise: &InstrumentNoise, attitude: Vector<3>, mounting: Mounting) -> Filter {
+    pub(super) fn new(
+        params: &FastslamParams,
+        noise: &InstrumentNoise,
+        attitude: Vector<3>,
+        mounting: Mounting,
+    ) -> Filter {
         let count = params.particles as usize;
         let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
         let belief = GaussianPose { mean, ..GaussianPose::default() };
@@ -106,7 +111,7 @@ impl Filter {
     }
 
     /// One control step and the angles read after it.
-    pub fn step(&mut self, reading: &Reading) {
+    pub(super) fn step(&mut self, reading: &Reading) {
         self.at_sweep = None;
         match Control::of(reading) {
             Some(control) => {
@@ -165,12 +170,12 @@ impl Filter {
     }
 
     /// The particles' weights; they sum to 1.
-    pub fn weights(&self) -> Vec<f64> {
+    pub(super) fn weights(&self) -> Vec<f64> {
         exponentials(self.particles.iter().map(|p| p.log_weight).collect())
     }
 
     /// Mean and variance of one angle over the cloud.
-    pub fn angle(&self, component: usize) -> (f64, f64) {
+    pub(super) fn angle(&self, component: usize) -> (f64, f64) {
         let reference = self.particles[0].belief.mean[component];
         // Within a step the weights are not normalised, and their logarithms may be large.
         let most = self.particles[self.likeliest()].log_weight;
@@ -188,7 +193,7 @@ impl Filter {
     }
 
     /// A sweep's features and where it looked. The streams stand at the step.
-    pub fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
+    pub(super) fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
         let features = self.choose(found);
         let prior = self.weights();
         let mut scratch = Scratch::default();
@@ -319,38 +324,38 @@ impl Filter {
     }
 
     /// The belief now: right after a sweep that of before the draw, whose variance is lower.
-    pub fn believed(&self) -> ParticleMoments {
+    pub(super) fn believed(&self) -> ParticleMoments {
         self.at_sweep.clone().unwrap_or_else(|| self.mixture())
     }
 
-    pub fn scan(&self) -> ScanCounts {
+    pub(super) fn scan(&self) -> ScanCounts {
         self.scan
     }
 
-    pub fn counters(&self) -> Counters {
+    pub(super) fn counters(&self) -> Counters {
         self.counters
     }
 
     /// Matched no feature for more than two stops.
-    pub fn lost(&self) -> bool {
+    pub(super) fn lost(&self) -> bool {
         self.stops_without_match > 2 || !self.drew
     }
 
-    pub fn mean_innovation(&self) -> Option<f64> {
+    pub(super) fn mean_innovation(&self) -> Option<f64> {
         self.mean_innovation
     }
 
-    pub fn ancestors(&self) -> usize {
+    pub(super) fn ancestors(&self) -> usize {
         self.ancestry.distinct()
     }
 
     /// Too few ancestors are left for the positions' spread to mean much.
-    pub fn optimistic(&self) -> bool {
+    pub(super) fn optimistic(&self) -> bool {
         self.drew && self.ancestors() < FEW_ANCESTORS
     }
 
     /// Pose and map of the likeliest particle, relative to the start.
-    pub fn best(&self) -> (&Vector<6>, &[Landmark]) {
+    pub(super) fn best(&self) -> (&Vector<6>, &[Landmark]) {
         let particle = &self.particles[self.likeliest()];
         (&particle.belief.mean, &particle.landmarks)
     }

@@ -17,7 +17,7 @@ const SLACK: f64 = 1.001;
 
 /// A particle's landmarks by coordinate.
 #[derive(Default)]
-pub struct LandmarkIndex {
+pub(super) struct LandmarkIndex {
     blocks: Vec<[[f64; LANES]; 3]>,
     near: Vec<u32>,
 }
@@ -25,7 +25,7 @@ pub struct LandmarkIndex {
 impl LandmarkIndex {
     /// Takes in a map; the last one's memory serves again.
     #[inline(always)]
-    pub fn fill(&mut self, landmarks: &[Landmark]) {
+    pub(super) fn fill(&mut self, landmarks: &[Landmark]) {
         self.blocks.clear();
         for landmarks in landmarks.chunks(LANES) {
             // Padding entries are NaN, so that no comparison selects them.
@@ -42,7 +42,7 @@ impl LandmarkIndex {
 
     /// Those within `reach_m` of a place, by number.
     #[inline(always)]
-    pub fn within(&mut self, reach_m: f64, place: &Vector<3>) -> &[u32] {
+    pub(super) fn within(&mut self, reach_m: f64, place: &Vector<3>) -> &[u32] {
         let reach_m2 = reach_m * reach_m;
         let mut count = 0;
         for (block, first) in self.blocks.iter().zip((0..).step_by(LANES)) {
@@ -63,7 +63,7 @@ impl LandmarkIndex {
 }
 
 /// What a range says of landmarks, from one belief of the pose.
-pub struct RangeGate {
+pub(super) struct RangeGate {
     pub range_m: f64,
     /// Variance of the range.
     pub variance_m2: f64,
@@ -81,7 +81,7 @@ impl RangeGate {
     /// Its variance is h P h' + u C u' + R. Here u is a unit vector, so that u C u' is at most the trace of C; h is -u by the
     /// position, and by an angle at most lever (1 + lever / range): the range is from the rover's origin but for the lever.
     #[inline(always)]
-    pub fn rules_out(&self, landmark: &Landmark) -> bool {
+    pub(super) fn rules_out(&self, landmark: &Landmark) -> bool {
         let mut apart_m = landmark.mean_m;
         for i in 0..3 {
             apart_m[i] -= self.sensor_m[i];

@@ -10,7 +10,7 @@ use super::matrix::{Matrix, Vector, product, product_across, solve, sum, symmetr
 
 /// Updates a belief by a measurement of slopes `h` and of noise `noise`. `pull` is H P, and `factor` that of H P H' + the noise.
 #[inline(always)]
-pub fn update<const N: usize>(
+pub(super) fn update<const N: usize>(
     (mean, covariance): (&mut Vector<N>, &mut Matrix<N, N>),
     h: &Matrix<3, N>,
     pull: &Matrix<3, N>,

@@ -30,7 +30,7 @@ pub fn product<const R: usize, const K: usize, const C: usize>(a: &Matrix<R, K>,
 
 /// a' b.
 #[inline(always)]
-pub fn product_across<const K: usize, const R: usize, const C: usize>(
+pub(crate) fn product_across<const K: usize, const R: usize, const C: usize>(
     a: &Matrix<K, R>,
     b: &Matrix<K, C>,
 ) -> Matrix<R, C> {
@@ -93,7 +93,7 @@ pub fn diagonal<const N: usize>(d: &Vector<N>) -> Matrix<N, N> {
 
 /// Replaces a by (a + a') / 2.
 #[inline(always)]
-pub fn symmetrise<const N: usize>(a: &mut Matrix<N, N>) {
+pub(crate) fn symmetrise<const N: usize>(a: &mut Matrix<N, N>) {
     for r in 0..N {
         for c in 0..r {
             let mean = 0.5 * (a[r][c] + a[c][r]);
@@ -132,7 +132,7 @@ pub fn cholesky<const N: usize>(a: &Matrix<N, N>) -> Option<Matrix<N, N>> {
 ///
 /// Covariances are singular right after a step (noise of rank 2 in six dimensions); adding jitter instead would draw noise
 /// that nothing caused.
-pub fn cholesky_clamped<const N: usize>(a: &Matrix<N, N>) -> Matrix<N, N> {
+pub(crate) fn cholesky_clamped<const N: usize>(a: &Matrix<N, N>) -> Matrix<N, N> {
     let mut l = [[0.0; N]; N];
     for c in 0..N {
         let mut pivot = a[c][c];
@@ -157,7 +157,7 @@ pub fn cholesky_clamped<const N: usize>(a: &Matrix<N, N>) -> Matrix<N, N> {
 
 /// The columns x with L L' x = b, for each column b.
 #[inline(always)]
-pub fn solve<const N: usize, const C: usize>(l: &Matrix<N, N>, b: &Matrix<N, C>) -> Matrix<N, C> {
+pub(crate) fn solve<const N: usize, const C: usize>(l: &Matrix<N, N>, b: &Matrix<N, C>) -> Matrix<N, C> {
     let mut x = *b;
     for r in 0..N {
         for k in 0..r {
@@ -197,7 +197,7 @@ pub fn half_solve<const N: usize>(l: &Matrix<N, N>, b: &Vector<N>) -> Vector<N> 
 
 /// ln |L L'|, with one logarithm.
 #[inline(always)]
-pub fn ln_determinant<const N: usize>(l: &Matrix<N, N>) -> f64 {
+pub(crate) fn ln_determinant<const N: usize>(l: &Matrix<N, N>) -> f64 {
     let mut root = 1.0;
     for i in 0..N {
         root *= l[i][i];

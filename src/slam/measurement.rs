@@ -12,9 +12,9 @@ use crate::geometry::Transform;
 use crate::math;
 
 /// Nearer than this a bearing means nothing.
-pub const LEAST_RANGE_M: f64 = 0.2;
+pub(crate) const LEAST_RANGE_M: f64 = 0.2;
 /// Steeper than this a bearing means nothing: 85 degrees.
-pub const MOST_ELEVATION_RAD: f64 = 85.0 / 180.0 * std::f64::consts::PI;
+pub(crate) const MOST_ELEVATION_RAD: f64 = 85.0 / 180.0 * std::f64::consts::PI;
 
 /// Range, bearing, elevation.
 pub type Polar = Vector<3>;
@@ -81,7 +81,7 @@ pub struct SensorView {
 }
 
 /// The point of a measurement in the sensor frame.
-pub fn point_m(polar: &Polar) -> Vector<3> {
+pub(crate) fn point_m(polar: &Polar) -> Vector<3> {
     let [range, bearing, elevation] = *polar;
     let (sb, cb) = math::sin_cos(bearing);
     let (se, ce) = math::sin_cos(elevation);
@@ -196,7 +196,7 @@ impl SensorView {
 
     /// How far the sensor sits from the rover's origin, metres.
     #[inline(always)]
-    pub fn lever_m(&self) -> f64 {
+    pub(crate) fn lever_m(&self) -> f64 {
         square(&self.offset_m).sqrt()
     }
 
@@ -245,7 +245,7 @@ pub fn innovation(measured: &Polar, predicted: &Polar) -> Vector<3> {
 }
 
 /// Whether a measurement can be used at all; decided once, for all particles alike.
-pub fn usable(polar: &Polar) -> bool {
+pub(crate) fn usable(polar: &Polar) -> bool {
     polar.iter().all(|v| v.is_finite()) && polar[0] >= LEAST_RANGE_M && polar[2].abs() <= MOST_ELEVATION_RAD
 }
 

@@ -56,18 +56,18 @@
 
 mod associate;
 pub mod features;
-pub mod filter;
+mod filter;
 mod gating;
 mod kalman;
 pub mod matrix;
 pub mod measurement;
 pub mod motion;
 pub mod params;
-pub mod particle;
+mod particle;
 mod per_particle;
 mod tum;
-pub mod visibility;
-pub mod weights;
+mod visibility;
+mod weights;
 
 pub use params::{FastslamParams, SlamParams, SurrogateParams};
 pub use particle::{Feature, Landmark};

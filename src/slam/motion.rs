@@ -14,9 +14,9 @@ use crate::drive::{InstrumentNoise, Reading};
 use crate::math;
 
 /// Indices of the state.
-pub const ROLL: usize = 3;
-pub const PITCH: usize = 4;
-pub const YAW: usize = 5;
+pub(crate) const ROLL: usize = 3;
+pub(crate) const PITCH: usize = 4;
+pub(crate) const YAW: usize = 5;
 
 /// Sideways and vertical slip, metres per square root of a metre.
 const LATERAL_M_PER_SQRT_M: f64 = 0.02;
@@ -79,7 +79,7 @@ impl MotionNoise {
 }
 
 /// The standard deviation that slam works with for an angle that an instrument states as `sigma_rad`.
-pub fn angle_sigma_rad(sigma_rad: f64) -> f64 {
+pub(crate) fn angle_sigma_rad(sigma_rad: f64) -> f64 {
     sigma_rad.max(LEAST_ANGLE_RAD)
 }
 
@@ -135,7 +135,7 @@ impl GaussianPose {
 
     /// Kalman update by a direct reading of one angle; returns the logarithm of the reading's likelihood.
     #[inline(always)]
-    pub fn read_angle(&mut self, component: usize, reading_rad: f64, variance_rad2: f64) -> f64 {
+    pub(crate) fn read_angle(&mut self, component: usize, reading_rad: f64, variance_rad2: f64) -> f64 {
         let p = &mut self.covariance;
         let spread = p[component][component] + variance_rad2;
         let innovation = math::wrap_angle(reading_rad - self.mean[component]);
@@ -154,7 +154,7 @@ impl GaussianPose {
 
     /// Brings roll and yaw back to (-pi, pi].
     #[inline(always)]
-    pub fn wrap(&mut self) {
+    pub(crate) fn wrap(&mut self) {
         self.mean[ROLL] = math::wrap_angle(self.mean[ROLL]);
         self.mean[YAW] = math::wrap_angle(self.mean[YAW]);
     }

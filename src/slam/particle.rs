@@ -32,14 +32,14 @@ pub struct Feature {
 
 /// A feature that was chosen, with what all particles need of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation {
+pub(super) struct Observation {
     pub feature: Feature,
     /// Its point in the sensor frame.
     pub point_m: Vector<3>,
 }
 
 impl Observation {
-    pub fn new(feature: Feature) -> Observation {
+    pub(super) fn new(feature: Feature) -> Observation {
         Observation { feature, point_m: measurement::point_m(&feature.polar) }
     }
 }
@@ -56,7 +56,7 @@ pub struct Landmark {
 
 /// What a particle took a feature for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Association {
+pub(super) enum Association {
     Matched(usize),
     New,
     /// Near a landmark but not near enough, or near two; the less likely of the two.
@@ -65,7 +65,7 @@ pub enum Association {
 
 /// One belief of pose and map.
 #[derive(Debug, Default)]
-pub struct Particle {
+pub(super) struct Particle {
     pub belief: GaussianPose,
     pub log_weight: f64,
     pub landmarks: Vec<Landmark>,
@@ -81,7 +81,7 @@ const EXISTENCE_MISSED: f64 = -0.4;
 const EXISTENCE_BOUNDS: (f64, f64) = (-2.0, 4.0);
 const EXISTENCE_DELETE: f64 = -1.0;
 /// Landmarks above this are counted as there.
-pub const EXISTENCE_SURE: f64 = 0.8;
+pub(super) const EXISTENCE_SURE: f64 = 0.8;
 
 impl Default for GaussianPose {
     fn default() -> Self {
@@ -107,7 +107,7 @@ impl Clone for Particle {
 }
 
 /// A sweep's features, and what all particles need to take them in.
-pub struct SweepObservations<'a> {
+pub(super) struct SweepObservations<'a> {
     pub observations: &'a [Observation],
     pub variances: &'a Vector<3>,
     pub mounting: &'a Mounting,
@@ -115,7 +115,7 @@ pub struct SweepObservations<'a> {
 
 /// What a particle needs while it takes in a sweep; serves one after the other.
 #[derive(Default)]
-pub struct Scratch {
+pub(super) struct Scratch {
     places: LandmarkIndex,
     pair: Pair,
     /// Landmarks that a feature was given to.
@@ -135,7 +135,7 @@ impl Particle {
     /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
     /// log term a feature whatever becomes of it, so that particles stay comparable.
     #[inline(always)]
-    pub fn update_pose(
+    pub(super) fn update_pose(
         &mut self,
         &SweepObservations { observations, variances, mounting }: &SweepObservations,
         scratch: &mut Scratch,
@@ -192,7 +192,7 @@ impl Particle {
     }
 
     /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly.
-    pub fn sample_pose(&mut self, normals: &Vector<6>) {
+    pub(super) fn sample_pose(&mut self, normals: &Vector<6>) {
         let factor = super::matrix::cholesky_clamped(&self.belief.covariance);
         let step = apply(&factor, normals);
         for (mean, by) in self.belief.mean.iter_mut().zip(step) {
@@ -204,7 +204,7 @@ impl Particle {
 
     /// Updates the landmarks from the pose as it now is: matches, newcomers, what should have been seen.
     #[inline(always)]
-    pub fn update_map(
+    pub(super) fn update_map(
         &mut self,
         &SweepObservations { observations, variances, mounting }: &SweepObservations,
         visibility: &Visibility,

@@ -9,7 +9,7 @@ use super::visibility::Visibility;
 use crate::wide::Work;
 
 /// [`GaussianPose::drive`](super::motion::GaussianPose::drive).
-pub struct Drive<'a> {
+pub(super) struct Drive<'a> {
     pub particles: &'a mut [Particle],
     pub control: Control,
     pub noise: &'a MotionNoise,
@@ -26,7 +26,7 @@ impl Work for Drive<'_> {
 }
 
 /// [`GaussianPose::read_angle`](super::motion::GaussianPose::read_angle), and its part of the weight.
-pub struct ReadAngle<'a> {
+pub(super) struct ReadAngle<'a> {
     pub particles: &'a mut [Particle],
     pub component: usize,
     pub angle_rad: f64,
@@ -44,7 +44,7 @@ impl Work for ReadAngle<'_> {
 }
 
 /// [`Particle::refine`].
-pub struct Refine<'a> {
+pub(super) struct Refine<'a> {
     pub particles: &'a mut [Particle],
     pub seen: SweepObservations<'a>,
     pub scratch: &'a mut Scratch,
@@ -61,7 +61,7 @@ impl Work for Refine<'_> {
 }
 
 /// [`Particle::chart`].
-pub struct Chart<'a> {
+pub(super) struct Chart<'a> {
     pub particles: &'a mut [Particle],
     pub seen: SweepObservations<'a>,
     pub visibility: &'a Visibility<'a>,

@@ -33,7 +33,7 @@ enum Reach<'s> {
 
 /// The beams of a pattern, bin by bin.
 #[derive(Debug)]
-pub struct Bins {
+pub(crate) struct Bins {
     /// Where the slots of each bin begin, and where the last one's end.
     starts: Vec<u32>,
     slots: Vec<u32>,
@@ -41,7 +41,7 @@ pub struct Bins {
 
 impl Bins {
     /// Of a pattern; the same as last time while the pattern lives.
-    pub fn of(pattern: &Arc<Pattern>) -> Arc<Bins> {
+    pub(crate) fn of(pattern: &Arc<Pattern>) -> Arc<Bins> {
         static KNOWN: Mutex<Vec<(Weak<Pattern>, Arc<Bins>)>> = Mutex::new(Vec::new());
         // A thread that panicked while it held the list has left it whole.
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
@@ -79,7 +79,7 @@ impl Bins {
 
 /// The bin of a direction (of any length but 0).
 #[inline]
-pub fn direction_bin(x: f64, y: f64, z: f64) -> usize {
+pub(super) fn direction_bin(x: f64, y: f64, z: f64) -> usize {
     let scale = 1.0 / (x.abs() + y.abs() + z.abs());
     let (mut u, mut v) = (x * scale, y * scale);
     if z < 0.0 {
@@ -105,7 +105,7 @@ impl<'s> Visibility<'s> {
     }
 
     /// What a sweep saw; `bins` are those of its pattern.
-    pub fn of_sweep(max_range_m: f64, returns: &'s Returns, bins: Arc<Bins>) -> Visibility<'s> {
+    pub(crate) fn of_sweep(max_range_m: f64, returns: &'s Returns, bins: Arc<Bins>) -> Visibility<'s> {
         Visibility { max_range_m, reach: Reach::Sweep(returns, bins) }
     }
 

@@ -7,7 +7,7 @@ use crate::math;
 use crate::wide::{LANES, Work, widest};
 
 /// Normalises in place to weights that sum to 1. All equal, and `false`, where no weight is left (all zero or not a number).
-pub fn normalise(log_weights: &mut [f64]) -> bool {
+pub(super) fn normalise(log_weights: &mut [f64]) -> bool {
     let most = log_weights.iter().copied().filter(|w| !w.is_nan()).fold(f64::NEG_INFINITY, f64::max);
     if most.is_infinite() {
         log_weights.fill(-math::ln(log_weights.len() as f64));
@@ -23,7 +23,7 @@ pub fn normalise(log_weights: &mut [f64]) -> bool {
 }
 
 /// e to the power of each.
-pub fn exponentials(mut logs: Vec<f64>) -> Vec<f64> {
+pub(super) fn exponentials(mut logs: Vec<f64>) -> Vec<f64> {
     widest(Exponentials(&mut logs));
     logs
 }
@@ -46,12 +46,12 @@ impl Work for Exponentials<'_> {
 }
 
 /// 1 / sum of squares: how many equally weighted particles would do as well.
-pub fn effective_samples(weights: &[f64]) -> f64 {
+pub(super) fn effective_samples(weights: &[f64]) -> f64 {
     1.0 / weights.iter().map(|w| w * w).sum::<f64>()
 }
 
 /// The parent of each of `weights.len()` offspring: particle k gets floor or ceil of N w_k of them. `start` lies in [0, 1).
-pub fn systematic(weights: &[f64], start: f64) -> Vec<u32> {
+pub(super) fn systematic(weights: &[f64], start: f64) -> Vec<u32> {
     let count = weights.len();
     let mut parents = Vec::with_capacity(count);
     let mut k = 0;
@@ -75,20 +75,20 @@ pub fn systematic(weights: &[f64], start: f64) -> Vec<u32> {
 
 /// The family tree of the particles: which of the first each descends from.
 #[derive(Clone, Debug)]
-pub struct Genealogy(Vec<u32>);
+pub(super) struct Genealogy(Vec<u32>);
 
 impl Genealogy {
-    pub fn new(particles: usize) -> Genealogy {
+    pub(super) fn new(particles: usize) -> Genealogy {
         Genealogy((0..particles as u32).collect())
     }
 
     /// A resampling: the parent of each particle.
-    pub fn record(&mut self, parents: &[u32]) {
+    pub(super) fn record(&mut self, parents: &[u32]) {
         self.0 = parents.iter().map(|&p| self.0[p as usize]).collect();
     }
 
     /// Distinct ancestors at the start. What the filter got wrong before the last common ancestor lived, no spread shows.
-    pub fn distinct(&self) -> usize {
+    pub(super) fn distinct(&self) -> usize {
         // Systematic resampling keeps the order: equal ancestors are neighbours.
         1 + self.0.windows(2).filter(|pair| pair[0] != pair[1]).count()
     }

@@ -4,7 +4,7 @@ use crate::random::{Stage, Streams};
 use crate::scene::{Ground, Polynomial, Scene};
 use crate::sweep::Sensor;
 
-pub const SHIPPED: [(&str, &str); 8] = [
+pub(super) const SHIPPED: [(&str, &str); 8] = [
     ("urg-04lx", include_str!("../../configs/sensors/urg-04lx.yaml")),
     ("utm-30lx", include_str!("../../configs/sensors/utm-30lx.yaml")),
     ("lms111", include_str!("../../configs/sensors/lms111.yaml")),
@@ -16,16 +16,16 @@ pub const SHIPPED: [(&str, &str); 8] = [
 ];
 
 /// A shipped sensor by name.
-pub fn shipped(name: &str) -> Sensor {
+pub(super) fn shipped(name: &str) -> Sensor {
     let (_, text) = SHIPPED.iter().find(|(shipped, _)| *shipped == name).expect("a shipped sensor");
     serde_saphyr::from_str(text).expect("a sensor")
 }
 
-pub fn streams(seed: u64) -> Streams {
+pub(super) fn streams(seed: u64) -> Streams {
     Streams { seed, scene: 0, attempt: 0, stage: Stage::Sweep, step: 0 }
 }
 
 /// 20 m of ground at height 0.
-pub fn flat_yard() -> Scene {
+pub(super) fn flat_yard() -> Scene {
     Scene::bare(20.0, Ground::Polynomial(Polynomial::flat(20.0)))
 }

@@ -52,7 +52,7 @@ pub(super) struct DropoutModel<'a> {
 
 impl<'a> DropoutModel<'a> {
     /// `None` where the effect is off.
-    pub fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<DropoutModel<'a>> {
+    pub(super) fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<DropoutModel<'a>> {
         let dropout = params.effects.dropout.as_ref()?;
         let ground = drawn[Purpose::SweepDropoutGround];
         Some(DropoutModel {
@@ -65,7 +65,7 @@ impl<'a> DropoutModel<'a> {
     }
 
     /// Takes the light of some slots away. The slots are those from `first` on; `draws` is room.
-    pub fn drop_out(
+    pub(super) fn drop_out(
         &mut self,
         first: usize,
         truth: &[TrueReturn],
@@ -94,7 +94,7 @@ pub(super) struct IntensityModel<'a> {
 
 impl<'a> IntensityModel<'a> {
     /// `None` where the effect is off.
-    pub fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<IntensityModel<'a>> {
+    pub(super) fn new(params: &'a SweepParams, drawn: &Drawn, streams: &Streams) -> Option<IntensityModel<'a>> {
         let intensity = params.effects.intensity.as_ref()?;
         let ground = drawn[Purpose::SweepIntensityGround];
         Some(IntensityModel {
@@ -105,7 +105,7 @@ impl<'a> IntensityModel<'a> {
     }
 
     /// Appends the intensities of the slots from `first` on; `draws` is room.
-    pub fn receive(
+    pub(super) fn receive(
         &mut self,
         first: usize,
         truth: &[TrueReturn],

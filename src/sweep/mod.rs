@@ -51,7 +51,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod cast;
+mod cast;
 #[cfg(test)]
 mod fixtures;
 mod footprint;

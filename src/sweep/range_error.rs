@@ -28,7 +28,7 @@ pub(super) struct RangeError {
 }
 
 impl RangeError {
-    pub fn new(sensor: &Sensor, effects: &Effects, drawn: &Drawn, streams: &Streams) -> RangeError {
+    pub(super) fn new(sensor: &Sensor, effects: &Effects, drawn: &Drawn, streams: &Streams) -> RangeError {
         let bias_sigma_m = effects.range_bias_m.as_ref().map(|_| drawn[Purpose::SweepBiasSigma]);
         let gates = effects.gates.as_ref();
         let mut error = RangeError {
@@ -49,13 +49,13 @@ impl RangeError {
     }
 
     /// How far a sensor with these gates looks, metres.
-    pub fn reach_m(sensor: &Sensor, effects: &Effects) -> f64 {
+    pub(super) fn reach_m(sensor: &Sensor, effects: &Effects) -> f64 {
         let gate_m = effects.gates.as_ref().and_then(|g| g.max_m).unwrap_or(0.0);
         sensor.max_range_m.max(gate_m)
     }
 
     /// Whether the noise grows with the incidence.
-    pub fn oblique(&self) -> bool {
+    pub(super) fn oblique(&self) -> bool {
         self.sigma_per_m_tan > 0.0
     }
 

@@ -80,7 +80,7 @@ impl Draws {
 
 impl Vegetation {
     /// Takes the part of the scene's vegetation that lies within reach.
-    pub fn reach(&mut self, scene: &Scene, origin_m: DVec3, reach_m: f64) {
+    pub(super) fn reach(&mut self, scene: &Scene, origin_m: DVec3, reach_m: f64) {
         let near_patch = |p: &&Patch| p.centre_m.distance(origin_m.truncate()) <= reach_m + p.radius_m;
         self.patches.clear();
         self.patches.extend(scene.patches.iter().filter(near_patch).copied());
@@ -97,12 +97,12 @@ impl Vegetation {
         }
     }
 
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.patches.is_empty() && self.volumes.is_empty()
     }
 
     /// Moves the returns of one block of rays.
-    pub fn scatter(&mut self, caster: &Caster, rays: &Rays, streams: &[Stream; 2], returns: &mut [TrueReturn]) {
+    pub(super) fn scatter(&mut self, caster: &Caster, rays: &Rays, streams: &[Stream; 2], returns: &mut [TrueReturn]) {
         debug_assert!(returns.len() <= BLOCK, "draws are made in blocks");
         self.scatter_patches(caster, rays, &streams[0], returns);
         self.scatter_volumes(rays, &streams[1], returns);

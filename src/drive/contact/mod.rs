@@ -13,8 +13,6 @@ mod residual;
 #[cfg(test)]
 mod tests;
 
-pub use nelder_mead::{Minimum, minimise};
-
 use super::linkage::Linkage;
 use super::params::ContactSolver;
 use super::surface::Surface;

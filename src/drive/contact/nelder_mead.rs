@@ -22,7 +22,7 @@ const MAX_EVALUATIONS: u32 = 4000;
 
 /// Where a search ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Minimum<const N: usize> {
+pub(super) struct Minimum<const N: usize> {
     pub at: [f64; N],
     pub value: f64,
     pub evaluations: u32,
@@ -65,7 +65,7 @@ fn search<const N: usize>(
 ///
 /// Ends when every vertex is within `tolerance` of the best one in each coordinate and within `value_tolerance` in value,
 /// or after `max_evaluations`. Infinite values are allowed; NaN counts as infinite.
-pub fn minimise<const N: usize>(
+pub(super) fn minimise<const N: usize>(
     f: impl Fn(&[f64; N]) -> f64,
     start: [f64; N],
     steps: [f64; N],

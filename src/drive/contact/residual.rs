@@ -34,22 +34,22 @@ pub(super) enum GroundDerivatives {
 }
 
 impl<'a> Problem<'a> {
-    pub fn new(linkage: &'a Linkage, surface: &'a Surface<'a>, x_m: f64, y_m: f64, yaw_rad: f64) -> Problem<'a> {
+    pub(super) fn new(linkage: &'a Linkage, surface: &'a Surface<'a>, x_m: f64, y_m: f64, yaw_rad: f64) -> Problem<'a> {
         let (sin, cos) = math::sin_cos(yaw_rad);
         Problem { linkage, surface, place_m: DVec2::new(x_m, y_m), ahead: DVec2::new(cos, sin) }
     }
 
     /// How many of the unknowns this chassis has.
-    pub fn unknowns(&self) -> usize {
+    pub(super) fn unknowns(&self) -> usize {
         if self.linkage.articulated() { UNKNOWNS } else { UNKNOWNS - ANGLES }
     }
 
-    pub fn articulated(&self) -> bool {
+    pub(super) fn articulated(&self) -> bool {
         self.linkage.articulated()
     }
 
     /// Each wheel's distance from touching; `None` where a wheel is over no ground.
-    pub fn residuals(&self, q: &Unknowns) -> Option<Residuals> {
+    pub(super) fn residuals(&self, q: &Unknowns) -> Option<Residuals> {
         widest(Wheels { problem: self, q })
     }
 
@@ -78,12 +78,12 @@ impl<'a> Problem<'a> {
     }
 
     /// Sum of the squared residuals.
-    pub fn cost(&self, q: &Unknowns) -> Option<f64> {
+    pub(super) fn cost(&self, q: &Unknowns) -> Option<f64> {
         self.residuals(q).map(|e| sum_of_squares(&e))
     }
 
     /// Residuals and their derivatives by the unknowns.
-    pub fn linearised(&self, q: &Unknowns, under: GroundDerivatives) -> Option<(Residuals, Jacobian)> {
+    pub(super) fn linearised(&self, q: &Unknowns, under: GroundDerivatives) -> Option<(Residuals, Jacobian)> {
         let wheels = self.linkage.place(&[q[3], q[4], q[5]]);
         let tilt = Tilt::new(q);
         let mut residuals = [0.0; MAX_WHEELS];
@@ -120,7 +120,7 @@ impl<'a> Problem<'a> {
 
     /// The stand on the plane z = z0 + a x' + b y' that fits the ground under the level rover's wheels best; linkage
     /// angles 0. Exact on planes.
-    pub fn plane(&self) -> Option<Unknowns> {
+    pub(super) fn plane(&self) -> Option<Unknowns> {
         let centres_m = self.linkage.place(&[0.0; ANGLES]).centres_m;
         let count = self.linkage.wheel_count();
         let mut heights = [0.0; MAX_WHEELS];

@@ -14,13 +14,13 @@ const FREE: u32 = u32::MAX;
 
 /// The points of one thing.
 #[derive(Clone, Debug, Default)]
-pub struct Cluster {
+pub(super) struct Cluster {
     pub points: Vec<Point>,
 }
 
 /// Clusters and the cells they own. Reused memory.
 #[derive(Clone, Debug, Default)]
-pub struct Clusters {
+pub(super) struct Clusters {
     /// Per cell its cluster, [`FREE`] where there is none; an entry more for points that are in no cell.
     owner: Vec<u32>,
     /// The first `count` are of this sweep.
@@ -30,7 +30,7 @@ pub struct Clusters {
 }
 
 /// A cluster seen from the origin.
-pub struct ClusterView {
+pub(super) struct ClusterView {
     pub centroid_m: DVec3,
     /// Level unit vector from the sensor through the centroid.
     pub away: DVec3,
@@ -48,7 +48,7 @@ pub struct ClusterView {
 
 impl Clusters {
     /// Clusters of cells whose highest point stands more than `above_m` over the ground; without points so far.
-    pub fn grow(&mut self, grid: &GroundGrid, above_m: f64) {
+    pub(super) fn grow(&mut self, grid: &GroundGrid, above_m: f64) {
         let (rows, width) = grid.rows_and_width();
         self.owner.clear();
         self.owner.resize(rows * width + 1, FREE);
@@ -81,25 +81,25 @@ impl Clusters {
 
     /// Whether any of the cells belongs to a cluster.
     #[inline(always)]
-    pub fn own_any(&self, cells: &[u32; LANES]) -> bool {
+    pub(super) fn own_any(&self, cells: &[u32; LANES]) -> bool {
         cells.iter().fold(FREE, |owners, &cell| owners & self.owner[cell as usize]) != FREE
     }
 
     /// The cluster that owns a cell.
-    pub fn of_cell(&mut self, cell: u32) -> Option<&mut Cluster> {
+    pub(super) fn of_cell(&mut self, cell: u32) -> Option<&mut Cluster> {
         // A free cell's number is out of bounds.
         self.clusters.get_mut(self.owner[cell as usize] as usize)
     }
 
     /// In the order of their first cells.
-    pub fn found(&self) -> &[Cluster] {
+    pub(super) fn found(&self) -> &[Cluster] {
         &self.clusters[..self.count]
     }
 }
 
 impl Cluster {
     /// `None` for a cluster right above or below the sensor.
-    pub fn seen_from_origin(&self) -> Option<ClusterView> {
+    pub(super) fn seen_from_origin(&self) -> Option<ClusterView> {
         let count = self.points.len() as f64;
         let centroid_m = self.points.iter().map(|p| p.place_m).sum::<DVec3>() / count;
         let away = centroid_m.truncate().try_normalize()?;
@@ -136,7 +136,7 @@ impl Cluster {
     }
 
     /// The height below which a share of the points lies.
-    pub fn height_quantile_m(&self, share: f64) -> f64 {
+    pub(super) fn height_quantile_m(&self, share: f64) -> f64 {
         let mut heights: Vec<f64> = self.points.iter().map(|p| p.place_m.z).collect();
         let rank = ((heights.len() - 1) as f64 * share) as usize;
         *heights.select_nth_unstable_by(rank, f64::total_cmp).1

@@ -13,7 +13,7 @@ use crate::wide::{LANES, Work, widest};
 use planes::Planes;
 
 /// Cells from one node to the next.
-pub const CELLS_A_NODE: usize = 4;
+pub(super) const CELLS_A_NODE: usize = 4;
 const REWEIGHTINGS: usize = 4;
 /// Cells more than this above the fitted ground hold a rock; more than that below, noise.
 const HIGH_M: f64 = 0.03;
@@ -23,7 +23,7 @@ const LOW_WEIGHT: f64 = 0.5;
 
 /// Lowest and highest point of each cell, and the ground under them.
 #[derive(Clone, Debug)]
-pub struct GroundGrid {
+pub(super) struct GroundGrid {
     half_m: f64,
     cell_m: f64,
     side: usize,
@@ -43,7 +43,7 @@ pub struct GroundGrid {
 
 /// What the ground is fitted to.
 #[derive(Clone, Debug)]
-pub struct Cells {
+pub(super) struct Cells {
     /// From row to row: whole blocks of lanes; the last cells of a row may be off the grid, and stay empty.
     pub width: usize,
     pub lowest_m: Vec<f64>,
@@ -54,7 +54,7 @@ pub struct Cells {
 
 impl GroundGrid {
     /// A square grid of `2 half_m` a side around the sensor.
-    pub fn new(half_m: f64, cell_m: f64) -> GroundGrid {
+    pub(super) fn new(half_m: f64, cell_m: f64) -> GroundGrid {
         let side = (2.0 * half_m / cell_m).ceil() as usize;
         let width = side.next_multiple_of(LANES);
         let count = width * side;
@@ -81,24 +81,30 @@ impl GroundGrid {
     }
 
     /// Rows, and cells from one row to the next.
-    pub fn rows_and_width(&self) -> (usize, usize) {
+    pub(super) fn rows_and_width(&self) -> (usize, usize) {
         (self.side, self.cells.width)
     }
 
     /// Stands for the cell of a point that has none; may be entered.
     #[inline(always)]
-    pub fn nowhere(&self) -> u32 {
+    pub(super) fn nowhere(&self) -> u32 {
         (self.side * self.cells.width) as u32
     }
 
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.cells.lowest_m.fill(f64::INFINITY);
         self.highest_m.fill(f64::NEG_INFINITY);
     }
 
     /// Finds the cells of points that are `taken`; leaves those of others, and of points that are not on the grid.
     #[inline(always)]
-    pub fn place<const N: usize>(&self, x_m: &[f64; N], y_m: &[f64; N], taken: &[bool; N], cells: &mut [u32; N]) {
+    pub(super) fn place<const N: usize>(
+        &self,
+        x_m: &[f64; N],
+        y_m: &[f64; N],
+        taken: &[bool; N],
+        cells: &mut [u32; N],
+    ) {
         let (half_m, cell_m, limit, width) = (self.half_m, self.cell_m, self.side as f64, self.cells.width as f64);
         for l in 0..N {
             let (col, row) = ((x_m[l] + half_m) / cell_m, (y_m[l] + half_m) / cell_m);
@@ -110,14 +116,14 @@ impl GroundGrid {
 
     /// Enters the height of a point in a cell.
     #[inline(always)]
-    pub fn enter(&mut self, cell: u32, height_m: f64) {
+    pub(super) fn enter(&mut self, cell: u32, height_m: f64) {
         let (lowest_m, highest_m) = (&mut self.cells.lowest_m[cell as usize], &mut self.highest_m[cell as usize]);
         *lowest_m = if height_m < *lowest_m { height_m } else { *lowest_m };
         *highest_m = if height_m > *highest_m { height_m } else { *highest_m };
     }
 
     /// Fits the ground to what has been entered.
-    pub fn fit(&mut self) {
+    pub(super) fn fit(&mut self) {
         widest(PlaneFit(self));
     }
 
@@ -212,7 +218,7 @@ impl GroundGrid {
 
     /// The ground at a place; NaN where there is none.
     #[inline(always)]
-    pub fn ground_m(&self, x_m: f64, y_m: f64) -> f64 {
+    pub(super) fn ground_m(&self, x_m: f64, y_m: f64) -> f64 {
         // Node k is the centre of cell 4 k.
         let at = |t_m: f64| ((t_m + self.half_m) / self.cell_m - 0.5) / CELLS_A_NODE as f64;
         let (col, row) = (at(x_m), at(y_m));
@@ -223,7 +229,7 @@ impl GroundGrid {
     }
 
     /// How far a cell's highest point stands above the fitted ground; not a number where there is no point or no ground.
-    pub fn standing_m(&self, cell: usize) -> f64 {
+    pub(super) fn standing_m(&self, cell: usize) -> f64 {
         self.standing_m[cell]
     }
 }

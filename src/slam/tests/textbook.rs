@@ -9,14 +9,14 @@ use crate::math;
 
 /// Mean and covariance of x, y and yaw.
 #[derive(Clone, Debug, Default)]
-pub struct Planar {
+pub(super) struct Planar {
     pub mean: [f64; 3],
     pub covariance: [[f64; 3]; 3],
 }
 
 impl Planar {
     /// A step; `variances` are added to x, y and yaw, whatever the distance.
-    pub fn drive(&mut self, distance_m: f64, turn_rad: f64, variances: [f64; 3]) {
+    pub(super) fn drive(&mut self, distance_m: f64, turn_rad: f64, variances: [f64; 3]) {
         let (s, c) = math::sin_cos(self.mean[2]);
         self.mean = [self.mean[0] + distance_m * c, self.mean[1] + distance_m * s, self.mean[2] + turn_rad];
         let f = [[1.0, 0.0, -distance_m * s], [0.0, 1.0, distance_m * c], [0.0, 0.0, 1.0]];
@@ -27,7 +27,7 @@ impl Planar {
     }
 
     /// A heading.
-    pub fn read_heading(&mut self, yaw_rad: f64, variance: f64) {
+    pub(super) fn read_heading(&mut self, yaw_rad: f64, variance: f64) {
         let p = self.covariance;
         let innovation = yaw_rad - self.mean[2];
         let gain: [f64; 3] = std::array::from_fn(|i| p[i][2] / (p[2][2] + variance));
@@ -40,7 +40,7 @@ impl Planar {
     }
 
     /// Range and bearing of a landmark whose place is known.
-    pub fn observe(&mut self, polar: [f64; 2], landmark_m: [f64; 2], variances: [f64; 2]) {
+    pub(super) fn observe(&mut self, polar: [f64; 2], landmark_m: [f64; 2], variances: [f64; 2]) {
         let (dx, dy) = (landmark_m[0] - self.mean[0], landmark_m[1] - self.mean[1]);
         let q = dx * dx + dy * dy;
         let r = q.sqrt();
@@ -66,7 +66,7 @@ impl Planar {
         }
     }
 
-    pub fn is_finite(&self) -> bool {
+    pub(super) fn is_finite(&self) -> bool {
         self.mean.iter().chain(self.covariance.iter().flatten()).all(|v| v.is_finite())
     }
 }
@@ -76,13 +76,13 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 }
 
 /// Likelihoods -> weights that sum to 1.
-pub fn linear_weights(likelihoods: &[f64]) -> Vec<f64> {
+pub(super) fn linear_weights(likelihoods: &[f64]) -> Vec<f64> {
     let total: f64 = likelihoods.iter().sum();
     likelihoods.iter().map(|l| l / total).collect()
 }
 
 /// Table 4.4 as printed, U > c; `None` for an index past the last particle.
-pub fn low_variance(weights: &[f64], start: f64) -> Vec<Option<usize>> {
+pub(super) fn low_variance(weights: &[f64], start: f64) -> Vec<Option<usize>> {
     let count = weights.len() as f64;
     let (mut k, mut sum) = (0, weights[0]);
     (0..weights.len())
@@ -99,7 +99,7 @@ pub fn low_variance(weights: &[f64], start: f64) -> Vec<Option<usize>> {
 
 /// Number of landmarks after sweeps of points, each matched to the nearest landmark of the map before the sweep, or new beyond
 /// `gate_m`.
-pub fn nearest_neighbour_map(sweeps: &[Vec<[f64; 3]>], gate_m: f64) -> usize {
+pub(super) fn nearest_neighbour_map(sweeps: &[Vec<[f64; 3]>], gate_m: f64) -> usize {
     let mut map: Vec<[f64; 3]> = Vec::new();
     for sweep in sweeps {
         let known = map.len();

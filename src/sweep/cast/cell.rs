@@ -8,7 +8,7 @@ use super::newton::{larger, smaller};
 
 /// One axis of a ray: `place + rate * t`, in cells.
 #[derive(Clone, Copy, Debug)]
-pub struct Axis {
+pub(super) struct Axis {
     pub place: f64,
     pub rate: f64,
     /// 1 / rate (1 where the ray runs along the other axis).
@@ -20,7 +20,7 @@ pub struct Axis {
 
 impl Axis {
     #[inline(always)]
-    pub fn new(place: f64, rate: f64) -> Axis {
+    pub(super) fn new(place: f64, rate: f64) -> Axis {
         let (forward, still) = (rate > 0.0, rate == 0.0);
         let far = |end: f64, moving: f64| if still { end } else { moving };
         Axis {
@@ -34,25 +34,25 @@ impl Axis {
 
     /// When the ray enters a cell.
     #[inline(always)]
-    pub fn enters_at(&self, cell: f64) -> f64 {
+    pub(super) fn enters_at(&self, cell: f64) -> f64 {
         (cell + self.enters - self.place) * self.inverse
     }
 
     /// When it leaves it: the very time at which it enters the next.
     #[inline(always)]
-    pub fn leaves_at(&self, cell: f64) -> f64 {
+    pub(super) fn leaves_at(&self, cell: f64) -> f64 {
         (cell + self.leaves - self.place) * self.inverse
     }
 
     /// From a cell to the next along the ray.
     #[inline(always)]
-    pub fn step(&self) -> f64 {
+    pub(super) fn step(&self) -> f64 {
         if self.rate > 0.0 { 1.0 } else { -1.0 }
     }
 
     /// The part of [from, to] in which the ray is within [low, high]; empty (from > to) where it never is.
     #[inline(always)]
-    pub fn clip(&self, [low, high]: [f64; 2], from: f64, to: f64) -> (f64, f64) {
+    pub(super) fn clip(&self, [low, high]: [f64; 2], from: f64, to: f64) -> (f64, f64) {
         let (a, b) = ((low - self.place) * self.inverse, (high - self.place) * self.inverse);
         let (near, far) = if self.rate > 0.0 { (a, b) } else { (b, a) };
         let within = self.place >= low && self.place <= high;
@@ -64,7 +64,7 @@ impl Axis {
 
 /// A ray in cells.
 #[derive(Clone, Copy, Debug)]
-pub struct CellRay {
+pub(super) struct CellRay {
     pub x: Axis,
     pub y: Axis,
     pub z: f64,
@@ -80,7 +80,7 @@ impl CellRay {
     /// Time of the first crossing in cell (col, row) of corner heights south-west, south-east, north-west, north-east;
     /// infinite where there is none.
     #[inline(always)]
-    pub fn crossing(&self, col: f64, row: f64, [sw, se, nw, ne]: [f64; 4]) -> f64 {
+    pub(super) fn crossing(&self, col: f64, row: f64, [sw, se, nw, ne]: [f64; 4]) -> f64 {
         let from = larger(self.from, larger(self.x.enters_at(col), self.y.enters_at(row)));
         let to = smaller(self.to, smaller(self.x.leaves_at(col), self.y.leaves_at(row)));
         let x = self.x.rate.mul_add(from, self.x.place - col);

@@ -8,7 +8,7 @@ use crate::geometry::DVec3;
 use crate::scene::{Convex, Cylinder, Shape};
 
 /// Range of the first meeting with the shape's surface in [0, to].
-pub fn first_hit(shape: &Shape, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
+pub(super) fn first_hit(shape: &Shape, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
     match shape {
         Shape::Convex(convex) => meeting(convex_span(convex, origin, dir)?, to, || contains(shape, origin)),
         Shape::Cylinder(cylinder) => cylinder_first_hit(cylinder, origin, dir, to),
@@ -16,7 +16,7 @@ pub fn first_hit(shape: &Shape, origin: DVec3, dir: DVec3, to: f64) -> Option<f6
 }
 
 /// As [`first_hit`], for a cylinder.
-pub fn cylinder_first_hit(cylinder: &Cylinder, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
+pub(super) fn cylinder_first_hit(cylinder: &Cylinder, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
     meeting(cylinder_span(cylinder, origin, dir)?, to, || cylinder_contains(cylinder, origin))
 }
 
@@ -85,7 +85,7 @@ fn cylinder_span(cylinder: &Cylinder, origin: DVec3, dir: DVec3) -> Option<(f64,
 }
 
 /// Whether the point lies inside the body (its surface is outside).
-pub fn contains(shape: &Shape, point: DVec3) -> bool {
+pub(super) fn contains(shape: &Shape, point: DVec3) -> bool {
     match shape {
         Shape::Convex(convex) => {
             !convex.planes.is_empty() && convex.planes.iter().all(|p| p.normal.dot(point) + p.offset_m < 0.0)
@@ -101,7 +101,7 @@ fn cylinder_contains(cylinder: &Cylinder, point: DVec3) -> bool {
 }
 
 /// Outward normal of the surface nearest to a point on it.
-pub fn normal(shape: &Shape, point: DVec3) -> DVec3 {
+pub(super) fn normal(shape: &Shape, point: DVec3) -> DVec3 {
     match shape {
         Shape::Convex(convex) => {
             convex
@@ -127,7 +127,7 @@ pub fn normal(shape: &Shape, point: DVec3) -> DVec3 {
 }
 
 /// A sphere that holds the shape: centre and radius.
-pub fn bounding_sphere(shape: &Shape, centre_m: DVec3, radius_m: f64) -> (DVec3, f64) {
+pub(super) fn bounding_sphere(shape: &Shape, centre_m: DVec3, radius_m: f64) -> (DVec3, f64) {
     let (low, high) = bounding_box(shape, centre_m, radius_m);
     let centre = 0.5 * (low + high);
     let radius = match shape {
@@ -140,7 +140,7 @@ pub fn bounding_sphere(shape: &Shape, centre_m: DVec3, radius_m: f64) -> (DVec3,
 }
 
 /// A box that holds the shape: lowest and highest corner. The obstacle's own sphere serves where a shape lists no vertices.
-pub fn bounding_box(shape: &Shape, centre_m: DVec3, radius_m: f64) -> (DVec3, DVec3) {
+pub(super) fn bounding_box(shape: &Shape, centre_m: DVec3, radius_m: f64) -> (DVec3, DVec3) {
     match shape {
         Shape::Convex(convex) if convex.vertices_m.is_empty() => {
             (centre_m - DVec3::splat(radius_m), centre_m + DVec3::splat(radius_m))

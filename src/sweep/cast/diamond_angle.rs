@@ -5,14 +5,14 @@ use crate::geometry::DVec2;
 
 /// Turn of a horizontal direction, from 0 to 1.
 #[inline(always)]
-pub fn turn_of(x: f64, y: f64) -> f64 {
+pub(super) fn turn_of(x: f64, y: f64) -> f64 {
     let slope = y / (x.abs() + y.abs());
     let turn = if x < 0.0 { 2.0 - slope } else { slope };
     0.25 * if turn < 0.0 { turn + 4.0 } else { turn }
 }
 
 /// Unit direction of a turn from 0 to 1.
-pub fn at_turn(turn: f64) -> DVec2 {
+pub(super) fn at_turn(turn: f64) -> DVec2 {
     let quarter = 4.0 * turn;
     // From (1, 0) through (0, 1).
     let y = if quarter <= 1.0 {

@@ -18,7 +18,7 @@ use crate::geometry::DVec3;
 const STRIDE_CELLS: usize = 8;
 
 /// A sensor above a raster ground, ready to be cast from.
-pub struct HorizonProfile {
+pub(super) struct HorizonProfile {
     slope_bounds: SlopeBounds,
     view: RasterView,
     origin_m: DVec3,
@@ -69,7 +69,7 @@ impl Axes {
 
 impl HorizonProfile {
     /// `None` for a sensor beside the yard or below its ground.
-    pub fn new(ground: &RasterCaster, origin_m: DVec3, reach_m: f64) -> Option<HorizonProfile> {
+    pub(super) fn new(ground: &RasterCaster, origin_m: DVec3, reach_m: f64) -> Option<HorizonProfile> {
         ground.is_under(origin_m).then(|| HorizonProfile {
             slope_bounds: SlopeBounds::new(ground, origin_m, reach_m),
             view: ground.view(origin_m),
@@ -80,7 +80,7 @@ impl HorizonProfile {
 
     /// Solves one block of rays up to `max_m`.
     #[inline(always)]
-    pub fn solve(&self, ground: &RasterCaster, dirs: &[DVec3; LANES], max_m: f64, ranges: &mut Lanes) {
+    pub(super) fn solve(&self, ground: &RasterCaster, dirs: &[DVec3; LANES], max_m: f64, ranges: &mut Lanes) {
         let HorizonProfile { slope_bounds, view, .. } = self;
         let mut rays = Rays { x: Axes::still(view.x), y: Axes::still(view.y), dz: [0.0; LANES], to: [0.0; LANES] };
         let (mut level, mut slope) = ([0.0; LANES], [0.0f64; LANES]);

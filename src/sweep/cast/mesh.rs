@@ -22,7 +22,7 @@ use crate::scene::{Raster, Scene, Shape};
 const SIDES: usize = 48;
 
 /// A scene as triangles in a tree.
-pub struct MeshCaster {
+pub(super) struct MeshCaster {
     bvh: Bvh2,
     /// In the order of the tree's leaves.
     triangles: Vec<Triangle>,
@@ -31,7 +31,7 @@ pub struct MeshCaster {
 }
 
 impl MeshCaster {
-    pub fn new(scene: &Scene, spacing_m: f64) -> MeshCaster {
+    pub(super) fn new(scene: &Scene, spacing_m: f64) -> MeshCaster {
         let ground = Raster::sampled(scene.extent_m, spacing_m, |x, y| scene.ground.height_m(x, y));
         let middle = 0.5 * scene.extent_m;
         let centre_m = DVec3::new(middle, middle, scene.ground.height_m(middle, middle));
@@ -48,7 +48,7 @@ impl MeshCaster {
     }
 
     /// What a ray meets in [0, to].
-    pub fn first_hit(&self, origin: DVec3, dir: DVec3, to: f64) -> Hit {
+    pub(super) fn first_hit(&self, origin: DVec3, dir: DVec3, to: f64) -> Hit {
         let from = origin - self.centre_m;
         let single = |v: DVec3| Vec3A::new(v.x as f32, v.y as f32, v.z as f32);
         if !single(from).is_finite() {

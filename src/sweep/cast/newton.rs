@@ -9,15 +9,15 @@
 use super::series::{MAX_DEGREE, Series};
 
 /// Rays in a block.
-pub const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 /// One number a ray of the block.
-pub type Lanes = [f64; LANES];
+pub(super) type Lanes = [f64; LANES];
 /// Steps before a stubborn ray (a near tangency) is left to the scalar solver.
 const STEPS: usize = 12;
 
 /// The ground about a sensor, and how far this expansion serves.
 #[derive(Clone)]
-pub struct LocalSeries {
+pub(super) struct LocalSeries {
     pub degree: usize,
     /// `table[k][j]` goes with X^(k-j) Y^j, metres.
     pub table: [Series; MAX_DEGREE + 1],
@@ -37,7 +37,7 @@ pub struct LocalSeries {
 }
 
 /// A block's outcome.
-pub struct Block {
+pub(super) struct Block {
     /// Range of the hit; infinite where there is none.
     pub range_m: Lanes,
     /// Where the expansion's part of the ray ends.
@@ -49,7 +49,7 @@ pub struct Block {
 }
 
 impl Block {
-    pub fn new() -> Block {
+    pub(super) fn new() -> Block {
         let series = [[0.0; LANES]; MAX_DEGREE + 1];
         Block { range_m: [0.0; LANES], end_m: [0.0; LANES], stuck_m: [0.0; LANES], series }
     }
@@ -57,7 +57,7 @@ impl Block {
 
 /// Directions of a block by component.
 #[derive(Clone, Copy)]
-pub struct Dirs<'a> {
+pub(super) struct Dirs<'a> {
     pub x: &'a Lanes,
     pub y: &'a Lanes,
     pub z: &'a Lanes,
@@ -65,7 +65,7 @@ pub struct Dirs<'a> {
 
 /// Solves one block of rays up to `max_m`.
 #[inline(always)]
-pub fn solve<const N: usize>(near: &LocalSeries, dirs: Dirs, max_m: f64, block: &mut Block) {
+pub(super) fn solve<const N: usize>(near: &LocalSeries, dirs: Dirs, max_m: f64, block: &mut Block) {
     let mut t = extent(near, dirs, max_m, block);
     forms::<N>(near, dirs, &mut block.series);
     let bound = curvature::<N>(&block.series, &block.end_m);
@@ -170,7 +170,7 @@ fn curvature<const N: usize>(p: &[Lanes; MAX_DEGREE + 1], end: &Lanes) -> Lanes 
 
 /// One number a ray.
 #[inline(always)]
-pub fn each(value: impl Fn(usize) -> f64) -> Lanes {
+pub(super) fn each(value: impl Fn(usize) -> f64) -> Lanes {
     let mut lanes = [0.0; LANES];
     for (l, lane) in lanes.iter_mut().enumerate() {
         *lane = value(l);
@@ -180,7 +180,7 @@ pub fn each(value: impl Fn(usize) -> f64) -> Lanes {
 
 /// One bit a ray.
 #[inline(always)]
-pub fn bits(set: impl Fn(usize) -> bool) -> u32 {
+pub(super) fn bits(set: impl Fn(usize) -> bool) -> u32 {
     let mut bits = [0; LANES];
     for (l, bit) in bits.iter_mut().enumerate() {
         *bit = if set(l) { 1 << l } else { 0 };
@@ -207,11 +207,11 @@ const BERNSTEIN: [[f64; MAX_DEGREE - 1]; MAX_DEGREE - 1] = {
 
 /// The larger of two numbers, as one instruction.
 #[inline(always)]
-pub fn larger(a: f64, b: f64) -> f64 {
+pub(super) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
 #[inline(always)]
-pub fn smaller(a: f64, b: f64) -> f64 {
+pub(super) fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }

@@ -19,10 +19,10 @@ const IN_A_SQUARE: usize = 8;
 const ROAMING: f64 = 0.125;
 
 /// Centre and radius of a sphere that holds an obstacle.
-pub type Sphere = (DVec3, f64);
+pub(super) type Sphere = (DVec3, f64);
 
 /// The obstacles of a yard by where they stand.
-pub struct ObstacleGrid {
+pub(super) struct ObstacleGrid {
     extent_m: f64,
     /// About the point of the first query.
     near: OnceLock<Window>,
@@ -56,13 +56,19 @@ struct Square {
 }
 
 impl ObstacleGrid {
-    pub fn new(extent_m: f64) -> ObstacleGrid {
+    pub(super) fn new(extent_m: f64) -> ObstacleGrid {
         ObstacleGrid { extent_m, near: OnceLock::new(), all: OnceLock::new() }
     }
 
     /// Calls `take` for every obstacle within reach (and maybe some that are not), in no order that means anything, with its place
     /// in the row and its sphere.
-    pub fn near(&self, obstacles: &[Obstacle], point_m: DVec2, reach_m: f64, mut take: impl FnMut(usize, Sphere)) {
+    pub(super) fn near(
+        &self,
+        obstacles: &[Obstacle],
+        point_m: DVec2,
+        reach_m: f64,
+        mut take: impl FnMut(usize, Sphere),
+    ) {
         let window = self.window(obstacles, point_m, reach_m);
         for square in window.squares(point_m, reach_m) {
             let (square, end) = (&window.squares[square], window.squares[square + 1].first as usize);

@@ -16,7 +16,7 @@ use crate::geometry::DVec3;
 use crate::scene::{Cylinder, Obstacle, Shape};
 
 /// The bodies in reach of a sensor.
-pub struct Packets<'a> {
+pub(super) struct Packets<'a> {
     obstacles: &'a [Obstacle],
     origin: DVec3,
     /// Nearest first.
@@ -38,7 +38,12 @@ struct PacketBody {
 
 impl<'a> Packets<'a> {
     /// `None` where nothing is in reach.
-    pub fn new(obstacles: &'a [Obstacle], places: &ObstacleGrid, origin: DVec3, reach_m: f64) -> Option<Packets<'a>> {
+    pub(super) fn new(
+        obstacles: &'a [Obstacle],
+        places: &ObstacleGrid,
+        origin: DVec3,
+        reach_m: f64,
+    ) -> Option<Packets<'a>> {
         let mut near: Vec<(f64, usize, DVec3, f64)> = Vec::new();
         places.near(obstacles, origin.truncate(), reach_m, |index, (centre, radius)| {
             // A hair of slack for the rounding of the centre's place.
@@ -65,7 +70,7 @@ impl<'a> Packets<'a> {
 
     /// Shortens the ranges of a block where a body is met first. `inverse` holds 1 / range of what each ray ends at.
     #[inline(always)]
-    pub fn solve(&self, dirs: Dirs, inverse: &mut Lanes, objects: &mut [i32; LANES]) {
+    pub(super) fn solve(&self, dirs: Dirs, inverse: &mut Lanes, objects: &mut [i32; LANES]) {
         if self.bodies[0].nearest * of_all(inverse, smaller) > 1.0 {
             return;
         }

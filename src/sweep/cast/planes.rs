@@ -23,7 +23,7 @@ const FEW: u32 = 3;
 type Chunk = [[f64; SIDE]; 3];
 
 /// The plane vectors of the bodies that were asked for.
-pub struct Planes {
+pub(super) struct Planes {
     /// Per body, its chunks; none yet where there are no fronts and no backs.
     made: Vec<PlaneRange>,
     chunks: Vec<Chunk>,
@@ -40,23 +40,23 @@ struct PlaneRange {
 }
 
 impl Planes {
-    pub fn new(bodies: usize) -> Planes {
+    pub(super) fn new(bodies: usize) -> Planes {
         Planes { made: vec![PlaneRange::default(); bodies], chunks: Vec::new(), backs: Vec::new() }
     }
 
     #[inline(always)]
-    pub fn are_made(&self, rank: u32) -> bool {
+    pub(super) fn are_made(&self, rank: u32) -> bool {
         let made = self.made[rank as usize];
         made.fronts + made.backs > 0
     }
 
-    pub fn make(&mut self, rank: u32, convex: &Convex, origin: DVec3) {
+    pub(super) fn make(&mut self, rank: u32, convex: &Convex, origin: DVec3) {
         self.made[rank as usize] = widest(BuildPlanes { planes: self, convex, origin });
     }
 
     /// Shortens the ranges of the rays marked in `seen` that meet a body before they end, and marks those: `inverse` is 1 / range.
     #[inline(always)]
-    pub fn intersect(&self, rank: u32, dirs: Dirs, seen: u32, inverse: &mut Lanes) -> u32 {
+    pub(super) fn intersect(&self, rank: u32, dirs: Dirs, seen: u32, inverse: &mut Lanes) -> u32 {
         let made = self.made[rank as usize];
         let chunks = |count: u32| count.div_ceil(SIDE as u32) as usize;
         let (fronts, backs) = self.chunks[made.first as usize..].split_at(chunks(made.fronts));

@@ -17,7 +17,7 @@ const TILES: usize = 16;
 
 /// A polynomial ground, ready to be cast at.
 #[derive(Debug)]
-pub struct PolynomialCaster<'a> {
+pub(super) struct PolynomialCaster<'a> {
     pub ground: &'a Polynomial,
     pub extent_m: f64,
     /// Certified lowest and highest ground of each tile, row by row.
@@ -28,7 +28,7 @@ pub struct PolynomialCaster<'a> {
 }
 
 impl<'a> PolynomialCaster<'a> {
-    pub fn new(ground: &'a Polynomial, extent_m: f64) -> PolynomialCaster<'a> {
+    pub(super) fn new(ground: &'a Polynomial, extent_m: f64) -> PolynomialCaster<'a> {
         let half_m = 0.5 * extent_m / TILES as f64;
         let mut tiles = Vec::with_capacity(TILES * TILES);
         for row in 0..TILES {
@@ -43,7 +43,7 @@ impl<'a> PolynomialCaster<'a> {
     }
 
     /// Certified lowest and highest ground within a horizontal distance of a point; the yard's own where none is near.
-    pub fn height_bounds(&self, x_m: f64, y_m: f64, radius_m: f64) -> (f64, f64) {
+    pub(super) fn height_bounds(&self, x_m: f64, y_m: f64, radius_m: f64) -> (f64, f64) {
         let side = self.extent_m / TILES as f64;
         let mut bounds = (f64::INFINITY, f64::NEG_INFINITY);
         for row in 0..TILES {
@@ -60,7 +60,7 @@ impl<'a> PolynomialCaster<'a> {
     }
 
     /// Height above the ground as a series in the distance from `origin + at * dir`.
-    pub fn clearance(&self, origin: DVec3, dir: DVec3, at: f64) -> Series {
+    pub(super) fn clearance(&self, origin: DVec3, dir: DVec3, at: f64) -> Series {
         let point = origin + dir * at;
         let height = series::along(self.ground, point.x, point.y, dir.x, dir.y);
         let mut g = height.map(|h| -h);
@@ -70,7 +70,7 @@ impl<'a> PolynomialCaster<'a> {
     }
 
     /// Range of the first crossing in [from, to].
-    pub fn first_hit(&self, origin: DVec3, dir: DVec3, from: f64, to: f64) -> Option<f64> {
+    pub(super) fn first_hit(&self, origin: DVec3, dir: DVec3, from: f64, to: f64) -> Option<f64> {
         let (from, to) = clip_to_square(origin, dir, self.extent_m, from, to)?;
         // Margin: the bounds are certified but for rounding.
         let margin = 1e-9 * (1.0 + self.highest_m.abs().max(self.lowest_m.abs()));
@@ -96,7 +96,7 @@ impl<'a> PolynomialCaster<'a> {
     }
 
     /// What rays from one point share, or `None` where they must be cast one by one: from off the yard or from below.
-    pub fn near(&self, origin: DVec3, max_m: f64) -> Option<LocalSeries> {
+    pub(super) fn near(&self, origin: DVec3, max_m: f64) -> Option<LocalSeries> {
         let yard = 0.0..=self.extent_m;
         if !yard.contains(&origin.x) || !yard.contains(&origin.y) || !origin.z.is_finite() {
             return None;
@@ -163,7 +163,7 @@ fn outside(x: f64, low: f64, high: f64) -> f64 {
 }
 
 /// The part of [from, to] in which a coordinate of the ray lies in [low, high].
-pub fn clip_axis(origin: f64, dir: f64, low: f64, high: f64, from: f64, to: f64) -> Option<(f64, f64)> {
+pub(super) fn clip_axis(origin: f64, dir: f64, low: f64, high: f64, from: f64, to: f64) -> Option<(f64, f64)> {
     if dir == 0.0 {
         return (origin >= low && origin <= high).then_some((from, to));
     }
@@ -173,7 +173,7 @@ pub fn clip_axis(origin: f64, dir: f64, low: f64, high: f64, from: f64, to: f64)
 }
 
 /// The part of [from, to] in which the ray is over the yard [0, extent]^2.
-pub fn clip_to_square(origin: DVec3, dir: DVec3, extent_m: f64, from: f64, to: f64) -> Option<(f64, f64)> {
+pub(super) fn clip_to_square(origin: DVec3, dir: DVec3, extent_m: f64, from: f64, to: f64) -> Option<(f64, f64)> {
     let (from, to) = clip_axis(origin.x, dir.x, 0.0, extent_m, from, to)?;
     clip_axis(origin.y, dir.y, 0.0, extent_m, from, to)
 }

@@ -18,10 +18,10 @@ use crate::scene::Raster;
 const MARGIN_M: f64 = 1e-12;
 
 /// The highest level whose blocks know the ground around them.
-pub const AROUND_LEVELS: usize = 6;
+pub(super) const AROUND_LEVELS: usize = 6;
 
 /// A raster ground, ready to be cast at.
-pub struct RasterCaster<'a> {
+pub(super) struct RasterCaster<'a> {
     raster: Cow<'a, Raster>,
     /// What of the grid lies in the yard, in cells from node (0, 0): least and greatest x, then y.
     yard: [[f64; 2]; 2],
@@ -50,7 +50,7 @@ struct Block {
 
 /// A sensor over the grid: what all its rays share.
 #[derive(Clone, Copy)]
-pub struct RasterView {
+pub(super) struct RasterView {
     /// Its place in cells, its height in metres.
     pub x: f64,
     pub y: f64,
@@ -64,7 +64,7 @@ pub struct RasterView {
 impl RasterView {
     /// A ray of the sensor, up to `to` metres, as one that comes from above.
     #[inline(always)]
-    pub fn ray(&self, dir: DVec3, to: f64) -> CellRay {
+    pub(super) fn ray(&self, dir: DVec3, to: f64) -> CellRay {
         let (x, y) = (Axis::new(self.x, dir.x * self.per_m), Axis::new(self.y, dir.y * self.per_m));
         let (from, to) = x.clip(self.yard[0], 0.0, to);
         let (from, to) = y.clip(self.yard[1], from, to);
@@ -84,10 +84,10 @@ struct Visit {
 
 /// Blocks that wait for their visit, nearest last.
 #[derive(Default)]
-pub struct MarchStack(Vec<Visit>);
+pub(super) struct MarchStack(Vec<Visit>);
 
 impl<'a> RasterCaster<'a> {
-    pub fn new(raster: Cow<'a, Raster>, extent_m: f64) -> RasterCaster<'a> {
+    pub(super) fn new(raster: Cow<'a, Raster>, extent_m: f64) -> RasterCaster<'a> {
         let mut levels = Vec::new();
         let (mut rows, mut cols, mut side) = (raster.rows - 1, raster.cols - 1, 1);
         while rows > 1 || cols > 1 || side == 1 {
@@ -106,7 +106,7 @@ impl<'a> RasterCaster<'a> {
 
     /// The grid as a sensor sees it.
     #[inline(always)]
-    pub fn view(&self, origin: DVec3) -> RasterView {
+    pub(super) fn view(&self, origin: DVec3) -> RasterView {
         let per_m = 1.0 / self.raster.spacing_m;
         let from = self.raster.origin_m;
         RasterView {
@@ -119,13 +119,13 @@ impl<'a> RasterCaster<'a> {
     }
 
     /// Range of the first crossing in [0, to].
-    pub fn first_hit(&self, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
+    pub(super) fn first_hit(&self, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
         self.first_hit_with(&mut MarchStack::default(), origin, dir, to)
     }
 
     /// As [`Self::first_hit`], with a list that many rays share.
     #[inline]
-    pub fn first_hit_with(&self, waiting: &mut MarchStack, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
+    pub(super) fn first_hit_with(&self, waiting: &mut MarchStack, origin: DVec3, dir: DVec3, to: f64) -> Option<f64> {
         let mut ray = self.view(origin).ray(dir, to);
         if ray.from > ray.to {
             return None;
@@ -168,7 +168,7 @@ impl<'a> RasterCaster<'a> {
     }
 
     /// Distance to the farthest corner of the grid, metres.
-    pub fn farthest_m(&self, origin: DVec3) -> f64 {
+    pub(super) fn farthest_m(&self, origin: DVec3) -> f64 {
         let view = self.view(origin);
         let farthest = |place: f64, nodes: usize| larger(place.abs(), ((nodes - 1) as f64 - place).abs());
         let (x, y) = (farthest(view.x, self.raster.cols), farthest(view.y, self.raster.rows));
@@ -176,12 +176,12 @@ impl<'a> RasterCaster<'a> {
     }
 
     /// The last cell of a row, and of a column.
-    pub fn last_cell(&self) -> [f64; 2] {
+    pub(super) fn last_cell(&self) -> [f64; 2] {
         [(self.raster.cols - 2) as f64, (self.raster.rows - 2) as f64]
     }
 
     /// Whether a sensor stands in the yard and not below its ground.
-    pub fn is_under(&self, origin: DVec3) -> bool {
+    pub(super) fn is_under(&self, origin: DVec3) -> bool {
         let view = self.view(origin);
         let within = |place: f64, [low, high]: [f64; 2]| place >= low && place <= high;
         within(view.x, self.yard[0])
@@ -192,7 +192,7 @@ impl<'a> RasterCaster<'a> {
     /// The ground around a place in cells, or around the place of the grid that comes nearest to it, by blocks of a level: the slope
     /// of a plane along x and y per cell, and how high above the sensor no node there rises over the plane, at the sensor's place.
     #[inline(always)]
-    pub fn sight_around(&self, level: usize, col: f64, row: f64, view: &RasterView) -> [f64; 3] {
+    pub(super) fn sight_around(&self, level: usize, col: f64, row: f64, view: &RasterView) -> [f64; 3] {
         let Level { rows, cols, blocks } = &self.levels[level];
         let side = f64::from(2u32 << level);
         let (row, col) = (((row / side) as usize).min(rows - 1), ((col / side) as usize).min(cols - 1));
@@ -204,7 +204,7 @@ impl<'a> RasterCaster<'a> {
 
     /// The corner heights of a cell of the grid: south-west, south-east, north-west, north-east.
     #[inline(always)]
-    pub fn corners(&self, row: usize, col: usize) -> [f64; 4] {
+    pub(super) fn corners(&self, row: usize, col: usize) -> [f64; 4] {
         let cols = self.raster.cols;
         let heights = &self.raster.heights_m[row * cols + col..row * cols + col + cols + 2];
         [heights[0], heights[1], heights[cols], heights[cols + 1]]

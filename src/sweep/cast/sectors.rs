@@ -28,14 +28,14 @@ const SLACK: f32 = 2e-6;
 
 /// The directions in which a body is seen: about a unit vector, by its half angle.
 #[derive(Clone, Copy)]
-pub struct Cone {
+pub(super) struct Cone {
     axis: [f32; 3],
     sin: f32,
     cos: f32,
 }
 
 /// Cones side by side.
-pub struct Chunk {
+pub(super) struct Chunk {
     axis: [[f32; CHUNK]; 3],
     sin: [f32; CHUNK],
     cos: [f32; CHUNK],
@@ -46,7 +46,7 @@ pub struct Chunk {
 }
 
 /// What a block of rays covers.
-pub struct BlockCone {
+pub(super) struct BlockCone {
     cone: Cone,
     /// Unit normal of the plane of its first and last ray, and the greatest cosine between it and a ray.
     normal: [f32; 3],
@@ -54,7 +54,7 @@ pub struct BlockCone {
 }
 
 /// Lists of bodies, nearest first.
-pub struct Sectors {
+pub(super) struct Sectors {
     /// Level by level.
     lists: Vec<OnceCell<Vec<Chunk>>>,
 }
@@ -63,7 +63,7 @@ impl Cone {
     /// What holds every direction: all tests below let it through.
     const ALL: Cone = Cone { axis: [0.0; 3], sin: 8.0, cos: -4.0 };
 
-    pub fn of_sphere(centre: DVec3, radius: f64) -> Cone {
+    pub(super) fn of_sphere(centre: DVec3, radius: f64) -> Cone {
         let distance = centre.length();
         let sin = radius / distance;
         if sin >= 1.0 {
@@ -100,7 +100,7 @@ impl Chunk {
 
     /// The bodies that may be in view.
     #[inline(always)]
-    pub fn in_view(&self, view: &BlockCone) -> u32 {
+    pub(super) fn in_view(&self, view: &BlockCone) -> u32 {
         self.bits(|cone| {
             // The axes are no farther apart than the sum of the half angles: cos(a + b) = cos a cos b - sin a sin b.
             let apart = dot(cone.axis, view.cone.axis) - cone.cos * view.cone.cos + cone.sin * view.cone.sin;
@@ -128,7 +128,7 @@ fn chunked(bodies: impl Iterator<Item = (u32, Cone)>, nearest: impl Fn(u32) -> f
 
 impl Sectors {
     /// In: the bodies' cones, nearest first; `nearest` gives a body's distance.
-    pub fn new(cones: impl Iterator<Item = Cone>, nearest: impl Fn(u32) -> f64) -> Sectors {
+    pub(super) fn new(cones: impl Iterator<Item = Cone>, nearest: impl Fn(u32) -> f64) -> Sectors {
         let lists: Vec<_> = (0..LEVELS.iter().sum()).map(|_| OnceCell::new()).collect();
         _ = lists[0].set(chunked((0..).zip(cones), nearest));
         Sectors { lists }
@@ -136,7 +136,7 @@ impl Sectors {
 
     /// All that a block can meet.
     #[inline(always)]
-    pub fn list(&self, view: &BlockCone, nearest: impl Fn(u32) -> f64) -> &[Chunk] {
+    pub(super) fn list(&self, view: &BlockCone, nearest: impl Fn(u32) -> f64) -> &[Chunk] {
         let [whole, ..] = &self.lists[..] else { return &[] };
         match whole.get() {
             Some(whole) if whole.len() <= FEW => return whole,
@@ -195,13 +195,13 @@ impl BlockCone {
 
     /// Whether the block is less a bundle than several.
     #[inline(always)]
-    pub fn is_wide(&self) -> bool {
+    pub(super) fn is_wide(&self) -> bool {
         self.cone.cos < WIDE_COS
     }
 
     /// What a block of rays covers.
     #[inline(always)]
-    pub fn of(dirs: Dirs) -> BlockCone {
+    pub(super) fn of(dirs: Dirs) -> BlockCone {
         let ray = |l: usize| DVec3::new(dirs.x[l], dirs.y[l], dirs.z[l]);
         let along = |v: DVec3| each(|l| dirs.x[l] * v.x + dirs.y[l] * v.y + dirs.z[l] * v.z);
         let (first, last) = (ray(0), ray(LANES - 1));
@@ -242,7 +242,7 @@ fn sector_of(cone: Cone) -> (usize, usize) {
 
 /// The least or the greatest of a block, half onto half: a chain of sixteen comparisons takes longer than the tests it saves.
 #[inline(always)]
-pub fn of_all<const N: usize>(lanes: &[f64; N], pick: impl Fn(f64, f64) -> f64) -> f64 {
+pub(super) fn of_all<const N: usize>(lanes: &[f64; N], pick: impl Fn(f64, f64) -> f64) -> f64 {
     let mut lanes = *lanes;
     let mut half = N / 2;
     while half > 0 {

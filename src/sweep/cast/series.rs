@@ -12,19 +12,19 @@
 use crate::scene::Polynomial;
 use crate::scene::polynomial::{term_count, terms};
 
-pub use crate::scene::MAX_DEGREE;
+pub(super) use crate::scene::MAX_DEGREE;
 /// Coefficients of a power series, lowest first.
-pub type Series = [f64; MAX_DEGREE + 1];
+pub(super) type Series = [f64; MAX_DEGREE + 1];
 
 /// Height above the ground at which a falling ray counts as having arrived: far below the promised 1e-9 m, well above the
 /// rounding of g. The last step goes on from here to the root itself.
-pub const ARRIVAL_M: f64 = 4e-13;
+pub(super) const ARRIVAL_M: f64 = 4e-13;
 
 /// Steps after which a ray counts as arrived.
 const MOST_STEPS: u32 = 100_000;
 
 /// Factor of the ground's Legendre polynomial of degree i on [-1, 1]: the mean of its square is 1.
-pub fn orthonormal(i: usize) -> f64 {
+pub(super) fn orthonormal(i: usize) -> f64 {
     ((2 * i + 1) as f64).sqrt()
 }
 
@@ -47,7 +47,7 @@ fn legendre_series(degree: usize, centre: f64, slope: f64) -> [Series; MAX_DEGRE
 }
 
 /// The ground's height along the line (x, y) + s * (dx, dy), as a series in s.
-pub fn along(ground: &Polynomial, x_m: f64, y_m: f64, dx: f64, dy: f64) -> Series {
+pub(super) fn along(ground: &Polynomial, x_m: f64, y_m: f64, dx: f64, dy: f64) -> Series {
     let n = ground.degree;
     let pu = legendre_series(n, (x_m - ground.centre_m.x) / ground.half_m, dx / ground.half_m);
     let pv = legendre_series(n, (y_m - ground.centre_m.y) / ground.half_m, dy / ground.half_m);
@@ -73,7 +73,7 @@ pub fn along(ground: &Polynomial, x_m: f64, y_m: f64, dx: f64, dy: f64) -> Serie
 }
 
 /// The Taylor coefficients of the ground about (x, y), in metres: `table[k][j]` goes with X^(k-j) Y^j.
-pub fn taylor(ground: &Polynomial, x_m: f64, y_m: f64) -> [Series; MAX_DEGREE + 1] {
+pub(super) fn taylor(ground: &Polynomial, x_m: f64, y_m: f64) -> [Series; MAX_DEGREE + 1] {
     let mut flat = [0.0; (MAX_DEGREE + 1) * (MAX_DEGREE + 2) / 2];
     ground.taylor_into(x_m, y_m, &mut flat[..term_count(ground.degree)]);
     let mut table = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
@@ -123,7 +123,7 @@ fn curvature_bound(g: &Series, degree: usize, width: f64) -> f64 {
 ///
 /// Trust-region form: the curvature is bounded on a window ahead, and the window follows the steps. Near a tangency it
 /// shrinks with them, so that a ray which skims the ground is resolved too.
-pub fn first_crossing(g: &Series, degree: usize, from: f64, to: f64) -> Option<f64> {
+pub(super) fn first_crossing(g: &Series, degree: usize, from: f64, to: f64) -> Option<f64> {
     let mut s = from;
     let mut window = to - from;
     for _ in 0..MOST_STEPS {
@@ -157,7 +157,7 @@ pub fn first_crossing(g: &Series, degree: usize, from: f64, to: f64) -> Option<f
 
 /// Distance to the first root of g + g' s - M s^2 / 2 (infinite where it has none).
 #[inline(always)]
-pub fn parabola_step(g: f64, slope: f64, bound: f64) -> f64 {
+pub(super) fn parabola_step(g: f64, slope: f64, bound: f64) -> f64 {
     let root = (slope * slope + 2.0 * bound * g).sqrt();
     // Two forms of the same root; each adds where the other cancels.
     if slope > 0.0 { (slope + root) / bound } else { 2.0 * g / (root - slope) }

@@ -18,7 +18,7 @@ const SECTORS: usize = 256;
 const MARGIN: f64 = 1e-9;
 
 /// Certified slopes around a sensor.
-pub struct SlopeBounds {
+pub(super) struct SlopeBounds {
     /// Border distances of the rings, metres: one more than there are rings.
     borders_m: Vec<f64>,
     /// Per sector `stride` slopes: those of the rings, then infinities.
@@ -42,7 +42,7 @@ struct DistanceBand {
 
 impl SlopeBounds {
     /// The slope bounds of a sensor in the yard and above its ground, as far as its rays reach.
-    pub fn new(ground: &RasterCaster, origin: DVec3, reach_m: f64) -> SlopeBounds {
+    pub(super) fn new(ground: &RasterCaster, origin: DVec3, reach_m: f64) -> SlopeBounds {
         let rays = sector_rays();
         let half = rays.iter().map(|ray| ray.half).fold(0.0, larger);
         let view = ground.view(origin);
@@ -82,14 +82,14 @@ impl SlopeBounds {
 
     /// Where a direction's sector begins in the tables.
     #[inline(always)]
-    pub fn sector(&self, x: f64, y: f64) -> usize {
+    pub(super) fn sector(&self, x: f64, y: f64) -> usize {
         // A vertical ray has no azimuth: NaN, and any sector serves.
         ((turn_of(x, y) * SECTORS as f64) as usize).min(SECTORS - 1) * self.stride
     }
 
     /// The first ring in which a ray of a slope can meet the ground; infinite distance where there is none.
     #[inline(always)]
-    pub fn first_ring(&self, sector: usize, slope: f32) -> usize {
+    pub(super) fn first_ring(&self, sector: usize, slope: f32) -> usize {
         let sector = &self.reached[sector..sector + self.stride];
         let (mut ring, mut half) = (0, self.stride / 2);
         while half > 0 {
@@ -101,12 +101,12 @@ impl SlopeBounds {
 
     /// Distance at which a ring begins, a hair towards the sensor; infinite beyond the last.
     #[inline(always)]
-    pub fn begins_m(&self, ring: usize) -> f64 {
+    pub(super) fn begins_m(&self, ring: usize) -> f64 {
         if ring + 1 < self.borders_m.len() { self.borders_m[ring] * (1.0 - MARGIN) } else { f64::INFINITY }
     }
 
     /// The distance from which on a ray that is at `distance_m` and above the ground can meet it next.
-    pub fn next_m(&self, sector: usize, slope: f32, distance_m: f64) -> f64 {
+    pub(super) fn next_m(&self, sector: usize, slope: f32, distance_m: f64) -> f64 {
         let here = self.borders_m.partition_point(|&border| border <= distance_m).saturating_sub(1);
         let ahead = self.upper[sector + here..sector + self.stride].iter().position(|&upper| upper >= slope);
         let begins_m = ahead.map_or(f64::INFINITY, |skipped| self.begins_m(here + skipped));
@@ -115,7 +115,7 @@ impl SlopeBounds {
 }
 
 /// The middle of a sector.
-pub struct SectorRay {
+pub(super) struct SectorRay {
     pub dir: DVec2,
     /// Half its width, radians.
     pub half: f64,

@@ -16,7 +16,7 @@ use crate::geometry::DVec3;
 use crate::scene::Obstacle;
 
 /// The obstacles' tree.
-pub struct Tree {
+pub(super) struct Tree {
     bvh: Option<Bvh2>,
     /// Box coordinates are relative to this point.
     centre_m: DVec3,
@@ -31,7 +31,7 @@ impl Boundable for Leaf {
 }
 
 impl Tree {
-    pub fn new(obstacles: &[Obstacle]) -> Tree {
+    pub(super) fn new(obstacles: &[Obstacle]) -> Tree {
         if obstacles.is_empty() {
             return Tree { bvh: None, centre_m: DVec3::ZERO };
         }
@@ -59,7 +59,7 @@ impl Tree {
     }
 
     /// Range and id of the first obstacle met in [0, to].
-    pub fn first_hit(&self, obstacles: &[Obstacle], origin: DVec3, dir: DVec3, to: f64) -> Option<(f64, i32)> {
+    pub(super) fn first_hit(&self, obstacles: &[Obstacle], origin: DVec3, dir: DVec3, to: f64) -> Option<(f64, i32)> {
         let bvh = self.bvh.as_ref()?;
         let from = origin - self.centre_m;
         let mut best = None;

@@ -37,7 +37,7 @@ struct FilterTap {
 
 /// Fits planes at the nodes of one grid.
 #[derive(Clone, Debug)]
-pub struct Planes {
+pub(super) struct Planes {
     side: usize,
     nodes: usize,
     taps: Vec<FilterTap>,
@@ -55,7 +55,7 @@ pub struct Planes {
 
 impl Planes {
     /// For a grid of `side` rows and columns of cells in blocks of `LANES` columns.
-    pub fn new(side: usize, cell_m: f64, nodes: usize) -> Planes {
+    pub(super) fn new(side: usize, cell_m: f64, nodes: usize) -> Planes {
         let reach = (WINDOW_CUT * WINDOW_M / cell_m) as usize;
         let before = reach.next_multiple_of(CELLS_A_NODE);
         let width = side.next_multiple_of(LANES);
@@ -91,7 +91,7 @@ impl Planes {
     ///
     /// Per block of columns: `held` and `changed` are the rows outside which no cell has a weight, or has another than it had.
     #[inline(always)]
-    pub fn fit(&mut self, cells: &Cells, held: &[Range<usize>], changed: &[Range<usize>], node_m: &mut [f64]) {
+    pub(super) fn fit(&mut self, cells: &Cells, held: &[Range<usize>], changed: &[Range<usize>], node_m: &mut [f64]) {
         let reach = self.reach();
         for node_row in 0..self.nodes {
             let centre = node_row * CELLS_A_NODE;
