@@ -24,12 +24,39 @@ One YAML file is one corpus; another, optional one says how a network is trained
 
 - Unknown keys, wrong types and values outside their range are refused, with file, line, rule and cure, before anything is written.
 - **What a config does not name is not modelled**, costs nothing and leaves no column. `marsyard plan CONFIG` lists what it names.
-- *number or law*: a constant, or a distribution that is drawn anew for each scene (for each object where the key says so):
-  `0.3`, `{uniform: [0.1, 0.8]}`, `{log_uniform: [0.1, 0.8]}`, `{normal: {mean: 0.3, sd: 0.1, min: 0.1, max: 0.8}}`, `{choice: [0.1, 0.2]}`,
-  `{weighted: [[3, 0.1], [1, 0.2]]}`.
+- *number or law*: a constant, as in `0.3`, or a law, as in `{uniform: [0.1, 0.8]}`, that is drawn anew for each scene (for each object
+  where the key says so). [Laws](#laws) lists them. All that a law may draw must lie in the key's range.
 - *absent* as a default: the thing is not there. A key in bold must be given.
 - `--set scene.rocks.count=5` overrides a key from the command line. A family overrides any key of the five sections.
 - A dotted key ending in a name such as `slam.fastslam` is one choice among several: give one of them.
+"""
+
+
+LAWS = """\
+A value is drawn at an address of its own: seed, scene, key, and the object where the key is drawn per object. Another law at one key, or
+other parameters of it, moves no other value. Laws that a sampler draws by rejection (gamma, beta, PERT, Poisson) take as many random
+numbers as they need from a stream that belongs to that address alone. The same config gives the same bits on every machine.
+
+Laws with an unbounded tail (normal, gamma, Weibull) name the window that they are cut to, `min` and `max`; Poisson may. A draw is then
+one of the whole law, given that it lies in the window: nothing heaps up at the ends, and the mean moves with what is cut off. The window
+of a gamma, Weibull or Poisson law must hold a thousandth of it, that of a normal law reach to 8 sd from its mean. Where a key wants a
+whole number, draws are rounded; a uniform law gives each whole number between its bounds the same chance.
+"""
+
+WHICH = """\
+Which law for what:
+
+- **Nothing but a range is known**: `uniform`; `log_uniform` where it spans a decade or more, as sizes do.
+- **Low, likely and high value from an expert**: `pert`; `triangular` where the ends should be met more often, or the mode is an end.
+- **Sizes of rocks, whose large ones thin out**: `weibull`, after Rosin and Rammler's law of fragments: shape 1 to 2, scale near the size of
+  most. Mars by its own counts: `scene.rocks.golombek`.
+- **Positive values with a long tail** (extinctions of bushes and crowns, standard deviations of instruments and noise): `gamma`, of mean
+  shape x scale and relative spread 1 / sqrt(shape).
+- **Shares between two known ends** (reflectances, rates of dropout, abundances): `beta`, with alpha / (alpha + beta) as the mean's place
+  between the ends; larger alpha + beta, less spread.
+- **How many things stand in a yard, each placed by itself**: `poisson` with the mean number; `uniform` where the number itself should
+  vary from scene to scene more than chance would have it, as for training.
+- **An error around a known value**: `normal`. **One of a few**: `choice`, `weighted`.
 """
 
 
@@ -126,6 +153,25 @@ class Reference:
                 return f"{number(low)} to {number(high)}" if high is not None else f"{number(low)} or more"
         return ""
 
+    def laws(self):
+        """(law, its parameters, meaning) in the order of the schema."""
+        for part in self.defs["Law"]["oneOf"]:
+            ((name, content),) = part["properties"].items()
+            if content["type"] == "object":
+                required = content["required"]
+                form = "{" + name + ": {" + ", ".join(f"{key}: ..." for key in required) + "}}"
+                yield form, "; ".join(filter(None, (self.parameter(key, node, key in required) for key, node in content["properties"].items()))), words(part)
+            else:
+                entry = {"uniform": "[low, high]", "log_uniform": "[low, high]", "choice": "[a, b, ...]", "weighted": "[[weight, a], ...]"}[name]
+                yield "{" + name + ": " + entry + "}", "", words(part)
+
+    def parameter(self, key, node, required):
+        """What there is to say of a law's parameter: its range, and its default."""
+        said = [self.range(node)] if self.range(node) else []
+        if not required:
+            said.append("default " + self.default(node, True).strip("`"))
+        return f"{key} {', '.join(said)}" if said else ""
+
 
 def number(value):
     return "-" if value is None else f"{value:.15g}"
@@ -152,7 +198,10 @@ def page():
     lines = [HEAD, "## The corpus", ""]
     head = {"properties": top, "required": corpus.schema.get("required", [])}
     lines += table(corpus.rows(head))
-    lines += ["", "`families`, a list, mixes kinds of yard, rover and sensor: each scene is of one of them, drawn by weight. A family has `name`, `weight`, `hold_out` and any key of the sections below, which it overrides."]
+    lines += ["", "`families`, a list, mixes kinds of yard, rover and sensor: each scene is of one of them, drawn by weight. There are at most 1000. A family has `name`, `weight`, `hold_out` and any key of the sections below, which it overrides."]
+    lines += ["", "## Laws", "", LAWS, "| law | parameters | draws |", "|---|---|---|"]
+    lines += [f"| `{form}` | {limits} | {meaning} |" for form, limits, meaning in corpus.laws()]
+    lines += ["", WHICH.rstrip()]
     for section in SECTIONS:
         node, _ = corpus.target(corpus.schema["properties"][section])
         lines += ["", f"## `{section}`", "", words(node), ""]

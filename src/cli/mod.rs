@@ -129,7 +129,9 @@ struct ConfigArgs {
 
 impl ConfigArgs {
     fn load(&self) -> Result<Plan, Failure> {
-        config::load(&self.config, &self.sets).map_err(config_failure)
+        let (plan, remarks) = config::load_with_remarks(&self.config, &self.sets).map_err(config_failure)?;
+        remarks.iter().for_each(|remark| tracing::warn!("warning: {remark}"));
+        Ok(plan)
     }
 }
 

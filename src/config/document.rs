@@ -16,6 +16,9 @@ use crate::sweep::SweepParams;
 /// Version of the config format that this program reads.
 pub const FORMAT: u32 = 1;
 
+/// Most families of a document: each is held as a whole config of its own, some 40 kB, and read anew by every verb.
+pub const MAX_FAMILIES: usize = 1000;
+
 /// One YAML file is one corpus.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields)]
@@ -69,7 +72,7 @@ pub struct Document {
     #[serde(default = "default_max_failed_share")]
     pub max_failed_share: f64,
     /// Kinds of yard, rover and sensor to mix: each scene belongs to one of them, drawn by weight.
-    #[garde(dive)]
+    #[garde(length(max = MAX_FAMILIES), dive)]
     #[serde(default)]
     pub families: Vec<FamilyDocument>,
 }

@@ -6,13 +6,14 @@ use std::path::Path;
 use garde::Validate;
 use serde::de::DeserializeOwned;
 
-use super::document::Document;
+use super::document::{Document, MAX_FAMILIES};
 use super::error::{ConfigError, Fault, quoted};
 use super::fidelity;
 use super::key_path::KeyPath;
 use super::merge::{merge, set};
 use super::presets;
 use super::reader::Reader;
+use super::remarks;
 use super::rules;
 use super::schema::{Kind, schema};
 use super::shape::{self, Schema};
@@ -50,13 +51,22 @@ use crate::sweep::sensor::PatternParams;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn load(path: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
-    let mut loader = Loader { reader: Reader::of(path), faults: Vec::new() };
+    load_with_remarks(path, sets).map(|(plan, _)| plan)
+}
+
+/// As [`load`], with what is legal and hardly meant: one line each, with file, place, rule and cure.
+pub fn load_with_remarks(path: &Path, sets: &[String]) -> Result<(Plan, Vec<String>), ConfigError> {
+    let mut loader = Loader { reader: Reader::of(path), faults: Vec::new(), remarks: Vec::new() };
+    let shown = path.display().to_string();
     match loader.plan(path, sets) {
-        Some(plan) if loader.faults.is_empty() => Ok(plan),
+        Some(plan) if loader.faults.is_empty() => {
+            let remarks = ConfigError::new(shown, &loader.reader.sources, loader.remarks).lines();
+            Ok((plan, remarks.lines().map(str::to_owned).collect()))
+        }
         _ => Err(ConfigError {
             unreachable: loader.reader.unreachable.get(),
             untrusted: loader.reader.untrusted.get(),
-            ..ConfigError::new(path.display().to_string(), &loader.reader.sources, loader.faults)
+            ..ConfigError::new(shown, &loader.reader.sources, loader.faults)
         }),
     }
 }
@@ -64,6 +74,7 @@ pub fn load(path: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
 struct Loader {
     reader: Reader,
     faults: Vec<Fault>,
+    remarks: Vec<Fault>,
 }
 
 impl Loader {
@@ -124,9 +135,11 @@ impl Loader {
             self.faults.push(fault.cure("begin with 'marsyard: 1'"));
             return None;
         }
+        self.kept(|_| few_families(&root))?;
         self.write_out_presets(&mut root);
         for argument in sets {
             root = self.kept(|reader| with_set(root, argument, reader, Kind::Corpus))?;
+            self.kept(|_| few_families(&root))?;
             self.write_out_presets(&mut root);
         }
         fidelity::lay_under(&mut root, &mut self.reader);
@@ -234,6 +247,7 @@ impl Loader {
         for (family, place) in families {
             let mut faults = Vec::new();
             rules::of_family(family, place, &mut faults);
+            remarks::of_family(family, place, &mut self.remarks);
             faults.into_iter().for_each(|fault| found.entry(fault).or_default().push(&family.name));
         }
         for (mut fault, names) in found {
@@ -328,7 +342,8 @@ pub(super) fn value_faults<T: Validate<Context = ()>>(
         let joint =
             if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
         let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
-        faults.push(match described(Schema::of(schema(kind)), &found.dotted) {
+        let schema = Schema::of(schema(kind));
+        faults.push(match shape::meaning_of_law(schema, &said).or_else(|| described(schema, &found.dotted)) {
             Some(meaning) => fault.cure(meaning),
             None => fault,
         });
@@ -407,6 +422,17 @@ fn without_sections(root: &Node) -> Node {
         _ => (key.clone(), node.clone()),
     };
     Node::new(root.span, Value::Map(kept.map(head).collect()))
+}
+
+/// Refuses more families than are held, before any of them is laid over the document's sections.
+fn few_families(root: &Node) -> Result<(), Fault> {
+    match root.get("families") {
+        Some(Node { span, value: Value::Seq(families), .. }) if families.len() > MAX_FAMILIES => {
+            let rule = format!("'families' may have at most {MAX_FAMILIES} entries, got {}", families.len());
+            Err(Fault::new(*span, rule).cure("let a law vary what the families differ in, or make several corpora"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Name and sections of each family, its overrides laid over the document's; one named `default` where there is none.

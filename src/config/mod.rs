@@ -3,7 +3,7 @@
 //! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
 //! fault, its place and its cure. The way: text -> tree (`tree`) -> presets written out (`presets`) -> overrides laid over
 //! (`merge`) -> what `fidelity` sets laid under (`fidelity`) -> shape checked against the schema (`shape`, `schema`) -> types and their own rules -> rules between keys
-//! (`rules`). Nothing is written, and nothing but the files that the config names is read.
+//! (`rules`), and remarks on what is legal and hardly meant (`remarks`). Nothing is written, and nothing but the files that the config names is read.
 
 pub mod document;
 pub mod error;
@@ -13,6 +13,7 @@ mod load;
 mod merge;
 mod presets;
 mod reader;
+mod remarks;
 mod resolved;
 mod rules;
 mod schema;
@@ -23,7 +24,7 @@ mod tree;
 mod write;
 
 pub use error::{ConfigError, Located};
-pub use load::load;
+pub use load::{load, load_with_remarks};
 pub use presets::shipped;
 pub use schema::{Kind, schema, schema_text};
 #[cfg(feature = "train")]

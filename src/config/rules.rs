@@ -12,6 +12,7 @@ use crate::plan::Family;
 use crate::random::Dist;
 use crate::scene::params::{GroundShape, RocksParams};
 use crate::slam::SlamParams;
+use crate::sweep::MAX_SLOTS;
 use crate::sweep::params::Cast;
 use crate::sweep::sensor::{PatternParams, Sensor};
 
@@ -19,8 +20,6 @@ use crate::sweep::sensor::{PatternParams, Sensor};
 const MAX_NODES_A_SIDE: f64 = 4096.0;
 /// Cells from the centre to the rim of the ground around a cell: some 31,000 cells lie within.
 const MAX_LOCAL_RADIUS_CELLS: f64 = 100.0;
-/// Beam slots of one sweep.
-const MAX_SLOTS: f64 = 4e6;
 
 /// Rules of the document as a whole.
 pub fn of_document(document: &Document, place: &KeyPath, faults: &mut Vec<Fault>) {
@@ -376,8 +375,8 @@ impl Rules<'_, '_, '_> {
             PatternParams::Rosette(p) => f64::from(p.beams),
             PatternParams::File(p) => p.beams.len() as f64,
         };
-        if slots > MAX_SLOTS {
-            let rule = format!("one sweep would have {slots:.0} beams; at most {MAX_SLOTS:.0} are held");
+        if slots > MAX_SLOTS as f64 {
+            let rule = format!("one sweep would have {slots:.0} beams; at most {MAX_SLOTS} are held");
             self.fault("sweep.sensor.pattern", rule, "make the pattern coarser", &[]);
         }
         if let Some(mixed) = &self.family.sweep.effects.mixed_pixels

@@ -136,12 +136,17 @@ fn has_type(part: &Json, name: &str) -> bool {
 pub fn did_you_mean<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |s: &str| s.to_lowercase().replace(['-', '_', ' '], "");
     let typed = plain(typed);
-    let score = |name: &str| {
-        let name = plain(name);
+    let score = |known: &str| {
+        let name = plain(known);
         let unit_less = name.strip_suffix('m').or(name.strip_suffix("deg")).unwrap_or(&name);
-        strsim::jaro_winkler(&typed, &name).max(strsim::jaro_winkler(&typed, unit_less) - 0.01)
+        let alike = strsim::jaro_winkler(&typed, &name).max(strsim::jaro_winkler(&typed, unit_less) - 0.01);
+        // A name cut short, or one of its words alone, says more than letters in common: 'tall', 'noise'.
+        let is_part = typed.len() >= 4 && (name.starts_with(&typed) || known.split('_').any(|word| word == typed));
+        if is_part { alike.max(0.95) } else { alike }
     };
-    let best = known.into_iter().map(|name| (score(name), name)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    // The first of equals.
+    let first = |best: (f64, &'a str), next: (f64, &'a str)| if next.0 > best.0 { next } else { best };
+    let best = known.into_iter().map(|name| (score(name), name)).reduce(first)?;
     (best.0 > 0.82).then_some(best.1)
 }
 
@@ -203,7 +208,7 @@ impl Shape<'_> {
             (Form::List(part), Value::Seq(items)) => self.list(node, items, part, schema, path),
             (Form::List(_), _) => self.wrong(node, path, "a list", Some("write [a, b, ...]".into())),
             (Form::Number, Value::Int(_) | Value::Float(_)) => self.finite(node, path),
-            (Form::Number, Value::Map(entries)) if entries.first().is_some_and(|(key, _)| is_law(&key.name)) => {
+            (Form::Number, Value::Map(entries)) if entries.first().is_some_and(|(key, _)| self.is_law(&key.name)) => {
                 self.wrong(
                     node,
                     path,
@@ -352,7 +357,14 @@ impl Shape<'_> {
                     self.faults.push(fault);
                 }
             },
-            _ => self.wrong(node, path, &listed(all()), None),
+            _ => {
+                let form = |variant: &Variant| match variant.content {
+                    Some(_) => format!("{{{}: ...}}", variant.name),
+                    None => variant.name.to_owned(),
+                };
+                let forms: Vec<String> = variants.iter().map(form).collect();
+                self.wrong(node, path, &listed(forms.iter().map(String::as_str)), number_for(node, variants, schema));
+            }
         }
     }
 
@@ -386,6 +398,10 @@ impl Shape<'_> {
         let name = if path.is_empty() { "the config".into() } else { format!("'{path}'") };
         let fault = Fault::new(node.span, format!("{name} must be {expected}, got {}", node.kind()));
         self.faults.push(with_cure(fault, cure));
+    }
+
+    fn is_law(&self, name: &str) -> bool {
+        laws(self.root).any(|(law, _)| law == name)
     }
 
     /// Where in the document a key of this name has its place, if in one place only.
@@ -429,8 +445,15 @@ pub fn required(part: &serde_json::Value) -> impl Iterator<Item = &str> {
     part["required"].as_array().into_iter().flatten().filter_map(|name| name.as_str())
 }
 
-fn is_law(name: &str) -> bool {
-    ["uniform", "log_uniform", "normal", "choice", "weighted"].contains(&name)
+/// The variant that a bare number was probably meant for.
+fn number_for(node: &Node, variants: &[Variant], schema: Schema) -> Option<String> {
+    let takes = |variant: &&Variant| match variant.content.map(|content| schema.at(content).form()) {
+        Some(Form::Integer(_)) => matches!(node.value, Value::Int(_)),
+        Some(Form::Number) => matches!(node.value, Value::Int(_) | Value::Float(_)),
+        _ => false,
+    };
+    let variant = variants.iter().find(takes)?;
+    Some(format!("write {{{}: {}}}", variant.name, quoted(&node.to_json().to_string())))
 }
 
 fn quoted_number(node: &Node) -> Option<String> {
@@ -438,6 +461,21 @@ fn quoted_number(node: &Node) -> Option<String> {
         Value::Text(text) if text.trim().parse::<f64>().is_ok() => Some("take the quotes off".into()),
         _ => None,
     }
+}
+
+/// The laws of a document, each with its description.
+fn laws(document: Schema<'_>) -> impl Iterator<Item = (&str, &str)> {
+    let forms = document.defs.get("Law").and_then(|law| law["oneOf"].as_array()).into_iter().flatten();
+    forms.filter_map(|form| {
+        let (name, _) = form["properties"].as_object()?.iter().next()?;
+        Some((name.as_str(), form["description"].as_str()?))
+    })
+}
+
+/// What the law that a message begins with is.
+pub fn meaning_of_law(document: Schema, message: &str) -> Option<String> {
+    let (name, meaning) = laws(document).find(|(name, _)| message.split(' ').next() == Some(name))?;
+    Some(format!("{name}: {meaning}"))
 }
 
 /// "key: what it means", from the type's own words.
@@ -475,5 +513,10 @@ mod tests {
         ] {
             assert_eq!(did_you_mean(typed, keys), meant, "{typed}");
         }
+        // A name cut short, and a word of a name; two letters of a name are no guess.
+        let rules = ["taller_than_wheel", "all", "taller_than_m"];
+        assert_eq!(did_you_mean("tall", rules), Some("taller_than_wheel"));
+        assert_eq!(did_you_mean("noise", ["range_noise", "intensity", "gates"]), Some("range_noise"));
+        assert_eq!(did_you_mean("xy", rules), None);
     }
 }

@@ -202,8 +202,21 @@ fn syntax_fault(error: &serde_saphyr::Error, source: usize, text: &str, from: us
                 rendered.split(" at line ").next().unwrap_or(&rendered).trim_start_matches("error: ").to_owned();
             let message =
                 message.split(", column ").next().unwrap_or(&message).lines().next().unwrap_or_default().to_owned();
-            Fault::new(span, format!("this is no YAML: {}", quoted(&message)))
+            Fault::new(span, format!("this is no YAML: {}", quoted(&message))).cure(cure_of_syntax(&message))
         }
+    }
+}
+
+/// What is most often wrong where the parser says so.
+fn cure_of_syntax(message: &str) -> &'static str {
+    if message.contains("tab") {
+        "indent with blanks: YAML takes no tabs there"
+    } else if ["bracket", "flow mapping", "flow sequence"].iter().any(|word| message.contains(word)) {
+        "close each { with } and each [ with ], and put commas between what stands inside"
+    } else if message.contains("quote") || message.contains("scalar") {
+        "close the quotes"
+    } else {
+        "indent the keys of one section alike, and put a blank behind each colon"
     }
 }
 

@@ -5,9 +5,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::normal::normal_from_open_unit;
+use super::law::Law;
 use super::{Purpose, Stream, Streams};
-use crate::math;
 
 /// A constant, or a distribution that is drawn anew for each scene (for each object where the key says so).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -17,22 +16,6 @@ pub enum Dist {
     Constant(f64),
     /// Drawn from a law.
     Law(Law),
-}
-
-/// A law that a value is drawn from.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Law {
-    /// Uniform between two bounds.
-    Uniform([f64; 2]),
-    /// Uniform in the logarithm between two positive bounds.
-    LogUniform([f64; 2]),
-    /// Normal, cut to [min, max] (by its inverse law, so that no draw is rejected).
-    Normal { mean: f64, sd: f64, min: f64, max: f64 },
-    /// One of the values, all equally likely.
-    Choice(Vec<f64>),
-    /// One of the values, by weight: [[weight, value], ...].
-    Weighted(Vec<[f64; 2]>),
 }
 
 impl From<f64> for Dist {
@@ -46,7 +29,7 @@ impl Dist {
     pub fn at(&self, stream: &Stream, index: u64) -> f64 {
         match self {
             Dist::Constant(value) => *value,
-            Dist::Law(law) => law.quantile(stream.uniform(index)),
+            Dist::Law(law) => law.draw(stream, index),
         }
     }
 
@@ -64,68 +47,17 @@ impl Dist {
 
     /// The smallest and largest value that can be drawn.
     pub fn bounds(&self) -> (f64, f64) {
-        let of = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
-        };
         match self {
             Dist::Constant(value) => (*value, *value),
-            Dist::Law(Law::Uniform([a, b]) | Law::LogUniform([a, b])) => (*a, *b),
-            Dist::Law(Law::Normal { min, max, .. }) => (*min, *max),
-            Dist::Law(Law::Choice(values)) => of(&mut values.iter().copied()),
-            Dist::Law(Law::Weighted(pairs)) => of(&mut pairs.iter().map(|p| p[1])),
+            Dist::Law(law) => law.bounds(),
         }
     }
 
     /// What is wrong with the law itself, if anything.
     pub fn fault(&self) -> Option<String> {
-        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
         match self {
-            Dist::Constant(v) => (!v.is_finite()).then(|| format!("{v} is not a finite number")),
-            Dist::Law(Law::Uniform([a, b])) => {
-                (!finite(&[*a, *b]) || a > b).then(|| format!("uniform needs [low, high] with low <= high, got [{a}, {b}]"))
-            }
-            Dist::Law(Law::LogUniform([a, b])) => (!finite(&[*a, *b]) || a > b || *a <= 0.0)
-                .then(|| format!("log_uniform needs [low, high] with 0 < low <= high, got [{a}, {b}]")),
-            Dist::Law(Law::Normal { mean, sd, min, max }) => {
-                (!finite(&[*mean, *sd, *min, *max]) || *sd <= 0.0 || min > max || (mean - min) / sd < -8.0 || (max - mean) / sd < -8.0)
-                    .then(|| format!("normal needs sd > 0 and min <= max within 8 sd of the mean, got mean {mean}, sd {sd}, min {min}, max {max}"))
-            }
-            Dist::Law(Law::Choice(values)) => {
-                (values.is_empty() || !finite(values)).then(|| "choice needs at least one finite value".to_string())
-            }
-            Dist::Law(Law::Weighted(pairs)) => {
-                let total: f64 = pairs.iter().map(|p| p[0]).sum();
-                (pairs.is_empty() || pairs.iter().any(|p| !finite(p) || p[0] < 0.0) || !total.is_finite() || total <= 0.0)
-                    .then(|| "weighted needs [[weight, value], ...] with finite weights >= 0, not all 0".to_string())
-            }
-        }
-    }
-}
-
-impl Law {
-    /// The value below which a share `u` in (0, 1) of the draws falls.
-    fn quantile(&self, u: f64) -> f64 {
-        match self {
-            Law::Uniform([a, b]) => (a + u * (b - a)).clamp(*a, *b),
-            Law::LogUniform([a, b]) => (a * math::exp(u * math::ln(b / a))).clamp(*a, *b),
-            Law::Normal { mean, sd, min, max } => {
-                let below = |x: f64| 0.5 * libm::erfc(-(x - mean) / (sd * std::f64::consts::SQRT_2));
-                let (low, high) = (below(*min), below(*max));
-                let p = (low + u * (high - low)).clamp(1e-300, 1.0 - f64::EPSILON / 2.0);
-                (mean + sd * normal_from_open_unit(p)).clamp(*min, *max)
-            }
-            Law::Choice(values) => values[((u * values.len() as f64) as usize).min(values.len() - 1)],
-            Law::Weighted(pairs) => {
-                let total: f64 = pairs.iter().map(|p| p[0]).sum();
-                let mut left = u * total;
-                for [weight, value] in pairs {
-                    left -= weight;
-                    if left < 0.0 {
-                        return *value;
-                    }
-                }
-                pairs.iter().rev().find(|p| p[0] > 0.0).expect("checked: a positive weight").to_owned()[1]
-            }
+            Dist::Constant(value) => (!value.is_finite()).then(|| format!("{value} is not a finite number")),
+            Dist::Law(law) => law.fault(),
         }
     }
 }
@@ -212,6 +144,7 @@ pub fn within<T: Bounded>(low: f64, high: f64) -> impl Fn(&T, &()) -> garde::Res
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math;
     use crate::random::Stage;
 
     #[test]

@@ -5,7 +5,9 @@
 //! generator, no default seed and no clock; seed 0 is a seed.
 //!
 //! Source: ChaCha with 8 rounds (Bernstein 2008) keyed by BLAKE3 of the address; integers only, so the same bits on every
-//! CPU. Normal draws: Wichura's AS 241 inverse of the normal law, two words a draw, so that index i costs no more than i + 1.
+//! CPU. Normal draws: Wichura's AS 241 inverse of the normal law, two words a draw, so that index i costs no more than i + 1. Laws whose
+//! samplers reject (gamma, beta, PERT, Poisson) take a varying number of words, from a ChaCha stream that each index has for itself: a law's
+//! parameters change the draws of that law and no other.
 //!
 //! ```
 //! use marsyard::random::{Purpose, Stage, Streams};
@@ -26,10 +28,16 @@
 //! ```
 
 mod dist;
+mod law;
 mod normal;
+mod pinned;
 mod purpose;
+mod sampler;
+mod share;
 mod stream;
 
-pub use dist::{Bounded, Dist, Drawn, Law, within};
+pub use dist::{Bounded, Dist, Drawn, within};
+pub use law::Law;
 pub use purpose::{Purpose, Stage};
+pub use sampler::poisson;
 pub use stream::{Stream, Streams};

@@ -105,7 +105,7 @@ impl Work for Units<'_> {
 
 /// 52 random bits -> the middle of one of 2^52 equal parts of (0, 1); never 0, never 1.
 #[inline(always)]
-fn open_unit(word: u64) -> f64 {
+pub(super) fn open_unit(word: u64) -> f64 {
     // The bits behind the point of a number in [1, 2): what is taken off leaves 53 bits, and so all steps are exact.
     f64::from_bits(1.0f64.to_bits() | (word >> 12)) - (1.0 - f64::EPSILON / 2.0)
 }

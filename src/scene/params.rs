@@ -395,7 +395,8 @@ pub struct PatchParams {
     /// Radius of a patch, metres; drawn per patch.
     #[garde(custom(within(0.05, 1e3)))]
     pub radius_m: Dist,
-    /// Standard deviation of the added height, metres; drawn per patch.
+    /// Scale of the added height, metres; drawn per patch. Each return stands |N(0, sigma_m)| above the ground: a half-normal height,
+    /// never below the ground, of mean 0.80 sigma_m and standard deviation 0.60 sigma_m.
     #[garde(custom(within(0.0, 2.0)))]
     pub sigma_m: Dist,
 }

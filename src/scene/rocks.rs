@@ -20,7 +20,7 @@ use super::params::{GolombekParams, RocksParams};
 use super::{Body, Class, Convex, Obstacle, Scene, SceneError, Shape};
 use crate::geometry::{DMat3, DVec2, DVec3};
 use crate::math;
-use crate::random::{Dist, Drawn, Purpose, Stream, Streams};
+use crate::random::{self, Dist, Drawn, Purpose, Stream, Streams};
 
 /// More rocks than this are a config gone wrong.
 const MAX_ROCKS: f64 = 1e6;
@@ -156,10 +156,8 @@ fn golombek_sizes(
     }
     let stream = streams.open(Purpose::RockGolombekDiameter);
     let sizes = Sizes::Golombek { law, min_m, max_m, stream };
-    // No rocks: a law that is below 1e-12 of one, or whose largest diameter is not above its smallest.
-    let Ok(poisson) = rand_distr::Poisson::new(expected) else { return Ok((0, sizes)) };
-    let mut generator = streams.open(Purpose::RockGolombekCount).generator_at(0);
-    let count: f64 = rand_distr::Distribution::sample(&poisson, &mut generator);
+    // None where the largest diameter is not above the smallest.
+    let count = random::poisson(expected, &mut streams.open(Purpose::RockGolombekCount).generator_at(0));
     Ok((count as usize, sizes))
 }
 

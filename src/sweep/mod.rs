@@ -68,7 +68,7 @@ mod vegetation;
 pub use cast::{Caster, Hit, Inside, Origin};
 pub use measure::{Scratch, sweep};
 pub use params::SweepParams;
-pub use pattern::PatternError;
+pub use pattern::{MAX_SLOTS, PatternError};
 pub use sensor::Sensor;
 
 use std::sync::Arc;

@@ -13,7 +13,7 @@ use crate::geometry::DVec3;
 use crate::math;
 
 /// Most slots of a pattern: 16 times a full OS1-64 second fits; more is a slip of the pen.
-const MAX_SLOTS: u64 = 1 << 24;
+pub const MAX_SLOTS: u64 = 1 << 24;
 
 /// Why a pattern cannot be built.
 #[derive(Debug, PartialEq, thiserror::Error)]

@@ -3,6 +3,7 @@
 mod broken;
 mod fidelity;
 mod fuzz;
+mod laws;
 mod paper;
 mod resolved;
 mod schemas;

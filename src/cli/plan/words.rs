@@ -124,9 +124,14 @@ fn say(dist: &Dist) -> String {
         Dist::Law(Law::Choice(values)) => {
             format!("one of {}", values.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))
         }
-        law => {
+        Dist::Law(law @ (Law::Uniform(_) | Law::LogUniform(_) | Law::Normal { .. } | Law::Weighted(_))) => {
             let (low, high) = law.bounds();
             format!("{low} to {high}")
+        }
+        Dist::Law(Law::Poisson { mean, .. }) => format!("some {mean} (poisson)"),
+        Dist::Law(law) => {
+            let (low, high) = law.bounds();
+            format!("{low} to {high} ({})", law.name())
         }
     }
 }

@@ -1,0 +1,55 @@
+//! What a family's sections say that is legal and hardly meant: told, not refused, since corpora of such configs exist.
+//!
+//! In: a checked family and where its keys stand. Out: remarks with place, rule and cure. What cannot be meant is a rule (`rules`).
+
+use super::error::Fault;
+use super::key_path::KeyPath;
+use crate::drive::rover::Chassis;
+use crate::plan::Family;
+
+pub fn of_family(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
+    range_beyond_the_sensor(family, place, remarks);
+    wheels_outside_the_outline(family, place, remarks);
+}
+
+fn range_beyond_the_sensor(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
+    let sensor = &family.sweep.sensor;
+    let gate_m = family.sweep.effects.gates.as_ref().and_then(|gates| gates.max_m);
+    let reach_m = gate_m.unwrap_or(sensor.max_range_m);
+    if let Some(max_m) = family.cells.max_range_m
+        && max_m > reach_m
+    {
+        let rule = format!("cells reach to {max_m} m, but '{}' reports nothing beyond {reach_m} m", sensor.name);
+        let cure = "take cells.max_range_m out for the sensor's own reach, or give a smaller one";
+        remarks.push(Fault::new(place.span("cells.max_range_m"), rule).cure(cure));
+    }
+}
+
+fn wheels_outside_the_outline(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
+    let rover = &family.drive.rover;
+    let (key, wheelbase_m) = match &rover.chassis {
+        Chassis::Rigid(chassis) => ("rigid.wheelbase_m", chassis.wheelbase_m),
+        Chassis::RockerBogie(chassis) => {
+            let axles = [chassis.rocker_wheel_x_m, chassis.bogie_front_x_m, chassis.bogie_rear_x_m];
+            let (rear, front) =
+                axles.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(r, f), &x| (r.min(x), f.max(x)));
+            ("rocker_bogie.bogie_front_x_m", front - rear)
+        }
+    };
+    let track = match &rover.chassis {
+        Chassis::Rigid(_) => "rigid.track_m",
+        Chassis::RockerBogie(_) => "rocker_bogie.track_m",
+    };
+    for (key, axles_m, side, outline_m) in
+        [(key, wheelbase_m, "length_m", rover.length_m), (track, rover.track_m(), "width_m", rover.width_m)]
+    {
+        if axles_m > outline_m {
+            let rule = format!(
+                "the wheels of '{}' stand {axles_m} m apart, outside its outline ({side} {outline_m} m), which is all that collides",
+                rover.name
+            );
+            let cure = format!("give {side} the whole rover, wheels included");
+            remarks.push(Fault::new(place.span(&format!("drive.rover.chassis.{key}")), rule).cure(cure));
+        }
+    }
+}
