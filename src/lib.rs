@@ -24,10 +24,10 @@
 //! | to | call | without which feature it is not there |
 //! |---|---|---|
 //! | simulate one scene, as arrays | [`simulate_scene`] | |
-//! | build a corpus, or go on building it | [`build_corpus`](crate::build_corpus) | `corpus` |
-//! | open one | [`open_corpus`](crate::open_corpus) | `corpus` |
-//! | train a network on it | [`train_network`](crate::train_network) | `train` |
-//! | judge a real scan | [`judge::ScanJudge`](crate::judge::ScanJudge) | `train` |
+//! | build a corpus, or go on building it | [`build_corpus`] | `corpus` |
+//! | open one | [`open_corpus`] | `corpus` |
+//! | train a network on it | [`train_network`] | `train` |
+//! | judge a real scan | [`judge::ScanJudge`] | `train` |
 //!
 //! Each has an example that runs, and so have the doors of the stages below them, for who brings scenes, sensors, readings or features of
 //! their own. `examples/` holds whole programs.
