@@ -7,12 +7,10 @@ use clap::{Args, ValueEnum};
 use super::Failure;
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
-use crate::cells::CellParams;
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::may_pass;
 use crate::corpus::{Outputs, Split, address};
-use crate::evaluate::{self, EvaluateError, FamilyFacts, Options, Report};
-use crate::plan::Plan;
+use crate::evaluate::{self, EvaluateError, FamilyFacts, Options};
 use crate::train::labels::LabelRule;
 use crate::train::{MODEL_FORMAT, Model, ModelError, folder};
 
@@ -83,8 +81,9 @@ pub(super) fn read_model(path: &Path) -> Result<Model, Failure> {
         ModelError::Io { source, .. } => place::named_failure(&file, source, |source| {
             Failure::usage(miette::miette!(
                 help = "give the model.safetensors that `marsyard train` wrote, or its run folder",
-                "{}: {source}",
-                file.display()
+                "{}: {}",
+                file.display(),
+                place::fault_words(&source)
             ))
         }),
         error => Failure::usage(miette::Report::msg(format!("{}: {error}", file.display()))),
@@ -99,24 +98,17 @@ pub(super) fn read_model(path: &Path) -> Result<Model, Failure> {
     Ok(model)
 }
 
-/// What judging needs to know of a plan's families.
-pub(super) fn family_facts(plan: &Plan) -> Vec<FamilyFacts> {
-    let labels = |cells: &CellParams| serde_json::to_string(&cells.labels).expect("a rule is plain data");
-    let facts = |family: &crate::plan::Family| FamilyFacts {
-        name: family.name.clone(),
-        sensor: family.sweep.sensor.name.clone(),
-        cell_size_m: family.cells.size_m,
-        local_height: family.cells.local_height.clone(),
-        labels: labels(&family.cells),
-    };
-    plan.families.iter().map(facts).collect()
-}
-
-/// What is written of a judgement.
-pub(super) fn files_of(report: &Report) -> Result<Vec<(String, Vec<u8>)>, Failure> {
-    let figures = evaluate::figures(report).map_err(Failure::failed)?;
-    let figures = figures.into_iter().map(|(name, svg)| (name.to_string(), svg.into_bytes()));
-    Ok(std::iter::once(("evaluation.json".into(), report.to_json().into_bytes())).chain(figures).collect())
+/// What the user gave wrong is usage.
+pub(super) fn evaluate_failure(error: EvaluateError) -> Failure {
+    match error {
+        EvaluateError::Corpus(error) => corpus_failure(error),
+        error @ (EvaluateError::Model(_)
+        | EvaluateError::Family { .. }
+        | EvaluateError::Shared { .. }
+        | EvaluateError::NoFamily { .. }
+        | EvaluateError::Thresholds(_)) => Failure::usage(miette::Report::msg(error.to_string())),
+        error => Failure::failed(error),
+    }
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
@@ -139,18 +131,10 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
         ..Options::of(split)
     };
     let store = place::open(&args.corpus)?;
-    let report =
-        evaluate::evaluate(&model, store.as_ref(), &family_facts(&plan), &options).map_err(|error| match error {
-            EvaluateError::Corpus(error) => corpus_failure(error),
-            error @ (EvaluateError::Model(_)
-            | EvaluateError::Family { .. }
-            | EvaluateError::Shared { .. }
-            | EvaluateError::NoFamily { .. }
-            | EvaluateError::Thresholds(_)) => Failure::usage(miette::Report::msg(error.to_string())),
-            error => Failure::failed(error),
-        })?;
+    let report = evaluate::evaluate(&model, store.as_ref(), &FamilyFacts::of(&plan), &options);
+    let report = report.map_err(evaluate_failure)?;
     if let (Some(folder), Some(mut outputs)) = (&args.out, outputs) {
-        outputs.write(&files_of(&report)?).map_err(corpus_failure)?;
+        outputs.write(&report.files().map_err(Failure::failed)?).map_err(corpus_failure)?;
         outputs.finish().map_err(corpus_failure)?;
         errln!("evaluation.json and figures are in {}", folder.display());
     }

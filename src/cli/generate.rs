@@ -81,7 +81,8 @@ pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
         Generated::Part { shards, tally } => tell_part_end(&store.place(), &shards, &tally, log),
         Generated::Whole(whole) => {
             let verdict = judge_corpus(&plan, &whole.manifest);
-            tell_end(&whole, &store.place(), args.threads, verdict.is_ok(), log);
+            let all_failed = whole.manifest.failed.len() as u64 == whole.manifest.scenes;
+            tell_end(&whole, &store.place(), args.threads, verdict.is_ok() && !all_failed, log);
             return verdict;
         }
     }

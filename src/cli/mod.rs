@@ -10,7 +10,6 @@ mod evaluate;
 mod explain;
 mod export;
 mod generate;
-mod leaks;
 mod log;
 mod options;
 mod output;
@@ -19,6 +18,7 @@ mod plan;
 mod preview;
 mod progress;
 mod rebuild;
+mod schema;
 mod search;
 mod sign;
 mod signals;
@@ -30,9 +30,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use output::out;
-
-use crate::config::{self, Kind};
+use crate::config;
 use crate::corpus::owner::RULE;
 use crate::cpu;
 use crate::plan::Plan;
@@ -41,11 +39,8 @@ use crate::plan::Plan;
 ///
 /// From one YAML file marsyard builds random yards, drives rovers through them, scans them with simulated LiDAR, estimates
 /// the rover's pose with FastSLAM 2.0, and writes per-cell features and labels as Parquet shards.
-///
-/// Start with:  marsyard plan configs/quickstart.yaml   (what would be built, and what it costs)
-/// then:        marsyard generate configs/quickstart.yaml
 #[derive(Debug, Parser)]
-#[command(name = "marsyard", version, verbatim_doc_comment)]
+#[command(name = "marsyard", version, after_help = START)]
 pub struct Cli {
     /// How to log: for people, or one JSON object a line for machines.
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Text)]
@@ -53,6 +48,10 @@ pub struct Cli {
     #[command(subcommand)]
     verb: Verb,
 }
+
+const START: &str = "\
+Start with:  marsyard plan configs/quickstart.yaml   (what would be built, and what it costs)
+then:        marsyard generate configs/quickstart.yaml";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum LogFormat {
@@ -100,21 +99,13 @@ enum Verb {
     /// Measure what each choice between speed and accuracy costs, and the error it brings: a table, Parquet, a chart.
     #[command(after_help = RULE)]
     Tradeoff(tradeoff::TradeoffArgs),
-    /// Print the JSON Schema of a file that marsyard reads or writes.
-    Schema {
-        #[arg(value_parser = parse_kind)]
-        kind: Kind,
-    },
+    /// Print what a file that marsyard reads or writes looks like.
+    Schema(schema::SchemaArgs),
     /// Print completions for a shell: marsyard completions bash > /etc/bash_completion.d/marsyard
     Completions {
         #[arg(value_enum)]
         shell: clap_complete::Shell,
     },
-}
-
-fn parse_kind(text: &str) -> Result<Kind, String> {
-    let names = Kind::ALL.map(Kind::name);
-    Kind::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| format!("one of {}", names.join(", ")))
 }
 
 /// A config and what is changed in it on the command line.
@@ -208,8 +199,8 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Export(args) => export::run(args),
         Verb::Classify(args) => classify::run(args),
         Verb::Tradeoff(args) => tradeoff::run(args, cli.log),
-        Verb::Schema { kind } => {
-            out!("{}", config::schema_text(*kind));
+        Verb::Schema(args) => {
+            schema::run(args);
             Ok(())
         }
         Verb::Completions { shell } => {

@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::fmt;
 use std::fs::Metadata;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,21 +16,20 @@ use crate::plan::Plan;
 
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
-    use std::io::ErrorKind;
     let again = "the same command again goes on";
     let (code, help) = match &error {
         CorpusError::Io { source, .. } => match source.kind() {
             ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
                 (Failure::FAILED, Some("make the folder writable, or choose another".into()))
             }
-            ErrorKind::IsADirectory => (
-                Failure::FAILED,
-                Some("a folder is where a file should be: move it away, and run the same command again".into()),
-            ),
+            ErrorKind::IsADirectory => (Failure::FAILED, Some("move it away, and run the same command again".into())),
             ErrorKind::NotADirectory => (Failure::USAGE, Some("name a folder, or a place where nothing is yet".into())),
+            ErrorKind::NotFound => (
+                Failure::FAILED,
+                Some("look at the path; where something is to be written, choose another folder".into()),
+            ),
             // Whatever the next try would find, it would find this.
-            ErrorKind::NotFound
-            | ErrorKind::InvalidInput
+            ErrorKind::InvalidInput
             | ErrorKind::InvalidFilename
             | ErrorKind::AlreadyExists
             | ErrorKind::Unsupported => (Failure::FAILED, None),
@@ -50,10 +50,21 @@ pub(super) fn corpus_failure(error: CorpusError) -> Failure {
         | CorpusError::BeyondPlan { .. } => (Failure::USAGE, None),
         _ => (Failure::FAILED, None),
     };
-    Failure::new(
-        code,
-        StoreFault { kind: error.kind(), place: error.place().to_owned(), said: error.to_string(), help },
-    )
+    let said = match &error {
+        CorpusError::Io { source, .. } => error.to_string().replace(&source.to_string(), &fault_words(source)),
+        _ => error.to_string(),
+    };
+    Failure::new(code, StoreFault { kind: error.kind(), place: error.place().to_owned(), said, help })
+}
+
+/// What a file system says, in words where the kind alone says all.
+pub(super) fn fault_words(fault: &std::io::Error) -> String {
+    match fault.kind() {
+        ErrorKind::NotFound => "there is no such file or folder".into(),
+        ErrorKind::NotADirectory => "a file is where a folder should be".into(),
+        ErrorKind::IsADirectory => "a folder is where a file should be".into(),
+        _ => fault.to_string(),
+    }
 }
 
 /// A fault of a corpus's place, as machines are told of it too.

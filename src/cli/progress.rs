@@ -56,7 +56,7 @@ impl Teller {
     /// Says a line that stays.
     pub(super) fn say(&self, line: &str) {
         match &self.display {
-            Display::Bar(bar) => bar.println(line),
+            Display::Bar(bar) if bar.length().is_some() => bar.println(line),
             _ => errln!("{line}"),
         }
     }
@@ -76,6 +76,10 @@ impl Teller {
     /// Shows on a terminal that so much is done.
     pub(super) fn show(&self, (done, of): (u64, u64), text: impl FnOnce() -> String) {
         if let Display::Bar(bar) = &self.display {
+            // Nothing is drawn before the first step: what is said until then stands above.
+            if bar.length().is_none() {
+                bar.enable_steady_tick(DRAW_EVERY);
+            }
             bar.set_length(of);
             bar.set_position(done);
             bar.set_message(text());
@@ -108,9 +112,7 @@ const LINE: &str = "{bar:16.cyan/blue} {elapsed:>3} {wide_msg}";
 
 fn bar() -> ProgressBar {
     let style = ProgressStyle::with_template(LINE).expect("a constant template").progress_chars("━╸─");
-    let bar = ProgressBar::new(0).with_style(style);
-    bar.enable_steady_tick(DRAW_EVERY);
-    bar
+    ProgressBar::no_length().with_style(style)
 }
 
 /// "1 thread", "4 threads".

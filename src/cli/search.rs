@@ -12,10 +12,10 @@ use super::output::{errln, out};
 use super::place::{check_folder, corpus_failure, must_be_local};
 use super::progress::SearchProgress;
 use super::signals::stop_on_signals;
-use super::train::{goes_on, numbered_folder, open_source, train_failure};
+use super::train::{goes_on, open_source, run_folder, train_failure};
 use super::{Failure, LogFormat, config_failure};
 use crate::config;
-use crate::corpus::{Build, LocalFolder, Split, Store, owner};
+use crate::corpus::{Build, LocalFolder, Split, owner};
 use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
 use crate::search::{Entry, Leaderboard, Outcome, Setup, journal, leaderboard, search};
 use crate::train::memory::Held;
@@ -44,8 +44,8 @@ pub(super) struct SearchArgs {
     /// the first network is trained.
     #[arg(long, conflicts_with_all = ["widths", "layers"])]
     full: bool,
-    /// Widths of the grid: all combinations of them in each number of layers.
-    #[arg(long, value_delimiter = ',', value_name = "NEURONS", default_values_t = [2, 4, 8, 16, 24, 32])]
+    /// Widths of the grid, with commas: all combinations of them in each number of layers.
+    #[arg(long, value_delimiter = ',', value_name = "NEURONS", default_value = "2,4,8,16,24,32")]
     widths: Vec<usize>,
     /// Most hidden layers of the grid.
     #[arg(long, default_value_t = DEEPEST)]
@@ -152,8 +152,7 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
         "rows": args.rows,
         "validation_rows": args.validation_rows,
     });
-    let numbered = || numbered_folder(&format!("{name}-search"), args.resume);
-    let out = args.out.clone().map_or_else(numbered, Ok)?;
+    let out = run_folder(args.out.as_deref(), &format!("{name}-search"), args.resume)?;
     if args.config.as_ref().is_some_and(|config| owner::is_same_file(config, &out.join(folder::CONFIG))) {
         let refused = owner::foreign(out.display().to_string(), folder::CONFIG, owner::IS_INPUT);
         return Err(corpus_failure(refused));
@@ -213,11 +212,7 @@ fn write_report(setup: &Setup, progress: &SearchProgress) -> Result<(), Failure>
         "threads": setup.threads,
         "build": Build::of_this_binary(),
     });
-    if progress.done_here() == 0 && setup.out.join(folder::REPORT).exists() {
-        return Ok(());
-    }
-    let store = LocalFolder::new(&setup.out);
-    store.replace(folder::REPORT, format!("{report:#}\n").as_bytes()).map_err(corpus_failure)
+    folder::write_report(&LocalFolder::new(&setup.out), progress.done_here() == 0, &report).map_err(corpus_failure)
 }
 
 fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[Entry], log: LogFormat) {

@@ -1,33 +1,31 @@
 //! Trains a network on finished corpora, or goes on where a training was interrupted.
 //!
-//! The verb ties configs and corpora to the training loop, and talks. All that is learnt from is in the run folder's files;
-//! times go to `report.json` and `training.jsonl`.
+//! The verb opens what was named, calls `train`, has the model judged on the test splits, and says what came of it: the
+//! most important lines last, the rest is in the run folder's files.
 
-use std::collections::BTreeSet;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::Args;
 use serde_json::json;
 
-use super::evaluate::{family_facts, files_of, model_file, read_model};
-use super::leaks::{self, Learnt};
+use super::evaluate::{model_file, read_model};
 use super::options::{default_threads, labels_set, parse_threads};
 use super::output::{errln, out};
 use super::place::{self, StoreFault, check_folder, corpus_failure, must_be_local};
 use super::progress::{TrainProgress, human, si};
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat, config_failure};
-use crate::config::{self};
+use crate::config;
 use crate::corpus::limits::FileKind;
-use crate::corpus::store::read_folder;
-use crate::corpus::{Build, CorpusError, LocalFolder, Split, Store};
-use crate::evaluate::{EvaluateError, Options, evaluate};
+use crate::corpus::{Build, CorpusError, LocalFolder, Split};
+use crate::evaluate::{Brief, EvaluateError, FamilyFacts, Options, evaluate_into, evaluation_folder};
+use crate::plan::Plan;
+use crate::train::corpora::{self, CorpusToLearn, unknown_yards};
 use crate::train::filter::{Counters, MOST_WEIGHT};
-use crate::train::folder::RunFolder;
-use crate::train::run::{Init, Origin, Summary};
-use crate::train::{Model, Outcome, Setup, Source, Sources, TrainError, TrainParams, folder, train};
+use crate::train::numbered::numbered;
+use crate::train::run::{Init, Summary};
+use crate::train::stopping::Stop;
+use crate::train::{Outcome, Setup, Source, TrainError, TrainParams, folder, train};
 
 #[derive(Debug, Args)]
 pub(super) struct TrainArgs {
@@ -97,6 +95,11 @@ pub(super) fn train_failure(error: TrainError) -> Failure {
         TrainError::Corpus(error) => return corpus_failure(error),
         TrainError::Io { path, source } => return corpus_failure(CorpusError::of_path(Path::new(&path), source)),
         TrainError::Busy { .. } => Failure::TRY_AGAIN,
+        TrainError::SharedScenes { .. } => {
+            let help = "give each corpus a seed of its own (--set seed=N), or cut them into shards alike (the same scenes_per_shard), \
+                        or learn from one of them; --allow-shared-scenes goes on, and training.json says so";
+            return Failure::usage(miette::miette!(help = help, "{error}"));
+        }
         TrainError::NoFeature { .. }
         | TrainError::FeatureTwice { .. }
         | TrainError::NoCells { .. }
@@ -118,40 +121,24 @@ pub(super) fn train_failure(error: TrainError) -> Failure {
 pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     let params = args.params()?;
     args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
-    let mut list = Vec::new();
-    let mut origins: Vec<(PathBuf, Origin)> = Vec::new();
-    let mut learnt: Vec<Learnt> = Vec::new();
-    for (path, weight) in &args.corpora {
-        check_folder(path)?;
-        let mut source = open_source(path, *weight)?;
-        let plan = place::finished_plan(path)?;
-        if !source.yards.known() {
-            source.yards.yards = plan.yards();
-        }
-        let (place, yards) = (path.display().to_string(), source.yards.clone());
-        let shards = source.shards_by_values(Split::Train);
-        learnt.push(Learnt { place, yards, rows_hash: plan.rows_hash(), shards });
-        origins.push((path.clone(), Origin::of(&plan.families[0])));
-        list.push(source);
-    }
-    let out = args.out.clone().map_or_else(|| numbered_folder(&list[0].name, args.resume), Ok)?;
-    let (place, origin) = origins.remove(0);
-    for (other, theirs) in &origins {
-        check_grids((&place, &origin), (other, theirs))?;
-    }
-    let mut sources = Sources::new(list, &params.features, params.labels.clone()).map_err(train_failure)?;
+    let corpora: Vec<CorpusToLearn> = args.corpora.iter().map(open_corpus).collect::<Result<_, _>>()?;
+    let out = run_folder(args.out.as_deref(), &corpora[0].source.name, args.resume)?;
+    let tests: Vec<TestSplit> = corpora.iter().map(|corpus| TestSplit::of(&corpus.plan)).collect();
     let init = args.init.as_deref().map(read_init).transpose()?;
-    if let Some(of) = init.as_ref().and_then(|init| unknown_yards(&init.model)) {
+    let before = init.as_ref().map(|init| &init.model);
+    let joined = corpora::join(corpora, &params, before, args.allow_shared_scenes).map_err(train_failure)?;
+    if let Some(of) = before.map(unknown_yards).filter(|names| !names.is_empty()) {
+        let of = of.join(", ");
         tracing::warn!(
             "whether the network of --init learnt from scenes of these corpora cannot be said: nothing is known of the yards of {of}"
         );
     }
-    sources.shared_scenes = leaks::check(&learnt, init.as_ref().map(|init| &init.model), args.allow_shared_scenes)?;
+    joined.sources.shared_scenes.iter().for_each(|leak| tracing::warn!("{leak}"));
     let setup = Setup {
         config_yaml: config::train_yaml(&params),
         params,
-        sources: Arc::new(sources),
-        origin,
+        sources: joined.sources,
+        origin: joined.origin,
         out,
         resume: args.resume,
         init,
@@ -169,10 +156,27 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     match outcome.map_err(train_failure).map_err(goes_on)? {
         Outcome::Interrupted { rows } => Err(Failure::new(Failure::TRY_AGAIN, interrupted(&setup, rows))),
         Outcome::Done(summary, run) => {
-            write_report(&run, &progress, args).map_err(goes_on)?;
-            tell_end(&setup.out, &summary, &progress, log);
-            evaluate_on_test(args, &setup, log).map_err(goes_on)
+            run.report(progress.rows_here() == 0, &times(&progress, args)).map_err(train_failure).map_err(goes_on)?;
+            tell_course(&setup.out, &summary, &progress, log);
+            let judged = evaluate_on_test(args, &setup, &tests, log);
+            tell_end(args, &setup.out, &summary, log);
+            judged.map_err(goes_on)
         }
+    }
+}
+
+/// A corpus to learn from, with the weight behind it.
+fn open_corpus((path, weight): &(PathBuf, f64)) -> Result<CorpusToLearn, Failure> {
+    check_folder(path)?;
+    let source = open_source(path, *weight)?;
+    Ok(CorpusToLearn { place: path.display().to_string(), source, plan: place::finished_plan(path)? })
+}
+
+/// The run folder that was named, or the next one of that name below `runs`.
+pub(super) fn run_folder(out: Option<&Path>, name: &str, resume: bool) -> Result<PathBuf, Failure> {
+    match out {
+        Some(out) => Ok(out.into()),
+        None => numbered(Path::new("runs"), name, resume).map_err(corpus_failure),
     }
 }
 
@@ -193,14 +197,6 @@ pub(super) fn goes_on(failure: Failure, out: &Path) -> Failure {
     }
 }
 
-/// The corpora that a model learnt from without saying which yards they hold, as those of before format 2.
-fn unknown_yards(model: &Model) -> Option<String> {
-    let learnt_from = model.about.learnt_from();
-    let names: Vec<&str> =
-        learnt_from.iter().filter(|corpus| !corpus.yards.known()).map(|corpus| corpus.name.as_str()).collect();
-    (!names.is_empty()).then(|| names.join(", "))
-}
-
 /// A finished corpus to learn from, and a word of what could not be checked of it.
 pub(super) fn open_source(corpus: &Path, weight: f64) -> Result<Source, Failure> {
     let source = Source::open(place::open(corpus)?.as_ref(), weight).map_err(train_failure)?;
@@ -215,50 +211,6 @@ fn interrupted(setup: &Setup, rows: u64) -> miette::Report {
     )
 }
 
-/// The first free `runs/<name>-1`, `-2`, ...; to resume, the one with the highest number that is there.
-pub(super) fn numbered_folder(name: &str, resume: bool) -> Result<PathBuf, Failure> {
-    let runs = Path::new("runs");
-    let entries = match read_folder(runs) {
-        Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
-        entries => {
-            entries.and_then(Iterator::collect).map_err(|error| corpus_failure(CorpusError::of_path(runs, error)))?
-        }
-    };
-    let taken: BTreeSet<u64> =
-        entries.iter().filter_map(|entry| number_of(entry.file_name().to_str()?, name)).collect();
-    let number = taken.last().copied().filter(|_| resume);
-    let number = number.or_else(|| (1..).find(|number| !taken.contains(number))).unwrap_or(1);
-    Ok(runs.join(format!("{name}-{number}")))
-}
-
-/// The number in `<name>-<number>`, written as marsyard writes it.
-fn number_of(entry: &str, name: &str) -> Option<u64> {
-    let digits = entry.strip_prefix(name)?.strip_prefix('-')?;
-    digits.parse().ok().filter(|number: &u64| *number > 0 && number.to_string() == digits)
-}
-
-/// Features mean the same on the same grid only.
-fn check_grids((first, ours): (&Path, &Origin), (other, theirs): (&Path, &Origin)) -> Result<(), Failure> {
-    let differ = |what: &str, ours: String, theirs: String| {
-        if ours == theirs {
-            return Ok(());
-        }
-        Err(Failure::usage(miette::miette!(
-            help = "train on corpora with the same grid, or on one of them",
-            "{} has cells.{what} {theirs}, {} has {ours}",
-            other.display(),
-            first.display()
-        )))
-    };
-    differ("size_m", ours.cells.size_m.to_string(), theirs.cells.size_m.to_string())?;
-    differ("neighbours", ours.cells.neighbours.to_string(), theirs.cells.neighbours.to_string())?;
-    // One that lacks the column is told apart by its features, where they ask for it.
-    match (&ours.cells.local_height, &theirs.cells.local_height) {
-        (Some(ours), Some(theirs)) => differ("local_height", ours.words(), theirs.words()),
-        _ => Ok(()),
-    }
-}
-
 /// A model file, or the one in a run folder; and the filter's memory beside it.
 fn read_init(path: &Path) -> Result<Init, Failure> {
     let file = model_file(path);
@@ -268,86 +220,65 @@ fn read_init(path: &Path) -> Result<Init, Failure> {
     Ok(Init { path: file.display().to_string(), model, filter })
 }
 
-/// Judges the model on the test split of each corpus: `evaluation.json` and its figures, in a folder of their own for each where there
-/// are several corpora.
-fn evaluate_on_test(args: &TrainArgs, setup: &Setup, log: LogFormat) -> Result<(), Failure> {
-    let (model, store) = (read_model(&setup.out)?, LocalFolder::new(&setup.out));
-    for ((path, _), source) in args.corpora.iter().zip(&setup.sources.list) {
-        let plan = place::finished_plan(path)?;
+/// What judging on a corpus's test split needs to know of its plan.
+struct TestSplit {
+    families: Vec<FamilyFacts>,
+    yards: Vec<String>,
+}
+
+impl TestSplit {
+    fn of(plan: &Plan) -> TestSplit {
+        TestSplit { families: FamilyFacts::of(plan), yards: plan.yards() }
+    }
+}
+
+/// Judges the model on the test split of each corpus, and says the first of each judgement.
+fn evaluate_on_test(args: &TrainArgs, setup: &Setup, tests: &[TestSplit], log: LogFormat) -> Result<(), Failure> {
+    let (model, store, all) = (read_model(&setup.out)?, LocalFolder::new(&setup.out), &setup.sources.list);
+    for (((path, _), source), test) in args.corpora.iter().zip(all).zip(tests) {
         let options = Options {
             labels: setup.params.labels.clone(),
             allow_shared_scenes: args.allow_shared_scenes,
-            yards: plan.yards(),
+            yards: test.yards.clone(),
             ..Options::of(Split::Test)
         };
-        let report = match evaluate(&model, place::open(path)?.as_ref(), &family_facts(&plan), &options) {
-            Ok(report) => report,
-            Err(error @ EvaluateError::EmptySplit { .. }) => {
-                tracing::warn!("not judged: {error}");
-                continue;
-            }
+        let below = evaluation_folder(source, all);
+        match evaluate_into(&store, &below, &model, place::open(path)?.as_ref(), &test.families, &options) {
+            Ok(report) if log == LogFormat::Text => out!("\n{}", Brief(&report)),
+            Ok(_) => {}
+            Err(error @ EvaluateError::EmptySplit { .. }) => tracing::warn!("not judged: {error}"),
             Err(EvaluateError::Corpus(error)) => return Err(corpus_failure(error)),
             Err(error) => return Err(Failure::failed(error)),
-        };
-        let below = evaluation_folder(source, &setup.sources.list);
-        // Beside the run's own files a killed one may have left some here.
-        store.sweep_temporaries(below.trim_end_matches('/')).map_err(corpus_failure)?;
-        // The store refuses names that leave it, whatever a corpus is called.
-        let files = files_of(&report)?.into_iter().map(|(name, bytes)| (format!("{below}{name}"), bytes));
-        folder::write_products(&store, &files.collect::<Vec<_>>(), &[]).map_err(corpus_failure)?;
-        if log == LogFormat::Text {
-            out!("{report}");
         }
     }
     Ok(())
 }
 
-/// Where in a run folder the judgement on a corpus lies, with `/` behind it: its own folder where there are several corpora, which
-/// says more than the name where two have one.
-fn evaluation_folder(source: &Source, all: &[Arc<Source>]) -> String {
-    if all.len() == 1 {
-        return String::new();
-    }
-    let namesakes = all.iter().filter(|other| other.name == source.name).count();
-    let id: String = source.corpus_id.chars().take(12).collect();
-    if namesakes == 1 { format!("evaluation/{}/", source.name) } else { format!("evaluation/{}-{id}/", source.name) }
-}
-
 /// Times and rates, which are no part of what a training is.
-fn write_report(run: &RunFolder, progress: &TrainProgress, args: &TrainArgs) -> Result<(), Failure> {
-    let report = json!({
+fn times(progress: &TrainProgress, args: &TrainArgs) -> serde_json::Value {
+    json!({
         "wall_s": progress.elapsed().as_secs_f64(),
         "rows_learnt_by_this_process": progress.rows_here(),
         "rows_per_s": progress.rate(),
         "threads": args.threads,
         "prefetch": args.prefetch,
         "build": Build::of_this_binary(),
-    });
-    if progress.rows_here() == 0 && run.holds(folder::REPORT).map_err(train_failure)? {
-        return Ok(());
-    }
-    run.write(folder::REPORT, format!("{report:#}\n").as_bytes()).map_err(train_failure)
+    })
 }
 
 /// For a training that was of no use.
 const UNTRAINED: &str = "no look at the validation split was better than the first, before a row was learnt: this network knows \
                          nothing; build more scenes, or be more patient (--set patience=20)";
 
-fn tell_end(out: &Path, summary: &Summary, progress: &TrainProgress, log: LogFormat) {
-    let best = summary.best;
-    let error = best.validation_error.unwrap_or(f64::NAN);
-    let untrained = (best.rows == 0).then_some(UNTRAINED);
+/// How the training went.
+fn tell_course(out: &Path, summary: &Summary, progress: &TrainProgress, log: LogFormat) {
     if log == LogFormat::Json {
-        untrained.iter().for_each(|note| tracing::warn!(event = "untrained", note));
         guards(&summary.counters).iter().for_each(|note| tracing::warn!(event = "guard", note));
-        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
         return;
     }
     let why = match summary.stopped {
-        crate::train::stopping::Stop::Patience => {
-            format!("no better validation error for {} looks", summary.config.patience)
-        }
-        crate::train::stopping::Stop::Epochs => "all epochs are over".to_string(),
+        Stop::Patience => format!("no better validation error for {} looks", summary.config.patience),
+        Stop::Epochs => "all epochs are over".to_string(),
     };
     let left_out = summary.left_out;
     errln!(
@@ -365,6 +296,20 @@ fn tell_end(out: &Path, summary: &Summary, progress: &TrainProgress, log: LogFor
         );
     }
     guards(&summary.counters).iter().for_each(|note| errln!("{note}"));
+}
+
+/// What came of it, last of all: what stands above may have scrolled off.
+fn tell_end(args: &TrainArgs, out: &Path, summary: &Summary, log: LogFormat) {
+    let best = summary.best;
+    let error = best.validation_error.unwrap_or(f64::NAN);
+    let untrained = (best.rows == 0).then_some(UNTRAINED);
+    if log == LogFormat::Json {
+        untrained.iter().for_each(|note| tracing::warn!(event = "untrained", note));
+        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
+        return;
+    }
+    let corpora = args.corpora.iter().map(|(path, _)| path.display());
+    corpora.for_each(|corpus| errln!("all of it: marsyard evaluate {} {corpus}", out.display()));
     untrained.iter().for_each(|note| errln!("warning: {note}"));
     errln!(
         "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",
@@ -408,12 +353,6 @@ mod tests {
         for wrong in ["a:0", "a:-1", "a:nan", "a:inf"] {
             assert!(parse_corpus(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn exact_a_run_s_number_is_read_as_it_is_written() {
-        let numbers = ["a-1", "a-12", "a-0", "a-01", "a-x", "a-b-3", "a", "b-2"].map(|entry| number_of(entry, "a"));
-        assert_eq!(numbers, [Some(1), Some(12), None, None, None, None, None, None]);
     }
 
     #[test]

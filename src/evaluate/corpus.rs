@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use arrow_array::{Int64Array, StringArray};
 
 use super::columns::{CLASS, Columns, HEIGHT_DIFFERENCE, OBSTACLE_POINTS, Scan, TOP_POINTS};
+use super::figures::FigureError;
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::params::LocalHeightParams;
@@ -15,6 +16,7 @@ use crate::corpus::checked::Refused;
 use crate::corpus::manifest::ShardLine;
 use crate::corpus::reader::TableFile;
 use crate::corpus::{CorpusError, Finished, Split, Store, Table};
+use crate::plan::{Family, Plan};
 use crate::train::labels::{self, LabelRule};
 use crate::train::{Model, ModelError, leaks};
 
@@ -48,6 +50,20 @@ pub struct Options {
     pub yards: Vec<String>,
 }
 
+impl FamilyFacts {
+    /// Of each family of a plan.
+    pub fn of(plan: &Plan) -> Vec<FamilyFacts> {
+        let facts = |family: &Family| FamilyFacts {
+            name: family.name.clone(),
+            sensor: family.sweep.sensor.name.clone(),
+            cell_size_m: family.cells.size_m,
+            local_height: family.cells.local_height.clone(),
+            labels: serde_json::to_string(&family.cells.labels).expect("a rule is plain data"),
+        };
+        plan.families.iter().map(facts).collect()
+    }
+}
+
 impl Options {
     pub fn of(split: Split) -> Options {
         Options {
@@ -69,6 +85,8 @@ pub enum EvaluateError {
     Corpus(#[from] CorpusError),
     #[error(transparent)]
     Model(#[from] ModelError),
+    #[error(transparent)]
+    Figure(#[from] FigureError),
     #[error("{place}/{name}: {reason}; run `marsyard verify {place}` to see whether the corpus is whole")]
     Table { place: String, name: String, reason: String },
     #[error(

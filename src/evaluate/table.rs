@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::judge::{Group, Threshold, ThresholdOrigin};
-use super::report::{AtThreshold, Judged, Report, SpreadReport};
+use super::report::{AtThreshold, GroupReport, Judged, Report, SpreadReport};
 use super::spread::Bin;
 
 impl Display for Report {
@@ -32,6 +32,20 @@ impl Display for Report {
     }
 }
 
+/// What a report says first: which cells were judged, and how good each classifier is on all of them; with its notes.
+pub struct Brief<'a>(pub &'a Report);
+
+impl Display for Brief<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Brief(report) = self;
+        writeln!(f, "{}", report.data_line())?;
+        rates_head(f)?;
+        report.groups.iter().take(1).try_for_each(|group| rates_of(f, group))?;
+        rates_legend(f)?;
+        report.notes.iter().try_for_each(|note| writeln!(f, "note: {note}"))
+    }
+}
+
 impl Report {
     fn head(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (model, data) = (&self.model, &self.data);
@@ -47,16 +61,7 @@ impl Report {
             model.sensor,
             model.rover
         )?;
-        let all = self.groups.first();
-        writeln!(
-            f,
-            "data    {}, {} split: {} cells with {} points in {} scans",
-            data.name,
-            data.split,
-            thousands(all.map_or(0, |g| g.cells)),
-            thousands(all.map_or(0, |g| g.points)),
-            thousands(data.scans)
-        )?;
+        writeln!(f, "data    {}", self.data_line())?;
         writeln!(f, "labels  {}", data.labels)?;
         if data.unknown_cells + data.not_finite_cells > 0 {
             let (unknown, odd) = (thousands(data.unknown_cells), thousands(data.not_finite_cells));
@@ -65,47 +70,24 @@ impl Report {
         Ok(())
     }
 
+    /// Which cells were judged; scans from elsewhere have no split.
+    fn data_line(&self) -> String {
+        let (data, all) = (&self.data, self.groups.first());
+        format!(
+            "{}{}: {} cells with {} points in {} scans",
+            data.name,
+            if data.split.is_empty() { String::new() } else { format!(", {} split", data.split) },
+            thousands(all.map_or(0, |g| g.cells)),
+            thousands(all.map_or(0, |g| g.points)),
+            thousands(data.scans)
+        )
+    }
+
     /// One line for each group, classifier and threshold.
     fn rates(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(
-            f,
-            "{:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
-            "by cells, percent", "untraversable", "majority", "accuracy", "balanced", "MCC", "AUC", "missed", "false"
-        )?;
-        for group in &self.groups {
-            let title = match &group.group {
-                Group::All => "all cells".to_string(),
-                Group::Points(points) => format!("cells of {points} points or more"),
-                Group::Family(name) => format!("family {name}"),
-                Group::Sensor(name) => format!("sensor {name}"),
-            };
-            writeln!(f, "{title} ({})", thousands(group.cells))?;
-            for (name, unit, panels) in
-                [("network", "", &group.network), ("height diff.", " m", &group.height_difference)]
-            {
-                for at in &panels.at {
-                    let label = format!("  {name} from {:.3}{unit}{}", at.threshold.value, origin(at.threshold));
-                    let r = &at.cells.rates;
-                    writeln!(
-                        f,
-                        "{label:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
-                        percent(r.prevalence),
-                        percent(r.majority_baseline),
-                        percent(r.accuracy),
-                        percent(r.balanced_accuracy),
-                        plain(r.mcc),
-                        plain(panels.auc),
-                        percent(r.missed_untraversable),
-                        percent(r.false_untraversable)
-                    )?;
-                }
-            }
-        }
-        writeln!(
-            f,
-            "missed = missed_untraversable: of what is untraversable, the share called traversable (dangerous)"
-        )?;
-        writeln!(f, "false  = false_untraversable: of what is traversable, the share called untraversable (a detour)")
+        rates_head(f)?;
+        self.groups.iter().try_for_each(|group| rates_of(f, group))?;
+        rates_legend(f)
     }
 
     /// Which things are missed, and which give alarm.
@@ -146,6 +128,49 @@ impl Report {
         }
         Ok(())
     }
+}
+
+fn rates_head(f: &mut Formatter<'_>) -> fmt::Result {
+    writeln!(
+        f,
+        "{:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
+        "by cells, percent", "untraversable", "majority", "accuracy", "balanced", "MCC", "AUC", "missed", "false"
+    )
+}
+
+/// A line for each classifier and threshold.
+fn rates_of(f: &mut Formatter<'_>, group: &GroupReport) -> fmt::Result {
+    let title = match &group.group {
+        Group::All => "all cells".to_string(),
+        Group::Points(points) => format!("cells of {points} points or more"),
+        Group::Family(name) => format!("family {name}"),
+        Group::Sensor(name) => format!("sensor {name}"),
+    };
+    writeln!(f, "{title} ({})", thousands(group.cells))?;
+    for (name, unit, panels) in [("network", "", &group.network), ("height diff.", " m", &group.height_difference)] {
+        for at in &panels.at {
+            let label = format!("  {name} from {:.3}{unit}{}", at.threshold.value, origin(at.threshold));
+            let r = &at.cells.rates;
+            writeln!(
+                f,
+                "{label:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
+                percent(r.prevalence),
+                percent(r.majority_baseline),
+                percent(r.accuracy),
+                percent(r.balanced_accuracy),
+                plain(r.mcc),
+                plain(panels.auc),
+                percent(r.missed_untraversable),
+                percent(r.false_untraversable)
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn rates_legend(f: &mut Formatter<'_>) -> fmt::Result {
+    writeln!(f, "missed = missed_untraversable: of what is untraversable, the share called traversable (dangerous)")?;
+    writeln!(f, "false  = false_untraversable: of what is traversable, the share called untraversable (a detour)")
 }
 
 fn confusion(f: &mut Formatter<'_>, at: &AtThreshold) -> fmt::Result {

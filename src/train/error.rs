@@ -37,6 +37,13 @@ pub enum TrainError {
     )]
     NoRows { split: &'static str, shards: u64, unlabelled: u64, not_finite: u64 },
     #[error(
+        "the {split} split holds no cell at all, in {shards} shards: no sweep of its scenes fell into one; look at the sensor's mount \
+         and reach (`marsyard inspect` says where the points went)"
+    )]
+    NoCellsAtAll { split: &'static str, shards: u64 },
+    #[error("a scene is in one split, and is learnt from once: {leaks}")]
+    SharedScenes { leaks: String },
+    #[error(
         "there is no row to {purpose} ({unlabelled} rows without a label, {not_finite} with a value that is not finite); give some"
     )]
     NoRowsHeld { purpose: &'static str, unlabelled: u64, not_finite: u64 },

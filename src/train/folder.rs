@@ -132,10 +132,23 @@ impl RunFolder {
         Ok(self.store.remove(name)?)
     }
 
+    /// Writes times and rates: [`write_report`].
+    pub fn report(&self, is_idle: bool, report: &serde_json::Value) -> Result<(), TrainError> {
+        Ok(write_report(&self.store, is_idle, report)?)
+    }
+
     /// The log, with these looks in it.
     pub fn log(&self, looks: &Looks) -> Result<LookLog, TrainError> {
         LookLog::begin(&self.path, looks)
     }
+}
+
+/// Writes times and rates, which are no part of what a run finds; those that are there stay where this process did nothing.
+pub fn write_report(store: &LocalFolder, is_idle: bool, report: &serde_json::Value) -> Result<(), CorpusError> {
+    if is_idle && store.size(REPORT)?.is_some() {
+        return Ok(());
+    }
+    store.replace(REPORT, format!("{report:#}\n").as_bytes())
 }
 
 /// Writes files whose bytes follow from what a run was begun with, in the place of those that it wrote `before`. One that is there with

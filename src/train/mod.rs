@@ -6,6 +6,7 @@
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
 mod checksum;
+pub mod corpora;
 pub mod curves;
 pub mod error;
 pub mod export;
@@ -19,6 +20,7 @@ pub mod looks;
 pub mod memory;
 pub mod model;
 pub mod network;
+pub mod numbered;
 pub mod onnx;
 pub mod order;
 pub mod params;

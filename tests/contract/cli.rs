@@ -1,5 +1,7 @@
 //! Verbs from the outside: exit codes, what is written, what is said.
 
+use std::path::Path;
+
 use crate::yard::{Yard, stopped, text};
 
 #[test]
@@ -272,6 +274,51 @@ const NAMES: &str = "sin cos sincos tan asin acos atan atan2 sinh cosh tanh asin
                      log10 log1p pow hypot cbrt erf erfc lgamma tgamma";
 
 #[test]
+fn law_a_corpus_without_a_cell_fails_with_the_reason() {
+    let yard = Yard::new();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/training.yaml").display().to_string();
+    let blind = ["--set", "sweep.effects.dropout={rate: 1}", "--out", "blind"];
+    let output = yard.marsyard(["generate", &config].into_iter().chain(blind));
+    let said = text(&output.stderr).replace("\n  │ ", " ");
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("14 scenes gave 0 cells") && said.contains("no beam of a kept sweep came back"), "{said}");
+    assert!(!said.contains("next:"), "{said}");
+    let output = yard.marsyard(["train", "blind"]);
+    let said = text(&output.stderr).replace("\n  │ ", " ");
+    assert!(!output.status.success() && said.contains("no sweep of its scenes fell into one"), "{said}");
+    let output = yard.marsyard(["finalize", "blind"]);
+    assert_eq!(output.status.code(), Some(1), "finalize says it, too: {}", text(&output.stderr));
+}
+
+#[test]
+fn law_a_file_in_the_place_of_a_folder_is_told_without_an_error_number() {
+    let yard = Yard::new();
+    std::fs::write(yard.path("file"), "mine").expect("a file");
+    let config = Yard::everything().display().to_string();
+    for (out, word) in [("file", "a file is where a folder should be"), ("/proc/none", "choose another folder")] {
+        let output = yard.marsyard(["generate", &config, "--out", out]);
+        let said = text(&output.stderr).replace("\n        ", " ");
+        assert!(!output.status.success() && said.contains(word) && !said.contains("os error"), "{out}: {said}");
+    }
+    assert_eq!(std::fs::read(yard.path("file")).expect("the file"), b"mine");
+}
+
+#[test]
+fn law_help_lists_what_can_be_given_and_wraps_once() {
+    let yard = Yard::new();
+    let help = |arguments: &[&str]| text(&yard.marsyard(arguments).stdout);
+    let schema = help(&["schema", "--help"]);
+    assert!(["manifest", "cells", "train"].iter().all(|file| schema.contains(file)), "{schema}");
+    assert!(help(&["schema", "receipt"]).contains("$schema"));
+    assert!(help(&["search", "--help"]).contains("[default: 2,4,8,16,24,32]"));
+    // Lines of a paragraph are filled: none but the last ends before its half.
+    let whole = help(&["--help"]);
+    let paragraph: Vec<&str> = whole.split("\n\n").nth(1).expect("a second paragraph").lines().collect();
+    let (_, filled) = paragraph.split_last().expect("lines");
+    assert!(filled.iter().all(|line| line.len() > 50), "{paragraph:?}");
+}
+
+#[test]
 fn law_failed_scenes_are_listed_with_their_replay_and_fail_the_run_past_the_share() {
     let yard = Yard::new();
     // No random ground of this roughness stays under a degree of slope.
@@ -289,7 +336,9 @@ fn law_failed_scenes_are_listed_with_their_replay_and_fail_the_run_past_the_shar
     let manifest: serde_json::Value = serde_json::from_slice(&manifest).expect("JSON");
     assert_eq!(manifest["failed"].as_array().map(Vec::len), Some(8));
     assert!(manifest["failed"][3]["replay"].as_str().is_some_and(|r| r.contains("--scene 3")), "{manifest}");
-    assert!(steep("1").status.success(), "all may fail where the config says so");
+    let all = steep("1");
+    assert!(all.status.success(), "all may fail where the config says so");
+    assert!(!text(&all.stderr).contains("next:"), "there is nothing to look at: {}", text(&all.stderr));
     let part = Yard::everything().display().to_string();
     let steep = ["--set", "scene.ground.max_slope_deg=0.1", "--shards", "0/2", "--out", "part"];
     let output = yard.marsyard(["generate", &part].into_iter().chain(steep));

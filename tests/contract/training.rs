@@ -60,6 +60,24 @@ fn law_train_writes_a_run_folder_and_judges_on_the_test_split() {
 }
 
 #[test]
+fn law_a_training_ends_with_what_matters_in_few_lines() {
+    let yard = with_corpus();
+    let output = train(&yard, "run", &[]);
+    let (said, judged) = (text(&output.stderr), text(&output.stdout));
+    assert!(output.status.success(), "{said}");
+    let after = said.lines().skip_while(|line| !line.starts_with("run: ")).count();
+    assert!((4..=20).contains(&(after + judged.lines().count())), "{said}{judged}");
+    assert!(said.ends_with("run/model.safetensors\n") && said.contains("kept the weights after"), "{said}");
+    assert!(judged.contains("balanced") && judged.contains("all cells"), "{judged}");
+    // The rest is one command away.
+    let rest = said.lines().find_map(|line| line.strip_prefix("all of it: marsyard ")).expect("a command");
+    let rest = text(&yard.marsyard(rest.split(' ')).stdout);
+    assert!(rest.lines().count() > 40 && judged.lines().skip(3).all(|line| rest.contains(line)), "{rest}");
+    // Early stopping has no end that is known; what is told is the pass, or the soonest end.
+    assert!(said.contains("left at "), "{said}");
+}
+
+#[test]
 fn equal_bits_for_any_prefetch_and_thread_number() {
     let yard = with_corpus();
     for (out, extra) in [

@@ -124,7 +124,11 @@ fn class_counts(sources: &Arc<Sources>) -> Result<Vec<[u64; 2]>, TrainError> {
 
 fn no_rows(sources: &Sources, split: Split, left_out: LeftOut) -> TrainError {
     let LeftOut { unlabelled, not_finite } = left_out;
-    TrainError::NoRows { split: split.name(), shards: sources.shards(split), unlabelled, not_finite }
+    let (split, shards) = (split.name(), sources.shards(split));
+    if shards > 0 && unlabelled + not_finite == 0 {
+        return TrainError::NoCellsAtAll { split, shards };
+    }
+    TrainError::NoRows { split, shards, unlabelled, not_finite }
 }
 
 /// Takes over weights, and the filter's memory where it fits; whether it did.
