@@ -428,7 +428,7 @@ def page(options, table, rows, quota, skipped):
              f"statistics tests catch {caught} ({100 * caught / len(rows):.1f} %); golden tests were not asked. Made by "
              "`python scripts/mutants/run.py sample build reach run report`.", "",
              "| folder | candidates | sampled | caught | share | by its own tests | by other unit tests | by statistics tests "
-             "| of these by running on without end | of these by a test added for it | survived |",
+             "| of these by running on without end | by a test added for it | survived |",
              "|---|---|---|---|---|---|---|---|---|---|---|"]
     total = collections.Counter()
     for folder in FOLDERS:
