@@ -9,8 +9,8 @@ switches (schemata.py), and an environment variable picks one when a test binary
 sample  asks `cargo mutants --list` for every mutant of the folders below, leaves out what no switch or no test can meet, and draws, by
         a fixed seed, from each folder a share that grows with the root of what it has.
 build   writes the mutated copy, drops mutants that do not compile (the next of the same folder takes the place), builds the tests.
-reach   runs each test alone, no mutant switched on: how long it takes and which mutants' places it comes by. A test that fails here is
-        left out.
+reach   runs each test alone, no mutant switched on: how long it takes and which mutants' places it comes by. A test that fails here, or
+        takes more CPU time than --longest, is left out.
 run     each mutant: the tests that come by it, its own folder's first, then the other unit tests, then the statistics tests, each
         group from the quickest, until one fails. Five times the usual CPU time, and five seconds, count as caught, as does a crash.
 report  scripts/results/mutants.json and .md; survivors with what explained.json says of them.
@@ -266,12 +266,12 @@ def tests_of(binary, options):
 
 
 def reach_one(options, binary, name):
-    """CPU seconds of a test and the mutants that it comes by; None where it fails."""
+    """CPU seconds of a test and the mutants that it comes by; None where it fails or takes too long."""
     with tempfile.TemporaryDirectory(dir=options.work) as folder:
         seen = pathlib.Path(folder) / "seen"
         environment = {**os.environ, "MARSYARD_MUTANTS_REACHED": str(seen)}
         process = subprocess.Popen([binary, "--exact", name, "--test-threads", "1"], cwd=options.work / "tree", env=environment,
-                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=limits(900))
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=limits(options.longest))
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = status
         if status:
@@ -285,7 +285,10 @@ def reach(options):
     binaries = read(options.work / "built.json")["binaries"]
     known = {name: {} for name in BINARIES} if options.fresh else read(options.work / "tests.json", {name: {} for name in BINARIES})
     for name in BINARIES:
-        todo = [test for test in tests_of(binaries[name], options) if test not in known[name]]
+        # Those of the mutants' own folders first; measurements and searches, which run everything many times, last.
+        heavy = ("measure::", "search::", "cli::")
+        rank = lambda test: 0 if test.split("::")[0] in FOLDERS else 2 if test.startswith(heavy) else 1
+        todo = sorted((test for test in tests_of(binaries[name], options) if test not in known[name]), key=rank)
         with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
             futures = {pool.submit(reach_one, options, binaries[name], test): test for test in todo}
             for done, future in enumerate(concurrent.futures.as_completed(futures)):
@@ -425,7 +428,7 @@ def page(options, table, rows, quota, skipped):
              f"statistics tests catch {caught} ({100 * caught / len(rows):.1f} %); golden tests were not asked. Made by "
              "`python scripts/mutants/run.py sample build reach run report`.", "",
              "| folder | candidates | sampled | caught | share | by its own tests | by other unit tests | by statistics tests "
-             "| of these by running on without end | of these by a test added for it | survived |",
+             "| of these by running on without end | by a test added for it | survived |",
              "|---|---|---|---|---|---|---|---|---|---|---|"]
     total = collections.Counter()
     for folder in FOLDERS:
@@ -461,6 +464,7 @@ def main():
     parser.add_argument("--wanted", type=int, default=320)
     parser.add_argument("--seed", type=int, default=13)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--longest", type=float, default=60, help="reach: CPU seconds of a test at most")
     parser.add_argument("--again", action="store_true", help="run: survivors once more")
     parser.add_argument("--fresh", action="store_true", help="reach: all tests once more")
     options = parser.parse_args()

@@ -412,3 +412,17 @@ fn law_labels_of_a_yard_that_nothing_has_asked_of_are_those_of_one_that_was_cast
     let tall = protrusions_m.iter().filter(|&&height_m| height_m > 0.15).count();
     assert!(tall > 2 && tall < 10, "both classes: {protrusions_m:?}");
 }
+
+#[test]
+fn exact_what_a_row_says_of_its_label_and_a_local_height_of_itself() {
+    let row = |label| CellRow {
+        index: crate::geometry::CellIndex { row: 0, col: 0 },
+        label,
+        points: 1,
+        range_m: 1.0,
+        neighbour_mask: 0,
+        truth: CellTruth::default(),
+    };
+    assert_eq!([Some(1), Some(0), None].map(|label| row(label).untraversable()), [true, false, false]);
+    assert_eq!(super::params::LocalHeightParams::default().words(), "percentile 10 within 1 m");
+}

@@ -164,3 +164,20 @@ fn refuse_unsigned(store: &dyn Store, text: &str, signed: &str) -> Result<(), Co
         cure: cure.into(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::corpus::LocalFolder;
+
+    #[test]
+    fn exact_changed_receipts_are_refused_by_the_first_and_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = LocalFolder::new(folder.path());
+        let said = |changed: &[u64]| refuse_changed(&store, changed).err().map(|error| error.to_string());
+        assert_eq!(said(&[]), None);
+        let (one, three) = (said(&[4]).unwrap(), said(&[4, 7, 9]).unwrap());
+        assert!(one.contains(&Receipt::path(4)) && !one.contains(" more)"), "{one}");
+        assert!(three.contains(&Receipt::path(4)) && three.contains("(and 2 more)"), "{three}");
+    }
+}

@@ -196,4 +196,21 @@ mod tests {
         let hashes = expected.map(|(name, bytes)| (name.to_string(), vec![sha256(bytes)]));
         assert!(ledger == Ledger(BTreeMap::from(hashes)), "{}", ledger.text());
     }
+
+    #[test]
+    fn extreme_a_file_that_somebody_changed_since_is_not_overwritten() {
+        let dir = tempfile::tempdir().unwrap();
+        let open = || Outputs::open(dir.path(), ["a"], Vec::new());
+        let file = [("a".to_string(), b"ours".to_vec())];
+        let mut first = open().unwrap();
+        first.write(&file).unwrap();
+        first.finish().unwrap();
+        // What a command wrote itself, the next one may replace.
+        open().unwrap().write(&file).unwrap();
+        let mut next = open().unwrap();
+        std::fs::write(dir.path().join("a"), b"theirs").unwrap();
+        let refused = next.write(&file).unwrap_err().to_string();
+        assert!(refused.contains(CHANGED), "{refused}");
+        assert_eq!(std::fs::read(dir.path().join("a")).unwrap(), b"theirs");
+    }
 }

@@ -248,4 +248,25 @@ pub(super) mod tests {
         let share = below.count() as f64 / 10_000.0;
         assert!((share - 4.0 / (10.0 + std::f64::consts::TAU)).abs() < 2e-4, "{share}");
     }
+
+    #[test]
+    fn law_equal_shares_of_the_curve_are_equally_long() {
+        let draws = streams(8).open(Purpose::StartPlace);
+        let drawn = (0..40).map(|k| shape(&draws, k));
+        let triangle = vec![DVec2::ZERO, DVec2::new(3.0, 0.0), DVec2::new(0.0, 2.0)];
+        for corners_m in drawn.chain([triangle, vec![DVec2::ZERO, DVec2::new(2.0, 1.0)], vec![DVec2::ONE]]) {
+            let outline = Outline { corners_m, radius_m: 0.3 };
+            let (corners, offset_m, parts) = (&outline.corners_m, 1.7, 4000);
+            let sides_m: f64 =
+                (0..corners.len()).map(|k| (corners[(k + 1) % corners.len()] - corners[k]).length()).sum();
+            let step_m = (sides_m + std::f64::consts::TAU * offset_m) / f64::from(parts);
+            let at = |i: i32| outline.around(1.4, f64::from(i) / f64::from(parts));
+            for i in 0..parts - 1 {
+                // A chord is shorter than its arc by a share of at most (step / radius)^2 / 24.
+                let gone_m = (at(i + 1) - at(i)).length();
+                let least_m = step_m * (1.0 - (step_m / offset_m).powi(2) / 24.0);
+                assert!(gone_m > least_m - 1e-12 && gone_m < step_m + 1e-12, "{corners:?} {i}: {gone_m} {step_m}");
+            }
+        }
+    }
 }

@@ -122,3 +122,24 @@ fn cell(at: f64, nodes: usize) -> (usize, f64) {
     let index = (at as usize).min(nodes - 2);
     (index, at - index as f64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_a_plane_is_felt_as_one_up_to_every_border() {
+        let height_m = |x: f64, y: f64| 0.3 + 0.2 * x - 0.1 * y;
+        let ground = Ground::Raster(Raster::sampled(4.0, 0.5, height_m));
+        let scene = Scene { extent_m: 4.0, ground, obstacles: vec![], volumes: vec![], patches: vec![] };
+        let surface = Surface::new(&scene);
+        for x_m in [0.0, 0.2, 0.5, 1.9, 3.4, 3.5, 3.8, 4.0] {
+            for y_m in [0.0, 0.3, 0.5, 2.1, 3.4, 3.5, 3.8, 4.0] {
+                let felt = surface.touch(x_m, y_m).expect("ground in the yard");
+                assert!((felt.height_m - height_m(x_m, y_m)).abs() < 1e-14);
+                assert!((felt.slope - DVec2::new(0.2, -0.1)).length() < 1e-13, "{x_m} {y_m}: {}", felt.slope);
+                assert!(felt.slope_by_x.length() < 1e-12 && felt.slope_by_y.length() < 1e-12, "{x_m} {y_m}");
+            }
+        }
+    }
+}

@@ -416,3 +416,19 @@ fn extreme_a_cliff_ends_the_path() {
     let log = driven(&params(kapvik(), waypoints(&[[3.0, 5.0], [9.0, 5.0]])), &scene, 1);
     assert!(log.cut_short && log.truth.iter().all(|p| p.position_m.is_finite() && p.position_m.x < 6.5));
 }
+
+/// Four legs of 1 m with a quarter turn between any two: a square, which ends where it began.
+#[test]
+fn exact_a_walk_of_equal_legs_and_quarter_turns_is_a_square() {
+    let path = PathParams::RandomWalk(RandomWalkParams {
+        length_m: 4.0.into(),
+        leg_m: Dist::Constant(1.0),
+        turn_deg: Dist::Constant(90.0),
+    });
+    let log = driven(&params(kapvik(), path), &plane(40.0, 0.0, DVec2::ZERO), 3);
+    let (first, last) = (&log.truth[0], &log.truth[log.truth.len() - 1]);
+    let off_m = (last.position_m - first.position_m).length();
+    assert!(off_m < 0.01, "{off_m} m from the start");
+    let turned_rad = math::wrap_angle(last.yaw_rad - first.yaw_rad);
+    assert!((turned_rad + std::f64::consts::FRAC_PI_2).abs() < 1e-6, "{turned_rad}");
+}

@@ -122,4 +122,14 @@ mod tests {
             assert!(steepest <= bound && bound <= steepest * 1.003, "degree {degree}: {steepest} {bound}");
         }
     }
+
+    #[test]
+    fn exact_binomials_are_those_of_pascals_triangle() {
+        let row = |n: usize| (0..=n).map(|k| binomial(n, k)).collect::<Vec<f64>>();
+        assert_eq!(row(0), [1.0]);
+        assert_eq!(row(5), [1.0, 5.0, 10.0, 10.0, 5.0, 1.0]);
+        for n in 1..MAX_DEGREE {
+            assert!((1..=n).all(|k| binomial(n + 1, k) == binomial(n, k) + binomial(n, k - 1)), "{n}");
+        }
+    }
 }

@@ -360,3 +360,24 @@ impl Filter {
         (&particle.belief.mean, &particle.landmarks)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::drive::InstrumentNoise;
+    use crate::geometry::{Pose, Transform};
+    use crate::slam::{FastslamParams, Slam, SlamParams};
+
+    #[test]
+    fn exact_the_likeliest_particle_is_the_one_of_the_greatest_weight() {
+        let noise =
+            InstrumentNoise { imu_rad: 0.01, sun_rad: 0.03, odometry_m_per_sqrt_m: 0.05, heading_rad_per_sqrt_m: 0.03 };
+        let params = SlamParams::Fastslam(FastslamParams { particles: 9, ..FastslamParams::default() });
+        for likeliest in 0..9 {
+            let mut slam = Slam::new(&params, &noise, &Pose::default(), &Transform::IDENTITY).expect("a filter");
+            for (k, particle) in slam.filter.particles.iter_mut().enumerate() {
+                particle.log_weight = -3.0 - k as f64 + if k == likeliest { 20.0 } else { 0.0 };
+            }
+            assert_eq!(slam.filter.likeliest(), likeliest);
+        }
+    }
+}

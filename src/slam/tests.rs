@@ -659,3 +659,43 @@ fn dist_surrogate_errors_have_the_stated_sizes_and_truth_has_none() {
     assert!((sigmas[5] - 2f64.to_radians()).abs() < 1e-15);
     assert_eq!((truth(&at).pose, truth(&at).covariance), (at, [[0.0; 6]; 6]));
 }
+
+/// A straight step adds its noise along the heading and across it, and none that joins the two.
+#[test]
+fn exact_the_noise_of_a_step_lies_along_the_heading_and_across_it() {
+    let noise = motion::MotionNoise::new(&NOISE, 1.0);
+    for yaw_rad in [0.0, 0.6, 2.2, -0.9] {
+        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+        belief.mean[motion::YAW] = yaw_rad;
+        belief.drive(motion::Control { distance_m: 4.0, turn_rad: 0.0 }, &noise);
+        let (sin, cos) = math::sin_cos(yaw_rad);
+        let p = &belief.covariance;
+        let between = |a: [f64; 2], b: [f64; 2]| -> f64 {
+            (0..2).flat_map(|r| (0..2).map(move |c| (r, c))).map(|(r, c)| a[r] * p[r][c] * b[c]).sum()
+        };
+        let (ahead, aside) = ([cos, sin], [-sin, cos]);
+        // 0.05 and 0.02 m per square root of a metre, over 4 m.
+        assert!((between(ahead, ahead) - 0.05 * 0.05 * 4.0).abs() < 1e-15, "{yaw_rad}");
+        assert!((between(aside, aside) - 0.02 * 0.02 * 4.0).abs() < 1e-15, "{yaw_rad}");
+        assert!(between(ahead, aside).abs() < 1e-15, "{yaw_rad}: {}", between(ahead, aside));
+    }
+}
+
+/// A normalised square is none before a sweep, and never negative; an error of the range alone adds to it.
+#[test]
+fn law_the_mean_innovation_grows_with_the_error_of_what_is_seen() {
+    let start = Pose::default();
+    let rocks = field(start.position_m);
+    let innovation = |error_m: f64| {
+        let mut slam = slam(&fastslam(20), &start);
+        assert_eq!(slam.mean_innovation(), None);
+        drive_ahead(&mut slam, &start, &rocks, 3);
+        let here = slam.best().0;
+        let mut found = seen(&rocks, &here);
+        found.iter_mut().for_each(|feature| feature.polar[0] += error_m);
+        slam.observe_features(&found, &everywhere(4.0), &streams(4)).expect("a sweep");
+        slam.mean_innovation().expect("matches")
+    };
+    let (right, wrong) = (innovation(0.0), innovation(0.05));
+    assert!(right >= 0.0 && wrong > right, "{right} {wrong}");
+}

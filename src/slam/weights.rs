@@ -157,4 +157,11 @@ mod tests {
         tree.record(&[0, 1, 1, 1]);
         assert_eq!(tree.distinct(), 1);
     }
+
+    #[test]
+    fn exact_effective_samples_of_weights_known_on_paper() {
+        assert_eq!(effective_samples(&[0.25; 4]), 4.0);
+        assert_eq!(effective_samples(&[0.0, 1.0, 0.0]), 1.0);
+        assert!((effective_samples(&[0.5, 0.25, 0.25]) - 8.0 / 3.0).abs() < 1e-15);
+    }
 }

@@ -117,4 +117,21 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn exact_mixed_rows_stand_at_weyls_places_and_every_eighth_ten_times_as_far() {
+        let mut model = model(&["a", "b", "c"], &[4], true);
+        // Between these quantiles a value is its place.
+        model.about.quantiles = vec![[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]; 3];
+        let rows = check_rows(&model);
+        for (row, values) in rows[7..].iter().enumerate() {
+            for (k, value) in values.iter().enumerate() {
+                let turns = (row as f64 + 1.0) * (k as f64 + 2.0).sqrt() * (5f64.sqrt() - 1.0) / 2.0;
+                let place = 6.0 * (turns - turns.floor()) * if (row + 1) % 8 == 0 { 10.0 } else { 1.0 };
+                assert!((f64::from(*value) - place).abs() < 1e-4, "row {row}, feature {k}: {value} {place}");
+            }
+        }
+        // Far rows lie beyond the quantiles, else no input would be clipped.
+        assert!(rows.iter().flatten().any(|&value| value > 30.0));
+    }
 }

@@ -213,4 +213,23 @@ mod tests {
         assert!(refused.contains("training.jsonl is a link"), "{refused}");
         assert_eq!(fs::read_to_string(&other).unwrap(), "mine\n");
     }
+
+    #[test]
+    fn law_a_log_that_begins_with_the_looks_is_cut_in_its_place_and_any_other_is_replaced() {
+        use std::os::unix::fs::MetadataExt;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(NAME);
+        let looks = Looks::new(vec![line(0), line(10)]);
+        let inode = || fs::metadata(&path).unwrap().ino();
+        for (there, is_kept) in [(looks.text() + "{\"rows\":20}\n", true), ("x".repeat(4 * looks.text().len()), false)]
+        {
+            let _ = fs::remove_file(&path);
+            fs::write(&path, there).unwrap();
+            // Held open, so that no new file gets the number of this one.
+            let (before, _held) = (inode(), File::open(&path).unwrap());
+            LookLog::begin(dir.path(), &looks).unwrap();
+            assert_eq!(inode() == before, is_kept);
+            assert_eq!(fs::read_to_string(&path).unwrap(), looks.text());
+        }
+    }
 }

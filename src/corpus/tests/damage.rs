@@ -33,6 +33,21 @@ fn extreme_bad_receipts_are_damaged_and_say_so() {
             whole.replace("\"failed\": []", "\"failed\": [{\"scene\": 9, \"error\": \"\"}]"),
             "it lists scene 9 as failed",
         ),
+        // In falling order; one of them twice.
+        (
+            whole.replace(
+                "\"failed\": []",
+                "\"failed\": [{\"scene\": 3, \"error\": \"\"}, {\"scene\": 2, \"error\": \"\"}]",
+            ),
+            "its failed scenes do not ascend",
+        ),
+        (
+            whole.replace(
+                "\"failed\": []",
+                "\"failed\": [{\"scene\": 2, \"error\": \"\"}, {\"scene\": 2, \"error\": \"\"}]",
+            ),
+            "its failed scenes do not ascend",
+        ),
         (whole.replace("\"mean_height_m\"", "\"height_m\""), "its features are not those of the plan"),
     ];
     for (text, reason) in cases {

@@ -132,6 +132,10 @@ fn law_strays_missing_files_and_links_are_found_by_readers_and_verify() {
     assert_eq!((refusal(&store), findings()), (String::new(), String::new()));
     std::fs::remove_file(path(&store, &Receipt::path(1))).unwrap();
     assert!(refusal(&store).contains("receipts/0000001.json: it is missing"));
+    // A link in the place of a table is told apart from a table that is not there.
+    std::fs::remove_file(path(&store, &Table::Cells.path(0))).unwrap();
+    std::os::unix::fs::symlink("elsewhere.parquet", path(&store, &Table::Cells.path(0))).unwrap();
+    assert!(refusal(&store).contains("it is a link, a folder or a pipe"), "{}", refusal(&store));
 }
 
 #[test]

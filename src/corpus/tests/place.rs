@@ -202,3 +202,26 @@ fn exact_inspection_finds_constant_features_and_empty_splits() {
     assert_eq!(inspection.families["default"].with_both_classes, 2);
     insta::assert_snapshot!(inspection.to_string());
 }
+
+#[test]
+fn exact_inspection_finds_a_split_of_one_class() {
+    let spec = spec(2, &Table::ALL);
+    for (label, is_told) in [(Some(0), true), (Some(1), true), (None, true)] {
+        let (_dir, store) = place();
+        Place::open(&store, &spec).unwrap();
+        let mut writer = ShardWriter::new(&spec, 0).unwrap();
+        for id in 0..2 {
+            let mut scene = super::fixture::scene(id, 8);
+            scene.scans.iter_mut().flat_map(|scan| &mut scan.cells.rows).for_each(|row| row.label = label);
+            writer.push(&scene).unwrap();
+        }
+        writer.finish().unwrap().commit(&store).unwrap();
+        finalize(&store, &spec).unwrap();
+        let warnings = inspect(&store).unwrap().warnings();
+        let said = warnings.iter().any(|warning| warning == "the train split lacks one of the two classes");
+        assert_eq!(said, is_told, "{label:?}: {warnings:?}");
+    }
+    let (_dir, store, _) = super::fixture::corpus(&spec);
+    let warnings = inspect(&store).unwrap().warnings();
+    assert!(!warnings.iter().any(|warning| warning.contains("lacks one")), "{warnings:?}");
+}

@@ -286,3 +286,102 @@ fn law_reports_are_read_back_and_show_every_figure() {
     assert_eq!(names, ["confusion.svg", "error-against-points.svg", "error-against-range.svg", "roc.svg"]);
     assert!(figures.iter().all(|(_, svg)| svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>")));
 }
+
+/// The value of an attribute of an SVG element.
+fn attribute(element: &str, name: &str) -> String {
+    let value = element.split(&format!(" {name}=\"")).nth(1).and_then(|rest| rest.split('"').next());
+    value.unwrap_or_else(|| panic!("no {name} in {element}")).to_string()
+}
+
+fn place_of(element: &str) -> [f64; 2] {
+    ["x", "y"].map(|name| attribute(element, name).parse().unwrap())
+}
+
+/// Elements of a kind, each with the words that it holds.
+fn elements<'a>(svg: &'a str, kind: &'a str) -> impl Iterator<Item = (&'a str, &'a str)> {
+    svg.split('<').filter(move |element| element.starts_with(kind)).map(|element| {
+        let (head, words) = element.split_once('>').unwrap();
+        (head, words.trim())
+    })
+}
+
+fn figure_texts() -> (Report, std::collections::BTreeMap<&'static str, String>) {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let report = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Test)).unwrap();
+    let figures = figures(&report).unwrap().into_iter().collect();
+    (report, figures)
+}
+
+#[test]
+fn exact_the_confusion_figure_says_each_count_in_its_field() {
+    let (_, figures) = figure_texts();
+    let svg = &figures["confusion.svg"];
+    let side = |element: &str, name: &str| -> f64 { attribute(element, name).parse().unwrap() };
+    let fields: Vec<&str> =
+        elements(svg, "rect").map(|(head, _)| head).filter(|head| side(head, "width") < 700.0).collect();
+    assert_eq!(fields.len(), 4);
+    let within = |field: &str, [x, y]: [f64; 2]| {
+        let [left, top] = place_of(field);
+        (left..left + side(field, "width")).contains(&x) && (top..top + side(field, "height")).contains(&y)
+    };
+    // Of 6 traversable cells 4 are called so, of 4 untraversable ones 2; writing is white on fields of more than 55 %.
+    let expected =
+        [("4", "66.67", "#FFFFFF"), ("2", "33.33", "#000000"), ("2", "50.00", "#000000"), ("2", "50.00", "#000000")];
+    for (field, (count, percent, ink)) in fields.iter().zip(expected) {
+        let said: Vec<(&str, &str)> = elements(svg, "text").filter(|(head, _)| within(field, place_of(head))).collect();
+        assert_eq!(
+            said.iter().map(|(_, words)| *words).collect::<Vec<_>>(),
+            [count, &format!("{percent} % of its row")]
+        );
+        assert!(said.iter().all(|(head, _)| attribute(head, "fill") == ink), "{said:?}");
+    }
+    // Left of each row its name, under the word "truly", within the row's height and below the head.
+    let rows = [fields[0], fields[2]].map(|field| (place_of(field)[1], side(field, "height")));
+    let labels: Vec<[f64; 2]> =
+        elements(svg, "text").filter(|(_, words)| *words == "truly").map(|(head, _)| place_of(head)).collect();
+    let head_y = elements(svg, "text")
+        .find(|(_, words)| *words == "called traversable")
+        .map(|(head, _)| place_of(head)[1])
+        .unwrap();
+    for (((top, height), truly), name) in rows.into_iter().zip(labels).zip(["traversable", "untraversable"]) {
+        let named = elements(svg, "text").find(|(_, words)| *words == name).map(|(head, _)| place_of(head)).unwrap();
+        assert!(top > head_y && top + height <= 420.0, "{top}");
+        assert!(truly[1] > top && named[1] > truly[1] + 10.0 && named[1] < top + height, "{truly:?} {named:?}");
+        assert_eq!(truly[0], named[0]);
+    }
+}
+
+#[test]
+fn exact_the_error_figures_name_their_bins_and_the_legends_stand_beside_their_words() {
+    let (report, figures) = figure_texts();
+    let svg = &figures["error-against-range.svg"];
+    for bin in &report.range_m.bins {
+        let name = bin.to.map_or(format!("{}+", bin.from), |to| format!("{}-{to}", bin.from));
+        assert!(elements(svg, "text").any(|(_, words)| words == name), "{name}");
+    }
+    for words in ["false_untraversable", "missed_untraversable"] {
+        let at = elements(svg, "text").find(|(_, there)| *there == words).map(|(head, _)| place_of(head)).expect(words);
+        let key = elements(svg, "rect").map(|(head, _)| head).find(|head| {
+            let [x, y] = place_of(head);
+            attribute(head, "width") == "12"
+                && attribute(head, "height") == "10"
+                && x < at[0]
+                && (y - at[1]).abs() < 12.0
+        });
+        assert!(key.is_some(), "a key beside {words} at {at:?}: {svg}");
+    }
+    // Of the curves' legend each key is a line of 14 pixels that ends before its words begin.
+    let svg = &figures["roc.svg"];
+    for words in ["network, AUC", "height difference, AUC"] {
+        let at = elements(svg, "text")
+            .find(|(_, there)| there.starts_with(words))
+            .map(|(head, _)| place_of(head))
+            .expect(words);
+        let key = elements(svg, "polyline").map(|(head, _)| attribute(head, "points")).find(|points| {
+            let numbers: Vec<f64> = points.split([' ', ',']).filter_map(|number| number.parse().ok()).collect();
+            matches!(numbers[..], [x, y, right, level]
+                if right == x + 14.0 && y == level && right <= at[0] && (y - at[1]).abs() < 14.0)
+        });
+        assert!(key.is_some(), "a key beside {words} at {at:?}: {svg}");
+    }
+}

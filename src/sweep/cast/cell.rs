@@ -102,3 +102,19 @@ impl CellRay {
         if step >= 0.0 && step <= to - from { from + step } else { f64::INFINITY }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_the_part_of_a_ray_between_two_borders() {
+        // From 5 at half a cell a second back: at 3 after 4 s, at 1 after 8 s. And forward, at rest within, and at rest beside.
+        assert_eq!(Axis::new(5.0, -0.5).clip([1.0, 3.0], 0.0, 100.0), (4.0, 8.0));
+        assert_eq!(Axis::new(5.0, 0.25).clip([6.0, 7.0], 0.0, 100.0), (4.0, 8.0));
+        assert_eq!(Axis::new(5.0, 0.25).clip([6.0, 7.0], 5.0, 6.0), (5.0, 6.0));
+        assert_eq!(Axis::new(5.0, 0.0).clip([4.0, 6.0], 1.0, 2.0), (1.0, 2.0));
+        let (from, to) = Axis::new(5.0, 0.0).clip([6.0, 7.0], 1.0, 2.0);
+        assert!(from > to);
+    }
+}

@@ -343,3 +343,49 @@ fn equal_bits_by_slope_bounds_and_by_the_pyramid() {
         }
     }
 }
+
+/// Rays at a flat-topped post of radius 1 m and height 2 m that just miss it, just meet it, or run along its edge.
+#[test]
+fn exact_rays_at_the_edges_of_a_cylinder() {
+    let post = Cylinder { base_m: DVec3::ZERO, radius_m: 1.0, height_m: 2.0 };
+    let met = |origin: [f64; 3], dir: DVec3| convex::cylinder_first_hit(&post, DVec3::from(origin), dir, 100.0);
+    assert_eq!(met([-5.0, 0.0, 1.0], DVec3::X), Some(4.0));
+    assert_eq!(met([-5.0, 0.0, 3.0], DVec3::X), None);
+    assert_eq!(met([-5.0, 0.0, -0.5], DVec3::X), None);
+    assert_eq!(met([0.5, 0.0, 5.0], -DVec3::Z), Some(3.0));
+    assert_eq!(met([1.5, 0.0, 5.0], -DVec3::Z), None);
+    // The edge belongs to the post, as a plane's border belongs to a polyhedron.
+    assert_eq!(met([1.0, 0.0, 5.0], -DVec3::Z), Some(3.0));
+}
+
+/// A shape of planes alone has its obstacle's sphere for a box.
+#[test]
+fn exact_the_box_of_a_shape_without_vertices() {
+    let Shape::Convex(mut convex) = cube(DVec3::new(1.0, 2.0, 3.0), 0.5) else { panic!("a polyhedron") };
+    let low_high =
+        |convex: &Convex| convex::bounding_box(&Shape::Convex(convex.clone()), DVec3::new(1.0, 2.0, 3.0), 2.0);
+    assert_eq!(low_high(&convex), (DVec3::new(0.5, 1.5, 2.5), DVec3::new(1.5, 2.5, 3.5)));
+    convex.vertices_m.clear();
+    assert_eq!(low_high(&convex), (DVec3::new(-1.0, 0.0, 1.0), DVec3::new(3.0, 4.0, 5.0)));
+}
+
+/// Flat faces are their triangles; a cylinder is a prism within it, whose flats lie at the cosine of half a side.
+#[test]
+fn exact_ranges_on_the_mesh_of_a_cube_and_a_post() {
+    let centre = DVec3::new(3.0, 5.0, 5.0);
+    let post = Cylinder { base_m: DVec3::new(7.0, 5.0, 4.0), radius_m: 0.5, height_m: 2.0 };
+    let scene = yard(10.0, Polynomial::flat(10.0), vec![cube(centre, 0.4), Shape::Cylinder(post)]);
+    let mesh = mesh::MeshCaster::new(&scene, 1.0);
+    for dir in fan(400) {
+        let origin = centre - 1.5 * dir;
+        let exact = convex::first_hit(&scene.obstacles[0].body().shape, origin, dir, 10.0).expect("through the centre");
+        let hit = mesh.first_hit(origin, dir, 10.0);
+        assert!((hit.range_m - exact).abs() < 1e-5 && hit.object == 0, "{dir}: {hit:?} {exact}");
+        let level = DVec3::new(dir.x, dir.y, 0.0).normalize();
+        let hit = mesh.first_hit(DVec3::new(7.0, 5.0, 5.0) - 1.5 * level, level, 10.0);
+        let flat_m = 0.5 * crate::math::cos(std::f64::consts::PI / 48.0);
+        assert!((1.0 - 1e-5..1.5 - flat_m + 1e-5).contains(&hit.range_m) && hit.object == 1, "{level}: {hit:?}");
+    }
+    let above = mesh.first_hit(DVec3::new(7.1, 5.1, 8.0), -DVec3::Z, 10.0);
+    assert!((above.range_m - 2.0).abs() < 1e-5 && above.object == 1, "{above:?}");
+}

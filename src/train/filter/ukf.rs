@@ -219,3 +219,32 @@ impl Filter for Ukf {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_the_mean_that_is_predicted_of_a_sum_of_squares() {
+        // E |w|^2 = |mean|^2 + the trace of P: a target of that much teaches nothing.
+        let (start, p0) = ([0.5, -1.0, 2.0], 0.3);
+        let mut weights = start;
+        let target = start.iter().map(|w| w * w).sum::<f64>() + 3.0 * p0;
+        let mut filter = SquareRoot::new(3, p0, 0.5, 2.0);
+        assert_eq!(filter.update(&mut weights, target, 0.1, 0.0, |w| w.iter().map(|w| w * w).sum()), Learnt::Yes);
+        assert!(weights.iter().zip(start).all(|(w, start)| (w - start).abs() < 1e-12), "{weights:?}");
+    }
+
+    #[test]
+    fn exact_variances_after_a_linear_row_are_kalmans() {
+        let (slopes, p0, r) = ([1.0, -2.0, 0.5], 0.7, 0.2);
+        let mut filter = SquareRoot::new(3, p0, 0.5, 2.0);
+        assert_eq!(filter.variances(), [p0; 3].map(|p| p.sqrt() * p.sqrt()));
+        filter.update(&mut [0.0; 3], 1.0, r, 0.0, |w| w.iter().zip(slopes).map(|(w, b)| w * b).sum());
+        let s = r + p0 * slopes.iter().map(|b| b * b).sum::<f64>();
+        for (variance, b) in filter.variances().into_iter().zip(slopes) {
+            let expected = p0 - p0 * b * p0 * b / s;
+            assert!((variance - expected).abs() < 1e-12, "{variance} {expected}");
+        }
+    }
+}

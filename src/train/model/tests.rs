@@ -266,3 +266,14 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn extreme_a_weight_beyond_reason_is_a_fault_that_names_it() {
+    for bad in [f64::MAX, -f64::MAX, f64::INFINITY, f64::NAN] {
+        let mut model = model(&["a", "b"], &[2], true);
+        assert_eq!(model.fault(), None);
+        model.network.weights[3] = bad;
+        let fault = model.fault().expect("a fault");
+        assert!(fault.starts_with("weight 3 is "), "{fault}");
+    }
+}

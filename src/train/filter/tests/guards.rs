@@ -198,3 +198,35 @@ fn extreme_settings_are_refused_with_the_reason() {
     assert!(refusal(&FilterParams::default(), &[4096, 4096]).contains("GiB"));
     assert!(refusal(&FilterParams::Backprop(BackpropParams { rate: 0.1 }), &[4096]).is_empty());
 }
+
+/// n weights of one group take n (n + 1) / 2 numbers; in f64 8 bytes each, in f32 4.
+#[test]
+fn exact_what_a_covariance_takes_is_what_it_is_refused_for() {
+    let layout = Layout { inputs: 14, hidden: vec![4096], bias: true };
+    let decoupled = |groups, precision| {
+        FilterParams::Decoupled(DecoupledParams { groups, precision, ..DecoupledParams::default() })
+    };
+    let by_layer = [15 * 4096_u64, 4097];
+    for (precision, element) in [(Precision::F32, 4), (Precision::F64, 8)] {
+        let bytes: u64 = by_layer.iter().map(|n| n * (n + 1) / 2 * element).sum();
+        let said = build(&decoupled(Groups::Layer, precision), &layout).err().expect("too large").to_string();
+        assert!(said.contains(&format!("takes {} GiB", bytes >> 30)), "{said}");
+        assert!(build(&decoupled(Groups::Node, precision), &layout).is_ok());
+    }
+}
+
+/// A rebuilt covariance begins from a floor that is a share of P0: so small that a step grows with it in proportion.
+#[test]
+fn law_the_first_step_after_a_rebuild_grows_with_p0() {
+    let (start, inputs, targets, noise) = case(1);
+    let step = |p0: f64| {
+        let mut network = start.clone();
+        let mut filter = build(&ekf(p0, 0.0, Precision::F64, false, 1), &network.layout).unwrap();
+        spoil(filter.as_mut(), -1.0);
+        filter.learn(&mut network, &inputs, &targets, &noise);
+        assert_eq!(filter.counters().rebuilt, 1);
+        network.weights.iter().zip(&start.weights).fold(0.0, |most: f64, (w, old)| most.max((w - old).abs()))
+    };
+    let ratio = step(100.0) / step(10.0);
+    assert!((ratio - 10.0).abs() < 0.1, "{ratio}");
+}
