@@ -16,8 +16,8 @@ type Extract<'a> = super::Extract<Row<'a>>;
 #[rustfmt::skip]
 pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
-        define("scene_id", "1", Key, "ColumnValue of the scene in the corpus.", Extract::number(|r| r.scene_id)),
-        define("scan_id", "1", Key, "ColumnValue of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
+        define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
+        define("scan_id", "1", Key, "Number of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
         define("row", "1", Key, "Cell row: floor(y / cell size), frame map, from the yard's corner; may be negative.", Extract::number(|r| r.cell.index.row)),
         define("col", "1", Key, "Cell column: floor(x / cell size), frame map, from the yard's corner; may be negative.", Extract::number(|r| r.cell.index.col)),
         define("label", "1", Label, "0 traversable, 1 untraversable, null unknown.", Extract::number_or_null(|r| r.cell.label)),

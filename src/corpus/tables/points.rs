@@ -61,8 +61,8 @@ type Extract = super::Extract<Row>;
 #[rustfmt::skip]
 pub fn definitions() -> Vec<Definition<Row>> {
     vec![
-        define("scene_id", "1", Key, "ColumnValue of the scene in the corpus.", Extract::number(|r| r.scene_id)),
-        define("scan_id", "1", Key, "ColumnValue of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
+        define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
+        define("scan_id", "1", Key, "Number of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
         define("line", "1", Key, "Scan line (a position of the tilt head, or a ring).", Extract::number(|r| r.line)),
         define("beam", "1", Key, "Beam within the line, in firing order.", Extract::number(|r| r.beam)),
         define("status", "1", Info, "0 hit, 1 nothing in reach, 2 dropped (too little light, or at random), 3 outside the sensor's gates.", Extract::number(|r| r.status as i8)),
