@@ -7,13 +7,12 @@ use clap::{Args, ValueEnum};
 use super::Failure;
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
-use crate::cells::CellParams;
+use crate::cells::LabelRule;
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::may_pass;
 use crate::corpus::{Outputs, Split, address};
 use crate::evaluate::{self, EvaluateError, FamilyFacts, Options, Report};
 use crate::plan::Plan;
-use crate::train::labels::LabelRule;
 use crate::train::{MODEL_FORMAT, Model, ModelError, folder};
 
 #[derive(Debug, Args)]
@@ -101,13 +100,12 @@ pub(super) fn read_model(path: &Path) -> Result<Model, Failure> {
 
 /// What judging needs to know of a plan's families.
 pub(super) fn family_facts(plan: &Plan) -> Vec<FamilyFacts> {
-    let labels = |cells: &CellParams| serde_json::to_string(&cells.labels).expect("a rule is plain data");
     let facts = |family: &crate::plan::Family| FamilyFacts {
         name: family.name.clone(),
         sensor: family.sweep.sensor.name.clone(),
         cell_size_m: family.cells.size_m,
         local_height: family.cells.local_height.clone(),
-        labels: labels(&family.cells),
+        labels: family.cells.labels.clone(),
     };
     plan.families.iter().map(facts).collect()
 }
