@@ -7,8 +7,8 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use arrow_array::types::{Float32Type, Int8Type};
-use marsyard::corpus::reader::column;
+use marsyard::cells::HEIGHT_DIFFERENCE;
+use marsyard::corpus::cells::{CellBatch, LABEL};
 use marsyard::corpus::{Split, Table};
 use marsyard::{build_corpus, config, open_corpus};
 
@@ -38,12 +38,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         let file = corpus.open_table(shard, Table::Cells).map_err(|why| corpus.refused(shard, Table::Cells, why))?;
         for group in 0..shard.tables[&Table::Cells].row_groups as usize {
             let Some(file) = &file else { continue };
-            let rows = file.read_row_group(group, Some(&["height_difference_m", "label"]))?;
-            let heights_m = column::<Float32Type>(&rows, "height_difference_m")?;
-            for (height_m, label) in heights_m.values().iter().zip(column::<Int8Type>(&rows, "label")?) {
-                let range = HEIGHTS_M.partition_point(|&end_m| end_m <= *height_m);
-                if let Some(label) = label {
-                    cells[range.min(HEIGHTS_M.len() - 1)][label as usize] += 1;
+            let rows = CellBatch::read(file, group, &[HEIGHT_DIFFERENCE, LABEL])?;
+            let heights_m = rows.feature_if_there(HEIGHT_DIFFERENCE)?.unwrap_or_default();
+            let labels = rows.labels()?;
+            for (row, &height_m) in heights_m.iter().enumerate() {
+                let range = HEIGHTS_M.partition_point(|&end_m| end_m <= height_m);
+                if let Some(label) = labels.at(row) {
+                    cells[range.min(HEIGHTS_M.len() - 1)][label.index()] += 1;
                 }
             }
         }

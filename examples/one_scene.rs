@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::path::Path;
 
-use marsyard::cells::feature_columns;
+use marsyard::cells::{Label, feature_columns};
 use marsyard::geometry::GridSpec;
 use marsyard::{config, episode::Prepared, simulate_scene};
 
@@ -52,8 +52,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             let found = cells.rows.binary_search_by_key(&(row, col), |cell| (cell.index.row, cell.index.col));
             match found.ok().and_then(|k| cells.rows[k].label) {
                 _ if (row, col) == (rover.row, rover.col) => 'R',
-                Some(0) => '.',
-                Some(_) => '#',
+                Some(Label::Traversable) => '.',
+                Some(Label::Untraversable) => '#',
                 None => ' ',
             }
         });

@@ -27,7 +27,7 @@ pub use networks::{TrainNetworkError, train_network};
 /// let prepared = Prepared::new(plan)?;
 /// let scene = simulate_scene(&prepared, 3)?;
 /// let cells = &scene.scans[0].cells;
-/// let untraversable = cells.rows.iter().filter(|row| row.label == Some(1)).count();
+/// let untraversable = cells.rows.iter().filter(|row| row.untraversable()).count();
 /// assert!(untraversable > 0 && untraversable < cells.rows.len());
 /// // Row-major: as many columns as the config names features.
 /// let columns = cells.features.len() / cells.rows.len();

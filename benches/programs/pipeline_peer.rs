@@ -7,7 +7,7 @@
 use std::fs;
 use std::path::PathBuf;
 
-use marsyard::cells::feature_columns;
+use marsyard::cells::{Label, feature_columns};
 use marsyard::config;
 use marsyard::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use marsyard::scene::{Ground, Shape};
@@ -59,7 +59,7 @@ fn described(prepared: &Prepared, replay: &Replay) -> Value {
         "max_range_m": family.cells.max_range_m,
         "sensor_range_m": [family.sweep.sensor.min_range_m, family.sweep.sensor.max_range_m],
         "range_sigma": [family.sweep.sensor.range_sigma_m, family.sweep.sensor.range_sigma_per_m],
-        "cells": cells.rows.iter().map(|row| (row.index.row, row.index.col, row.label, row.points)).collect::<Vec<_>>(),
+        "cells": cells.rows.iter().map(|row| (row.index.row, row.index.col, row.label.map(Label::number), row.points)).collect::<Vec<_>>(),
         "features": cells.features.chunks(width).map(|row| &row[..14]).collect::<Vec<_>>(),
     })
 }

@@ -16,6 +16,7 @@ use arrow_array::types::{Float32Type, Int8Type, Int32Type, Int64Type};
 use arrow_array::{Array, Int64Array, RecordBatch};
 use arrow_schema::DataType;
 use clap::Parser;
+use marsyard::cells::Label;
 use marsyard::config::load_train;
 use marsyard::measure::clock::thread_cpu_s;
 use marsyard::train::memory::{self, Event, Held};
@@ -45,7 +46,7 @@ struct Table {
     features: Vec<String>,
     /// Row-major.
     values: Vec<f32>,
-    labels: Vec<Option<u8>>,
+    labels: Vec<Option<Label>>,
     roles: Vec<i64>,
 }
 
@@ -146,7 +147,7 @@ impl Table {
             self.values.extend(features.iter().map(|f| if f.is_null(row) { f32::NAN } else { f.value(row) }));
             self.labels.push(match labels.is_valid(row).then(|| labels.value(row)) {
                 None => None,
-                Some(label @ (0 | 1)) => Some(label as u8),
+                Some(label @ (0 | 1)) => Some(Label::untraversable_if(label == 1)),
                 Some(label) => return Err(format!("column 'label' holds {label}; labels are 0, 1 or null")),
             });
             self.roles.push(if roles.is_null(row) { -1 } else { roles.value(row) });
@@ -179,7 +180,7 @@ impl Table {
 
     /// Every row, to judge.
     fn all(&self) -> Rows {
-        let labels: Vec<u8> = self.labels.iter().map(|label| label.unwrap_or_default()).collect();
+        let labels: Vec<Label> = self.labels.iter().map(|label| label.unwrap_or(Label::Traversable)).collect();
         Rows { features: self.values.clone(), corpora: vec![0; labels.len()], labels, ..Rows::new(self.features.len()) }
     }
 }

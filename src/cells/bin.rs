@@ -10,7 +10,7 @@ use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
 use super::points::{Points, Scan, UNKNOWN};
-use super::{CellParams, CellRow, CellTruth, Cells};
+use super::{CellParams, CellRow, CellTruth, Cells, Label};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 use crate::scene::Scene;
 use crate::slam::Estimate;
@@ -97,9 +97,10 @@ pub fn bin(
     }
     points.grounds.steepen(&scene.ground);
     let is_seen = |index: usize| points.seen_obstacles[index];
-    labels::verdicts(scene, params.labels.obstacle, wheel_diameter_m, is_seen, verdicts);
+    labels::verdicts(scene, params.labels.obstacle.taller_than(wheel_diameter_m), is_seen, verdicts);
     numbers.number(&points.cells);
-    let label = |truth: &CellTruth| Some(labels::label(&params.labels, truth));
+    let rule = params.labels.of_counted();
+    let label = |truth: &CellTruth| Some(rule.label(truth));
     summarise(params, intensity, kept.estimate, label, scratch, &mut cells);
     cells
 }
@@ -107,7 +108,7 @@ pub fn bin(
 /// The cells of the last cloud of `window`, from the points of all of it: features as [`bin`] makes them, bit for bit.
 ///
 /// A cell's label is `None` unless its points carry verdicts; then it follows the same rule, from the points that have one.
-/// Nothing else is known of the truth: class -1, object -2. With the cells comes, for each, the number of its points that carry a
+/// Nothing else is known of the truth: no class, object -2. With the cells comes, for each, the number of its points that carry a
 /// verdict.
 pub fn bin_clouds(
     params: &CellParams,
@@ -133,9 +134,10 @@ pub fn bin_clouds(
     for (&cell, point) in scratch.numbers.of_point.iter().zip(&scratch.points.returns) {
         known[cell as usize] += i32::from(point.object != UNKNOWN);
     }
+    let rule = params.labels.of_counted();
     for (row, &known) in cells.rows.iter_mut().zip(&known) {
-        row.label = (known > 0).then(|| labels::label(&params.labels, &row.truth));
-        row.truth = CellTruth { class: -1, object: UNKNOWN, ..row.truth };
+        row.label = (known > 0).then(|| rule.label(&row.truth));
+        row.truth = CellTruth { class: None, object: UNKNOWN, ..row.truth };
     }
     (cells, known)
 }
@@ -145,7 +147,7 @@ fn summarise(
     params: &CellParams,
     intensity: bool,
     estimate: &Estimate,
-    label: impl Fn(&CellTruth) -> Option<i8>,
+    label: impl Fn(&CellTruth) -> Option<Label>,
     scratch: &mut Scratch,
     cells: &mut Cells,
 ) {

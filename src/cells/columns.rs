@@ -13,6 +13,10 @@ pub struct Offset {
 
 /// The column of a cell's own height.
 pub const MEAN_HEIGHT: &str = "mean_height_m";
+/// The column of the variance of the heights within a cell.
+pub const HEIGHT_VARIANCE: &str = "height_variance_m2";
+/// The column of the highest less the lowest height.
+pub const HEIGHT_DIFFERENCE: &str = "height_difference_m";
 /// The column of a cell's height above the ground around it.
 pub const LOCAL_HEIGHT: &str = "local_height_m";
 /// Columns of neighbours' heights begin with this.
@@ -53,8 +57,8 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
     };
     let mut columns = vec![
         column(MEAN_HEIGHT, "m", "mean height of the points above the rover's estimated z (eq. 3)"),
-        column("height_variance_m2", "m2", "population variance of the points' heights, 0 for one point (eq. 4)"),
-        column("height_difference_m", "m", "highest minus lowest point"),
+        column(HEIGHT_VARIANCE, "m2", "population variance of the points' heights, 0 for one point (eq. 4)"),
+        column(HEIGHT_DIFFERENCE, "m", "highest minus lowest point"),
         column("point_count", "1", "number of points"),
         column("pitch_rad", "rad", "estimated pitch of the rover, positive nose down"),
         column("roll_rad", "rad", "estimated roll of the rover, positive right side down"),

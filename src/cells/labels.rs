@@ -1,14 +1,16 @@
-//! Scene and rule -> which objects are obstacles; true returns -> a cell's truth and label.
+//! Scene and rule -> which objects are obstacles; true returns -> a cell's truth, from which its label follows (`rule`).
 //!
 //! Source: Hewitt et al. 2017, "Methodology for training": a cell is untraversable when any of its points belongs to an obstacle (any, or as
 //! many as the config says).
 //! A point's object is its true one, its cell is where the *estimated* pose puts it: that label noise stays.
 //! The label follows from the truth columns alone: obstacle points, or the slope where a config limits it.
 
-use super::params::{LabelParams, ObstacleRule};
-use super::{CellRow, CellTruth};
+use super::params::LabelParams;
+use super::rule::TallerThan;
+use super::{CellRow, CellTruth, Label};
 use crate::math;
 use crate::scene::{Class, Scene};
+use crate::sweep::Hit;
 
 /// What a label asks of an object.
 #[derive(Clone, Copy, Debug)]
@@ -29,23 +31,17 @@ impl Verdict {
 /// for where `is_seen` says that a point was returned by the obstacle of that index.
 pub(super) fn verdicts(
     scene: &Scene,
-    rule: ObstacleRule,
-    wheel_diameter_m: f64,
+    taller_than: TallerThan,
     is_seen: impl Fn(usize) -> bool,
     out: &mut Vec<Verdict>,
 ) {
-    let taller_than_m = match rule {
-        ObstacleRule::All => f64::NEG_INFINITY,
-        ObstacleRule::TallerThanWheel => wheel_diameter_m,
-        ObstacleRule::TallerThanM(height_m) => height_m,
-    };
     out.clear();
     out.extend(scene.obstacles.iter().enumerate().map(|(index, obstacle)| {
         if !is_seen(index) {
             return Verdict::NOT_SEEN;
         }
         let protrusion_m = obstacle.body().protrusion_m;
-        Verdict { untraversable: protrusion_m > taller_than_m, class: obstacle.class, protrusion_m }
+        Verdict { untraversable: taller_than.is_obstacle(protrusion_m), class: obstacle.class, protrusion_m }
     }));
     out.extend(scene.volumes.iter().map(|v| Verdict {
         untraversable: v.untraversable,
@@ -60,7 +56,7 @@ pub(super) fn verdicts(
 /// Per object id: whether its points make a cell untraversable. Solid objects by the rule, others as they are marked.
 pub fn obstacles(params: &LabelParams, wheel_diameter_m: f64, scene: &Scene) -> Vec<bool> {
     let mut by_id = Vec::new();
-    verdicts(scene, params.obstacle, wheel_diameter_m, |_| true, &mut by_id);
+    verdicts(scene, params.obstacle.taller_than(wheel_diameter_m), |_| true, &mut by_id);
     by_id.iter().map(|verdict| verdict.untraversable).collect()
 }
 
@@ -78,8 +74,8 @@ impl TruthSum {
         truth: CellTruth {
             obstacle_points: 0,
             top_points: 0,
-            class: Class::Ground as i8,
-            object: -1,
+            class: Some(Class::Ground),
+            object: Hit::GROUND,
             protrusion_m: 0.0,
             slope_rad: 0.0,
         },
@@ -101,7 +97,7 @@ impl TruthSum {
             || (verdict.protrusion_m == self.tallest_m && object < self.truth.object)
         {
             self.tallest_m = verdict.protrusion_m;
-            self.truth.class = verdict.class as i8;
+            self.truth.class = Some(verdict.class);
             self.truth.object = object;
             self.truth.protrusion_m = verdict.protrusion_m as f32;
         }
@@ -113,17 +109,9 @@ impl TruthSum {
     }
 }
 
-/// 1 untraversable, 0 traversable.
-pub(super) fn label(params: &LabelParams, truth: &CellTruth) -> i8 {
-    let obstacle = i64::from(truth.obstacle_points) >= i64::from(params.min_obstacle_points);
-    let steep =
-        params.max_ground_slope_deg.is_some_and(|limit_deg| f64::from(truth.slope_rad) > limit_deg.to_radians());
-    i8::from(obstacle || steep)
-}
-
 impl CellRow {
     /// Whether the label says that a rover must not cross.
     pub fn untraversable(&self) -> bool {
-        self.label == Some(1)
+        self.label == Some(Label::Untraversable)
     }
 }

@@ -35,21 +35,29 @@ mod assign;
 mod bin;
 mod columns;
 mod group;
+mod label;
 mod labels;
 mod local;
 pub mod params;
 mod points;
+mod rule;
 mod slope;
 #[cfg(test)]
 mod tests;
 
 pub use assign::{CellAssigner, MapPoint, Unplaced};
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
-pub use columns::{LOCAL_HEIGHT, MEAN_HEIGHT, Offset, feature_columns, is_neighbour, neighbour_offsets};
+pub use columns::{
+    HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, feature_columns, is_neighbour,
+    neighbour_offsets,
+};
+pub use label::Label;
 pub use labels::obstacles;
 pub use params::CellParams;
+pub use rule::{LabelRule, Obstacle};
 
 use crate::geometry::CellIndex;
+use crate::scene::Class;
 
 /// The cells of one kept sweep.
 #[derive(Clone, Debug, Default)]
@@ -82,8 +90,8 @@ impl Cells {
         for row in &self.rows {
             let truth = &row.truth;
             // No label is a value of its own.
-            let label = row.label.map_or(i32::from(i8::MIN), i32::from);
-            let class = i32::from(truth.class);
+            let label = i32::from(row.label.map_or(i8::MIN, Label::number));
+            let class = i32::from(Class::number_or_none(truth.class));
             let whole = [row.index.row, row.index.col, label, row.points, row.neighbour_mask];
             for value in whole.into_iter().chain([truth.obstacle_points, truth.top_points, class, truth.object]) {
                 hasher.update(&value.to_le_bytes());
@@ -99,11 +107,11 @@ impl Cells {
 }
 
 /// One non-empty cell.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct CellRow {
     pub index: CellIndex,
-    /// 0 traversable, 1 untraversable, `None` unknown.
-    pub label: Option<i8>,
+    /// `None`: unknown.
+    pub label: Option<Label>,
     pub points: i32,
     /// Mean horizontal distance of the points from the sensor, metres.
     pub range_m: f32,
@@ -113,18 +121,32 @@ pub struct CellRow {
 }
 
 /// What the label is made of: another rover's rule can be applied without a rebuild.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellTruth {
     /// Points of what the config's rule calls an obstacle.
     pub obstacle_points: i32,
     /// Those of them that lie on a top.
     pub top_points: i32,
-    /// Class of the tallest object among the points (0: ground alone).
-    pub class: i8,
+    /// Class of the tallest object among the points; ground where they are of ground alone, `None` where nobody knows.
+    pub class: Option<Class>,
     /// Its id (the smallest of equals), -1 for ground alone.
     pub object: i32,
     /// Its height above the ground, 0 for patches and ground.
     pub protrusion_m: f32,
     /// Steepest true ground slope under the cell's ground points.
     pub slope_rad: f32,
+}
+
+/// Nothing is known: no points of an obstacle, no class, no object, flat.
+impl Default for CellTruth {
+    fn default() -> CellTruth {
+        CellTruth {
+            obstacle_points: 0,
+            top_points: 0,
+            class: None,
+            object: points::UNKNOWN,
+            protrusion_m: 0.0,
+            slope_rad: 0.0,
+        }
+    }
 }

@@ -12,7 +12,7 @@ use crate::sweep::{Hit, Status};
 use crate::wide::{LANES, Work, widest};
 
 /// The id that stands for no verdict at all.
-pub(super) const UNKNOWN: i32 = -2;
+pub(super) const UNKNOWN: i32 = Hit::NOTHING;
 
 /// Slots whose status is looked at together.
 const CHUNK: usize = 256;

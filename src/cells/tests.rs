@@ -71,7 +71,7 @@ fn sweep_of(points: &[(DVec3, i32)]) -> Sweep {
         mixed: None,
         truth: points
             .iter()
-            .map(|&(p, object)| TrueReturn { range_m: p.length(), object, class: 0, top: false })
+            .map(|&(p, object)| TrueReturn { range_m: p.length(), object, class: Some(Class::Ground), top: false })
             .collect(),
     }
 }
@@ -255,7 +255,7 @@ fn equal_cells_of_a_window_agree_with_a_plain_recomputation() {
             let bad: Vec<_> = m.iter().filter(|p| [1, 3, 5].contains(&p.3)).collect();
             assert_eq!(row.truth.obstacle_points as usize, bad.len());
             assert_eq!(row.truth.top_points as usize, bad.iter().filter(|p| p.4).count());
-            assert_eq!(row.label, Some(i8::from(!bad.is_empty())));
+            assert_eq!(row.label, Some(Label::untraversable_if(!bad.is_empty())));
             // Tallest first: bushes (1.0 m), rock 1, rock 0, patches.
             let tallest = [2, 3, 1, 0, 4, 5].into_iter().find(|id| m.iter().any(|p| p.3 == *id));
             assert_eq!(row.truth.object, tallest.unwrap_or(-1));
@@ -335,7 +335,7 @@ fn labels_by_object(rule: ObstacleRule, min_obstacle_points: u32) -> Vec<i8> {
     let labels = LabelParams { obstacle: rule, min_obstacle_points, max_ground_slope_deg: None };
     let params = CellParams { labels, size_m: 1.0, ..CellParams::default() };
     let points: Vec<(DVec3, i32)> = (-1..6).map(|id| (DVec3::new(0.5 + f64::from(id + 1), 0.5, 0.1), id)).collect();
-    bin_one(&params, &points, Pose::default(), &yard(0.0)).rows.iter().map(|r| r.label.unwrap()).collect()
+    bin_one(&params, &points, Pose::default(), &yard(0.0)).rows.iter().map(|r| r.label.unwrap().number()).collect()
 }
 
 #[test]
@@ -345,6 +345,35 @@ fn exact_labels_follow_the_rule_for_solids_and_the_mark_for_plants() {
     assert_eq!(labels_by_object(ObstacleRule::TallerThanM(0.3), 1), [0, 0, 0, 0, 1, 0, 1]);
     assert_eq!(labels_by_object(ObstacleRule::TallerThanM(0.049), 1), [0, 1, 1, 0, 1, 0, 1]);
     assert_eq!(labels_by_object(ObstacleRule::All, 2), [0; 7]);
+}
+
+#[test]
+fn law_another_rule_by_the_stored_truth_labels_as_a_build_by_that_rule_would() {
+    // Cells of one point of each object, of ground and the low rock, and of both rocks.
+    let at = |col: i32| DVec3::new(0.5 + f64::from(col), 0.5, 0.1);
+    let mut points: Vec<(DVec3, i32)> = (-1..6).map(|id| (at(id + 1), id)).collect();
+    points.extend([(at(7), -1), (at(7), 0), (at(8), 0), (at(8), 1)]);
+    let labelled = |obstacle, max_ground_slope_deg| {
+        let labels = LabelParams { obstacle, max_ground_slope_deg, ..LabelParams::default() };
+        let params = CellParams { labels, size_m: 1.0, ..CellParams::default() };
+        bin_one(&params, &points, Pose::default(), &yard(0.3)).rows
+    };
+    let rules = [
+        (ObstacleRule::All, super::Obstacle::All),
+        (ObstacleRule::TallerThanWheel, super::Obstacle::TallerThanWheel(0.1)),
+        (ObstacleRule::TallerThanM(0.04), super::Obstacle::TallerThanM(0.04)),
+        (ObstacleRule::TallerThanM(0.5), super::Obstacle::TallerThanM(0.5)),
+    ];
+    for (built, max_ground_slope_deg) in rules.into_iter().flat_map(|(rule, _)| [(rule, None), (rule, Some(10.0))]) {
+        let stored = labelled(built, None);
+        for (wanted, obstacle) in rules {
+            let rule = LabelRule { obstacle, max_ground_slope_deg, ..LabelRule::default() };
+            let relabelled: Vec<Label> = stored.iter().map(|row| rule.label(&row.truth)).collect();
+            let rebuilt: Vec<Label> =
+                labelled(wanted, max_ground_slope_deg).iter().map(|row| row.label.unwrap()).collect();
+            assert_eq!(relabelled, rebuilt, "{built:?} as {wanted:?}");
+        }
+    }
 }
 
 #[test]
@@ -358,7 +387,7 @@ fn exact_steep_ground_is_untraversable_where_a_config_limits_it() {
         let labels = LabelParams { max_ground_slope_deg: limit_deg, ..LabelParams::default() };
         let params = CellParams { labels, ..CellParams::default() };
         let cells = bin(&params, &[scan], &Transform::IDENTITY, 0.1, 50.0, &yard(slope), &mut Scratch::default());
-        assert_eq!(cells.rows[0].label, Some(expected));
+        assert_eq!(cells.rows[0].label.map(Label::number), Some(expected));
         assert!((f64::from(cells.rows[0].truth.slope_rad).to_degrees() - 30.0).abs() < 1e-5);
     }
 }
@@ -403,8 +432,9 @@ fn law_labels_of_a_yard_that_nothing_has_asked_of_are_those_of_one_that_was_cast
     let cells = |scene: &Scene| bin(&params, &[scan], &Transform::IDENTITY, 0.1, 50.0, scene, &mut Scratch::default());
     for scene in [&fresh, &asked] {
         let cells = cells(scene);
-        let labels: Vec<Option<i8>> = cells.rows.iter().map(|row| row.label).collect();
-        let wanted: Vec<Option<i8>> = protrusions_m.iter().map(|&height_m| Some(i8::from(height_m > 0.15))).collect();
+        let labels: Vec<Option<Label>> = cells.rows.iter().map(|row| row.label).collect();
+        let wanted: Vec<Option<Label>> =
+            protrusions_m.iter().map(|&height_m| Some(Label::untraversable_if(height_m > 0.15))).collect();
         assert_eq!(labels, wanted);
         let truths = cells.rows.iter().map(|row| row.truth.protrusion_m);
         assert!(truths.eq(protrusions_m.iter().map(|&height_m| height_m as f32)));

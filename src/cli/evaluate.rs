@@ -7,11 +7,11 @@ use clap::{Args, ValueEnum};
 use super::Failure;
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
+use crate::cells::LabelRule;
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::may_pass;
 use crate::corpus::{Outputs, Split, address};
 use crate::evaluate::{self, EvaluateError, FamilyFacts, Options};
-use crate::train::labels::LabelRule;
 use crate::train::{MODEL_FORMAT, Model, ModelError, folder};
 
 #[derive(Debug, Args)]

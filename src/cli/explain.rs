@@ -113,7 +113,7 @@ fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes:
     outln!("\nkept scans");
     for scan in &replay.scans {
         let cells = &scan.cells;
-        let bad = cells.rows.iter().filter(|row| row.label == Some(1)).count();
+        let bad = cells.rows.iter().filter(|row| row.untraversable()).count();
         outln!(
             "  scan {}: {} cells, {bad} untraversable; points in {} = binned {} + beyond range {} + off grid {}",
             scan.scan_id,
@@ -124,7 +124,7 @@ fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes:
             cells.dropped_off_grid
         );
     }
-    if let Some(row) = replay.scans.last().and_then(|s| s.cells.rows.iter().find(|r| r.label == Some(1))) {
+    if let Some(row) = replay.scans.last().and_then(|s| s.cells.rows.iter().find(|r| r.untraversable())) {
         outln!("\none cell in full: add --cell {},{}", row.index.row, row.index.col);
     }
 }

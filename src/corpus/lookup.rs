@@ -1,20 +1,23 @@
-//! One stored cell, found by its address: for comparing what is on disk with what a replay computes.
+//! What stands in a corpus at an address: one cell, for comparing with what a replay computes; the family of each scene of a shard.
 
-use arrow_array::Array;
-use arrow_array::types::{Float32Type, Int8Type, Int32Type};
+use std::collections::BTreeMap;
 
-use super::manifest::FeatureSummary;
-use super::reader::column;
+use arrow_array::types::Int64Type;
+use arrow_array::{Array, StringArray};
+
+use super::cells::{CellBatch, KEYS, TRUTH};
+use super::checked::Refused;
+use super::reader::{TableFile, column};
 use super::{CorpusError, Finished, Table};
+use crate::cells::CellRow;
 use crate::geometry::CellIndex;
 
 /// A row of `cells` as it is stored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredCell {
-    pub label: Option<i8>,
-    pub points: i32,
-    /// Name and value, in the order of the columns.
-    pub features: Vec<(String, f32)>,
+    pub row: CellRow,
+    /// In the order of the columns.
+    pub features: Vec<f32>,
 }
 
 /// The stored row of a cell; `None` where there is no such row.
@@ -31,19 +34,45 @@ pub fn stored_cell(
         corpus.open_table(line, Table::Cells).map_err(|refused| corpus.refused(line, Table::Cells, refused))?;
     let Some(file) = opened else { return Ok(None) };
     let batch = file.rows_of_scene(scene)?;
-    let odd = |reason: String| file.odd(reason);
-    let whole = |name: &str| column::<Int32Type>(&batch, name).map_err(odd);
-    let wanted = [(whole("scan_id")?, scan as i32), (whole("row")?, cell.row), (whole("col")?, cell.col)];
-    let is_it = |at: usize| wanted.iter().all(|(column, value)| column.value(at) == *value);
-    let Some(at) = (0..batch.num_rows()).find(|&at| is_it(at)) else { return Ok(None) };
-    let label = column::<Int8Type>(&batch, "label").map_err(odd)?;
-    let float = |feature: &FeatureSummary| {
-        let values = column::<Float32Type>(&batch, &feature.name).map_err(odd)?;
-        Ok((feature.name.clone(), values.value(at)))
+    let names = corpus.manifest.features.iter().map(|feature| feature.name.as_str());
+    find(&CellBatch::of(batch), scan, cell, names).map_err(|reason| file.odd(reason))
+}
+
+/// A row by its address within a scene.
+fn find<'n>(
+    cells: &CellBatch,
+    scan: u32,
+    index: CellIndex,
+    features: impl Iterator<Item = &'n str>,
+) -> Result<Option<StoredCell>, String> {
+    let keys = cells.keys()?;
+    let is_it = |&at: &usize| keys.scans[at] == scan as i32 && keys.index(at) == index;
+    let Some(at) = (0..cells.rows()).find(is_it) else { return Ok(None) };
+    let row = CellRow {
+        index,
+        label: cells.labels()?.at(at),
+        points: cells.points()?[at],
+        range_m: cells.ranges_m()?[at],
+        neighbour_mask: cells.neighbour_masks()?[at],
+        truth: cells.truth(&TRUTH)?.at(at),
     };
-    Ok(Some(StoredCell {
-        label: label.is_valid(at).then(|| label.value(at)),
-        points: whole("points")?.value(at),
-        features: corpus.manifest.features.iter().map(float).collect::<Result<_, CorpusError>>()?,
-    }))
+    Ok(Some(StoredCell { row, features: cells.features(features)?.row(at).collect() }))
+}
+
+/// Family by scene, from a file of `scenes`.
+pub fn families_of_scenes(file: &TableFile) -> Result<BTreeMap<i64, String>, Refused> {
+    let absent = || Refused::Other("it has no columns 'scene_id' and 'family' of whole numbers and text".into());
+    let wanted = [KEYS[0], "family"];
+    if wanted.iter().any(|name| file.schema().field_with_name(name).is_err()) {
+        return Err(absent());
+    }
+    let mut families = BTreeMap::new();
+    for group in 0..file.row_groups().len() {
+        let batch = file.read_row_group(group, Some(&wanted))?;
+        let ids = column::<Int64Type>(&batch, wanted[0]).map_err(|_| absent())?;
+        let names = batch.column_by_name(wanted[1]).and_then(|c| c.as_any().downcast_ref::<StringArray>());
+        let names = names.ok_or_else(absent)?.iter().map(|name| name.unwrap_or("").to_string());
+        families.extend(ids.values().iter().copied().zip(names));
+    }
+    Ok(families)
 }

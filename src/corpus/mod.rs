@@ -1,4 +1,5 @@
-//! Scenes' rows -> Parquet shards, receipts, manifest; and back. The only user of arrow and parquet.
+//! Scenes' rows -> Parquet shards, receipts, manifest; and back. Outside of tests nothing else uses the arrow crates or parquet: who
+//! learns from a corpus or judges by it takes the cells as [`cells::CellBatch`].
 //!
 //! In: a [`CorpusSpec`] (what the plan says of the corpus as a whole) and one [`SceneOutput`](crate::episode::SceneOutput) a scene. Out: a place (a folder
 //! or an object store) that holds
@@ -17,6 +18,7 @@
 pub mod belongs;
 pub mod card;
 pub mod cell_file;
+pub mod cells;
 pub mod checked;
 pub mod croissant;
 pub mod documents;
@@ -63,7 +65,7 @@ pub use finalize::{Known, finalize, finalize_knowing};
 pub use finished::Finished;
 pub use free_space::FreeSpace;
 pub use inspect::{Inspection, inspect};
-pub use lookup::stored_cell;
+pub use lookup::{families_of_scenes, stored_cell};
 pub use manifest::Manifest;
 pub use outputs::Outputs;
 pub use place::{Place, Status, status, status_of};

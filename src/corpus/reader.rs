@@ -132,9 +132,7 @@ impl TableFile {
         let mut found = Vec::new();
         for batch in self.batches() {
             let batch = batch?;
-            let ids = column::<Int64Type>(&batch, "scene_id").map_err(|reason| self.odd(reason))?;
-            let mask: BooleanArray = ids.iter().map(|id| Some(id == Some(scene_id as i64))).collect();
-            let rows = filter_record_batch(&batch, &mask).map_err(arrow)?;
+            let rows = rows_of_scene(&batch, scene_id).map_err(|reason| self.odd(reason))?;
             if rows.num_rows() > 0 {
                 found.push(rows);
             }
@@ -146,6 +144,13 @@ impl TableFile {
     pub fn odd(&self, reason: String) -> CorpusError {
         CorpusError::Parquet { name: self.file.name.to_string(), source: ParquetError::General(reason) }
     }
+}
+
+/// Those rows of a batch that are a scene's.
+pub fn rows_of_scene(batch: &RecordBatch, scene_id: u64) -> Result<RecordBatch, String> {
+    let ids = column::<Int64Type>(batch, "scene_id")?;
+    let mask: BooleanArray = ids.iter().map(|id| Some(id == Some(scene_id as i64))).collect();
+    filter_record_batch(batch, &mask).map_err(|error| error.to_string())
 }
 
 /// A column of a batch, by name and type; `Err` says what is wrong with it.

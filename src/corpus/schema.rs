@@ -9,11 +9,11 @@ use arrow_schema::{DataType, Field, Schema, SchemaRef};
 use serde::{Deserialize, Serialize};
 
 use super::{Table, tables};
-use crate::cells::FeatureColumn;
+use crate::cells::{FeatureColumn, Label as CellLabel};
 use crate::random::Purpose;
 
 /// Names of `cells.label`, by value.
-pub const LABELS: [&str; 2] = ["traversable", "untraversable"];
+pub const LABELS: [&str; 2] = [CellLabel::Traversable.name(), CellLabel::Untraversable.name()];
 
 /// Types on disk: those that every reader knows, none unsigned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -181,9 +181,6 @@ impl<'a> ShardWriter<'a> {
             if !cells.rows.windows(2).all(|pair| pair[0].index < pair[1].index) {
                 return Err(self.rows(format!("{place}: cells do not ascend by (row, col)")));
             }
-            if let Some(bad) = cells.rows.iter().find_map(|cell| cell.label.filter(|label| !(0..=1).contains(label))) {
-                return Err(self.rows(format!("{place}: label {bad} is neither 0, 1 nor unknown")));
-            }
             if !PointCounts::of(cells).add_up() {
                 return Err(self.rows(format!("{place}: points in are not points binned plus points dropped")));
             }

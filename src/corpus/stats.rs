@@ -10,7 +10,7 @@ pub use rows::RowMoments;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::cells::Cells;
+use crate::cells::{Cells, Label};
 
 /// Count, mean, sum of squared distances from the mean, and range of one feature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -87,10 +87,10 @@ impl LabelCounts {
         counts
     }
 
-    pub fn add(&mut self, label: Option<i8>) {
+    pub fn add(&mut self, label: Option<Label>) {
         match label {
-            Some(0) => self.traversable += 1,
-            Some(_) => self.untraversable += 1,
+            Some(Label::Traversable) => self.traversable += 1,
+            Some(Label::Untraversable) => self.untraversable += 1,
             None => self.unknown += 1,
         }
     }

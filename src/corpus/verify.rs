@@ -2,10 +2,11 @@
 
 use std::fmt;
 
+use arrow_array::RecordBatch;
 use arrow_array::types::Int64Type;
-use arrow_array::{Array, Float32Array, Int8Array, RecordBatch};
 
 use super::belongs::ShardIdentity;
+use super::cells::CellBatch;
 use super::checked::sha256_of;
 use super::finalize::CHANGED_RECEIPT;
 use super::finished::{self, Fault, Listed};
@@ -235,7 +236,7 @@ fn verify_file(
     let Receipt { scene_plan_hash, shard, split, scenes, .. } = receipt;
     let identity = ShardIdentity { scene_plan_hash, shard: *shard, split: *split, scenes: *scenes };
     faults.extend(identity.check(&file, table).err());
-    let mut strange = None;
+    let (mut strange, mut odd) = (None, None);
     let mut hasher = ValueHasher::new(file.schema());
     let mut labels = LabelCounts::default();
     let mut moments = vec![Moments::default(); receipt.features.len()];
@@ -247,7 +248,8 @@ fn verify_file(
         hasher.update(&batch);
         strange = strange.or_else(|| check_scenes(&batch, &identity).err());
         if table == Table::Cells {
-            count(&batch, receipt, &mut labels, &mut moments);
+            let counted = count(&batch, receipt, &mut labels, &mut moments);
+            odd = odd.or_else(|| counted.err());
         }
     }
     // What the statistics say of the scenes has been told.
@@ -255,6 +257,7 @@ fn verify_file(
     if hasher.finish() != facts.value_hash {
         faults.push("its value hash is not the receipt's: values have changed".into());
     }
+    faults.extend(odd);
     if table == Table::Cells {
         if labels != receipt.labels {
             faults.push(format!("its labels are {labels:?}, the receipt says {:?}", receipt.labels));
@@ -280,15 +283,19 @@ fn damage(error: CorpusError) -> Result<Vec<String>, CorpusError> {
     }
 }
 
-fn count(batch: &RecordBatch, receipt: &Receipt, labels: &mut LabelCounts, moments: &mut [Moments]) {
-    if let Some(column) = batch.column_by_name("label").and_then(|c| c.as_any().downcast_ref::<Int8Array>()) {
-        column.iter().for_each(|label| labels.add(label));
-    }
+/// Adds a batch's labels and features to the statistics; `Err` names the column that is not as it must be.
+fn count(
+    batch: &RecordBatch,
+    receipt: &Receipt,
+    labels: &mut LabelCounts,
+    moments: &mut [Moments],
+) -> Result<(), String> {
+    let cells = CellBatch::of(batch.clone());
+    let stored = cells.labels()?;
+    (0..cells.rows()).for_each(|row| labels.add(stored.at(row)));
     for (feature, moments) in receipt.features.iter().zip(moments) {
-        if let Some(column) =
-            batch.column_by_name(&feature.name).and_then(|c| c.as_any().downcast_ref::<Float32Array>())
-        {
-            column.values().iter().for_each(|&value| moments.add(f64::from(value)));
-        }
+        let values = cells.feature_if_there(&feature.name)?.unwrap_or_default();
+        values.iter().for_each(|&value| moments.add(f64::from(value)));
     }
+    Ok(())
 }

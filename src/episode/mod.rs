@@ -13,6 +13,7 @@ mod window;
 
 use std::sync::Arc;
 
+use crate::cells::Label;
 use crate::drive::{self, DriveLog};
 use crate::geometry::Transform;
 use crate::plan::{Family, Plan, Table};
@@ -196,7 +197,7 @@ fn draw_attempt(plan: &Plan, family: &Family, scene_id: u64, attempt: u32, scene
 /// What an attempt is repeated for.
 fn has_both_classes(scan: &ScanOutput) -> bool {
     let holds = |label| scan.cells.rows.iter().any(|row| row.label == Some(label));
-    holds(0) && holds(1)
+    Label::ALL.into_iter().all(holds)
 }
 
 impl Replay {

@@ -5,19 +5,18 @@
 
 use std::collections::BTreeMap;
 
-use arrow_array::{Int64Array, StringArray};
-
-use super::columns::{CLASS, Columns, HEIGHT_DIFFERENCE, OBSTACLE_POINTS, Scan, TOP_POINTS};
+use super::columns::{self, Columns, Scan};
 use super::figures::FigureError;
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
-use crate::cells::params::LocalHeightParams;
+use crate::cells::LabelRule;
+use crate::cells::params::{LabelParams, LocalHeightParams};
+use crate::corpus::cells::CellBatch;
 use crate::corpus::checked::Refused;
 use crate::corpus::manifest::ShardLine;
 use crate::corpus::reader::TableFile;
-use crate::corpus::{CorpusError, Finished, Split, Store, Table};
+use crate::corpus::{CorpusError, Finished, Split, Store, Table, families_of_scenes};
 use crate::plan::{Family, Plan};
-use crate::train::labels::{self, LabelRule};
 use crate::train::{Model, ModelError, leaks};
 
 /// What the plan says of a family.
@@ -27,8 +26,8 @@ pub struct FamilyFacts {
     pub sensor: String,
     pub cell_size_m: f64,
     pub local_height: Option<LocalHeightParams>,
-    /// The rule of its labels, for people.
-    pub labels: String,
+    /// The rule of its labels.
+    pub labels: LabelParams,
 }
 
 /// How to judge.
@@ -58,7 +57,7 @@ impl FamilyFacts {
             sensor: family.sweep.sensor.name.clone(),
             cell_size_m: family.cells.size_m,
             local_height: family.cells.local_height.clone(),
-            labels: serde_json::to_string(&family.cells.labels).expect("a rule is plain data"),
+            labels: family.cells.labels.clone(),
         };
         plan.families.iter().map(facts).collect()
     }
@@ -215,10 +214,12 @@ fn thresholds(model: &Model, options: &Options) -> Result<Vec<Threshold>, Evalua
 }
 
 fn rule_text(families: &[FamilyFacts], rule: Option<&LabelRule>) -> String {
+    const PLAIN: &str = "a rule is plain data";
     if let Some(rule) = rule {
-        return serde_json::to_string(rule).expect("a rule is plain data");
+        return serde_json::to_string(rule).expect(PLAIN);
     }
-    let mut rules: Vec<&str> = families.iter().map(|family| family.labels.as_str()).collect();
+    let mut rules: Vec<String> =
+        families.iter().map(|family| serde_json::to_string(&family.labels).expect(PLAIN)).collect();
     rules.dedup();
     if rules.is_empty() { "as the corpus has them".into() } else { rules.join(" | ") }
 }
@@ -241,12 +242,13 @@ impl Reader<'_> {
             let wanted_scene =
                 |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
             let mut scan = Scan::default();
-            let wanted = self.wanted(&table)?;
+            let wanted =
+                columns::wanted(&table, self.model, self.labels).map_err(|reason| self.fault(table.name(), reason))?;
             for group in 0..table.row_groups().len() {
-                let batch =
-                    table.read_row_group(group, Some(&wanted)).map_err(|e| self.refused(table.name(), e.into()))?;
-                let columns = Columns::of(&batch, self.model, self.labels).map_err(|r| self.fault(table.name(), r))?;
-                for row in (0..batch.num_rows()).filter(|&row| wanted_scene(columns.scan(row).0)) {
+                let cells =
+                    CellBatch::read(&table, group, &wanted).map_err(|e| self.refused(table.name(), e.into()))?;
+                let columns = Columns::of(&cells, self.model, self.labels).map_err(|r| self.fault(table.name(), r))?;
+                for row in (0..cells.rows()).filter(|&row| wanted_scene(columns.scan(row).0)) {
                     let key = columns.scan(row);
                     if scan.key != Some(key) {
                         scans += self.finish(&mut scan, &family_of, &mut judge, &mut outputs);
@@ -277,21 +279,6 @@ impl Reader<'_> {
         EvaluateError::Table { place: self.corpus.store().place(), name: name.into(), reason }
     }
 
-    /// The columns to read of a table.
-    fn wanted<'n>(&'n self, table: &TableFile) -> Result<Vec<&'n str>, EvaluateError> {
-        let there = |name: &str| table.schema().field_with_name(name).is_ok();
-        let mut needed = vec!["scene_id", "scan_id", "row", "col", "label", "points", "range_m"];
-        needed.extend(self.model.about.features.iter().map(String::as_str));
-        needed.extend(labels::COLUMNS.iter().filter(|_| self.labels.is_some()));
-        if let Some(absent) = needed.iter().find(|name| !there(name)) {
-            return Err(self.fault(table.name(), format!("it has no column '{absent}'")));
-        }
-        needed.extend([HEIGHT_DIFFERENCE, OBSTACLE_POINTS, TOP_POINTS, CLASS].into_iter().filter(|name| there(name)));
-        needed.sort_unstable();
-        needed.dedup();
-        Ok(needed)
-    }
-
     fn finish(
         &self,
         scan: &mut Scan,
@@ -312,18 +299,7 @@ impl Reader<'_> {
 
     /// Family by scene, from the small `scenes` table; empty where the corpus has none.
     fn families_of_scenes(&self, line: &ShardLine) -> Result<BTreeMap<i64, String>, EvaluateError> {
-        let mut families = BTreeMap::new();
-        let Some(table) = self.open(line, Table::Scenes)? else { return Ok(families) };
-        for batch in table.batches() {
-            let batch = batch.map_err(|error| self.refused(table.name(), error.into()))?;
-            let ids = batch.column_by_name("scene_id").and_then(|c| c.as_any().downcast_ref::<Int64Array>());
-            let names = batch.column_by_name("family").and_then(|c| c.as_any().downcast_ref::<StringArray>());
-            let (Some(ids), Some(names)) = (ids, names) else {
-                let reason = "it has no columns 'scene_id' and 'family' of whole numbers and text".into();
-                return Err(self.fault(table.name(), reason));
-            };
-            families.extend(ids.values().iter().zip(names.iter()).map(|(&id, name)| (id, name.unwrap_or("").into())));
-        }
-        Ok(families)
+        let Some(table) = self.open(line, Table::Scenes)? else { return Ok(BTreeMap::new()) };
+        families_of_scenes(&table).map_err(|error| self.refused(table.name(), error))
     }
 }

@@ -13,22 +13,21 @@ use super::confusion::Confusion;
 use super::scores::Scores;
 use super::spread::Spread;
 use super::tops::MissedTops;
+use crate::cells::{CellTruth, Label};
+use crate::geometry::CellIndex;
+use crate::scene::Class;
 
 /// A cell with a known label.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    pub row: i32,
-    pub col: i32,
-    pub untraversable: bool,
+    pub index: CellIndex,
+    pub label: Label,
     /// Points in the cell.
     pub points: i32,
-    /// Of them, points of obstacles, and of those the points on tops; 0 where nobody knows.
-    pub obstacle_points: i32,
-    pub top_points: i32,
     pub range_m: f32,
     pub height_difference_m: f32,
-    /// True class of the tallest object among the points; `None` where nobody knows.
-    pub class: Option<i8>,
+    /// What is known of it: points of obstacles and on tops (0 where nobody knows), and the class.
+    pub truth: CellTruth,
 }
 
 /// Outputs from `value` on are called untraversable.
@@ -98,7 +97,7 @@ pub struct Judge {
     pub(super) by_points: Spread,
     pub(super) by_range: Spread,
     /// Cells by true class, at the first threshold.
-    pub(super) by_class: BTreeMap<i8, Confusion>,
+    pub(super) by_class: BTreeMap<Class, Confusion>,
     /// One a threshold.
     pub(super) tops: Vec<MissedTops>,
     /// Cells that could not be judged: their label is unknown, or a feature is not finite.
@@ -117,11 +116,34 @@ impl Cell {
     /// untraversable for what the corpus did not count: then all its points are.
     fn own_truth(&self) -> (u64, u64) {
         let points = self.points.max(0);
-        let of_obstacle = if self.obstacle_points > 0 { self.obstacle_points.min(points) } else { points };
-        if !self.untraversable {
+        let CellTruth { obstacle_points, top_points, .. } = self.truth;
+        let of_obstacle = if obstacle_points > 0 { obstacle_points.min(points) } else { points };
+        if !self.untraversable() {
             return (0, 0);
         }
-        (of_obstacle as u64, self.top_points.clamp(0, of_obstacle) as u64)
+        (of_obstacle as u64, top_points.clamp(0, of_obstacle) as u64)
+    }
+
+    pub(super) fn untraversable(&self) -> bool {
+        self.label.is_untraversable()
+    }
+
+    /// Whether it holds points of an obstacle's flat top.
+    pub(super) fn is_top(&self) -> bool {
+        self.untraversable() && self.truth.top_points > 0
+    }
+
+    /// A cell of which nothing else is known.
+    #[cfg(test)]
+    pub(super) fn bare(row: i32, col: i32, untraversable: bool) -> Cell {
+        Cell {
+            index: CellIndex { row, col },
+            label: Label::untraversable_if(untraversable),
+            points: 0,
+            range_m: 0.0,
+            height_difference_m: 0.0,
+            truth: CellTruth::default(),
+        }
     }
 }
 
@@ -131,8 +153,8 @@ impl Counts {
         let (own, tops) = cell.own_truth();
         for (k, tops) in [(WITH_TOPS, 0), (WITHOUT_TOPS, tops)] {
             let only_tops = tops > 0 && tops == own;
-            self.cells[k].add(cell.untraversable, called, u64::from(!only_tops));
-            self.points[k].add(cell.untraversable, called, points - tops);
+            self.cells[k].add(cell.untraversable(), called, u64::from(!only_tops));
+            self.points[k].add(cell.untraversable(), called, points - tops);
             self.own_points[k].add(true, called, own - tops);
             self.own_points[k].add(false, called, points - own);
         }
@@ -145,7 +167,7 @@ impl Panel {
     }
 
     fn add(&mut self, cell: &Cell, score: f64, thresholds: &[Threshold]) {
-        self.scores.add(cell.untraversable, score);
+        self.scores.add(cell.untraversable(), score);
         for (counts, threshold) in self.at.iter_mut().zip(thresholds) {
             counts.add(cell, score >= threshold.value);
         }
@@ -199,11 +221,11 @@ impl Judge {
         if let Some(first) = self.thresholds.first() {
             for (cell, &output) in cells.iter().zip(outputs) {
                 let called = output >= first.value;
-                self.by_points.add(cell.points.max(0) as u32, cell.untraversable, called);
+                self.by_points.add(cell.points.max(0) as u32, cell.untraversable(), called);
                 let range_cm = (cell.range_m * CM_PER_M).round().clamp(0.0, LARGEST_CM);
-                self.by_range.add(range_cm as u32, cell.untraversable, called);
-                if let Some(class) = cell.class {
-                    self.by_class.entry(class).or_default().add(cell.untraversable, called, 1);
+                self.by_range.add(range_cm as u32, cell.untraversable(), called);
+                if let Some(class) = cell.truth.class {
+                    self.by_class.entry(class).or_default().add(cell.untraversable(), called, 1);
                 }
             }
         }

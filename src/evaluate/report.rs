@@ -226,11 +226,8 @@ impl Judged {
 }
 
 impl ClassReport {
-    fn of(class: i8, counts: Confusion) -> ClassReport {
-        let known = [Class::Ground, Class::Rock, Class::Box, Class::Trunk, Class::Grass, Class::Bush, Class::Crown];
-        let name =
-            known.into_iter().find(|known| *known as i8 == class).map(|known| format!("{known:?}").to_lowercase());
-        ClassReport { class: name.unwrap_or(format!("class {class}")), counts, rates: counts.rates() }
+    fn of(class: Class, counts: Confusion) -> ClassReport {
+        ClassReport { class: class.name().into(), counts, rates: counts.rates() }
     }
 }
 

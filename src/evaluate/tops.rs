@@ -21,12 +21,12 @@ pub struct MissedTops {
 impl MissedTops {
     /// Adds the missed tops of one scan; `called` says which cells were called untraversable.
     pub fn add_scan(&mut self, cells: &[Cell], called: impl Fn(usize) -> bool) {
-        let missed_top = |k: usize| cells[k].untraversable && cells[k].top_points > 0 && !called(k);
+        let missed_top = |k: usize| cells[k].is_top() && !called(k);
         if !(0..cells.len()).any(missed_top) {
             return;
         }
         let mut order: Vec<usize> = (0..cells.len()).collect();
-        let place = |k: usize| (cells[k].row, cells[k].col);
+        let place = |k: usize| (cells[k].index.row, cells[k].index.col);
         order.sort_by_key(|&k| place(k));
         let at =
             |row: i32, col: i32| order.binary_search_by_key(&(row, col), |&k| place(k)).ok().map(|found| order[found]);
@@ -64,10 +64,10 @@ fn flood(
     seen[start] = true;
     while let Some(k) = waiting.pop() {
         let cell = &cells[k];
-        region.traversable |= !cell.untraversable;
-        region.tops += u64::from(cell.untraversable && cell.top_points > 0);
+        region.traversable |= !cell.untraversable();
+        region.tops += u64::from(cell.is_top());
         for (rows, cols) in [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)] {
-            match at(cell.row.saturating_add(rows), cell.col.saturating_add(cols)) {
+            match at(cell.index.row.saturating_add(rows), cell.index.col.saturating_add(cols)) {
                 None => region.open = true,
                 Some(next) if seen[next] || called(next) => {}
                 Some(next) => {
@@ -92,7 +92,9 @@ mod tests {
             for (col, letter) in line.chars().enumerate().filter(|(_, letter)| *letter != ' ') {
                 let top_points = i32::from(letter == 't');
                 let untraversable = matches!(letter, '#' | 't');
-                cells.push(Cell { row: row as i32, col: col as i32, untraversable, top_points, ..Cell::default() });
+                let mut cell = Cell::bare(row as i32, col as i32, untraversable);
+                cell.truth.top_points = top_points;
+                cells.push(cell);
                 called.push(matches!(letter, '#' | '!'));
             }
         }

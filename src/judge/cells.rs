@@ -61,14 +61,11 @@ impl JudgedCells {
     pub(super) fn scored(&self, height_difference: Option<usize>) -> (Vec<Cell>, Vec<f64>) {
         let cell = |(i, row): (usize, &CellRow)| {
             let cell = Cell {
-                row: row.index.row,
-                col: row.index.col,
-                untraversable: row.label? == 1,
-                class: None,
+                index: row.index,
+                label: row.label?,
                 points: self.known_points[i],
-                obstacle_points: row.truth.obstacle_points,
-                top_points: 0,
                 range_m: row.range_m,
+                truth: row.truth,
                 height_difference_m: height_difference.map_or(0.0, |feature| self.feature(i, feature)),
             };
             Some((cell, self.outputs[i]?))

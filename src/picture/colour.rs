@@ -90,27 +90,6 @@ pub(super) fn of_class(class: Class) -> Colour {
     })
 }
 
-/// Classes by their number, for reading `TrueReturn::class`.
-pub(super) fn class_of(number: i8) -> Option<Class> {
-    ALL_CLASSES.into_iter().find(|&class| class as i8 == number)
-}
-
-pub(super) const ALL_CLASSES: [Class; 7] =
-    [Class::Ground, Class::Rock, Class::Box, Class::Trunk, Class::Grass, Class::Bush, Class::Crown];
-
-/// What a legend calls the class.
-pub(super) fn class_name(class: Class) -> &'static str {
-    match class {
-        Class::Ground => "ground",
-        Class::Rock => "rock",
-        Class::Box => "box",
-        Class::Trunk => "trunk",
-        Class::Grass => "grass",
-        Class::Bush => "bush",
-        Class::Crown => "crown",
-    }
-}
-
 /// Viridis: dark blue at 0, yellow at 1.
 pub(super) fn scale(share: f64) -> Colour {
     const STOPS: [u32; 8] = [0x440154, 0x46327e, 0x365c8d, 0x277f8e, 0x1fa187, 0x4ac16d, 0xa0da39, 0xfde725];

@@ -5,9 +5,10 @@
 //! is in none); red, green, blue of the label, so that any viewer shows it.
 
 use super::View;
-use super::colour::{class_of, lit, of_class, srgb_byte};
-use crate::cells::CellAssigner;
+use super::colour::{lit, of_class, srgb_byte};
+use crate::cells::{CellAssigner, Label};
 use crate::geometry::GridSpec;
+use crate::scene::Class;
 use crate::sweep::Status;
 
 /// The bytes of a `.ply` file.
@@ -26,17 +27,17 @@ pub fn labelled_cloud(view: &View) -> Vec<u8> {
         points += 1;
         let placed = placer.place(direction, sweep.returns.range_m[slot]);
         let row = placed.cell.ok().and_then(|cell| view.cells.rows.binary_search_by_key(&cell, |r| r.index).ok());
-        let label = row.and_then(|r| view.cells.rows[r].label).unwrap_or(-1);
+        let label = row.and_then(|r| view.cells.rows[r].label).map_or(-1, Label::number);
         for value in placed.point_m.to_array() {
             body.extend(value.to_le_bytes());
         }
         let intensity = sweep.returns.intensity.as_ref().map_or(f32::NAN, |i| i[slot]);
         body.extend(intensity.to_le_bytes());
         let truth = &sweep.truth[slot];
-        body.extend(truth.class.to_le_bytes());
+        body.extend(Class::number_or_none(truth.class).to_le_bytes());
         body.extend(truth.object.to_le_bytes());
         body.extend(label.to_le_bytes());
-        let colour = class_of(truth.class).map_or([0.5; 3], of_class);
+        let colour = truth.class.map_or([0.5; 3], of_class);
         body.extend(lit(colour, if label == 1 { 0.45 } else { 1.15 }).map(srgb_byte));
     }
     let mut file = format!(

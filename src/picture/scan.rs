@@ -7,7 +7,7 @@ use embedded_graphics::text::Alignment;
 
 use super::View;
 use super::canvas::{Canvas, NORMAL, SMALL, Spot, TITLE};
-use super::colour::{ALL_CLASSES, Colour, Palette, class_name, class_of, of_class, palette, scale};
+use super::colour::{Colour, Palette, of_class, palette, scale};
 use crate::math;
 use crate::scene::Class;
 use crate::sweep::{Pattern, Status, Sweep};
@@ -53,7 +53,7 @@ pub fn scan_view(view: &View) -> Vec<u8> {
         Alignment::Left,
         palette.ink,
     );
-    let by_class = |slot: usize| class_of(sweep.truth[slot].class).map_or(palette.paper, of_class);
+    let by_class = |slot: usize| sweep.truth[slot].class.map_or(palette.paper, of_class);
     layout.draw(&mut canvas, lower, height, sweep, &palette, by_class);
     class_legend(&mut canvas, (LEFT as f64, (lower + height) as f64 + 18.0), sweep, &palette);
     canvas.png()
@@ -161,11 +161,11 @@ fn range_legend(canvas: &mut Canvas, at: Spot, far_m: f64, palette: &Palette) {
 fn class_legend(canvas: &mut Canvas, at: Spot, sweep: &Sweep, palette: &Palette) {
     let met = |class: Class| {
         let slots = sweep.truth.iter().zip(&sweep.returns.status);
-        slots.filter(|(t, s)| t.class == class as i8 && **s == Status::Hit).count()
+        slots.filter(|(t, s)| t.class == Some(class) && **s == Status::Hit).count()
     };
-    let classes = ALL_CLASSES.into_iter().map(|class| (class, met(class))).filter(|(_, count)| *count > 0);
+    let classes = Class::ALL.into_iter().map(|class| (class, met(class))).filter(|(_, count)| *count > 0);
     for (k, (class, count)) in classes.enumerate() {
-        let text = format!("{} ({count})", class_name(class));
+        let text = format!("{} ({count})", class.name());
         canvas.square_entry((at.0 + 180.0 * k as f64, at.1), of_class(class), &text, palette);
     }
 }

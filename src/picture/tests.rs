@@ -11,7 +11,7 @@ use crate::random::{Purpose, Stage, Streams};
 use crate::scene::{Class, Convex, Cylinder, Ground, Patch, Polynomial, Shape, Volume};
 use crate::slam::Estimate;
 use crate::sweep::params::Cast;
-use crate::sweep::{Caster, Pattern, Returns, Status, TrueReturn};
+use crate::sweep::{Caster, Hit, Pattern, Returns, Status, TrueReturn};
 
 fn kapvik_like() -> Rover {
     Rover {
@@ -104,9 +104,8 @@ fn sweep_from(caster: &Caster, world_from_sensor: &Transform, scene: &Scene) -> 
     let world: Vec<DVec3> = directions.iter().map(|&d| world_from_sensor.direction(d)).collect();
     caster.from(world_from_sensor.translation_m, 5.6).cast(&world, &mut hits);
     let class = |object: i32| match scene.obstacles.get(object as usize) {
-        Some(obstacle) => obstacle.class as i8,
-        // Ground is -1 and class 0; nothing is -2 and class -1.
-        None => (object + 1) as i8,
+        Some(obstacle) => Some(obstacle.class),
+        None => (object == Hit::GROUND).then_some(Class::Ground),
     };
     let truth =
         hits.iter().map(|h| TrueReturn { range_m: h.range_m, object: h.object, class: class(h.object), top: false });
@@ -233,7 +232,7 @@ fn exact_the_cloud_holds_every_return_with_its_label() {
             let cell =
                 crate::geometry::GridSpec { size_m: view.cell_size_m }.cell(number(0), number(1)).expect("a cell");
             let row = view.cells.rows.iter().find(|r| r.index == cell).expect("a written cell");
-            assert_eq!(vertex[33] as i8, row.label.expect("a label"));
+            assert_eq!(vertex[33] as i8, row.label.expect("a label").number());
             labelled += 1;
         }
         assert_eq!(labelled, view.cells.points_binned);

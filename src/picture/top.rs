@@ -4,7 +4,7 @@ use embedded_graphics::text::Alignment;
 
 use super::View;
 use super::canvas::{Canvas, NORMAL, Spot, TITLE};
-use super::colour::{Colour, Palette, class_name, of_class, palette};
+use super::colour::{Colour, Palette, of_class, palette};
 use super::map::Map;
 use super::relief::{self, Style};
 use crate::drive::rover::Chassis;
@@ -167,7 +167,7 @@ fn legends(canvas: &mut Canvas, view: &View, right: f64, palette: &Palette) {
     canvas.dot_entry((left + 200.0, below), palette.obstacle_point, "point on an object", palette);
     for (k, class) in present(view.scene).into_iter().enumerate() {
         let at = (left + 430.0 + 96.0 * (k / 2) as f64, if k % 2 == 0 { top } else { below });
-        canvas.square_entry(at, of_class(class), class_name(class), palette);
+        canvas.square_entry(at, of_class(class), class.name(), palette);
     }
     canvas.square_entry((right, top), palette.traversable, "traversable", palette);
     canvas.square_entry((right, below), palette.untraversable, "untraversable", palette);

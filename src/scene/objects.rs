@@ -28,6 +28,43 @@ pub enum Class {
     Crown = 6,
 }
 
+impl Class {
+    /// By number.
+    pub const ALL: [Class; 7] =
+        [Class::Ground, Class::Rock, Class::Box, Class::Trunk, Class::Grass, Class::Bush, Class::Crown];
+
+    pub fn number(self) -> i8 {
+        self as i8
+    }
+
+    /// The class with this number; `None` where no class has it.
+    pub fn of_number(number: i8) -> Option<Class> {
+        usize::try_from(number).ok().and_then(|number| Class::ALL.get(number).copied())
+    }
+
+    /// What stands on disk for a class: its number, -1 where there is none.
+    pub fn number_or_none(class: Option<Class>) -> i8 {
+        class.map_or(-1, Class::number)
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Class::Ground => "ground",
+            Class::Rock => "rock",
+            Class::Box => "box",
+            Class::Trunk => "trunk",
+            Class::Grass => "grass",
+            Class::Bush => "bush",
+            Class::Crown => "crown",
+        }
+    }
+
+    /// Whether it is one body with a surface, which the label's rule judges by its height; plants are marked one by one.
+    pub fn is_solid(self) -> bool {
+        matches!(self, Class::Rock | Class::Box | Class::Trunk)
+    }
+}
+
 /// A solid thing that stands on (and in) the ground.
 ///
 /// What it is made of, its [`Body`], is worked out when it is first asked for: a rock that nothing comes near is never hulled.

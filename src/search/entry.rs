@@ -103,7 +103,7 @@ fn judge(params: &TrainParams, held: &Held, trained: &Trained) -> (Option<f64>, 
     let mut scores = Scores::new(1.0);
     let mut confusion = Confusion::default();
     for (output, label) in held.outputs(&trained.network, &held.validation).iter().zip(&held.validation.labels) {
-        let untraversable = *label == 1;
+        let untraversable = label.is_untraversable();
         scores.add(untraversable, *output);
         confusion.add(untraversable, *output >= params.thresholds[0], 1);
     }

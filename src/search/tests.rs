@@ -9,6 +9,7 @@ use serde_json::json;
 use super::networks::grid;
 use super::rungs::Rung;
 use super::{Event, Outcome, Setup, entry, journal, leaderboard, picture, search};
+use crate::cells::Label;
 use crate::random::{Purpose, Stage, Streams};
 use crate::train::memory::Held;
 use crate::train::rows::Rows;
@@ -22,7 +23,7 @@ fn rows(seed: u64, count: usize) -> Rows {
     let mut rows = Rows::new(2);
     for point in draws.chunks_exact(2) {
         rows.features.extend(point.iter().map(|x| *x as f32));
-        rows.labels.push(u8::from(point[0] * point[0] + point[1] * point[1] > 1.5));
+        rows.labels.push(Label::untraversable_if(point[0] * point[0] + point[1] * point[1] > 1.5));
         rows.corpora.push(0);
     }
     rows

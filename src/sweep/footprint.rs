@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn exact_jumps_are_steps_and_borders_of_things_not_slopes() {
         let grid = |lines: u32, beams: u32| Pattern { lines, beams, directions: vec![], times_s: vec![] };
-        let at = |range_m: f64, object: i32| TrueReturn { range_m, object, class: 0, top: false };
+        let at = |range_m: f64, object: i32| TrueReturn { range_m, object, class: None, top: false };
         let found = |pattern: &Pattern, returns: &[TrueReturn]| {
             let mut out = Vec::new();
             let solid: Vec<Hit> = returns.iter().map(|r| Hit { range_m: r.range_m, object: r.object }).collect();

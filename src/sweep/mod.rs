@@ -74,6 +74,7 @@ pub use sensor::Sensor;
 use std::sync::Arc;
 
 use crate::geometry::DVec3;
+use crate::scene::Class;
 
 /// The beam directions of a sensor: `lines` rows of `beams` slots each; neighbours on a line are neighbours in angle. A line
 /// is a fan (tilted), a ring (spinning), a row (raster) or the whole (rosette, file).
@@ -132,8 +133,8 @@ pub struct TrueReturn {
     pub range_m: f64,
     /// Id of the obstacle, volume or patch; -1 ground, -2 nothing.
     pub object: i32,
-    /// A `scene::Class` as its number; -1 where nothing was met.
-    pub class: i8,
+    /// `None` where nothing was met.
+    pub class: Option<Class>,
     /// The hit lies on an upward face (normal within 30 degrees of up) of a solid body, at least 2 cm from its other faces: a
     /// rock's top.
     pub top: bool,
@@ -168,7 +169,7 @@ impl Sweep {
         for truth in &self.truth {
             feed(&truth.range_m.to_bits().to_le_bytes());
             feed(&truth.object.to_le_bytes());
-            feed(&[truth.class as u8, u8::from(truth.top)]);
+            feed(&[Class::number_or_none(truth.class) as u8, u8::from(truth.top)]);
         }
     }
 }

@@ -127,7 +127,7 @@ mod tests {
     use crate::sweep::sensor::{PhaseRanging, PulseRanging};
 
     fn echo(sub_ray: usize, object: i32, range_m: f64, power: f64) -> Echo {
-        Echo { ret: TrueReturn { range_m, object, class: 0, top: false }, power, cos_incidence: 1.0, sub_ray }
+        Echo { ret: TrueReturn { range_m, object, class: None, top: false }, power, cos_incidence: 1.0, sub_ray }
     }
 
     fn phase(modulation_mhz: f64) -> Ranging {

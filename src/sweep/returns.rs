@@ -23,17 +23,17 @@ pub(super) struct LastFace(Option<(i32, usize)>);
 
 impl TrueReturn {
     pub(super) const NOTHING: TrueReturn =
-        TrueReturn { range_m: f64::INFINITY, object: Hit::NOTHING, class: -1, top: false };
+        TrueReturn { range_m: f64::INFINITY, object: Hit::NOTHING, class: None, top: false };
 
     /// A hit of the caster, with its class; whether it is a top is not asked yet.
     #[inline]
     pub(super) fn of(hit: Hit, obstacles: &[Obstacle]) -> TrueReturn {
         let class = match hit.object {
-            Hit::GROUND => Class::Ground as i8,
-            id if id >= 0 => obstacles[id as usize].class as i8,
+            Hit::GROUND => Class::Ground,
+            id if id >= 0 => obstacles[id as usize].class,
             _ => return TrueReturn::NOTHING,
         };
-        TrueReturn { range_m: hit.range_m, object: hit.object, class, top: false }
+        TrueReturn { range_m: hit.range_m, object: hit.object, class: Some(class), top: false }
     }
 
     pub(super) fn is_hit(&self) -> bool {
@@ -42,7 +42,7 @@ impl TrueReturn {
 
     /// Whether leaves sent the light back, not a surface.
     fn is_foliage(&self) -> bool {
-        self.class >= Class::Grass as i8
+        self.class.is_some_and(|class| class >= Class::Grass)
     }
 
     /// Cosine of the angle between the ray and the surface's normal, in [0, 1]; 0 where nothing was met.

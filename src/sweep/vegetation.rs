@@ -137,7 +137,7 @@ impl Vegetation {
             *ret = TrueReturn {
                 range_m: range_m.min(ret.range_m),
                 object: patch.id,
-                class: patch.class as i8,
+                class: Some(patch.class),
                 top: false,
             };
         }
@@ -172,7 +172,7 @@ impl Vegetation {
             }
             if let Some((range_m, k)) = self.turning_point(-math::ln(draws[i])) {
                 let volume = &self.volumes[k].volume;
-                returns[i] = TrueReturn { range_m, object: volume.id, class: volume.class as i8, top: false };
+                returns[i] = TrueReturn { range_m, object: volume.id, class: Some(volume.class), top: false };
             }
         }
     }
@@ -327,7 +327,8 @@ mod tests {
         let mut scene = flat_yard();
         scene.volumes.push(bush(0, EYE + DVec3::X * 4.0, DVec3::splat(1.0), 1.5));
         let rays = vec![DVec3::X; 20_000];
-        let returns = scattered(&scene, &rays, TrueReturn { range_m: 9.0, object: 5, class: 1, top: false }, 3);
+        let returns =
+            scattered(&scene, &rays, TrueReturn { range_m: 9.0, object: 5, class: Some(Class::Rock), top: false }, 3);
         let inside: Vec<f64> = returns.iter().filter(|r| r.object == 0).map(|r| r.range_m - 3.0).collect();
         let share = inside.len() as f64 / 20_000.0;
         let expected = 1.0 - math::exp(-3.0);
@@ -403,9 +404,14 @@ mod tests {
         });
         // The foot lies 2.5 m ahead, 2 m inside the patch: no height within reach of 7 sigma meets its edge.
         let ray = DVec3::new(2.5, 0.0, -1.0).normalize();
-        let solid = TrueReturn { range_m: (2.5f64 * 2.5 + 1.0).sqrt(), object: Hit::GROUND, class: 0, top: false };
+        let solid = TrueReturn {
+            range_m: (2.5f64 * 2.5 + 1.0).sqrt(),
+            object: Hit::GROUND,
+            class: Some(Class::Ground),
+            top: false,
+        };
         let returns = scattered(&scene, &vec![ray; 20_000], solid, 6);
-        assert!(returns.iter().all(|r| (r.object, r.class) == (0, Class::Grass as i8)));
+        assert!(returns.iter().all(|r| (r.object, r.class) == (0, Some(Class::Grass))));
         let heights: Vec<f64> = returns.iter().map(|r| EYE.z + r.range_m * ray.z).collect();
         assert!(heights.iter().all(|h| (-1e-15..0.8).contains(h)));
         let distance = ks_distance(heights, |h| libm::erf(h.max(0.0) / (0.1 * 2.0f64.sqrt())));
@@ -427,7 +433,7 @@ mod tests {
         assert_eq!(entry_of_disc(&patch(1.0), DVec2::new(14.5, 10.0), DVec2::ZERO), 0.0);
         let ray = DVec3::new(4.5, 0.0, -1.0).normalize();
         let range_m = (4.5f64 * 4.5 + 1.0).sqrt();
-        let solid = TrueReturn { range_m, object: Hit::GROUND, class: 0, top: false };
+        let solid = TrueReturn { range_m, object: Hit::GROUND, class: Some(Class::Ground), top: false };
         let mut scene = flat_yard();
         scene.patches.push(patch(50.0));
         // Heights of metres: every return comes off the near edge, 3 m ahead, or off a blade between.

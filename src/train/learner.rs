@@ -154,7 +154,7 @@ impl Share {
             let row = row as usize;
             judge.scaler.scale(rows.row(row), out);
             let label = rows.labels[row];
-            self.targets.push(judge.targets[usize::from(label)]);
+            self.targets.push(judge.targets[label.index()]);
             // R of a row is divided by its weight: exact in a Kalman filter.
             self.noise.push(1.0 / judge.weights.of(label, rows.corpora[row]));
         }

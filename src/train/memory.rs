@@ -74,7 +74,7 @@ impl Held {
         let moments = moments_of(&train, &minus);
         let mut counts = vec![[0; 2]; corpora.len()];
         for row in 0..train.len() {
-            counts[usize::from(train.corpora[row])][usize::from(train.labels[row])] += 1;
+            counts[usize::from(train.corpora[row])][train.labels[row].index()] += 1;
         }
         let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
         let judge = Judge::new(scaler, params, &counts, corpora);

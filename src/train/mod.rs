@@ -12,7 +12,6 @@ pub mod error;
 pub mod export;
 pub mod filter;
 pub mod folder;
-pub mod labels;
 pub mod leaks;
 mod learner;
 pub(crate) mod lock;

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Layout;
-use super::labels::LabelRule;
+use crate::cells::LabelRule;
 use crate::random::within;
 
 /// How a network is trained.

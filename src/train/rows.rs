@@ -1,12 +1,9 @@
-//! Record batches of the `cells` table -> rows as the trainer holds them.
+//! Batches of the `cells` table -> rows as the trainer holds them.
 //!
 //! A row whose label is unknown, and a row with a value that is not finite, are counted and left out.
 
-use arrow_array::types::{Float32Type, Int8Type, Int32Type};
-use arrow_array::{Array, PrimitiveArray, RecordBatch};
-
-use super::labels::{self, LabelRule, Truth};
-use crate::corpus::reader::column;
+use crate::cells::{Label, LabelRule};
+use crate::corpus::cells::{CellBatch, RULE_TRUTH};
 
 /// Rows that can be learnt, one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,8 +12,7 @@ pub struct Rows {
     pub width: usize,
     /// Row-major, as stored.
     pub features: Vec<f32>,
-    /// 1 untraversable, 0 traversable.
-    pub labels: Vec<u8>,
+    pub labels: Vec<Label>,
     /// The corpus that each row comes from.
     pub corpora: Vec<u16>,
     pub left_out: LeftOut,
@@ -70,66 +66,27 @@ impl Rows {
     /// Adds the rows of a batch; `Err` names the column that is not as it must be.
     pub fn push(
         &mut self,
-        batch: &RecordBatch,
+        cells: &CellBatch,
         features: &[String],
         rule: Option<&LabelRule>,
         corpus: u16,
     ) -> Result<(), String> {
-        let columns: Vec<&PrimitiveArray<Float32Type>> =
-            features.iter().map(|name| column(batch, name)).collect::<Result<_, _>>()?;
-        let stored = column::<Int8Type>(batch, "label")?;
-        let truth = rule.map(|rule| TruthColumns::of(batch).map(|truth| (rule, truth))).transpose()?;
-        for row in 0..batch.num_rows() {
-            if stored.is_null(row) {
+        let features = cells.features(features.iter().map(String::as_str))?;
+        let stored = cells.labels()?;
+        let relabel = rule.map(|rule| cells.truth(&RULE_TRUTH).map(|truth| (rule, truth))).transpose()?;
+        for row in 0..cells.rows() {
+            let Some(label) = stored.at(row) else {
                 self.left_out.unlabelled += 1;
                 continue;
-            }
-            let start = self.features.len();
-            self.features.extend(columns.iter().map(|column| column.value(row)));
-            let whole = columns.iter().all(|column| column.is_valid(row));
-            if !whole || self.features[start..].iter().any(|value| !value.is_finite()) {
-                self.features.truncate(start);
+            };
+            if !features.append_finite(row, &mut self.features) {
                 self.left_out.not_finite += 1;
                 continue;
             }
-            self.labels.push(match &truth {
-                Some((rule, truth)) => rule.label(&truth.at(row)),
-                None => match stored.value(row) {
-                    label @ (0 | 1) => label as u8,
-                    label => return Err(format!("its column 'label' holds {label}; labels are 0, 1 or null")),
-                },
-            });
+            self.labels.push(relabel.map_or(label, |(rule, truth)| rule.label(&truth.at(row))));
             self.corpora.push(corpus);
         }
         Ok(())
-    }
-}
-
-struct TruthColumns<'b> {
-    obstacle_points: &'b PrimitiveArray<Int32Type>,
-    class: &'b PrimitiveArray<Int8Type>,
-    protrusion_m: &'b PrimitiveArray<Float32Type>,
-    slope_rad: &'b PrimitiveArray<Float32Type>,
-}
-
-impl TruthColumns<'_> {
-    fn of(batch: &RecordBatch) -> Result<TruthColumns<'_>, String> {
-        let [obstacle_points, class, protrusion_m, slope_rad] = labels::COLUMNS;
-        Ok(TruthColumns {
-            obstacle_points: column(batch, obstacle_points)?,
-            class: column(batch, class)?,
-            protrusion_m: column(batch, protrusion_m)?,
-            slope_rad: column(batch, slope_rad)?,
-        })
-    }
-
-    fn at(&self, row: usize) -> Truth {
-        Truth {
-            obstacle_points: self.obstacle_points.value(row),
-            class: self.class.value(row),
-            protrusion_m: self.protrusion_m.value(row),
-            slope_rad: self.slope_rad.value(row),
-        }
     }
 }
 
@@ -137,12 +94,13 @@ impl TruthColumns<'_> {
 mod tests {
     use std::sync::Arc;
 
-    use arrow_array::{ArrayRef, Float32Array, Int8Array};
+    use arrow_array::{ArrayRef, Float32Array, Int8Array, RecordBatch};
 
     use super::*;
 
-    fn batch(columns: Vec<(&str, ArrayRef)>) -> RecordBatch {
-        RecordBatch::try_from_iter_with_nullable(columns.into_iter().map(|(name, array)| (name, array, true))).unwrap()
+    fn batch(columns: Vec<(&str, ArrayRef)>) -> CellBatch {
+        let columns = columns.into_iter().map(|(name, array)| (name, array, true));
+        CellBatch::of(RecordBatch::try_from_iter_with_nullable(columns).unwrap())
     }
 
     #[test]
@@ -153,7 +111,7 @@ mod tests {
         let batch = batch(vec![("a", Arc::new(a)), ("b", Arc::new(b)), ("label", Arc::new(label))]);
         let mut rows = Rows::new(2);
         rows.push(&batch, &["b".into(), "a".into()], None, 3).unwrap();
-        assert_eq!((rows.features, rows.labels, rows.corpora), (vec![5.0, 1.0], vec![1], vec![3]));
+        assert_eq!((rows.features, rows.labels, rows.corpora), (vec![5.0, 1.0], vec![Label::Untraversable], vec![3]));
         assert_eq!(rows.left_out, LeftOut { unlabelled: 1, not_finite: 3 });
     }
 

@@ -9,7 +9,7 @@ use super::quantiles::sample;
 use super::rows::Rows;
 use super::source::{Source, Sources};
 use super::{Scaler, TrainError, TrainParams};
-use crate::cells::{MEAN_HEIGHT, is_neighbour};
+use crate::cells::{Label, MEAN_HEIGHT, is_neighbour};
 use crate::corpus::stats::Moments;
 
 /// The scaler, and the names of the features that never vary: they get scale 1 and teach nothing.
@@ -94,8 +94,8 @@ impl Weights {
     }
 
     #[inline]
-    pub fn of(&self, label: u8, corpus: u16) -> f64 {
-        self.class[usize::from(label)] * self.corpus[usize::from(corpus)]
+    pub fn of(&self, label: Label, corpus: u16) -> f64 {
+        self.class[label.index()] * self.corpus[usize::from(corpus)]
     }
 }
 
@@ -117,7 +117,7 @@ mod tests {
         assert!((weights.corpus[0] / weights.corpus[1] - 2.0).abs() < 1e-12);
         let sum: f64 = [([30.0, 10.0], 0), ([80.0, 80.0], 1)]
             .iter()
-            .map(|(of, c)| (0..2).map(|k| of[k] * weights.of(k as u8, *c)).sum::<f64>())
+            .map(|(of, c)| Label::ALL.map(|label| of[label.index()] * weights.of(label, *c)).iter().sum::<f64>())
             .sum();
         assert!((sum - 200.0).abs() < 1e-9, "{sum}");
     }
@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(subtracted(&names(&["point_count", "neighbour_n_m"]), Neighbours::AboveCell), [None; 2]);
         let mut rows = Rows::new(2);
         rows.features = vec![1.0, 1.5, 2.0, 2.25, -1.0, 0.25];
-        (rows.labels, rows.corpora) = (vec![0; 3], vec![0; 3]);
+        (rows.labels, rows.corpora) = (vec![Label::Traversable; 3], vec![0; 3]);
         let moments = moments_of(&rows, &[None, Some(0)]);
         // Heights 1, 2, -1; differences 0.5, 0.25, 1.25.
         assert!((moments[0].mean - 2.0 / 3.0).abs() < 1e-15 && (moments[1].mean - 2.0 / 3.0).abs() < 1e-15);

@@ -9,9 +9,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::labels::LabelRule;
 use super::{FeatureSet, TrainError};
-use crate::cells::LOCAL_HEIGHT;
+use crate::cells::{LOCAL_HEIGHT, LabelRule};
 use crate::corpus::belongs::ShardIdentity;
 use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{FeatureSummary, ShardLine};

@@ -90,7 +90,7 @@ impl Judge {
         let mut sum = ErrorSum::default();
         for (row, output) in range.zip(outputs) {
             let label = rows.labels[row];
-            let error = self.targets[usize::from(label)] - output;
+            let error = self.targets[label.index()] - output;
             let weight = self.look_weights.of(label, rows.corpora[row]);
             sum += ErrorSum { squared: weight * error * error, weight };
         }

@@ -161,7 +161,11 @@ fn equal_labels_agree_with_where_the_points_lie() {
             let (obstacle, slope_deg) = obstacle[&(row.index.row, row.index.col)];
             assert!((f64::from(row.truth.slope_rad).to_degrees() - slope_deg).abs() < 1e-4, "{slope_deg}");
             if (slope_deg - 8.0).abs() > 1e-4 {
-                assert_eq!(row.label, Some(i8::from(obstacle || slope_deg > 8.0)), "yard {number}, {row:?}");
+                assert_eq!(
+                    row.label,
+                    Some(cells::Label::untraversable_if(obstacle || slope_deg > 8.0)),
+                    "yard {number}, {row:?}"
+                );
             }
             dark += usize::from(obstacle);
             steep += usize::from(slope_deg > 8.0);
@@ -178,7 +182,7 @@ fn rate_of_a_full_sweep_is_printed() {
     let scene = stony_yard(1);
     let position_m = DVec3::new(10.0, 10.0, scene.ground.height_m(10.0, 10.0));
     let (mut sweep, estimate, world_from_sensor) = swept(&scene, &Pose { position_m, ..Pose::default() }, &head(0.4));
-    let ground = Class::Ground as i8;
+    let ground = Some(Class::Ground);
     for slot in 0..sweep.returns.status.len() {
         if sweep.returns.status[slot] != Status::Hit {
             sweep.returns.status[slot] = Status::Hit;

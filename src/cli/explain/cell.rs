@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use crate::cells::params::{LabelParams, ObstacleRule};
-use crate::cells::{CellAssigner, CellRow, Offset, feature_columns, is_neighbour, neighbour_offsets};
+use crate::cells::{
+    CellAssigner, CellRow, FeatureColumn, HEIGHT_VARIANCE, Label, MEAN_HEIGHT, Offset, feature_columns, is_neighbour,
+    neighbour_offsets,
+};
 use crate::cli::Failure;
 use crate::cli::output::outln;
 use crate::cli::place::{self, corpus_failure};
@@ -20,7 +23,7 @@ struct Point {
     slot: usize,
     map_m: DVec3,
     object: i32,
-    class: i8,
+    class: Option<Class>,
     top: bool,
 }
 
@@ -56,6 +59,8 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
         )));
     };
     let row = &scan.cells.rows[at];
+    let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
+    let features = &scan.cells.features[at * columns.len()..][..columns.len()];
     let points = scan.points.as_ref().expect("explain keeps the sweeps");
     let size_m = family.cells.size_m;
     outln!(
@@ -90,17 +95,10 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
     if carried > 0 {
         outln!("  and {carried} points of earlier sweeps of the window");
     } else {
-        let heights: Vec<f64> = inside.iter().map(|p| p.map_m.z - rover_z_m).collect();
-        let count = heights.len() as f64;
-        let mean = heights.iter().sum::<f64>() / count;
-        let variance = heights.iter().map(|h| (h - mean) * (h - mean)).sum::<f64>() / count;
-        outln!(
-            "\n  mean = sum / {count} = {mean:.6} m (eq. 3);  variance = sum of squares / {count} = {variance:.3e} m2 (eq. 4)"
-        );
+        let heights_m: Vec<f64> = inside.iter().map(|p| p.map_m.z - rover_z_m).collect();
+        tell_moments(&heights_m, &columns, features)?;
     }
     outln!("\nfeatures (as stored, f32)");
-    let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
-    let features = &scan.cells.features[at * columns.len()..][..columns.len()];
     let offsets = neighbour_offsets(family.cells.neighbours);
     let mut neighbours = offsets.iter();
     for (column, value) in columns.iter().zip(features) {
@@ -111,6 +109,25 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
         outln!("  {:<24} {value:>14.6e} {:<3} {source}", column.name, column.unit);
     }
     tell_label(family, replay, row);
+    Ok(())
+}
+
+/// Equations 3 and 4 by the points that are listed, against the row's own features.
+fn tell_moments(heights_m: &[f64], columns: &[FeatureColumn], features: &[f32]) -> Result<(), Failure> {
+    let count = heights_m.len() as f64;
+    let mean_m = heights_m.iter().sum::<f64>() / count;
+    let variance_m2 = heights_m.iter().map(|h| (h - mean_m) * (h - mean_m)).sum::<f64>() / count;
+    outln!(
+        "\n  mean = sum / {count} = {mean_m:.6} m (eq. 3);  variance = sum of squares / {count} = {variance_m2:.3e} m2 (eq. 4)"
+    );
+    for (name, by_points) in [(MEAN_HEIGHT, mean_m as f32), (HEIGHT_VARIANCE, variance_m2 as f32)] {
+        let at = columns.iter().position(|column| column.name == name).expect("every cell has it");
+        if features[at].to_bits() != by_points.to_bits() {
+            let row = features[at];
+            return Err(Failure::failed(format!("{name} is {by_points:e} by these points, and {row:e} in the row")));
+        }
+    }
+    outln!("  both are those of the row below, bit for bit");
     Ok(())
 }
 
@@ -141,26 +158,23 @@ fn tell_label(family: &Family, replay: &Replay, row: &CellRow) {
     let wheel_diameter_m = family.drive.rover.wheel_diameter_m;
     outln!("  rule: {}", obstacle_rule(rule.obstacle, wheel_diameter_m));
     let (found, wanted) = (truth.obstacle_points, rule.min_obstacle_points);
+    let of_counted = rule.of_counted();
     outln!(
         "  obstacle points: {found} of {} (on tops: {}); {wanted} make a cell untraversable: {}",
         row.points,
         truth.top_points,
-        if i64::from(found) >= i64::from(wanted) { "met" } else { "not met" }
+        if of_counted.has_obstacle_points(truth) { "met" } else { "not met" }
     );
     if let Some(limit_deg) = rule.max_ground_slope_deg {
         let slope_deg = f64::from(truth.slope_rad).to_degrees();
-        let word = if slope_deg > limit_deg { "steeper" } else { "not steeper" };
+        let word = if of_counted.is_steep(truth) { "steeper" } else { "not steeper" };
         outln!("  ground slope: {slope_deg:.2} degrees, {word} than the limit of {limit_deg}");
     }
     outln!("  label: {}", label_words(row.label));
 }
 
-fn label_words(label: Option<i8>) -> &'static str {
-    match label {
-        Some(0) => "0, traversable",
-        Some(_) => "1, untraversable",
-        None => "unknown",
-    }
+fn label_words(label: Option<Label>) -> String {
+    label.map_or("unknown".into(), |label| format!("{}, {}", label.number(), label.name()))
 }
 
 /// Which solid objects count as obstacles.
@@ -178,17 +192,8 @@ fn counted(count: i32, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
-fn object_name(scene: &Scene, object: i32, class: i8) -> String {
-    const NAMES: [(Class, &str); 7] = [
-        (Class::Ground, "ground"),
-        (Class::Rock, "rock"),
-        (Class::Box, "box"),
-        (Class::Trunk, "trunk"),
-        (Class::Grass, "grass"),
-        (Class::Bush, "bush"),
-        (Class::Crown, "crown"),
-    ];
-    let name = NAMES.iter().find(|(c, _)| *c as i8 == class).map_or("nothing", |(_, name)| name);
+fn object_name(scene: &Scene, object: i32, class: Option<Class>) -> String {
+    let name = class.map_or("nothing", Class::name);
     match scene.obstacles.get(object.max(0) as usize).filter(|_| object >= 0) {
         Some(obstacle) => format!("{name} {object} ({:.2} m tall)", obstacle.body().protrusion_m),
         None if object >= 0 => format!("{name} {object}"),
@@ -212,20 +217,43 @@ pub(super) fn compare_stored(
     let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
     let at = scan.cells.rows.iter().position(|row| row.index == cell).expect("told above");
     let replayed = &scan.cells.features[at * columns.len()..][..columns.len()];
-    let mut differences = 0;
-    for ((name, there), here) in stored.features.iter().zip(replayed) {
-        if there.to_bits() != here.to_bits() {
-            differences += 1;
-            outln!("  differs: {name} is stored as {there:e}, replayed as {here:e}");
+    let mut differences = fixed_differences(&stored.row, &scan.cells.rows[at]);
+    for ((column, there), here) in columns.iter().zip(&stored.features).zip(replayed) {
+        if !is_same(*there, *here) {
+            differences.push(format!("{} is stored as {there:e}, replayed as {here:e}", column.name));
         }
     }
-    if stored.label != scan.cells.rows[at].label {
-        differences += 1;
-        outln!("  differs: the stored label is {}", label_words(stored.label));
-    }
-    if differences == 0 {
+    if differences.is_empty() {
         outln!("\nthe stored row is the same, bit for bit");
         return Ok(());
     }
-    Err(Failure::failed(format!("{differences} values differ from the stored row")))
+    differences.iter().for_each(|difference| outln!("  differs: {difference}"));
+    Err(Failure::failed(format!("{} values differ from the stored row", differences.len())))
+}
+
+/// Whether a stored number is the replayed one: bit for bit, but for the sign of zero and the bits of NaN, which are one on disk.
+fn is_same(stored: f32, replayed: f32) -> bool {
+    stored == replayed || (stored.is_nan() && replayed.is_nan())
+}
+
+/// Where two rows of a cell differ in what is no feature.
+fn fixed_differences(stored: &CellRow, replayed: &CellRow) -> Vec<String> {
+    let mut differences = Vec::new();
+    if stored.label != replayed.label {
+        differences.push(format!("the stored label is {}", label_words(stored.label)));
+    }
+    let whole = |row: &CellRow| (row.points, row.neighbour_mask);
+    if whole(stored) != whole(replayed) {
+        let ((points, mask), (points_here, mask_here)) = (whole(stored), whole(replayed));
+        differences.push(format!(
+            "{points} points and neighbour mask {mask:#b} are stored, {points_here} and {mask_here:#b} replayed"
+        ));
+    }
+    if !is_same(stored.range_m, replayed.range_m) {
+        differences.push(format!("range_m is stored as {:e}, replayed as {:e}", stored.range_m, replayed.range_m));
+    }
+    if stored.truth != replayed.truth {
+        differences.push(format!("the truth is stored as {:?}, replayed as {:?}", stored.truth, replayed.truth));
+    }
+    differences
 }

@@ -1,8 +1,10 @@
 //! `cells`: one row per non-empty cell of a kept scan. The features follow these columns.
 
 use super::{Definition, define};
-use crate::cells::CellRow;
+use crate::cells::{CellRow, Label as CellLabel};
+use crate::corpus::cells as name;
 use crate::corpus::schema::Role::{Info, Key, Label, Truth};
+use crate::scene::Class;
 
 /// A cell and where it belongs.
 pub struct Row<'a> {
@@ -15,20 +17,21 @@ type Extract<'a> = super::Extract<Row<'a>>;
 
 #[rustfmt::skip]
 pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
+    let [scene_id, scan_id, row, col] = name::KEYS;
     vec![
-        define("scene_id", "1", Key, "ColumnValue of the scene in the corpus.", Extract::number(|r| r.scene_id)),
-        define("scan_id", "1", Key, "ColumnValue of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
-        define("row", "1", Key, "Cell row: floor(y / cell size), frame map, from the yard's corner; may be negative.", Extract::number(|r| r.cell.index.row)),
-        define("col", "1", Key, "Cell column: floor(x / cell size), frame map, from the yard's corner; may be negative.", Extract::number(|r| r.cell.index.col)),
-        define("label", "1", Label, "0 traversable, 1 untraversable, null unknown.", Extract::number_or_null(|r| r.cell.label)),
-        define("points", "1", Info, "Lidar points in the cell.", Extract::number(|r| r.cell.points)),
-        define("range_m", "m", Info, "Mean horizontal distance of the points from the sensor.", Extract::number(|r| r.cell.range_m)),
-        define("neighbour_mask", "1", Info, "Bit k is set where neighbour k (order sw, s, se, w, e, nw, n, ne, then the outer ring) holds points.", Extract::number(|r| r.cell.neighbour_mask)),
-        define("truth_obstacle_points", "1", Truth, "Points in the cell that are an obstacle's, by the label's rule.", Extract::number(|r| r.cell.truth.obstacle_points)),
-        define("truth_top_points", "1", Truth, "Points in the cell that lie on the flat top of an object.", Extract::number(|r| r.cell.truth.top_points)),
-        define("truth_class", "1", Truth, "Class of the tallest object among the points: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown.", Extract::number(|r| r.cell.truth.class)),
-        define("truth_object_id", "1", Truth, "Id of that object within the scene, -1 for ground.", Extract::number(|r| r.cell.truth.object)),
-        define("truth_protrusion_m", "m", Truth, "Height of that object above the ground, 0 for ground.", Extract::number(|r| r.cell.truth.protrusion_m)),
-        define("truth_slope_rad", "rad", Truth, "Steepest true slope of the ground under the cell's ground points.", Extract::number(|r| r.cell.truth.slope_rad)),
+        define(scene_id, "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
+        define(scan_id, "1", Key, "Number of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
+        define(row, "1", Key, "Cell row: floor(y / cell size), frame map, from the yard's corner; may be negative.", Extract::number(|r| r.cell.index.row)),
+        define(col, "1", Key, "Cell column: floor(x / cell size), frame map, from the yard's corner; may be negative.", Extract::number(|r| r.cell.index.col)),
+        define(name::LABEL, "1", Label, "0 traversable, 1 untraversable, null unknown.", Extract::number_or_null(|r| r.cell.label.map(CellLabel::number))),
+        define(name::POINTS, "1", Info, "Lidar points in the cell.", Extract::number(|r| r.cell.points)),
+        define(name::RANGE_M, "m", Info, "Mean horizontal distance of the points from the sensor.", Extract::number(|r| r.cell.range_m)),
+        define(name::NEIGHBOUR_MASK, "1", Info, "Bit k is set where neighbour k (order sw, s, se, w, e, nw, n, ne, then the outer ring) holds points.", Extract::number(|r| r.cell.neighbour_mask)),
+        define(name::OBSTACLE_POINTS, "1", Truth, "Points in the cell that are an obstacle's, by the label's rule.", Extract::number(|r| r.cell.truth.obstacle_points)),
+        define(name::TOP_POINTS, "1", Truth, "Points in the cell that lie on the flat top of an object.", Extract::number(|r| r.cell.truth.top_points)),
+        define(name::CLASS, "1", Truth, "Class of the tallest object among the points: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown.", Extract::number(|r| Class::number_or_none(r.cell.truth.class))),
+        define(name::OBJECT, "1", Truth, "Id of that object within the scene, -1 for ground.", Extract::number(|r| r.cell.truth.object)),
+        define(name::PROTRUSION_M, "m", Truth, "Height of that object above the ground, 0 for ground.", Extract::number(|r| r.cell.truth.protrusion_m)),
+        define(name::SLOPE_RAD, "rad", Truth, "Steepest true slope of the ground under the cell's ground points.", Extract::number(|r| r.cell.truth.slope_rad)),
     ]
 }

@@ -8,6 +8,7 @@ use crate::cells::CellAssigner;
 use crate::corpus::schema::Role::{Info, Key, Truth};
 use crate::episode::ScanPoints;
 use crate::geometry::{CellIndex, DVec3};
+use crate::scene::Class;
 use crate::sweep::{Status, TrueReturn};
 
 /// A slot and where its point falls.
@@ -61,8 +62,8 @@ type Extract = super::Extract<Row>;
 #[rustfmt::skip]
 pub fn definitions() -> Vec<Definition<Row>> {
     vec![
-        define("scene_id", "1", Key, "ColumnValue of the scene in the corpus.", Extract::number(|r| r.scene_id)),
-        define("scan_id", "1", Key, "ColumnValue of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
+        define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
+        define("scan_id", "1", Key, "Number of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
         define("line", "1", Key, "Scan line (a position of the tilt head, or a ring).", Extract::number(|r| r.line)),
         define("beam", "1", Key, "Beam within the line, in firing order.", Extract::number(|r| r.beam)),
         define("status", "1", Info, "0 hit, 1 nothing in reach, 2 dropped (too little light, or at random), 3 outside the sensor's gates.", Extract::number(|r| r.status as i8)),
@@ -75,7 +76,7 @@ pub fn definitions() -> Vec<Definition<Row>> {
         define("map_z_m", "m", Info, "Point in the map, by the estimated pose.", Extract::number_or_null(|r| r.map_m.map(|p| p.z))),
         define("intensity", "1", Info, "Received intensity; null unless hit and the effect is on.", Extract::number_or_null(|r| r.intensity)),
         define("truth_range_m", "m", Truth, "True distance to the first surface along the beam's axis; null where there is none.", Extract::number_or_null(|r| Some(r.truth.range_m).filter(|range_m| range_m.is_finite()))),
-        define("truth_class", "1", Truth, "Class of what was met: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown, -1 nothing.", Extract::number(|r| r.truth.class)),
+        define("truth_class", "1", Truth, "Class of what was met: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown, -1 nothing.", Extract::number(|r| Class::number_or_none(r.truth.class))),
         define("truth_object_id", "1", Truth, "Id of the object met within the scene, -1 ground, -2 nothing.", Extract::number(|r| r.truth.object)),
         define("truth_top", "1", Truth, "The point lies on the flat top of an object.", Extract::flag(|r| r.truth.top)),
         define("truth_obstacle", "1", Truth, "What was met is an obstacle by the label's rule: a cell with enough such points is untraversable.", Extract::flag(|r| r.obstacle)),

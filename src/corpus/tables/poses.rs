@@ -23,7 +23,7 @@ type Extract<'a> = super::Extract<Row<'a>>;
 #[rustfmt::skip]
 pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
-        define("scene_id", "1", Key, "ColumnValue of the scene in the corpus.", Extract::number(|r| r.scene_id)),
+        define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
         define("step", "1", Key, "Control step, 0 is the start at rest.", Extract::number(|r| r.pose.step as i32)),
         define("stop", "1", Info, "The rover stands and sweeps here.", Extract::flag(|r| r.pose.stop)),
         define("scan_id", "1", Info, "The kept scan made here: scan_id of cells and points; null where none is kept.", Extract::number_or_null(|r| r.pose.scan_id.map(|id| id as i32))),

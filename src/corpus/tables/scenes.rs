@@ -30,7 +30,7 @@ type Extract<'a> = super::Extract<Row<'a>>;
 #[rustfmt::skip]
 pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
-        define("scene_id", "1", Key, "ColumnValue of the scene in the corpus.", Extract::number(|r| r.scene.scene_id as i64)),
+        define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene.scene_id as i64)),
         define("family", "1", Info, "Family of the config that the scene belongs to.", Extract::text(|r| &r.scene.family)),
         define("attempts", "1", Info, "Drives tried in this scene; the last one is written.", Extract::number(|r| r.scene.attempts as i32)),
         define("status", "1", Info, "ok, or failed (then no scan of the scene is written).", Extract::text(|r| if r.scene.error.is_some() { "failed" } else { "ok" })),

@@ -3,6 +3,7 @@
 use std::fs;
 
 use super::fixture::{corpus, spec, write_shard};
+use crate::cells::Label;
 use crate::corpus::reader::TableFile;
 use crate::corpus::rebuild::first_difference;
 use crate::corpus::verify::verify;
@@ -195,9 +196,10 @@ fn exact_the_first_difference_of_two_tables_is_found() {
     });
     let found = first_difference(&base, &changed).unwrap().unwrap();
     assert_eq!((found.row, found.column.as_str(), found.here.as_str()), (87, "height_variance_m2", "99.5"));
-    let label = first_difference(&base, &write("label", |scene| scene.scans[0].cells.rows[3].label = Some(0)))
-        .unwrap()
-        .unwrap();
+    let label =
+        first_difference(&base, &write("label", |scene| scene.scans[0].cells.rows[3].label = Some(Label::Traversable)))
+            .unwrap()
+            .unwrap();
     assert_eq!(
         (label.row, label.column.as_str(), label.there.as_str(), label.here.as_str()),
         (3, "label", "null", "0")

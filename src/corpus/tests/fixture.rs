@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn};
+use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn, Label};
 use crate::corpus::{CorpusSpec, LocalFolder, Manifest, Place, ShardWriter, Table, finalize};
 use crate::episode::{PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
 use crate::geometry::{CellIndex, DMat3, DVec3, GridSpec, Pose, Transform};
 use crate::random::{Dist, Drawn, Purpose, Stage, Streams};
+use crate::scene::Class;
 use crate::slam::Estimate;
 use crate::sweep::{Pattern, Returns, Status, Sweep, TrueReturn};
 
@@ -57,11 +58,11 @@ pub fn scene(scene_id: u64, cells: usize) -> SceneOutput {
 fn grid(scene_id: u64, scan_id: u32, cells: usize) -> Cells {
     let row = |k: usize| CellRow {
         index: CellIndex { row: k as i32 / 10 - 2, col: k as i32 % 10 },
-        label: [Some(0), Some(0), Some(1), None][k % 4],
+        label: [Some(Label::Traversable), Some(Label::Traversable), Some(Label::Untraversable), None][k % 4],
         points: k as i32 + 1,
         range_m: 0.5 * k as f32,
         neighbour_mask: k as i32 % 256,
-        truth: CellTruth { class: (k % 2) as i8, object: k as i32 % 2 - 1, ..CellTruth::default() },
+        truth: CellTruth { class: Some(Class::ALL[k % 2]), object: k as i32 % 2 - 1, ..CellTruth::default() },
     };
     let feature = |k: usize| 0.125 * (k as f32) - scene_id as f32 + scan_id as f32;
     Cells {
@@ -77,7 +78,7 @@ fn grid(scene_id: u64, scan_id: u32, cells: usize) -> Cells {
 /// Three beams ahead: a hit at 2 m, a miss, a hit at 20 m that is beyond the cells' reach. The sensor stands at (5, 5, 1).
 fn points() -> ScanPoints {
     let pattern = Pattern { lines: 1, beams: 3, directions: vec![DVec3::X; 3], times_s: vec![0.0, 0.1, 0.2] };
-    let ground = |range_m| TrueReturn { range_m, object: -1, class: 0, top: false };
+    let ground = |range_m| TrueReturn { range_m, object: -1, class: Some(Class::Ground), top: false };
     ScanPoints {
         sweep: Sweep {
             returns: Returns {
@@ -89,7 +90,7 @@ fn points() -> ScanPoints {
             mixed: None,
             truth: vec![
                 ground(2.5),
-                TrueReturn { range_m: f64::INFINITY, object: -2, class: -1, top: false },
+                TrueReturn { range_m: f64::INFINITY, object: -2, class: None, top: false },
                 ground(20.0),
             ],
         },

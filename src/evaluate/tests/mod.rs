@@ -3,11 +3,12 @@
 mod numbers;
 
 use super::*;
-use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn};
+use crate::cells::params::LabelParams;
+use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn, Label, LabelRule, Obstacle};
 use crate::corpus::{CorpusSpec, LocalFolder, Place, ShardWriter, Split, Store, Table, finalize};
 use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
-use crate::train::labels::{LabelRule, Obstacle};
+use crate::scene::Class;
 use crate::train::model::tests::model;
 use crate::train::{Model, Scaler};
 
@@ -20,17 +21,17 @@ fn steps_model() -> Model {
 }
 
 /// One cell of the corpus in the making: label, points, obstacle points, top points, height difference.
-type Known = (Option<i8>, i32, i32, i32, f32);
+type Known = (Option<Label>, i32, i32, i32, f32);
 
 /// Of each scan, in one row: two cells of ground, an obstacle, a missed top, a false alarm.
 const SCAN: [Known; 7] = [
-    (Some(0), 1, 0, 0, 0.0),
-    (Some(0), 6, 0, 0, 0.05),
-    (Some(1), 10, 4, 1, 0.4),
-    (Some(1), 5, 5, 5, 0.02),
-    (Some(0), 2, 0, 0, 0.2),
+    (Some(Label::Traversable), 1, 0, 0, 0.0),
+    (Some(Label::Traversable), 6, 0, 0, 0.05),
+    (Some(Label::Untraversable), 10, 4, 1, 0.4),
+    (Some(Label::Untraversable), 5, 5, 5, 0.02),
+    (Some(Label::Traversable), 2, 0, 0, 0.2),
     (None, 9, 0, 0, 0.3),
-    (Some(1), 3, 3, 0, f32::NAN),
+    (Some(Label::Untraversable), 3, 3, 0, f32::NAN),
 ];
 
 fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
@@ -61,7 +62,7 @@ fn scene(scene_id: u64, known: &[Known]) -> SceneOutput {
         truth: CellTruth {
             obstacle_points,
             top_points,
-            class: i8::from(obstacle_points > 0),
+            class: Some(if obstacle_points > 0 { Class::Rock } else { Class::Ground }),
             object: if obstacle_points > 0 { 0 } else { -1 },
             protrusion_m: 0.1 * obstacle_points as f32,
             slope_rad: 0.0,
@@ -100,7 +101,7 @@ fn families() -> Vec<FamilyFacts> {
         sensor: sensor.into(),
         cell_size_m: 0.1,
         local_height: None,
-        labels: "as built".into(),
+        labels: LabelParams::default(),
     };
     vec![facts("even", "urg"), facts("odd", "lms")]
 }

@@ -9,7 +9,7 @@ fn many() -> Vec<(Cell, f64)> {
             let a = k * 7919 % 1009;
             let untraversable = k * 104_729 % 1013 < 150 + a / 2;
             let points = (k * 31 % 17 + 1) as i32;
-            (Cell { row: k as i32, untraversable, points, ..Cell::default() }, a as f64 / 1024.0)
+            (Cell { points, ..Cell::bare(k as i32, 0, untraversable) }, a as f64 / 1024.0)
         })
         .collect()
 }
@@ -48,7 +48,7 @@ fn golden_rates_are_scikit_learns() {
 fn golden_auc_with_ties_is_scikit_learns() {
     let all = |coarse: fn(f64) -> f64| {
         let mut scores = Scores::new(1.0);
-        many().iter().for_each(|(cell, output)| scores.add(cell.untraversable, coarse(*output)));
+        many().iter().for_each(|(cell, output)| scores.add(cell.untraversable(), coarse(*output)));
         scores.auc().unwrap()
     };
     assert!((all(|s| s) - 0.6696163389601112).abs() < 1e-14);
@@ -67,7 +67,8 @@ fn golden_rank_correlations_are_scipys() {
 #[test]
 fn extreme_cells_with_a_nan_output_are_counted_and_left_out() {
     let mut judge = Judge::new(vec![Threshold { value: 0.5, origin: ThresholdOrigin::Given }], None);
-    let cells = [Cell { points: 1, range_m: f32::NAN, ..Cell::default() }, Cell { points: 2, ..Cell::default() }];
+    let bare = Cell::bare(0, 0, false);
+    let cells = [Cell { points: 1, range_m: f32::NAN, ..bare }, Cell { points: 2, ..bare }];
     judge.add_scan("", "", &cells, &[f64::NAN, 0.25]);
     assert_eq!((judge.not_finite_cells, judge.groups[&judge::Group::All].cells), (1, 1));
     judge.add_scan("", "", &cells[..1], &[f64::NAN]);

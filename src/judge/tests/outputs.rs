@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::cells::{self, CellAssigner, CellParams, Cells, WindowCloud};
+use crate::cells::{self, CellAssigner, CellParams, Cells, Label, WindowCloud};
 use crate::cloud::{Cloud, Options, read};
 use crate::geometry::{DVec3, GridSpec, Pose, Transform};
 use crate::judge::cost_map::cost_map;
@@ -25,7 +25,7 @@ fn ell() -> JudgedCells {
     };
     let (cells, known) = cells::bin_clouds(&params, &[cloud], 50.0, &mut cells::Scratch::default());
     assert_eq!(known, [0; 4]);
-    assert!(cells.rows.iter().all(|row| row.label.is_none() && row.truth.class == -1));
+    assert!(cells.rows.iter().all(|row| row.label.is_none() && row.truth.class.is_none()));
     // Rows in order: (20, -10), (20, -9), (21, -10), (22, -10).
     let outputs = vec![Some(0.1), Some(0.5), Some(1.0), None];
     JudgedCells { classes: vec![Some(0), Some(1), Some(1), None], ..judged(cells, outputs, 0.5, 1.0) }
@@ -262,8 +262,11 @@ fn exact_verdicts_of_points_make_the_labels_of_cells() {
         cells::bin_clouds(&params, &[cloud], 50.0, &mut cells::Scratch::default())
     };
     let (cells, known) = bin(1);
-    assert_eq!(cells.rows.iter().map(|row| row.label).collect::<Vec<_>>(), [Some(1), Some(1), None, Some(0)]);
+    assert_eq!(
+        cells.rows.iter().map(|row| row.label.map(Label::number)).collect::<Vec<_>>(),
+        [Some(1), Some(1), None, Some(0)]
+    );
     assert_eq!(cells.rows.iter().map(|row| row.truth.obstacle_points).collect::<Vec<_>>(), [2, 1, 0, 0]);
     assert_eq!((known, cells.rows[3].points), (vec![2, 2, 0, 1], 2));
-    assert_eq!(bin(2).0.rows[1].label, Some(0));
+    assert_eq!(bin(2).0.rows[1].label, Some(Label::Traversable));
 }

@@ -2,6 +2,7 @@
 //!
 //! Cells are the same where scan, row and col are. One that only one setting has is counted apart and not compared.
 
+use crate::cells::Label;
 use crate::episode::ScanOutput;
 use crate::train::rows::Rows;
 
@@ -12,8 +13,7 @@ pub(super) type Key = (u32, i32, i32);
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SceneCells {
     pub keys: Vec<Key>,
-    /// -1: unknown.
-    pub labels: Vec<i8>,
+    pub labels: Vec<Option<Label>>,
     pub width: usize,
     /// Row-major.
     pub features: Vec<f32>,
@@ -33,7 +33,7 @@ impl SceneCells {
             let all = scan.cells.features.len() / scan.cells.rows.len().max(1);
             for (row, features) in scan.cells.rows.iter().zip(scan.cells.features.chunks_exact(all.max(1))) {
                 cells.keys.push((scan.scan_id, row.index.row, row.index.col));
-                cells.labels.push(row.label.unwrap_or(-1));
+                cells.labels.push(row.label);
                 cells.features.extend(columns.iter().map(|&column| features[column]));
             }
         }
@@ -47,13 +47,15 @@ impl SceneCells {
     /// Adds the cells that can be learnt.
     pub fn learn(&self, rows: &mut Rows) {
         for (row, &label) in self.labels.iter().enumerate() {
-            if label < 0 {
+            let Some(label) = label else {
                 rows.left_out.unlabelled += 1;
-            } else if self.row(row).iter().any(|value| !value.is_finite()) {
+                continue;
+            };
+            if self.row(row).iter().any(|value| !value.is_finite()) {
                 rows.left_out.not_finite += 1;
             } else {
                 rows.features.extend(self.row(row));
-                rows.labels.push(label as u8);
+                rows.labels.push(label);
                 rows.corpora.push(0);
             }
         }
@@ -127,7 +129,7 @@ mod tests {
     fn cells(list: &[(Key, i8, f32)]) -> SceneCells {
         SceneCells {
             keys: list.iter().map(|cell| cell.0).collect(),
-            labels: list.iter().map(|cell| cell.1).collect(),
+            labels: list.iter().map(|cell| Label::of_number(cell.1)).collect(),
             width: 1,
             features: list.iter().map(|cell| cell.2).collect(),
         }

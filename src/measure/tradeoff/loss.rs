@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::measure::Measured;
 use super::settings::{Settings, Variant};
 use super::{Event, Options, TradeoffError};
+use crate::cells::Label;
 use crate::evaluate::Confusion;
 use crate::measure::clock::thread_cpu_s;
 use crate::measure::interleave::rotation;
@@ -149,7 +150,7 @@ fn training(
     Ok(trained.map(|trained| {
         let mut confusion = Confusion::default();
         for (output, &label) in held.outputs(&trained.network, test).into_iter().zip(&test.labels) {
-            confusion.add(label == 1, output >= THRESHOLD, 1);
+            confusion.add(label.is_untraversable(), output >= THRESHOLD, 1);
         }
         Training {
             balanced_accuracy: confusion.rates().balanced_accuracy,
@@ -181,7 +182,7 @@ fn hash(measured: &Measured, setting: usize) -> blake3::Hash {
             continue;
         };
         hasher.update(&(made.cells.labels.len() as u64).to_le_bytes());
-        made.cells.labels.iter().for_each(|label| _ = hasher.update(&label.to_le_bytes()));
+        made.cells.labels.iter().for_each(|label| _ = hasher.update(&label.map_or(-1, Label::number).to_le_bytes()));
         made.cells.features.iter().for_each(|value| _ = hasher.update(&value.to_bits().to_le_bytes()));
     }
     hasher.finalize()

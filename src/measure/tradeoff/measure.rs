@@ -11,7 +11,7 @@ use super::compare::{Change, SceneCells, compare};
 use super::loss::Role;
 use super::ranges::{RangeErrors, range_errors};
 use super::{Event, TradeoffError};
-use crate::cells::feature_columns;
+use crate::cells::{Label, feature_columns};
 use crate::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use crate::geometry::{Pose, Transform};
 use crate::math;
@@ -65,8 +65,12 @@ pub(super) struct Counts {
 
 impl Counts {
     fn of(cells: &SceneCells) -> Counts {
-        let count = |wanted: i8| cells.labels.iter().filter(|label| **label == wanted).count() as u64;
-        Counts { traversable: count(0), untraversable: count(1), unknown: count(-1) }
+        let count = |wanted: Option<Label>| cells.labels.iter().filter(|label| **label == wanted).count() as u64;
+        Counts {
+            traversable: count(Some(Label::Traversable)),
+            untraversable: count(Some(Label::Untraversable)),
+            unknown: count(None),
+        }
     }
 }
 

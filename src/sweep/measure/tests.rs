@@ -82,7 +82,7 @@ fn exact_flat_ground_lies_at_height_over_sine_of_depression() {
             hits += 1;
             assert_eq!(
                 (sweep.returns.status[slot], sweep.truth[slot].object, sweep.truth[slot].class),
-                (Status::Hit, -1, 0)
+                (Status::Hit, -1, Some(Class::Ground))
             );
             assert!((sweep.returns.range_m[slot] - range_m).abs() < 1e-9, "{slot}: {}", sweep.returns.range_m[slot]);
             assert!((sweep.returns.point_sensor(slot).unwrap().z + EYE.z).abs() < 1e-9);
@@ -90,7 +90,7 @@ fn exact_flat_ground_lies_at_height_over_sine_of_depression() {
         } else if range_m > 5.600_001 {
             assert_eq!(
                 (sweep.returns.status[slot], sweep.truth[slot].object, sweep.truth[slot].class),
-                (Status::None, -2, -1)
+                (Status::None, -2, None)
             );
             assert!(sweep.returns.range_m[slot].is_nan() && sweep.truth[slot].range_m == f64::INFINITY);
             assert!(sweep.returns.point_sensor(slot).is_none());
@@ -206,7 +206,7 @@ fn law_vegetation_and_sub_rays_move_no_draw_of_the_beams_beside_them() {
     let scene = full_yard();
     let with = run(&scene, &sensor, effects.clone());
     let without = run(&Scene { volumes: vec![], patches: vec![], ..scene.clone() }, &sensor, effects.clone());
-    let green = |t: &TrueReturn| t.class >= Class::Grass as i8;
+    let green = |t: &TrueReturn| t.class >= Some(Class::Grass);
     assert!(with.truth.iter().filter(|t| green(t)).count() > 500);
     for slot in (0..with.truth.len()).filter(|&slot| !green(&with.truth[slot])) {
         assert_eq!(with.truth[slot], without.truth[slot]);

@@ -116,7 +116,7 @@ fn class_counts(sources: &Arc<Sources>) -> Result<Vec<[u64; 2]>, TrainError> {
     let mut counts = vec![[0; 2]; sources.list.len()];
     each_group(Arc::new(sources.labels_alone()), Split::Train, |rows| {
         for (&label, &corpus) in rows.labels.iter().zip(&rows.corpora) {
-            counts[usize::from(corpus)][usize::from(label)] += 1;
+            counts[usize::from(corpus)][label.index()] += 1;
         }
     })?;
     Ok(counts)

@@ -1,6 +1,7 @@
 //! Corpora that no training should meet: it stays finite, says what it saw, or left out.
 
 use super::fixture::{Row, circle, corpus, params, run, setup, with};
+use crate::cells::Label;
 use crate::train::run::Summary;
 use crate::train::{Model, folder};
 
@@ -52,14 +53,15 @@ fn extreme_features_of_size_1e_minus_8_and_1e8_train_as_those_of_size_1() {
 
 #[test]
 fn extreme_one_class_alone_is_learnt_and_not_weighed() {
-    let (summary, _) = trained(changed(200, |(_, row)| (Some(0), row)), &[]);
+    let (summary, _) = trained(changed(200, |(_, row)| (Some(Label::Traversable), row)), &[]);
     assert!(summary.best.validation_error.unwrap() < 1e-3 && summary.class_weights == [1.0, 1.0]);
 }
 
 #[test]
 fn extreme_single_row_trains() {
     let mut shards = vec![Vec::new(); 7];
-    (shards[0], shards[3]) = (vec![(Some(1), [0.5, 0.25, 1e-8])], vec![(Some(1), [0.5, 0.25, 1e-8])]);
+    let row = || vec![(Some(Label::Untraversable), [0.5, 0.25, 1e-8])];
+    (shards[0], shards[3]) = (row(), row());
     let (summary, _) = trained(shards, &["allow_few_rows=true"]);
     assert_eq!((summary.train_rows, summary.rows_learnt), (1, 3));
 }

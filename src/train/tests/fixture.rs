@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use crate::cells::{CellParams, CellRow, CellTruth, Cells, FeatureColumn};
+use crate::cells::{CellParams, CellRow, CellTruth, Cells, FeatureColumn, Label};
 use crate::corpus::{CorpusSpec, LocalFolder, ShardWriter, Store, Table, finalize};
 use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
@@ -15,7 +15,7 @@ use crate::train::run::Origin;
 use crate::train::{Event, Outcome, Setup, Source, Sources, TrainError, TrainParams, train};
 
 /// A row: label and three features.
-pub type Row = (Option<i8>, [f32; 3]);
+pub type Row = (Option<Label>, [f32; 3]);
 
 pub const FEATURES: [&str; 3] = ["mean_height_m", "height_difference_m", "sigma_x_m"];
 
@@ -55,7 +55,7 @@ fn scene(scene_id: u64, rows: &[Row]) -> SceneOutput {
         points: 3,
         range_m: 1.0,
         neighbour_mask: 0,
-        truth: CellTruth { obstacle_points: i32::from(*label == Some(1)), ..CellTruth::default() },
+        truth: CellTruth { obstacle_points: i32::from(*label == Some(Label::Untraversable)), ..CellTruth::default() },
     };
     let cells = Cells {
         rows: rows.iter().enumerate().map(row).collect(),
@@ -81,7 +81,7 @@ pub fn circle(shard: u64, count: usize) -> Vec<Row> {
     stream.fill_normal(0, &mut draws);
     let row = |xs: &[f64]| {
         let untraversable = xs[0] * xs[0] + math::exp(xs[1]) > 2.5;
-        (Some(i8::from(untraversable)), [xs[0] as f32, (xs[1] * 3.0 + 10.0) as f32, xs[2] as f32])
+        (Some(Label::untraversable_if(untraversable)), [xs[0] as f32, (xs[1] * 3.0 + 10.0) as f32, xs[2] as f32])
     };
     draws.chunks_exact(3).map(row).collect()
 }

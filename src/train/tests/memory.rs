@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::fixture::{circle, corpus, looks, params, run, setup};
+use crate::cells::Label;
 use crate::corpus::Split;
 use crate::train::memory::{Course, Event, Held, Trained, train};
 use crate::train::params::{Balance, StopBy};
@@ -15,7 +16,7 @@ fn rows(shard: u64, count: usize) -> Rows {
     let mut rows = Rows::new(3);
     for (label, features) in circle(shard, count) {
         rows.features.extend(features);
-        rows.labels.push(label.unwrap() as u8);
+        rows.labels.push(label.unwrap());
         rows.corpora.push(0);
     }
     rows
@@ -93,7 +94,7 @@ fn exact_the_network_is_that_of_the_best_look_and_outputs_are_its() {
     let (mut squared, mut weight) = (0.0, 0.0);
     for (output, &label) in outputs.iter().zip(&held.validation.labels) {
         let w = held.judge.weights.of(label, 0);
-        let error = params.targets[usize::from(label)] - output;
+        let error = params.targets[label.index()] - output;
         (squared, weight) = (squared + w * error * error, weight + w);
     }
     assert!((squared / weight - trained.best.validation_error.unwrap()).abs() < 1e-13);
@@ -123,19 +124,25 @@ fn exact_looks_by_classes_weigh_both_alike_while_rows_to_learn_count_as_they_com
         assert_eq!(held.judge.weights.class, [1.0; 2]);
     }
     assert_eq!(by_rows.judge.look_weights.class, [1.0; 2]);
-    let learnt = |class| by_rows.train.labels.iter().filter(|&&label| label == class).count() as f64;
+    let learnt = |class: Label| by_rows.train.labels.iter().filter(|&&label| label == class).count() as f64;
     let [traversable, untraversable] = by_classes.judge.look_weights.class;
-    assert!((traversable * learnt(0) - untraversable * learnt(1)).abs() < 1e-9 && learnt(0) != learnt(1));
+    assert!(
+        (traversable * learnt(Label::Traversable) - untraversable * learnt(Label::Untraversable)).abs() < 1e-9
+            && learnt(Label::Traversable) != learnt(Label::Untraversable)
+    );
 
     // The error by hand, of a network that says the same of every row.
     let mut network = whole(&unweighed, &by_rows, Course { rows: 100, validate_every: 100 }).network;
     network.weights.fill(0.0);
-    let share = |class| {
+    let share = |class: Label| {
         let of = by_classes.validation.labels.iter().filter(|&&label| label == class).count() as f64;
-        of * by_classes.judge.look_weights.class[usize::from(class)]
+        of * by_classes.judge.look_weights.class[class.index()]
     };
     let [low, high] = unweighed.targets;
-    let expected =
-        (share(0) * (0.5 - low) * (0.5 - low) + share(1) * (0.5 - high) * (0.5 - high)) / (share(0) + share(1));
+    let expected = {
+        let [traversable, untraversable] = Label::ALL.map(share);
+        (traversable * (0.5 - low) * (0.5 - low) + untraversable * (0.5 - high) * (0.5 - high))
+            / (traversable + untraversable)
+    };
     assert!((by_classes.validation_error(&network) - expected).abs() < 1e-12);
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::fixture::{self, Row};
+use crate::cells::Label;
 use crate::corpus::Split;
 use crate::train::Sources;
 use crate::train::stream::{self, Course, Window};
@@ -11,7 +12,7 @@ use crate::train::stream::{self, Course, Window};
 /// Every row has a number of its own in its first feature.
 fn numbered(dir: &tempfile::TempDir, shards: usize) -> std::path::PathBuf {
     let rows = |shard: usize| {
-        (0..10 + shard % 5).map(move |row| (Some((row % 2) as i8), [(shard * 100 + row) as f32, 1.0, 0.5]))
+        (0..10 + shard % 5).map(move |row| (Some(Label::ALL[row % 2]), [(shard * 100 + row) as f32, 1.0, 0.5]))
     };
     fixture::corpus(dir, "numbered", &(0..shards).map(|shard| rows(shard).collect::<Vec<Row>>()).collect::<Vec<_>>())
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::fixture::{self, circle, circles, corpus, identity, params, run, run_until, setup, with};
+use crate::cells::Label;
 use crate::train::stopping::Stop;
 use crate::train::{Model, Setup, folder};
 
@@ -18,7 +19,7 @@ fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
     assert!(best < 0.5 * begun, "{begun} -> {best}");
     let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
     let rows = circle(99, 2000);
-    let right = rows.iter().filter(|(label, row)| *label == Some(model.class(model.output(row)) as i8)).count();
+    let right = rows.iter().filter(|(label, row)| *label == Some(Label::ALL[model.class(model.output(row))])).count();
     assert!(right > 1600, "{right} of 2000");
     assert_eq!(model.about.features, fixture::FEATURES);
     assert!((model.about.scaler.mean[1] - 10.0).abs() < 0.3 && (model.about.scaler.scale[1] - 3.0).abs() < 0.2);
@@ -66,7 +67,8 @@ fn law_training_stops_when_the_validation_error_rises_and_reverts() {
     // Validation says the opposite of training: every step makes it worse.
     let opposite = |shard: u64| -> Vec<fixture::Row> {
         let rows = circle(shard, 400).into_iter();
-        rows.map(|(label, row)| (label.map(|l| if shard == 3 { 1 - l } else { l }), row)).collect()
+        rows.map(|(label, row)| (label.map(|l| Label::untraversable_if(l.is_untraversable() != (shard == 3))), row))
+            .collect()
     };
     let place = corpus(&dir, "a", &(0..7).map(opposite).collect::<Vec<_>>());
     let setup =

@@ -1,0 +1,186 @@
+//! The rule of a label: a cell's truth -> its label. One implementation labels the cells that are built and relabels those that are stored.
+//!
+//! In: a [`CellTruth`], made by `labels` from the points of a cell, or read from the `truth_` columns of a corpus. Out: a [`Label`].
+//! Source: Hewitt et al. 2017, "Methodology for training". Where cells are built, the obstacles' points are counted by the config's own rule, so
+//! that the label is that of [`Obstacle::AsBuilt`].
+//!
+//! What the stored truth answers of another rule: solid objects (rocks, boxes, trunks) exactly, up to the rounding of
+//! `truth_protrusion_m` to f32; the column holds the tallest object among the points, and a cell is untraversable when any of its points
+//! belongs to one that is too tall. Not exactly: where a porous object (grass, bush, crown) is the tallest, the cell is an obstacle as the
+//! corpus counted it, so that a rock beneath it counts by the corpus's rule. Not at all: how many points another rule's obstacles have, which
+//! is why `min_obstacle_points` goes with `obstacle: as_built` only ([`LabelRule::is_answerable`]).
+
+use garde::Validate;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::params::{LabelParams, ObstacleRule};
+use super::{CellTruth, Label};
+use crate::random::within;
+use crate::scene::Class;
+
+/// When a cell is untraversable, by the truth that the corpus keeps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct LabelRule {
+    /// Which objects are obstacles.
+    #[garde(dive)]
+    pub obstacle: Obstacle,
+    /// Points of an obstacle that a cell must hold; more than 1 only with `obstacle: as_built`.
+    #[garde(range(min = 1, max = 1_000_000))]
+    pub min_obstacle_points: u32,
+    /// Ground steeper than this is untraversable too, degrees; absent = ground never is.
+    #[garde(custom(within(0.1, 90.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_ground_slope_deg: Option<f64>,
+}
+
+impl Default for LabelRule {
+    fn default() -> Self {
+        LabelRule { obstacle: Obstacle::AsBuilt, min_obstacle_points: 1, max_ground_slope_deg: None }
+    }
+}
+
+/// Which solid objects count.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Obstacle {
+    /// Those that the corpus counted.
+    AsBuilt,
+    /// All (the paper's).
+    All,
+    /// Those that stand taller than a wheel of this diameter, metres.
+    TallerThanWheel(#[garde(custom(within(0.0, 100.0)))] f64),
+    /// Those that stand taller than this, metres.
+    TallerThanM(#[garde(custom(within(0.0, 100.0)))] f64),
+}
+
+/// Solid objects that stand taller than this are obstacles, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TallerThan(f64);
+
+impl TallerThan {
+    /// Whatever stands at all.
+    const ANY: TallerThan = TallerThan(f64::NEG_INFINITY);
+
+    pub(super) fn is_obstacle(self, protrusion_m: f64) -> bool {
+        protrusion_m > self.0
+    }
+}
+
+impl ObstacleRule {
+    /// For a rover with wheels of this diameter.
+    pub(super) fn taller_than(self, wheel_diameter_m: f64) -> TallerThan {
+        match self {
+            ObstacleRule::All => TallerThan::ANY,
+            ObstacleRule::TallerThanWheel => TallerThan(wheel_diameter_m),
+            ObstacleRule::TallerThanM(height_m) => TallerThan(height_m),
+        }
+    }
+}
+
+impl Obstacle {
+    /// `None` where the corpus's own count stands.
+    fn taller_than(self) -> Option<TallerThan> {
+        match self {
+            Obstacle::AsBuilt => None,
+            Obstacle::All => Some(TallerThan::ANY),
+            Obstacle::TallerThanWheel(height_m) | Obstacle::TallerThanM(height_m) => Some(TallerThan(height_m)),
+        }
+    }
+}
+
+impl LabelParams {
+    /// The rule for cells whose obstacle points have been counted by these parameters.
+    pub fn of_counted(&self) -> LabelRule {
+        let LabelParams { min_obstacle_points, max_ground_slope_deg, .. } = *self;
+        LabelRule { obstacle: Obstacle::AsBuilt, min_obstacle_points, max_ground_slope_deg }
+    }
+}
+
+impl LabelRule {
+    /// The label of a cell by its truth.
+    pub fn label(&self, truth: &CellTruth) -> Label {
+        let obstacle = match (self.obstacle.taller_than(), truth.class) {
+            (Some(_), Some(Class::Ground)) => false,
+            (Some(height), Some(class)) if class.is_solid() => height.is_obstacle(f64::from(truth.protrusion_m)),
+            // The corpus's own rule, a plant, or a class that nobody knows.
+            _ => self.has_obstacle_points(truth),
+        };
+        Label::untraversable_if(obstacle || self.is_steep(truth))
+    }
+
+    /// Whether the points that were counted as an obstacle's are as many as the rule asks for.
+    pub fn has_obstacle_points(&self, truth: &CellTruth) -> bool {
+        i64::from(truth.obstacle_points) >= i64::from(self.min_obstacle_points)
+    }
+
+    /// Whether the ground is steeper than the rule's limit, if it has one.
+    pub fn is_steep(&self, truth: &CellTruth) -> bool {
+        self.max_ground_slope_deg.is_some_and(|limit_deg| f64::from(truth.slope_rad) > limit_deg.to_radians())
+    }
+
+    /// Whether the stored truth answers the rule: all but the number of points of another rule's obstacles.
+    pub fn is_answerable(&self) -> bool {
+        self.min_obstacle_points == 1 || self.obstacle == Obstacle::AsBuilt
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rock(protrusion_m: f32, obstacle_points: i32) -> CellTruth {
+        CellTruth { obstacle_points, class: Some(Class::Rock), protrusion_m, ..CellTruth::default() }
+    }
+
+    fn untraversable(rule: &LabelRule, truth: &CellTruth) -> bool {
+        rule.label(truth).is_untraversable()
+    }
+
+    fn rule(obstacle: Obstacle) -> LabelRule {
+        LabelRule { obstacle, ..LabelRule::default() }
+    }
+
+    #[test]
+    fn exact_a_rock_between_two_wheels_stops_the_smaller_rover_alone() {
+        let cell = rock(0.2, 5);
+        for taller_than in [Obstacle::TallerThanWheel, Obstacle::TallerThanM] {
+            assert!(untraversable(&rule(taller_than(0.15)), &cell));
+            assert!(!untraversable(&rule(taller_than(0.3)), &cell));
+        }
+        assert!(untraversable(&rule(Obstacle::All), &rock(0.01, 0)));
+        assert!(!untraversable(&rule(Obstacle::AsBuilt), &rock(0.01, 0)));
+    }
+
+    #[test]
+    fn exact_ground_is_untraversable_by_its_slope_alone() {
+        let ground = CellTruth { class: Some(Class::Ground), slope_rad: 0.4, ..CellTruth::default() };
+        assert!(!untraversable(&rule(Obstacle::All), &ground));
+        let steep = |limit| LabelRule { max_ground_slope_deg: Some(limit), ..LabelRule::default() };
+        assert!(untraversable(&steep(20.0), &ground));
+        assert!(!untraversable(&steep(25.0), &ground));
+    }
+
+    #[test]
+    fn exact_porous_and_unknown_things_stay_as_the_corpus_counted_them() {
+        for class in [Some(Class::Grass), Some(Class::Bush), Some(Class::Crown), None] {
+            let porous = |points| CellTruth { class, ..rock(0.5, points) };
+            for obstacle in [Obstacle::All, Obstacle::TallerThanM(0.1), Obstacle::AsBuilt] {
+                assert!(!untraversable(&rule(obstacle), &porous(0)));
+                assert!(untraversable(&rule(obstacle), &porous(3)));
+            }
+        }
+    }
+
+    #[test]
+    fn exact_more_points_can_be_asked_of_the_corpus_s_own_obstacles_alone() {
+        let two = |obstacle| LabelRule { min_obstacle_points: 2, ..rule(obstacle) };
+        assert!(two(Obstacle::AsBuilt).is_answerable() && !two(Obstacle::All).is_answerable());
+        assert!(rule(Obstacle::TallerThanM(0.2)).is_answerable());
+        assert!(
+            untraversable(&two(Obstacle::AsBuilt), &rock(0.2, 2))
+                && !untraversable(&two(Obstacle::AsBuilt), &rock(0.2, 1))
+        );
+    }
+}

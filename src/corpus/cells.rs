@@ -1,0 +1,318 @@
+//! Record batches of `cells` -> typed columns: the one reader of that table.
+//!
+//! In: a file and the names of the columns that are wanted of it ([`projection`]); a batch of it. Out: a [`CellBatch`], whose columns are
+//! slices, one entry a row, taken without a copy. Numbers on disk become the types of the core here and nowhere else: a label is a [`Label`] or
+//! unknown (null), a class a [`Class`] or unknown (-1 or null). A column that is absent or of another type, and a number that stands for
+//! no label or class, is refused by name. Units and meanings: `tables/cells.rs`. Not checked: the order of the rows, and whether counts
+//! agree with each other; the verifier does that.
+
+use arrow_array::types::{Float32Type, Int8Type, Int32Type, Int64Type};
+use arrow_array::{Array, ArrowPrimitiveType, RecordBatch};
+use arrow_buffer::NullBuffer;
+
+use super::CorpusError;
+use super::reader::{TableFile, column, rows_of_scene};
+use crate::cells::{CellTruth, Label};
+use crate::geometry::CellIndex;
+use crate::scene::Class;
+
+/// Where a cell is: scene, scan, row, column.
+pub const KEYS: [&str; 4] = ["scene_id", "scan_id", "row", "col"];
+pub const LABEL: &str = "label";
+pub const POINTS: &str = "points";
+pub const RANGE_M: &str = "range_m";
+pub(super) const NEIGHBOUR_MASK: &str = "neighbour_mask";
+pub const OBSTACLE_POINTS: &str = "truth_obstacle_points";
+pub const TOP_POINTS: &str = "truth_top_points";
+pub const CLASS: &str = "truth_class";
+pub(super) const OBJECT: &str = "truth_object_id";
+pub(super) const PROTRUSION_M: &str = "truth_protrusion_m";
+pub(super) const SLOPE_RAD: &str = "truth_slope_rad";
+/// What only the simulator knows of a cell.
+pub const TRUTH: [&str; 6] = [OBSTACLE_POINTS, TOP_POINTS, CLASS, OBJECT, PROTRUSION_M, SLOPE_RAD];
+/// What a [`LabelRule`](crate::cells::LabelRule) asks of the truth.
+pub const RULE_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, PROTRUSION_M, SLOPE_RAD];
+
+/// The columns to read of a file: those that are needed, and of the others those that it has. `Err` names one that is needed and
+/// not there.
+pub fn projection<'n>(
+    file: &TableFile,
+    needed: impl IntoIterator<Item = &'n str>,
+    others: &[&'n str],
+) -> Result<Vec<&'n str>, String> {
+    let has = |name: &str| file.schema().field_with_name(name).is_ok();
+    let mut wanted: Vec<&str> = needed.into_iter().collect();
+    if let Some(absent) = wanted.iter().find(|name| !has(name)) {
+        return Err(format!("it has no column '{absent}'"));
+    }
+    wanted.extend(others.iter().filter(|name| has(name)));
+    wanted.sort_unstable();
+    wanted.dedup();
+    Ok(wanted)
+}
+
+/// Rows of `cells`; a column is looked up and checked when it is asked for.
+#[derive(Clone, Debug)]
+pub struct CellBatch(RecordBatch);
+
+/// A column's values, and which of them are null.
+#[derive(Clone, Copy, Debug)]
+struct Column<'b, N> {
+    values: &'b [N],
+    nulls: Option<&'b NullBuffer>,
+}
+
+impl<N: Copy> Column<'_, N> {
+    #[inline]
+    fn at(&self, row: usize) -> Option<N> {
+        if self.nulls.is_some_and(|nulls| nulls.is_null(row)) { None } else { Some(self.values[row]) }
+    }
+}
+
+impl CellBatch {
+    pub fn of(batch: RecordBatch) -> CellBatch {
+        CellBatch(batch)
+    }
+
+    /// Some columns of a row group.
+    pub fn read(file: &TableFile, group: usize, columns: &[&str]) -> Result<CellBatch, CorpusError> {
+        file.read_row_group(group, Some(columns)).map(CellBatch)
+    }
+
+    /// The rows of one scene.
+    pub fn of_scene(&self, scene_id: u64) -> Result<CellBatch, String> {
+        rows_of_scene(&self.0, scene_id).map(CellBatch)
+    }
+
+    pub fn rows(&self) -> usize {
+        self.0.num_rows()
+    }
+
+    fn column<T: ArrowPrimitiveType>(&self, name: &str) -> Result<Column<'_, T::Native>, String> {
+        let array = column::<T>(&self.0, name)?;
+        Ok(Column { values: array.values(), nulls: array.nulls().filter(|nulls| nulls.null_count() > 0) })
+    }
+
+    fn column_if_there<T: ArrowPrimitiveType>(&self, name: &str) -> Result<Option<Column<'_, T::Native>>, String> {
+        self.0.column_by_name(name).map(|_| self.column::<T>(name)).transpose()
+    }
+
+    fn values<T: ArrowPrimitiveType>(&self, name: &str) -> Result<&[T::Native], String> {
+        Ok(self.column::<T>(name)?.values)
+    }
+
+    pub fn keys(&self) -> Result<Keys<'_>, String> {
+        let [scene, scan, row, col] = KEYS;
+        Ok(Keys {
+            scenes: self.values::<Int64Type>(scene)?,
+            scans: self.values::<Int32Type>(scan)?,
+            rows: self.values::<Int32Type>(row)?,
+            cols: self.values::<Int32Type>(col)?,
+        })
+    }
+
+    pub fn labels(&self) -> Result<Labels<'_>, String> {
+        let column = self.column::<Int8Type>(LABEL)?;
+        match wrong_number(&column, |number| Label::of_number(number).is_some()) {
+            Some(number) => Err(format!("its column '{LABEL}' holds {number}; labels are 0, 1 or null")),
+            None => Ok(Labels(column)),
+        }
+    }
+
+    /// Lidar points of each cell.
+    pub fn points(&self) -> Result<&[i32], String> {
+        self.values::<Int32Type>(POINTS)
+    }
+
+    pub fn ranges_m(&self) -> Result<&[f32], String> {
+        self.values::<Float32Type>(RANGE_M)
+    }
+
+    pub fn neighbour_masks(&self) -> Result<&[i32], String> {
+        self.values::<Int32Type>(NEIGHBOUR_MASK)
+    }
+
+    /// The features of these names, in this order.
+    pub fn features<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<Features<'_>, String> {
+        Ok(Features(names.into_iter().map(|name| self.column::<Float32Type>(name)).collect::<Result<_, _>>()?))
+    }
+
+    /// The values of a feature that only some corpora have.
+    pub fn feature_if_there(&self, name: &str) -> Result<Option<&[f32]>, String> {
+        Ok(self.column_if_there::<Float32Type>(name)?.map(|column| column.values))
+    }
+
+    /// What the batch has of the truth; `needed` names columns of it that must be there.
+    pub fn truth(&self, needed: &[&str]) -> Result<TruthColumns<'_>, String> {
+        if let Some(absent) = needed.iter().find(|name| self.0.column_by_name(name).is_none()) {
+            return Err(format!("it has no column '{absent}'"));
+        }
+        let class = self.column_if_there::<Int8Type>(CLASS)?;
+        let is_known = |number| number == -1 || Class::of_number(number).is_some();
+        if let Some(number) = class.and_then(|column| wrong_number(&column, is_known)) {
+            let last = Class::ALL.len() - 1;
+            return Err(format!("its column '{CLASS}' holds {number}; classes are 0 to {last}, -1 or null"));
+        }
+        let whole = |name: &str| self.column_if_there::<Int32Type>(name);
+        let real = |name: &str| self.column_if_there::<Float32Type>(name);
+        Ok(TruthColumns {
+            obstacle_points: whole(OBSTACLE_POINTS)?,
+            top_points: whole(TOP_POINTS)?,
+            class,
+            object: whole(OBJECT)?,
+            protrusion_m: real(PROTRUSION_M)?,
+            slope_rad: real(SLOPE_RAD)?,
+        })
+    }
+}
+
+/// A number of the column that its kind does not have.
+fn wrong_number(column: &Column<i8>, is_known: impl Fn(i8) -> bool) -> Option<i8> {
+    (0..column.values.len()).filter_map(|row| column.at(row)).find(|&number| !is_known(number))
+}
+
+/// Which cell each row is.
+#[derive(Clone, Copy, Debug)]
+pub struct Keys<'b> {
+    pub scenes: &'b [i64],
+    pub scans: &'b [i32],
+    rows: &'b [i32],
+    cols: &'b [i32],
+}
+
+impl Keys<'_> {
+    pub fn index(&self, row: usize) -> CellIndex {
+        CellIndex { row: self.rows[row], col: self.cols[row] }
+    }
+}
+
+/// The label of each row.
+#[derive(Clone, Copy, Debug)]
+pub struct Labels<'b>(Column<'b, i8>);
+
+impl Labels<'_> {
+    /// `None`: unknown.
+    #[inline]
+    pub fn at(&self, row: usize) -> Option<Label> {
+        self.0.at(row).and_then(Label::of_number)
+    }
+}
+
+/// Some features of each row.
+#[derive(Clone, Debug)]
+pub struct Features<'b>(Vec<Column<'b, f32>>);
+
+impl Features<'_> {
+    /// Appends the features of a row if all are finite numbers, and says whether they are.
+    #[inline]
+    pub fn append_finite(&self, row: usize, out: &mut Vec<f32>) -> bool {
+        let start = out.len();
+        out.extend(self.row(row));
+        let is_finite = out[start..].iter().all(|value| value.is_finite());
+        if !is_finite {
+            out.truncate(start);
+        }
+        is_finite
+    }
+
+    /// The features of a row, NaN for a null.
+    #[inline]
+    pub fn row(&self, row: usize) -> impl ExactSizeIterator<Item = f32> + '_ {
+        self.0.iter().map(move |column| column.at(row).unwrap_or(f32::NAN))
+    }
+}
+
+/// The truth of each row, as far as the batch has it.
+#[derive(Clone, Copy, Debug)]
+pub struct TruthColumns<'b> {
+    obstacle_points: Option<Column<'b, i32>>,
+    top_points: Option<Column<'b, i32>>,
+    class: Option<Column<'b, i8>>,
+    object: Option<Column<'b, i32>>,
+    protrusion_m: Option<Column<'b, f32>>,
+    slope_rad: Option<Column<'b, f32>>,
+}
+
+impl TruthColumns<'_> {
+    /// What a column that is absent or null would say is as in [`CellTruth::default`]: nothing is known of it.
+    #[inline]
+    pub fn at(&self, row: usize) -> CellTruth {
+        let unknown = CellTruth::default();
+        let whole = |column: &Option<Column<i32>>, or| column.and_then(|column| column.at(row)).unwrap_or(or);
+        let real = |column: &Option<Column<f32>>, or| column.and_then(|column| column.at(row)).unwrap_or(or);
+        CellTruth {
+            obstacle_points: whole(&self.obstacle_points, unknown.obstacle_points),
+            top_points: whole(&self.top_points, unknown.top_points),
+            class: self.class.and_then(|column| column.at(row)).and_then(Class::of_number),
+            object: whole(&self.object, unknown.object),
+            protrusion_m: real(&self.protrusion_m, unknown.protrusion_m),
+            slope_rad: real(&self.slope_rad, unknown.slope_rad),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use arrow_array::{ArrayRef, Float32Array, Int8Array, Int32Array};
+
+    use super::*;
+
+    fn batch(columns: Vec<(&str, ArrayRef)>) -> RecordBatch {
+        RecordBatch::try_from_iter_with_nullable(columns.into_iter().map(|(name, array)| (name, array, true))).unwrap()
+    }
+
+    #[test]
+    fn exact_labels_and_truth_are_types_of_the_core_and_nulls_are_unknown() {
+        let batch = batch(vec![
+            (LABEL, Arc::new(Int8Array::from(vec![Some(1), None, Some(0)]))),
+            (CLASS, Arc::new(Int8Array::from(vec![Some(3), None, Some(-1)]))),
+            (OBSTACLE_POINTS, Arc::new(Int32Array::from(vec![Some(7), None, Some(2)]))),
+            (PROTRUSION_M, Arc::new(Float32Array::from(vec![0.5, 0.25, 0.0]))),
+        ]);
+        let cells = CellBatch::of(batch);
+        let labels = cells.labels().unwrap();
+        let expected = [Some(Label::Untraversable), None, Some(Label::Traversable)];
+        assert_eq!([0, 1, 2].map(|row| labels.at(row)), expected);
+        let truth = cells.truth(&[CLASS, OBSTACLE_POINTS]).unwrap();
+        let of = |obstacle_points, class, protrusion_m| CellTruth {
+            obstacle_points,
+            class,
+            protrusion_m,
+            ..CellTruth::default()
+        };
+        let expected = [of(7, Some(Class::Trunk), 0.5), of(0, None, 0.25), of(2, None, 0.0)];
+        assert_eq!([0, 1, 2].map(|row| truth.at(row)), expected);
+        assert_eq!(cells.truth(&[SLOPE_RAD]).unwrap_err(), "it has no column 'truth_slope_rad'");
+    }
+
+    #[test]
+    fn exact_rows_with_a_feature_that_is_null_or_not_finite_are_not_appended() {
+        let batch = batch(vec![
+            ("a", Arc::new(Float32Array::from(vec![Some(1.0), None, Some(3.0), Some(f32::INFINITY)]))),
+            ("b", Arc::new(Float32Array::from(vec![5.0, 6.0, f32::NAN, 8.0]))),
+        ]);
+        let cells = CellBatch::of(batch);
+        let features = cells.features(["b", "a"]).unwrap();
+        let mut out = vec![0.5];
+        assert_eq!([0, 1, 2, 3].map(|row| features.append_finite(row, &mut out)), [true, false, false, false]);
+        assert_eq!(out, [0.5, 5.0, 1.0]);
+    }
+
+    #[test]
+    fn extreme_numbers_that_stand_for_nothing_and_columns_of_other_types_are_refused_by_name() {
+        let one =
+            |name: &str, number: i8| batch(vec![(name, Arc::new(Int8Array::from(vec![Some(0), None, Some(number)])))]);
+        for number in [-1, 2, 7, i8::MIN] {
+            let refused = CellBatch::of(one(LABEL, number)).labels().unwrap_err();
+            assert_eq!(refused, format!("its column 'label' holds {number}; labels are 0, 1 or null"));
+        }
+        for number in [-2, 7, i8::MAX] {
+            let refused = CellBatch::of(one(CLASS, number)).truth(&[]).unwrap_err();
+            assert_eq!(refused, format!("its column 'truth_class' holds {number}; classes are 0 to 6, -1 or null"));
+        }
+        assert_eq!(CellBatch::of(one(POINTS, 0)).points().unwrap_err(), "its column 'points' is Int8, not Int32");
+        assert_eq!(CellBatch::of(one(POINTS, 0)).labels().unwrap_err(), "it has no column 'label'");
+    }
+}
