@@ -6,6 +6,7 @@
 use std::error::Error;
 
 use marsyard::geometry::DVec3;
+use marsyard::math;
 use marsyard::scene::{Class, Convex, Ground, Polynomial, Scene, Shape};
 use marsyard::sweep::params::Cast;
 use marsyard::sweep::{Caster, Hit};
@@ -45,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let eye_m = DVec3::new(1.0, 5.0, 1.0);
     let directions: Vec<DVec3> = (0..24)
         .flat_map(|row| (0..72).map(move |col| (12.0 - f64::from(row) * 1.5, 36.0 - f64::from(col))))
-        .map(|(up, left): (f64, f64)| (up.to_radians().sin_cos(), left.to_radians().sin_cos()))
+        .map(|(up, left): (f64, f64)| (math::sin_cos(up.to_radians()), math::sin_cos(left.to_radians())))
         .map(|((su, cu), (sl, cl))| DVec3::new(cu * cl, cu * sl, su))
         .collect();
 

@@ -7,6 +7,7 @@ use std::error::Error;
 use std::f64::consts::PI;
 use std::path::Path;
 
+use marsyard::math;
 use marsyard::preset::Preset;
 use marsyard::sweep::sensor::{Echo, PatternFile, PatternParams, PulseRanging, Ranging, Sensor};
 use marsyard::{config, episode::Prepared, simulate_scene};
@@ -30,11 +31,11 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// A pulsed sensor whose beams cover a cone, 50 degrees down to 5 up and 60 to each side, evenly.
 fn spiral(beams: u32) -> Sensor {
     let turn_deg = 180.0 * (3.0 - 5.0_f64.sqrt());
-    let (low, high) = ((-50.0_f64).to_radians().sin(), 5.0_f64.to_radians().sin());
+    let (low, high) = (math::sin((-50.0_f64).to_radians()), math::sin(5.0_f64.to_radians()));
     let beam = |k: u32| {
         let share = (f64::from(k) + 0.5) / f64::from(beams);
         let azimuth_deg = (f64::from(k) * turn_deg).rem_euclid(120.0) - 60.0;
-        [share, azimuth_deg, (low + share * (high - low)).asin().to_degrees()]
+        [share, azimuth_deg, math::asin(low + share * (high - low)).to_degrees()]
     };
     Sensor {
         name: "golden-spiral".into(),
