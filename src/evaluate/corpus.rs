@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 use arrow_array::{Int64Array, StringArray};
 
 use super::columns::{CLASS, Columns, HEIGHT_DIFFERENCE, OBSTACLE_POINTS, Scan, TOP_POINTS};
-use super::figures::FigureError;
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::params::LocalHeightParams;
@@ -85,8 +84,6 @@ pub enum EvaluateError {
     Corpus(#[from] CorpusError),
     #[error(transparent)]
     Model(#[from] ModelError),
-    #[error(transparent)]
-    Figure(#[from] FigureError),
     #[error("{place}/{name}: {reason}; run `marsyard verify {place}` to see whether the corpus is whole")]
     Table { place: String, name: String, reason: String },
     #[error(
