@@ -46,11 +46,11 @@ pub(super) fn draw(area: &Area, series: &[Series], entries: &[Entry], (left, top
         let colour = colour.mix(*opacity);
         match marks {
             Marks::Line(_, width) => {
-                area.draw(&PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(*width)))?
+                area.draw(&PathElement::new([(x, y), (x + 14, y)], colour.stroke_width(*width)))?
             }
             Marks::Dots(_, radius) => area.draw(&Circle::new((x + 9, y), *radius, colour.filled()))?,
             Marks::Rings(..) => area.draw(&Circle::new((x + 9, y), 5, colour.stroke_width(2)))?,
-            Marks::Bars(_) => area.draw(&Rectangle::new([(x + 3, y - 6), (x + 15, y + 6)], colour.filled()))?,
+            Marks::Bars(_) => area.draw(&Rectangle::new([(x + 3, y - 5), (x + 15, y + 5)], colour.filled()))?,
             Marks::Intervals(_) => area.draw(&PathElement::new([(x + 9, y - 6), (x + 9, y + 6)], colour))?,
             Marks::Words(_) => (),
         }
