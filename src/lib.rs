@@ -92,6 +92,9 @@ pub mod build;
 pub mod statistics;
 
 #[cfg(feature = "train")]
+pub mod chart;
+
+#[cfg(feature = "train")]
 pub mod train;
 
 #[cfg(feature = "train")]

@@ -134,7 +134,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let report = evaluate::evaluate(&model, store.as_ref(), &FamilyFacts::of(&plan), &options);
     let report = report.map_err(evaluate_failure)?;
     if let (Some(folder), Some(mut outputs)) = (&args.out, outputs) {
-        outputs.write(&report.files().map_err(Failure::failed)?).map_err(corpus_failure)?;
+        outputs.write(&report.files()).map_err(corpus_failure)?;
         outputs.finish().map_err(corpus_failure)?;
         errln!("evaluation.json and figures are in {}", folder.display());
     }

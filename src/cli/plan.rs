@@ -119,13 +119,12 @@ fn tell_parts(cost: &FamilyCost) {
     outln!("  what each part costs: CPU ms a scene, less those of the same scenes without it");
     outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
     for (part, price) in &cost.parts {
-        let nothing = if price.is_told_apart() { "" } else { "  (not told apart from nothing)" };
-        outln!(
-            "    {:<14} {:>9.2} \u{b1} {:.2}{nothing}",
-            part.name(),
-            1e3 * price.cpu_s,
-            1e3 * price.standard_error_s
-        );
+        let error = match price.standard_error_s {
+            error_s if !error_s.is_finite() => "  (of one scene alone)".into(),
+            error_s if price.is_told_apart() => format!(" \u{b1} {:.2}", 1e3 * error_s),
+            error_s => format!(" \u{b1} {:.2}  (not told apart from nothing)", 1e3 * error_s),
+        };
+        outln!("    {:<14} {:>9.2}{error}", part.name(), 1e3 * price.cpu_s);
     }
 }
 

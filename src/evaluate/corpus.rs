@@ -6,7 +6,6 @@
 use std::collections::BTreeMap;
 
 use super::columns::{self, Columns, Scan};
-use super::figures::FigureError;
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::LabelRule;
@@ -84,8 +83,6 @@ pub enum EvaluateError {
     Corpus(#[from] CorpusError),
     #[error(transparent)]
     Model(#[from] ModelError),
-    #[error(transparent)]
-    Figure(#[from] FigureError),
     #[error("{place}/{name}: {reason}; run `marsyard verify {place}` to see whether the corpus is whole")]
     Table { place: String, name: String, reason: String },
     #[error(

@@ -24,7 +24,7 @@ mod tops;
 
 pub use self::corpus::{EvaluateError, FamilyFacts, Options, evaluate};
 pub use confusion::{Confusion, FiveRows, Rates, Table1};
-pub use figures::{FigureError, figures};
+pub use figures::figures;
 pub use judge::{Cell, Group, Judge, Threshold, ThresholdOrigin};
 pub use report::{AtThreshold, ClassReport, DataFacts, GroupReport, Judged, ModelFacts, Panels, Report, SpreadReport};
 pub use run_folder::{evaluate_into, evaluation_folder};

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::confusion::{Confusion, Rates, Table1};
-use super::figures::{FigureError, figures};
+use super::figures::figures;
 use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH_TOPS, WITHOUT_TOPS};
 use super::scores::{BINS, RocPoint};
 use super::spread::{Bin, Spread};
@@ -136,9 +136,9 @@ const ROC_POINTS: usize = 256;
 
 impl Report {
     /// What is written of it: `evaluation.json`, and the figures.
-    pub fn files(&self) -> Result<Vec<(String, Vec<u8>)>, FigureError> {
-        let figures = figures(self)?.into_iter().map(|(name, svg)| (name.to_string(), svg.into_bytes()));
-        Ok(std::iter::once(("evaluation.json".into(), self.to_json().into_bytes())).chain(figures).collect())
+    pub fn files(&self) -> Vec<(String, Vec<u8>)> {
+        let figures = figures(self).into_iter().map(|(name, svg)| (name.to_string(), svg.into_bytes()));
+        std::iter::once(("evaluation.json".into(), self.to_json().into_bytes())).chain(figures).collect()
     }
 
     /// Closes the books.

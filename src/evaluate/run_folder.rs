@@ -21,7 +21,7 @@ pub fn evaluate_into(
     // Beside the run's own files a killed one may have left some here.
     run.sweep_temporaries(below.trim_end_matches('/'))?;
     // The store refuses names that leave it, whatever a corpus is called.
-    let files = report.files()?.into_iter().map(|(name, bytes)| (format!("{below}{name}"), bytes));
+    let files = report.files().into_iter().map(|(name, bytes)| (format!("{below}{name}"), bytes));
     folder::write_products(run, &files.collect::<Vec<_>>(), &[])?;
     Ok(report)
 }

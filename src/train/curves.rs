@@ -1,12 +1,13 @@
 //! The looks of a run -> both learning curves as SVG.
-
-use plotters::prelude::*;
+//!
+//! Errors fall fast and then slowly: where they span more than a factor of four the axis is logarithmic.
 
 use super::stopping::Look;
+use crate::chart::{self, Axis, Colour, Marks, Panel, Point, Series};
 
 const SIZE: (u32, u32) = (900, 520);
-const TRAIN: RGBColor = RGBColor(150, 150, 150);
-const VALIDATION: RGBColor = RGBColor(178, 80, 30);
+const TRAIN: Colour = Colour(150, 150, 150);
+const VALIDATION: Colour = Colour(178, 80, 30);
 
 /// Points of a curve that a picture can show; more are thinned out evenly.
 const MOST_POINTS: usize = 2000;
@@ -14,61 +15,27 @@ const MOST_POINTS: usize = 2000;
 /// Training and validation error over the rows learnt, the best look marked. `None` where there is nothing to draw.
 pub fn svg(looks: &[Look], best: Option<&Look>) -> Option<String> {
     let step = looks.len().div_ceil(MOST_POINTS).max(1);
-    let thinned: Vec<&Look> = looks.iter().step_by(step).collect();
-    let curve = |of: fn(&Look) -> Option<f64>| -> Vec<(f64, f64)> {
-        thinned.iter().filter_map(|look| Some((look.rows as f64, of(look)?))).collect()
+    let curve = |of: fn(&Look) -> Option<f64>| -> Vec<Point> {
+        looks.iter().step_by(step).filter_map(|look| Some((look.rows as f64, of(look)?))).collect()
     };
     let (train, validation) = (curve(|look| look.train_error), curve(|look| look.validation_error));
-    let top = train.iter().chain(&validation).map(|point| point.1).fold(0.0, f64::max);
+    let best = best.and_then(|look| Some((look.rows as f64, look.validation_error?)));
+    let errors: Vec<f64> = train.iter().chain(&validation).chain(&best).map(|point| point.1).collect();
     let last = looks.last()?.rows.max(1) as f64;
-    if top <= 0.0 {
+    if !errors.iter().any(|error| *error > 0.0) {
         return None;
     }
-    let mut text = String::new();
-    draw(&mut text, &train, &validation, best, last, 1.05 * top).ok()?;
-    Some(text)
-}
-
-fn draw(
-    text: &mut String,
-    train: &[(f64, f64)],
-    validation: &[(f64, f64)],
-    best: Option<&Look>,
-    last: f64,
-    top: f64,
-) -> Result<(), Box<dyn std::error::Error>> {
-    let area = SVGBackend::with_string(text, SIZE).into_drawing_area();
-    area.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&area)
-        .margin(16)
-        .x_label_area_size(44)
-        .y_label_area_size(70)
-        .build_cartesian_2d(0.0..last, 0.0..top)?;
-    chart
-        .configure_mesh()
-        .x_desc("rows learnt")
-        .y_desc("weighted mean squared error")
-        .light_line_style(WHITE)
-        .x_label_formatter(&|rows| format!("{rows:.0}"))
-        .draw()?;
-    let legend = |colour: RGBColor| move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(2));
-    chart
-        .draw_series(LineSeries::new(train.iter().copied(), TRAIN.stroke_width(2)))?
-        .label("training, before each row is learnt")
-        .legend(legend(TRAIN));
-    chart
-        .draw_series(LineSeries::new(validation.iter().copied(), VALIDATION.stroke_width(2)))?
-        .label("validation")
-        .legend(legend(VALIDATION));
-    if let Some((rows, error)) = best.and_then(|look| Some((look.rows as f64, look.validation_error?))) {
-        chart
-            .draw_series([Circle::new((rows, error), 5, VALIDATION.filled())])?
-            .label(format!("best: {error:.5} after {rows:.0} rows"))
-            .legend(|(x, y)| Circle::new((x + 9, y), 4, VALIDATION.filled()));
+    let mut series = vec![
+        Series::named("training, before each row is learnt", TRAIN, Marks::Line(train, 2)),
+        Series::named("validation", VALIDATION, Marks::Line(validation, 2)),
+    ];
+    if let Some((rows, error)) = best {
+        let name = format!("best: {error:.5} after {rows:.0} rows");
+        series.push(Series::named(name, VALIDATION, Marks::Dots(vec![(rows, error)], 5)));
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.85)).border_style(TRAIN).draw()?;
-    area.present()?;
-    Ok(())
+    let y = Axis::of_values("weighted mean squared error", errors.into_iter());
+    let panel = Panel { title: String::new(), x: Axis::linear("rows learnt", 0.0..last), y, series };
+    Some(chart::svg(SIZE, &[panel]))
 }
 
 #[cfg(test)]

@@ -8,6 +8,9 @@ use crate::scene::params::{GroundShape, GroundSource};
 use crate::slam::SlamParams;
 use crate::sweep::params::Cast;
 
+/// Values of a choice that are listed.
+const MOST_VALUES: usize = 6;
+
 /// The parts a family switches on, in the order of the flow.
 pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     let family = &plan.families[index];
@@ -106,10 +109,20 @@ pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
 fn kept(keep: Keep) -> String {
     match keep {
         Keep::Last => "the last one kept".into(),
-        Keep::All => "all kept".into(),
-        Keep::Every(1) => "all kept".into(),
+        Keep::All | Keep::Every(1) => "all kept".into(),
         Keep::Every(2) => "every second one kept".into(),
-        Keep::Every(n) => format!("every {n}th one kept"),
+        Keep::Every(n) => format!("every {n}{} one kept", ordinal_ending(n)),
+    }
+}
+
+/// Of 3rd, 11th, 21st ...
+fn ordinal_ending(n: u32) -> &'static str {
+    match (n % 10, n % 100) {
+        (_, 11..=13) => "th",
+        (1, _) => "st",
+        (2, _) => "nd",
+        (3, _) => "rd",
+        _ => "th",
     }
 }
 
@@ -119,19 +132,48 @@ fn counted(count: u32, what: &str) -> String {
 
 /// A constant or a law in a few words.
 fn say(dist: &Dist) -> String {
-    match dist {
-        Dist::Constant(value) => format!("{value}"),
-        Dist::Law(Law::Choice(values)) => {
+    let law = match dist {
+        Dist::Constant(value) => return format!("{value}"),
+        Dist::Law(law) => law,
+    };
+    let (low, high) = law.bounds();
+    match law {
+        _ if low == high => format!("{low}"),
+        Law::Choice(values) if values.len() <= MOST_VALUES => {
             format!("one of {}", values.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))
         }
-        Dist::Law(law @ (Law::Uniform(_) | Law::LogUniform(_) | Law::Normal { .. } | Law::Weighted(_))) => {
-            let (low, high) = law.bounds();
-            format!("{low} to {high}")
+        Law::Choice(values) => format!("one of {} values from {low} to {high}", values.len()),
+        Law::Weighted(pairs) => format!("one of {} weighted values from {low} to {high}", pairs.len()),
+        Law::Uniform(_) | Law::LogUniform(_) | Law::Normal { .. } => format!("{low} to {high}"),
+        Law::Poisson { mean, .. } => format!("some {mean} (poisson)"),
+        law => format!("{low} to {high} ({})", law.name()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_laws_in_words() {
+        let many = Law::Choice((1..=9).map(f64::from).collect());
+        for (law, words) in [
+            (Law::Uniform([0.5, 2.0]), "0.5 to 2"),
+            (Law::Uniform([2.0, 2.0]), "2"),
+            (Law::Choice(vec![3.0, 1.0]), "one of 3, 1"),
+            (many, "one of 9 values from 1 to 9"),
+            (Law::Weighted(vec![[0.2, 5.0], [0.8, 1.0]]), "one of 2 weighted values from 1 to 5"),
+        ] {
+            assert_eq!(say(&Dist::Law(law)), words);
         }
-        Dist::Law(Law::Poisson { mean, .. }) => format!("some {mean} (poisson)"),
-        Dist::Law(law) => {
-            let (low, high) = law.bounds();
-            format!("{low} to {high} ({})", law.name())
-        }
+        assert_eq!(say(&Dist::Constant(0.25)), "0.25");
+    }
+
+    #[test]
+    fn exact_which_sweeps_are_kept() {
+        let ends = [3, 4, 11, 12, 13, 21, 22, 103, 111].map(|n| format!("{n}{}", ordinal_ending(n)));
+        assert_eq!(ends, ["3rd", "4th", "11th", "12th", "13th", "21st", "22nd", "103rd", "111th"]);
+        assert_eq!(kept(Keep::Every(1)), kept(Keep::All));
+        assert_eq!(kept(Keep::Every(3)), "every 3rd one kept");
     }
 }

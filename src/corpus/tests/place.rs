@@ -3,6 +3,7 @@
 use std::fs;
 
 use super::fixture::{corpus, spec, write_shard};
+use crate::cells::Label;
 use crate::corpus::place::difference;
 use crate::corpus::{
     CorpusError, LocalFolder, Manifest, Place, ShardWriter, Split, Store, Table, finalize, inspect, status, verify,
@@ -206,7 +207,7 @@ fn exact_inspection_finds_constant_features_and_empty_splits() {
 #[test]
 fn exact_inspection_finds_a_split_of_one_class() {
     let spec = spec(2, &Table::ALL);
-    for (label, is_told) in [(Some(0), true), (Some(1), true), (None, true)] {
+    for (label, is_told) in [(Some(Label::Traversable), true), (Some(Label::Untraversable), true), (None, true)] {
         let (_dir, store) = place();
         Place::open(&store, &spec).unwrap();
         let mut writer = ShardWriter::new(&spec, 0).unwrap();

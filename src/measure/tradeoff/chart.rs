@@ -1,32 +1,29 @@
 //! A report -> an SVG: what each setting costs over what it loses, the Pareto front drawn through.
 //!
 //! One panel for the pipeline and one for the trainer. Cost grows to the right, in its logarithm; loss grows upwards, so that better is
-//! to the lower left. Bars are the intervals of the loss; the front runs through their upper ends, by which it is judged. Settings on the
-//! front bear their names.
-
-use plotters::coord::Shift;
-use plotters::prelude::*;
+//! to the lower left. Vertical lines are the intervals of the loss. Whether a setting is on the front is judged by their upper ends; the
+//! line joins the points themselves, larger and with their names.
 
 use super::report::{Report, Row};
 use super::settings::Side;
+use crate::chart::{self, Axis, Colour, Marks, Panel, Series};
 
 const PANEL: (u32, u32) = (920, 560);
-const FRONT: RGBColor = RGBColor(60, 60, 60);
+const FRONT: Colour = Colour(60, 60, 60);
 /// One colour a knob, told apart by people who see few.
-const COLOURS: [RGBColor; 8] = [
-    RGBColor(0, 0, 0),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(0, 158, 115),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 114, 178),
-    RGBColor(204, 121, 167),
-    RGBColor(150, 150, 150),
+const COLOURS: [Colour; 8] = [
+    Colour(0, 0, 0),
+    Colour(230, 159, 0),
+    Colour(86, 180, 233),
+    Colour(0, 158, 115),
+    Colour(213, 94, 0),
+    Colour(0, 114, 178),
+    Colour(204, 121, 167),
+    Colour(150, 150, 150),
 ];
 
-type Fault = Box<dyn std::error::Error>;
-
-struct Point<'a> {
+/// A setting that has both a cost and a loss.
+struct Measured<'a> {
     row: &'a Row,
     cost: f64,
     /// Points of balanced accuracy.
@@ -36,107 +33,63 @@ struct Point<'a> {
 
 /// `None` where no setting has both a cost and a loss.
 pub fn svg(report: &Report) -> Option<String> {
-    let panels: Vec<(&str, &str, Vec<Point>)> = [
+    let sides = [
         (Side::Pipeline, "the pipeline", "CPU a kept scan, ms"),
         (Side::Trainer, "the trainer", "CPU a row learnt, us"),
-    ]
-    .into_iter()
-    .map(|(side, title, unit)| (title, unit, points(report, side)))
-    .filter(|(.., points)| !points.is_empty())
-    .collect();
-    if panels.is_empty() {
-        return None;
-    }
-    let mut text = String::new();
-    draw(&mut text, report, &panels).ok()?;
-    Some(text)
+    ];
+    let panels: Vec<Panel> = sides
+        .into_iter()
+        .filter_map(|(side, title, unit)| {
+            let measured: Vec<Measured> = report.side(side).filter_map(Measured::of).collect();
+            let title = format!("{}: {title}", report.name);
+            (!measured.is_empty()).then(|| panel(title, unit, &measured, 100.0 * report.max_loss))
+        })
+        .collect();
+    (!panels.is_empty()).then(|| chart::svg(PANEL, &panels))
 }
 
-fn points(report: &Report, side: Side) -> Vec<Point<'_>> {
-    let of = |row| -> Option<Point> {
-        let row: &Row = row;
+impl Measured<'_> {
+    fn of(row: &Row) -> Option<Measured<'_>> {
         let (cost, loss) = (row.cost()?, row.loss()?);
         let half_width = if loss.half_width.is_finite() { loss.half_width } else { 0.0 };
-        (cost > 0.0).then_some(Point { row, cost, loss: 100.0 * loss.mean, half_width: 100.0 * half_width })
-    };
-    report.side(side).filter_map(of).collect()
-}
-
-fn draw(text: &mut String, report: &Report, panels: &[(&str, &str, Vec<Point>)]) -> Result<(), Fault> {
-    let area = SVGBackend::with_string(text, (PANEL.0, PANEL.1 * panels.len() as u32)).into_drawing_area();
-    area.fill(&WHITE)?;
-    for (part, (title, unit, points)) in area.split_evenly((panels.len(), 1)).iter().zip(panels) {
-        panel(part, &format!("{}: {title}", report.name), unit, points, 100.0 * report.max_loss)?;
+        (cost > 0.0).then_some(Measured { row, cost, loss: 100.0 * loss.mean, half_width: 100.0 * half_width })
     }
-    area.present()?;
-    Ok(())
 }
 
-fn panel(
-    area: &DrawingArea<SVGBackend, Shift>,
-    title: &str,
-    unit: &str,
-    points: &[Point],
-    max_loss: f64,
-) -> Result<(), Fault> {
-    let least = |value: &dyn Fn(&Point) -> f64| points.iter().map(value).fold(f64::INFINITY, f64::min);
-    let most = |value: &dyn Fn(&Point) -> f64| points.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
-    let costs = 0.8 * least(&|p| p.cost)..1.6 * most(&|p| p.cost);
-    let (low, high) = (least(&|p| p.loss - p.half_width), most(&|p| p.loss + p.half_width).max(max_loss));
+fn panel(title: String, unit: &str, all: &[Measured], max_loss: f64) -> Panel {
+    let least = |value: &dyn Fn(&Measured) -> f64| all.iter().map(value).fold(f64::INFINITY, f64::min);
+    let most = |value: &dyn Fn(&Measured) -> f64| all.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
+    let costs = 0.8 * least(&|m| m.cost)..1.6 * most(&|m| m.cost);
+    let (low, high) = (least(&|m| m.loss - m.half_width), most(&|m| m.loss + m.half_width).max(max_loss));
     let margin = 0.06 * (high - low).max(0.1);
-    let mut chart = ChartBuilder::on(area)
-        .caption(title, ("sans-serif", 18))
-        .margin(16)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
-        .build_cartesian_2d(costs.clone().log_scale().base(2.0), low - margin..high + margin)?;
-    chart
-        .configure_mesh()
-        .x_desc(unit)
-        .y_desc("loss, points of balanced accuracy")
-        .light_line_style(WHITE)
-        .bold_line_style(FRONT.mix(0.12))
-        .x_labels(12)
-        .x_label_formatter(&|cost| if *cost >= 10.0 { format!("{cost:.0}") } else { format!("{cost:.1}") })
-        .draw()?;
-    chart
-        .draw_series([PathElement::new(vec![(costs.start, max_loss), (costs.end, max_loss)], FRONT.mix(0.4))])?
-        .label(format!("loss of {max_loss} points"))
-        .legend(|(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], FRONT.mix(0.4)));
 
-    let mut front: Vec<&Point> = points.iter().filter(|point| point.row.on_front).collect();
+    let limit = Marks::Line(vec![(costs.start, max_loss), (costs.end, max_loss)], 1);
+    let mut series = vec![Series::named(format!("loss of {max_loss} points"), FRONT, limit).with_opacity(0.4)];
+    let mut front: Vec<&Measured> = all.iter().filter(|measured| measured.row.on_front).collect();
     front.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    chart
-        .draw_series(LineSeries::new(front.iter().map(|p| (p.cost, p.loss + p.half_width)), FRONT.stroke_width(1)))?
-        .label("Pareto front")
-        .legend(|(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], FRONT.stroke_width(1)));
+    let through = front.iter().map(|measured| (measured.cost, measured.loss)).collect();
+    series.push(Series::named("Pareto front", FRONT, Marks::Line(through, 1)));
 
-    let mut groups: Vec<_> = points.iter().map(|point| point.row.group).collect();
+    let mut groups: Vec<_> = all.iter().map(|measured| measured.row.group).collect();
     groups.dedup();
     for (k, group) in groups.iter().enumerate() {
         let colour = COLOURS[k % COLOURS.len()];
-        let own = || points.iter().filter(|point| point.row.group == *group);
-        chart.draw_series(own().map(|p| {
-            PathElement::new(vec![(p.cost, p.loss - p.half_width), (p.cost, p.loss + p.half_width)], colour.mix(0.5))
-        }))?;
-        chart
-            .draw_series(
-                own().map(|p| Circle::new((p.cost, p.loss), if p.row.on_front { 5 } else { 4 }, colour.filled())),
-            )?
-            .label(group.map_or("reference", |group| group.name()))
-            .legend(move |(x, y)| Circle::new((x + 8, y), 4, colour.filled()));
+        let own = || all.iter().filter(|measured| measured.row.group == *group);
+        let intervals = own().map(|m| (m.cost, m.loss - m.half_width, m.loss + m.half_width)).collect();
+        series.push(Series::unnamed(colour, Marks::Intervals(intervals)).with_opacity(0.5));
+        let dots = own().map(|m| (m.cost, m.loss)).collect();
+        let name = group.map_or("reference", |group| group.name());
+        series.push(Series::named(name, colour, Marks::Dots(dots, 4)));
+        let on_front = own().filter(|m| m.row.on_front).map(|m| (m.cost, m.loss)).collect();
+        series.push(Series::unnamed(colour, Marks::Dots(on_front, 6)));
     }
     // Neighbours on the front are often close: their names stand above and below in turn.
-    let name = |(k, p): (usize, &&Point)| {
-        let beside = if k % 2 == 0 { 0.6 } else { -0.2 } * margin;
-        Text::new(p.row.name.clone(), (1.03 * p.cost, p.loss + beside), ("sans-serif", 13))
-    };
-    chart.draw_series(front.iter().enumerate().map(name))?;
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .background_style(WHITE.mix(0.85))
-        .border_style(FRONT.mix(0.3))
-        .draw()?;
-    Ok(())
+    let name = |(k, m): (usize, &&Measured)| ((m.cost, m.loss), if k % 2 == 0 { 12 } else { -12 }, m.row.name.clone());
+    series.push(Series::unnamed(FRONT, Marks::Words(front.iter().enumerate().map(name).collect())));
+    Panel {
+        title,
+        x: Axis::logarithmic(unit, costs),
+        y: Axis::linear("loss, points of balanced accuracy", low - margin..high + margin),
+        series,
+    }
 }
