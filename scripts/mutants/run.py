@@ -11,11 +11,12 @@ sample  asks `cargo mutants --list` for every mutant of the folders below, leave
 build   writes the mutated copy, drops mutants that do not compile (the next of the same folder takes the place), builds the tests.
 reach   runs each test alone, no mutant switched on: how long it takes and which mutants' places it comes by. A test that fails here, or
         takes more CPU time than --longest, is left out.
-run     each mutant: the tests that come by it, its own folder's first, then the other unit tests, then the statistics tests, each
-        group from the quickest, until one fails. Five times the usual CPU time, and five seconds, count as caught, as does a crash.
+run     each mutant: the unit tests that come by it, its own folder's first, then the others, each group from the quickest, until one
+        fails. Five times the usual CPU time, and five seconds, count as caught, as does a crash.
 report  scripts/results/mutants.json and .md; survivors with what explained.json says of them.
 
-Golden tests, and all others of tests/contract, are not asked. Needs cargo-mutants on the PATH (or --cargo-mutants), and
+Unit tests alone are asked: neither the golden tests nor the others of tests/contract, nor tests/statistics, which only a release
+build has. What these notice beside comes on top. Needs cargo-mutants on the PATH (or --cargo-mutants), and
 `pip install tree_sitter tree_sitter_rust`. `run --again` runs the survivors once more, after tests were added and `build` and `reach`
 were done again.
 """
@@ -44,8 +45,6 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 HERE = pathlib.Path(__file__).resolve().parent
 RESULTS = ROOT / "scripts/results"
 FOLDERS = ["scene", "drive", "sweep", "slam", "cells", "corpus", "train", "evaluate"]
-# Test binaries in the order asked.
-BINARIES = ["lib", "statistics"]
 LEAST_A_FOLDER = 24
 MEMORY = 6 << 30
 
@@ -181,7 +180,7 @@ def cargo(options, *arguments):
 
 
 def build(options):
-    """work/built.json: the mutants in the copy, by number, and the test binaries."""
+    """work/built.json: the mutants in the copy, by number, and the binary of the unit tests."""
     while True:
         picked = chosen(options)
         spans = weave(options, picked)
@@ -196,20 +195,17 @@ def build(options):
         broken = read(options.work / "broken.json", []) + [identity(picked[numbers[small]]) for small in guilty]
         print(f"{len(guilty)} mutants do not compile")
         write(options.work / "broken.json", broken)
-    done = cargo(options, "test", "--lib", "--test", "statistics", "--no-run", "--message-format=json")
+    done = cargo(options, "test", "--lib", "--no-run", "--message-format=json")
     if done.returncode:
         sys.exit(done.stderr + rendered(done))
-    binaries = {}
-    for line in done.stdout.splitlines():
-        said = json.loads(line)
-        if said.get("executable") and said["profile"]["test"]:
-            name = "lib" if "lib" in said["target"]["kind"] else said["target"]["name"]
-            kept = options.work / f"test-{name}"
-            shutil.copy(said["executable"], kept)
-            binaries[name] = str(kept)
+    said = [json.loads(line) for line in done.stdout.splitlines()]
+    made = next(line["executable"] for line in said if line.get("executable") and line["profile"]["test"])
+    # A copy: the next build may replace what cargo made while it runs.
+    binary = options.work / "unit-tests"
+    shutil.copy(made, binary)
     mutants = [mutant for _, mutant in sorted(picked.items())]
-    write(options.work / "built.json", {"mutants": mutants, "binaries": binaries})
-    print(f"{time.strftime('%T')} built: {binaries}")
+    write(options.work / "built.json", {"mutants": mutants, "binary": str(binary)})
+    print(f"{time.strftime('%T')} built")
 
 
 def messages(output):
@@ -281,24 +277,23 @@ def reach_one(options, binary, name):
 
 
 def reach(options):
-    """work/tests.json: binary -> test -> what reach_one found."""
-    binaries = read(options.work / "built.json")["binaries"]
-    known = {name: {} for name in BINARIES} if options.fresh else read(options.work / "tests.json", {name: {} for name in BINARIES})
-    for name in BINARIES:
-        # Those of the mutants' own folders first; measurements and searches, which run everything many times, last.
-        heavy = ("measure::", "search::", "cli::")
-        rank = lambda test: 0 if test.split("::")[0] in FOLDERS else 2 if test.startswith(heavy) else 1
-        todo = sorted((test for test in tests_of(binaries[name], options) if test not in known[name]), key=rank)
-        with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
-            futures = {pool.submit(reach_one, options, binaries[name], test): test for test in todo}
-            for done, future in enumerate(concurrent.futures.as_completed(futures)):
-                known[name][futures[future]] = future.result()
-                if done % 20 == 0:
-                    write(options.work / "tests.json", known)
-        write(options.work / "tests.json", known)
-        failed = [test for test, found in known[name].items() if found is None]
-        cpu_s = sum(found["cpu_s"] for found in known[name].values() if found)
-        print(f"{time.strftime('%T')} {name}: {len(known[name])} tests, {cpu_s:.0f} CPU s; failing without a mutant: {failed}")
+    """work/tests.json: test -> what reach_one found."""
+    binary = read(options.work / "built.json")["binary"]
+    known = {} if options.fresh else read(options.work / "tests.json", {})
+    # Those of the mutants' own folders first; measurements and searches, which run everything many times, last.
+    heavy = ("measure::", "search::", "cli::")
+    rank = lambda test: 0 if test.split("::")[0] in FOLDERS else 2 if test.startswith(heavy) else 1
+    todo = sorted((test for test in tests_of(binary, options) if test not in known), key=rank)
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        futures = {pool.submit(reach_one, options, binary, test): test for test in todo}
+        for done, future in enumerate(concurrent.futures.as_completed(futures)):
+            known[futures[future]] = future.result()
+            if done % 20 == 0:
+                write(options.work / "tests.json", known)
+    write(options.work / "tests.json", known)
+    left_out = [test for test, found in known.items() if found is None]
+    cpu_s = sum(found["cpu_s"] for found in known.values() if found)
+    print(f"{time.strftime('%T')} {len(known)} tests, {cpu_s:.0f} CPU s; left out: {left_out}")
 
 
 def batches(tests):
@@ -348,19 +343,14 @@ def run_batch(options, binary, number, names, cpu_s):
 def run_one(options, built, tests, number):
     mutant = built["mutants"][number]
     folder = mutant["file"].split("/")[1] + "::"
-    groups = [
-        ("own tests", "lib", lambda name: name.startswith(folder)),
-        ("other unit tests", "lib", lambda name: not name.startswith(folder)),
-        ("statistics tests", "statistics", lambda name: True),
-    ]
-    asked, cpu_s = 0, 0.0
-    for group, binary, belongs in groups:
-        reaching = {name: found["cpu_s"] for name, found in tests[binary].items() if found and number in found["reached"] and belongs(name)}
-        for names, batch_cpu_s in batches(reaching):
-            asked, cpu_s = asked + len(names), cpu_s + batch_cpu_s
-            if noticed := run_batch(options, built["binaries"][binary], number, names, batch_cpu_s):
+    reaching = {name: found["cpu_s"] for name, found in tests.items() if found and number in found["reached"]}
+    own = {name: cpu_s for name, cpu_s in reaching.items() if name.startswith(folder)}
+    others = {name: cpu_s for name, cpu_s in reaching.items() if name not in own}
+    for group, tests_of_group in (("own tests", own), ("other unit tests", others)):
+        for names, cpu_s in batches(tests_of_group):
+            if noticed := run_batch(options, built["binary"], number, names, cpu_s):
                 return {"caught": True, "by": group, "test": noticed[0], "how": noticed[1]}
-    return {"caught": False, "tests_that_come_by": asked, "their_cpu_s": round(cpu_s, 1)}
+    return {"caught": False, "tests_that_come_by": len(reaching), "their_cpu_s": round(sum(reaching.values()), 1)}
 
 
 def run(options):
@@ -373,7 +363,7 @@ def run(options):
         return outcome is None or (options.again and not outcome["caught"])
 
     def cost(number):
-        return sum(f["cpu_s"] for found in tests.values() for f in found.values() if f and number in f["reached"])
+        return sum(found["cpu_s"] for found in tests.values() if found and number in found["reached"])
 
     # The cheapest first: a run that is cut short has met most mutants.
     todo = sorted((number for number, mutant in enumerate(built["mutants"]) if is_due(mutant)), key=cost)
@@ -422,14 +412,14 @@ def report(options):
 
 def page(options, table, rows, quota, skipped):
     caught = sum(counts["caught"] for counts in table.values())
-    columns = ["sampled", "caught", "own tests", "other unit tests", "statistics tests", "timeout", "added", "survived"]
+    columns = ["sampled", "caught", "own tests", "other unit tests", "timeout", "added", "survived"]
     lines = ["# Faults that the tests notice", "",
-             f"Of {len(rows)} mutants of cargo-mutants, drawn by seed {options.seed} from {sum(quota['candidates'].values())}, unit and "
-             f"statistics tests catch {caught} ({100 * caught / len(rows):.1f} %); golden tests were not asked. Made by "
+             f"Of {len(rows)} mutants of cargo-mutants, drawn by seed {options.seed} from {sum(quota['candidates'].values())}, the unit "
+             f"tests catch {caught} ({100 * caught / len(rows):.1f} %). Golden, contract and statistics tests were not asked. Made by "
              "`python scripts/mutants/run.py sample build reach run report`.", "",
-             "| folder | candidates | sampled | caught | share | by its own tests | by other unit tests | by statistics tests "
+             "| folder | candidates | sampled | caught | share | by its own tests | by other unit tests "
              "| of these by running on without end | by a test added for it | survived |",
-             "|---|---|---|---|---|---|---|---|---|---|---|"]
+             "|---|---|---|---|---|---|---|---|---|---|"]
     total = collections.Counter()
     for folder in FOLDERS:
         counts = table.get(folder, collections.Counter())

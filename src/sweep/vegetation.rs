@@ -419,6 +419,31 @@ mod tests {
     }
 
     #[test]
+    fn law_grass_takes_each_return_of_a_fan_and_none_beside_the_patch() {
+        let mut scene = flat_yard();
+        let centre_m = DVec2::new(12.5, 10.0);
+        scene.patches.push(Patch {
+            id: 0,
+            class: Class::Grass,
+            centre_m,
+            radius_m: 1.0,
+            sigma_m: 0.1,
+            untraversable: false,
+        });
+        // Feet all round the sensor, 2.5 m away: those within a metre of the point straight ahead are in the grass.
+        let azimuths: Vec<f64> = (0..1000).map(|k| std::f64::consts::TAU * (f64::from(k) + 0.5) / 1000.0).collect();
+        let level = |azimuth: &f64| 2.5 * DVec2::new(math::cos(*azimuth), math::sin(*azimuth));
+        let rays: Vec<DVec3> = azimuths.iter().map(|azimuth| level(azimuth).extend(-1.0).normalize()).collect();
+        let range_m = (2.5f64 * 2.5 + 1.0).sqrt();
+        let solid = TrueReturn { range_m, object: Hit::GROUND, class: 0, top: false };
+        for (azimuth, ret) in azimuths.iter().zip(scattered(&scene, &rays, solid, 7)) {
+            let in_grass = (EYE.truncate() + level(azimuth)).distance(centre_m) < 1.0;
+            assert_eq!(ret.object, if in_grass { 0 } else { Hit::GROUND }, "{azimuth}");
+            assert!(if in_grass { ret.range_m < range_m } else { ret == solid }, "{azimuth}: {ret:?}");
+        }
+    }
+
+    #[test]
     fn exact_grass_ends_at_the_near_edge_of_its_patch_and_keeps_to_the_slope() {
         let patch = |sigma_m| Patch {
             id: 0,

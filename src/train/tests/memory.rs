@@ -146,3 +146,14 @@ fn exact_looks_by_classes_weigh_both_alike_while_rows_to_learn_count_as_they_com
     };
     assert!((by_classes.validation_error(&network) - expected).abs() < 1e-12);
 }
+
+#[test]
+fn exact_looks_count_epochs_from_one_and_what_was_before_the_first_row_as_none() {
+    let params = params();
+    let held = held(&params);
+    let trained = whole(&params, &held, Course { rows: 2700, validate_every: 450 });
+    let epochs: Vec<(u64, u32)> = trained.looks.iter().map(|look| (look.rows, look.epoch)).collect();
+    // 900 rows an epoch: the look after the last row of one belongs to it.
+    let expected = [(0, 0), (450, 1), (900, 1), (1350, 2), (1800, 2), (2250, 3), (2700, 3)];
+    assert!(epochs.len() > 3 && epochs[..] == expected[..epochs.len()], "{epochs:?}");
+}
