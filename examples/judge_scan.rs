@@ -7,6 +7,7 @@
 use std::error::Error;
 use std::path::Path;
 
+use marsyard::cells::Label;
 use marsyard::cloud::{self, Cloud};
 use marsyard::geometry::Pose;
 use marsyard::judge::{JudgedScan, Options, PoseSource, ScanJudge};
@@ -49,7 +50,7 @@ fn simulated() -> Result<(), Box<dyn Error>> {
 }
 
 /// The cells from above, north up, and how many were judged rightly where `truth` is known.
-fn draw(judged: &JudgedScan, truth: impl Fn(usize) -> Option<i8>) {
+fn draw(judged: &JudgedScan, truth: impl Fn(usize) -> Option<Label>) {
     let cells = &judged.cells;
     let places: Vec<(i32, i32)> = cells.cells.rows.iter().map(|row| (row.index.row, row.index.col)).collect();
     let (Some(south), Some(north)) = (places.first(), places.last()) else { return };
@@ -59,9 +60,9 @@ fn draw(judged: &JudgedScan, truth: impl Fn(usize) -> Option<i8>) {
         let sign = |col| {
             let cell = places.binary_search(&(row, col)).ok()?;
             Some(match (cells.classes[cell]?, truth(cell)) {
-                (0, Some(1)) => '!',
+                (0, Some(Label::Untraversable)) => '!',
                 (0, _) => '.',
-                (_, Some(0)) => '?',
+                (_, Some(Label::Traversable)) => '?',
                 _ => '#',
             })
         };

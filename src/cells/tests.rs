@@ -453,6 +453,9 @@ fn exact_what_a_row_says_of_its_label_and_a_local_height_of_itself() {
         neighbour_mask: 0,
         truth: CellTruth::default(),
     };
-    assert_eq!([Some(Label::Untraversable), Some(Label::Traversable), None].map(|label| row(label).untraversable()), [true, false, false]);
+    assert_eq!(
+        [Some(Label::Untraversable), Some(Label::Traversable), None].map(|label| row(label).untraversable()),
+        [true, false, false]
+    );
     assert_eq!(super::params::LocalHeightParams::default().words(), "percentile 10 within 1 m");
 }

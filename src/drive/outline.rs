@@ -264,7 +264,7 @@ pub(super) mod tests {
             for i in 0..parts - 1 {
                 // A chord is shorter than its arc by a share of at most (step / radius)^2 / 24.
                 let gone_m = (at(i + 1) - at(i)).length();
-                let least_m = step_m * (1.0 - (step_m / offset_m).powi(2) / 24.0);
+                let least_m = step_m * (1.0 - (step_m * step_m) / (offset_m * offset_m) / 24.0);
                 assert!(gone_m > least_m - 1e-12 && gone_m < step_m + 1e-12, "{corners:?} {i}: {gone_m} {step_m}");
             }
         }

@@ -435,7 +435,7 @@ mod tests {
         let level = |azimuth: &f64| 2.5 * DVec2::new(math::cos(*azimuth), math::sin(*azimuth));
         let rays: Vec<DVec3> = azimuths.iter().map(|azimuth| level(azimuth).extend(-1.0).normalize()).collect();
         let range_m = (2.5f64 * 2.5 + 1.0).sqrt();
-        let solid = TrueReturn { range_m, object: Hit::GROUND, class: 0, top: false };
+        let solid = TrueReturn { range_m, object: Hit::GROUND, class: Some(Class::Ground), top: false };
         for (azimuth, ret) in azimuths.iter().zip(scattered(&scene, &rays, solid, 7)) {
             let in_grass = (EYE.truncate() + level(azimuth)).distance(centre_m) < 1.0;
             assert_eq!(ret.object, if in_grass { 0 } else { Hit::GROUND }, "{azimuth}");

@@ -257,12 +257,13 @@ pub(super) fn of_all<const N: usize>(lanes: &[f64; N], pick: impl Fn(f64, f64) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math;
 
     /// A sector's list holds what lies in it and in both beside it: all azimuths of the cone must lie there.
     #[test]
     fn law_the_sector_of_a_cone_and_its_neighbours_hold_its_azimuths() {
         for k in 0..64 {
-            let (sin_turn, cos_turn) = crate::math::sin_cos(std::f64::consts::TAU * (f64::from(k) + 0.3) / 64.0);
+            let (sin_turn, cos_turn) = math::sin_cos(std::f64::consts::TAU * (f64::from(k) + 0.3) / 64.0);
             for level_share in [1.0, 0.8, 0.3] {
                 for step in 1..400 {
                     let sine = f64::from(step) / 400.0;
@@ -275,11 +276,11 @@ mod tests {
                         continue;
                     }
                     assert!(sine < level_share, "a cone around the zenith has all azimuths");
-                    let half = (sine / level_share).asin();
+                    let half = math::asin(sine / level_share);
                     let count = LEVELS[level] as f64;
                     for side in [-half, 0.0, half] {
-                        let azimuth = sin_turn.atan2(cos_turn) + side;
-                        let turn = turn_of(azimuth.cos(), azimuth.sin());
+                        let azimuth = math::atan2(sin_turn, cos_turn) + side;
+                        let turn = turn_of(math::cos(azimuth), math::sin(azimuth));
                         let sectors_on = (turn * count - sector as f64 + 1.0).rem_euclid(count);
                         assert!(sectors_on < 3.0 + 1e-4, "{axis:?} {sine}: sector {sector} of {count}, turn {turn}");
                     }
