@@ -12,7 +12,7 @@ use super::place::{self, corpus_failure, inputs, must_be_local};
 use crate::corpus::Outputs;
 use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
 use crate::geometry::Pose;
-use crate::picture::{self, Overlay, View};
+use crate::picture::{self, Overlay, Perspective, View};
 use crate::slam;
 use crate::sweep::Caster;
 use crate::sweep::params::Cast;
@@ -108,13 +108,15 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
     let trajectory = |pose: fn(&crate::episode::PoseRow) -> &Pose| {
         slam::tum(replay.poses.iter().map(|row| (row.time_s, pose(row)))).into_bytes()
     };
+    // What the camera sees serves both of its pictures.
+    let (mut perspective, seen) = (None, || Perspective::new(&view, &caster));
     errln!("scene {}: made in {:.1} s", args.scene, started.elapsed().as_secs_f64());
     for (product, name) in products.into_iter().zip(names) {
         let started = Instant::now();
         let bytes = match product {
             Product::Top => picture::top_view(&view),
-            Product::Perspective => picture::perspective(&view, &caster, Overlay::Points),
-            Product::Cells => picture::perspective(&view, &caster, Overlay::Cells),
+            Product::Perspective => perspective.get_or_insert_with(seen).png(Overlay::Points),
+            Product::Cells => perspective.get_or_insert_with(seen).png(Overlay::Cells),
             Product::Scan => picture::scan_view(&view),
             Product::Cloud => picture::labelled_cloud(&view),
             Product::Truth => trajectory(|row| &row.truth),

@@ -230,6 +230,8 @@ impl Canvas {
         let mut encoder = png::Encoder::new(&mut file, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
+        // A quarter larger than the best would be, in a tenth of the time.
+        encoder.set_compression(png::Compression::Fast);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(&bytes));
         written.expect("a picture in memory has pixels and as many bytes as it says");

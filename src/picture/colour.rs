@@ -3,24 +3,30 @@
 //! Blending and shading are done in linear light and turned to sRGB once, in the file. The scale for ranges is an eight-colour
 //! subset of viridis (van der Walt & Smith 2015), which reads alike in grey and for colour-blind eyes.
 
+use std::sync::LazyLock;
+
+use crate::math;
 use crate::scene::Class;
 
 pub(super) type Colour = [f32; 3];
 
-/// sRGB as written in a style sheet -> linear light.
-pub(super) fn srgb(hex: u32) -> Colour {
-    [16, 8, 0].map(|shift| {
-        let v = ((hex >> shift) & 0xff) as f64 / 255.0;
-        // IEC 61966-2-1
-        (if v <= 0.040_45 { v / 12.92 } else { crate::math::pow((v + 0.055) / 1.055, 2.4) }) as f32
-    })
+/// The linear light of an sRGB value in [0, 1] (IEC 61966-2-1).
+fn linear(encoded: f64) -> f32 {
+    (if encoded <= 0.040_45 { encoded / 12.92 } else { math::pow((encoded + 0.055) / 1.055, 2.4) }) as f32
 }
 
-/// Linear light -> an sRGB byte.
-pub(super) fn srgb_byte(linear: f32) -> u8 {
-    let v = f64::from(linear.clamp(0.0, 1.0));
-    let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * crate::math::pow(v, 1.0 / 2.4) - 0.055 };
-    (encoded * 255.0 + 0.5) as u8
+/// sRGB as written in a style sheet -> linear light.
+pub(super) fn srgb(hex: u32) -> Colour {
+    static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|byte| linear(byte as f64 / 255.0)));
+    [16, 8, 0].map(|shift| LINEAR[((hex >> shift) & 0xff) as usize])
+}
+
+/// Linear light -> an sRGB byte. A search among the ends of the bytes: a picture has millions of channels, and a power each is what most
+/// of its time would go to.
+pub(super) fn srgb_byte(light: f32) -> u8 {
+    static ENDS: LazyLock<[f32; 255]> =
+        LazyLock::new(|| std::array::from_fn(|byte| linear((byte as f64 + 0.5) / 255.0)));
+    ENDS.partition_point(|&end| end <= light) as u8
 }
 
 /// From `a` (share 0) to `b` (share 1).
@@ -110,6 +116,7 @@ mod tests {
             let [r, g, b] = srgb(hex).map(|c| u32::from(srgb_byte(c)));
             assert_eq!(r << 16 | g << 8 | b, hex);
         }
+        assert_eq!([f32::NEG_INFINITY, -1.0, 2.0, f32::NAN].map(srgb_byte), [0, 0, 255, 0]);
         assert_eq!(scale(1.0).map(srgb_byte), [0xfd, 0xe7, 0x25]);
         assert_eq!(scale(f64::NAN).map(srgb_byte), scale(0.0).map(srgb_byte));
     }

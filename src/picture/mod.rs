@@ -1,6 +1,6 @@
 //! A scene and what was made in it -> pictures and point clouds, as bytes.
 //!
-//! In: a [`View`], what one kept sweep was made of. Out: PNG ([`top_view`], [`perspective`], [`scan_view`]; figure 8 of Hewitt
+//! In: a [`View`], what one kept sweep was made of. Out: PNG ([`top_view`], [`Perspective`], [`scan_view`]; figure 8 of Hewitt
 //! et al. 2017; [`cell_map`] for cells that a model judged, figures 10 to 14) and PLY ([`labelled_cloud`]). Writes no files. Cells are shaded as in the paper: light traversable, dark
 //! untraversable.
 
@@ -19,7 +19,7 @@ mod tests;
 mod top;
 
 pub use classified::{ShadedCell, Shades, cell_map};
-pub use perspective::{Overlay, perspective};
+pub use perspective::{Overlay, Perspective};
 pub use ply::labelled_cloud;
 pub use scan::scan_view;
 pub use top::top_view;

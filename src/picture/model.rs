@@ -15,7 +15,8 @@ pub(super) struct Met {
     pub range_m: f64,
     /// Outward, world.
     pub normal: DVec3,
-    pub colour: Colour,
+    /// Which part: see [`Model::colour`].
+    pub part: usize,
 }
 
 enum Part {
@@ -42,9 +43,9 @@ pub(super) struct Model {
     parts: Vec<(Part, Colour)>,
     world_from_rover: Transform,
     rover_from_world: Transform,
-    /// A sphere around all parts, world.
-    centre_m: DVec3,
-    radius_m: f64,
+    /// The box around all parts, rover frame: nearly all rays of a picture miss it.
+    low_m: DVec3,
+    high_m: DVec3,
 }
 
 impl Model {
@@ -103,29 +104,37 @@ impl Model {
             Part::Rod { from: head + DVec3::Z * 0.05, to: head + DVec3::Z * 0.07, radius: 0.04 },
             palette.estimated_path,
         ));
-        let radius_m = rover.length_m + rover.width_m + head.length() + deck_m;
-        Model { parts, world_from_rover, rover_from_world, centre_m: pose.position_m, radius_m }
+        let (low_m, high_m) = parts
+            .iter()
+            .map(|(part, _)| part.bounds())
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), (a, b)| (low.min(a), high.max(b)));
+        Model { parts, world_from_rover, rover_from_world, low_m, high_m }
+    }
+
+    pub(super) fn colour(&self, part: usize) -> Colour {
+        self.parts[part].1
     }
 
     /// The first part that a ray (unit direction) meets within `max_m`.
     pub(super) fn first_hit(&self, origin: DVec3, dir: DVec3, max_m: f64) -> Option<Met> {
-        let off = self.centre_m - origin;
-        let along = off.dot(dir);
-        if off.length_squared() - along * along > self.radius_m * self.radius_m || along < -self.radius_m {
+        let (o, d) = (self.rover_from_world.point(origin), self.rover_from_world.direction(dir));
+        let (to_low, to_high) = ((self.low_m - o) / d, (self.high_m - o) / d);
+        let (enter, leave) = (to_low.min(to_high).max_element(), to_low.max(to_high).min_element());
+        // A ray along a side of the box gives NaN, and is asked of the parts.
+        if enter > leave || leave < 0.0 || enter > max_m {
             return None;
         }
-        let (o, d) = (self.rover_from_world.point(origin), self.rover_from_world.direction(dir));
         let mut best: Option<Met> = None;
-        for (part, colour) in &self.parts {
+        for (number, (part, _)) in self.parts.iter().enumerate() {
             let limit = best.map_or(max_m, |b| b.range_m);
             if let Some((range_m, normal)) = part.first_hit(o, d)
                 && range_m > 1e-6
                 && range_m < limit
             {
-                best = Some(Met { range_m, normal: self.world_from_rover.direction(normal), colour: *colour });
+                best = Some(Met { range_m, normal, part: number });
             }
         }
-        best
+        best.map(|met| Met { normal: self.world_from_rover.direction(met.normal), ..met })
     }
 }
 
@@ -160,6 +169,18 @@ fn suspension(chassis: &Chassis, wheels: &[DVec3], floor_m: f64) -> Vec<(DVec3, 
 }
 
 impl Part {
+    /// Its least and greatest coordinates.
+    fn bounds(&self) -> (DVec3, DVec3) {
+        match *self {
+            Part::Block { low, high } => (low, high),
+            Part::Wheel { centre, radius, half_width } => {
+                let half = DVec3::new(radius, half_width, radius);
+                (centre - half, centre + half)
+            }
+            Part::Rod { from, to, radius } => (from.min(to) - radius, from.max(to) + radius),
+        }
+    }
+
     /// Range and outward normal.
     fn first_hit(&self, o: DVec3, d: DVec3) -> Option<(f64, DVec3)> {
         match *self {

@@ -45,13 +45,14 @@ pub(super) fn draw(canvas: &mut Canvas, map: &Map, scene: &Scene, style: Style, 
     let (low_m, high_m) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), h| (a.min(h), b.max(h)));
     let relief_m = (high_m - low_m).max(1e-3);
     let contour_m = round_step((relief_m / 12.0).max(0.011));
+    let shaded = field.shaded();
     let colour_at = |x: usize, y: usize| -> Colour {
         let index = y * field.side + x;
         let (ground_m, gradient) = (field.ground_m[index], field.gradient(x, y));
         if !ground_m.is_finite() {
             return palette.paper;
         }
-        let sunny = f64::from(u8::from(!field.shaded(x, y)));
+        let sunny = f64::from(u8::from(!shaded[index]));
         let light =
             |normal: DVec3| (AMBIENT + (1.18 - AMBIENT) * sunny * normal.dot(SUN).max(0.0) / SUN.z.max(0.7)) as f32;
         let at_m = map.world(((x as f64 + 0.5) / FINE as f64, (y as f64 + 0.5) / FINE as f64));
@@ -163,19 +164,26 @@ impl Field {
         DVec2::new(slope(at(west, y), at(east, y), east - west), slope(at(x, south), at(x, north), south - north))
     }
 
-    /// Whether something stands between this sample and the sun.
-    fn shaded(&self, x: usize, y: usize) -> bool {
-        let from_m = self.top_m[y * self.side + x];
-        // One sample a step along the sun's azimuth (both axes change by one), and a hair above the surface.
+    /// Whether something stands between a sample and the sun, for each. The sun's azimuth lies along the diagonals: one walk away from the
+    /// sun along each of them carries the highest ray that what was passed lets over itself.
+    fn shaded(&self) -> Vec<bool> {
+        // A step changes both axes by one sample.
         let rise_m = self.spacing_m * SUN.z / -SUN.x;
-        let reach = (MAX_SHADOW_M / self.spacing_m) as usize;
-        (1..reach.min(x + 1).min(y + 1))
-            .any(|k| self.top_m[(y - k) * self.side + x - k] > from_m + rise_m * k as f64 + 0.004)
+        let mut shaded = vec![false; self.side * self.side];
+        let starts = (0..self.side).map(|x| (x, 0)).chain((1..self.side).map(|y| (0, y)));
+        for (x, y) in starts {
+            let mut highest_m = f64::NEG_INFINITY;
+            for k in 0..self.side - x.max(y) {
+                let index = (y + k) * self.side + x + k;
+                let level_m = self.top_m[index] + rise_m * k as f64;
+                // A hair above the surface; outside the yard nothing is known, nor casts a shadow.
+                shaded[index] = highest_m > level_m + 0.004;
+                highest_m = highest_m.max(level_m);
+            }
+        }
+        shaded
     }
 }
-
-/// Shadows are followed this far along each axis, metres: things up to 5 m tall.
-const MAX_SHADOW_M: f64 = 5.0;
 
 /// The height and facing of a body's upper surface over a place.
 fn top_of(shape: &Shape, at_m: DVec2) -> Option<(f64, DVec3)> {

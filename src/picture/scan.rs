@@ -36,7 +36,7 @@ pub fn scan_view(view: &View) -> Vec<u8> {
     canvas.text(view.title, (LEFT as f64, 16.0), TITLE, Alignment::Left, palette.ink);
     let hits = sweep.returns.status.iter().filter(|&&s| s == Status::Hit).count();
     let heading = format!(
-        "Sweep: {} x {} beams, {hits} returns. Colour: range",
+        "Sweep: {} x {} beams, {hits} returns. Colour: range, by its square root",
         sweep.returns.pattern.lines, sweep.returns.pattern.beams
     );
     canvas.text(&heading, (LEFT as f64, TOP as f64 - 26.0), NORMAL, Alignment::Left, palette.ink);

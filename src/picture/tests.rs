@@ -193,7 +193,7 @@ fn exact_the_map_shades_each_cell_by_its_label() {
 #[test]
 fn equal_pictures_have_the_same_bytes_on_one_thread_and_on_four() {
     with_view(|view, caster| {
-        let all = || [top_view(view), perspective::render(view, caster, Overlay::Cells, 240, 135)];
+        let all = || [top_view(view), Perspective::of_size(view, caster, (240, 135)).png(Overlay::Cells)];
         let on = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool").install(all);
         assert!(on(1) == on(4));
     });
@@ -202,7 +202,8 @@ fn equal_pictures_have_the_same_bytes_on_one_thread_and_on_four() {
 #[test]
 fn exact_the_perspective_lays_cells_on_the_ground_and_none_on_the_sky() {
     with_view(|view, caster| {
-        let seen = |overlay| decoded(&perspective::render(view, caster, overlay, 360, 202));
+        let perspective = Perspective::of_size(view, caster, (360, 202));
+        let seen = |overlay| decoded(&perspective.png(overlay));
         let ((width, points), (_, cells)) = (seen(Overlay::Points), seen(Overlay::Cells));
         assert_eq!((width, points.len()), (360, 360 * 202));
         // The sky shows no overlay, the ground before the rover does.
@@ -248,7 +249,7 @@ fn extreme_a_view_without_cells_poses_or_returns_still_makes_pictures() {
         let bare = View { truth: &view.truth[..1], estimates: &[], cells: &none, sweep: &blind, title: "", ..*view };
         decoded(&top_view(&bare));
         decoded(&scan_view(&bare));
-        decoded(&perspective::render(&bare, caster, Overlay::Points, 160, 90));
+        decoded(&Perspective::of_size(&bare, caster, (160, 90)).png(Overlay::Points));
         let rosette = Pattern { lines: 1, beams: 68_200, ..(*blind.returns.pattern).clone() };
         let returns = Returns { pattern: Arc::new(rosette), ..view.sweep.returns.clone() };
         let by_angles = Sweep { returns, ..view.sweep.clone() };
