@@ -113,7 +113,8 @@ def sample(options):
     roots = {folder: math.sqrt(len(mutants)) for folder, mutants in order.items()}
     quota = {folder: max(LEAST_A_FOLDER, round(options.wanted * root / sum(roots.values()))) for folder, root in roots.items()}
     write(options.work / "order.json", order)
-    write(options.work / "quota.json", {"quota": quota, "skipped": skipped, "candidates": {f: len(m) for f, m in order.items()}})
+    tree = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    write(options.work / "quota.json", {"tree": tree, "quota": quota, "skipped": skipped, "candidates": {f: len(m) for f, m in order.items()}})
     print(quota, dict(skipped), {f: len(m) for f, m in order.items()})
 
 
@@ -405,18 +406,21 @@ def report(options):
         counts["added"] += outcome.get("after_a_test_was_added", False)
     broken = read(options.work / "broken.json", [])
     skipped = {**quota["skipped"], "drawn, but the mutant does not compile": len(broken)}
-    write(RESULTS / "mutants.json", {"seed": options.seed, "candidates": quota["candidates"], "skipped": skipped, "mutants": rows})
+    write(RESULTS / "mutants.json", {"seed": options.seed, "tree": quota["tree"], "candidates": quota["candidates"], "skipped": skipped, "mutants": rows})
     (RESULTS / "mutants.md").write_text(page(options, table, rows, quota, skipped))
     print((RESULTS / "mutants.md").read_text())
 
 
 def page(options, table, rows, quota, skipped):
     caught = sum(counts["caught"] for counts in table.values())
+    added = sum(counts["added"] for counts in table.values())
     columns = ["sampled", "caught", "own tests", "other unit tests", "timeout", "added", "survived"]
     lines = ["# Faults that the tests notice", "",
              f"Of {len(rows)} mutants of cargo-mutants, drawn by seed {options.seed} from {sum(quota['candidates'].values())}, the unit "
              f"tests catch {caught} ({100 * caught / len(rows):.1f} %). Golden, contract and statistics tests were not asked. Made by "
-             "`python scripts/mutants/run.py sample build reach run report`.", "",
+             f"`python scripts/mutants/run.py sample build reach run report`; lines are those of {quota['tree']}.", "",
+             f"Before tests were added for what went by, they caught {caught - added} ({100 * (caught - added) / len(rows):.1f} %): that is what "
+             "another sample would be like, not the figure above.", "",
              "| folder | candidates | sampled | caught | share | by its own tests | by other unit tests "
              "| of these by running on without end | by a test added for it | survived |",
              "|---|---|---|---|---|---|---|---|---|---|"]
@@ -432,9 +436,9 @@ def page(options, table, rows, quota, skipped):
     for row in rows:
         if not row["caught"]:
             lines.append(f"| {row['file']}:{row['line']} | {row['mutation'].replace('|', chr(92) + '|')} | {row['explanation'] or '-'} |")
-    added = [row for row in rows if row.get("after_a_test_was_added")]
+    answered = [row for row in rows if row.get("after_a_test_was_added")]
     lines += ["", "## Survivors that a test was added for", "", "| where | mutation | test |", "|---|---|---|"]
-    lines += [f"| {row['file']}:{row['line']} | {row['mutation'].replace('|', chr(92) + '|')} | `{row['test']}` |" for row in added]
+    lines += [f"| {row['file']}:{row['line']} | {row['mutation'].replace('|', chr(92) + '|')} | `{row['test']}` |" for row in answered]
     return "\n".join(lines) + "\n"
 
 
