@@ -114,8 +114,9 @@ def sample(options):
     quota = {folder: max(LEAST_A_FOLDER, round(options.wanted * root / sum(roots.values()))) for folder, root in roots.items()}
     write(options.work / "order.json", order)
     tree = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    write(options.work / "quota.json", {"tree": tree, "quota": quota, "skipped": skipped, "candidates": {f: len(m) for f, m in order.items()}})
-    print(quota, dict(skipped), {f: len(m) for f, m in order.items()})
+    candidates = {folder: len(mutants) for folder, mutants in order.items()}
+    write(options.work / "quota.json", {"tree": tree, "quota": quota, "skipped": skipped, "candidates": candidates})
+    print(quota, dict(skipped), candidates)
 
 
 # -- build
@@ -406,7 +407,8 @@ def report(options):
         counts["added"] += outcome.get("after_a_test_was_added", False)
     broken = read(options.work / "broken.json", [])
     skipped = {**quota["skipped"], "drawn, but the mutant does not compile": len(broken)}
-    write(RESULTS / "mutants.json", {"seed": options.seed, "tree": quota["tree"], "candidates": quota["candidates"], "skipped": skipped, "mutants": rows})
+    about = {"seed": options.seed, "tree": quota["tree"], "candidates": quota["candidates"], "skipped": skipped}
+    write(RESULTS / "mutants.json", {**about, "mutants": rows})
     (RESULTS / "mutants.md").write_text(page(options, table, rows, quota, skipped))
     print((RESULTS / "mutants.md").read_text())
 
@@ -419,8 +421,8 @@ def page(options, table, rows, quota, skipped):
              f"Of {len(rows)} mutants of cargo-mutants, drawn by seed {options.seed} from {sum(quota['candidates'].values())}, the unit "
              f"tests catch {caught} ({100 * caught / len(rows):.1f} %). Golden, contract and statistics tests were not asked. Made by "
              f"`python scripts/mutants/run.py sample build reach run report`; lines are those of {quota['tree']}.", "",
-             f"Before tests were added for what went by, they caught {caught - added} ({100 * (caught - added) / len(rows):.1f} %): that is what "
-             "another sample would be like, not the figure above.", "",
+             f"Before tests were added for what went by, they caught {caught - added} ({100 * (caught - added) / len(rows):.1f} %): "
+             "expect about that of another sample, not the figure above.", "",
              "| folder | candidates | sampled | caught | share | by its own tests | by other unit tests "
              "| of these by running on without end | by a test added for it | survived |",
              "|---|---|---|---|---|---|---|---|---|---|"]
