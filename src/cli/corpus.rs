@@ -59,6 +59,9 @@ pub(super) struct StatusArgs {
 pub(super) struct InspectArgs {
     /// Folder or URL of a finished corpus.
     place: PathBuf,
+    /// Print one JSON document (schemas/inspection.schema.json) instead of text.
+    #[arg(long)]
+    json: bool,
 }
 
 /// The corpus at a place, by its own plan.yaml.
@@ -269,6 +272,11 @@ fn refuse_other_program(place: &Path, store: &dyn Store, shards: &[u64]) -> Resu
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let (_, store) = open(&args.place)?;
-    out!("{}", corpus::inspect(store.as_ref()).map_err(corpus_failure)?);
+    let inspection = corpus::inspect(store.as_ref()).map_err(corpus_failure)?;
+    if args.json {
+        out!("{}", corpus::documents::text(&inspection.document()));
+    } else {
+        out!("{inspection}");
+    }
     Ok(())
 }

@@ -5,6 +5,7 @@
 
 mod build;
 mod classify;
+mod compare;
 mod corpus;
 mod evaluate;
 mod explain;
@@ -63,7 +64,8 @@ enum LogFormat {
 enum Verb {
     /// Check a config; say what it models, and what it costs in time, rows and bytes.
     Plan(plan::PlanArgs),
-    /// Build a corpus, or go on where an earlier run stopped (the same command again).
+    /// Build a corpus, or go on where an earlier run stopped (the same command again). More scenes are added to one that is there by
+    /// --set scenes=2000 with the same --out: its shards stay byte for byte.
     #[command(after_help = RULE)]
     Generate(generate::GenerateArgs),
     /// Say which shards are done, missing, failed or damaged, as ranges ready for --shards.
@@ -78,6 +80,9 @@ enum Verb {
     Sign(sign::SignArgs),
     /// Balance of labels, ranges of features, dead features.
     Inspect(corpus::InspectArgs),
+    /// Say where two corpora differ, or a corpus and a config: keys of the plans, rows, labels, features, programs, shards.
+    #[command(after_help = compare::CODES)]
+    Compare(compare::CompareArgs),
     /// Replay one scene and say what was drawn and computed; for a cell, the arithmetic of each feature and label.
     Explain(explain::ExplainArgs),
     /// Pictures (PNG), cloud (PLY) and trajectories (TUM) of one scene.
@@ -191,6 +196,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Verify(args) => corpus::verify(args, cli.log),
         Verb::Sign(args) => sign::run(args),
         Verb::Inspect(args) => corpus::inspect(args),
+        Verb::Compare(args) => compare::run(args),
         Verb::Explain(args) => explain::run(args),
         Verb::Preview(args) => preview::run(args),
         Verb::Train(args) => train::run(args, cli.log),

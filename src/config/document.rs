@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::cells::CellParams;
 use crate::corpus::{Table, names};
 use crate::drive::DriveParams;
-use crate::plan::Fidelity;
+use crate::plan::{CardParams, Fidelity};
 use crate::random::within;
 use crate::scene::SceneParams;
 use crate::slam::SlamParams;
@@ -43,6 +43,10 @@ pub struct Document {
     #[garde(skip)]
     #[serde(default)]
     pub fidelity: Option<Fidelity>,
+    /// Licence, authors and citation, for the corpus's card. Changes no row and no id.
+    #[garde(dive)]
+    #[serde(default)]
+    pub card: Option<CardParams>,
     #[garde(skip)]
     #[serde(default, skip_serializing)]
     #[schemars(with = "SceneParams")]

@@ -103,6 +103,7 @@ impl Loader {
             tables: document.tables,
             max_failed_share: document.max_failed_share,
             fidelity: document.fidelity,
+            card: document.card,
             families: Vec::new(),
             files: Vec::new(),
         };

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use super::write::yaml;
 use crate::cells::feature_columns;
 use crate::corpus::CorpusSpec;
+use crate::corpus::card::FamilyFacts;
 use crate::plan::Plan;
 use crate::random::Purpose;
 
@@ -36,7 +37,8 @@ impl Plan {
             scene_plan_hash: self.scene_plan_hash(),
             yards: self.yards(),
             plan_yaml: self.to_yaml(),
-            license: "unknown".into(),
+            card: self.card.clone().unwrap_or_default(),
+            facts: self.families.iter().map(FamilyFacts::of).collect(),
         }
     }
 }

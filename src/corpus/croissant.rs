@@ -6,7 +6,7 @@
 use serde_json::{Value, json};
 
 use super::schema::{self, Column};
-use super::{CorpusSpec, Manifest, Table, manifest};
+use super::{CorpusSpec, Manifest, Table, card};
 
 pub const NAME: &str = "croissant.json";
 /// How it ends: behind the last field of the last record.
@@ -16,19 +16,32 @@ pub const END: &str = "          }\n        }\n      ]\n    }\n  ]\n}\n";
 pub fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {
     let files: Vec<Value> = spec.tables.iter().map(|&table| file_set(table)).collect();
     let records: Vec<Value> = spec.tables.iter().map(|&table| record_set(table, spec)).collect();
-    let document = json!({
+    let card = &spec.card;
+    let mut document = json!({
         "@context": context(),
         "@type": "sc:Dataset",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "name": spec.name,
         "description": "Simulated lidar sweeps of random yards, as cells of a grid with features and labels: which ground can a rover cross?",
-        "license": format!("https://spdx.org/licenses/{}", spec.license),
         "version": format!("{}.0.0", manifest.format),
         "keywords": ["lidar", "robotics", "traversability", "synthetic"],
-        "citeAs": format!("corpus_id {} ({}, marsyard {})", manifest.corpus_id, manifest::NAME, manifest.build.version),
+        "citeAs": card::citation(spec, manifest),
         "distribution": files,
         "recordSet": records,
     });
+    // What the config does not say is left out: a reader is told that it is missing, and gets no placeholder.
+    let creators = || card.authors.iter().map(|name| json!({"@type": "sc:Person", "name": name})).collect();
+    let stated = [
+        ("license", card.license_url().or_else(|| card.license.clone()).map(Value::from)),
+        ("creator", (!card.authors.is_empty()).then(creators)),
+        ("url", card.url.clone().map(Value::from)),
+        ("datePublished", card.date_published.clone().map(Value::from)),
+    ];
+    let entries = document.as_object_mut().expect("a mapping");
+    for (key, value) in stated.into_iter().rev().filter_map(|(key, value)| Some((key, value?))) {
+        // Behind the description: the file ends with its last record, by which it is known to be whole.
+        entries.shift_insert(5, key.into(), value);
+    }
     serde_json::to_string_pretty(&document).expect("plain JSON") + "\n"
 }
 

@@ -3,8 +3,11 @@
 //! `NAME.schema.json` are JSON Schemas (draft 2020-12) of the JSON files; `NAME.columns.json` list a table's columns with
 //! types, units and meanings (`cells` with its default features; `scenes` without the drawn values, which a config names).
 
+use serde::Serialize;
 use serde_json::Value;
 
+use super::compare::Comparison;
+use super::inspect::InspectionDocument;
 use super::manifest::{Manifest, ShardLine};
 use super::{Receipt, Table, schema};
 use crate::cells::{CellParams, feature_columns};
@@ -12,6 +15,8 @@ use crate::cells::{CellParams, feature_columns};
 /// File names within `schemas/` and their texts.
 pub fn documents() -> Vec<(String, String)> {
     let types = [
+        ("comparison", titled(schemars::schema_for!(Comparison), "what marsyard compare --json prints")),
+        ("inspection", titled(schemars::schema_for!(InspectionDocument), "what marsyard inspect --json prints")),
         ("manifest", titled(schemars::schema_for!(Manifest), "manifest.json of a corpus")),
         ("receipt", titled(schemars::schema_for!(Receipt), "receipts/0000000.json of a corpus: one finished shard")),
         ("shards", titled(schemars::schema_for!(ShardLine), "a line of shards.jsonl of a corpus")),
@@ -26,6 +31,11 @@ pub fn documents() -> Vec<(String, String)> {
         .map(|pair| named("schema", pair))
         .chain(tables.into_iter().map(|pair| named("columns", pair)))
         .collect()
+}
+
+/// A document as it is printed.
+pub fn text(document: &impl Serialize) -> String {
+    serde_json::to_string_pretty(document).expect("a document is plain data") + "\n"
 }
 
 fn titled(schema: schemars::Schema, title: &str) -> Value {

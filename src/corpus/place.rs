@@ -1,11 +1,12 @@
 //! A place where a corpus is built: whose it is, and which shards are there.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt;
 
 use rayon::prelude::*;
 
 use super::finished;
+use super::key_differences::{KeyDifference, key_differences};
 use super::limits::FileKind;
 use super::listing::{Listing, Stray};
 use super::plan_file::{self, Extent, PlanHead};
@@ -374,19 +375,15 @@ pub struct Difference {
     pub here: Option<String>,
 }
 
-/// The keys in which two plans differ, by key; `name`, `scenes` and the word `fidelity` make no other corpus. `None` where one
+/// The keys in which two plans differ, by key; `name`, `scenes`, `card` and the word `fidelity` make no other corpus. `None` where one
 /// cannot be read as YAML.
 pub fn differences(there: &str, here: &str) -> Option<Vec<Difference>> {
-    let (there, here) = (flattened(there)?, flattened(here)?);
-    let keys: BTreeSet<&String> = there.keys().chain(here.keys()).collect();
-    let differ = |key: &&String| there.get(*key) != here.get(*key);
-    let keys = keys.into_iter().filter(|key| !matches!(key.as_str(), "name" | "scenes" | "fidelity")).filter(differ);
-    let both = |key: &String| (there.get(key).cloned(), here.get(key).cloned());
-    Some(
-        keys.map(|key| (key, both(key)))
-            .map(|(key, (there, here))| Difference { key: key.clone(), there, here })
-            .collect(),
-    )
+    let document = |yaml: &str| serde_saphyr::from_str::<serde_json::Value>(yaml).ok();
+    let found = key_differences(&document(there)?, &document(here)?);
+    let is_of_scenes = |key: &str| !matches!(key, "name" | "scenes" | "fidelity") && !key.starts_with("card.");
+    let text = |value: Option<serde_json::Value>| value.map(|value| value.to_string());
+    let found = found.into_iter().filter(|difference| is_of_scenes(&difference.key));
+    Some(found.map(|KeyDifference { key, a, b }| Difference { key, there: text(a), here: text(b) }).collect())
 }
 
 /// The same for people: `-` as it is in the place, `+` as it was asked for.
@@ -406,24 +403,4 @@ pub fn difference(there: &str, here: &str) -> String {
     } else {
         lines.join("\n")
     }
-}
-
-/// A YAML document as dotted keys with scalar values.
-fn flattened(yaml: &str) -> Option<BTreeMap<String, String>> {
-    fn walk(key: String, value: &serde_json::Value, out: &mut BTreeMap<String, String>) {
-        let below = |part: &str| if key.is_empty() { part.to_string() } else { format!("{key}.{part}") };
-        match value {
-            serde_json::Value::Object(map) if !map.is_empty() => map.iter().for_each(|(k, v)| walk(below(k), v, out)),
-            serde_json::Value::Array(list) if list.iter().any(|v| v.is_object() || v.is_array()) => {
-                list.iter().enumerate().for_each(|(i, v)| walk(below(&i.to_string()), v, out));
-            }
-            scalar => {
-                out.insert(key, scalar.to_string());
-            }
-        }
-    }
-    let value: serde_json::Value = serde_saphyr::from_str(yaml).ok()?;
-    let mut out = BTreeMap::new();
-    walk(String::new(), &value, &mut out);
-    Some(out)
 }

@@ -1,7 +1,9 @@
 //! What the corpus is told of the plan.
 
 use super::Table;
+use super::card::FamilyFacts;
 use crate::cells::FeatureColumn;
+use crate::plan::CardParams;
 use crate::random::Purpose;
 
 /// What the plan says of the corpus as a whole.
@@ -23,8 +25,10 @@ pub struct CorpusSpec {
     pub yards: Vec<String>,
     /// The resolved plan as text.
     pub plan_yaml: String,
-    /// SPDX name in lower case, as Hugging Face writes it, of the licence that the data is given under.
-    pub license: String,
+    /// Licence, authors and citation.
+    pub card: CardParams,
+    /// What its card says of each family.
+    pub facts: Vec<FamilyFacts>,
 }
 
 impl CorpusSpec {

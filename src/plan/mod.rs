@@ -4,6 +4,7 @@
 //! streams begin, which split a shard is, and the hashes by which two plans are told apart. Tables and splits have their names here; what
 //! is in the tables' columns is the corpus's.
 
+mod card;
 mod fidelity;
 mod split;
 
@@ -19,6 +20,7 @@ use crate::scene::SceneParams;
 use crate::slam::SlamParams;
 use crate::sweep::SweepParams;
 
+pub use card::CardParams;
 pub use fidelity::Fidelity;
 pub use split::{Split, Table};
 
@@ -40,6 +42,9 @@ pub struct Plan {
     /// What was laid under the config's own keys; all of it is written out in the families.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fidelity: Option<Fidelity>,
+    /// What the corpus's card says beside the plan; in no hash.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub card: Option<CardParams>,
     /// At least one; a config without families has one named `default`.
     pub families: Vec<Family>,
     /// Files that the plan names and `plan.yaml` needs beside it: their path there, and where they lie now.
@@ -112,7 +117,7 @@ impl Plan {
     }
 
     /// Hash of the plan without `name` and `scenes`: the same for a corpus and the same corpus with more scenes. Nor does
-    /// `fidelity` enter, a word for values that are all written out.
+    /// `fidelity` enter, a word for values that are all written out, nor `card`, which is about the corpus and not of its rows.
     ///
     /// ```
     /// # #[cfg(feature = "corpus")] {
@@ -137,6 +142,7 @@ impl Plan {
             entries.shift_remove("name");
             entries.shift_remove("scenes");
             entries.shift_remove("fidelity");
+            entries.shift_remove("card");
         }
         // Keys in the order of the types, numbers in their shortest form: the same plan, the same bytes.
         blake3::hash(document.to_string().as_bytes()).to_hex().to_string()
@@ -156,8 +162,8 @@ impl Plan {
         plan.scene_plan_hash()
     }
 
-    /// The plan in the form of a document. One family named `default` is the document's own sections.
-    pub(crate) fn to_document(&self) -> Json {
+    /// The plan in the form of a document, every default written out. One family named `default` is the document's own sections.
+    pub fn to_document(&self) -> Json {
         let plan = serde_json::to_value(self).expect("a plan holds finite numbers and text keys");
         let Json::Object(mut document) = plan else { unreachable!("a struct is an object") };
         let is_default = |family: &Family| family.name == "default" && family.weight == 1.0 && !family.hold_out;

@@ -1,4 +1,4 @@
-//! Contract: a plan written out is a config that gives the same plan; its hash is blind to name and scenes alone.
+//! Contract: a plan written out is a config that gives the same plan; its hash is blind to name, scenes and card alone.
 
 use std::path::Path;
 
@@ -92,11 +92,14 @@ fn equal_plans_with_every_part_switched_on_and_off() {
 }
 
 #[test]
-fn law_the_scene_plan_hash_ignores_name_and_scenes_alone() {
+fn law_the_scene_plan_hash_ignores_name_scenes_and_card_alone() {
     let base = plan(&[]);
     let hash = base.scene_plan_hash();
     assert_eq!(hash, plan(&["name=other", "scenes=400"]).scene_plan_hash());
     assert!(between(&base, &plan(&["name=other", "scenes=400"])).is_empty());
+    let carded = plan(&["card.license=CC-BY-4.0", "card.authors=[Ann Example]"]);
+    assert!(hash == carded.scene_plan_hash() && between(&base, &carded).is_empty());
+    assert!(base.to_yaml() != carded.to_yaml() && base.rows_hash() == carded.rows_hash());
     for set in ["seed=43", "scenes_per_shard=20", "scene.rocks.count=5", "tables=[cells]", "slam.fastslam.particles=31"]
     {
         let other = plan(&[set]);

@@ -4,6 +4,8 @@
 mod classify;
 /// The verbs: exit codes, what is written, what is said.
 mod cli;
+/// What is told of corpora: compared, inspected by a program, their cards.
+mod compare;
 /// The one door into a finished corpus: what is not the corpus that its manifest names is refused by every reader.
 mod door;
 /// Pinned ids of three small corpora.

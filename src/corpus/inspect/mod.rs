@@ -1,9 +1,16 @@
 //! A corpus -> what its owner should know before training on it: balance, feature ranges, dead features, odd scenes.
 
+mod document;
+
 use std::collections::BTreeMap;
 use std::fmt;
 
 use arrow_array::{Array, BooleanArray, Int64Array, RecordBatch, StringArray};
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+pub use document::{FamilyBalance, FeatureRange, InspectionDocument, SplitBalance};
 
 use super::manifest::{FeatureSummary, Manifest};
 use super::stats::LabelCounts;
@@ -28,7 +35,8 @@ pub struct FeatureReport {
 }
 
 /// Why a feature teaches nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum FeatureFault {
     Empty,
     Constant,
@@ -46,12 +54,7 @@ pub struct FamilyReport {
 /// Reads the manifest and the (small) `scenes` tables of a finished corpus.
 pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
     let corpus = Finished::open(store)?;
-    let features = corpus
-        .manifest
-        .features
-        .iter()
-        .map(|summary| FeatureReport { fault: fault(summary), summary: summary.clone() })
-        .collect();
+    let features = corpus.manifest.features.iter().map(FeatureReport::of).collect();
     let mut families = BTreeMap::new();
     for line in &corpus.lines {
         let refused = |refused| corpus.refused(line, Table::Scenes, refused);
@@ -62,6 +65,12 @@ pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
     }
     let Finished { manifest, unchecked, .. } = corpus;
     Ok(Inspection { manifest, features, families, unchecked })
+}
+
+impl FeatureReport {
+    pub fn of(summary: &FeatureSummary) -> FeatureReport {
+        FeatureReport { fault: fault(summary), summary: summary.clone() }
+    }
 }
 
 fn fault(summary: &FeatureSummary) -> Option<FeatureFault> {
@@ -116,7 +125,9 @@ impl Inspection {
         for (split, totals) in &self.manifest.splits {
             let name = split.name();
             if totals.shards == 0 {
-                warnings.push(format!("the {name} split is empty: build at least 7 shards"));
+                warnings.push(format!(
+                    "the {name} split is empty: there is one shard in each from 7 shards on; raise scenes (`--set scenes=N`, \
+                     the shards that are there stay) or lower scenes_per_shard"));
             } else if totals.labels.traversable == 0 || totals.labels.untraversable == 0 {
                 warnings.push(format!("the {name} split lacks one of the two classes"));
             }

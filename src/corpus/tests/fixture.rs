@@ -6,6 +6,7 @@ use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn, Label};
 use crate::corpus::{CorpusSpec, LocalFolder, Manifest, Place, ShardWriter, Table, finalize};
 use crate::episode::{PoseRow, ScanOutput, ScanPoints, SceneCounts, SceneOutput};
 use crate::geometry::{CellIndex, DMat3, DVec3, GridSpec, Pose, Transform};
+use crate::plan::CardParams;
 use crate::random::{Dist, Drawn, Purpose, Stage, Streams};
 use crate::scene::Class;
 use crate::slam::Estimate;
@@ -34,7 +35,8 @@ pub fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         plan_yaml: format!(
             "marsyard: 1\nname: tiny\nseed: 42\nscenes: {scenes}\nscenes_per_shard: 2\nscene:\n  extent_m: 20.0\n"
         ),
-        license: "cc0-1.0".into(),
+        card: CardParams { license: Some("CC0-1.0".into()), ..CardParams::default() },
+        facts: Vec::new(),
     }
 }
 

@@ -8,6 +8,7 @@ use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn, Label, LabelRule, O
 use crate::corpus::{CorpusSpec, LocalFolder, Place, ShardWriter, Split, Store, Table, finalize};
 use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
+use crate::plan::CardParams;
 use crate::scene::Class;
 use crate::train::model::tests::model;
 use crate::train::{Model, Scaler};
@@ -48,7 +49,8 @@ fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         scene_plan_hash: "cd".repeat(32),
         yards: vec!["ef".repeat(32)],
         plan_yaml: format!("marsyard: 1\nname: known\nseed: 1\nscenes: {scenes}\nscenes_per_shard: 1\n"),
-        license: "cc0-1.0".into(),
+        card: CardParams { license: Some("CC0-1.0".into()), ..CardParams::default() },
+        facts: Vec::new(),
     }
 }
 

@@ -9,6 +9,7 @@ use crate::corpus::{CorpusSpec, LocalFolder, ShardWriter, Store, Table, finalize
 use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
 use crate::math;
+use crate::plan::CardParams;
 use crate::random::{Purpose, Stage, Streams};
 use crate::sweep::Sensor;
 use crate::train::run::Origin;
@@ -36,7 +37,8 @@ pub fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -> PathB
         scene_plan_hash: "cd".repeat(32),
         yards: vec![format!("yards of {name}")],
         plan_yaml: format!("marsyard: 1\nname: {name}\nseed: 1\nscenes: {}\nscenes_per_shard: 1\n", shards.len()),
-        license: "cc0-1.0".into(),
+        card: CardParams { license: Some("CC0-1.0".into()), ..CardParams::default() },
+        facts: Vec::new(),
     };
     crate::corpus::Place::open(&store, &spec).unwrap();
     for (shard, rows) in shards.iter().enumerate() {
