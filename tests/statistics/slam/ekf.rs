@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use marsyard::drive::Reading;
 use marsyard::math;
 use marsyard::slam::Feature;
-use marsyard::slam::measurement::{Mounting, View, innovation};
+use marsyard::slam::measurement::{Mounting, SensorView, innovation};
 use marsyard::slam::motion::{Control, GaussianPose, MotionNoise};
 
 pub struct EkfSlam {
@@ -72,7 +72,7 @@ impl EkfSlam {
 
     pub fn observe(&mut self, features: &[Feature], mounting: &Mounting) {
         let pose: [f64; 6] = std::array::from_fn(|i| self.mean[i]);
-        let view = View::new(&pose, mounting);
+        let view = SensorView::new(&pose, mounting);
         let n = self.mean.len();
         let (mut rows, mut residuals, mut variances) = (Vec::new(), Vec::new(), Vec::new());
         let mut fresh = Vec::new();
@@ -104,7 +104,7 @@ impl EkfSlam {
 
     fn add(&mut self, id: u32, feature: &Feature, mounting: &Mounting) {
         let pose: [f64; 6] = std::array::from_fn(|i| self.mean[i]);
-        let view = View::new(&pose, mounting);
+        let view = SensorView::new(&pose, mounting);
         let (place, own) = view.locate(&feature.polar, &FEATURE_VARIANCES);
         // The landmark's derivative by the pose, from h(x, m(x)) = z: -Hm^-1 Hs, here by differences.
         let step = 1e-6;
@@ -113,7 +113,7 @@ impl EkfSlam {
                 let moved = |by: f64| {
                     let mut pose = pose;
                     pose[i] += by;
-                    View::new(&pose, mounting).locate(&feature.polar, &FEATURE_VARIANCES).0
+                    SensorView::new(&pose, mounting).locate(&feature.polar, &FEATURE_VARIANCES).0
                 };
                 let (plus, minus) = (moved(step), moved(-step));
                 std::array::from_fn(|r| (plus[r] - minus[r]) / (2.0 * step))
