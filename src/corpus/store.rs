@@ -6,6 +6,11 @@
 //! never listed and never taken for whole. A live writer holds a lock on each of its temporary files, and the lock ends with the
 //! process, however it ends: who sweeps removes only what it can lock itself, in folders of marsyard's own ([`super::owner`]).
 //! [`address`] says what a user's text names, `objects` what object stores do.
+//!
+//! Beside `LocalFileSystem` of `object_store` 0.14, which syncs files and folders as well: it needs hard links to put without replacing,
+//! where a few file systems have none but rename so; nothing tells the staged files of a process that was killed from those of one that
+//! writes; and a plain build is to do without the crate. Each call of this one was made to fail, and each write cut off by a loss of
+//! power, in turn (`docs/evidence.md`).
 
 pub mod address;
 #[cfg(feature = "object-stores")]

@@ -4,6 +4,10 @@
 //! share is a hash of name and try, for no generator of random numbers is at work here. The limit is time without progress: by default
 //! 120 s, `MARSYARD_RETRY_S` sets another. At least one more try is made. The whole is limited too: every byte earns the time that
 //! it takes at the slowest rate that is waited for, so that a server that drips ends as one that says nothing.
+//!
+//! Beside the retries of `object_store` 0.14, which are limited by their count and by the time since the first request, and repeat that
+//! request as it was signed: here a transfer that moves goes on, one that stands still or drips ends, and each try is
+//! signed anew. Tested against servers that cut, drip and fall silent (`wire`).
 
 use std::cell::Cell;
 use std::time::{Duration, Instant};
