@@ -90,15 +90,15 @@ fn body(out: &mut String, spec: &CorpusSpec, manifest: &Manifest) -> std::fmt::R
             totals.labels.total()
         )?;
     }
+    writeln!(
+        out,
+        "\nNo scene is in two splits. Statistics of the features (train split) are in `manifest.json`, hashes of the files in `shards.jsonl`."
+    )?;
     out.push_str(EXTENDED);
     families(out, spec)?;
     out.push_str(LIMITS);
     rights(out, spec, manifest)?;
-    writeln!(
-        out,
-        "\nNo scene is in two splits. Statistics of the features (train split) are in `manifest.json`, hashes of the files in `shards.jsonl`.\n"
-    )?;
-    writeln!(out, "## Reading\n\n```python")?;
+    writeln!(out, "\n## Reading\n\n```python")?;
     writeln!(out, "import polars as pl")?;
     writeln!(out, "cells = pl.read_parquet(\"data/cells/train-*.parquet\")\n```\n")?;
     writeln!(
