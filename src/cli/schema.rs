@@ -8,7 +8,7 @@ use crate::config::{self, Kind};
 use crate::corpus::documents::documents;
 
 /// The files that `schemas/` holds, by their name before the first dot.
-const FILES: [(&str, &str); 11] = [
+const FILES: [(&str, &str); 13] = [
     ("corpus", "a config of a corpus (YAML)"),
     ("train", "a config of a training (YAML)"),
     ("rover", "a rover (YAML)"),
@@ -16,6 +16,8 @@ const FILES: [(&str, &str); 11] = [
     ("manifest", "manifest.json of a corpus"),
     ("shards", "a line of shards.jsonl of a corpus"),
     ("receipt", "a receipt of a shard"),
+    ("inspection", "what `inspect --json` prints"),
+    ("comparison", "what `compare --json` prints"),
     ("cells", "columns of the table `cells`"),
     ("points", "columns of the table `points`"),
     ("scenes", "columns of the table `scenes`"),

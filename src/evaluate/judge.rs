@@ -237,12 +237,16 @@ impl Judge {
     /// The best thresholds of the output and of the height difference for the cells gathered so far, by balanced accuracy.
     ///
     /// ```
+    /// use marsyard::cells::{CellTruth, Label};
     /// use marsyard::evaluate::{Cell, Judge};
+    /// use marsyard::geometry::CellIndex;
     ///
     /// // Low outputs on traversable cells, high ones on the others, with a gap from 0.4 to 0.7.
     /// let outputs = [0.1, 0.2, 0.4, 0.7, 0.9];
-    /// let cell = |untraversable| Cell { untraversable, points: 5, ..Cell::default() };
-    /// let cells = [false, false, false, true, true].map(cell);
+    /// let (index, truth) = (CellIndex { row: 0, col: 0 }, CellTruth::default());
+    /// let cell = |label| Cell { index, label, points: 5, range_m: 2.0, height_difference_m: 0.0, truth };
+    /// use Label::{Traversable, Untraversable};
+    /// let cells = [Traversable, Traversable, Traversable, Untraversable, Untraversable].map(cell);
     /// let mut judge = Judge::new(Vec::new(), None);
     /// judge.add_scan("", "", &cells, &outputs);
     /// let (of_output, _) = judge.best_thresholds().ok_or("a scan was added")?;

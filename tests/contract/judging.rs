@@ -170,7 +170,7 @@ fn extreme_corpora_of_another_version_and_models_of_other_features_are_refused()
     let (code, said) = told(&yard, &["evaluate", "run", "coarse"]);
     assert!(code == Some(2) && said.contains("cells.size_m: 0.1"), "{said}");
     let (code, said) = told(&yard, &["train", "corpus", "coarse", "--out", "both"]);
-    assert!(code == Some(2) && said.contains("cells.size_m 0.2"), "{said}");
+    assert!(code == Some(2) && said.contains("cells.size_m is 0.2"), "{said}");
     let manifest = yard.path("corpus/manifest.json");
     let there = std::fs::read_to_string(&manifest).expect("a manifest");
     std::fs::write(&manifest, there.replacen("\"format\": 2", "\"format\": 9", 1)).expect("a file");
