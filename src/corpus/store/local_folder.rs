@@ -1,0 +1,432 @@
+//! A folder on a local (or network) file system, as a [`Store`].
+//!
+//! In: names and bytes. Out: files that are whole or not there, also after a crash or a loss of power. A file is written to a temporary name
+//! of its own, synced, and renamed without replacing; then the folder is synced. What ends in a crash is a file named
+//! `.marsyard-tmp-PID-...`; it is never listed and never taken for whole. A live writer holds a lock on each of its temporary files, and
+//! the lock ends with the process, however it ends: who sweeps removes only what it can lock itself, in folders of marsyard's own
+//! ([`owner`](crate::corpus::owner)).
+//!
+//! Beside `LocalFileSystem` of `object_store` 0.14, which syncs files and folders as well: it needs hard links to put without replacing,
+//! where a few file systems have none but rename so; nothing tells the staged files of a process that was killed from those of one that
+//! writes; and a plain build is to do without the crate. Each call of this one was made to fail, and each write cut off by a loss of
+//! power, in turn (`docs/evidence.md`).
+
+use std::fs::{self, File, Permissions};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::files::{FolderEntry, read_file, take_name};
+use super::{Files, Put, Store, compared, is_name, is_temporary, read_folder, temporary_prefix};
+use crate::corpus::CorpusError;
+
+/// A folder on a local (or network) file system.
+#[derive(Clone, Debug)]
+pub struct LocalFolder {
+    root: PathBuf,
+}
+
+impl LocalFolder {
+    /// The folder need not exist; the first file right in it creates it.
+    pub fn new(root: impl Into<PathBuf>) -> LocalFolder {
+        LocalFolder { root: root.into() }
+    }
+
+    fn path(&self, name: &str) -> Result<PathBuf, CorpusError> {
+        if is_name(name) { Ok(self.root.join(name)) } else { Err(CorpusError::BadName { name: name.into() }) }
+    }
+
+    fn failed(&self, name: &str) -> impl Fn(std::io::Error) -> CorpusError {
+        move |source| CorpusError::Io { place: self.place(), name: name.into(), source }
+    }
+
+    /// Refuses a link that leads nowhere: what is made at its end is not what was named.
+    fn is_nothing(&self) -> Result<(), CorpusError> {
+        if fs::symlink_metadata(&self.root).is_err() {
+            return Ok(());
+        }
+        let (reason, cure) = ("it is a link to a folder that is not there", "make that folder, or remove the link");
+        Err(CorpusError::Refused { place: self.place(), reason: reason.into(), cure: cure.into() })
+    }
+
+    /// A file, opened without waiting: for a pipe, whose writer may never come, as for all else that is no file, it is refused.
+    fn opened(&self, name: &str) -> Result<File, CorpusError> {
+        let path = self.path(name)?;
+        let not_a_file = |what| CorpusError::NotAFile { place: self.place(), name: name.into(), what };
+        let facts = fs::symlink_metadata(&path).map_err(self.failed(name))?;
+        let refused = |facts: &fs::Metadata| kind_of(facts.file_type()).map_or(Ok(()), |what| Err(not_a_file(what)));
+        refused(&facts)?;
+        // It may have been replaced since.
+        let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
+        let mut options = File::options();
+        let file = options.read(true).custom_flags(flags.bits() as i32).open(&path).map_err(self.failed(name))?;
+        refused(&file.metadata().map_err(self.failed(name))?)?;
+        Ok(file)
+    }
+
+    /// What lies right in a folder; nothing where there is no such folder.
+    fn entries(&self, folder: &str) -> Result<Vec<FolderEntry>, CorpusError> {
+        let entries = match read_folder(&self.path(folder)?) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            other => other.map_err(self.failed(folder))?,
+        };
+        let mut kept = Vec::new();
+        for entry in entries {
+            let entry = entry.map_err(self.failed(folder))?;
+            if !is_temporary(&entry.file_name().to_string_lossy()) {
+                kept.push(entry);
+            }
+        }
+        Ok(kept)
+    }
+
+    /// The bytes, synced, under a temporary name beside their final one.
+    fn written(&self, path: &Path, bytes: &[u8]) -> std::io::Result<tempfile::NamedTempFile> {
+        let folder = path.parent().unwrap_or(&self.root);
+        // A file right in the root may be the first one; for others a root that has gone away is not made again.
+        if folder != self.root && !self.root.is_dir() {
+            return Err(std::io::Error::new(ErrorKind::NotFound, "the folder has gone away"));
+        }
+        create_synced(folder, if folder == self.root { None } else { Some(&self.root) })?;
+        let mut file = locked_temporary(folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        Ok(file)
+    }
+}
+
+impl Store for LocalFolder {
+    fn put(&self, name: &str, bytes: &[u8]) -> Result<Put, CorpusError> {
+        let path = self.path(name)?;
+        if self.size(name)?.is_some() {
+            return compared(self, name, &self.read(name)?, bytes);
+        }
+        let file = self.written(&path, bytes).map_err(self.failed(name))?;
+        match take_name(file, &path, |file| file.persist_noclobber(&path)) {
+            Ok(()) => {
+                sync_folder_of(&path).map_err(self.failed(name))?;
+                Ok(Put::Created)
+            }
+            // Another writer was faster.
+            Err(_) if self.size(name)?.is_some() => compared(self, name, &self.read(name)?, bytes),
+            Err(error) => Err(self.failed(name)(error)),
+        }
+    }
+
+    fn replace(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
+        let path = self.path(name)?;
+        // What cannot be read is replaced: it may be damaged, or nobody's to read.
+        if self.size(name)? == Some(bytes.len() as u64) && self.read(name).is_ok_and(|there| there == bytes) {
+            return Ok(());
+        }
+        let file = self.written(&path, bytes).map_err(self.failed(name))?;
+        file.persist(&path).map_err(|error| self.failed(name)(error.error))?;
+        sync_folder_of(&path).map_err(self.failed(name))
+    }
+
+    fn read_within(&self, name: &str, most: u64) -> Result<Vec<u8>, CorpusError> {
+        read_file(self.opened(name)?, most).map_err(self.failed(name))
+    }
+
+    fn read_range(&self, name: &str, offset: u64, length: usize) -> Result<Vec<u8>, CorpusError> {
+        let mut file = self.opened(name)?;
+        let mut read = || {
+            file.seek(SeekFrom::Start(offset))?;
+            let mut bytes = Vec::new();
+            (&file).take(length as u64).read_to_end(&mut bytes)?;
+            Ok(bytes)
+        };
+        read().map_err(self.failed(name))
+    }
+
+    fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
+        Ok(self.list_all(folder)?.0)
+    }
+
+    fn list_all(&self, folder: &str) -> Result<(Files, Vec<String>), CorpusError> {
+        let (mut files, mut others) = (Vec::new(), Vec::new());
+        for entry in self.entries(folder)? {
+            let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
+            let facts = match entry.metadata() {
+                // Removed since it was listed.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                other => other.map_err(self.failed(&name))?,
+            };
+            if facts.is_file() {
+                files.push((name, facts.len()));
+            } else {
+                others.push(name);
+            }
+        }
+        files.sort();
+        Ok((files, others))
+    }
+
+    fn size(&self, name: &str) -> Result<Option<u64>, CorpusError> {
+        match fs::symlink_metadata(self.path(name)?) {
+            Ok(facts) => match kind_of(facts.file_type()) {
+                None => Ok(Some(facts.len())),
+                Some(what) => Err(CorpusError::NotAFile { place: self.place(), name: name.into(), what }),
+            },
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(self.failed(name)(error)),
+        }
+    }
+
+    fn remove(&self, name: &str) -> Result<(), CorpusError> {
+        if self.size(name)?.is_none() {
+            return Ok(());
+        }
+        let path = self.path(name)?;
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            // What a power cut brings back would be there beside what was written since.
+            removed => removed.and_then(|()| sync_folder_of(&path)).map_err(self.failed(name)),
+        }
+    }
+
+    fn append(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
+        let append = |path: PathBuf| {
+            let mut file = File::options().append(true).open(path)?;
+            file.write_all(bytes)?;
+            file.sync_data()
+        };
+        append(self.path(name)?).map_err(self.failed(name))
+    }
+
+    fn first_entry(&self) -> Result<Option<String>, CorpusError> {
+        let entries = match read_folder(&self.root) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return self.is_nothing().map(|()| None),
+            other => other.map_err(self.failed(""))?,
+        };
+        let names = entries.map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()));
+        let names = names.collect::<Result<Vec<_>, _>>().map_err(self.failed(""))?;
+        Ok(names.into_iter().filter(|name| !is_temporary(name)).min())
+    }
+
+    fn sweep_temporaries(&self, folder: &str) -> Result<(), CorpusError> {
+        let path = if folder.is_empty() { self.root.clone() } else { self.path(folder)? };
+        let Ok(entries) = read_folder(&path) else { return Ok(()) };
+        for entry in entries.flatten() {
+            if !entry.is_file().unwrap_or(false) || !is_temporary(&entry.file_name().to_string_lossy()) {
+                continue;
+            }
+            // The lock is held while the file is removed: a writer that waits for it finds its file gone and takes another.
+            let Some(_lock) = abandoned(&entry.path()) else { continue };
+            match fs::remove_file(entry.path()) {
+                Err(error) if error.kind() != ErrorKind::NotFound => return Err(self.failed(folder)(error)),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn free_bytes(&self) -> Result<Option<u64>, CorpusError> {
+        // The folder may not be there yet: the nearest one above it is on the same disk.
+        let here = self.root.ancestors().find(|path| path.is_dir()).filter(|path| !path.as_os_str().is_empty());
+        let facts = rustix::fs::statvfs(here.unwrap_or(Path::new("."))).map_err(|e| self.failed("")(e.into()))?;
+        Ok(Some(facts.f_bavail.saturating_mul(facts.f_frsize)))
+    }
+
+    fn probe(&self) -> Result<(), CorpusError> {
+        self.written(&self.root.join("probe"), b"marsyard").map(drop).map_err(self.failed(""))
+    }
+
+    fn share(&self) -> Arc<dyn Store> {
+        Arc::new(self.clone())
+    }
+
+    fn place(&self) -> String {
+        self.root.display().to_string()
+    }
+}
+
+/// What is no file, in words; `None` for a file.
+fn kind_of(kind: fs::FileType) -> Option<&'static str> {
+    match kind {
+        kind if kind.is_file() => None,
+        kind if kind.is_symlink() => Some("a link"),
+        kind if kind.is_dir() => Some("a folder"),
+        kind if kind.is_fifo() => Some("a pipe"),
+        _ => Some("a device or a socket"),
+    }
+}
+
+/// A new file that says, by its lock, that its writer lives.
+fn locked_temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    loop {
+        // Mode 666 less the umask, as any other new file: others shall read a corpus.
+        let file = tempfile::Builder::new()
+            .prefix(&temporary_prefix())
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder)?;
+        match file.as_file().lock() {
+            // Between its creation and its lock, another process may have taken it for abandoned.
+            Ok(()) if file.as_file().metadata()?.nlink() == 0 => {}
+            // A file system without locks: nobody there can take the lock, so nobody takes the file for abandoned.
+            Ok(()) | Err(_) => return Ok(file),
+        }
+    }
+}
+
+/// Writes a file that lies in no place of marsyard's: whole, or not at all. What is no file (a pipe, a terminal) is written to.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    if fs::metadata(path).is_ok_and(|facts| !facts.is_file()) {
+        return fs::write(path, bytes);
+    }
+    // Through a link, so that it stays one.
+    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = locked_temporary(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(&path).map_err(|error| error.error)?;
+    sync_folder_of(&path)
+}
+
+/// A temporary file that nobody holds, locked; where that cannot be known, somebody does.
+fn abandoned(path: &Path) -> Option<File> {
+    File::open(path).ok().filter(|file| file.try_lock().is_ok())
+}
+
+/// Creates a folder and those above it, `root` and beyond left out; each new name is synced into the folder that holds it.
+pub(crate) fn create_synced(folder: &Path, root: Option<&Path>) -> std::io::Result<()> {
+    if folder.as_os_str().is_empty() || folder.is_dir() || Some(folder) == root {
+        return Ok(());
+    }
+    if let Some(above) = folder.parent() {
+        create_synced(above, root)?;
+    }
+    match fs::create_dir(folder) {
+        Err(error) if error.kind() != ErrorKind::AlreadyExists => Err(error),
+        _ => sync_folder_of(folder),
+    }
+}
+
+/// A name is on disk only once its folder is.
+pub(crate) fn sync_folder_of(path: &Path) -> std::io::Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder)?.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder() -> (tempfile::TempDir, LocalFolder) {
+        let dir = tempfile::tempdir().unwrap();
+        let store = LocalFolder::new(dir.path().join("corpus"));
+        store.put("plan", b"").unwrap();
+        (dir, store)
+    }
+
+    #[test]
+    fn law_of_many_writers_of_one_name_exactly_one_creates_it() {
+        let (_dir, store) = folder();
+        let created: usize = std::thread::scope(|scope| {
+            let writers: Vec<_> = (0..8).map(|_| scope.spawn(|| store.put("data/a", &[7; 100_000]).unwrap())).collect();
+            writers.into_iter().map(|w| usize::from(w.join().unwrap() == Put::Created)).sum()
+        });
+        assert_eq!(created, 1);
+        assert_eq!(store.list("data").unwrap(), vec![("data/a".to_string(), 100_000)]);
+        assert_eq!(fs::read_dir(store.root.join("data")).unwrap().count(), 1, "no temporary file stays");
+    }
+
+    #[test]
+    fn law_what_a_killed_writer_leaves_is_never_taken_for_whole() {
+        let (_dir, store) = folder();
+        store.put("data/a", b"whole").unwrap();
+        fs::write(store.root.join("data/.marsyard-tmp-4711-x1"), b"half").unwrap();
+        assert_eq!(store.list("data").unwrap(), vec![("data/a".to_string(), 5)]);
+        assert!(store.read("data/.marsyard-tmp-4711-x1").is_err());
+        store.sweep_temporaries("data").unwrap();
+        assert_eq!(fs::read_dir(store.root.join("data")).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn law_the_temporary_files_of_a_live_writer_are_never_swept() {
+        let (_dir, store) = folder();
+        store.put("data/a", b"whole").unwrap();
+        let live = locked_temporary(&store.root.join("data")).unwrap();
+        fs::write(store.root.join("data/.marsyard-tmp-1-dead"), b"half").unwrap();
+        fs::write(store.root.join(".marsyard-tmp-1-dead"), b"half").unwrap();
+        store.sweep_temporaries("data").unwrap();
+        store.sweep_temporaries("").unwrap();
+        assert!(live.path().exists() && !store.root.join("data/.marsyard-tmp-1-dead").exists());
+        assert!(!store.root.join(".marsyard-tmp-1-dead").exists());
+        let abandoned = live.path().to_path_buf();
+        // The lock ends with the file's handle, as it does with the process.
+        let (handle, path) = live.keep().unwrap();
+        drop(handle);
+        assert_eq!(path, abandoned);
+        store.sweep_temporaries("data").unwrap();
+        assert!(!abandoned.exists());
+    }
+
+    #[test]
+    fn law_writers_and_sweepers_at_once_lose_nothing() {
+        let (_dir, store) = folder();
+        let over = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let sweeper = scope.spawn(|| {
+                while !over.load(std::sync::atomic::Ordering::Relaxed) {
+                    store.sweep_temporaries("data").unwrap();
+                }
+            });
+            let puts: Vec<_> = (0..200).map(|k| store.put(&format!("data/{k}"), &[k as u8; 1000])).collect();
+            over.store(true, std::sync::atomic::Ordering::Relaxed);
+            sweeper.join().unwrap();
+            assert!(puts.into_iter().all(|put| put.unwrap() == Put::Created));
+        });
+        assert_eq!(store.list("data").unwrap().len(), 200);
+    }
+
+    #[test]
+    fn law_a_place_says_what_is_free_and_whether_it_can_be_written() {
+        let (_dir, store) = folder();
+        assert!(store.free_bytes().unwrap().unwrap() > 0);
+        store.probe().unwrap();
+        assert_eq!(fs::read_dir(&store.root).unwrap().count(), 1, "the probe is gone");
+        fs::remove_dir_all(&store.root).unwrap();
+        assert!(store.put("data/a", b"x").is_err() && !store.root.exists(), "what has gone away is not made again");
+        fs::write(&store.root, b"a file").unwrap();
+        assert!(matches!(store.probe(), Err(CorpusError::Io { .. })));
+    }
+
+    #[test]
+    fn extreme_files_are_read_within_their_limit_and_devices_not_at_all() {
+        let (_dir, store) = folder();
+        store.put("a", b"12345").unwrap();
+        assert_eq!(store.read_within("a", 5).unwrap(), b"12345");
+        let long = store.read_within("a", 4).unwrap_err().to_string();
+        assert!(long.contains("it has 5 bytes, more than the 4"), "{long}");
+        std::os::unix::fs::symlink("/dev/zero", store.root.join("zero")).unwrap();
+        fs::create_dir(store.root.join("folder")).unwrap();
+        for (name, expected) in [("zero", "a link"), ("folder", "a folder")] {
+            let refused = store.read(name).unwrap_err();
+            assert!(matches!(refused, CorpusError::NotAFile { what, .. } if what == expected), "{refused}");
+        }
+        let device = LocalFolder::new("/dev").read("zero").unwrap_err();
+        assert!(matches!(device, CorpusError::NotAFile { .. }), "{device}");
+    }
+
+    #[test]
+    fn extreme_a_file_that_cannot_be_read_is_replaced_by_one_of_its_length() {
+        let (_dir, store) = folder();
+        store.put("a", b"old").unwrap();
+        fs::set_permissions(store.root.join("a"), Permissions::from_mode(0o000)).unwrap();
+        store.replace("a", b"new").unwrap();
+        assert_eq!(store.read("a").unwrap(), b"new");
+    }
+
+    #[test]
+    fn law_others_may_read_what_is_written() {
+        let (_dir, store) = folder();
+        store.put("a", b"x").unwrap();
+        let plain = store.root.join("plain");
+        fs::write(&plain, b"x").unwrap();
+        let mode = |path: PathBuf| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(store.root.join("a")), mode(plain));
+    }
+}
