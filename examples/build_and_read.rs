@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let started = Instant::now();
     let threads = std::thread::available_parallelism()?.get();
-    let corpus = build_corpus(plan, &place, threads)?;
+    let corpus = build_corpus(&plan, &place, threads)?;
     println!(
         "{} scenes in {:.1} s, corpus_id {}",
         corpus.manifest.scenes,

@@ -15,7 +15,9 @@ use marsyard::{build_corpus, config, episode::Prepared, simulate_scene, train::M
 
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
-    let [model, scan, height_m] = &words[..] else { return simulated() };
+    let [model, scan, height_m] = &words[..] else {
+        return if words.is_empty() { simulated() } else { Err("give MODEL SCAN SENSOR_HEIGHT_M, or nothing".into()) };
+    };
     let model = Model::read(Path::new(model))?;
     let cloud = cloud::read(scan, &std::fs::read(scan)?, None, &cloud::Options::default())?;
     // No pose: the ground is looked for at this height below the sensor.
@@ -32,7 +34,7 @@ fn simulated() -> Result<(), Box<dyn Error>> {
     let quickstart = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/quickstart.yaml");
     let load = |sets: [&str; 3]| config::load(&quickstart, &sets.map(String::from));
     let plan = load(["scenes=20", "scenes_per_shard=1", "cells.size_m=0.2"])?;
-    build_corpus(plan, &corpus, std::thread::available_parallelism()?.get())?;
+    build_corpus(&plan, &corpus, std::thread::available_parallelism()?.get())?;
     let params = config::load_train(None, &["network.hidden=[8]", "epochs=3"].map(String::from))?;
     let model = train_network(&corpus, params, &run)?;
 
@@ -49,7 +51,7 @@ fn simulated() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The cells from above, north up, and how many were judged rightly where `truth` is known.
+/// The cells from above, north up, with what was judged wrongly where `truth` is known.
 fn draw(judged: &JudgedScan, truth: impl Fn(usize) -> Option<Label>) {
     let cells = &judged.cells;
     let places: Vec<(i32, i32)> = cells.cells.rows.iter().map(|row| (row.index.row, row.index.col)).collect();

@@ -102,5 +102,5 @@ fn nearest(from_m: DVec3, direction: DVec3) -> f64 {
         let t = scale * ac.dot(to.cross(ab));
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
     });
-    met.chain(is_ground.then_some(at)).fold(f64::INFINITY, f64::min).min(f64::INFINITY)
+    met.chain(is_ground.then_some(at)).fold(f64::INFINITY, f64::min)
 }

@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let place = temporary.path().join("corpus");
             let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/quickstart.yaml");
             let plan = config::load(&config, &["scenes=40", "scenes_per_shard=2"].map(String::from))?;
-            build_corpus(plan, &place, std::thread::available_parallelism()?.get())?;
+            build_corpus(&plan, &place, std::thread::available_parallelism()?.get())?;
             place
         }
     };

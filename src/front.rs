@@ -47,25 +47,22 @@ mod corpora {
     use std::path::Path;
     use std::sync::atomic::AtomicBool;
 
-    use crate::build::{BuildError, Job, build_shards};
-    use crate::corpus::limits::FileKind;
-    use crate::corpus::{CorpusError, Finished, Known, Place, address, finalize_knowing, status};
-    use crate::episode::Prepared;
+    use crate::build::{CorpusBuildError, Generate, Generated, generate};
+    use crate::corpus::{CorpusError, Finished, address};
     use crate::plan::Plan;
-    use crate::sweep::PatternError;
+
+    /// Left free on the disk, as `marsyard generate` does where nobody says otherwise.
+    const KEEP_FREE_BYTES: u64 = 100_000_000;
 
     /// Why a corpus was not built.
     #[derive(Debug, thiserror::Error)]
     pub enum BuildCorpusError {
-        /// The place or a file of it.
+        /// The place, or the finished corpus in it.
         #[error(transparent)]
         Corpus(#[from] CorpusError),
-        /// A sensor whose beams cannot be laid out.
-        #[error(transparent)]
-        Sensor(#[from] PatternError),
         /// Its scenes or shards.
         #[error(transparent)]
-        Build(#[from] BuildError<CorpusError>),
+        Build(#[from] CorpusBuildError),
         /// The corpus is there, with fewer scenes than its plan allows.
         #[error("{failed} of {scenes} scenes failed, more than max_failed_share = {share}; the first, {first}: {why}")]
         TooManyFailed { failed: u64, scenes: u64, share: f64, first: u64, why: String },
@@ -74,7 +71,7 @@ mod corpora {
     /// Builds what a folder (or an object store's URL) lacks of a plan's corpus, and finishes it.
     ///
     /// Killed at any moment it leaves whole shards; the same call again goes on from them, to the same bytes. A place that holds
-    /// anything else than this plan's corpus is refused, untouched.
+    /// anything else than this plan's corpus is refused, untouched. A stop, progress, parts of a corpus: [`generate`].
     ///
     /// ```
     /// use std::path::Path;
@@ -87,32 +84,33 @@ mod corpora {
     ///     let sets = ["scenes=7", "scenes_per_shard=1", stops].map(String::from);
     ///     config::load(Path::new("configs/quickstart.yaml"), &sets)
     /// };
-    /// let corpus = build_corpus(load("drive.stops=1")?, folder.path(), 2)?;
+    /// let corpus = build_corpus(&load("drive.stops=1")?, folder.path(), 2)?;
     /// let shards = Split::ALL.map(|split| corpus.lines_of(split).count());
     /// assert_eq!(shards, [5, 1, 1]);
     /// // Nothing is left to do, and nothing changes.
-    /// let again = build_corpus(load("drive.stops=1")?, folder.path(), 1)?;
+    /// let again = build_corpus(&load("drive.stops=1")?, folder.path(), 1)?;
     /// assert_eq!(again.manifest.corpus_id, corpus.manifest.corpus_id);
     /// // Another plan does not write here.
-    /// let refused = build_corpus(load("drive.stops=2")?, folder.path(), 1).err().map(|error| error.to_string());
+    /// let refused = build_corpus(&load("drive.stops=2")?, folder.path(), 1).err().map(|error| error.to_string());
     /// assert!(refused.is_some_and(|error| error.contains("+ drive.stops: 2")));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn build_corpus(plan: Plan, place: &Path, threads: usize) -> Result<Finished, BuildCorpusError> {
-        let spec = plan.corpus_spec();
+    pub fn build_corpus(plan: &Plan, place: &Path, threads: usize) -> Result<Finished, BuildCorpusError> {
         let store = address::open(place)?;
-        let taken = Place::open(store.as_ref(), &spec)?;
-        for file in &plan.files {
-            store.put(&file.path, &address::read(&file.from, FileKind::Config)?)?;
-        }
-        let status = status(store.as_ref(), &spec)?;
-        status.damaged.iter().try_for_each(|(shard, _)| taken.discard(*shard))?;
-        let shards = status.to_build();
-        let prepared = Prepared::new(plan)?;
-        let job = Job { shards: &shards, threads, stop: &AtomicBool::new(false), hashes: false };
-        build_shards(&prepared, &spec, job, |_| (), |shard| taken.commit(&shard))?;
-        let manifest = finalize_knowing(store.as_ref(), &spec, Known { built: &shards, signed: None })?;
-        let (failed, scenes, share) = (manifest.failed.len() as u64, manifest.scenes, prepared.plan.max_failed_share);
+        let how = Generate {
+            selection: None,
+            plan_only: false,
+            discard_beyond: false,
+            threads,
+            keep_free_bytes: KEEP_FREE_BYTES,
+            stage_hashes: None,
+        };
+        let built = generate(plan, store.as_ref(), &how, &AtomicBool::new(false), &mut |_| ())?;
+        let Generated::Whole(whole) = built else {
+            unreachable!("all shards are selected, and nobody stops the build")
+        };
+        let manifest = whole.manifest;
+        let (failed, scenes, share) = (manifest.failed.len() as u64, manifest.scenes, plan.max_failed_share);
         if let Some(first) = manifest.failed.first().filter(|_| failed as f64 > share * scenes as f64) {
             let (first, why) = (first.scene, first.error.clone());
             return Err(BuildCorpusError::TooManyFailed { failed, scenes, share, first, why });
@@ -130,7 +128,7 @@ mod corpora {
     ///
     /// let folder = tempfile::tempdir()?;
     /// let sets = ["scenes=2", "scenes_per_shard=1", "drive.stops=1"].map(String::from);
-    /// build_corpus(config::load(Path::new("configs/quickstart.yaml"), &sets)?, folder.path(), 2)?;
+    /// build_corpus(&config::load(Path::new("configs/quickstart.yaml"), &sets)?, folder.path(), 2)?;
     /// let corpus = open_corpus(folder.path())?;
     /// let shard = corpus.lines_of(Split::Train).next().ok_or("a shard")?;
     /// // The table's bytes are held against their hash when it is opened.
@@ -153,13 +151,12 @@ mod corpora {
 #[cfg(feature = "train")]
 mod networks {
     use std::path::Path;
-    use std::sync::Arc;
     use std::sync::atomic::AtomicBool;
 
     use crate::config::{self, ConfigError};
     use crate::corpus::{address, plan_file};
-    use crate::train::run::Origin;
-    use crate::train::{Model, ModelError, Setup, Source, Sources, TrainError, TrainParams, folder, train};
+    use crate::train::corpora::{self, CorpusToLearn, Joined};
+    use crate::train::{Model, ModelError, Setup, Source, TrainError, TrainParams, folder, train};
 
     /// Why no network was trained.
     #[derive(Debug, thiserror::Error)]
@@ -188,7 +185,7 @@ mod networks {
     /// let folder = tempfile::tempdir()?;
     /// let (corpus, run) = (folder.path().join("corpus"), folder.path().join("run"));
     /// let sets = ["scenes=7", "scenes_per_shard=1", "drive.stops=1", "cells.size_m=0.3"].map(String::from);
-    /// build_corpus(config::load(Path::new("configs/quickstart.yaml"), &sets)?, &corpus, 2)?;
+    /// build_corpus(&config::load(Path::new("configs/quickstart.yaml"), &sets)?, &corpus, 2)?;
     ///
     /// let params = config::load_train(None, &["network.hidden=[4]", "epochs=1"].map(String::from))?;
     /// let model = train_network(&corpus, params, &run)?;
@@ -203,16 +200,15 @@ mod networks {
     /// ```
     pub fn train_network(corpus: &Path, params: TrainParams, out: &Path) -> Result<Model, TrainNetworkError> {
         let store = address::open(corpus).map_err(TrainError::Corpus)?;
-        let mut source = Source::open(store.as_ref(), 1.0)?;
+        let source = Source::open(store.as_ref(), 1.0)?;
         let plan = config::load(&corpus.join(plan_file::NAME), &[]).map_err(TrainNetworkError::Plan)?;
-        if !source.yards.known() {
-            source.yards.yards = plan.yards();
-        }
+        let learn = CorpusToLearn { place: corpus.display().to_string(), source, plan };
+        let Joined { sources, origin } = corpora::join(vec![learn], &params, None, false)?;
         let setup = Setup {
             config_yaml: config::train_yaml(&params),
-            sources: Arc::new(Sources::new(vec![source], &params.features, params.labels.clone())?),
+            sources,
             params,
-            origin: Origin::of(&plan.families[0]),
+            origin,
             out: out.into(),
             resume: false,
             init: None,

@@ -14,7 +14,7 @@ use std::marker::PhantomData;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, mpsc};
+use std::sync::{Mutex, TryLockError, mpsc};
 
 pub use read_ahead::ReadAhead;
 
@@ -55,8 +55,13 @@ pub fn run<S: Schedule, M: Default + Send>(
     let (sender, outputs) = mpsc::channel();
     let one_task = |task: S::Task| {
         let own = &scratch[rayon::current_thread_index().expect("a thread of the pool")];
-        // A thread alone holds its scratch, and a panic ends the whole.
-        let mut own = own.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        // A thread alone holds its scratch, and a panic ends the whole. A task that waited for rayon's threads might be given another one
+        // meanwhile, which would wait for this scratch for ever.
+        let mut own = match own.try_lock() {
+            Ok(own) => own,
+            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(TryLockError::WouldBlock) => panic!("a task of a schedule must not wait for rayon's threads"),
+        };
         work(task, &mut own)
     };
     let one_task = &one_task;

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 use super::corpus::{Built, CorpusBuild, CorpusBuildError, CorpusEvent};
 use super::{Outcome, Tally};
 use crate::corpus::limits::FileKind;
-use crate::corpus::{self, CorpusError, Known, Manifest, Place, Selection, Store, address, ranges};
+use crate::corpus::{self, Known, Manifest, Place, Selection, Store, address, ranges};
 use crate::episode::Prepared;
 use crate::plan::Plan;
 
@@ -70,7 +70,7 @@ pub fn generate(
         Place::open(store, &spec)?
     };
     for file in &plan.files {
-        store.put(&file.path, &read(&file.from)?)?;
+        store.put(&file.path, &address::read(&file.from, FileKind::Config)?)?;
     }
     if how.plan_only {
         return Ok(Generated::Plan);
@@ -107,13 +107,4 @@ pub fn generate(
 pub fn selected_shards(plan: &Plan, selection: Option<&Selection>) -> Result<Vec<u64>, CorpusBuildError> {
     let Some(selection) = selection else { return Ok((0..plan.shards()).collect()) };
     selection.of(plan.shards()).map_err(|why| CorpusBuildError::Selection(why.to_string()))
-}
-
-/// A file that the plan names, in a folder or at a URL.
-fn read(path: &Path) -> Result<Vec<u8>, CorpusError> {
-    let kind = FileKind::Config;
-    if address::is_url(path) {
-        return address::read_url(path, kind.most_bytes());
-    }
-    kind.read_path(path).map_err(|error| CorpusError::of_path(path, error))
 }

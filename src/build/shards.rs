@@ -4,7 +4,7 @@
 //! the thread that is free next appends their rows before another scene is begun (`open_shards`); a shard with all its rows is put in its
 //! place by the thread that is free next. What a shard holds depends on no number of threads; which of two shards is put first may.
 //! Memory is bounded: one scene a thread in the making, some that wait in each open shard, and the bytes of the open shards: few, unless
-//! scenes wait for their rows, and at most three for two threads.
+//! scenes wait for their rows, and at most three for two threads; and of as many shards more as tasks are out, while those are put in place.
 
 mod open_shards;
 mod scenes;

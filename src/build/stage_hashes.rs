@@ -1,7 +1,7 @@
 //! Scenes of a shard -> a line of JSON each, with the hashes of their stages' f64 results: what f32 columns would hide.
 //!
 //! Lines are added when their shard is whole, just before it is put in its place: a build that is asked to stop adds none for the shards
-//! that it discards, and none is lost by a kill. A kill between the two leaves lines of a shard that the next run adds again.
+//! that it discards, and none is lost by a kill. A kill or a failed write between the two leaves lines of a shard that the next run adds again.
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -54,7 +54,7 @@ pub use columns::{
 pub use label::Label;
 pub use labels::obstacles;
 pub use params::CellParams;
-pub use rule::{LabelRule, Obstacle};
+pub use rule::{LabelRule, Obstacle, Unanswerable};
 
 use crate::geometry::CellIndex;
 use crate::scene::Class;

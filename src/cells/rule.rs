@@ -8,7 +8,7 @@
 //! `truth_protrusion_m` to f32; the column holds the tallest object among the points, and a cell is untraversable when any of its points
 //! belongs to one that is too tall. Not exactly: where a porous object (grass, bush, crown) is the tallest, the cell is an obstacle as the
 //! corpus counted it, so that a rock beneath it counts by the corpus's rule. Not at all: how many points another rule's obstacles have, which
-//! is why `min_obstacle_points` goes with `obstacle: as_built` only ([`LabelRule::is_answerable`]).
+//! is why `min_obstacle_points` goes with `obstacle: as_built` only ([`LabelRule::check_answerable`]).
 
 use garde::Validate;
 use schemars::JsonSchema;
@@ -121,10 +121,17 @@ impl LabelRule {
     }
 
     /// Whether the stored truth answers the rule: all but the number of points of another rule's obstacles.
-    pub fn is_answerable(&self) -> bool {
-        self.min_obstacle_points == 1 || self.obstacle == Obstacle::AsBuilt
+    pub fn check_answerable(&self) -> Result<(), Unanswerable> {
+        (self.min_obstacle_points == 1 || self.obstacle == Obstacle::AsBuilt).then_some(()).ok_or(Unanswerable)
     }
 }
+
+/// A rule that the truth which a corpus keeps does not answer.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "min_obstacle_points above 1 goes with `obstacle: as_built` only: the corpus counts the points of its own obstacles alone"
+)]
+pub struct Unanswerable;
 
 #[cfg(test)]
 mod tests {
@@ -176,8 +183,8 @@ mod tests {
     #[test]
     fn exact_more_points_can_be_asked_of_the_corpus_s_own_obstacles_alone() {
         let two = |obstacle| LabelRule { min_obstacle_points: 2, ..rule(obstacle) };
-        assert!(two(Obstacle::AsBuilt).is_answerable() && !two(Obstacle::All).is_answerable());
-        assert!(rule(Obstacle::TallerThanM(0.2)).is_answerable());
+        assert!(two(Obstacle::AsBuilt).check_answerable().is_ok() && two(Obstacle::All).check_answerable().is_err());
+        assert!(rule(Obstacle::TallerThanM(0.2)).check_answerable().is_ok());
         assert!(
             untraversable(&two(Obstacle::AsBuilt), &rock(0.2, 2))
                 && !untraversable(&two(Obstacle::AsBuilt), &rock(0.2, 1))

@@ -54,9 +54,7 @@ enum SplitName {
 fn parse_rule(text: &str) -> Result<LabelRule, String> {
     let rule: LabelRule = serde_saphyr::from_str(text).map_err(|e| e.to_string())?;
     garde::Validate::validate(&rule).map_err(|e| e.to_string())?;
-    if !rule.is_answerable() {
-        return Err("min_obstacle_points above 1 goes with `obstacle: as_built` only".into());
-    }
+    rule.check_answerable().map_err(|e| e.to_string())?;
     Ok(rule)
 }
 

@@ -42,7 +42,7 @@ pub(super) struct GenerateArgs {
     /// Megabytes that are to stay free on the disk; a build that would take more stops before it does.
     #[arg(long, value_name = "MB", default_value_t = 100)]
     keep_free_mb: u64,
-    /// Add a line of JSON to FILE for each scene, with the hashes of its stages' f64 results: what the f32 columns of two
+    /// Add a line of JSON to FILE for each scene of a whole shard, with the hashes of its stages' f64 results: what the f32 columns of two
     /// builds would hide.
     #[arg(long, value_name = "FILE")]
     stage_hashes: Option<PathBuf>,

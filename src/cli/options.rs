@@ -49,7 +49,12 @@ pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
 /// The plan of a config file, a plan.yaml or a corpus; and the place of the corpus, if it is one.
 pub(super) fn plan_of<'p>(place: &'p Path, sets: &[String]) -> Result<(Plan, Option<&'p Path>), Failure> {
     let (file, corpus) = if is_config(place) { (place.into(), None) } else { (place.join("plan.yaml"), Some(place)) };
-    Ok((config::load(&file, sets).map_err(config_failure)?, corpus))
+    let (plan, remarks) = config::load_with_remarks(&file, sets).map_err(config_failure)?;
+    // A corpus was remarked on when it was built.
+    if corpus.is_none() {
+        remarks.iter().for_each(|remark| tracing::warn!("{remark}"));
+    }
+    Ok((plan, corpus))
 }
 
 /// Refuses a scene that the plan does not have.

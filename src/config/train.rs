@@ -88,7 +88,7 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
         let rule = "'validate_every' must be at least 1, got 0";
         faults.push(Fault::new(place.span("validate_every"), rule).cure("take it out for min(20,000, rows / 5)"));
     }
-    if params.labels.as_ref().is_some_and(|rule| !rule.is_answerable()) {
+    if params.labels.as_ref().is_some_and(|rule| rule.check_answerable().is_err()) {
         let rule = "'labels.min_obstacle_points' above 1 goes with 'labels.obstacle: as_built' only: the corpus counts the points of \
                     its own obstacles alone";
         let at = Fault::new(place.span("labels.min_obstacle_points"), rule);

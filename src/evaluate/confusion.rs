@@ -96,6 +96,7 @@ impl Confusion {
         self.false_untraversable + self.missed_untraversable
     }
 
+    /// Shares and scores; `None` where a class is absent.
     ///
     /// ```
     /// use marsyard::evaluate::Confusion;

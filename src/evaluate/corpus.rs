@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use super::columns::{self, Columns, Scan};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
-use crate::cells::LabelRule;
 use crate::cells::params::{LabelParams, LocalHeightParams};
+use crate::cells::{LabelRule, Unanswerable};
 use crate::corpus::cells::CellBatch;
 use crate::corpus::checked::Refused;
 use crate::corpus::manifest::ShardLine;
@@ -98,6 +98,8 @@ pub enum EvaluateError {
          --allow-shared-scenes to have it told in the report"
     )]
     Shared { place: String, leaks: String },
+    #[error(transparent)]
+    Rule(#[from] Unanswerable),
     #[error("the thresholds {0:?} are not 1 to 16 rising numbers within 0 and 1")]
     Thresholds(Vec<f64>),
 }
@@ -109,6 +111,7 @@ pub fn evaluate(
     families: &[FamilyFacts],
     options: &Options,
 ) -> Result<Report, EvaluateError> {
+    options.labels.as_ref().map_or(Ok(()), LabelRule::check_answerable)?;
     for family in families {
         let named = |source| EvaluateError::Family { family: family.name.clone(), source };
         model.check_cell_size(family.cell_size_m).map_err(named)?;

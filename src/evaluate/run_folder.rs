@@ -1,4 +1,4 @@
-//! A trained model, and a corpus that it learnt from -> the judgement on the corpus's test split, written into the run folder.
+//! A trained model, and a corpus that it learnt from -> the judgement on a split of the corpus, written into the run folder.
 
 use std::sync::Arc;
 

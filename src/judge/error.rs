@@ -1,11 +1,11 @@
-//! Why scans cannot be judged; each message names the file or the option, the rule and the cure.
+//! Why scans cannot be judged; each message names the scan or the option (as `classify` calls it), the rule and the cure.
 
 use crate::cloud::CloudError;
 use crate::corpus::CorpusError;
 use crate::geometry::DVec3;
 use crate::train::ModelError;
 
-use super::scan_pose::FARTHEST_M;
+use super::scan_pose::MOST_COORDINATE_M;
 
 /// Why a judge cannot be made, or a scan not be judged.
 #[derive(Debug, thiserror::Error)]
@@ -17,16 +17,20 @@ pub enum JudgeError {
     /// The cells' table could not be written.
     #[error(transparent)]
     Table(#[from] CorpusError),
-    #[error("--max-range {max_range_m}: must be a number above 0")]
+    #[error("--max-range {max_range_m}: must be a number above 0; leave it out for that of the model")]
     MaxRange { max_range_m: f64 },
     #[error("--window 0: at least 1")]
     NoWindow,
     #[error("--window needs poses: with --sensor-height each scan has a frame of its own; give --trajectory or --pose")]
     WindowWithoutPoses,
-    #[error("a --sigma is negative or not finite: standard deviations are 0 or more")]
-    Sigma,
     #[error(
-        "a pose at {position_m}: positions lie within {FARTHEST_M:e} m of the map's origin; subtract the origin, or mend the unit"
+        "points in the map's frame need poses: the ground is looked for below the sensor; give poses, or points in the sensor's frame"
+    )]
+    MapWithoutPoses,
+    #[error("--sigma-{name} {value} (metres, radians): a standard deviation is 0 or more, and less than 1e6")]
+    Sigma { name: &'static str, value: f64 },
+    #[error(
+        "a pose at {position_m}: positions lie within {MOST_COORDINATE_M:e} m of the map's origin; subtract the origin, or mend the unit"
     )]
     FarPose { position_m: DVec3 },
     #[error("{scan}: there is no pose for it")]

@@ -90,13 +90,17 @@ impl Setup {
             return Err(JudgeError::MaxRange { max_range_m });
         }
         let [x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg] = about.mount;
+        let window = window(options, about)?;
+        if options.frame == Frame::Map && matches!(options.pose_source, PoseSource::Ground { .. }) {
+            return Err(JudgeError::MapWithoutPoses);
+        }
         Ok(Setup {
             frame: options.frame,
             pose_source: options.pose_source,
             mount: options.mount.unwrap_or(Mount { x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg }),
             sigmas: sigmas(options, about)?,
             max_range_m,
-            window: window(options, about)?,
+            window,
             min_points: options.min_points,
         })
     }
@@ -123,6 +127,9 @@ fn sigmas(options: &Options, about: &About) -> Result<Sigmas, JudgeError> {
         tilt_rad: options.sigma_tilt_rad.unwrap_or_else(|| median("sigma_pitch_rad")),
         yaw_rad: options.sigma_yaw_rad.unwrap_or_else(|| median("sigma_yaw_rad")),
     };
-    let all = [sigmas.xy_m, sigmas.z_m, sigmas.tilt_rad, sigmas.yaw_rad];
-    all.iter().all(|sigma| (0.0..1e6).contains(sigma)).then_some(sigmas).ok_or(JudgeError::Sigma)
+    let all = [("xy", sigmas.xy_m), ("z", sigmas.z_m), ("tilt", sigmas.tilt_rad), ("yaw", sigmas.yaw_rad)];
+    match all.into_iter().find(|(_, sigma)| !(0.0..1e6).contains(sigma)) {
+        Some((name, value)) => Err(JudgeError::Sigma { name, value }),
+        None => Ok(sigmas),
+    }
 }

@@ -6,7 +6,7 @@ use super::cost_map::{CostMap, Shown, cost_map};
 use super::export::{self, LabelledPoint};
 use super::level::{Levelled, level};
 use super::options::{Frame, PoseSource, Setup};
-use super::scan_pose::{FARTHEST_M, ScanPose};
+use super::scan_pose::{MOST_COORDINATE_M, ScanPose};
 use super::{JudgeError, JudgedCells};
 use crate::cells::{CellAssigner, WindowCloud};
 use crate::cloud::{Cloud, CloudError};
@@ -41,11 +41,11 @@ impl PlacedScan {
             return Err(CloudError::NoPoints { file: name.into(), not_finite: cloud.not_finite }.into());
         }
         let (rover_from_sensor, sigmas) = (setup.mount.rover_from_sensor(), &setup.sigmas);
-        let given = || pose.ok_or_else(|| JudgeError::NoPose { scan: name.into() });
+        let pose_given = || pose.ok_or_else(|| JudgeError::NoPose { scan: name.into() });
         let mut levelled = None;
         let pose = match setup.pose_source {
-            PoseSource::Rover => ScanPose::of_rover(near(given()?)?, &rover_from_sensor, sigmas),
-            PoseSource::Sensor => ScanPose::of_sensor(near(given()?)?, &rover_from_sensor, sigmas),
+            PoseSource::Rover => ScanPose::of_rover(check_position(pose_given()?)?, &rover_from_sensor, sigmas),
+            PoseSource::Sensor => ScanPose::of_sensor(check_position(pose_given()?)?, &rover_from_sensor, sigmas),
             PoseSource::Ground { sensor_height_m } => {
                 let found = level(name, &cloud.points_m, sensor_height_m)?;
                 levelled = Some(found);
@@ -80,10 +80,10 @@ fn check_columns(name: &str, cloud: &Cloud) -> Result<(), JudgeError> {
 }
 
 /// Refuses a pose that is no place in a map.
-pub(super) fn near(pose: &Pose) -> Result<&Pose, JudgeError> {
+pub(super) fn check_position(pose: &Pose) -> Result<&Pose, JudgeError> {
     let position_m = pose.position_m;
-    // A NaN is not near anything.
-    let is_near = position_m.to_array().iter().all(|value| value.abs() <= FARTHEST_M);
+    // A NaN compares as false, and is refused.
+    let is_near = position_m.to_array().iter().all(|value| value.abs() <= MOST_COORDINATE_M);
     is_near.then_some(pose).ok_or(JudgeError::FarPose { position_m })
 }
 

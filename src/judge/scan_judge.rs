@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::options::{Options, Setup};
-use super::scan::{JudgedScan, PlacedScan, near};
+use super::scan::{JudgedScan, PlacedScan, check_position};
 use super::training_range::{self, Outside};
 use super::{JudgeError, JudgedCells};
 use crate::cells::{self, CellRow, FeatureColumn, WindowCloud, feature_columns};
@@ -63,7 +63,7 @@ impl<'m> ScanJudge<'m> {
 
     /// Refuses what no scan could be judged by, before the first one is.
     pub fn check_pose(&self, pose: &Pose) -> Result<(), JudgeError> {
-        near(pose).map(drop)
+        check_position(pose).map(drop)
     }
 
     /// Judges one scan, with the points of those before it that are in its window. `name`: its file's, for messages; `pose`: as

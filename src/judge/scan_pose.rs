@@ -4,7 +4,7 @@ use crate::geometry::{Pose, Transform};
 use crate::slam::Estimate;
 
 /// Poses lie no farther from the map's origin: the Earth's own coordinates do not, and so far out doubles still tell 0.02 um.
-pub(super) const FARTHEST_M: f64 = 1e8;
+pub(super) const MOST_COORDINATE_M: f64 = 1e8;
 
 /// Where one scan was taken.
 #[derive(Clone, Debug, PartialEq)]

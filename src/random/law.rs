@@ -138,6 +138,7 @@ impl Law {
                 let p = (low + u * (high - low)).clamp(1e-300, 1.0 - f64::EPSILON / 2.0);
                 (mean + sd * normal_from_open_unit(p)).clamp(*min, *max)
             }
+            Law::Weibull { min, max, .. } if min == max => *min,
             Law::Weibull { scale, shape, min, max } => {
                 // (x / scale)^shape is exponential, and what an exponential draw has beyond a threshold is exponential again.
                 let [near, far] = [min, max].map(|x| math::pow(x / scale, *shape));

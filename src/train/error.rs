@@ -2,6 +2,7 @@
 
 use super::filter::FilterError;
 use super::model::ModelError;
+use crate::cells::Unanswerable;
 use crate::corpus::CorpusError;
 use crate::parallel::PoolError;
 
@@ -29,6 +30,8 @@ pub enum TrainError {
     FeatureTwice { feature: String },
     #[error("{place} and {other} cannot be learnt together: {what}; train on corpora with the same grid and features")]
     Unlike { place: String, other: String, what: String },
+    #[error(transparent)]
+    Rule(#[from] Unanswerable),
     #[error("{place} is given twice; give it once, with a weight: {place}:2")]
     Twice { place: String },
     #[error(
@@ -37,10 +40,10 @@ pub enum TrainError {
     )]
     NoRows { split: &'static str, shards: u64, unlabelled: u64, not_finite: u64 },
     #[error(
-        "the {split} split holds no cell at all, in {shards} shards: no sweep of its scenes fell into one; look at the sensor's mount \
-         and reach (`marsyard inspect` says where the points went)"
+        "the {split} split holds no cell at all, in {shards} shards: its scenes failed, or no sweep of its scenes fell into one; \
+         `marsyard inspect` says which, and where the points went: look at the sensor's mount and reach"
     )]
-    NoCellsAtAll { split: &'static str, shards: u64 },
+    EmptySplit { split: &'static str, shards: u64 },
     #[error("a scene is in one split, and is learnt from once: {leaks}")]
     SharedScenes { leaks: String },
     #[error(

@@ -102,9 +102,6 @@ impl Network {
 
     /// The output for one row, and its gradient by the weights (eq. 16).
     ///
-    /// # Panics
-    /// Where `inputs` or `gradient` has another length than the layout says.
-    ///
     /// One logistic neuron has a closed form, y (1 - y) times its input:
     ///
     /// ```
@@ -120,6 +117,9 @@ impl Network {
     ///     assert!((slope - output * (1.0 - output) * input).abs() < 1e-15);
     /// }
     /// ```
+    ///
+    /// # Panics
+    /// Where `inputs` or `gradient` has another length than the layout says.
     pub fn gradient(&self, inputs: &[f64], tape: &mut Activations, gradient: &mut [f64]) -> f64 {
         assert_eq!(inputs.len(), self.layout.inputs, "one value an input");
         assert_eq!(gradient.len(), self.weights.len(), "one slope a weight");

@@ -173,6 +173,7 @@ pub struct Sources {
 
 impl Sources {
     pub fn new(list: Vec<Source>, set: &FeatureSet, rule: Option<LabelRule>) -> Result<Sources, TrainError> {
+        rule.as_ref().map_or(Ok(()), LabelRule::check_answerable)?;
         for (i, source) in list.iter().enumerate() {
             if list[..i].iter().any(|other| other.corpus_id == source.corpus_id) {
                 return Err(TrainError::Twice { place: source.place() });

@@ -2,7 +2,7 @@
 //!
 //! Small splits are kept in memory, others are read again at each look, one row group at a time and one ahead. Chunks of rows are
 //! taken by all threads; their sums are added in the order of the rows, so that the number of threads changes no bit. The threads are
-//! those of the pool that the caller installed, which lives as long as a training: `parallel::run` starts and ends threads at each call,
+//! those of rayon's current pool, which lives as long as a training: `parallel::run` starts and ends threads at each call,
 //! and a look at rows in memory takes less than that.
 
 use std::sync::Arc;

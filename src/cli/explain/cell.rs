@@ -92,12 +92,13 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
         );
     }
     let carried = row.points as usize - inside.len();
-    if carried > 0 {
+    let moments = if carried > 0 {
         outln!("  and {carried} points of earlier sweeps of the window");
+        Ok(())
     } else {
         let heights_m: Vec<f64> = inside.iter().map(|p| p.map_m.z - rover_z_m).collect();
-        tell_moments(&heights_m, &columns, features)?;
-    }
+        tell_moments(&heights_m, &columns, features)
+    };
     outln!("\nfeatures (as stored, f32)");
     let offsets = neighbour_offsets(family.cells.neighbours);
     let mut neighbours = offsets.iter();
@@ -109,7 +110,7 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
         outln!("  {:<24} {value:>14.6e} {:<3} {source}", column.name, column.unit);
     }
     tell_label(family, replay, row);
-    Ok(())
+    moments
 }
 
 /// Equations 3 and 4 by the points that are listed, against the row's own features.

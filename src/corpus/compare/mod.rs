@@ -61,7 +61,7 @@ pub enum Relation {
     BExtendsA,
     /// The same plan of scenes, but shards that both have hold other values: written by programs that differ, or changed.
     SamePlanOtherRows,
-    /// Other scenes.
+    /// Other scenes, tables or shards.
     Other,
     /// One of them is a plan, of the very scenes that the other holds or would hold.
     SamePlan,

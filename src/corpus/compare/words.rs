@@ -51,7 +51,7 @@ impl Comparison {
                      changed; `marsyard verify --rebuild` says which are as their plan says"
                 )
             }
-            Relation::Other => "other scenes".into(),
+            Relation::Other => "plans of other scenes, tables or shards".into(),
             Relation::SamePlan if self.is_equal => "the same plan".into(),
             Relation::SamePlan => "the same plan of scenes; what differs stands below".into(),
         }

@@ -40,15 +40,15 @@ fn exact_a_window_holds_the_newest_scans_and_a_refused_one_changes_nothing() {
 fn law_cells_of_few_points_are_not_judged_and_the_others_get_the_models_output() {
     let model = small();
     let mut judge = ScanJudge::new(&model, Options { min_points: 2, ..in_map() }).unwrap();
-    let points = [[1.05, 0.05, 0.25], [2.05, 0.05, 0.0], [2.06, 0.05, 0.5]];
+    let points = [[1.05, 0.05, -4.0], [2.05, 0.05, 0.0], [2.06, 0.05, 0.5]];
     let judged = judge.scan("a scan", cloud(&points), Some(&Pose::default())).unwrap();
     let output = model.output(&[0.25, 0.5, 2.0]);
     assert_eq!(judged.cells.outputs, [None, Some(output)]);
     assert_eq!(judged.cells.classes, [None, Some(model.class(output))]);
     assert_eq!((judged.cells.count(None), judged.cells.count(Some(model.class(output)))), (1, 1));
     // One row an input; those of cells that were not judged are told as well.
-    let heights = &judge.outside_training(&[judged.cells])[1];
-    assert_eq!((heights.feature.as_str(), heights.below), ("height_difference_m", 0.0));
+    let heights = &judge.outside_training(&[judged.cells])[0];
+    assert_eq!((heights.feature.as_str(), heights.below), ("mean_height_m", 0.5));
 }
 
 #[test]
@@ -97,8 +97,9 @@ fn extreme_options_that_no_scan_can_be_judged_by_are_refused_at_once() {
         (Options { max_range_m: Some(0.0), ..in_map() }, "--max-range 0"),
         (Options { window: Some(0), ..in_map() }, "--window 0"),
         (Options { window: Some(2), pose_source: ground, ..in_map() }, "--window needs poses"),
-        (Options { sigma_z_m: Some(-1.0), ..in_map() }, "--sigma"),
-        (Options { sigma_yaw_rad: Some(f64::INFINITY), ..in_map() }, "--sigma"),
+        (Options { pose_source: ground, ..in_map() }, "need poses"),
+        (Options { sigma_z_m: Some(-1.0), ..in_map() }, "--sigma-z -1"),
+        (Options { sigma_yaw_rad: Some(f64::INFINITY), ..in_map() }, "--sigma-yaw inf"),
     ] {
         let error = ScanJudge::new(&model, options).unwrap_err().to_string();
         assert!(error.contains(needle), "{error}");

@@ -266,6 +266,8 @@ fn exact_laws_of_one_point_are_that_point() {
     let laws = [
         Law::Gamma { shape: 2.0, scale: 1.0, min: 0.7, max: 0.7 },
         Law::Weibull { scale: 2.0, shape: 1.0, min: 0.7, max: 0.7 },
+        // (0.7 / 0.3)^1000 is beyond f64.
+        Law::Weibull { scale: 0.3, shape: 1000.0, min: 0.7, max: 0.7 },
         Law::Beta { alpha: 2.0, beta: 3.0, low: 0.7, high: 0.7 },
         Law::Triangular { low: 0.7, mode: 0.7, high: 0.7 },
         pert_law(0.7, 0.7, 0.7, 4.0),

@@ -126,7 +126,7 @@ fn no_rows(sources: &Sources, split: Split, left_out: LeftOut) -> TrainError {
     let LeftOut { unlabelled, not_finite } = left_out;
     let (split, shards) = (split.name(), sources.shards(split));
     if shards > 0 && unlabelled + not_finite == 0 {
-        return TrainError::NoCellsAtAll { split, shards };
+        return TrainError::EmptySplit { split, shards };
     }
     TrainError::NoRows { split, shards, unlabelled, not_finite }
 }
