@@ -31,6 +31,7 @@ use std::sync::Arc;
 pub(crate) use files::read_folder;
 pub use files::{may_pass, read_local};
 pub use local_folder::{LocalFolder, write_whole};
+#[cfg(feature = "train")]
 pub(crate) use local_folder::{create_synced, sync_folder_of};
 
 use super::{CorpusError, sha256};
