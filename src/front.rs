@@ -111,7 +111,7 @@ mod corpora {
         };
         let manifest = whole.manifest;
         let (failed, scenes, share) = (manifest.failed.len() as u64, manifest.scenes, plan.max_failed_share);
-        if let Some(first) = manifest.failed.first().filter(|_| failed as f64 > share * scenes as f64) {
+        if let Some(first) = manifest.too_many_failed(share) {
             let (first, why) = (first.scene, first.error.clone());
             return Err(BuildCorpusError::TooManyFailed { failed, scenes, share, first, why });
         }

@@ -43,15 +43,13 @@ pub(super) fn interrupted() -> Failure {
 /// Refuses a finished corpus of which too many scenes failed, or which holds no cell.
 pub(super) fn judge_corpus(plan: &Plan, manifest: &Manifest) -> Result<(), Failure> {
     let (failed, scenes) = (manifest.failed.len() as u64, manifest.scenes);
-    if failed as f64 > plan.max_failed_share * scenes as f64 {
-        let first = manifest
-            .failed
-            .first()
-            .map(|f| format!("scene {}: {}; replay, in the corpus folder: {}", f.scene, printable(&f.error), f.replay))
-            .unwrap_or_default();
+    if let Some(first) = manifest.too_many_failed(plan.max_failed_share) {
         return Err(Failure::failed(format!(
-            "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: {first}",
-            plan.max_failed_share
+            "{failed} of {scenes} scenes failed, more than max_failed_share = {}; the first: scene {}: {}; replay, in the corpus folder: {}",
+            plan.max_failed_share,
+            first.scene,
+            printable(&first.error),
+            first.replay
         )));
     }
     match manifest.tables.get(&Table::Cells) {

@@ -11,7 +11,7 @@ use crate::cells::LabelRule;
 use crate::corpus::limits::FileKind;
 use crate::corpus::store::may_pass;
 use crate::corpus::{Outputs, Split, address};
-use crate::evaluate::{self, EvaluateError, FamilyFacts, Options};
+use crate::evaluate::{self, EvaluateError, FamilyFacts, Options, Report};
 use crate::train::{MODEL_FORMAT, Model, ModelError, folder};
 
 #[derive(Debug, Args)]
@@ -112,7 +112,7 @@ pub(super) fn evaluate_failure(error: EvaluateError) -> Failure {
 pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     check_folder(&args.corpus)?;
     let model = read_model(&args.model)?;
-    let open = |out: &PathBuf| Outputs::open(out, ["evaluation.json"], vec![model_file(&args.model)]);
+    let open = |out: &PathBuf| Outputs::open(out, [Report::FILE], vec![model_file(&args.model)]);
     let outputs = args.out.as_ref().map(open).transpose().map_err(corpus_failure)?;
     let plan = place::finished_plan(&args.corpus)?;
     let split = match args.split {

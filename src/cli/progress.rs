@@ -116,8 +116,8 @@ fn bar() -> ProgressBar {
 }
 
 /// "1 thread", "4 threads".
-pub(super) fn counted(count: u64, thing: &str) -> String {
-    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+pub(super) fn counted<N: std::fmt::Display + PartialEq + From<u8>>(count: N, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == N::from(1) { "" } else { "s" })
 }
 
 /// 1234567 -> "1.23 M".
@@ -158,7 +158,7 @@ mod tests {
         assert_eq!(si(999.0), "999");
         assert_eq!(human(Duration::from_secs(3725)), "1 h 2 min");
         assert_eq!(human(Duration::from_millis(12_340)), "12.3 s");
-        assert_eq!([counted(1, "thread"), counted(2, "thread")], ["1 thread", "2 threads"]);
+        assert_eq!([counted(1_u64, "thread"), counted(2_u64, "thread")], ["1 thread", "2 threads"]);
     }
 
     #[test]

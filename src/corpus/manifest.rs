@@ -203,6 +203,12 @@ impl<'a> Merge<'a> {
 }
 
 impl Manifest {
+    /// The first of the failed scenes, where they are more than this share of all.
+    pub fn too_many_failed(&self, most_share: f64) -> Option<&FailedEntry> {
+        let is_over = self.failed.len() as f64 > most_share * self.scenes as f64;
+        self.failed.first().filter(|_| is_over)
+    }
+
     /// The manifest's file.
     pub fn text(&self) -> String {
         serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n"

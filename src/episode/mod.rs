@@ -19,7 +19,7 @@ use crate::geometry::Transform;
 use crate::plan::{Family, Plan, Table};
 use crate::random::{Drawn, Stage};
 use crate::scene::{self, Scene};
-use crate::sweep::{self, Pattern};
+use crate::sweep::{self, Pattern, Sensor};
 use crate::{cells, slam};
 
 use attempt::{Attempt, Drive};
@@ -79,8 +79,28 @@ pub struct Replay {
 impl Prepared {
     /// Lays out each family's beams.
     pub fn new(plan: Plan) -> Result<Prepared, sweep::PatternError> {
-        let patterns =
-            plan.families.iter().map(|f| Pattern::build(&f.sweep.sensor).map(Arc::new)).collect::<Result<_, _>>()?;
+        Prepared::with_beams(plan, |_, _| None)
+    }
+
+    /// Another plan; the beams of families that keep their sensor are shared.
+    pub fn with_plan(&self, plan: Plan) -> Result<Prepared, sweep::PatternError> {
+        Prepared::with_beams(plan, |family, sensor| {
+            let here = self.plan.families.get(family).filter(|here| *here.sweep.sensor == *sensor);
+            here.map(|_| Arc::clone(&self.patterns[family]))
+        })
+    }
+
+    /// `known`: the beams of a family's sensor, where they are laid out already.
+    fn with_beams(
+        plan: Plan,
+        known: impl Fn(usize, &Sensor) -> Option<Arc<Pattern>>,
+    ) -> Result<Prepared, sweep::PatternError> {
+        let beams = |(family, sensor): (usize, &Sensor)| match known(family, sensor) {
+            Some(pattern) => Ok(pattern),
+            None => Pattern::build(sensor).map(Arc::new),
+        };
+        let sensors = plan.families.iter().map(|family| &*family.sweep.sensor);
+        let patterns = sensors.enumerate().map(beams).collect::<Result<_, _>>()?;
         let keep_points = plan.tables.contains(&Table::Points);
         Ok(Prepared { plan, patterns, keep_points })
     }

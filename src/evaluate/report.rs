@@ -135,10 +135,13 @@ const RANGE_BORDERS: [u32; 11] = [0, 100, 200, 300, 400, 600, 800, 1000, 1500, 2
 const ROC_POINTS: usize = 256;
 
 impl Report {
-    /// What is written of it: `evaluation.json`, and the figures.
+    /// The file of it.
+    pub const FILE: &str = "evaluation.json";
+
+    /// What is written of it: [`Report::FILE`], and the figures.
     pub fn files(&self) -> Vec<(String, Vec<u8>)> {
         let figures = figures(self).into_iter().map(|(name, svg)| (name.to_string(), svg.into_bytes()));
-        std::iter::once(("evaluation.json".into(), self.to_json().into_bytes())).chain(figures).collect()
+        std::iter::once((Report::FILE.into(), self.to_json().into_bytes())).chain(figures).collect()
     }
 
     /// Closes the books.

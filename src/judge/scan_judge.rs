@@ -8,7 +8,7 @@ use super::options::{Options, Setup};
 use super::scan::{JudgedScan, PlacedScan, check_position};
 use super::training_range::{self, Outside};
 use super::{JudgeError, JudgedCells};
-use crate::cells::{self, CellRow, FeatureColumn, WindowCloud, feature_columns};
+use crate::cells::{self, CellRow, FeatureColumn, HEIGHT_DIFFERENCE, WindowCloud, feature_columns};
 use crate::cloud::{Cloud, LabelMap};
 use crate::corpus::cell_file;
 use crate::evaluate::{DataFacts, Judge, Report, Threshold, ThresholdOrigin};
@@ -127,7 +127,7 @@ impl<'m> ScanJudge<'m> {
     }
 
     fn add_scores(&mut self, judged: &JudgedCells) {
-        let height_difference = self.features.iter().position(|column| column.name == "height_difference_m");
+        let height_difference = self.features.iter().position(|column| column.name == HEIGHT_DIFFERENCE);
         let (cells, outputs) = judged.scored(height_difference);
         self.scores.unknown_cells += (judged.cells.rows.len() - cells.len()) as u64;
         self.scores.add_scan("", "", &cells, &outputs);

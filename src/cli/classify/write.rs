@@ -13,8 +13,6 @@ use crate::geometry::DVec2;
 use crate::judge::{JudgedCells, JudgedScan, ScanJudge, Shown};
 use crate::picture::{ShadedCell, Shades, cell_map};
 
-/// The report over all clouds.
-const EVALUATION: &str = "evaluation.json";
 const CELLS: &str = "cells.parquet";
 /// Behind a cloud's name.
 const OF_SCAN: [&str; 10] = [
@@ -34,7 +32,7 @@ const OF_SCAN: [&str; 10] = [
 pub(super) fn open(args: &ClassifyArgs, stems: &[String]) -> Result<Outputs, Failure> {
     let of_scan = |stem: &String| OF_SCAN.map(|end| format!("{stem}-{end}"));
     let mut names: Vec<String> = stems.iter().flat_map(of_scan).collect();
-    names.extend([CELLS.into(), EVALUATION.into()]);
+    names.extend([CELLS.into(), Report::FILE.into()]);
     let more = args.trajectory.iter().chain(&args.labels).chain(&args.clouds);
     let inputs = more.cloned().chain([model_file(&args.model)]).collect();
     Outputs::open(&args.out, names.iter().map(String::as_str), inputs).map_err(corpus_failure)
@@ -97,5 +95,5 @@ pub(super) fn cells(judge: &ScanJudge, scans: &[JudgedCells]) -> Result<(String,
 }
 
 pub(super) fn evaluation(report: &Report) -> (String, Vec<u8>) {
-    (EVALUATION.into(), report.to_json().into_bytes())
+    (Report::FILE.into(), report.to_json().into_bytes())
 }

@@ -10,6 +10,7 @@ use crate::cells::{
 use crate::cli::Failure;
 use crate::cli::output::outln;
 use crate::cli::place::{self, corpus_failure};
+use crate::cli::progress::counted;
 use crate::corpus::{self};
 use crate::episode::Replay;
 use crate::episode::{ScanOutput, ScanPoints};
@@ -187,10 +188,6 @@ fn obstacle_rule(rule: ObstacleRule, wheel_diameter_m: f64) -> String {
         ObstacleRule::TallerThanM(height_m) => format!("an obstacle stands taller than {height_m} m"),
         ObstacleRule::All => "every object is an obstacle".into(),
     }
-}
-
-fn counted(count: i32, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 fn object_name(scene: &Scene, object: i32, class: Option<Class>) -> String {

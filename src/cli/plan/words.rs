@@ -1,5 +1,6 @@
 //! A plan in words: what a family models, and what no family names.
 
+use crate::cli::progress::counted;
 use crate::drive::params::Keep;
 use crate::measure::estimate::Part;
 use crate::plan::Plan;
@@ -124,10 +125,6 @@ fn ordinal_ending(n: u32) -> &'static str {
         (3, _) => "rd",
         _ => "th",
     }
-}
-
-fn counted(count: u32, what: &str) -> String {
-    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
 /// A constant or a law in a few words.

@@ -124,7 +124,7 @@ pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateErro
     let bytes = encoded.bytes(&sample, plan.shards());
     let probed = options.place.map(|place| storage::probe(place, &encoded, plan.shards(), bytes.value, options));
     let storage = probed.transpose()?;
-    let families = parts::prices(plan, &sample, options)?;
+    let families = parts::prices(&prepared, &sample, options)?;
     if options.stopped() {
         return Err(EstimateError::Interrupted);
     }

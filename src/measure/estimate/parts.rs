@@ -49,7 +49,8 @@ pub fn scene_costs(prepared: &[Prepared], scene: u64, repeat: usize, scratch: &m
 }
 
 /// The plans that are compared for one family: at one attempt, and for each part the plan that differs by it.
-fn variants(plan: &Plan, family: usize, parts: &[Part]) -> Result<Vec<Prepared>, EstimateError> {
+fn variants(whole: &Prepared, family: usize, parts: &[Part]) -> Result<Vec<Prepared>, EstimateError> {
+    let plan = &whole.plan;
     let mut once = plan.clone();
     Part::Attempts.leave_out(&mut once, family);
     let other = |part: &Part| match part {
@@ -62,7 +63,8 @@ fn variants(plan: &Plan, family: usize, parts: &[Part]) -> Result<Vec<Prepared>,
         }
     };
     let others: Vec<Plan> = parts.iter().map(other).collect();
-    let prepared = std::iter::once(once).chain(others).map(Prepared::new);
+    // No part changes a sensor: the beams are laid out once for all.
+    let prepared = std::iter::once(once).chain(others).map(|plan| whole.with_plan(plan));
     Ok(prepared.collect::<Result<_, _>>()?)
 }
 
@@ -131,7 +133,8 @@ impl Schedule for Pricing<'_> {
 }
 
 /// What every part of every family costs; nothing where no time is given for it.
-pub(super) fn prices(plan: &Plan, sample: &Sample, options: &Options) -> Result<Vec<FamilyCost>, EstimateError> {
+pub(super) fn prices(whole: &Prepared, sample: &Sample, options: &Options) -> Result<Vec<FamilyCost>, EstimateError> {
+    let plan = &whole.plan;
     let scenes_of = |family: usize| sample.strata.iter().find(|s| s.family == family).map_or(0.0, |s| s.scenes);
     let mut costs: Vec<FamilyCost> = (0..plan.families.len())
         .map(|family| FamilyCost { scenes: scenes_of(family).round() as u64, scene_s: None, parts: Vec::new() })
@@ -142,7 +145,7 @@ pub(super) fn prices(plan: &Plan, sample: &Sample, options: &Options) -> Result<
     let (mut families, mut prepared) = (Vec::new(), Vec::new());
     for stratum in &sample.strata {
         let parts: Vec<Part> = Part::ALL.into_iter().filter(|part| part.is_on(plan, stratum.family)).collect();
-        prepared.push(variants(plan, stratum.family, &parts)?);
+        prepared.push(variants(whole, stratum.family, &parts)?);
         families.push(FamilyTimes { parts, order: stratum.order.clone(), begun: 0, cpu_s: Repeats::default() });
     }
     let started = Instant::now();
