@@ -7,7 +7,7 @@
 /// Families, in the order of the table.
 #[derive(Clone, Copy, Debug)]
 #[allow(dead_code, reason = "two test programs share this file, and neither has all families")]
-pub enum Family {
+pub(crate) enum Family {
     Ground,
     Casting,
     Contact,
@@ -18,7 +18,7 @@ pub enum Family {
 }
 
 /// Prints one row of the table.
-pub fn row(family: Family, extreme: &str, textbook: &str, marsyard: &str) {
+pub(crate) fn row(family: Family, extreme: &str, textbook: &str, marsyard: &str) {
     let thread = std::thread::current();
     let test = thread.name().unwrap_or("main");
     for text in [extreme, textbook, marsyard] {

@@ -32,46 +32,37 @@
 //! Each has an example that runs, and so have the doors of the stages below them, for who brings scenes, sensors, readings or features of
 //! their own. `examples/` holds whole programs.
 
+#![warn(unreachable_pub)]
+// With fewer features, what only the layers above call stands unused.
+#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
+
 // The shelf.
-#[warn(unreachable_pub)]
 pub mod math;
 
-#[warn(unreachable_pub)]
 pub mod cpu;
 
-#[warn(unreachable_pub)]
 pub(crate) mod wide;
 
-#[warn(unreachable_pub)]
 pub mod geometry;
 
-#[warn(unreachable_pub)]
 pub mod random;
 
-#[warn(unreachable_pub)]
 pub mod preset;
 
 // The stages.
-#[warn(unreachable_pub)]
 pub mod scene;
 
-#[warn(unreachable_pub)]
 pub mod drive;
 
-#[warn(unreachable_pub)]
 pub mod sweep;
 
-#[warn(unreachable_pub)]
 pub mod slam;
 
-#[warn(unreachable_pub)]
 pub mod cells;
 
 // One scene.
-#[warn(unreachable_pub)]
 pub mod plan;
 
-#[warn(unreachable_pub)]
 pub mod episode;
 
 // Many scenes.
@@ -92,7 +83,7 @@ pub mod build;
 pub mod statistics;
 
 #[cfg(feature = "train")]
-pub mod chart;
+mod chart;
 
 #[cfg(feature = "train")]
 pub mod train;
@@ -120,7 +111,7 @@ pub use front::{TrainNetworkError, train_network};
 
 // The program.
 #[cfg(feature = "cli")]
-pub mod picture;
+mod picture;
 
 #[cfg(feature = "cli")]
 pub mod measure;

@@ -5,7 +5,7 @@
 //! nothing that is made depends on the number of threads. A few tasks more than threads are out at a time: a thread that has ended one
 //! finds the next without waiting for the caller.
 //!
-//! [`for_each`] and [`map`] are schedules of a list of items; [`on_every_thread`] does one thing on all threads at once; [`ReadAhead`] is
+//! `for_each` and `map` are schedules of a list of items; `on_every_thread` does one thing on all threads at once; `ReadAhead` is
 //! a sequence that another thread makes before it is asked for.
 
 mod read_ahead;
@@ -16,7 +16,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, TryLockError, mpsc};
 
-pub use read_ahead::ReadAhead;
+pub(crate) use read_ahead::ReadAhead;
 
 /// What is to be done, and what becomes of it.
 pub trait Schedule {
@@ -39,12 +39,12 @@ pub struct PoolError {
 }
 
 /// Tasks that are out at a time: one a thread, and some that wait for the first thread that is free.
-pub fn most_out(threads: usize) -> usize {
+pub(crate) fn most_out(threads: usize) -> usize {
     threads + 1 + threads / 4
 }
 
 /// Works a schedule off on `threads` threads; each has its own scratch. A task that panics panics here.
-pub fn run<S: Schedule, M: Default + Send>(
+pub(crate) fn run<S: Schedule, M: Default + Send>(
     threads: usize,
     schedule: &mut S,
     work: impl Fn(S::Task, &mut M) -> S::Output + Sync,
@@ -100,13 +100,13 @@ fn pool(threads: usize) -> Result<rayon::ThreadPool, PoolError> {
 
 /// What `work` returns on each of `threads` threads that all do it at once: how long it takes while the others take caches, memory and
 /// hyper-threads. A thread that panics panics here.
-pub fn on_every_thread<T: Send>(threads: usize, work: impl Fn() -> T + Sync) -> Result<Vec<T>, PoolError> {
+pub(crate) fn on_every_thread<T: Send>(threads: usize, work: impl Fn() -> T + Sync) -> Result<Vec<T>, PoolError> {
     Ok(pool(threads.max(1))?.broadcast(|_| work()))
 }
 
 /// Works items off; `take` gets what `work` makes of each, on the caller's thread, in the order in which they end. False where `stop` was
 /// raised before the last was begun; the first error of either ends the whole.
-pub fn for_each<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
+pub(crate) fn for_each<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
     threads: usize,
     items: Vec<T>,
     stop: &AtomicBool,
@@ -139,7 +139,7 @@ pub fn for_each<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
 /// assert_eq!(squares.iter().sum::<u64>(), 99 * 100 * 199 / 6);
 /// # Ok::<(), PoolError>(())
 /// ```
-pub fn map<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
+pub(crate) fn map<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
     threads: usize,
     items: Vec<T>,
     stop: &AtomicBool,
@@ -183,7 +183,7 @@ impl<T: Send, U: Send, E: Send, F: FnMut(U) -> Result<(), E>> Schedule for Items
 }
 
 /// What a panic said.
-pub fn panic_message(payload: Box<dyn std::any::Any + Send>) -> String {
+pub(crate) fn panic_message(payload: Box<dyn std::any::Any + Send>) -> String {
     let text = payload.downcast_ref::<&str>().map(|s| (*s).to_string());
     text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
 }

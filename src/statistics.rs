@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::math;
 
 /// A quantile; `None` of nothing. `share` in [0, 1].
-pub fn quantile(values: &[f64], share: f64) -> Option<f64> {
+pub(crate) fn quantile(values: &[f64], share: f64) -> Option<f64> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let last = sorted.len().checked_sub(1)?;
@@ -20,13 +20,13 @@ pub fn quantile(values: &[f64], share: f64) -> Option<f64> {
 }
 
 /// `None` of nothing.
-pub fn median(values: &[f64]) -> Option<f64> {
+pub(crate) fn median(values: &[f64]) -> Option<f64> {
     quantile(values, 0.5)
 }
 
 /// Mean and sample variance (over n - 1) of independent values.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Moments {
+pub(crate) struct Moments {
     pub count: usize,
     pub mean: f64,
     /// `None` of a single value, which says nothing of its spread.
@@ -35,7 +35,7 @@ pub struct Moments {
 
 impl Moments {
     /// `None` of nothing.
-    pub fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Moments> {
+    pub(crate) fn of(values: impl Iterator<Item = f64> + Clone) -> Option<Moments> {
         let count = values.clone().count();
         if count == 0 {
             return None;
@@ -46,7 +46,7 @@ impl Moments {
     }
 
     /// Of the mean; infinite for a single value.
-    pub fn standard_error(&self) -> f64 {
+    pub(crate) fn standard_error(&self) -> f64 {
         self.variance.map_or(f64::INFINITY, |variance| (variance / self.count as f64).sqrt())
     }
 }
@@ -61,7 +61,7 @@ pub struct Spread {
 
 impl Spread {
     /// `None` of nothing.
-    pub fn of(values: &[f64]) -> Option<Spread> {
+    pub(crate) fn of(values: &[f64]) -> Option<Spread> {
         Some(Spread {
             median: median(values)?,
             lower_quartile: quantile(values, 0.25)?,
@@ -72,7 +72,7 @@ impl Spread {
 
 /// A mean and the half width of its interval of 95 %.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Interval {
+pub(crate) struct Interval {
     pub mean: f64,
     /// Infinite (null in JSON) for a single value.
     #[serde(with = "finite_or_null")]
@@ -82,24 +82,24 @@ pub struct Interval {
 mod finite_or_null {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    pub fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(value: &f64, to: S) -> Result<S::Ok, S::Error> {
         value.is_finite().then_some(*value).serialize(to)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
         Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::INFINITY))
     }
 }
 
 impl Interval {
     /// Of a mean of independent values; `None` of nothing.
-    pub fn of(values: &[f64]) -> Option<Interval> {
+    pub(crate) fn of(values: &[f64]) -> Option<Interval> {
         let moments = Moments::of(values.iter().copied())?;
         let t = if moments.count > 1 { student(moments.count - 1, 0.95) } else { 1.0 };
         Some(Interval { mean: moments.mean, half_width: t * moments.standard_error() })
     }
 
-    pub fn upper(&self) -> f64 {
+    pub(crate) fn upper(&self) -> f64 {
         self.mean + self.half_width
     }
 }
@@ -137,7 +137,7 @@ fn within(t: f64, freedom: usize) -> f64 {
 }
 
 /// Spearman's rho of paired numbers; `None` for fewer than two pairs, or where one side is all ties.
-pub fn spearman(pairs: &[(f64, f64)]) -> Option<f64> {
+pub(crate) fn spearman(pairs: &[(f64, f64)]) -> Option<f64> {
     let ranks = |of: fn(&(f64, f64)) -> f64| mean_ranks(&pairs.iter().map(of).collect::<Vec<_>>());
     let (a, b) = (ranks(|pair| pair.0), ranks(|pair| pair.1));
     let middle = 0.5 * (pairs.len() as f64 + 1.0);

@@ -13,7 +13,7 @@ use crate::corpus::{Build, CorpusError, CorpusSpec, FinishedShard, FreeSpace, Pl
 use crate::episode::{Prepared, SceneOutput};
 
 /// A plan, its place, and how to build.
-pub struct CorpusBuild<'a> {
+pub(crate) struct CorpusBuild<'a> {
     pub prepared: &'a Prepared,
     pub spec: &'a CorpusSpec,
     pub store: &'a dyn Store,
@@ -46,7 +46,7 @@ pub enum CorpusEvent<'a> {
 
 /// What a build has done.
 #[derive(Debug)]
-pub struct Built {
+pub(crate) struct Built {
     pub outcome: Outcome,
     pub tally: Tally,
 }
@@ -81,7 +81,7 @@ impl From<BuildError<CorpusError>> for CorpusBuildError {
 
 impl CorpusBuild<'_> {
     /// Builds these shards, ascending; `status` is that of the place.
-    pub fn build(
+    pub(crate) fn build(
         &self,
         status: &Status,
         shards: &[u64],

@@ -104,7 +104,7 @@ pub fn generate(
 }
 
 /// The shards that are selected, ascending.
-pub fn selected_shards(plan: &Plan, selection: Option<&Selection>) -> Result<Vec<u64>, CorpusBuildError> {
+pub(crate) fn selected_shards(plan: &Plan, selection: Option<&Selection>) -> Result<Vec<u64>, CorpusBuildError> {
     let Some(selection) = selection else { return Ok((0..plan.shards()).collect()) };
     selection.of(plan.shards()).map_err(|why| CorpusBuildError::Selection(why.to_string()))
 }

@@ -7,7 +7,7 @@
 //! rebuild        shards of a finished corpus, built again and compared byte by byte
 //! ```
 //!
-//! A build says what happens to an observer ([`CorpusEvent`]) and returns typed errors; it prints nothing and listens to no signal: a
+//! A build says what happens to an observer (`CorpusEvent`) and returns typed errors; it prints nothing and listens to no signal: a
 //! flag asks it to stop. Not here: what a config means (`config`), how a shard is laid out (`corpus`), what a build would take (`measure`).
 
 mod corpus;
@@ -18,9 +18,12 @@ mod shards;
 mod stage_hashes;
 mod tally;
 
-pub use corpus::{Built, CorpusBuild, CorpusBuildError, CorpusEvent};
-pub use generate::{Generate, Generated, Whole, generate, selected_shards};
-pub use rebuild::{Compared, Share, compare_again};
-pub use shards::{BuildError, Event, Job, Outcome, build_shards};
-pub use stage_hashes::is_stage_hashes;
+pub(crate) use corpus::CorpusBuild;
+pub use corpus::{CorpusBuildError, CorpusEvent};
+pub(crate) use generate::selected_shards;
+pub use generate::{Generate, Generated, Whole, generate};
+pub(crate) use rebuild::{Compared, Share, compare_again};
+pub use shards::BuildError;
+pub(crate) use shards::Outcome;
+pub(crate) use stage_hashes::is_stage_hashes;
 pub use tally::Tally;

@@ -21,7 +21,7 @@ use crate::plan::Plan;
 
 /// How many shards are built again.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Share {
+pub(crate) enum Share {
     All,
     Count(u64),
     Percent(f64),
@@ -66,7 +66,7 @@ impl Share {
 
 /// What came of building shards again.
 #[derive(Debug)]
-pub struct Compared {
+pub(crate) struct Compared {
     /// Those that were built again, ascending.
     pub shards: Vec<u64>,
     /// Where they differ, by shard and file.
@@ -76,7 +76,7 @@ pub struct Compared {
 }
 
 /// Builds a share of a corpus's shards again, taken at random, and compares every byte; `None` where it was asked to stop.
-pub fn compare_again(
+pub(crate) fn compare_again(
     plan: &Plan,
     store: &dyn Store,
     share: Share,

@@ -23,7 +23,7 @@ use crate::parallel::{self, PoolError, Schedule, panic_message};
 
 /// What happens while a corpus is built, for progress and logs.
 #[derive(Debug)]
-pub enum Event<'a, T> {
+pub(crate) enum Event<'a, T> {
     /// A scene's rows are there (or its failure).
     Scene { output: &'a SceneOutput, record: &'a StageRecord },
     /// A shard was handed over: what came of it, and how long threads worked on it beside its scenes.
@@ -32,7 +32,7 @@ pub enum Event<'a, T> {
 
 /// How a build ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub(crate) enum Outcome {
     /// All shards were handed over.
     Done,
     /// Asked to stop: the shards handed over are whole, the rest was discarded.
@@ -62,7 +62,7 @@ pub enum BuildError<E: std::error::Error + 'static> {
 
 /// What is built, and by how many.
 #[derive(Clone, Copy)]
-pub struct Job<'a> {
+pub(crate) struct Job<'a> {
     /// Ascending.
     pub shards: &'a [u64],
     pub threads: usize,
@@ -183,7 +183,7 @@ impl<S: Sink, F: FnMut(Event<S::Written>)> Schedule for Shards<'_, S, F> {
 /// Builds the job's shards and hands each over, whole, to `put`; several at a time, from any thread.
 ///
 /// `on_event` is called on the caller's thread.
-pub fn build_shards<T: Send>(
+pub(crate) fn build_shards<T: Send>(
     prepared: &Prepared,
     spec: &CorpusSpec,
     job: Job,

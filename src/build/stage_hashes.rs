@@ -23,7 +23,7 @@ pub(super) struct StageHashFile {
 }
 
 /// Whether a file holds such lines: what is appended to another's file is lost in it.
-pub fn is_stage_hashes(bytes: &[u8]) -> bool {
+pub(crate) fn is_stage_hashes(bytes: &[u8]) -> bool {
     bytes.starts_with(b"{\"scene\":")
 }
 

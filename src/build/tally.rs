@@ -45,23 +45,23 @@ impl Tally {
     }
 
     /// Since the first scene was begun, until the last shard was handed over.
-    pub fn elapsed(&self) -> Duration {
+    pub(crate) fn elapsed(&self) -> Duration {
         self.ended.unwrap_or_else(Instant::now) - self.started
     }
 
     /// A count since the start as so many a second.
-    pub fn per_second(&self, count: u64) -> f64 {
+    pub(crate) fn per_second(&self, count: u64) -> f64 {
         count as f64 / self.elapsed().as_secs_f64().max(1e-9)
     }
 
     /// At the pace so far.
-    pub fn remaining(&self) -> Duration {
+    pub(crate) fn remaining(&self) -> Duration {
         let left = (self.scenes - self.done) as f64 / self.done.max(1) as f64;
         self.elapsed().mul_f64(left)
     }
 
     /// Share of the threads' time that was spent on shards beside their scenes.
-    pub fn writing_share(&self, threads: usize) -> f64 {
+    pub(crate) fn writing_share(&self, threads: usize) -> f64 {
         self.writing.as_secs_f64() / (self.elapsed().as_secs_f64().max(1e-9) * threads as f64)
     }
 

@@ -23,7 +23,7 @@ enum Scale {
 
 /// What it shows, from where to where, and its ticks.
 #[derive(Clone, Debug)]
-pub struct Axis {
+pub(crate) struct Axis {
     label: String,
     range: Range<f64>,
     scale: Scale,
@@ -32,20 +32,20 @@ pub struct Axis {
 }
 
 impl Axis {
-    pub fn linear(label: impl Into<String>, range: Range<f64>) -> Axis {
+    pub(crate) fn linear(label: impl Into<String>, range: Range<f64>) -> Axis {
         let ticks = linear_ticks(&range);
         Axis { label: label.into(), range, scale: Scale::Linear, ticks, has_grid: true }
     }
 
     /// `range` above zero.
-    pub fn logarithmic(label: impl Into<String>, range: Range<f64>) -> Axis {
+    pub(crate) fn logarithmic(label: impl Into<String>, range: Range<f64>) -> Axis {
         let ticks = logarithmic_ticks(&range);
         Axis { label: label.into(), range, scale: Scale::Logarithmic, ticks, has_grid: true }
     }
 
     /// An axis that shows all these values with a margin: logarithmic where they are above zero and span a factor of four, else linear from
     /// zero (or from the lowest, where that is below).
-    pub fn of_values(label: impl Into<String>, values: impl Iterator<Item = f64> + Clone) -> Axis {
+    pub(crate) fn of_values(label: impl Into<String>, values: impl Iterator<Item = f64> + Clone) -> Axis {
         let low = values.clone().fold(f64::INFINITY, f64::min);
         let high = values.fold(f64::NEG_INFINITY, f64::max);
         if low > 0.0 && high > LOG_FROM_RATIO * low {
@@ -58,21 +58,17 @@ impl Axis {
     }
 
     /// From 0 to the number of names; a name in the middle of each unit.
-    pub fn categories(label: impl Into<String>, names: impl IntoIterator<Item = String>) -> Axis {
+    pub(crate) fn categories(label: impl Into<String>, names: impl IntoIterator<Item = String>) -> Axis {
         let ticks: Vec<(f64, String)> = names.into_iter().enumerate().map(|(k, name)| (k as f64 + 0.5, name)).collect();
         let range = 0.0..ticks.len().max(1) as f64;
         Axis { label: label.into(), range, scale: Scale::Linear, ticks, has_grid: false }
     }
 
-    pub fn label(&self) -> &str {
+    pub(crate) fn label(&self) -> &str {
         &self.label
     }
 
-    pub fn low(&self) -> f64 {
-        self.range.start
-    }
-
-    pub fn high(&self) -> f64 {
+    pub(crate) fn high(&self) -> f64 {
         self.range.end
     }
 

@@ -11,9 +11,9 @@ mod table;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-pub use axis::Axis;
-pub use plotters::style::RGBColor as Colour;
-pub use table::{Field, ShadedTable};
+pub(crate) use axis::Axis;
+pub(crate) use plotters::style::RGBColor as Colour;
+pub(crate) use table::{Field, ShadedTable};
 
 const MARGIN: i32 = 14;
 const TITLE_SIZE: i32 = 18;
@@ -23,11 +23,11 @@ const Y_LABELS_WIDTH: u32 = 68;
 const GREY: Colour = RGBColor(120, 120, 120);
 
 /// x and y in the units of the axes.
-pub type Point = (f64, f64);
+pub(crate) type Point = (f64, f64);
 
 /// Two axes and what is drawn between them, in this order.
 #[derive(Clone, Debug)]
-pub struct Panel {
+pub(crate) struct Panel {
     pub title: String,
     pub x: Axis,
     pub y: Axis,
@@ -36,7 +36,7 @@ pub struct Panel {
 
 /// Marks of one colour.
 #[derive(Clone, Debug)]
-pub struct Series {
+pub(crate) struct Series {
     /// In the legend; a series without a name has no entry there.
     pub name: Option<String>,
     pub colour: Colour,
@@ -46,7 +46,7 @@ pub struct Series {
 }
 
 #[derive(Clone, Debug)]
-pub enum Marks {
+pub(crate) enum Marks {
     /// A line through the points; width in pixels.
     Line(Vec<Point>, u32),
     /// Discs; radius in pixels.
@@ -62,15 +62,15 @@ pub enum Marks {
 }
 
 impl Series {
-    pub fn named(name: impl Into<String>, colour: Colour, marks: Marks) -> Series {
+    pub(crate) fn named(name: impl Into<String>, colour: Colour, marks: Marks) -> Series {
         Series { name: Some(name.into()), colour, opacity: 1.0, marks }
     }
 
-    pub fn unnamed(colour: Colour, marks: Marks) -> Series {
+    pub(crate) fn unnamed(colour: Colour, marks: Marks) -> Series {
         Series { name: None, colour, opacity: 1.0, marks }
     }
 
-    pub fn with_opacity(self, opacity: f64) -> Series {
+    pub(crate) fn with_opacity(self, opacity: f64) -> Series {
         Series { opacity, ..self }
     }
 }
@@ -79,7 +79,7 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 /// Draws panels of one size, in pixels.
-pub fn svg((width, height): (u32, u32), panels: &[Panel]) -> String {
+pub(crate) fn svg((width, height): (u32, u32), panels: &[Panel]) -> String {
     draw((width, height * panels.len() as u32), |area| {
         area.split_evenly((panels.len(), 1)).iter().zip(panels).try_for_each(|(area, panel)| panel.draw(area))
     })

@@ -10,7 +10,7 @@ const GAP: i32 = 10;
 const LEFT: i32 = 24;
 
 #[derive(Clone, Debug)]
-pub struct Field {
+pub(crate) struct Field {
     pub words: String,
     /// Below the words, smaller.
     pub detail: String,
@@ -20,7 +20,7 @@ pub struct Field {
 }
 
 #[derive(Clone, Debug)]
-pub struct ShadedTable {
+pub(crate) struct ShadedTable {
     pub title: String,
     pub subtitle: String,
     pub columns: Vec<String>,
@@ -29,7 +29,7 @@ pub struct ShadedTable {
 }
 
 impl ShadedTable {
-    pub fn svg(&self) -> String {
+    pub(crate) fn svg(&self) -> String {
         let width = ROWS_FROM.0 + self.columns.len() as i32 * (FIELD.0 + GAP) + LEFT;
         let height = ROWS_FROM.1 + self.rows.len() as i32 * (FIELD.1 + GAP) + LEFT / 2;
         draw((width as u32, height as u32), |area| {

@@ -136,7 +136,7 @@ pub(super) fn verify(args: &VerifyArgs, log: LogFormat) -> Result<(), Failure> {
     let place = args.place.display();
     let check = |key: &String| sign::check(&args.place, store.as_ref(), key, args.signature.as_deref());
     let signed = args.key.as_ref().map(check).transpose()?;
-    let findings = verify::verify_signed(store.as_ref(), &spec, signed.as_deref()).map_err(corpus_failure)?;
+    let findings = verify::verify(store.as_ref(), &spec, signed.as_deref()).map_err(corpus_failure)?;
     findings.iter().for_each(|finding| outln!("{finding}"));
     if findings.is_empty() {
         errln!("{place}: {} shards are as their receipts say", spec.shards());

@@ -42,7 +42,7 @@ use crate::plan::Plan;
 /// the rover's pose with FastSLAM 2.0, and writes per-cell features and labels as Parquet shards.
 #[derive(Debug, Parser)]
 #[command(name = "marsyard", version, after_help = START)]
-pub struct Cli {
+pub(crate) struct Cli {
     /// How to log: for people, or one JSON object a line for machines.
     #[arg(long, global = true, value_enum, default_value_t = LogFormat::Text)]
     log: LogFormat,

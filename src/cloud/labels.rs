@@ -12,7 +12,7 @@ use super::CloudError;
 /// What a label id means for a rover.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum PointClass {
+pub(crate) enum PointClass {
     Traversable,
     Untraversable,
     Ignore,

@@ -1,18 +1,18 @@
 //! Files of real scans -> points, labels, poses.
 //!
-//! In: the bytes of PLY, PCD, LAS, CSV / XYZ or KITTI files ([`mod@read`]), of a mapping of their labels ([`labels`]) and of a TUM file
+//! In: the bytes of PLY, PCD, LAS, CSV / XYZ or KITTI files (`read`), of a mapping of their labels (`labels`) and of a TUM file
 //! of poses ([`trajectory`]). Out: a [`Cloud`], in the file's own frame, in metres; a verdict a point; a pose a scan. What a model says
 //! of them is the business of `judge`. Not read: LAZ, several echoes a beam, the time of a point.
 
-pub mod error;
+pub(crate) mod error;
 mod fields;
 mod kitti;
-pub mod labels;
+pub(crate) mod labels;
 mod las;
 mod lzf;
 mod pcd;
 mod ply;
-pub mod read;
+mod read;
 mod text;
 pub mod trajectory;
 
@@ -20,8 +20,9 @@ pub mod trajectory;
 mod tests;
 
 pub use error::CloudError;
-pub use labels::{LabelMap, PointClass};
-pub use read::{Format, Options, read};
+pub use labels::LabelMap;
+pub(crate) use read::Format;
+pub use read::{Options, read};
 
 use crate::geometry::DVec3;
 
@@ -39,7 +40,7 @@ pub struct Cloud {
 
 impl Cloud {
     /// Leaves out the points at exactly this place, and says how many they were: many drivers write beams without a return so.
-    pub fn drop_at(&mut self, place_m: DVec3) -> u64 {
+    pub(crate) fn drop_at(&mut self, place_m: DVec3) -> u64 {
         let keep: Vec<bool> = self.points_m.iter().map(|&p| p != place_m).collect();
         let before = self.points_m.len();
         retain(&mut self.points_m, &keep);

@@ -8,7 +8,7 @@ use super::{Cloud, CloudError, kitti, las, pcd, ply, text};
 
 /// The formats that are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub(crate) enum Format {
     Ply,
     Pcd,
     Las,
@@ -27,7 +27,7 @@ pub struct Options {
 
 impl Format {
     /// By the end of the name.
-    pub fn of(name: &str) -> Result<Format, CloudError> {
+    pub(crate) fn of(name: &str) -> Result<Format, CloudError> {
         let end = Path::new(name).extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         match end.as_str() {
             "ply" => Ok(Format::Ply),

@@ -8,7 +8,7 @@ use super::CloudError;
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
 
 /// A time and a pose.
-pub type Stamped = (f64, Pose);
+pub(crate) type Stamped = (f64, Pose);
 
 /// The poses of a file; empty lines and those that start with `#` are skipped.
 pub fn parse(file: &str, text: &str) -> Result<Vec<Stamped>, CloudError> {

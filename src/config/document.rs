@@ -14,15 +14,16 @@ use crate::slam::SlamParams;
 use crate::sweep::SweepParams;
 
 /// Version of the config format that this program reads.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 /// Most families of a document: each is held as a whole config of its own, some 40 kB, and read anew by every verb.
-pub const MAX_FAMILIES: usize = 1000;
+pub(crate) const MAX_FAMILIES: usize = 1000;
 
 /// One YAML file is one corpus.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields)]
-pub struct Document {
+#[expect(dead_code, reason = "of the sections the schema is made; their values are read from the tree")]
+pub(crate) struct Document {
     /// Version of this format: 1.
     #[garde(custom(this_format))]
     pub marsyard: u32,
@@ -84,7 +85,8 @@ pub struct Document {
 /// One kind of yard, rover and sensor: what it changes in the document's sections.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields)]
-pub struct FamilyDocument {
+#[expect(dead_code, reason = "as for the document")]
+pub(crate) struct FamilyDocument {
     /// Stands in the `scenes` table.
     #[garde(custom(folder_name))]
     pub name: String,

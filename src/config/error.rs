@@ -9,7 +9,7 @@ use super::tree::{Source, Span};
 
 /// One broken rule, before its place is turned into line and column.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Fault {
+pub(crate) struct Fault {
     pub at: Span,
     pub rule: String,
     pub cure: Option<String>,
@@ -18,16 +18,16 @@ pub struct Fault {
 }
 
 impl Fault {
-    pub fn new(at: Span, rule: impl Into<String>) -> Fault {
+    pub(crate) fn new(at: Span, rule: impl Into<String>) -> Fault {
         Fault { at, rule: rule.into(), cure: None, also: Vec::new() }
     }
 
-    pub fn cure(mut self, cure: impl Into<String>) -> Fault {
+    pub(crate) fn cure(mut self, cure: impl Into<String>) -> Fault {
         self.cure = Some(cure.into());
         self
     }
 
-    pub fn also(mut self, at: Span, word: impl Into<String>) -> Fault {
+    pub(crate) fn also(mut self, at: Span, word: impl Into<String>) -> Fault {
         self.also.push((at, word.into()));
         self
     }
@@ -37,13 +37,13 @@ impl Fault {
 const QUOTE: [char; 2] = ['\u{e000}', '\u{e001}'];
 
 /// A text of a source, marked, so that it can be left out where the source is not to be shown.
-pub fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     let [open, close] = QUOTE;
     format!("{open}{}{close}", text.replace(QUOTE, ""))
 }
 
 /// A message with what it quotes, or with dots in its place.
-pub fn told(message: &str, is_shown: bool) -> String {
+pub(crate) fn told(message: &str, is_shown: bool) -> String {
     if is_shown {
         return message.replace(QUOTE, "");
     }
@@ -80,7 +80,7 @@ pub struct Located {
 
 impl ConfigError {
     /// In order of place; the same fault found twice (in two families) is listed once.
-    pub fn new(config: impl Into<String>, sources: &[Source], mut faults: Vec<Fault>) -> ConfigError {
+    pub(crate) fn new(config: impl Into<String>, sources: &[Source], mut faults: Vec<Fault>) -> ConfigError {
         faults.sort();
         faults.dedup();
         ConfigError {
@@ -117,7 +117,7 @@ impl Located {
         Located { line, column, rule: told(&fault.rule, is_shown), cure, labels, source: named, is_shown }
     }
 
-    pub fn file(&self) -> &str {
+    pub(crate) fn file(&self) -> &str {
         self.source.name()
     }
 }
@@ -135,7 +135,7 @@ fn label(source: &Source, span: Span, word: Option<String>) -> LabeledSpan {
 }
 
 /// Line and column (in characters) of a byte offset, counted from 1.
-pub fn line_column(text: &str, offset: usize) -> (usize, usize) {
+pub(crate) fn line_column(text: &str, offset: usize) -> (usize, usize) {
     let mut end = offset.min(text.len());
     while !text.is_char_boundary(end) {
         end -= 1;

@@ -11,10 +11,10 @@ use super::tree::{Key, Node, Source, Value};
 use crate::plan::Fidelity;
 
 /// A key and its value as YAML.
-pub type Setting = (&'static str, &'static str);
+pub(crate) type Setting = (&'static str, &'static str);
 
 /// Set only where the document models mixed pixels.
-pub const SUB_RAYS: &str = "sweep.effects.mixed_pixels.sub_rays";
+pub(crate) const SUB_RAYS: &str = "sweep.effects.mixed_pixels.sub_rays";
 
 impl Fidelity {
     /// What it sets.
@@ -44,7 +44,7 @@ impl Fidelity {
 }
 
 /// Fills in what the document's `fidelity` sets; a word that is none is left to the schema.
-pub fn lay_under(root: &mut Node, reader: &mut Reader) {
+pub(crate) fn lay_under(root: &mut Node, reader: &mut Reader) {
     let Some(Node { value: Value::Text(name), .. }) = root.get("fidelity") else { return };
     let Some(fidelity) = Fidelity::of_name(name) else { return };
     for (key, value) in fidelity.settings() {

@@ -4,12 +4,12 @@ use super::tree::{Node, Span, Value};
 
 /// A tree, to be asked where its parts stand.
 #[derive(Clone, Debug)]
-pub struct KeyPath<'a> {
+pub(crate) struct KeyPath<'a> {
     pub root: &'a Node,
 }
 
 /// What a rule's path leads to.
-pub struct Found {
+pub(crate) struct Found {
     pub span: Span,
     /// The path by keys, variants by their names.
     pub dotted: String,
@@ -21,18 +21,18 @@ pub struct Found {
 
 impl KeyPath<'_> {
     /// The place of a key, or of the nearest thing above it that the document holds.
-    pub fn span(&self, path: &str) -> Span {
+    pub(super) fn span(&self, path: &str) -> Span {
         self.find(path).span
     }
 
     /// Whether the document names the key itself.
-    pub fn holds(&self, path: &str) -> bool {
+    pub(super) fn holds(&self, path: &str) -> bool {
         self.find(path).whole
     }
 
     /// Follows a path like `ground.source[0].rms_height_m` or `families[1].name`. A position in a mapping is what serde calls
     /// a newtype: the content of a variant, or of a preset.
-    pub fn find(&self, path: &str) -> Found {
+    pub(super) fn find(&self, path: &str) -> Found {
         let mut found = Found { span: self.root.span, dotted: String::new(), whole: true, value: None };
         let mut here = Some(self.root);
         for step in path.split(['.', '[']).filter(|step| !step.is_empty()) {

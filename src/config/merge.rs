@@ -7,7 +7,7 @@ use super::shape::{Form, Schema, required};
 use super::tree::{Key, Node, Span, Value};
 
 /// `over` laid over `base`.
-pub fn merge(base: Node, over: Node, schema: Option<Schema>) -> Node {
+pub(super) fn merge(base: Node, over: Node, schema: Option<Schema>) -> Node {
     let Some(schema) = schema.filter(|_| !over.whole) else { return over };
     let (span, whole) = (over.span, base.whole);
     match (base.value, over.value) {
@@ -41,7 +41,7 @@ fn laid_over(mut old: Vec<(Key, Node)>, new: Vec<(Key, Node)>, schema: Schema) -
 }
 
 /// Lays one `--set` over the document: `path` is the dotted key in pieces, each with its place.
-pub fn set(base: Option<Node>, path: &[Key], leaf: Node, schema: Option<Schema>) -> Result<Node, Fault> {
+pub(super) fn set(base: Option<Node>, path: &[Key], leaf: Node, schema: Option<Schema>) -> Result<Node, Fault> {
     let Some((first, rest)) = path.split_first() else {
         return Ok(Node { whole: true, ..leaf });
     };

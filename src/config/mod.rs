@@ -5,9 +5,9 @@
 //! (`merge`) -> what `fidelity` sets laid under (`fidelity`) -> shape checked against the schema (`shape`, `schema`) -> types and their own rules -> rules between keys
 //! (`rules`), and remarks on what is legal and hardly meant (`remarks`). Nothing is written, and nothing but the files that the config names is read.
 
-pub mod document;
-pub mod error;
-pub mod fidelity;
+pub(crate) mod document;
+pub(crate) mod error;
+pub(crate) mod fidelity;
 mod key_path;
 mod load;
 mod merge;
@@ -28,4 +28,6 @@ pub use load::{load, load_with_remarks};
 pub use presets::shipped;
 pub use schema::{Kind, schema, schema_text};
 #[cfg(feature = "train")]
-pub use train::{load_train, train_yaml};
+pub use train::load_train;
+#[cfg(feature = "train")]
+pub(crate) use train::train_yaml;

@@ -36,7 +36,7 @@ pub fn shipped(key: &str) -> &'static [(&'static str, &'static str)] {
 }
 
 /// Names the types' default rover and sensor where a document names none.
-pub fn name_defaults(root: &mut Node) {
+pub(crate) fn name_defaults(root: &mut Node) {
     let defaults = [DriveParams::default().rover.name(), SweepParams::default().sensor.name()];
     for (kind, name) in KINDS.iter().zip(defaults) {
         let span = root.span;
@@ -57,7 +57,7 @@ pub fn name_defaults(root: &mut Node) {
 }
 
 /// Writes the presets out that the sections of a document (or of a family) name.
-pub fn write_out(sections: &mut Node, reader: &mut Reader, faults: &mut Vec<Fault>) {
+pub(crate) fn write_out(sections: &mut Node, reader: &mut Reader, faults: &mut Vec<Fault>) {
     for kind in &KINDS {
         let Some(node) = sections.get_mut(kind.section).and_then(|section| section.get_mut(kind.key)) else { continue };
         let Value::Text(name) = &node.value else { continue };

@@ -23,7 +23,7 @@ const PLAN: &str = "plan.yaml";
 
 /// The sources of one config, and what was read for it.
 #[derive(Default)]
-pub struct Reader {
+pub(crate) struct Reader {
     pub sources: Vec<Source>,
     /// The folder that the files named must lie in: a corpus comes with all that its plan names.
     within: Option<PathBuf>,
@@ -39,33 +39,33 @@ pub struct Reader {
 
 /// A height map as it lies in its file; stretched over a yard later.
 #[derive(Clone)]
-pub struct HeightMap {
+pub(crate) struct HeightMap {
     pub raster: Arc<Raster>,
     pub blake3: String,
 }
 
 impl Reader {
     /// Takes a source in and reads its tree.
-    pub fn parse(&mut self, source: Source) -> Result<Node, Fault> {
+    pub(crate) fn parse(&mut self, source: Source) -> Result<Node, Fault> {
         let number = self.sources.len();
         self.sources.push(source);
         tree::parse(number, &self.sources[number].text, 0)
     }
 
     /// For the config at `path`: the plan of a corpus, which may be anybody's, names files beside itself only.
-    pub fn of(path: &Path) -> Reader {
+    pub(crate) fn of(path: &Path) -> Reader {
         let is_plan = path.file_name().is_some_and(|name| name == PLAN);
         Reader { within: is_plan.then(|| folder_of(path).to_owned()), ..Reader::beside(path) }
     }
 
     /// For the config at `path`.
-    pub fn beside(path: &Path) -> Reader {
+    pub(crate) fn beside(path: &Path) -> Reader {
         Reader { home: real(folder_of(path)), ..Reader::default() }
     }
 
     /// Whether messages may show what stands in a file: a YAML or CSV file below the config's folder is the user's own; anything
     /// else that a config or a command line names may be a key, or the environment.
-    pub fn may_show(&self, path: &Path) -> bool {
+    pub(crate) fn may_show(&self, path: &Path) -> bool {
         let known =
             |path: &Path| path.extension().is_some_and(|end| ["yaml", "yml", "json", "csv"].iter().any(|e| end == *e));
         let plain = |below: &Path| below.iter().all(|part| !part.as_encoded_bytes().starts_with(b"."));
@@ -74,12 +74,12 @@ impl Reader {
     }
 
     /// Where relative paths written at a place start.
-    pub fn folder(&self, span: Span) -> PathBuf {
+    pub(crate) fn folder(&self, span: Span) -> PathBuf {
         self.sources[span.source].folder.clone()
     }
 
     /// The path of a file that is named at a place.
-    pub fn path_of(&self, span: Span, named: &str) -> Result<PathBuf, String> {
+    pub(crate) fn path_of(&self, span: Span, named: &str) -> Result<PathBuf, String> {
         let path = self.folder(span).join(named);
         if let Some(within) = &self.within {
             // Links and `..` followed; what is not there is found out when it is read.
@@ -117,12 +117,12 @@ impl Reader {
     }
 
     /// The text of a YAML file.
-    pub fn text_of(&self, path: &Path) -> Result<String, String> {
+    pub(crate) fn text_of(&self, path: &Path) -> Result<String, String> {
         String::from_utf8(self.bytes_of(path)?).map_err(|_| "it is not UTF-8 text".into())
     }
 
     /// The beams of a pattern file: time_s, azimuth_deg, elevation_deg under a header of these names.
-    pub fn pattern(&mut self, path: &Path) -> Result<Vec<[f64; 3]>, String> {
+    pub(crate) fn pattern(&mut self, path: &Path) -> Result<Vec<[f64; 3]>, String> {
         if !self.patterns.contains_key(path) {
             let is_shown = self.may_show(path);
             let read = self.bytes_of(path).and_then(|bytes| pattern_of(&bytes)).map_err(|why| told(&why, is_shown));
@@ -132,7 +132,7 @@ impl Reader {
     }
 
     /// A height map (NPY or PNG), a metre from node to node: the scene stretches it over its yard.
-    pub fn height_map(&mut self, path: &Path, white_m: Option<f64>) -> Result<HeightMap, String> {
+    pub(crate) fn height_map(&mut self, path: &Path, white_m: Option<f64>) -> Result<HeightMap, String> {
         let key = (path.to_owned(), white_m.map(f64::to_bits));
         if !self.height_maps.contains_key(&key) {
             let read = self.bytes_of(path).and_then(|bytes| height_map_of(path, &bytes, white_m));

@@ -7,7 +7,7 @@ use super::key_path::KeyPath;
 use crate::drive::rover::Chassis;
 use crate::plan::Family;
 
-pub fn of_family(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
+pub(crate) fn of_family(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
     range_beyond_the_sensor(family, place, remarks);
     wheels_outside_the_outline(family, place, remarks);
 }

@@ -22,7 +22,7 @@ const MAX_NODES_A_SIDE: f64 = 4096.0;
 const MAX_LOCAL_RADIUS_CELLS: f64 = 100.0;
 
 /// Rules of the document as a whole.
-pub fn of_document(document: &Document, place: &KeyPath, faults: &mut Vec<Fault>) {
+pub(crate) fn of_document(document: &Document, place: &KeyPath, faults: &mut Vec<Fault>) {
     let (scenes, per_shard) = (document.scenes, u64::from(document.scenes_per_shard));
     if per_shard > 0 && scenes % per_shard != 0 {
         let below = scenes / per_shard * per_shard;
@@ -72,7 +72,7 @@ pub fn of_document(document: &Document, place: &KeyPath, faults: &mut Vec<Fault>
 }
 
 /// Columns are the same in all scenes, so families must agree on what makes them.
-pub fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<Fault>) {
+pub(crate) fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<Fault>) {
     let Some(((first, first_place), others)) = families.split_first() else { return };
     for (family, place) in others {
         let mut differ = |key: &str, ours: String, theirs: String, why: &str| {
@@ -104,7 +104,7 @@ pub fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<Fault>)
 }
 
 /// Rules of one family's sections.
-pub fn of_family(family: &Family, place: &KeyPath, faults: &mut Vec<Fault>) {
+pub(crate) fn of_family(family: &Family, place: &KeyPath, faults: &mut Vec<Fault>) {
     let mut rules = Rules { family, place, faults };
     rules.yard();
     rules.rocks();

@@ -9,7 +9,7 @@ use super::error::{Fault, quoted};
 use super::tree::{Node, Source, Value};
 
 /// How a part of the schema can be written, with references and optional wrappers taken off.
-pub enum Form<'s> {
+pub(crate) enum Form<'s> {
     /// A mapping with fixed keys.
     Struct(&'s Json),
     /// One of several: a bare word, or a mapping with one key.
@@ -25,7 +25,7 @@ pub enum Form<'s> {
     Bool,
 }
 
-pub struct Variant<'s> {
+pub(crate) struct Variant<'s> {
     pub name: &'s str,
     /// The schema of what the key holds; `None` for a bare word.
     pub content: Option<&'s Json>,
@@ -33,18 +33,18 @@ pub struct Variant<'s> {
 
 /// A schema with its definitions.
 #[derive(Clone, Copy)]
-pub struct Schema<'s> {
+pub(crate) struct Schema<'s> {
     pub defs: &'s serde_json::Map<String, Json>,
     pub part: &'s Json,
 }
 
 impl<'s> Schema<'s> {
-    pub fn of(document: &'s Json) -> Schema<'s> {
+    pub(super) fn of(document: &'s Json) -> Schema<'s> {
         static NONE: std::sync::LazyLock<serde_json::Map<String, Json>> = std::sync::LazyLock::new(Default::default);
         Schema { defs: document["$defs"].as_object().unwrap_or(&NONE), part: document }
     }
 
-    pub fn at(self, part: &'s Json) -> Schema<'s> {
+    pub(super) fn at(self, part: &'s Json) -> Schema<'s> {
         Schema { part, ..self }
     }
 
@@ -57,12 +57,12 @@ impl<'s> Schema<'s> {
     }
 
     /// Whether `null` is legal here (a part that may be switched off).
-    pub fn nullable(self) -> bool {
+    pub(crate) fn nullable(self) -> bool {
         let part = self.resolved();
         has_type(part, "null") || part["anyOf"].as_array().is_some_and(|any| any.iter().any(|p| has_type(p, "null")))
     }
 
-    pub fn form(self) -> Form<'s> {
+    pub(super) fn form(self) -> Form<'s> {
         let part = self.resolved();
         if let Some(any) = part["anyOf"].as_array() {
             let mut real = any.iter().filter(|p| !has_type(p, "null"));
@@ -101,7 +101,7 @@ impl<'s> Schema<'s> {
     }
 
     /// The schema of what a key of this mapping holds.
-    pub fn child(self, key: &str) -> Option<Schema<'s>> {
+    pub(super) fn child(self, key: &str) -> Option<Schema<'s>> {
         let part = match self.form() {
             Form::Struct(part) | Form::Preset(part) => part["properties"].get(key)?,
             Form::Choice(variants) | Form::Dist(variants) => variants.into_iter().find(|v| v.name == key)?.content?,
@@ -111,7 +111,7 @@ impl<'s> Schema<'s> {
     }
 
     /// The schema of a list's entries.
-    pub fn item(self) -> Option<Schema<'s>> {
+    pub(super) fn item(self) -> Option<Schema<'s>> {
         match self.form() {
             Form::List(part) => Some(self.at(&part["items"])),
             _ => None,
@@ -119,7 +119,7 @@ impl<'s> Schema<'s> {
     }
 
     /// What the key itself means, where its type says more than its name.
-    pub fn own_description(self) -> Option<&'s str> {
+    pub(crate) fn own_description(self) -> Option<&'s str> {
         self.part["description"].as_str()
     }
 }
@@ -133,7 +133,7 @@ fn has_type(part: &Json, name: &str) -> bool {
 }
 
 /// The one that was most likely meant.
-pub fn did_you_mean<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn did_you_mean<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |s: &str| s.to_lowercase().replace(['-', '_', ' '], "");
     let typed = plain(typed);
     let score = |known: &str| {
@@ -151,7 +151,7 @@ pub fn did_you_mean<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -
 }
 
 /// 'a', 'b' or 'c'.
-pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+pub(super) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.into_iter().collect();
     match names.as_slice() {
         [] => "nothing".into(),
@@ -161,14 +161,14 @@ pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 }
 
 /// Checks a whole tree; see [`check`].
-pub struct Shape<'s> {
+pub(super) struct Shape<'s> {
     root: Schema<'s>,
     sources: &'s [Source],
     faults: Vec<Fault>,
 }
 
 /// Everything whose shape is wrong below `node`, which stands at the dotted `path` of the document.
-pub fn check(node: &Node, schema: Schema, path: &str, root: &Json, sources: &[Source]) -> Vec<Fault> {
+pub(super) fn check(node: &Node, schema: Schema, path: &str, root: &Json, sources: &[Source]) -> Vec<Fault> {
     let root = Schema::of(root);
     let mut shape = Shape { root, sources, faults: Vec::new() };
     shape.node(node, Schema { defs: schema.defs, part: schema.part }, path);
@@ -441,7 +441,7 @@ fn keys_of(part: &serde_json::Value) -> impl Iterator<Item = &str> {
 }
 
 /// The keys that a mapping must have.
-pub fn required(part: &serde_json::Value) -> impl Iterator<Item = &str> {
+pub(super) fn required(part: &serde_json::Value) -> impl Iterator<Item = &str> {
     part["required"].as_array().into_iter().flatten().filter_map(|name| name.as_str())
 }
 
@@ -473,13 +473,13 @@ fn laws(document: Schema<'_>) -> impl Iterator<Item = (&str, &str)> {
 }
 
 /// What the law that a message begins with is.
-pub fn meaning_of_law(document: Schema, message: &str) -> Option<String> {
+pub(crate) fn meaning_of_law(document: Schema, message: &str) -> Option<String> {
     let (name, meaning) = laws(document).find(|(name, _)| message.split(' ').next() == Some(name))?;
     Some(format!("{name}: {meaning}"))
 }
 
 /// "key: what it means", from the type's own words.
-pub fn meaning(schema: Schema, path: &str) -> Option<String> {
+pub(super) fn meaning(schema: Schema, path: &str) -> Option<String> {
     let name = path.rsplit('.').next().unwrap_or(path);
     schema.own_description().map(|text| format!("{name}: {}", text.replace('\n', " ")))
 }
@@ -491,7 +491,7 @@ fn with_cure(fault: Fault, cure: Option<String>) -> Fault {
     }
 }
 
-pub fn joined(path: &str, key: &str) -> String {
+pub(crate) fn joined(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
 

@@ -24,7 +24,7 @@ pub fn load_train(path: Option<&Path>, sets: &[String]) -> Result<TrainParams, C
 }
 
 /// The parameters as a config with every default written out; [`load_train`] gives the same again.
-pub fn train_yaml(params: &TrainParams) -> String {
+pub(crate) fn train_yaml(params: &TrainParams) -> String {
     let document = serde_json::to_value(params).expect("parameters are finite numbers and text keys");
     format!("# The resolved training config: every default written out.\n{}", yaml(&document))
 }

@@ -19,7 +19,7 @@ const MAX_DEPTH: usize = 40;
 
 /// A text that nodes point into: a file, a preset of the binary, or a `--set` argument.
 #[derive(Clone, Debug)]
-pub struct Source {
+pub(crate) struct Source {
     pub name: String,
     pub text: Arc<String>,
     /// Where relative paths written in it start.
@@ -30,14 +30,14 @@ pub struct Source {
 
 /// A place in one of the sources, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Span {
+pub(crate) struct Span {
     pub source: usize,
     pub start: usize,
     pub len: usize,
 }
 
 #[derive(Clone, Debug)]
-pub struct Node {
+pub(crate) struct Node {
     pub span: Span,
     pub value: Value,
     /// Replaces what it overrides instead of being merged into it: presets, and the values of `--set`.
@@ -45,7 +45,7 @@ pub struct Node {
 }
 
 #[derive(Clone, Debug)]
-pub enum Value {
+pub(crate) enum Value {
     Null,
     Bool(bool),
     Int(i128),
@@ -56,22 +56,22 @@ pub enum Value {
 }
 
 #[derive(Clone, Debug)]
-pub struct Key {
+pub(crate) struct Key {
     pub name: String,
     pub span: Span,
 }
 
 impl Node {
-    pub fn new(span: Span, value: Value) -> Node {
+    pub(crate) fn new(span: Span, value: Value) -> Node {
         Node { span, value, whole: false }
     }
 
     /// The value of a key, where this is a mapping that has it.
-    pub fn get(&self, name: &str) -> Option<&Node> {
+    pub(crate) fn get(&self, name: &str) -> Option<&Node> {
         self.entries().iter().find(|(key, _)| key.name == name).map(|(_, node)| node)
     }
 
-    pub fn get_mut(&mut self, name: &str) -> Option<&mut Node> {
+    pub(crate) fn get_mut(&mut self, name: &str) -> Option<&mut Node> {
         match &mut self.value {
             Value::Map(entries) => entries.iter_mut().find(|(key, _)| key.name == name).map(|(_, node)| node),
             _ => None,
@@ -79,7 +79,7 @@ impl Node {
     }
 
     /// The entries of a mapping; none for anything else.
-    pub fn entries(&self) -> &[(Key, Node)] {
+    pub(crate) fn entries(&self) -> &[(Key, Node)] {
         match &self.value {
             Value::Map(entries) => entries,
             _ => &[],
@@ -87,7 +87,7 @@ impl Node {
     }
 
     /// What it is, for messages.
-    pub fn kind(&self) -> String {
+    pub(crate) fn kind(&self) -> String {
         match &self.value {
             Value::Null => "nothing".into(),
             Value::Bool(b) => format!("{b}"),
@@ -106,7 +106,7 @@ impl Node {
     }
 
     /// The same content without positions. Numbers that JSON cannot hold have been refused before.
-    pub fn to_json(&self) -> serde_json::Value {
+    pub(crate) fn to_json(&self) -> serde_json::Value {
         match &self.value {
             Value::Null => serde_json::Value::Null,
             Value::Bool(b) => (*b).into(),
@@ -124,7 +124,7 @@ impl Node {
 }
 
 /// A text of a source, cut to a length that a message can hold.
-pub fn shortened(text: &str) -> String {
+pub(crate) fn shortened(text: &str) -> String {
     let line = text.lines().next().unwrap_or_default();
     if line.chars().count() <= 40 && line.len() == text.len() {
         quoted(line)
@@ -134,7 +134,7 @@ pub fn shortened(text: &str) -> String {
 }
 
 /// Reads the text of a source from byte `from` on; positions count from the text's start.
-pub fn parse(source: usize, text: &str, from: usize) -> Result<Node, Fault> {
+pub(super) fn parse(source: usize, text: &str, from: usize) -> Result<Node, Fault> {
     let body = &text[from..];
     if body.len() > MAX_BYTES {
         return Err(Fault::new(Span { source, start: 0, len: 1 }, format!("the file has {} MB", body.len() >> 20))

@@ -6,7 +6,7 @@ use serde_json::{Map, Value as Json};
 const WIDTH: usize = 110;
 
 /// A JSON value as YAML: short parts on one line, long ones as blocks.
-pub fn yaml(value: &Json) -> String {
+pub(super) fn yaml(value: &Json) -> String {
     let mut out = String::new();
     match value {
         Json::Object(entries) if !entries.is_empty() => block_mapping(entries, 0, &mut out),

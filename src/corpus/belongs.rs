@@ -10,7 +10,7 @@ use super::{Split, Table};
 
 /// A shard of a corpus, as its files must name it.
 #[derive(Clone, Copy, Debug)]
-pub struct ShardIdentity<'a> {
+pub(crate) struct ShardIdentity<'a> {
     pub scene_plan_hash: &'a str,
     pub shard: u64,
     pub split: Split,
@@ -20,7 +20,7 @@ pub struct ShardIdentity<'a> {
 
 impl ShardIdentity<'_> {
     /// Why a file is not this shard's, if so.
-    pub fn check(&self, file: &TableFile, table: Table) -> Result<(), String> {
+    pub(crate) fn check(&self, file: &TableFile, table: Table) -> Result<(), String> {
         let said = file.key_values();
         let [first, end] = self.scenes;
         for (key, expected) in [
@@ -61,7 +61,7 @@ impl ShardIdentity<'_> {
     }
 
     /// Whether scenes from one number to another are all this shard's.
-    pub fn check_scenes(&self, least: i64, most: i64) -> Result<(), String> {
+    pub(crate) fn check_scenes(&self, least: i64, most: i64) -> Result<(), String> {
         let [first, end] = self.scenes;
         let within = |scene: i64| u64::try_from(scene).is_ok_and(|scene| (first..end).contains(&scene));
         if within(least) && within(most) {

@@ -12,7 +12,7 @@ use crate::cells::{Cells, FeatureColumn};
 
 /// One scan's cells, and per cell the output and class, `None` where it was not judged.
 #[derive(Clone, Copy, Debug)]
-pub struct CellOutputs<'a> {
+pub(crate) struct CellOutputs<'a> {
     pub scan_id: u32,
     pub cells: &'a Cells,
     pub outputs: &'a [Option<f64>],
@@ -20,7 +20,11 @@ pub struct CellOutputs<'a> {
 }
 
 /// The bytes of a Parquet file; `scene_id` is 0, scans ascend. `name`: the file's, for messages.
-pub fn judged_cells(name: &str, features: &[FeatureColumn], scans: &[CellOutputs]) -> Result<Vec<u8>, CorpusError> {
+pub(crate) fn judged_cells(
+    name: &str,
+    features: &[FeatureColumn],
+    scans: &[CellOutputs],
+) -> Result<Vec<u8>, CorpusError> {
     let mut columns = schema::columns(Table::Cells, features, &[]);
     let judgement = |name: &str, kind, description: &str| Column {
         name: name.into(),

@@ -1,6 +1,6 @@
 //! Record batches of `cells` -> typed columns: the one reader of that table.
 //!
-//! In: a file and the names of the columns that are wanted of it ([`projection`]); a batch of it. Out: a [`CellBatch`], whose columns are
+//! In: a file and the names of the columns that are wanted of it (`projection`); a batch of it. Out: a [`CellBatch`], whose columns are
 //! slices, one entry a row, taken without a copy. Numbers on disk become the types of the core here and nowhere else: a label is a [`Label`] or
 //! unknown (null), a class a [`Class`] or unknown (-1 or null). A column that is absent or of another type, and a number that stands for
 //! no label or class, is refused by name. Units and meanings: `tables/cells.rs`. Not checked: the order of the rows, and whether counts
@@ -17,25 +17,25 @@ use crate::geometry::CellIndex;
 use crate::scene::Class;
 
 /// Where a cell is: scene, scan, row, column.
-pub const KEYS: [&str; 4] = ["scene_id", "scan_id", "row", "col"];
+pub(crate) const KEYS: [&str; 4] = ["scene_id", "scan_id", "row", "col"];
 pub const LABEL: &str = "label";
 pub const POINTS: &str = "points";
 pub const RANGE_M: &str = "range_m";
 pub(super) const NEIGHBOUR_MASK: &str = "neighbour_mask";
-pub const OBSTACLE_POINTS: &str = "truth_obstacle_points";
-pub const TOP_POINTS: &str = "truth_top_points";
-pub const CLASS: &str = "truth_class";
+pub(crate) const OBSTACLE_POINTS: &str = "truth_obstacle_points";
+pub(crate) const TOP_POINTS: &str = "truth_top_points";
+pub(crate) const CLASS: &str = "truth_class";
 pub(super) const OBJECT: &str = "truth_object_id";
 pub(super) const PROTRUSION_M: &str = "truth_protrusion_m";
 pub(super) const SLOPE_RAD: &str = "truth_slope_rad";
 /// What only the simulator knows of a cell.
-pub const TRUTH: [&str; 6] = [OBSTACLE_POINTS, TOP_POINTS, CLASS, OBJECT, PROTRUSION_M, SLOPE_RAD];
+pub(crate) const TRUTH: [&str; 6] = [OBSTACLE_POINTS, TOP_POINTS, CLASS, OBJECT, PROTRUSION_M, SLOPE_RAD];
 /// What a [`LabelRule`](crate::cells::LabelRule) asks of the truth.
-pub const RULE_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, PROTRUSION_M, SLOPE_RAD];
+pub(crate) const RULE_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, PROTRUSION_M, SLOPE_RAD];
 
 /// The columns to read of a file: those that are needed, and of the others those that it has. `Err` names one that is needed and
 /// not there.
-pub fn projection<'n>(
+pub(crate) fn projection<'n>(
     file: &TableFile,
     needed: impl IntoIterator<Item = &'n str>,
     others: &[&'n str],
@@ -70,7 +70,7 @@ impl<N: Copy> Column<'_, N> {
 }
 
 impl CellBatch {
-    pub fn of(batch: RecordBatch) -> CellBatch {
+    pub(crate) fn of(batch: RecordBatch) -> CellBatch {
         CellBatch(batch)
     }
 
@@ -80,11 +80,11 @@ impl CellBatch {
     }
 
     /// The rows of one scene.
-    pub fn of_scene(&self, scene_id: u64) -> Result<CellBatch, String> {
+    pub(crate) fn of_scene(&self, scene_id: u64) -> Result<CellBatch, String> {
         rows_of_scene(&self.0, scene_id).map(CellBatch)
     }
 
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.0.num_rows()
     }
 
@@ -101,7 +101,7 @@ impl CellBatch {
         Ok(self.column::<T>(name)?.values)
     }
 
-    pub fn keys(&self) -> Result<Keys<'_>, String> {
+    pub(crate) fn keys(&self) -> Result<Keys<'_>, String> {
         let [scene, scan, row, col] = KEYS;
         Ok(Keys {
             scenes: self.values::<Int64Type>(scene)?,
@@ -120,20 +120,20 @@ impl CellBatch {
     }
 
     /// Lidar points of each cell.
-    pub fn points(&self) -> Result<&[i32], String> {
+    pub(crate) fn points(&self) -> Result<&[i32], String> {
         self.values::<Int32Type>(POINTS)
     }
 
-    pub fn ranges_m(&self) -> Result<&[f32], String> {
+    pub(crate) fn ranges_m(&self) -> Result<&[f32], String> {
         self.values::<Float32Type>(RANGE_M)
     }
 
-    pub fn neighbour_masks(&self) -> Result<&[i32], String> {
+    pub(crate) fn neighbour_masks(&self) -> Result<&[i32], String> {
         self.values::<Int32Type>(NEIGHBOUR_MASK)
     }
 
     /// The features of these names, in this order.
-    pub fn features<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<Features<'_>, String> {
+    pub(crate) fn features<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Result<Features<'_>, String> {
         Ok(Features(names.into_iter().map(|name| self.column::<Float32Type>(name)).collect::<Result<_, _>>()?))
     }
 
@@ -143,7 +143,7 @@ impl CellBatch {
     }
 
     /// What the batch has of the truth; `needed` names columns of it that must be there.
-    pub fn truth(&self, needed: &[&str]) -> Result<TruthColumns<'_>, String> {
+    pub(crate) fn truth(&self, needed: &[&str]) -> Result<TruthColumns<'_>, String> {
         if let Some(absent) = needed.iter().find(|name| self.0.column_by_name(name).is_none()) {
             return Err(format!("it has no column '{absent}'"));
         }
@@ -173,7 +173,7 @@ fn wrong_number(column: &Column<i8>, is_known: impl Fn(i8) -> bool) -> Option<i8
 
 /// Which cell each row is.
 #[derive(Clone, Copy, Debug)]
-pub struct Keys<'b> {
+pub(crate) struct Keys<'b> {
     pub scenes: &'b [i64],
     pub scans: &'b [i32],
     rows: &'b [i32],
@@ -181,7 +181,7 @@ pub struct Keys<'b> {
 }
 
 impl Keys<'_> {
-    pub fn index(&self, row: usize) -> CellIndex {
+    pub(crate) fn index(&self, row: usize) -> CellIndex {
         CellIndex { row: self.rows[row], col: self.cols[row] }
     }
 }
@@ -205,7 +205,7 @@ pub struct Features<'b>(Vec<Column<'b, f32>>);
 impl Features<'_> {
     /// Appends the features of a row if all are finite numbers, and says whether they are.
     #[inline]
-    pub fn append_finite(&self, row: usize, out: &mut Vec<f32>) -> bool {
+    pub(crate) fn append_finite(&self, row: usize, out: &mut Vec<f32>) -> bool {
         let start = out.len();
         out.extend(self.row(row));
         let is_finite = out[start..].iter().all(|value| value.is_finite());
@@ -217,14 +217,14 @@ impl Features<'_> {
 
     /// The features of a row, NaN for a null.
     #[inline]
-    pub fn row(&self, row: usize) -> impl ExactSizeIterator<Item = f32> + '_ {
+    pub(crate) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = f32> + '_ {
         self.0.iter().map(move |column| column.at(row).unwrap_or(f32::NAN))
     }
 }
 
 /// The truth of each row, as far as the batch has it.
 #[derive(Clone, Copy, Debug)]
-pub struct TruthColumns<'b> {
+pub(crate) struct TruthColumns<'b> {
     obstacle_points: Option<Column<'b, i32>>,
     top_points: Option<Column<'b, i32>>,
     class: Option<Column<'b, i8>>,
@@ -236,7 +236,7 @@ pub struct TruthColumns<'b> {
 impl TruthColumns<'_> {
     /// What a column that is absent or null would say is as in [`CellTruth::default`]: nothing is known of it.
     #[inline]
-    pub fn at(&self, row: usize) -> CellTruth {
+    pub(crate) fn at(&self, row: usize) -> CellTruth {
         let unknown = CellTruth::default();
         let whole = |column: &Option<Column<i32>>, or| column.and_then(|column| column.at(row)).unwrap_or(or);
         let real = |column: &Option<Column<f32>>, or| column.and_then(|column| column.at(row)).unwrap_or(or);

@@ -12,7 +12,7 @@ use super::{CorpusError, Store, Table, hex};
 
 /// What a finished corpus says of one of its files.
 #[derive(Clone, Copy, Debug)]
-pub struct Expected<'a> {
+pub(crate) struct Expected<'a> {
     pub name: &'a str,
     pub bytes: u64,
     pub sha256: &'a str,
@@ -42,7 +42,7 @@ impl From<CorpusError> for Refused {
 
 impl<'a> Expected<'a> {
     /// A table of a shard; `None` where the corpus has no such table.
-    pub fn of(scene_plan_hash: &'a str, line: &'a ShardLine, table: Table) -> Option<Expected<'a>> {
+    pub(crate) fn of(scene_plan_hash: &'a str, line: &'a ShardLine, table: Table) -> Option<Expected<'a>> {
         let facts = line.tables.get(&table)?;
         Some(Expected {
             name: &facts.path,
@@ -61,7 +61,7 @@ const PIECE_BYTES: usize = 1 << 20;
 
 impl Expected<'_> {
     /// Checks size and sha256 first, then opens, and asks the file whose it is.
-    pub fn open_checked(&self, store: &dyn Store) -> Result<TableFile, Refused> {
+    pub(crate) fn open_checked(&self, store: &dyn Store) -> Result<TableFile, Refused> {
         let other = |reason: String| Err(Refused::Other(reason));
         let Some(bytes) = store.size(self.name)? else { return other("it is missing".into()) };
         if bytes != self.bytes {
@@ -76,7 +76,7 @@ impl Expected<'_> {
     }
 
     /// Opens a file that was checked before.
-    pub fn open(&self, store: &dyn Store) -> Result<TableFile, Refused> {
+    pub(crate) fn open(&self, store: &dyn Store) -> Result<TableFile, Refused> {
         let table = TableFile::open_sized(store, self.name, self.bytes)?;
         let (rows, row_groups) = (table.rows(), table.row_groups().len());
         if row_groups == self.row_groups as usize && rows == self.rows {
@@ -90,7 +90,7 @@ impl Expected<'_> {
 }
 
 /// The SHA-256 of a file of so many bytes.
-pub fn sha256_of(store: &dyn Store, name: &str, bytes: u64) -> Result<String, CorpusError> {
+pub(crate) fn sha256_of(store: &dyn Store, name: &str, bytes: u64) -> Result<String, CorpusError> {
     let mut hasher = sha2::Sha256::new();
     let mut offset = 0;
     while offset < bytes {

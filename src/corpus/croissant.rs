@@ -8,12 +8,12 @@ use serde_json::{Value, json};
 use super::schema::{self, Column};
 use super::{CorpusSpec, Manifest, Table, card};
 
-pub const NAME: &str = "croissant.json";
+pub(crate) const NAME: &str = "croissant.json";
 /// How it ends: behind the last field of the last record.
-pub const END: &str = "          }\n        }\n      ]\n    }\n  ]\n}\n";
+pub(crate) const END: &str = "          }\n        }\n      ]\n    }\n  ]\n}\n";
 
 /// The description as JSON-LD text.
-pub fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {
+pub(crate) fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {
     let files: Vec<Value> = spec.tables.iter().map(|&table| file_set(table)).collect();
     let records: Vec<Value> = spec.tables.iter().map(|&table| record_set(table, spec)).collect();
     let card = &spec.card;

@@ -13,7 +13,7 @@ use super::{Receipt, Table, schema};
 use crate::cells::{CellParams, feature_columns};
 
 /// File names within `schemas/` and their texts.
-pub fn documents() -> Vec<(String, String)> {
+pub(crate) fn documents() -> Vec<(String, String)> {
     let types = [
         ("comparison", titled(schemars::schema_for!(Comparison), "what marsyard compare --json prints")),
         ("inspection", titled(schemars::schema_for!(InspectionDocument), "what marsyard inspect --json prints")),
@@ -34,7 +34,7 @@ pub fn documents() -> Vec<(String, String)> {
 }
 
 /// A document as it is printed.
-pub fn text(document: &impl Serialize) -> String {
+pub(crate) fn text(document: &impl Serialize) -> String {
     serde_json::to_string_pretty(document).expect("a document is plain data") + "\n"
 }
 

@@ -92,14 +92,14 @@ pub enum CorpusError {
 
 impl CorpusError {
     /// What a file system says of a file.
-    pub fn of_path(path: &std::path::Path, source: std::io::Error) -> CorpusError {
+    pub(crate) fn of_path(path: &std::path::Path, source: std::io::Error) -> CorpusError {
         let place = path.parent().map(|above| above.display().to_string()).unwrap_or_default();
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         CorpusError::Io { place, name, source }
     }
 
     /// A word for machines: what kind of fault it is.
-    pub fn kind(&self) -> &'static str {
+    pub(crate) fn kind(&self) -> &'static str {
         match self {
             CorpusError::Io { .. } => "io",
             CorpusError::Refused { .. } => "refused",
@@ -128,7 +128,7 @@ impl CorpusError {
     }
 
     /// The place that it speaks of; empty where it names none.
-    pub fn place(&self) -> &str {
+    pub(crate) fn place(&self) -> &str {
         match self {
             CorpusError::Io { place, .. }
             | CorpusError::Refused { place, .. }

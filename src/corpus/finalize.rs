@@ -13,7 +13,7 @@ use super::{CorpusError, CorpusSpec, Manifest, Receipt, Store, card, croissant, 
 
 /// What whoever asks for a merge knows beside the plan.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Known<'a> {
+pub(crate) struct Known<'a> {
     /// Shards that were built just now, ascending: their receipts may differ from those that the corpus was finished with.
     pub built: &'a [u64],
     /// The SHA-256 of the manifest that was signed: no other is written.
@@ -22,12 +22,12 @@ pub struct Known<'a> {
 
 /// Merges the receipts of whoever built the shards into `shards.jsonl`, `manifest.json`, card and Croissant; refuses gaps, files that
 /// are of no shard, and receipts that changed since the corpus was finished.
-pub fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
+pub(crate) fn finalize(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
     finalize_knowing(store, spec, Known::default())
 }
 
 /// The same, by somebody who knows more.
-pub fn finalize_knowing(store: &dyn Store, spec: &CorpusSpec, known: Known) -> Result<Manifest, CorpusError> {
+pub(crate) fn finalize_knowing(store: &dyn Store, spec: &CorpusSpec, known: Known) -> Result<Manifest, CorpusError> {
     let place = Place::of(store, spec);
     place.still_there()?;
     owner::check_derived(store)?;
@@ -127,7 +127,7 @@ impl Before {
 }
 
 /// What is said of a receipt that is not the one that the corpus was finished with.
-pub const CHANGED_RECEIPT: &str =
+pub(crate) const CHANGED_RECEIPT: &str =
     "its SHA-256 is not that of shards.jsonl: it was edited, damaged or written anew since the corpus was finished";
 
 fn refuse_changed(store: &dyn Store, changed: &[u64]) -> Result<(), CorpusError> {

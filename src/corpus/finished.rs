@@ -35,7 +35,7 @@ pub struct Finished {
 
 /// Something in a place that is not as the manifest says.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub(crate) struct Fault {
     /// The file.
     pub name: String,
     pub what: String,
@@ -50,7 +50,7 @@ impl fmt::Display for Fault {
 
 impl Fault {
     /// A file that belongs to no shard.
-    pub fn of_stray(place: &str, name: String, stray: &Stray) -> Fault {
+    pub(crate) fn of_stray(place: &str, name: String, stray: &Stray) -> Fault {
         let (what, cure) = match stray {
             Stray::Beyond { shard } => (
                 format!("it is of shard {shard}, behind the end of the corpus"),
@@ -84,7 +84,7 @@ impl Finished {
     }
 
     /// Everything that is not as the manifest says.
-    pub fn faults(store: &dyn Store) -> Result<Vec<Fault>, CorpusError> {
+    pub(crate) fn faults(store: &dyn Store) -> Result<Vec<Fault>, CorpusError> {
         let Looked { corpus, mut faults, strays, listing } = Looked::at(store)?;
         for name in &strays {
             faults.push(stray_fault(store, &listing, name, &corpus.manifest.scene_plan_hash, corpus.manifest.shards)?);
@@ -92,7 +92,7 @@ impl Finished {
         Ok(faults)
     }
 
-    pub fn store(&self) -> &dyn Store {
+    pub(crate) fn store(&self) -> &dyn Store {
         self.store.as_ref()
     }
 
@@ -180,7 +180,7 @@ fn unchecked(store: &dyn Store, manifest: &Manifest) -> Vec<String> {
 }
 
 /// Why the plan is not the one that the corpus was finished with, if so.
-pub fn plan_fault(store: &dyn Store, manifest: &Manifest) -> Result<Option<Fault>, CorpusError> {
+pub(crate) fn plan_fault(store: &dyn Store, manifest: &Manifest) -> Result<Option<Fault>, CorpusError> {
     let place = store.place();
     let anew = format!(
         "`marsyard generate CONFIG --out {place}`, with the config that the corpus was built from, writes it anew"
@@ -217,7 +217,7 @@ pub fn plan_fault(store: &dyn Store, manifest: &Manifest) -> Result<Option<Fault
 }
 
 /// Why a file that `finalize` writes is not the one it wrote, if so.
-pub fn side_fault(
+pub(crate) fn side_fault(
     store: &dyn Store,
     manifest: &Manifest,
     name: &str,
@@ -269,7 +269,7 @@ fn shard_lines(
 
 /// What the list of shards in a place is to the manifest there.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Listed {
+pub(crate) enum Listed {
     /// The manifest's own: the SHA-256 of each shard's receipt, by shard, as the corpus was finished with them.
     Own(HashMap<u64, String>),
     /// A whole list that the manifest does not name: a finalize was cut off between the two.
@@ -279,7 +279,7 @@ pub enum Listed {
 }
 
 impl Listed {
-    pub fn read(store: &dyn Store, manifest: &Manifest) -> Result<Listed, CorpusError> {
+    pub(crate) fn read(store: &dyn Store, manifest: &Manifest) -> Result<Listed, CorpusError> {
         // A growth may have left a longer one.
         let kind = FileKind::ShardList { shards: u64::MAX };
         let bytes = match read_present(store, manifest::SHARDS, kind) {
@@ -297,14 +297,14 @@ impl Listed {
     }
 
     /// Whether a shard is listed with another receipt than one of these bytes.
-    pub fn has_other(&self, shard: u64, receipt: &[u8]) -> bool {
+    pub(crate) fn has_other(&self, shard: u64, receipt: &[u8]) -> bool {
         let Listed::Own(receipts) = self else { return false };
         receipts.get(&shard).is_some_and(|there| *there != sha256(receipt))
     }
 }
 
 /// A stray in words.
-pub fn stray_fault(
+pub(crate) fn stray_fault(
     store: &dyn Store,
     listing: &Listing,
     name: &str,
@@ -316,7 +316,7 @@ pub fn stray_fault(
 }
 
 /// The bytes of a file, or `None` where there is none.
-pub fn read_present(store: &dyn Store, name: &str, kind: FileKind) -> Result<Option<Vec<u8>>, CorpusError> {
+pub(crate) fn read_present(store: &dyn Store, name: &str, kind: FileKind) -> Result<Option<Vec<u8>>, CorpusError> {
     match kind.read(store, name) {
         Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
         other => other.map(Some),

@@ -8,18 +8,18 @@
 use super::{CorpusError, Store};
 
 /// A place's free space, some of which is to stay free.
-pub struct FreeSpace<'a> {
+pub(crate) struct FreeSpace<'a> {
     store: &'a dyn Store,
     keep_bytes: u64,
 }
 
 impl<'a> FreeSpace<'a> {
-    pub fn new(store: &'a dyn Store, keep_bytes: u64) -> FreeSpace<'a> {
+    pub(crate) fn new(store: &'a dyn Store, keep_bytes: u64) -> FreeSpace<'a> {
         FreeSpace { store, keep_bytes }
     }
 
     /// Refuses what would leave less than is to stay free.
-    pub fn check(&self, bytes: u64, what: impl FnOnce() -> String) -> Result<(), CorpusError> {
+    pub(crate) fn check(&self, bytes: u64, what: impl FnOnce() -> String) -> Result<(), CorpusError> {
         match self.store.free_bytes()? {
             Some(free_bytes) if free_bytes < bytes.saturating_add(self.keep_bytes) => {
                 let (place, keep_bytes) = (self.store.place(), self.keep_bytes);

@@ -11,7 +11,7 @@ use serde_json::Value as Json;
 
 /// A key that two plans have different values of.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct KeyDifference {
+pub(crate) struct KeyDifference {
     /// From the plan's top, as `cells.size_m`.
     pub key: String,
     /// Null where the plan has no such key.
@@ -20,7 +20,7 @@ pub struct KeyDifference {
 }
 
 /// The keys that differ, in the order of the alphabet.
-pub fn key_differences(a: &Json, b: &Json) -> Vec<KeyDifference> {
+pub(crate) fn key_differences(a: &Json, b: &Json) -> Vec<KeyDifference> {
     let (a, b) = (flattened(a), flattened(b));
     let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
     let both = |key: &String| (a.get(key).copied(), b.get(key).copied());

@@ -11,10 +11,10 @@ use super::{CorpusError, Store};
 const MIB: u64 = 1 << 20;
 
 /// Of the largest model.
-pub const MODEL_BYTES: u64 = 512 * MIB;
+pub(crate) const MODEL_BYTES: u64 = 512 * MIB;
 
 /// Of the largest covariance that a filter may have.
-pub const COVARIANCE_BYTES: u64 = 8192 * MIB;
+pub(crate) const COVARIANCE_BYTES: u64 = 8192 * MIB;
 
 /// A kind of file that is read as a whole.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +43,8 @@ const SHARD_LINE: u64 = 4096;
 
 impl FileKind {
     /// One of each kind, in the order of the table.
-    pub const ALL: [FileKind; 14] = [
+    #[cfg(test)]
+    pub(crate) const ALL: [FileKind; 14] = [
         FileKind::Manifest,
         FileKind::Receipt,
         FileKind::ShardList { shards: 1 },
@@ -61,7 +62,7 @@ impl FileKind {
     ];
 
     /// What it is called in messages and in the table.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             FileKind::Manifest => "a manifest",
             FileKind::Receipt => "a receipt",
@@ -81,6 +82,7 @@ impl FileKind {
     }
 
     /// The files of this kind.
+    #[cfg(test)]
     fn files(self) -> &'static str {
         match self {
             FileKind::Manifest => "`manifest.json`",
@@ -101,7 +103,7 @@ impl FileKind {
     }
 
     /// The largest file of this kind that is read.
-    pub fn most_bytes(self) -> u64 {
+    pub(crate) fn most_bytes(self) -> u64 {
         match self {
             FileKind::Manifest | FileKind::Config => 256 * MIB,
             FileKind::Receipt => 64 * MIB,
@@ -118,7 +120,7 @@ impl FileKind {
     }
 
     /// Reads a file of this kind, and no more than its limit and a byte.
-    pub fn read(self, store: &dyn Store, name: &str) -> Result<Vec<u8>, CorpusError> {
+    pub(crate) fn read(self, store: &dyn Store, name: &str) -> Result<Vec<u8>, CorpusError> {
         let most_bytes = self.most_bytes();
         let bytes = store.read_range(name, 0, most_bytes.saturating_add(1) as usize)?;
         if bytes.len() as u64 <= most_bytes {
@@ -130,13 +132,14 @@ impl FileKind {
 
 impl FileKind {
     /// Reads a file that a user named, wherever a link of that name leads; a pipe or a folder is refused, not waited for.
-    pub fn read_path(self, path: &Path) -> std::io::Result<Vec<u8>> {
+    pub(crate) fn read_path(self, path: &Path) -> std::io::Result<Vec<u8>> {
         read_local(path, self.most_bytes())
     }
 }
 
 /// The table in Markdown.
-pub fn markdown() -> String {
+#[cfg(test)]
+pub(crate) fn markdown() -> String {
     let row = |kind: &FileKind| {
         let most = match kind {
             FileKind::ShardList { .. } => format!("{} KiB a shard, 4096 MiB", SHARD_LINE >> 10),

@@ -11,7 +11,7 @@ use super::receipt::{self, Receipt};
 use super::{CorpusError, Store, Table};
 
 /// What lies in the folders of tables and receipts.
-pub struct Listing {
+pub(crate) struct Listing {
     sizes: HashMap<String, u64>,
     /// Links, folders, pipes.
     odd: Vec<String>,
@@ -19,7 +19,7 @@ pub struct Listing {
 
 /// Why a file that belongs to no shard lies in a corpus.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Stray {
+pub(crate) enum Stray {
     /// Of a whole shard behind the plan's end: the corpus was larger, or was to grow.
     Beyond { shard: u64 },
     /// Marsyard wrote it for this plan, and no receipt speaks for it: half a shard, or a copy.
@@ -30,11 +30,11 @@ pub enum Stray {
 
 impl Listing {
     /// Of a place that was not listed.
-    pub fn none() -> Listing {
+    pub(crate) fn none() -> Listing {
         Listing { sizes: HashMap::new(), odd: Vec::new() }
     }
 
-    pub fn of(store: &dyn Store) -> Result<Listing, CorpusError> {
+    pub(crate) fn of(store: &dyn Store) -> Result<Listing, CorpusError> {
         let mut listing = Listing::none();
         for folder in Table::ALL.map(Table::folder).iter().map(String::as_str).chain([receipt::FOLDER]) {
             let (files, others) = store.list_all(folder)?;
@@ -45,7 +45,7 @@ impl Listing {
     }
 
     /// Names that some reader would read and that are of no shard below `shards` of these tables, ascending.
-    pub fn strays(&self, shards: u64, tables: impl Fn(Table) -> bool) -> Vec<String> {
+    pub(crate) fn strays(&self, shards: u64, tables: impl Fn(Table) -> bool) -> Vec<String> {
         let expected = |name: &str| match Table::of_path(name) {
             Some((table, shard)) => shard < shards && tables(table),
             None => receipt::number(name).is_some_and(|shard| shard < shards),
@@ -57,7 +57,7 @@ impl Listing {
     }
 
     /// Files of the corpus that are not there, or not of their size; each with what is wrong with it.
-    pub fn faults(&self, manifest: &Manifest, lines: &[ShardLine]) -> impl Iterator<Item = (String, String)> {
+    pub(crate) fn faults(&self, manifest: &Manifest, lines: &[ShardLine]) -> impl Iterator<Item = (String, String)> {
         let tables = lines.iter().flat_map(|line| line.tables.values());
         let tables = tables.filter_map(|facts| Some((facts.path.clone(), self.fault(&facts.path, Some(facts.bytes))?)));
         let receipts = (0..manifest.shards).map(Receipt::path);
@@ -78,7 +78,7 @@ impl Listing {
     }
 
     /// What a stray in a corpus of so many shards is; reads its head.
-    pub fn judge(
+    pub(crate) fn judge(
         &self,
         store: &dyn Store,
         name: &str,
@@ -106,7 +106,7 @@ impl Listing {
 }
 
 /// Whether a table file says itself that marsyard wrote it for a plan; `None` where it cannot be read as Parquet.
-pub fn is_ours(store: &dyn Store, name: &str, scene_plan_hash: &str) -> Result<Option<bool>, CorpusError> {
+pub(crate) fn is_ours(store: &dyn Store, name: &str, scene_plan_hash: &str) -> Result<Option<bool>, CorpusError> {
     match TableFile::open(store, name) {
         Ok(file) => {
             Ok(Some(file.key_values().get("marsyard.scene_plan_hash").is_some_and(|there| there == scene_plan_hash)))

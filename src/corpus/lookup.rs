@@ -60,7 +60,7 @@ fn find<'n>(
 }
 
 /// Family by scene, from a file of `scenes`.
-pub fn families_of_scenes(file: &TableFile) -> Result<BTreeMap<i64, String>, Refused> {
+pub(crate) fn families_of_scenes(file: &TableFile) -> Result<BTreeMap<i64, String>, Refused> {
     let absent = || Refused::Other("it has no columns 'scene_id' and 'family' of whole numbers and text".into());
     let wanted = [KEYS[0], "family"];
     if wanted.iter().any(|name| file.schema().field_with_name(name).is_err()) {

@@ -17,12 +17,12 @@ use super::{
 };
 use crate::cells::FeatureColumn;
 
-pub const NAME: &str = "manifest.json";
+pub(crate) const NAME: &str = "manifest.json";
 pub const SHARDS: &str = "shards.jsonl";
 /// The files beside the manifest whose hashes it holds, ascending.
-pub const FILES: [&str; 4] = [card::NAME, croissant::NAME, plan_file::NAME, SHARDS];
+pub(crate) const FILES: [&str; 4] = [card::NAME, croissant::NAME, plan_file::NAME, SHARDS];
 /// The formats that are read.
-pub const FORMATS: std::ops::RangeInclusive<u64> = 1..=FORMAT as u64;
+pub(crate) const FORMATS: std::ops::RangeInclusive<u64> = 1..=FORMAT as u64;
 
 /// What is known of a whole corpus. No time, host or path: equal plans and programs give equal manifests.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -100,7 +100,7 @@ pub struct OtherBuild {
 }
 
 /// The command that replays one scene, to be run in the corpus folder.
-pub fn replay(scene: u64) -> String {
+pub(crate) fn replay(scene: u64) -> String {
     format!("marsyard explain plan.yaml --scene {scene}")
 }
 
@@ -119,12 +119,12 @@ pub struct Merge<'a> {
 }
 
 impl<'a> Merge<'a> {
-    pub fn new(spec: &'a CorpusSpec) -> Merge<'a> {
+    pub(crate) fn new(spec: &'a CorpusSpec) -> Merge<'a> {
         Merge::in_format(spec, FORMAT)
     }
 
     /// What an earlier version would have merged, to be compared with what it did.
-    pub fn in_format(spec: &'a CorpusSpec, format: u32) -> Merge<'a> {
+    pub(crate) fn in_format(spec: &'a CorpusSpec, format: u32) -> Merge<'a> {
         Merge {
             spec,
             format,
@@ -139,7 +139,7 @@ impl<'a> Merge<'a> {
     }
 
     /// The next shard's receipt, and the bytes that it was read from.
-    pub fn add(&mut self, receipt: &Receipt, bytes: &[u8]) {
+    pub(crate) fn add(&mut self, receipt: &Receipt, bytes: &[u8]) {
         self.receipts.update(bytes);
         self.points = self.points + receipt.points;
         if receipt.split == Split::Train {
@@ -167,7 +167,7 @@ impl<'a> Merge<'a> {
     }
 
     /// The manifest, and `shards.jsonl` as text. The hashes of the files beside it are for whoever writes them.
-    pub fn finish(self) -> (Manifest, String) {
+    pub(crate) fn finish(self) -> (Manifest, String) {
         let spec = self.spec;
         let summary = |(feature, moments): (&FeatureColumn, Moments)| FeatureSummary {
             name: feature.name.clone(),
@@ -204,13 +204,13 @@ impl<'a> Merge<'a> {
 
 impl Manifest {
     /// The first of the failed scenes, where they are more than this share of all.
-    pub fn too_many_failed(&self, most_share: f64) -> Option<&FailedEntry> {
+    pub(crate) fn too_many_failed(&self, most_share: f64) -> Option<&FailedEntry> {
         let is_over = self.failed.len() as f64 > most_share * self.scenes as f64;
         self.failed.first().filter(|_| is_over)
     }
 
     /// The manifest's file.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n"
     }
 
@@ -219,7 +219,7 @@ impl Manifest {
     }
 
     /// The manifest, and the bytes that it was read from.
-    pub fn read_with_bytes(store: &dyn Store) -> Result<(Manifest, Vec<u8>), CorpusError> {
+    pub(crate) fn read_with_bytes(store: &dyn Store) -> Result<(Manifest, Vec<u8>), CorpusError> {
         let place = store.place();
         let fault = |reason: String, cure: String| {
             let (place, name) = (store.place(), NAME.into());
@@ -254,7 +254,7 @@ impl Manifest {
     }
 
     /// What holds for every manifest that marsyard wrote: names that are no paths, numbers that can be true.
-    pub fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), String> {
         let named = self.families.iter().chain([&self.name]).find(|name| !names::is_folder_name(name));
         if let Some(name) = named {
             return Err(format!("the name {name:?} {}", names::RULE));
@@ -278,29 +278,29 @@ impl Manifest {
     }
 
     /// As many shards as its scenes fill.
-    pub fn shards_of_scenes(&self) -> u64 {
+    pub(crate) fn shards_of_scenes(&self) -> u64 {
         self.scenes.div_ceil(u64::from(self.scenes_per_shard.max(1)))
     }
 
     /// The scenes of a shard: the first, and the one after the last.
-    pub fn scenes_of(&self, shard: u64) -> [u64; 2] {
+    pub(crate) fn scenes_of(&self, shard: u64) -> [u64; 2] {
         let size = u64::from(self.scenes_per_shard);
         [shard, shard.saturating_add(1)].map(|shard| shard.saturating_mul(size).min(self.scenes))
     }
 
     /// The split that a scene lies in.
-    pub fn split_of(&self, scene: u64) -> Split {
+    pub(crate) fn split_of(&self, scene: u64) -> Split {
         Split::of_shard(scene / u64::from(self.scenes_per_shard.max(1)))
     }
 
     /// Its yards and their splits.
-    pub fn yards(&self) -> Yards {
+    pub(crate) fn yards(&self) -> Yards {
         let Manifest { seed, scenes, scenes_per_shard, .. } = *self;
         Yards { seed, yards: self.yards.clone(), scenes, scenes_per_shard }
     }
 
     /// The program that wrote a shard.
-    pub fn build_of(&self, shard: u64) -> &Build {
+    pub(crate) fn build_of(&self, shard: u64) -> &Build {
         let wrote = |other: &&OtherBuild| {
             other
                 .shards
@@ -310,7 +310,7 @@ impl Manifest {
         self.other_builds.iter().find(wrote).map_or(&self.build, |other| &other.build)
     }
 
-    pub fn labels(&self) -> LabelCounts {
+    pub(crate) fn labels(&self) -> LabelCounts {
         self.splits.values().map(|split| split.labels).sum()
     }
 }

@@ -15,62 +15,63 @@
 //! ways: sha256 covers a file, the value hash covers its Arrow values and outlives a change of compression.
 //! Not here: what the columns' numbers mean beyond a sentence (the stages say that), and how scenes are scheduled.
 
-pub mod belongs;
-pub mod card;
-pub mod cell_file;
+pub(crate) mod belongs;
+pub(crate) mod card;
+pub(crate) mod cell_file;
 pub mod cells;
-pub mod checked;
-pub mod compare;
-pub mod croissant;
-pub mod documents;
-pub mod error;
-pub mod finalize;
-pub mod finished;
-pub mod free_space;
-pub mod inspect;
-pub mod key_differences;
-pub mod limits;
+pub(crate) mod checked;
+pub(crate) mod compare;
+pub(crate) mod croissant;
+pub(crate) mod documents;
+pub(crate) mod error;
+pub(crate) mod finalize;
+pub(crate) mod finished;
+pub(crate) mod free_space;
+pub(crate) mod inspect;
+pub(crate) mod key_differences;
+pub(crate) mod limits;
 mod listing;
 mod lookup;
 pub mod manifest;
-pub mod names;
-pub mod outputs;
-pub mod owner;
+pub(crate) mod names;
+pub(crate) mod outputs;
+pub(crate) mod owner;
 mod pages;
 pub mod place;
-pub mod plain;
-pub mod plan_file;
+pub(crate) mod plain;
+pub(crate) mod plan_file;
 mod program;
-pub mod ranges;
+pub(crate) mod ranges;
 pub mod reader;
-pub mod rebuild;
-pub mod rebuilt;
-pub mod receipt;
-pub mod schema;
-pub mod shard;
-pub mod signature;
-pub mod spec;
-pub mod stats;
-pub mod store;
+pub(crate) mod rebuild;
+pub(crate) mod rebuilt;
+pub(crate) mod receipt;
+pub(crate) mod schema;
+pub(crate) mod shard;
+pub(crate) mod signature;
+pub(crate) mod spec;
+pub(crate) mod stats;
+pub(crate) mod store;
 mod tables;
 #[cfg(test)]
 pub(crate) mod tests;
 mod totals;
 mod value_hash;
-pub mod verify;
+pub(crate) mod verify;
 mod write;
-pub mod yards;
+pub(crate) mod yards;
 
 pub use crate::plan::{Split, Table};
 pub use error::CorpusError;
-pub use finalize::{Known, finalize, finalize_knowing};
+pub(crate) use finalize::{Known, finalize, finalize_knowing};
 pub use finished::Finished;
-pub use free_space::FreeSpace;
+pub(crate) use free_space::FreeSpace;
 pub use inspect::{Inspection, inspect};
-pub use lookup::{families_of_scenes, stored_cell};
+pub(crate) use lookup::families_of_scenes;
+pub use lookup::stored_cell;
 pub use manifest::Manifest;
-pub use outputs::Outputs;
-pub use place::{Place, Status, status, status_of};
+pub(crate) use outputs::Outputs;
+pub(crate) use place::{Place, Status, status, status_of};
 pub use program::Build;
 pub use ranges::Selection;
 pub use receipt::Receipt;
@@ -82,10 +83,10 @@ pub use yards::Yards;
 /// Version of the manifest, `shards.jsonl` and the receipts; those of earlier versions are read, too.
 ///
 /// 1: no hashes of the files beside the manifest, none of the receipts, no labels in `shards.jsonl`. 2: with them.
-pub const FORMAT: u32 = 2;
+pub(crate) const FORMAT: u32 = 2;
 
 /// Version of the tables, written into each: a change of a column, of the Parquet crates or of an encoding raises it.
-pub const PARQUET_FORMAT: u32 = 1;
+pub(crate) const PARQUET_FORMAT: u32 = 1;
 
 /// 32 bytes as 64 hexadecimal digits.
 pub(crate) fn hex(bytes: &[u8]) -> String {

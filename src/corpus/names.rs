@@ -3,10 +3,10 @@
 //! A corpus's name is that of its folder and begins the names of run folders, so that a name is no path.
 
 /// The rule in words.
-pub const RULE: &str = "must be 1 to 64 letters, digits, '-', '_' or '.', not beginning with '.'";
+pub(crate) const RULE: &str = "must be 1 to 64 letters, digits, '-', '_' or '.', not beginning with '.'";
 
 /// Whether a text may name a corpus or a family.
-pub fn is_folder_name(name: &str) -> bool {
+pub(crate) fn is_folder_name(name: &str) -> bool {
     let legal = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     (1..=64).contains(&name.len()) && name.chars().all(legal) && !name.starts_with('.')
 }

@@ -16,12 +16,12 @@ use super::owner::{self, CHANGED, IS_INPUT, NOT_WRITTEN};
 use super::{CorpusError, Store, finished, sha256};
 
 /// The ledger's name.
-pub const LEDGER: &str = "marsyard.sha256";
+pub(crate) const LEDGER: &str = "marsyard.sha256";
 const HEAD: &str =
     "# Files that marsyard wrote here, and may replace; check them with: sha256sum --check marsyard.sha256\n";
 
 /// A folder for results.
-pub struct Outputs {
+pub(crate) struct Outputs {
     store: Arc<dyn Store>,
     /// Where the folder is no URL.
     folder: Option<PathBuf>,
@@ -80,7 +80,7 @@ impl Ledger {
 impl Outputs {
     /// Takes a place that is empty or marsyard's own, and in which these names are free or marsyard's own; touches nothing.
     /// `inputs` are read by the command, and so are never written.
-    pub fn open<'n>(
+    pub(crate) fn open<'n>(
         place: &Path,
         names: impl IntoIterator<Item = &'n str>,
         inputs: Vec<PathBuf>,
@@ -139,7 +139,7 @@ impl Outputs {
     }
 
     /// Writes files, each whole, in the place of those that an earlier command wrote.
-    pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<(), CorpusError> {
+    pub(crate) fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<(), CorpusError> {
         let (_held, is_whole) = self.hold()?;
         files.iter().try_for_each(|(name, _)| self.check(name))?;
         let mut lines = String::new();
@@ -159,7 +159,7 @@ impl Outputs {
     }
 
     /// Leaves one line in the ledger for each file written, and nothing of what a killed command left.
-    pub fn finish(mut self) -> Result<(), CorpusError> {
+    pub(crate) fn finish(mut self) -> Result<(), CorpusError> {
         let _held = self.hold()?;
         let written = self.ledger.0.iter_mut().filter(|(name, _)| self.written.contains(*name));
         for (name, hashes) in written.filter(|(_, hashes)| hashes.len() > 1) {

@@ -14,19 +14,19 @@ use super::limits::{self, FileKind};
 use super::{CorpusError, Receipt, Store, Table, card, croissant, finished, listing, manifest, sha256};
 
 /// The rule, as `--help` and every refusal say it.
-pub const RULE: &str = "marsyard writes into a place that is empty, not there yet, or its own; it never replaces a file that it did \
+pub(crate) const RULE: &str = "marsyard writes into a place that is empty, not there yet, or its own; it never replaces a file that it did \
                         not write, nor its own input";
 
-pub const NOT_WRITTEN: &str = "marsyard did not write";
-pub const CHANGED: &str = "was changed since marsyard wrote it";
-pub const IS_INPUT: &str = "is an input of this very command";
+pub(crate) const NOT_WRITTEN: &str = "marsyard did not write";
+pub(crate) const CHANGED: &str = "was changed since marsyard wrote it";
+pub(crate) const IS_INPUT: &str = "is an input of this very command";
 
 const OTHER_PLACE: &str = "name another place, or move away what is there";
 const MOVE_FILE: &str =
     "move the file away (a copy of it under another name is left alone), and the same command goes on";
 
 /// The times and rates of a build.
-pub const REPORT: &str = "report.json";
+pub(crate) const REPORT: &str = "report.json";
 
 /// How a kind of file that marsyard may replace in its own place is known, also where it was cut short or damaged: by how it begins, or
 /// by all of some words in it, if there are such.
@@ -49,12 +49,12 @@ const RECEIPT: FileSignature =
 const HEAD_BYTES: usize = 1 << 20;
 
 /// A refusal to write `name`.
-pub fn foreign(place: String, name: &str, why: &'static str) -> CorpusError {
+pub(crate) fn foreign(place: String, name: &str, why: &'static str) -> CorpusError {
     CorpusError::Foreign { place, name: name.into(), why, cure: MOVE_FILE }
 }
 
 /// Refuses a place that holds anything but what marsyard left there when it was killed in its first moments.
-pub fn check_empty(store: &dyn Store) -> Result<(), CorpusError> {
+pub(crate) fn check_empty(store: &dyn Store) -> Result<(), CorpusError> {
     match store.first_entry()? {
         None => Ok(()),
         Some(name) => Err(CorpusError::Foreign { place: store.place(), name, why: NOT_WRITTEN, cure: OTHER_PLACE }),
@@ -62,7 +62,7 @@ pub fn check_empty(store: &dyn Store) -> Result<(), CorpusError> {
 }
 
 /// Refuses a corpus in which a file of another's has the name of one that is merged from the receipts.
-pub fn check_derived(store: &dyn Store) -> Result<(), CorpusError> {
+pub(crate) fn check_derived(store: &dyn Store) -> Result<(), CorpusError> {
     DERIVED.iter().try_for_each(|(name, look)| check_look(store, name, look))
 }
 
@@ -72,7 +72,7 @@ const ENDS: [(&str, &str); 2] = [(card::NAME, card::END), (croissant::NAME, croi
 /// Refuses to replace a text that people read where they may have edited it, or brought it themselves. It is marsyard's where it is
 /// what is to be written now, whole or cut short; where it is what was written last, of this SHA-256; and, where that is not known,
 /// where it begins and ends as marsyard's.
-pub fn check_text(store: &dyn Store, name: &str, text: &[u8], last: Option<&str>) -> Result<(), CorpusError> {
+pub(crate) fn check_text(store: &dyn Store, name: &str, text: &[u8], last: Option<&str>) -> Result<(), CorpusError> {
     let there = match finished::read_present(store, name, FileKind::Card) {
         Ok(Some(there)) => there,
         Ok(None) => return Ok(()),
@@ -89,7 +89,7 @@ pub fn check_text(store: &dyn Store, name: &str, text: &[u8], last: Option<&str>
 
 /// Refuses a shard, to be built anew, in whose place is a file that is not of the plan by its own metadata: it may be somebody's only
 /// one. What is too damaged to say is the plan's where a receipt speaks for it.
-pub fn check_shard(store: &dyn Store, scene_plan_hash: &str, shard: u64) -> Result<(), CorpusError> {
+pub(crate) fn check_shard(store: &dyn Store, scene_plan_hash: &str, shard: u64) -> Result<(), CorpusError> {
     let receipt = Receipt::path(shard);
     check_look(store, &receipt, &RECEIPT)?;
     let has_receipt = store.size(&receipt)?.is_some();
@@ -120,7 +120,7 @@ fn check_look(store: &dyn Store, name: &str, look: &FileSignature) -> Result<(),
 
 /// Refuses to replace a single file that is none of marsyard's, by what `is_ours` says of its bytes, or that is an input. Of what is
 /// larger than any model the beginning alone is looked at.
-pub fn check_file(path: &Path, inputs: &[PathBuf], is_ours: impl Fn(&[u8]) -> bool) -> Result<(), CorpusError> {
+pub(crate) fn check_file(path: &Path, inputs: &[PathBuf], is_ours: impl Fn(&[u8]) -> bool) -> Result<(), CorpusError> {
     let refused = |why| {
         let place = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
@@ -150,7 +150,7 @@ pub fn check_file(path: &Path, inputs: &[PathBuf], is_ours: impl Fn(&[u8]) -> bo
 }
 
 /// Whether two paths lead to one file, by links or by other spellings too.
-pub fn is_same_file(a: &Path, b: &Path) -> bool {
+pub(crate) fn is_same_file(a: &Path, b: &Path) -> bool {
     let identity = |path: &Path| fs::metadata(path).ok().map(|facts| (facts.dev(), facts.ino()));
     identity(a).is_some_and(|a| identity(b) == Some(a))
 }

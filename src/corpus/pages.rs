@@ -64,7 +64,7 @@ pub(super) struct ColumnChunks {
 
 impl ColumnChunks {
     /// Reads and judges the columns with these numbers; `read` gives the bytes from an offset on.
-    pub fn fetch(
+    pub(crate) fn fetch(
         file_bytes: u64,
         group: &RowGroupMetaData,
         columns: &[usize],

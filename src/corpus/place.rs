@@ -31,7 +31,7 @@ impl<'a> Place<'a> {
     /// `name` and `scenes` may differ from the last time: a corpus may be renamed and may grow. Anything else is another
     /// corpus and is refused with the difference. Where they differ, the plan is the first file that is written: from then on
     /// it is not the finished corpus's plan, and no reader takes what grows for the corpus that was.
-    pub fn open(store: &'a dyn Store, spec: &'a CorpusSpec) -> Result<Place<'a>, CorpusError> {
+    pub(crate) fn open(store: &'a dyn Store, spec: &'a CorpusSpec) -> Result<Place<'a>, CorpusError> {
         let place = Place { store, spec };
         if place.is_taken()? {
             return Ok(place);
@@ -44,7 +44,7 @@ impl<'a> Place<'a> {
     }
 
     /// The same, and removes whole shards behind the plan's end; also how many.
-    pub fn open_discarding(store: &'a dyn Store, spec: &'a CorpusSpec) -> Result<(Place<'a>, u64), CorpusError> {
+    pub(crate) fn open_discarding(store: &'a dyn Store, spec: &'a CorpusSpec) -> Result<(Place<'a>, u64), CorpusError> {
         let place = Place { store, spec };
         if !place.is_taken()? {
             place.take()?;
@@ -135,7 +135,7 @@ impl<'a> Place<'a> {
 
     /// Removes every file of no shard that says itself that marsyard wrote it for this plan; also their names. Whole shards behind
     /// the plan's end stay, and so does what others put there.
-    pub fn remove_strays(&self) -> Result<Vec<String>, CorpusError> {
+    pub(crate) fn remove_strays(&self) -> Result<Vec<String>, CorpusError> {
         let listing = Listing::of(self.store)?;
         let mut removed = Vec::new();
         for name in self.strays(&listing) {
@@ -161,14 +161,14 @@ impl<'a> Place<'a> {
     }
 
     /// Removes what crashed builds left; what a live one is writing stays.
-    pub fn sweep(&self) -> Result<(), CorpusError> {
+    pub(crate) fn sweep(&self) -> Result<(), CorpusError> {
         let data = Table::ALL.map(Table::folder);
         let folders = ["", receipt::FOLDER].into_iter().chain(data.iter().map(String::as_str));
         folders.into_iter().try_for_each(|folder| self.store.sweep_temporaries(folder))
     }
 
     /// Puts a shard, where the place is still the plan's: not removed, unmounted or taken by another since it was opened.
-    pub fn commit(&self, shard: &FinishedShard) -> Result<(), CorpusError> {
+    pub(crate) fn commit(&self, shard: &FinishedShard) -> Result<(), CorpusError> {
         self.still_there()?;
         let put = shard.commit(self.store);
         // Asked again: who took the place over meanwhile may have looked for files behind its end before this shard came.
@@ -188,7 +188,7 @@ impl<'a> Place<'a> {
     }
 
     /// Refuses to go on where the place is no longer the plan's, or where another build has given it another number of scenes.
-    pub fn still_there(&self) -> Result<(), CorpusError> {
+    pub(crate) fn still_there(&self) -> Result<(), CorpusError> {
         let place = || self.store.place();
         let ours = Extent::from(self.spec);
         let words = |extent: &Extent| format!("{} scenes of '{}'", extent.scenes, extent.name);
@@ -206,13 +206,14 @@ impl<'a> Place<'a> {
     }
 
     /// The shard is there, whole: its receipt, and every table with the size that the receipt says.
-    pub fn is_done(&self, shard: u64) -> Result<bool, CorpusError> {
+    #[cfg(test)]
+    pub(crate) fn is_done(&self, shard: u64) -> Result<bool, CorpusError> {
         Ok(matches!(shard_state(self.store, self.spec, shard)?, ShardState::Done(..)))
     }
 
     /// Removes a damaged shard, so that it can be built anew: the receipt last, since it says that what cannot be read is ours. With
     /// a table missing the shard is no longer whole. What marsyard did not write stays, and is refused ([`owner::check_shard`]).
-    pub fn discard(&self, shard: u64) -> Result<(), CorpusError> {
+    pub(crate) fn discard(&self, shard: u64) -> Result<(), CorpusError> {
         owner::check_shard(self.store, &self.spec.scene_plan_hash, shard)?;
         Table::ALL.iter().try_for_each(|table| self.store.remove(&table.path(shard)))?;
         self.store.remove(&Receipt::path(shard))
@@ -220,7 +221,7 @@ impl<'a> Place<'a> {
 }
 
 /// The scene_plan_hash of the plan that a place belongs to, as the first line of its plan.yaml says; `None` where there is none.
-pub fn owner(store: &dyn Store) -> Result<Option<String>, CorpusError> {
+pub(crate) fn owner(store: &dyn Store) -> Result<Option<String>, CorpusError> {
     Ok(plan_file::head(store)?.map(|head| head.scene_plan_hash))
 }
 
@@ -284,7 +285,7 @@ pub struct Status {
 
 impl Status {
     /// Shards to be built, ascending.
-    pub fn to_build(&self) -> Vec<u64> {
+    pub(crate) fn to_build(&self) -> Vec<u64> {
         let all: BTreeSet<u64> =
             self.missing.iter().copied().chain(self.damaged.iter().map(|(shard, _)| *shard)).collect();
         all.into_iter().collect()
@@ -330,12 +331,12 @@ impl fmt::Display for Status {
 }
 
 /// Looks at every shard of the plan: receipts and sizes, no contents (`verify` reads those).
-pub fn status(store: &dyn Store, spec: &CorpusSpec) -> Result<Status, CorpusError> {
+pub(crate) fn status(store: &dyn Store, spec: &CorpusSpec) -> Result<Status, CorpusError> {
     status_of(store, spec, &(0..spec.shards()).collect::<Vec<_>>())
 }
 
 /// Looks at some shards of the plan: a machine that builds a part need not look at all.
-pub fn status_of(store: &dyn Store, spec: &CorpusSpec, shards: &[u64]) -> Result<Status, CorpusError> {
+pub(crate) fn status_of(store: &dyn Store, spec: &CorpusSpec, shards: &[u64]) -> Result<Status, CorpusError> {
     survey(store, spec, shards, |_, _| ())
 }
 
@@ -387,7 +388,7 @@ pub fn differences(there: &str, here: &str) -> Option<Vec<Difference>> {
 }
 
 /// The same for people: `-` as it is in the place, `+` as it was asked for.
-pub fn difference(there: &str, here: &str) -> String {
+pub(crate) fn difference(there: &str, here: &str) -> String {
     let Some(differences) = differences(there, here) else {
         return "  (plan.yaml in the place cannot be read as YAML)".into();
     };

@@ -11,7 +11,7 @@ use super::{CorpusError, PARQUET_FORMAT};
 
 /// A column's values.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Values {
+pub(crate) enum Values {
     Text(Vec<Option<String>>),
     Whole(Vec<Option<i64>>),
     Number(Vec<Option<f64>>),
@@ -20,7 +20,7 @@ pub enum Values {
 
 /// A column with what it means; `unit` is SI, or "1".
 #[derive(Clone, Debug, PartialEq)]
-pub struct PlainColumn {
+pub(crate) struct PlainColumn {
     pub name: String,
     pub unit: &'static str,
     pub description: String,
@@ -48,7 +48,7 @@ impl Values {
 }
 
 /// The bytes of a Parquet file. `name`: the table's, for messages and metadata; all columns have one value a row.
-pub fn plain_table(name: &str, columns: &[PlainColumn]) -> Result<Vec<u8>, CorpusError> {
+pub(crate) fn plain_table(name: &str, columns: &[PlainColumn]) -> Result<Vec<u8>, CorpusError> {
     let described: Vec<Column> = columns
         .iter()
         .map(|column| Column {

@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::{CorpusError, CorpusSpec, Manifest, Store};
 
-pub const NAME: &str = "plan.yaml";
+pub(crate) const NAME: &str = "plan.yaml";
 const HEAD: &str = "# scene_plan_hash: ";
 /// The hash, a comment and five short keys.
 const HEAD_BYTES: usize = 1024;
@@ -16,7 +16,7 @@ const LAST_KEY: &str = "scenes_per_shard:";
 
 /// What the head of a plan says.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PlanHead {
+pub(crate) struct PlanHead {
     pub scene_plan_hash: String,
     /// `None` where they cannot be read.
     pub extent: Option<Extent>,
@@ -24,7 +24,7 @@ pub struct PlanHead {
 
 /// The corpus that a plan asks for, apart from what its scenes are like.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-pub struct Extent {
+pub(crate) struct Extent {
     pub name: String,
     pub seed: u64,
     pub scenes: u64,
@@ -46,18 +46,18 @@ impl From<&Manifest> for Extent {
 }
 
 /// The file of a plan.
-pub fn text(spec: &CorpusSpec) -> String {
+pub(crate) fn text(spec: &CorpusSpec) -> String {
     format!("{HEAD}{}\n{}", spec.scene_plan_hash, spec.plan_yaml)
 }
 
 /// Hash and YAML of a plan's file; `None` where its first line is not ours.
-pub fn split(text: &str) -> Option<(&str, &str)> {
+pub(crate) fn split(text: &str) -> Option<(&str, &str)> {
     let (hash, plan) = text.strip_prefix(HEAD)?.split_once('\n')?;
     Some((hash.trim(), plan))
 }
 
 /// The head of the plan in a place; `Ok(None)` where there is no plan of marsyard's.
-pub fn head(store: &dyn Store) -> Result<Option<PlanHead>, CorpusError> {
+pub(crate) fn head(store: &dyn Store) -> Result<Option<PlanHead>, CorpusError> {
     match store.read_range(NAME, 0, HEAD_BYTES) {
         Ok(bytes) => Ok(head_of(&bytes)),
         Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => Ok(None),
@@ -66,7 +66,7 @@ pub fn head(store: &dyn Store) -> Result<Option<PlanHead>, CorpusError> {
 }
 
 /// The head of a plan, of its file or of the first bytes of it.
-pub fn head_of(bytes: &[u8]) -> Option<PlanHead> {
+pub(crate) fn head_of(bytes: &[u8]) -> Option<PlanHead> {
     let bytes = &bytes[..bytes.len().min(HEAD_BYTES)];
     let text = match std::str::from_utf8(bytes) {
         Ok(text) => text,

@@ -31,7 +31,7 @@ pub struct Build {
 
 impl Build {
     /// The running program: known since it was compiled.
-    pub fn of_this_binary() -> Build {
+    pub(crate) fn of_this_binary() -> Build {
         Build {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: env!("MARSYARD_COMMIT").into(),
@@ -45,7 +45,7 @@ impl Build {
 
     /// Whether equal values are promised of both: equal sources by an equal compiler. A commit that touched no source is no other
     /// program, and a feature changes no byte.
-    pub fn is_like(&self, other: &Build) -> bool {
+    pub(crate) fn is_like(&self, other: &Build) -> bool {
         let made_from = |build: &Build| {
             let Build { sources_sha256, binary_sha256, rustc, target, .. } = build.clone();
             (sources_sha256, binary_sha256, rustc, target)

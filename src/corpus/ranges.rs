@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::str::FromStr;
 
 /// Ascending numbers as text; "none" where there are none.
-pub fn to_text(numbers: &[u64]) -> String {
+pub(crate) fn to_text(numbers: &[u64]) -> String {
     let mut parts: Vec<String> = Vec::new();
     let mut rest = numbers;
     while let Some(&first) = rest.first() {
@@ -63,7 +63,7 @@ impl FromStr for Selection {
 impl Selection {
     /// The shards that are meant, of so many, ascending and each once; a part may have none. A range beyond the last shard is
     /// refused: it was meant for another plan.
-    pub fn of(&self, shards: u64) -> Result<Vec<u64>, String> {
+    pub(crate) fn of(&self, shards: u64) -> Result<Vec<u64>, String> {
         match self {
             &Selection::Part { part, of } => {
                 // A step too wide for memory is one step as well.

@@ -44,7 +44,7 @@ impl TableFile {
     }
 
     /// Opens a file whose length is known.
-    pub fn open_sized(store: &dyn Store, name: &str, length: u64) -> Result<TableFile, CorpusError> {
+    pub(crate) fn open_sized(store: &dyn Store, name: &str, length: u64) -> Result<TableFile, CorpusError> {
         let file = StoredFile { store: store.share(), name: name.into(), length, seen: Arc::default() };
         let facts = contained(|| {
             let facts = ArrowReaderMetadata::load(&file, ArrowReaderOptions::new())?;
@@ -57,11 +57,11 @@ impl TableFile {
         }
     }
 
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.file.name
     }
 
-    pub fn schema(&self) -> &SchemaRef {
+    pub(crate) fn schema(&self) -> &SchemaRef {
         self.facts.schema()
     }
 
@@ -75,7 +75,7 @@ impl TableFile {
     }
 
     /// What the footer says of each row group.
-    pub fn row_group_facts(&self) -> &[RowGroupMetaData] {
+    pub(crate) fn row_group_facts(&self) -> &[RowGroupMetaData] {
         self.facts.metadata().row_groups()
     }
 
@@ -122,7 +122,7 @@ impl TableFile {
     }
 
     /// All row groups in order.
-    pub fn batches(&self) -> impl Iterator<Item = Result<RecordBatch, CorpusError>> + '_ {
+    pub(crate) fn batches(&self) -> impl Iterator<Item = Result<RecordBatch, CorpusError>> + '_ {
         (0..self.row_groups().len()).map(|group| self.read_row_group(group, None))
     }
 
@@ -141,20 +141,23 @@ impl TableFile {
     }
 
     /// An error about this file.
-    pub fn odd(&self, reason: String) -> CorpusError {
+    pub(crate) fn odd(&self, reason: String) -> CorpusError {
         CorpusError::Parquet { name: self.file.name.to_string(), source: ParquetError::General(reason) }
     }
 }
 
 /// Those rows of a batch that are a scene's.
-pub fn rows_of_scene(batch: &RecordBatch, scene_id: u64) -> Result<RecordBatch, String> {
+pub(crate) fn rows_of_scene(batch: &RecordBatch, scene_id: u64) -> Result<RecordBatch, String> {
     let ids = column::<Int64Type>(batch, "scene_id")?;
     let mask: BooleanArray = ids.iter().map(|id| Some(id == Some(scene_id as i64))).collect();
     filter_record_batch(batch, &mask).map_err(|error| error.to_string())
 }
 
 /// A column of a batch, by name and type; `Err` says what is wrong with it.
-pub fn column<'b, T: ArrowPrimitiveType>(batch: &'b RecordBatch, name: &str) -> Result<&'b PrimitiveArray<T>, String> {
+pub(crate) fn column<'b, T: ArrowPrimitiveType>(
+    batch: &'b RecordBatch,
+    name: &str,
+) -> Result<&'b PrimitiveArray<T>, String> {
     let found = batch.column_by_name(name).ok_or_else(|| format!("it has no column '{name}'"))?;
     let typed = found.as_any().downcast_ref::<PrimitiveArray<T>>();
     typed.ok_or_else(|| format!("its column '{name}' is {:?}, not {:?}", found.data_type(), T::DATA_TYPE))

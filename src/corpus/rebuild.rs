@@ -18,7 +18,7 @@ use super::verify::Finding;
 use super::{Build, CorpusError, LocalFolder, Store};
 
 /// Compares a shard in the corpus with the same shard built again; empty where every byte is equal.
-pub fn compare(store: &dyn Store, spec: &CorpusSpec, again: FinishedShard) -> Result<Vec<Finding>, CorpusError> {
+pub(crate) fn compare(store: &dyn Store, spec: &CorpusSpec, again: FinishedShard) -> Result<Vec<Finding>, CorpusError> {
     let FinishedShard { receipt: here, files } = again;
     let shard = here.shard;
     let (there, _) = Receipt::read_of(store, spec, shard)?;
@@ -63,7 +63,7 @@ fn other_program(there: &Build, here: &Build) -> String {
 
 /// The first place at which two versions of a table differ.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FirstDifference {
+pub(crate) struct FirstDifference {
     pub row: u64,
     /// Empty where one table ends before the other.
     pub column: String,
@@ -82,7 +82,7 @@ impl fmt::Display for FirstDifference {
 }
 
 /// Compares a table in the corpus with the same table built again; `None` where all values are equal.
-pub fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<FirstDifference>, CorpusError> {
+pub(crate) fn first_difference(there: &TableFile, here: &TableFile) -> Result<Option<FirstDifference>, CorpusError> {
     let read = |file: &TableFile| -> Result<RecordBatch, CorpusError> {
         let batches = file.batches().collect::<Result<Vec<_>, _>>()?;
         arrow_select::concat::concat_batches(file.schema(), &batches)

@@ -9,14 +9,14 @@ use super::limits::FileKind;
 use super::ranges::{self, Selection};
 use super::{Build, CorpusError, Manifest, Store, finished, owner};
 
-pub const NAME: &str = "rebuilt.json";
+pub(crate) const NAME: &str = "rebuilt.json";
 
 const FORMAT: u32 = 1;
 
 /// `rebuilt.json`: no time and no host.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Rebuilt {
+pub(crate) struct Rebuilt {
     pub marsyard_rebuilt: u32,
     pub corpus_id: String,
     pub rebuilt: Vec<Entry>,
@@ -25,7 +25,7 @@ pub struct Rebuilt {
 /// What one program found.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// As `3..5,9`.
     pub shards: String,
     pub build: Build,
@@ -35,7 +35,7 @@ pub struct Entry {
 
 impl Rebuilt {
     /// What is said of this corpus; nothing where there is no such file, or none that can be read.
-    pub fn read(store: &dyn Store, manifest: &Manifest) -> Result<Rebuilt, CorpusError> {
+    pub(crate) fn read(store: &dyn Store, manifest: &Manifest) -> Result<Rebuilt, CorpusError> {
         let none = Rebuilt { marsyard_rebuilt: FORMAT, corpus_id: manifest.corpus_id.clone(), rebuilt: Vec::new() };
         let bytes = finished::read_present(store, NAME, FileKind::Rebuilt)?;
         let there = bytes.and_then(|bytes| serde_json::from_slice::<Rebuilt>(&bytes).ok());
@@ -47,7 +47,7 @@ impl Rebuilt {
     }
 
     /// Adds what a program found now, ascending; of a shard that it had compared before, this counts.
-    pub fn add(&mut self, build: &Build, equal: &[u64], differing: &[u64], of: u64) {
+    pub(crate) fn add(&mut self, build: &Build, equal: &[u64], differing: &[u64], of: u64) {
         for (found, is_equal) in [(equal, true), (differing, false)] {
             let other = if is_equal { differing } else { equal };
             let there = self.rebuilt.iter().position(|entry| entry.build == *build && entry.equal == is_equal);
@@ -64,7 +64,7 @@ impl Rebuilt {
     }
 
     /// Replaces what an earlier record was; a file of that name which is none stays, and is refused.
-    pub fn write(&self, store: &dyn Store) -> Result<(), CorpusError> {
+    pub(crate) fn write(&self, store: &dyn Store) -> Result<(), CorpusError> {
         let is_record = |bytes: &[u8]| bytes.is_empty() || serde_json::from_slice::<Rebuilt>(bytes).is_ok();
         match finished::read_present(store, NAME, FileKind::Rebuilt) {
             Ok(there) if there.as_deref().is_none_or(is_record) => {}

@@ -13,7 +13,7 @@ use super::stats::{LabelCounts, Moments, PointCounts};
 use super::store::{Put, Store};
 use super::{Build, CorpusError, CorpusSpec, Split, Table, manifest};
 
-pub const FOLDER: &str = "receipts";
+pub(crate) const FOLDER: &str = "receipts";
 
 /// What is known of a finished shard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -75,7 +75,7 @@ impl Receipt {
 
     /// Writes the receipt. One that is there already and differs by its format and the program alone that wrote it is the same
     /// shard.
-    pub fn put(&self, store: &dyn Store) -> Result<Put, CorpusError> {
+    pub(crate) fn put(&self, store: &dyn Store) -> Result<Put, CorpusError> {
         let name = Receipt::path(self.shard);
         let text = serde_json::to_string_pretty(self).expect("a receipt is plain data") + "\n";
         match store.put(&name, text.as_bytes()) {
@@ -96,7 +96,7 @@ impl Receipt {
     }
 
     /// The receipt of a plan's shard, and the bytes that it was read from; one that says what the plan does not is refused.
-    pub fn read_of(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<(Receipt, Vec<u8>), CorpusError> {
+    pub(crate) fn read_of(store: &dyn Store, spec: &CorpusSpec, shard: u64) -> Result<(Receipt, Vec<u8>), CorpusError> {
         let (receipt, bytes) = Receipt::read_with_bytes(store, shard, &spec.scene_plan_hash)?;
         let bad = |reason| CorpusError::BadReceipt { place: store.place(), name: Receipt::path(shard), reason };
         receipt.check(spec).map_err(bad)?;
@@ -156,12 +156,12 @@ impl Receipt {
 }
 
 /// More of anything than a shard can have; lists of scenes and row groups are made from these numbers.
-pub const MOST_SCENES: u64 = 100_000;
+pub(crate) const MOST_SCENES: u64 = 100_000;
 const MOST_ROW_GROUPS: u32 = 4096;
 const MOST_ROWS: u64 = 1 << 40;
 
 /// Whether what is said of a shard can be true: its split and paths are those of its number, and nothing is absurd.
-pub fn check_shard(
+pub(crate) fn check_shard(
     shard: u64,
     split: Split,
     scenes: [u64; 2],
@@ -182,7 +182,7 @@ pub fn check_shard(
 }
 
 /// Numbers of the shards that have a receipt file, ascending.
-pub fn numbers(store: &dyn Store) -> Result<Vec<u64>, CorpusError> {
+pub(crate) fn numbers(store: &dyn Store) -> Result<Vec<u64>, CorpusError> {
     let files = store.list(FOLDER)?;
     let mut numbers: Vec<u64> = files.iter().filter_map(|(name, _)| number(name)).collect();
     numbers.sort_unstable();
@@ -190,7 +190,7 @@ pub fn numbers(store: &dyn Store) -> Result<Vec<u64>, CorpusError> {
 }
 
 /// The shard whose receipt bears this name.
-pub fn number(name: &str) -> Option<u64> {
+pub(crate) fn number(name: &str) -> Option<u64> {
     let number = name.strip_prefix(FOLDER)?.strip_prefix('/')?.strip_suffix(".json")?.parse().ok()?;
     (Receipt::path(number) == name).then_some(number)
 }

@@ -13,12 +13,12 @@ use crate::cells::{FeatureColumn, Label as CellLabel};
 use crate::random::Purpose;
 
 /// Names of `cells.label`, by value.
-pub const LABELS: [&str; 2] = [CellLabel::Traversable.name(), CellLabel::Untraversable.name()];
+pub(crate) const LABELS: [&str; 2] = [CellLabel::Traversable.name(), CellLabel::Untraversable.name()];
 
 /// Types on disk: those that every reader knows, none unsigned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub(crate) enum Kind {
     Int8,
     Int32,
     Int64,
@@ -29,7 +29,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub fn arrow(self) -> DataType {
+    pub(crate) fn arrow(self) -> DataType {
         match self {
             Kind::Int8 => DataType::Int8,
             Kind::Int32 => DataType::Int32,
@@ -42,7 +42,7 @@ impl Kind {
     }
 
     /// As Hugging Face `datasets` names it; the names in the metadata are the same.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Kind::Int8 => "int8",
             Kind::Int32 => "int32",
@@ -55,7 +55,7 @@ impl Kind {
     }
 
     /// As schema.org and MLCommons name it.
-    pub fn croissant(self) -> &'static str {
+    pub(crate) fn croissant(self) -> &'static str {
         match self {
             Kind::Int8 => "cr:Int8",
             Kind::Int32 => "cr:Int32",
@@ -71,7 +71,7 @@ impl Kind {
 /// What a column may be used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Role {
+pub(crate) enum Role {
     /// Says which row this is.
     Key,
     Label,
@@ -87,7 +87,7 @@ pub enum Role {
 
 /// A column of a table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Column {
+pub(crate) struct Column {
     pub name: String,
     #[serde(rename = "type")]
     pub kind: Kind,
@@ -99,7 +99,7 @@ pub struct Column {
 }
 
 /// The columns of a table, in order.
-pub fn columns(table: Table, features: &[FeatureColumn], drawn: &[Purpose]) -> Vec<Column> {
+pub(crate) fn columns(table: Table, features: &[FeatureColumn], drawn: &[Purpose]) -> Vec<Column> {
     match table {
         Table::Cells => {
             let mut columns = tables::columns(&tables::cells::definitions());
@@ -153,7 +153,7 @@ fn unit_of_key(key: &str) -> &'static str {
 }
 
 /// The Arrow schema; unit, role and description of a column are its field's metadata.
-pub fn arrow_schema(columns: &[Column]) -> SchemaRef {
+pub(crate) fn arrow_schema(columns: &[Column]) -> SchemaRef {
     let fields: Vec<Field> = columns
         .iter()
         .map(|column| {
@@ -169,12 +169,12 @@ pub fn arrow_schema(columns: &[Column]) -> SchemaRef {
 }
 
 /// The columns as the JSON text of the Parquet key-value `marsyard.columns`.
-pub fn columns_json(columns: &[Column]) -> String {
+pub(crate) fn columns_json(columns: &[Column]) -> String {
     serde_json::to_string(columns).expect("columns are plain text")
 }
 
 /// A table's entry in `schemas/`.
-pub fn document(table: Table, features: &[FeatureColumn], drawn: &[Purpose]) -> serde_json::Value {
+pub(crate) fn document(table: Table, features: &[FeatureColumn], drawn: &[Purpose]) -> serde_json::Value {
     serde_json::json!({
         "format": super::PARQUET_FORMAT,
         "table": table.name(),
@@ -185,7 +185,7 @@ pub fn document(table: Table, features: &[FeatureColumn], drawn: &[Purpose]) -> 
 }
 
 /// The columns that rows of a table are sorted by.
-pub fn sort_keys(table: Table) -> &'static [&'static str] {
+pub(crate) fn sort_keys(table: Table) -> &'static [&'static str] {
     match table {
         Table::Cells => &["scene_id", "scan_id", "row", "col"],
         Table::Scenes => &["scene_id"],

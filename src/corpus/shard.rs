@@ -18,7 +18,7 @@ use crate::cells::FeatureColumn;
 use crate::episode::{ScanOutput, SceneOutput};
 
 /// zstd's own default; higher levels cost more time than they save space here.
-pub const ZSTD_LEVEL: i32 = 3;
+pub(crate) const ZSTD_LEVEL: i32 = 3;
 
 /// Takes the scenes of one shard in order.
 pub struct ShardWriter<'a> {
@@ -212,7 +212,7 @@ impl<'a> ShardWriter<'a> {
 
 impl FinishedShard {
     /// Puts the tables, then the receipt: where the receipt is, the shard is whole.
-    pub fn commit(&self, store: &dyn Store) -> Result<Put, CorpusError> {
+    pub(crate) fn commit(&self, store: &dyn Store) -> Result<Put, CorpusError> {
         for (path, bytes) in &self.files {
             store.put(path, bytes)?;
         }
@@ -220,7 +220,7 @@ impl FinishedShard {
     }
 
     /// Takes away what [`FinishedShard::commit`] put, or the part of it that got there: the receipt first.
-    pub fn withdraw(&self, store: &dyn Store) -> Result<(), CorpusError> {
+    pub(crate) fn withdraw(&self, store: &dyn Store) -> Result<(), CorpusError> {
         let receipt = store.remove(&Receipt::path(self.receipt.shard));
         // Each is tried, whatever becomes of the others.
         self.files.iter().map(|(path, _)| store.remove(path)).fold(receipt, Result::and)

@@ -8,11 +8,11 @@ use ct_codecs::{Base64, Decoder};
 use minisign::{KeyPair, PublicKeyBox, SecretKey, SecretKeyBox, SignatureBox};
 
 /// Where the signature of a corpus lies, beside its manifest; as minisign names it.
-pub const NAME: &str = "manifest.json.minisig";
+pub(crate) const NAME: &str = "manifest.json.minisig";
 
 /// Why a key cannot be used, or a signature is not taken.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SignatureError {
+pub(crate) enum SignatureError {
     #[error(
         "not a secret key as minisign writes it: {0}; make one with `marsyard sign --new-key FILE`, or `minisign -G`"
     )]
@@ -34,21 +34,21 @@ pub enum SignatureError {
 }
 
 /// A secret key, unlocked. Not to be printed.
-pub struct SigningKey(SecretKey);
+pub(crate) struct SigningKey(SecretKey);
 
 /// A public key.
-pub struct PublicKey(minisign::PublicKey);
+pub(crate) struct PublicKey(minisign::PublicKey);
 
 /// What a signature says of itself.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Said {
+pub(crate) struct Said {
     pub key_id: String,
     /// Proven only where the signature is.
     pub comment: String,
 }
 
 /// A new pair: the texts of the secret key's file and of the public key's.
-pub fn new_pair(password: Option<String>) -> Result<(String, String), SignatureError> {
+pub(crate) fn new_pair(password: Option<String>) -> Result<(String, String), SignatureError> {
     let unable = |error: minisign::PError| SignatureError::Unable(error.to_string());
     let KeyPair { pk, sk } = match password {
         Some(password) => KeyPair::generate_encrypted_keypair(Some(password)),
@@ -61,12 +61,12 @@ pub fn new_pair(password: Option<String>) -> Result<(String, String), SignatureE
 
 impl SigningKey {
     /// Whether the text of a secret key's file needs a password.
-    pub fn is_locked(text: &str) -> Result<bool, SignatureError> {
+    pub(crate) fn is_locked(text: &str) -> Result<bool, SignatureError> {
         Ok(bytes_of_secret(text)?[2..4] != [0, 0])
     }
 
     /// The key in the text of its file; the password is asked for where it has one.
-    pub fn parse(text: &str, password: Option<String>) -> Result<SigningKey, SignatureError> {
+    pub(crate) fn parse(text: &str, password: Option<String>) -> Result<SigningKey, SignatureError> {
         let bytes = bytes_of_secret(text)?;
         if SigningKey::is_locked(text)? {
             let unlocked = SecretKeyBox::from(text.to_string()).into_secret_key(Some(password.unwrap_or_default()));
@@ -78,12 +78,12 @@ impl SigningKey {
         Ok(SigningKey(key))
     }
 
-    pub fn id(&self) -> String {
+    pub(crate) fn id(&self) -> String {
         key_id(self.0.keynum())
     }
 
     /// The text of a signature over `bytes` and the comment, a line.
-    pub fn sign(&self, bytes: &[u8], comment: &str) -> Result<String, SignatureError> {
+    pub(crate) fn sign(&self, bytes: &[u8], comment: &str) -> Result<String, SignatureError> {
         let unable = |error: minisign::PError| SignatureError::Unable(error.to_string());
         let public = minisign::PublicKey::from_secret_key(&self.0).map_err(unable)?;
         let untrusted = "signature of a marsyard corpus";
@@ -96,7 +96,7 @@ impl SigningKey {
 
 impl PublicKey {
     /// The key in the text of its file, or in its second line alone.
-    pub fn parse(text: &str) -> Result<PublicKey, SignatureError> {
+    pub(crate) fn parse(text: &str) -> Result<PublicKey, SignatureError> {
         let fault = |error: minisign::PError| SignatureError::NotAPublicKey(error.to_string());
         let text = text.trim();
         let key = match text.lines().count() {
@@ -106,12 +106,12 @@ impl PublicKey {
         key.map(PublicKey).map_err(fault)
     }
 
-    pub fn id(&self) -> String {
+    pub(crate) fn id(&self) -> String {
         key_id(self.0.keynum())
     }
 
     /// Whether a signature is this key's, over these bytes; its comment, proven with it.
-    pub fn check(&self, bytes: &[u8], signature: &str) -> Result<String, SignatureError> {
+    pub(crate) fn check(&self, bytes: &[u8], signature: &str) -> Result<String, SignatureError> {
         let Said { key_id: signed, comment } = said(signature)?;
         if signed != self.id() {
             return Err(SignatureError::OtherKey { signed, given: self.id() });
@@ -123,7 +123,7 @@ impl PublicKey {
 }
 
 /// What a signature says of itself, whoever made it.
-pub fn said(signature: &str) -> Result<Said, SignatureError> {
+pub(crate) fn said(signature: &str) -> Result<Said, SignatureError> {
     let signature = parse(signature)?;
     let comment = signature.trusted_comment().map_err(|error| SignatureError::NotASignature(error.to_string()))?;
     Ok(Said { key_id: key_id(signature.keynum()), comment })

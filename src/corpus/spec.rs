@@ -33,12 +33,12 @@ pub struct CorpusSpec {
 
 impl CorpusSpec {
     /// Whole shards of the plan; `scenes` is a multiple of `scenes_per_shard`.
-    pub fn shards(&self) -> u64 {
+    pub(crate) fn shards(&self) -> u64 {
         self.scenes.div_ceil(u64::from(self.scenes_per_shard.max(1)))
     }
 
     /// The scenes of a shard, half open.
-    pub fn scenes_of(&self, shard: u64) -> std::ops::Range<u64> {
+    pub(crate) fn scenes_of(&self, shard: u64) -> std::ops::Range<u64> {
         let size = u64::from(self.scenes_per_shard);
         shard * size..((shard + 1) * size).min(self.scenes)
     }

@@ -6,7 +6,7 @@
 
 mod rows;
 
-pub use rows::RowMoments;
+pub(crate) use rows::RowMoments;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    pub fn add(&mut self, value: f64) {
+    pub(crate) fn add(&mut self, value: f64) {
         if !value.is_finite() {
             self.not_finite += 1;
             return;
@@ -40,7 +40,7 @@ impl Moments {
     }
 
     /// Both together; `other` comes after `self`.
-    pub fn merge(&self, other: &Moments) -> Moments {
+    pub(crate) fn merge(&self, other: &Moments) -> Moments {
         let not_finite = self.not_finite + other.not_finite;
         if other.count == 0 || self.count == 0 {
             return Moments { not_finite, ..if self.count == 0 { *other } else { *self } };
@@ -60,12 +60,12 @@ impl Moments {
     }
 
     /// Population variance; 0 for nothing.
-    pub fn variance(&self) -> f64 {
+    pub(crate) fn variance(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.m2 / self.count as f64 }
     }
 
     /// All values are one.
-    pub fn is_constant(&self) -> bool {
+    pub(crate) fn is_constant(&self) -> bool {
         self.min == self.max
     }
 }
@@ -79,7 +79,7 @@ pub struct LabelCounts {
 }
 
 impl LabelCounts {
-    pub fn of(cells: &Cells) -> LabelCounts {
+    pub(crate) fn of(cells: &Cells) -> LabelCounts {
         let mut counts = LabelCounts::default();
         for cell in &cells.rows {
             counts.add(cell.label);
@@ -87,7 +87,7 @@ impl LabelCounts {
         counts
     }
 
-    pub fn add(&mut self, label: Option<Label>) {
+    pub(crate) fn add(&mut self, label: Option<Label>) {
         match label {
             Some(Label::Traversable) => self.traversable += 1,
             Some(Label::Untraversable) => self.untraversable += 1,
@@ -95,12 +95,12 @@ impl LabelCounts {
         }
     }
 
-    pub fn total(&self) -> u64 {
+    pub(crate) fn total(&self) -> u64 {
         self.traversable + self.untraversable + self.unknown
     }
 
     /// Share of the known labels that are untraversable; `None` where none is known.
-    pub fn untraversable_share(&self) -> Option<f64> {
+    pub(crate) fn untraversable_share(&self) -> Option<f64> {
         let known = self.traversable + self.untraversable;
         (known > 0).then(|| self.untraversable as f64 / known as f64)
     }
@@ -134,7 +134,7 @@ pub struct PointCounts {
 }
 
 impl PointCounts {
-    pub fn of(cells: &Cells) -> PointCounts {
+    pub(crate) fn of(cells: &Cells) -> PointCounts {
         PointCounts {
             points_in: cells.points_in,
             binned: cells.points_binned,
@@ -144,7 +144,7 @@ impl PointCounts {
     }
 
     /// No point is lost or counted twice.
-    pub fn add_up(&self) -> bool {
+    pub(crate) fn add_up(&self) -> bool {
         self.points_in == self.binned + self.beyond_range + self.off_grid
     }
 }

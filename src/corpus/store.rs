@@ -28,19 +28,18 @@ mod wire;
 
 use std::sync::Arc;
 
-pub(crate) use files::read_folder;
-pub use files::{may_pass, read_local};
-pub use local_folder::{LocalFolder, write_whole};
+use super::{CorpusError, sha256};
+pub(crate) use files::{may_pass, read_folder, read_local};
+pub use local_folder::LocalFolder;
+pub(crate) use local_folder::write_whole;
 #[cfg(feature = "train")]
 pub(crate) use local_folder::{create_synced, sync_folder_of};
-
-use super::{CorpusError, sha256};
 
 /// Unfinished files begin with this, and then the number of the process that writes them.
 const TEMPORARY: &str = ".marsyard-tmp-";
 
 /// The largest file that is read as a whole where nobody says otherwise.
-pub const MAX_FILE_BYTES: u64 = 4 << 30;
+pub(crate) const MAX_FILE_BYTES: u64 = 4 << 30;
 
 /// What a create-only put found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +50,7 @@ pub enum Put {
 }
 
 /// Files of a folder, by name: what they are called and their bytes.
-pub type Files = Vec<(String, u64)>;
+pub(crate) type Files = Vec<(String, u64)>;
 
 /// A place for whole files.
 pub trait Store: Send + Sync {

@@ -10,14 +10,14 @@ use super::{Split, Table, value_hash};
 
 /// Sums over shards.
 #[derive(Clone, Debug)]
-pub struct Totals {
+pub(crate) struct Totals {
     pub tables: BTreeMap<Table, TableTotals>,
     pub splits: BTreeMap<Split, SplitTotals>,
     value_hashes: Vec<String>,
 }
 
 impl Totals {
-    pub fn new() -> Totals {
+    pub(super) fn new() -> Totals {
         Totals {
             tables: BTreeMap::new(),
             splits: Split::ALL.iter().map(|&split| (split, SplitTotals::default())).collect(),
@@ -26,7 +26,7 @@ impl Totals {
     }
 
     /// Adds a shard of which some scenes failed.
-    pub fn add(&mut self, line: &ShardLine, labels: LabelCounts, failed_scenes: u64) {
+    pub(super) fn add(&mut self, line: &ShardLine, labels: LabelCounts, failed_scenes: u64) {
         let split = self.splits.entry(line.split).or_default();
         split.shards += 1;
         split.scenes += line.scenes[1].saturating_sub(line.scenes[0]);
@@ -43,13 +43,13 @@ impl Totals {
         }
     }
 
-    pub fn corpus_id(&self) -> String {
+    pub(super) fn corpus_id(&self) -> String {
         value_hash::corpus_id(self.value_hashes.iter().map(String::as_str))
     }
 }
 
 /// Where a manifest and its list of shards disagree, in words; `None` where they are of one corpus.
-pub fn disagreement(manifest: &Manifest, lines: &[ShardLine]) -> Option<String> {
+pub(crate) fn disagreement(manifest: &Manifest, lines: &[ShardLine]) -> Option<String> {
     let listed = lines.len() as u64;
     if listed != manifest.shards || manifest.shards != manifest.shards_of_scenes() {
         let scenes = manifest.scenes;

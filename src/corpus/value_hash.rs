@@ -13,7 +13,7 @@ use super::hex;
 use super::tables::{canonical_f32, canonical_f64};
 
 /// A table's hash in the making.
-pub struct ValueHasher {
+pub(crate) struct ValueHasher {
     columns: Vec<ColumnHasher>,
     rows: u64,
 }
@@ -48,7 +48,7 @@ impl Stream {
 }
 
 impl ValueHasher {
-    pub fn new(schema: &Schema) -> ValueHasher {
+    pub(super) fn new(schema: &Schema) -> ValueHasher {
         let columns = schema
             .fields()
             .iter()
@@ -62,7 +62,7 @@ impl ValueHasher {
     }
 
     /// The next rows; their columns are those of the schema.
-    pub fn update(&mut self, batch: &RecordBatch) {
+    pub(super) fn update(&mut self, batch: &RecordBatch) {
         self.rows += batch.num_rows() as u64;
         for (column, array) in self.columns.iter_mut().zip(batch.columns()) {
             if let Some(validity) = &mut column.validity {
@@ -78,7 +78,7 @@ impl ValueHasher {
     }
 
     /// 64 hexadecimal digits.
-    pub fn finish(self) -> String {
+    pub(super) fn finish(self) -> String {
         let mut hasher = blake3::Hasher::new_derive_key("marsyard 1 value hash");
         hasher.update(&self.rows.to_le_bytes());
         for column in self.columns {
@@ -133,7 +133,7 @@ fn append_values(array: &dyn Array, out: &mut Vec<u8>) {
 }
 
 /// The identity of a corpus: a hash over the sorted value hashes of its files.
-pub fn corpus_id<'a>(value_hashes: impl IntoIterator<Item = &'a str>) -> String {
+pub(super) fn corpus_id<'a>(value_hashes: impl IntoIterator<Item = &'a str>) -> String {
     let mut hashes: Vec<&str> = value_hashes.into_iter().collect();
     hashes.sort_unstable();
     let mut hasher = blake3::Hasher::new_derive_key("marsyard 1 corpus id");

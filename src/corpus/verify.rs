@@ -23,7 +23,7 @@ const AGAIN: &str = "the same command again checks the one that is there now";
 
 /// Something that is not as it must be.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Finding {
+pub(crate) struct Finding {
     /// The file.
     pub name: String,
     pub what: String,
@@ -35,7 +35,7 @@ pub struct Finding {
 
 impl Finding {
     /// In a shard, to be built anew.
-    pub fn in_shard(shard: u64, name: &str, what: String) -> Finding {
+    pub(crate) fn in_shard(shard: u64, name: &str, what: String) -> Finding {
         Finding { name: name.into(), what, shard: Some(shard), is_ours: false }
     }
 
@@ -45,7 +45,7 @@ impl Finding {
     }
 
     /// Whether `verify --repair` helps.
-    pub fn is_repairable(&self) -> bool {
+    pub(crate) fn is_repairable(&self) -> bool {
         self.shard.is_some() || self.is_ours
     }
 }
@@ -63,16 +63,11 @@ impl From<Fault> for Finding {
 }
 
 /// Reads every byte of the corpus and checks it: sha256, schema, row counts, value hashes, statistics, whose each file says it is,
-/// what lies in its folders, manifest.
+/// what lies in its folders, manifest. Where the manifest was signed, its bytes must be those of this SHA-256.
 ///
 /// A receipt is held against its shard and against the hash of it in the list. One that was edited before the first finalize (its
 /// failed scenes, counts of points or build, which no table holds) is seen by neither: only building the shard again tells.
-pub fn verify(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, CorpusError> {
-    verify_signed(store, spec, None)
-}
-
-/// The same, where the manifest was signed: its bytes must be those of this SHA-256.
-pub fn verify_signed(store: &dyn Store, spec: &CorpusSpec, signed: Option<&str>) -> Result<Vec<Finding>, CorpusError> {
+pub(crate) fn verify(store: &dyn Store, spec: &CorpusSpec, signed: Option<&str>) -> Result<Vec<Finding>, CorpusError> {
     let mut findings = Vec::new();
     let manifest = match Manifest::read_with_bytes(store) {
         Ok((_, bytes)) if signed.is_some_and(|signed| sha256(&bytes) != signed) => {
@@ -137,7 +132,7 @@ pub fn verify_signed(store: &dyn Store, spec: &CorpusSpec, signed: Option<&str>)
 }
 
 /// What lies in the folders and is of no shard.
-pub fn strays(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, CorpusError> {
+pub(crate) fn strays(store: &dyn Store, spec: &CorpusSpec) -> Result<Vec<Finding>, CorpusError> {
     let listing = Listing::of(store)?;
     let finding = |name: String| {
         let stray = listing.judge(store, &name, &spec.scene_plan_hash, spec.shards())?;

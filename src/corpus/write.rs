@@ -18,10 +18,10 @@ use super::value_hash::ValueHasher;
 use super::{PARQUET_FORMAT, sha256};
 
 /// Rows that a row group holds unless a single scan holds more: readers take one group per task.
-pub const ROW_GROUP_ROWS: usize = 131_072;
+pub(crate) const ROW_GROUP_ROWS: usize = 131_072;
 
 /// A finished file and what the receipt says of it.
-pub struct FinishedFile {
+pub(crate) struct FinishedFile {
     pub bytes: Vec<u8>,
     pub rows: u64,
     pub row_groups: u32,
@@ -30,7 +30,7 @@ pub struct FinishedFile {
 }
 
 /// One table of one shard in the making.
-pub struct TableWriter {
+pub(crate) struct TableWriter {
     writer: ArrowWriter<Vec<u8>>,
     hasher: ValueHasher,
     rows: u64,
@@ -38,7 +38,7 @@ pub struct TableWriter {
 }
 
 impl TableWriter {
-    pub fn new(
+    pub(super) fn new(
         schema: &SchemaRef,
         columns: &[Column],
         sorted_by: &[&str],
@@ -51,7 +51,7 @@ impl TableWriter {
     }
 
     /// Writes a scan's (or scene's) rows; they share a row group.
-    pub fn write(&mut self, batch: &RecordBatch) -> Result<(), ParquetError> {
+    pub(super) fn write(&mut self, batch: &RecordBatch) -> Result<(), ParquetError> {
         if batch.num_rows() == 0 {
             return Ok(());
         }
@@ -66,7 +66,7 @@ impl TableWriter {
         Ok(())
     }
 
-    pub fn finish(mut self) -> Result<FinishedFile, ParquetError> {
+    pub(super) fn finish(mut self) -> Result<FinishedFile, ParquetError> {
         self.writer.flush()?;
         let row_groups = self.writer.flushed_row_groups().len() as u32;
         let bytes = self.writer.into_inner()?;

@@ -25,7 +25,7 @@ pub struct Yards {
 
 /// Scenes that two corpora have in common.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Common {
+pub(crate) struct Common {
     pub scenes: u64,
     /// The lowest number among them, where there is any.
     pub first: Option<u64>,
@@ -39,7 +39,7 @@ impl AddAssign for Common {
 }
 
 /// By the split here, then by the split there.
-pub type CommonBySplit = [[Common; 3]; 3];
+pub(crate) type CommonBySplit = [[Common; 3]; 3];
 
 /// The greatest numbers that a config may have: what a file says beyond them is not counted through.
 const MOST_SCENES: u64 = 1_000_000_000;
@@ -50,12 +50,12 @@ const TURN: u64 = 20;
 
 impl Yards {
     /// Whether it can be said which yards these are.
-    pub fn known(&self) -> bool {
+    pub(crate) fn known(&self) -> bool {
         !self.yards.is_empty()
     }
 
     /// The scenes that both hold. Counted by whole shards, and by whole turns of both splits where there are many.
-    pub fn common(&self, other: &Yards) -> CommonBySplit {
+    pub(crate) fn common(&self, other: &Yards) -> CommonBySplit {
         let mut common = CommonBySplit::default();
         if !self.yards.iter().any(|kind| other.yards.contains(kind)) {
             return common;

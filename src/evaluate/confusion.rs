@@ -70,7 +70,7 @@ fn share(part: u64, whole: u64) -> Option<f64> {
 
 impl Confusion {
     /// Counts `weight` things (cells: 1, points: as many as there are) of one truth and one call.
-    pub fn add(&mut self, untraversable: bool, called_untraversable: bool, weight: u64) {
+    pub(crate) fn add(&mut self, untraversable: bool, called_untraversable: bool, weight: u64) {
         let count = match (untraversable, called_untraversable) {
             (false, false) => &mut self.true_traversable,
             (false, true) => &mut self.false_untraversable,
@@ -80,19 +80,19 @@ impl Confusion {
         *count += weight;
     }
 
-    pub fn traversable(&self) -> u64 {
+    pub(crate) fn traversable(&self) -> u64 {
         self.true_traversable + self.false_untraversable
     }
 
-    pub fn untraversable(&self) -> u64 {
+    pub(crate) fn untraversable(&self) -> u64 {
         self.missed_untraversable + self.true_untraversable
     }
 
-    pub fn total(&self) -> u64 {
+    pub(crate) fn total(&self) -> u64 {
         self.traversable() + self.untraversable()
     }
 
-    pub fn wrong(&self) -> u64 {
+    pub(crate) fn wrong(&self) -> u64 {
         self.false_untraversable + self.missed_untraversable
     }
 
@@ -112,7 +112,7 @@ impl Confusion {
     /// let calls_nothing = Confusion { true_traversable: 90, missed_untraversable: 10, ..Confusion::default() };
     /// assert_eq!(calls_nothing.rates().balanced_accuracy, Some(0.5));
     /// ```
-    pub fn rates(&self) -> Rates {
+    pub(crate) fn rates(&self) -> Rates {
         let missed = share(self.missed_untraversable, self.untraversable());
         let false_alarms = share(self.false_untraversable, self.traversable());
         Rates {
@@ -135,7 +135,7 @@ impl Confusion {
         (scale > 0.0).then(|| ((tp * tn - fp * fneg) / scale).clamp(-1.0, 1.0))
     }
 
-    pub fn table_1(&self) -> Table1 {
+    pub(crate) fn table_1(&self) -> Table1 {
         let wrong_of_all = share(self.wrong(), self.total());
         let called_untraversable = self.true_untraversable + self.false_untraversable;
         let called_traversable = self.true_traversable + self.missed_untraversable;

@@ -50,7 +50,7 @@ pub struct Options {
 
 impl FamilyFacts {
     /// Of each family of a plan.
-    pub fn of(plan: &Plan) -> Vec<FamilyFacts> {
+    pub(crate) fn of(plan: &Plan) -> Vec<FamilyFacts> {
         let facts = |family: &Family| FamilyFacts {
             name: family.name.clone(),
             sensor: family.sweep.sensor.name.clone(),

@@ -11,7 +11,7 @@ const NETWORK: Colour = Colour(0x1f, 0x5f, 0xa8);
 const BASELINE: Colour = Colour(0x80, 0x80, 0x80);
 
 /// Names and SVG texts of all figures that the report has numbers for.
-pub fn figures(report: &Report) -> Vec<(&'static str, String)> {
+pub(crate) fn figures(report: &Report) -> Vec<(&'static str, String)> {
     let mut all: Vec<_> = confusion(report).map(|table| ("confusion.svg", table.svg())).into_iter().collect();
     let points = spread(&report.points_per_cell, "Error against points per cell", "points in the cell", point_label);
     all.push(("error-against-points.svg", chart::svg((760, 470), &[points])));

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::confusion::{Confusion, Rates, Table1};
 use super::figures::figures;
 use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH_TOPS, WITHOUT_TOPS};
+use super::lead::FamilySummary;
 use super::scores::{BINS, RocPoint};
 use super::spread::{Bin, Spread};
 use super::tops::MissedTops;
@@ -24,6 +25,9 @@ pub struct Report {
     pub auc_method: String,
     /// All cells first, then those with at least 3 points, then by family and by sensor.
     pub groups: Vec<GroupReport>,
+    /// Worst and mean of the families, where there is more than one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub families: Option<FamilySummary>,
     pub points_per_cell: SpreadReport,
     pub range_m: SpreadReport,
     /// Cells by the class of the tallest object among their points, at the first threshold: what is missed, what gives alarm.
@@ -139,16 +143,17 @@ impl Report {
     pub const FILE: &str = "evaluation.json";
 
     /// What is written of it: [`Report::FILE`], and the figures.
-    pub fn files(&self) -> Vec<(String, Vec<u8>)> {
+    pub(crate) fn files(&self) -> Vec<(String, Vec<u8>)> {
         let figures = figures(self).into_iter().map(|(name, svg)| (name.to_string(), svg.into_bytes()));
         std::iter::once((Report::FILE.into(), self.to_json().into_bytes())).chain(figures).collect()
     }
 
     /// Closes the books.
-    pub fn new(model: &Model, judge: &Judge, data: DataFacts, notes: Vec<String>) -> Report {
+    pub(crate) fn new(model: &Model, judge: &Judge, data: DataFacts, notes: Vec<String>) -> Report {
         let all = judge.groups.get(&Group::All);
         let curve = |panel: fn(&Tally) -> &Panel| all.map_or(Vec::new(), |t| thinned(&panel(t).scores.roc()));
-        let heights = judge.height_threshold.as_slice();
+        let groups: Vec<GroupReport> =
+            judge.groups.iter().map(|(group, tally)| GroupReport::of(group, tally, judge)).collect();
         Report {
             model: ModelFacts::of(model),
             data: DataFacts { unknown_cells: judge.unknown_cells, not_finite_cells: judge.not_finite_cells, ..data },
@@ -158,17 +163,8 @@ impl Report {
                 "by cells, from a histogram of {BINS} equal bins; equal scores and scores of one bin count half; auc_bound is \
                  the most that sharing a bin can change"
             ),
-            groups: judge
-                .groups
-                .iter()
-                .map(|(group, tally)| GroupReport {
-                    group: group.clone(),
-                    cells: tally.cells,
-                    points: tally.points,
-                    network: Panels::of(&tally.network, &judge.thresholds),
-                    height_difference: Panels::of(&tally.height, heights),
-                })
-                .collect(),
+            families: FamilySummary::of(&groups),
+            groups,
             points_per_cell: SpreadReport::of(&judge.by_points, &POINT_BORDERS, 1.0),
             range_m: SpreadReport::of(&judge.by_range, &RANGE_BORDERS, f64::from(CM_PER_M)),
             classes: judge.by_class.iter().map(|(&class, &counts)| ClassReport::of(class, counts)).collect(),
@@ -180,7 +176,7 @@ impl Report {
     }
 
     /// `evaluation.json`.
-    pub fn to_json(&self) -> String {
+    pub(crate) fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("a report is plain data") + "\n"
     }
 }
@@ -197,6 +193,18 @@ impl ModelFacts {
             sensor: about.sensor.name.clone(),
             rover: about.rover.name.clone(),
             sha256: model.sha256.clone(),
+        }
+    }
+}
+
+impl GroupReport {
+    fn of(group: &Group, tally: &Tally, judge: &Judge) -> GroupReport {
+        GroupReport {
+            group: group.clone(),
+            cells: tally.cells,
+            points: tally.points,
+            network: Panels::of(&tally.network, &judge.thresholds),
+            height_difference: Panels::of(&tally.height, judge.height_threshold.as_slice()),
         }
     }
 }
@@ -223,7 +231,7 @@ impl AtThreshold {
 }
 
 impl Judged {
-    fn of(counts: Confusion) -> Judged {
+    pub(super) fn of(counts: Confusion) -> Judged {
         Judged { counts, rates: counts.rates(), table_1: counts.table_1() }
     }
 }

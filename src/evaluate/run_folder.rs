@@ -9,7 +9,7 @@ use crate::train::{Model, Source, folder};
 
 /// Judges a model on a corpus, and writes `evaluation.json` and its figures `below` (a folder's name with `/`, or nothing) the run's
 /// folder.
-pub fn evaluate_into(
+pub(crate) fn evaluate_into(
     run: &LocalFolder,
     below: &str,
     model: &Model,
@@ -28,7 +28,7 @@ pub fn evaluate_into(
 
 /// Where in a run folder the judgement on a corpus lies, with `/` behind it: its own folder where there are several corpora, which
 /// says more than the name where two have one.
-pub fn evaluation_folder(source: &Source, all: &[Arc<Source>]) -> String {
+pub(crate) fn evaluation_folder(source: &Source, all: &[Arc<Source>]) -> String {
     if all.len() == 1 {
         return String::new();
     }

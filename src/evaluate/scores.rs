@@ -8,11 +8,11 @@
 use serde::{Deserialize, Serialize};
 
 /// Bins of the histogram: a power of two, so that borders are exact.
-pub const BINS: usize = 1 << 16;
+pub(crate) const BINS: usize = 1 << 16;
 
 /// A histogram of scores by class.
 #[derive(Clone, Debug)]
-pub struct Scores {
+pub(crate) struct Scores {
     reach: f64,
     /// Traversable and untraversable cells per bin.
     bins: Vec<[u64; 2]>,
@@ -28,24 +28,24 @@ pub struct RocPoint {
 
 impl Scores {
     /// For scores up to `reach`; higher ones share the last bin, lower ones than 0 the first.
-    pub fn new(reach: f64) -> Scores {
+    pub(crate) fn new(reach: f64) -> Scores {
         Scores { reach, bins: vec![[0; 2]; BINS] }
     }
 
     /// Counts a cell. A NaN score is the caller's to keep away.
-    pub fn add(&mut self, untraversable: bool, score: f64) {
+    pub(crate) fn add(&mut self, untraversable: bool, score: f64) {
         // `as` saturates: the bin is 0 below the range, the last one beyond it.
         let bin = ((score / self.reach * BINS as f64) as usize).min(BINS - 1);
         self.bins[bin][usize::from(untraversable)] += 1;
     }
 
     /// Traversable and untraversable cells.
-    pub fn totals(&self) -> [u64; 2] {
+    pub(crate) fn totals(&self) -> [u64; 2] {
         self.bins.iter().fold([0; 2], |sum, bin| [sum[0] + bin[0], sum[1] + bin[1]])
     }
 
     /// Probability that an untraversable cell scores higher than a traversable one, ties half; `None` where a class is empty.
-    pub fn auc(&self) -> Option<f64> {
+    pub(crate) fn auc(&self) -> Option<f64> {
         let [traversable, untraversable] = self.totals();
         let mut below = 0u64;
         let mut wins = 0.0;
@@ -57,7 +57,7 @@ impl Scores {
     }
 
     /// How far the AUC may be off because unequal scores shared a bin.
-    pub fn auc_bound(&self) -> f64 {
+    pub(crate) fn auc_bound(&self) -> f64 {
         let [traversable, untraversable] = self.totals();
         let ties: f64 = self.bins.iter().map(|bin| bin[0] as f64 * bin[1] as f64).sum();
         let pairs = traversable as f64 * untraversable as f64;
@@ -70,7 +70,7 @@ impl Scores {
     }
 
     /// The curve at every border where it moves, from "everything untraversable" to "nothing"; empty where a class is empty.
-    pub fn roc(&self) -> Vec<RocPoint> {
+    pub(crate) fn roc(&self) -> Vec<RocPoint> {
         let [traversable, untraversable] = self.totals();
         if traversable == 0 || untraversable == 0 {
             return Vec::new();
@@ -91,7 +91,7 @@ impl Scores {
     }
 
     /// The threshold of the best balanced accuracy: the middle of the first best stretch between two bins with cells.
-    pub fn best_threshold(&self) -> Option<f64> {
+    pub(crate) fn best_threshold(&self) -> Option<f64> {
         let [traversable, untraversable] = self.totals();
         if traversable == 0 || untraversable == 0 {
             return None;

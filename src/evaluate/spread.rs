@@ -12,7 +12,7 @@ use super::confusion::{Confusion, Rates};
 
 /// Cells by a whole number: points, or centimetres.
 #[derive(Clone, Debug, Default)]
-pub struct Spread {
+pub(crate) struct Spread {
     by_value: BTreeMap<u32, Confusion>,
 }
 
@@ -27,12 +27,12 @@ pub struct Bin {
 }
 
 impl Spread {
-    pub fn add(&mut self, value: u32, untraversable: bool, called_untraversable: bool) {
+    pub(crate) fn add(&mut self, value: u32, untraversable: bool, called_untraversable: bool) {
         self.by_value.entry(value).or_default().add(untraversable, called_untraversable, 1);
     }
 
     /// Cells between ascending borders (`unit` to a border's 1); bins without a cell are left out.
-    pub fn bins(&self, borders: &[u32], unit: f64) -> Vec<Bin> {
+    pub(crate) fn bins(&self, borders: &[u32], unit: f64) -> Vec<Bin> {
         let ends = borders.iter().skip(1).map(|&end| Some(end)).chain([None]);
         let bin = |(&from, to): (&u32, Option<u32>)| {
             let values = self.by_value.range(from..to.unwrap_or(u32::MAX));
@@ -50,12 +50,12 @@ impl Spread {
     }
 
     /// Rank correlation of the value with being wrong, over all cells.
-    pub fn rho(&self) -> Option<f64> {
+    pub(crate) fn rho(&self) -> Option<f64> {
         rho(self.by_value.values().map(|c| [c.total() - c.wrong(), c.wrong()]))
     }
 
     /// Rank correlation of the value with being called untraversable, over the truly traversable cells: figure 13's errors.
-    pub fn rho_false_untraversable(&self) -> Option<f64> {
+    pub(crate) fn rho_false_untraversable(&self) -> Option<f64> {
         rho(self.by_value.values().map(|c| [c.true_traversable, c.false_untraversable]))
     }
 }

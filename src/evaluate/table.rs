@@ -3,13 +3,14 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::judge::{Group, Threshold, ThresholdOrigin};
+use super::lead::Lead;
 use super::report::{AtThreshold, GroupReport, Judged, Report, SpreadReport};
 use super::spread::Bin;
 
 impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         self.head(f)?;
-        writeln!(f)?;
+        writeln!(f, "\n{}", Lead(self))?;
         self.rates(f)?;
         if let Some(all) = self.groups.first() {
             for at in &all.network.at {
@@ -33,7 +34,7 @@ impl Display for Report {
 }
 
 /// What a report says first: which cells were judged, and how good each classifier is on all of them; with its notes.
-pub struct Brief<'a>(pub &'a Report);
+pub(crate) struct Brief<'a>(pub &'a Report);
 
 impl Display for Brief<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -290,7 +291,7 @@ fn origin(threshold: Threshold) -> &'static str {
 }
 
 /// 0.0474 -> "4.74".
-fn percent(share: Option<f64>) -> String {
+pub(super) fn percent(share: Option<f64>) -> String {
     share.map_or("-".into(), |share| format!("{:.2}", 100.0 * share))
 }
 

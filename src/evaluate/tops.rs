@@ -20,7 +20,7 @@ pub struct MissedTops {
 
 impl MissedTops {
     /// Adds the missed tops of one scan; `called` says which cells were called untraversable.
-    pub fn add_scan(&mut self, cells: &[Cell], called: impl Fn(usize) -> bool) {
+    pub(crate) fn add_scan(&mut self, cells: &[Cell], called: impl Fn(usize) -> bool) {
         let missed_top = |k: usize| cells[k].is_top() && !called(k);
         if !(0..cells.len()).any(missed_top) {
             return;

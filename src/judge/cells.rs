@@ -29,29 +29,29 @@ pub struct JudgedCells {
 
 impl JudgedCells {
     /// Cells of a class; of none: those that were not judged.
-    pub fn count(&self, class: Option<usize>) -> usize {
+    pub(crate) fn count(&self, class: Option<usize>) -> usize {
         self.classes.iter().filter(|&&there| there == class).count()
     }
 
     /// The number of a cell's row.
-    pub fn find(&self, cell: CellIndex) -> Option<usize> {
+    pub(crate) fn find(&self, cell: CellIndex) -> Option<usize> {
         self.cells.rows.binary_search_by_key(&cell, |row| row.index).ok()
     }
 
     /// The direct output as a shade: 0 light (traversable) to 1 dark, linear between the targets (paper, figure 12c).
-    pub fn shade(&self, row: usize) -> Option<f64> {
+    pub(crate) fn shade(&self, row: usize) -> Option<f64> {
         let [light, dark] = self.targets;
         self.outputs[row].map(|output| ((output - light) / (dark - light)).clamp(0.0, 1.0))
     }
 
     /// The class as a shade: the first is 0, the last 1.
-    pub fn class_shade(&self, row: usize) -> Option<f64> {
+    pub(crate) fn class_shade(&self, row: usize) -> Option<f64> {
         let last = self.of_classes.saturating_sub(1).max(1);
         self.classes[row].map(|class| class as f64 / last as f64)
     }
 
     /// Mean height of a cell, frame map.
-    pub fn mean_z_m(&self, row: usize) -> f64 {
+    pub(crate) fn mean_z_m(&self, row: usize) -> f64 {
         // The mean height is the first feature.
         self.rover_z_m + f64::from(self.feature(row, 0))
     }

@@ -21,7 +21,7 @@ pub enum Shown {
 
 /// A map as its two files.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CostMap {
+pub(crate) struct CostMap {
     pub pgm: Vec<u8>,
     pub yaml: String,
 }
@@ -34,7 +34,7 @@ const RAW_UNKNOWN: u8 = 255;
 const TRINARY_UNKNOWN: u8 = 128;
 
 /// `image`: the name that the picture will have beside the YAML.
-pub fn cost_map(judged: &JudgedCells, image: &str, shown: Shown) -> Result<CostMap, JudgeError> {
+pub(crate) fn cost_map(judged: &JudgedCells, image: &str, shown: Shown) -> Result<CostMap, JudgeError> {
     let rows = &judged.cells.rows;
     let extent = |of: fn(&crate::cells::CellRow) -> i32| {
         let (least, most) = rows.iter().map(of).fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));

@@ -7,7 +7,7 @@ use crate::geometry::{CellIndex, DVec3};
 
 /// A point of the scan, as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LabelledPoint {
+pub(crate) struct LabelledPoint {
     pub point_m: DVec3,
     pub intensity: f32,
     /// The file's own label id; -1 where it has none.
@@ -21,7 +21,7 @@ pub struct LabelledPoint {
 /// The points of a scan with what was said of their cells, in the file's order.
 ///
 /// `in_map`: they are in the frame map already.
-pub fn labelled(cloud: &Cloud, placer: &CellAssigner, in_map: bool, judged: &JudgedCells) -> Vec<LabelledPoint> {
+pub(crate) fn labelled(cloud: &Cloud, placer: &CellAssigner, in_map: bool, judged: &JudgedCells) -> Vec<LabelledPoint> {
     let point = |(i, &p): (usize, &DVec3)| {
         let placed = if in_map { placer.place_in_map(p) } else { placer.place_point(p) };
         let row = placed.cell.ok().and_then(|cell| judged.find(cell));
@@ -47,7 +47,7 @@ fn colour(shade: Option<f64>) -> [u8; 3] {
 }
 
 /// PLY, coordinates in f64.
-pub fn ply(points: &[LabelledPoint], title: &str) -> Vec<u8> {
+pub(crate) fn ply(points: &[LabelledPoint], title: &str) -> Vec<u8> {
     let mut bytes = ply_header(
         title,
         &[(
@@ -98,7 +98,7 @@ const F32_MOST_M: f64 = 1e-3;
 /// (32 km around the origin); else f64, so that none is lost far from it, as in UTM. VIEWPOINT stays the origin: CloudCompare (qPCL,
 /// `PcdFilter::loadFile`) and PCL's viewer move the points by it, and these are in the map already. Where the sensor was stands in a
 /// comment, for who orients normals towards it.
-pub fn pcd(points: &[LabelledPoint], sensor_m: DVec3) -> Vec<u8> {
+pub(crate) fn pcd(points: &[LabelledPoint], sensor_m: DVec3) -> Vec<u8> {
     let count = points.len();
     let is_near = |point: &LabelledPoint| {
         point.point_m.to_array().iter().all(|&value| (f64::from(value as f32) - value).abs() <= F32_MOST_M)
@@ -128,7 +128,7 @@ pub fn pcd(points: &[LabelledPoint], sensor_m: DVec3) -> Vec<u8> {
 
 /// PLY mesh of the mean heights (paper, figure 14b): a vertex a cell, at its centre; a triangle wherever three cells of a square
 /// of four are there, two where all are. Coloured by the direct output.
-pub fn mesh(judged: &JudgedCells) -> Vec<u8> {
+pub(crate) fn mesh(judged: &JudgedCells) -> Vec<u8> {
     let rows = &judged.cells.rows;
     let mut faces: Vec<[usize; 3]> = Vec::new();
     for row in 0..rows.len() {

@@ -101,7 +101,7 @@ pub fn level(scan: &str, points_m: &[DVec3], sensor_height_m: f64) -> Result<Lev
 
 impl Levelled {
     /// The rover that stands on the plane: level, heading along the sensor's x axis, at the map's origin.
-    pub fn rover(&self) -> Pose {
+    pub(crate) fn rover(&self) -> Pose {
         Pose::default()
     }
 }

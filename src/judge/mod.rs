@@ -71,26 +71,27 @@
 //! ```
 
 mod cells;
-pub mod cost_map;
-pub mod error;
-pub mod export;
+pub(crate) mod cost_map;
+pub(crate) mod error;
+pub(crate) mod export;
 pub mod level;
 mod options;
-pub mod scale;
+pub(crate) mod scale;
 mod scan;
 mod scan_judge;
-pub mod scan_pose;
+pub(crate) mod scan_pose;
 #[cfg(test)]
 mod tests;
-pub mod training_range;
+pub(crate) mod training_range;
 
 pub use cells::JudgedCells;
-pub use cost_map::{CostMap, Shown};
+pub use cost_map::Shown;
 pub use error::JudgeError;
-pub use export::LabelledPoint;
 pub use level::Levelled;
-pub use options::{Frame, Options, PoseSource, Setup};
+pub(crate) use options::Setup;
+pub use options::{Frame, Options, PoseSource};
 pub use scan::{JudgedScan, PlacedScan};
 pub use scan_judge::ScanJudge;
-pub use scan_pose::{ScanPose, Sigmas};
-pub use training_range::Outside;
+pub use scan_pose::ScanPose;
+pub(crate) use scan_pose::Sigmas;
+pub(crate) use training_range::Outside;

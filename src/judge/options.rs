@@ -73,7 +73,7 @@ impl Default for Options {
 
 /// What holds for all scans: the options, with what they leave open taken from the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Setup {
+pub(crate) struct Setup {
     pub frame: Frame,
     pub pose_source: PoseSource,
     pub mount: Mount,

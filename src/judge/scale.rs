@@ -7,7 +7,7 @@ const FARTHEST_M: f64 = 300.0;
 
 /// What the coordinates look like instead. A scan in millimetres spreads as wide as it is away; one in the coordinates of a map is far
 /// from the origin and lies close together.
-pub fn question(points_m: &[DVec3]) -> Option<&'static str> {
+pub(crate) fn question(points_m: &[DVec3]) -> Option<&'static str> {
     let median = |mut values: Vec<f64>| {
         let middle = values.len() / 2;
         *values.select_nth_unstable_by(middle, f64::total_cmp).1

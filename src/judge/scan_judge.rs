@@ -57,12 +57,12 @@ impl<'m> ScanJudge<'m> {
         })
     }
 
-    pub fn setup(&self) -> &Setup {
+    pub(crate) fn setup(&self) -> &Setup {
         &self.setup
     }
 
     /// Refuses what no scan could be judged by, before the first one is.
-    pub fn check_pose(&self, pose: &Pose) -> Result<(), JudgeError> {
+    pub(crate) fn check_pose(&self, pose: &Pose) -> Result<(), JudgeError> {
         check_position(pose).map(drop)
     }
 
@@ -134,13 +134,13 @@ impl<'m> ScanJudge<'m> {
     }
 
     /// How much of some judged scans the model never saw the like of, one entry a feature.
-    pub fn outside_training(&self, scans: &[JudgedCells]) -> Vec<Outside> {
+    pub(crate) fn outside_training(&self, scans: &[JudgedCells]) -> Vec<Outside> {
         let rows: Vec<f32> = scans.iter().flat_map(|scan| scan.inputs.iter().copied()).collect();
         training_range::outside(&self.model.about.features, &self.model.about.quantiles, &rows)
     }
 
     /// The cells of judged scans as a Parquet file with the columns of a corpus's `cells`. `name`: the file's, for messages.
-    pub fn parquet(&self, name: &str, scans: &[JudgedCells]) -> Result<Vec<u8>, JudgeError> {
+    pub(crate) fn parquet(&self, name: &str, scans: &[JudgedCells]) -> Result<Vec<u8>, JudgeError> {
         let rows = scans.iter().enumerate().map(|(number, scan)| cell_file::CellOutputs {
             scan_id: number as u32,
             cells: &scan.cells,
@@ -153,7 +153,7 @@ impl<'m> ScanJudge<'m> {
 
     /// How good the model is by the labels of all scans so far; `None` without a mapping of labels. `clouds` and `mapping`: what the
     /// report calls them.
-    pub fn report(&self, clouds: String, mapping: &str) -> Option<Report> {
+    pub(crate) fn report(&self, clouds: String, mapping: &str) -> Option<Report> {
         self.labels.as_ref()?;
         let data = DataFacts {
             name: clouds,

@@ -15,7 +15,7 @@ pub struct ScanPose {
 
 /// What is believed of the errors of a pose: one standard deviation each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sigmas {
+pub(crate) struct Sigmas {
     pub xy_m: f64,
     pub z_m: f64,
     pub tilt_rad: f64,
@@ -24,13 +24,13 @@ pub struct Sigmas {
 
 impl ScanPose {
     /// The rover's pose is known; the sensor sits where its mount says.
-    pub fn of_rover(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> ScanPose {
+    pub(crate) fn of_rover(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> ScanPose {
         let map_from_sensor = pose.transform() * *rover_from_sensor;
         ScanPose { estimate: estimate(pose, sigmas), map_from_sensor }
     }
 
     /// The sensor's pose is known (LiDAR odometry); the rover is where its mount puts it.
-    pub fn of_sensor(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> ScanPose {
+    pub(crate) fn of_sensor(pose: &Pose, rover_from_sensor: &Transform, sigmas: &Sigmas) -> ScanPose {
         let map_from_sensor = pose.transform();
         let rover = Pose::from_transform(&(map_from_sensor * rover_from_sensor.inverse()));
         ScanPose { estimate: estimate(&rover, sigmas), map_from_sensor }

@@ -2,7 +2,7 @@
 
 /// How much of one feature lies outside the training range.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outside {
+pub(crate) struct Outside {
     pub feature: String,
     /// Least and greatest value in training.
     pub least: f64,
@@ -15,7 +15,7 @@ pub struct Outside {
 }
 
 /// One entry a feature. `rows`: their features one after another; `quantiles` as `About::quantiles`.
-pub fn outside(names: &[String], quantiles: &[[f64; 7]], rows: &[f32]) -> Vec<Outside> {
+pub(crate) fn outside(names: &[String], quantiles: &[[f64; 7]], rows: &[f32]) -> Vec<Outside> {
     let count = (rows.len() / names.len().max(1)).max(1) as f64;
     let one = |(k, (name, quantiles)): (usize, (&String, &[f64; 7]))| {
         let [least, low, .., high, greatest] = *quantiles;

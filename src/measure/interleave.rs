@@ -9,12 +9,12 @@ use std::convert::Infallible;
 use crate::statistics::{Moments, Spread};
 
 /// The order of the variants in a repeat.
-pub fn rotation(variants: usize, repeat: usize) -> impl Iterator<Item = usize> {
+pub(crate) fn rotation(variants: usize, repeat: usize) -> impl Iterator<Item = usize> {
     (0..variants).map(move |k| (k + repeat) % variants)
 }
 
 /// One repeat: what `measure` gives for each variant, in the order of the variants; the first error ends it.
-pub fn try_rotated<T, E>(
+pub(crate) fn try_rotated<T, E>(
     variants: usize,
     repeat: usize,
     mut measure: impl FnMut(usize) -> Result<T, E>,
@@ -26,7 +26,7 @@ pub fn try_rotated<T, E>(
     Ok(measured.into_iter().map(|one| one.expect("a rotation visits every variant")).collect())
 }
 
-/// [`try_rotated`] of what cannot fail.
+/// `try_rotated` of what cannot fail.
 pub fn rotated<T>(variants: usize, repeat: usize, mut measure: impl FnMut(usize) -> T) -> Vec<T> {
     match try_rotated(variants, repeat, |variant| Ok::<T, Infallible>(measure(variant))) {
         Ok(measured) => measured,
@@ -45,12 +45,8 @@ impl Repeats {
         self.by_repeat.push(repeat);
     }
 
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.by_repeat.len()
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.by_repeat.is_empty()
     }
 
     /// Median and quartiles of a variant; `None` before the first repeat.
@@ -58,7 +54,7 @@ impl Repeats {
         Spread::of(&self.values(variant).collect::<Vec<_>>())
     }
 
-    pub fn moments(&self, variant: usize) -> Option<Moments> {
+    pub(crate) fn moments(&self, variant: usize) -> Option<Moments> {
         Moments::of(self.values(variant))
     }
 
@@ -67,7 +63,7 @@ impl Repeats {
         Spread::of(&self.differences(variant, base).collect::<Vec<_>>())
     }
 
-    pub fn moments_of_difference(&self, variant: usize, base: usize) -> Option<Moments> {
+    pub(crate) fn moments_of_difference(&self, variant: usize, base: usize) -> Option<Moments> {
         Moments::of(self.differences(variant, base))
     }
 
@@ -120,6 +116,6 @@ mod tests {
         assert_eq!((difference.mean, difference.variance, repeats.len()), (3.0, Some(0.0), 4));
         assert_eq!(repeats.spread_of_difference(1, 0).unwrap().median, 3.0);
         assert_eq!((repeats.moments(0).unwrap().mean, repeats.spread(1).unwrap().median), (27.5, 7.0));
-        assert!(Repeats::default().spread(0).is_none() && Repeats::default().is_empty());
+        assert!(Repeats::default().spread(0).is_none() && Repeats::default().len() == 0);
     }
 }

@@ -8,14 +8,14 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 
 /// Items until the sequence ends. Dropping it ends the thread at its next item.
-pub struct ReadAhead<T> {
+pub(crate) struct ReadAhead<T> {
     items: Option<Receiver<T>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl<T: Send + 'static> ReadAhead<T> {
     /// Begins to make items.
-    pub fn start(ahead: usize, items: impl Iterator<Item = T> + Send + 'static) -> ReadAhead<T> {
+    pub(crate) fn start(ahead: usize, items: impl Iterator<Item = T> + Send + 'static) -> ReadAhead<T> {
         let (sender, receiver) = sync_channel(ahead);
         // An item that cannot be sent: nobody takes them any more.
         let thread = std::thread::spawn(move || _ = items.map(|item| sender.send(item)).find(Result::is_err));

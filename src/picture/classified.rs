@@ -13,14 +13,14 @@ use crate::geometry::{CellIndex, DVec2, GridSpec};
 
 /// A cell and how dark it is: 0 light, 1 dark, `None` not judged.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ShadedCell {
+pub(crate) struct ShadedCell {
     pub index: CellIndex,
     pub shade: Option<f64>,
 }
 
 /// What the shades mean, for the legend.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Shades {
+pub(crate) enum Shades {
     /// So many classes.
     Classes(usize),
     /// The direct output between the two targets.
@@ -34,7 +34,7 @@ const EMPTY: u32 = 0xb9c4d0;
 const UNKNOWN: u32 = 0x6f86b5;
 
 /// PNG: the cells from above. `sensor_m`: where the scan was taken.
-pub fn cell_map(title: &str, grid: GridSpec, cells: &[ShadedCell], sensor_m: DVec2, shades: Shades) -> Vec<u8> {
+pub(crate) fn cell_map(title: &str, grid: GridSpec, cells: &[ShadedCell], sensor_m: DVec2, shades: Shades) -> Vec<u8> {
     let palette = palette();
     let mut canvas = Canvas::new(LEFT + SIDE + 28, TOP + SIDE + BELOW, palette.paper);
     canvas.text(title, (LEFT as f64, 16.0), TITLE, Alignment::Left, palette.ink);

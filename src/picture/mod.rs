@@ -18,11 +18,11 @@ mod scan;
 mod tests;
 mod top;
 
-pub use classified::{ShadedCell, Shades, cell_map};
-pub use perspective::{Overlay, Perspective};
-pub use ply::labelled_cloud;
-pub use scan::scan_view;
-pub use top::top_view;
+pub(crate) use classified::{ShadedCell, Shades, cell_map};
+pub(crate) use perspective::{Overlay, Perspective};
+pub(crate) use ply::labelled_cloud;
+pub(crate) use scan::scan_view;
+pub(crate) use top::top_view;
 
 use crate::cells::Cells;
 use crate::drive::Rover;
@@ -32,7 +32,7 @@ use crate::sweep::Sweep;
 
 /// What a picture shows: one kept sweep and the drive up to it.
 #[derive(Clone, Copy, Debug)]
-pub struct View<'a> {
+pub(crate) struct View<'a> {
     /// What the picture is of, for its title: "quickstart, scene 7, scan 3".
     pub title: &'a str,
     pub scene: &'a Scene,

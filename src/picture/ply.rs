@@ -14,7 +14,7 @@ use crate::sweep::Status;
 /// The bytes of a `.ply` file.
 ///
 /// Distance limits play no part here: a point has the label of the cell that it lies in, if that cell was written.
-pub fn labelled_cloud(view: &View) -> Vec<u8> {
+pub(crate) fn labelled_cloud(view: &View) -> Vec<u8> {
     let sweep = view.sweep;
     let grid = GridSpec { size_m: view.cell_size_m };
     let placer = CellAssigner::new(grid, f64::INFINITY, &view.estimated_pose(), &view.rover_from_sensor);

@@ -26,7 +26,7 @@ struct Layout {
 }
 
 /// PNG: the range image twice, by range (above) and by true class.
-pub fn scan_view(view: &View) -> Vec<u8> {
+pub(crate) fn scan_view(view: &View) -> Vec<u8> {
     let palette = palette();
     let sweep = view.sweep;
     let layout = Layout::of(&sweep.returns.pattern);

@@ -21,7 +21,7 @@ const BELOW: usize = 118;
 /// PNG: on the left the whole yard from above with the drive and the sweep's points; on the right the cells of the sweep.
 ///
 /// The left map is the world: truth. The cells lie in the map frame, where the estimate puts them.
-pub fn top_view(view: &View) -> Vec<u8> {
+pub(crate) fn top_view(view: &View) -> Vec<u8> {
     let palette = palette();
     let mut canvas = Canvas::new(LEFT + 2 * SIDE + BETWEEN + 28, TOP + SIDE + BELOW, palette.paper);
     canvas.text(view.title, (LEFT as f64, 16.0), TITLE, Alignment::Left, palette.ink);

@@ -156,9 +156,12 @@ impl Plan {
         kinds.into_iter().collect()
     }
 
-    /// Hash of all that makes the rows of a scene: equal where two corpora hold the same rows, be they cut into other shards.
+    /// Hash of all that makes the rows of a scene: equal where two corpora hold the same rows, be they cut into other shards. Where a
+    /// family is held out the cut makes rows too: it says which scenes are in test shards, the only ones that the family may have.
     pub fn rows_hash(&self) -> String {
-        let plan = Plan { scenes_per_shard: 1, tables: Vec::new(), max_failed_share: 0.0, ..self.clone() };
+        let held_out = self.families.iter().any(|family| family.hold_out);
+        let scenes_per_shard = if held_out { self.scenes_per_shard } else { 1 };
+        let plan = Plan { scenes_per_shard, tables: Vec::new(), max_failed_share: 0.0, ..self.clone() };
         plan.scene_plan_hash()
     }
 

@@ -39,7 +39,7 @@ pub struct Entry {
 
 impl Entry {
     /// By validation error, lower first; then smaller networks, then fewer and narrower layers.
-    pub fn rank(&self, other: &Entry) -> Ordering {
+    pub(crate) fn rank(&self, other: &Entry) -> Ordering {
         let error = |entry: &Entry| entry.validation_error.unwrap_or(f64::INFINITY);
         let shape = |entry: &Entry| (entry.weights, entry.hidden.len());
         error(self)
@@ -49,20 +49,20 @@ impl Entry {
     }
 
     /// Rows learnt a second, looks included.
-    pub fn rows_per_s(&self) -> f64 {
+    pub(crate) fn rows_per_s(&self) -> f64 {
         self.rows as f64 / self.seconds.max(1e-9)
     }
 }
 
 /// The parameters of one network of a search.
-pub fn params_of(params: &TrainParams, hidden: &[usize]) -> TrainParams {
+pub(crate) fn params_of(params: &TrainParams, hidden: &[usize]) -> TrainParams {
     let mut params = params.clone();
     params.network.hidden = hidden.to_vec();
     params
 }
 
 /// How a network learns up to a rung. Each rung's is the beginning of the next one's.
-pub fn course(params: &TrainParams, held: &Held, rung: &Rung) -> Course {
+pub(crate) fn course(params: &TrainParams, held: &Held, rung: &Rung) -> Course {
     Course { rows: rung.rows, ..held.course(params) }
 }
 
@@ -70,7 +70,7 @@ pub fn course(params: &TrainParams, held: &Held, rung: &Rung) -> Course {
 ///
 /// It begins anew at each rung: to keep the f32 covariances of the paper's 33,824 networks of 17 inputs takes 69 GB (4 bytes for each of
 /// w (w + 1) / 2 elements, w weights). To learn the first rows again is a fifth of all rows learnt by three rungs that keep a quarter.
-pub fn train(
+pub(crate) fn train(
     params: &TrainParams,
     held: &Held,
     hidden: &[usize],

@@ -17,7 +17,7 @@ use super::networks::Hidden;
 use crate::corpus::{CorpusError, LocalFolder, Store, sha256};
 use crate::train::{TrainError, lock};
 
-pub const NAME: &str = "search.jsonl";
+pub(crate) const NAME: &str = "search.jsonl";
 /// In what is searched on: the SHA-256 of the corpus's `shards.jsonl`.
 pub const SHARDS: &str = "shards_sha256";
 /// Of a line: the first digits of the SHA-256 of the line without it. Lines of earlier searches have none.
@@ -84,14 +84,14 @@ impl Journal {
         self.entries.len()
     }
 
-    pub fn push(&mut self, entry: Entry) -> Result<(), TrainError> {
+    pub(crate) fn push(&mut self, entry: Entry) -> Result<(), TrainError> {
         self.append(line_of(&entry).as_bytes())?;
         self.entries.insert((entry.rung, entry.hidden.clone()), entry);
         Ok(())
     }
 
     /// Waits until it is on disk.
-    pub fn sync(&self) -> Result<(), TrainError> {
+    pub(crate) fn sync(&self) -> Result<(), TrainError> {
         self.file.sync_all().map_err(|source| io(&self.path, source))
     }
 

@@ -10,7 +10,7 @@ use super::networks::shown;
 use super::rungs::{Rung, smallest_within};
 use crate::statistics::spearman;
 
-pub const NAME: &str = "search.json";
+pub(crate) const NAME: &str = "search.json";
 /// Networks in the terminal's table.
 const SHOWN: usize = 20;
 /// Networks of the last rung in `search.json`; the journal has all.
@@ -18,7 +18,7 @@ const KEPT: usize = 1000;
 
 /// `search.json`: the same bytes however many threads there were, and however often they were killed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Leaderboard {
+pub(crate) struct Leaderboard {
     pub marsyard_search: u32,
     pub margin: f64,
     /// The smallest network whose validation error is at most `margin` above the best; `None` where no error is finite.
@@ -33,7 +33,7 @@ pub struct Leaderboard {
 
 /// A network of the leaderboard.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Line {
+pub(crate) struct Line {
     pub hidden: Vec<usize>,
     pub weights: usize,
     pub rows: u64,
@@ -48,7 +48,7 @@ pub struct Line {
 
 /// One rung in hindsight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RungFacts {
+pub(crate) struct RungFacts {
     pub rows: u64,
     pub networks: usize,
     /// Spearman's rho of its errors with those of the last rung, over the networks of the last rung.
@@ -73,7 +73,7 @@ impl From<&Entry> for Line {
 
 impl Leaderboard {
     /// `entries`: of each rung, best first.
-    pub fn of(rungs: &[Rung], entries: &[Vec<Entry>], margin: f64, begun_with: Json) -> Leaderboard {
+    pub(crate) fn of(rungs: &[Rung], entries: &[Vec<Entry>], margin: f64, begun_with: Json) -> Leaderboard {
         let last = entries.last().map_or(&[][..], Vec::as_slice);
         let facts = rungs.iter().zip(entries).map(|(rung, entries)| RungFacts {
             rows: rung.rows,
@@ -100,7 +100,7 @@ fn pairs(early: &[Entry], last: &[Entry]) -> Vec<(f64, f64)> {
 }
 
 /// The best networks of the last rung, with the chosen one below where it is not among them.
-pub fn table(entries: &[Entry], margin: f64) -> String {
+pub(crate) fn table(entries: &[Entry], margin: f64) -> String {
     let chosen = smallest_within(entries, margin);
     let mut text = String::from(
         "  rank  hidden layers  weights  validation error  balanced accuracy     AUC  best after  rows/s a thread\n",

@@ -10,25 +10,25 @@
 //! successive halving instead of training all to the end. Each finished network is a line in the journal at once; a search that was
 //! killed goes on with those that lack a line, and ends in the same bytes but for times.
 
-pub mod entry;
+pub(crate) mod entry;
 pub mod journal;
-pub mod leaderboard;
-pub mod networks;
-pub mod picture;
+pub(crate) mod leaderboard;
+pub(crate) mod networks;
+pub(crate) mod picture;
 mod round;
-pub mod rungs;
+pub(crate) mod rungs;
 #[cfg(test)]
 mod tests;
-pub mod throughput;
+pub(crate) mod throughput;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value as Json, json};
 
-pub use self::entry::Entry;
+pub(crate) use self::entry::Entry;
 use self::journal::Journal;
-pub use self::leaderboard::Leaderboard;
+pub(crate) use self::leaderboard::Leaderboard;
 use self::networks::Hidden;
 use self::round::Round;
 use self::rungs::{Rung, rungs, survivors};
@@ -40,10 +40,10 @@ use crate::train::memory::Held;
 use crate::train::{TrainError, TrainParams, filter, folder};
 
 /// Hidden layers -> a config.
-pub type ConfigOf = dyn Fn(&[usize]) -> String;
+pub(crate) type ConfigOf = dyn Fn(&[usize]) -> String;
 
 /// What is searched by what.
-pub struct Setup {
+pub(crate) struct Setup {
     /// `network.hidden` does not apply.
     pub params: TrainParams,
     pub held: Held,
@@ -63,7 +63,7 @@ pub struct Setup {
 
 /// What happens while searching.
 #[derive(Clone, Debug)]
-pub enum Event<'a> {
+pub(crate) enum Event<'a> {
     /// Before the first network.
     Start(&'a Start),
     /// A rung begins; `seconds`: of one thread, for those that wait, as far as is known.
@@ -74,7 +74,7 @@ pub enum Event<'a> {
 
 /// What is known before the first network is trained.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Start {
+pub(crate) struct Start {
     pub networks: usize,
     pub rungs: Vec<Rung>,
     pub throughput: Throughput,
@@ -89,7 +89,7 @@ pub struct Start {
 
 /// How it ended.
 #[derive(Clone, Debug)]
-pub enum Outcome {
+pub(crate) enum Outcome {
     /// The leaderboard, and the entries of the last rung, best first.
     Done(Box<Leaderboard>, Vec<Entry>),
     /// Asked to stop; so many lines are in the journal.
@@ -97,7 +97,7 @@ pub enum Outcome {
 }
 
 /// Searches, or goes on searching, until all rungs are done or `stop` is raised.
-pub fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
+pub(crate) fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
     let Setup { params, held, .. } = setup;
     let networks = sorted(setup);
     check(setup, &networks)?;

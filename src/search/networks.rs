@@ -6,14 +6,14 @@
 use crate::random::{Purpose, Stage, Streams};
 
 /// Neurons of each hidden layer.
-pub type Hidden = Vec<usize>;
+pub(crate) type Hidden = Vec<usize>;
 
 /// Most neurons of a layer, and most hidden layers, of the paper's sweep.
-pub const WIDEST: usize = 32;
-pub const DEEPEST: usize = 3;
+pub(crate) const WIDEST: usize = 32;
+pub(crate) const DEEPEST: usize = 3;
 
 /// All combinations of the widths in one to `deepest` layers; those of fewer layers first.
-pub fn grid(widths: &[usize], deepest: usize) -> Vec<Hidden> {
+pub(crate) fn grid(widths: &[usize], deepest: usize) -> Vec<Hidden> {
     let mut all: Vec<Hidden> = Vec::new();
     let mut layer: Vec<Hidden> = vec![Vec::new()];
     for _ in 0..deepest {
@@ -25,12 +25,12 @@ pub fn grid(widths: &[usize], deepest: usize) -> Vec<Hidden> {
 }
 
 /// The paper's 33,824.
-pub fn full() -> Vec<Hidden> {
+pub(crate) fn full() -> Vec<Hidden> {
     grid(&(1..=WIDEST).collect::<Vec<_>>(), DEEPEST)
 }
 
 /// A random share of networks: each is taken or not by a number drawn for its place in the list.
-pub fn sample(networks: Vec<Hidden>, share: f64, seed: u64) -> Vec<Hidden> {
+pub(crate) fn sample(networks: Vec<Hidden>, share: f64, seed: u64) -> Vec<Hidden> {
     let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
     let mut draws = vec![0.0; networks.len()];
     streams.open(Purpose::SearchNetworks).fill_uniform(0, &mut draws);
@@ -38,7 +38,7 @@ pub fn sample(networks: Vec<Hidden>, share: f64, seed: u64) -> Vec<Hidden> {
 }
 
 /// `16-16`.
-pub fn shown(hidden: &[usize]) -> String {
+pub(crate) fn shown(hidden: &[usize]) -> String {
     hidden.iter().map(usize::to_string).collect::<Vec<_>>().join("-")
 }
 

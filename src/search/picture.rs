@@ -7,7 +7,7 @@ use super::networks::shown;
 use super::rungs::{front, smallest_within};
 use crate::chart::{self, Axis, Colour, Marks, Panel, Point, Series};
 
-pub const NAME: &str = "search.svg";
+pub(crate) const NAME: &str = "search.svg";
 
 const SIZE: (u32, u32) = (900, 560);
 const BLACK: Colour = Colour(0, 0, 0);
@@ -21,7 +21,7 @@ const TALLEST: f64 = 30.0;
 
 /// Networks of the last rung by depth, those left behind in grey, what no smaller network beats as a line, the chosen network ringed.
 /// `entries`: of each rung, best first. `None` where there is nothing to draw.
-pub fn svg(entries: &[Vec<Entry>], margin: f64) -> Option<String> {
+pub(crate) fn svg(entries: &[Vec<Entry>], margin: f64) -> Option<String> {
     let (last, earlier) = entries.split_last()?;
     let finalists: BTreeSet<_> = last.iter().map(|entry| &entry.hidden).collect();
     let first = earlier.first().map_or(&[][..], Vec::as_slice);

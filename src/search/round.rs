@@ -28,7 +28,7 @@ pub(super) struct Round<'a> {
 
 impl Round<'_> {
     /// Trains the networks that the journal lacks; false where `stop` was raised before the last was finished.
-    pub fn train(
+    pub(super) fn train(
         &self,
         journal: &mut Journal,
         stop: &AtomicBool,
@@ -67,7 +67,7 @@ impl Round<'_> {
     }
 
     /// The entries of all its networks that the journal has, best first.
-    pub fn entries(&self, journal: &Journal) -> Vec<Entry> {
+    pub(super) fn entries(&self, journal: &Journal) -> Vec<Entry> {
         let mut entries: Vec<Entry> = self.finished(journal).cloned().collect();
         entries.sort_by(Entry::rank);
         entries

@@ -10,7 +10,7 @@ use crate::math;
 
 /// One round.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rung {
+pub(crate) struct Rung {
     /// That each network learns, rows of later epochs counted again.
     pub rows: u64,
     /// Networks that learn, the best of the rung before; those that no smaller one beats come on top.
@@ -22,7 +22,7 @@ pub struct Rung {
 ///
 /// One pass is enough to rank networks by: of 69 of the paper's networks that were trained to the end, the ranks after one pass of 20,000
 /// rows agree with the last by Spearman's rho 0.82, those after three passes by 1.00 (`scripts/results/search_full.md`).
-pub fn rungs(networks: usize, rows: u64, epochs: u32, count: usize, keep: f64) -> Vec<Rung> {
+pub(crate) fn rungs(networks: usize, rows: u64, epochs: u32, count: usize, keep: f64) -> Vec<Rung> {
     let mut left = networks;
     let mut rungs = Vec::new();
     for number in 1..=count {
@@ -35,7 +35,7 @@ pub fn rungs(networks: usize, rows: u64, epochs: u32, count: usize, keep: f64) -
 }
 
 /// The entries that go on, best first: the best `count`, and those that beat all smaller networks.
-pub fn survivors(mut entries: Vec<Entry>, count: usize) -> Vec<Entry> {
+pub(crate) fn survivors(mut entries: Vec<Entry>, count: usize) -> Vec<Entry> {
     entries.sort_by(Entry::rank);
     let front: Vec<_> = front(&entries).into_iter().map(|entry| entry.hidden.clone()).collect();
     let goes_on = |(place, entry): (usize, Entry)| (place < count || front.contains(&entry.hidden)).then_some(entry);
@@ -43,7 +43,7 @@ pub fn survivors(mut entries: Vec<Entry>, count: usize) -> Vec<Entry> {
 }
 
 /// The networks that have a lower error than every smaller one, smallest first.
-pub fn front(entries: &[Entry]) -> Vec<&Entry> {
+pub(crate) fn front(entries: &[Entry]) -> Vec<&Entry> {
     let mut by_size: Vec<&Entry> = entries.iter().filter(|entry| entry.validation_error.is_some()).collect();
     by_size.sort_by(|a, b| a.weights.cmp(&b.weights).then_with(|| a.rank(b)));
     let mut front: Vec<&Entry> = Vec::new();
@@ -56,7 +56,7 @@ pub fn front(entries: &[Entry]) -> Vec<&Entry> {
 }
 
 /// The smallest network whose error is at most `margin` above the lowest.
-pub fn smallest_within(entries: &[Entry], margin: f64) -> Option<&Entry> {
+pub(crate) fn smallest_within(entries: &[Entry], margin: f64) -> Option<&Entry> {
     let front = front(entries);
     let limit = front.last()?.validation_error? + margin;
     front.into_iter().find(|entry| entry.validation_error.is_some_and(|error| error <= limit))
@@ -67,7 +67,7 @@ pub(super) mod tests {
     use super::*;
     use crate::train::stopping::Stop;
 
-    pub fn entry(hidden: &[usize], weights: usize, error: f64) -> Entry {
+    pub(crate) fn entry(hidden: &[usize], weights: usize, error: f64) -> Entry {
         Entry {
             hidden: hidden.to_vec(),
             rung: 0,

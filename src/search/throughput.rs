@@ -21,7 +21,7 @@ const PROBES: usize = 6;
 
 /// Seconds of networks of some size.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Probe {
+pub(crate) struct Probe {
     pub hidden: Hidden,
     pub weights: usize,
     /// To learn a row, and to look at all validation rows once.
@@ -31,13 +31,13 @@ pub struct Probe {
 
 /// Measured times, by ascending weights.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Throughput {
+pub(crate) struct Throughput {
     pub probes: Vec<Probe>,
 }
 
 impl Throughput {
     /// Measures networks from the smallest to the largest. `sorted`: by ascending weights; `most_rows`: of the last rung.
-    pub fn measure(
+    pub(crate) fn measure(
         params: &TrainParams,
         held: &Held,
         sorted: &[Hidden],
@@ -62,7 +62,7 @@ impl Throughput {
     }
 
     /// Thread seconds of a network up to a rung, if patience lasts.
-    pub fn seconds(&self, params: &TrainParams, held: &Held, hidden: &[usize], rung: &Rung) -> f64 {
+    pub(crate) fn seconds(&self, params: &TrainParams, held: &Held, hidden: &[usize], rung: &Rung) -> f64 {
         let params = params_of(params, hidden);
         let Course { rows, validate_every } = course(&params, held, rung);
         let (row_s, look_s) = self.at(params.layout(held.train.width).weights());

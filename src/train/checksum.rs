@@ -12,12 +12,12 @@ use sha2::Digest;
 use crate::corpus::hex;
 
 /// Its key in the metadata.
-pub const KEY: &str = "checksum";
+pub(super) const KEY: &str = "checksum";
 /// What stands there until the bytes around it are known.
-pub const UNSET: &str = "0000000000000000000000000000000000000000000000000000000000000000";
+pub(crate) const UNSET: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
 /// Puts the checksum in the place of [`UNSET`].
-pub fn seal(mut bytes: Vec<u8>) -> Vec<u8> {
+pub(crate) fn seal(mut bytes: Vec<u8>) -> Vec<u8> {
     let place = find(&bytes, UNSET).expect("whoever seals a file has left room for its checksum");
     let digits = digest(&bytes, &place);
     bytes[place].copy_from_slice(digits.as_bytes());
@@ -25,7 +25,7 @@ pub fn seal(mut bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// Takes the checksum out of metadata; whether there was one, which is then that of the bytes. `needed`: this format has one.
-pub fn take(bytes: &[u8], metadata: &mut Json, needed: bool) -> Result<bool, String> {
+pub(super) fn take(bytes: &[u8], metadata: &mut Json, needed: bool) -> Result<bool, String> {
     match metadata.as_object_mut().and_then(|pairs| pairs.remove(KEY)) {
         Some(digits) => check(bytes, digits.as_str().unwrap_or_default()).map(|()| true),
         None if needed => Err("it lacks the checksum that its format has".into()),

@@ -14,7 +14,7 @@ use crate::corpus::{Split, Yards};
 use crate::plan::Plan;
 
 /// A finished corpus to learn from.
-pub struct CorpusToLearn {
+pub(crate) struct CorpusToLearn {
     /// As its user calls it.
     pub place: String,
     pub source: Source,
@@ -22,14 +22,14 @@ pub struct CorpusToLearn {
 }
 
 /// What a training learns from.
-pub struct Joined {
+pub(crate) struct Joined {
     pub sources: Arc<Sources>,
     /// Of the first corpus.
     pub origin: Origin,
 }
 
 /// Corpora, at least one, as one training's; scenes in two splits are refused, or with `allow_shared` kept in [`Sources::shared_scenes`].
-pub fn join(
+pub(crate) fn join(
     corpora: Vec<CorpusToLearn>,
     params: &TrainParams,
     init: Option<&Model>,
@@ -77,7 +77,7 @@ fn check_grids((first, ours): &(String, Origin), (other, theirs): &(String, Orig
 }
 
 /// The corpora that a model learnt from without saying which yards they hold, as those of before format 2.
-pub fn unknown_yards(model: &Model) -> Vec<String> {
+pub(crate) fn unknown_yards(model: &Model) -> Vec<String> {
     let learnt_from = model.about.learnt_from().into_iter();
     learnt_from.filter(|corpus| !corpus.yards.known()).map(|corpus| corpus.name).collect()
 }

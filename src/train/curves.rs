@@ -13,7 +13,7 @@ const VALIDATION: Colour = Colour(178, 80, 30);
 const MOST_POINTS: usize = 2000;
 
 /// Training and validation error over the rows learnt, the best look marked. `None` where there is nothing to draw.
-pub fn svg(looks: &[Look], best: Option<&Look>) -> Option<String> {
+pub(crate) fn svg(looks: &[Look], best: Option<&Look>) -> Option<String> {
     let step = looks.len().div_ceil(MOST_POINTS).max(1);
     let curve = |of: fn(&Look) -> Option<f64>| -> Vec<Point> {
         looks.iter().step_by(step).filter_map(|look| Some((look.rows as f64, of(look)?))).collect()

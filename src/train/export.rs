@@ -34,13 +34,13 @@ struct Check {
 const MIXED_ROWS: u32 = 249;
 
 /// Whether a file is one that [`json`] wrote: an object of its three parts, about such a model.
-pub fn is_ours(bytes: &[u8]) -> bool {
+pub(crate) fn is_ours(bytes: &[u8]) -> bool {
     let value: serde_json::Value = serde_json::from_slice(bytes).unwrap_or_default();
     value["about"]["marsyard_model"].is_number() && value["layers"].is_array() && value["check"]["outputs"].is_array()
 }
 
 /// The model as JSON text.
-pub fn json(model: &Model) -> String {
+pub(crate) fn json(model: &Model) -> String {
     let layout = &model.network.layout;
     let mut rest = model.network.weights.as_slice();
     let mut layers = Vec::new();

@@ -23,14 +23,14 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::store::{create_synced, is_temporary, read_folder, sync_folder_of};
 use crate::corpus::{CorpusError, LocalFolder, Store, owner};
 
-pub const CONFIG: &str = "train.yaml";
-pub const MODEL: &str = "model.safetensors";
-pub const FILTER: &str = "filter.safetensors";
-pub const LOOKS: &str = looks::NAME;
-pub const SUMMARY: &str = "training.json";
-pub const CURVES: &str = "curves.svg";
-pub const REPORT: &str = "report.json";
-pub const CHECKPOINT: &str = "checkpoint.safetensors";
+pub(crate) const CONFIG: &str = "train.yaml";
+pub(crate) const MODEL: &str = "model.safetensors";
+pub(crate) const FILTER: &str = "filter.safetensors";
+pub(crate) const LOOKS: &str = looks::NAME;
+pub(crate) const SUMMARY: &str = "training.json";
+pub(crate) const CURVES: &str = "curves.svg";
+pub(crate) const REPORT: &str = "report.json";
+pub(crate) const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// A folder that belongs to one training, and that no other process writes in while this one is there.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ const OTHER_PRODUCT: &str = "is not what this command gives: it was changed sinc
 impl RunFolder {
     /// A folder for a run with this config, which is written first of all. One that is there already is refused, but for what a
     /// run left there in its first moments where this one is to `resume`.
-    pub fn begin(path: &Path, config: &str, resume: bool) -> Result<RunFolder, TrainError> {
+    pub(crate) fn begin(path: &Path, config: &str, resume: bool) -> Result<RunFolder, TrainError> {
         let above = path.parent().unwrap_or(Path::new(""));
         create_synced(above, None).map_err(|source| io(above, source))?;
         match fs::create_dir(path) {
@@ -66,7 +66,7 @@ impl RunFolder {
     }
 
     /// The folder of a run that was begun; `None` where none was, or where it was killed before it had written its config.
-    pub fn resume(path: &Path) -> Result<Option<RunFolder>, TrainError> {
+    pub(crate) fn resume(path: &Path) -> Result<Option<RunFolder>, TrainError> {
         if LocalFolder::new(path).size(CONFIG)?.is_some() {
             return RunFolder::held(path).map(Some);
         }
@@ -86,7 +86,7 @@ impl RunFolder {
 
     /// Refuses to begin a run anew where the folder says that it is another one's, or holds what no run leaves before its first
     /// checkpoint.
-    pub fn check_unlearnt(&self, config: &str) -> Result<(), TrainError> {
+    pub(crate) fn check_unlearnt(&self, config: &str) -> Result<(), TrainError> {
         if !is_barely_begun(&self.path)? {
             let reason = format!("it holds other files, and neither {CHECKPOINT} nor {FILTER}");
             return Err(TrainError::NoRun { path: self.path.display().to_string(), reason });
@@ -98,7 +98,7 @@ impl RunFolder {
     }
 
     /// Writes the config again where it was changed meanwhile; the lock moves on with the file.
-    pub fn write_config(&mut self, config: &str) -> Result<(), TrainError> {
+    pub(crate) fn write_config(&mut self, config: &str) -> Result<(), TrainError> {
         if self.read(CONFIG)? != config.as_bytes() {
             self.write(CONFIG, config.as_bytes())?;
             self.lock = lock::hold(&self.path.join(CONFIG))?;
@@ -106,45 +106,45 @@ impl RunFolder {
         Ok(())
     }
 
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
-    pub fn holds(&self, name: &str) -> Result<bool, TrainError> {
+    pub(crate) fn holds(&self, name: &str) -> Result<bool, TrainError> {
         Ok(self.store.size(name)?.is_some())
     }
 
     /// A file's bytes; `None` where it is not there.
-    pub fn read_if_there(&self, name: &str) -> Result<Option<Vec<u8>>, TrainError> {
+    pub(crate) fn read_if_there(&self, name: &str) -> Result<Option<Vec<u8>>, TrainError> {
         if self.holds(name)? { self.read(name).map(Some) } else { Ok(None) }
     }
 
-    pub fn read(&self, name: &str) -> Result<Vec<u8>, TrainError> {
+    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, TrainError> {
         Ok(self.store.read_within(name, FileKind::Checkpoint.most_bytes())?)
     }
 
     /// Writes a file whole, in the place of an older one.
-    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), TrainError> {
+    pub(crate) fn write(&self, name: &str, bytes: &[u8]) -> Result<(), TrainError> {
         Ok(self.store.replace(name, bytes)?)
     }
 
-    pub fn remove(&self, name: &str) -> Result<(), TrainError> {
+    pub(crate) fn remove(&self, name: &str) -> Result<(), TrainError> {
         Ok(self.store.remove(name)?)
     }
 
     /// Writes times and rates: [`write_report`].
-    pub fn report(&self, is_idle: bool, report: &serde_json::Value) -> Result<(), TrainError> {
+    pub(crate) fn report(&self, is_idle: bool, report: &serde_json::Value) -> Result<(), TrainError> {
         Ok(write_report(&self.store, is_idle, report)?)
     }
 
     /// The log, with these looks in it.
-    pub fn log(&self, looks: &Looks) -> Result<LookLog, TrainError> {
+    pub(crate) fn log(&self, looks: &Looks) -> Result<LookLog, TrainError> {
         LookLog::begin(&self.path, looks)
     }
 }
 
 /// Writes times and rates, which are no part of what a run finds; those that are there stay where this process did nothing.
-pub fn write_report(store: &LocalFolder, is_idle: bool, report: &serde_json::Value) -> Result<(), CorpusError> {
+pub(crate) fn write_report(store: &LocalFolder, is_idle: bool, report: &serde_json::Value) -> Result<(), CorpusError> {
     if is_idle && store.size(REPORT)?.is_some() {
         return Ok(());
     }
@@ -153,7 +153,7 @@ pub fn write_report(store: &LocalFolder, is_idle: bool, report: &serde_json::Val
 
 /// Writes files whose bytes follow from what a run was begun with, in the place of those that it wrote `before`. One that is there with
 /// other bytes was edited, or is another's: then nothing is written.
-pub fn write_products(
+pub(crate) fn write_products(
     store: &LocalFolder,
     files: &[(String, Vec<u8>)],
     before: &[(String, Vec<u8>)],

@@ -22,7 +22,7 @@ pub struct LearntFrom {
 }
 
 /// What a model learns from: its corpora, and what the network that it starts from learnt from.
-pub fn learnt_from(sources: &Sources, init: Option<&Model>) -> Vec<LearntFrom> {
+pub(crate) fn learnt_from(sources: &Sources, init: Option<&Model>) -> Vec<LearntFrom> {
     let of_source = |source: &Arc<Source>| LearntFrom {
         corpus_id: source.corpus_id.clone(),
         name: source.name.clone(),
@@ -39,7 +39,7 @@ pub fn learnt_from(sources: &Sources, init: Option<&Model>) -> Vec<LearntFrom> {
 
 impl About {
     /// As the model says; of one from before it did, the corpora without what is known of their yards.
-    pub fn learnt_from(&self) -> Vec<LearntFrom> {
+    pub(crate) fn learnt_from(&self) -> Vec<LearntFrom> {
         if !self.learnt_from.is_empty() {
             return self.learnt_from.clone();
         }
@@ -53,14 +53,14 @@ impl About {
 }
 
 /// Names of the corpora of which it cannot be said whether they share scenes with one that is judged.
-pub fn unknown(judged: &Yards, corpus_id: &str, learnt_from: &[LearntFrom]) -> Vec<String> {
+pub(crate) fn unknown(judged: &Yards, corpus_id: &str, learnt_from: &[LearntFrom]) -> Vec<String> {
     let unknown = |corpus: &&LearntFrom| corpus.corpus_id != corpus_id && !(corpus.yards.known() && judged.known());
     learnt_from.iter().filter(unknown).map(|corpus| corpus.name.clone()).collect()
 }
 
 /// Scenes that are in one split here and in another there.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Leak {
+pub(crate) struct Leak {
     pub here: String,
     pub split_here: Split,
     pub there: String,
@@ -86,14 +86,14 @@ impl fmt::Display for Leak {
 
 /// Why two corpora are not to be learnt from together. The train split of both may hold a yard that another rover or sensor sees
 /// there, but not the same rows twice.
-pub fn between(here: (&str, &Yards), there: (&str, &Yards), same_rows: bool) -> Vec<Leak> {
+pub(crate) fn between(here: (&str, &Yards), there: (&str, &Yards), same_rows: bool) -> Vec<Leak> {
     let refused = |split: Split, other: Split| split != other || (same_rows && split == Split::Train);
     leaks(here, there, refused)
 }
 
 /// Scenes of a split that a model used more than it says: test scenes that it learnt from or was stopped by, validation scenes that it
 /// learnt from.
-pub fn of_judging(judged: (&str, &Yards), split: Split, learnt_from: &[LearntFrom]) -> Vec<Leak> {
+pub(crate) fn of_judging(judged: (&str, &Yards), split: Split, learnt_from: &[LearntFrom]) -> Vec<Leak> {
     let use_of = |split| [Split::Test, Split::Validation, Split::Train].iter().position(|&each| each == split);
     let refused = |here: Split, there: Split| here == split && use_of(there) > use_of(here);
     learnt_from.iter().flat_map(|corpus| leaks(judged, (&corpus.name, &corpus.yards), refused)).collect()

@@ -56,7 +56,7 @@ impl From<SumBits> for ErrorSum {
 
 impl Learner {
     /// A network as it is before the first row.
-    pub fn new(params: &TrainParams, judge: Judge, validate_every: u64) -> Result<Learner, TrainError> {
+    pub(super) fn new(params: &TrainParams, judge: Judge, validate_every: u64) -> Result<Learner, TrainError> {
         let layout = params.layout(judge.scaler.mean.len());
         let filter = filter::build(&params.filter, &layout, params.clip)?;
         let network = first_network(params, layout);
@@ -73,7 +73,7 @@ impl Learner {
     }
 
     /// Learns the next portion of an order, from its row `from` on; where that portion ends.
-    pub fn learn(&mut self, rows: &Rows, order: &[u32], from: usize) -> usize {
+    pub(super) fn learn(&mut self, rows: &Rows, order: &[u32], from: usize) -> usize {
         let until_look = self.validate_every - self.learnt.rows % self.validate_every;
         let end = order.len().min(from - from % PORTION_ROWS + PORTION_ROWS);
         let end = end.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
@@ -88,18 +88,18 @@ impl Learner {
     }
 
     /// Whether it is time to look at the validation split.
-    pub fn is_look_due(&self) -> bool {
+    pub(crate) fn is_look_due(&self) -> bool {
         self.learnt.rows.is_multiple_of(self.validate_every)
     }
 
     /// Whether rows were learnt that no look has seen.
-    pub fn is_ahead_of_look(&self) -> bool {
+    pub(crate) fn is_ahead_of_look(&self) -> bool {
         self.learnt.stopping.last.is_none_or(|last| last.rows < self.learnt.rows)
     }
 
     /// Takes in the validation error of the network as it is, in the epoch of that number; the look, and whether it is the best so
     /// far, which is then kept.
-    pub fn look(&mut self, epoch: u32, validation_error: f64) -> (Look, bool) {
+    pub(super) fn look(&mut self, epoch: u32, validation_error: f64) -> (Look, bool) {
         let finite = |error: f64| error.is_finite().then_some(error);
         let look = Look {
             rows: self.learnt.rows,
@@ -116,16 +116,16 @@ impl Learner {
     }
 
     /// Whether the validation error has not fallen for so many looks that it will not.
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         self.learnt.stopping.is_over(self.patience)
     }
 
-    pub fn snapshot(&self) -> Snapshot {
+    pub(crate) fn snapshot(&self) -> Snapshot {
         Snapshot { weights: self.network.weights.clone(), filter: self.filter.state() }
     }
 
     /// Goes back to the weights of the best look.
-    pub fn revert(&mut self) {
+    pub(crate) fn revert(&mut self) {
         self.network.weights.clone_from(&self.best.weights);
     }
 }

@@ -13,7 +13,7 @@ use rustix::io::Errno;
 use super::TrainError;
 
 /// The file, open for appending and locked; another holder is told at once ([`TrainError::Busy`]).
-pub fn hold(path: &Path) -> Result<File, TrainError> {
+pub(crate) fn hold(path: &Path) -> Result<File, TrainError> {
     let failed = |source| TrainError::Io { path: path.display().to_string(), source };
     loop {
         let file = OpenOptions::new().read(true).append(true).open(path).map_err(failed)?;

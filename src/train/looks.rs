@@ -13,7 +13,7 @@ use super::TrainError;
 use super::stopping::Look;
 use crate::corpus::{LocalFolder, Store};
 
-pub const NAME: &str = "training.jsonl";
+pub(crate) const NAME: &str = "training.jsonl";
 
 /// A line of `training.jsonl`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,14 +30,14 @@ pub struct Line {
 pub const WORDS: usize = 5;
 
 impl Line {
-    pub fn to_words(self) -> [u64; WORDS] {
+    pub(crate) fn to_words(self) -> [u64; WORDS] {
         let Look { rows, epoch, train_error, validation_error } = self.look;
         let bits = |error: Option<f64>| error.unwrap_or(f64::NAN).to_bits();
         let epoch_and_best = u64::from(epoch) << 1 | u64::from(self.best);
         [rows, epoch_and_best, bits(train_error), bits(validation_error), self.elapsed_s.to_bits()]
     }
 
-    pub fn from_words([rows, epoch_and_best, train, validation, elapsed]: [u64; WORDS]) -> Line {
+    pub(crate) fn from_words([rows, epoch_and_best, train, validation, elapsed]: [u64; WORDS]) -> Line {
         let error = |bits| Some(f64::from_bits(bits)).filter(|error| error.is_finite());
         let epoch = (epoch_and_best >> 1) as u32;
         Line {
@@ -48,7 +48,7 @@ impl Line {
     }
 
     /// The same without its time, which another run of the same training has otherwise.
-    pub fn timeless(self) -> Line {
+    pub(crate) fn timeless(self) -> Line {
         Line { elapsed_s: 0.0, ..self }
     }
 }
@@ -71,7 +71,7 @@ impl Looks {
     }
 
     /// Takes the look of this number in, from 0. Which are kept is a function of their number alone.
-    pub fn push(&mut self, number: u64, line: Line) {
+    pub(crate) fn push(&mut self, number: u64, line: Line) {
         if number > 0 && every(number) > every(number - 1) {
             let mut keep = false;
             self.0.retain(|_| {
@@ -85,7 +85,7 @@ impl Looks {
     }
 
     /// As the lines of `training.jsonl`.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         self.0.iter().map(shown).collect()
     }
 }
@@ -121,12 +121,12 @@ impl LookLog {
         Ok(LookLog { path, file })
     }
 
-    pub fn push(&mut self, line: &Line) -> Result<(), TrainError> {
+    pub(crate) fn push(&mut self, line: &Line) -> Result<(), TrainError> {
         self.file.write_all(shown(line).as_bytes()).map_err(|source| io(&self.path, source))
     }
 
     /// Waits until it is on disk.
-    pub fn sync(&self) -> Result<(), TrainError> {
+    pub(crate) fn sync(&self) -> Result<(), TrainError> {
         self.file.sync_all().map_err(|source| io(&self.path, source))
     }
 }

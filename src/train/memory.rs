@@ -88,7 +88,7 @@ impl Held {
     }
 
     /// The weighted mean squared error over the validation rows.
-    pub fn validation_error(&self, network: &Network) -> f64 {
+    pub(crate) fn validation_error(&self, network: &Network) -> f64 {
         self.judge.sum_here(network, &self.validation).mean()
     }
 

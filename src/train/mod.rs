@@ -6,35 +6,35 @@
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
 mod checksum;
-pub mod corpora;
-pub mod curves;
-pub mod error;
-pub mod export;
+pub(crate) mod corpora;
+pub(crate) mod curves;
+pub(crate) mod error;
+pub(crate) mod export;
 pub mod filter;
-pub mod folder;
-pub mod leaks;
+pub(crate) mod folder;
+pub(crate) mod leaks;
 mod learner;
 pub(crate) mod lock;
 pub mod looks;
 pub mod memory;
-pub mod model;
+pub(crate) mod model;
 pub mod network;
-pub mod numbered;
-pub mod onnx;
-pub mod order;
+pub(crate) mod numbered;
+pub(crate) mod onnx;
+pub(crate) mod order;
 pub mod params;
-pub mod quantiles;
+pub(crate) mod quantiles;
 pub mod rows;
-pub mod run;
-pub mod scaling;
-pub mod scenes;
-pub mod source;
+pub(crate) mod run;
+pub(crate) mod scaling;
+pub(crate) mod scenes;
+pub(crate) mod source;
 mod state;
-pub mod stopping;
+pub(crate) mod stopping;
 mod stream;
 #[cfg(test)]
 mod tests;
-pub mod validation;
+pub(crate) mod validation;
 
 pub use error::TrainError;
 pub use filter::Filter;

@@ -118,7 +118,7 @@ pub enum ModelError {
 
 impl Scaler {
     /// Scales one row of features.
-    pub fn scale(&self, features: &[f32], out: &mut [f64]) {
+    pub(crate) fn scale(&self, features: &[f32], out: &mut [f64]) {
         let numbers = features.iter().zip(&self.minus).zip(&self.mean).zip(&self.scale);
         for (out, (((&x, minus), mean), scale)) in out.iter_mut().zip(numbers) {
             let x = f64::from(x) - minus.map_or(0.0, |other| f64::from(features[other]));
@@ -135,12 +135,12 @@ const CHUNK_ROWS: usize = 1024;
 
 impl Model {
     /// The first digits of its file's SHA-256: how a model is named in what is said of it.
-    pub fn short_sha256(&self) -> Option<&str> {
+    pub(crate) fn short_sha256(&self) -> Option<&str> {
         self.sha256.as_ref().and_then(|digits| digits.get(..12))
     }
 
     /// Where each input of the model stands among the columns of some data.
-    pub fn inputs_of<S: AsRef<str>>(&self, columns: &[S]) -> Result<Vec<usize>, ModelError> {
+    pub(crate) fn inputs_of<S: AsRef<str>>(&self, columns: &[S]) -> Result<Vec<usize>, ModelError> {
         let place = |name: &String| columns.iter().position(|column| column.as_ref() == name);
         let missing: Vec<String> = self.about.features.iter().filter(|name| place(name).is_none()).cloned().collect();
         if !missing.is_empty() {
@@ -150,7 +150,7 @@ impl Model {
     }
 
     /// Refuses data whose cells have another size.
-    pub fn check_cell_size(&self, data_m: f64) -> Result<(), ModelError> {
+    pub(crate) fn check_cell_size(&self, data_m: f64) -> Result<(), ModelError> {
         let model_m = self.about.cells.size_m;
         if (model_m - data_m).abs() <= 1e-9 * model_m {
             return Ok(());
@@ -159,7 +159,7 @@ impl Model {
     }
 
     /// Refuses data whose local heights, where the model takes them, mean something else.
-    pub fn check_local_height(&self, data: Option<&LocalHeightParams>) -> Result<(), ModelError> {
+    pub(crate) fn check_local_height(&self, data: Option<&LocalHeightParams>) -> Result<(), ModelError> {
         let takes = self.about.features.iter().any(|name| name == LOCAL_HEIGHT);
         match (&self.about.cells.local_height, data) {
             (Some(model), Some(data)) if takes && model != data => {
@@ -177,7 +177,7 @@ impl Model {
     }
 
     /// The outputs of rows that lie one after another, put after what `out` holds.
-    pub fn outputs(&self, rows: &[f32], out: &mut Vec<f64>) {
+    pub(crate) fn outputs(&self, rows: &[f32], out: &mut Vec<f64>) {
         let inputs = self.about.inputs;
         let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
         for rows in rows.chunks(inputs * CHUNK_ROWS) {
@@ -192,7 +192,7 @@ impl Model {
     }
 
     /// Class of an output: the number of thresholds at or below it.
-    pub fn class(&self, output: f64) -> usize {
+    pub(crate) fn class(&self, output: f64) -> usize {
         self.about.thresholds.iter().filter(|&&threshold| output >= threshold).count()
     }
 

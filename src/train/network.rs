@@ -37,7 +37,7 @@ pub struct Activations {
 
 impl Layout {
     /// Layer sizes with input and output: [inputs, hidden..., 1].
-    pub fn sizes(&self) -> Vec<usize> {
+    pub(crate) fn sizes(&self) -> Vec<usize> {
         std::iter::once(self.inputs).chain(self.hidden.iter().copied()).chain([1]).collect()
     }
 
@@ -47,7 +47,7 @@ impl Layout {
     }
 
     /// Inputs and neurons of each layer of weights.
-    pub fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + '_ {
+    pub(crate) fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + '_ {
         let size = |layer: usize| if layer == 0 { self.inputs } else { self.hidden[layer - 1] };
         let neurons = |layer: usize| self.hidden.get(layer).copied().unwrap_or(1);
         (0..=self.hidden.len()).map(move |layer| (size(layer), neurons(layer)))
@@ -56,7 +56,7 @@ impl Layout {
 
 /// The logistic function (eq. 1) of several numbers; 0 or 1 where exp overflows or vanishes, NaN for NaN.
 #[inline(always)]
-pub fn logistic<const N: usize>(x: &[f64; N]) -> [f64; N] {
+pub(crate) fn logistic<const N: usize>(x: &[f64; N]) -> [f64; N] {
     let mut values = *x;
     for value in &mut values {
         *value = -*value;
@@ -87,7 +87,7 @@ impl Network {
     }
 
     /// The output for one row of scaled features.
-    pub fn output(&self, inputs: &[f64], tape: &mut Activations) -> f64 {
+    pub(crate) fn output(&self, inputs: &[f64], tape: &mut Activations) -> f64 {
         Isa::detect().run(Forward { network: self, inputs, tape })
     }
 

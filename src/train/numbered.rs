@@ -8,7 +8,7 @@ use crate::corpus::CorpusError;
 use crate::corpus::store::read_folder;
 
 /// The first free number below `runs`; to resume, the highest that is there.
-pub fn numbered(runs: &Path, name: &str, resume: bool) -> Result<PathBuf, CorpusError> {
+pub(crate) fn numbered(runs: &Path, name: &str, resume: bool) -> Result<PathBuf, CorpusError> {
     let entries = match read_folder(runs) {
         Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
         entries => entries.and_then(Iterator::collect).map_err(|error| CorpusError::of_path(runs, error))?,

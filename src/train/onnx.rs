@@ -13,12 +13,12 @@ const FLOAT: u64 = 1;
 const DOUBLE: u64 = 11;
 
 /// Whether a file is one that [`onnx`] wrote: it begins with the format's version and `producer_name`.
-pub fn is_ours(bytes: &[u8]) -> bool {
+pub(crate) fn is_ours(bytes: &[u8]) -> bool {
     bytes.get(2..12) == Some(b"\x12\x08marsyard")
 }
 
 /// The bytes of the ONNX file.
-pub fn onnx(model: &Model) -> Vec<u8> {
+pub(crate) fn onnx(model: &Model) -> Vec<u8> {
     let mut graph = Graph::default();
     let (about, layout) = (&model.about, &model.network.layout);
     graph.message.text(2, "marsyard");

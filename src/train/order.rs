@@ -8,33 +8,33 @@ use rand::Rng;
 use crate::random::{Purpose, Stage, Streams};
 
 /// Row groups whose rows are mixed with each other.
-pub const WINDOW_GROUPS: usize = 8;
+pub(crate) const WINDOW_GROUPS: usize = 8;
 
 /// One pass over the train split.
 #[derive(Clone, Copy, Debug)]
-pub struct Epoch {
+pub(crate) struct Epoch {
     streams: Streams,
 }
 
 impl Epoch {
-    pub fn new(seed: u64, epoch: u32) -> Epoch {
+    pub(crate) fn new(seed: u64, epoch: u32) -> Epoch {
         let streams = Streams { seed, scene: u64::from(epoch), attempt: 0, stage: Stage::Train, step: 0 };
         Epoch { streams }
     }
 
     /// All row groups, each once.
-    pub fn groups(&self, count: usize) -> Vec<u32> {
+    pub(crate) fn groups(&self, count: usize) -> Vec<u32> {
         permutation(count, &mut self.streams.open(Purpose::TrainGroups).generator_at(0))
     }
 
     /// The rows of a window, each once.
-    pub fn rows(&self, window: u32, count: usize) -> Vec<u32> {
+    pub(crate) fn rows(&self, window: u32, count: usize) -> Vec<u32> {
         permutation(count, &mut self.streams.open(Purpose::TrainRows).generator_at(u64::from(window)))
     }
 }
 
 /// 0, 1, ... in random order, all orders alike.
-pub fn permutation(count: usize, rng: &mut impl Rng) -> Vec<u32> {
+pub(crate) fn permutation(count: usize, rng: &mut impl Rng) -> Vec<u32> {
     let mut order: Vec<u32> = (0..count as u32).collect();
     for last in (1..count).rev() {
         order.swap(last, below(last as u32 + 1, rng) as usize);

@@ -82,12 +82,12 @@ impl Default for TrainParams {
 
 impl TrainParams {
     /// Layers of a network with so many inputs.
-    pub fn layout(&self, inputs: usize) -> Layout {
+    pub(crate) fn layout(&self, inputs: usize) -> Layout {
         Layout { inputs, hidden: self.network.hidden.clone(), bias: self.network.bias }
     }
 
     /// Rows between two looks at the validation split, of so many rows to learn.
-    pub fn rows_between_looks(&self, rows: u64) -> u64 {
+    pub(crate) fn rows_between_looks(&self, rows: u64) -> u64 {
         self.validate_every.unwrap_or_else(|| 20_000.min(rows / 5)).max(1)
     }
 }
@@ -154,7 +154,7 @@ pub enum StopBy {
 
 impl TrainParams {
     /// How looks weigh the classes.
-    pub fn look_balance(&self) -> Balance {
+    pub(crate) fn look_balance(&self) -> Balance {
         match self.stop_by {
             StopBy::AsLearnt => self.balance,
             StopBy::Classes => Balance::Classes,

@@ -11,13 +11,13 @@ use super::{Scaler, TrainError};
 use crate::corpus::Split;
 
 /// Rows that are sorted at most.
-pub const SAMPLE_ROWS: usize = 131_072;
+pub(crate) const SAMPLE_ROWS: usize = 131_072;
 
 /// The shares that the quantiles stand for.
-pub const SHARES: [f64; 7] = [0.0, 0.001, 0.01, 0.5, 0.99, 0.999, 1.0];
+pub(crate) const SHARES: [f64; 7] = [0.0, 0.001, 0.01, 0.5, 0.99, 0.999, 1.0];
 
 /// Per feature, in the order of the sources' features.
-pub fn of_train_split(sources: &Sources, seed: u64, scaler: &Scaler) -> Result<Vec<[f64; 7]>, TrainError> {
+pub(crate) fn of_train_split(sources: &Sources, seed: u64, scaler: &Scaler) -> Result<Vec<[f64; 7]>, TrainError> {
     let rows = sample(sources, seed)?;
     let mut quantiles = Vec::new();
     for (feature, name) in sources.features.iter().enumerate() {
@@ -38,7 +38,7 @@ pub fn of_train_split(sources: &Sources, seed: u64, scaler: &Scaler) -> Result<V
 }
 
 /// Rows of row groups picked at random: all of a small split, else somewhat more than [`SAMPLE_ROWS`].
-pub fn sample(sources: &Sources, seed: u64) -> Result<Rows, TrainError> {
+pub(crate) fn sample(sources: &Sources, seed: u64) -> Result<Rows, TrainError> {
     let groups = sources.groups(Split::Train);
     let mut rows = Rows::new(sources.features.len());
     for group in Epoch::new(seed, 0).groups(groups.len()) {

@@ -48,23 +48,23 @@ impl Rows {
     }
 
     /// Keeps the first rows.
-    pub fn truncate(&mut self, count: usize) {
+    pub(crate) fn truncate(&mut self, count: usize) {
         self.features.truncate(count * self.width);
         self.labels.truncate(count);
         self.corpora.truncate(count);
     }
 
     /// Bytes that the rows take.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         4 * self.features.len() + self.labels.len() + 2 * self.corpora.len()
     }
 
-    pub fn row(&self, row: usize) -> &[f32] {
+    pub(crate) fn row(&self, row: usize) -> &[f32] {
         &self.features[row * self.width..][..self.width]
     }
 
     /// Adds the rows of a batch; `Err` names the column that is not as it must be.
-    pub fn push(
+    pub(crate) fn push(
         &mut self,
         cells: &CellBatch,
         features: &[String],

@@ -15,7 +15,7 @@ use crate::corpus::stats::Moments;
 /// The scaler, and the names of the features that never vary: they get scale 1 and teach nothing.
 ///
 /// What is subtracted from another first has no statistics in the manifest: they come from a sample of rows.
-pub fn scaler(sources: &Sources, params: &TrainParams) -> Result<(Scaler, Vec<String>), TrainError> {
+pub(crate) fn scaler(sources: &Sources, params: &TrainParams) -> Result<(Scaler, Vec<String>), TrainError> {
     let minus = subtracted(&sources.features, params.neighbours);
     let mut moments: Vec<Moments> = sources.features.iter().map(|name| merged(&sources.list, name)).collect();
     if minus.iter().any(Option::is_some) {
@@ -28,14 +28,14 @@ pub fn scaler(sources: &Sources, params: &TrainParams) -> Result<(Scaler, Vec<St
 }
 
 /// Per feature, the number of the one that is subtracted from it: of a neighbour's height, the cell's own.
-pub fn subtracted(features: &[String], neighbours: Neighbours) -> Vec<Option<usize>> {
+pub(crate) fn subtracted(features: &[String], neighbours: Neighbours) -> Vec<Option<usize>> {
     let own = features.iter().position(|name| name == MEAN_HEIGHT);
     let above_cell = |name: &String| neighbours == Neighbours::AboveCell && is_neighbour(name);
     features.iter().map(|name| own.filter(|_| above_cell(name))).collect()
 }
 
 /// Moments of rows, each feature less what is subtracted from it.
-pub fn moments_of(rows: &Rows, minus: &[Option<usize>]) -> Vec<Moments> {
+pub(crate) fn moments_of(rows: &Rows, minus: &[Option<usize>]) -> Vec<Moments> {
     let mut moments = vec![Moments::default(); rows.width];
     for row in 0..rows.len() {
         let row = rows.row(row);
@@ -47,7 +47,11 @@ pub fn moments_of(rows: &Rows, minus: &[Option<usize>]) -> Vec<Moments> {
 }
 
 /// The scaler of inputs with these moments, and which of them never vary.
-pub fn scaler_of(minus: Vec<Option<usize>>, inputs: impl Iterator<Item = Moments>, clip: f64) -> (Scaler, Vec<usize>) {
+pub(crate) fn scaler_of(
+    minus: Vec<Option<usize>>,
+    inputs: impl Iterator<Item = Moments>,
+    clip: f64,
+) -> (Scaler, Vec<usize>) {
     let mut scaler = Scaler { minus, mean: Vec::new(), scale: Vec::new(), clip };
     let mut constant = Vec::new();
     for (feature, moments) in inputs.enumerate() {
@@ -79,7 +83,7 @@ pub struct Weights {
 
 impl Weights {
     /// `counts`: rows of each class (traversable, untraversable) by corpus.
-    pub fn new(counts: &[[u64; 2]], corpora: &[f64], balance: Balance) -> Weights {
+    pub(crate) fn new(counts: &[[u64; 2]], corpora: &[f64], balance: Balance) -> Weights {
         let rows = |of: &[u64; 2]| (of[0] + of[1]) as f64;
         let total: f64 = counts.iter().map(rows).sum();
         let weighted: f64 = counts.iter().zip(corpora).map(|(of, weight)| weight * rows(of)).sum();
@@ -94,7 +98,7 @@ impl Weights {
     }
 
     #[inline]
-    pub fn of(&self, label: Label, corpus: u16) -> f64 {
+    pub(crate) fn of(&self, label: Label, corpus: u16) -> f64 {
         self.class[label.index()] * self.corpus[usize::from(corpus)]
     }
 }

@@ -11,7 +11,7 @@ use crate::random::{Purpose, Stage, Streams};
 
 /// Rows that were drawn.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sample {
+pub(crate) struct Sample {
     pub rows: Rows,
     /// Scenes that gave them, and scenes of the split.
     pub scenes: u64,
@@ -19,7 +19,7 @@ pub struct Sample {
 }
 
 /// Draws `count` rows, or all where there are fewer.
-pub fn draw(sources: &Sources, split: Split, count: usize, seed: u64) -> Result<Sample, TrainError> {
+pub(crate) fn draw(sources: &Sources, split: Split, count: usize, seed: u64) -> Result<Sample, TrainError> {
     let scenes = sources.scenes(split);
     let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: split as u32 };
     let order = permutation(scenes.len(), &mut streams.open(Purpose::TrainScenes).generator_at(0));

@@ -105,26 +105,26 @@ impl Source {
         })
     }
 
-    pub fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         self.store.place()
     }
 
-    pub fn rows(&self, split: Split) -> u64 {
+    pub(crate) fn rows(&self, split: Split) -> u64 {
         self.files[at(split)].iter().map(|file| file.rows).sum()
     }
 
     /// Shards of a split that hold rows, by the hash of what is in their rows.
-    pub fn shards_by_values(&self, split: Split) -> BTreeMap<String, u64> {
+    pub(crate) fn shards_by_values(&self, split: Split) -> BTreeMap<String, u64> {
         let with_rows = self.files[at(split)].iter().filter(|file| file.rows > 0);
         with_rows.map(|file| (file.value_hash.clone(), file.shard)).collect()
     }
 
-    pub fn shards(&self, split: Split) -> u64 {
+    pub(crate) fn shards(&self, split: Split) -> u64 {
         self.files[at(split)].len() as u64
     }
 
     /// Labels as the corpus has them.
-    pub fn labels(&self, split: Split) -> LabelCounts {
+    pub(crate) fn labels(&self, split: Split) -> LabelCounts {
         self.labels[at(split)]
     }
 
@@ -209,7 +209,7 @@ impl Sources {
     }
 
     /// The same corpora, to read labels from and nothing else.
-    pub fn labels_alone(&self) -> Sources {
+    pub(crate) fn labels_alone(&self) -> Sources {
         Sources { list: self.list.clone(), features: Vec::new(), rule: self.rule.clone(), shared_scenes: Vec::new() }
     }
 
@@ -237,11 +237,11 @@ impl Sources {
         scenes
     }
 
-    pub fn rows(&self, split: Split) -> u64 {
+    pub(crate) fn rows(&self, split: Split) -> u64 {
         self.list.iter().map(|source| source.rows(split)).sum()
     }
 
-    pub fn shards(&self, split: Split) -> u64 {
+    pub(crate) fn shards(&self, split: Split) -> u64 {
         self.list.iter().map(|source| source.shards(split)).sum()
     }
 }
@@ -262,7 +262,7 @@ fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> 
 }
 
 /// Whether a column is one of a set's inputs.
-pub fn holds(set: &FeatureSet, name: &str) -> bool {
+pub(crate) fn holds(set: &FeatureSet, name: &str) -> bool {
     match set {
         FeatureSet::Listed => is_listed(name),
         FeatureSet::Full => is_full(name),

@@ -15,14 +15,14 @@ use super::looks::{Line, WORDS};
 
 /// What learning goes on from.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Snapshot {
+pub(crate) struct Snapshot {
     pub weights: Vec<f64>,
     pub filter: FilterState,
 }
 
 /// A file's content.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct State {
+pub(crate) struct State {
     pub header: Json,
     pub looks: Vec<Line>,
     pub snapshots: HashMap<String, Snapshot>,
@@ -39,7 +39,7 @@ const WEIGHTS: &str = "weights";
 const LOOKS: &str = "looks";
 
 /// A header, looks and named snapshots as the bytes of a file.
-pub fn to_bytes(header: &Json, looks: &[Line], snapshots: &[(&str, &Snapshot)]) -> Vec<u8> {
+pub(crate) fn to_bytes(header: &Json, looks: &[Line], snapshots: &[(&str, &Snapshot)]) -> Vec<u8> {
     let mut arrays: Vec<(String, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
     let words = looks.iter().flat_map(|line| line.to_words()).flat_map(u64::to_le_bytes).collect();
     arrays.push((LOOKS.into(), Dtype::U64, vec![looks.len(), WORDS], words));
@@ -68,7 +68,7 @@ const DTYPES: [(Dtype, &str); 3] = [(Dtype::F32, "F32"), (Dtype::F64, "F64"), (D
 
 /// Why a file says nothing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unreadable {
+pub(crate) enum Unreadable {
     /// Whole for all that is known, but not for this program.
     #[error("it is of format {there}, this marsyard reads up to {FORMAT}: use the one that wrote it")]
     Newer { there: u64 },
@@ -83,7 +83,7 @@ impl From<String> for Unreadable {
 }
 
 /// The content of a file.
-pub fn from_bytes(bytes: &[u8]) -> Result<State, Unreadable> {
+pub(crate) fn from_bytes(bytes: &[u8]) -> Result<State, Unreadable> {
     let unreadable = |error: safetensors::SafeTensorError| format!("it is no whole safetensors file ({error})");
     let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(unreadable)?;
     let about = metadata.metadata().as_ref().and_then(|all| all.get(KEY));

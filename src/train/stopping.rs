@@ -20,7 +20,7 @@ pub struct Look {
 
 /// What the looks so far say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Stopping {
+pub(crate) struct Stopping {
     pub looks: u64,
     pub last: Option<Look>,
     pub best: Option<Look>,
@@ -40,7 +40,7 @@ pub enum Stop {
 
 impl Stopping {
     /// Takes a look in; whether it is the best so far.
-    pub fn take(&mut self, look: Look) -> bool {
+    pub(crate) fn take(&mut self, look: Look) -> bool {
         let finite = |look: &Look| look.validation_error.filter(|error| error.is_finite());
         let better = match (finite(&look), self.best.as_ref().and_then(finite)) {
             (Some(error), Some(best)) => error < best,
@@ -57,7 +57,7 @@ impl Stopping {
         better
     }
 
-    pub fn is_over(&self, patience: u32) -> bool {
+    pub(crate) fn is_over(&self, patience: u32) -> bool {
         self.worse >= patience
     }
 }

@@ -15,7 +15,7 @@ use crate::corpus::cells::RULE_TRUTH;
 use crate::parallel::ReadAhead;
 
 /// Rows of eight row groups and the order to learn them in.
-pub struct Window {
+pub(crate) struct Window {
     pub epoch: u32,
     /// From 0 in each epoch.
     pub window: u32,
@@ -25,7 +25,7 @@ pub struct Window {
 
 /// The order of all epochs from (epoch, window) on.
 #[derive(Clone, Copy, Debug)]
-pub struct Course {
+pub(crate) struct Course {
     pub seed: u64,
     pub epoch: u32,
     pub window: u32,
@@ -33,7 +33,7 @@ pub struct Course {
 }
 
 /// Begins to read; up to `ahead` windows wait to be taken. It goes on until the last epoch ends or nobody takes windows any more.
-pub fn start(sources: Arc<Sources>, course: Course, ahead: usize) -> ReadAhead<Result<Window, TrainError>> {
+pub(super) fn start(sources: Arc<Sources>, course: Course, ahead: usize) -> ReadAhead<Result<Window, TrainError>> {
     let groups = sources.groups(Split::Train);
     let windows = (course.epoch..course.epochs).flat_map(move |epoch| {
         let order = Epoch::new(course.seed, epoch);
@@ -57,7 +57,7 @@ fn read_window(sources: &Sources, groups: &[Group]) -> Result<Rows, TrainError> 
 }
 
 /// Bytes of the widest part of the stream, by the mean size of the row groups.
-pub fn memory_bytes(sources: &Sources, ahead: usize) -> u64 {
+pub(crate) fn memory_bytes(sources: &Sources, ahead: usize) -> u64 {
     let groups = sources.groups(Split::Train).len().max(1) as u64;
     let per_group = sources.rows(Split::Train).div_ceil(groups);
     let truth = if sources.rule.is_some() { RULE_TRUTH.len() as u64 * 4 } else { 0 };

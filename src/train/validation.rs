@@ -34,14 +34,14 @@ pub struct Judge {
 
 /// Weighted squared errors added up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct ErrorSum {
+pub(crate) struct ErrorSum {
     pub squared: f64,
     pub weight: f64,
 }
 
 impl ErrorSum {
     /// The weighted mean squared error; NaN for nothing.
-    pub fn mean(&self) -> f64 {
+    pub(crate) fn mean(&self) -> f64 {
         self.squared / self.weight
     }
 
@@ -60,21 +60,21 @@ impl std::ops::AddAssign for ErrorSum {
 
 impl Judge {
     /// `counts`: rows to learn of each class by corpus; `corpora`: the corpora's weights.
-    pub fn new(scaler: Scaler, params: &TrainParams, counts: &[[u64; 2]], corpora: &[f64]) -> Judge {
+    pub(crate) fn new(scaler: Scaler, params: &TrainParams, counts: &[[u64; 2]], corpora: &[f64]) -> Judge {
         let weights = |balance| Weights::new(counts, corpora, balance);
         let (weights, look_weights) = (weights(params.balance), weights(params.look_balance()));
         Judge { scaler, targets: params.targets, weights, look_weights }
     }
 
     /// Adds rows in order.
-    pub fn sum(&self, network: &Network, rows: &Rows) -> ErrorSum {
+    pub(crate) fn sum(&self, network: &Network, rows: &Rows) -> ErrorSum {
         let chunks = rows.len().div_ceil(CHUNK_ROWS);
         let parts: Vec<ErrorSum> = (0..chunks).into_par_iter().map(|chunk| self.chunk(network, rows, chunk)).collect();
         parts.into_iter().fold(ErrorSum::default(), ErrorSum::and)
     }
 
     /// The same to the bit, on this thread alone.
-    pub fn sum_here(&self, network: &Network, rows: &Rows) -> ErrorSum {
+    pub(crate) fn sum_here(&self, network: &Network, rows: &Rows) -> ErrorSum {
         let parts = (0..rows.len().div_ceil(CHUNK_ROWS)).map(|chunk| self.chunk(network, rows, chunk));
         parts.fold(ErrorSum::default(), ErrorSum::and)
     }
@@ -99,7 +99,7 @@ impl Judge {
 }
 
 /// The rows that decide when training ends.
-pub struct Validation {
+pub(crate) struct Validation {
     sources: Arc<Sources>,
     held: Option<Vec<Rows>>,
     pub rows: u64,
@@ -108,7 +108,7 @@ pub struct Validation {
 
 impl Validation {
     /// Reads the split once: to check it, to count it, and to keep it where it is small.
-    pub fn open(sources: Arc<Sources>) -> Result<Validation, TrainError> {
+    pub(crate) fn open(sources: Arc<Sources>) -> Result<Validation, TrainError> {
         let mut validation = Validation { sources, held: Some(Vec::new()), rows: 0, left_out: LeftOut::default() };
         let mut bytes = 0;
         let (mut kept, mut rows, mut left_out) = (Some(Vec::new()), 0, LeftOut::default());
@@ -126,7 +126,7 @@ impl Validation {
     }
 
     /// The error over the whole split.
-    pub fn error(&self, judge: &Judge, network: &Network) -> Result<f64, TrainError> {
+    pub(crate) fn error(&self, judge: &Judge, network: &Network) -> Result<f64, TrainError> {
         let mut sum = ErrorSum::default();
         match &self.held {
             Some(parts) => parts.iter().for_each(|rows| sum += judge.sum(network, rows)),
@@ -141,7 +141,7 @@ impl Validation {
 }
 
 /// Hands over the rows of a split, row group by row group in their order; the next one is read meanwhile.
-pub fn each_group(sources: Arc<Sources>, split: Split, mut take: impl FnMut(Rows)) -> Result<(), TrainError> {
+pub(crate) fn each_group(sources: Arc<Sources>, split: Split, mut take: impl FnMut(Rows)) -> Result<(), TrainError> {
     let groups = sources.groups(split);
     let read = move |group| {
         let mut rows = Rows::new(sources.features.len());

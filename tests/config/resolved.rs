@@ -107,6 +107,13 @@ fn law_the_scene_plan_hash_ignores_name_scenes_and_card_alone() {
         let (key, found) = (set.split('=').next().unwrap(), between(&base, &other));
         assert!(!found.is_empty() && found.iter().all(|d| d.key.starts_with(key)), "{set}: {found:?}");
     }
+    // Where a family is held out, the cut into shards says which scenes it may have.
+    let families = |hold_out: bool| format!("families=[{{name: a}}, {{name: b, hold_out: {hold_out}}}]");
+    for (hold_out, same) in [(false, true), (true, false)] {
+        let [ten, twenty] =
+            [10, 20].map(|n| plan(&[&families(hold_out), &format!("scenes_per_shard={n}")]).rows_hash());
+        assert_eq!(ten == twenty, same, "held out: {hold_out}");
+    }
     let seed = |value: &str| Some(value.to_string());
     let expected = Difference { key: "seed".into(), there: seed("42"), here: seed("43") };
     assert_eq!(between(&base, &plan(&["seed=43"])), [expected]);

@@ -5,7 +5,7 @@ mod row;
 
 use std::path::Path;
 
-pub use row::{Family, row};
+pub(crate) use row::{Family, row};
 
 /// All Rust text under a folder.
 fn text_under(folder: &Path) -> String {

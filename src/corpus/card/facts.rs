@@ -19,7 +19,7 @@ pub struct FamilyFacts {
 }
 
 impl FamilyFacts {
-    pub fn of(family: &Family) -> FamilyFacts {
+    pub(crate) fn of(family: &Family) -> FamilyFacts {
         let (rover, sweep, cells) = (&*family.drive.rover, &family.sweep, &family.cells);
         let mut rows = vec![
             ("yard", format!("{0} x {0} m", family.scene.extent_m)),

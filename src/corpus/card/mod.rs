@@ -4,17 +4,17 @@ mod facts;
 
 use std::fmt::Write;
 
-pub use facts::FamilyFacts;
+pub(crate) use facts::FamilyFacts;
 
 use super::schema::{self, Column, Role};
 use super::{CorpusSpec, Manifest, Split, Table};
 
-pub const NAME: &str = "README.md";
+pub(crate) const NAME: &str = "README.md";
 /// How it ends.
-pub const END: &str = "never train on them. `info` columns are not features either.\n";
+pub(crate) const END: &str = "never train on them. `info` columns are not features either.\n";
 
 /// The card as text.
-pub fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {
+pub(crate) fn text(spec: &CorpusSpec, manifest: &Manifest) -> String {
     let mut out = String::new();
     // Writing to a String cannot fail.
     let _ = front_matter(&mut out, spec, manifest);
@@ -183,7 +183,7 @@ fn rights(out: &mut String, spec: &CorpusSpec, manifest: &Manifest) -> std::fmt:
 }
 
 /// How the corpus is cited: as its config says, or by what it is.
-pub fn citation(spec: &CorpusSpec, manifest: &Manifest) -> String {
+pub(crate) fn citation(spec: &CorpusSpec, manifest: &Manifest) -> String {
     let by_id =
         || format!("corpus_id {} ({}, marsyard {})", manifest.corpus_id, super::manifest::NAME, manifest.build.version);
     spec.card.citation.as_ref().map_or_else(by_id, |citation| citation.trim_end().to_owned())

@@ -20,13 +20,13 @@ use super::stats::LabelCounts;
 use super::{Build, Finished, Split, Table, ranges};
 
 /// Version of the document.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 /// From here on a feature is told to have moved: a tenth of a standard deviation, which Austin 2009 takes for negligible below.
-pub const MOVED: f64 = 0.1;
+pub(crate) const MOVED: f64 = 0.1;
 
 /// One of the two.
 #[derive(Clone, Copy)]
-pub struct Side<'a> {
+pub(crate) struct Side<'a> {
     /// How it was named.
     pub at: &'a str,
     /// The resolved plan as a document.
@@ -38,7 +38,7 @@ pub struct Side<'a> {
 
 /// What the two have of one thing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Pair<T> {
+pub(crate) struct Pair<T> {
     pub a: T,
     pub b: T,
 }
@@ -52,7 +52,7 @@ impl<T: PartialEq> Pair<T> {
 /// What the rows of the two have to do with each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Relation {
+pub(crate) enum Relation {
     /// The same rows.
     Same,
     /// A holds all shards of B, and more.
@@ -69,7 +69,7 @@ pub enum Relation {
 
 /// Where two corpora differ. `format` 1.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Comparison {
+pub(crate) struct Comparison {
     /// Version of this document: 1.
     pub format: u32,
     /// How the two were named.
@@ -85,7 +85,7 @@ pub struct Comparison {
 
 /// What two manifests hold.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct RowComparison {
+pub(crate) struct RowComparison {
     pub corpus_id: Pair<String>,
     pub scenes: Pair<u64>,
     pub failed_scenes: Pair<u64>,
@@ -105,7 +105,7 @@ pub struct RowComparison {
 
 /// A feature of the train splits.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct FeatureComparison {
+pub(crate) struct FeatureComparison {
     pub name: String,
     /// Null where a corpus has no such feature.
     pub a: Option<FeatureRange>,
@@ -118,7 +118,7 @@ pub struct FeatureComparison {
 }
 
 /// Compares two.
-pub fn compare(a: Side, b: Side) -> Comparison {
+pub(crate) fn compare(a: Side, b: Side) -> Comparison {
     let keys = key_differences(a.plan, b.plan);
     let is_same_plan = a.scene_plan_hash == b.scene_plan_hash;
     let rows = a.corpus.zip(b.corpus).map(|(a, b)| RowComparison::of(a, b));
@@ -223,7 +223,7 @@ impl FeatureComparison {
     }
 
     /// The feature has moved by more than is negligible, or is in one of the two alone.
-    pub fn has_moved(&self) -> bool {
+    pub(crate) fn has_moved(&self) -> bool {
         let has_values = |range: &Option<FeatureRange>| range.as_ref().map(|range| range.count > 0);
         match (has_values(&self.a), has_values(&self.b)) {
             (Some(true), Some(true)) => self.standardised_difference.is_none_or(|off| off.abs() >= MOVED),

@@ -25,7 +25,7 @@ impl fmt::Display for Comparison {
 
 impl Comparison {
     /// What the two have to do with each other, in a sentence.
-    pub fn verdict(&self) -> String {
+    pub(crate) fn verdict(&self) -> String {
         let shards = |of: fn(&RowComparison) -> u64| self.rows.as_ref().map_or(0, of);
         match self.relation {
             Relation::Same if self.is_equal => "equal: the same plan, the same rows, the same program".into(),

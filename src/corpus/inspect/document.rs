@@ -13,11 +13,11 @@ use crate::corpus::stats::{LabelCounts, PointCounts};
 use crate::corpus::{Build, Split, Table};
 
 /// Version of the document.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 /// What `marsyard inspect --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct InspectionDocument {
+pub(crate) struct InspectionDocument {
     /// Version of this document: 1.
     pub format: u32,
     pub name: String,
@@ -47,7 +47,7 @@ pub struct InspectionDocument {
 
 /// A split: its size and its labels.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct SplitBalance {
+pub(crate) struct SplitBalance {
     #[serde(flatten)]
     pub totals: SplitTotals,
     /// Untraversable cells over cells with a known label; null where there is none.
@@ -56,7 +56,7 @@ pub struct SplitBalance {
 
 /// A family: its scenes and its labels.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct FamilyBalance {
+pub(crate) struct FamilyBalance {
     pub scenes: u64,
     pub failed_scenes: u64,
     /// Scenes of which a kept scan holds traversable and untraversable cells.
@@ -68,7 +68,7 @@ pub struct FamilyBalance {
 
 /// A feature of the train split.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct FeatureRange {
+pub(crate) struct FeatureRange {
     pub name: String,
     /// SI, or "1".
     pub unit: String,
@@ -114,7 +114,7 @@ impl From<&FamilyReport> for FamilyBalance {
 
 impl Inspection {
     /// The same for programs.
-    pub fn document(&self) -> InspectionDocument {
+    pub(crate) fn document(&self) -> InspectionDocument {
         let manifest = &self.manifest;
         let balance = |totals: &SplitTotals| SplitBalance {
             totals: totals.clone(),

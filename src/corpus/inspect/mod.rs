@@ -10,7 +10,7 @@ use arrow_array::{Array, BooleanArray, Int64Array, RecordBatch, StringArray};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-pub use document::{FamilyBalance, FeatureRange, InspectionDocument, SplitBalance};
+pub(crate) use document::{FeatureRange, InspectionDocument};
 
 use super::manifest::{FeatureSummary, Manifest};
 use super::stats::LabelCounts;
@@ -68,7 +68,7 @@ pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
 }
 
 impl FeatureReport {
-    pub fn of(summary: &FeatureSummary) -> FeatureReport {
+    pub(crate) fn of(summary: &FeatureSummary) -> FeatureReport {
         FeatureReport { fault: fault(summary), summary: summary.clone() }
     }
 }
@@ -108,7 +108,7 @@ fn add_scenes(batch: &RecordBatch, families: &mut BTreeMap<String, FamilyReport>
 
 impl Inspection {
     /// What should be put right before training; empty where all is well.
-    pub fn warnings(&self) -> Vec<String> {
+    pub(crate) fn warnings(&self) -> Vec<String> {
         let mut warnings = self.unchecked.clone();
         for feature in &self.features {
             let name = &feature.summary.name;

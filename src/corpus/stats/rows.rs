@@ -19,13 +19,13 @@ struct Lanes {
 
 /// The moments of all features, row by row.
 #[derive(Clone, Debug)]
-pub struct RowMoments {
+pub(crate) struct RowMoments {
     lanes: Lanes,
 }
 
 impl RowMoments {
     /// Of so many features, before any row.
-    pub fn new(features: usize) -> RowMoments {
+    pub(crate) fn new(features: usize) -> RowMoments {
         let all = |value: f64| vec![value; features];
         RowMoments {
             lanes: Lanes {
@@ -40,12 +40,12 @@ impl RowMoments {
     }
 
     /// The next rows, one after the other, a value a feature.
-    pub fn add(&mut self, rows: &[f32]) {
+    pub(crate) fn add(&mut self, rows: &[f32]) {
         self.lanes = widest(Add { lanes: std::mem::take(&mut self.lanes), rows });
     }
 
     /// One a feature.
-    pub fn moments(&self) -> impl Iterator<Item = Moments> + '_ {
+    pub(crate) fn moments(&self) -> impl Iterator<Item = Moments> + '_ {
         let lanes = &self.lanes;
         (0..lanes.count.len()).map(|k| {
             let any = |value: f64| (lanes.count[k] > 0.0).then_some(value);

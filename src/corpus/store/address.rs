@@ -13,7 +13,7 @@ use crate::corpus::limits::FileKind;
 
 /// Where objects lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Service {
+pub(crate) enum Service {
     S3,
     Google,
     Azure,
@@ -21,7 +21,7 @@ pub enum Service {
 
 impl Service {
     /// What a URL of it begins with.
-    pub fn scheme(self) -> &'static str {
+    pub(crate) fn scheme(self) -> &'static str {
         match self {
             Service::S3 => "s3",
             Service::Google => "gs",
@@ -32,7 +32,7 @@ impl Service {
 
 /// A place, taken apart.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Address {
+pub(crate) enum Address {
     Folder(PathBuf),
     /// `prefix`: no slash at either end; empty for a whole bucket.
     Objects {
@@ -43,7 +43,7 @@ pub enum Address {
 }
 
 /// Whether a place is written as a URL.
-pub fn is_url(place: &Path) -> bool {
+pub(crate) fn is_url(place: &Path) -> bool {
     parts(place).is_some()
 }
 
@@ -56,7 +56,7 @@ fn parts(place: &Path) -> Option<(&str, &str)> {
 }
 
 /// Whether a text holds a URL with a key, a password or a signature in it.
-pub fn holds_credentials(text: &str) -> bool {
+pub(crate) fn holds_credentials(text: &str) -> bool {
     let Some((_, rest)) = text.split_once("://") else { return false };
     let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
     // A key may hold slashes, so that its @ stands behind what looks like the authority.
@@ -64,7 +64,7 @@ pub fn holds_credentials(text: &str) -> bool {
 }
 
 impl Address {
-    pub fn parse(place: &Path) -> Result<Address, CorpusError> {
+    pub(crate) fn parse(place: &Path) -> Result<Address, CorpusError> {
         let Some((scheme, rest)) = parts(place) else { return Ok(Address::Folder(place.into())) };
         let scheme = scheme.to_ascii_lowercase();
         if holds_credentials(&format!("{scheme}://{rest}")) {
@@ -108,7 +108,7 @@ impl Address {
     }
 
     /// A place of this name within this one.
-    pub fn join(&self, name: &str) -> Address {
+    pub(crate) fn join(&self, name: &str) -> Address {
         match self {
             Address::Folder(folder) => Address::Folder(folder.join(name)),
             Address::Objects { service, bucket, prefix } => {
@@ -119,7 +119,7 @@ impl Address {
     }
 
     /// Opens the place; nothing is asked of it yet.
-    pub fn open(&self) -> Result<Arc<dyn Store>, CorpusError> {
+    pub(crate) fn open(&self) -> Result<Arc<dyn Store>, CorpusError> {
         match self {
             Address::Folder(folder) => Ok(Arc::new(LocalFolder::new(folder))),
             #[cfg(feature = "object-stores")]
@@ -143,7 +143,7 @@ pub fn open(place: &Path) -> Result<Arc<dyn Store>, CorpusError> {
 }
 
 /// A file in a place of its own: the store, and the name within.
-pub fn open_file(path: &Path) -> Result<(Arc<dyn Store>, String), CorpusError> {
+pub(crate) fn open_file(path: &Path) -> Result<(Arc<dyn Store>, String), CorpusError> {
     let address = Address::parse(path)?;
     let nameless = || refused(&path.display().to_string(), "this is no file", "write its name behind the last /");
     match address {
@@ -163,7 +163,7 @@ pub fn open_file(path: &Path) -> Result<(Arc<dyn Store>, String), CorpusError> {
 }
 
 /// The bytes of a file at a URL, `most` at most.
-pub fn read_url(url: &Path, most: u64) -> Result<Vec<u8>, CorpusError> {
+pub(crate) fn read_url(url: &Path, most: u64) -> Result<Vec<u8>, CorpusError> {
     let (store, name) = open_file(url)?;
     store.read_within(&name, most)
 }

@@ -18,9 +18,9 @@ const LIMIT_S: f64 = 120.0;
 /// A request without an answer for so long is given up; tried again, if there is time.
 const SILENCE_S: f64 = 30.0;
 /// The slowest transfer that is waited for, bytes a second.
-pub const SLOWEST: f64 = 32_768.0;
+pub(crate) const SLOWEST: f64 = 32_768.0;
 /// What a name in a listing earns, as bytes: listings come by some thousand names a second.
-pub const NAME_BYTES: usize = 32;
+pub(crate) const NAME_BYTES: usize = 32;
 
 /// How long faults are borne with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,13 +31,13 @@ pub struct Limits {
 
 impl Limits {
     /// As the environment says.
-    pub fn of_environment() -> Limits {
+    pub(crate) fn of_environment() -> Limits {
         let asked = std::env::var("MARSYARD_RETRY_S").ok().and_then(|text| text.trim().parse::<f64>().ok());
         Limits::of(asked.filter(|seconds| (0.0..=86_400.0).contains(seconds)).unwrap_or(LIMIT_S))
     }
 
     /// So many seconds.
-    pub fn of(patience_s: f64) -> Limits {
+    pub(crate) fn of(patience_s: f64) -> Limits {
         let silence = Duration::from_secs_f64(patience_s.clamp(1.0, SILENCE_S));
         Limits { patience: Duration::from_secs_f64(patience_s), silence }
     }
@@ -45,7 +45,7 @@ impl Limits {
 
 /// The patience with one operation.
 #[derive(Debug)]
-pub struct Backoff {
+pub(crate) struct Backoff {
     limits: Limits,
     salt: u64,
     started: Instant,
@@ -56,7 +56,7 @@ pub struct Backoff {
 }
 
 impl Backoff {
-    pub fn new(limits: Limits, name: &str) -> Backoff {
+    pub(crate) fn new(limits: Limits, name: &str) -> Backoff {
         let salt = blake3::hash(format!("{name} {}", std::process::id()).as_bytes());
         let salt = u64::from_le_bytes(salt.as_bytes()[..8].try_into().expect("a hash has 32 bytes"));
         let now = Instant::now();
@@ -71,19 +71,19 @@ impl Backoff {
     }
 
     /// So many bytes came, or are to be sent: begin anew, with more time for the whole.
-    pub fn made_progress(&self, bytes: usize) {
+    pub(crate) fn made_progress(&self, bytes: usize) {
         self.last_progress.set(Instant::now());
         self.earned.set(self.earned.get() + Duration::from_secs_f64(bytes as f64 / SLOWEST));
         self.tries.set(0);
     }
 
     /// Whether all of this took longer than what came is worth.
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         self.started.elapsed() > self.limits.patience.max(self.limits.silence) + self.earned.get()
     }
 
     /// How long to wait before the next try; `None`: give up.
-    pub fn pause(&self) -> Option<Duration> {
+    pub(crate) fn pause(&self) -> Option<Duration> {
         let tries = self.tries.get();
         let gone = self.last_progress.get().elapsed();
         if tries > 0 && gone >= self.limits.patience || self.is_over() {
@@ -98,7 +98,7 @@ impl Backoff {
     }
 
     /// Tries so far without progress.
-    pub fn tries(&self) -> u32 {
+    pub(crate) fn tries(&self) -> u32 {
         self.tries.get()
     }
 }

@@ -36,7 +36,7 @@ static CLIENTS: LazyLock<Mutex<HashMap<Bucket, Arc<dyn ObjectStore>>>> = LazyLoc
 type Bucket = (Service, String);
 
 /// Opens a place in a bucket; the bucket itself is not asked.
-pub fn connect(service: Service, bucket: &str, prefix: &str) -> Result<ObjectFolder, CorpusError> {
+pub(crate) fn connect(service: Service, bucket: &str, prefix: &str) -> Result<ObjectFolder, CorpusError> {
     let url = format!("{}://{bucket}", service.scheme());
     let mut clients = CLIENTS.lock().expect("no thread panics while it holds the clients");
     let client = match clients.get(&(service, bucket.to_owned())) {

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::FileType;
 
 /// The bytes of a file, `most` at most. A pipe would be waited for and a device has no end: neither is opened.
-pub fn read_local(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+pub(crate) fn read_local(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let facts = fs::metadata(path)?;
     let kind = facts.file_type();
     if kind.is_dir() {
@@ -22,7 +22,7 @@ pub fn read_local(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 }
 
 /// Whether what the system said may be otherwise another time: all but what is wrong with a name, a kind of file or a right.
-pub fn may_pass(error: &io::Error) -> bool {
+pub(crate) fn may_pass(error: &io::Error) -> bool {
     let is_lasting = matches!(
         error.kind(),
         ErrorKind::NotFound

@@ -71,7 +71,7 @@ tokio::task_local! {
 /// The longest error answer that is looked at.
 const MAX_ERROR_BYTES: usize = 64 * 1024;
 /// The longest answer that is no object: a page of a listing has some thousand names, a token a few lines.
-pub const MAX_ANSWER_BYTES: u64 = 32 << 20;
+pub(crate) const MAX_ANSWER_BYTES: u64 = 32 << 20;
 
 /// Runs one attempt, which ends in time and within so many bytes an answer, or is a fault.
 pub async fn attempt<T>(
@@ -83,7 +83,7 @@ pub async fn attempt<T>(
 }
 
 /// The same, with what the store said of the bytes that it keeps.
-pub async fn attempt_put<T>(
+pub(crate) async fn attempt_put<T>(
     limit: Duration,
     work: impl Future<Output = Result<T, object_store::Error>>,
 ) -> Result<Stored, Fault> {
@@ -204,7 +204,7 @@ fn wrapped<'e>(mut error: &'e (dyn Error + 'static)) -> &'e (dyn Error + 'static
 
 /// Makes HTTP clients whose answers are noted and bounded.
 #[derive(Debug)]
-pub struct InspectedClient;
+pub(crate) struct InspectedClient;
 
 impl HttpConnector for InspectedClient {
     fn connect(&self, options: &ClientOptions) -> object_store::Result<HttpClient> {

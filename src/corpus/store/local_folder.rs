@@ -271,7 +271,7 @@ fn locked_temporary(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
 }
 
 /// Writes a file that lies in no place of marsyard's: whole, or not at all. What is no file (a pipe, a terminal) is written to.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     if fs::metadata(path).is_ok_and(|facts| !facts.is_file()) {
         return fs::write(path, bytes);
     }

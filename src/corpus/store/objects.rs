@@ -38,7 +38,7 @@ static RUNTIME: LazyLock<std::io::Result<Runtime>> =
 
 /// Objects below a prefix.
 #[derive(Clone)]
-pub struct ObjectFolder {
+pub(crate) struct ObjectFolder {
     client: Arc<dyn ObjectStore>,
     /// `s3://bucket`.
     bucket: String,
@@ -115,13 +115,13 @@ fn count_name(names: &mut usize, furthest: &mut usize, patience: &Backoff) -> Re
 }
 
 impl ObjectFolder {
-    pub fn new(client: Arc<dyn ObjectStore>, bucket: &str, prefix: &str) -> ObjectFolder {
+    pub(crate) fn new(client: Arc<dyn ObjectStore>, bucket: &str, prefix: &str) -> ObjectFolder {
         ObjectFolder { client, bucket: bucket.into(), prefix: prefix.into(), limits: Limits::of_environment() }
     }
 
     /// The same with other limits.
     #[cfg(test)]
-    pub fn with_limits(self, limits: Limits) -> ObjectFolder {
+    pub(crate) fn with_limits(self, limits: Limits) -> ObjectFolder {
         ObjectFolder { limits, ..self }
     }
 

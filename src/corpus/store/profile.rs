@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// What a profile says.
 #[derive(Clone, Default, PartialEq, Eq)]
-pub struct Profile {
+pub(crate) struct Profile {
     pub key_id: Option<String>,
     pub secret: Option<String>,
     pub token: Option<String>,
@@ -19,7 +19,7 @@ pub struct Profile {
 
 /// Why a profile cannot be used, without its values.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoProfile {
+pub(crate) struct NoProfile {
     pub reason: String,
     pub cure: String,
 }
@@ -30,7 +30,7 @@ type Section = BTreeMap<String, String>;
 const OTHER_WAYS: [&str; 5] = ["role_arn", "sso_session", "sso_start_url", "credential_process", "login_session"];
 
 /// The profile of the environment (`AWS_PROFILE`, else `default`); empty where nobody asked and there is none.
-pub fn of_environment() -> Result<Profile, NoProfile> {
+pub(crate) fn of_environment() -> Result<Profile, NoProfile> {
     let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
     let asked = variable("AWS_PROFILE").or_else(|| variable("AWS_DEFAULT_PROFILE"));
     let file = |name: &str, usual: &str| {

@@ -18,7 +18,7 @@ fn is_secret(name: &str) -> bool {
 }
 
 /// `***` in place of each secret.
-pub fn stripped(text: &str) -> String {
+pub(crate) fn stripped(text: &str) -> String {
     let mut text = text.to_owned();
     for (name, value) in std::env::vars_os() {
         if let (Some(name), Some(value)) = (name.to_str(), value.to_str())

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 /// What an answer says of the object's bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Stored {
+pub(crate) struct Stored {
     /// An MD5, if it is one: equal is proof, other is none.
     tag: Option<String>,
     md5: Option<Vec<u8>>,
@@ -19,7 +19,7 @@ pub struct Stored {
 }
 
 impl Stored {
-    pub fn of(headers: &HeaderMap) -> Stored {
+    pub(crate) fn of(headers: &HeaderMap) -> Stored {
         let header = |name: &str| headers.get(name).and_then(|value| value.to_str().ok());
         // Google writes one header a kind of hash.
         let all = |name: &str| headers.get_all(name).iter().filter_map(|value| value.to_str().ok());
@@ -33,7 +33,7 @@ impl Stored {
     }
 
     /// Whether these bytes are stored; `None` where the answer does not tell.
-    pub fn holds(&self, bytes: &[u8]) -> Option<bool> {
+    pub(crate) fn holds(&self, bytes: &[u8]) -> Option<bool> {
         if let Some(sha256) = &self.sha256 {
             return Some(sha256[..] == Sha256::digest(bytes)[..]);
         }

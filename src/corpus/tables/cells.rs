@@ -7,7 +7,7 @@ use crate::corpus::schema::Role::{Info, Key, Label, Truth};
 use crate::scene::Class;
 
 /// A cell and where it belongs.
-pub struct Row<'a> {
+pub(crate) struct Row<'a> {
     pub scene_id: i64,
     pub scan_id: i32,
     pub cell: &'a CellRow,
@@ -16,7 +16,7 @@ pub struct Row<'a> {
 type Extract<'a> = super::Extract<Row<'a>>;
 
 #[rustfmt::skip]
-pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
+pub(crate) fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     let [scene_id, scan_id, row, col] = name::KEYS;
     vec![
         define(scene_id, "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),

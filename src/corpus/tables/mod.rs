@@ -1,9 +1,9 @@
 //! The fixed columns of each table: what a column says of itself, beside the code that takes its value from a row.
 
-pub mod cells;
-pub mod points;
-pub mod poses;
-pub mod scenes;
+pub(super) mod cells;
+pub(crate) mod points;
+pub(crate) mod poses;
+pub(crate) mod scenes;
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use super::schema::{Column, Kind, Role};
 use crate::cells::Cells;
 
 /// How a column is taken from rows: all of it at one call, so that the way to a value is compiled into a loop of its own.
-pub struct Extract<R> {
+pub(crate) struct Extract<R> {
     kind: Kind,
     nullable: bool,
     column: ExtractColumn<R>,
@@ -28,7 +28,7 @@ pub struct Extract<R> {
 type ExtractColumn<R> = Box<dyn Fn(&[R]) -> ArrayRef>;
 
 /// A number that a column may hold.
-pub trait ColumnValue: ArrowNativeType {
+pub(crate) trait ColumnValue: ArrowNativeType {
     type Arrow: ArrowPrimitiveType<Native = Self>;
     const KIND: Kind;
     /// Equal values in equal bytes.
@@ -55,7 +55,7 @@ number! {
 }
 
 /// A column and the way to its values.
-pub struct Definition<R> {
+pub(crate) struct Definition<R> {
     name: &'static str,
     unit: &'static str,
     role: Role,
@@ -74,14 +74,14 @@ fn define<R>(
 }
 
 impl<R> Extract<R> {
-    pub fn number<N: ColumnValue>(take: impl Fn(&R) -> N + 'static) -> Extract<R> {
+    pub(super) fn number<N: ColumnValue>(take: impl Fn(&R) -> N + 'static) -> Extract<R> {
         Extract::column(N::KIND, false, move |rows| {
             let values: Vec<N> = rows.iter().map(|row| take(row).canonical()).collect();
             Arc::new(PrimitiveArray::<N::Arrow>::new(values.into(), None))
         })
     }
 
-    pub fn number_or_null<N: ColumnValue>(take: impl Fn(&R) -> Option<N> + 'static) -> Extract<R> {
+    pub(crate) fn number_or_null<N: ColumnValue>(take: impl Fn(&R) -> Option<N> + 'static) -> Extract<R> {
         Extract::column(N::KIND, true, move |rows| {
             let values: Vec<N> = rows.iter().map(|row| take(row).unwrap_or_default().canonical()).collect();
             let valid = BooleanBuffer::collect_bool(rows.len(), |i| take(&rows[i]).is_some());
@@ -90,19 +90,19 @@ impl<R> Extract<R> {
         })
     }
 
-    pub fn flag(take: impl Fn(&R) -> bool + 'static) -> Extract<R> {
+    pub(super) fn flag(take: impl Fn(&R) -> bool + 'static) -> Extract<R> {
         Extract::column(Kind::Bool, false, move |rows| {
             Arc::new(BooleanArray::from(BooleanBuffer::collect_bool(rows.len(), |i| take(&rows[i]))))
         })
     }
 
-    pub fn text(take: impl Fn(&R) -> &str + 'static) -> Extract<R> {
+    pub(super) fn text(take: impl Fn(&R) -> &str + 'static) -> Extract<R> {
         Extract::column(Kind::String, false, move |rows| {
             Arc::new(StringArray::from_iter_values(rows.iter().map(&take)))
         })
     }
 
-    pub fn text_or_null(take: impl Fn(&R) -> Option<&str> + 'static) -> Extract<R> {
+    pub(crate) fn text_or_null(take: impl Fn(&R) -> Option<&str> + 'static) -> Extract<R> {
         Extract::column(Kind::String, true, move |rows| Arc::new(rows.iter().map(&take).collect::<StringArray>()))
     }
 
@@ -112,7 +112,7 @@ impl<R> Extract<R> {
 }
 
 /// What the definitions say of their columns.
-pub fn columns<R>(definitions: &[Definition<R>]) -> Vec<Column> {
+pub(super) fn columns<R>(definitions: &[Definition<R>]) -> Vec<Column> {
     definitions
         .iter()
         .map(|definition| {
@@ -130,7 +130,7 @@ pub fn columns<R>(definitions: &[Definition<R>]) -> Vec<Column> {
 }
 
 /// Rows as Arrow columns, with further columns after the defined ones.
-pub fn batch<R>(
+pub(super) fn batch<R>(
     schema: &SchemaRef,
     definitions: &[Definition<R>],
     rows: &[R],
@@ -144,7 +144,7 @@ pub fn batch<R>(
 const BLOCK_ROWS: usize = 64;
 
 /// The features of a scan's cells as Arrow columns.
-pub fn features(cells: &Cells, columns: usize) -> impl Iterator<Item = ArrayRef> + use<> {
+pub(super) fn features(cells: &Cells, columns: usize) -> impl Iterator<Item = ArrayRef> + use<> {
     let mut values = vec![vec![0.0f32; cells.rows.len()]; columns];
     // Some rows into all columns at a time: a block stays in the nearest cache while each column is picked from it.
     for (block, rows) in cells.features.chunks(BLOCK_ROWS * columns.max(1)).enumerate() {
@@ -157,12 +157,12 @@ pub fn features(cells: &Cells, columns: usize) -> impl Iterator<Item = ArrayRef>
 }
 
 /// One bit pattern for every NaN, and no negative zero: equal values are equal bytes.
-pub fn canonical_f64(value: f64) -> f64 {
+pub(crate) fn canonical_f64(value: f64) -> f64 {
     if value.is_nan() { f64::from_bits(0x7ff8_0000_0000_0000) } else { value + 0.0 }
 }
 
 /// As [`canonical_f64`].
-pub fn canonical_f32(value: f32) -> f32 {
+pub(crate) fn canonical_f32(value: f32) -> f32 {
     if value.is_nan() { f32::from_bits(0x7fc0_0000) } else { value + 0.0 }
 }
 

@@ -12,7 +12,7 @@ use crate::scene::Class;
 use crate::sweep::{Status, TrueReturn};
 
 /// A slot and where its point falls.
-pub struct Row {
+pub(crate) struct Row {
     scene_id: i64,
     scan_id: i32,
     line: i32,
@@ -29,7 +29,7 @@ pub struct Row {
 
 impl Row {
     /// One row a slot, in firing order.
-    pub fn of_scan(scene_id: i64, scan_id: i32, points: &ScanPoints) -> Vec<Row> {
+    pub(crate) fn of_scan(scene_id: i64, scan_id: i32, points: &ScanPoints) -> Vec<Row> {
         let sweep = &points.sweep;
         let placer = CellAssigner::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
         let is_obstacle =
@@ -60,7 +60,7 @@ impl Row {
 type Extract = super::Extract<Row>;
 
 #[rustfmt::skip]
-pub fn definitions() -> Vec<Definition<Row>> {
+pub(crate) fn definitions() -> Vec<Definition<Row>> {
     vec![
         define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
         define("scan_id", "1", Key, "Number of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),

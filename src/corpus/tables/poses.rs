@@ -5,7 +5,7 @@ use crate::corpus::schema::Role::{Info, Key, Truth};
 use crate::episode::PoseRow;
 
 /// A step and where it belongs.
-pub struct Row<'a> {
+pub(crate) struct Row<'a> {
     scene_id: i64,
     pose: &'a PoseRow,
     /// Standard deviations of x, y, z, roll, pitch, yaw.
@@ -13,7 +13,7 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    pub fn of(scene_id: u64, pose: &'a PoseRow) -> Row<'a> {
+    pub(crate) fn of(scene_id: u64, pose: &'a PoseRow) -> Row<'a> {
         Row { scene_id: scene_id as i64, pose, sigmas: pose.estimate.sigmas() }
     }
 }
@@ -21,7 +21,7 @@ impl<'a> Row<'a> {
 type Extract<'a> = super::Extract<Row<'a>>;
 
 #[rustfmt::skip]
-pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
+pub(crate) fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
         define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
         define("step", "1", Key, "Control step, 0 is the start at rest.", Extract::number(|r| r.pose.step as i32)),

@@ -7,14 +7,14 @@ use crate::corpus::stats::LabelCounts;
 use crate::episode::SceneOutput;
 
 /// A scene and the sums over its kept scans.
-pub struct Row<'a> {
+pub(crate) struct Row<'a> {
     pub scene: &'a SceneOutput,
     pub labels: LabelCounts,
     pub both_classes: bool,
 }
 
 impl<'a> Row<'a> {
-    pub fn of(scene: &'a SceneOutput) -> Row<'a> {
+    pub(crate) fn of(scene: &'a SceneOutput) -> Row<'a> {
         let per_scan: Vec<LabelCounts> = scene.scans.iter().map(|scan| LabelCounts::of(&scan.cells)).collect();
         let both_classes = per_scan.iter().any(|counts| counts.traversable > 0 && counts.untraversable > 0);
         Row { scene, labels: per_scan.iter().copied().sum(), both_classes }
@@ -28,7 +28,7 @@ impl<'a> Row<'a> {
 type Extract<'a> = super::Extract<Row<'a>>;
 
 #[rustfmt::skip]
-pub fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
+pub(crate) fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
         define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene.scene_id as i64)),
         define("family", "1", Info, "Family of the config that the scene belongs to.", Extract::text(|r| &r.scene.family)),

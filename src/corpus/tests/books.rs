@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::corpus::sha256;
 
 /// Makes sums and hashes of the manifest those of `shards.jsonl`.
-pub fn mend(place: &Path) {
+pub(crate) fn mend(place: &Path) {
     let list = std::fs::read(place.join("shards.jsonl")).unwrap();
     let lines: Vec<Value> =
         std::str::from_utf8(&list).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();

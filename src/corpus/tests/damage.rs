@@ -81,7 +81,7 @@ fn law_a_receipt_of_another_format_is_not_damage_and_is_left_alone() {
         "{said}"
     );
     assert!(matches!(finalize(&store, &spec), Err(CorpusError::Gaps { missing: 1, .. })));
-    let findings = verify(&store, &spec).unwrap();
+    let findings = verify(&store, &spec, None).unwrap();
     assert!(findings.iter().all(|finding| finding.shard.is_none()) && findings.len() == 1, "{findings:?}");
 }
 
@@ -105,23 +105,23 @@ fn law_a_place_that_goes_away_is_noticed_and_not_made_again() {
 fn law_verify_finds_every_kind_of_damage_and_discard_cures_it() {
     let spec = spec(4, &Table::ALL);
     let (_dir, store, _) = corpus(&spec);
-    assert_eq!(verify(&store, &spec).unwrap(), []);
+    assert_eq!(verify(&store, &spec, None).unwrap(), []);
     let cells = path(&store, &Table::Cells.path(1));
     let whole = fs::read(&cells).unwrap();
     let mut flipped = whole.clone();
     flipped[whole.len() / 2] ^= 1;
     for (bytes, what) in [(&whole[..whole.len() - 9], "bytes, its receipt says"), (&flipped[..], "sha256")] {
         fs::write(&cells, bytes).unwrap();
-        let findings = verify(&store, &spec).unwrap();
+        let findings = verify(&store, &spec, None).unwrap();
         assert!(findings.len() == 1 && findings[0].what.contains(what) && findings[0].shard == Some(1), "{findings:?}");
     }
     let refused = write_shard(&spec, 1).commit(&store).unwrap_err().to_string();
     assert!(refused.contains("is there already with other bytes") && refused.contains("delete it"), "{refused}");
     fs::remove_file(&cells).unwrap();
-    assert!(verify(&store, &spec).unwrap()[0].to_string().contains("train-0000001.parquet: is missing"));
+    assert!(verify(&store, &spec, None).unwrap()[0].to_string().contains("train-0000001.parquet: is missing"));
     Place::open(&store, &spec).unwrap().discard(1).unwrap();
     write_shard(&spec, 1).commit(&store).unwrap();
-    assert_eq!(verify(&store, &spec).unwrap(), []);
+    assert_eq!(verify(&store, &spec, None).unwrap(), []);
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn law_verify_sees_receipts_and_manifests_that_lie() {
         fs::write(path(&store, name), text.replacen(from, to, 1)).unwrap();
         text
     };
-    let said = || verify(&store, &spec).unwrap().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+    let said = || verify(&store, &spec, None).unwrap().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
     for (name, from, to, expected) in [
         (Receipt::path(0), "\"traversable\": 80", "\"traversable\": 81", "its labels are"),
         (Receipt::path(0), "\"rows\": 160", "\"rows\": 161", "has 160 rows, its receipt says 161"),

@@ -106,7 +106,7 @@ fn law_strays_missing_files_and_links_are_found_by_readers_and_verify() {
     let (_dir, store, _) = corpus(&spec);
     let whole = store.read(&Table::Cells.path(0)).unwrap();
     let findings =
-        || verify::verify(&store, &spec).unwrap().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+        || verify::verify(&store, &spec, None).unwrap().iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
     for (name, says) in [
         ("data/cells/train-0000099.parquet", "--repair` removes it"),
         ("data/points/train-0000000.parquet", "--repair` removes it"),

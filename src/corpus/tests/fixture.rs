@@ -12,7 +12,7 @@ use crate::scene::Class;
 use crate::slam::Estimate;
 use crate::sweep::{Pattern, Returns, Status, Sweep, TrueReturn};
 
-pub fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
+pub(crate) fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
     let feature = |name: &str, unit, description: &str| FeatureColumn {
         name: name.into(),
         unit,
@@ -41,7 +41,7 @@ pub fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
 }
 
 /// Two kept scans of `cells` cells, some poses; values depend on the scene's number alone.
-pub fn scene(scene_id: u64, cells: usize) -> SceneOutput {
+pub(crate) fn scene(scene_id: u64, cells: usize) -> SceneOutput {
     let streams = Streams { seed: 42, scene: scene_id, attempt: 0, stage: Stage::Scene, step: 0 };
     SceneOutput {
         scene_id,
@@ -130,14 +130,14 @@ fn pose(scene_id: u64, step: u32) -> PoseRow {
 }
 
 /// A shard of two scenes.
-pub fn write_shard(spec: &CorpusSpec, shard: u64) -> crate::corpus::FinishedShard {
+pub(crate) fn write_shard(spec: &CorpusSpec, shard: u64) -> crate::corpus::FinishedShard {
     let mut writer = ShardWriter::new(spec, shard).unwrap();
     spec.scenes_of(shard).for_each(|id| writer.push(&scene(id, 40)).unwrap());
     writer.finish().unwrap()
 }
 
 /// A whole corpus in a folder of its own.
-pub fn corpus(spec: &CorpusSpec) -> (tempfile::TempDir, LocalFolder, Manifest) {
+pub(crate) fn corpus(spec: &CorpusSpec) -> (tempfile::TempDir, LocalFolder, Manifest) {
     let dir = tempfile::tempdir().unwrap();
     let store = LocalFolder::new(dir.path().join("tiny"));
     Place::open(&store, spec).unwrap();

@@ -95,7 +95,7 @@ fn build(store: &dyn Store, spec: &CorpusSpec, place: &Place) -> Result<Manifest
 
 /// What `marsyard verify --repair` does.
 fn repair(store: &dyn Store, spec: &CorpusSpec) -> Result<Manifest, CorpusError> {
-    let findings = verify::verify(store, spec)?;
+    let findings = verify::verify(store, spec, None)?;
     let place = Place::open(store, spec)?;
     let mut shards: Vec<u64> = findings.iter().filter_map(|finding| finding.shard).collect();
     shards.dedup();
@@ -142,7 +142,7 @@ fn law_a_growth_killed_after_any_write_is_the_old_corpus_or_the_new_one_or_refus
         }
         assert_eq!(generate(&store, &large).unwrap(), whole);
         assert_eq!((read(&store).unwrap(), names(&store)), (whole.clone(), names(&fresh)), "{writes}");
-        assert_eq!(verify::verify(&store, &large).unwrap(), []);
+        assert_eq!(verify::verify(&store, &large, None).unwrap(), []);
     }
     assert!(refusals >= 8, "{refusals}");
 }
@@ -166,7 +166,7 @@ fn law_the_old_config_after_a_killed_growth_leaves_nothing_behind_that_a_glob_wo
             Err(error) => panic!("{error}"),
         }
         assert_eq!((read(&store).unwrap(), names(&store)), (before, fresh), "{writes}");
-        assert_eq!(verify::verify(&store, &small).unwrap(), []);
+        assert_eq!(verify::verify(&store, &small, None).unwrap(), []);
         if done {
             break;
         }
@@ -260,5 +260,5 @@ fn law_a_growth_that_is_overtaken_stops_and_leaves_nothing_behind_the_end() {
     assert!(matches!(refused, CorpusError::Overtaken { .. }), "{refused}");
     assert!(matches!(finalize(&store, &large), Err(CorpusError::Overtaken { .. })));
     assert_eq!(read(&store).unwrap(), before);
-    assert_eq!(verify::verify(&store, &small).unwrap(), []);
+    assert_eq!(verify::verify(&store, &small, None).unwrap(), []);
 }

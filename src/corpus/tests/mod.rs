@@ -1,6 +1,6 @@
 //! Tests of the corpus as a whole, on hand-made scenes.
 
-pub mod books;
+pub(crate) mod books;
 mod damage;
 mod door;
 pub(super) mod fixture;

@@ -73,7 +73,7 @@ fn law_a_shard_without_its_receipt_is_not_there_and_is_made_again() {
     shard.commit(&store).unwrap();
     assert!(place.is_done(0).unwrap());
     finalize(&store, &spec).unwrap();
-    assert!(verify::verify(&store, &spec).unwrap().is_empty());
+    assert!(verify::verify(&store, &spec, None).unwrap().is_empty());
     assert_eq!(fs::read_dir(format!("{}/data/cells", store.place())).unwrap().count(), 1);
 }
 
@@ -154,7 +154,7 @@ fn exact_failed_scenes_are_listed_with_the_command_that_replays_them() {
     assert_eq!(manifest.splits[&Split::Train].failed_scenes, 1);
     let said = inspect(&store).unwrap().to_string();
     assert!(said.contains("1 of 4 scenes failed; replay: marsyard explain plan.yaml --scene 3"), "{said}");
-    assert!(verify::verify(&store, &spec).unwrap().is_empty());
+    assert!(verify::verify(&store, &spec, None).unwrap().is_empty());
 }
 
 #[test]

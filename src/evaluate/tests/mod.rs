@@ -152,6 +152,17 @@ fn exact_groups_are_all_well_seen_family_and_sensor() {
     assert_eq!(ranges, [(0.0, 2), (1.0, 2), (2.0, 2), (3.0, 2), (4.0, 2)]);
     let all = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Train)).unwrap();
     assert_eq!(all.groups.len(), 6, "two families with a sensor each");
+    // The report begins with what matters: 14 scans with a missed cell and an untraversable one that is called so.
+    let text = all.to_string();
+    for line in [
+        "missed     50.00 %  ",
+        "false      33.33 %  ",
+        "precision  50.00 %  ",
+        "worst      58.33 %  balanced accuracy on family even; mean of 2 families 58.33 %",
+    ] {
+        assert!(text.contains(line), "{line} in {text}");
+    }
+    assert!(!report.to_string().contains("worst "), "one family is compared with none");
     assert!(all.notes.iter().any(|note| note.contains("quote the test split")));
 }
 
@@ -275,7 +286,7 @@ fn extreme_empty_splits_and_one_class_give_no_numbers_rather_than_wrong_ones() {
     assert!(report.notes.iter().any(|note| note.contains("no threshold was chosen")));
     let text = report.to_string() + &report.to_json();
     assert!(!text.contains("NaN"), "{text}");
-    assert_eq!(figures(&report).len(), 3);
+    assert_eq!(figures::figures(&report).len(), 3);
 }
 
 #[test]
@@ -284,7 +295,7 @@ fn law_reports_are_read_back_and_show_every_figure() {
     let report = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Test)).unwrap();
     let back: Report = serde_json::from_str(&report.to_json()).unwrap();
     assert_eq!(back, report);
-    let figures = figures(&report);
+    let figures = figures::figures(&report);
     let names: Vec<&str> = figures.iter().map(|(name, _)| *name).collect();
     assert_eq!(names, ["confusion.svg", "error-against-points.svg", "error-against-range.svg", "roc.svg"]);
     assert!(figures.iter().all(|(_, svg)| svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>")));
@@ -311,7 +322,7 @@ fn elements<'a>(svg: &'a str, kind: &'a str) -> impl Iterator<Item = (&'a str, &
 fn figure_texts() -> (Report, std::collections::BTreeMap<&'static str, String>) {
     let (_dir, store) = corpus(7, &TABLES, &SCAN);
     let report = evaluate(&steps_model(), &store, &families(), &Options::of(Split::Test)).unwrap();
-    let figures = figures(&report).into_iter().collect();
+    let figures = figures::figures(&report).into_iter().collect();
     (report, figures)
 }
 

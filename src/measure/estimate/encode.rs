@@ -85,20 +85,20 @@ fn shard(spec: &CorpusSpec, outputs: &[SceneOutput], tables: &[Table]) -> Result
 
 impl Encoded {
     /// Bytes of all shards of the plan, receipts included.
-    pub fn bytes(&self, sample: &Sample, shards: u64) -> Figure {
+    pub(super) fn bytes(&self, sample: &Sample, shards: u64) -> Figure {
         let rows = sample.total(|cost| self.files.iter().map(|f| f.bytes_per_row * cost.rows[f.table as usize]).sum());
         let fixed: f64 = self.files.iter().map(|file| file.fixed_bytes).sum();
         Figure { value: rows.value + (fixed + self.receipt_bytes) * shards as f64, ..rows }
     }
 
     /// CPU and wall seconds of making so many bytes, on one of the threads.
-    pub fn seconds(&self, bytes: f64) -> (f64, f64) {
+    pub(super) fn seconds(&self, bytes: f64) -> (f64, f64) {
         let share = bytes / bytes_of(&self.whole).max(1.0);
         (self.seconds.cpu * share, self.seconds.wall * share)
     }
 
     /// Such a time, shared out among the tables as they took it one by one.
-    pub fn tables_s(&self, seconds: f64) -> Vec<(Table, f64)> {
+    pub(crate) fn tables_s(&self, seconds: f64) -> Vec<(Table, f64)> {
         let all: f64 = self.alone_s.iter().map(|(_, alone_s)| alone_s).sum();
         self.alone_s.iter().map(|(table, alone_s)| (*table, seconds * alone_s / all.max(1e-9))).collect()
     }

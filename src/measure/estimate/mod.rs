@@ -27,14 +27,15 @@ use crate::parallel::PoolError;
 use crate::plan::Plan;
 use crate::sweep::PatternError;
 
-pub use part::Part;
-pub use parts::{PartCost, scene_costs};
-pub use sample::Figure;
-pub use storage::Storage;
+pub(crate) use part::Part;
+pub(crate) use parts::PartCost;
+pub use parts::scene_costs;
+pub(crate) use sample::Figure;
+pub(crate) use storage::Storage;
 
 /// How long, with how many threads, and for which place.
 #[derive(Clone, Debug)]
-pub struct Options<'a> {
+pub(crate) struct Options<'a> {
     /// Threads that the build will have.
     pub threads: usize,
     /// So many scenes; `None`: until time and rows have a relative standard error of `ENOUGH`.
@@ -56,11 +57,11 @@ impl Options<'_> {
 }
 
 /// Relative standard error of time and of rows at which sampling ends: a fifth of the 15 % that the estimate is held to.
-pub const ENOUGH: f64 = 0.03;
+pub(crate) const ENOUGH: f64 = 0.03;
 
 /// What a build will take.
 #[derive(Clone, Debug)]
-pub struct Estimate {
+pub(crate) struct Estimate {
     pub threads: usize,
     /// Scenes that were run for it, and how many of them failed.
     pub scenes: u64,
@@ -81,7 +82,7 @@ pub struct Estimate {
 }
 
 #[derive(Clone, Debug)]
-pub struct FamilyCost {
+pub(crate) struct FamilyCost {
     pub scenes: u64,
     /// CPU seconds a scene: all of it, where the parts were measured.
     pub scene_s: Option<f64>,
@@ -90,7 +91,7 @@ pub struct FamilyCost {
 
 impl Estimate {
     /// Bytes a second that the build writes when nothing holds it up.
-    pub fn needed_bytes_per_s(&self) -> f64 {
+    pub(crate) fn needed_bytes_per_s(&self) -> f64 {
         let waiting = self.storage.as_ref().map_or(0.0, |s| s.build_s / self.threads as f64);
         self.bytes.value / (self.wall_s.value - waiting).max(1e-9)
     }
@@ -98,7 +99,7 @@ impl Estimate {
 
 /// Why nothing could be estimated.
 #[derive(Debug, thiserror::Error)]
-pub enum EstimateError {
+pub(crate) enum EstimateError {
     #[error(transparent)]
     Pattern(#[from] PatternError),
     #[error(transparent)]
@@ -112,7 +113,7 @@ pub enum EstimateError {
 }
 
 /// Runs scenes of the plan, writes them to memory (and to the place, if one is given), and reckons up.
-pub fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateError> {
+pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateError> {
     // First: a place that cannot be is told at once.
     options.place.map(storage::check).transpose()?;
     let prepared = Prepared::new(plan.clone())?;

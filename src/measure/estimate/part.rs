@@ -10,7 +10,7 @@ use crate::slam::SlamParams;
 
 /// A part of the work, in the order of the flow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
+pub(crate) enum Part {
     Roughness,
     Landforms,
     Rocks,
@@ -37,7 +37,7 @@ pub enum Part {
 }
 
 impl Part {
-    pub const ALL: [Part; 23] = [
+    pub(crate) const ALL: [Part; 23] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -64,7 +64,7 @@ impl Part {
     ];
 
     /// As `marsyard plan` writes it: the key of the config where there is one.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Part::Roughness => "roughness",
             Part::Landforms => "landforms",
@@ -93,7 +93,7 @@ impl Part {
     }
 
     /// An effect of the sensor on its beams (`sweep.effects`).
-    pub fn is_beam_effect(self) -> bool {
+    pub(crate) fn is_beam_effect(self) -> bool {
         matches!(
             self,
             Part::RangeNoise
@@ -108,7 +108,7 @@ impl Part {
     }
 
     /// Whether a family of the plan has it.
-    pub fn is_on(self, plan: &Plan, family: usize) -> bool {
+    pub(crate) fn is_on(self, plan: &Plan, family: usize) -> bool {
         let family = &plan.families[family];
         let (scene, effects) = (&family.scene, &family.sweep.effects);
         let grows = |kind: fn(&VegetationParams) -> bool| scene.vegetation.as_ref().is_some_and(kind);
@@ -140,7 +140,7 @@ impl Part {
     }
 
     /// The plan with the part left out of a family; the table of points is left out of all.
-    pub fn leave_out(self, plan: &mut Plan, family: usize) {
+    pub(crate) fn leave_out(self, plan: &mut Plan, family: usize) {
         let family = &mut plan.families[family];
         let (scene, effects) = (&mut family.scene, &mut family.sweep.effects);
         let vegetation = scene.vegetation.as_mut();

@@ -27,14 +27,14 @@ const ONE_ATTEMPT: usize = 0;
 
 /// CPU seconds a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PartCost {
+pub(crate) struct PartCost {
     pub cpu_s: f64,
     pub standard_error_s: f64,
 }
 
 impl PartCost {
     /// More than twice its standard error from nothing.
-    pub fn is_told_apart(&self) -> bool {
+    pub(crate) fn is_told_apart(&self) -> bool {
         self.cpu_s.abs() > 2.0 * self.standard_error_s
     }
 }

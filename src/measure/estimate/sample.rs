@@ -28,14 +28,14 @@ const KEPT_ROWS: u64 = 2_000_000;
 
 /// A value and its standard error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Figure {
+pub(crate) struct Figure {
     pub value: f64,
     pub standard_error: f64,
 }
 
 impl Figure {
     /// Standard error over value.
-    pub fn relative_error(&self) -> f64 {
+    pub(crate) fn relative_error(&self) -> f64 {
         if self.value == 0.0 { 0.0 } else { self.standard_error / self.value.abs() }
     }
 }
@@ -173,16 +173,16 @@ impl Stratum {
 }
 
 impl Sample {
-    pub fn scenes(&self) -> u64 {
+    pub(super) fn scenes(&self) -> u64 {
         self.strata.iter().map(|stratum| stratum.measured.len() as u64).sum()
     }
 
-    pub fn failed(&self) -> u64 {
+    pub(super) fn failed(&self) -> u64 {
         self.strata.iter().flat_map(|stratum| &stratum.measured).filter(|cost| cost.failed).count() as u64
     }
 
     /// Sum over all scenes of the plan.
-    pub fn total(&self, value: impl Fn(&SceneCost) -> f64) -> Figure {
+    pub(super) fn total(&self, value: impl Fn(&SceneCost) -> f64) -> Figure {
         let mut figure = Figure::default();
         let mut variance = 0.0;
         for stratum in self.strata.iter().filter(|stratum| !stratum.measured.is_empty()) {

@@ -17,7 +17,7 @@ const REPEATS: usize = 3;
 
 /// What a place takes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Storage {
+pub(crate) struct Storage {
     /// Where it was measured: the URL, or the folder, or the nearest above it that is there.
     pub place: String,
     /// Of a shard as large as the build's, latency included.

@@ -32,7 +32,7 @@ struct Measured<'a> {
 }
 
 /// `None` where no setting has both a cost and a loss.
-pub fn svg(report: &Report) -> Option<String> {
+pub(crate) fn svg(report: &Report) -> Option<String> {
     let sides = [
         (Side::Pipeline, "the pipeline", "CPU a kept scan, ms"),
         (Side::Trainer, "the trainer", "CPU a row learnt, us"),

@@ -4,14 +4,14 @@ use crate::statistics::Interval;
 
 /// What a choice looks at; lower is better in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Candidate {
+pub(crate) struct Candidate {
     pub cost: f64,
     pub loss: Interval,
 }
 
 /// Whether each candidate is on the Pareto front: no other costs at most as much and loses at most as much, and less of one. A loss counts
 /// at the upper end of its interval, so that luck puts none there; one that is not finite is on no front.
-pub fn front(candidates: &[Candidate]) -> Vec<bool> {
+pub(crate) fn front(candidates: &[Candidate]) -> Vec<bool> {
     let beats = |a: &Candidate, b: &Candidate| {
         let (ours, theirs) = (a.loss.upper(), b.loss.upper());
         a.cost <= b.cost && ours <= theirs && (a.cost < b.cost || ours < theirs)
@@ -21,7 +21,7 @@ pub fn front(candidates: &[Candidate]) -> Vec<bool> {
 }
 
 /// The cheapest candidate whose loss is at most this, judged at the upper end of its interval; of equals the first. `None` where none is.
-pub fn cheapest_within(candidates: &[Candidate], max_loss: f64) -> Option<usize> {
+pub(crate) fn cheapest_within(candidates: &[Candidate], max_loss: f64) -> Option<usize> {
     let good = candidates.iter().enumerate().filter(|(_, c)| c.cost.is_finite() && c.loss.upper() <= max_loss);
     good.min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost)).map(|(k, _)| k)
 }

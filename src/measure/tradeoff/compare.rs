@@ -21,7 +21,7 @@ pub(super) struct SceneCells {
 
 impl SceneCells {
     /// `columns`: the features to keep, by position.
-    pub fn of(scans: &[ScanOutput], columns: &[usize]) -> SceneCells {
+    pub(super) fn of(scans: &[ScanOutput], columns: &[usize]) -> SceneCells {
         let count = scans.iter().map(|scan| scan.cells.rows.len()).sum();
         let mut cells = SceneCells {
             keys: Vec::with_capacity(count),
@@ -40,12 +40,12 @@ impl SceneCells {
         cells
     }
 
-    pub fn row(&self, row: usize) -> &[f32] {
+    pub(super) fn row(&self, row: usize) -> &[f32] {
         &self.features[row * self.width..][..self.width]
     }
 
     /// Adds the cells that can be learnt.
-    pub fn learn(&self, rows: &mut Rows) {
+    pub(super) fn learn(&self, rows: &mut Rows) {
         for (row, &label) in self.labels.iter().enumerate() {
             let Some(label) = label else {
                 rows.left_out.unlabelled += 1;
@@ -75,11 +75,11 @@ pub(super) struct Change {
 }
 
 impl Change {
-    pub fn new(width: usize) -> Change {
+    pub(super) fn new(width: usize) -> Change {
         Change { shift: vec![0.0; width], shift_squared: vec![0.0; width], ..Change::default() }
     }
 
-    pub fn merge(&mut self, more: &Change) {
+    pub(super) fn merge(&mut self, more: &Change) {
         self.matched += more.matched;
         self.appeared += more.appeared;
         self.vanished += more.vanished;

@@ -34,7 +34,7 @@ pub(super) enum Role {
 
 impl Role {
     /// Of the k-th scene.
-    pub fn of(k: usize) -> Role {
+    pub(super) fn of(k: usize) -> Role {
         match k % 8 {
             3 | 7 => Role::Test,
             1 => Role::Validation,

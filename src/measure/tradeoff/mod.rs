@@ -12,19 +12,19 @@
 //! Same addresses, so the same yards, drives and draws at every setting. What changes the yard or what is modelled is not an error;
 //! it is measured alike and reported apart. All but the times is the same for any number of threads.
 
-pub mod chart;
-pub mod choose;
+pub(crate) mod chart;
+pub(crate) mod choose;
 mod compare;
 mod filters;
 mod knobs;
 mod loss;
 mod measure;
 mod ranges;
-pub mod records;
-pub mod report;
-pub mod settings;
+pub(crate) mod records;
+pub(crate) mod report;
+pub(crate) mod settings;
 mod summary;
-pub mod table;
+pub(crate) mod table;
 #[cfg(test)]
 mod tests;
 
@@ -39,12 +39,12 @@ use crate::plan::Plan;
 use crate::sweep::PatternError;
 use crate::train::TrainError;
 
-pub use report::{Report, Row};
-pub use settings::{Group, Setting};
+pub(crate) use report::Report;
+pub(crate) use settings::Group;
 
 /// What is measured, and how.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub(crate) struct Options {
     pub config: PathBuf,
     /// Overrides of the config, as `--set` takes them; they hold at every setting.
     pub sets: Vec<String>,
@@ -60,7 +60,7 @@ pub struct Options {
 
 /// What happens meanwhile.
 #[derive(Clone, Copy, Debug)]
-pub enum Event {
+pub(crate) enum Event {
     /// Before the first scene: settings of the pipeline, and scenes.
     Start { settings: usize, scenes: usize, trainings: usize },
     /// One scene was made at every setting.
@@ -71,7 +71,7 @@ pub enum Event {
 
 /// Why nothing could be measured.
 #[derive(Debug, thiserror::Error)]
-pub enum TradeoffError {
+pub(crate) enum TradeoffError {
     #[error(transparent)]
     Config(#[from] ConfigError),
     #[error(transparent)]
@@ -87,7 +87,7 @@ pub enum TradeoffError {
 }
 
 /// Measures; `None` where `stop` was raised before the end.
-pub fn run(
+pub(crate) fn run(
     options: &Options,
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),

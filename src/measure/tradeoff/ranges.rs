@@ -39,7 +39,7 @@ impl Default for RangeErrors {
 }
 
 impl RangeErrors {
-    pub fn add(&mut self, exact: Hit, other: Hit) {
+    pub(super) fn add(&mut self, exact: Hit, other: Hit) {
         self.rays += 1;
         match (exact.object == Hit::NOTHING, other.object == Hit::NOTHING) {
             (true, true) => {}
@@ -58,7 +58,7 @@ impl RangeErrors {
         }
     }
 
-    pub fn merge(&mut self, more: &RangeErrors) {
+    pub(super) fn merge(&mut self, more: &RangeErrors) {
         self.rays += more.rays;
         self.both += more.both;
         self.other_object += more.other_object;
@@ -70,7 +70,7 @@ impl RangeErrors {
     }
 
     /// The error that this share of the beams stays within, to 1 %; `None` where no beam met anything both ways.
-    pub fn quantile_m(&self, share: f64) -> Option<f64> {
+    pub(crate) fn quantile_m(&self, share: f64) -> Option<f64> {
         let wanted = share * self.both.checked_sub(1)? as f64;
         let mut below = self.none;
         if below as f64 > wanted {

@@ -6,7 +6,7 @@ use crate::corpus::plain::{PlainColumn, Values, plain_table};
 use crate::statistics::Spread;
 
 /// The bytes of the file.
-pub fn parquet(report: &Report) -> Result<Vec<u8>, CorpusError> {
+pub(crate) fn parquet(report: &Report) -> Result<Vec<u8>, CorpusError> {
     plain_table("tradeoff", &columns(report))
 }
 

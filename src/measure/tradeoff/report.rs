@@ -8,7 +8,7 @@ use crate::statistics::{Interval, Spread};
 
 /// The file `tradeoff.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub(crate) struct Report {
     /// Version of this format.
     pub marsyard_tradeoff: u32,
     pub version: String,
@@ -35,7 +35,7 @@ pub struct Report {
 
 /// One setting.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub(crate) struct Row {
     pub side: Side,
     pub group: Option<Group>,
     pub name: String,
@@ -48,7 +48,7 @@ pub struct Row {
 
 /// What the pipeline does at a setting. Spreads are over scenes, or over scans where it says so.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PipelineRow {
+pub(crate) struct PipelineRow {
     pub scenes: u64,
     pub failed: u64,
     /// Milliseconds a kept scan.
@@ -66,7 +66,7 @@ pub struct PipelineRow {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StageRow {
+pub(crate) struct StageRow {
     pub stage: String,
     pub cpu_ms: Option<Spread>,
     pub wall_ms: Option<Spread>,
@@ -74,7 +74,7 @@ pub struct StageRow {
 
 /// Ranges against the exact surface, before noise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RangeRow {
+pub(crate) struct RangeRow {
     pub rays: u64,
     pub median_m: Option<f64>,
     pub p99_m: Option<f64>,
@@ -86,7 +86,7 @@ pub struct RangeRow {
 
 /// Estimates against the truth, at kept scans.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PoseRow {
+pub(crate) struct PoseRow {
     pub scans: u64,
     pub position_m: Option<Spread>,
     pub heading_deg: Option<Spread>,
@@ -97,7 +97,7 @@ pub struct PoseRow {
 
 /// Where the rover truly stands against where the reference's does, at kept scans.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DriveRow {
+pub(crate) struct DriveRow {
     pub median_position_m: Option<f64>,
     pub max_position_m: f64,
     pub median_turn_deg: Option<f64>,
@@ -106,7 +106,7 @@ pub struct DriveRow {
 
 /// Cells against the reference's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CellRow {
+pub(crate) struct CellRow {
     pub matched: u64,
     pub appeared: u64,
     pub vanished: u64,
@@ -122,7 +122,7 @@ pub struct CellRow {
 
 /// Shift of a feature over the matched cells, in the reference's standard deviations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ShiftRow {
+pub(crate) struct ShiftRow {
     pub feature: String,
     pub mean_sd: f64,
     pub rms_sd: f64,
@@ -130,7 +130,7 @@ pub struct ShiftRow {
 
 /// A classifier trained at a setting, judged on the reference's test cells.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ClassifierRow {
+pub(crate) struct ClassifierRow {
     pub train_rows: u64,
     pub balanced_accuracy: Vec<Option<f64>>,
     /// Lost against the reference, by pairs of equal seeds.
@@ -142,26 +142,26 @@ pub struct ClassifierRow {
 
 impl Row {
     /// Group and name.
-    pub fn label(&self) -> String {
+    pub(crate) fn label(&self) -> String {
         self.group.map_or(self.name.clone(), |group| format!("{}: {}", group.name(), self.name))
     }
 
     /// What its side counts as cost: CPU milliseconds a kept scan, or CPU microseconds a row learnt; medians.
-    pub fn cost(&self) -> Option<f64> {
+    pub(crate) fn cost(&self) -> Option<f64> {
         match self.side {
             Side::Trainer => self.classifier.as_ref()?.cpu_us_per_row.map(|spread| spread.median),
             _ => self.pipeline.as_ref()?.cpu_ms.map(|spread| spread.median),
         }
     }
 
-    pub fn loss(&self) -> Option<Interval> {
+    pub(crate) fn loss(&self) -> Option<Interval> {
         self.classifier.as_ref()?.loss
     }
 }
 
 impl ClassifierRow {
     /// Over seeds; `None` where the test lacks a class.
-    pub fn mean_balanced_accuracy(&self) -> Option<f64> {
+    pub(crate) fn mean_balanced_accuracy(&self) -> Option<f64> {
         let values = self.balanced_accuracy.iter().copied().collect::<Option<Vec<f64>>>()?;
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     }
@@ -169,12 +169,13 @@ impl ClassifierRow {
 
 impl Report {
     /// The rows of a side.
-    pub fn side(&self, side: Side) -> impl Iterator<Item = &Row> {
+    pub(crate) fn side(&self, side: Side) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(move |row| row.side == side)
     }
 
     /// With every time taken out: what is the same for any number of threads.
-    pub fn timeless(&self) -> Report {
+    #[cfg(test)]
+    pub(crate) fn timeless(&self) -> Report {
         let mut report = Report { threads: 0, cheapest_pipeline: None, cheapest_filter: None, ..self.clone() };
         for row in &mut report.rows {
             row.on_front = false;

@@ -19,7 +19,7 @@ use crate::train::params::FilterParams;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 #[value(rename_all = "snake_case")]
-pub enum Group {
+pub(crate) enum Group {
     /// The config as written, and `fidelity: draft` and `standard`.
     Presets,
     /// How the ground is cast.
@@ -45,14 +45,14 @@ pub enum Group {
 /// What a setting is a choice of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Side {
+pub(crate) enum Side {
     Pipeline,
     Yard,
     Trainer,
 }
 
 impl Group {
-    pub const ALL: [Group; 10] = [
+    pub(crate) const ALL: [Group; 10] = [
         Group::Presets,
         Group::Cast,
         Group::Contact,
@@ -65,7 +65,7 @@ impl Group {
         Group::Batch,
     ];
 
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Group::Presets => "presets",
             Group::Cast => "cast",
@@ -80,7 +80,7 @@ impl Group {
         }
     }
 
-    pub fn side(self) -> Side {
+    pub(crate) fn side(self) -> Side {
         match self {
             Group::Covariance | Group::Precision | Group::Batch => Side::Trainer,
             Group::Yard => Side::Yard,
@@ -91,7 +91,7 @@ impl Group {
 
 /// One way to build or to train.
 #[derive(Clone, Debug)]
-pub struct Setting {
+pub(crate) struct Setting {
     /// `None`: a reference.
     pub group: Option<Group>,
     pub name: String,
@@ -102,7 +102,7 @@ pub struct Setting {
 
 /// What is built or trained at a setting.
 #[derive(Clone, Debug)]
-pub enum Variant {
+pub(crate) enum Variant {
     /// Builds another corpus.
     Plan(Box<Plan>),
     /// Trains otherwise on the reference's corpus.
@@ -110,7 +110,7 @@ pub enum Variant {
 }
 
 impl Setting {
-    pub fn side(&self) -> Side {
+    pub(crate) fn side(&self) -> Side {
         match (&self.variant, self.group) {
             (Variant::Filter(_), _) => Side::Trainer,
             (Variant::Plan(_), group) => group.map_or(Side::Pipeline, Group::side),
@@ -120,7 +120,7 @@ impl Setting {
 
 /// A setting that the config's own rules refuse.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Refused {
+pub(crate) struct Refused {
     pub group: Group,
     pub name: String,
     pub reason: String,
@@ -128,28 +128,21 @@ pub struct Refused {
 
 /// All that is measured: plans first, the reference the first of them; then filters, their reference the first of them.
 #[derive(Clone, Debug)]
-pub struct Settings {
+pub(crate) struct Settings {
     pub list: Vec<Setting>,
     pub refused: Vec<Refused>,
 }
 
 impl Settings {
     /// The plan that the others are judged by.
-    pub fn reference(&self) -> &Plan {
+    pub(crate) fn reference(&self) -> &Plan {
         self.plans().next().expect("the reference is the first setting")
     }
 
-    pub fn plans(&self) -> impl Iterator<Item = &Plan> {
+    pub(crate) fn plans(&self) -> impl Iterator<Item = &Plan> {
         self.list.iter().filter_map(|setting| match &setting.variant {
             Variant::Plan(plan) => Some(&**plan),
             Variant::Filter(_) => None,
-        })
-    }
-
-    pub fn filters(&self) -> impl Iterator<Item = (&Setting, &FilterParams)> {
-        self.list.iter().filter_map(|setting| match &setting.variant {
-            Variant::Plan(_) => None,
-            Variant::Filter(params) => Some((setting, params)),
         })
     }
 }

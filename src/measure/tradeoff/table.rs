@@ -14,7 +14,7 @@ struct Grid {
 }
 
 /// For a terminal.
-pub fn text(report: &Report) -> String {
+pub(crate) fn text(report: &Report) -> String {
     let mut out = opening(report);
     for grid in grids(report) {
         let _ = write!(out, "\n{}\n\n", grid.title);
@@ -24,7 +24,7 @@ pub fn text(report: &Report) -> String {
 }
 
 /// For a page.
-pub fn markdown(report: &Report) -> String {
+pub(crate) fn markdown(report: &Report) -> String {
     let mut out = format!("# Speed against accuracy: {}\n\n{}", report.name, opening(report));
     for grid in grids(report) {
         let _ = write!(out, "\n## {}\n\n", grid.title);

@@ -27,7 +27,7 @@ const HIDDEN_M: f64 = 0.06;
 
 /// What is laid over the yard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Overlay {
+pub(crate) enum Overlay {
     /// The points of the sweep, where they truly were measured.
     Points,
     /// The labelled cells, where the estimate puts them, draped over all that stands in them.
@@ -35,7 +35,7 @@ pub enum Overlay {
 }
 
 /// The rover in the yard, from behind and above.
-pub struct Perspective<'a> {
+pub(crate) struct Perspective<'a> {
     scenery: Scenery<'a>,
     seen: Seen,
     palette: Palette,
@@ -43,7 +43,7 @@ pub struct Perspective<'a> {
 
 impl<'a> Perspective<'a> {
     /// Casts the rays, on the threads of rayon's pool.
-    pub fn new(view: &'a View<'a>, caster: &'a Caster<'a>) -> Perspective<'a> {
+    pub(crate) fn new(view: &'a View<'a>, caster: &'a Caster<'a>) -> Perspective<'a> {
         Perspective::of_size(view, caster, (WIDTH, HEIGHT))
     }
 
@@ -62,7 +62,7 @@ impl<'a> Perspective<'a> {
     }
 
     /// PNG, with the sweep or its labelled cells.
-    pub fn png(&self, overlay: Overlay) -> Vec<u8> {
+    pub(crate) fn png(&self, overlay: Overlay) -> Vec<u8> {
         let Camera { width, height, .. } = self.scenery.camera;
         let mut canvas = Canvas { width, height, pixels: self.colours(overlay) };
         if overlay == Overlay::Points {

@@ -8,7 +8,7 @@ use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
 
 /// A learning rate; no memory.
-pub struct Backprop {
+pub(super) struct Backprop {
     pub rate: f64,
 }
 

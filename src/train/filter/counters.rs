@@ -6,7 +6,7 @@ use super::FilterError;
 use super::state::{Reader, Writer};
 
 /// Weights are cut back to this size: a neuron with inputs of size 1 is saturated long before, and no sum of products overflows.
-pub const MOST_WEIGHT: f64 = 1e6;
+pub(crate) const MOST_WEIGHT: f64 = 1e6;
 
 /// Rebuilds after which a filter that can goes on in a sounder form.
 const MOST_REBUILDS: u64 = 2;
@@ -27,7 +27,7 @@ pub struct Counters {
     pub factored_at: Option<u64>,
     /// Rows with an input that was clipped.
     pub clipped: u64,
-    /// Updates after which a weight was cut back to [`MOST_WEIGHT`].
+    /// Updates after which a weight was cut back to `MOST_WEIGHT`.
     pub cut_back: u64,
 }
 

@@ -8,14 +8,14 @@ use super::linearised::{Learner, Outcome, Rows};
 use super::state::{Reader, Writer};
 
 /// One variance a weight.
-pub struct Diagonal {
+pub(crate) struct Diagonal {
     batch: usize,
     variances: Vec<f64>,
     step: Vec<f64>,
 }
 
 impl Diagonal {
-    pub fn new(size: usize, p0: f64, batch: usize) -> Diagonal {
+    pub(super) fn new(size: usize, p0: f64, batch: usize) -> Diagonal {
         Diagonal { batch, variances: vec![p0; size], step: vec![0.0; size] }
     }
 }

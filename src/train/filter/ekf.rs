@@ -16,7 +16,7 @@ use super::ud::Ud;
 const REBUILD_FLOOR: f64 = 1e-7;
 
 /// The filter with covariances of element type `T`.
-pub struct Ekf<T: Real> {
+pub(super) struct Ekf<T: Real> {
     isa: Isa,
     name: String,
     batch: usize,
@@ -32,7 +32,7 @@ pub struct Ekf<T: Real> {
 
 impl<T: Real> Ekf<T> {
     /// A filter over the given groups of weights, each weight in one of them.
-    pub fn new(name: &str, groups: Vec<Vec<u32>>, p0: f64, batch: usize, isa: Isa) -> Ekf<T> {
+    pub(super) fn new(name: &str, groups: Vec<Vec<u32>>, p0: f64, batch: usize, isa: Isa) -> Ekf<T> {
         let size = groups.iter().map(Vec::len).sum();
         Ekf {
             isa,
@@ -51,7 +51,7 @@ impl<T: Real> Ekf<T> {
 
 impl<T: Real> Ekf<T> {
     /// The factored form that goes on with the variances of the first group, where it holds all weights.
-    pub fn factored(&self, isa: Isa) -> Ud<T> {
+    pub(super) fn factored(&self, isa: Isa) -> Ud<T> {
         let variances = self.groups[0].variances(REBUILD_FLOOR * self.p0).collect();
         Ud::diagonal(variances, self.p0, self.batch, isa)
     }

@@ -4,7 +4,7 @@ use crate::train::Layout;
 use crate::train::params::Groups;
 
 /// The weights of each group, ascending; each weight is in one group. Biases leave a node of their own, one a layer.
-pub fn groups(layout: &Layout, by: Groups) -> Vec<Vec<u32>> {
+pub(super) fn groups(layout: &Layout, by: Groups) -> Vec<Vec<u32>> {
     let mut groups = Vec::new();
     let mut first = 0;
     let all = layout.weights() as u32;

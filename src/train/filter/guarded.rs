@@ -12,7 +12,7 @@ use super::state::{Reader, Writer};
 use super::ud::Ud;
 
 /// The filter with covariances of element type `T`.
-pub struct CheckedFilter<T: Real> {
+pub(crate) struct CheckedFilter<T: Real> {
     form: Form<T>,
     kind: String,
     isa: Isa,
@@ -24,7 +24,7 @@ enum Form<T: Real> {
 }
 
 impl<T: Real> CheckedFilter<T> {
-    pub fn new(plain: Ekf<T>, isa: Isa) -> CheckedFilter<T> {
+    pub(super) fn new(plain: Ekf<T>, isa: Isa) -> CheckedFilter<T> {
         CheckedFilter { kind: plain.kind().to_string(), form: Form::Plain(plain), isa }
     }
 }

@@ -10,7 +10,7 @@ use crate::train::Network;
 use crate::train::network::Activations;
 
 /// A batch of rows, linearised at the same weights.
-pub struct Rows<'a> {
+pub(super) struct Rows<'a> {
     /// dy/dw, one row after the other.
     pub jacobian: &'a [f64],
     /// d - y.
@@ -23,7 +23,7 @@ pub struct Rows<'a> {
 
 /// What became of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// Covariances that were rebuilt from their diagonals.
     pub rebuilt: u64,
     /// Whether the batch was left out, because its step is not finite.
@@ -32,12 +32,12 @@ pub struct Outcome {
 
 /// Whether all numbers are finite. Looks at all of them: a loop that may stop early is not turned into vectors.
 #[inline(always)]
-pub fn finite(values: &[f64]) -> bool {
+pub(super) fn finite(values: &[f64]) -> bool {
     values.iter().fold(true, |sound, x| sound & (x.abs() < f64::INFINITY))
 }
 
 /// A filter's own part.
-pub trait Learner: Send {
+pub(crate) trait Learner: Send {
     fn kind(&self) -> &str;
     /// Rows that are learnt together, at most.
     fn batch(&self) -> usize;
@@ -52,7 +52,7 @@ pub trait Learner: Send {
 }
 
 /// A learner with everything round it.
-pub struct Linearised<L> {
+pub(crate) struct Linearised<L> {
     learner: L,
     noise: Noise,
     clip: f64,
@@ -65,7 +65,7 @@ pub struct Linearised<L> {
 
 impl<L: Learner> Linearised<L> {
     /// `clip`: the inputs' greatest size, at which rows are counted.
-    pub fn new(learner: L, noise: Noise, weights: usize, clip: f64) -> Linearised<L> {
+    pub(super) fn new(learner: L, noise: Noise, weights: usize, clip: f64) -> Linearised<L> {
         let batch = learner.batch();
         Linearised {
             learner,

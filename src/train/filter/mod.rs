@@ -49,7 +49,8 @@ mod ud;
 mod ukf;
 
 pub use build::{build, build_unchecked};
-pub use counters::{Counters, MOST_WEIGHT};
+pub use counters::Counters;
+pub(crate) use counters::MOST_WEIGHT;
 
 use super::Network;
 

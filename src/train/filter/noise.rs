@@ -27,14 +27,14 @@ const F64_LIMIT: f64 = 1e12;
 
 /// Checked noise settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Noise {
+pub(crate) struct Noise {
     pub p0: f64,
     q: f64,
     schedule: Schedule,
 }
 
 impl Noise {
-    pub fn of(params: &NoiseParams) -> Noise {
+    pub(super) fn of(params: &NoiseParams) -> Noise {
         let p0 = match params.schedule {
             Schedule::Constant => params.p0_over_r,
             Schedule::PuskoriusFeldkamp => 100.0,
@@ -43,12 +43,12 @@ impl Noise {
     }
 
     /// No noise: for learners that have no covariance.
-    pub fn none() -> Noise {
+    pub(super) fn none() -> Noise {
         Noise { p0: 0.0, q: 0.0, schedule: Schedule::Constant }
     }
 
     /// R and Q after `n` rows.
-    pub fn at(&self, n: u64) -> (f64, f64) {
+    pub(super) fn at(&self, n: u64) -> (f64, f64) {
         match self.schedule {
             Schedule::Constant => (1.0, self.q),
             Schedule::PuskoriusFeldkamp => {
@@ -59,7 +59,7 @@ impl Noise {
     }
 
     /// Refuses what a plain covariance of this precision cannot hold.
-    pub fn check(&self, precision: Precision, cure: &str) -> Result<(), FilterError> {
+    pub(super) fn check(&self, precision: Precision, cure: &str) -> Result<(), FilterError> {
         let (limit, name) = match precision {
             Precision::F32 => (F32_LIMIT, "f32"),
             Precision::F64 => (F64_LIMIT, "f64"),

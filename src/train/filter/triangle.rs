@@ -7,48 +7,48 @@
 use super::lanes::{Real, Simd};
 
 /// Rows of a strip.
-pub const ROWS: usize = 4;
+pub(super) const ROWS: usize = 4;
 
 /// Four rows by one chunk of columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
-pub struct CovarianceBlock<C>(pub [C; ROWS]);
+pub(crate) struct CovarianceBlock<C>(pub [C; ROWS]);
 
 /// Lower triangle of a `size` x `size` matrix.
 #[derive(Clone, Debug)]
-pub struct Triangle<T: Real> {
+pub(crate) struct Triangle<T: Real> {
     size: usize,
     pub tiles: Vec<CovarianceBlock<T::Chunk>>,
 }
 
 /// For the last tile of a strip: 1 where the column is below, at, or at most the row, else 0.
-pub struct Masks<C> {
+pub(crate) struct Masks<C> {
     pub strict: [C; ROWS],
     pub diagonal: [C; ROWS],
     pub lower: [C; ROWS],
 }
 
 /// Chunks that a vector of `size` elements takes up, padded to whole strips.
-pub fn chunks<T: Real>(size: usize) -> usize {
+pub(super) fn chunks<T: Real>(size: usize) -> usize {
     size.next_multiple_of(ROWS).div_ceil(T::LANES)
 }
 
 /// Tiles of a strip.
 #[inline(always)]
-pub fn width<T: Real>(strip: usize) -> usize {
+pub(super) fn width<T: Real>(strip: usize) -> usize {
     (ROWS * strip + ROWS - 1) / T::LANES + 1
 }
 
 /// Tiles before a strip.
 #[inline(always)]
-pub fn start<T: Real>(strip: usize) -> usize {
+pub(super) fn start<T: Real>(strip: usize) -> usize {
     let turn = T::LANES / ROWS;
     let (full, rest) = (strip / turn, strip % turn);
     turn * full * (full + 1) / 2 + rest * (full + 1)
 }
 
 impl<T: Real> Triangle<T> {
-    pub fn diagonal(size: usize, value: f64) -> Triangle<T> {
+    pub(super) fn diagonal(size: usize, value: f64) -> Triangle<T> {
         let mut triangle = Triangle { size, tiles: Vec::new() };
         triangle.tiles.resize(start::<T>(triangle.strips()), CovarianceBlock::default());
         for i in 0..size {
@@ -57,7 +57,7 @@ impl<T: Real> Triangle<T> {
         triangle
     }
 
-    pub fn strips(&self) -> usize {
+    pub(crate) fn strips(&self) -> usize {
         self.size.div_ceil(ROWS)
     }
 
@@ -66,27 +66,27 @@ impl<T: Real> Triangle<T> {
     }
 
     /// The element of a row and a column at most the row.
-    pub fn get(&self, row: usize, column: usize) -> T {
+    pub(super) fn get(&self, row: usize, column: usize) -> T {
         let (tile, r, lane) = Self::place(row, column);
         self.tiles[tile].0[r].as_ref()[lane]
     }
 
-    pub fn set(&mut self, row: usize, column: usize, value: T) {
+    pub(super) fn set(&mut self, row: usize, column: usize, value: T) {
         let (tile, r, lane) = Self::place(row, column);
         self.tiles[tile].0[r].as_mut()[lane] = value;
     }
 
     /// Elements row by row.
-    pub fn elements(&self) -> impl Iterator<Item = T> + '_ {
+    pub(crate) fn elements(&self) -> impl Iterator<Item = T> + '_ {
         (0..self.size).flat_map(move |i| (0..=i).map(move |j| self.get(i, j)))
     }
 
     /// Number of elements.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.size * (self.size + 1) / 2
     }
 
-    pub fn set_elements(&mut self, mut elements: impl Iterator<Item = T>) {
+    pub(crate) fn set_elements(&mut self, mut elements: impl Iterator<Item = T>) {
         for i in 0..self.size {
             for (j, value) in (0..=i).zip(&mut elements) {
                 self.set(i, j, value);
@@ -94,7 +94,7 @@ impl<T: Real> Triangle<T> {
         }
     }
 
-    pub fn masks(strip: usize) -> Masks<T::Chunk> {
+    pub(crate) fn masks(strip: usize) -> Masks<T::Chunk> {
         let first = (ROWS * strip) % T::LANES;
         let mask = |keep: fn(usize, usize) -> bool| {
             let mut rows = [T::Chunk::splat(T::of(0.0)); ROWS];

@@ -15,7 +15,7 @@ use super::state::{Reader, Writer};
 use super::triangle::{CovarianceBlock, ROWS, Triangle, chunks, width};
 
 /// The filter with factors of element type `T`.
-pub struct Ud<T: Real> {
+pub(crate) struct Ud<T: Real> {
     isa: Isa,
     name: String,
     batch: usize,
@@ -31,15 +31,15 @@ pub struct Ud<T: Real> {
 
 impl<T: Real> Ud<T> {
     /// Name of the array of U', which no other form has.
-    pub const FACTOR: &str = "factor";
+    pub(crate) const FACTOR: &str = "factor";
 
     /// P = P0 I.
-    pub fn new(size: usize, p0: f64, batch: usize, isa: Isa) -> Ud<T> {
+    pub(super) fn new(size: usize, p0: f64, batch: usize, isa: Isa) -> Ud<T> {
         Ud::diagonal(vec![p0; size], p0, batch, isa)
     }
 
     /// P with these variances and no covariance; P0 is what it falls back to.
-    pub fn diagonal(mut variances: Vec<f64>, p0: f64, batch: usize, isa: Isa) -> Ud<T> {
+    pub(super) fn diagonal(mut variances: Vec<f64>, p0: f64, batch: usize, isa: Isa) -> Ud<T> {
         let size = variances.len();
         variances.resize(size.next_multiple_of(ROWS), 0.0);
         let room = vec![T::Chunk::default(); chunks::<T>(size)];

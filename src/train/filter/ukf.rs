@@ -13,12 +13,12 @@ use crate::train::network::Activations;
 use crate::train::params::UkfParams;
 
 /// Largest number of weights: beyond, a row takes more than some milliseconds.
-pub const MOST_WEIGHTS: usize = 1000;
+pub(crate) const MOST_WEIGHTS: usize = 1000;
 
 const KIND: &str = "ukf";
 
 /// The filter.
-pub struct Ukf {
+pub(super) struct Ukf {
     root: SquareRoot,
     noise: Noise,
     clip: f64,
@@ -27,7 +27,7 @@ pub struct Ukf {
 }
 
 /// Weights' square root of covariance, and what an update needs.
-pub struct SquareRoot {
+pub(crate) struct SquareRoot {
     p0: f64,
     alpha: f64,
     beta: f64,
@@ -40,7 +40,7 @@ pub struct SquareRoot {
 
 /// What became of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Learnt {
+pub(super) enum Learnt {
     Yes,
     /// P was rebuilt from its diagonal after the row.
     Rebuilt,
@@ -48,7 +48,7 @@ pub enum Learnt {
 }
 
 impl SquareRoot {
-    pub fn new(size: usize, p0: f64, alpha: f64, beta: f64) -> SquareRoot {
+    pub(super) fn new(size: usize, p0: f64, alpha: f64, beta: f64) -> SquareRoot {
         let columns = (0..size)
             .map(|j| {
                 let mut column = vec![0.0; size - j];
@@ -60,7 +60,7 @@ impl SquareRoot {
     }
 
     /// Learns one target of any function of the weights; they stay finite.
-    pub fn update(
+    pub(super) fn update(
         &mut self,
         weights: &mut [f64],
         target: f64,
@@ -156,7 +156,7 @@ impl SquareRoot {
 }
 
 impl Ukf {
-    pub fn new(params: &UkfParams, size: usize, clip: f64) -> Ukf {
+    pub(super) fn new(params: &UkfParams, size: usize, clip: f64) -> Ukf {
         let noise = Noise::of(&params.noise);
         Ukf {
             root: SquareRoot::new(size, noise.p0, params.alpha, params.beta),

@@ -88,7 +88,7 @@ impl Model {
 
 impl About {
     /// Sorted JSON, one line.
-    pub fn to_json(&self) -> String {
+    pub(crate) fn to_json(&self) -> String {
         self.text(None)
     }
 

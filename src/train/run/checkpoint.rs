@@ -37,7 +37,7 @@ pub(super) struct Checkpoint {
 
 impl Checkpoint {
     /// That of a run folder, if there is one.
-    pub fn read(
+    pub(super) fn read(
         setup: &Setup,
         run: &RunFolder,
         identity: &Json,

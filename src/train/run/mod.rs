@@ -19,7 +19,7 @@ use serde_json::Value as Json;
 
 use self::checkpoint::Cursor;
 use self::finished::Finished;
-pub use self::summary::Summary;
+pub(crate) use self::summary::Summary;
 use super::filter::Counters;
 use super::folder::{self, RunFolder};
 use super::learner::Learner;
@@ -62,7 +62,7 @@ pub struct Origin {
 
 impl Origin {
     /// What a plan says of a family's cells, rover and sensor.
-    pub fn of(family: &Family) -> Origin {
+    pub(crate) fn of(family: &Family) -> Origin {
         let rover = &family.drive.rover;
         let mast = rover.mount;
         let own = [mast.x_m, mast.y_m, mast.z_m, mast.yaw_deg, mast.pitch_deg, mast.roll_deg];

@@ -16,12 +16,12 @@ use crate::train::run::Origin;
 use crate::train::{Event, Outcome, Setup, Source, Sources, TrainError, TrainParams, train};
 
 /// A row: label and three features.
-pub type Row = (Option<Label>, [f32; 3]);
+pub(super) type Row = (Option<Label>, [f32; 3]);
 
-pub const FEATURES: [&str; 3] = ["mean_height_m", "height_difference_m", "sigma_x_m"];
+pub(super) const FEATURES: [&str; 3] = ["mean_height_m", "height_difference_m", "sigma_x_m"];
 
 /// A corpus with one scene a shard, in the folder `name`.
-pub fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -> PathBuf {
+pub(super) fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -> PathBuf {
     let place = dir.path().join(name);
     let store = LocalFolder::new(&place);
     let feature = |name: &str| FeatureColumn { name: name.into(), unit: "m", description: "A number.".into() };
@@ -77,7 +77,7 @@ fn scene(scene_id: u64, rows: &[Row]) -> SceneOutput {
 }
 
 /// Rows of a problem that a small network can learn: untraversable where a^2 + b > 1, with a number for the rest.
-pub fn circle(shard: u64, count: usize) -> Vec<Row> {
+pub(super) fn circle(shard: u64, count: usize) -> Vec<Row> {
     let stream = Streams { seed: 5, scene: shard, attempt: 0, stage: Stage::Cells, step: 0 }.open(Purpose::GroundNoise);
     let mut draws = vec![0.0; 3 * count];
     stream.fill_normal(0, &mut draws);
@@ -89,11 +89,11 @@ pub fn circle(shard: u64, count: usize) -> Vec<Row> {
 }
 
 /// Seven shards, so that all splits are there.
-pub fn circles(dir: &tempfile::TempDir, name: &str, rows: usize) -> PathBuf {
+pub(super) fn circles(dir: &tempfile::TempDir, name: &str, rows: usize) -> PathBuf {
     corpus(dir, name, &(0..7).map(|shard| circle(shard, rows)).collect::<Vec<_>>())
 }
 
-pub fn origin() -> Origin {
+pub(super) fn origin() -> Origin {
     Origin {
         cells: CellParams::default(),
         rover: serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).unwrap(),
@@ -102,24 +102,24 @@ pub fn origin() -> Origin {
     }
 }
 
-pub fn sources(places: &[PathBuf], params: &TrainParams) -> Result<Sources, TrainError> {
+pub(super) fn sources(places: &[PathBuf], params: &TrainParams) -> Result<Sources, TrainError> {
     let list = places.iter().map(|place| Source::open(&LocalFolder::new(place), 1.0)).collect::<Result<_, _>>()?;
     Sources::new(list, &params.features, params.labels.clone())
 }
 
 /// A small network, a few passes.
-pub fn params() -> TrainParams {
+pub(super) fn params() -> TrainParams {
     with(&[])
 }
 
 /// The same with other settings.
-pub fn with(sets: &[&str]) -> TrainParams {
+pub(super) fn with(sets: &[&str]) -> TrainParams {
     let base = ["network.hidden=[4]", "features=all", "epochs=3", "validate_every=300"];
     let sets: Vec<String> = base.iter().chain(sets).map(|set| (*set).to_string()).collect();
     crate::config::load_train(None, &sets).unwrap()
 }
 
-pub fn setup(places: &[PathBuf], params: &TrainParams, out: PathBuf) -> Result<Setup, TrainError> {
+pub(super) fn setup(places: &[PathBuf], params: &TrainParams, out: PathBuf) -> Result<Setup, TrainError> {
     Ok(Setup {
         config_yaml: crate::config::train_yaml(params),
         sources: Arc::new(sources(places, params)?),
@@ -133,7 +133,7 @@ pub fn setup(places: &[PathBuf], params: &TrainParams, out: PathBuf) -> Result<S
 }
 
 /// Trains to the end.
-pub fn run(setup: &Setup) -> Result<crate::train::run::Summary, TrainError> {
+pub(super) fn run(setup: &Setup) -> Result<crate::train::run::Summary, TrainError> {
     match train(setup, &AtomicBool::new(false), &mut |_| ())? {
         Outcome::Done(summary, _) => Ok(*summary),
         Outcome::Interrupted { .. } => panic!("nobody asked it to stop"),
@@ -141,7 +141,7 @@ pub fn run(setup: &Setup) -> Result<crate::train::run::Summary, TrainError> {
 }
 
 /// Trains until so many rows are learnt; then the run is interrupted, or (`crash`) dropped without a last checkpoint.
-pub fn run_until(setup: &Setup, rows: u64, crash: bool) {
+pub(super) fn run_until(setup: &Setup, rows: u64, crash: bool) {
     let stop = AtomicBool::new(false);
     let mut tell = |event: Event| {
         if let Event::Rows(learnt) = event
@@ -159,7 +159,7 @@ pub fn run_until(setup: &Setup, rows: u64, crash: bool) {
 }
 
 /// The files of a run that must have the same bits.
-pub fn identity(setup: &Setup) -> Vec<(&'static str, Vec<u8>)> {
+pub(super) fn identity(setup: &Setup) -> Vec<(&'static str, Vec<u8>)> {
     use crate::train::folder::{CONFIG, CURVES, FILTER, LOOKS, MODEL, SUMMARY};
     let store = LocalFolder::new(&setup.out);
     let mut files: Vec<_> =
@@ -171,7 +171,7 @@ pub fn identity(setup: &Setup) -> Vec<(&'static str, Vec<u8>)> {
 }
 
 /// The looks of a run.
-pub fn looks(setup: &Setup) -> Vec<crate::train::stopping::Look> {
+pub(super) fn looks(setup: &Setup) -> Vec<crate::train::stopping::Look> {
     let text = std::fs::read_to_string(setup.out.join(crate::train::folder::LOOKS)).unwrap();
     text.lines().map(|line| serde_json::from_str::<crate::train::looks::Line>(line).unwrap().look).collect()
 }

@@ -19,7 +19,7 @@ const ROOM: usize = 16;
 const SMALL_BYTES: usize = 32 << 10;
 
 /// Covariance of a group of weights.
-pub struct Covariance<T: Real> {
+pub(crate) struct Covariance<T: Real> {
     /// The group's weights.
     pub members: Vec<u32>,
     pub triangle: Triangle<T>,
@@ -45,7 +45,7 @@ pub struct Covariance<T: Real> {
 
 impl<T: Real> Covariance<T> {
     /// P = `variance` I; takes up to `batch` rows at a time.
-    pub fn new(members: Vec<u32>, variance: f64, batch: usize) -> Covariance<T> {
+    pub(super) fn new(members: Vec<u32>, variance: f64, batch: usize) -> Covariance<T> {
         let size = members.len();
         let width = chunks::<T>(size);
         let triangle = Triangle::diagonal(size, variance);
@@ -72,7 +72,7 @@ impl<T: Real> Covariance<T> {
 
     /// Takes this group's slopes of row `j` of a batch.
     #[inline(always)]
-    pub fn take(&mut self, j: usize, slopes: &[f64]) {
+    pub(super) fn take(&mut self, j: usize, slopes: &[f64]) {
         let chunks = &mut self.jacobian[j * self.width..][..self.width];
         if let Some(first) = self.run {
             let own = &slopes[first..first + self.members.len()];
@@ -98,7 +98,7 @@ impl<T: Real> Covariance<T> {
 
     /// Adds `q` to the variances and forms P b for the `count` Jacobians taken; afterwards there is room for their vectors.
     #[inline(always)]
-    pub fn pass<V: Simd<T>>(&mut self, count: usize, q: f64, masks: &[Masks<T::Chunk>]) {
+    pub(super) fn pass<V: Simd<T>>(&mut self, count: usize, q: f64, masks: &[Masks<T::Chunk>]) {
         self.pending_q += q;
         let full = self.rank + count > self.room;
         let (strips, width, backward) = (self.triangle.strips(), self.width, self.backward);

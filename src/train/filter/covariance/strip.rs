@@ -10,7 +10,7 @@ use crate::train::filter::triangle::{CovarianceBlock, Masks, ROWS};
 
 /// The elements of a vector that stand at a strip's rows.
 #[inline(always)]
-pub fn rows<T: Real>(vector: &[T::Chunk], strip: usize) -> [T; ROWS] {
+pub(super) fn rows<T: Real>(vector: &[T::Chunk], strip: usize) -> [T; ROWS] {
     let at = ROWS * strip;
     let four = &vector[at / T::LANES].as_ref()[at % T::LANES..][..ROWS];
     [four[0], four[1], four[2], four[3]]
@@ -18,7 +18,7 @@ pub fn rows<T: Real>(vector: &[T::Chunk], strip: usize) -> [T; ROWS] {
 
 /// Puts numbers where a vector stands at a strip's rows.
 #[inline(always)]
-pub fn put_rows<T: Real>(vector: &mut [T::Chunk], strip: usize, four: &[T; ROWS]) {
+pub(crate) fn put_rows<T: Real>(vector: &mut [T::Chunk], strip: usize, four: &[T; ROWS]) {
     let at = ROWS * strip;
     vector[at / T::LANES].as_mut()[at % T::LANES..][..ROWS].copy_from_slice(four);
 }
@@ -26,7 +26,7 @@ pub fn put_rows<T: Real>(vector: &mut [T::Chunk], strip: usize, four: &[T; ROWS]
 /// P += q I - sum_j t_j t_j' in `N` strips of one width. `pending` holds a chunk of each t_j, then the next chunk of each, with
 /// `room` for each chunk's; `at_rows` holds their elements at the strips' rows.
 #[inline(always)]
-pub fn apply<T: Real, V: Simd<T>, const N: usize>(
+pub(super) fn apply<T: Real, V: Simd<T>, const N: usize>(
     strips: &mut [&mut [CovarianceBlock<T::Chunk>]; N],
     pending: &[T::Chunk],
     room: usize,
@@ -72,7 +72,7 @@ pub fn apply<T: Real, V: Simd<T>, const N: usize>(
 
 /// [`apply`] for one vector and [`multiply`] for one Jacobian, in one go: for strips that lie in the nearest cache.
 #[inline(always)]
-pub fn fused<T: Real, V: Simd<T>>(
+pub(super) fn fused<T: Real, V: Simd<T>>(
     tiles: &mut [CovarianceBlock<T::Chunk>],
     (t, t_rows): (&[T::Chunk], [T; ROWS]),
     (b, b_rows): (&[T::Chunk], [T; ROWS]),
@@ -112,7 +112,7 @@ pub fn fused<T: Real, V: Simd<T>>(
 
 /// Adds the part of P b of `N` strips of one width to y, but for the sums along their rows, which it returns.
 #[inline(always)]
-pub fn multiply<T: Real, V: Simd<T>, const N: usize>(
+pub(super) fn multiply<T: Real, V: Simd<T>, const N: usize>(
     strips: &[&mut [CovarianceBlock<T::Chunk>]; N],
     b: &[T::Chunk],
     at_rows: &[[T; ROWS]; N],

@@ -6,7 +6,7 @@ use crate::train::filter::lanes::{Real, Simd};
 impl<T: Real> Covariance<T> {
     /// B P B' of the rows of a batch into the lower triangle of `to`; false where P cannot be positive semidefinite.
     #[inline(always)]
-    pub fn form(&self, count: usize, to: &mut [f64], stride: usize) -> bool {
+    pub(crate) fn form(&self, count: usize, to: &mut [f64], stride: usize) -> bool {
         let mut sound = true;
         for j in 0..count {
             for k in 0..=j {
@@ -37,7 +37,7 @@ impl<T: Real> Covariance<T> {
 
     /// Leaves t = P B' L^-T pending for the rows of a batch; `root` is L, row-major with `stride`.
     #[inline(always)]
-    pub fn leave<V: Simd<T>>(&mut self, count: usize, root: &[f64], stride: usize) {
+    pub(crate) fn leave<V: Simd<T>>(&mut self, count: usize, root: &[f64], stride: usize) {
         for (c, column) in self.pending.chunks_exact_mut(self.room).enumerate() {
             let column = &mut column[self.rank..];
             for j in 0..count {
@@ -53,7 +53,7 @@ impl<T: Real> Covariance<T> {
 
     /// Adds sum_j t_j z_j of the last rows left to the members' entries of `step`.
     #[inline(always)]
-    pub fn step(&self, z: &[f64], step: &mut [f64]) {
+    pub(crate) fn step(&self, z: &[f64], step: &mut [f64]) {
         let first = self.rank - z.len();
         let columns = self.pending.chunks_exact(self.room);
         if let Some(run) = self.run {
@@ -80,7 +80,7 @@ impl<T: Real> Covariance<T> {
     }
 
     /// Variances of the members, with what is pending; at least `floor`.
-    pub fn variances(&self, floor: f64) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn variances(&self, floor: f64) -> impl Iterator<Item = f64> + '_ {
         (0..self.members.len()).map(move |i| {
             let square = |j: usize| self.pending(j, i).f64() * self.pending(j, i).f64();
             let p = self.triangle.get(i, i).f64() + self.pending_q - (0..self.rank).map(square).sum::<f64>();
@@ -89,7 +89,7 @@ impl<T: Real> Covariance<T> {
     }
 
     /// Forgets all covariances; variances stay, but not below `floor`. The products become those of the new P.
-    pub fn rebuild(&mut self, count: usize, floor: f64) {
+    pub(crate) fn rebuild(&mut self, count: usize, floor: f64) {
         let variances: Vec<f64> = self.variances(floor).collect();
         for (i, p) in variances.into_iter().enumerate() {
             for j in 0..i {
@@ -107,11 +107,11 @@ impl<T: Real> Covariance<T> {
     }
 
     /// Element `i` of pending vector `j`.
-    pub fn pending(&self, j: usize, i: usize) -> T {
+    pub(crate) fn pending(&self, j: usize, i: usize) -> T {
         self.pending[i / T::LANES * self.room + j].as_ref()[i % T::LANES]
     }
 
-    pub fn set_pending(&mut self, j: usize, i: usize, value: T) {
+    pub(crate) fn set_pending(&mut self, j: usize, i: usize, value: T) {
         self.pending[i / T::LANES * self.room + j].as_mut()[i % T::LANES] = value;
     }
 }

@@ -17,10 +17,10 @@ use std::fmt::Debug;
 use std::ops::Add;
 
 use crate::cpu::InstructionSet;
-pub use crate::cpu::Isa;
+pub(crate) use crate::cpu::Isa;
 
 /// Element of a covariance.
-pub trait Real: Copy + Add<Output = Self> + Debug + Default + PartialEq + Send + Sync + 'static {
+pub(crate) trait Real: Copy + Add<Output = Self> + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Elements in a chunk.
     const LANES: usize;
     /// As state files call it.
@@ -38,7 +38,7 @@ pub trait Real: Copy + Add<Output = Self> + Debug + Default + PartialEq + Send +
 }
 
 /// A chunk in registers.
-pub trait Simd<T: Real>: Copy {
+pub(crate) trait Simd<T: Real>: Copy {
     /// Whether there are registers for more than a dozen chunks.
     const MANY: bool = false;
     fn load(from: &T::Chunk) -> Self;
@@ -62,7 +62,7 @@ pub trait Simd<T: Real>: Copy {
 }
 
 /// Work that is compiled once per instruction set.
-pub trait Kernel<T: Real> {
+pub(crate) trait Kernel<T: Real> {
     type Out;
     /// Implementations are `#[inline(always)]`, so that they take on the instruction set of their caller.
     fn run<V: Simd<T>>(self) -> Self::Out;
@@ -72,7 +72,7 @@ impl Isa {
     /// Runs a kernel, compiled for this set.
     #[inline]
     #[allow(unsafe_code)]
-    pub fn run<T: Real, K: Kernel<T>>(self, kernel: K) -> K::Out {
+    pub(crate) fn run<T: Real, K: Kernel<T>>(self, kernel: K) -> K::Out {
         match self.set() {
             // SAFETY: an `Isa` of this set proves that the CPU has it.
             #[cfg(target_arch = "x86_64")]
@@ -90,7 +90,7 @@ macro_rules! portable {
         /// One cache line of numbers.
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
         #[repr(C, align(64))]
-        pub struct $chunk([$real; $lanes]);
+        pub(crate) struct $chunk([$real; $lanes]);
 
         impl AsRef<[$real]> for $chunk {
             #[inline(always)]

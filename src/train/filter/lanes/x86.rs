@@ -7,14 +7,14 @@ use super::{Chunk32, Chunk64, Kernel, Real, Simd};
 /// # Safety
 /// The CPU has AVX-512 F and DQ.
 #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
-pub unsafe fn avx512<T: Real, K: Kernel<T>>(kernel: K) -> K::Out {
+pub(super) unsafe fn avx512<T: Real, K: Kernel<T>>(kernel: K) -> K::Out {
     kernel.run::<T::Avx512>()
 }
 
 /// # Safety
 /// The CPU has AVX2 and FMA.
 #[target_feature(enable = "avx2,fma")]
-pub unsafe fn avx2<T: Real, K: Kernel<T>>(kernel: K) -> K::Out {
+pub(super) unsafe fn avx2<T: Real, K: Kernel<T>>(kernel: K) -> K::Out {
     kernel.run::<T::Avx2>()
 }
 
@@ -23,7 +23,7 @@ macro_rules! wide {
      |$x:ident| $sum:expr) => {
         /// A chunk in one register. Made and used in [`avx512`] alone.
         #[derive(Clone, Copy)]
-        pub struct $wide($register);
+        pub(crate) struct $wide($register);
 
         // SAFETY (all): values of this type exist only in kernels that `avx512` runs, on a CPU that has the set; a
         // chunk and the register have the same size, and every bit pattern is valid. A fetch may have any address.
@@ -73,7 +73,7 @@ macro_rules! pair {
         /// A chunk in two registers. Made and used in [`avx2`] alone.
         #[derive(Clone, Copy)]
         #[repr(C)]
-        pub struct $pair($register, $register);
+        pub(crate) struct $pair($register, $register);
 
         // SAFETY (all): values of this type exist only in kernels that `avx2` runs, on a CPU that has the set; a
         // chunk and the pair have the same size, and every bit pattern is valid. A fetch may have any address.

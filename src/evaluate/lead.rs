@@ -1,0 +1,145 @@
+//! A report -> what a reader needs first: what is missed, what gives alarm, what a call is worth, and on which family it is worst.
+//!
+//! By cells, at the first threshold. A family is judged by its balanced accuracy, which its share of untraversable cells does not move;
+//! families without cells of both classes have none and are left out of worst and mean.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::{Deserialize, Serialize};
+
+use super::judge::Group;
+use super::report::{GroupReport, Report};
+use super::table::{percent, thousands};
+
+/// The families of a report as one: a network is worth what it is on the worst of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FamilySummary {
+    /// Families with cells of both classes.
+    pub families: usize,
+    /// Mean of their balanced accuracies.
+    pub mean_balanced_accuracy: f64,
+    pub worst: String,
+    pub worst_balanced_accuracy: f64,
+}
+
+impl FamilySummary {
+    /// `None` where there are not two families to compare.
+    pub(super) fn of(groups: &[GroupReport]) -> Option<FamilySummary> {
+        let balanced = |group: &GroupReport| {
+            let Group::Family(name) = &group.group else { return None };
+            Some((name.clone(), group.network.at.first()?.cells.rates.balanced_accuracy?))
+        };
+        let families: Vec<(String, f64)> = groups.iter().filter_map(balanced).collect();
+        // Of equals the first: the report does not depend on how the minimum is found.
+        let (worst, worst_balanced_accuracy) =
+            families.iter().reduce(|worst, other| if other.1 < worst.1 { other } else { worst })?.clone();
+        let mean_balanced_accuracy = families.iter().map(|(_, share)| share).sum::<f64>() / families.len() as f64;
+        (families.len() > 1).then_some(FamilySummary {
+            families: families.len(),
+            mean_balanced_accuracy,
+            worst,
+            worst_balanced_accuracy,
+        })
+    }
+}
+
+/// The lines that a report begins with.
+pub(super) struct Lead<'a>(pub &'a Report);
+
+impl Display for Lead<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Lead(report) = self;
+        let Some(at) = report.groups.first().and_then(|all| all.network.at.first()) else { return Ok(()) };
+        let (counts, rates) = (&at.cells.counts, &at.cells.rates);
+        let called = counts.true_untraversable + counts.false_untraversable;
+        let precision = (called > 0).then(|| counts.true_untraversable as f64 / called as f64);
+        let of = |part: u64, whole: u64| format!("{} of {}", thousands(part), thousands(whole));
+        let lines = [
+            (
+                "missed",
+                rates.missed_untraversable,
+                of(counts.missed_untraversable, counts.untraversable()),
+                "untraversable cells are called traversable: dangerous",
+            ),
+            (
+                "false",
+                rates.false_untraversable,
+                of(counts.false_untraversable, counts.traversable()),
+                "traversable cells are called untraversable: a detour",
+            ),
+            ("precision", precision, of(counts.true_untraversable, called), "cells called untraversable are"),
+        ];
+        for (name, share, counts, meaning) in lines {
+            writeln!(f, "{name:<9} {:>6} %  {counts} {meaning}", percent(share))?;
+        }
+        if let Some(FamilySummary { families, mean_balanced_accuracy, worst, worst_balanced_accuracy }) =
+            &report.families
+        {
+            let [worst_share, mean] =
+                [worst_balanced_accuracy, mean_balanced_accuracy].map(|share| percent(Some(*share)));
+            writeln!(
+                f,
+                "{:<9} {worst_share:>6} %  balanced accuracy on family {worst}; mean of {families} families {mean} %",
+                "worst"
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluate::Confusion;
+    use crate::evaluate::judge::{Threshold, ThresholdOrigin};
+    use crate::evaluate::report::{AtThreshold, Judged, Panels};
+
+    /// A family of 100 traversable and 100 untraversable cells.
+    fn family(name: &str, false_untraversable: u64, missed_untraversable: u64) -> GroupReport {
+        group(
+            name,
+            Confusion {
+                true_traversable: 100 - false_untraversable,
+                false_untraversable,
+                missed_untraversable,
+                true_untraversable: 100 - missed_untraversable,
+            },
+        )
+    }
+
+    fn group(name: &str, counts: Confusion) -> GroupReport {
+        let judged = Judged::of(counts);
+        let at = AtThreshold {
+            threshold: Threshold { value: 0.5, origin: ThresholdOrigin::Model },
+            cells: judged,
+            points: judged,
+            own_points: judged,
+            cells_without_tops: judged,
+            points_without_tops: judged,
+            own_points_without_tops: judged,
+        };
+        let panels = Panels { auc: None, auc_bound: 0.0, at: vec![at] };
+        let group = Group::Family(name.into());
+        GroupReport { group, cells: counts.total(), points: 0, network: panels.clone(), height_difference: panels }
+    }
+
+    #[test]
+    fn exact_the_worst_family_and_the_mean_of_all() {
+        let summary = FamilySummary::of(&[family("a", 0, 10), family("b", 20, 10), family("c", 10, 20)]);
+        let summary = summary.expect("three families");
+        // 95, 85 and 85 %: of equals the first.
+        assert_eq!((summary.families, summary.worst.as_str()), (3, "b"));
+        assert!((summary.worst_balanced_accuracy - 0.85).abs() < 1e-15);
+        assert!((summary.mean_balanced_accuracy - (0.95 + 0.85 + 0.85) / 3.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn extreme_families_of_one_class_and_single_families_are_not_compared() {
+        let bare = || group("bare", Confusion { true_traversable: 7, ..Confusion::default() });
+        assert_eq!(FamilySummary::of(&[]), None);
+        assert_eq!(FamilySummary::of(&[family("a", 1, 1)]), None);
+        assert_eq!(FamilySummary::of(&[family("a", 1, 1), bare()]), None);
+        let two = FamilySummary::of(&[bare(), family("a", 0, 40), family("b", 0, 0)]).expect("two that can be judged");
+        assert_eq!((two.families, two.worst.as_str()), (2, "a"));
+    }
+}
