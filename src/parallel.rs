@@ -139,7 +139,7 @@ pub(crate) fn for_each<T: Send, U: Send, M: Default + Send, E: Send + From<PoolE
 /// assert_eq!(squares.iter().sum::<u64>(), 99 * 100 * 199 / 6);
 /// # Ok::<(), PoolError>(())
 /// ```
-pub(crate) fn map<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
+pub fn map<T: Send, U: Send, M: Default + Send, E: Send + From<PoolError>>(
     threads: usize,
     items: Vec<T>,
     stop: &AtomicBool,

@@ -122,7 +122,7 @@ impl TableFile {
     }
 
     /// All row groups in order.
-    pub(crate) fn batches(&self) -> impl Iterator<Item = Result<RecordBatch, CorpusError>> + '_ {
+    pub fn batches(&self) -> impl Iterator<Item = Result<RecordBatch, CorpusError>> + '_ {
         (0..self.row_groups().len()).map(|group| self.read_row_group(group, None))
     }
 

@@ -112,7 +112,7 @@ impl Confusion {
     /// let calls_nothing = Confusion { true_traversable: 90, missed_untraversable: 10, ..Confusion::default() };
     /// assert_eq!(calls_nothing.rates().balanced_accuracy, Some(0.5));
     /// ```
-    pub(crate) fn rates(&self) -> Rates {
+    pub fn rates(&self) -> Rates {
         let missed = share(self.missed_untraversable, self.untraversable());
         let false_alarms = share(self.false_untraversable, self.traversable());
         Rates {

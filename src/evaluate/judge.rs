@@ -176,7 +176,7 @@ impl Panel {
 
 impl Judge {
     /// With at least one threshold of the output; the first is the one for densities.
-    pub(crate) fn new(thresholds: Vec<Threshold>, height_threshold: Option<Threshold>) -> Judge {
+    pub fn new(thresholds: Vec<Threshold>, height_threshold: Option<Threshold>) -> Judge {
         let tops = vec![MissedTops::default(); thresholds.len()];
         Judge {
             thresholds,
@@ -193,7 +193,7 @@ impl Judge {
 
     /// Adds one scan: its cells and the output for each. Empty names of family and sensor make no group. A cell whose output is
     /// NaN is counted and left out.
-    pub(crate) fn add_scan(&mut self, family: &str, sensor: &str, cells: &[Cell], outputs: &[f64]) {
+    pub fn add_scan(&mut self, family: &str, sensor: &str, cells: &[Cell], outputs: &[f64]) {
         if outputs.iter().any(|output| output.is_nan()) {
             let finite = cells.iter().copied().zip(outputs.iter().copied()).filter(|(_, output)| !output.is_nan());
             let (cells_left, outputs_left): (Vec<Cell>, Vec<f64>) = finite.unzip();
@@ -253,7 +253,7 @@ impl Judge {
     /// assert!(of_output > 0.4 && of_output <= 0.7);
     /// # Ok::<(), &str>(())
     /// ```
-    pub(crate) fn best_thresholds(&self) -> Option<(f64, f64)> {
+    pub fn best_thresholds(&self) -> Option<(f64, f64)> {
         let all = self.groups.get(&Group::All)?;
         all.network.scores.best_threshold().zip(all.height.scores.best_threshold())
     }

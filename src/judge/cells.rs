@@ -29,7 +29,7 @@ pub struct JudgedCells {
 
 impl JudgedCells {
     /// Cells of a class; of none: those that were not judged.
-    pub(crate) fn count(&self, class: Option<usize>) -> usize {
+    pub fn count(&self, class: Option<usize>) -> usize {
         self.classes.iter().filter(|&&there| there == class).count()
     }
 

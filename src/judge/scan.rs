@@ -99,28 +99,28 @@ pub struct JudgedScan {
 
 impl JudgedScan {
     /// The points of the scan in the map, each with what was said of its cell, in the cloud's order.
-    pub(crate) fn labelled_points(&self) -> Vec<LabelledPoint> {
+    pub fn labelled_points(&self) -> Vec<LabelledPoint> {
         let placer = CellAssigner::of_sensor(self.cells.grid, self.max_range_m, self.scan.pose.map_from_sensor);
         export::labelled(&self.scan.cloud, &placer, self.frame == Frame::Map, &self.cells)
     }
 
     /// These points as a PLY file.
-    pub(crate) fn ply(&self, points: &[LabelledPoint]) -> Vec<u8> {
+    pub fn ply(&self, points: &[LabelledPoint]) -> Vec<u8> {
         export::ply(points, &self.scan.name)
     }
 
     /// These points as a PCD file.
-    pub(crate) fn pcd(&self, points: &[LabelledPoint]) -> Vec<u8> {
+    pub fn pcd(&self, points: &[LabelledPoint]) -> Vec<u8> {
         export::pcd(points, self.scan.pose.map_from_sensor.translation_m)
     }
 
     /// The mean heights of the cells as a PLY mesh.
-    pub(crate) fn mesh(&self) -> Vec<u8> {
+    pub fn mesh(&self) -> Vec<u8> {
         export::mesh(&self.cells)
     }
 
     /// The cells as a map for ROS map servers. `image`: the name that the picture will have beside the YAML.
-    pub(crate) fn cost_map(&self, image: &str, shown: Shown) -> Result<CostMap, JudgeError> {
+    pub fn cost_map(&self, image: &str, shown: Shown) -> Result<CostMap, JudgeError> {
         cost_map(&self.cells, image, shown)
     }
 }

@@ -140,7 +140,7 @@ impl<'m> ScanJudge<'m> {
     }
 
     /// The cells of judged scans as a Parquet file with the columns of a corpus's `cells`. `name`: the file's, for messages.
-    pub(crate) fn parquet(&self, name: &str, scans: &[JudgedCells]) -> Result<Vec<u8>, JudgeError> {
+    pub fn parquet(&self, name: &str, scans: &[JudgedCells]) -> Result<Vec<u8>, JudgeError> {
         let rows = scans.iter().enumerate().map(|(number, scan)| cell_file::CellOutputs {
             scan_id: number as u32,
             cells: &scan.cells,
