@@ -21,7 +21,7 @@ pub enum Shown {
 
 /// A map as its two files.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct CostMap {
+pub struct CostMap {
     pub pgm: Vec<u8>,
     pub yaml: String,
 }

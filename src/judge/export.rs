@@ -7,7 +7,7 @@ use crate::geometry::{CellIndex, DVec3};
 
 /// A point of the scan, as written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LabelledPoint {
+pub struct LabelledPoint {
     pub point_m: DVec3,
     pub intensity: f32,
     /// The file's own label id; -1 where it has none.

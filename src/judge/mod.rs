@@ -85,8 +85,9 @@ mod tests;
 pub(crate) mod training_range;
 
 pub use cells::JudgedCells;
-pub use cost_map::Shown;
+pub use cost_map::{CostMap, Shown};
 pub use error::JudgeError;
+pub use export::LabelledPoint;
 pub use level::Levelled;
 pub(crate) use options::Setup;
 pub use options::{Frame, Options, PoseSource};
