@@ -53,9 +53,12 @@ purposes! {
     GroundFeatureWidth = 105, "scene.ground.features.width_m";
     GroundFeatureLength = 106, "scene.ground.features.length_m";
     GroundFeaturePlace = 107, "scene.ground.features";
+    GroundFeatureDepth = 108, "scene.ground.features.depth_m";
+    GroundFeatureRounding = 109, "scene.ground.features.rounding_m";
     RoughnessNoise = 110, "scene.ground.roughness";
     RoughnessRmsHeight = 111, "scene.ground.roughness.rms_height_m";
     RoughnessCorrelationLength = 112, "scene.ground.roughness.correlation_length_m";
+    GroundFeatureLip = 113, "scene.ground.features.lip_m";
     RockCount = 120, "scene.rocks.count";
     RockAbundance = 121, "scene.rocks.golombek.abundance";
     RockGolombekCount = 122, "scene.rocks.golombek";

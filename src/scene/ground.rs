@@ -8,6 +8,7 @@
 
 use std::sync::Arc;
 
+use super::excavation;
 use super::field::RandomField;
 use super::fit::MIN_NODES;
 use super::landforms;
@@ -144,7 +145,8 @@ fn raster(field: &RandomField, extent_m: f64, spacing_m: f64, noise: &crate::ran
 /// The shape with roughness and landforms on top, where the config names them.
 fn with_details(shape: Ground, params: &GroundParams, extent_m: f64, drawn: &Drawn, streams: &Streams) -> Ground {
     let landforms = landforms::place(&params.features, extent_m, streams);
-    if params.roughness.is_none() && landforms.is_empty() {
+    let excavations = excavation::place(&params.features, extent_m, streams);
+    if params.roughness.is_none() && landforms.is_empty() && excavations.is_empty() {
         return shape;
     }
     let own_m = match &shape {
@@ -154,7 +156,8 @@ fn with_details(shape: Ground, params: &GroundParams, extent_m: f64, drawn: &Dra
     let wanted_m = params.roughness.as_ref().map_or(LANDFORM_SPACING_M, |roughness| roughness.spacing_m);
     let spacing_m = wanted_m.min(own_m).max(extent_m / MAX_CELLS as f64);
     let mut ground = Raster::sampled(extent_m, spacing_m, |x, y| {
-        landforms.iter().fold(shape.height_m(x, y), |height, landform| height + landform.height_m(x, y))
+        let formed = landforms.iter().fold(shape.height_m(x, y), |height, landform| height + landform.height_m(x, y));
+        excavations.iter().fold(formed, |height, excavation| height + excavation.height_m(x, y))
     });
     if params.roughness.is_some() {
         let field = RandomField {

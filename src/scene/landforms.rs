@@ -1,6 +1,6 @@
 //! Ridges, steps, ditches and craters -> heights added to a raster.
 //!
-//! In: the `features` of a config, streams. Out: landforms with a height at any world point. Profiles: a bank or ditch is a
+//! In: the `features` of a config (`excavation` makes those that are dug), streams. Out: landforms with a height at any world point. Profiles: a bank or ditch is a
 //! Gaussian four standard deviations wide, with rounded ends; a step is a cubic ramp between two levels, which fades out
 //! over one width at its ends; a crater is a parabolic bowl with a rim of 0.18 of its depth that falls off as r^-3 (Pike
 //! 1977 for fresh simple craters; McGetchin et al. 1973 for the ejecta). Not modelled: overhangs, talus, degradation.
@@ -50,6 +50,7 @@ pub(super) fn place(features: &[FeatureParams], extent_m: f64, streams: &Streams
             FeatureParams::Step(params) => (Kind::Step, params),
             FeatureParams::Ditch(params) => (Kind::Ditch, params),
             FeatureParams::Crater(params) => (Kind::Crater, params),
+            FeatureParams::Trench(_) | FeatureParams::Hole(_) | FeatureParams::DropOff(_) => continue,
         };
         let entry = entries[kind as usize];
         entries[kind as usize] += 1;
@@ -113,7 +114,7 @@ fn gaussian(across_m: f64, past_end_m: f64, width_m: f64) -> f64 {
 }
 
 /// 0 below -1/2, 1 above 1/2, a cubic between.
-fn ramp(t: f64) -> f64 {
+pub(super) fn ramp(t: f64) -> f64 {
     let t = (t + 0.5).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }

@@ -25,6 +25,7 @@
 
 mod boxes;
 mod digest;
+mod excavation;
 #[cfg(test)]
 mod extremes;
 mod field;

@@ -87,8 +87,8 @@ pub struct GroundParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roughness: Option<RoughnessParams>,
-    /// Ridges, steps, ditches and craters on top of the shape; makes the ground a raster (of 0.05 m, unless the shape or the
-    /// roughness says otherwise).
+    /// Ridges, steps, ditches, craters, trenches, holes and drop-offs on top of the shape; makes the ground a raster (of 0.05 m, unless
+    /// the shape or the roughness says otherwise).
     #[garde(dive)]
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub features: Vec<FeatureParams>,
@@ -217,6 +217,12 @@ pub enum FeatureParams {
     Ditch(#[garde(dive)] LandformParams),
     /// A bowl with a raised rim.
     Crater(#[garde(dive)] LandformParams),
+    /// A straight trench with steep walls and a flat floor.
+    Trench(#[garde(dive)] ExcavationParams),
+    /// A round hole with steep walls and a flat floor.
+    Hole(#[garde(dive)] ExcavationParams),
+    /// A steep fall along a line; the low ground climbs back over the width.
+    DropOff(#[garde(dive)] ExcavationParams),
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
@@ -235,6 +241,41 @@ pub struct LandformParams {
     #[garde(custom(within(0.1, 10_000.0)))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_m: Option<Dist>,
+}
+
+/// A place that a rover drives into, placed at random `count` times.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields)]
+pub struct ExcavationParams {
+    /// How many, drawn per scene.
+    #[garde(custom(within(0.0, 1000.0)))]
+    pub count: Dist,
+    /// From the ground around to the floor, metres; drawn per excavation.
+    #[garde(custom(within(0.0, 20.0)))]
+    pub depth_m: Dist,
+    /// Width at half the depth (the diameter of a hole; over which the ground below a drop-off climbs back), metres; drawn per excavation.
+    #[garde(custom(within(0.05, 1000.0)))]
+    pub width_m: Dist,
+    /// Length along the line, metres (no meaning for a hole); drawn per excavation; default: across the whole yard.
+    #[garde(custom(within(0.1, 10_000.0)))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<Dist>,
+    /// Horizontal width of the wall, metres; drawn per excavation. Walls narrower than two nodes of the raster are as wide as those.
+    #[garde(custom(within(0.01, 100.0)))]
+    #[serde(default = "default_rounding_m")]
+    pub rounding_m: Dist,
+    /// Height of the lip of what was dug out, which falls to nothing half a width away, metres; drawn per excavation.
+    #[garde(custom(within(0.0, 5.0)))]
+    #[serde(default = "default_lip_m")]
+    pub lip_m: Dist,
+}
+
+fn default_rounding_m() -> Dist {
+    0.05.into()
+}
+
+fn default_lip_m() -> Dist {
+    0.0.into()
 }
 
 /// Rocks: hulls of jittered points on ellipsoids.

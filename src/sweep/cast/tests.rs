@@ -389,3 +389,50 @@ fn exact_ranges_on_the_mesh_of_a_cube_and_a_post() {
     let above = mesh.first_hit(DVec3::new(7.1, 5.1, 8.0), -DVec3::Z, 10.0);
     assert!((above.range_m - 2.0).abs() < 1e-5 && above.object == 1, "{above:?}");
 }
+
+#[test]
+fn equal_rays_into_a_trench_and_a_fine_march_meet_its_walls_and_floor() {
+    use crate::random::{Drawn, Stage, Streams};
+    use crate::scene::params::{ExcavationParams, FeatureParams, GroundParams, GroundShape, GroundSource, RawShape};
+    let trench = ExcavationParams {
+        count: 1.0.into(),
+        depth_m: 0.5.into(),
+        width_m: 1.0.into(),
+        length_m: None,
+        rounding_m: 0.06.into(),
+        lip_m: 0.05.into(),
+    };
+    let ground = GroundParams {
+        source: GroundSource::Flat,
+        shape: GroundShape::Raw(RawShape { spacing_m: 0.02 }),
+        features: vec![FeatureParams::Trench(trench)],
+        ..GroundParams::default()
+    };
+    let params =
+        crate::scene::SceneParams { extent_m: 10.0, ground, rocks: None, boxes: None, trees: None, vegetation: None };
+    let streams = Streams { seed: 5, scene: 2, attempt: 0, stage: Stage::Scene, step: 0 };
+    let scene = crate::scene::build(&params, &Drawn::draw(&streams, params.dists()), &streams).unwrap();
+    let caster = Caster::new(&scene, &Cast::Exact);
+    let (mut floor, mut wall) = (0, 0);
+    for k in 0..60_u32 {
+        let (x, y) = (1.0 + 8.0 * f64::from(k % 8) / 7.0, 1.0 + 8.0 * f64::from(k / 8) / 7.0);
+        let origin = DVec3::new(x, y, scene.ground.height_m(x, y) + 0.8);
+        for (dir, reach_m) in fan(200).into_iter().filter(|dir| dir.z < -0.1).map(|dir| (dir, 8.0)) {
+            let below = |range_m: f64| {
+                let point = origin + range_m * dir;
+                scene.contains(point.x, point.y) && point.z <= scene.ground.height_m(point.x, point.y)
+            };
+            let marched = (0..16_000).map(|k| 5e-4 * f64::from(k)).find(|&range_m| below(range_m));
+            let hit = caster.first_hit(origin, dir, reach_m);
+            let Some(marched_m) = marched else {
+                assert_eq!(hit.object, Hit::NOTHING, "{origin} {dir} {hit:?}");
+                continue;
+            };
+            assert!((hit.range_m - marched_m).abs() <= 6e-4, "{origin} {dir}: {hit:?} {marched_m}");
+            let point = origin + hit.range_m * dir;
+            floor += u32::from((point.z + 0.5).abs() < 1e-6);
+            wall += u32::from((-0.4..-0.1).contains(&point.z));
+        }
+    }
+    assert!(floor > 50 && wall > 20, "{floor} {wall}");
+}
