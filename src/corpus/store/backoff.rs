@@ -24,7 +24,7 @@ pub(crate) const NAME_BYTES: usize = 32;
 
 /// How long faults are borne with.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
+pub(super) struct Limits {
     pub patience: Duration,
     pub silence: Duration,
 }

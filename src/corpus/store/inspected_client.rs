@@ -24,7 +24,7 @@ use super::stored::Stored;
 
 /// Why an attempt failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub(super) enum Fault {
     /// There is no such object.
     NotFound,
     /// A create-only put found the name taken, or another writer at it.
@@ -74,7 +74,7 @@ const MAX_ERROR_BYTES: usize = 64 * 1024;
 pub(crate) const MAX_ANSWER_BYTES: u64 = 32 << 20;
 
 /// Runs one attempt, which ends in time and within so many bytes an answer, or is a fault.
-pub async fn attempt<T>(
+pub(super) async fn attempt<T>(
     limit: Duration,
     most: u64,
     work: impl Future<Output = Result<T, object_store::Error>>,
