@@ -78,6 +78,7 @@ impl TruthSum {
             object: Hit::GROUND,
             protrusion_m: 0.0,
             slope_rad: 0.0,
+            crossing: None,
         },
         tallest_m: f64::NEG_INFINITY,
         steepest_squared: 0.0,

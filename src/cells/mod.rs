@@ -34,6 +34,7 @@
 mod assign;
 mod bin;
 mod columns;
+mod crossing;
 mod group;
 mod label;
 mod labels;
@@ -51,6 +52,9 @@ pub use columns::{
     HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, feature_columns, is_neighbour,
     neighbour_offsets,
 };
+pub use crossing::params::RoverRule;
+pub use crossing::{Crossing, Limit};
+pub(crate) use crossing::{Scratch as CrossingScratch, judge as judge_crossing};
 pub use label::Label;
 pub use labels::obstacles;
 pub use params::CellParams;
@@ -99,6 +103,10 @@ impl Cells {
             for value in [row.range_m, truth.protrusion_m, truth.slope_rad] {
                 hasher.update(&value.to_bits().to_le_bytes());
             }
+            if let Some(crossing) = truth.crossing {
+                hasher.update(&crossing.margin_m.to_bits().to_le_bytes());
+                hasher.update(&crossing.limit.number().to_le_bytes());
+            }
         }
         for value in &self.features {
             hasher.update(&value.to_bits().to_le_bytes());
@@ -135,6 +143,8 @@ pub struct CellTruth {
     pub protrusion_m: f32,
     /// Steepest true ground slope under the cell's ground points.
     pub slope_rad: f32,
+    /// How a rover gets over the cell; `None` where no rover was asked.
+    pub crossing: Option<Crossing>,
 }
 
 /// Nothing is known: no points of an obstacle, no class, no object, flat.
@@ -147,6 +157,7 @@ impl Default for CellTruth {
             object: points::UNKNOWN,
             protrusion_m: 0.0,
             slope_rad: 0.0,
+            crossing: None,
         }
     }
 }

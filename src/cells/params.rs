@@ -4,6 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::crossing::params::RoverRule;
 use crate::random::within;
 
 /// The grid, its features and its labels.
@@ -89,11 +90,20 @@ pub struct LabelParams {
     #[garde(custom(within(0.1, 90.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_ground_slope_deg: Option<f64>,
+    /// Labels by what a rover can cross, judged on the true ground and bodies, instead of by obstacles' points; absent = by points.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rover: Option<RoverRule>,
 }
 
 impl Default for LabelParams {
     fn default() -> Self {
-        LabelParams { obstacle: ObstacleRule::TallerThanWheel, min_obstacle_points: 1, max_ground_slope_deg: None }
+        LabelParams {
+            obstacle: ObstacleRule::TallerThanWheel,
+            min_obstacle_points: 1,
+            max_ground_slope_deg: None,
+            rover: None,
+        }
     }
 }
 

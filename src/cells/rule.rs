@@ -98,6 +98,14 @@ impl LabelParams {
     }
 }
 
+impl CellTruth {
+    /// Whether the rover that judged the cell must not cross it: beyond a limit, or a plant that is marked untraversable.
+    pub(super) fn bars_rover(&self) -> bool {
+        let is_plant = self.class.is_some_and(|class| class != Class::Ground && !class.is_solid());
+        self.crossing.is_some_and(|crossing| crossing.margin_m < 0.0) || is_plant && self.obstacle_points > 0
+    }
+}
+
 impl LabelRule {
     /// The label of a cell by its truth.
     pub fn label(&self, truth: &CellTruth) -> Label {

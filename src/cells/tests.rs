@@ -332,7 +332,7 @@ fn extreme_slots_without_a_number_or_off_the_grid_are_counted_by_cause() {
 
 /// Labels of single-point cells, one for each object (ground, then 0 to 5).
 fn labels_by_object(rule: ObstacleRule, min_obstacle_points: u32) -> Vec<i8> {
-    let labels = LabelParams { obstacle: rule, min_obstacle_points, max_ground_slope_deg: None };
+    let labels = LabelParams { obstacle: rule, min_obstacle_points, ..LabelParams::default() };
     let params = CellParams { labels, size_m: 1.0, ..CellParams::default() };
     let points: Vec<(DVec3, i32)> = (-1..6).map(|id| (DVec3::new(0.5 + f64::from(id + 1), 0.5, 0.1), id)).collect();
     bin_one(&params, &points, Pose::default(), &yard(0.0)).rows.iter().map(|r| r.label.unwrap().number()).collect()

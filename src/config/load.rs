@@ -190,6 +190,9 @@ impl Loader {
             slam: slam.unwrap_or_default(),
             cells: cells?,
         };
+        if matches!(family.drive.rover, Preset::Inline(_)) {
+            resolve_limits(&mut family);
+        }
         // A preset that could not be read has its fault already.
         let resolved = matches!((&family.drive.rover, &family.sweep.sensor), (Preset::Inline(_), Preset::Inline(_)));
         (resolved && self.read_pattern(&mut family.sweep, &KeyPath { root: tree }).is_some()).then_some(family)
@@ -306,6 +309,16 @@ impl Loader {
         file.raster = Some(map.raster);
         file.blake3 = Some(map.blake3);
         Some(PlanFile { path: file.path.clone(), from })
+    }
+}
+
+/// Writes the rover's limits out where labels read them, and nowhere else: plans that do not ask stay as they were.
+fn resolve_limits(family: &mut Family) {
+    if let Some(rule) = &mut family.cells.labels.rover {
+        *rule = rule.resolved(&family.drive.rover);
+    }
+    if let Preset::Inline(rover) = &mut family.drive.rover {
+        rover.limits = None;
     }
 }
 

@@ -32,6 +32,7 @@ impl Plan {
             tables: self.tables.clone(),
             // Checked by the rules: the same for all families.
             features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
+            by_rover: first.cells.labels.rover.is_some(),
             drawn: drawn.into_iter().collect(),
             families: self.families.iter().map(|f| f.name.clone()).collect(),
             scene_plan_hash: self.scene_plan_hash(),

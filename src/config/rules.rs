@@ -98,6 +98,8 @@ pub(crate) fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<
         );
         let local = |cells: &CellParams| cells.local_height.as_ref().map_or("absent".to_owned(), |local| local.words());
         differ("cells.local_height", local(a), local(b), "one corpus has one set of columns");
+        let rover = |cells: &CellParams| if cells.labels.rover.is_some() { "on" } else { "off" }.to_owned();
+        differ("cells.labels.rover", rover(a), rover(b), "one corpus has one set of columns");
         let on = |family: &Family| if family.sweep.effects.intensity.is_some() { "on" } else { "off" }.to_owned();
         differ("sweep.effects.intensity", on(first), on(family), "one corpus has one set of columns");
     }
@@ -114,6 +116,7 @@ pub(crate) fn of_family(family: &Family, place: &KeyPath, faults: &mut Vec<Fault
     rules.ranges();
     rules.slam();
     rules.cells();
+    rules.rover_labels();
     rules.rover();
 }
 
@@ -468,6 +471,28 @@ impl Rules<'_, '_, '_> {
             );
             let cure = "1 m is usual; the time grows with the radius in cells";
             self.fault("cells.local_height.radius_m", rule, cure, &[("cells.size_m", "the cell")]);
+        }
+    }
+
+    fn rover_labels(&mut self) {
+        let labels = &self.family.cells.labels;
+        let Some(rule) = &labels.rover else { return };
+        let missing = rule.missing();
+        if !missing.is_empty() {
+            let rover = &self.family.drive.rover.name;
+            let rule =
+                format!("neither 'cells.labels.rover' nor the file of the rover '{rover}' says {}", missing.join(", "));
+            let cure = "write `limits:` into the rover's file, or the keys under cells.labels.rover";
+            self.fault("cells.labels.rover", rule, cure, &[("drive.rover", "the rover")]);
+        }
+        let (points, slope_deg) = (labels.min_obstacle_points, labels.max_ground_slope_deg);
+        let by_points = [
+            ("cells.labels.min_obstacle_points", points > 1, "take it out: the rover counts no points"),
+            ("cells.labels.max_ground_slope_deg", slope_deg.is_some(), "take it out: max_tilt_deg bounds slopes"),
+        ];
+        for (key, _, cure) in by_points.into_iter().filter(|(_, is_named, _)| *is_named) {
+            let also = [("cells.labels.rover", "the rover's rule")];
+            self.fault(key, "labels are the rover's, which is a whole rule".into(), cure, &also);
         }
     }
 

@@ -12,7 +12,7 @@ use arrow_buffer::NullBuffer;
 
 use super::CorpusError;
 use super::reader::{TableFile, column, rows_of_scene};
-use crate::cells::{CellTruth, Label};
+use crate::cells::{CellTruth, Crossing, Label, Limit};
 use crate::geometry::CellIndex;
 use crate::scene::Class;
 
@@ -28,6 +28,9 @@ pub(crate) const CLASS: &str = "truth_class";
 pub(super) const OBJECT: &str = "truth_object_id";
 pub(super) const PROTRUSION_M: &str = "truth_protrusion_m";
 pub(super) const SLOPE_RAD: &str = "truth_slope_rad";
+/// Where a rover labels the cells, what it said.
+pub(crate) const MARGIN_M: &str = "truth_margin_m";
+pub(crate) const LIMIT: &str = "truth_limit";
 /// What only the simulator knows of a cell.
 pub(crate) const TRUTH: [&str; 6] = [OBSTACLE_POINTS, TOP_POINTS, CLASS, OBJECT, PROTRUSION_M, SLOPE_RAD];
 /// What a [`LabelRule`](crate::cells::LabelRule) asks of the truth.
@@ -153,6 +156,13 @@ impl CellBatch {
             let last = Class::ALL.len() - 1;
             return Err(format!("its column '{CLASS}' holds {number}; classes are 0 to {last}, -1 or null"));
         }
+        let limit = self.column_if_there::<Int8Type>(LIMIT)?;
+        if let Some(number) =
+            limit.and_then(|column| wrong_number(&column, |number| Limit::of_number(number).is_some()))
+        {
+            let last = Limit::ALL.len() - 1;
+            return Err(format!("its column '{LIMIT}' holds {number}; limits are 0 to {last} or null"));
+        }
         let whole = |name: &str| self.column_if_there::<Int32Type>(name);
         let real = |name: &str| self.column_if_there::<Float32Type>(name);
         Ok(TruthColumns {
@@ -162,6 +172,8 @@ impl CellBatch {
             object: whole(OBJECT)?,
             protrusion_m: real(PROTRUSION_M)?,
             slope_rad: real(SLOPE_RAD)?,
+            margin_m: real(MARGIN_M)?,
+            limit,
         })
     }
 }
@@ -231,9 +243,16 @@ pub(crate) struct TruthColumns<'b> {
     object: Option<Column<'b, i32>>,
     protrusion_m: Option<Column<'b, f32>>,
     slope_rad: Option<Column<'b, f32>>,
+    margin_m: Option<Column<'b, f32>>,
+    limit: Option<Column<'b, i8>>,
 }
 
 impl TruthColumns<'_> {
+    fn crossing_at(&self, row: usize) -> Option<Crossing> {
+        let limit = self.limit.and_then(|column| column.at(row)).and_then(Limit::of_number)?;
+        Some(Crossing { margin_m: self.margin_m.and_then(|column| column.at(row))?, limit })
+    }
+
     /// What a column that is absent or null would say is as in [`CellTruth::default`]: nothing is known of it.
     #[inline]
     pub(crate) fn at(&self, row: usize) -> CellTruth {
@@ -247,6 +266,7 @@ impl TruthColumns<'_> {
             object: whole(&self.object, unknown.object),
             protrusion_m: real(&self.protrusion_m, unknown.protrusion_m),
             slope_rad: real(&self.slope_rad, unknown.slope_rad),
+            crossing: self.crossing_at(row),
         }
     }
 }

@@ -57,8 +57,7 @@ fn file_set(table: Table) -> Value {
 }
 
 fn record_set(table: Table, spec: &CorpusSpec) -> Value {
-    let fields: Vec<Value> =
-        schema::columns(table, &spec.features, &spec.drawn).iter().map(|column| field(table, column)).collect();
+    let fields: Vec<Value> = spec.columns(table).iter().map(|column| field(table, column)).collect();
     json!({
         "@type": "cr:RecordSet",
         "@id": table.name(),

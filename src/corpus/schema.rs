@@ -99,10 +99,11 @@ pub(crate) struct Column {
 }
 
 /// The columns of a table, in order.
-pub(crate) fn columns(table: Table, features: &[FeatureColumn], drawn: &[Purpose]) -> Vec<Column> {
+/// `by_rover`: cells are labelled by a rover.
+pub(crate) fn columns(table: Table, features: &[FeatureColumn], drawn: &[Purpose], by_rover: bool) -> Vec<Column> {
     match table {
         Table::Cells => {
-            let mut columns = tables::columns(&tables::cells::definitions());
+            let mut columns = tables::columns(&tables::cells::definitions(by_rover));
             columns.extend(features.iter().map(|feature| Column {
                 name: feature.name.clone(),
                 kind: Kind::Float32,
@@ -180,7 +181,7 @@ pub(crate) fn document(table: Table, features: &[FeatureColumn], drawn: &[Purpos
         "table": table.name(),
         "row": table.row_is(),
         "sorted_by": sort_keys(table),
-        "columns": columns(table, features, drawn),
+        "columns": columns(table, features, drawn, false),
     })
 }
 
@@ -201,7 +202,7 @@ mod tests {
     #[test]
     fn exact_cells_columns_stand_in_the_order_of_the_design() {
         let feature = FeatureColumn { name: "mean_height_m".into(), unit: "m", description: "d".into() };
-        let names: Vec<String> = columns(Table::Cells, &[feature], &[]).into_iter().map(|c| c.name).collect();
+        let names: Vec<String> = columns(Table::Cells, &[feature], &[], false).into_iter().map(|c| c.name).collect();
         let expected = "scene_id scan_id row col label points range_m neighbour_mask truth_obstacle_points truth_top_points \
                         truth_class truth_object_id truth_protrusion_m truth_slope_rad mean_height_m";
         assert_eq!(names, expected.split_whitespace().collect::<Vec<_>>());
@@ -210,7 +211,7 @@ mod tests {
     #[test]
     fn law_every_column_has_a_unique_name_a_unit_and_a_meaning() {
         for table in Table::ALL {
-            let columns = columns(table, &[], Purpose::ALL);
+            let columns = columns(table, &[], Purpose::ALL, true);
             let mut names: Vec<&str> = columns.iter().map(|c| c.name.as_str()).collect();
             names.sort_unstable();
             names.dedup();
@@ -229,7 +230,7 @@ mod tests {
     fn law_units_end_the_names_of_columns_that_have_one() {
         let ends = [("m", "_m"), ("m2", "_m2"), ("rad", "_rad"), ("s", "_s")];
         for table in Table::ALL {
-            for column in columns(table, &[], &[]) {
+            for column in columns(table, &[], &[], true) {
                 if let Some((_, end)) = ends.iter().find(|(unit, _)| *unit == column.unit) {
                     assert!(column.name.ends_with(end), "{table:?} {} [{}]", column.name, column.unit);
                 }
@@ -252,7 +253,7 @@ mod tests {
 
     #[test]
     fn exact_field_metadata_carries_unit_role_and_description() {
-        let columns = columns(Table::Cells, &[], &[]);
+        let columns = columns(Table::Cells, &[], &[], false);
         let schema = arrow_schema(&columns);
         let range = schema.field_with_name("range_m").unwrap();
         let about = range.metadata();

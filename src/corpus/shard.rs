@@ -53,7 +53,7 @@ impl<'a> ShardWriter<'a> {
     ) -> Result<ShardWriter<'a>, CorpusError> {
         let mut writers = BTreeMap::new();
         for &table in &spec.tables {
-            let columns = schema::columns(table, &spec.features, &spec.drawn);
+            let columns = spec.columns(table);
             let arrow = schema::arrow_schema(&columns);
             let range = spec.scenes_of(shard);
             let key_values = [
@@ -233,7 +233,7 @@ fn cells_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput, scan:
     let row = |cell| tables::cells::Row { scene_id: scene.scene_id as i64, scan_id: scan.scan_id as i32, cell };
     let rows: Vec<_> = scan.cells.rows.iter().map(row).collect();
     let features = tables::features(&scan.cells, spec.features.len());
-    tables::batch(schema, &tables::cells::definitions(), &rows, features)
+    tables::batch(schema, &tables::cells::definitions(spec.by_rover), &rows, features)
 }
 
 fn poses_batch(schema: &SchemaRef, scene: &SceneOutput) -> Batch {

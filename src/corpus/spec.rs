@@ -2,6 +2,7 @@
 
 use super::Table;
 use super::card::FamilyFacts;
+use super::schema::{self, Column};
 use crate::cells::FeatureColumn;
 use crate::plan::CardParams;
 use crate::random::Purpose;
@@ -16,6 +17,8 @@ pub struct CorpusSpec {
     pub tables: Vec<Table>,
     /// The feature columns of `cells`, in order; the same for all families.
     pub features: Vec<FeatureColumn>,
+    /// Cells are labelled by a rover, and have its columns.
+    pub by_rover: bool,
     /// What is drawn once per scene, of all families: the last columns of `scenes`, in the order of the register.
     pub drawn: Vec<Purpose>,
     pub families: Vec<String>,
@@ -32,6 +35,11 @@ pub struct CorpusSpec {
 }
 
 impl CorpusSpec {
+    /// The columns of a table, in order.
+    pub(crate) fn columns(&self, table: Table) -> Vec<Column> {
+        schema::columns(table, &self.features, &self.drawn, self.by_rover)
+    }
+
     /// Whole shards of the plan; `scenes` is a multiple of `scenes_per_shard`.
     pub(crate) fn shards(&self) -> u64 {
         self.scenes.div_ceil(u64::from(self.scenes_per_shard.max(1)))

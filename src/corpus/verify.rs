@@ -221,7 +221,7 @@ fn verify_file(
         Err(error) => return damage(error),
     };
     let mut faults = Vec::new();
-    let expected = schema::arrow_schema(&schema::columns(table, &spec.features, &spec.drawn));
+    let expected = schema::arrow_schema(&spec.columns(table));
     if file.schema().fields() != expected.fields() {
         faults.push("its columns are not those of the plan".to_string());
     }

@@ -25,6 +25,7 @@
 //!     max_speed_mps: 0.5,
 //!     max_yaw_rate_degps: 30.0,
 //!     mount: Mount { x_m: 0.2, y_m: 0.0, z_m: 0.6, yaw_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 },
+//!     limits: None,
 //! };
 //! let params = DriveParams {
 //!     rover: Preset::Inline(Box::new(rover)),
@@ -56,6 +57,7 @@ mod fixtures;
 mod follow;
 mod guide;
 mod instruments;
+pub mod limits;
 mod linkage;
 mod motion;
 mod outline;

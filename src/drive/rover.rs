@@ -4,6 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::limits::RoverLimits;
 use crate::geometry::{DVec3, Pose, Transform};
 use crate::random::within;
 
@@ -35,6 +36,10 @@ pub struct Rover {
     /// Where the sensor's head sits, rover frame.
     #[garde(dive)]
     pub mount: Mount,
+    /// What it can cross, for `cells.labels.rover`; the resolved plan has it there.
+    #[garde(dive)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<RoverLimits>,
 }
 
 impl Rover {

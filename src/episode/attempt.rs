@@ -119,7 +119,7 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
         let family = self.family();
         let wheel_diameter_m = family.drive.rover.wheel_diameter_m;
         let max_range_m = family.cells.max_range_m.unwrap_or(family.sweep.sensor.max_range_m);
-        let cells = cells::bin(
+        let mut cells = cells::bin(
             &family.cells,
             &window.scans(),
             rover_from_sensor,
@@ -128,11 +128,17 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
             self.scene,
             &mut self.scratch.cells,
         );
+        let map_from_sensor = estimate.pose.transform() * *rover_from_sensor;
+        if let Some((rule, world_from_sensor)) = family.cells.labels.rover.as_ref().zip(window.newest_place()) {
+            let places = [&world_from_sensor, &map_from_sensor];
+            let (rover, size_m, crossing) = (&*family.drive.rover, family.cells.size_m, &mut self.scratch.crossing);
+            cells::judge_crossing(rule, rover, size_m, self.scene, places, &mut cells, crossing);
+        }
         self.observer.end(Stage::Cells, |hasher| cells.hash_into(hasher));
         let newest = window.newest().filter(|_| self.prepared.keep_points);
         let points = newest.map(|sweep| ScanPoints {
             sweep: sweep.clone(),
-            map_from_sensor: estimate.pose.transform() * *rover_from_sensor,
+            map_from_sensor,
             grid: GridSpec { size_m: family.cells.size_m },
             max_range_m,
             obstacles: cells::obstacles(&family.cells.labels, wheel_diameter_m, self.scene),

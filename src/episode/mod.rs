@@ -40,6 +40,7 @@ pub struct Prepared {
 pub struct Scratch {
     sweep: sweep::Scratch,
     cells: cells::Scratch,
+    crossing: cells::CrossingScratch,
 }
 
 /// Why a scene has no rows.

@@ -53,6 +53,11 @@ impl SweepWindow {
         self.sweeps.back().map(|swept| &swept.sweep)
     }
 
+    /// Where the sensor truly was when it was made.
+    pub(super) fn newest_place(&self) -> Option<Transform> {
+        self.sweeps.back().map(|swept| swept.world_from_sensor)
+    }
+
     /// Gives all memory back.
     pub(super) fn clear(self, scratch: &mut sweep::Scratch) {
         self.sweeps.into_iter().for_each(|swept| scratch.reuse(swept.sweep));

@@ -33,6 +33,7 @@ fn kapvik_like() -> Rover {
         max_speed_mps: 0.2,
         max_yaw_rate_degps: 30.0,
         mount: Mount { x_m: 0.2, y_m: 0.0, z_m: 0.6, yaw_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 },
+        limits: None,
     }
 }
 

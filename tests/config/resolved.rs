@@ -300,3 +300,31 @@ range_step_m: 0.001\ndivergence_mrad: 1\nrange_at_10_percent_m: 4\nranging: {pul
     // The resolved plan needs neither the sensor's file nor the pattern's.
     assert_comes_back(&plan);
 }
+
+#[test]
+fn exact_a_rovers_limits_stand_where_labels_read_them_and_nowhere_else() {
+    // Without the rule the limits of the rover's file leave no trace: plans and hashes of old stay.
+    assert!(!["limits:", "max_tilt_deg"].iter().any(|key| plan(&[]).to_yaml().contains(key)));
+    let by_rover = plan(&["cells.labels={rover: {max_step_m: 0.07, soil: loose}}"]);
+    assert_comes_back(&by_rover);
+    let rule = by_rover.families[0].cells.labels.rover.clone().unwrap();
+    assert_eq!((rule.max_step_m, rule.max_tilt_deg, rule.max_side_slip_deg), (Some(0.07), Some(30.0), Some(15.0)));
+    assert!(rule.missing().is_empty() && !by_rover.to_yaml().contains("limits:"));
+    assert!(plan(&["drive.rover=husky-a200", "cells.labels.rover={}"]).to_yaml().contains("max_gap_m: 0.22"));
+}
+
+#[test]
+fn exact_a_rovers_rule_is_refused_where_a_limit_is_missing_or_points_are_counted_too() {
+    let refused = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        load(Path::new("configs/quickstart.yaml"), &sets).expect_err("refused").lines()
+    };
+    let rover = "drive.rover={name: own, chassis: {rigid: {wheelbase_m: 0.4, track_m: 0.4}}, wheel_diameter_m: 0.1, length_m: 0.6, \
+                 width_m: 0.5, max_speed_mps: 0.1, max_yaw_rate_degps: 10, mount: {x_m: 0, z_m: 0.5}}";
+    let said = refused(&[rover, "cells.labels.rover={max_step_m: 0.1}"]);
+    assert!(said.contains("of the rover 'own' says max_tilt_deg, max_gap_m, max_side_slip_deg"), "{said}");
+    let said = refused(&["cells.labels={rover: {}, min_obstacle_points: 3, max_ground_slope_deg: 20}"]);
+    assert!(said.contains("take it out: max_tilt_deg bounds slopes"), "{said}");
+    let named = refused(&["cells.labels={rover: {max_step: 0.1}}"]);
+    assert!(named.contains("max_step_m"), "{named}");
+}

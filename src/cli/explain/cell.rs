@@ -4,8 +4,8 @@ use std::path::Path;
 
 use crate::cells::params::{LabelParams, ObstacleRule};
 use crate::cells::{
-    CellAssigner, CellRow, FeatureColumn, HEIGHT_VARIANCE, Label, MEAN_HEIGHT, Offset, feature_columns, is_neighbour,
-    neighbour_offsets,
+    CellAssigner, CellRow, Crossing, FeatureColumn, HEIGHT_VARIANCE, Label, MEAN_HEIGHT, Offset, feature_columns,
+    is_neighbour, neighbour_offsets,
 };
 use crate::cli::Failure;
 use crate::cli::output::outln;
@@ -172,7 +172,15 @@ fn tell_label(family: &Family, replay: &Replay, row: &CellRow) {
         let word = if of_counted.is_steep(truth) { "steeper" } else { "not steeper" };
         outln!("  ground slope: {slope_deg:.2} degrees, {word} than the limit of {limit_deg}");
     }
+    if let (Some(rover), Some(crossing)) = (&rule.rover, truth.crossing) {
+        outln!("  the label is the rover's: it can cross {}", rover.words());
+        outln!("  nearest limit: {}, {:.3} m {}", crossing.limit.name(), crossing.margin_m.abs(), side_words(crossing));
+    }
     outln!("  label: {}", label_words(row.label));
+}
+
+fn side_words(crossing: Crossing) -> &'static str {
+    if crossing.margin_m < 0.0 { "beyond it" } else { "within it" }
 }
 
 fn label_words(label: Option<Label>) -> String {

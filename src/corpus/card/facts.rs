@@ -100,6 +100,13 @@ fn cell_words(cells: &CellParams) -> String {
 /// The label's rule; what the columns `truth_*` allow to be asked anew.
 fn label_words(cells: &CellParams, wheel_diameter_m: f64) -> String {
     let labels = &cells.labels;
+    if let Some(rover) = &labels.rover {
+        return format!(
+            "asks more of the rover, along one of eight headings, than {}; or whose tallest return is of vegetation that \
+             the plan marks untraversable",
+            rover.words()
+        );
+    }
     let points = match labels.min_obstacle_points {
         1 => "a point".into(),
         least => format!("{least} points or more"),
@@ -139,6 +146,7 @@ mod tests {
             obstacle: ObstacleRule::TallerThanM(0.3),
             min_obstacle_points: 5,
             max_ground_slope_deg: Some(20.0),
+            rover: None,
         };
         let strict = with(strict);
         assert!(strict.starts_with("holds 5 points or more") && strict.contains("more than 0.3 m"), "{strict}");

@@ -50,7 +50,7 @@ fn front_matter(out: &mut String, spec: &CorpusSpec, manifest: &Manifest) -> std
     writeln!(out, "dataset_info:")?;
     for &table in &spec.tables {
         writeln!(out, "- config_name: {}\n  features:", table.name())?;
-        for column in schema::columns(table, &spec.features, &spec.drawn) {
+        for column in spec.columns(table) {
             writeln!(out, "  - name: {}", column.name)?;
             if column.role == Role::Label {
                 writeln!(out, "    dtype:\n      class_label:\n        names:")?;
@@ -116,9 +116,7 @@ fn body(out: &mut String, spec: &CorpusSpec, manifest: &Manifest) -> std::fmt::R
             table.name(),
             table.row_is()
         )?;
-        for Column { name, kind, nullable, unit, role, description } in
-            schema::columns(table, &spec.features, &spec.drawn)
-        {
+        for Column { name, kind, nullable, unit, role, description } in spec.columns(table) {
             let null = if nullable { ", nullable" } else { "" };
             let role = format!("{role:?}").to_lowercase();
             writeln!(out, "| `{name}` | {}{null} | {unit} | {role} | {} |", kind.name(), cell(&description))?;

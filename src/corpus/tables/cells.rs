@@ -15,10 +15,11 @@ pub(crate) struct Row<'a> {
 
 type Extract<'a> = super::Extract<Row<'a>>;
 
+/// `by_rover`: cells are labelled by a rover.
 #[rustfmt::skip]
-pub(crate) fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
+pub(crate) fn definitions<'a>(by_rover: bool) -> Vec<Definition<Row<'a>>> {
     let [scene_id, scan_id, row, col] = name::KEYS;
-    vec![
+    let mut definitions = vec![
         define(scene_id, "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
         define(scan_id, "1", Key, "Number of the stop at which the kept scan was made, from 0.", Extract::number(|r| r.scan_id)),
         define(row, "1", Key, "Cell row: floor(y / cell size), frame map, from the yard's corner; may be negative.", Extract::number(|r| r.cell.index.row)),
@@ -33,5 +34,12 @@ pub(crate) fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
         define(name::OBJECT, "1", Truth, "Id of that object within the scene, -1 for ground.", Extract::number(|r| r.cell.truth.object)),
         define(name::PROTRUSION_M, "m", Truth, "Height of that object above the ground, 0 for ground.", Extract::number(|r| r.cell.truth.protrusion_m)),
         define(name::SLOPE_RAD, "rad", Truth, "Steepest true slope of the ground under the cell's ground points.", Extract::number(|r| r.cell.truth.slope_rad)),
-    ]
+    ];
+    if by_rover {
+        definitions.extend([
+            define(name::MARGIN_M, "m", Truth, "Distance of what the rover meets in the cell from the nearest of its limits, negative beyond it; null where no rover was asked.", Extract::number_or_null(|r| r.cell.truth.crossing.map(|crossing| crossing.margin_m))),
+            define(name::LIMIT, "1", Truth, "That limit: 0 climb, 1 drop, 2 gap, 3 belly, 4 tilt, 5 side slip; null where no rover was asked.", Extract::number_or_null(|r| r.cell.truth.crossing.map(|crossing| crossing.limit.number()))),
+        ]);
+    }
+    definitions
 }

@@ -28,6 +28,7 @@ pub(crate) fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
             feature("mean_height_m", "m", "Mean height of the points above the rover."),
             feature("height_variance_m2", "m2", "Variance of the points' heights."),
         ],
+        by_rover: false,
         drawn: vec![Purpose::GroundRmsHeight, Purpose::GroundCorrelationLength],
         families: vec!["default".into()],
         scene_plan_hash: "ab".repeat(32),

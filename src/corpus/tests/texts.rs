@@ -30,7 +30,7 @@ fn equal_front_matter_and_columns() {
     for (info, table) in front["dataset_info"].as_array().unwrap().iter().zip(Table::ALL) {
         let names: Vec<&str> =
             info["features"].as_array().unwrap().iter().map(|f| f["name"].as_str().unwrap()).collect();
-        let columns = schema::columns(table, &spec.features, &spec.drawn);
+        let columns = spec.columns(table);
         assert_eq!(names, columns.iter().map(|c| c.name.as_str()).collect::<Vec<_>>());
     }
     assert_eq!(front["dataset_info"][0]["features"][4]["dtype"]["class_label"]["names"]["1"], "untraversable");
@@ -43,7 +43,7 @@ fn equal_croissant_fields_and_columns() {
     let document: serde_json::Value = serde_json::from_slice(&store.read("croissant.json").unwrap()).unwrap();
     for (records, table) in document["recordSet"].as_array().unwrap().iter().zip(Table::ALL) {
         let fields = records["field"].as_array().unwrap();
-        assert_eq!(fields.len(), schema::columns(table, &spec.features, &spec.drawn).len());
+        assert_eq!(fields.len(), spec.columns(table).len());
     }
     assert!(document["citeAs"].as_str().unwrap().contains(&manifest.corpus_id));
 }
@@ -59,6 +59,6 @@ fn exact_key_values_are_sorted_and_hold_no_time_host_or_path() {
     assert_eq!(keys, expected.map(|key| format!("marsyard.{key}")));
     assert_eq!((pairs["marsyard.scenes"].as_str(), pairs["marsyard.split"].as_str()), ("0..2", "train"));
     let columns: Vec<schema::Column> = serde_json::from_str(&pairs["marsyard.columns"]).unwrap();
-    assert_eq!(columns, schema::columns(Table::Cells, &spec.features, &spec.drawn));
+    assert_eq!(columns, spec.columns(Table::Cells));
     assert_eq!(file.schema().fields(), schema::arrow_schema(&columns).fields());
 }

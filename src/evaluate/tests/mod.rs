@@ -44,6 +44,7 @@ fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         scenes_per_shard: 1,
         tables: tables.to_vec(),
         features: vec![feature("mean_height_m"), feature("height_difference_m")],
+        by_rover: false,
         drawn: Vec::new(),
         families: vec!["even".into(), "odd".into()],
         scene_plan_hash: "cd".repeat(32),
@@ -68,6 +69,7 @@ fn scene(scene_id: u64, known: &[Known]) -> SceneOutput {
             object: if obstacle_points > 0 { 0 } else { -1 },
             protrusion_m: 0.1 * obstacle_points as f32,
             slope_rad: 0.0,
+            crossing: None,
         },
     };
     let cells = Cells {

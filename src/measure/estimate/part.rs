@@ -33,11 +33,12 @@ pub(crate) enum Part {
     DeadReckoning,
     WindowScans,
     LocalHeight,
+    RoverLabels,
     PointsTable,
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 23] = [
+    pub(crate) const ALL: [Part; 24] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -60,6 +61,7 @@ impl Part {
         Part::DeadReckoning,
         Part::WindowScans,
         Part::LocalHeight,
+        Part::RoverLabels,
         Part::PointsTable,
     ];
 
@@ -88,6 +90,7 @@ impl Part {
             Part::DeadReckoning => "dead_reckoning",
             Part::WindowScans => "window_scans",
             Part::LocalHeight => "local_height",
+            Part::RoverLabels => "labels.rover",
             Part::PointsTable => "points table",
         }
     }
@@ -135,6 +138,7 @@ impl Part {
             Part::DeadReckoning => family.slam == SlamParams::DeadReckoning,
             Part::WindowScans => family.cells.window_scans > 1,
             Part::LocalHeight => family.cells.local_height.is_some(),
+            Part::RoverLabels => family.cells.labels.rover.is_some(),
             Part::PointsTable => plan.tables.contains(&Table::Points),
         }
     }
@@ -166,6 +170,7 @@ impl Part {
             Part::Fastslam | Part::DeadReckoning => family.slam = SlamParams::Truth,
             Part::WindowScans => family.cells.window_scans = 1,
             Part::LocalHeight => family.cells.local_height = None,
+            Part::RoverLabels => family.cells.labels.rover = None,
             Part::PointsTable => plan.tables.retain(|table| *table != Table::Points),
         }
     }

@@ -32,6 +32,7 @@ pub(super) fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -
         scenes_per_shard: 1,
         tables: vec![Table::Cells],
         features: FEATURES.map(feature).into(),
+        by_rover: false,
         drawn: Vec::new(),
         families: vec!["default".into()],
         scene_plan_hash: "cd".repeat(32),
