@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::params::{LabelParams, ObstacleRule};
-use super::{CellTruth, Label};
+use super::{CellTruth, Crossing, Label};
 use crate::random::within;
 use crate::scene::Class;
 
@@ -33,11 +33,21 @@ pub struct LabelRule {
     #[garde(custom(within(0.1, 90.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_ground_slope_deg: Option<f64>,
+    /// Of a corpus that a rover labelled (`cells.labels.rover`), and alone: untraversable where the rover keeps less than this from the
+    /// nearest of its limits, metres; 0 gives the corpus's own labels, more those of a more careful rover.
+    #[garde(custom(within(0.0, 10.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_margin_m: Option<f64>,
 }
 
 impl Default for LabelRule {
     fn default() -> Self {
-        LabelRule { obstacle: Obstacle::AsBuilt, min_obstacle_points: 1, max_ground_slope_deg: None }
+        LabelRule {
+            obstacle: Obstacle::AsBuilt,
+            min_obstacle_points: 1,
+            max_ground_slope_deg: None,
+            min_margin_m: None,
+        }
     }
 }
 
@@ -94,21 +104,30 @@ impl LabelParams {
     /// The rule for cells whose obstacle points have been counted by these parameters.
     pub fn of_counted(&self) -> LabelRule {
         let LabelParams { min_obstacle_points, max_ground_slope_deg, .. } = *self;
-        LabelRule { obstacle: Obstacle::AsBuilt, min_obstacle_points, max_ground_slope_deg }
+        LabelRule { min_obstacle_points, max_ground_slope_deg, ..LabelRule::default() }
     }
 }
 
 impl CellTruth {
     /// Whether the rover that judged the cell must not cross it: beyond a limit, or a plant that is marked untraversable.
     pub(super) fn bars_rover(&self) -> bool {
+        self.bars_rover_within(0.0)
+    }
+
+    /// The same for a rover that keeps this distance from its limits.
+    fn bars_rover_within(&self, margin_m: f64) -> bool {
         let is_plant = self.class.is_some_and(|class| class != Class::Ground && !class.is_solid());
-        self.crossing.is_some_and(|crossing| crossing.margin_m < 0.0) || is_plant && self.obstacle_points > 0
+        let is_beyond = |crossing: Crossing| f64::from(crossing.margin_m) < margin_m;
+        self.crossing.is_some_and(is_beyond) || is_plant && self.obstacle_points > 0
     }
 }
 
 impl LabelRule {
     /// The label of a cell by its truth.
     pub fn label(&self, truth: &CellTruth) -> Label {
+        if let Some(margin_m) = self.min_margin_m {
+            return Label::untraversable_if(truth.bars_rover_within(margin_m));
+        }
         let obstacle = match (self.obstacle.taller_than(), truth.class) {
             (Some(_), Some(Class::Ground)) => false,
             (Some(height), Some(class)) if class.is_solid() => height.is_obstacle(f64::from(truth.protrusion_m)),
@@ -130,20 +149,30 @@ impl LabelRule {
 
     /// Whether the stored truth answers the rule: all but the number of points of another rule's obstacles.
     pub fn check_answerable(&self) -> Result<(), Unanswerable> {
-        (self.min_obstacle_points == 1 || self.obstacle == Obstacle::AsBuilt).then_some(()).ok_or(Unanswerable)
+        let is_by_rover_alone = *self == LabelRule { min_margin_m: self.min_margin_m, ..LabelRule::default() };
+        if self.min_margin_m.is_some() && !is_by_rover_alone {
+            return Err(Unanswerable::TwoRules);
+        }
+        let is_counted = self.min_obstacle_points == 1 || self.obstacle == Obstacle::AsBuilt;
+        is_counted.then_some(()).ok_or(Unanswerable::Points)
     }
 }
 
 /// A rule that the truth which a corpus keeps does not answer.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "min_obstacle_points above 1 goes with `obstacle: as_built` only: the corpus counts the points of its own obstacles alone"
-)]
-pub struct Unanswerable;
+pub enum Unanswerable {
+    #[error(
+        "min_obstacle_points above 1 goes with `obstacle: as_built` only: the corpus counts the points of its own obstacles alone"
+    )]
+    Points,
+    #[error("min_margin_m is a whole rule, by what a rover said of the cell: take the other keys out, or take it out")]
+    TwoRules,
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cells::Limit;
 
     fn rock(protrusion_m: f32, obstacle_points: i32) -> CellTruth {
         CellTruth { obstacle_points, class: Some(Class::Rock), protrusion_m, ..CellTruth::default() }
@@ -185,6 +214,24 @@ mod tests {
                 assert!(!untraversable(&rule(obstacle), &porous(0)));
                 assert!(untraversable(&rule(obstacle), &porous(3)));
             }
+        }
+    }
+
+    #[test]
+    fn exact_a_more_careful_rover_keeps_farther_from_its_limits_and_is_a_whole_rule() {
+        let careful = |margin_m| LabelRule { min_margin_m: Some(margin_m), ..LabelRule::default() };
+        let crossing = |margin_m| Some(Crossing { margin_m, limit: Limit::Gap });
+        let ditch =
+            |margin_m| CellTruth { class: Some(Class::Ground), crossing: crossing(margin_m), ..CellTruth::default() };
+        assert!(untraversable(&careful(0.05), &ditch(0.04)) && !untraversable(&careful(0.05), &ditch(0.06)));
+        assert!(untraversable(&careful(0.0), &ditch(-0.01)) && !untraversable(&careful(0.0), &ditch(0.0)));
+        // Points of a rock say nothing, those of a marked bush do.
+        assert!(!untraversable(&careful(0.0), &CellTruth { crossing: crossing(0.1), ..rock(0.5, 3) }));
+        let bush = CellTruth { class: Some(Class::Bush), crossing: crossing(0.1), ..rock(0.5, 3) };
+        assert!(untraversable(&careful(0.0), &bush));
+        assert!(careful(0.1).check_answerable().is_ok());
+        for other in [rule(Obstacle::All), LabelRule { max_ground_slope_deg: Some(20.0), ..LabelRule::default() }] {
+            assert!(LabelRule { min_margin_m: Some(0.1), ..other }.check_answerable().is_err());
         }
     }
 

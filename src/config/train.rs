@@ -10,6 +10,7 @@ use super::schema::{Kind, schema};
 use super::shape::{self, Schema};
 use super::tree::{Source, Span, Value};
 use super::write::yaml;
+use crate::cells::{LabelRule, Unanswerable};
 use crate::train::TrainParams;
 
 /// Reads and checks a training config; without a path, the defaults. `sets` are overrides like `network.hidden=[8]`.
@@ -88,7 +89,10 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
         let rule = "'validate_every' must be at least 1, got 0";
         faults.push(Fault::new(place.span("validate_every"), rule).cure("take it out for min(20,000, rows / 5)"));
     }
-    if params.labels.as_ref().is_some_and(|rule| rule.check_answerable().is_err()) {
+    let answer = params.labels.as_ref().map_or(Ok(()), LabelRule::check_answerable);
+    if let Err(said @ Unanswerable::TwoRules) = &answer {
+        faults.push(Fault::new(place.span("labels.min_margin_m"), said.to_string()));
+    } else if answer.is_err() {
         let rule = "'labels.min_obstacle_points' above 1 goes with 'labels.obstacle: as_built' only: the corpus counts the points of \
                     its own obstacles alone";
         let at = Fault::new(place.span("labels.min_obstacle_points"), rule);

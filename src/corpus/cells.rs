@@ -12,7 +12,7 @@ use arrow_buffer::NullBuffer;
 
 use super::CorpusError;
 use super::reader::{TableFile, column, rows_of_scene};
-use crate::cells::{CellTruth, Crossing, Label, Limit};
+use crate::cells::{CellTruth, Crossing, Label, LabelRule, Limit};
 use crate::geometry::CellIndex;
 use crate::scene::Class;
 
@@ -33,8 +33,20 @@ pub(crate) const MARGIN_M: &str = "truth_margin_m";
 pub(crate) const LIMIT: &str = "truth_limit";
 /// What only the simulator knows of a cell.
 pub(crate) const TRUTH: [&str; 6] = [OBSTACLE_POINTS, TOP_POINTS, CLASS, OBJECT, PROTRUSION_M, SLOPE_RAD];
-/// What a [`LabelRule`](crate::cells::LabelRule) asks of the truth.
-pub(crate) const RULE_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, PROTRUSION_M, SLOPE_RAD];
+/// What a [`LabelRule`] asks of the truth.
+const RULE_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, PROTRUSION_M, SLOPE_RAD];
+
+/// What it asks where it goes by a rover's margin.
+const MARGIN_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, MARGIN_M, LIMIT];
+
+/// The columns that a rule asks for.
+pub(crate) fn rule_truth(rule: Option<&LabelRule>) -> &'static [&'static str] {
+    match rule {
+        None => &[],
+        Some(LabelRule { min_margin_m: Some(_), .. }) => &MARGIN_TRUTH,
+        Some(_) => &RULE_TRUTH,
+    }
+}
 
 /// The columns to read of a file: those that are needed, and of the others those that it has. `Err` names one that is needed and
 /// not there.
@@ -46,7 +58,9 @@ pub(crate) fn projection<'n>(
     let has = |name: &str| file.schema().field_with_name(name).is_ok();
     let mut wanted: Vec<&str> = needed.into_iter().collect();
     if let Some(absent) = wanted.iter().find(|name| !has(name)) {
-        return Err(format!("it has no column '{absent}'"));
+        // A rover's margin cannot be had afterwards: the corpus keeps no heights of the true ground.
+        let cure = if *absent == MARGIN_M { ": no rover labelled it; build it with cells.labels.rover" } else { "" };
+        return Err(format!("it has no column '{absent}'{cure}"));
     }
     wanted.extend(others.iter().filter(|name| has(name)));
     wanted.sort_unstable();

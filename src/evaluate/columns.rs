@@ -3,8 +3,8 @@
 use super::judge::{Cell, Judge};
 use crate::cells::{HEIGHT_DIFFERENCE, LabelRule};
 use crate::corpus::cells::{
-    CLASS, CellBatch, Features, KEYS, Keys, LABEL, Labels, OBSTACLE_POINTS, POINTS, RANGE_M, RULE_TRUTH, TOP_POINTS,
-    TruthColumns, projection,
+    CLASS, CellBatch, Features, KEYS, Keys, LABEL, Labels, OBSTACLE_POINTS, POINTS, RANGE_M, TOP_POINTS, TruthColumns,
+    projection, rule_truth,
 };
 use crate::corpus::reader::TableFile;
 use crate::train::Model;
@@ -19,7 +19,7 @@ pub(super) struct Scan {
 
 /// The columns to read of a file; `Err` names one that it lacks.
 pub(super) fn wanted<'n>(file: &TableFile, model: &'n Model, rule: Option<&LabelRule>) -> Result<Vec<&'n str>, String> {
-    let truth = if rule.is_some() { &RULE_TRUTH[..] } else { &[] };
+    let truth = rule_truth(rule);
     let needed = KEYS.into_iter().chain([LABEL, POINTS, RANGE_M]).chain(truth.iter().copied());
     let features = model.about.features.iter().map(String::as_str);
     projection(file, needed.chain(features), &[HEIGHT_DIFFERENCE, OBSTACLE_POINTS, TOP_POINTS, CLASS])
@@ -45,7 +45,7 @@ impl<'b> Columns<'b> {
             points: cells.points()?,
             ranges_m: cells.ranges_m()?,
             height_differences_m: cells.feature_if_there(HEIGHT_DIFFERENCE)?,
-            truth: cells.truth(if rule.is_some() { &RULE_TRUTH } else { &[] })?,
+            truth: cells.truth(rule_truth(rule))?,
             features: cells.features(model.about.features.iter().map(String::as_str))?,
             rule,
         })

@@ -3,7 +3,7 @@
 //! A row whose label is unknown, and a row with a value that is not finite, are counted and left out.
 
 use crate::cells::{Label, LabelRule};
-use crate::corpus::cells::{CellBatch, RULE_TRUTH};
+use crate::corpus::cells::{CellBatch, rule_truth};
 
 /// Rows that can be learnt, one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -73,7 +73,7 @@ impl Rows {
     ) -> Result<(), String> {
         let features = cells.features(features.iter().map(String::as_str))?;
         let stored = cells.labels()?;
-        let relabel = rule.map(|rule| cells.truth(&RULE_TRUTH).map(|truth| (rule, truth))).transpose()?;
+        let relabel = rule.map(|rule| cells.truth(rule_truth(Some(rule))).map(|truth| (rule, truth))).transpose()?;
         for row in 0..cells.rows() {
             let Some(label) = stored.at(row) else {
                 self.left_out.unlabelled += 1;

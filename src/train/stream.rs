@@ -11,7 +11,7 @@ use super::order::{Epoch, WINDOW_GROUPS};
 use super::rows::Rows;
 use super::source::{Group, Sources};
 use crate::corpus::Split;
-use crate::corpus::cells::RULE_TRUTH;
+use crate::corpus::cells::rule_truth;
 use crate::parallel::ReadAhead;
 
 /// Rows of eight row groups and the order to learn them in.
@@ -60,7 +60,7 @@ fn read_window(sources: &Sources, groups: &[Group]) -> Result<Rows, TrainError> 
 pub(crate) fn memory_bytes(sources: &Sources, ahead: usize) -> u64 {
     let groups = sources.groups(Split::Train).len().max(1) as u64;
     let per_group = sources.rows(Split::Train).div_ceil(groups);
-    let truth = if sources.rule.is_some() { RULE_TRUTH.len() as u64 * 4 } else { 0 };
+    let truth = 4 * rule_truth(sources.rule.as_ref()).len() as u64;
     let per_row = 4 * sources.features.len() as u64 + 7;
     // The windows, and the row group being decoded.
     per_group * (per_row * WINDOW_GROUPS as u64 * (ahead as u64 + 2) + per_row + truth)

@@ -16,6 +16,8 @@
 mod bodies;
 #[cfg(test)]
 mod brute;
+#[cfg(test)]
+mod figure;
 mod gaps;
 mod headings;
 mod kernel;

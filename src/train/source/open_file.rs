@@ -2,7 +2,7 @@
 
 use super::{Group, SceneAddress, Sources, at, path};
 use crate::corpus::Split;
-use crate::corpus::cells::{CellBatch, KEYS, LABEL, RULE_TRUTH, projection};
+use crate::corpus::cells::{CellBatch, KEYS, LABEL, projection, rule_truth};
 use crate::corpus::checked::Refused;
 use crate::corpus::reader::TableFile;
 use crate::train::TrainError;
@@ -34,7 +34,7 @@ impl Sources {
     fn open(&self, split: Split, source: u16, file: u32, more: &[&'static str]) -> Result<OpenFile<'_>, TrainError> {
         let of = &self.list[usize::from(source)];
         let facts = &of.files[at(split)][file as usize];
-        let truth = if self.rule.is_some() { &RULE_TRUTH[..] } else { &[] };
+        let truth = rule_truth(self.rule.as_ref());
         let features = self.features.iter().map(String::as_str);
         let needed = features.chain([LABEL]).chain(more.iter().chain(truth).copied());
         let (name, table) = (path(split, facts.shard), of.open_file(split, facts)?);
