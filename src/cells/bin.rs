@@ -6,15 +6,17 @@
 
 use super::assign::CellAssigner;
 use super::columns::{Offset, neighbour_offsets};
+use super::gaps::BeamColumns;
 use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
+use super::place::PlaceTruth;
 use super::points::{Points, Scan, UNKNOWN};
-use super::{CellParams, CellRow, CellTruth, Cells, Label};
+use super::{CellParams, CellRow, CellTruth, Cells, Label, unseen};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 use crate::scene::Scene;
 use crate::slam::Estimate;
-use crate::sweep::Sweep;
+use crate::sweep::{Status, Sweep};
 use crate::wide::{Work, widest};
 
 /// One sweep of a window.
@@ -53,6 +55,7 @@ pub struct Scratch {
     mean_heights_m: Vec<f64>,
     intensities: Vec<(f64, f64)>,
     local: local::Scratch,
+    beams: BeamColumns,
 }
 
 /// What the points of a cell add up to.
@@ -102,6 +105,28 @@ pub fn bin(
     let rule = params.labels.of_counted();
     let label = |truth: &CellTruth| Some(rule.label(truth));
     summarise(params, intensity, kept.estimate, label, scratch, &mut cells);
+    let map_from_sensor = kept.estimate.pose.transform() * *rover_from_sensor;
+    if let Some(of_unseen) = &params.unseen {
+        let Sweep { returns, .. } = kept.sweep;
+        let hits = returns.status.iter().zip(&returns.range_m).zip(&returns.pattern.directions);
+        let hits = hits.filter(|((status, _), _)| **status == Status::Hit);
+        scratch.beams.begin(of_unseen.sector_deg, map_from_sensor.translation_m, kept.estimate.pose.position_m.z);
+        hits.for_each(|((_, &range_m), &direction)| {
+            scratch.beams.add(map_from_sensor.direction(direction * range_m));
+        });
+        scratch.beams.finish(params.size_m);
+        unseen::add(params, of_unseen, &scratch.beams, max_range_m, &mut cells);
+    }
+    if params.unseen.is_some() || params.labels.max_drop_m.is_some() {
+        let taller_than = params.labels.obstacle.taller_than(wheel_diameter_m);
+        let world_from_map = kept.world_from_sensor * map_from_sensor.inverse();
+        let rover_z_m = kept.estimate.pose.position_m.z;
+        let place_m = |row: &CellRow, height_m: f32| {
+            let (x_m, y_m) = grid.centre_m(row.index);
+            world_from_map.point(DVec3::new(x_m, y_m, rover_z_m + f64::from(height_m)))
+        };
+        PlaceTruth::new(scene, taller_than).complete(&params.labels, place_m, &mut cells);
+    }
     cells
 }
 
@@ -130,6 +155,15 @@ pub fn bin_clouds(
     verdicts.push(Verdict::OBSTACLE);
     numbers.number(&points.cells);
     summarise(params, intensity, kept.estimate, |_| None, scratch, &mut cells);
+    if let Some(of_unseen) = &params.unseen {
+        let origin_m = kept.map_from_sensor.translation_m;
+        scratch.beams.begin(of_unseen.sector_deg, origin_m, kept.estimate.pose.position_m.z);
+        for &point_m in kept.points_m {
+            let offset_m = if kept.in_map { point_m - origin_m } else { kept.map_from_sensor.direction(point_m) };
+            scratch.beams.add(offset_m);
+        }
+        scratch.beams.finish(params.size_m);
+    }
     let mut known = vec![0; cells.rows.len()];
     for (&cell, point) in scratch.numbers.of_point.iter().zip(&scratch.points.returns) {
         known[cell as usize] += i32::from(point.object != UNKNOWN);
@@ -138,6 +172,11 @@ pub fn bin_clouds(
     for (row, &known) in cells.rows.iter_mut().zip(&known) {
         row.label = (known > 0).then(|| rule.label(&row.truth));
         row.truth = CellTruth { class: None, object: UNKNOWN, ..row.truth };
+    }
+    if let Some(of_unseen) = &params.unseen {
+        unseen::add(params, of_unseen, &scratch.beams, max_range_m, &mut cells);
+        let mut seen = known.into_iter();
+        known = cells.rows.iter().map(|row| if row.points > 0 { seen.next().unwrap_or(0) } else { 0 }).collect();
     }
     (cells, known)
 }
@@ -152,9 +191,10 @@ fn summarise(
     cells: &mut Cells,
 ) {
     let offsets = neighbour_offsets(params.neighbours);
-    let width = super::feature_columns(params, intensity).len();
+    // Those of gaps come later.
+    let width = super::feature_columns(&CellParams { unseen: None, ..params.clone() }, intensity).len();
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
-    let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local } = scratch;
+    let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, .. } = scratch;
     cells.points_binned = points.cells.len() as u64;
     widest(CellAccumulator { points, numbers, verdicts, mean_heights_m, sums });
     if intensity {
@@ -263,7 +303,7 @@ fn means_and_variances(numbers: &Numbers, values: &[f64], sums: &[CellSum], out:
 }
 
 /// Where the neighbours stand among the features.
-const FIRST_NEIGHBOUR: usize = 6;
+pub(super) const FIRST_NEIGHBOUR: usize = 6;
 
 /// Writes the means of the neighbours that hold points, and the mask.
 ///

@@ -2,7 +2,7 @@
 //!
 //! Source: Hewitt et al. 2017, "Neural network input types" and figure 4. The order is part of the data contract.
 
-use super::{CellParams, FeatureColumn};
+use super::{CellParams, CellTruth, FeatureColumn};
 
 /// A cell near another: columns to the east and rows to the north.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +21,72 @@ pub const HEIGHT_DIFFERENCE: &str = "height_difference_m";
 pub const LOCAL_HEIGHT: &str = "local_height_m";
 /// Columns of neighbours' heights begin with this.
 const NEIGHBOUR: &str = "neighbour_";
+
+/// Columns of what the beams know of a gap begin with this.
+const GAP: &str = "gap_";
+
+/// The columns of gaps: name, unit, meaning. The gap of a row is, of the long ones in the columns of beams over its cell, within
+/// `around_m` of its centre along the line of sight, the one that exceeds its plane by most.
+pub(super) const GAP_COLUMNS: [(&str, &str, &str); 16] = [
+    ("gap_length_m", "m", "horizontal length of the gap along the line of sight; 0 where no long gap is near"),
+    ("gap_excess_m", "m", "that length less what the plane before the gap would leave between the same two beams"),
+    ("gap_from_m", "m", "distance of the cell's centre behind the return before the gap; around_m where none is near"),
+    ("gap_to_m", "m", "distance of the return behind the gap behind the cell's centre; around_m where none is near"),
+    ("gap_near_range_m", "m", "horizontal range of the return before the gap; the cell's where none is near"),
+    ("gap_near_height_m", "m", "height of the return before the gap, as mean_height_m; the cell's where none is near"),
+    ("gap_far_height_m", "m", "height of the return behind the gap, as mean_height_m; the cell's where none is near"),
+    ("gap_drop_m", "m", "how far the return behind the gap lies below the plane before it"),
+    (
+        "gap_below_m",
+        "m",
+        "how far the lowest beam over the cell passes below the plane before the gap; negative above it",
+    ),
+    ("gap_slope", "1", "slope of the plane before the gap along the line of sight, rise over run"),
+    ("gap_rise_m", "m", "height of the return before the gap above the lowest of the half metre before it"),
+    ("gap_shadow_m", "m", "length of the shadow that a thing of that height throws, at most 10 m"),
+    ("gap_wall_m", "m", "how far the returns within 0.3 m behind the gap rise above the first of them"),
+    ("gap_beams", "1", "number of returns behind the cell in its column: beams that passed over it"),
+    ("gap_left_m", "m", "length of the longest gap a cell and a half to the left, seen from the sensor"),
+    ("gap_right_m", "m", "the same to the right"),
+];
+
+/// Whether a feature column tells of gaps.
+pub fn is_gap(column: &str) -> bool {
+    column.starts_with(GAP)
+}
+
+/// A truth column that only some configs have; float32.
+#[derive(Clone, Copy, Debug)]
+pub struct TruthColumn {
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub description: &'static str,
+    pub take: fn(&CellTruth) -> f32,
+}
+
+/// The columns of how far the ground falls.
+pub const DROP: &str = "truth_drop_m";
+pub const PIT: &str = "truth_pit_m";
+
+/// The truth columns that a config adds, in order.
+pub fn truth_columns(params: &CellParams) -> Vec<TruthColumn> {
+    if params.labels.max_drop_m.is_none() {
+        return Vec::new();
+    }
+    let drop = TruthColumn {
+        name: DROP,
+        unit: "m",
+        description: "How far the true ground falls within 0.3 m of the cell's centre, or truth_pit_m where that is more.",
+        take: |truth| truth.drop_m,
+    };
+    let pit = TruthColumn {
+        name: PIT,
+        unit: "m",
+        description: "How deep the cell's centre lies between walls on two opposite sides, each up to 2 m away.",
+        take: |truth| truth.pit_m,
+    };
+    vec![drop, pit]
+}
 
 /// Whether a feature column is the height of a neighbour.
 pub fn is_neighbour(column: &str) -> bool {
@@ -91,6 +157,9 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
         ));
         columns.push(column("intensity_variance", "1", "population variance of the same"));
     }
+    if params.unseen.is_some() {
+        columns.extend(GAP_COLUMNS.map(|(name, unit, description)| column(name, unit, description)));
+    }
     columns
 }
 
@@ -125,6 +194,23 @@ mod tests {
             columns[14].description
         );
         assert!(columns[14].description.contains("within 1 m,"));
+    }
+
+    #[test]
+    fn golden_the_columns_of_gaps_stand_last_and_a_drop_is_a_truth_of_its_own() {
+        let params = CellParams { unseen: Some(Default::default()), ..CellParams::default() };
+        let columns = feature_columns(&params, true);
+        assert_eq!(
+            (columns.len(), columns[22].name.as_str(), columns[37].name.as_str()),
+            (38, "gap_length_m", "gap_right_m")
+        );
+        assert!(columns.iter().skip(22).all(|column| is_gap(&column.name)) && !is_gap("point_count"));
+        assert!(truth_columns(&params).is_empty());
+        let labels = crate::cells::params::LabelParams { max_drop_m: Some(0.2), ..params.labels.clone() };
+        assert_eq!(
+            truth_columns(&CellParams { labels, ..params }).iter().map(|c| c.name).collect::<Vec<_>>().join(" "),
+            "truth_drop_m truth_pit_m"
+        );
     }
 
     #[test]

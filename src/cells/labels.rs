@@ -79,6 +79,8 @@ impl TruthSum {
             protrusion_m: 0.0,
             slope_rad: 0.0,
             crossing: None,
+            drop_m: 0.0,
+            pit_m: 0.0,
         },
         tallest_m: f64::NEG_INFINITY,
         steepest_squared: 0.0,

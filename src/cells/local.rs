@@ -97,12 +97,12 @@ pub(super) fn heights(
 }
 
 /// The radius in cells. A billionth more: 0.3 m / 0.1 m is a rounding less than 3, and a centre on the circle lies within.
-fn reach_cells(radius_m: f64, size_m: f64) -> f64 {
+pub(super) fn reach_cells(radius_m: f64, size_m: f64) -> f64 {
     radius_m / size_m * (1.0 + 1e-9)
 }
 
 /// Which of `count` values, from 0, is their percentile.
-fn nearest_rank(percentile: f64, count: u32) -> u32 {
+pub(super) fn nearest_rank(percentile: f64, count: u32) -> u32 {
     ((percentile * f64::from(count) / 100.0).ceil() as u32).max(1) - 1
 }
 

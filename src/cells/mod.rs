@@ -35,22 +35,25 @@ mod assign;
 mod bin;
 mod columns;
 mod crossing;
+mod gaps;
 mod group;
 mod label;
 mod labels;
 mod local;
 pub mod params;
+mod place;
 mod points;
 mod rule;
 mod slope;
 #[cfg(test)]
 mod tests;
+mod unseen;
 
 pub use assign::{CellAssigner, MapPoint, Unplaced};
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub use columns::{
-    HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, feature_columns, is_neighbour,
-    neighbour_offsets,
+    DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, PIT, TruthColumn, feature_columns,
+    is_gap, is_neighbour, neighbour_offsets, truth_columns,
 };
 pub use crossing::params::RoverRule;
 pub use crossing::{Crossing, Limit};
@@ -108,20 +111,25 @@ impl Cells {
                 hasher.update(&crossing.limit.number().to_le_bytes());
             }
         }
+        // Only where a config asks for drops is there one.
+        for row in self.rows.iter().filter(|row| row.truth.drop_m != 0.0) {
+            hasher.update(&row.truth.drop_m.to_bits().to_le_bytes());
+            hasher.update(&row.truth.pit_m.to_bits().to_le_bytes());
+        }
         for value in &self.features {
             hasher.update(&value.to_bits().to_le_bytes());
         }
     }
 }
 
-/// One non-empty cell.
+/// One cell: of those that hold points, and, where `cells.unseen` asks for them, of those that beams passed over.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellRow {
     pub index: CellIndex,
     /// `None`: unknown.
     pub label: Option<Label>,
     pub points: i32,
-    /// Mean horizontal distance of the points from the sensor, metres.
+    /// Mean horizontal distance of the points from the sensor, metres; of a cell without points that of its centre.
     pub range_m: f32,
     /// Bit k set: neighbour k (order of the columns: sw, s, se, w, e, nw, n, ne) is not empty.
     pub neighbour_mask: i32,
@@ -131,7 +139,8 @@ pub struct CellRow {
 /// What the label is made of: another rover's rule can be applied without a rebuild.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellTruth {
-    /// Points of what the config's rule calls an obstacle.
+    /// Points of what the config's rule calls an obstacle. Of a cell without points: as many as the rule asks for where an obstacle
+    /// stands at its centre, else 0; class, object, protrusion and slope are then those at the centre.
     pub obstacle_points: i32,
     /// Those of them that lie on a top.
     pub top_points: i32,
@@ -145,6 +154,10 @@ pub struct CellTruth {
     pub slope_rad: f32,
     /// How a rover gets over the cell; `None` where no rover was asked.
     pub crossing: Option<Crossing>,
+    /// How far the true ground falls at the cell's centre, or how deep that lies; 0 where the config does not ask for it.
+    pub drop_m: f32,
+    /// How deep it lies between walls on two sides: the part of `drop_m` that tells interiors from lips.
+    pub pit_m: f32,
 }
 
 /// Nothing is known: no points of an obstacle, no class, no object, flat.
@@ -158,6 +171,8 @@ impl Default for CellTruth {
             protrusion_m: 0.0,
             slope_rad: 0.0,
             crossing: None,
+            drop_m: 0.0,
+            pit_m: 0.0,
         }
     }
 }

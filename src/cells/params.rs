@@ -28,6 +28,10 @@ pub struct CellParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub local_height: Option<LocalHeightParams>,
+    /// Rows also for cells that hold no point where beams passed over them, and columns of what those beams know; absent = none.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unseen: Option<UnseenParams>,
     #[garde(dive)]
     pub labels: LabelParams,
 }
@@ -40,6 +44,7 @@ impl Default for CellParams {
             neighbours: 8,
             window_scans: 1,
             local_height: None,
+            unseen: None,
             labels: LabelParams::default(),
         }
     }
@@ -76,6 +81,32 @@ impl LocalHeightParams {
     }
 }
 
+/// A row (of `points` = 0) for each empty cell near a gap: two returns that are neighbours in a column of beams, with more ground
+/// between them than the plane before them explains. Every row gets the `gap_` columns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct UnseenParams {
+    /// Width of a column of beams, seen from the sensor, degrees; a few beams wide.
+    #[garde(custom(within(0.05, 30.0)))]
+    pub sector_deg: f64,
+    /// Empty cells within this of a gap, along the line of sight, have a row; and of cells within it the columns tell of the gap, metres.
+    #[garde(custom(within(0.05, 5.0)))]
+    pub around_m: f64,
+}
+
+impl Default for UnseenParams {
+    fn default() -> Self {
+        UnseenParams { sector_deg: 1.0, around_m: 0.5 }
+    }
+}
+
+impl UnseenParams {
+    /// For people: `columns of 1 degrees, 0.5 m around gaps`.
+    pub fn words(&self) -> String {
+        format!("columns of {} degrees, {} m around gaps", self.sector_deg, self.around_m)
+    }
+}
+
 /// When a cell is untraversable.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields, default)]
@@ -94,6 +125,12 @@ pub struct LabelParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rover: Option<RoverRule>,
+    /// A cell is untraversable too where the true ground falls by more than this within 0.3 m of its centre (a lip), or where it lies so
+    /// deep between walls on two opposite sides up to 2 m away (an interior), metres; adds the columns `truth_drop_m` and `truth_pit_m`.
+    /// Absent = drops do not count.
+    #[garde(custom(within(0.0, 100.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_drop_m: Option<f64>,
 }
 
 impl Default for LabelParams {
@@ -103,6 +140,7 @@ impl Default for LabelParams {
             min_obstacle_points: 1,
             max_ground_slope_deg: None,
             rover: None,
+            max_drop_m: None,
         }
     }
 }

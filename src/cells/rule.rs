@@ -38,6 +38,11 @@ pub struct LabelRule {
     #[garde(custom(within(0.0, 10.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_margin_m: Option<f64>,
+    /// Ground that falls by more than this, or lies so deep between two sides, is untraversable too, metres (`truth_drop_m`, of corpora
+    /// built with `cells.labels.max_drop_m`); absent = drops do not count.
+    #[garde(custom(within(0.0, 100.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_drop_m: Option<f64>,
 }
 
 impl Default for LabelRule {
@@ -47,6 +52,7 @@ impl Default for LabelRule {
             min_obstacle_points: 1,
             max_ground_slope_deg: None,
             min_margin_m: None,
+            max_drop_m: None,
         }
     }
 }
@@ -103,8 +109,8 @@ impl Obstacle {
 impl LabelParams {
     /// The rule for cells whose obstacle points have been counted by these parameters.
     pub fn of_counted(&self) -> LabelRule {
-        let LabelParams { min_obstacle_points, max_ground_slope_deg, .. } = *self;
-        LabelRule { min_obstacle_points, max_ground_slope_deg, ..LabelRule::default() }
+        let LabelParams { min_obstacle_points, max_ground_slope_deg, max_drop_m, .. } = *self;
+        LabelRule { min_obstacle_points, max_ground_slope_deg, max_drop_m, ..LabelRule::default() }
     }
 }
 
@@ -134,7 +140,7 @@ impl LabelRule {
             // The corpus's own rule, a plant, or a class that nobody knows.
             _ => self.has_obstacle_points(truth),
         };
-        Label::untraversable_if(obstacle || self.is_steep(truth))
+        Label::untraversable_if(obstacle || self.is_steep(truth) || self.is_deep(truth))
     }
 
     /// Whether the points that were counted as an obstacle's are as many as the rule asks for.
@@ -145,6 +151,11 @@ impl LabelRule {
     /// Whether the ground is steeper than the rule's limit, if it has one.
     pub fn is_steep(&self, truth: &CellTruth) -> bool {
         self.max_ground_slope_deg.is_some_and(|limit_deg| f64::from(truth.slope_rad) > limit_deg.to_radians())
+    }
+
+    /// Whether the ground falls by more than the rule's limit, if it has one.
+    pub fn is_deep(&self, truth: &CellTruth) -> bool {
+        self.max_drop_m.is_some_and(|limit_m| f64::from(truth.drop_m) > limit_m)
     }
 
     /// Whether the stored truth answers the rule: all but the number of points of another rule's obstacles.
@@ -204,6 +215,16 @@ mod tests {
         let steep = |limit| LabelRule { max_ground_slope_deg: Some(limit), ..LabelRule::default() };
         assert!(untraversable(&steep(20.0), &ground));
         assert!(!untraversable(&steep(25.0), &ground));
+    }
+
+    #[test]
+    fn exact_ground_that_falls_by_more_than_the_limit_is_untraversable_whatever_lies_on_it() {
+        let deep = |limit| LabelRule { max_drop_m: limit, ..rule(Obstacle::All) };
+        for class in [Class::Ground, Class::Grass] {
+            let cell = CellTruth { class: Some(class), drop_m: 0.25, ..CellTruth::default() };
+            assert!(untraversable(&deep(Some(0.2)), &cell));
+            assert!(!untraversable(&deep(Some(0.25)), &cell) && !untraversable(&deep(None), &cell));
+        }
     }
 
     #[test]

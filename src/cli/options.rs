@@ -33,7 +33,7 @@ pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
     for part in rule.split(',').map(str::trim) {
         parts.push(match part.split_once('=') {
             Some((key @ ("taller_than_wheel" | "taller_than_m"), value)) => format!("obstacle: {{{key}: {value}}}"),
-            Some((key @ ("min_obstacle_points" | "max_ground_slope_deg" | "min_margin_m"), value)) => format!("{key}: {value}"),
+            Some((key @ ("min_obstacle_points" | "max_ground_slope_deg" | "min_margin_m" | "max_drop_m"), value)) => format!("{key}: {value}"),
             None if ["all", "as_built"].contains(&part) => format!("obstacle: {part}"),
             _ => {
                 return Err(Failure::usage(miette::miette!(

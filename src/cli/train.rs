@@ -49,7 +49,7 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "MODEL")]
     init: Option<PathBuf>,
     /// Labels for another rover: taller_than_wheel=DIAMETER_M, taller_than_m=X, all or as_built; then, with commas,
-    /// min_obstacle_points=N and max_ground_slope_deg=X; or min_margin_m=X alone, where a rover labelled the corpus; or the whole key: '{obstacle: {taller_than_m: 0.2}}'.
+    /// min_obstacle_points=N, max_ground_slope_deg=X and max_drop_m=X; or min_margin_m=X alone, where a rover labelled the corpus; or the whole key: '{obstacle: {taller_than_m: 0.2}}'.
     #[arg(long, value_name = "RULE")]
     labels: Option<String>,
     /// Of initial weights and of the order of rows; short for --set seed=N.

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::write::yaml;
-use crate::cells::feature_columns;
+use crate::cells::{feature_columns, truth_columns};
 use crate::corpus::CorpusSpec;
 use crate::corpus::card::FamilyFacts;
 use crate::plan::Plan;
@@ -33,6 +33,7 @@ impl Plan {
             // Checked by the rules: the same for all families.
             features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
             by_rover: first.cells.labels.rover.is_some(),
+            truth: truth_columns(&first.cells),
             drawn: drawn.into_iter().collect(),
             families: self.families.iter().map(|f| f.name.clone()).collect(),
             scene_plan_hash: self.scene_plan_hash(),

@@ -100,6 +100,10 @@ pub(crate) fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<
         differ("cells.local_height", local(a), local(b), "one corpus has one set of columns");
         let rover = |cells: &CellParams| if cells.labels.rover.is_some() { "on" } else { "off" }.to_owned();
         differ("cells.labels.rover", rover(a), rover(b), "one corpus has one set of columns");
+        let unseen = |cells: &CellParams| cells.unseen.as_ref().map_or("absent".to_owned(), |unseen| unseen.words());
+        differ("cells.unseen", unseen(a), unseen(b), "one corpus has one set of columns");
+        let drop = |cells: &CellParams| if cells.labels.max_drop_m.is_some() { "named" } else { "absent" }.to_owned();
+        differ("cells.labels.max_drop_m", drop(a), drop(b), "one corpus has one set of columns");
         let on = |family: &Family| if family.sweep.effects.intensity.is_some() { "on" } else { "off" }.to_owned();
         differ("sweep.effects.intensity", on(first), on(family), "one corpus has one set of columns");
     }

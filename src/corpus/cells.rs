@@ -31,20 +31,24 @@ pub(super) const SLOPE_RAD: &str = "truth_slope_rad";
 /// Where a rover labels the cells, what it said.
 pub(crate) const MARGIN_M: &str = "truth_margin_m";
 pub(crate) const LIMIT: &str = "truth_limit";
-/// What only the simulator knows of a cell.
+/// Only in corpora whose labels ask for it.
+pub(crate) const DROP_M: &str = crate::cells::DROP;
+const PIT_M: &str = crate::cells::PIT;
+/// What only the simulator knows of any cell.
 pub(crate) const TRUTH: [&str; 6] = [OBSTACLE_POINTS, TOP_POINTS, CLASS, OBJECT, PROTRUSION_M, SLOPE_RAD];
 /// What a [`LabelRule`] asks of the truth.
-const RULE_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, PROTRUSION_M, SLOPE_RAD];
+const RULE_TRUTH: [&str; 5] = [OBSTACLE_POINTS, CLASS, PROTRUSION_M, SLOPE_RAD, DROP_M];
 
 /// What it asks where it goes by a rover's margin.
 const MARGIN_TRUTH: [&str; 4] = [OBSTACLE_POINTS, CLASS, MARGIN_M, LIMIT];
 
-/// The columns that a rule asks for.
+/// The columns that a rule asks for; drops, where it limits them.
 pub(crate) fn rule_truth(rule: Option<&LabelRule>) -> &'static [&'static str] {
     match rule {
         None => &[],
         Some(LabelRule { min_margin_m: Some(_), .. }) => &MARGIN_TRUTH,
-        Some(_) => &RULE_TRUTH,
+        Some(LabelRule { max_drop_m: Some(_), .. }) => &RULE_TRUTH,
+        Some(_) => &RULE_TRUTH[..4],
     }
 }
 
@@ -188,6 +192,8 @@ impl CellBatch {
             slope_rad: real(SLOPE_RAD)?,
             margin_m: real(MARGIN_M)?,
             limit,
+            drop_m: real(DROP_M)?,
+            pit_m: real(PIT_M)?,
         })
     }
 }
@@ -259,6 +265,8 @@ pub(crate) struct TruthColumns<'b> {
     slope_rad: Option<Column<'b, f32>>,
     margin_m: Option<Column<'b, f32>>,
     limit: Option<Column<'b, i8>>,
+    drop_m: Option<Column<'b, f32>>,
+    pit_m: Option<Column<'b, f32>>,
 }
 
 impl TruthColumns<'_> {
@@ -281,6 +289,8 @@ impl TruthColumns<'_> {
             protrusion_m: real(&self.protrusion_m, unknown.protrusion_m),
             slope_rad: real(&self.slope_rad, unknown.slope_rad),
             crossing: self.crossing_at(row),
+            drop_m: real(&self.drop_m, unknown.drop_m),
+            pit_m: real(&self.pit_m, unknown.pit_m),
         }
     }
 }

@@ -233,7 +233,8 @@ fn cells_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput, scan:
     let row = |cell| tables::cells::Row { scene_id: scene.scene_id as i64, scan_id: scan.scan_id as i32, cell };
     let rows: Vec<_> = scan.cells.rows.iter().map(row).collect();
     let features = tables::features(&scan.cells, spec.features.len());
-    tables::batch(schema, &tables::cells::definitions(spec.by_rover), &rows, features)
+    let truth = spec.truth.iter().map(|column| tables::cells::truth(column, &scan.cells));
+    tables::batch(schema, &tables::cells::definitions(spec.by_rover), &rows, features.chain(truth))
 }
 
 fn poses_batch(schema: &SchemaRef, scene: &SceneOutput) -> Batch {

@@ -3,7 +3,7 @@
 use super::Table;
 use super::card::FamilyFacts;
 use super::schema::{self, Column};
-use crate::cells::FeatureColumn;
+use crate::cells::{FeatureColumn, TruthColumn};
 use crate::plan::CardParams;
 use crate::random::Purpose;
 
@@ -19,6 +19,8 @@ pub struct CorpusSpec {
     pub features: Vec<FeatureColumn>,
     /// Cells are labelled by a rover, and have its columns.
     pub by_rover: bool,
+    /// The truth columns of `cells` that only some configs have, behind the features; the same for all families.
+    pub truth: Vec<TruthColumn>,
     /// What is drawn once per scene, of all families: the last columns of `scenes`, in the order of the register.
     pub drawn: Vec<Purpose>,
     pub families: Vec<String>,
@@ -37,7 +39,7 @@ pub struct CorpusSpec {
 impl CorpusSpec {
     /// The columns of a table, in order.
     pub(crate) fn columns(&self, table: Table) -> Vec<Column> {
-        schema::columns(table, &self.features, &self.drawn, self.by_rover)
+        schema::columns(table, &self.features, &self.truth, &self.drawn, self.by_rover)
     }
 
     /// Whole shards of the plan; `scenes` is a multiple of `scenes_per_shard`.

@@ -35,6 +35,8 @@ pub(super) struct Columns<'b> {
     truth: TruthColumns<'b>,
     features: Features<'b>,
     rule: Option<&'b LabelRule>,
+    /// The model knows nothing of cells without points.
+    seen_alone: bool,
 }
 
 impl<'b> Columns<'b> {
@@ -48,6 +50,7 @@ impl<'b> Columns<'b> {
             truth: cells.truth(rule_truth(rule))?,
             features: cells.features(model.about.features.iter().map(String::as_str))?,
             rule,
+            seen_alone: !model.takes_unseen(),
         })
     }
 
@@ -56,8 +59,11 @@ impl<'b> Columns<'b> {
         (self.keys.scenes[row], self.keys.scans[row])
     }
 
-    /// Adds a row to its scan, or counts why it cannot be judged.
+    /// Adds a row to its scan, or counts why it cannot be judged; a cell without points counts where the model takes such.
     pub(super) fn push(&self, row: usize, scan: &mut Scan, judge: &mut Judge) {
+        if self.seen_alone && self.points[row] == 0 {
+            return;
+        }
         let Some(stored) = self.labels.at(row) else {
             judge.unknown_cells += 1;
             return;

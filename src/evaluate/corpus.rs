@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::columns::{self, Columns, Scan};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
-use crate::cells::params::{LabelParams, LocalHeightParams};
+use crate::cells::params::{LabelParams, LocalHeightParams, UnseenParams};
 use crate::cells::{LabelRule, Unanswerable};
 use crate::corpus::cells::CellBatch;
 use crate::corpus::checked::Refused;
@@ -25,6 +25,7 @@ pub struct FamilyFacts {
     pub sensor: String,
     pub cell_size_m: f64,
     pub local_height: Option<LocalHeightParams>,
+    pub unseen: Option<UnseenParams>,
     /// The rule of its labels.
     pub labels: LabelParams,
 }
@@ -56,6 +57,7 @@ impl FamilyFacts {
             sensor: family.sweep.sensor.name.clone(),
             cell_size_m: family.cells.size_m,
             local_height: family.cells.local_height.clone(),
+            unseen: family.cells.unseen.clone(),
             labels: family.cells.labels.clone(),
         };
         plan.families.iter().map(facts).collect()
@@ -116,6 +118,7 @@ pub fn evaluate(
         let named = |source| EvaluateError::Family { family: family.name.clone(), source };
         model.check_cell_size(family.cell_size_m).map_err(named)?;
         model.check_local_height(family.local_height.as_ref()).map_err(named)?;
+        model.check_unseen(family.unseen.as_ref()).map_err(named)?;
     }
     if let Some(family) = options.only_families.iter().find(|name| families.iter().all(|f| f.name != **name)) {
         let known: Vec<&str> = families.iter().map(|f| f.name.as_str()).collect();

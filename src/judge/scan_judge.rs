@@ -8,7 +8,7 @@ use super::options::{Options, Setup};
 use super::scan::{JudgedScan, PlacedScan, check_position};
 use super::training_range::{self, Outside};
 use super::{JudgeError, JudgedCells};
-use crate::cells::{self, CellRow, FeatureColumn, HEIGHT_DIFFERENCE, WindowCloud, feature_columns};
+use crate::cells::{self, CellParams, CellRow, FeatureColumn, HEIGHT_DIFFERENCE, WindowCloud, feature_columns};
 use crate::cloud::{Cloud, LabelMap};
 use crate::corpus::cell_file;
 use crate::evaluate::{DataFacts, Judge, Report, Threshold, ThresholdOrigin};
@@ -26,6 +26,8 @@ pub struct ScanJudge<'m> {
     /// The columns that are computed, and where among them the model's inputs stand.
     features: Vec<FeatureColumn>,
     inputs: Vec<usize>,
+    /// The model's, without what it does not take.
+    cells: CellParams,
     window: VecDeque<Arc<PlacedScan>>,
     scratch: cells::Scratch,
     scores: Judge,
@@ -37,7 +39,9 @@ impl<'m> ScanJudge<'m> {
     pub fn new(model: &'m Model, options: Options) -> Result<ScanJudge<'m>, JudgeError> {
         let about = &model.about;
         let intensity = about.features.iter().any(|name| is_intensity(name));
-        let features = feature_columns(&about.cells, intensity);
+        let unseen = about.cells.unseen.clone().filter(|_| model.takes_unseen());
+        let cells = CellParams { unseen, ..about.cells.clone() };
+        let features = feature_columns(&cells, intensity);
         let names: Vec<&str> = features.iter().map(|column| column.name.as_str()).collect();
         let inputs = model.inputs_of(&names)?;
         let setup = Setup::of(&options, about)?;
@@ -50,6 +54,7 @@ impl<'m> ScanJudge<'m> {
             intensity,
             features,
             inputs,
+            cells,
             window: VecDeque::new(),
             scratch: cells::Scratch::default(),
             scores,
@@ -102,14 +107,15 @@ impl<'m> ScanJudge<'m> {
         let (model, setup) = (self.model, &self.setup);
         let clouds: Vec<WindowCloud> =
             self.window.iter().map(|scan| scan.as_cloud(setup.frame, self.intensity)).collect();
-        let (cells, known_points) =
-            cells::bin_clouds(&model.about.cells, &clouds, setup.max_range_m, &mut self.scratch);
+        let (cells, known_points) = cells::bin_clouds(&self.cells, &clouds, setup.max_range_m, &mut self.scratch);
         let rows = cells.features.chunks_exact(self.features.len());
         let inputs: Vec<f32> = rows.flat_map(|row| self.inputs.iter().map(|&k| row[k])).collect();
         let mut outputs = Vec::with_capacity(cells.rows.len());
         model.outputs(&inputs, &mut outputs);
         let judged = |(output, row): (f64, &CellRow)| {
-            (i64::from(row.points) >= i64::from(setup.min_points) && output.is_finite()).then_some(output)
+            // A cell without points is there because beams passed over it.
+            let is_told = row.points == 0 || i64::from(row.points) >= i64::from(setup.min_points);
+            (is_told && output.is_finite()).then_some(output)
         };
         let outputs: Vec<Option<f64>> = outputs.into_iter().zip(&cells.rows).map(judged).collect();
         JudgedCells {

@@ -70,8 +70,11 @@ fn check_grids((first, ours): &(String, Origin), (other, theirs): &(String, Orig
     differ("size_m", ours.cells.size_m.to_string(), theirs.cells.size_m.to_string())?;
     differ("neighbours", ours.cells.neighbours.to_string(), theirs.cells.neighbours.to_string())?;
     // One that lacks the column is told apart by its features, where they ask for it.
-    match (&ours.cells.local_height, &theirs.cells.local_height) {
-        (Some(ours), Some(theirs)) => differ("local_height", ours.words(), theirs.words()),
+    if let (Some(ours), Some(theirs)) = (&ours.cells.local_height, &theirs.cells.local_height) {
+        differ("local_height", ours.words(), theirs.words())?;
+    }
+    match (&ours.cells.unseen, &theirs.cells.unseen) {
+        (Some(ours), Some(theirs)) => differ("unseen", ours.words(), theirs.words()),
         _ => Ok(()),
     }
 }

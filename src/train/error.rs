@@ -9,6 +9,11 @@ use crate::parallel::PoolError;
 /// Why a network could not be trained.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
+    #[error(
+        "{place}: `features: seen+unseen` learns cells that hold no point, and the corpus has no column of them; build it with \
+         `cells.unseen: {{}}`, or train with `features: full`"
+    )]
+    NoGaps { place: String },
     #[error(transparent)]
     Corpus(#[from] CorpusError),
     #[error("filter: {0}")]

@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Network;
 use super::leaks::LearntFrom;
-use crate::cells::params::LocalHeightParams;
-use crate::cells::{CellParams, LOCAL_HEIGHT};
+use crate::cells::params::{LocalHeightParams, UnseenParams};
+use crate::cells::{CellParams, LOCAL_HEIGHT, is_gap};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
@@ -114,6 +114,11 @@ pub enum ModelError {
          build the data with the model's `cells.local_height`, or train again without `local_height_m`"
     )]
     OtherLocalHeight { model: String, data: String },
+    #[error(
+        "the model was trained on gaps in {model}, the data has those in {data}: the same columns with another meaning; build the data \
+         with the model's `cells.unseen`, or train again"
+    )]
+    OtherUnseen { model: String, data: String },
 }
 
 impl Scaler {
@@ -164,6 +169,21 @@ impl Model {
         match (&self.about.cells.local_height, data) {
             (Some(model), Some(data)) if takes && model != data => {
                 Err(ModelError::OtherLocalHeight { model: model.words(), data: data.words() })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether it judges cells that hold no point, by what the beams over them know.
+    pub(crate) fn takes_unseen(&self) -> bool {
+        self.about.features.iter().any(|name| is_gap(name))
+    }
+
+    /// Refuses data whose gaps, where the model takes them, mean something else.
+    pub(crate) fn check_unseen(&self, data: Option<&UnseenParams>) -> Result<(), ModelError> {
+        match (&self.about.cells.unseen, data) {
+            (Some(model), Some(data)) if self.takes_unseen() && model != data => {
+                Err(ModelError::OtherUnseen { model: model.words(), data: data.words() })
             }
             _ => Ok(()),
         }

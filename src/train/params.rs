@@ -117,6 +117,10 @@ pub enum FeatureSet {
     Listed,
     /// Listed, the height above the ground around the cell where the corpus has it, and the sigmas of z, roll and pitch.
     Full,
+    /// Full, and what beams know of gaps, over the cells without points too (`cells.unseen`); other sets leave those cells out unless
+    /// they hold a `gap_` column.
+    #[serde(rename = "seen+unseen")]
+    SeenUnseen,
     /// Every feature column.
     All,
     /// These columns.

@@ -27,7 +27,7 @@ pub(crate) fn of_train_split(sources: &Sources, seed: u64, scaler: &Scaler) -> R
         let mut of_feature = SHARES.map(|share| {
             quantile(&values, share).unwrap_or(if scaler.minus[feature].is_none() { scaler.mean[feature] } else { 0.0 })
         });
-        for source in &sources.list {
+        for source in sources.list.iter().filter(|_| !sources.seen_alone) {
             let Some(summary) = source.features.iter().find(|summary| summary.name == *name) else { continue };
             of_feature[0] = summary.moments.min.map_or(of_feature[0], |min| of_feature[0].min(min));
             of_feature[6] = summary.moments.max.map_or(of_feature[6], |max| of_feature[6].max(max));

@@ -18,6 +18,16 @@ pub struct Rows {
     pub left_out: LeftOut,
 }
 
+/// What is wanted of a batch.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wanted<'w> {
+    pub features: &'w [String],
+    /// Another rule than the corpus's.
+    pub rule: Option<&'w LabelRule>,
+    /// Cells without points are passed by, and counted nowhere.
+    pub seen_alone: bool,
+}
+
 /// Rows that are there and cannot be learnt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct LeftOut {
@@ -64,17 +74,13 @@ impl Rows {
     }
 
     /// Adds the rows of a batch; `Err` names the column that is not as it must be.
-    pub(crate) fn push(
-        &mut self,
-        cells: &CellBatch,
-        features: &[String],
-        rule: Option<&LabelRule>,
-        corpus: u16,
-    ) -> Result<(), String> {
+    pub(crate) fn push(&mut self, cells: &CellBatch, wanted: &Wanted, corpus: u16) -> Result<(), String> {
+        let Wanted { features, rule, seen_alone } = *wanted;
+        let points = seen_alone.then(|| cells.points()).transpose()?;
         let features = cells.features(features.iter().map(String::as_str))?;
         let stored = cells.labels()?;
         let relabel = rule.map(|rule| cells.truth(rule_truth(Some(rule))).map(|truth| (rule, truth))).transpose()?;
-        for row in 0..cells.rows() {
+        for row in (0..cells.rows()).filter(|&row| points.is_none_or(|points| points[row] > 0)) {
             let Some(label) = stored.at(row) else {
                 self.left_out.unlabelled += 1;
                 continue;
@@ -110,9 +116,23 @@ mod tests {
         let label = Int8Array::from(vec![Some(1), Some(0), Some(1), None, Some(0)]);
         let batch = batch(vec![("a", Arc::new(a)), ("b", Arc::new(b)), ("label", Arc::new(label))]);
         let mut rows = Rows::new(2);
-        rows.push(&batch, &["b".into(), "a".into()], None, 3).unwrap();
+        let features = ["b".to_owned(), "a".to_owned()];
+        rows.push(&batch, &Wanted { features: &features, rule: None, seen_alone: false }, 3).unwrap();
         assert_eq!((rows.features, rows.labels, rows.corpora), (vec![5.0, 1.0], vec![Label::Untraversable], vec![3]));
         assert_eq!(rows.left_out, LeftOut { unlabelled: 1, not_finite: 3 });
+    }
+
+    #[test]
+    fn exact_cells_without_points_are_passed_by_where_they_are_not_wanted() {
+        let a = Float32Array::from(vec![1.0, 2.0, 3.0]);
+        let (label, points) = (Int8Array::from(vec![1, 0, 0]), arrow_array::Int32Array::from(vec![4, 0, 1]));
+        let batch = batch(vec![("a", Arc::new(a)), ("label", Arc::new(label)), ("points", Arc::new(points))]);
+        let features = ["a".to_owned()];
+        for (seen_alone, values) in [(true, vec![1.0, 3.0]), (false, vec![1.0, 2.0, 3.0])] {
+            let mut rows = Rows::new(1);
+            rows.push(&batch, &Wanted { features: &features, rule: None, seen_alone }, 0).unwrap();
+            assert_eq!((rows.features, rows.left_out), (values, LeftOut::default()));
+        }
     }
 
     #[test]
@@ -121,7 +141,8 @@ mod tests {
             batch(vec![("a", Arc::new(Int8Array::from(vec![1]))), ("label", Arc::new(Int8Array::from(vec![7])))]);
         let push = |features: &[&str]| {
             let features: Vec<String> = features.iter().map(|f| (*f).to_owned()).collect();
-            Rows::new(features.len()).push(&there, &features, None, 0).unwrap_err()
+            let wanted = Wanted { features: &features, rule: None, seen_alone: false };
+            Rows::new(features.len()).push(&there, &wanted, 0).unwrap_err()
         };
         assert_eq!(push(&["b"]), "it has no column 'b'");
         assert_eq!(push(&["a"]), "its column 'a' is Int8, not Float32");

@@ -14,13 +14,15 @@ use crate::corpus::stats::Moments;
 
 /// The scaler, and the names of the features that never vary: they get scale 1 and teach nothing.
 ///
-/// What is subtracted from another first has no statistics in the manifest: they come from a sample of rows.
+/// What is subtracted from another first has no statistics in the manifest, and those of cells with points alone are not there where a
+/// corpus holds others: they come from a sample of rows.
 pub(crate) fn scaler(sources: &Sources, params: &TrainParams) -> Result<(Scaler, Vec<String>), TrainError> {
     let minus = subtracted(&sources.features, params.neighbours);
     let mut moments: Vec<Moments> = sources.features.iter().map(|name| merged(&sources.list, name)).collect();
-    if minus.iter().any(Option::is_some) {
+    if sources.seen_alone || minus.iter().any(Option::is_some) {
         let sample = moments_of(&sample(sources, params.seed)?, &minus);
-        let differences = moments.iter_mut().zip(sample).zip(&minus).filter(|(_, minus)| minus.is_some());
+        let is_sampled = |minus: &Option<usize>| sources.seen_alone || minus.is_some();
+        let differences = moments.iter_mut().zip(sample).zip(&minus).filter(|(_, minus)| is_sampled(minus));
         differences.for_each(|((moments, sample), _)| *moments = sample);
     }
     let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{FeatureSet, TrainError};
-use crate::cells::{LOCAL_HEIGHT, LabelRule};
+use crate::cells::{LOCAL_HEIGHT, LabelRule, is_gap};
 use crate::corpus::belongs::ShardIdentity;
 use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{FeatureSummary, ShardLine};
@@ -167,6 +167,8 @@ pub struct Sources {
     /// The inputs, in order.
     pub features: Vec<String>,
     pub rule: Option<LabelRule>,
+    /// Cells without points, which some corpora hold, are left out: the features do not tell them from others.
+    pub seen_alone: bool,
     /// What was told of scenes in two splits, where that was allowed.
     pub shared_scenes: Vec<String>,
 }
@@ -180,6 +182,11 @@ impl Sources {
             }
         }
         let features = choose(&list[0], set)?;
+        if *set == FeatureSet::SeenUnseen && !features.iter().any(|name| is_gap(name)) {
+            return Err(TrainError::NoGaps { place: list[0].place() });
+        }
+        let of_gaps = |source: &Source| source.features.iter().any(|feature| is_gap(&feature.name));
+        let seen_alone = !features.iter().any(|name| is_gap(name)) && list.iter().any(of_gaps);
         for source in &list[1..] {
             for name in &features {
                 let ours = unit_of(&list[0], name)?;
@@ -205,12 +212,19 @@ impl Sources {
                 });
             }
         }
-        Ok(Sources { list: list.into_iter().map(Arc::new).collect(), features, rule, shared_scenes: Vec::new() })
+        let list = list.into_iter().map(Arc::new).collect();
+        Ok(Sources { list, features, rule, seen_alone, shared_scenes: Vec::new() })
     }
 
     /// The same corpora, to read labels from and nothing else.
     pub(crate) fn labels_alone(&self) -> Sources {
-        Sources { list: self.list.clone(), features: Vec::new(), rule: self.rule.clone(), shared_scenes: Vec::new() }
+        Sources {
+            list: self.list.clone(),
+            features: Vec::new(),
+            rule: self.rule.clone(),
+            seen_alone: self.seen_alone,
+            shared_scenes: Vec::new(),
+        }
     }
 
     /// Every row group of a split: corpus by corpus, shard by shard.
@@ -266,6 +280,7 @@ pub(crate) fn holds(set: &FeatureSet, name: &str) -> bool {
     match set {
         FeatureSet::Listed => is_listed(name),
         FeatureSet::Full => is_full(name),
+        FeatureSet::SeenUnseen => is_full(name) || is_gap(name),
         FeatureSet::All => true,
         FeatureSet::Columns(columns) => columns.iter().any(|column| column == name),
     }
@@ -273,7 +288,7 @@ pub(crate) fn holds(set: &FeatureSet, name: &str) -> bool {
 
 /// The paper's features.
 fn is_listed(name: &str) -> bool {
-    !name.starts_with("sigma_") && !name.starts_with("intensity_") && name != LOCAL_HEIGHT
+    !name.starts_with("sigma_") && !name.starts_with("intensity_") && !is_gap(name) && name != LOCAL_HEIGHT
 }
 
 /// With what else is worth having by any sensor.
@@ -313,5 +328,11 @@ mod tests {
         let full = chosen(local(), is_full);
         assert_eq!((full[..14] == listed, full[14].as_str()), (true, "local_height_m"));
         assert_eq!(full[15..], sigmas);
+        // Cells without points have columns of their own, which no other preset takes.
+        let params = CellParams { unseen: Some(Default::default()), ..CellParams::default() };
+        let of_unseen = feature_columns(&params, true).into_iter().map(|column| column.name);
+        let taken = |set: &FeatureSet| of_unseen.clone().filter(|name| holds(set, name)).count();
+        assert_eq!([FeatureSet::Full, FeatureSet::SeenUnseen, FeatureSet::All].map(|set| taken(&set)), [17, 33, 38]);
+        assert_eq!(serde_json::to_string(&FeatureSet::SeenUnseen).unwrap(), "\"seen+unseen\"");
     }
 }

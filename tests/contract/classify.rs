@@ -238,3 +238,40 @@ fn law_classify_says_what_is_wrong_and_exits_2() {
         assert!(flat.contains(needle), "{arguments:?}: {said}");
     }
 }
+
+#[test]
+fn equal_cells_without_points_of_a_cloud_are_those_of_the_corpus() {
+    let sets = [
+        "cells.window_scans=1",
+        "cells.unseen={}",
+        "cells.labels.max_drop_m=0.2",
+        "scene.ground.features=[{trench: {count: 4, depth_m: 0.5, width_m: 0.6}}, {hole: {count: 9, depth_m: 0.5, width_m: 0.8}}]",
+    ];
+    let plan = config::load(&Yard::everything(), &sets.map(String::from)).expect("a good config");
+    let prepared = Prepared::new(plan).expect("patterns").keeping_points();
+    let replay = replay(&prepared);
+    let family = &prepared.plan.families[replay.family];
+    let scan = replay.scans.last().expect("a kept scan");
+    let points = scan.points.as_ref().expect("kept points");
+    let row = replay.poses.iter().find(|row| row.scan_id == Some(scan.scan_id)).expect("its pose");
+    let returns = &points.sweep.returns;
+    let hits: Vec<usize> = (0..returns.status.len()).filter(|&slot| returns.point_sensor(slot).is_some()).collect();
+    let points_m: Vec<DVec3> = hits.iter().filter_map(|&slot| returns.point_sensor(slot)).collect();
+    let intensity: Vec<f32> = hits.iter().map(|&slot| returns.intensity.as_ref().expect("intensities")[slot]).collect();
+    let cloud = WindowCloud {
+        points_m: &points_m,
+        in_map: false,
+        intensity: Some(&intensity),
+        obstacle: None,
+        estimate: &row.estimate,
+        map_from_sensor: points.map_from_sensor,
+    };
+    let (here, known) = bin_clouds(&family.cells, &[cloud], points.max_range_m, &mut Scratch::default());
+    let unseen = here.rows.iter().filter(|row| row.points == 0).count();
+    assert!(unseen > 20 && known.len() == here.rows.len(), "{unseen}");
+    let names: Vec<String> = feature_columns(&family.cells, true).into_iter().map(|c| c.name).collect();
+    assert!(here.features.iter().all(|value| value.is_finite()) && names.iter().any(|name| name == "gap_drop_m"));
+    assert_same_cells(&here, &scan.cells, &names);
+    let deep = |row: &marsyard::cells::CellRow| row.points == 0 && row.untraversable() && row.truth.drop_m > 0.2;
+    assert!(scan.cells.rows.iter().any(deep));
+}

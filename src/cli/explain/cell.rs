@@ -93,7 +93,10 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
         );
     }
     let carried = row.points as usize - inside.len();
-    let moments = if carried > 0 {
+    let moments = if row.points == 0 {
+        outln!("  none: beams passed over it");
+        Ok(())
+    } else if carried > 0 {
         outln!("  and {carried} points of earlier sweeps of the window");
         Ok(())
     } else {
@@ -175,6 +178,10 @@ fn tell_label(family: &Family, replay: &Replay, row: &CellRow) {
     if let (Some(rover), Some(crossing)) = (&rule.rover, truth.crossing) {
         outln!("  the label is the rover's: it can cross {}", rover.words());
         outln!("  nearest limit: {}, {:.3} m {}", crossing.limit.name(), crossing.margin_m.abs(), side_words(crossing));
+    }
+    if let Some(limit_m) = rule.max_drop_m {
+        let word = if of_counted.is_deep(truth) { "deeper" } else { "not deeper" };
+        outln!("  drop: {:.3} m, {word} than the limit of {limit_m}", truth.drop_m);
     }
     outln!("  label: {}", label_words(row.label));
 }

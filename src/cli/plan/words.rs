@@ -87,10 +87,11 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     parts.push(("slam", slam));
     let cells = &family.cells;
     let local = cells.local_height.as_ref().map_or(String::new(), |local| format!(", height above {}", local.words()));
+    let unseen = cells.unseen.as_ref().map_or(String::new(), |unseen| format!(", unseen ones: {}", unseen.words()));
     parts.push((
         "cells",
         format!(
-            "{} m, {} neighbours, {}{local}",
+            "{} m, {} neighbours, {}{local}{unseen}",
             cells.size_m,
             cells.neighbours,
             if cells.window_scans > 1 { format!("{} sweeps together", cells.window_scans) } else { "one sweep".into() }

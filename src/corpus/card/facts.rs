@@ -94,7 +94,8 @@ fn cell_words(cells: &CellParams) -> String {
         1 => "points of one sweep".into(),
         most => format!("points of up to {most} sweeps"),
     };
-    format!("squares of {} m, {reach}, {window}", cells.size_m)
+    let unseen = cells.unseen.as_ref().map_or("", |_| "; also those without a point (`points` = 0) near gaps of beams");
+    format!("squares of {} m, {reach}, {window}{unseen}", cells.size_m)
 }
 
 /// The label's rule; what the columns `truth_*` allow to be asked anew.
@@ -125,7 +126,10 @@ fn label_words(cells: &CellParams, wheel_diameter_m: f64) -> String {
     let slope = labels.max_ground_slope_deg.map_or("; slopes never make one so".into(), |slope_deg| {
         format!("; or that lies on ground steeper than {slope_deg} degrees")
     });
-    format!("holds {points} of {obstacle}, or of vegetation that the plan marks untraversable{slope}")
+    let drop = labels.max_drop_m.map_or(String::new(), |drop_m| {
+        format!("; or where the ground falls by more than {drop_m} m within 0.3 m, or lies so deep between two sides")
+    });
+    format!("holds {points} of {obstacle}, or of vegetation that the plan marks untraversable{slope}{drop}")
 }
 
 #[cfg(test)]
@@ -146,7 +150,7 @@ mod tests {
             obstacle: ObstacleRule::TallerThanM(0.3),
             min_obstacle_points: 5,
             max_ground_slope_deg: Some(20.0),
-            rover: None,
+            ..LabelParams::default()
         };
         let strict = with(strict);
         assert!(strict.starts_with("holds 5 points or more") && strict.contains("more than 0.3 m"), "{strict}");

@@ -1,7 +1,11 @@
-//! `cells`: one row per non-empty cell of a kept scan. The features follow these columns.
+//! `cells`: one row per non-empty cell of a kept scan. The features follow these columns, and the truth that only some configs have.
 
-use super::{Definition, define};
-use crate::cells::{CellRow, Label as CellLabel};
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, Float32Array};
+
+use super::{Definition, canonical_f32, define};
+use crate::cells::{CellRow, Cells, Label as CellLabel, TruthColumn};
 use crate::corpus::cells as name;
 use crate::corpus::schema::Role::{Info, Key, Label, Truth};
 use crate::scene::Class;
@@ -42,4 +46,10 @@ pub(crate) fn definitions<'a>(by_rover: bool) -> Vec<Definition<Row<'a>>> {
         ]);
     }
     definitions
+}
+
+/// A truth column that only some configs have.
+pub(crate) fn truth(column: &TruthColumn, cells: &Cells) -> ArrayRef {
+    let values = cells.rows.iter().map(|row| canonical_f32((column.take)(&row.truth)));
+    Arc::new(Float32Array::from_iter_values(values))
 }

@@ -45,6 +45,7 @@ fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         tables: tables.to_vec(),
         features: vec![feature("mean_height_m"), feature("height_difference_m")],
         by_rover: false,
+        truth: vec![],
         drawn: Vec::new(),
         families: vec!["even".into(), "odd".into()],
         scene_plan_hash: "cd".repeat(32),
@@ -70,6 +71,8 @@ fn scene(scene_id: u64, known: &[Known]) -> SceneOutput {
             protrusion_m: 0.1 * obstacle_points as f32,
             slope_rad: 0.0,
             crossing: None,
+            drop_m: 0.0,
+            pit_m: 0.0,
         },
     };
     let cells = Cells {
@@ -105,6 +108,7 @@ fn families() -> Vec<FamilyFacts> {
         sensor: sensor.into(),
         cell_size_m: 0.1,
         local_height: None,
+        unseen: None,
         labels: LabelParams::default(),
     };
     vec![facts("even", "urg"), facts("odd", "lms")]

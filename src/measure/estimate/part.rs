@@ -34,11 +34,13 @@ pub(crate) enum Part {
     WindowScans,
     LocalHeight,
     RoverLabels,
+    Unseen,
+    MaxDrop,
     PointsTable,
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 24] = [
+    pub(crate) const ALL: [Part; 26] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -62,6 +64,8 @@ impl Part {
         Part::WindowScans,
         Part::LocalHeight,
         Part::RoverLabels,
+        Part::Unseen,
+        Part::MaxDrop,
         Part::PointsTable,
     ];
 
@@ -91,6 +95,8 @@ impl Part {
             Part::WindowScans => "window_scans",
             Part::LocalHeight => "local_height",
             Part::RoverLabels => "labels.rover",
+            Part::Unseen => "unseen",
+            Part::MaxDrop => "max_drop",
             Part::PointsTable => "points table",
         }
     }
@@ -139,6 +145,8 @@ impl Part {
             Part::WindowScans => family.cells.window_scans > 1,
             Part::LocalHeight => family.cells.local_height.is_some(),
             Part::RoverLabels => family.cells.labels.rover.is_some(),
+            Part::Unseen => family.cells.unseen.is_some(),
+            Part::MaxDrop => family.cells.labels.max_drop_m.is_some(),
             Part::PointsTable => plan.tables.contains(&Table::Points),
         }
     }
@@ -171,6 +179,8 @@ impl Part {
             Part::WindowScans => family.cells.window_scans = 1,
             Part::LocalHeight => family.cells.local_height = None,
             Part::RoverLabels => family.cells.labels.rover = None,
+            Part::Unseen => family.cells.unseen = None,
+            Part::MaxDrop => family.cells.labels.max_drop_m = None,
             Part::PointsTable => plan.tables.retain(|table| *table != Table::Points),
         }
     }

@@ -108,11 +108,11 @@ fn begin(setup: &Setup) -> Result<RunFolder, TrainError> {
 
 /// Rows of each class in the train split, by corpus.
 fn class_counts(sources: &Arc<Sources>) -> Result<Vec<[u64; 2]>, TrainError> {
-    if sources.rule.is_none() {
+    if sources.rule.is_none() && !sources.seen_alone {
         let of = |labels: crate::corpus::stats::LabelCounts| [labels.traversable, labels.untraversable];
         return Ok(sources.list.iter().map(|source| of(source.labels(Split::Train))).collect());
     }
-    // Another rule gives other labels: they are counted.
+    // Another rule gives other labels, and cells without points may be left out: the rest is counted.
     let mut counts = vec![[0; 2]; sources.list.len()];
     each_group(Arc::new(sources.labels_alone()), Split::Train, |rows| {
         for (&label, &corpus) in rows.labels.iter().zip(&rows.corpora) {

@@ -2,11 +2,11 @@
 
 use super::{Group, SceneAddress, Sources, at, path};
 use crate::corpus::Split;
-use crate::corpus::cells::{CellBatch, KEYS, LABEL, projection, rule_truth};
+use crate::corpus::cells::{CellBatch, KEYS, LABEL, POINTS, projection, rule_truth};
 use crate::corpus::checked::Refused;
 use crate::corpus::reader::TableFile;
 use crate::train::TrainError;
-use crate::train::rows::Rows;
+use crate::train::rows::{Rows, Wanted};
 
 impl Sources {
     /// Adds the rows of a row group.
@@ -36,7 +36,8 @@ impl Sources {
         let facts = &of.files[at(split)][file as usize];
         let truth = rule_truth(self.rule.as_ref());
         let features = self.features.iter().map(String::as_str);
-        let needed = features.chain([LABEL]).chain(more.iter().chain(truth).copied());
+        let points = self.seen_alone.then_some(POINTS);
+        let needed = features.chain([LABEL]).chain(points).chain(more.iter().chain(truth).copied());
         let (name, table) = (path(split, facts.shard), of.open_file(split, facts)?);
         match projection(&table, needed, &[]) {
             Ok(wanted) => Ok(OpenFile { sources: self, source, name, table, wanted }),
@@ -64,7 +65,8 @@ impl OpenFile<'_> {
     }
 
     fn push(&self, cells: &CellBatch, rows: &mut Rows) -> Result<(), TrainError> {
-        let Sources { features, rule, .. } = self.sources;
-        rows.push(cells, features, rule.as_ref(), self.source).map_err(|reason| self.fault(Refused::Other(reason)))
+        let Sources { features, rule, seen_alone, .. } = self.sources;
+        let wanted = Wanted { features, rule: rule.as_ref(), seen_alone: *seen_alone };
+        rows.push(cells, &wanted, self.source).map_err(|reason| self.fault(Refused::Other(reason)))
     }
 }

@@ -1,0 +1,419 @@
+//! The returns of one sweep -> columns of beams, the gaps between neighbours in them, and what they know of a place.
+//!
+//! In: returns as offsets from the sensor with the axes of `map`, metres. A column holds the returns of one sector of azimuth, ordered by
+//! elevation as seen from the sensor: a lidar's errors lie along its beams, so that the order holds where ranges are noisy. Between a
+//! return and the next one above it a beam went by; where that lies farther off, the ground between them was passed over. Ranges are
+//! horizontal, heights those above the rover's estimated z. Out: the long gaps, and `gap_` features of any place.
+//!
+//! The local plane before a gap is a least-squares line through the lowest return of each 5 cm of the last metre before it, in its column: the
+//! ground, not the face of a thing that stands on it. A gap is long where it exceeds half as much again as that plane would leave between the
+//! same two beams, and half a cell. So a thing's shadow on that plane is no long gap.
+//! Own construction. The signs of a ditch are those of Matthies & Rankin 2003 ("Negative obstacle detection by thermal signature", its
+//! geometry: a gap, and a far wall below the plane); the columns as in Larson & Trivedi 2011 ("Lidar based off-road negative obstacle
+//! detection"). Not modelled: beams that never came back, which real clouds do not tell of: a gap without a return behind it is none.
+//! Just behind a hole its wall tilts the plane, so that the beams' own spacing counts as short gaps there.
+
+use std::f64::consts::{PI, TAU};
+
+use super::columns::GAP_COLUMNS;
+use crate::geometry::{DVec2, DVec3};
+use crate::math;
+
+/// The plane before a gap: how far back it is fitted, and of how many parts of that way the lowest return each.
+const PLANE_M: f64 = 1.0;
+const PLANE_BINS: usize = 20;
+/// A fit over less than this says nothing of the slope.
+const LEAST_BASE_M: f64 = 0.1;
+const STEEPEST: f64 = 1.0;
+/// How far before a gap the ground below a thing is looked for, and how far behind it a wall.
+const RISE_M: f64 = 0.5;
+const WALL_M: f64 = 0.3;
+/// Lengths without an end are written as this.
+const LONGEST_M: f64 = 10.0;
+
+/// One return.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct BeamReturn {
+    /// Tangent of the elevation.
+    elevation: f64,
+    range_m: f64,
+    height_m: f64,
+}
+
+/// Two returns that are neighbours in their column, with much ground between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Gap {
+    near_m: f64,
+    far_m: f64,
+    near_height_m: f64,
+    far_height_m: f64,
+    /// The plane before it.
+    ground: Line,
+    excess_m: f64,
+    rise_m: f64,
+    wall_m: f64,
+}
+
+/// Columns of beams; reused memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct BeamColumns {
+    sector_rad: f64,
+    sectors: usize,
+    sensor_m: DVec2,
+    sensor_height_m: f64,
+    of_return: Vec<(u32, BeamReturn)>,
+    returns: Vec<BeamReturn>,
+    first_return: Vec<u32>,
+    gaps: Vec<Gap>,
+    first_gap: Vec<u32>,
+}
+
+/// The features of a place, in the order of the columns.
+pub(super) type GapFeatures = [f64; GAP_COLUMNS.len()];
+
+impl BeamColumns {
+    /// Begins a sweep whose sensor is believed to be at `sensor_m` (map).
+    pub(super) fn begin(&mut self, sector_deg: f64, sensor_m: DVec3, rover_z_m: f64) {
+        self.sectors = (360.0 / sector_deg - 1e-9).ceil().max(1.0) as usize;
+        self.sector_rad = TAU / self.sectors as f64;
+        self.sensor_m = sensor_m.truncate();
+        self.sensor_height_m = sensor_m.z - rover_z_m;
+        self.of_return.clear();
+    }
+
+    /// Adds a return by its offset from the sensor.
+    #[inline]
+    pub(super) fn add(&mut self, offset_m: DVec3) {
+        let range_m = math::hypot(offset_m.x, offset_m.y);
+        let (elevation, height_m) = (offset_m.z / range_m, offset_m.z + self.sensor_height_m);
+        if elevation.is_finite() && range_m.is_finite() {
+            let sector = self.sector(math::atan2(offset_m.y, offset_m.x));
+            self.of_return.push((sector as u32, BeamReturn { elevation, range_m, height_m }));
+        }
+    }
+
+    /// Sorts the returns into their columns and finds the gaps. `size_m`: a cell's.
+    pub(super) fn finish(&mut self, size_m: f64) {
+        self.first_return.clear();
+        self.first_return.resize(self.sectors + 1, 0);
+        self.of_return.iter().for_each(|&(sector, _)| self.first_return[sector as usize + 1] += 1);
+        for sector in 0..self.sectors {
+            self.first_return[sector + 1] += self.first_return[sector];
+        }
+        let mut next = self.first_return.clone();
+        self.returns.clear();
+        self.returns.resize(self.of_return.len(), BeamReturn { elevation: 0.0, range_m: 0.0, height_m: 0.0 });
+        for &(sector, beam) in &self.of_return {
+            let place = &mut next[sector as usize];
+            self.returns[*place as usize] = beam;
+            *place += 1;
+        }
+        self.gaps.clear();
+        self.first_gap.clear();
+        for sector in 0..self.sectors {
+            self.first_gap.push(self.gaps.len() as u32);
+            let column = &mut self.returns[span(&self.first_return, sector)];
+            column.sort_unstable_by(|a, b| a.elevation.total_cmp(&b.elevation).then(a.range_m.total_cmp(&b.range_m)));
+            for near in 0..column.len().saturating_sub(1) {
+                self.gaps.extend(gap_after(column, near, self.sensor_height_m, size_m));
+            }
+        }
+        self.first_gap.push(self.gaps.len() as u32);
+    }
+
+    fn sector(&self, azimuth_rad: f64) -> usize {
+        let sector = ((azimuth_rad + PI) / self.sector_rad).floor();
+        (sector.rem_euclid(self.sectors as f64) as usize).min(self.sectors - 1)
+    }
+
+    fn column(&self, sector: usize) -> &[BeamReturn] {
+        &self.returns[span(&self.first_return, sector)]
+    }
+
+    /// Range and azimuth of a place in the map.
+    fn polar(&self, x_m: f64, y_m: f64) -> (f64, f64) {
+        let away = DVec2::new(x_m, y_m) - self.sensor_m;
+        (math::hypot(away.x, away.y), math::atan2(away.y, away.x))
+    }
+
+    /// Horizontal distance of a place from the sensor.
+    pub(super) fn range_m(&self, x_m: f64, y_m: f64) -> f64 {
+        self.polar(x_m, y_m).0
+    }
+
+    /// The return before a place and the lowest one behind it, in its column; `None` where either is missing: beyond what was swept.
+    fn around(&self, range_m: f64, azimuth_rad: f64) -> Option<(BeamReturn, BeamReturn)> {
+        let column = self.column(self.sector(azimuth_rad));
+        let behind = column.iter().position(|beam| beam.range_m > range_m)?;
+        Some((*column.get(behind.checked_sub(1)?)?, column[behind]))
+    }
+
+    /// The height of the line from the return before a place to the one behind it.
+    pub(super) fn chord_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
+        let (range_m, azimuth_rad) = self.polar(x_m, y_m);
+        let (before, behind) = self.around(range_m, azimuth_rad)?;
+        let share = (range_m - before.range_m) / (behind.range_m - before.range_m);
+        Some(before.height_m + share * (behind.height_m - before.height_m))
+    }
+
+    /// Calls `visit` for places (x, y) in the map that lie within `around_m` of a long gap, at most `step_m` apart.
+    pub(super) fn each_near_gap(&self, around_m: f64, step_m: f64, mut visit: impl FnMut(f64, f64)) {
+        for sector in 0..self.sectors {
+            for gap in &self.gaps[span(&self.first_gap, sector)] {
+                let (from_m, to_m) = ((gap.near_m - around_m).max(0.0), gap.far_m + around_m);
+                let across = (to_m * self.sector_rad / step_m).ceil().max(1.0) as usize;
+                let along = ((to_m - from_m) / step_m).ceil().max(1.0) as usize;
+                for share in (0..across).map(|k| (k as f64 + 0.5) / across as f64) {
+                    let (sin, cos) = math::sin_cos((sector as f64 + share) * self.sector_rad - PI);
+                    for k in 0..=along {
+                        let range_m = from_m + (to_m - from_m) * k as f64 / along as f64;
+                        visit(self.sensor_m.x + cos * range_m, self.sensor_m.y + sin * range_m);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The long gap with the greatest excess that lies within `around_m` of a range, in the columns of some azimuths.
+    fn longest(&self, range_m: f64, azimuths_rad: [f64; 2], around_m: f64) -> Option<Gap> {
+        let [first, last] = azimuths_rad.map(|azimuth| self.sector(azimuth));
+        let columns = (last + self.sectors - first) % self.sectors;
+        let sectors = (0..=columns).map(|k| (first + k) % self.sectors);
+        let gaps = sectors.flat_map(|sector| &self.gaps[span(&self.first_gap, sector)]);
+        let near = gaps.filter(|gap| range_m >= gap.near_m - around_m && range_m <= gap.far_m + around_m);
+        // Of equals the first.
+        near.fold(None, |best: Option<Gap>, gap| match best {
+            Some(best) if best.excess_m >= gap.excess_m => Some(best),
+            _ => Some(*gap),
+        })
+    }
+
+    /// What the beams know of a cell at (x, y) in the map whose mean height is `height_m`.
+    pub(super) fn features(&self, x_m: f64, y_m: f64, height_m: f64, size_m: f64, around_m: f64) -> GapFeatures {
+        let (range_m, azimuth_rad) = self.polar(x_m, y_m);
+        let turn_rad = |cells: f64| (cells * size_m / range_m.max(size_m)).min(0.5);
+        let sides = |cells: f64| azimuth_rad + turn_rad(cells);
+        let column = self.column(self.sector(azimuth_rad));
+        let beams = column.iter().filter(|beam| beam.range_m > range_m).count() as f64;
+        let beside =
+            |cells: f64| self.longest(range_m, [sides(cells); 2], around_m).map_or(0.0, |gap| gap.far_m - gap.near_m);
+        let [left_m, right_m] = [beside(1.5), beside(-1.5)];
+        let Some(gap) = self.longest(range_m, [azimuth_rad - turn_rad(0.5), sides(0.5)], around_m) else {
+            let none = [0.0, 0.0, around_m, around_m, range_m, height_m, height_m];
+            let mut features = GapFeatures::default();
+            features[..none.len()].copy_from_slice(&none);
+            features[GAP_COLUMNS.len() - 3..].copy_from_slice(&[beams, left_m, right_m]);
+            return features;
+        };
+        let lowest = column.iter().find(|beam| beam.range_m > range_m);
+        let below_m =
+            lowest.map_or(0.0, |beam| gap.ground.at(range_m) - (self.sensor_height_m + beam.elevation * range_m));
+        let fall_m = self.sensor_height_m - gap.near_height_m;
+        let shadow_m = if fall_m > 0.0 { (gap.near_m * gap.rise_m / fall_m).min(LONGEST_M) } else { LONGEST_M };
+        [
+            gap.far_m - gap.near_m,
+            gap.excess_m,
+            range_m - gap.near_m,
+            gap.far_m - range_m,
+            gap.near_m,
+            gap.near_height_m,
+            gap.far_height_m,
+            gap.ground.at(gap.far_m) - gap.far_height_m,
+            below_m,
+            gap.ground.slope,
+            gap.rise_m,
+            shadow_m,
+            gap.wall_m,
+            beams,
+            left_m,
+            right_m,
+        ]
+    }
+}
+
+fn span(first: &[u32], k: usize) -> std::ops::Range<usize> {
+    first[k] as usize..first[k + 1] as usize
+}
+
+/// The gap between a return of a column and the next one, where it is long.
+fn gap_after(column: &[BeamReturn], near: usize, sensor_height_m: f64, size_m: f64) -> Option<Gap> {
+    let (before, behind) = (column[near], column[near + 1]);
+    let length_m = behind.range_m - before.range_m;
+    if length_m <= 0.5 * size_m {
+        return None;
+    }
+    let ground = ground_before(column, near);
+    // Where the upper beam meets the plane.
+    let meets_m = (ground.level_m - sensor_height_m) / (behind.elevation - ground.slope);
+    let plane_m = (meets_m - before.range_m).max(0.0);
+    let plane_m = if behind.elevation < ground.slope { plane_m.min(LONGEST_M) } else { LONGEST_M };
+    if length_m <= 1.5 * plane_m + 0.5 * size_m {
+        return None;
+    }
+    let earlier = column[..near].iter().rev().take_while(|beam| beam.range_m >= before.range_m - RISE_M);
+    let lowest_m = earlier.fold(before.height_m, |low, beam| low.min(beam.height_m));
+    let later = column[near + 1..].iter().take_while(|beam| beam.range_m <= behind.range_m + WALL_M);
+    let highest_m = later.fold(behind.height_m, |high, beam| high.max(beam.height_m));
+    Some(Gap {
+        near_m: before.range_m,
+        far_m: behind.range_m,
+        near_height_m: before.height_m,
+        far_height_m: behind.height_m,
+        ground,
+        excess_m: length_m - plane_m,
+        rise_m: before.height_m - lowest_m,
+        wall_m: highest_m - behind.height_m,
+    })
+}
+
+/// A straight line: the ground along a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Line {
+    level_m: f64,
+    slope: f64,
+}
+
+impl Line {
+    fn at(self, range_m: f64) -> f64 {
+        self.level_m + self.slope * range_m
+    }
+}
+
+/// The line through the lowest returns before a gap; level through the last return where they say nothing of a slope.
+fn ground_before(column: &[BeamReturn], near: usize) -> Line {
+    let last = column[near];
+    let mut lowest = [None::<BeamReturn>; PLANE_BINS];
+    for beam in column[..=near].iter().rev().take_while(|beam| beam.range_m >= last.range_m - PLANE_M) {
+        let bin = ((last.range_m - beam.range_m) / PLANE_M * PLANE_BINS as f64) as usize;
+        let low = &mut lowest[bin.min(PLANE_BINS - 1)];
+        *low = Some(low.map_or(*beam, |low| if beam.height_m < low.height_m { *beam } else { low }));
+    }
+    let count = lowest.iter().flatten().count() as f64;
+    let mean = |of: fn(&BeamReturn) -> f64| lowest.iter().flatten().map(of).sum::<f64>() / count;
+    let (range_m, height_m) = (mean(|beam| beam.range_m), mean(|beam| beam.height_m));
+    let (mut spread, mut rise) = (0.0, 0.0);
+    for beam in lowest.iter().flatten() {
+        spread += (beam.range_m - range_m) * (beam.range_m - range_m);
+        rise += (beam.range_m - range_m) * (beam.height_m - height_m);
+    }
+    if spread < count * LEAST_BASE_M * LEAST_BASE_M / 12.0 {
+        return Line { level_m: last.height_m, slope: 0.0 };
+    }
+    let slope = (rise / spread).clamp(-STEEPEST, STEEPEST);
+    Line { level_m: height_m - slope * range_m, slope }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SENSOR_M: f64 = 1.0;
+    const SIZE_M: f64 = 0.1;
+
+    /// A fan of beams from 1 m above level ground with a trench across x, 0.6 m wide and half a metre deep from x = 3 m, walls
+    /// upright: (x, z) of each beam's return.
+    fn fan(step_deg: f64) -> Vec<(f64, f64)> {
+        let (near, far, depth) = (3.0, 3.6, 0.5);
+        let beams = (0..).map(|k| (-45.0 + step_deg * f64::from(k)).to_radians()).take_while(|&e| e < -0.12);
+        beams
+            .map(|elevation| {
+                let fall = -math::tan(elevation);
+                let flat = SENSOR_M / fall;
+                if !(near..far + depth / fall).contains(&flat) || flat > far && fall * far < SENSOR_M {
+                    return (flat, 0.0);
+                }
+                let floor = (SENSOR_M + depth) / fall;
+                if floor < far { (floor, -depth) } else { (far, SENSOR_M - fall * far) }
+            })
+            .collect()
+    }
+
+    fn columns(returns: &[(f64, f64)]) -> BeamColumns {
+        let mut columns = BeamColumns::default();
+        // The sensor stands at (5, 7) in the map; the rover's z is 0.
+        columns.begin(1.0, DVec3::new(5.0, 7.0, SENSOR_M), 0.0);
+        for &(x, z) in returns {
+            let (sin, cos) = math::sin_cos(0.5_f64.to_radians());
+            columns.add(DVec3::new(x * cos, x * sin, z - SENSOR_M));
+        }
+        columns.finish(SIZE_M);
+        columns
+    }
+
+    fn at(columns: &BeamColumns, range_m: f64) -> std::collections::BTreeMap<&'static str, f64> {
+        let (sin, cos) = math::sin_cos(0.5_f64.to_radians());
+        let features = columns.features(5.0 + range_m * cos, 7.0 + range_m * sin, 0.25, SIZE_M, 0.5);
+        GAP_COLUMNS.iter().map(|column| column.0).zip(features).collect()
+    }
+
+    #[test]
+    fn exact_a_trench_in_level_ground_has_the_gap_and_drop_that_are_drawn_by_hand() {
+        let returns = fan(0.25);
+        let columns = columns(&returns);
+        // Behind the trench its wall tilts the plane, and the beams' own spacing counts as gaps for a while; they are short.
+        assert!(columns.gaps[1..].iter().all(|gap| gap.near_m > 3.6 && gap.far_m < 4.7 && gap.excess_m < 0.1));
+        // By brute force: the last return before the trench, and the one after it.
+        let last = returns.iter().rposition(|&(x, _)| x < 3.0).unwrap();
+        let (near, (far, far_z)) = (returns[last].0, returns[last + 1]);
+        assert!(far > 3.4 && far <= 3.6 + 1e-12, "the beam over the lip meets the far wall: {far}");
+        let features = at(&columns, 3.3);
+        let expected = [
+            ("gap_length_m", far - near),
+            ("gap_from_m", 3.3 - near),
+            ("gap_to_m", far - 3.3),
+            ("gap_near_range_m", near),
+            ("gap_near_height_m", 0.0),
+            ("gap_far_height_m", far_z),
+            ("gap_drop_m", -far_z),
+            ("gap_slope", 0.0),
+            ("gap_rise_m", 0.0),
+            ("gap_shadow_m", 0.0),
+            // The wall is seen up to the beam that just passes below the far lip.
+            ("gap_wall_m", returns.iter().filter(|p| p.0 > 3.0 && p.0 < 3.9).fold(-1.0_f64, |z, p| z.max(p.1)) - far_z),
+            ("gap_beams", returns.iter().filter(|p| p.0 > 3.3).count() as f64),
+        ];
+        for (name, value) in expected {
+            assert!((features[name] - value).abs() < 1e-9, "{name}: {} {value}", features[name]);
+        }
+        // The plane would have been met one beam further on; below it the beam passes at 3.3 m.
+        let fall = (SENSOR_M - far_z) / far;
+        assert!((features["gap_excess_m"] - (far - 1.0 / fall)).abs() < 1e-9);
+        assert!((features["gap_below_m"] - (fall * 3.3 - SENSOR_M)).abs() < 1e-9 && features["gap_below_m"] > 0.0);
+        // Far from the gap nothing is told but beams.
+        let away = at(&columns, 2.0);
+        assert_eq!((away["gap_length_m"], away["gap_from_m"], away["gap_near_height_m"]), (0.0, 0.5, 0.25));
+        assert_eq!(away["gap_beams"], returns.iter().filter(|p| p.0 > 2.0).count() as f64);
+        assert!(
+            (columns.chord_m(5.0 + 3.3, 7.0 + 3.3 * 0.008_726_9).unwrap() - far_z * (3.3 - near) / (far - near)).abs()
+                < 1e-4
+        );
+    }
+
+    #[test]
+    fn law_level_and_sloping_ground_has_no_long_gap_and_a_rock_explains_its_shadow() {
+        let plane = |slope: f64, x: f64| {
+            let fall = (SENSOR_M - slope * x) / x;
+            (x, SENSOR_M - fall * x)
+        };
+        for slope in [-0.2, 0.0, 0.1] {
+            let returns: Vec<_> =
+                (0..60).map(|k| plane(slope, 1.0 + 0.05 * f64::from(k) + 0.002 * f64::from(k * k))).collect();
+            assert!(columns(&returns).gaps.is_empty(), "{slope}");
+        }
+        // A rock 0.3 m high at 2 m: its shadow ends where the line over its top meets the ground, at 2 / 0.7 m.
+        let mut returns: Vec<_> = (0..20).map(|k| (1.0 + 0.05 * f64::from(k), 0.0)).collect();
+        returns.extend((0..=6).map(|k| (2.0 + 0.02 * f64::from(k), 0.05 * f64::from(k))));
+        returns.extend((0..20).map(|k| (3.1 + 0.1 * f64::from(k), 0.0)));
+        let shadow = columns(&returns);
+        assert!(shadow.gaps.is_empty(), "{:?}", shadow.gaps);
+        // The ground behind it gone, and a wall below it in its place: more than the shadow.
+        returns.retain(|point| point.0 < 3.0);
+        returns.extend((0..5).map(|k| (4.2, -0.35 + 0.05 * f64::from(k))));
+        let hole = columns(&returns);
+        let features = at(&hole, 3.6);
+        assert_eq!(hole.gaps.len(), 1);
+        assert!((features["gap_rise_m"] - 0.3).abs() < 1e-9 && (features["gap_wall_m"] - 0.2).abs() < 1e-9);
+        assert!((features["gap_shadow_m"] - 2.12 * 0.3 / 0.7).abs() < 1e-9);
+        assert!(features["gap_below_m"] > 0.0 && features["gap_drop_m"] > 0.5, "{features:?}");
+    }
+}

@@ -1,0 +1,267 @@
+//! A place in the yard -> what is true of it, whether a beam met it or not: what stands there, how steep it is, how far the ground falls.
+//!
+//! In: the scene, and a place (x, y) in `world`. Out: [`Place`]. What labels of cells without points follow from, and the rule
+//! `cells.labels.max_drop_m`. Own construction.
+//!
+//! How the ground falls at a place ([`Fall`]) has two parts, both sampled on rays in 16 directions. The *lip*: how far the ground falls from
+//! the place within [`WALL_M`]. The *pit*: how deep the place lies between walls on two opposite sides, each within [`PIT_M`]; a side is as
+//! high as its highest point above the place that the ground climbs to within [`WALL_M`]: min(z(q) - z(p), z(q) - least z of the last
+//! `WALL_M` before q), the greatest over q. The lower of two sides counts, and of eight axes the greatest. So the foot of a bank, which has a
+//! wall on one side, is no pit, nor is a valley, whose sides climb slowly. Clefts narrower than 5 cm may be missed.
+//! Not modelled: the rover's size and wheels; stones count by `obstacle` alone.
+
+use std::f64::consts::TAU;
+
+use super::params::LabelParams;
+use super::rule::TallerThan;
+use super::{CellRow, CellTruth, Cells};
+use crate::geometry::{DVec2, DVec3};
+use crate::math;
+use crate::scene::{Class, Scene, Shape};
+
+/// From how near a lip the ground falls away; a wall is ground that rises or falls within as much.
+const WALL_M: f64 = 0.3;
+/// How far off the walls of a pit may be.
+const PIT_M: f64 = 2.0;
+const DIRECTIONS: usize = 16;
+/// Samples of a ray: 5 cm apart as far as the lip reaches, then 10 cm.
+const SAMPLES: usize = 6 + ((PIT_M - WALL_M) / 0.1 + 0.5) as usize;
+
+/// Distance of a sample from the place.
+fn sample_m(k: usize) -> f64 {
+    if k < 6 { 0.05 * (k + 1) as f64 } else { WALL_M + 0.1 * (k - 5) as f64 }
+}
+
+/// How the ground falls at a place, metres, at least 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fall {
+    pub lip_m: f64,
+    pub pit_m: f64,
+}
+
+impl Fall {
+    /// What `max_drop_m` is held against.
+    pub(super) fn drop_m(self) -> f64 {
+        self.lip_m.max(self.pit_m)
+    }
+}
+
+/// What is true of a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Place {
+    pub class: Class,
+    /// Id of what stands there, -1 for ground.
+    pub object: i32,
+    pub protrusion_m: f64,
+    /// It is an obstacle by the label's rule.
+    pub obstacle: bool,
+    pub slope_rad: f64,
+}
+
+/// Asks a scene.
+#[derive(Clone, Debug)]
+pub(super) struct PlaceTruth<'s> {
+    scene: &'s Scene,
+    taller_than: TallerThan,
+    directions: [DVec2; DIRECTIONS],
+}
+
+impl<'s> PlaceTruth<'s> {
+    pub(super) fn new(scene: &'s Scene, taller_than: TallerThan) -> PlaceTruth<'s> {
+        let directions = std::array::from_fn(|k| {
+            let (sin, cos) = math::sin_cos(TAU * k as f64 / DIRECTIONS as f64);
+            DVec2::new(cos, sin)
+        });
+        PlaceTruth { scene, taller_than, directions }
+    }
+
+    /// What is at a place; `None` outside the yard, where there is no ground.
+    pub(super) fn of(&self, x_m: f64, y_m: f64) -> Option<Place> {
+        if !self.scene.contains(x_m, y_m) {
+            return None;
+        }
+        let (ground_m, gradient) = self.scene.ground.height_and_gradient(x_m, y_m);
+        let slope_rad = math::atan(gradient.length());
+        let mut place = Place { class: Class::Ground, object: -1, protrusion_m: 0.0, obstacle: false, slope_rad };
+        let mut tallest_m = f64::NEG_INFINITY;
+        let mut add = |class, object, protrusion_m: f64, obstacle| {
+            place.obstacle |= obstacle;
+            if protrusion_m > tallest_m {
+                (tallest_m, place.class, place.object, place.protrusion_m) =
+                    (protrusion_m, class, object, protrusion_m);
+            }
+        };
+        let here = DVec2::new(x_m, y_m);
+        for obstacle in &self.scene.obstacles {
+            if obstacle.middle_m.distance_squared(here) > obstacle.within_m * obstacle.within_m {
+                continue;
+            }
+            let body = obstacle.body();
+            if top_m(&body.shape, here).is_some_and(|top_m| top_m > ground_m) {
+                add(obstacle.class, obstacle.id, body.protrusion_m, self.taller_than.is_obstacle(body.protrusion_m));
+            }
+        }
+        // A crown hangs above the ground; a bush stands on it.
+        for volume in self.scene.volumes.iter().filter(|volume| volume.class == Class::Bush) {
+            let away = (here - volume.centre_m.truncate()) / volume.semi_axes_m.truncate();
+            if away.length_squared() <= 1.0 {
+                add(volume.class, volume.id, volume.protrusion_m, volume.untraversable);
+            }
+        }
+        for patch in &self.scene.patches {
+            if patch.centre_m.distance_squared(here) <= patch.radius_m * patch.radius_m {
+                add(patch.class, patch.id, 0.0, patch.untraversable);
+            }
+        }
+        Some(place)
+    }
+
+    /// The truth of rows without points, the drop of all rows where the labels ask for it, and the labels that follow. `place_m`: where a
+    /// row's cell is, by its index and mean height. Rows without points outside the yard stay unknown.
+    pub(super) fn complete(&self, labels: &LabelParams, place_m: impl Fn(&CellRow, f32) -> DVec3, cells: &mut Cells) {
+        let rule = labels.of_counted();
+        let width = cells.features.len().checked_div(cells.rows.len()).unwrap_or(0);
+        for (row, features) in cells.rows.iter_mut().zip(cells.features.chunks_exact(width.max(1))) {
+            let here_m = place_m(row, features[0]);
+            if row.points == 0 {
+                let Some(place) = self.of(here_m.x, here_m.y) else { continue };
+                row.truth = CellTruth {
+                    obstacle_points: if place.obstacle { labels.min_obstacle_points as i32 } else { 0 },
+                    top_points: 0,
+                    class: Some(place.class),
+                    object: place.object,
+                    protrusion_m: place.protrusion_m as f32,
+                    slope_rad: place.slope_rad as f32,
+                    crossing: None,
+                    drop_m: 0.0,
+                    pit_m: 0.0,
+                };
+            }
+            if labels.max_drop_m.is_some() {
+                let fall = self.fall(here_m.x, here_m.y);
+                (row.truth.drop_m, row.truth.pit_m) = (fall.drop_m() as f32, fall.pit_m as f32);
+            }
+            row.label = Some(rule.label(&row.truth));
+        }
+    }
+
+    pub(super) fn fall(&self, x_m: f64, y_m: f64) -> Fall {
+        let here_m = self.scene.ground_below_m(x_m, y_m);
+        let mut lowest_m = here_m;
+        let sides = self.directions.map(|direction| {
+            let mut heights_m = [0.0; SAMPLES];
+            let mut side_m = 0.0_f64;
+            for k in 0..SAMPLES {
+                let away = sample_m(k) * direction;
+                heights_m[k] = self.scene.ground_below_m(x_m + away.x, y_m + away.y);
+                // The last 0.3 m: from the place itself, and later from the sample that lies so far before.
+                let (from, first_m) = match k {
+                    0..6 => (0, here_m),
+                    6 => (1, f64::INFINITY),
+                    7 => (3, f64::INFINITY),
+                    _ => (k - 3, f64::INFINITY),
+                };
+                let before_m = heights_m[from..=k].iter().fold(first_m, |low, &height_m| low.min(height_m));
+                side_m = side_m.max((heights_m[k] - here_m).min(heights_m[k] - before_m));
+            }
+            lowest_m = heights_m[..6].iter().fold(lowest_m, |low, &h| low.min(h));
+            side_m
+        });
+        let axes = (0..DIRECTIONS / 2).map(|k| sides[k].min(sides[k + DIRECTIONS / 2]));
+        Fall { lip_m: here_m - lowest_m, pit_m: axes.fold(0.0, f64::max) }
+    }
+}
+
+/// The top of a body on the upright line through a place; `None` where the line passes it by.
+fn top_m(shape: &Shape, here: DVec2) -> Option<f64> {
+    match shape {
+        Shape::Cylinder(cylinder) => {
+            let inside = cylinder.base_m.truncate().distance(here) <= cylinder.radius_m;
+            inside.then_some(cylinder.base_m.z + cylinder.height_m)
+        }
+        Shape::Convex(body) => {
+            let (mut low_m, mut high_m) = (f64::NEG_INFINITY, f64::INFINITY);
+            for plane in &body.planes {
+                let level = plane.normal.dot(DVec3::new(here.x, here.y, 0.0)) + plane.offset_m;
+                let bound_m = -level / plane.normal.z;
+                if plane.normal.z > 0.0 {
+                    high_m = high_m.min(bound_m);
+                } else if plane.normal.z < 0.0 {
+                    low_m = low_m.max(bound_m);
+                } else if level > 0.0 {
+                    return None;
+                }
+            }
+            (low_m <= high_m).then_some(high_m)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cells::params::ObstacleRule;
+    use crate::scene::{Convex, Cylinder, Ground, Polynomial, Raster};
+
+    fn truth(scene: &Scene) -> PlaceTruth<'_> {
+        PlaceTruth::new(scene, ObstacleRule::TallerThanM(0.3).taller_than(0.0))
+    }
+
+    #[test]
+    fn exact_lips_interiors_and_feet_of_steps_have_their_falls() {
+        // A trench 1.5 m wide and 0.4 m deep from x = 4 m, a step up of 0.5 m at x = 8 m; walls one node wide.
+        let height = |x: f64, _: f64| {
+            if x > 8.0 {
+                0.5
+            } else if (4.0..5.5).contains(&x) {
+                -0.4
+            } else {
+                0.0
+            }
+        };
+        let scene = Scene::bare(10.0, Ground::Raster(Raster::sampled(10.0, 0.01, height)));
+        let truth = truth(&scene);
+        for (x_m, lip_m, pit_m) in [
+            (3.5, 0.0, 0.0),
+            (3.72, 0.4, 0.0), // 0.28 m before the lip
+            (4.05, 0.0, 0.4), // on the floor, below either wall
+            (4.75, 0.0, 0.4),
+            (5.45, 0.0, 0.4),
+            (5.72, 0.4, 0.0),
+            (6.5, 0.0, 0.0),
+            (7.9, 0.0, 0.0), // the foot of a step
+            (8.1, 0.5, 0.0), // above it
+            (8.4, 0.0, 0.0),
+        ] {
+            let fall = truth.fall(x_m, 5.0);
+            assert!((fall.lip_m - lip_m).abs() < 1e-9 && (fall.pit_m - pit_m).abs() < 1e-9, "{x_m}: {fall:?}");
+        }
+        let slope = Scene::bare(10.0, Ground::Polynomial(Polynomial::plane(10.0, 0.0, DVec2::new(0.2, 0.0))));
+        let fall = self::truth(&slope).fall(5.0, 5.0);
+        assert!((fall.lip_m - 0.2 * 0.3).abs() < 1e-12 && fall.pit_m == 0.0, "{fall:?}");
+        // A valley whose sides climb by a fifth is as deep as they climb within the wall's reach, however high they are.
+        let valley = |x: f64, _: f64| 0.2 * (x - 5.0).abs();
+        let valley = Scene::bare(10.0, Ground::Raster(Raster::sampled(10.0, 0.1, valley)));
+        let fall = self::truth(&valley).fall(5.0, 5.0);
+        assert!((fall.pit_m - 0.2 * 0.3).abs() < 1e-9, "{fall:?}");
+        assert!((sample_m(5) - WALL_M).abs() < 1e-12 && (sample_m(SAMPLES - 1) - PIT_M).abs() < 1e-12);
+    }
+
+    #[test]
+    fn exact_what_stands_at_a_place_is_found_from_above() {
+        let ground = Ground::Polynomial(Polynomial::plane(10.0, 0.0, DVec2::new(0.0, 0.1)));
+        let crate_m = Convex::cuboid(DVec3::new(3.0, 3.0, 0.3), DVec3::new(0.5, 0.2, 0.45), 0.0);
+        let trunk = Cylinder { base_m: DVec3::new(7.0, 7.0, 0.0), radius_m: 0.1, height_m: 2.0 };
+        let scene = Scene::bare(10.0, ground)
+            .with_obstacle(Class::Box, Shape::Convex(crate_m))
+            .with_obstacle(Class::Trunk, Shape::Cylinder(trunk));
+        let truth = truth(&scene);
+        let found = |x_m, y_m| truth.of(x_m, y_m).map(|place| (place.class, place.object, place.obstacle));
+        assert_eq!(found(3.49, 3.19), Some((Class::Box, 0, true)));
+        assert_eq!(found(3.51, 3.0), Some((Class::Ground, -1, false)));
+        assert_eq!(found(7.0, 7.09), Some((Class::Trunk, 1, true)));
+        assert_eq!(found(7.0, 7.11), Some((Class::Ground, -1, false)));
+        assert_eq!(truth.of(-0.01, 5.0), None);
+        assert!((truth.of(1.0, 1.0).unwrap().slope_rad - math::atan(0.1)).abs() < 1e-12);
+    }
+}
