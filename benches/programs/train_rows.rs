@@ -83,7 +83,7 @@ fn main() -> Result<(), Fault> {
         "left_out_of_validation": held.validation.left_out,
         "features": table.features,
         "constant_features": held.constant.iter().map(name).collect::<Vec<_>>(),
-        "class_weights": held.judge.weights.class,
+        "class_weights": held.objective.weights.class,
         "weights": trained.network.weights.len(),
         "rows_learnt": trained.rows_learnt,
         "stopped": trained.stopped,

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::write::yaml;
 use crate::cells::{feature_columns, truth_columns};
 use crate::corpus::CorpusSpec;
-use crate::corpus::card::FamilyFacts;
+use crate::corpus::card::FamilyCard;
 use crate::plan::Plan;
 use crate::random::Purpose;
 
@@ -40,7 +40,7 @@ impl Plan {
             yards: self.yards(),
             plan_yaml: self.to_yaml(),
             card: self.card.clone().unwrap_or_default(),
-            facts: self.families.iter().map(FamilyFacts::of).collect(),
+            facts: self.families.iter().map(FamilyCard::of).collect(),
         }
     }
 }

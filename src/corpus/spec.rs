@@ -1,7 +1,7 @@
 //! What the corpus is told of the plan.
 
 use super::Table;
-use super::card::FamilyFacts;
+use super::card::FamilyCard;
 use super::schema::{self, Column};
 use crate::cells::{FeatureColumn, TruthColumn};
 use crate::plan::CardParams;
@@ -33,7 +33,7 @@ pub struct CorpusSpec {
     /// Licence, authors and citation.
     pub card: CardParams,
     /// What its card says of each family.
-    pub facts: Vec<FamilyFacts>,
+    pub facts: Vec<FamilyCard>,
 }
 
 impl CorpusSpec {

@@ -9,7 +9,7 @@ use super::filter::{self, Filter};
 use super::rows::Rows;
 use super::state::Snapshot;
 use super::stopping::{Look, Stopping};
-use super::validation::{ErrorSum, Judge};
+use super::validation::{ErrorSum, Objective};
 use super::{Layout, Network, TrainError, TrainParams};
 use crate::random::{Stage, Streams};
 
@@ -18,7 +18,7 @@ const PORTION_ROWS: usize = 256;
 
 /// A network in training.
 pub(super) struct Learner {
-    pub judge: Judge,
+    pub objective: Objective,
     pub network: Network,
     pub filter: Box<dyn Filter>,
     pub best: Snapshot,
@@ -56,13 +56,13 @@ impl From<SumBits> for ErrorSum {
 
 impl Learner {
     /// A network as it is before the first row.
-    pub(super) fn new(params: &TrainParams, judge: Judge, validate_every: u64) -> Result<Learner, TrainError> {
-        let layout = params.layout(judge.scaler.mean.len());
+    pub(super) fn new(params: &TrainParams, objective: Objective, validate_every: u64) -> Result<Learner, TrainError> {
+        let layout = params.layout(objective.scaler.mean.len());
         let filter = filter::build(&params.filter, &layout, params.clip)?;
         let network = first_network(params, layout);
         Ok(Learner {
             best: Snapshot { weights: network.weights.clone(), filter: filter.state() },
-            judge,
+            objective,
             network,
             filter,
             learnt: Learnt::default(),
@@ -77,7 +77,7 @@ impl Learner {
         let until_look = self.validate_every - self.learnt.rows % self.validate_every;
         let end = order.len().min(from - from % PORTION_ROWS + PORTION_ROWS);
         let end = end.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
-        self.portion.fill(rows, &order[from..end], &self.judge);
+        self.portion.fill(rows, &order[from..end], &self.objective);
         let mut sum = ErrorSum::from(self.learnt.train_sum);
         sum += self.portion.error(&self.network);
         self.learnt.train_sum = sum.into();
@@ -145,18 +145,18 @@ struct Share {
 }
 
 impl Share {
-    fn fill(&mut self, rows: &Rows, order: &[u32], judge: &Judge) {
+    fn fill(&mut self, rows: &Rows, order: &[u32], objective: &Objective) {
         let width = rows.width;
         self.inputs.resize(order.len() * width, 0.0);
         self.targets.clear();
         self.noise.clear();
         for (out, &row) in self.inputs.chunks_exact_mut(width).zip(order) {
             let row = row as usize;
-            judge.scaler.scale(rows.row(row), out);
+            objective.scaler.scale(rows.row(row), out);
             let label = rows.labels[row];
-            self.targets.push(judge.targets[label.index()]);
+            self.targets.push(objective.targets[label.index()]);
             // R of a row is divided by its weight: exact in a Kalman filter.
-            self.noise.push(1.0 / judge.weights.of(label, rows.corpora[row]));
+            self.noise.push(1.0 / objective.weights.of(label, rows.corpora[row]));
         }
     }
 

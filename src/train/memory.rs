@@ -12,14 +12,14 @@ use super::order::Epoch;
 use super::rows::Rows;
 use super::scaling::{moments_of, scaler_of, subtracted};
 use super::stopping::{Look, Stop};
-use super::validation::Judge;
+use super::validation::Objective;
 use super::{Network, TrainError, TrainParams};
 
 /// Rows to learn and rows to judge by, and how both are scaled and weighed: by the rows to learn alone.
 pub struct Held {
     pub train: Rows,
     pub validation: Rows,
-    pub judge: Judge,
+    pub objective: Objective,
     /// Features that never vary in the rows to learn.
     pub constant: Vec<usize>,
 }
@@ -77,8 +77,8 @@ impl Held {
             counts[usize::from(train.corpora[row])][train.labels[row].index()] += 1;
         }
         let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
-        let judge = Judge::new(scaler, params, &counts, corpora);
-        Ok(Held { judge, train, validation, constant })
+        let objective = Objective::new(scaler, params, &counts, corpora);
+        Ok(Held { objective, train, validation, constant })
     }
 
     /// As long as the parameters say.
@@ -89,14 +89,14 @@ impl Held {
 
     /// The weighted mean squared error over the validation rows.
     pub(crate) fn validation_error(&self, network: &Network) -> f64 {
-        self.judge.sum_here(network, &self.validation).mean()
+        self.objective.sum_here(network, &self.validation).mean()
     }
 
     /// The output for each row.
     pub fn outputs(&self, network: &Network, rows: &Rows) -> Vec<f64> {
         let mut scaled = vec![0.0; rows.width * rows.len()];
         for (row, scaled) in scaled.chunks_exact_mut(rows.width.max(1)).enumerate() {
-            self.judge.scaler.scale(rows.row(row), scaled);
+            self.objective.scaler.scale(rows.row(row), scaled);
         }
         let mut outputs = vec![0.0; rows.len()];
         network.outputs(&scaled, &mut outputs);
@@ -112,7 +112,7 @@ pub fn train(
     stop: &AtomicBool,
     tell: &mut dyn FnMut(Event),
 ) -> Result<Option<Trained>, TrainError> {
-    let mut learner = Learner::new(params, held.judge.clone(), course.validate_every)?;
+    let mut learner = Learner::new(params, held.objective.clone(), course.validate_every)?;
     let (rows, weights) = (held.train.len(), learner.network.weights.len());
     if rows < weights && !params.allow_few_rows {
         return Err(TrainError::FewRows { rows: rows as u64, weights });

@@ -23,12 +23,12 @@ const CHUNK_ROWS: usize = 1024;
 
 /// What turns a stored row into a term of the error.
 #[derive(Clone, Debug)]
-pub struct Judge {
+pub struct Objective {
     pub scaler: Scaler,
     pub targets: [f64; 2],
     /// How much a row to learn counts.
     pub weights: Weights,
-    /// How much a row to judge by counts.
+    /// How much a row of the validation split counts in a look.
     pub look_weights: Weights,
 }
 
@@ -58,12 +58,12 @@ impl std::ops::AddAssign for ErrorSum {
     }
 }
 
-impl Judge {
+impl Objective {
     /// `counts`: rows to learn of each class by corpus; `corpora`: the corpora's weights.
-    pub(crate) fn new(scaler: Scaler, params: &TrainParams, counts: &[[u64; 2]], corpora: &[f64]) -> Judge {
+    pub(crate) fn new(scaler: Scaler, params: &TrainParams, counts: &[[u64; 2]], corpora: &[f64]) -> Objective {
         let weights = |balance| Weights::new(counts, corpora, balance);
         let (weights, look_weights) = (weights(params.balance), weights(params.look_balance()));
-        Judge { scaler, targets: params.targets, weights, look_weights }
+        Objective { scaler, targets: params.targets, weights, look_weights }
     }
 
     /// Adds rows in order.
@@ -126,11 +126,11 @@ impl Validation {
     }
 
     /// The error over the whole split.
-    pub(crate) fn error(&self, judge: &Judge, network: &Network) -> Result<f64, TrainError> {
+    pub(crate) fn error(&self, objective: &Objective, network: &Network) -> Result<f64, TrainError> {
         let mut sum = ErrorSum::default();
         match &self.held {
-            Some(parts) => parts.iter().for_each(|rows| sum += judge.sum(network, rows)),
-            None => self.each(|rows| sum += judge.sum(network, &rows))?,
+            Some(parts) => parts.iter().for_each(|rows| sum += objective.sum(network, rows)),
+            None => self.each(|rows| sum += objective.sum(network, &rows))?,
         }
         Ok(sum.mean())
     }

@@ -12,14 +12,14 @@ use crate::sweep::sensor::PatternParams;
 
 /// What the card says of a family.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct FamilyFacts {
+pub struct FamilyCard {
     pub name: String,
     /// What of each: (what, in words).
     pub rows: Vec<(&'static str, String)>,
 }
 
-impl FamilyFacts {
-    pub(crate) fn of(family: &Family) -> FamilyFacts {
+impl FamilyCard {
+    pub(crate) fn of(family: &Family) -> FamilyCard {
         let (rover, sweep, cells) = (&*family.drive.rover, &family.sweep, &family.cells);
         let mut rows = vec![
             ("yard", format!("{0} x {0} m", family.scene.extent_m)),
@@ -33,7 +33,7 @@ impl FamilyFacts {
         if family.hold_out {
             rows.push(("scenes", "in the test split alone".into()));
         }
-        FamilyFacts { name: family.name.clone(), rows }
+        FamilyCard { name: family.name.clone(), rows }
     }
 }
 

@@ -4,7 +4,7 @@ mod facts;
 
 use std::fmt::Write;
 
-pub(crate) use facts::FamilyFacts;
+pub(crate) use facts::FamilyCard;
 
 use super::schema::{self, Column, Role};
 use super::{CorpusSpec, Manifest, Split, Table};
@@ -145,7 +145,7 @@ const LIMITS: &str = "\n## Limits of use\n\n\
 
 /// What each family is.
 fn families(out: &mut String, spec: &CorpusSpec) -> std::fmt::Result {
-    for FamilyFacts { name, rows } in &spec.facts {
+    for FamilyCard { name, rows } in &spec.facts {
         writeln!(out, "\n## Family `{name}`\n\n| | |\n|---|---|")?;
         for (what, words) in rows {
             writeln!(out, "| {what} | {} |", cell(words))?;

@@ -230,7 +230,7 @@ impl Training<'_> {
     }
 
     fn look(&mut self, tell: &mut dyn FnMut(Event)) -> Result<(), TrainError> {
-        let error = self.validation.error(&self.learner.judge, &self.learner.network)?;
+        let error = self.validation.error(&self.learner.objective, &self.learner.network)?;
         let (look, is_best) = self.learner.look(self.place.epoch, error);
         let elapsed_s = (self.elapsed_before + self.started.elapsed()).as_secs_f64();
         let line = Line { look, best: is_best, elapsed_s };
@@ -254,7 +254,7 @@ impl Training<'_> {
         self.learner.revert();
         let summary = self.summary();
         let run_id = identity::run_id(&self.identity);
-        let scaler = self.learner.judge.scaler.clone();
+        let scaler = self.learner.objective.scaler.clone();
         let model = summary::model_of(self.setup, run_id, scaler, self.learner.network.clone())?;
         let finished = Finished { summary, looks: self.looks, best: self.learner.best };
         let summary = finished.write(&self.run, Some(&model))?;

@@ -13,7 +13,7 @@ use crate::train::learner::Learner;
 use crate::train::looks::Looks;
 use crate::train::rows::LeftOut;
 use crate::train::scaling::scaler;
-use crate::train::validation::{Judge, Validation, each_group};
+use crate::train::validation::{Objective, Validation, each_group};
 use crate::train::{Layout, Sources, TrainError, state, stream};
 
 impl<'s> Training<'s> {
@@ -45,8 +45,8 @@ impl<'s> Training<'s> {
             scaler.clone_from(&init.model.about.scaler);
         }
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
-        let judge = Judge::new(scaler, params, &counts, &corpora);
-        let mut learner = Learner::new(params, judge, params.rows_between_looks(labelled))?;
+        let objective = Objective::new(scaler, params, &counts, &corpora);
+        let mut learner = Learner::new(params, objective, params.rows_between_looks(labelled))?;
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
         let mut run = match begun {
             Some(run) => run,
@@ -74,7 +74,7 @@ impl<'s> Training<'s> {
                 weights,
                 features: sources.features.clone(),
                 constant,
-                class_weights: learner.judge.weights.class,
+                class_weights: learner.objective.weights.class,
                 validate_every: learner.validate_every,
                 stream_bytes: stream::memory_bytes(sources, setup.ahead),
                 resumed_at: learner.learnt.rows,

@@ -83,7 +83,7 @@ impl Training<'_> {
             rows_learnt: self.learner.learnt.rows,
             left_out: self.place.left_out,
             left_out_of_validation: self.validation.left_out,
-            class_weights: self.learner.judge.weights.class,
+            class_weights: self.learner.objective.weights.class,
             weights: self.start.weights,
             features: self.setup.sources.features.clone(),
             constant_features: self.start.constant.clone(),

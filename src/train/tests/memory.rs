@@ -45,7 +45,7 @@ fn equal_bits_from_memory_and_from_a_corpus_of_one_row_group() {
     let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
     let held = held(&setup.params);
     let trained = whole(&setup.params, &held, held.course(&setup.params));
-    assert_eq!(held.judge.scaler, model.about.scaler);
+    assert_eq!(held.objective.scaler, model.about.scaler);
     assert_eq!(trained.network, model.network);
     assert_eq!(trained.looks, looks(&setup));
     assert_eq!((trained.best, trained.stopped), (summary.best, summary.stopped));
@@ -93,7 +93,7 @@ fn exact_the_network_is_that_of_the_best_look_and_outputs_are_its() {
     let outputs = held.outputs(&trained.network, &held.validation);
     let (mut squared, mut weight) = (0.0, 0.0);
     for (output, &label) in outputs.iter().zip(&held.validation.labels) {
-        let w = held.judge.weights.of(label, 0);
+        let w = held.objective.weights.of(label, 0);
         let error = params.targets[label.index()] - output;
         (squared, weight) = (squared + w * error * error, weight + w);
     }
@@ -121,11 +121,11 @@ fn exact_looks_by_classes_weigh_both_alike_while_rows_to_learn_count_as_they_com
     let (by_rows, by_classes) =
         (held(&unweighed), held(&TrainParams { stop_by: StopBy::Classes, ..unweighed.clone() }));
     for held in [&by_rows, &by_classes] {
-        assert_eq!(held.judge.weights.class, [1.0; 2]);
+        assert_eq!(held.objective.weights.class, [1.0; 2]);
     }
-    assert_eq!(by_rows.judge.look_weights.class, [1.0; 2]);
+    assert_eq!(by_rows.objective.look_weights.class, [1.0; 2]);
     let learnt = |class: Label| by_rows.train.labels.iter().filter(|&&label| label == class).count() as f64;
-    let [traversable, untraversable] = by_classes.judge.look_weights.class;
+    let [traversable, untraversable] = by_classes.objective.look_weights.class;
     assert!(
         (traversable * learnt(Label::Traversable) - untraversable * learnt(Label::Untraversable)).abs() < 1e-9
             && learnt(Label::Traversable) != learnt(Label::Untraversable)
@@ -136,7 +136,7 @@ fn exact_looks_by_classes_weigh_both_alike_while_rows_to_learn_count_as_they_com
     network.weights.fill(0.0);
     let share = |class: Label| {
         let of = by_classes.validation.labels.iter().filter(|&&label| label == class).count() as f64;
-        of * by_classes.judge.look_weights.class[class.index()]
+        of * by_classes.objective.look_weights.class[class.index()]
     };
     let [low, high] = unweighed.targets;
     let expected = {
