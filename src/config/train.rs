@@ -87,7 +87,7 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
     }
     if params.validate_every == Some(0) {
         let rule = "'validate_every' must be at least 1, got 0";
-        faults.push(Fault::new(place.span("validate_every"), rule).cure("take it out for min(20,000, rows / 5)"));
+        faults.push(Fault::new(place.span("validate_every"), rule).cure("take it out for a tenth of a pass"));
     }
     let answer = params.labels.as_ref().map_or(Ok(()), LabelRule::check_answerable);
     if let Err(said @ Unanswerable::TwoRules) = &answer {

@@ -46,7 +46,8 @@ pub struct TrainParams {
     /// Passes over the train split, at most.
     #[garde(range(min = 1, max = 100_000))]
     pub epochs: u32,
-    /// Rows between two looks at the validation split; default: min(20,000, rows / 5).
+    /// Rows between two looks at the validation split; default: a tenth of a pass over the train split, so that what looks cost and what
+    /// `patience` allows are shares of the corpus, however large it is; of small corpora 20,000 rows, but a fifth of a pass at most.
     #[garde(skip)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub validate_every: Option<u64>,
@@ -88,7 +89,7 @@ impl TrainParams {
 
     /// Rows between two looks at the validation split, of so many rows to learn.
     pub(crate) fn rows_between_looks(&self, rows: u64) -> u64 {
-        self.validate_every.unwrap_or_else(|| 20_000.min(rows / 5)).max(1)
+        self.validate_every.unwrap_or_else(|| (rows / 10).max((rows / 5).min(20_000))).max(1)
     }
 }
 
@@ -303,5 +304,20 @@ pub struct UkfParams {
 impl Default for UkfParams {
     fn default() -> Self {
         UkfParams { noise: NoiseParams::default(), alpha: 1.0, beta: 2.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_looks_are_a_share_of_the_corpus_and_of_small_ones_enough_rows_to_tell() {
+        let every = |rows| TrainParams::default().rows_between_looks(rows);
+        let expected = [(0, 1), (5, 1), (1000, 200), (100_000, 20_000), (150_000, 20_000), (200_000, 20_000)];
+        assert_eq!(expected.map(|(rows, _)| every(rows)), expected.map(|(_, looks)| looks));
+        assert_eq!((every(2_650_095), every(1_000_000_000)), (265_009, 100_000_000));
+        let named = TrainParams { validate_every: Some(300), ..TrainParams::default() };
+        assert_eq!(named.rows_between_looks(1_000_000_000), 300);
     }
 }
