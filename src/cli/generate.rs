@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::build::{build_failure, interrupted, judge_corpus};
-use super::options::{default_threads, parse_threads, plan_of, split_warnings};
+use super::options::{default_out, default_threads, parse_threads, plan_of, split_warnings};
 use super::output::errln;
 use super::place::{self, config_file, corpus_failure, inputs};
 use super::progress::{BuildProgress, counted, human, si};
@@ -50,7 +50,7 @@ pub(super) struct GenerateArgs {
 
 pub(super) fn run(args: &GenerateArgs, log: LogFormat) -> Result<(), Failure> {
     let (plan, corpus) = plan_of(&args.config.config, &args.config.sets)?;
-    let default_out = || corpus.map_or_else(|| PathBuf::from("corpora").join(&plan.name), Path::to_path_buf);
+    let default_out = || corpus.map_or_else(|| default_out(&plan), Path::to_path_buf);
     let out = args.out.clone().unwrap_or_else(default_out);
     let replay = |scene| replay_command(&args.config, scene);
     // Before anything is opened: a part that there is not has no place.

@@ -1,6 +1,6 @@
 //! What several verbs take alike, and say alike of a plan: threads, labels, the config or corpus that is named.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::place::is_config;
 use super::{Failure, config_failure};
@@ -10,6 +10,11 @@ use crate::plan::{Plan, Split};
 /// As many as there are cores to be used.
 pub(super) fn default_threads() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// Where a plan is built when no place is named.
+pub(super) fn default_out(plan: &Plan) -> PathBuf {
+    PathBuf::from("corpora").join(&plan.name)
 }
 
 /// More than any machine has cores for.

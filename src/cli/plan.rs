@@ -2,14 +2,14 @@
 
 mod words;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
 use serde_json::json;
 
 use self::words::{absent, parts};
-use super::options::{default_threads, parse_threads, split_warnings};
+use super::options::{default_out, default_threads, parse_threads, split_warnings};
 use super::output::outln;
 use super::place::corpus_failure;
 use super::progress::{counted, human, si};
@@ -64,10 +64,15 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     };
     let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
     let estimate = measured.transpose().map_err(estimate_failure)?;
+    let mut warnings = split_warnings(&plan);
+    if let Some(estimate) = &estimate {
+        let place = args.out.clone().unwrap_or_else(|| default_out(&plan));
+        warnings.extend(machine_warnings(estimate, &place));
+    }
     if args.json {
-        outln!("{:#}", as_json(&plan, estimate.as_ref()));
+        outln!("{:#}", as_json(&plan, estimate.as_ref(), &warnings));
     } else {
-        tell(&plan, estimate.as_ref());
+        tell(&plan, estimate.as_ref(), &warnings);
     }
     Ok(())
 }
@@ -81,7 +86,7 @@ fn estimate_failure(error: EstimateError) -> Failure {
     }
 }
 
-fn tell(plan: &Plan, estimate: Option<&Estimate>) {
+fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
     outln!(
         "{}: {} scenes in {} shards of {}, seed {}",
         plan.name,
@@ -92,7 +97,7 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>) {
     );
     let of = |split| (0..plan.shards()).filter(|&s| Split::of_shard(s) == split).count();
     outln!("shards: {} train, {} validation, {} test", of(Split::Train), of(Split::Validation), of(Split::Test));
-    split_warnings(plan).iter().for_each(|warning| outln!("warning: {warning}"));
+    warnings.iter().for_each(|warning| outln!("warning: {warning}"));
     if let Some(fidelity) = plan.fidelity {
         let sets: Vec<String> = fidelity.settings().iter().map(|(key, value)| format!("{key}: {value}")).collect();
         outln!("fidelity {}: {}; what the config names itself wins", fidelity.name(), sets.join(", "));
@@ -111,20 +116,50 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>) {
     outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
     if let Some(estimate) = estimate {
         tell_cost(estimate);
+        estimate.advice.iter().for_each(|advice| outln!("advice: {}\n        {}", advice.finding, advice.cure));
     }
+}
+
+/// What this machine cannot do of what is promised for it: room on its disk, and cores.
+fn machine_warnings(estimate: &Estimate, place: &Path) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if let Some(free_bytes) = estimate::free_bytes(place).filter(|&free| estimate.bytes.value > free as f64) {
+        warnings.push(format!(
+            "the build takes {}B and {} has {}B free: lower scenes, leave out the points table, or take another --out",
+            si(estimate.bytes.value),
+            place.display(),
+            si(free_bytes as f64)
+        ));
+    }
+    if estimate.threads > default_threads() {
+        warnings.push(format!(
+            "{} on {}: hours are for this machine; where every thread has a core of its own they are some {} (the CPU time over the threads)",
+            counted(estimate.threads as u64, "thread"),
+            counted(default_threads() as u64, "core"),
+            human(Duration::from_secs_f64(estimate.cpu_s.value / estimate.threads as f64))
+        ));
+    }
+    warnings
 }
 
 fn tell_parts(cost: &FamilyCost) {
     let Some(scene_s) = cost.scene_s else { return };
     outln!("  what each part costs: CPU ms a scene, less those of the same scenes without it");
     outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
-    for (part, price) in &cost.parts {
-        let error = match price.standard_error_s {
-            error_s if !error_s.is_finite() => "  (of one scene alone)".into(),
-            error_s if price.is_told_apart() => format!(" \u{b1} {:.2}", 1e3 * error_s),
-            error_s => format!(" \u{b1} {:.2}  (not told apart from nothing)", 1e3 * error_s),
-        };
-        outln!("    {:<14} {:>9.2}{error}", part.name(), 1e3 * price.cpu_s);
+    let (told, lost): (Vec<_>, Vec<_>) = cost.parts.iter().copied().partition(|(_, price)| price.is_told_apart());
+    for (part, price) in &told {
+        outln!("    {:<14} {:>9.2} \u{b1} {:.2}", part.name(), 1e3 * price.cpu_s, 1e3 * price.standard_error_s);
+    }
+    let names = |of: &[(estimate::Part, estimate::PartCost)]| {
+        of.iter().map(|(part, _)| part.name()).collect::<Vec<_>>().join(", ")
+    };
+    let (measured, once): (Vec<_>, Vec<_>) =
+        lost.into_iter().partition(|(_, price)| price.standard_error_s.is_finite());
+    if let Some(bound_s) = measured.iter().map(|(_, price)| price.most_s()).reduce(f64::max) {
+        outln!("    not told apart from nothing, below {:.2} ms each: {}", 1e3 * bound_s, names(&measured));
+    }
+    if !once.is_empty() {
+        outln!("    measured on one scene alone, so without an error: {}", names(&once));
     }
 }
 
@@ -135,9 +170,6 @@ fn tell_cost(estimate: &Estimate) {
     }
     for (table, cpu_s) in &estimate.tables {
         outln!("    {:<10} {:>9.2}", table.name(), 1e3 * cpu_s);
-    }
-    if estimate.failed > 0 {
-        outln!("  {} of {} scenes failed: `marsyard generate` would list them", estimate.failed, estimate.scenes);
     }
     outln!(
         "\nwhole build: {} rows of cells ({}), {}B on disk ({}), {} on {} ({}), {} of CPU",
@@ -178,7 +210,7 @@ fn error(figure: &Figure) -> String {
     format!("\u{b1} {:.1} %", 100.0 * figure.relative_error())
 }
 
-fn as_json(plan: &Plan, estimate: Option<&Estimate>) -> serde_json::Value {
+fn as_json(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) -> serde_json::Value {
     let families = plan.families.iter().enumerate().map(|(k, family)| {
         let words: serde_json::Map<_, _> = parts(plan, k).into_iter().map(|(k, v)| (k.into(), v.into())).collect();
         let cost = estimate.map(|estimate| &estimate.families[k]);
@@ -198,7 +230,7 @@ fn as_json(plan: &Plan, estimate: Option<&Estimate>) -> serde_json::Value {
     let families: Vec<_> = families.collect();
     json!({
         "name": plan.name, "seed": plan.seed, "scenes": plan.scenes, "shards": plan.shards(),
-        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity, "warnings": split_warnings(plan),
+        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity, "warnings": warnings,
         "families": families, "absent": absent(plan), "estimate": estimate.map(estimate_json),
     })
 }
@@ -209,13 +241,16 @@ fn estimate_json(estimate: &Estimate) -> serde_json::Value {
         estimate.stages.iter().map(|(name, cpu_s)| ((*name).to_string(), (*cpu_s).into())).collect();
     let tables: serde_json::Map<_, _> =
         estimate.tables.iter().map(|(table, cpu_s)| (table.name().to_string(), (*cpu_s).into())).collect();
+    let failed: u64 = estimate.contents.iter().map(|content| content.failed).sum();
+    let advice = estimate.advice.iter().map(|advice| json!({"finding": advice.finding, "cure": advice.cure}));
+    let advice: Vec<_> = advice.collect();
     let storage = estimate.storage.as_ref().map(|storage| {
         json!({
             "place": storage.place, "bytes_per_s": storage.bytes_per_s, "thread_s": storage.build_s,
         })
     });
     json!({
-        "scenes_measured": estimate.scenes, "scenes_failed": estimate.failed, "threads": estimate.threads,
+        "scenes_measured": estimate.scenes, "scenes_failed": failed, "advice": advice, "threads": estimate.threads,
         "cpu_s": figure(&estimate.cpu_s), "wall_s": figure(&estimate.wall_s), "rows": figure(&estimate.rows),
         "bytes": figure(&estimate.bytes), "needed_bytes_per_s": estimate.needed_bytes_per_s(),
         "stage_cpu_s_per_scene": stages, "table_cpu_s_per_scene": tables, "storage": storage,

@@ -238,6 +238,7 @@ impl Replay {
                 volumes: self.scene.volumes.len() as u32,
                 patches: self.scene.patches.len() as u32,
                 stops: self.drive.stops.len() as u32,
+                cut_short: self.drive.cut_short,
             },
             scans: self.scans,
             poses: self.poses,

@@ -39,6 +39,8 @@ pub struct SceneCounts {
     pub volumes: u32,
     pub patches: u32,
     pub stops: u32,
+    /// An obstacle, the yard's edge or the ground ended the drive before its length or goal.
+    pub cut_short: bool,
 }
 
 /// One kept scan.

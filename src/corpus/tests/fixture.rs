@@ -51,7 +51,7 @@ pub(crate) fn scene(scene_id: u64, cells: usize) -> SceneOutput {
         attempts: 1,
         error: None,
         drawn: Drawn::draw(&streams, [(Purpose::GroundRmsHeight, &Dist::Constant(0.25))]),
-        counts: SceneCounts { rocks: 5, boxes: 1, trees: 0, volumes: 2, patches: 0, stops: 4 },
+        counts: SceneCounts { rocks: 5, boxes: 1, trees: 0, volumes: 2, patches: 0, stops: 4, cut_short: false },
         scans: [1, 3]
             .map(|scan_id| ScanOutput { scan_id, cells: grid(scene_id, scan_id, cells), points: Some(points()) })
             .into(),

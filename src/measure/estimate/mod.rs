@@ -11,6 +11,7 @@
 //! the last shard keeps the others waiting. Measured with T threads at once, so that what hyper-threads, caches and other
 //! programs take is in it. Not counted: start and finalize, milliseconds for each hundred shards.
 
+mod content;
 mod encode;
 mod part;
 mod parts;
@@ -27,11 +28,12 @@ use crate::parallel::PoolError;
 use crate::plan::Plan;
 use crate::sweep::PatternError;
 
+pub(crate) use content::{Advice, Content};
 pub(crate) use part::Part;
 pub(crate) use parts::PartCost;
 pub use parts::scene_costs;
 pub(crate) use sample::Figure;
-pub(crate) use storage::Storage;
+pub(crate) use storage::{Storage, free_bytes};
 
 /// How long, with how many threads, and for which place.
 #[derive(Clone, Debug)]
@@ -63,9 +65,12 @@ pub(crate) const ENOUGH: f64 = 0.03;
 #[derive(Clone, Debug)]
 pub(crate) struct Estimate {
     pub threads: usize,
-    /// Scenes that were run for it, and how many of them failed.
+    /// Scenes that were run for it.
     pub scenes: u64,
-    pub failed: u64,
+    /// By family: what those scenes hold.
+    pub contents: Vec<Content>,
+    /// What makes the corpus weak, with the key to turn.
+    pub advice: Vec<Advice>,
     /// Of all threads together, seconds; the wall time of the whole.
     pub cpu_s: Figure,
     pub wall_s: Figure,
@@ -108,6 +113,8 @@ pub(crate) enum EstimateError {
     Threads(#[from] PoolError),
     #[error("{place}: cannot be written to: {reason}")]
     Place { place: String, reason: String },
+    #[error("all {scenes} sampled scenes fail, so there is nothing to estimate; the first: {first}")]
+    NoScene { scenes: u64, first: String },
     #[error("interrupted: there is no estimate, and what was tried at a place is taken away")]
     Interrupted,
 }
@@ -120,6 +127,9 @@ pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, Estim
     let mut sample = sample::run(&prepared, options)?;
     if options.stopped() {
         return Err(EstimateError::Interrupted);
+    }
+    if let Some(first) = sample.only_failure() {
+        return Err(EstimateError::NoScene { scenes: sample.scenes(), first });
     }
     let encoded = encode::encode(&plan.corpus_spec(), std::mem::take(&mut sample.outputs), options.threads)?;
     let bytes = encoded.bytes(&sample, plan.shards());
@@ -144,12 +154,14 @@ pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, Estim
         standard_error: making_wall_s.standard_error / threads,
     };
     let per_scene = 1.0 / plan.scenes as f64;
+    let contents = std::mem::take(&mut sample.contents);
     let stages = StageTimes::STAGES.iter().enumerate();
     let stages = stages.map(|(k, (_, name))| (*name, sample.total(|cost| cost.stages[k]).value * per_scene));
     Ok(Estimate {
         threads: options.threads,
         scenes: sample.scenes(),
-        failed: sample.failed(),
+        advice: content::advise(plan, &contents),
+        contents,
         cpu_s: Figure { value: making_cpu_s.value + writing_cpu_s, ..making_cpu_s },
         wall_s,
         rows: sample.total(|cost| cost.rows[Table::Cells as usize]),

@@ -37,6 +37,11 @@ impl PartCost {
     pub(crate) fn is_told_apart(&self) -> bool {
         self.cpu_s.abs() > 2.0 * self.standard_error_s
     }
+
+    /// What it costs at most, as far as was measured: two standard errors above the figure.
+    pub(crate) fn most_s(&self) -> f64 {
+        self.cpu_s.max(0.0) + 2.0 * self.standard_error_s
+    }
 }
 
 /// What one scene takes under each plan, interleaved; which plan comes first turns with `repeat`.

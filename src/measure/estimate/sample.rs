@@ -8,7 +8,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use super::{ENOUGH, Options};
+use super::{Content, ENOUGH, Options};
 use crate::corpus::Table;
 use crate::episode::{Prepared, SceneOutput, Scratch, StageTimes, run_scene};
 use crate::measure::clock::{Costs, Seconds};
@@ -48,7 +48,6 @@ pub(super) struct SceneCost {
     pub stages: [f64; StageTimes::STAGES.len()],
     /// By number of [`Table`].
     pub rows: [f64; Table::ALL.len()],
-    pub failed: bool,
 }
 
 impl SceneCost {
@@ -65,7 +64,6 @@ impl SceneCost {
                 Table::Poses => output.poses.len() as f64,
                 Table::Points => points as f64,
             }),
-            failed: output.error.is_some(),
         }
     }
 }
@@ -85,13 +83,16 @@ pub(super) struct Stratum {
 /// Strata with what was measured, and outputs to write.
 pub(super) struct Sample {
     pub strata: Vec<Stratum>,
+    /// By family of the plan.
+    pub contents: Vec<Content>,
     pub outputs: Vec<SceneOutput>,
     kept_rows: u64,
 }
 
 /// Runs scenes on all threads until enough is known.
 pub(super) fn run(prepared: &Prepared, options: &Options) -> Result<Sample, PoolError> {
-    let sample = Sample { strata: strata(&prepared.plan), outputs: Vec::new(), kept_rows: 0 };
+    let contents = vec![Content::default(); prepared.plan.families.len()];
+    let sample = Sample { strata: strata(&prepared.plan), contents, outputs: Vec::new(), kept_rows: 0 };
     let mut sampling = Sampling { sample, options, started: Instant::now() };
     parallel::run(options.threads, &mut sampling, |(stratum, scene), (scratch, is_warm): &mut (Scratch, bool)| {
         let begun = Instant::now();
@@ -177,8 +178,14 @@ impl Sample {
         self.strata.iter().map(|stratum| stratum.measured.len() as u64).sum()
     }
 
-    pub(super) fn failed(&self) -> u64 {
-        self.strata.iter().flat_map(|stratum| &stratum.measured).filter(|cost| cost.failed).count() as u64
+    /// Why the first scene failed, where all did.
+    pub(super) fn only_failure(&self) -> Option<String> {
+        let (scenes, failed) = self
+            .contents
+            .iter()
+            .fold((0, 0), |(scenes, failed), content| (scenes + content.scenes, failed + content.failed));
+        let mut reasons = self.contents.iter().filter_map(|content| content.first_failure.clone());
+        (scenes > 0 && failed == scenes).then(|| reasons.next().unwrap_or_default())
     }
 
     /// Sum over all scenes of the plan.
@@ -241,6 +248,7 @@ impl Sample {
 
     fn add(&mut self, stratum: usize, cost: SceneCost, output: SceneOutput) {
         self.strata[stratum].measured.push(cost);
+        self.contents[self.strata[stratum].family].add(&output);
         let rows = cost.rows.iter().sum::<f64>() as u64;
         if self.outputs.is_empty() || self.outputs.len() < KEPT_SCENES && self.kept_rows + rows <= KEPT_ROWS {
             self.kept_rows += rows;
@@ -267,20 +275,23 @@ mod tests {
     #[test]
     fn exact_stratified_total_and_its_standard_error() {
         let strata = vec![stratum(10.0, &[1.0, 3.0]), stratum(90.0, &[2.0, 2.0, 5.0])];
-        let sample = Sample { strata, outputs: Vec::new(), kept_rows: 0 };
+        let sample = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
         let figure = sample.total(|cost| cost.whole.cpu);
         // Means 2 and 3; sample variances 2 and 3; with the share of each family that is left.
         assert_eq!(figure.value, 10.0 * 2.0 + 90.0 * 3.0);
         let variance: f64 = 100.0 * 2.0 / 2.0 * 0.8 + 8100.0 * 3.0 / 3.0 * (87.0 / 90.0);
         assert!((figure.standard_error - variance.sqrt()).abs() < 1e-12);
         // A family run to its last scene leaves nothing open.
-        let whole = Sample { strata: vec![stratum(2.0, &[1.0, 3.0])], outputs: Vec::new(), kept_rows: 0 };
+        let whole =
+            Sample { strata: vec![stratum(2.0, &[1.0, 3.0])], contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
         assert_eq!(whole.total(|cost| cost.whole.cpu), Figure { value: 4.0, standard_error: 0.0 });
     }
 
     #[test]
     fn law_the_family_of_most_spread_and_weight_is_sampled_next() {
-        let next = |strata: Vec<Stratum>| Sample { strata, outputs: Vec::new(), kept_rows: 0 }.most_telling();
+        let next = |strata: Vec<Stratum>| {
+            Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 }.most_telling()
+        };
         assert_eq!(next(vec![stratum(50.0, &[1.0, 1.1, 0.9]), stratum(50.0, &[1.0, 3.0, 2.0])]), Some(1));
         assert_eq!(next(vec![stratum(900.0, &[1.0, 1.2, 0.8]), stratum(10.0, &[1.0, 1.4, 0.6])]), Some(0));
         assert_eq!(next(vec![stratum(3.0, &[1.0, 9.0, 5.0]), stratum(9.0, &[1.0, 1.0, 1.0])]), Some(1));

@@ -78,6 +78,11 @@ pub(super) fn check(place: &Path) -> Result<(), EstimateError> {
     Ok(())
 }
 
+/// Free on the disk of a folder; `None` where nobody can say, as of an object store.
+pub(crate) fn free_bytes(place: &Path) -> Option<u64> {
+    Address::parse(place).ok()?.open().ok()?.free_bytes().ok()?
+}
+
 fn refused(place: &Path, error: &std::io::Error) -> EstimateError {
     EstimateError::Place { place: place.display().to_string(), reason: error.to_string() }
 }
