@@ -3,6 +3,7 @@
 //! depends on the schedule shows; stages are compared by the hashes of their f64 results as well, since f32 columns hide
 //! differences. `scripts/trust/` does the same many times over.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::yard::{Yard, assert_same, text};
@@ -19,9 +20,15 @@ fn assert_equal(yard: &Yard, left: &str, right: &str) {
 fn law_the_corpus_of_these_tests_names_every_part_that_a_plan_can_have() {
     let yard = Yard::new();
     let config = Yard::everything().display().to_string();
-    let said = text(&yard.marsyard(["plan", &config, "--sample", "0"]).stdout);
-    let absent = said.lines().find(|line| line.starts_with("not named in the config")).expect("what is absent");
-    assert_eq!(absent.split(':').next_back().map(str::trim), Some(""), "{absent}");
+    let absent = |sets: &[&str]| -> BTreeSet<String> {
+        let said = text(&yard.marsyard([&["plan", &config, "--sample", "0"], sets].concat()).stdout);
+        let absent =
+            said.lines().find_map(|line| line.strip_prefix("not named in the config")).expect("what is absent");
+        let (_, names) = absent.split_once(": ").unwrap_or_default();
+        names.split(", ").map(String::from).filter(|name| !name.is_empty()).collect()
+    };
+    let of_all = LABELS_OF_PLACES.iter().fold(absent(&[]), |all, (_, sets)| &all & &absent(sets));
+    assert_eq!(of_all, BTreeSet::new());
     // Parts that `plan` does not list one by one: whatever the schema knows.
     let schema: serde_json::Value =
         serde_json::from_slice(&yard.marsyard(["schema", "corpus"]).stdout).expect("a schema");
@@ -62,6 +69,28 @@ fn equal_bytes_of_polynomial_grounds_for_one_and_three_threads() {
         yard.generate(&Yard::everything(), threads, &[&POLYNOMIAL[..], &["--threads", threads]].concat());
     }
     assert_equal(&yard, "1", "3");
+}
+
+/// What everything.yaml cannot name at once: labels by the rover stand in the place of labels by points. Both look at the ground around
+/// the points, and at cells that hold none.
+const LABELS_OF_PLACES: [(&str, &[&str]); 2] = [
+    ("holes", &["--set", "cells.unseen={}", "--set", "cells.labels.max_drop_m=0.1", "--set", HOLES]),
+    ("rover", &["--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
+];
+const HOLES: &str = "scene.ground.features=[{trench: {count: 2, depth_m: 0.4, width_m: 0.5, length_m: 3}}, \
+                     {hole: {count: 4, depth_m: 0.4, width_m: 0.8}}, {drop_off: {count: 1, depth_m: 0.3, width_m: 2}}]";
+
+#[test]
+fn equal_bytes_of_labels_of_places_for_any_threads_and_kernels() {
+    let yard = Yard::new();
+    for (labels, sets) in LABELS_OF_PLACES {
+        let name = |how: &str| format!("{labels}-{how}");
+        yard.generate(&Yard::everything(), &name("one"), &[sets, &["--threads", "1"]].concat());
+        yard.generate(&Yard::everything(), &name("three"), &[sets, &["--threads", "3"]].concat());
+        yard.generate_with(&Yard::everything(), &name("plain"), sets, &[("MARSYARD_KERNELS", "plain")]);
+        assert_equal(&yard, &name("one"), &name("three"));
+        assert_equal(&yard, &name("one"), &name("plain"));
+    }
 }
 
 #[test]
