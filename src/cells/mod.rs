@@ -35,6 +35,7 @@ mod assign;
 mod bin;
 mod columns;
 mod crossing;
+mod fall;
 mod gaps;
 mod group;
 mod label;

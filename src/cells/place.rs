@@ -1,50 +1,16 @@
 //! A place in the yard -> what is true of it, whether a beam met it or not: what stands there, how steep it is, how far the ground falls.
 //!
-//! In: the scene, and a place (x, y) in `world`. Out: [`Place`]. What labels of cells without points follow from, and the rule
-//! `cells.labels.max_drop_m`. Own construction.
-//!
-//! How the ground falls at a place ([`Fall`]) has two parts, both sampled on rays in 16 directions. The *lip*: how far the ground falls from
-//! the place within [`WALL_M`]. The *pit*: how deep the place lies between walls on two opposite sides, each within [`PIT_M`]; a side is as
-//! high as its highest point above the place that the ground climbs to within [`WALL_M`]: min(z(q) - z(p), z(q) - least z of the last
-//! `WALL_M` before q), the greatest over q. The lower of two sides counts, and of eight axes the greatest. So the foot of a bank, which has a
-//! wall on one side, is no pit, nor is a valley, whose sides climb slowly. Clefts narrower than 5 cm may be missed.
+//! In: the scene, and a place (x, y) in `world`. Out: [`Place`], and the truth of rows: what labels of cells without points follow from,
+//! and those by `cells.labels.max_drop_m`, for which `fall` says how the ground falls. Own construction.
 //! Not modelled: the rover's size and wheels; stones count by `obstacle` alone.
 
-use std::f64::consts::TAU;
-
+use super::fall::Falls;
 use super::params::LabelParams;
 use super::rule::TallerThan;
 use super::{CellRow, CellTruth, Cells};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::scene::{Class, Scene, Shape};
-
-/// From how near a lip the ground falls away; a wall is ground that rises or falls within as much.
-const WALL_M: f64 = 0.3;
-/// How far off the walls of a pit may be.
-const PIT_M: f64 = 2.0;
-const DIRECTIONS: usize = 16;
-/// Samples of a ray: 5 cm apart as far as the lip reaches, then 10 cm.
-const SAMPLES: usize = 6 + ((PIT_M - WALL_M) / 0.1 + 0.5) as usize;
-
-/// Distance of a sample from the place.
-fn sample_m(k: usize) -> f64 {
-    if k < 6 { 0.05 * (k + 1) as f64 } else { WALL_M + 0.1 * (k - 5) as f64 }
-}
-
-/// How the ground falls at a place, metres, at least 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fall {
-    pub lip_m: f64,
-    pub pit_m: f64,
-}
-
-impl Fall {
-    /// What `max_drop_m` is held against.
-    pub(super) fn drop_m(self) -> f64 {
-        self.lip_m.max(self.pit_m)
-    }
-}
 
 /// What is true of a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,16 +29,11 @@ pub(super) struct Place {
 pub(super) struct PlaceTruth<'s> {
     scene: &'s Scene,
     taller_than: TallerThan,
-    directions: [DVec2; DIRECTIONS],
 }
 
 impl<'s> PlaceTruth<'s> {
     pub(super) fn new(scene: &'s Scene, taller_than: TallerThan) -> PlaceTruth<'s> {
-        let directions = std::array::from_fn(|k| {
-            let (sin, cos) = math::sin_cos(TAU * k as f64 / DIRECTIONS as f64);
-            DVec2::new(cos, sin)
-        });
-        PlaceTruth { scene, taller_than, directions }
+        PlaceTruth { scene, taller_than }
     }
 
     /// What is at a place; `None` outside the yard, where there is no ground.
@@ -120,6 +81,7 @@ impl<'s> PlaceTruth<'s> {
     /// row's cell is, by its index and mean height. Rows without points outside the yard stay unknown.
     pub(super) fn complete(&self, labels: &LabelParams, place_m: impl Fn(&CellRow, f32) -> DVec3, cells: &mut Cells) {
         let rule = labels.of_counted();
+        let falls = labels.max_drop_m.map(|_| Falls::new(self.scene));
         let width = cells.features.len().checked_div(cells.rows.len()).unwrap_or(0);
         for (row, features) in cells.rows.iter_mut().zip(cells.features.chunks_exact(width.max(1))) {
             let here_m = place_m(row, features[0]);
@@ -137,38 +99,12 @@ impl<'s> PlaceTruth<'s> {
                     pit_m: 0.0,
                 };
             }
-            if labels.max_drop_m.is_some() {
-                let fall = self.fall(here_m.x, here_m.y);
+            if let Some(falls) = &falls {
+                let fall = falls.at(here_m.x, here_m.y);
                 (row.truth.drop_m, row.truth.pit_m) = (fall.drop_m() as f32, fall.pit_m as f32);
             }
             row.label = Some(rule.label(&row.truth));
         }
-    }
-
-    pub(super) fn fall(&self, x_m: f64, y_m: f64) -> Fall {
-        let here_m = self.scene.ground_below_m(x_m, y_m);
-        let mut lowest_m = here_m;
-        let sides = self.directions.map(|direction| {
-            let mut heights_m = [0.0; SAMPLES];
-            let mut side_m = 0.0_f64;
-            for k in 0..SAMPLES {
-                let away = sample_m(k) * direction;
-                heights_m[k] = self.scene.ground_below_m(x_m + away.x, y_m + away.y);
-                // The last 0.3 m: from the place itself, and later from the sample that lies so far before.
-                let (from, first_m) = match k {
-                    0..6 => (0, here_m),
-                    6 => (1, f64::INFINITY),
-                    7 => (3, f64::INFINITY),
-                    _ => (k - 3, f64::INFINITY),
-                };
-                let before_m = heights_m[from..=k].iter().fold(first_m, |low, &height_m| low.min(height_m));
-                side_m = side_m.max((heights_m[k] - here_m).min(heights_m[k] - before_m));
-            }
-            lowest_m = heights_m[..6].iter().fold(lowest_m, |low, &h| low.min(h));
-            side_m
-        });
-        let axes = (0..DIRECTIONS / 2).map(|k| sides[k].min(sides[k + DIRECTIONS / 2]));
-        Fall { lip_m: here_m - lowest_m, pit_m: axes.fold(0.0, f64::max) }
     }
 }
 
@@ -201,50 +137,10 @@ fn top_m(shape: &Shape, here: DVec2) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::cells::params::ObstacleRule;
-    use crate::scene::{Convex, Cylinder, Ground, Polynomial, Raster};
+    use crate::scene::{Convex, Cylinder, Ground, Polynomial};
 
     fn truth(scene: &Scene) -> PlaceTruth<'_> {
         PlaceTruth::new(scene, ObstacleRule::TallerThanM(0.3).taller_than(0.0))
-    }
-
-    #[test]
-    fn exact_lips_interiors_and_feet_of_steps_have_their_falls() {
-        // A trench 1.5 m wide and 0.4 m deep from x = 4 m, a step up of 0.5 m at x = 8 m; walls one node wide.
-        let height = |x: f64, _: f64| {
-            if x > 8.0 {
-                0.5
-            } else if (4.0..5.5).contains(&x) {
-                -0.4
-            } else {
-                0.0
-            }
-        };
-        let scene = Scene::bare(10.0, Ground::Raster(Raster::sampled(10.0, 0.01, height)));
-        let truth = truth(&scene);
-        for (x_m, lip_m, pit_m) in [
-            (3.5, 0.0, 0.0),
-            (3.72, 0.4, 0.0), // 0.28 m before the lip
-            (4.05, 0.0, 0.4), // on the floor, below either wall
-            (4.75, 0.0, 0.4),
-            (5.45, 0.0, 0.4),
-            (5.72, 0.4, 0.0),
-            (6.5, 0.0, 0.0),
-            (7.9, 0.0, 0.0), // the foot of a step
-            (8.1, 0.5, 0.0), // above it
-            (8.4, 0.0, 0.0),
-        ] {
-            let fall = truth.fall(x_m, 5.0);
-            assert!((fall.lip_m - lip_m).abs() < 1e-9 && (fall.pit_m - pit_m).abs() < 1e-9, "{x_m}: {fall:?}");
-        }
-        let slope = Scene::bare(10.0, Ground::Polynomial(Polynomial::plane(10.0, 0.0, DVec2::new(0.2, 0.0))));
-        let fall = self::truth(&slope).fall(5.0, 5.0);
-        assert!((fall.lip_m - 0.2 * 0.3).abs() < 1e-12 && fall.pit_m == 0.0, "{fall:?}");
-        // A valley whose sides climb by a fifth is as deep as they climb within the wall's reach, however high they are.
-        let valley = |x: f64, _: f64| 0.2 * (x - 5.0).abs();
-        let valley = Scene::bare(10.0, Ground::Raster(Raster::sampled(10.0, 0.1, valley)));
-        let fall = self::truth(&valley).fall(5.0, 5.0);
-        assert!((fall.pit_m - 0.2 * 0.3).abs() < 1e-9, "{fall:?}");
-        assert!((sample_m(5) - WALL_M).abs() < 1e-12 && (sample_m(SAMPLES - 1) - PIT_M).abs() < 1e-12);
     }
 
     #[test]

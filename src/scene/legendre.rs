@@ -54,6 +54,26 @@ pub(super) fn values(degree: usize, u: f64) -> Row {
     p
 }
 
+/// [`values`] at several places, bit for bit, for degrees below `ROWS`: one row a degree.
+#[inline(always)]
+pub(super) fn values_of<const ROWS: usize, const N: usize>(degree: usize, u: &[f64; N]) -> [[f64; N]; ROWS] {
+    let mut p = [[0.0; N]; ROWS];
+    p[0] = [1.0; N];
+    for i in 0..degree {
+        let (a, b) = RECURRENCE[i];
+        let (p0, p1) = (p[i], if i > 0 { p[i - 1] } else { [0.0; N] });
+        for l in 0..N {
+            p[i + 1][l] = a * u[l] * p0[l] - b * p1[l];
+        }
+    }
+    for (row, norm) in p.iter_mut().zip(NORM) {
+        for value in row {
+            *value *= norm;
+        }
+    }
+    p
+}
+
 /// p_i and its first two derivatives at u.
 #[inline]
 pub(super) fn derivatives(degree: usize, u: f64) -> [Row; 3] {

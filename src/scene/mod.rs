@@ -145,6 +145,18 @@ impl Scene {
         self.ground.height_m(x_m.clamp(0.0, self.extent_m), y_m.clamp(0.0, self.extent_m))
     }
 
+    /// [`Scene::ground_below_m`] at several points, bit for bit.
+    ///
+    /// Inlined, so that it takes on the instruction set of its caller (see [`crate::wide`]).
+    #[inline(always)]
+    pub(crate) fn grounds_below_m<const N: usize>(&self, x_m: &[f64; N], y_m: &[f64; N]) -> [f64; N] {
+        let [x_m, y_m] = [x_m, y_m].map(|values_m| values_m.map(|value_m| value_m.clamp(0.0, self.extent_m)));
+        match &self.ground {
+            Ground::Polynomial(ground) => ground.heights_m(&x_m, &y_m),
+            Ground::Raster(ground) => std::array::from_fn(|l| ground.height_m(x_m[l], y_m[l])),
+        }
+    }
+
     /// Whether there is ground at the point.
     pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
         (0.0..=self.extent_m).contains(&x_m) && (0.0..=self.extent_m).contains(&y_m)

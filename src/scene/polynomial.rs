@@ -79,6 +79,38 @@ impl Polynomial {
         height
     }
 
+    /// [`Self::height_m`] at several world points, bit for bit.
+    ///
+    /// Inlined, so that it takes on the instruction set of its caller (see [`crate::wide`]).
+    #[inline(always)]
+    pub(crate) fn heights_m<const N: usize>(&self, x_m: &[f64; N], y_m: &[f64; N]) -> [f64; N] {
+        // Memory for what the degree needs, as for heights and gradients below.
+        if self.degree <= 6 {
+            self.heights_below::<7, N>(x_m, y_m)
+        } else {
+            self.heights_below::<{ MAX_DEGREE + 1 }, N>(x_m, y_m)
+        }
+    }
+
+    /// For degrees below `ROWS`.
+    #[inline(always)]
+    fn heights_below<const ROWS: usize, const N: usize>(&self, x_m: &[f64; N], y_m: &[f64; N]) -> [f64; N] {
+        let Polynomial { degree, centre_m, half_m, ref coefficients } = *self;
+        let p = legendre::values_of::<ROWS, N>(degree, &x_m.map(|x| (x - centre_m.x) / half_m));
+        let q = legendre::values_of::<ROWS, N>(degree, &y_m.map(|y| (y - centre_m.y) / half_m));
+        let mut rest = coefficients.as_slice();
+        let mut height = [0.0; N];
+        for (i, p) in p.iter().enumerate().take(degree + 1) {
+            let (row, next) = rest.split_at(degree + 1 - i);
+            let value = weighted(row, &q);
+            for l in 0..N {
+                height[l] += p[l] * value[l];
+            }
+            rest = next;
+        }
+        height
+    }
+
     /// Slope along x and y at a world point.
     #[inline]
     pub fn gradient(&self, x_m: f64, y_m: f64) -> DVec2 {
@@ -203,10 +235,10 @@ impl Polynomial {
 
 /// The sum of rows by their coefficients; as a sum of floats does, it begins at -0.
 #[inline(always)]
-fn weighted(coefficients: &[f64], rows: &[[f64; LANES]]) -> [f64; LANES] {
-    let mut sum = [-0.0; LANES];
+fn weighted<const N: usize>(coefficients: &[f64], rows: &[[f64; N]]) -> [f64; N] {
+    let mut sum = [-0.0; N];
     for (c, row) in coefficients.iter().zip(rows) {
-        for l in 0..LANES {
+        for l in 0..N {
             sum[l] += c * row[l];
         }
     }
@@ -268,10 +300,10 @@ pub(super) mod tests {
     }
 
     impl Work for Points<'_> {
-        type Out = [[f64; LANES]; 3];
+        type Out = ([[f64; LANES]; 3], [f64; LANES]);
         #[inline(always)]
-        fn run(self) -> [[f64; LANES]; 3] {
-            self.ground.heights_and_gradients(self.x_m, self.y_m)
+        fn run(self) -> ([[f64; LANES]; 3], [f64; LANES]) {
+            (self.ground.heights_and_gradients(self.x_m, self.y_m), self.ground.heights_m(self.x_m, self.y_m))
         }
     }
 
@@ -283,11 +315,14 @@ pub(super) mod tests {
                 let at = |i: usize, step: f64| 20.0 * (step * (k * LANES + i) as f64).fract();
                 let x_m: [f64; LANES] = std::array::from_fn(|i| at(i, 0.618_034));
                 let y_m: [f64; LANES] = std::array::from_fn(|i| at(i, 0.414_214));
-                for [height, along_x, along_y] in every_form(|| Points { ground: &poly, x_m: &x_m, y_m: &y_m }) {
+                for ([height, along_x, along_y], alone) in every_form(|| Points { ground: &poly, x_m: &x_m, y_m: &y_m })
+                {
                     for l in 0..LANES {
                         let (h, g) = poly.height_and_gradient(x_m[l], y_m[l]);
                         let single = [h, g.x, g.y].map(f64::to_bits);
                         assert_eq!([height[l], along_x[l], along_y[l]].map(f64::to_bits), single, "degree {degree}");
+                        let plain = poly.height_m(x_m[l], y_m[l]);
+                        assert_eq!(alone[l].to_bits(), plain.to_bits(), "degree {degree}");
                     }
                 }
             }
