@@ -53,10 +53,7 @@ impl<'s> PlaceTruth<'s> {
             }
         };
         let here = DVec2::new(x_m, y_m);
-        for obstacle in &self.scene.obstacles {
-            if obstacle.middle_m.distance_squared(here) > obstacle.within_m * obstacle.within_m {
-                continue;
-            }
+        for obstacle in self.scene.obstacles.iter().filter(|obstacle| !obstacle.is_beyond(here, 0.0)) {
             let body = obstacle.body();
             if top_m(&body.shape, here).is_some_and(|top_m| top_m > ground_m) {
                 add(obstacle.class, obstacle.id, body.protrusion_m, self.taller_than.is_obstacle(body.protrusion_m));
@@ -115,21 +112,7 @@ fn top_m(shape: &Shape, here: DVec2) -> Option<f64> {
             let inside = cylinder.base_m.truncate().distance(here) <= cylinder.radius_m;
             inside.then_some(cylinder.base_m.z + cylinder.height_m)
         }
-        Shape::Convex(body) => {
-            let (mut low_m, mut high_m) = (f64::NEG_INFINITY, f64::INFINITY);
-            for plane in &body.planes {
-                let level = plane.normal.dot(DVec3::new(here.x, here.y, 0.0)) + plane.offset_m;
-                let bound_m = -level / plane.normal.z;
-                if plane.normal.z > 0.0 {
-                    high_m = high_m.min(bound_m);
-                } else if plane.normal.z < 0.0 {
-                    low_m = low_m.max(bound_m);
-                } else if level > 0.0 {
-                    return None;
-                }
-            }
-            (low_m <= high_m).then_some(high_m)
-        }
+        Shape::Convex(body) => body.top_m(here),
     }
 }
 

@@ -10,12 +10,9 @@
 //!
 //! Draws: as landforms, at kinds of their own; depth, rounding and lip have purposes of their own.
 
-use std::f64::consts::TAU;
-
-use super::landforms::ramp;
+use super::landforms::{Footprint, Seen, footprints, ramp};
 use super::params::{ExcavationParams, FeatureParams};
 use crate::geometry::DVec2;
-use crate::math;
 use crate::random::{Purpose, Streams};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,14 +29,10 @@ const FIRST_KIND: u64 = 4;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Excavation {
     kind: Kind,
-    centre_m: DVec2,
-    /// Unit direction of the line.
-    along: DVec2,
+    footprint: Footprint,
     depth_m: f64,
-    width_m: f64,
     rounding_m: f64,
     lip_m: f64,
-    half_length_m: f64,
 }
 
 /// All excavations of a config.
@@ -70,43 +63,31 @@ fn place_entry(
     excavations: &mut Vec<Excavation>,
 ) {
     let depths = streams.open(Purpose::GroundFeatureDepth);
-    let widths = streams.open(Purpose::GroundFeatureWidth);
-    let lengths = streams.open(Purpose::GroundFeatureLength);
     let roundings = streams.open(Purpose::GroundFeatureRounding);
     let lips = streams.open(Purpose::GroundFeatureLip);
-    let places = streams.open(Purpose::GroundFeaturePlace);
-    let count = params.count.count_at(&streams.open(Purpose::GroundFeatureCount), first_index);
-    for index in (first_index..).take(count as usize) {
-        let mut place = [0.0; 3];
-        places.fill_uniform(3 * index, &mut place);
-        let (sin, cos) = math::sin_cos(TAU * place[2]);
-        let length_m = params.length_m.as_ref().map_or(f64::INFINITY, |length| length.at(&lengths, index));
-        excavations.push(Excavation {
-            kind,
-            centre_m: DVec2::new(place[0], place[1]) * extent_m,
-            along: DVec2::new(cos, sin),
-            depth_m: params.depth_m.at(&depths, index),
-            width_m: params.width_m.at(&widths, index),
-            rounding_m: params.rounding_m.at(&roundings, index),
-            lip_m: params.lip_m.at(&lips, index),
-            half_length_m: 0.5 * length_m,
-        });
-    }
+    let ExcavationParams { count, width_m, length_m, .. } = params;
+    let footprints = footprints([count, width_m], length_m.as_ref(), first_index, extent_m, streams);
+    excavations.extend(footprints.map(|(index, footprint)| Excavation {
+        kind,
+        footprint,
+        depth_m: params.depth_m.at(&depths, index),
+        rounding_m: params.rounding_m.at(&roundings, index),
+        lip_m: params.lip_m.at(&lips, index),
+    }));
 }
 
 impl Excavation {
     /// What the excavation adds to the ground at a world point.
     pub(super) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
-        let from_centre = DVec2::new(x_m, y_m) - self.centre_m;
-        let across_m = self.along.perp_dot(from_centre);
-        let past_end_m = self.along.dot(from_centre).abs() - self.half_length_m;
+        let (Seen { from_centre, across_m, past_end_m }, width_m) =
+            (self.footprint.see(x_m, y_m), self.footprint.width_m);
         match self.kind {
-            Kind::Trench => self.wall(outside_rectangle(across_m.abs() - 0.5 * self.width_m, past_end_m)),
-            Kind::Hole => self.wall(from_centre.length() - 0.5 * self.width_m),
+            Kind::Trench => self.wall(outside_rectangle(across_m.abs() - 0.5 * width_m, past_end_m)),
+            Kind::Hole => self.wall(from_centre.length() - 0.5 * width_m),
             Kind::DropOff => {
-                let share = ramp(-past_end_m / self.width_m);
-                let fallen = ramp(across_m / self.rounding_m) * ramp(0.5 - across_m / self.width_m);
-                let lip = ramp(-across_m / self.rounding_m) * ramp(0.5 + 2.0 * across_m / self.width_m);
+                let share = ramp(-past_end_m / width_m);
+                let fallen = ramp(across_m / self.rounding_m) * ramp(0.5 - across_m / width_m);
+                let lip = ramp(-across_m / self.rounding_m) * ramp(0.5 + 2.0 * across_m / width_m);
                 share * (self.lip_m * lip - self.depth_m * fallen)
             }
         }
@@ -115,7 +96,7 @@ impl Excavation {
     /// At a signed distance outside the wall's middle.
     fn wall(&self, outside_m: f64) -> f64 {
         let steps = outside_m / self.rounding_m;
-        let lip = ramp(steps) * ramp(0.5 - 2.0 * outside_m / self.width_m);
+        let lip = ramp(steps) * ramp(0.5 - 2.0 * outside_m / self.footprint.width_m);
         self.lip_m * lip - self.depth_m * ramp(-steps)
     }
 }
@@ -131,16 +112,8 @@ mod tests {
     use super::*;
 
     fn excavation(kind: Kind) -> Excavation {
-        Excavation {
-            kind,
-            centre_m: DVec2::splat(10.0),
-            along: DVec2::Y,
-            depth_m: 0.5,
-            width_m: 1.0,
-            rounding_m: 0.1,
-            lip_m: 0.06,
-            half_length_m: 2.0,
-        }
+        let footprint = Footprint { centre_m: DVec2::splat(10.0), along: DVec2::Y, width_m: 1.0, half_length_m: 2.0 };
+        Excavation { kind, footprint, depth_m: 0.5, rounding_m: 0.1, lip_m: 0.06 }
     }
 
     #[test]

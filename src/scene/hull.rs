@@ -6,7 +6,7 @@
 //! any face is truly visible, so that no sliver of zero area can arise (a new triangle on an edge collinear with the point
 //! would have been visible); and no exact predicates: what is thinner than 1e-10 of the body's size is flat.
 
-use crate::geometry::DVec3;
+use crate::geometry::{DVec2, DVec3};
 use crate::math;
 
 /// Thickness below which points count as coplanar, in body sizes.
@@ -14,10 +14,20 @@ const FLAT: f64 = 1e-10;
 /// As `FLAT`, for merging two triangles into one face: above it, so that what was built across a flat seam is merged.
 const MERGE: f64 = 1e-9;
 
+/// Upright component of a normal up to which a plane counts as upright.
+const UPRIGHT: f64 = 1e-12;
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
     pub normal: DVec3,
     pub offset_m: f64,
+}
+
+impl Plane {
+    /// Whether it bounds a body from above; what is steeper than 1e-12 bounds it sideways.
+    pub(crate) fn faces_up(&self) -> bool {
+        self.normal.z > UPRIGHT
+    }
 }
 
 /// A convex polyhedron: the points with n . x + d <= 0 for every plane.
@@ -243,6 +253,22 @@ impl Convex {
         };
         let planes = faces.iter().map(plane).collect();
         Convex { planes, vertices_m, faces }
+    }
+
+    /// The height of the body's upper side above or below a place; `None` beside it.
+    pub(crate) fn top_m(&self, at: DVec2) -> Option<f64> {
+        let (mut low_m, mut high_m) = (f64::NEG_INFINITY, f64::INFINITY);
+        for plane in &self.planes {
+            let level = plane.offset_m + plane.normal.x * at.x + plane.normal.y * at.y;
+            if plane.faces_up() {
+                high_m = high_m.min(-level / plane.normal.z);
+            } else if plane.normal.z < -UPRIGHT {
+                low_m = low_m.max(-level / plane.normal.z);
+            } else if level > 0.0 {
+                return None;
+            }
+        }
+        (low_m <= high_m).then_some(high_m)
     }
 
     /// The body with its vertices moved by an affine map that keeps handedness.

@@ -1,6 +1,7 @@
 //! Ridges, steps, ditches and craters -> heights added to a raster.
 //!
-//! In: the `features` of a config (`excavation` makes those that are dug), streams. Out: landforms with a height at any world point. Profiles: a bank or ditch is a
+//! In: the `features` of a config (`excavation` makes those that are dug), streams. Out: landforms with a height at any world point, and
+//! the footprints that both draw. Profiles: a bank or ditch is a
 //! Gaussian four standard deviations wide, with rounded ends; a step is a cubic ramp between two levels, which fades out
 //! over one width at its ends; a crater is a parabolic bowl with a rim of 0.18 of its depth that falls off as r^-3 (Pike
 //! 1977 for fresh simple craters; McGetchin et al. 1973 for the ejecta). Not modelled: overhangs, talus, degradation.
@@ -13,7 +14,7 @@ use std::f64::consts::TAU;
 use super::params::{FeatureParams, LandformParams};
 use crate::geometry::DVec2;
 use crate::math;
-use crate::random::{Purpose, Streams};
+use crate::random::{Dist, Purpose, Streams};
 
 /// Depth of a crater's floor below the plain and height of its rim above it, as shares of the depth from rim to floor.
 const CRATER_RIM: f64 = 0.18;
@@ -32,12 +33,36 @@ enum Kind {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Landform {
     kind: Kind,
-    centre_m: DVec2,
-    /// Unit direction of the line.
-    along: DVec2,
+    footprint: Footprint,
     height_m: f64,
-    width_m: f64,
-    half_length_m: f64,
+}
+
+/// Where a landform or an excavation lies.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Footprint {
+    pub centre_m: DVec2,
+    /// Unit direction of the line.
+    pub along: DVec2,
+    pub width_m: f64,
+    pub half_length_m: f64,
+}
+
+/// A world point as a footprint sees it.
+pub(super) struct Seen {
+    pub from_centre: DVec2,
+    /// To the left of the line.
+    pub across_m: f64,
+    /// Beyond the line's end, negative before it.
+    pub past_end_m: f64,
+}
+
+impl Footprint {
+    pub(super) fn see(&self, x_m: f64, y_m: f64) -> Seen {
+        let from_centre = DVec2::new(x_m, y_m) - self.centre_m;
+        let across_m = self.along.perp_dot(from_centre);
+        let past_end_m = self.along.dot(from_centre).abs() - self.half_length_m;
+        Seen { from_centre, across_m, past_end_m }
+    }
 }
 
 /// All landforms of a config.
@@ -68,38 +93,52 @@ fn place_entry(
     landforms: &mut Vec<Landform>,
 ) {
     let heights = streams.open(Purpose::GroundFeatureHeight);
+    let LandformParams { count, width_m, length_m, .. } = params;
+    let footprints = footprints([count, width_m], length_m.as_ref(), first_index, extent_m, streams);
+    landforms.extend(footprints.map(|(index, footprint)| Landform {
+        kind,
+        footprint,
+        height_m: params.height_m.at(&heights, index),
+    }));
+}
+
+/// The footprints of one entry, each with its index: where landforms and excavations lie is drawn alike.
+pub(super) fn footprints<'a>(
+    [count, width_m]: [&'a Dist; 2],
+    length_m: Option<&'a Dist>,
+    first_index: u64,
+    extent_m: f64,
+    streams: &Streams,
+) -> impl Iterator<Item = (u64, Footprint)> + use<'a> {
     let widths = streams.open(Purpose::GroundFeatureWidth);
     let lengths = streams.open(Purpose::GroundFeatureLength);
     let places = streams.open(Purpose::GroundFeaturePlace);
-    let count = params.count.count_at(&streams.open(Purpose::GroundFeatureCount), first_index);
-    for index in (first_index..).take(count as usize) {
+    let count = count.count_at(&streams.open(Purpose::GroundFeatureCount), first_index);
+    (first_index..).take(count as usize).map(move |index| {
         let mut place = [0.0; 3];
         places.fill_uniform(3 * index, &mut place);
         let (sin, cos) = math::sin_cos(TAU * place[2]);
-        let length_m = params.length_m.as_ref().map_or(f64::INFINITY, |length| length.at(&lengths, index));
-        landforms.push(Landform {
-            kind,
+        let footprint = Footprint {
             centre_m: DVec2::new(place[0], place[1]) * extent_m,
             along: DVec2::new(cos, sin),
-            height_m: params.height_m.at(&heights, index),
-            width_m: params.width_m.at(&widths, index),
-            half_length_m: 0.5 * length_m,
-        });
-    }
+            width_m: width_m.at(&widths, index),
+            half_length_m: 0.5 * length_m.map_or(f64::INFINITY, |length| length.at(&lengths, index)),
+        };
+        (index, footprint)
+    })
 }
 
 impl Landform {
     /// What the landform adds to the ground at a world point.
     pub(super) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
-        let from_centre = DVec2::new(x_m, y_m) - self.centre_m;
-        let across = self.along.perp_dot(from_centre);
-        let past_end = self.along.dot(from_centre).abs() - self.half_length_m;
+        let (Seen { from_centre, across_m, past_end_m }, width_m) =
+            (self.footprint.see(x_m, y_m), self.footprint.width_m);
         match self.kind {
-            Kind::Ridge => self.height_m * gaussian(across, past_end, self.width_m),
-            Kind::Ditch => -self.height_m * gaussian(across, past_end, self.width_m),
-            Kind::Step => self.height_m * ramp(across / self.width_m) * ramp(-past_end / self.width_m),
+            Kind::Ridge => self.height_m * gaussian(across_m, past_end_m, width_m),
+            Kind::Ditch => -self.height_m * gaussian(across_m, past_end_m, width_m),
+            Kind::Step => self.height_m * ramp(across_m / width_m) * ramp(-past_end_m / width_m),
             Kind::Crater => {
-                let r = from_centre.length() / (0.5 * self.width_m);
+                let r = from_centre.length() / (0.5 * width_m);
                 let share = if r < 1.0 { r * r - (1.0 - CRATER_RIM) } else { CRATER_RIM / (r * r * r) };
                 self.height_m * share
             }
@@ -124,7 +163,8 @@ mod tests {
     use super::*;
 
     fn landform(kind: Kind, half_length_m: f64) -> Landform {
-        Landform { kind, centre_m: DVec2::splat(10.0), along: DVec2::Y, height_m: 0.5, width_m: 2.0, half_length_m }
+        let footprint = Footprint { centre_m: DVec2::splat(10.0), along: DVec2::Y, width_m: 2.0, half_length_m };
+        Landform { kind, footprint, height_m: 0.5 }
     }
 
     #[test]

@@ -10,13 +10,12 @@ use super::placement::Placement;
 use crate::geometry::{DVec2, DVec3};
 use crate::scene::{Convex, Cylinder, Scene, Shape};
 
-/// A face that rises steeper than this bounds a body sideways.
-const UPRIGHT: f64 = 1e-12;
 /// Points around the rim of a cylinder's top.
 const RIM: u32 = 16;
 
-/// Raises the tops of the nodes within the map's square from `low_m` to `high_m`.
+/// Makes the lattice's tops: the ground, raised by the bodies within the map's square from `low_m` to `high_m`.
 pub(super) fn raise(scene: &Scene, placement: &Placement, low_m: DVec2, high_m: DVec2, lattice: &mut Lattice) {
+    lattice.top_m.clone_from(&lattice.ground_m);
     let middle = placement.world(0.5 * (low_m + high_m));
     let reach_m = 0.5 * (high_m - low_m).length();
     for obstacle in scene.obstacles.iter().filter(|obstacle| !obstacle.is_beyond(middle, reach_m)) {
@@ -30,33 +29,17 @@ pub(super) fn raise(scene: &Scene, placement: &Placement, low_m: DVec2, high_m: 
 fn raise_convex(body: &Convex, placement: &Placement, lattice: &mut Lattice) {
     let corners = body.vertices_m.iter().map(|vertex| placement.map(vertex.truncate()));
     for_nodes(corners, lattice, |lattice, at, node_m| {
-        if let Some(top_m) = top_of(body, placement.world(node_m)) {
+        if let Some(top_m) = body.top_m(placement.world(node_m)) {
             lattice.top_m[at] = lattice.top_m[at].max(top_m);
         }
     });
-    let upper = body.faces.iter().zip(&body.planes).filter(|(_, plane)| plane.normal.z > UPRIGHT);
+    let upper = body.faces.iter().zip(&body.planes).filter(|(_, plane)| plane.faces_up());
     for (face, _) in upper {
         for (k, &from) in face.iter().enumerate() {
             let to = face[(k + 1) % face.len()];
             raise_edge(body.vertices_m[from as usize], body.vertices_m[to as usize], placement, lattice);
         }
     }
-}
-
-/// The height of a body's upper side above or below a place; `None` beside it.
-fn top_of(body: &Convex, at: DVec2) -> Option<f64> {
-    let (mut low_m, mut high_m) = (f64::NEG_INFINITY, f64::INFINITY);
-    for plane in &body.planes {
-        let level = plane.offset_m + plane.normal.x * at.x + plane.normal.y * at.y;
-        if plane.normal.z > UPRIGHT {
-            high_m = high_m.min(-level / plane.normal.z);
-        } else if plane.normal.z < -UPRIGHT {
-            low_m = low_m.max(-level / plane.normal.z);
-        } else if level > 0.0 {
-            return None;
-        }
-    }
-    (low_m <= high_m).then_some(high_m)
 }
 
 fn raise_edge(from: DVec3, to: DVec3, placement: &Placement, lattice: &mut Lattice) {

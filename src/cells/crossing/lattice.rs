@@ -29,7 +29,7 @@ pub(super) struct Lattice {
 type Series = [f64; MAX_DEGREE + 1];
 
 impl Lattice {
-    /// Takes the heights of the ground; bodies are not there yet.
+    /// Takes the heights of the ground; `bodies` makes the tops of it.
     pub(super) fn sample(
         &mut self,
         scene: &Scene,
@@ -45,7 +45,6 @@ impl Lattice {
             Ground::Polynomial(polynomial) => self.sample_polynomial(polynomial, scene, placement),
             Ground::Raster(_) => (0..side).for_each(|row| self.sample_row(row, scene, placement)),
         }
-        self.top_m.clone_from(&self.ground_m);
     }
 
     /// The coordinate of a column or row of the whole map's lattice.

@@ -119,7 +119,7 @@ struct Worst {
 }
 
 /// What judges the cells of one sweep.
-struct Judge<'a> {
+struct Assessor<'a> {
     scene: &'a Scene,
     placement: Placement,
     limits: Limits,
@@ -146,12 +146,12 @@ pub(crate) fn judge(
     scratch: &mut Scratch,
 ) {
     let limits = rule.limits(rover).expect("config refuses a rover's rule with a limit that nobody gives");
-    let judge = Judge::new(limits, size_m, scene, Placement::of(world_from_sensor, map_from_sensor));
-    judge.judge(cells, scratch);
+    let assessor = Assessor::new(limits, size_m, scene, Placement::of(world_from_sensor, map_from_sensor));
+    assessor.assess(cells, scratch);
 }
 
-impl<'a> Judge<'a> {
-    fn new(limits: Limits, size_m: f64, scene: &'a Scene, placement: Placement) -> Judge<'a> {
+impl<'a> Assessor<'a> {
+    fn new(limits: Limits, size_m: f64, scene: &'a Scene, placement: Placement) -> Assessor<'a> {
         let wanted_m = limits.wheel_radius_m.clamp(FINEST_M, SPACING_M);
         // A hair less: a cell of 0.1 m has two nodes of 0.05 m along it, whatever the last bit says.
         let nodes_a_cell = (size_m / wanted_m * (1.0 - 1e-9)).ceil().max(1.0);
@@ -163,10 +163,10 @@ impl<'a> Judge<'a> {
         let halo = (halo(&axes, &stances) + if has_gaps { lips } else { 0 }) as i64;
         let nodes_a_cell = nodes_a_cell as i64;
         let cells_a_square = (SQUARE_NODES.max(2 * halo) / nodes_a_cell).max(1);
-        Judge { scene, placement, limits, axes, stances, nodes_a_cell, cells_a_square, halo, spacing_m }
+        Assessor { scene, placement, limits, axes, stances, nodes_a_cell, cells_a_square, halo, spacing_m }
     }
 
-    fn judge(&self, cells: &mut Cells, scratch: &mut Scratch) {
+    fn assess(&self, cells: &mut Cells, scratch: &mut Scratch) {
         let mut squares = std::mem::take(&mut scratch.squares);
         squares.clear();
         let square_of = |along: i32| i64::from(along).div_euclid(self.cells_a_square) as i32;
@@ -174,20 +174,19 @@ impl<'a> Judge<'a> {
         squares.extend(rows.map(|(k, row)| ([square_of(row.index.row), square_of(row.index.col)], k)));
         squares.sort_unstable();
         for square in squares.chunk_by(|a, b| a.0 == b.0) {
-            self.judge_square(square, cells, scratch);
+            self.assess_square(square, cells, scratch);
         }
         scratch.squares = squares;
     }
 
     /// Judges the cells of one square.
-    fn judge_square(&self, square: &[([i32; 2], u32)], cells: &mut Cells, scratch: &mut Scratch) {
+    fn assess_square(&self, square: &[([i32; 2], u32)], cells: &mut Cells, scratch: &mut Scratch) {
         let Scratch { lattice, gaps, demands, worst, .. } = scratch;
         let [row, col] = square[0].0.map(|along| i64::from(along) * self.cells_a_square);
         let first = [col, row].map(|cell| cell * self.nodes_a_cell - self.halo);
         let side = (self.cells_a_square * self.nodes_a_cell + 2 * self.halo) as usize;
         lattice.sample(self.scene, &self.placement, self.spacing_m, first, side);
         gaps.find(self.scene, &self.placement, &self.limits, &self.axes, lattice);
-        lattice.top_m.clone_from(&lattice.ground_m);
         let (low_m, high_m) = (lattice.node_m(0, 0), lattice.node_m(side - 1, side - 1));
         // Beyond a wheel's reach of the square's cells no body counts.
         let unread_m = (self.halo - self.axes[0].reach as i64 - 1) as f64 * self.spacing_m;

@@ -53,7 +53,7 @@ pub(super) fn judged(
 ) -> Vec<(CellIndex, Crossing)> {
     let mut cells = cells_of(rows, cols);
     let placement = Placement::of(&Transform::IDENTITY, &Transform::IDENTITY);
-    Judge::new(limits, SIZE_M, scene, placement).judge(&mut cells, &mut Scratch::default());
+    Assessor::new(limits, SIZE_M, scene, placement).assess(&mut cells, &mut Scratch::default());
     let verdict = |row: &CellRow| (row.index, row.truth.crossing.expect("a rover was asked"));
     cells.rows.iter().map(verdict).collect()
 }
@@ -271,13 +271,13 @@ fn equal_cells_judged_alone_and_with_their_scan() {
 fn equal_forms_for_every_instruction_set() {
     let [yard, _] = turned_pair(4);
     let placement = Placement::of(&Transform::IDENTITY, &Transform::IDENTITY);
-    let judge = Judge::new(kapvik(), SIZE_M, &yard, placement);
+    let assessor = Assessor::new(kapvik(), SIZE_M, &yard, placement);
     let mut lattice = Lattice::default();
-    lattice.sample(&yard, &placement, judge.spacing_m, [20, 40], 100);
+    lattice.sample(&yard, &placement, assessor.spacing_m, [20, 40], 100);
     bodies::raise(&yard, &placement, lattice.node_m(0, 0), lattice.node_m(99, 99), &mut lattice);
     let forms = crate::cpu::Isa::available().map(|isa| {
         let mut out = Demands::default();
-        let (axes, stances) = (&judge.axes, &judge.stances);
+        let (axes, stances) = (&assessor.axes, &assessor.stances);
         let run = Run {
             lattice: &lattice,
             axes,

@@ -78,7 +78,7 @@ impl Content {
     }
 
     /// Share of the cells with 1 or 2 points.
-    pub(crate) fn sparse_share(&self) -> f64 {
+    fn sparse_share(&self) -> f64 {
         share(self.sparse_at.iter().sum(), self.cells())
     }
 
@@ -156,11 +156,10 @@ fn cut_short(plan: &Plan, contents: &[Content]) -> Vec<Advice> {
         let cut = share(content.cut_short, content.scenes - content.failed);
         (cut > CUT_SHARE).then(|| percent(cut))
     });
-    let advice = said.map(|said| Advice {
+    Vec::from_iter(said.map(|said| Advice {
         finding: format!("drives that end before their length or goal, so that scans repeat one view: {said}"),
         cure: "shorten drive.path's length_m, raise drive.start.near_obstacle_m, or take path: random_walk, which turns away".into(),
-    });
-    Vec::from_iter(advice)
+    }))
 }
 
 fn balance(plan: &Plan, contents: &[Content]) -> Vec<Advice> {
@@ -195,11 +194,10 @@ fn sparse(plan: &Plan, contents: &[Content]) -> Vec<Advice> {
         };
         (sparse > SPARSE_SHARE).then(|| format!("{} ({within})", percent(sparse)))
     });
-    let advice = said.map(|said| Advice {
+    Vec::from_iter(said.map(|said| Advice {
         finding: format!("cells with 1 or 2 points: {said}"),
         cure: "lower cells.max_range_m, raise cells.size_m, or read several sweeps (cells.window_scans)".into(),
-    });
-    Vec::from_iter(advice)
+    }))
 }
 
 fn unread(plan: &Plan, contents: &[Content]) -> Vec<Advice> {
@@ -207,11 +205,10 @@ fn unread(plan: &Plan, contents: &[Content]) -> Vec<Advice> {
         let unread = share(content.returns_unread, content.returns);
         (unread > UNREAD_SHARE).then(|| percent(unread))
     });
-    let advice = said.map(|said| Advice {
+    Vec::from_iter(said.map(|said| Advice {
         finding: format!("returns beyond cells.max_range_m, cast and not read: {said}"),
         cure: "raise cells.max_range_m, or aim lower (sweep.mount.pitch_deg)".into(),
-    });
-    Vec::from_iter(advice)
+    }))
 }
 
 fn held_out_scenes(plan: &Plan, contents: &[Content]) -> Vec<Advice> {
