@@ -277,7 +277,7 @@ fn tell_course(out: &Path, summary: &Summary, progress: &TrainProgress, log: Log
         return;
     }
     let why = match summary.stopped {
-        Stop::Patience => format!("no better validation error for {} looks", summary.config.patience),
+        Stop::Patience => format!("the validation error did not fall by 1 % in {} looks", summary.config.patience),
         Stop::Epochs => "all epochs are over".to_string(),
     };
     let left_out = summary.left_out;

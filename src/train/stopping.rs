@@ -1,9 +1,14 @@
 //! Validation errors at set intervals -> when to stop, and which weights were the best.
 //!
 //! Source: Hewitt et al. 2017, "Methodology for training": the validation error is looked at at set intervals; when it rises, training
-//! ends and the weights revert to those at the minimum. Deviation: it may rise `patience` times in a row before that is believed.
+//! ends and the weights revert to those at the minimum. Deviation: so many looks as the patience is may pass without an improvement
+//! of 1 % before that is believed. What is smaller lies within the noise of a look: it is kept where it is the best, and waited for no
+//! longer, or a large corpus would be learnt many times over for the fourth digit of its error.
 
 use serde::{Deserialize, Serialize};
+
+/// The share by which the error has to fall for the patience to begin anew.
+const IMPROVEMENT: f64 = 0.01;
 
 /// One look at the validation split.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,15 +29,19 @@ pub(crate) struct Stopping {
     pub looks: u64,
     pub last: Option<Look>,
     pub best: Option<Look>,
-    /// Looks since the best.
-    pub worse: u32,
+    /// The error at the last improvement; `None` before the first, and in a checkpoint of an earlier marsyard.
+    #[serde(default)]
+    improved_to: Option<f64>,
+    /// Looks since the last improvement.
+    #[serde(alias = "worse")]
+    pub waited: u32,
 }
 
 /// Why training ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stop {
-    /// No better validation error for as many looks as the patience is.
+    /// No improvement of the validation error for as many looks as the patience is.
     Patience,
     /// All epochs are over.
     Epochs,
@@ -50,15 +59,24 @@ impl Stopping {
         self.looks += 1;
         self.last = Some(look);
         if better {
-            (self.best, self.worse) = (Some(look), 0);
+            self.best = Some(look);
+        }
+        // The weighted error is never negative; one of nought is the end of all improvement.
+        let improves = match (finite(&look), self.improved_to) {
+            (Some(error), Some(mark)) => error < (1.0 - IMPROVEMENT) * mark,
+            (Some(_), None) => true,
+            (None, _) => false,
+        };
+        if improves {
+            (self.improved_to, self.waited) = (finite(&look), 0);
         } else {
-            self.worse += 1;
+            self.waited += 1;
         }
         better
     }
 
     pub(crate) fn is_over(&self, patience: u32) -> bool {
-        self.worse >= patience
+        self.waited >= patience
     }
 }
 
@@ -71,13 +89,27 @@ mod tests {
     }
 
     #[test]
-    fn exact_patience_counts_looks_since_the_best() {
+    fn exact_patience_counts_looks_since_the_last_improvement() {
         let mut stopping = Stopping::default();
         let taken: Vec<bool> =
             [0.3, 0.2, 0.25, 0.2, 0.1, 0.1, 0.11].iter().zip(1..).map(|(&e, i)| stopping.take(look(i, e))).collect();
         assert_eq!(taken, [true, true, false, false, true, false, false]);
-        assert_eq!((stopping.best.map(|b| b.rows), stopping.worse, stopping.looks), (Some(5), 2, 7));
+        assert_eq!((stopping.best.map(|b| b.rows), stopping.waited, stopping.looks), (Some(5), 2, 7));
         assert!(stopping.is_over(2) && !stopping.is_over(3));
+    }
+
+    #[test]
+    fn law_less_than_one_percent_is_kept_and_not_waited_for_but_adds_up() {
+        let mut stopping = Stopping::default();
+        // Steps of 0.4 %: each is the best, and every third of them is an improvement by then.
+        let waited: Vec<u32> = (0..7)
+            .map(|step| {
+                assert!(stopping.take(look(step, 0.2 * 0.996f64.powi(step as i32))));
+                stopping.waited
+            })
+            .collect();
+        assert_eq!(waited, [0, 1, 2, 0, 1, 2, 0]);
+        assert_eq!(stopping.best, stopping.last);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! A training, in words: how far this pass over the rows is, how good the network is, and when the training can be over.
 //!
 //! A training ends when the validation error no longer falls, which nobody knows beforehand; what is known is the pass in hand, and the
-//! soonest end: the row at which patience is over if no look is better than the best so far.
+//! soonest end: the row at which patience is over if no look is an improvement.
 
 use std::time::{Duration, Instant};
 
@@ -28,6 +28,8 @@ pub(in crate::cli) struct TrainProgress {
     /// Of the last look and of the best one.
     validation_error: Option<f64>,
     best: Option<Look>,
+    /// The row at which patience is over if no later look is an improvement; `None` before the first look of this process.
+    patience_ends: Option<u64>,
     /// What was said of the covariance so far.
     guarded: (Option<u64>, Option<u64>),
 }
@@ -48,6 +50,7 @@ impl TrainProgress {
             validate_every: 0,
             validation_error: None,
             best: None,
+            patience_ends: None,
             guarded: (None, None),
         }
     }
@@ -59,7 +62,9 @@ impl TrainProgress {
                 self.rows = *rows;
                 self.teller.show(self.of_pass(), || self.text());
             }
-            Event::Look { look, best, is_best, counters } => {
+            Event::Look { look, best, is_best, waited, counters } => {
+                let looks_left = u64::from(self.patience.saturating_sub(*waited));
+                self.patience_ends = Some(look.rows.saturating_add(looks_left.saturating_mul(self.validate_every)));
                 self.look(look, best, *is_best);
                 self.guards(counters);
             }
@@ -231,11 +236,9 @@ impl TrainProgress {
         (self.pass_rows * u64::from(self.epochs)).saturating_sub(self.rows)
     }
 
-    /// Rows until the training ends if no look is better than the best so far.
+    /// Rows until the training ends if no look is an improvement.
     fn least_left(&self) -> u64 {
-        let best = self.best.map_or(0, |best| best.rows);
-        let end = best + u64::from(self.patience).saturating_mul(self.validate_every);
-        end.saturating_sub(self.rows).min(self.most_left())
+        self.patience_ends.map_or(u64::MAX, |end| end.saturating_sub(self.rows)).min(self.most_left())
     }
 
     /// Seconds for so many rows, at the pace so far.

@@ -24,7 +24,7 @@ use super::filter::Counters;
 use super::folder::{self, RunFolder};
 use super::learner::Learner;
 use super::looks::{Line, LookLog, Looks};
-use super::stopping::{Look, Stop};
+use super::stopping::{Look, Stop, Stopping};
 use super::stream::{self, Course, Window};
 use super::validation::Validation;
 use super::{Model, Sources, TrainError, TrainParams};
@@ -96,12 +96,12 @@ pub enum Event<'a> {
         look: &'a Look,
         best: &'a Look,
         is_best: bool,
+        /// Looks since the last improvement, which patience bounds.
+        waited: u32,
         counters: Counters,
     },
     /// Training goes on from here after a kill.
-    Checkpoint {
-        rows: u64,
-    },
+    Checkpoint { rows: u64 },
     /// Something in the run folder was not as it should be, and this is done about it.
     Note(&'a str),
 }
@@ -236,8 +236,9 @@ impl Training<'_> {
         let line = Line { look, best: is_best, elapsed_s };
         self.looks.push(self.learner.learnt.stopping.looks - 1, line);
         self.log.push(&line)?;
-        let best = self.learner.learnt.stopping.best.as_ref().unwrap_or(&look);
-        tell(Event::Look { look: &look, best, is_best, counters: self.learner.filter.counters() });
+        let Stopping { best, waited, .. } = &self.learner.learnt.stopping;
+        let best = best.as_ref().unwrap_or(&look);
+        tell(Event::Look { look: &look, best, is_best, waited: *waited, counters: self.learner.filter.counters() });
         Ok(())
     }
 
