@@ -79,6 +79,7 @@ impl TruthSum {
             protrusion_m: 0.0,
             slope_rad: 0.0,
             crossing: None,
+            pose: None,
             drop_m: 0.0,
             pit_m: 0.0,
         },

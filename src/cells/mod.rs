@@ -43,7 +43,6 @@ mod labels;
 mod local;
 pub mod params;
 mod place;
-mod plane;
 mod points;
 mod rule;
 mod slope;
@@ -54,11 +53,11 @@ mod unseen;
 pub use assign::{CellAssigner, MapPoint, Unplaced};
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub use columns::{
-    DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, PIT, PLANE_HEIGHT, PLANE_SLOPE,
-    TruthColumn, feature_columns, is_gap, is_neighbour, neighbour_offsets, truth_columns,
+    DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, PIT, TruthColumn, feature_columns,
+    is_gap, is_neighbour, neighbour_offsets, truth_columns,
 };
 pub use crossing::params::RoverRule;
-pub use crossing::{Crossing, Limit};
+pub use crossing::{Crossing, Limit, PoseTruth, PoseWorst};
 pub(crate) use crossing::{Scratch as CrossingScratch, judge as judge_crossing};
 pub use label::Label;
 pub use labels::obstacles;
@@ -112,6 +111,13 @@ impl Cells {
                 hasher.update(&crossing.margin_m.to_bits().to_le_bytes());
                 hasher.update(&crossing.limit.number().to_le_bytes());
             }
+            if let Some(PoseTruth { headings, cost, worst }) = truth.pose {
+                let worst = worst.map_or([f32::NAN; 2], |worst| [worst.tilt_rad, worst.clearance_m]);
+                hasher.update(&[headings]);
+                for value in [cost, worst[0], worst[1]] {
+                    hasher.update(&value.to_bits().to_le_bytes());
+                }
+            }
         }
         // Only where a config asks for drops is there one.
         for row in self.rows.iter().filter(|row| row.truth.drop_m != 0.0) {
@@ -156,6 +162,8 @@ pub struct CellTruth {
     pub slope_rad: f32,
     /// How a rover gets over the cell; `None` where no rover was asked.
     pub crossing: Option<Crossing>,
+    /// How a rover stands in the cell's middle; `None` where none was asked.
+    pub pose: Option<PoseTruth>,
     /// How far the true ground falls at the cell's centre, or how deep that lies; 0 where the config does not ask for it.
     pub drop_m: f32,
     /// How deep it lies between walls on two sides: the part of `drop_m` that tells interiors from lips.
@@ -173,6 +181,7 @@ impl Default for CellTruth {
             protrusion_m: 0.0,
             slope_rad: 0.0,
             crossing: None,
+            pose: None,
             drop_m: 0.0,
             pit_m: 0.0,
         }

@@ -85,6 +85,7 @@ impl<'s> PlaceTruth<'s> {
             if row.points == 0 {
                 let Some(place) = self.of(here_m.x, here_m.y) else { continue };
                 row.truth = CellTruth {
+                    pose: None,
                     obstacle_points: if place.obstacle { labels.min_obstacle_points as i32 } else { 0 },
                     top_points: 0,
                     class: Some(place.class),

@@ -100,6 +100,11 @@ pub(crate) fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<
         differ("cells.local_height", local(a), local(b), "one corpus has one set of columns");
         let rover = |cells: &CellParams| if cells.labels.rover.is_some() { "on" } else { "off" }.to_owned();
         differ("cells.labels.rover", rover(a), rover(b), "one corpus has one set of columns");
+        let pose = |cells: &CellParams| {
+            let is_named = cells.labels.rover.as_ref().is_some_and(|rule| rule.pose);
+            if is_named { "named" } else { "absent" }.to_owned()
+        };
+        differ("cells.labels.rover.pose", pose(a), pose(b), "one corpus has one set of columns");
         let unseen = |cells: &CellParams| cells.unseen.as_ref().map_or("absent".to_owned(), |unseen| unseen.words());
         differ("cells.unseen", unseen(a), unseen(b), "one corpus has one set of columns");
         let drop = |cells: &CellParams| if cells.labels.max_drop_m.is_some() { "named" } else { "absent" }.to_owned();

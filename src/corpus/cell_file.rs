@@ -25,7 +25,7 @@ pub(crate) fn judged_cells(
     features: &[FeatureColumn],
     scans: &[CellOutputs],
 ) -> Result<Vec<u8>, CorpusError> {
-    let mut columns = schema::columns(Table::Cells, features, &[], &[], false);
+    let mut columns = schema::columns(Table::Cells, features, &[], &[], [false, false]);
     let judgement = |name: &str, kind, description: &str| Column {
         name: name.into(),
         kind,
@@ -61,7 +61,7 @@ pub(crate) fn judged_cells(
             Arc::new(scan.classes.iter().map(|class| class.map(|value| value as i8)).collect::<Int8Array>()),
         ];
         let more = tables::features(scan.cells, features.len()).chain(judgement);
-        let batch = tables::batch(&arrow, &tables::cells::definitions(false), &rows, more)
+        let batch = tables::batch(&arrow, &tables::cells::definitions(false, false), &rows, more)
             .map_err(|source| CorpusError::Arrow { name: name.into(), source })?;
         writer.write(&batch).map_err(parquet)?;
     }

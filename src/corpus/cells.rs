@@ -31,6 +31,11 @@ pub(super) const SLOPE_RAD: &str = "truth_slope_rad";
 /// Where a rover labels the cells, what it said.
 pub(crate) const MARGIN_M: &str = "truth_margin_m";
 pub(crate) const LIMIT: &str = "truth_limit";
+/// Where it is set down in them too, what it said.
+pub(super) const HEADINGS: &str = "truth_headings";
+pub(super) const COST: &str = "truth_cost";
+pub(super) const TILT_RAD: &str = "truth_tilt_rad";
+pub(super) const CLEARANCE_M: &str = "truth_clearance_m";
 /// Only in corpora whose labels ask for it.
 pub(crate) const DROP_M: &str = crate::cells::DROP;
 const PIT_M: &str = crate::cells::PIT;
@@ -289,6 +294,8 @@ impl TruthColumns<'_> {
             protrusion_m: real(&self.protrusion_m, unknown.protrusion_m),
             slope_rad: real(&self.slope_rad, unknown.slope_rad),
             crossing: self.crossing_at(row),
+            // No rule asks for it.
+            pose: None,
             drop_m: real(&self.drop_m, unknown.drop_m),
             pit_m: real(&self.pit_m, unknown.pit_m),
         }

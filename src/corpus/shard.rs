@@ -234,7 +234,7 @@ fn cells_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput, scan:
     let rows: Vec<_> = scan.cells.rows.iter().map(row).collect();
     let features = tables::features(&scan.cells, spec.features.len());
     let truth = spec.truth.iter().map(|column| tables::cells::truth(column, &scan.cells));
-    tables::batch(schema, &tables::cells::definitions(spec.by_rover), &rows, features.chain(truth))
+    tables::batch(schema, &tables::cells::definitions(spec.by_rover, spec.poses), &rows, features.chain(truth))
 }
 
 fn poses_batch(schema: &SchemaRef, scene: &SceneOutput) -> Batch {

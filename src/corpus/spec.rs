@@ -19,6 +19,8 @@ pub struct CorpusSpec {
     pub features: Vec<FeatureColumn>,
     /// Cells are labelled by a rover, and have its columns.
     pub by_rover: bool,
+    /// The rover is set down in each of them too.
+    pub poses: bool,
     /// The truth columns of `cells` that only some configs have, behind the features; the same for all families.
     pub truth: Vec<TruthColumn>,
     /// What is drawn once per scene, of all families: the last columns of `scenes`, in the order of the register.
@@ -39,7 +41,7 @@ pub struct CorpusSpec {
 impl CorpusSpec {
     /// The columns of a table, in order.
     pub(crate) fn columns(&self, table: Table) -> Vec<Column> {
-        schema::columns(table, &self.features, &self.truth, &self.drawn, self.by_rover)
+        schema::columns(table, &self.features, &self.truth, &self.drawn, [self.by_rover, self.poses])
     }
 
     /// Whole shards of the plan; `scenes` is a multiple of `scenes_per_shard`.

@@ -5,7 +5,7 @@
 //! nose down, as pitch. Links are rigid, pivots have no play and no stops.
 
 use super::rover::{Chassis, RigidChassis, RockerBogieChassis, Rover};
-use crate::geometry::DVec3;
+use crate::geometry::{DVec2, DVec3};
 use crate::math;
 
 pub(super) const MAX_WHEELS: usize = 6;
@@ -68,6 +68,70 @@ impl Linkage {
         match &self.chassis {
             Chassis::Rigid(chassis) => rigid(chassis, self.wheel_radius_m, set),
             Chassis::RockerBogie(chassis) => rocker_bogie(chassis, self.wheel_radius_m, turns, set),
+        }
+    }
+}
+
+/// What the height of a wheel's contact makes of the rover's stand, for small turns: the stand of any chassis is a sum over its wheels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct WheelShare {
+    /// Where the level rover's wheel stands, ahead and to the left.
+    pub place_m: DVec2,
+    /// Of the slope ahead and of the slope to the left, per metre; of the height at the rover's origin.
+    pub ahead: f64,
+    pub left: f64,
+    pub up: f64,
+}
+
+impl Rover {
+    /// One share a wheel, in the order of the linkage.
+    pub(crate) fn wheel_shares(&self) -> Vec<WheelShare> {
+        match &self.chassis {
+            Chassis::Rigid(chassis) => {
+                let (x, y) = (0.5 * chassis.wheelbase_m, 0.5 * chassis.track_m);
+                let share =
+                    |(x, y)| WheelShare { place_m: DVec2::new(x, y), ahead: 0.25 / x, left: 0.25 / y, up: 0.25 };
+                [(x, y), (x, -y), (-x, y), (-x, -y)].map(share).to_vec()
+            }
+            Chassis::RockerBogie(chassis) => {
+                let RockerBogieChassis { rocker_wheel_x_m, bogie_front_x_m, bogie_rear_x_m, .. } = *chassis;
+                let front = (chassis.bogie_pivot_x_m - bogie_rear_x_m) / (bogie_front_x_m - bogie_rear_x_m);
+                let rocker_m = chassis.bogie_pivot_x_m - rocker_wheel_x_m;
+                // Of a side's slope: the bogie's pivot above the rocker's wheel, over the length between them.
+                let slopes = [-1.0 / rocker_m, front / rocker_m, (1.0 - front) / rocker_m];
+                let places_m = [rocker_wheel_x_m, bogie_front_x_m, bogie_rear_x_m];
+                let share = |side: f64, wheel: usize| {
+                    let pivot_m = chassis.rocker_pivot_x_m - rocker_wheel_x_m;
+                    let pivot = slopes[wheel] * pivot_m + if wheel == 0 { 1.0 } else { 0.0 };
+                    let ahead = 0.5 * slopes[wheel];
+                    WheelShare {
+                        place_m: DVec2::new(places_m[wheel], 0.5 * side * chassis.track_m),
+                        ahead,
+                        left: side * pivot / chassis.track_m,
+                        up: 0.5 * pivot - ahead * chassis.rocker_pivot_x_m,
+                    }
+                };
+                [1.0, -1.0].into_iter().flat_map(|side| (0..3).map(move |wheel| share(side, wheel))).collect()
+            }
+        }
+    }
+
+    /// Height of the highest pivot, or axle, above the wheels' plane.
+    pub(crate) fn highest_pivot_m(&self) -> f64 {
+        match &self.chassis {
+            Chassis::Rigid(_) => self.wheel_radius_m(),
+            Chassis::RockerBogie(chassis) => chassis.rocker_pivot_z_m.max(chassis.bogie_pivot_z_m),
+        }
+    }
+
+    /// The shortest of the lengths over which heights of wheels turn a link.
+    pub(crate) fn shortest_lever_m(&self) -> f64 {
+        match &self.chassis {
+            Chassis::Rigid(chassis) => chassis.wheelbase_m.min(chassis.track_m),
+            Chassis::RockerBogie(chassis) => {
+                let bogie_m = chassis.bogie_front_x_m - chassis.bogie_rear_x_m;
+                bogie_m.min(chassis.bogie_pivot_x_m - chassis.rocker_wheel_x_m).abs().min(chassis.track_m)
+            }
         }
     }
 }

@@ -51,6 +51,7 @@
 //! # Ok::<(), marsyard::drive::DriveError>(())
 //! ```
 
+mod belly;
 mod contact;
 #[cfg(test)]
 mod fixtures;
@@ -63,6 +64,7 @@ mod motion;
 mod outline;
 pub mod params;
 mod path;
+mod rolled;
 mod route;
 pub mod rover;
 mod start;
@@ -71,7 +73,9 @@ mod surface;
 mod tests;
 mod yard;
 
+pub(crate) use belly::clearance_m;
 pub use contact::{ContactPose, GroundContact};
+pub(crate) use linkage::WheelShare;
 pub use params::DriveParams;
 pub use rover::Rover;
 

@@ -5,6 +5,7 @@
 //! exist. Deviation: on a raster the slope under a wheel is interpolated between the central differences at the nodes,
 //! which is continuous (and exact on planes). Frame: world, metres. Outside the yard there is no ground.
 
+use super::rolled::Rolling;
 use crate::geometry::DVec2;
 use crate::scene::{Ground, Raster, Scene};
 use crate::wide::LANES;
@@ -13,6 +14,8 @@ use crate::wide::LANES;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surface<'a> {
     scene: &'a Scene,
+    /// Wheels that roll over bodies too; `None`: over the ground alone.
+    rolling: Option<Rolling<'a>>,
 }
 
 /// The ground at one point.
@@ -30,10 +33,34 @@ pub(super) struct WheelContact {
 
 impl<'a> Surface<'a> {
     pub(super) fn new(scene: &'a Scene) -> Surface<'a> {
-        Surface { scene }
+        Surface { scene, rolling: None }
     }
 
-    /// The height at (x, y) alone; `None` outside the yard, or where the ground is not finite.
+    /// The same ground with bodies on it, as the wheels of one stand meet both.
+    pub(super) fn with<'b>(&self, rolling: Rolling<'b>) -> Surface<'b>
+    where
+        'a: 'b,
+    {
+        Surface { scene: self.scene, rolling: Some(rolling) }
+    }
+
+    pub(super) fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    pub(super) fn ground(&self) -> &'a Ground {
+        &self.scene.ground
+    }
+
+    /// The height that a wheel feels at (x, y): of the ground, or of what it rolls over.
+    pub(super) fn felt_height_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
+        match &self.rolling {
+            None => self.height_m(x_m, y_m),
+            Some(rolling) => rolling.touch(self, x_m, y_m).map(|touch| touch.height_m),
+        }
+    }
+
+    /// The height of the ground at (x, y) alone; `None` outside the yard, or where the ground is not finite.
     pub(super) fn height_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
         if !self.scene.contains(x_m, y_m) {
             return None;
@@ -45,7 +72,7 @@ impl<'a> Surface<'a> {
     #[inline(always)]
     pub(super) fn heights_and_slopes(&self, points: &[DVec2; LANES], count: usize) -> Option<[(f64, DVec2); LANES]> {
         let mut felt = [(0.0, DVec2::ZERO); LANES];
-        let Ground::Polynomial(polynomial) = &self.scene.ground else {
+        let (Ground::Polynomial(polynomial), None) = (&self.scene.ground, &self.rolling) else {
             for (felt, at) in felt.iter_mut().zip(points).take(count) {
                 let touch = self.touch(at.x, at.y)?;
                 *felt = (touch.height_m, touch.slope);
@@ -66,8 +93,16 @@ impl<'a> Surface<'a> {
         Some(felt)
     }
 
-    /// The ground at (x, y); `None` outside the yard, or where the ground is not finite.
+    /// What a wheel over (x, y) touches; `None` outside the yard, or where the ground is not finite.
     pub(super) fn touch(&self, x_m: f64, y_m: f64) -> Option<WheelContact> {
+        match &self.rolling {
+            None => self.touch_ground(x_m, y_m),
+            Some(rolling) => rolling.touch(self, x_m, y_m),
+        }
+    }
+
+    /// The ground at (x, y), whatever lies on it.
+    pub(super) fn touch_ground(&self, x_m: f64, y_m: f64) -> Option<WheelContact> {
         if !self.scene.contains(x_m, y_m) {
             return None;
         }

@@ -57,6 +57,21 @@ impl Lattice {
         DVec2::new(self.coordinate_m(self.first[0] + col as i64), self.coordinate_m(self.first[1] + row as i64))
     }
 
+    /// Column and row of the node in whose square a place of the map lies, kept within the lattice.
+    pub(super) fn node_at(&self, place_m: DVec2) -> [usize; 2] {
+        let last = self.side as i64 - 1;
+        let node =
+            |along_m: f64, first: i64| ((along_m / self.spacing_m).floor() as i64 - first).clamp(0, last) as usize;
+        [node(place_m.x, self.first[0]), node(place_m.y, self.first[1])]
+    }
+
+    /// The same; a place on the border between squares lies in those on both sides, so four times, some of them alike.
+    pub(super) fn nodes_at(&self, place_m: DVec2) -> [[usize; 2]; 4] {
+        let hair_m = 1e-6 * self.spacing_m;
+        [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)]
+            .map(|side| self.node_at(place_m + hair_m * DVec2::from(side)))
+    }
+
     fn sample_row(&mut self, row: usize, scene: &Scene, placement: &Placement) {
         for col in 0..self.side {
             let at = placement.world(self.node_m(row, col));

@@ -14,6 +14,7 @@
 //! that stands higher than its clearance, be it broad enough to drive on.
 
 mod bodies;
+mod bounds;
 #[cfg(test)]
 mod brute;
 #[cfg(test)]
@@ -24,6 +25,9 @@ mod kernel;
 mod lattice;
 pub(super) mod params;
 mod placement;
+mod pose;
+#[cfg(test)]
+mod pose_tests;
 #[cfg(test)]
 mod tests;
 
@@ -38,6 +42,8 @@ use kernel::{Demands, Run};
 use lattice::Lattice;
 use params::{Limits, RoverRule};
 use placement::Placement;
+use pose::{PoseAssessor, Square};
+pub use pose::{PoseTruth, PoseWorst};
 
 /// Nodes stand no farther apart than this, and no closer than `FINEST_M` but for the finest cells.
 const SPACING_M: f64 = 0.05;
@@ -130,6 +136,8 @@ struct Assessor<'a> {
     cells_a_square: i64,
     halo: i64,
     spacing_m: f64,
+    /// Judges poses too; `None` where the rule does not ask.
+    poses: Option<PoseAssessor<'a>>,
 }
 
 /// Judges each cell by the rover, and labels it; `size_m` is a cell's side.
@@ -147,7 +155,8 @@ pub(crate) fn judge(
 ) {
     let limits = rule.limits(rover).expect("config refuses a rover's rule with a limit that nobody gives");
     let assessor = Assessor::new(limits, size_m, scene, Placement::of(world_from_sensor, map_from_sensor));
-    assessor.assess(cells, scratch);
+    let poses = rule.pose.then(|| PoseAssessor::new(rover, limits, scene));
+    assessor.with_poses(poses).assess(cells, scratch);
 }
 
 impl<'a> Assessor<'a> {
@@ -163,7 +172,17 @@ impl<'a> Assessor<'a> {
         let halo = (halo(&axes, &stances) + if has_gaps { lips } else { 0 }) as i64;
         let nodes_a_cell = nodes_a_cell as i64;
         let cells_a_square = (SQUARE_NODES.max(2 * halo) / nodes_a_cell).max(1);
-        Assessor { scene, placement, limits, axes, stances, nodes_a_cell, cells_a_square, halo, spacing_m }
+        let poses = None;
+        Assessor { scene, placement, limits, axes, stances, nodes_a_cell, cells_a_square, halo, spacing_m, poses }
+    }
+
+    /// The same, poses too: squares reach as far as a rover does.
+    fn with_poses(mut self, poses: Option<PoseAssessor<'a>>) -> Assessor<'a> {
+        if let Some(poses) = &poses {
+            self.halo = self.halo.max((poses.reach_m() / self.spacing_m).ceil() as i64 + self.axes[0].reach as i64 + 2);
+            self.cells_a_square = (SQUARE_NODES.max(2 * self.halo) / self.nodes_a_cell).max(1);
+        }
+        Assessor { poses, ..self }
     }
 
     fn assess(&self, cells: &mut Cells, scratch: &mut Scratch) {
@@ -189,7 +208,8 @@ impl<'a> Assessor<'a> {
         gaps.find(self.scene, &self.placement, &self.limits, &self.axes, lattice);
         let (low_m, high_m) = (lattice.node_m(0, 0), lattice.node_m(side - 1, side - 1));
         // Beyond a wheel's reach of the square's cells no body counts.
-        let unread_m = (self.halo - self.axes[0].reach as i64 - 1) as f64 * self.spacing_m;
+        let unread = if self.poses.is_some() { 0 } else { self.halo - self.axes[0].reach as i64 - 1 };
+        let unread_m = unread as f64 * self.spacing_m;
         let unread_m = DVec2::splat(unread_m);
         bodies::raise(self.scene, &self.placement, low_m + unread_m, high_m - unread_m, lattice);
         worst.clear();
@@ -228,6 +248,12 @@ impl<'a> Assessor<'a> {
         for (&(_, k), worst) in square.iter().zip(&*worst) {
             let row = &mut cells.rows[k as usize];
             row.truth.crossing = Some(worst.crossing(&self.limits));
+            row.truth.pose = self.poses.as_ref().map(|poses| {
+                let Assessor { axes, placement, .. } = self;
+                let cells_m = self.nodes_a_cell as f64 * self.spacing_m;
+                let middle_m = (DVec2::new(f64::from(row.index.col), f64::from(row.index.row)) + 0.5) * cells_m;
+                poses.assess(&Square { lattice, gaps, axes, placement }, middle_m)
+            });
             row.label = Some(Label::untraversable_if(row.truth.bars_rover()));
         }
     }

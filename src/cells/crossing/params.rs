@@ -39,6 +39,11 @@ pub struct RoverRule {
     #[garde(custom(within(0.1, 60.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_side_slip_deg: Option<f64>,
+    /// The truth of the pose too: the rover set down in each cell's middle along eight headings; adds the columns `truth_headings`,
+    /// `truth_cost`, `truth_tilt_rad` and `truth_clearance_m`.
+    #[garde(skip)]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub pose: bool,
 }
 
 /// The rule and the rover's geometry as numbers.
@@ -68,6 +73,7 @@ impl RoverRule {
             max_step_m: self.max_step_m.or(limits.map(|limits| limits.max_step_m)),
             max_gap_m: self.max_gap_m.or(limits.map(|limits| limits.max_gap_m)),
             max_side_slip_deg: self.max_side_slip_deg.or(limits.map(|limits| limits.max_side_slip_deg.on(self.soil))),
+            pose: self.pose,
         }
     }
 

@@ -179,6 +179,12 @@ fn tell_label(family: &Family, replay: &Replay, row: &CellRow) {
         outln!("  the label is the rover's: it can cross {}", rover.words());
         outln!("  nearest limit: {}, {:.3} m {}", crossing.limit.name(), crossing.margin_m.abs(), side_words(crossing));
     }
+    if let Some(pose) = truth.pose {
+        let headings: Vec<String> =
+            (0..8).filter(|k| pose.headings >> k & 1 == 1).map(|k| (45 * k).to_string()).collect();
+        let headings = if headings.is_empty() { "none".to_owned() } else { headings.join(", ") };
+        outln!("  it can stand in the cell's middle, looking along, degrees: {headings}; cost {:.3}", pose.cost);
+    }
     if let Some(limit_m) = rule.max_drop_m {
         let word = if of_counted.is_deep(truth) { "deeper" } else { "not deeper" };
         outln!("  drop: {:.3} m, {word} than the limit of {limit_m}", truth.drop_m);

@@ -19,9 +19,9 @@ pub(crate) struct Row<'a> {
 
 type Extract<'a> = super::Extract<Row<'a>>;
 
-/// `by_rover`: cells are labelled by a rover.
+/// `by_rover`: cells are labelled by a rover; `poses`: it is set down in each of them.
 #[rustfmt::skip]
-pub(crate) fn definitions<'a>(by_rover: bool) -> Vec<Definition<Row<'a>>> {
+pub(crate) fn definitions<'a>(by_rover: bool, poses: bool) -> Vec<Definition<Row<'a>>> {
     let [scene_id, scan_id, row, col] = name::KEYS;
     let mut definitions = vec![
         define(scene_id, "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
@@ -43,6 +43,14 @@ pub(crate) fn definitions<'a>(by_rover: bool) -> Vec<Definition<Row<'a>>> {
         definitions.extend([
             define(name::MARGIN_M, "m", Truth, "Distance of what the rover meets in the cell from the nearest of its limits, negative beyond it; null where no rover was asked.", Extract::number_or_null(|r| r.cell.truth.crossing.map(|crossing| crossing.margin_m))),
             define(name::LIMIT, "1", Truth, "That limit: 0 climb, 1 drop, 2 gap, 3 belly, 4 tilt, 5 side slip; null where no rover was asked.", Extract::number_or_null(|r| r.cell.truth.crossing.map(|crossing| crossing.limit.number()))),
+        ]);
+    }
+    if poses {
+        definitions.extend([
+            define(name::HEADINGS, "1", Truth, "Bit k is set where the rover, centred in the cell and looking along k times 45 degrees of the map (counter-clockwise from its x axis), can stand.", Extract::number_or_null(|r| r.cell.truth.pose.map(|pose| i32::from(pose.headings)))),
+            define(name::COST, "1", Truth, "0 to 1: mean over those headings of the largest share of a limit that the rover takes up, 1 where it cannot stand.", Extract::number_or_null(|r| r.cell.truth.pose.map(|pose| pose.cost))),
+            define(name::TILT_RAD, "rad", Truth, "Worst tilt of the headings along which it can stand; null where there is none.", Extract::number_or_null(|r| r.cell.truth.pose.and_then(|pose| pose.worst).map(|worst| worst.tilt_rad))),
+            define(name::CLEARANCE_M, "m", Truth, "Least clearance under the belly of those headings; null where there is none.", Extract::number_or_null(|r| r.cell.truth.pose.and_then(|pose| pose.worst).map(|worst| worst.clearance_m))),
         ]);
     }
     definitions

@@ -29,6 +29,7 @@ pub(crate) fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
             feature("height_variance_m2", "m2", "Variance of the points' heights."),
         ],
         by_rover: false,
+        poses: false,
         truth: vec![],
         drawn: vec![Purpose::GroundRmsHeight, Purpose::GroundCorrelationLength],
         families: vec!["default".into()],

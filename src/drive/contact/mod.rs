@@ -15,11 +15,12 @@ mod tests;
 
 use super::linkage::Linkage;
 use super::params::ContactSolver;
+use super::rolled::Rolling;
 use super::surface::Surface;
 use super::{Contact, DriveError, Rover};
-use crate::geometry::{DVec3, Pose};
+use crate::geometry::{DVec2, DVec3, Pose};
 use crate::math;
-use crate::scene::Scene;
+use crate::scene::{Ground, Obstacle, Scene};
 use residual::{Problem, UNKNOWNS, Unknowns};
 
 /// Beyond this tilt, or linkage angle, a rover lies rather than stands, radians (60 degrees).
@@ -43,12 +44,35 @@ pub struct GroundContact<'a> {
     surface: Surface<'a>,
     solver: ContactSolver,
     tolerance: Option<f64>,
+    /// Whether wheels roll over solid bodies too.
+    over_bodies: bool,
+    /// Bodies farther than this from the rover's place, seen from above, touch neither wheel nor belly.
+    reach_m: f64,
 }
 
 impl<'a> GroundContact<'a> {
     /// With the solver's own tolerance.
     pub fn new(rover: &Rover, scene: &'a Scene, solver: ContactSolver) -> GroundContact<'a> {
-        GroundContact { linkage: Linkage::new(rover), surface: Surface::new(scene), solver, tolerance: None }
+        let reach_m = rover.turning_radius_m().max(rover.wheelbase_m() + rover.track_m()) + rover.wheel_diameter_m;
+        GroundContact {
+            linkage: Linkage::new(rover),
+            surface: Surface::new(scene),
+            solver,
+            tolerance: None,
+            over_bodies: false,
+            reach_m,
+        }
+    }
+
+    /// The same, on the solid bodies as well as on the ground (`rolled`).
+    pub fn over_bodies(self, over_bodies: bool) -> GroundContact<'a> {
+        GroundContact { over_bodies, ..self }
+    }
+
+    /// The bodies that may touch a rover at a place; none where it does not feel them.
+    pub(crate) fn bodies_near(&self, place_m: DVec2, more_m: f64) -> Vec<&'a Obstacle> {
+        let all = if self.over_bodies { &self.surface.scene().obstacles[..] } else { &[] };
+        all.iter().filter(|body| !body.is_beyond(place_m, self.reach_m + more_m)).collect()
     }
 
     /// The same, its solutions as near as this, metres and radians; `None` = the solver's own tolerance.
@@ -64,8 +88,24 @@ impl<'a> GroundContact<'a> {
         yaw_rad: f64,
         near: Option<&ContactPose>,
     ) -> Result<ContactPose, DriveError> {
+        self.stand_among(&self.bodies_near(DVec2::new(x_m, y_m), 0.0), [x_m, y_m, yaw_rad], near)
+    }
+
+    /// The same among bodies that hold all those that are near.
+    pub(crate) fn stand_among(
+        &self,
+        bodies: &[&Obstacle],
+        [x_m, y_m, yaw_rad]: [f64; 3],
+        near: Option<&ContactPose>,
+    ) -> Result<ContactPose, DriveError> {
         let no = |reason: &str| DriveError::NoContact { x_m, y_m, reason: reason.to_string() };
-        let problem = Problem::new(&self.linkage, &self.surface, x_m, y_m, yaw_rad);
+        // A smooth ground without bodies is felt alike by both contacts: the plain one is exact, and quicker.
+        let is_rolled =
+            self.over_bodies && !(bodies.is_empty() && matches!(self.surface.ground(), Ground::Polynomial(_)));
+        let (sin, cos) = math::sin_cos(yaw_rad);
+        let rolling = Rolling { bodies, ahead: DVec2::new(cos, sin), radius_m: self.linkage.wheel_radius_m };
+        let surface = if is_rolled { self.surface.with(rolling) } else { self.surface };
+        let problem = Problem::new(&self.linkage, &surface, x_m, y_m, yaw_rad);
         let plane = problem.plane().ok_or_else(|| no("a wheel is outside the yard"))?;
         // A guess from the step before may reach over the edge or lie worse than the plane does.
         let start = near

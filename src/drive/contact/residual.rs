@@ -126,7 +126,7 @@ impl<'a> Problem<'a> {
         let mut heights = [0.0; MAX_WHEELS];
         for (height, centre) in heights.iter_mut().zip(&centres_m).take(count) {
             let at = self.below(*centre);
-            *height = self.surface.height_m(at.x, at.y)?;
+            *height = self.surface.felt_height_m(at.x, at.y)?;
         }
         let n = count as f64;
         let mean = |value: &dyn Fn(usize) -> f64| (0..count).map(value).sum::<f64>() / n;

@@ -45,6 +45,7 @@ fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         tables: tables.to_vec(),
         features: vec![feature("mean_height_m"), feature("height_difference_m")],
         by_rover: false,
+        poses: false,
         truth: vec![],
         drawn: Vec::new(),
         families: vec!["even".into(), "odd".into()],
@@ -64,6 +65,7 @@ fn scene(scene_id: u64, known: &[Known]) -> SceneOutput {
         range_m: 0.5 + k as f32,
         neighbour_mask: 0,
         truth: CellTruth {
+            pose: None,
             obstacle_points,
             top_points,
             class: Some(if obstacle_points > 0 { Class::Rock } else { Class::Ground }),

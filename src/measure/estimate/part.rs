@@ -34,13 +34,14 @@ pub(crate) enum Part {
     WindowScans,
     LocalHeight,
     RoverLabels,
+    RoverPoses,
     Unseen,
     MaxDrop,
     PointsTable,
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 26] = [
+    pub(crate) const ALL: [Part; 27] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -64,6 +65,7 @@ impl Part {
         Part::WindowScans,
         Part::LocalHeight,
         Part::RoverLabels,
+        Part::RoverPoses,
         Part::Unseen,
         Part::MaxDrop,
         Part::PointsTable,
@@ -95,6 +97,7 @@ impl Part {
             Part::WindowScans => "window_scans",
             Part::LocalHeight => "local_height",
             Part::RoverLabels => "labels.rover",
+            Part::RoverPoses => "labels.rover.pose",
             Part::Unseen => "unseen",
             Part::MaxDrop => "max_drop",
             Part::PointsTable => "points table",
@@ -145,6 +148,7 @@ impl Part {
             Part::WindowScans => family.cells.window_scans > 1,
             Part::LocalHeight => family.cells.local_height.is_some(),
             Part::RoverLabels => family.cells.labels.rover.is_some(),
+            Part::RoverPoses => family.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
             Part::Unseen => family.cells.unseen.is_some(),
             Part::MaxDrop => family.cells.labels.max_drop_m.is_some(),
             Part::PointsTable => plan.tables.contains(&Table::Points),
@@ -179,6 +183,7 @@ impl Part {
             Part::WindowScans => family.cells.window_scans = 1,
             Part::LocalHeight => family.cells.local_height = None,
             Part::RoverLabels => family.cells.labels.rover = None,
+            Part::RoverPoses => family.cells.labels.rover.iter_mut().for_each(|rule| rule.pose = false),
             Part::Unseen => family.cells.unseen = None,
             Part::MaxDrop => family.cells.labels.max_drop_m = None,
             Part::PointsTable => plan.tables.retain(|table| *table != Table::Points),

@@ -33,6 +33,7 @@ pub(super) fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -
         tables: vec![Table::Cells],
         features: FEATURES.map(feature).into(),
         by_rover: false,
+        poses: false,
         truth: vec![],
         drawn: Vec::new(),
         families: vec!["default".into()],

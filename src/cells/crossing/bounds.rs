@@ -1,0 +1,217 @@
+//! Ranges of height under each wheel and under the belly -> bounds of the stand, before any solver is asked.
+//!
+//! In: a lattice around a cell, the chassis as shares (`drive::WheelShare`: the stand of any chassis is linear in the heights of its wheels, for
+//! small turns). Out: a [`Verdict`] a heading. Source: ACE (Otsu et al. 2020). Heights are taken off a plane through the cell first, so that
+//! slopes leave the bounds narrow; each wheel's height lies within those of all nodes that it may touch, wherever a turn of up to
+//! `MOST_TURN_RAD` against the plane carries it. Added to that: what the links' arms make of a turn (theta squared over two), and
+//! the wheel's own radius. Frames: map, metres. Not modelled here: what is open is the solver's.
+
+use super::params::Limits;
+use super::pose::{Demand, Square};
+use crate::drive::{Rover, WheelShare};
+use crate::geometry::{DVec2, DVec3};
+use crate::math;
+
+/// A stand that turns further against the cell's plane is left open.
+const MOST_TURN_RAD: f64 = 0.3;
+/// Share of a wheel's radius by which the ground's own slope moves its centre.
+const RADIUS_SLACK: f64 = 0.08;
+
+/// What bounds say of a heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
+    /// Within every limit, whatever the solver would say; the middle of the bounds.
+    Passable(Demand),
+    /// Beyond a limit, whatever it would say.
+    Barred,
+    Open,
+}
+
+/// One rover's bounds.
+#[derive(Clone, Debug)]
+pub(super) struct Bounds {
+    wheels: Vec<WheelShare>,
+    half_m: DVec2,
+    radius_m: f64,
+    /// Highest pivot, shortest lever between two wheels of a link, metres.
+    pivot_m: f64,
+    lever_m: f64,
+    /// How far from its place on the plane a wheel may touch.
+    wander_m: f64,
+}
+
+/// The plane that heights are taken off.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plane {
+    height_m: f64,
+    slope: DVec2,
+}
+
+/// A value and how far it may be off.
+#[derive(Clone, Copy, Debug, Default)]
+struct About {
+    middle: f64,
+    off: f64,
+}
+
+impl Bounds {
+    pub(super) fn new(rover: &Rover) -> Bounds {
+        let wheels = rover.wheel_shares();
+        let radius_m = rover.wheel_radius_m();
+        let pivot_m = rover.highest_pivot_m();
+        let farthest_m = wheels.iter().fold(0.0_f64, |most, wheel| most.max(wheel.place_m.length()));
+        let wander_m = MOST_TURN_RAD * pivot_m + 0.5 * MOST_TURN_RAD * MOST_TURN_RAD * farthest_m + 1.5 * radius_m;
+        let half_m = 0.5 * DVec2::new(rover.length_m, rover.width_m);
+        Bounds { wheels, half_m, radius_m, pivot_m, lever_m: rover.shortest_lever_m(), wander_m }
+    }
+
+    pub(super) fn reach_m(&self) -> f64 {
+        let wheel = |wheel: &WheelShare| wheel.place_m.length() + self.wander_m;
+        // A node more, and the steps that wheels reach for.
+        self.wheels.iter().map(wheel).fold(self.half_m.length(), f64::max) + 2.0 * self.radius_m + 0.15
+    }
+
+    /// Where the level rover's wheels stand, ahead and to the left.
+    pub(super) fn level_places_m(&self) -> impl Iterator<Item = DVec2> {
+        self.wheels.iter().map(|wheel| wheel.place_m)
+    }
+
+    /// The plane through the nodes at a cell's middle and the ground half a rover's length around it.
+    pub(super) fn ground(&self, square: &Square, middle_m: DVec2) -> Plane {
+        let lattice = square.lattice;
+        let nodes = (0.7 * self.half_m.y / lattice.spacing_m).round().max(1.0);
+        let around_m = nodes * lattice.spacing_m;
+        let height_m = |place: DVec2| {
+            let nodes = lattice.nodes_at(middle_m + place * around_m);
+            0.25 * nodes.map(|[col, row]| lattice.ground_m[row * lattice.side + col]).iter().sum::<f64>()
+        };
+        let [east, west, north, south] = [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y].map(height_m);
+        let slope = DVec2::new(east - west, north - south) / (2.0 * around_m);
+        let height_m = height_m(DVec2::ZERO);
+        Plane { height_m, slope }
+    }
+
+    pub(super) fn verdict(
+        &self,
+        square: &Square,
+        plane: &Plane,
+        middle_m: DVec2,
+        heading: usize,
+        limits: &Limits,
+    ) -> Verdict {
+        let (sin, cos) = math::sin_cos(heading as f64 * std::f64::consts::FRAC_PI_4);
+        let level = DVec2::new(cos, sin);
+        let up = DVec3::new(-plane.slope.x, -plane.slope.y, 1.0).normalize();
+        let ahead = level.extend(plane.slope.dot(level)).normalize();
+        let left = up.cross(ahead);
+        let lattice = square.lattice;
+        // The least and the most that ground and bodies stand off the plane within a box, along its normal.
+        let range = |middle: DVec2, half_m: f64| {
+            let [from, to] = [-half_m, half_m].map(|half_m| lattice.node_at(middle_m + middle + DVec2::splat(half_m)));
+            let (mut low_m, mut high_m) = (f64::INFINITY, f64::NEG_INFINITY);
+            for row in from[1]..=to[1] {
+                for col in from[0]..=to[0] {
+                    let off = lattice.node_m(row, col) - middle_m;
+                    let plane_m = plane.height_m + plane.slope.dot(off);
+                    let at = row * lattice.side + col;
+                    let (ground_m, top_m) = (lattice.ground_m[at] - plane_m, lattice.top_m[at] - plane_m);
+                    low_m = if ground_m < low_m { ground_m } else { low_m };
+                    high_m = if top_m > high_m { top_m } else { high_m };
+                    // Bounds hold on ground without gaps; a NaN leaves everything open.
+                    if !(top_m.is_finite() && square.gaps.width_m.get(at).is_none_or(|width_m| width_m.is_infinite())) {
+                        return None;
+                    }
+                }
+            }
+            Some([low_m * up.z, high_m * up.z])
+        };
+        let [mut pitch, mut roll, mut rise] = [About::default(); 3];
+        let (mut lowest_m, mut highest_m) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut ranges = [(About::default(), WheelShare::default()); 6];
+        for (range_of, wheel) in ranges.iter_mut().zip(&self.wheels) {
+            let place = (ahead * wheel.place_m.x + left * wheel.place_m.y).truncate();
+            let Some([low_m, high_m]) = range(place, self.wander_m + lattice.spacing_m) else { return Verdict::Open };
+            let Some([own_low_m, own_high_m]) = range(place, 1e-6 * lattice.spacing_m) else { return Verdict::Open };
+            let own_m = 0.5 * (own_low_m + own_high_m);
+            (lowest_m, highest_m) = (lowest_m.min(low_m), highest_m.max(high_m));
+            *range_of = (About { middle: own_m, off: (high_m - own_m).max(own_m - low_m) }, *wheel);
+        }
+        let turn_rad = 2.0 * (highest_m - lowest_m) / self.lever_m;
+        if turn_rad > MOST_TURN_RAD {
+            return Verdict::Open;
+        }
+        let lean = plane.slope.length_squared();
+        let arms_m = 0.5 * turn_rad * turn_rad * self.pivot_m;
+        let slack_m = arms_m + RADIUS_SLACK * self.radius_m + self.radius_m * ((1.0 + lean).sqrt() - 1.0);
+        for (about, wheel) in &ranges[..self.wheels.len()] {
+            let off = about.off + slack_m;
+            for (sum, share) in [(&mut pitch, wheel.ahead), (&mut roll, wheel.left), (&mut rise, wheel.up)] {
+                sum.middle += share * about.middle;
+                sum.off += share.abs() * off;
+            }
+        }
+        let normal = (up - ahead * pitch.middle - left * roll.middle).normalize();
+        let off = math::hypot(pitch.off, roll.off);
+        let tilt_rad = math::acos(normal.z.min(1.0));
+        // Of the heading's own frame: how the normal leans to the side.
+        let side_slope = (normal.dot(DVec3::new(-level.y, level.x, 0.0)) / normal.z).abs();
+        let side_off = off * (1.0 + 2.0 * lean) * 1.2;
+        let Some((touch_m, farthest_m)) =
+            self.highest_under(square, plane, middle_m, [ahead, left, up], [pitch, roll, rise])
+        else {
+            return Verdict::Open;
+        };
+        let belly_off_m = rise.off + pitch.off * self.half_m.x + roll.off * self.half_m.y;
+        let clearance_m = limits.belly_m - touch_m;
+        let demand = Demand { tilt_rad, side_slope, clearance_m };
+        let most_rad = tilt_rad + off;
+        let is_upright = most_rad < 1.2 && math::tan(most_rad) < limits.tilt;
+        let is_clear = clearance_m - belly_off_m - farthest_m > 0.0;
+        if is_upright && side_slope + side_off < limits.side_slip && is_clear {
+            return Verdict::Passable(demand);
+        }
+        let least_rad = tilt_rad - off;
+        let is_tipped = least_rad > 0.0 && math::tan(least_rad.min(1.5)) > limits.tilt;
+        if is_tipped || side_slope - side_off > limits.side_slip { Verdict::Barred } else { Verdict::Open }
+    }
+
+    /// How far the highest of ground and bodies under the outline stands above the wheels' plane, by the middle of the bounds, and what
+    /// the ground between two nodes may add.
+    fn highest_under(
+        &self,
+        square: &Square,
+        plane: &Plane,
+        middle_m: DVec2,
+        [ahead, left, up]: [DVec3; 3],
+        [pitch, roll, rise]: [About; 3],
+    ) -> Option<(f64, f64)> {
+        let lattice = square.lattice;
+        let (mut highest_m, mut beside_m) = (f64::NEG_INFINITY, 0.0_f64);
+        let grown_m = self.half_m + DVec2::splat(lattice.spacing_m);
+        let reach_m = DVec2::splat(grown_m.length());
+        let [from, to] = [middle_m - reach_m, middle_m + reach_m].map(|corner| lattice.node_at(corner));
+        for row in from[1]..=to[1] {
+            let mut before_m = f64::NAN;
+            for col in from[0]..=to[0] {
+                let off = lattice.node_m(row, col) - middle_m;
+                let on_plane = off.extend(plane.slope.dot(off));
+                let (x_m, y_m) = (ahead.dot(on_plane), left.dot(on_plane));
+                if x_m.abs() > grown_m.x || y_m.abs() > grown_m.y {
+                    continue;
+                }
+                let at = row * lattice.side + col;
+                let off_m = (lattice.top_m[at] - plane.height_m - on_plane.z) * up.z;
+                if !off_m.is_finite() {
+                    return None;
+                }
+                let above_m = off_m - rise.middle - pitch.middle * x_m - roll.middle * y_m;
+                highest_m = if above_m > highest_m { above_m } else { highest_m };
+                let ground_m = lattice.ground_m[at] - plane.height_m - on_plane.z;
+                let step_m = (ground_m - before_m).abs();
+                beside_m = if step_m > beside_m { step_m } else { beside_m };
+                before_m = ground_m;
+            }
+        }
+        Some((highest_m, beside_m))
+    }
+}

@@ -1,0 +1,198 @@
+//! A wheel over ground and solid bodies -> how high its centre stands when it is set down there.
+//!
+//! In: a place, a heading, the bodies near. Out: the height of the wheel's centre and its derivative by the place. Source: the offset
+//! surface of a rolling ball (Tarokh & McDermott 2005 for a single point of contact); the highest of what each feature of the
+//! bodies (faces, edges, corners) would hold the wheel at, each in closed form, so that boxes and planes are exact. Deviations: the wheel is a
+//! ball flattened to half its width across the heading; its flanks, from 75 degrees on, run out straight to one and a half radii, so that a
+//! wall of up to 2.7 radii is a steep ramp and a stand exists beside it; rasters are rolled over along the heading alone, by chords
+//! between their grid lines; a trunk has 16 corners. On polynomials the ground is felt as `surface` has it. Frame: world, metres. Not
+//! modelled: what lies under an overhanging side, soil, tyres.
+
+use super::surface::{Surface, WheelContact};
+use crate::geometry::{DVec2, DVec3};
+use crate::math;
+use crate::scene::{Convex, Cylinder, Ground, Obstacle, Raster, Shape};
+
+/// The wheel ends this many radii from its centre.
+pub(super) const REACH_RADII: f64 = 1.5;
+/// Sine, cosine and tangent of 75 degrees, from which the flank runs straight.
+const FLANK_SIN: f64 = 0.965_925_826_289_068_3;
+const FLANK_COS: f64 = 0.258_819_045_102_520_74;
+const FLANK_TAN: f64 = 3.732_050_807_568_877;
+/// How much wider a wheel looks across its heading than it is: half as wide as a ball.
+const ACROSS: f64 = 2.0;
+/// Corners of a trunk's top.
+const RIM: u32 = 16;
+
+/// The wheels of one stand: what lies near, and which way they look.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rolling<'a> {
+    pub bodies: &'a [&'a Obstacle],
+    /// Unit vector of the heading.
+    pub ahead: DVec2,
+    pub radius_m: f64,
+}
+
+/// The highest that anything holds the wheel's centre, over one place.
+struct Highest<'a> {
+    rolling: &'a Rolling<'a>,
+    at_m: DVec2,
+    centre_m: f64,
+    /// Derivative of that height along the heading and, widened, across it.
+    gradient: DVec2,
+}
+
+impl Rolling<'_> {
+    /// The ground and the bodies under a wheel, as a level contact as far below its centre as its radius; `None` without ground.
+    pub(super) fn touch(&self, surface: &Surface, x_m: f64, y_m: f64) -> Option<WheelContact> {
+        let at_m = DVec2::new(x_m, y_m);
+        let mut highest = Highest { rolling: self, at_m, centre_m: f64::NEG_INFINITY, gradient: DVec2::ZERO };
+        let ground = match surface.ground() {
+            Ground::Polynomial(_) => Some(surface.touch_ground(x_m, y_m)?),
+            Ground::Raster(raster) => {
+                surface.height_m(x_m, y_m)?;
+                highest.roll_over_raster(raster);
+                None
+            }
+        };
+        let ground_m = ground.map_or(f64::NEG_INFINITY, |ground| {
+            ground.height_m + self.radius_m * (1.0 + ground.slope.length_squared()).sqrt()
+        });
+        for obstacle in self.bodies.iter().filter(|body| !body.is_beyond(at_m, REACH_RADII * self.radius_m)) {
+            match &obstacle.body().shape {
+                Shape::Convex(body) => highest.roll_over_convex(body),
+                Shape::Cylinder(body) => highest.roll_over_cylinder(body),
+            }
+        }
+        if let Some(ground) = ground.filter(|_| highest.centre_m <= ground_m) {
+            return Some(ground);
+        }
+        let gradient = self.ahead.rotate(highest.gradient * DVec2::new(1.0, ACROSS));
+        let held = WheelContact {
+            height_m: highest.centre_m - self.radius_m,
+            gradient,
+            slope: DVec2::ZERO,
+            slope_by_x: DVec2::ZERO,
+            slope_by_y: DVec2::ZERO,
+        };
+        (held.height_m.is_finite() && gradient.is_finite()).then_some(held)
+    }
+}
+
+impl Highest<'_> {
+    /// A point of the world as the wheel sees it: ahead, widened to the left, and up.
+    fn seen(&self, point_m: DVec3) -> DVec3 {
+        let (away, ahead) = (point_m.truncate() - self.at_m, self.rolling.ahead);
+        DVec3::new(ahead.dot(away), ACROSS * ahead.perp_dot(away), point_m.z)
+    }
+
+    fn take(&mut self, centre_m: f64, gradient: DVec2) {
+        if centre_m > self.centre_m {
+            (self.centre_m, self.gradient) = (centre_m, gradient);
+        }
+    }
+
+    /// A point holds the wheel.
+    fn take_point(&mut self, point: DVec3) {
+        let radius_m = self.rolling.radius_m;
+        let away_m = point.truncate().length();
+        if away_m > REACH_RADII * radius_m {
+            return;
+        }
+        let (over_m, fall) = if away_m <= FLANK_SIN * radius_m {
+            let over_m = (radius_m * radius_m - away_m * away_m).sqrt();
+            (over_m, 1.0 / over_m)
+        } else {
+            (FLANK_COS * radius_m - FLANK_TAN * (away_m - FLANK_SIN * radius_m), FLANK_TAN / away_m)
+        };
+        // The wheel goes up as it comes nearer.
+        self.take(point.z + over_m, point.truncate() * fall);
+    }
+
+    /// An edge holds it, between its ends.
+    fn take_edge(&mut self, from: DVec3, to: DVec3) {
+        let (along, radius_m) = ((to - from).truncate(), self.rolling.radius_m);
+        let length_m = along.length();
+        if length_m < 1e-9 * radius_m {
+            return;
+        }
+        let (unit, rise) = (along / length_m, (to.z - from.z) / length_m);
+        let foot_m = -from.truncate().dot(unit);
+        let aside_m = from.truncate().perp_dot(unit).abs();
+        if aside_m > REACH_RADII * radius_m || rise.abs() >= FLANK_TAN {
+            return;
+        }
+        let on_ball_m = (radius_m * radius_m - aside_m * aside_m).max(0.0).sqrt() * rise / (1.0 + rise * rise).sqrt();
+        let is_on_ball = aside_m * aside_m + on_ball_m * on_ball_m <= FLANK_SIN * FLANK_SIN * radius_m * radius_m;
+        let way_m = if is_on_ball { on_ball_m } else { aside_m * rise / (FLANK_TAN * FLANK_TAN - rise * rise).sqrt() };
+        let at_m = foot_m + way_m;
+        if (0.0..=length_m).contains(&at_m) {
+            self.take_point(from + (to - from) * (at_m / length_m));
+        }
+    }
+
+    /// A face that looks up holds it, within its edges, and each of its edges and corners does.
+    fn take_face(&mut self, corners: impl ExactSizeIterator<Item = DVec3> + Clone) {
+        let count = corners.len();
+        let followed = corners.clone().zip(corners.clone().cycle().skip(1)).take(count);
+        for (corner, next) in followed.clone() {
+            self.take_point(corner);
+            self.take_edge(corner, next);
+        }
+        let Some(first) = corners.clone().next() else { return };
+        let normal = followed.clone().fold(DVec3::ZERO, |sum, (a, b)| sum + (a - first).cross(b - first));
+        let slope = -normal.truncate() / normal.z;
+        let slope_squared = slope.length_squared();
+        if !(normal.z > 0.0 && slope_squared < FLANK_TAN * FLANK_TAN) {
+            return;
+        }
+        let lean = (1.0 + slope_squared).sqrt();
+        let touched = slope * (self.rolling.radius_m / lean);
+        let is_within = |(a, b): (DVec3, DVec3)| (b - a).truncate().perp_dot(touched - a.truncate()) >= 0.0;
+        if followed.clone().all(is_within) {
+            self.take(first.z - slope.dot(first.truncate()) + self.rolling.radius_m * lean, slope);
+        }
+    }
+
+    fn roll_over_convex(&mut self, body: &Convex) {
+        for (face, _) in body.faces.iter().zip(&body.planes).filter(|(_, plane)| plane.faces_up()) {
+            let corners: Vec<DVec3> = face.iter().map(|&k| self.seen(body.vertices_m[k as usize])).collect();
+            self.take_face(corners.into_iter());
+        }
+    }
+
+    fn roll_over_cylinder(&mut self, body: &Cylinder) {
+        self.take_face(rim_m(body).map(|corner| self.seen(corner)).collect::<Vec<_>>().into_iter());
+    }
+
+    fn roll_over_raster(&mut self, raster: &Raster) {
+        let reach_m = REACH_RADII * self.rolling.radius_m;
+        let ahead = self.rolling.ahead;
+        let mut crossings_m = vec![-reach_m, 0.0, reach_m];
+        for (place, step) in [(self.at_m.x - raster.origin_m.x, ahead.x), (self.at_m.y - raster.origin_m.y, ahead.y)] {
+            if step.abs() < 1e-9 {
+                continue;
+            }
+            let ends = [place - reach_m * step, place + reach_m * step].map(|end| end / raster.spacing_m);
+            let lines = ends[0].min(ends[1]).ceil() as i64..=ends[0].max(ends[1]).floor() as i64;
+            crossings_m.extend(lines.map(|line| (line as f64 * raster.spacing_m - place) / step));
+        }
+        crossings_m.sort_unstable_by(f64::total_cmp);
+        let point = |way_m: f64| {
+            let at = self.at_m + ahead * way_m;
+            DVec3::new(way_m, 0.0, raster.height_m(at.x, at.y))
+        };
+        let points: Vec<DVec3> = crossings_m.into_iter().map(point).collect();
+        points.iter().for_each(|&point| self.take_point(point));
+        points.windows(2).for_each(|pair| self.take_edge(pair[0], pair[1]));
+    }
+}
+
+/// Corners of a cylinder's top, counter-clockwise.
+pub(super) fn rim_m(body: &Cylinder) -> impl Iterator<Item = DVec3> {
+    let Cylinder { base_m, radius_m, height_m } = *body;
+    (0..RIM).map(move |k| {
+        let (sin, cos) = math::sin_cos(std::f64::consts::TAU * f64::from(k) / f64::from(RIM));
+        base_m + DVec3::new(cos * radius_m, sin * radius_m, height_m)
+    })
+}
