@@ -11,6 +11,7 @@ use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
 use super::place::PlaceTruth;
+use super::plane::GroundPlanes;
 use super::points::{Points, Scan, UNKNOWN};
 use super::{CellParams, CellRow, CellTruth, Cells, Label, unseen};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
@@ -55,6 +56,7 @@ pub struct Scratch {
     mean_heights_m: Vec<f64>,
     intensities: Vec<(f64, f64)>,
     local: local::Scratch,
+    planes: GroundPlanes,
     beams: BeamColumns,
 }
 
@@ -115,7 +117,7 @@ pub fn bin(
             scratch.beams.add(map_from_sensor.direction(direction * range_m));
         });
         scratch.beams.finish(params.size_m);
-        unseen::add(params, of_unseen, &scratch.beams, max_range_m, &mut cells);
+        unseen::add(params, of_unseen, &scratch.beams, &scratch.planes, max_range_m, &mut cells);
     }
     if params.unseen.is_some() || params.labels.max_drop_m.is_some() {
         let taller_than = params.labels.obstacle.taller_than(wheel_diameter_m);
@@ -174,7 +176,7 @@ pub fn bin_clouds(
         row.truth = CellTruth { class: None, object: UNKNOWN, ..row.truth };
     }
     if let Some(of_unseen) = &params.unseen {
-        unseen::add(params, of_unseen, &scratch.beams, max_range_m, &mut cells);
+        unseen::add(params, of_unseen, &scratch.beams, &scratch.planes, max_range_m, &mut cells);
         let mut seen = known.into_iter();
         known = cells.rows.iter().map(|row| if row.points > 0 { seen.next().unwrap_or(0) } else { 0 }).collect();
     }
@@ -194,7 +196,7 @@ fn summarise(
     // Those of gaps come later.
     let width = super::feature_columns(&CellParams { unseen: None, ..params.clone() }, intensity).len();
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
-    let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, .. } = scratch;
+    let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, planes, .. } = scratch;
     cells.points_binned = points.cells.len() as u64;
     widest(CellAccumulator { points, numbers, verdicts, mean_heights_m, sums });
     if intensity {
@@ -217,7 +219,7 @@ fn summarise(
         features.extend(own.map(|f| f as f32));
         features.extend(std::iter::repeat_n(mean_m as f32, offsets.len()));
         // Written below, when all means are known.
-        features.extend(params.local_height.iter().map(|_| 0.0));
+        features.extend(params.local_height.iter().flat_map(|local| std::iter::repeat_n(0.0, local.columns())));
         features.extend([sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32));
         if intensity {
             let (mean, variance) = intensities[k];
@@ -232,6 +234,13 @@ fn summarise(
         local::heights(local_height, params.size_m, rows, mean_heights_m, local, |row, height_m| {
             features[row * width + column] = height_m as f32;
         });
+        if local_height.plane {
+            planes.fit(local_height, params.size_m, rows, mean_heights_m);
+            for (k, (row, &height_m)) in rows.iter().zip(&*mean_heights_m).enumerate() {
+                let of_plane = planes.features(row.index, height_m).map(|value| value as f32);
+                features[k * width + column + 1..][..2].copy_from_slice(&of_plane);
+            }
+        }
     }
 }
 

@@ -19,6 +19,9 @@ pub const HEIGHT_VARIANCE: &str = "height_variance_m2";
 pub const HEIGHT_DIFFERENCE: &str = "height_difference_m";
 /// The column of a cell's height above the ground around it.
 pub const LOCAL_HEIGHT: &str = "local_height_m";
+/// The columns of a cell's height above the plane of the ground around it, and of that plane's slope.
+pub const PLANE_HEIGHT: &str = "plane_height_m";
+pub const PLANE_SLOPE: &str = "plane_slope";
 /// Columns of neighbours' heights begin with this.
 const NEIGHBOUR: &str = "neighbour_";
 
@@ -143,6 +146,12 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
         );
         column(LOCAL_HEIGHT, "m", &description)
     }));
+    if let Some(local) = params.local_height.as_ref().filter(|local| local.plane) {
+        let around =
+            format!("the plane fitted low through the lowest cells of the ground some {} m around", local.radius_m);
+        columns.push(column(PLANE_HEIGHT, "m", &format!("mean height above {around}")));
+        columns.push(column(PLANE_SLOPE, "1", &format!("slope of {around}, rise over run")));
+    }
     columns.extend([("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("x", "m"), ("y", "m"), ("yaw", "rad")].map(
         |(axis, unit)| {
             let description = format!("standard deviation of the rover's estimated {axis}");
@@ -194,6 +203,16 @@ mod tests {
             columns[14].description
         );
         assert!(columns[14].description.contains("within 1 m,"));
+    }
+
+    #[test]
+    fn golden_the_plane_stands_behind_the_local_height() {
+        let local_height = Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() });
+        let columns = feature_columns(&CellParams { local_height, ..CellParams::default() }, false);
+        assert_eq!(
+            [14, 15, 16, 17].map(|i| columns[i].name.as_str()),
+            [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE, "sigma_z_m"]
+        );
     }
 
     #[test]

@@ -175,7 +175,7 @@ mod tests {
     use crate::cells::CellTruth;
     use crate::geometry::CellIndex;
 
-    const METRE: LocalHeightParams = LocalHeightParams { radius_m: 1.0, percentile: 10.0 };
+    const METRE: LocalHeightParams = LocalHeightParams { radius_m: 1.0, percentile: 10.0, plane: false };
 
     /// Of cells (row, col, mean height), sorted by row and column.
     fn computed(params: &LocalHeightParams, size_m: f64, cells: &[(i32, i32, f64)], scratch: &mut Scratch) -> Vec<f64> {
@@ -229,7 +229,7 @@ mod tests {
         ) {
             // Coarse steps make ties.
             let cells: Vec<_> = cells.into_iter().map(|((r, c), h)| (r, c, (h * steps).round() / steps)).collect();
-            let params = LocalHeightParams { radius_m, percentile };
+            let params = LocalHeightParams { radius_m, percentile, plane: false };
             let mut scratch = Scratch::default();
             let first = computed(&params, size_m, &cells, &mut scratch);
             prop_assert_eq!(&first, &plainly(&params, size_m, &cells));
@@ -246,7 +246,7 @@ mod tests {
             let params = LocalHeightParams { percentile, ..METRE };
             assert!(computed(&params, 0.1, &square(15, |_, _| 0.7), &mut scratch).iter().all(|h| *h == 0.0));
             assert_eq!(computed(&params, 0.1, &[(-7, 3, 123.4)], &mut scratch), [0.0]);
-            let small = LocalHeightParams { radius_m: 0.1, percentile };
+            let small = LocalHeightParams { radius_m: 0.1, percentile, plane: false };
             let rough = square(15, |r, c| f64::from(r * r - 3 * c));
             assert!(computed(&small, 0.101, &rough, &mut scratch).iter().all(|h| *h == 0.0));
         }
@@ -257,7 +257,7 @@ mod tests {
     fn exact_a_centre_on_the_circle_lies_within() {
         // 0.3 / 0.1 is a rounding less than 3.
         let cells = [(0, 0, 0.0), (0, 3, 1.0), (0, 7, 5.0)];
-        let lowest = LocalHeightParams { radius_m: 0.3, percentile: 0.0 };
+        let lowest = LocalHeightParams { radius_m: 0.3, percentile: 0.0, plane: false };
         assert_eq!(computed(&lowest, 0.1, &cells, &mut Scratch::default()), [0.0, 1.0, 0.0]);
     }
 
@@ -266,7 +266,7 @@ mod tests {
         // A row of ten within reach of one another, heights 0 to 9.
         let cells: Vec<_> = (0..10).map(|c| (0, c, f64::from(c))).collect();
         for (percentile, ground_m) in [(0.0, 0.0), (10.0, 0.0), (10.1, 1.0), (20.0, 1.0), (45.0, 4.0), (50.0, 4.0)] {
-            let params = LocalHeightParams { radius_m: 5.0, percentile };
+            let params = LocalHeightParams { radius_m: 5.0, percentile, plane: false };
             let expected: Vec<f64> = cells.iter().map(|cell| cell.2 - ground_m).collect();
             assert_eq!(computed(&params, 0.1, &cells, &mut Scratch::default()), expected);
         }

@@ -43,6 +43,7 @@ mod labels;
 mod local;
 pub mod params;
 mod place;
+mod plane;
 mod points;
 mod rule;
 mod slope;
@@ -53,8 +54,8 @@ mod unseen;
 pub use assign::{CellAssigner, MapPoint, Unplaced};
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub use columns::{
-    DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, PIT, TruthColumn, feature_columns,
-    is_gap, is_neighbour, neighbour_offsets, truth_columns,
+    DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, PIT, PLANE_HEIGHT, PLANE_SLOPE,
+    TruthColumn, feature_columns, is_gap, is_neighbour, neighbour_offsets, truth_columns,
 };
 pub use crossing::params::RoverRule;
 pub use crossing::{Crossing, Limit, PoseTruth, PoseWorst};

@@ -66,18 +66,29 @@ pub struct LocalHeightParams {
     /// Percentile of their mean heights that stands for the ground: 0 is the lowest, 50 the median.
     #[garde(custom(within(0.0, 50.0)))]
     pub percentile: f64,
+    /// Two features more: the cell's height above a plane fitted low through the ground around, and that plane's slope (`plane_height_m`,
+    /// `plane_slope`). A steep bank lies high above its foot and not above its plane.
+    #[garde(skip)]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub plane: bool,
 }
 
 impl Default for LocalHeightParams {
     fn default() -> Self {
-        LocalHeightParams { radius_m: 1.0, percentile: 10.0 }
+        LocalHeightParams { radius_m: 1.0, percentile: 10.0, plane: false }
     }
 }
 
 impl LocalHeightParams {
     /// For people: `percentile 10 within 1 m`.
     pub fn words(&self) -> String {
-        format!("percentile {} within {} m", self.percentile, self.radius_m)
+        let plane = if self.plane { ", and the plane there" } else { "" };
+        format!("percentile {} within {} m{plane}", self.percentile, self.radius_m)
+    }
+
+    /// Feature columns that it adds.
+    pub(super) fn columns(&self) -> usize {
+        if self.plane { 3 } else { 1 }
     }
 }
 

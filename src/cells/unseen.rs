@@ -12,6 +12,7 @@ use super::columns::{GAP_COLUMNS, neighbour_offsets};
 use super::gaps::BeamColumns;
 use super::local::nearest_rank;
 use super::params::{LocalHeightParams, UnseenParams};
+use super::plane::GroundPlanes;
 use super::{CellParams, CellRow, CellTruth, Cells};
 use crate::geometry::{CellIndex, GridSpec};
 
@@ -20,6 +21,7 @@ pub(super) fn add(
     params: &CellParams,
     unseen: &UnseenParams,
     beams: &BeamColumns,
+    planes: &GroundPlanes,
     max_range_m: f64,
     cells: &mut Cells,
 ) {
@@ -29,7 +31,7 @@ pub(super) fn add(
     let grid = GridSpec { size_m: params.size_m };
     let width = cells.features.len() / cells.rows.len();
     let found = unseen_cells(unseen, beams, &grid, max_range_m, &cells.rows);
-    let seen = SeenCells { rows: &cells.rows, features: &cells.features, width };
+    let seen = SeenCells { rows: &cells.rows, features: &cells.features, width, planes };
     let offsets = neighbour_offsets(params.neighbours);
     let wide = width + GAP_COLUMNS.len();
     let mut rows = Vec::with_capacity(cells.rows.len() + found.len());
@@ -88,6 +90,7 @@ struct SeenCells<'a> {
     rows: &'a [CellRow],
     features: &'a [f32],
     width: usize,
+    planes: &'a GroundPlanes,
 }
 
 impl SeenCells<'_> {
@@ -123,7 +126,11 @@ impl SeenCells<'_> {
         let mut next = FIRST_NEIGHBOUR + offsets.len();
         if let Some(local) = &params.local_height {
             own[next] = (height_m - self.local_ground_m(local, index, grid, height_m)) as f32;
-            next += 1;
+            if local.plane {
+                let of_plane = self.planes.features(index, height_m).map(|value| value as f32);
+                own[next + 1..][..2].copy_from_slice(&of_plane);
+            }
+            next += local.columns();
         }
         // Behind the six sigmas stand intensities, where there are any.
         own[next + 6..].fill(0.0);

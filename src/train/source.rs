@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{FeatureSet, TrainError};
-use crate::cells::{LOCAL_HEIGHT, LabelRule, is_gap};
+use crate::cells::{LOCAL_HEIGHT, LabelRule, PLANE_HEIGHT, PLANE_SLOPE, is_gap};
 use crate::corpus::belongs::ShardIdentity;
 use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{FeatureSummary, ShardLine};
@@ -288,12 +288,17 @@ pub(crate) fn holds(set: &FeatureSet, name: &str) -> bool {
 
 /// The paper's features.
 fn is_listed(name: &str) -> bool {
-    !name.starts_with("sigma_") && !name.starts_with("intensity_") && !is_gap(name) && name != LOCAL_HEIGHT
+    !name.starts_with("sigma_") && !name.starts_with("intensity_") && !is_gap(name) && !OF_THE_GROUND.contains(&name)
 }
+
+/// What is told of a cell by the ground around it.
+const OF_THE_GROUND: [&str; 3] = [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE];
 
 /// With what else is worth having by any sensor.
 fn is_full(name: &str) -> bool {
-    is_listed(name) || [LOCAL_HEIGHT, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name)
+    is_listed(name)
+        || OF_THE_GROUND.contains(&name)
+        || ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name)
 }
 
 fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
@@ -328,6 +333,8 @@ mod tests {
         let full = chosen(local(), is_full);
         assert_eq!((full[..14] == listed, full[14].as_str()), (true, "local_height_m"));
         assert_eq!(full[15..], sigmas);
+        let with_plane = chosen(Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() }), is_full);
+        assert_eq!(with_plane[14..17], ["local_height_m", "plane_height_m", "plane_slope"]);
         // Cells without points have columns of their own, which no other preset takes.
         let params = CellParams { unseen: Some(Default::default()), ..CellParams::default() };
         let of_unseen = feature_columns(&params, true).into_iter().map(|column| column.name);

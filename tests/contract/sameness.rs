@@ -74,7 +74,19 @@ fn equal_bytes_of_polynomial_grounds_for_one_and_three_threads() {
 /// What everything.yaml cannot name at once: labels by the rover stand in the place of labels by points. Both look at the ground around
 /// the points, and at cells that hold none.
 const LABELS_OF_PLACES: [(&str, &[&str]); 3] = [
-    ("holes", &["--set", "cells.unseen={}", "--set", "cells.labels.max_drop_m=0.1", "--set", HOLES]),
+    (
+        "holes",
+        &[
+            "--set",
+            "cells.unseen={}",
+            "--set",
+            "cells.local_height.plane=true",
+            "--set",
+            "cells.labels.max_drop_m=0.1",
+            "--set",
+            HOLES,
+        ],
+    ),
     ("rover", &["--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
     ("pose", &["--set", "cells.labels={rover: {pose: true}}", "--set", HOLES]),
 ];
