@@ -24,6 +24,7 @@ fn main() {
         let scan = WindowScan {
             sweep: &points.sweep,
             estimate: &pose.estimate,
+            map_from_sensor: points.map_from_sensor,
             world_from_sensor: pose.truth.transform() * replay.rover_from_sensor,
         };
         let mut scratch = cells::Scratch::default();
@@ -31,7 +32,6 @@ fn main() {
             cells::bin(
                 &family.cells,
                 &[scan],
-                &replay.rover_from_sensor,
                 family.drive.rover.wheel_diameter_m,
                 points.max_range_m,
                 &replay.scene,

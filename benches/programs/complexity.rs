@@ -132,6 +132,7 @@ fn cells_s(wanted: f64) -> Option<f64> {
     let scan = WindowScan {
         sweep: &points.sweep,
         estimate: &pose.estimate,
+        map_from_sensor: points.map_from_sensor,
         world_from_sensor: pose.truth.transform() * replay.rover_from_sensor,
     };
     let mut params = family.cells.clone();
@@ -139,15 +140,7 @@ fn cells_s(wanted: f64) -> Option<f64> {
     let mut bin = |size_m: f64| {
         params.size_m = size_m;
         let wheel_m = family.drive.rover.wheel_diameter_m;
-        cells::bin(
-            &params,
-            &[scan],
-            &replay.rover_from_sensor,
-            wheel_m,
-            points.max_range_m,
-            &replay.scene,
-            &mut scratch,
-        )
+        cells::bin(&params, &[scan], wheel_m, points.max_range_m, &replay.scene, &mut scratch)
     };
     // The number of cells falls with their size.
     let (mut fine_m, mut coarse_m) = (0.005, 2.0f64);

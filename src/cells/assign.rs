@@ -4,7 +4,7 @@
 //! Frames: ranges along unit directions in `sensor`, points in `map`. A point's distance is horizontal, from the sensor of
 //! its own sweep. Features and the `points` table both go through here, so that they cannot disagree.
 
-use crate::geometry::{CellIndex, DVec3, GridSpec, Pose, Transform};
+use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 
 /// Sends the points of one sweep to the grid.
 #[derive(Clone, Copy, Debug)]
@@ -43,11 +43,6 @@ pub enum Unplaced {
 }
 
 impl CellAssigner {
-    /// For the sweep taken where `rover` is believed to stand (in the map).
-    pub fn new(grid: GridSpec, max_range_m: f64, rover: &Pose, rover_from_sensor: &Transform) -> CellAssigner {
-        CellAssigner::of_sensor(grid, max_range_m, rover.transform() * *rover_from_sensor)
-    }
-
     /// For the sweep whose sensor is believed to be there.
     pub fn of_sensor(grid: GridSpec, max_range_m: f64, map_from_sensor: Transform) -> CellAssigner {
         CellAssigner { grid, max_range_m, map_from_sensor }

@@ -26,6 +26,8 @@ pub struct WindowScan<'a> {
     pub sweep: &'a Sweep,
     /// What was believed when it was taken.
     pub estimate: &'a Estimate,
+    /// Where the sensor is believed to have been.
+    pub map_from_sensor: Transform,
     /// Where the sensor truly was: for the true slope of the ground only.
     pub world_from_sensor: Transform,
 }
@@ -81,7 +83,6 @@ struct CellSum {
 pub fn bin(
     params: &CellParams,
     window: &[WindowScan],
-    rover_from_sensor: &Transform,
     wheel_diameter_m: f64,
     max_range_m: f64,
     scene: &Scene,
@@ -96,7 +97,7 @@ pub fn bin(
     points.clear();
     points.seen_obstacles.resize(scene.obstacles.len(), false);
     for scan in window {
-        let placer = CellAssigner::new(grid, max_range_m, &scan.estimate.pose, rover_from_sensor);
+        let placer = CellAssigner::of_sensor(grid, max_range_m, scan.map_from_sensor);
         let rover_z_m = kept.estimate.pose.position_m.z;
         points.add_sweep(Scan { scan, placer: &placer, rover_z_m, intensity }, &mut cells);
     }
@@ -107,7 +108,7 @@ pub fn bin(
     let rule = params.labels.of_counted();
     let label = |truth: &CellTruth| Some(rule.label(truth));
     summarise(params, intensity, kept.estimate, label, scratch, &mut cells);
-    let map_from_sensor = kept.estimate.pose.transform() * *rover_from_sensor;
+    let map_from_sensor = kept.map_from_sensor;
     if let Some(of_unseen) = &params.unseen {
         let Sweep { returns, .. } = kept.sweep;
         let hits = returns.status.iter().zip(&returns.range_m).zip(&returns.pattern.directions);

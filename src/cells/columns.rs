@@ -2,7 +2,8 @@
 //!
 //! Source: Hewitt et al. 2017, "Neural network input types" and figure 4. The order is part of the data contract.
 
-use super::{CellParams, CellTruth, FeatureColumn};
+use super::params::CellFrame;
+use super::{CellParams, CellTruth, Cells, FeatureColumn};
 
 /// A cell near another: columns to the east and rows to the north.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +90,28 @@ pub fn truth_columns(params: &CellParams) -> Vec<TruthColumn> {
         take: |truth| truth.pit_m,
     };
     vec![drop, pit]
+}
+
+/// A count of points that only some configs leave out of the cells, for each scene.
+#[derive(Clone, Copy, Debug)]
+pub struct LossColumn {
+    pub name: &'static str,
+    pub description: &'static str,
+    pub take: fn(&Cells) -> u64,
+}
+
+/// The counts that the families of a config add, in order.
+pub(crate) fn loss_columns(families: &[&CellParams]) -> Vec<LossColumn> {
+    let any = |leaves_out: fn(&CellParams) -> bool| families.iter().any(|params| leaves_out(params));
+    let mut columns = Vec::new();
+    if any(|params| params.frame == CellFrame::FittedPlane) {
+        columns.push(LossColumn {
+            name: "points_without_ground",
+            description: "Of points_in, those of sweeps in which no plane was found to level them by.",
+            take: |cells| cells.without_ground,
+        });
+    }
+    columns
 }
 
 /// Whether a feature column is the height of a neighbour.

@@ -36,10 +36,12 @@ mod bin;
 mod columns;
 mod crossing;
 mod fall;
+pub(crate) mod frame;
 mod gaps;
 mod group;
 mod label;
 mod labels;
+pub mod level;
 mod local;
 pub mod params;
 mod place;
@@ -53,20 +55,25 @@ mod unseen;
 
 pub use assign::{CellAssigner, MapPoint, Unplaced};
 pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
+pub(crate) use columns::loss_columns;
 pub use columns::{
-    DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, MEAN_HEIGHT, Offset, PIT, PLANE_HEIGHT, PLANE_SLOPE,
-    TruthColumn, feature_columns, is_gap, is_neighbour, neighbour_offsets, truth_columns,
+    DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, LossColumn, MEAN_HEIGHT, Offset, PIT, PLANE_HEIGHT,
+    PLANE_SLOPE, TruthColumn, feature_columns, is_gap, is_neighbour, neighbour_offsets, truth_columns,
 };
 pub use crossing::params::RoverRule;
 pub use crossing::{Crossing, Limit, PoseTruth, PoseWorst};
-pub(crate) use crossing::{Scratch as CrossingScratch, judge as judge_crossing};
+pub(crate) use crossing::{
+    Scratch as CrossingScratch, judge as judge_crossing, judge_of_plane as judge_crossing_of_plane,
+};
+pub use frame::ScanPose;
 pub use label::Label;
 pub use labels::obstacles;
-pub use params::CellParams;
+pub use params::{CellFrame, CellParams};
 pub use rule::{LabelRule, Obstacle, Unanswerable};
 
 use crate::geometry::CellIndex;
 use crate::scene::Class;
+use crate::sweep::{Returns, Status};
 
 /// The cells of one kept sweep.
 #[derive(Clone, Debug, Default)]
@@ -74,11 +81,13 @@ pub struct Cells {
     pub rows: Vec<CellRow>,
     /// Row-major: `features[r * n..][..n]` are the n features of row r, in the order of `feature_columns`.
     pub features: Vec<f32>,
-    /// Every point of the window is in one of these counts: points in = points binned + points dropped.
+    /// Every point of the window is in one of these counts: points in = points binned + points dropped + those left out.
     pub points_in: u64,
     pub points_binned: u64,
     pub dropped_beyond_range: u64,
     pub dropped_off_grid: u64,
+    /// All points of a sweep in which no plane was found to level it by (`cells.frame: fitted_plane`).
+    pub without_ground: u64,
 }
 
 /// A feature column: its name, unit and meaning stand here once.
@@ -90,9 +99,19 @@ pub struct FeatureColumn {
 }
 
 impl Cells {
+    /// Of a sweep that cannot be levelled: none, and all its points counted.
+    pub(crate) fn without_ground(returns: &Returns) -> Cells {
+        let hits = returns.status.iter().filter(|&&status| status == Status::Hit).count() as u64;
+        Cells { points_in: hits, without_ground: hits, ..Cells::default() }
+    }
+
     /// Feeds every bit of the cells, in order, to a stage hash.
     pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
         for count in [self.points_in, self.points_binned, self.dropped_beyond_range, self.dropped_off_grid] {
+            hasher.update(&count.to_le_bytes());
+        }
+        // Only where a config leaves points out are there any.
+        for count in [self.without_ground].into_iter().filter(|&count| count > 0) {
             hasher.update(&count.to_le_bytes());
         }
         hasher.update(&(self.rows.len() as u64).to_le_bytes());

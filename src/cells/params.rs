@@ -21,6 +21,10 @@ pub struct CellParams {
     /// Neighbours whose mean heights are features: 4, 8 or 24.
     #[garde(custom(four_eight_or_twenty_four))]
     pub neighbours: u32,
+    /// The frame that heights, cells, pitch and roll are taken in; default: `estimated_pose`.
+    #[garde(skip)]
+    #[serde(skip_serializing_if = "CellFrame::is_estimated_pose")]
+    pub frame: CellFrame,
     /// Sweeps (up to this many, the kept one the last) whose points are put together.
     #[garde(range(min = 1, max = 1000))]
     pub window_scans: u32,
@@ -42,6 +46,7 @@ impl Default for CellParams {
             size_m: 0.1,
             max_range_m: None,
             neighbours: 8,
+            frame: CellFrame::EstimatedPose,
             window_scans: 1,
             local_height: None,
             unseen: None,
@@ -52,6 +57,34 @@ impl Default for CellParams {
 
 fn four_eight_or_twenty_four(value: &u32, _: &()) -> garde::Result {
     if [4, 8, 24].contains(value) { Ok(()) } else { Err(garde::Error::new(format!("must be 4, 8 or 24, got {value}"))) }
+}
+
+/// How scans are levelled before they are cut into cells.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CellFrame {
+    /// By the rover's estimated pose: the frame `map`, whose z is up.
+    #[default]
+    EstimatedPose,
+    /// By a plane fitted to each kept sweep's own points at the height of its mount, as `marsyard classify --sensor-height` does where no
+    /// pose is known, and with the same errors: a map of its own for each sweep, origin on the plane below the sensor, x under the
+    /// sensor's. Pitch, roll and all sigmas are 0. Sweeps without such a plane have no cells; their points are counted.
+    FittedPlane,
+}
+
+impl CellFrame {
+    /// As configs name it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            CellFrame::EstimatedPose => "estimated_pose",
+            CellFrame::FittedPlane => "fitted_plane",
+        }
+    }
+
+    /// The default, which plans of before there was a choice do not name.
+    fn is_estimated_pose(&self) -> bool {
+        *self == CellFrame::EstimatedPose
+    }
 }
 
 /// The cell's mean height less a low percentile (nearest rank) of the mean heights of the cells around it: column

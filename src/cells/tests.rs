@@ -96,10 +96,20 @@ fn estimate_at(pose: Pose) -> Estimate {
     }
 }
 
+/// A scan of a sensor that sits where `mount` says.
+fn scan_at<'a>(
+    sweep: &'a Sweep,
+    estimate: &'a Estimate,
+    mount: &Transform,
+    world_from_sensor: Transform,
+) -> WindowScan<'a> {
+    WindowScan { sweep, estimate, map_from_sensor: estimate.pose.transform() * *mount, world_from_sensor }
+}
+
 fn bin_one(params: &CellParams, points: &[(DVec3, i32)], pose: Pose, scene: &Scene) -> Cells {
     let (sweep, estimate) = (sweep_of(points), estimate_at(pose));
-    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor: pose.transform() };
-    bin(params, &[scan], &Transform::IDENTITY, 0.1, 1e9, scene, &mut Scratch::default())
+    let scan = scan_at(&sweep, &estimate, &Transform::IDENTITY, pose.transform());
+    bin(params, &[scan], 0.1, 1e9, scene, &mut Scratch::default())
 }
 
 fn stream() -> Stream {
@@ -199,13 +209,9 @@ fn equal_cells_of_a_window_agree_with_a_plain_recomputation() {
                 estimate_at(Pose { position_m, roll_rad: 0.05 * a, pitch_rad: -0.1, yaw_rad: 0.7 * a + 0.2 })
             })
             .collect();
-        let scan = |s: usize| WindowScan {
-            sweep: &sweeps[s],
-            estimate: &estimates[s],
-            world_from_sensor: Transform::IDENTITY,
-        };
+        let scan = |s: usize| scan_at(&sweeps[s], &estimates[s], &mount, Transform::IDENTITY);
         let window: Vec<WindowScan> = (0..scans).map(scan).collect();
-        let cells = bin(&params, &window, &mount, 0.1, 100.0, &scene, &mut scratch);
+        let cells = bin(&params, &window, 0.1, 100.0, &scene, &mut scratch);
         let members = plainly(size_m, &window, &mount, 2.4);
         let width = feature_columns(&params, true).len();
         // Without intensities: the same rows, the same features but for the last two.
@@ -214,7 +220,7 @@ fn equal_cells_of_a_window_agree_with_a_plain_recomputation() {
             sweeps.iter().map(|sweep| Sweep { returns: without(&sweep.returns), ..sweep.clone() }).collect();
         let dark: Vec<WindowScan> =
             window.iter().zip(&dark).map(|(scan, sweep)| WindowScan { sweep, ..*scan }).collect();
-        let dark = bin(&params, &dark, &mount, 0.1, 100.0, &scene, &mut scratch);
+        let dark = bin(&params, &dark, 0.1, 100.0, &scene, &mut scratch);
         assert_eq!(format!("{:?}", dark.rows), format!("{:?}", cells.rows));
         let lit = cells.features.chunks(width).flat_map(|features| &features[..width - 2]);
         assert!(dark.features.iter().map(|f| f.to_bits()).eq(lit.map(|f| f.to_bits())));
@@ -314,10 +320,10 @@ fn extreme_slots_without_a_number_or_off_the_grid_are_counted_by_cause() {
     sweep.returns.status[6] = Status::Dropped;
     sweep.returns.status[7] = Status::OutOfRange;
     let estimate = estimate_at(Pose::default());
-    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor: Transform::IDENTITY };
+    let scan = scan_at(&sweep, &estimate, &Transform::IDENTITY, Transform::IDENTITY);
     let run = |max_range_m, size_m| {
         let params = CellParams { max_range_m: Some(max_range_m), size_m, ..CellParams::default() };
-        bin(&params, &[scan], &Transform::IDENTITY, 0.1, 5.0, &yard(0.0), &mut Scratch::default())
+        bin(&params, &[scan], 0.1, 5.0, &yard(0.0), &mut Scratch::default())
     };
     // NaN, and infinity along an axis (infinity times 0), are no place at all.
     let near = run(10.0, 0.1);
@@ -327,7 +333,7 @@ fn extreme_slots_without_a_number_or_off_the_grid_are_counted_by_cause() {
     assert_eq!((far.points_in, far.points_binned, far.dropped_beyond_range, far.dropped_off_grid), (6, 3, 0, 3));
     assert_eq!(far.rows.last().map(|r| r.index.col), Some(1_000_000_000));
     // No sweep, no cells.
-    let none = bin(&CellParams::default(), &[], &Transform::IDENTITY, 0.1, 5.0, &yard(0.0), &mut Scratch::default());
+    let none = bin(&CellParams::default(), &[], 0.1, 5.0, &yard(0.0), &mut Scratch::default());
     assert!(none.rows.is_empty());
 }
 
@@ -383,11 +389,11 @@ fn exact_steep_ground_is_untraversable_where_a_config_limits_it() {
     let slope = math::tan(30.0_f64.to_radians());
     let points = [(DVec3::new(5.2, 5.3, 0.0), -1)];
     let (sweep, estimate) = (sweep_of(&points), estimate_at(Pose { yaw_rad: 2.0, ..Pose::default() }));
-    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor: Transform::IDENTITY };
+    let scan = scan_at(&sweep, &estimate, &Transform::IDENTITY, Transform::IDENTITY);
     for (limit_deg, expected) in [(None, 0), (Some(29.9), 1), (Some(30.1), 0)] {
         let labels = LabelParams { max_ground_slope_deg: limit_deg, ..LabelParams::default() };
         let params = CellParams { labels, ..CellParams::default() };
-        let cells = bin(&params, &[scan], &Transform::IDENTITY, 0.1, 50.0, &yard(slope), &mut Scratch::default());
+        let cells = bin(&params, &[scan], 0.1, 50.0, &yard(slope), &mut Scratch::default());
         assert_eq!(cells.rows[0].label.map(Label::number), Some(expected));
         assert!((f64::from(cells.rows[0].truth.slope_rad).to_degrees() - 30.0).abs() < 1e-5);
     }
@@ -429,8 +435,8 @@ fn law_labels_of_a_yard_that_nothing_has_asked_of_are_those_of_one_that_was_cast
     let points: Vec<(DVec3, i32)> =
         (0..12).map(|id| (DVec3::new(1.05 + 0.2 * f64::from(id), 0.05, -0.5), id)).collect();
     let (sweep, estimate) = (sweep_of(&points), estimate_at(Pose::default()));
-    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor: Transform::IDENTITY };
-    let cells = |scene: &Scene| bin(&params, &[scan], &Transform::IDENTITY, 0.1, 50.0, scene, &mut Scratch::default());
+    let scan = scan_at(&sweep, &estimate, &Transform::IDENTITY, Transform::IDENTITY);
+    let cells = |scene: &Scene| bin(&params, &[scan], 0.1, 50.0, scene, &mut Scratch::default());
     for scene in [&fresh, &asked] {
         let cells = cells(scene);
         let labels: Vec<Option<Label>> = cells.rows.iter().map(|row| row.label).collect();

@@ -60,16 +60,24 @@ pub(super) fn judge_corpus(plan: &Plan, manifest: &Manifest) -> Result<(), Failu
 
 /// Scenes that were made, and of which no sweep fell into a cell.
 fn no_cells(scenes: u64, points: &PointCounts) -> Failure {
-    let PointCounts { points_in, beyond_range, off_grid, .. } = *points;
+    let (PointCounts { points_in, beyond_range, off_grid, .. }, left_out) = (*points, points.words_left_out());
     let (why, help) = if points_in == 0 {
         (
             "no beam of a kept sweep came back".to_string(),
             "look at where the sensor is and where it points (rover.mount, sweep.mount), at its max_range_m and at sweep.effects; \
              `marsyard preview CONFIG --scene 0` draws it",
         )
+    } else if points.without_ground == points_in {
+        (
+            format!("in no sweep was a plane found to level its points by: {points_in} points are without ground"),
+            "look at the height of the sensor (rover.mount, sweep.mount) and at how much ground it sees, or take \
+             cells.frame: estimated_pose",
+        )
     } else {
         (
-            format!("of {points_in} points {beyond_range} lie beyond cells.max_range_m and {off_grid} off the grid"),
+            format!(
+                "of {points_in} points {beyond_range} lie beyond cells.max_range_m and {off_grid} off the grid{left_out}"
+            ),
             "raise cells.max_range_m, or bring the sensor nearer to the ground",
         )
     };

@@ -11,6 +11,7 @@ use super::options::{check_scene, plan_of};
 use super::output::outln;
 use super::place;
 use crate::corpus::Split;
+use crate::corpus::stats::PointCounts;
 use crate::episode::ScanOutput;
 use crate::episode::{Prepared, Replay, Scratch, StageHashes, replay_scene};
 use crate::geometry::CellIndex;
@@ -115,13 +116,14 @@ fn tell_scene(plan: &Plan, scene: u64, family: &Family, replay: &Replay, hashes:
         let cells = &scan.cells;
         let bad = cells.rows.iter().filter(|row| row.untraversable()).count();
         outln!(
-            "  scan {}: {} cells, {bad} untraversable; points in {} = binned {} + beyond range {} + off grid {}",
+            "  scan {}: {} cells, {bad} untraversable; points in {} = binned {} + beyond range {} + off grid {}{}",
             scan.scan_id,
             cells.rows.len(),
             cells.points_in,
             cells.points_binned,
             cells.dropped_beyond_range,
-            cells.dropped_off_grid
+            cells.dropped_off_grid,
+            PointCounts::of(cells).words_left_out()
         );
     }
     if let Some(row) = replay.scans.last().and_then(|s| s.cells.rows.iter().find(|r| r.untraversable())) {

@@ -9,6 +9,7 @@ use super::Failure;
 use super::options::{check_scene, plan_of};
 use super::output::{errln, outln};
 use super::place::{self, corpus_failure, inputs, must_be_local};
+use crate::cells::CellFrame;
 use crate::corpus::Outputs;
 use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
 use crate::geometry::Pose;
@@ -89,6 +90,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
         .map_err(|e| Failure::failed(format!("scene {}: {e}", args.scene)))?;
     let scan = super::explain::pick_scan(&replay, args.scan)?;
     let family = &prepared.plan.families[replay.family];
+    let points = scan.points.as_ref().expect("preview keeps the sweeps");
     let until =
         replay.poses.iter().position(|row| row.scan_id == Some(scan.scan_id)).expect("kept scans have a pose row");
     let truth: Vec<Pose> = replay.poses[..=until].iter().map(|row| row.truth).collect();
@@ -100,7 +102,9 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
         truth: &truth,
         estimates: &estimates,
         rover_from_sensor: replay.rover_from_sensor,
-        sweep: &scan.points.as_ref().expect("preview keeps the sweeps").sweep,
+        map_from_sensor: points.map_from_sensor,
+        levelled: family.cells.frame == CellFrame::FittedPlane,
+        sweep: &points.sweep,
         cells: &scan.cells,
         cell_size_m: family.cells.size_m,
     };

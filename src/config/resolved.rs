@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::write::yaml;
-use crate::cells::{feature_columns, truth_columns};
+use crate::cells::{CellParams, feature_columns, loss_columns, truth_columns};
 use crate::corpus::CorpusSpec;
 use crate::corpus::card::FamilyCard;
 use crate::plan::Plan;
@@ -24,6 +24,7 @@ impl Plan {
             .flat_map(|f| f.scene.dists().into_iter().chain(f.drive.dists()).chain(f.sweep.dists()))
             .map(|(purpose, _)| purpose)
             .collect();
+        let cells: Vec<&CellParams> = self.families.iter().map(|family| &family.cells).collect();
         CorpusSpec {
             name: self.name.clone(),
             seed: self.seed,
@@ -35,6 +36,7 @@ impl Plan {
             by_rover: first.cells.labels.rover.is_some(),
             poses: first.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
             truth: truth_columns(&first.cells),
+            losses: loss_columns(&cells),
             drawn: drawn.into_iter().collect(),
             families: self.families.iter().map(|f| f.name.clone()).collect(),
             scene_plan_hash: self.scene_plan_hash(),

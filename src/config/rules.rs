@@ -5,7 +5,7 @@
 use super::document::Document;
 use super::error::Fault;
 use super::key_path::KeyPath;
-use crate::cells::CellParams;
+use crate::cells::{CellFrame, CellParams};
 use crate::drive::params::{Keep, PathParams};
 use crate::drive::rover::Chassis;
 use crate::plan::Family;
@@ -125,6 +125,7 @@ pub(crate) fn of_family(family: &Family, place: &KeyPath, faults: &mut Vec<Fault
     rules.ranges();
     rules.slam();
     rules.cells();
+    rules.frame();
     rules.rover_labels();
     rules.rover();
 }
@@ -480,6 +481,23 @@ impl Rules<'_, '_, '_> {
             );
             let cure = "1 m is usual; the time grows with the radius in cells";
             self.fault("cells.local_height.radius_m", rule, cure, &[("cells.size_m", "the cell")]);
+        }
+    }
+
+    fn frame(&mut self) {
+        let cells = &self.family.cells;
+        if cells.frame == CellFrame::FittedPlane && cells.window_scans > 1 {
+            let rule = format!(
+                "a window of {} sweeps has no one frame: with fitted_plane each sweep is levelled by its own points",
+                cells.window_scans
+            );
+            let also = [("cells.window_scans", "the window")];
+            self.fault("cells.frame", rule, "write window_scans: 1, or frame: estimated_pose", &also);
+        }
+        if cells.frame == CellFrame::FittedPlane && cells.labels.rover.as_ref().is_some_and(|rover| rover.pose) {
+            let rule = "headings are those of the yard, which a frame fitted to one sweep does not know".to_string();
+            let also = [("cells.labels.rover.pose", "the truth of poses")];
+            self.fault("cells.frame", rule, "leave pose out, or write frame: estimated_pose", &also);
         }
     }
 

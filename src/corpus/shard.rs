@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, Float64Array, RecordBatch};
+use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch};
 use arrow_schema::SchemaRef;
 
 use super::receipt::{FailedScene, FeatureMoments, FileFacts, Receipt};
@@ -247,5 +247,8 @@ fn scene_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput) -> Ba
         let value = scene.drawn.get(purpose).map(tables::canonical_f64);
         Arc::new(Float64Array::from(vec![value])) as ArrayRef
     });
-    tables::batch(schema, &tables::scenes::definitions(), &[tables::scenes::Row::of(scene)], drawn)
+    let row = tables::scenes::Row::of(scene);
+    let losses: Vec<ArrayRef> =
+        spec.losses.iter().map(|loss| Arc::new(Int64Array::from(vec![row.sum(loss.take)])) as ArrayRef).collect();
+    tables::batch(schema, &tables::scenes::definitions(), &[row], losses.into_iter().chain(drawn))
 }

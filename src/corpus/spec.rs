@@ -3,7 +3,7 @@
 use super::Table;
 use super::card::FamilyCard;
 use super::schema::{self, Column};
-use crate::cells::{FeatureColumn, TruthColumn};
+use crate::cells::{FeatureColumn, LossColumn, TruthColumn};
 use crate::plan::CardParams;
 use crate::random::Purpose;
 
@@ -23,6 +23,8 @@ pub struct CorpusSpec {
     pub poses: bool,
     /// The truth columns of `cells` that only some configs have, behind the features; the same for all families.
     pub truth: Vec<TruthColumn>,
+    /// The counts of points left out that only some configs have, behind the fixed columns of `scenes`.
+    pub losses: Vec<LossColumn>,
     /// What is drawn once per scene, of all families: the last columns of `scenes`, in the order of the register.
     pub drawn: Vec<Purpose>,
     pub families: Vec<String>,
@@ -41,7 +43,7 @@ pub struct CorpusSpec {
 impl CorpusSpec {
     /// The columns of a table, in order.
     pub(crate) fn columns(&self, table: Table) -> Vec<Column> {
-        schema::columns(table, &self.features, &self.truth, &self.drawn, [self.by_rover, self.poses])
+        schema::columns(table, &self.features, &self.truth, &self.losses, &self.drawn, [self.by_rover, self.poses])
     }
 
     /// Whole shards of the plan; `scenes` is a multiple of `scenes_per_shard`.

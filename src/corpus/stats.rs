@@ -124,13 +124,21 @@ impl std::iter::Sum for LabelCounts {
     }
 }
 
-/// Where the points of the kept scans went: in = binned + dropped.
+/// Where the points of the kept scans went: in = binned + dropped + left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct PointCounts {
     pub points_in: u64,
     pub binned: u64,
     pub beyond_range: u64,
     pub off_grid: u64,
+    /// All points of sweeps that no plane levels; absent where there are none.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub without_ground: u64,
+}
+
+/// A count that only some configs have.
+fn is_none(count: &u64) -> bool {
+    *count == 0
 }
 
 impl PointCounts {
@@ -140,12 +148,24 @@ impl PointCounts {
             binned: cells.points_binned,
             beyond_range: cells.dropped_beyond_range,
             off_grid: cells.dropped_off_grid,
+            without_ground: cells.without_ground,
         }
+    }
+
+    /// Those that a config keeps out of the cells.
+    pub(crate) fn left_out(&self) -> u64 {
+        self.without_ground
+    }
+
+    /// For people: each of these that there is, as `, 3 without ground`.
+    pub(crate) fn words_left_out(&self) -> String {
+        let causes = [(self.without_ground, "without ground")].into_iter().filter(|(count, _)| *count > 0);
+        causes.map(|(count, cause)| format!(", {count} {cause}")).collect()
     }
 
     /// No point is lost or counted twice.
     pub(crate) fn add_up(&self) -> bool {
-        self.points_in == self.binned + self.beyond_range + self.off_grid
+        self.points_in == self.binned + self.beyond_range + self.off_grid + self.left_out()
     }
 }
 
@@ -158,6 +178,7 @@ impl std::ops::Add for PointCounts {
             binned: self.binned + other.binned,
             beyond_range: self.beyond_range + other.beyond_range,
             off_grid: self.off_grid + other.off_grid,
+            without_ground: self.without_ground + other.without_ground,
         }
     }
 }

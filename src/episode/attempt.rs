@@ -6,7 +6,7 @@
 use super::localise::Localiser;
 use super::window::SweepWindow;
 use super::{PoseRow, Prepared, ScanOutput, ScanPoints, SceneFailure, Scratch, StageObserver};
-use crate::cells;
+use crate::cells::{self, CellFrame, Cells, ScanPose, WindowScan};
 use crate::drive::params::Keep;
 use crate::drive::rover::Mount;
 use crate::drive::{self, DriveLog, InstrumentNoise};
@@ -14,7 +14,6 @@ use crate::geometry::{GridSpec, Transform};
 use crate::plan::Family;
 use crate::random::{Drawn, Stage, Streams};
 use crate::scene::Scene;
-use crate::slam::Estimate;
 use crate::sweep::{self, Caster, Sweep};
 
 pub(super) struct Attempt<'a, O> {
@@ -63,10 +62,10 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
                 let sweep = self.sweep(&caster, &world_from_sensor, stop)?;
                 estimate = localiser.observe(&sweep.returns, estimate, &slam_streams)?;
                 self.observer.end(Stage::Slam, |hasher| estimate.hash_into(hasher));
-                window.push(sweep, estimate.clone(), world_from_sensor);
+                window.push(sweep, estimate.clone(), &rover_from_sensor, world_from_sensor);
                 if kept.contains(stop) {
                     scan_id = Some(stop as u32);
-                    scans.push(self.scan(stop as u32, &window, &estimate, &rover_from_sensor));
+                    scans.extend(self.scan(stop as u32, &window, &rover_from_sensor));
                 }
             }
             poses.push(PoseRow { step: step as u32, time_s, stop: stop.is_some(), scan_id, truth: *truth, estimate });
@@ -108,42 +107,55 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
         Ok(sweep)
     }
 
-    /// The cells of the window's sweeps, and the points of the newest where they are kept.
-    fn scan(
-        &mut self,
-        scan_id: u32,
-        window: &SweepWindow,
-        estimate: &Estimate,
-        rover_from_sensor: &Transform,
-    ) -> ScanOutput {
+    /// The cells of the window's sweeps, and the points of the newest where they are kept; `None` of an empty window.
+    fn scan(&mut self, scan_id: u32, window: &SweepWindow, rover_from_sensor: &Transform) -> Option<ScanOutput> {
         let family = self.family();
-        let wheel_diameter_m = family.drive.rover.wheel_diameter_m;
-        let max_range_m = family.cells.max_range_m.unwrap_or(family.sweep.sensor.max_range_m);
-        let mut cells = cells::bin(
-            &family.cells,
-            &window.scans(),
-            rover_from_sensor,
-            wheel_diameter_m,
-            max_range_m,
-            self.scene,
-            &mut self.scratch.cells,
-        );
-        let map_from_sensor = estimate.pose.transform() * *rover_from_sensor;
-        if let Some((rule, world_from_sensor)) = family.cells.labels.rover.as_ref().zip(window.newest_place()) {
-            let places = [&world_from_sensor, &map_from_sensor];
-            let (rover, size_m, crossing) = (&*family.drive.rover, family.cells.size_m, &mut self.scratch.crossing);
-            cells::judge_crossing(rule, rover, size_m, self.scene, places, &mut cells, crossing);
-        }
+        let mut scans = window.scans();
+        let newest = scans.last_mut()?;
+        let levelled =
+            ScanPose::of_sweep(family.cells.frame, &newest.sweep.returns, newest.estimate, rover_from_sensor);
+        let (cells, pose) = match levelled {
+            Ok(pose) => {
+                (newest.estimate, newest.map_from_sensor) = (&pose.estimate, pose.map_from_sensor);
+                (self.cells(&scans, &pose), pose)
+            }
+            Err(_) => (Cells::without_ground(&newest.sweep.returns), ScanPose::nowhere()),
+        };
         self.observer.end(Stage::Cells, |hasher| cells.hash_into(hasher));
-        let newest = window.newest().filter(|_| self.prepared.keep_points);
-        let points = newest.map(|sweep| ScanPoints {
+        let points = window.newest().filter(|_| self.prepared.keep_points).map(|sweep| ScanPoints {
             sweep: sweep.clone(),
-            map_from_sensor,
+            map_from_sensor: pose.map_from_sensor,
+            rover_z_m: pose.estimate.pose.position_m.z,
             grid: GridSpec { size_m: family.cells.size_m },
-            max_range_m,
-            obstacles: cells::obstacles(&family.cells.labels, wheel_diameter_m, self.scene),
+            max_range_m: self.max_range_m(),
+            obstacles: cells::obstacles(&family.cells.labels, family.drive.rover.wheel_diameter_m, self.scene),
         });
-        ScanOutput { scan_id, cells, points }
+        Some(ScanOutput { scan_id, cells, points })
+    }
+
+    fn max_range_m(&self) -> f64 {
+        let family = self.family();
+        family.cells.max_range_m.unwrap_or(family.sweep.sensor.max_range_m)
+    }
+
+    /// The cells of a window whose newest sweep was made at `pose`.
+    fn cells(&mut self, scans: &[WindowScan], pose: &ScanPose) -> Cells {
+        let (params, rover, scene) = (&self.family().cells, &*self.family().drive.rover, self.scene);
+        let max_range_m = self.max_range_m();
+        let mut cells = cells::bin(params, scans, rover.wheel_diameter_m, max_range_m, scene, &mut self.scratch.cells);
+        if let (Some(rule), Some(newest)) = (&params.labels.rover, scans.last()) {
+            let (size_m, crossing) = (params.size_m, &mut self.scratch.crossing);
+            let places = [&newest.world_from_sensor, &pose.map_from_sensor];
+            match params.frame {
+                CellFrame::EstimatedPose => {
+                    cells::judge_crossing(rule, rover, size_m, scene, places, &mut cells, crossing);
+                }
+                CellFrame::FittedPlane => {
+                    cells::judge_crossing_of_plane(rule, rover, size_m, scene, places, &mut cells, crossing);
+                }
+            }
+        }
+        cells
     }
 }
 

@@ -57,8 +57,11 @@ pub struct ScanOutput {
 #[derive(Clone, Debug)]
 pub struct ScanPoints {
     pub sweep: Sweep,
-    /// The estimated pose times the mount: sensor coordinates -> map.
+    /// Sensor coordinates -> the map of its cells, as `cells.frame` says: by the estimated pose times the mount, or by the fitted plane.
+    /// Not finite where no plane was found.
     pub map_from_sensor: Transform,
+    /// What mean heights are measured from, in that map.
+    pub rover_z_m: f64,
     pub grid: GridSpec,
     /// Points farther than this from the sensor, horizontally, are in no cell.
     pub max_range_m: f64,

@@ -11,12 +11,14 @@ use crate::sweep::{self, Sweep};
 struct Swept {
     sweep: Sweep,
     estimate: Estimate,
+    map_from_sensor: Transform,
     world_from_sensor: Transform,
 }
 
 impl Swept {
     fn as_scan(&self) -> WindowScan<'_> {
-        WindowScan { sweep: &self.sweep, estimate: &self.estimate, world_from_sensor: self.world_from_sensor }
+        let Swept { sweep, estimate, map_from_sensor, world_from_sensor } = self;
+        WindowScan { sweep, estimate, map_from_sensor: *map_from_sensor, world_from_sensor: *world_from_sensor }
     }
 }
 
@@ -40,8 +42,9 @@ impl SweepWindow {
         }
     }
 
-    pub(super) fn push(&mut self, sweep: Sweep, estimate: Estimate, world_from_sensor: Transform) {
-        self.sweeps.push_back(Swept { sweep, estimate, world_from_sensor });
+    pub(super) fn push(&mut self, sweep: Sweep, estimate: Estimate, mount: &Transform, world_from_sensor: Transform) {
+        let map_from_sensor = estimate.pose.transform() * *mount;
+        self.sweeps.push_back(Swept { sweep, estimate, map_from_sensor, world_from_sensor });
     }
 
     pub(super) fn scans(&self) -> Vec<WindowScan<'_>> {
@@ -51,11 +54,6 @@ impl SweepWindow {
     /// The sweep made last.
     pub(super) fn newest(&self) -> Option<&Sweep> {
         self.sweeps.back().map(|swept| &swept.sweep)
-    }
-
-    /// Where the sensor truly was when it was made.
-    pub(super) fn newest_place(&self) -> Option<Transform> {
-        self.sweeps.back().map(|swept| swept.world_from_sensor)
     }
 
     /// Gives all memory back.

@@ -3,13 +3,13 @@
 //! Row groups hold whole scans, so a scan is judged at once. Columns that only some corpora have (truth, height difference) may be
 //! missing; those that the model needs may not. Every file's size and sha256 are checked before a row of it is judged.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::columns::{self, Columns, Scan};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::params::{LabelParams, LocalHeightParams, UnseenParams};
-use crate::cells::{LabelRule, Unanswerable};
+use crate::cells::{CellFrame, LabelRule, Unanswerable};
 use crate::corpus::cells::CellBatch;
 use crate::corpus::checked::Refused;
 use crate::corpus::manifest::ShardLine;
@@ -26,6 +26,7 @@ pub struct FamilyFacts {
     pub cell_size_m: f64,
     pub local_height: Option<LocalHeightParams>,
     pub unseen: Option<UnseenParams>,
+    pub frame: CellFrame,
     /// The rule of its labels.
     pub labels: LabelParams,
 }
@@ -58,6 +59,7 @@ impl FamilyFacts {
             cell_size_m: family.cells.size_m,
             local_height: family.cells.local_height.clone(),
             unseen: family.cells.unseen.clone(),
+            frame: family.cells.frame,
             labels: family.cells.labels.clone(),
         };
         plan.families.iter().map(facts).collect()
@@ -132,6 +134,7 @@ pub fn evaluate(
     let mut thresholds = thresholds(model, options)?;
     let mut notes = corpus.unchecked.clone();
     notes.extend(shared_scenes(model, &corpus, options)?);
+    notes.extend(other_frames(model, families, &options.only_families));
     let mut height_threshold = None;
     if options.choose {
         let chosen = reader.judge(Split::Validation, &[], Judge::new(Vec::new(), None))?.0.best_thresholds();
@@ -177,6 +180,20 @@ pub fn evaluate(
         ..DataFacts::default()
     };
     Ok(Report::new(model, &judge, data, notes))
+}
+
+/// What is to be told of families whose cells lie in a frame that the model never learnt from.
+fn other_frames(model: &Model, families: &[FamilyFacts], only: &[String]) -> Vec<String> {
+    let judged: Vec<&FamilyFacts> =
+        families.iter().filter(|family| only.is_empty() || only.contains(&family.name)).collect();
+    let frames: BTreeSet<CellFrame> = judged.iter().map(|family| family.frame).collect();
+    let of_frame = |frame: CellFrame| {
+        let names: Vec<&str> =
+            judged.iter().filter(|family| family.frame == frame).map(|family| family.name.as_str()).collect();
+        let of = if names.len() == judged.len() { String::new() } else { format!("{}: ", names.join(", ")) };
+        model.other_frame(frame).map(|told| of + &told)
+    };
+    frames.into_iter().filter_map(of_frame).collect()
 }
 
 /// Refuses scenes that the model used more than their split says; what is to be told where that is allowed, or cannot be known.

@@ -1,11 +1,12 @@
 //! Why scans cannot be judged; each message names the scan or the option (as `classify` calls it), the rule and the cure.
 
+use crate::cells::level::NoGround;
 use crate::cloud::CloudError;
 use crate::corpus::CorpusError;
 use crate::geometry::DVec3;
 use crate::train::ModelError;
 
-use super::scan_pose::MOST_COORDINATE_M;
+use super::scan::MOST_COORDINATE_M;
 
 /// Why a judge cannot be made, or a scan not be judged.
 #[derive(Debug, thiserror::Error)]
@@ -35,8 +36,9 @@ pub enum JudgeError {
     FarPose { position_m: DVec3 },
     #[error("{scan}: there is no pose for it")]
     NoPose { scan: String },
-    #[error("{scan}: no ground to level by: {reason}; give the pose with --pose instead")]
-    NoGround { scan: String, reason: String },
+    /// `question`: one to ask of the coordinates, after a semicolon.
+    #[error("{scan}: {source}{question}; give the pose with --pose instead")]
+    NoGround { scan: String, source: NoGround, question: String },
     #[error("{scan}: {points} points, and {values} intensities or labels: give one a point, or none")]
     UnevenColumns { scan: String, points: usize, values: usize },
     #[error(

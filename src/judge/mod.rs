@@ -1,7 +1,7 @@
 //! Real scans -> cells with outputs and classes; labelled clouds, meshes, cost maps and tables for other tools.
 //!
 //! In: a [`Model`](crate::train::Model), [`Options`], and scans in the order they were taken: a [`Cloud`](crate::cloud::Cloud) and
-//! the pose of each, or the sensor's height above the ground ([`mod@level`]). Out: a [`JudgedScan`] each, whose methods give the bytes of
+//! the pose of each, or the sensor's height above the ground ([`level`](mod@crate::cells::level)). Out: a [`JudgedScan`] each, whose methods give the bytes of
 //! the files that other tools read, in the frame `map`; a table of all cells; where the clouds carry labels, a
 //! [`Report`](crate::evaluate::Report). Cells and features are made by the `cells` stage, by the code that makes a corpus. Units:
 //! metres, radians. Source: Hewitt et al. 2017, "Neural network input types" and figures 12 and 14. Not modelled: motion during a scan
@@ -37,6 +37,7 @@
 //! #         corpus_names: Vec::new(),
 //! #         run: None,
 //! #         learnt_from: Vec::new(),
+//! #         frames: Vec::new(),
 //! #     };
 //! #     Model { network: Network { layout, weights: vec![1.0, 0.0, 4.0, -2.0] }, about, sha256: None }
 //! # };
@@ -74,25 +75,23 @@ mod cells;
 pub(crate) mod cost_map;
 pub(crate) mod error;
 pub(crate) mod export;
-pub mod level;
 mod options;
 pub(crate) mod scale;
 mod scan;
 mod scan_judge;
-pub(crate) mod scan_pose;
 #[cfg(test)]
 mod tests;
 pub(crate) mod training_range;
 
+pub use crate::cells::ScanPose;
+pub(crate) use crate::cells::frame::Sigmas;
+pub use crate::cells::level::Levelled;
 pub use cells::JudgedCells;
 pub use cost_map::{CostMap, Shown};
 pub use error::JudgeError;
 pub use export::LabelledPoint;
-pub use level::Levelled;
 pub(crate) use options::Setup;
 pub use options::{Frame, Options, PoseSource};
 pub use scan::{JudgedScan, PlacedScan};
 pub use scan_judge::ScanJudge;
-pub use scan_pose::ScanPose;
-pub(crate) use scan_pose::Sigmas;
 pub(crate) use training_range::Outside;

@@ -4,7 +4,8 @@
 //! median of what the model saw. Units: metres, radians.
 
 use super::JudgeError;
-use super::scan_pose::Sigmas;
+use crate::cells::CellFrame;
+use crate::cells::frame::Sigmas;
 use crate::cloud::LabelMap;
 use crate::drive::rover::Mount;
 use crate::train::About;
@@ -51,6 +52,16 @@ pub struct Options {
     pub min_points: u32,
     /// What the clouds' labels mean; with it, the judge keeps score.
     pub labels: Option<LabelMap>,
+}
+
+impl PoseSource {
+    /// The frame that cells come to lie in.
+    pub(crate) fn cell_frame(self) -> CellFrame {
+        match self {
+            PoseSource::Rover | PoseSource::Sensor => CellFrame::EstimatedPose,
+            PoseSource::Ground { .. } => CellFrame::FittedPlane,
+        }
+    }
 }
 
 impl Default for Options {

@@ -4,13 +4,15 @@ use std::sync::Arc;
 
 use super::cost_map::{CostMap, Shown, cost_map};
 use super::export::{self, LabelledPoint};
-use super::level::{Levelled, level};
 use super::options::{Frame, PoseSource, Setup};
-use super::scan_pose::{MOST_COORDINATE_M, ScanPose};
-use super::{JudgeError, JudgedCells};
-use crate::cells::{CellAssigner, WindowCloud};
+use super::{JudgeError, JudgedCells, scale};
+use crate::cells::level::{Levelled, level};
+use crate::cells::{CellAssigner, ScanPose, WindowCloud};
 use crate::cloud::{Cloud, CloudError};
 use crate::geometry::{DVec3, Pose};
+
+/// Poses lie no farther from the map's origin: the Earth's own coordinates do not, and so far out doubles still tell 0.02 um.
+pub(super) const MOST_COORDINATE_M: f64 = 1e8;
 
 /// One scan, ready to be binned.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,10 +49,12 @@ impl PlacedScan {
             PoseSource::Rover => ScanPose::of_rover(check_position(pose_given()?)?, &rover_from_sensor, sigmas),
             PoseSource::Sensor => ScanPose::of_sensor(check_position(pose_given()?)?, &rover_from_sensor, sigmas),
             PoseSource::Ground { sensor_height_m } => {
-                let found = level(name, &cloud.points_m, sensor_height_m)?;
+                let found = level(&cloud.points_m, sensor_height_m).map_err(|source| {
+                    let question = scale::question(&cloud.points_m).map_or(String::new(), |asked| format!("; {asked}"));
+                    JudgeError::NoGround { scan: name.into(), source, question }
+                })?;
                 levelled = Some(found);
-                let rover = ScanPose::of_rover(&found.rover(), &rover_from_sensor, sigmas);
-                ScanPose { map_from_sensor: found.map_from_sensor, ..rover }
+                ScanPose::on_plane(&found, sigmas)
             }
         };
         Ok(PlacedScan { name: name.into(), cloud, at_sensor, pose, levelled, verdicts: None })

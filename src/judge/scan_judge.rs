@@ -171,7 +171,8 @@ impl<'m> ScanJudge<'m> {
             ..DataFacts::default()
         };
         let mut notes = vec!["points whose label is ignored count in the features and nowhere else".to_string()];
-        let Setup { window, min_points, .. } = self.setup;
+        let Setup { window, min_points, pose_source, .. } = self.setup;
+        notes.extend(self.model.other_frame(pose_source.cell_frame()));
         if window > 1 {
             notes.push(format!("windows of {window} scans overlap: their points are counted once a window"));
         }

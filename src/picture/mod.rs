@@ -26,7 +26,7 @@ pub(crate) use top::top_view;
 
 use crate::cells::Cells;
 use crate::drive::Rover;
-use crate::geometry::{Pose, Transform};
+use crate::geometry::{DVec2, Pose, Transform};
 use crate::scene::Scene;
 use crate::sweep::Sweep;
 
@@ -42,6 +42,10 @@ pub(crate) struct View<'a> {
     /// Estimated poses up to the sweep; the last is the one its cells were made with.
     pub estimates: &'a [Pose],
     pub rover_from_sensor: Transform,
+    /// Sensor coordinates -> the map of the cells.
+    pub map_from_sensor: Transform,
+    /// That map was levelled by a plane, and lies anywhere.
+    pub levelled: bool,
     pub sweep: &'a Sweep,
     pub cells: &'a Cells,
     /// Side of a cell.
@@ -55,6 +59,20 @@ impl View<'_> {
 
     fn estimated_pose(&self) -> Pose {
         self.estimates.last().copied().unwrap_or_default()
+    }
+
+    /// Where the rover stands among the cells as they are drawn.
+    fn pose_among_cells(&self) -> Pose {
+        if self.levelled { self.true_pose() } else { self.estimated_pose() }
+    }
+
+    /// Where a place of the cells' map is drawn: there, as if the map were the yard; that of a levelled map where it truly lies.
+    fn place_m(&self, map_m: DVec2) -> DVec2 {
+        if !self.levelled {
+            return map_m;
+        }
+        let world_from_map = self.world_from_sensor() * self.map_from_sensor.inverse();
+        world_from_map.point(map_m.extend(0.0)).truncate()
     }
 
     /// Whether a slot met a body, solid or porous; a patch is a kind of ground.

@@ -1,7 +1,7 @@
 //! A sweep with its labels -> a PLY point cloud (binary, little endian).
 //!
 //! Source: Turk, *The PLY Polygon File Format* (1994). One vertex a measured point: x y z in the map frame (f64), where the
-//! estimate puts it; intensity (f32, NaN where none is modelled); true class and object; the label of its cell (-1 where it
+//! estimate (or the fitted plane) puts it; intensity (f32, NaN where none is modelled); true class and object; the label of its cell (-1 where it
 //! is in none); red, green, blue of the label, so that any viewer shows it.
 
 use super::View;
@@ -17,7 +17,7 @@ use crate::sweep::Status;
 pub(crate) fn labelled_cloud(view: &View) -> Vec<u8> {
     let sweep = view.sweep;
     let grid = GridSpec { size_m: view.cell_size_m };
-    let placer = CellAssigner::new(grid, f64::INFINITY, &view.estimated_pose(), &view.rover_from_sensor);
+    let placer = CellAssigner::of_sensor(grid, f64::INFINITY, view.map_from_sensor);
     let mut body = Vec::new();
     let mut points = 0;
     for (slot, &direction) in sweep.returns.pattern.directions.iter().enumerate() {

@@ -145,9 +145,14 @@ fn with_view(claim: impl FnOnce(&View, &Caster)) {
         skipped: 0,
         sigma_optimistic: false,
     };
-    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor };
+    let scan = WindowScan {
+        sweep: &sweep,
+        estimate: &estimate,
+        map_from_sensor: estimate.pose.transform() * rover_from_sensor,
+        world_from_sensor,
+    };
     let (params, mut scratch) = (CellParams::default(), cells::Scratch::default());
-    let cells = cells::bin(&params, &[scan], &rover_from_sensor, rover.wheel_diameter_m, 5.6, &scene, &mut scratch);
+    let cells = cells::bin(&params, &[scan], rover.wheel_diameter_m, 5.6, &scene, &mut scratch);
     let view = View {
         title: "yard, scene 0, scan 3",
         scene: &scene,
@@ -155,6 +160,8 @@ fn with_view(claim: impl FnOnce(&View, &Caster)) {
         truth: &truth,
         estimates: &estimates,
         rover_from_sensor,
+        map_from_sensor: scan.map_from_sensor,
+        levelled: false,
         sweep: &sweep,
         cells: &cells,
         cell_size_m: params.size_m,

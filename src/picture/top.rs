@@ -51,8 +51,8 @@ fn hits(view: &View) -> usize {
 /// The least square that holds all cells and the rover, with a border.
 pub(super) fn scanned_square(view: &View) -> (DVec2, f64) {
     let grid = GridSpec { size_m: view.cell_size_m };
-    let rover_m = view.estimated_pose().position_m.truncate();
-    let centres = view.cells.rows.iter().map(|r| grid.centre_m(r.index)).map(|(x, y)| DVec2::new(x, y));
+    let rover_m = view.pose_among_cells().position_m.truncate();
+    let centres = view.cells.rows.iter().map(|r| grid.centre_m(r.index)).map(|(x, y)| view.place_m(DVec2::new(x, y)));
     let (low, high) = centres.fold((rover_m, rover_m), |(a, b), p| (a.min(p), b.max(p)));
     let side_m = (high - low).max_element() * 1.06 + 4.0 * view.cell_size_m;
     ((low + high) / 2.0 - DVec2::splat(side_m / 2.0), side_m)
@@ -83,13 +83,21 @@ fn draw_cells(canvas: &mut Canvas, map: &Map, view: &View, palette: &Palette) {
     let inner = if half > 2.5 { half - 0.4 } else { half };
     for row in &view.cells.rows {
         let (x_m, y_m) = grid.centre_m(row.index);
-        let (x, y) = map.spot(DVec2::new(x_m, y_m));
         let colour = if row.untraversable() { palette.untraversable } else { palette.traversable };
+        if view.levelled {
+            // Turned against the picture.
+            let half_m = inner * map.metres_a_pixel;
+            let corner = |(x, y): (f64, f64)| map.spot(view.place_m(DVec2::new(x_m + x * half_m, y_m + y * half_m)));
+            let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(corner);
+            canvas.polygon(map.clip(), &corners, colour, 0.94);
+            continue;
+        }
+        let (x, y) = map.spot(DVec2::new(x_m, y_m));
         canvas.rectangle(map.clip(), (x - inner, y - inner), (x + inner, y + inner), colour, 0.94);
     }
     outline_obstacles(canvas, map, view.scene, palette.obstacle_point);
     map.path(canvas, view.estimates, palette.estimated_path, palette.halo, true);
-    draw_rover(canvas, map, view, &view.estimated_pose(), palette.rover_body, palette);
+    draw_rover(canvas, map, view, &view.pose_among_cells(), palette.rover_body, palette);
     map.axes(canvas, palette);
 }
 

@@ -4,7 +4,7 @@
 //! Within a corpus no scene is in two splits; between corpora, and against what the network to start from learnt, [`leaks`] says which
 //! are. Not here: how places are opened, and how plans are read.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::leaks::{self, Leak};
@@ -36,6 +36,7 @@ pub(crate) fn join(
     allow_shared: bool,
 ) -> Result<Joined, TrainError> {
     let (mut list, mut origins, mut scenes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut frames = BTreeSet::new();
     for CorpusToLearn { place, mut source, plan } in corpora {
         if !source.yards.known() {
             source.yards.yards = plan.yards();
@@ -43,6 +44,7 @@ pub(crate) fn join(
         let shards = source.shards_by_values(Split::Train);
         let (yards, rows_hash) = (source.yards.clone(), plan.rows_hash());
         scenes.push(Scenes { place: place.clone(), yards, rows_hash, shards });
+        frames.extend(plan.families.iter().map(|family| family.cells.frame));
         origins.push((place, Origin::of(&plan.families[0])));
         list.push(source);
     }
@@ -54,7 +56,10 @@ pub(crate) fn join(
     if !allow_shared && !sources.shared_scenes.is_empty() {
         return Err(TrainError::SharedScenes { leaks: sources.shared_scenes.join("; ") });
     }
-    let (_, origin) = origins.swap_remove(0);
+    let (_, mut origin) = origins.swap_remove(0);
+    if frames.len() > 1 {
+        origin.frames = frames.into_iter().collect();
+    }
     Ok(Joined { sources: Arc::new(sources), origin })
 }
 

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::Network;
 use super::leaks::LearntFrom;
 use crate::cells::params::{LocalHeightParams, UnseenParams};
-use crate::cells::{CellParams, LOCAL_HEIGHT, is_gap};
+use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, is_gap};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
@@ -64,6 +64,9 @@ pub struct About {
     pub thresholds: Vec<f64>,
     /// The grid, features and labels it was trained with, per family of the corpus the first.
     pub cells: CellParams,
+    /// Its frame and all others that it learnt from, where there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub frames: Vec<CellFrame>,
     pub rover: Rover,
     pub sensor: Sensor,
     /// Position and angles of the sensor on the rover: x, y, z in metres, yaw, pitch, roll in degrees.
@@ -187,6 +190,22 @@ impl Model {
             }
             _ => Ok(()),
         }
+    }
+
+    /// What to tell where cells lie in a frame that the model never learnt from: they are judged all the same.
+    pub(crate) fn other_frame(&self, data: CellFrame) -> Option<String> {
+        let about = &self.about;
+        let learnt = if about.frames.is_empty() { std::slice::from_ref(&about.cells.frame) } else { &about.frames };
+        let names: Vec<&str> = learnt.iter().map(|frame| frame.name()).collect();
+        (!learnt.contains(&data)).then(|| {
+            format!(
+                "the model learnt cells of the frame {}, and these are of the frame {}, in which heights, pitch and roll have other errors: \
+                 expect more mistakes, or train on a corpus with `cells.frame: {}`",
+                names.join(" and "),
+                data.name(),
+                data.name()
+            )
+        })
     }
 
     /// The output for one row of features, in the order of `about.features`.

@@ -4,8 +4,9 @@ use marsyard::cells::{Cells, Scratch, WindowCloud, bin_clouds, feature_columns};
 use marsyard::cloud::{self, Options};
 use marsyard::config;
 use marsyard::drive::Rover;
-use marsyard::episode::{self, Prepared, Replay, Unobserved, replay_scene};
+use marsyard::episode::{self, Prepared, Replay, ScanPoints, Unobserved, replay_scene};
 use marsyard::geometry::DVec3;
+use marsyard::judge::{self, PoseSource, ScanJudge};
 use marsyard::sweep::Sensor;
 use marsyard::train::{About, Layout, MODEL_FORMAT, Model, Network, Scaler};
 
@@ -84,6 +85,68 @@ fn equal_clouds_in_sensor_and_map_frame_give_the_cells_of_the_corpus() {
     assert_same_cells(&bin(&in_sensor, &intensity, false), &scan.cells, &names);
 }
 
+/// The points of a sweep in the sensor's frame, with their intensities.
+fn returned(points: &ScanPoints) -> (Vec<DVec3>, Vec<f32>) {
+    let returns = &points.sweep.returns;
+    let hits: Vec<usize> = (0..returns.status.len()).filter(|&slot| returns.point_sensor(slot).is_some()).collect();
+    let intensity = returns.intensity.as_ref().expect("intensities");
+    (
+        hits.iter().filter_map(|&slot| returns.point_sensor(slot)).collect(),
+        hits.iter().map(|&slot| intensity[slot]).collect(),
+    )
+}
+
+/// Sets that level a corpus by fitted planes.
+fn levelled(more: &[&str]) -> Prepared {
+    let sets = ["cells.window_scans=1", "cells.frame=fitted_plane"].iter().chain(more).map(|set| set.to_string());
+    let plan = config::load(&Yard::everything(), &sets.collect::<Vec<_>>()).expect("a good config");
+    Prepared::new(plan).expect("patterns").keeping_points()
+}
+
+#[test]
+fn equal_cells_of_a_corpus_of_fitted_planes_are_those_that_classify_makes_without_a_pose() {
+    let prepared = levelled(&[]);
+    let replay = replay(&prepared);
+    let family = &prepared.plan.families[replay.family];
+    let names: Vec<String> = feature_columns(&family.cells, true).into_iter().map(|c| c.name).collect();
+    let features: Vec<&str> = names.iter().map(String::as_str).collect();
+    // Pitch, roll and the sigmas of classify are the medians that the model saw: here those of the corpus, which are 0.
+    let mut model = model(&prepared, &features);
+    model.about.quantiles.iter_mut().for_each(|quantiles| quantiles[3] = 0.0);
+    let sensor_height_m = replay.rover_from_sensor.translation_m.z;
+    let options = judge::Options { pose_source: PoseSource::Ground { sensor_height_m }, ..judge::Options::default() };
+    let mut met = 0;
+    for scan in &replay.scans {
+        let points = scan.points.as_ref().expect("kept points");
+        let (points_m, intensity) = returned(points);
+        let cloud = cloud::Cloud { points_m, intensity: Some(intensity), ..cloud::Cloud::default() };
+        let mut judge = ScanJudge::new(&model, options.clone()).expect("a judge");
+        let judged = judge.scan("a scan", cloud, None).expect("ground");
+        assert_same_cells(&judged.cells.cells, &scan.cells, &names);
+        assert_eq!(judged.scan.pose.map_from_sensor, points.map_from_sensor);
+        // The plane is found, and no pose: every scan begins at its own sensor.
+        let found = judged.scan.levelled.expect("levelled");
+        assert!((found.height_m - sensor_height_m).abs() <= 0.25 * sensor_height_m, "{found:?}");
+        assert!(scan.cells.rows.len() > 100 && scan.cells.rows.iter().all(|row| row.label.is_some()));
+        met += 1;
+    }
+    assert!(met > 1);
+}
+
+#[test]
+fn extreme_sweeps_without_ground_have_no_cells_and_their_points_are_counted() {
+    let prepared = levelled(&["sweep.effects.dropout.rate=0.995"]);
+    let replay = replay(&prepared);
+    let mut lost = 0;
+    for scan in &replay.scans {
+        let cells = &scan.cells;
+        assert!(cells.rows.is_empty() && cells.points_binned == 0);
+        assert_eq!(cells.points_in, cells.without_ground);
+        lost += cells.without_ground;
+    }
+    assert!(lost > 0, "no sweep has a point");
+}
+
 /// A network that calls cells untraversable by their height difference: 0.5 at 0.1 m.
 fn model(prepared: &Prepared, features: &[&str]) -> Model {
     let family = &prepared.plan.families[0];
@@ -114,6 +177,7 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         corpus_names: vec!["tiny".into()],
         run: None,
         learnt_from: Vec::new(),
+        frames: Vec::new(),
     };
     Model { network: Network { layout, weights }, about, sha256: None }
 }

@@ -71,25 +71,16 @@ fn equal_bytes_of_polynomial_grounds_for_one_and_three_threads() {
     assert_equal(&yard, "1", "3");
 }
 
-/// What everything.yaml cannot name at once: labels by the rover stand in the place of labels by points. Both look at the ground around
-/// the points, and at cells that hold none.
-const LABELS_OF_PLACES: [(&str, &[&str]); 3] = [
-    (
-        "holes",
-        &[
-            "--set",
-            "cells.unseen={}",
-            "--set",
-            "cells.local_height.plane=true",
-            "--set",
-            "cells.labels.max_drop_m=0.1",
-            "--set",
-            HOLES,
-        ],
-    ),
+/// What everything.yaml cannot name at once: labels by the rover stand in the place of labels by points, and frames fitted to a sweep in
+/// the place of a window of sweeps. All look at the ground around the points, and at cells that hold none.
+const LABELS_OF_PLACES: [(&str, &[&str]); 4] = [
+    ("holes", &["--set", "cells.unseen={}", "--set", PLANE, "--set", "cells.labels.max_drop_m=0.1", "--set", HOLES]),
     ("rover", &["--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
     ("pose", &["--set", "cells.labels={rover: {pose: true}}", "--set", HOLES]),
+    ("plane", &["--set", FRAME, "--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
 ];
+const PLANE: &str = "cells.local_height.plane=true";
+const FRAME: &str = "cells={window_scans: 1, frame: fitted_plane}";
 const HOLES: &str = "scene.ground.features=[{trench: {count: 2, depth_m: 0.4, width_m: 0.5, length_m: 3}}, \
                      {hole: {count: 4, depth_m: 0.4, width_m: 0.8}}, {drop_off: {count: 1, depth_m: 0.3, width_m: 2}}]";
 

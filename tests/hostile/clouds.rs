@@ -1,5 +1,5 @@
+use marsyard::cells::level;
 use marsyard::cloud::{LabelMap, Options, read, trajectory};
-use marsyard::judge::level;
 use proptest::prelude::*;
 
 use crate::edits::{apply, cases, edits};
@@ -144,7 +144,7 @@ fn read_bounded(name: &str, bytes: &[u8], labels: Option<&[u8]>) {
             assert!(cloud.intensity.is_none_or(|values| values.len() == points));
             assert!(cloud.labels.is_none_or(|values| values.len() == points));
             // Coordinates may be anything finite: the ground is found in them or not.
-            let _ = bounded(size, || level::level(name, &cloud.points_m, 0.5).map(|_| ()));
+            let _ = bounded(size, || level::level(&cloud.points_m, 0.5).map(|_| ()));
         }
         Err(error) => assert!(error.to_string().len() < 2000 && error.to_string().starts_with(name), "{error}"),
     }

@@ -48,8 +48,8 @@ fn law_points_a_cell_on_flat_ground_follow_the_tilted_scanners_density() {
     let pose = Pose { position_m: DVec3::new(5.0, 10.0, 0.0), ..Pose::default() };
     let (sweep, estimate, world_from_sensor) = swept(&scene, &pose, &head(h));
     let params = CellParams::default();
-    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor };
-    let cells = cells::bin(&params, &[scan], &head(h), 0.1, 5.6, &scene, &mut Scratch::default());
+    let scan = WindowScan { sweep: &sweep, estimate: &estimate, map_from_sensor: world_from_sensor, world_from_sensor };
+    let cells = cells::bin(&params, &[scan], 0.1, 5.6, &scene, &mut Scratch::default());
     let counted = |from: i32, to: i32| -> f64 {
         let near =
             |r: &&cells::CellRow| (from..to).contains(&(r.index.col - 50)) && (-10..10).contains(&(r.index.row - 100));
@@ -122,8 +122,9 @@ fn cells_of(scene: &Scene, params: &CellParams, pose: &Pose) -> Option<(Sweep, C
     let world_from_sensor = pose.transform() * mount;
     caster.inside(world_from_sensor.translation_m).is_none().then(|| {
         let (sweep, estimate, _) = swept(scene, pose, &mount);
-        let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor };
-        let cells = cells::bin(params, &[scan], &mount, 0.1, 5.6, scene, &mut Scratch::default());
+        let scan =
+            WindowScan { sweep: &sweep, estimate: &estimate, map_from_sensor: world_from_sensor, world_from_sensor };
+        let cells = cells::bin(params, &[scan], 0.1, 5.6, scene, &mut Scratch::default());
         (sweep, cells, world_from_sensor)
     })
 }
@@ -191,13 +192,13 @@ fn rate_of_a_full_sweep_is_printed() {
                 sweep::TrueReturn { range_m: sweep.returns.range_m[slot], object: -1, class: ground, top: false };
         }
     }
-    let scan = WindowScan { sweep: &sweep, estimate: &estimate, world_from_sensor };
+    let scan = WindowScan { sweep: &sweep, estimate: &estimate, map_from_sensor: world_from_sensor, world_from_sensor };
     let mut scratch = Scratch::default();
     let mut best_ms = f64::INFINITY;
     let mut rows = 0;
     for _ in 0..30 {
         let start = Instant::now();
-        rows = cells::bin(&CellParams::default(), &[scan], &head(0.4), 0.1, 5.6, &scene, &mut scratch).rows.len();
+        rows = cells::bin(&CellParams::default(), &[scan], 0.1, 5.6, &scene, &mut scratch).rows.len();
         best_ms = best_ms.min(start.elapsed().as_secs_f64() * 1e3);
     }
     println!("{} points into {rows} cells: {best_ms:.2} ms", sweep.returns.status.len());

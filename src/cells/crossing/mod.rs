@@ -31,9 +31,9 @@ mod pose_tests;
 #[cfg(test)]
 mod tests;
 
-use super::{Cells, Label};
+use super::{CellRow, CellTruth, Cells, Label};
 use crate::drive::Rover;
-use crate::geometry::{CellIndex, DVec2, Transform};
+use crate::geometry::{CellIndex, DVec2, DVec3, GridSpec, Transform};
 use crate::scene::{Ground, Scene};
 use crate::wide::widest;
 use gaps::Gaps;
@@ -157,6 +157,41 @@ pub(crate) fn judge(
     let assessor = Assessor::new(limits, size_m, scene, Placement::of(world_from_sensor, map_from_sensor));
     let poses = rule.pose.then(|| PoseAssessor::new(rover, limits, scene));
     assessor.with_poses(poses).assess(cells, scratch);
+}
+
+/// The same for cells of a map that a fitted plane levels (`cells.frame`), which is tilted by as much as the ground: each cell is judged
+/// where it truly lies, as the cell of the world's level grid around its centre at its mean height, at most half a cell away.
+pub(crate) fn judge_of_plane(
+    rule: &RoverRule,
+    rover: &Rover,
+    size_m: f64,
+    scene: &Scene,
+    [world_from_sensor, map_from_sensor]: [&Transform; 2],
+    cells: &mut Cells,
+    scratch: &mut Scratch,
+) {
+    let world_from_map = *world_from_sensor * map_from_sensor.inverse();
+    let (grid, width) = (GridSpec { size_m }, cells.features.len().checked_div(cells.rows.len()).unwrap_or(0));
+    let place = |(row, features): (&CellRow, &[f32])| {
+        let (x_m, y_m) = grid.centre_m(row.index);
+        // The mean height is the first feature; the rover stands at the map's origin.
+        let place_m = world_from_map.point(DVec3::new(x_m, y_m, f64::from(features[0])));
+        grid.cell(place_m.x, place_m.y)
+    };
+    let places: Vec<Option<CellIndex>> =
+        cells.rows.iter().zip(cells.features.chunks_exact(width.max(1))).map(place).collect();
+    let mut indices: Vec<CellIndex> = places.iter().copied().flatten().collect();
+    indices.sort_unstable();
+    indices.dedup();
+    let level =
+        |index| CellRow { index, label: None, points: 0, range_m: 0.0, neighbour_mask: 0, truth: CellTruth::default() };
+    let mut level = Cells { rows: indices.into_iter().map(level).collect(), ..Cells::default() };
+    judge(rule, rover, size_m, scene, [&Transform::IDENTITY; 2], &mut level, scratch);
+    for (row, place) in cells.rows.iter_mut().zip(places) {
+        let at = place.and_then(|index| level.rows.binary_search_by_key(&index, |there| there.index).ok());
+        row.truth.crossing = at.and_then(|at| level.rows[at].truth.crossing);
+        row.label = row.truth.crossing.map(|_| Label::untraversable_if(row.truth.bars_rover()));
+    }
 }
 
 impl<'a> Assessor<'a> {

@@ -1,8 +1,10 @@
 //! Closed forms at the limits from both sides, and laws of turned yards.
 
 use super::*;
+use crate::cells::level::level;
 use crate::cells::{CellRow, CellTruth};
-use crate::geometry::DVec3;
+
+use crate::geometry::{DVec3, Pose};
 use crate::math;
 use crate::random::{Purpose, Stage, Stream, Streams};
 use crate::scene::{Class, Convex, Polynomial, Raster, Shape};
@@ -295,4 +297,50 @@ fn equal_forms_for_every_instruction_set() {
     });
     let forms: Vec<_> = forms.collect();
     assert!(forms.windows(2).all(|pair| pair[0] == pair[1]) && forms[0][0].iter().any(|bits| *bits != 0));
+}
+
+#[test]
+fn exact_cells_of_a_fitted_plane_on_a_slope_are_judged_where_they_truly_lie() {
+    // Ground that rises by 20 degrees along x, a post on it 6 m up the slope, and a sensor that stands upright on the slope: its plane is the
+    // slope itself, on which the post stands at (6, 0). Seen from above it is 6 cos 20 degrees = 5.64 m away.
+    let (tilt_rad, height_m) = (20.0_f64.to_radians(), 0.5);
+    let (sin, cos) = math::sin_cos(tilt_rad);
+    let ground = Ground::Polynomial(Polynomial::plane(20.0, 0.0, DVec2::new(sin / cos, 0.0)));
+    let foot_m = DVec3::new(8.0, 10.0, 8.0 * sin / cos);
+    let post_m = foot_m + 6.0 * DVec3::new(cos, 0.0, sin);
+    let post = Convex::cuboid(post_m, DVec3::new(0.15, 0.15, 0.5), 0.0);
+    let scene = Scene::bare(20.0, ground).with_obstacle(Class::Box, Shape::Convex(post));
+    let position_m = foot_m + height_m * DVec3::new(-sin, 0.0, cos);
+    let world_from_sensor = Pose { position_m, pitch_rad: -tilt_rad, ..Pose::default() }.transform();
+    let grid =
+        (10..80).flat_map(|i| (-30..30).map(move |j| DVec3::new(0.1 * f64::from(i), 0.1 * f64::from(j), -height_m)));
+    let found = level(&grid.collect::<Vec<_>>(), height_m).expect("ground");
+
+    let mut cells = cells_of(-20..20, 30..80);
+    let rover: Rover = serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).expect("a rover");
+    // One feature: the mean height, 0 on the plane.
+    cells.features = vec![0.0; cells.rows.len()];
+    let rule = RoverRule {
+        max_tilt_deg: Some(40.0),
+        max_side_slip_deg: Some(40.0),
+        max_step_m: Some(0.1),
+        max_gap_m: Some(0.1),
+        ..RoverRule::default()
+    };
+    let places = [&world_from_sensor, &found.map_from_sensor];
+    judge_of_plane(&rule, &rover, SIZE_M, &scene, places, &mut cells, &mut Scratch::default());
+    let barred: Vec<CellIndex> = cells.rows.iter().filter(|row| row.untraversable()).map(|row| row.index).collect();
+    assert!(barred.len() > 9 && barred.len() < cells.rows.len() / 2, "{}", barred.len());
+    let mean = |of: fn(&CellIndex) -> i32| {
+        SIZE_M * (0.5 + barred.iter().map(|index| f64::from(of(index))).sum::<f64>() / barred.len() as f64)
+    };
+    // To half a cell; the place seen from above would be three and a half cells off.
+    let (x_m, y_m) = (mean(|index| index.col), mean(|index| index.row));
+    assert!((x_m - 6.0).abs() < 0.06 && y_m.abs() < 0.06, "{x_m} {y_m}");
+    // Off the plane a cell's height moves it: 1 m above the plane is sin 20 degrees nearer the foot, seen from above.
+    cells.features.fill(1.0);
+    judge_of_plane(&rule, &rover, SIZE_M, &scene, places, &mut cells, &mut Scratch::default());
+    let columns: Vec<i32> = cells.rows.iter().filter(|row| row.untraversable()).map(|row| row.index.col).collect();
+    let x_m = SIZE_M * (0.5 + columns.iter().map(|&col| f64::from(col)).sum::<f64>() / columns.len() as f64);
+    assert!((x_m - (6.0 + sin / cos)).abs() < 0.06, "{x_m}");
 }

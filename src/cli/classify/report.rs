@@ -14,6 +14,9 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
     if args.sensor_height.is_some() && trained > 1 {
         errln!("warning: the model was trained on windows of {trained} scans; without poses each scan is judged alone");
     }
+    if let Some(told) = model.other_frame(setup.pose_source.cell_frame()) {
+        errln!("warning: {told}");
+    }
     let Sigmas { xy_m, z_m, tilt_rad, yaw_rad } = setup.sigmas;
     if args.json {
         let sigmas = json!({ "xy_m": xy_m, "z_m": z_m, "tilt_rad": tilt_rad, "yaw_rad": yaw_rad });
@@ -23,6 +26,7 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
                 "model_sha256": model.sha256,
                 "max_range_m": setup.max_range_m,
                 "window": setup.window,
+                "frame": setup.pose_source.cell_frame(),
                 "sigmas": sigmas,
             })
         );

@@ -28,10 +28,8 @@ struct Point {
     top: bool,
 }
 
-fn points_in(family: &Family, replay: &Replay, scan: &ScanOutput, points: &ScanPoints, cell: CellIndex) -> Vec<Point> {
-    let pose = &pose_of(replay, scan).estimate.pose;
-    let max_range_m = family.cells.max_range_m.unwrap_or(points.max_range_m);
-    let placer = CellAssigner::new(points.grid, max_range_m, pose, &replay.rover_from_sensor);
+fn points_in(points: &ScanPoints, cell: CellIndex) -> Vec<Point> {
+    let placer = CellAssigner::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
     let sweep = &points.sweep;
     let hits = (0..sweep.returns.status.len()).filter(|&slot| sweep.returns.status[slot] == Status::Hit);
     hits.filter_map(|slot| {
@@ -46,10 +44,6 @@ fn points_in(family: &Family, replay: &Replay, scan: &ScanOutput, points: &ScanP
         })
     })
     .collect()
-}
-
-fn pose_of<'r>(replay: &'r Replay, scan: &ScanOutput) -> &'r crate::episode::PoseRow {
-    replay.poses.iter().find(|row| row.scan_id == Some(scan.scan_id)).expect("every kept scan has its pose row")
 }
 
 pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: CellIndex) -> Result<(), Failure> {
@@ -74,8 +68,8 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
         f64::from(cell.row) * size_m,
         f64::from(cell.row + 1) * size_m
     );
-    let inside = points_in(family, replay, scan, points, cell);
-    let rover_z_m = pose_of(replay, scan).estimate.pose.position_m.z;
+    let inside = points_in(points, cell);
+    let rover_z_m = points.rover_z_m;
     outln!("\npoints of the kept sweep (heights above the rover's estimated z, {rover_z_m:.4} m)");
     outln!("  {:>5} {:>5}  {:>8}  {:>8}  {:>8}  {:>8}  truth", "line", "beam", "range m", "x m", "y m", "height m");
     let beams = points.sweep.returns.pattern.beams as usize;

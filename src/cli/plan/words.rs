@@ -1,5 +1,6 @@
 //! A plan in words: what a family models, and what no family names.
 
+use crate::cells::CellFrame;
 use crate::cli::progress::counted;
 use crate::drive::params::Keep;
 use crate::measure::estimate::Part;
@@ -87,11 +88,12 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     parts.push(("slam", slam));
     let cells = &family.cells;
     let local = cells.local_height.as_ref().map_or(String::new(), |local| format!(", height above {}", local.words()));
+    let frame = if cells.frame == CellFrame::FittedPlane { ", levelled by a fitted plane" } else { "" };
     let unseen = cells.unseen.as_ref().map_or(String::new(), |unseen| format!(", unseen ones: {}", unseen.words()));
     parts.push((
         "cells",
         format!(
-            "{} m, {} neighbours, {}{local}{unseen}",
+            "{} m, {} neighbours, {}{frame}{local}{unseen}",
             cells.size_m,
             cells.neighbours,
             if cells.window_scans > 1 { format!("{} sweeps together", cells.window_scans) } else { "one sweep".into() }

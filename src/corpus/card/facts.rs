@@ -2,8 +2,8 @@
 //!
 //! Values stand as the plan has them, in SI units and degrees. What is drawn per scene is in the `scenes` table, and is only named here.
 
-use crate::cells::CellParams;
 use crate::cells::params::ObstacleRule;
+use crate::cells::{CellFrame, CellParams};
 use crate::drive::Rover;
 use crate::drive::rover::Chassis;
 use crate::plan::Family;
@@ -95,7 +95,14 @@ fn cell_words(cells: &CellParams) -> String {
         most => format!("points of up to {most} sweeps"),
     };
     let unseen = cells.unseen.as_ref().map_or("", |_| "; also those without a point (`points` = 0) near gaps of beams");
-    format!("squares of {} m, {reach}, {window}{unseen}", cells.size_m)
+    let frame = match cells.frame {
+        CellFrame::EstimatedPose => "",
+        CellFrame::FittedPlane => {
+            "; of each scan in a frame of its own, levelled by a plane fitted to its points: origin below the sensor, x under the sensor's; \
+             rows and columns count from there"
+        }
+    };
+    format!("squares of {} m, {reach}, {window}{unseen}{frame}", cells.size_m)
 }
 
 /// The label's rule; what the columns `truth_*` allow to be asked anew.

@@ -133,7 +133,7 @@ impl Inspection {
             }
         }
         if !self.manifest.points.add_up() {
-            warnings.push("points in are not points binned plus points dropped".into());
+            warnings.push("points in are not points binned plus points dropped and left out".into());
         }
         let failed = self.manifest.failed.len();
         if failed > 0 {
@@ -157,8 +157,12 @@ impl fmt::Display for Inspection {
         let points = manifest.points;
         writeln!(
             f,
-            "points: {} in, {} binned, {} beyond range, {} off the grid",
-            points.points_in, points.binned, points.beyond_range, points.off_grid
+            "points: {} in, {} binned, {} beyond range, {} off the grid{}",
+            points.points_in,
+            points.binned,
+            points.beyond_range,
+            points.off_grid,
+            points.words_left_out()
         )?;
         writeln!(
             f,

@@ -46,7 +46,8 @@ impl Row {
                 status: sweep.returns.status[slot],
                 range_m,
                 sensor_m: range_m.map(|range_m| direction * range_m),
-                map_m: placed.map(|placed| placed.point_m),
+                // There is no map where no plane was found.
+                map_m: placed.map(|placed| placed.point_m).filter(|map_m| map_m.is_finite()),
                 intensity: sweep.returns.intensity.as_ref().map(|values| values[slot]).filter(|_| range_m.is_some()),
                 truth: sweep.truth[slot],
                 obstacle: is_obstacle(sweep.truth[slot].object),

@@ -20,7 +20,8 @@ impl<'a> Row<'a> {
         Row { scene, labels: per_scan.iter().copied().sum(), both_classes }
     }
 
-    fn sum(&self, count: fn(&Cells) -> u64) -> i64 {
+    /// Over the kept scans.
+    pub(crate) fn sum(&self, count: fn(&Cells) -> u64) -> i64 {
         self.scene.scans.iter().map(|scan| count(&scan.cells) as i64).sum()
     }
 }

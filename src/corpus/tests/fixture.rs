@@ -31,6 +31,7 @@ pub(crate) fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         by_rover: false,
         poses: false,
         truth: vec![],
+        losses: vec![],
         drawn: vec![Purpose::GroundRmsHeight, Purpose::GroundCorrelationLength],
         families: vec!["default".into()],
         scene_plan_hash: "ab".repeat(32),
@@ -77,6 +78,7 @@ fn grid(scene_id: u64, scan_id: u32, cells: usize) -> Cells {
         points_binned: 7,
         dropped_beyond_range: 2,
         dropped_off_grid: 1,
+        without_ground: 0,
     }
 }
 
@@ -100,6 +102,7 @@ fn points() -> ScanPoints {
             ],
         },
         map_from_sensor: Transform { rotation: DMat3::IDENTITY, translation_m: DVec3::new(5.0, 5.0, 1.0) },
+        rover_z_m: 0.5,
         grid: GridSpec { size_m: 0.5 },
         max_range_m: 10.0,
         obstacles: vec![true],

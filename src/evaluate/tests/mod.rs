@@ -4,7 +4,7 @@ mod numbers;
 
 use super::*;
 use crate::cells::params::LabelParams;
-use crate::cells::{CellRow, CellTruth, Cells, FeatureColumn, Label, LabelRule, Obstacle};
+use crate::cells::{CellFrame, CellRow, CellTruth, Cells, FeatureColumn, Label, LabelRule, Obstacle};
 use crate::corpus::{CorpusSpec, LocalFolder, Place, ShardWriter, Split, Store, Table, finalize};
 use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
@@ -47,6 +47,7 @@ fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         by_rover: false,
         poses: false,
         truth: vec![],
+        losses: vec![],
         drawn: Vec::new(),
         families: vec!["even".into(), "odd".into()],
         scene_plan_hash: "cd".repeat(32),
@@ -84,6 +85,7 @@ fn scene(scene_id: u64, known: &[Known]) -> SceneOutput {
         points_binned: 36,
         dropped_beyond_range: 0,
         dropped_off_grid: 0,
+        without_ground: 0,
     };
     let family = ["even", "odd"][scene_id as usize % 2].into();
     let scans = [0, 1].map(|scan_id| ScanOutput { scan_id, cells: cells.clone(), points: None });
@@ -111,6 +113,7 @@ fn families() -> Vec<FamilyFacts> {
         cell_size_m: 0.1,
         local_height: None,
         unseen: None,
+        frame: CellFrame::EstimatedPose,
         labels: LabelParams::default(),
     };
     vec![facts("even", "urg"), facts("odd", "lms")]

@@ -3,6 +3,7 @@
 //! A part is what a key of the config adds to the work (rocks, dropout, a table), not a choice between equals: how the ground is cast or
 //! which way a pose is estimated always has some value, and is measured by [`tradeoff`](crate::measure::tradeoff).
 
+use crate::cells::CellFrame;
 use crate::corpus::Table;
 use crate::plan::Plan;
 use crate::scene::params::VegetationParams;
@@ -32,6 +33,7 @@ pub(crate) enum Part {
     Fastslam,
     DeadReckoning,
     WindowScans,
+    FittedPlane,
     LocalHeight,
     RoverLabels,
     RoverPoses,
@@ -41,7 +43,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 27] = [
+    pub(crate) const ALL: [Part; 28] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -63,6 +65,7 @@ impl Part {
         Part::Fastslam,
         Part::DeadReckoning,
         Part::WindowScans,
+        Part::FittedPlane,
         Part::LocalHeight,
         Part::RoverLabels,
         Part::RoverPoses,
@@ -95,6 +98,7 @@ impl Part {
             Part::Fastslam => "fastslam",
             Part::DeadReckoning => "dead_reckoning",
             Part::WindowScans => "window_scans",
+            Part::FittedPlane => "fitted_plane",
             Part::LocalHeight => "local_height",
             Part::RoverLabels => "labels.rover",
             Part::RoverPoses => "labels.rover.pose",
@@ -146,6 +150,7 @@ impl Part {
             Part::Fastslam => matches!(family.slam, SlamParams::Fastslam(_)),
             Part::DeadReckoning => family.slam == SlamParams::DeadReckoning,
             Part::WindowScans => family.cells.window_scans > 1,
+            Part::FittedPlane => family.cells.frame == CellFrame::FittedPlane,
             Part::LocalHeight => family.cells.local_height.is_some(),
             Part::RoverLabels => family.cells.labels.rover.is_some(),
             Part::RoverPoses => family.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
@@ -181,6 +186,7 @@ impl Part {
             Part::Intensity => effects.intensity = None,
             Part::Fastslam | Part::DeadReckoning => family.slam = SlamParams::Truth,
             Part::WindowScans => family.cells.window_scans = 1,
+            Part::FittedPlane => family.cells.frame = CellFrame::EstimatedPose,
             Part::LocalHeight => family.cells.local_height = None,
             Part::RoverLabels => family.cells.labels.rover = None,
             Part::RoverPoses => family.cells.labels.rover.iter_mut().for_each(|rule| rule.pose = false),

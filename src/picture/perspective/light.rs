@@ -35,14 +35,12 @@ impl<'a> Light<'a> {
     pub(super) fn new(scenery: &'a Scenery<'a>, palette: &'a Palette, overlay: Overlay) -> Light<'a> {
         let view = scenery.view;
         let (low_m, high_m) = heights_of(view.scene.extent_m, |x, y| view.scene.ground.height_m(x, y));
-        Light {
-            scenery,
-            palette,
-            overlay,
-            map_from_world: view.estimated_pose().transform() * view.true_pose().transform().inverse(),
-            low_m,
-            relief_m: (high_m - low_m).max(0.2),
-        }
+        let map_from_world = if view.levelled {
+            view.map_from_sensor * view.world_from_sensor().inverse()
+        } else {
+            view.estimated_pose().transform() * view.true_pose().transform().inverse()
+        };
+        Light { scenery, palette, overlay, map_from_world, low_m, relief_m: (high_m - low_m).max(0.2) }
     }
 
     /// The point that a ray along `way` saw.

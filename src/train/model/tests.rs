@@ -34,6 +34,7 @@ pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
         corpus_names: vec!["tiny".into()],
         run: Some("cd".repeat(32)),
         learnt_from: Vec::new(),
+        frames: Vec::new(),
     };
     Model { network: Network { layout, weights }, about, sha256: None }
 }
@@ -276,4 +277,19 @@ fn extreme_a_weight_beyond_reason_is_a_fault_that_names_it() {
         let fault = model.fault().expect("a fault");
         assert!(fault.starts_with("weight 3 is "), "{fault}");
     }
+}
+
+#[test]
+fn exact_a_frame_that_a_model_never_learnt_is_told_and_the_file_keeps_both() {
+    let mut model = model(&["mean_height_m"], &[2], true);
+    assert_eq!(model.other_frame(CellFrame::EstimatedPose), None);
+    let told = model.other_frame(CellFrame::FittedPlane).unwrap();
+    assert!(
+        told.starts_with("the model learnt cells of the frame estimated_pose, and these are of the frame fitted_plane")
+    );
+    assert!(told.ends_with("train on a corpus with `cells.frame: fitted_plane`"), "{told}");
+    model.about.frames = vec![CellFrame::EstimatedPose, CellFrame::FittedPlane];
+    let again = Model::load(&model.save().unwrap()).unwrap();
+    assert_eq!(again.about.frames, model.about.frames);
+    assert_eq!(again.other_frame(CellFrame::FittedPlane), None);
 }

@@ -28,7 +28,7 @@ use super::stopping::{Look, Stop, Stopping};
 use super::stream::{self, Course, Window};
 use super::validation::Validation;
 use super::{Model, Sources, TrainError, TrainParams};
-use crate::cells::CellParams;
+use crate::cells::{CellFrame, CellParams};
 use crate::drive::Rover;
 use crate::plan::Family;
 use crate::sweep::Sensor;
@@ -55,6 +55,8 @@ pub struct Setup {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Origin {
     pub cells: CellParams,
+    /// As [`About::frames`](crate::train::About::frames).
+    pub frames: Vec<CellFrame>,
     pub rover: Rover,
     pub sensor: Sensor,
     pub mount: [f64; 6],
@@ -68,6 +70,7 @@ impl Origin {
         let own = [mast.x_m, mast.y_m, mast.z_m, mast.yaw_deg, mast.pitch_deg, mast.roll_deg];
         Origin {
             cells: family.cells.clone(),
+            frames: Vec::new(),
             mount: family.sweep.mount.as_ref().map_or(own, |mount| mount.middle(own)),
             rover: (**rover).clone(),
             sensor: (*family.sweep.sensor).clone(),

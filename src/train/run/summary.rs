@@ -114,6 +114,7 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         targets: params.targets,
         thresholds: params.thresholds.clone(),
         cells: origin.cells.clone(),
+        frames: origin.frames.clone(),
         rover: origin.rover.clone(),
         sensor: origin.sensor.clone(),
         mount: origin.mount,

@@ -35,6 +35,7 @@ pub(super) fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -
         by_rover: false,
         poses: false,
         truth: vec![],
+        losses: vec![],
         drawn: Vec::new(),
         families: vec!["default".into()],
         scene_plan_hash: "cd".repeat(32),
@@ -69,6 +70,7 @@ fn scene(scene_id: u64, rows: &[Row]) -> SceneOutput {
         points_binned: 1,
         dropped_beyond_range: 0,
         dropped_off_grid: 0,
+        without_ground: 0,
     };
     SceneOutput {
         scene_id,
@@ -98,6 +100,7 @@ pub(super) fn circles(dir: &tempfile::TempDir, name: &str, rows: usize) -> PathB
 
 pub(super) fn origin() -> Origin {
     Origin {
+        frames: Vec::new(),
         cells: CellParams::default(),
         rover: serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).unwrap(),
         sensor: serde_saphyr::from_str::<Sensor>(include_str!("../../../configs/sensors/urg-04lx.yaml")).unwrap(),

@@ -1,13 +1,14 @@
-//! A scan and the height of its sensor -> the ground's plane, and with it a levelled map frame under the sensor.
+//! The points of a scan (sensor frame, metres) and the height of their sensor -> the ground's plane, and with it a levelled map frame under
+//! the sensor.
 //!
-//! For scans without a pose. Planes through three points are tried (3000 triples, the same every time); one is ground if it
+//! For scans without a pose (`marsyard classify --sensor-height`) and for corpora that train on the like (`cells.frame: fitted_plane`):
+//! one code, so that both make the same errors. Own construction. Planes through three points are tried (3000 triples, the same every time); one is ground if it
 //! lies about as far below the sensor as was said, tilts by less than 60 degrees from the sensor's own x-y plane, and has many points near it
 //! and few below it. The best is refined by least squares with Tukey's biweight (Beaton & Tukey 1974). What it
 //! cannot know is which way is up: ground that slopes as a whole comes out level, and pitch and roll are those of a rover that stands
 //! on the plane, 0.
 
-use super::{JudgeError, scale};
-use crate::geometry::{DMat3, DVec3, Pose, Transform};
+use crate::geometry::{DMat3, DVec3, Transform};
 use crate::math;
 
 /// The fitted ground, and the map frame that stands on it below the sensor, its x axis under the sensor's.
@@ -55,12 +56,16 @@ impl Plane {
     }
 }
 
-/// The ground of a scan in the sensor frame. `scan`: its name, for messages.
-pub fn level(scan: &str, points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, JudgeError> {
-    let none = |reason: String| JudgeError::NoGround {
-        scan: scan.into(),
-        reason: scale::question(points_m).map_or(reason.clone(), |question| format!("{reason}; {question}")),
-    };
+/// Why no plane can be taken for the ground.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("no ground to level by: {reason}")]
+pub struct NoGround {
+    pub reason: String,
+}
+
+/// The ground of a scan in the sensor frame.
+pub fn level(points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, NoGround> {
+    let none = |reason: String| NoGround { reason };
     if !(0.02..=100.0).contains(&sensor_height_m) {
         return Err(none(format!("a sensor height of {sensor_height_m} m; it must be within 0.02 and 100 m")));
     }
@@ -97,13 +102,6 @@ pub fn level(scan: &str, points_m: &[DVec3], sensor_height_m: f64) -> Result<Lev
         near_share: near.len() as f64 / points.len() as f64,
         rms_m,
     })
-}
-
-impl Levelled {
-    /// The rover that stands on the plane: level, heading along the sensor's x axis, at the map's origin.
-    pub(crate) fn rover(&self) -> Pose {
-        Pose::default()
-    }
 }
 
 /// One point a voxel near the sensor, so that the dense first rings do not outvote the rest.
@@ -166,6 +164,7 @@ fn refined(plane: Plane, points: &[DVec3]) -> Option<Plane> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Pose;
     use crate::random::{Purpose, Stage, Streams};
 
     /// Rough ground with a wall, a box and strays, seen by a sensor of known height, roll and pitch.
@@ -195,7 +194,7 @@ mod tests {
     fn exact_a_known_tilt_is_recovered_to_a_quarter_degree() {
         for (height_m, roll, pitch) in [(0.4, 0.0, 0.0), (0.5, 0.1, 0.35), (1.7, -0.2, 0.05), (0.3, 0.4, -0.6)] {
             let (points, truth) = scan(height_m, roll, pitch, 0.02);
-            let level = level("scan.ply", &points, 1.1 * height_m).unwrap();
+            let level = level(&points, 1.1 * height_m).unwrap();
             let up_there = truth.inverse().direction(DVec3::Z);
             let up_here = level.map_from_sensor.inverse().direction(DVec3::Z);
             let off_deg = math::acos(up_there.dot(up_here).min(1.0)).to_degrees();
@@ -215,7 +214,7 @@ mod tests {
         let grid = (0..60)
             .flat_map(|i| (0..60).map(move |j| DVec3::new(0.1 * f64::from(i) + 0.3, 0.1 * f64::from(j) - 3.0, 0.0)));
         let points: Vec<DVec3> = grid.map(|p| back.point(p)).collect();
-        let level = level("scan.ply", &points, 0.6).unwrap();
+        let level = level(&points, 0.6).unwrap();
         assert!((level.height_m - 0.6).abs() < 1e-9 && level.rms_m < 1e-9 && level.near_share == 1.0);
         for p in points {
             assert!(level.map_from_sensor.point(p).z.abs() < 1e-9);
@@ -229,11 +228,11 @@ mod tests {
         let line: Vec<DVec3> = (0..2000).map(|i| DVec3::new(0.01 * f64::from(i), 0.0, -0.5)).collect();
         let lone = vec![DVec3::new(1.0, 1.0, -0.5); 5000];
         for points in [&wall, &line, &lone, &vec![]] {
-            let error = level("scan.ply", points, 0.5).unwrap_err().to_string();
-            assert!(error.starts_with("scan.ply: no ground to level by: "), "{error}");
+            let error = level(points, 0.5).unwrap_err().to_string();
+            assert!(error.starts_with("no ground to level by: "), "{error}");
         }
         for height_m in [f64::NAN, 0.0, -1.0, 1e9] {
-            assert!(level("scan.ply", &wall, height_m).is_err());
+            assert!(level(&wall, height_m).is_err());
         }
     }
 }
