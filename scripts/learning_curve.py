@@ -1,12 +1,11 @@
-"""What more scenes teach, by how patient the training is: the unseen family's error against scenes, CPU seconds and the look interval.
+"""What more scenes teach: the error on each held-out family of configs/mixed.yaml against scenes and CPU seconds.
 
 Usage:  cargo build --release
         python scripts/learning_curve.py [--sizes 140,400,1200] [--seeds 1,2,3] [--quick]
 
-Cuts configs/mixed.yaml to each size and trains the default network on it with several values of `validate_every`: 20,000 rows (the
-default before), and a twentieth and a tenth (the default) of a pass; `patience` is 5 throughout. All networks are judged on one test
-corpus of another seed: its held-out family, and all families. Intervals are standard deviations over the seeds of the training; the
-corpora of all sizes begin with the same scenes, and the test scenes are the same for all.
+Cuts configs/mixed.yaml to each size and trains the default network on it with all defaults. All networks are judged on one test corpus
+of another seed, family by family. Intervals are standard deviations over the seeds of the training; the corpora of all sizes begin
+with the same scenes, and the test scenes are the same for all.
 
 Writes learning_curve.json and learning_curve.md into scripts/results.
 """
@@ -18,9 +17,7 @@ import resource
 import study
 
 CONFIG = study.ROOT / "configs" / "mixed.yaml"
-#: Rows between two looks, by share of a pass; None: 20,000 rows.
-SHARES = [None, 0.05, 0.1]
-UNSEEN = "unseen"
+FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_slope", "unseen_kinds", "unseen"]
 PER_SHARD = 10
 
 
@@ -39,43 +36,53 @@ def timed(folder, name, make):
     return made, float(kept.read_text())
 
 
-def group(report, wanted):
-    found = [g for g in report["groups"] if wanted in json.dumps(g["group"])]
+def rates(report, wanted):
+    """The rates by cells of one group of a report: of a family, or of all."""
+    found = [g for g in report["groups"] if f'"{wanted}"' in json.dumps(g["group"])]
     at = found[0]["network"]["at"][0]["cells"]
-    rates = {key: at[key] for key in ("balanced_accuracy", "missed_untraversable", "false_untraversable")}
-    return {**rates, "auc": found[0]["network"]["auc"], "cells": found[0]["cells"]}
+    kept = {key: at[key] for key in ("balanced_accuracy", "missed_untraversable", "false_untraversable")}
+    return {**kept, "auc": found[0]["network"]["auc"], "cells": found[0]["cells"]}
 
 
-def trained(marsyard, corpus, size, share, seed, test):
-    rows = json.loads((corpus / "manifest.json").read_text())["splits"]["train"]["rows"]["cells"]
-    every = 20_000 if share is None else max(1, int(rows * share))
-    name = f"{size}-{every}"
-    run, seconds = timed(marsyard.work, f"train-{name}-{seed}",
-                         lambda: marsyard.train(name, [corpus], seed, [f"validate_every={every}"]))
+def trained(marsyard, corpus, size, seed, test):
+    run, seconds = timed(marsyard.work, f"train-{size}-{seed}", lambda: marsyard.train(str(size), [corpus], seed))
     training = json.loads((run / "training.json").read_text())
     report = marsyard.evaluate(run, test, "test")
-    return {"size": size, "share": share, "seed": seed, "train_rows": rows, "train_cpu_s": seconds,
-            "rows_learnt": training["rows_learnt"], "best_rows": training["best"]["rows"],
-            "validation_error": training["best"]["validation_error"],
-            "unseen": group(report, UNSEEN), "all": group(report, "all")}
+    return {"size": size, "seed": seed, "train_cpu_s": seconds, "rows_learnt": training["rows_learnt"],
+            "best_rows": training["best"]["rows"], "validation_error": training["best"]["validation_error"],
+            "families": {family: rates(report, family) for family in FAMILIES}}
+
+
+def mean_of_families(run):
+    return sum(of["balanced_accuracy"] for of in run["families"].values()) / len(FAMILIES)
+
+
+def worst_family(run):
+    return min(of["balanced_accuracy"] for of in run["families"].values())
 
 
 def table(runs, sizes, generate_s):
-    head = ["scenes", "look every", "CPU s, generate", "CPU s, train", "rows learnt, thousands", "best at, thousands",
-            "unseen: balanced %", "unseen: AUC %", "unseen: missed %", "unseen: false %", "all: balanced %"]
+    head = ["scenes", "CPU s, generate", "CPU s, train", "rows learnt, thousands", "worst family", "mean of families", *FAMILIES]
     rows = []
     for size in sizes:
-        for share in SHARES:
-            of = [run for run in runs if (run["size"], run["share"]) == (size, share)]
-            mean = lambda value: study.mean_spread([value(run) for run in of])
-            plain = lambda value, scale=1.0: f"{mean(value)['mean'] * scale:.1f}"
-            spread = lambda where, what: study.percent_spread(mean(lambda run: run[where][what]))
-            rows.append([size, "20,000 rows" if share is None else f"{share:.2f} pass", f"{generate_s[size]:.0f}",
-                         plain(lambda run: run["train_cpu_s"]), plain(lambda run: run["rows_learnt"], 1e-3),
-                         plain(lambda run: run["best_rows"], 1e-3), spread("unseen", "balanced_accuracy"),
-                         spread("unseen", "auc"), spread("unseen", "missed_untraversable"),
-                         spread("unseen", "false_untraversable"), spread("all", "balanced_accuracy")])
+        of = [run for run in runs if run["size"] == size]
+        mean = lambda value: study.mean_spread([value(run) for run in of])
+        plain = lambda value, scale=1.0: f"{mean(value)['mean'] * scale:.1f}"
+        balanced = [study.percent_spread(mean(lambda run: run["families"][family]["balanced_accuracy"])) for family in FAMILIES]
+        rows.append([size, f"{generate_s[size]:.0f}", plain(lambda run: run["train_cpu_s"]),
+                     plain(lambda run: run["rows_learnt"], 1e-3), study.percent_spread(mean(worst_family)),
+                     study.percent_spread(mean(mean_of_families)), *balanced])
     return study.markdown(head, rows)
+
+
+def kinds_of_error(runs, size):
+    of = [run for run in runs if run["size"] == size]
+    rows = []
+    for family in FAMILIES:
+        mean = lambda key: study.percent_spread(study.mean_spread([run["families"][family][key] for run in of]))
+        rows.append([family, f"{of[0]['families'][family]['cells']:,}", mean("missed_untraversable"),
+                     mean("false_untraversable"), mean("auc")])
+    return study.markdown(["family", "cells", "missed %", "false %", "AUC %"], rows)
 
 
 def main():
@@ -95,15 +102,15 @@ def main():
     for size in sizes:
         corpora[size], generate_s[size] = timed(
             marsyard.work, f"generate-{size}", lambda: marsyard.corpus(f"mixed-{size}", CONFIG, [], size, PER_SHARD))
-    runs = [trained(marsyard, corpora[size], size, share, seed, test)
-            for seed in seeds for size in sizes for share in SHARES]
-    test_cells = runs[0]["unseen"]["cells"]
+    runs = [trained(marsyard, corpora[size], size, seed, test) for seed in seeds for size in sizes]
     text = "\n\n".join([
-        "# What more scenes teach, by the interval of looks",
+        "# What more scenes teach about yards of other families",
         f"`python scripts/learning_curve.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} seeds of the training, "
-        f"mean ± standard deviation over them. Test: {test_scenes} scenes of another seed, of them the test split; the unseen family "
-        f"has {test_cells:,} cells. CPU seconds of this machine, beside other work.",
-        table(runs, sizes, generate_s)]) + "\n"
+        f"mean ± standard deviation over them. Balanced accuracy by cells, percent. Test: {test_scenes} scenes of another seed, of them the "
+        "test split. CPU seconds of this machine, beside other work.",
+        table(runs, sizes, generate_s),
+        f"## Kinds of error, {sizes[-1]} scenes",
+        kinds_of_error(runs, sizes[-1])]) + "\n"
     results = {"versions": study.versions(marsyard), "generate_cpu_s": generate_s, "runs": runs}
     study.write_results(options.out, "learning_curve", results, text)
 

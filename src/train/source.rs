@@ -271,16 +271,17 @@ fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> 
         }
         return Ok(columns.clone());
     }
-    let names = source.features.iter().map(|feature| &feature.name);
-    Ok(names.filter(|name| holds(set, name)).cloned().collect())
+    let names = || source.features.iter().map(|feature| feature.name.as_str());
+    let plane = names().any(|name| name == PLANE_HEIGHT);
+    Ok(names().filter(|name| holds(set, plane, name)).map(String::from).collect())
 }
 
-/// Whether a column is one of a set's inputs.
-pub(crate) fn holds(set: &FeatureSet, name: &str) -> bool {
+/// Whether a column is one of a set's inputs; `plane`: the corpus has the columns of the plane around.
+pub(crate) fn holds(set: &FeatureSet, plane: bool, name: &str) -> bool {
     match set {
         FeatureSet::Listed => is_listed(name),
-        FeatureSet::Full => is_full(name),
-        FeatureSet::SeenUnseen => is_full(name) || is_gap(name),
+        FeatureSet::Full => is_full(plane, name),
+        FeatureSet::SeenUnseen => is_full(plane, name) || is_gap(name),
         FeatureSet::All => true,
         FeatureSet::Columns(columns) => columns.iter().any(|column| column == name),
     }
@@ -294,11 +295,11 @@ fn is_listed(name: &str) -> bool {
 /// What is told of a cell by the ground around it.
 const OF_THE_GROUND: [&str; 3] = [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE];
 
-/// With what else is worth having by any sensor.
-fn is_full(name: &str) -> bool {
-    is_listed(name)
-        || OF_THE_GROUND.contains(&name)
-        || ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"].contains(&name)
+/// With what else is worth having by any sensor. Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
+/// a network that takes it calls whole scans on slopes that its training never had untraversable.
+fn is_full(plane: bool, name: &str) -> bool {
+    let of_the_pose = ["pitch_rad", "roll_rad", "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
+    if of_the_pose.contains(&name) { !plane } else { is_listed(name) || OF_THE_GROUND.contains(&name) }
 }
 
 fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
@@ -318,27 +319,31 @@ mod tests {
     use crate::cells::{CellParams, feature_columns};
 
     #[test]
-    fn exact_listed_is_the_papers_list_and_full_takes_the_local_height_and_three_sigmas_where_they_are() {
-        let chosen = |local_height: Option<LocalHeightParams>, keep: fn(&str) -> bool| {
+    fn exact_listed_is_the_papers_list_and_full_takes_the_ground_around_and_three_sigmas_or_the_plane() {
+        let chosen = |local_height: Option<LocalHeightParams>, keep: &dyn Fn(&str) -> bool| {
             let params = CellParams { local_height, ..CellParams::default() };
             let names = feature_columns(&params, true).into_iter().map(|column| column.name);
             names.filter(|name| keep(name)).collect::<Vec<_>>()
         };
         let local = || Some(LocalHeightParams::default());
-        let listed = chosen(local(), is_listed);
-        assert_eq!((listed.len(), &listed), (14, &chosen(None, is_listed)));
+        let listed = chosen(local(), &is_listed);
+        assert_eq!((listed.len(), &listed), (14, &chosen(None, &is_listed)));
         assert_eq!(listed[13], "neighbour_ne_m");
         let sigmas = ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
-        assert_eq!(chosen(None, is_full)[14..], sigmas);
-        let full = chosen(local(), is_full);
+        assert_eq!(chosen(None, &|name| is_full(false, name))[14..], sigmas);
+        let full = chosen(local(), &|name| is_full(false, name));
         assert_eq!((full[..14] == listed, full[14].as_str()), (true, "local_height_m"));
         assert_eq!(full[15..], sigmas);
-        let with_plane = chosen(Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() }), is_full);
-        assert_eq!(with_plane[14..17], ["local_height_m", "plane_height_m", "plane_slope"]);
+        let with_plane = chosen(Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() }), &|name| {
+            is_full(true, name)
+        });
+        assert_eq!(with_plane[..4], listed[..4], "pitch and roll are left out");
+        assert_eq!(with_plane[4..12], listed[6..]);
+        assert_eq!(with_plane[12..], ["local_height_m", "plane_height_m", "plane_slope"]);
         // Cells without points have columns of their own, which no other preset takes.
         let params = CellParams { unseen: Some(Default::default()), ..CellParams::default() };
         let of_unseen = feature_columns(&params, true).into_iter().map(|column| column.name);
-        let taken = |set: &FeatureSet| of_unseen.clone().filter(|name| holds(set, name)).count();
+        let taken = |set: &FeatureSet| of_unseen.clone().filter(|name| holds(set, false, name)).count();
         assert_eq!([FeatureSet::Full, FeatureSet::SeenUnseen, FeatureSet::All].map(|set| taken(&set)), [17, 33, 38]);
         assert_eq!(serde_json::to_string(&FeatureSet::SeenUnseen).unwrap(), "\"seen+unseen\"");
     }

@@ -136,7 +136,8 @@ pub(super) fn measure(
 fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
     let family = &prepared.plan.families[0];
     let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
-    let kept = columns.into_iter().enumerate().filter(|(_, column)| holds(&FeatureSet::Full, &column.name));
+    let plane = family.cells.local_height.as_ref().is_some_and(|local| local.plane);
+    let kept = columns.into_iter().enumerate().filter(|(_, column)| holds(&FeatureSet::Full, plane, &column.name));
     kept.map(|(k, column)| (column.name, k)).unzip()
 }
 
