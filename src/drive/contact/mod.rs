@@ -102,9 +102,13 @@ impl<'a> GroundContact<'a> {
         // A smooth ground without bodies is felt alike by both contacts: the plain one is exact, and quicker.
         let is_rolled =
             self.over_bodies && !(bodies.is_empty() && matches!(self.surface.ground(), Ground::Polynomial(_)));
-        let (sin, cos) = math::sin_cos(yaw_rad);
-        let rolling = Rolling { bodies, ahead: DVec2::new(cos, sin), radius_m: self.linkage.wheel_radius_m };
-        let surface = if is_rolled { self.surface.with(rolling) } else { self.surface };
+        let surface = if is_rolled {
+            let (sin, cos) = math::sin_cos(yaw_rad);
+            let ahead = DVec2::new(cos, sin);
+            self.surface.with(Rolling { bodies, ahead, radius_m: self.linkage.wheel_radius_m })
+        } else {
+            self.surface
+        };
         let problem = Problem::new(&self.linkage, &surface, x_m, y_m, yaw_rad);
         let plane = problem.plane().ok_or_else(|| no("a wheel is outside the yard"))?;
         // A guess from the step before may reach over the edge or lie worse than the plane does.
