@@ -10,6 +10,7 @@ use super::gaps::BeamColumns;
 use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
+use super::params::LocalHeightParams;
 use super::place::PlaceTruth;
 use super::plane::GroundPlanes;
 use super::points::{Points, Scan, UNKNOWN};
@@ -196,6 +197,7 @@ fn summarise(
     let offsets = neighbour_offsets(params.neighbours);
     // Those of gaps come later.
     let width = super::feature_columns(&CellParams { unseen: None, ..params.clone() }, intensity).len();
+    let local_columns = params.local_height.as_ref().map_or(0, LocalHeightParams::columns);
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
     let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, planes, .. } = scratch;
     cells.points_binned = points.cells.len() as u64;
@@ -220,7 +222,7 @@ fn summarise(
         features.extend(own.map(|f| f as f32));
         features.extend(std::iter::repeat_n(mean_m as f32, offsets.len()));
         // Written below, when all means are known.
-        features.extend(params.local_height.iter().flat_map(|local| std::iter::repeat_n(0.0, local.columns())));
+        features.resize(features.len() + local_columns, 0.0);
         features.extend([sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32));
         if intensity {
             let (mean, variance) = intensities[k];

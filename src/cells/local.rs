@@ -172,24 +172,13 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cells::CellTruth;
-    use crate::geometry::CellIndex;
+    use crate::cells::fixtures::{rows_and_heights, square};
 
     const METRE: LocalHeightParams = LocalHeightParams { radius_m: 1.0, percentile: 10.0, plane: false };
 
     /// Of cells (row, col, mean height), sorted by row and column.
     fn computed(params: &LocalHeightParams, size_m: f64, cells: &[(i32, i32, f64)], scratch: &mut Scratch) -> Vec<f64> {
-        let truth = CellTruth::default();
-        let row_of = |&(row, col, _): &(i32, i32, f64)| CellRow {
-            index: CellIndex { row, col },
-            label: None,
-            points: 1,
-            range_m: 0.0,
-            neighbour_mask: 0,
-            truth,
-        };
-        let rows: Vec<CellRow> = cells.iter().map(row_of).collect();
-        let means: Vec<f64> = cells.iter().map(|cell| cell.2).collect();
+        let (rows, means) = rows_and_heights(cells);
         let mut out = vec![f64::NAN; rows.len()];
         heights(params, size_m, &rows, &means, scratch, |cell, height_m| out[cell] = height_m);
         out
@@ -211,11 +200,6 @@ mod tests {
             mean - near[nth.expect("the cell itself is near") - 1]
         };
         cells.iter().map(above).collect()
-    }
-
-    /// A full square of cells around (0, 0) with heights by (row, col).
-    fn square(half: i32, height_m: impl Fn(i32, i32) -> f64) -> Vec<(i32, i32, f64)> {
-        (-half..=half).flat_map(|r| (-half..=half).map(move |c| (r, c))).map(|(r, c)| (r, c, height_m(r, c))).collect()
     }
 
     proptest! {

@@ -36,6 +36,8 @@ mod bin;
 mod columns;
 mod crossing;
 mod fall;
+#[cfg(test)]
+mod fixtures;
 pub(crate) mod frame;
 mod gaps;
 mod group;

@@ -64,20 +64,22 @@ impl GroundPlanes {
     pub(super) fn fit(&mut self, params: &LocalHeightParams, size_m: f64, rows: &[CellRow], mean_heights_m: &[f64]) {
         self.size_m = size_m;
         self.side = ((0.5 * params.radius_m / size_m).round() as i64).max(1);
-        self.samples.clear();
+        let mut samples = std::mem::take(&mut self.samples);
+        samples.clear();
         let sample =
             |(row, &height_m): (&CellRow, &f64)| Sample { block: self.block(row.index), index: row.index, height_m };
-        let samples: Vec<Sample> = rows.iter().zip(mean_heights_m).map(sample).collect();
-        self.samples.extend(samples);
+        samples.extend(rows.iter().zip(mean_heights_m).map(sample));
         // Of equal heights the first in the order of the cells.
         let order = |a: &Sample, b: &Sample| {
             a.block.cmp(&b.block).then(a.height_m.total_cmp(&b.height_m)).then(a.index.cmp(&b.index))
         };
-        self.samples.sort_unstable_by(order);
-        self.samples.dedup_by_key(|sample| sample.block);
-        let planes: Vec<Plane> = self.samples.iter().map(|sample| self.plane(sample.block)).collect();
-        self.planes.clear();
-        self.planes.extend(planes);
+        samples.sort_unstable_by(order);
+        samples.dedup_by_key(|sample| sample.block);
+        self.samples = samples;
+        let mut planes = std::mem::take(&mut self.planes);
+        planes.clear();
+        planes.extend(self.samples.iter().map(|sample| self.plane(sample.block)));
+        self.planes = planes;
     }
 
     /// Height above the plane at a cell's centre, metres, and the plane's slope; both 0 where no cell is near.
@@ -170,33 +172,16 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cells::CellTruth;
+    use crate::cells::fixtures::{rows_and_heights, square};
 
     const METRE: LocalHeightParams = LocalHeightParams { radius_m: 1.0, percentile: 10.0, plane: true };
 
-    fn rows_of(cells: &[(i32, i32, f64)]) -> Vec<CellRow> {
-        let row_of = |&(row, col, _): &(i32, i32, f64)| CellRow {
-            index: CellIndex { row, col },
-            label: None,
-            points: 1,
-            range_m: 0.0,
-            neighbour_mask: 0,
-            truth: CellTruth::default(),
-        };
-        cells.iter().map(row_of).collect()
-    }
-
     /// Of cells (row, col, mean height), sorted by row and column.
     fn computed(params: &LocalHeightParams, size_m: f64, cells: &[(i32, i32, f64)]) -> Vec<[f64; 2]> {
-        let heights_m: Vec<f64> = cells.iter().map(|cell| cell.2).collect();
+        let (rows, heights_m) = rows_and_heights(cells);
         let mut planes = GroundPlanes::default();
-        planes.fit(params, size_m, &rows_of(cells), &heights_m);
+        planes.fit(params, size_m, &rows, &heights_m);
         cells.iter().map(|&(row, col, height_m)| planes.features(CellIndex { row, col }, height_m)).collect()
-    }
-
-    /// A full square of cells around (0, 0) with heights by (row, col).
-    fn square(half: i32, height_m: impl Fn(i32, i32) -> f64) -> Vec<(i32, i32, f64)> {
-        (-half..=half).flat_map(|r| (-half..=half).map(move |c| (r, c))).map(|(r, c)| (r, c, height_m(r, c))).collect()
     }
 
     /// The definition, cell by cell: three normal equations by elimination with pivots, about the grid's origin.
@@ -206,7 +191,8 @@ mod tests {
         for r in block_row - 2..=block_row + 2 {
             for c in block_col - 2..=block_col + 2 {
                 let inside = |cell: &&(i32, i32, f64)| (cell.0.div_euclid(side), cell.1.div_euclid(side)) == (r, c);
-                let lowest = cells.iter().filter(inside).min_by(|a, b| a.2.total_cmp(&b.2).then(a.cmp_place(b)));
+                let lowest =
+                    cells.iter().filter(inside).min_by(|a, b| a.2.total_cmp(&b.2).then((a.0, a.1).cmp(&(b.0, b.1))));
                 samples
                     .extend(lowest.map(|s| [1.0, f64::from(s.1 - col) * size_m, f64::from(s.0 - row) * size_m, s.2]));
             }
@@ -238,16 +224,6 @@ mod tests {
             plane = [0, 1, 2].map(|i| sums[i][3] / sums[i][i]);
         }
         [height_m - plane[0], (plane[1] * plane[1] + plane[2] * plane[2]).sqrt()]
-    }
-
-    trait Place {
-        fn cmp_place(&self, other: &Self) -> std::cmp::Ordering;
-    }
-
-    impl Place for (i32, i32, f64) {
-        fn cmp_place(&self, other: &Self) -> std::cmp::Ordering {
-            (self.0, self.1).cmp(&(other.0, other.1))
-        }
     }
 
     proptest! {

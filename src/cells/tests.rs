@@ -452,14 +452,7 @@ fn law_labels_of_a_yard_that_nothing_has_asked_of_are_those_of_one_that_was_cast
 
 #[test]
 fn exact_what_a_row_says_of_its_label_and_a_local_height_of_itself() {
-    let row = |label| CellRow {
-        index: crate::geometry::CellIndex { row: 0, col: 0 },
-        label,
-        points: 1,
-        range_m: 1.0,
-        neighbour_mask: 0,
-        truth: CellTruth::default(),
-    };
+    let row = |label| CellRow { label, ..fixtures::row_at(0, 0) };
     assert_eq!(
         [Some(Label::Untraversable), Some(Label::Traversable), None].map(|label| row(label).untraversable()),
         [true, false, false]

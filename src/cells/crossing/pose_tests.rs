@@ -2,7 +2,7 @@
 
 use super::tests::{draws, kapvik};
 use super::*;
-use crate::cells::{CellRow, CellTruth};
+use crate::cells::fixtures::row_at;
 use crate::geometry::DVec3;
 use crate::math;
 use crate::scene::{Class, Convex, Polynomial, Raster, Shape};
@@ -26,14 +26,7 @@ fn poses(
     cells: &[(i32, i32)],
     has_bounds: bool,
 ) -> Vec<(CellIndex, PoseTruth)> {
-    let rows = cells.iter().map(|&(row, col)| CellRow {
-        index: CellIndex { row, col },
-        label: None,
-        points: 1,
-        range_m: 0.0,
-        neighbour_mask: 0,
-        truth: CellTruth::default(),
-    });
+    let rows = cells.iter().map(|&(row, col)| row_at(row, col));
     let mut cells = Cells { rows: rows.collect(), ..Cells::default() };
     let placement = Placement::of(&Transform::IDENTITY, &Transform::IDENTITY);
     let mut poses = PoseAssessor::new(rover, limits, scene);

@@ -1,9 +1,8 @@
 //! Closed forms at the limits from both sides, and laws of turned yards.
 
 use super::*;
+use crate::cells::fixtures::row_at;
 use crate::cells::level::level;
-use crate::cells::{CellRow, CellTruth};
-
 use crate::geometry::{DVec3, Pose};
 use crate::math;
 use crate::random::{Purpose, Stage, Stream, Streams};
@@ -34,15 +33,7 @@ pub(super) fn kapvik() -> Limits {
 }
 
 fn cells_of(rows: std::ops::Range<i32>, cols: std::ops::Range<i32>) -> Cells {
-    let row_of = |row, col| CellRow {
-        index: CellIndex { row, col },
-        label: None,
-        points: 1,
-        range_m: 0.0,
-        neighbour_mask: 0,
-        truth: CellTruth::default(),
-    };
-    let rows = rows.flat_map(|row| cols.clone().map(move |col| row_of(row, col))).collect();
+    let rows = rows.flat_map(|row| cols.clone().map(move |col| row_at(row, col))).collect();
     Cells { rows, ..Cells::default() }
 }
 
