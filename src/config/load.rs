@@ -312,12 +312,14 @@ impl Loader {
     }
 }
 
-/// Writes the rover's limits out where labels read them, and nowhere else: plans that do not ask stay as they were.
+/// Writes the rover's limits out where labels read them, and leaves them where its drive does: plans that do not ask stay as they were.
 fn resolve_limits(family: &mut Family) {
     if let Some(rule) = &mut family.cells.labels.rover {
         *rule = rule.resolved(&family.drive.rover);
     }
-    if let Preset::Inline(rover) = &mut family.drive.rover {
+    if let Preset::Inline(rover) = &mut family.drive.rover
+        && !family.drive.over_bodies
+    {
         rover.limits = None;
     }
 }

@@ -524,6 +524,15 @@ impl Rules<'_, '_, '_> {
     }
 
     fn rover(&mut self) {
+        let drive = &self.family.drive;
+        if drive.over_bodies && drive.rover.limits.is_none() {
+            let rule = format!(
+                "the file of the rover '{}' has no section limits, which says what it drives over",
+                drive.rover.name
+            );
+            let cure = "write `limits:` into the rover's file, or take over_bodies out";
+            self.fault("drive.over_bodies", rule, cure, &[("drive.rover", "the rover")]);
+        }
         let Chassis::RockerBogie(p) = &self.family.drive.rover.chassis else { return };
         let bogie = p.bogie_rear_x_m..p.bogie_front_x_m;
         let key = "drive.rover.chassis.rocker_bogie.bogie_pivot_x_m";

@@ -4,7 +4,8 @@
 //! The drive ends at the path's end, or before the step that would bring the body onto an obstacle or over the yard's edge,
 //! or onto ground that the rover cannot stand on. A random walk keeps room to turn in place, so that it can go on elsewhere.
 
-use super::contact::{ContactPose, GroundContact};
+use super::contact::ContactPose;
+use super::footing::Footing;
 use super::guide::PathFollower;
 use super::motion::{MotionNoise, advance};
 use super::yard::{Yard, body};
@@ -24,7 +25,7 @@ pub(super) struct DrivenPath {
 pub(super) fn follow(
     rover: &Rover,
     yard: &Yard,
-    contact: &GroundContact,
+    footing: &Footing,
     start: ContactPose,
     mut guide: PathFollower,
     bumps: &MotionNoise,
@@ -39,7 +40,7 @@ pub(super) fn follow(
         let place = advance(&now.pose, &bumps.disturb(command, travel.stances.len() as u64));
         let clear = yard.clear(&body(rover, place.at_m, place.yaw_rad), 0.0)
             && (!guide.needs_turning_room() || yard.clear_circle(place.at_m, rover.turning_radius_m()));
-        let next = clear.then(|| contact.stand(place.at_m.x, place.at_m.y, place.yaw_rad, Some(&now)));
+        let next = clear.then(|| footing.stand(place.at_m.x, place.at_m.y, place.yaw_rad, Some(&now)));
         if let Some(Ok(stance)) = next {
             guide.done(&command);
             travel.stances.push(stance);

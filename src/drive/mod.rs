@@ -3,8 +3,8 @@
 //! In: [`DriveParams`], a [`Scene`], drawn values, streams. Out: a [`DriveLog`]; truth and readings stand apart, since slam
 //! sees readings only. Source: Hewitt et al. 2017, "Rover model"; Thrun et al. 2005 (velocity motion); Tarokh & McDermott
 //! 2005 (contact). Frames: `rover` has its origin at the chassis centre projected onto the wheel-contact plane, so that
-//! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise, and
-//! obstacles no taller than a wheel, which the rover drives over as if they were not there.
+//! `z_r` of eq. 3 is the pose's z. Not modelled: dynamics, sinkage, wheel slip in the true path other than its noise, and, unless
+//! the drive is over bodies, obstacles no taller than a wheel, which the rover drives over as if they were not there.
 //!
 //! ```
 //! use marsyard::drive::rover::{Chassis, Mount, RigidChassis};
@@ -51,17 +51,21 @@
 //! # Ok::<(), marsyard::drive::DriveError>(())
 //! ```
 
+mod barriers;
 mod belly;
 mod contact;
 #[cfg(test)]
 mod fixtures;
 mod follow;
+mod footing;
 mod guide;
 mod instruments;
 pub mod limits;
 mod linkage;
 mod motion;
 mod outline;
+#[cfg(test)]
+mod over_bodies_tests;
 pub mod params;
 mod path;
 mod rolled;
@@ -82,6 +86,7 @@ pub use rover::Rover;
 use crate::geometry::Pose;
 use crate::random::{Drawn, Streams};
 use crate::scene::Scene;
+use footing::Footing;
 use yard::Yard;
 
 /// Drives the rover through a scene.
@@ -89,11 +94,12 @@ use yard::Yard;
 /// Fails where there is no place to start or no way to the goal; a path that meets an obstacle, the yard's edge or ground
 /// the rover cannot stand on just ends there.
 pub fn drive(params: &DriveParams, scene: &Scene, drawn: &Drawn, streams: &Streams) -> Result<DriveLog, DriveError> {
-    let yard = Yard::new(scene, &params.rover);
-    let contact = GroundContact::new(&params.rover, scene, params.contact).within(params.contact_tolerance_m);
-    let (start, guide) = path::begin(params, &yard, &contact, drawn, streams)?;
+    let limits = params.limits()?;
+    let yard = Yard::new(scene, &params.rover, limits);
+    let footing = Footing::new(params, scene, limits);
+    let (start, guide) = path::begin(params, &yard, &footing, drawn, streams)?;
     let bumps = motion::MotionNoise::new(params, drawn, streams);
-    let travel = follow::follow(&params.rover, &yard, &contact, start, guide, &bumps)?;
+    let travel = follow::follow(&params.rover, &yard, &footing, start, guide, &bumps)?;
     let stops = travel.stops(params.stops);
     let readings = instruments::Instruments::new(params, drawn, streams).read(&travel, &stops);
     Ok(DriveLog {

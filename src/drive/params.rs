@@ -4,7 +4,8 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Rover;
+use super::limits::RoverLimits;
+use super::{DriveError, Rover};
 use crate::preset::Preset;
 use crate::random::{Dist, Law, Purpose, within};
 
@@ -43,6 +44,12 @@ pub struct DriveParams {
     #[garde(custom(within(1e-12, 1e-2)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contact_tolerance_m: Option<f64>,
+    /// The wheels roll over solid bodies as over the ground, so that the pose feels the stones it drives over, and the limits of the rover's
+    /// file say what bars the way: bodies taller than its wheels climb or its belly clears, steps, gaps and slopes of the ground. Absent =
+    /// bodies taller than a wheel bar it, and lower ones are as if they were not there.
+    #[garde(skip)]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub over_bodies: bool,
     /// Noise of the true motion (the paper's bumpy ground); absent = the rover does as it is told.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -64,6 +71,7 @@ impl Default for DriveParams {
             step_m: 0.05,
             contact: ContactSolver::GaussNewton,
             contact_tolerance_m: None,
+            over_bodies: false,
             control_noise: None,
             instruments: InstrumentsParams::default(),
         }
@@ -71,6 +79,18 @@ impl Default for DriveParams {
 }
 
 impl DriveParams {
+    /// What bars the way of a rover that drives over bodies; `None` of one that does not.
+    ///
+    /// Fails where the rover's file has no limits: `config` refuses that earlier.
+    pub(super) fn limits(&self) -> Result<Option<&RoverLimits>, DriveError> {
+        if !self.over_bodies {
+            return Ok(None);
+        }
+        let reason =
+            || format!("drive.over_bodies asks for the limits of the rover '{}', which has none", self.rover.name);
+        self.rover.limits.as_ref().map(Some).ok_or_else(|| DriveError::NoWay { reason: reason() })
+    }
+
     /// The values drawn once per scene, of those that the config names.
     pub fn dists(&self) -> Vec<(Purpose, &Dist)> {
         let instruments = &self.instruments;

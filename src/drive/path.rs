@@ -5,7 +5,8 @@
 
 use std::collections::VecDeque;
 
-use super::contact::{ContactPose, GroundContact};
+use super::contact::ContactPose;
+use super::footing::Footing;
 use super::guide::{DrawnPath, PathFollower, PathPieces, Piece, Points, StepLimits};
 use super::outline::unit;
 use super::params::{DriveParams, PathParams};
@@ -25,18 +26,18 @@ const MAX_GOALS: u64 = 64;
 pub(super) fn begin(
     params: &DriveParams,
     yard: &Yard,
-    contact: &GroundContact,
+    footing: &Footing,
     drawn: &Drawn,
     streams: &Streams,
 ) -> Result<(ContactPose, PathFollower), DriveError> {
     let mut tries = 0;
     for _ in 1..MAX_STARTS {
-        let start = start::choose(params, yard, contact, drawn, streams, &mut tries)?;
+        let start = start::choose(params, yard, footing, drawn, streams, &mut tries)?;
         if let Ok(guide) = guide(params, yard, &start.pose, drawn, streams) {
             return Ok((start, guide));
         }
     }
-    let start = start::choose(params, yard, contact, drawn, streams, &mut tries)?;
+    let start = start::choose(params, yard, footing, drawn, streams, &mut tries)?;
     Ok((start, guide(params, yard, &start.pose, drawn, streams)?))
 }
 

@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn exact_nothing_in_the_way_is_a_straight_line() {
         let scene = plane(10.0, 0.0, DVec2::ZERO);
-        let yard = Yard::new(&scene, &kapvik());
+        let yard = Yard::new(&scene, &kapvik(), None);
         let (start, goal) = (DVec2::new(1.0, 1.0), DVec2::new(8.0, 6.0));
         assert_eq!(around(&yard, start, goal, 0.5), Some(vec![start, goal]));
     }
@@ -98,7 +98,7 @@ mod tests {
     fn order_the_way_around_a_post_is_close_to_the_shortest() {
         // Shortest: two tangents and an arc around the grown disc.
         let scene = posts(plane(10.0, 0.0, DVec2::ZERO), &[(5.0, 5.0, 0.5)]);
-        let yard = Yard::new(&scene, &kapvik());
+        let yard = Yard::new(&scene, &kapvik(), None);
         let points = around(&yard, DVec2::new(2.0, 5.0), DVec2::new(8.0, 5.0), 0.5).unwrap();
         let (half, radius) = (3.0_f64, 1.0_f64);
         let shortest = 2.0 * (half * half - radius * radius).sqrt() + radius * 2.0 * math::asin(radius / half);
@@ -110,7 +110,7 @@ mod tests {
     fn law_a_way_goes_through_a_gap_that_is_wide_enough_and_else_around() {
         let walls = [(5.0, 2.0, 0.1, 2.0), (5.0, 7.0, 0.1, 1.7)];
         let scene = walled(plane(10.0, 0.0, DVec2::ZERO), &walls);
-        let yard = Yard::new(&scene, &kapvik());
+        let yard = Yard::new(&scene, &kapvik(), None);
         let (start, goal) = (DVec2::new(3.0, 4.0), DVec2::new(7.0, 4.0));
         let narrow = around(&yard, start, goal, 0.6).unwrap();
         assert!(narrow.iter().any(|p| p.y > 8.7), "the gap of 1.3 m is between 4 and 5.3 m: {narrow:?}");
@@ -125,7 +125,7 @@ mod tests {
     fn extreme_a_goal_walled_in_has_no_way() {
         let walls = [(5.0, 4.0, 1.2, 0.1), (5.0, 6.0, 1.2, 0.1), (4.0, 5.0, 0.1, 1.2), (6.0, 5.0, 0.1, 1.2)];
         let scene = walled(plane(10.0, 0.0, DVec2::ZERO), &walls);
-        let yard = Yard::new(&scene, &kapvik());
+        let yard = Yard::new(&scene, &kapvik(), None);
         assert_eq!(around(&yard, DVec2::new(1.0, 1.0), DVec2::new(5.0, 5.0), 0.3), None);
     }
 }

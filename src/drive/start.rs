@@ -5,7 +5,8 @@
 //! point on the curve around it at the wanted distance; it is taken where no other obstacle is nearer.
 
 use super::DriveError;
-use super::contact::{ContactPose, GroundContact};
+use super::contact::ContactPose;
+use super::footing::Footing;
 use super::guide::heading;
 use super::outline::Outline;
 use super::params::{DriveParams, PathParams};
@@ -23,13 +24,13 @@ const MET_M: f64 = 1e-6;
 pub(super) fn choose(
     params: &DriveParams,
     yard: &Yard,
-    contact: &GroundContact,
+    footing: &Footing,
     drawn: &Drawn,
     streams: &Streams,
     tries: &mut u32,
 ) -> Result<ContactPose, DriveError> {
     if let PathParams::Waypoints(path) = &params.path {
-        return at_first_point(params, yard, contact, &path.points_m);
+        return at_first_point(params, yard, footing, &path.points_m);
     }
     let (places, headings) = (streams.open(Purpose::StartPlace), streams.open(Purpose::StartHeading));
     let near_m = params.start.near_obstacle_m.is_some().then(|| drawn[Purpose::StartNearObstacle]);
@@ -71,7 +72,7 @@ pub(super) fn choose(
         if !room || !yard.clear(&body(&params.rover, at, yaw_rad), 0.0) {
             continue;
         }
-        let Ok(stance) = contact.stand(at.x, at.y, yaw_rad, None) else { continue };
+        let Ok(stance) = footing.stand(at.x, at.y, yaw_rad, None) else { continue };
         if off_m <= MET_M {
             return Ok(stance);
         }
@@ -84,7 +85,7 @@ pub(super) fn choose(
 fn at_first_point(
     params: &DriveParams,
     yard: &Yard,
-    contact: &GroundContact,
+    footing: &Footing,
     points_m: &[[f64; 2]],
 ) -> Result<ContactPose, DriveError> {
     let at = DVec2::from(points_m[0]);
@@ -94,5 +95,5 @@ fn at_first_point(
         let reason = format!("the first waypoint ({}, {}) is on an obstacle or outside the yard", at.x, at.y);
         return Err(DriveError::NoWay { reason });
     }
-    contact.stand(at.x, at.y, yaw_rad, None)
+    footing.stand(at.x, at.y, yaw_rad, None)
 }

@@ -102,7 +102,7 @@ fn law_shipped_rovers_obey_the_rules() {
 fn law_the_body_never_touches_an_obstacle_or_leaves_the_yard() {
     let scene = park();
     for rover in [kapvik(), pioneer()] {
-        let yard = Yard::new(&scene, &rover);
+        let yard = Yard::new(&scene, &rover, None);
         for path in paths() {
             let mut params = params(rover.clone(), path);
             params.control_noise = bumps(0.1, 0.1, 5.0);
@@ -125,7 +125,7 @@ fn law_the_body_never_touches_an_obstacle_or_leaves_the_yard() {
 #[test]
 fn exact_the_start_is_as_near_the_nearest_obstacle_as_wanted_and_looks_at_it() {
     let scene = posts(plane(20.0, 0.0, DVec2::new(0.05, 0.0)), &[(6.0, 6.0, 0.3), (14.0, 7.0, 0.2), (9.0, 15.0, 0.5)]);
-    let yard = Yard::new(&scene, &kapvik());
+    let yard = Yard::new(&scene, &kapvik(), None);
     let mut params = params(kapvik(), PathParams::TowardObstacle(LengthParams { length_m: 10.0.into() }));
     params.start.near_obstacle_m = Some(Dist::Law(Law::Uniform([1.0, 4.0])));
     for seed in 0..100 {
@@ -156,7 +156,7 @@ fn law_in_a_crowd_the_start_is_the_place_that_comes_nearest_to_the_wish() {
     params.start.near_obstacle_m = Some(3.9.into());
     let log = driven(&params, &scene, 3);
     let at = DVec2::new(log.truth[0].position_m.x, log.truth[0].position_m.y);
-    let (distance_m, _) = Yard::new(&scene, &kapvik()).nearest(at).unwrap();
+    let (distance_m, _) = Yard::new(&scene, &kapvik(), None).nearest(at).unwrap();
     // Mid between four posts 1.6 m, outside the crowd up to 1.5 m: no more than that is to be had.
     assert!(distance_m > 1.2, "{distance_m}");
 }

@@ -2,13 +2,15 @@
 //!
 //! In: obstacles taller than a wheel, and bushes and patches that are untraversable. Out: convex outlines in the plane with
 //! exact distances between them. A rover drives over lower obstacles as if they were not there, and under crowns that hang
-//! above its mast. Frame: world, metres. Deviation: an outline is the whole body's, its buried part included. The outline of
+//! above its mast. By the limits of the rover's file (`drive.over_bodies`) it is obstacles taller than its wheels climb or its belly clears that
+//! bar the way, and the ground that it cannot cross (`barriers`). Frame: world, metres. Deviation: an outline is the whole body's, its buried part included. The outline of
 //! an obstacle is made when something comes near it; all are, where a start or a path asks for the nearest.
 
 use std::cell::OnceCell;
 
-use super::Rover;
+use super::limits::RoverLimits;
 use super::outline::{Outline, bounds, disc, distance, ellipse, hull, nearest_point, unit};
+use super::{Rover, barriers};
 use crate::geometry::DVec2;
 use crate::scene::{Obstacle, Scene, Shape};
 
@@ -19,7 +21,8 @@ const HEADROOM_M: f64 = 0.2;
 pub(super) struct Yard<'a> {
     pub extent_m: f64,
     obstacles: Vec<ObstacleBound<'a>>,
-    wheel_diameter_m: f64,
+    /// Obstacles no taller than this bar no way.
+    passable_m: f64,
     /// Square buckets, row by row: where the obstacles whose middle lies in each begin in `listed`; and one entry at the end.
     starts: Vec<u32>,
     listed: Vec<u32>,
@@ -54,7 +57,8 @@ impl<'a> ObstacleBound<'a> {
 }
 
 impl<'a> Yard<'a> {
-    pub(super) fn new(scene: &'a Scene, rover: &Rover) -> Yard<'a> {
+    /// By the rover's wheels, or by these limits.
+    pub(super) fn new(scene: &'a Scene, rover: &Rover, limits: Option<&RoverLimits>) -> Yard<'a> {
         let mast_m = rover.mount.z_m + HEADROOM_M;
         let porous = scene.volumes.iter().filter(|v| v.untraversable).filter(|v| {
             let below_m = scene.ground_below_m(v.centre_m.x, v.centre_m.y);
@@ -62,20 +66,19 @@ impl<'a> Yard<'a> {
         });
         let porous = porous.map(|v| ellipse(v.centre_m, v.semi_axes_m));
         let patches = scene.patches.iter().filter(|p| p.untraversable).map(|p| disc(p.centre_m, p.radius_m));
-        let soft = porous.chain(patches).map(ObstacleBound::of);
-        Yard::of(
-            scene.extent_m,
-            rover.wheel_diameter_m,
-            scene.obstacles.iter().map(ObstacleBound::unmade).chain(soft).collect(),
-        )
+        let barriers = limits.map(|limits| barriers::of_ground(scene, rover, limits)).into_iter().flatten();
+        let soft = porous.chain(patches).chain(barriers).map(ObstacleBound::of);
+        let passable_m =
+            limits.map_or(rover.wheel_diameter_m, |limits| limits.max_step_m.min(rover.belly_clearance_m()));
+        Yard::of(scene.extent_m, passable_m, scene.obstacles.iter().map(ObstacleBound::unmade).chain(soft).collect())
     }
 
-    fn of(extent_m: f64, wheel_diameter_m: f64, obstacles: Vec<ObstacleBound<'a>>) -> Yard<'a> {
+    fn of(extent_m: f64, passable_m: f64, obstacles: Vec<ObstacleBound<'a>>) -> Yard<'a> {
         let bucket_m = (extent_m / 64.0).max(1.0);
         let side = (extent_m / bucket_m).ceil() as usize;
         let within_m = obstacles.iter().fold(0.0_f64, |most, obstacle| most.max(obstacle.within_m));
         let (starts, listed) = (vec![0; side * side + 1], vec![0; obstacles.len()]);
-        let mut yard = Yard { extent_m, obstacles, wheel_diameter_m, starts, listed, bucket_m, side, within_m };
+        let mut yard = Yard { extent_m, obstacles, passable_m, starts, listed, bucket_m, side, within_m };
         yard.sort_into_buckets();
         yard
     }
@@ -105,7 +108,7 @@ impl<'a> Yard<'a> {
     fn outline(&self, k: usize) -> Option<&Outline> {
         let obstacle = &self.obstacles[k];
         let made = || {
-            let taller = obstacle.obstacle.filter(|o| o.body().protrusion_m > self.wheel_diameter_m)?;
+            let taller = obstacle.obstacle.filter(|o| o.body().protrusion_m > self.passable_m)?;
             let outline = match &taller.body().shape {
                 Shape::Convex(body) => Outline { corners_m: hull(&body.vertices_m), radius_m: 0.0 },
                 Shape::Cylinder(body) => disc(DVec2::new(body.base_m.x, body.base_m.y), body.radius_m),
@@ -247,7 +250,7 @@ mod tests {
             untraversable: class == Class::Bush,
         };
         scene.patches = vec![patch(1.0, Class::Bush), patch(3.0, Class::Grass)];
-        let yard = Yard::new(&scene, &kapvik());
+        let yard = Yard::new(&scene, &kapvik(), None);
         // Post, crate, bush on the ground and brush; not the stone, the soft bush, the high crown and the grass.
         assert_eq!(yard.outlines().count(), 4);
         for (x, y, free) in [

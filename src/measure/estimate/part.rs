@@ -20,6 +20,7 @@ pub(crate) enum Part {
     Grass,
     Brush,
     Bushes,
+    OverBodies,
     ControlNoise,
     Attempts,
     RangeNoise,
@@ -43,7 +44,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 28] = [
+    pub(crate) const ALL: [Part; 29] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -52,6 +53,7 @@ impl Part {
         Part::Grass,
         Part::Brush,
         Part::Bushes,
+        Part::OverBodies,
         Part::ControlNoise,
         Part::Attempts,
         Part::RangeNoise,
@@ -85,6 +87,7 @@ impl Part {
             Part::Grass => "grass",
             Part::Brush => "brush",
             Part::Bushes => "bushes",
+            Part::OverBodies => "over_bodies",
             Part::ControlNoise => "control_noise",
             Part::Attempts => "attempts",
             Part::RangeNoise => "range_noise",
@@ -137,6 +140,7 @@ impl Part {
             Part::Grass => grows(|vegetation| vegetation.grass.is_some()),
             Part::Brush => grows(|vegetation| vegetation.brush.is_some()),
             Part::Bushes => grows(|vegetation| vegetation.bushes.is_some()),
+            Part::OverBodies => family.drive.over_bodies,
             Part::ControlNoise => family.drive.control_noise.is_some(),
             Part::Attempts => family.drive.attempts > 1,
             Part::RangeNoise => effects.range_noise.is_some(),
@@ -174,6 +178,7 @@ impl Part {
             Part::Grass => vegetation.into_iter().for_each(|vegetation| vegetation.grass = None),
             Part::Brush => vegetation.into_iter().for_each(|vegetation| vegetation.brush = None),
             Part::Bushes => vegetation.into_iter().for_each(|vegetation| vegetation.bushes = None),
+            Part::OverBodies => family.drive.over_bodies = false,
             Part::ControlNoise => family.drive.control_noise = None,
             Part::Attempts => family.drive.attempts = 1,
             Part::RangeNoise => effects.range_noise = None,
