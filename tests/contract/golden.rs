@@ -9,10 +9,11 @@ use std::path::Path;
 use crate::yard::Yard;
 
 /// Config, and what makes it small.
-const CORPORA: [(&str, &str, &[&str]); 4] = [
+const CORPORA: [(&str, &str, &[&str]); 5] = [
     ("everything", "tests/fixtures/everything.yaml", &[]),
     ("paper", "configs/paper.yaml", &["--set", "scenes=14", "--set", "scenes_per_shard=2"]),
     ("rover", "tests/fixtures/everything.yaml", &["--set", "cells.labels={rover: {pose: true}}"]),
+    ("drive", "tests/fixtures/everything.yaml", &["--set", "drive.over_bodies=true"]),
     ("mixed", "configs/mixed.yaml", &["--set", "scenes=21", "--set", "scenes_per_shard=3"]),
 ];
 

@@ -71,12 +71,14 @@ fn equal_bytes_of_polynomial_grounds_for_one_and_three_threads() {
     assert_equal(&yard, "1", "3");
 }
 
-/// What everything.yaml cannot name at once: labels by the rover stand in the place of labels by points, and frames fitted to a sweep in
-/// the place of a window of sweeps. All look at the ground around the points, and at cells that hold none.
-const LABELS_OF_PLACES: [(&str, &[&str]); 4] = [
+/// What everything.yaml cannot name at once: labels by the rover stand in the place of labels by points, frames fitted to a sweep in
+/// the place of a window of sweeps, and drives over bodies in the place of drives through them. All look at the ground around the
+/// points, and at cells that hold none.
+const LABELS_OF_PLACES: [(&str, &[&str]); 5] = [
     ("holes", &["--set", "cells.unseen={}", "--set", PLANE, "--set", "cells.labels.max_drop_m=0.1", "--set", HOLES]),
     ("rover", &["--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
     ("pose", &["--set", "cells.labels={rover: {pose: true}}", "--set", HOLES]),
+    ("drive", &["--set", "drive.over_bodies=true", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
     ("plane", &["--set", FRAME, "--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
 ];
 const PLANE: &str = "cells.local_height.plane=true";
