@@ -63,10 +63,11 @@ pub use columns::{
     PLANE_SLOPE, TruthColumn, feature_columns, is_gap, is_neighbour, neighbour_offsets, truth_columns,
 };
 pub use crossing::params::RoverRule;
-pub use crossing::{Crossing, Limit, PoseTruth, PoseWorst};
 pub(crate) use crossing::{
-    Scratch as CrossingScratch, judge as judge_crossing, judge_of_plane as judge_crossing_of_plane,
+    Asked as CrossingAsked, Scratch as CrossingScratch, judge as judge_crossing,
+    judge_of_plane as judge_crossing_of_plane,
 };
+pub use crossing::{Crossing, Limit, PoseTruth, PoseWorst};
 pub use frame::ScanPose;
 pub use label::Label;
 pub use labels::obstacles;

@@ -49,11 +49,11 @@ impl<'a> Footing<'a> {
         let stance = self.contact.stand_among(&bodies, [x_m, y_m, yaw_rad], near)?;
         let Kept { rover, limits, scene } = *kept;
         let no = |reason: String| Err(DriveError::NoContact { x_m, y_m, reason });
-        // Written so that NaN fails.
-        if !(upright(&stance.pose) >= math::cos(limits.max_tilt_deg.to_radians())) {
+        let is_upright = upright(&stance.pose) >= math::cos(limits.max_tilt_deg.to_radians());
+        if !is_upright {
             return no(format!("it would tilt by more than {} degrees", limits.max_tilt_deg));
         }
-        if clearance_m(rover, rover.belly_clearance_m(), scene, &bodies, &stance.pose) < 0.0 {
+        if clearance_m(rover, rover.belly_clearance_m(), scene, &bodies, &stance.pose).is_none() {
             return no("its belly would touch".to_string());
         }
         Ok(stance)

@@ -10,7 +10,6 @@
 
 use super::surface::{Surface, WheelContact};
 use crate::geometry::{DVec2, DVec3};
-use crate::math;
 use crate::scene::{Convex, Cylinder, Ground, Obstacle, Raster, Shape};
 
 /// The wheel ends this many radii from its centre.
@@ -21,8 +20,6 @@ const FLANK_COS: f64 = 0.258_819_045_102_520_74;
 const FLANK_TAN: f64 = 3.732_050_807_568_877;
 /// How much wider a wheel looks across its heading than it is: half as wide as a ball.
 const ACROSS: f64 = 2.0;
-/// Corners of a trunk's top.
-const RIM: u32 = 16;
 
 /// The wheels of one stand: what lies near, and which way they look.
 #[derive(Clone, Copy, Debug)]
@@ -45,41 +42,47 @@ struct Highest<'a> {
 impl Rolling<'_> {
     /// The ground and the bodies under a wheel, as a level contact as far below its centre as its radius; `None` without ground.
     pub(super) fn touch(&self, surface: &Surface, x_m: f64, y_m: f64) -> Option<WheelContact> {
-        let at_m = DVec2::new(x_m, y_m);
-        let mut highest = Highest { rolling: self, at_m, centre_m: f64::NEG_INFINITY, gradient: DVec2::ZERO };
-        let ground = match surface.ground() {
-            Ground::Polynomial(_) => Some(surface.touch_ground(x_m, y_m)?),
+        match surface.ground() {
+            Ground::Polynomial(_) => {
+                let ground = surface.touch_ground(x_m, y_m)?;
+                Some(self.held(DVec2::new(x_m, y_m), ground.height_m, ground.slope).unwrap_or(ground))
+            }
             Ground::Raster(raster) => {
                 surface.height_m(x_m, y_m)?;
+                let mut highest = Highest::over(self, DVec2::new(x_m, y_m), f64::NEG_INFINITY);
                 highest.roll_over_raster(raster);
-                None
-            }
-        };
-        let ground_m = ground.map_or(f64::NEG_INFINITY, |ground| {
-            ground.height_m + self.radius_m * (1.0 + ground.slope.length_squared()).sqrt()
-        });
-        for obstacle in self.bodies.iter().filter(|body| !body.is_beyond(at_m, REACH_RADII * self.radius_m)) {
-            match &obstacle.body().shape {
-                Shape::Convex(body) => highest.roll_over_convex(body),
-                Shape::Cylinder(body) => highest.roll_over_cylinder(body),
+                highest.roll_over_bodies();
+                Some(highest.contact()).filter(|held| held.height_m.is_finite() && held.gradient.is_finite())
             }
         }
-        if let Some(ground) = ground.filter(|_| highest.centre_m <= ground_m) {
-            return Some(ground);
-        }
-        let gradient = self.ahead.rotate(highest.gradient * DVec2::new(1.0, ACROSS));
-        let held = WheelContact {
-            height_m: highest.centre_m - self.radius_m,
-            gradient,
-            slope: DVec2::ZERO,
-            slope_by_x: DVec2::ZERO,
-            slope_by_y: DVec2::ZERO,
-        };
-        (held.height_m.is_finite() && gradient.is_finite()).then_some(held)
+    }
+
+    /// What bodies hold a wheel at over smooth ground of this height and slope; `None` where the ground holds it.
+    pub(super) fn held(&self, at_m: DVec2, ground_m: f64, slope: DVec2) -> Option<WheelContact> {
+        // What holds the wheel no higher than the ground does is never asked further.
+        let centre_m = ground_m + self.radius_m * (1.0 + slope.length_squared()).sqrt();
+        let mut highest = Highest::over(self, at_m, centre_m);
+        highest.roll_over_bodies();
+        (highest.centre_m > centre_m).then(|| highest.contact())
     }
 }
 
-impl Highest<'_> {
+impl<'a> Highest<'a> {
+    /// Held at this height by what needs no asking.
+    fn over(rolling: &'a Rolling, at_m: DVec2, centre_m: f64) -> Highest<'a> {
+        Highest { rolling, at_m, centre_m, gradient: DVec2::ZERO }
+    }
+
+    fn contact(&self) -> WheelContact {
+        WheelContact {
+            height_m: self.centre_m - self.rolling.radius_m,
+            gradient: self.rolling.ahead.rotate(self.gradient * DVec2::new(1.0, ACROSS)),
+            slope: DVec2::ZERO,
+            slope_by_x: DVec2::ZERO,
+            slope_by_y: DVec2::ZERO,
+        }
+    }
+
     /// A point of the world as the wheel sees it: ahead, widened to the left, and up.
     fn seen(&self, point_m: DVec3) -> DVec3 {
         let (away, ahead) = (point_m.truncate() - self.at_m, self.rolling.ahead);
@@ -132,37 +135,65 @@ impl Highest<'_> {
     }
 
     /// A face that looks up holds it, within its edges, and each of its edges and corners does.
-    fn take_face(&mut self, corners: impl ExactSizeIterator<Item = DVec3> + Clone) {
-        let count = corners.len();
-        let followed = corners.clone().zip(corners.clone().cycle().skip(1)).take(count);
-        for (corner, next) in followed.clone() {
+    fn take_face(&mut self, count: usize, corner_m: impl Fn(usize) -> DVec3) {
+        let radius_m = self.rolling.radius_m;
+        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = (0..count)
+            .map(|k| self.seen(corner_m(k)))
+            .fold(none, |(low, high), corner| (low.min(corner), high.max(corner)));
+        // No point of a face holds the wheel's centre higher than a radius above the highest corner (a hair more, for rounding), and none
+        // that lies beyond the flanks holds it at all.
+        let most_m = high.z + radius_m;
+        let reach_m = REACH_RADII * radius_m;
+        let is_away = low.x > reach_m || low.y > reach_m || high.x < -reach_m || high.y < -reach_m;
+        if count == 0 || is_away || most_m + 1e-9 * (radius_m + most_m.abs()) < self.centre_m {
+            return;
+        }
+        let first = self.seen(corner_m(0));
+        let mut normal = DVec3::ZERO;
+        let mut corner = first;
+        for k in 1..=count {
+            let next = if k < count { self.seen(corner_m(k)) } else { first };
             self.take_point(corner);
             self.take_edge(corner, next);
+            normal += (corner - first).cross(next - first);
+            corner = next;
         }
-        let Some(first) = corners.clone().next() else { return };
-        let normal = followed.clone().fold(DVec3::ZERO, |sum, (a, b)| sum + (a - first).cross(b - first));
         let slope = -normal.truncate() / normal.z;
         let slope_squared = slope.length_squared();
         if !(normal.z > 0.0 && slope_squared < FLANK_TAN * FLANK_TAN) {
             return;
         }
         let lean = (1.0 + slope_squared).sqrt();
-        let touched = slope * (self.rolling.radius_m / lean);
-        let is_within = |(a, b): (DVec3, DVec3)| (b - a).truncate().perp_dot(touched - a.truncate()) >= 0.0;
-        if followed.clone().all(is_within) {
-            self.take(first.z - slope.dot(first.truncate()) + self.rolling.radius_m * lean, slope);
+        let touched = slope * (radius_m / lean);
+        let is_within = (0..count).all(|k| {
+            let [a, b] = [k, (k + 1) % count].map(|k| self.seen(corner_m(k)).truncate());
+            (b - a).perp_dot(touched - a) >= 0.0
+        });
+        if is_within {
+            self.take(first.z - slope.dot(first.truncate()) + radius_m * lean, slope);
+        }
+    }
+
+    fn roll_over_bodies(&mut self) {
+        let (Rolling { bodies, radius_m, .. }, at_m) = (*self.rolling, self.at_m);
+        for obstacle in bodies.iter().filter(|body| !body.is_beyond(at_m, REACH_RADII * radius_m)) {
+            match &obstacle.body().shape {
+                Shape::Convex(body) => self.roll_over_convex(body),
+                Shape::Cylinder(body) => self.roll_over_cylinder(body),
+            }
         }
     }
 
     fn roll_over_convex(&mut self, body: &Convex) {
         for (face, _) in body.faces.iter().zip(&body.planes).filter(|(_, plane)| plane.faces_up()) {
-            let corners: Vec<DVec3> = face.iter().map(|&k| self.seen(body.vertices_m[k as usize])).collect();
-            self.take_face(corners.into_iter());
+            self.take_face(face.len(), |k| body.vertices_m[face[k] as usize]);
         }
     }
 
     fn roll_over_cylinder(&mut self, body: &Cylinder) {
-        self.take_face(rim_m(body).map(|corner| self.seen(corner)).collect::<Vec<_>>().into_iter());
+        let rim = body.rim_m();
+        self.take_face(rim.len(), |k| rim[k]);
     }
 
     fn roll_over_raster(&mut self, raster: &Raster) {
@@ -186,13 +217,4 @@ impl Highest<'_> {
         points.iter().for_each(|&point| self.take_point(point));
         points.windows(2).for_each(|pair| self.take_edge(pair[0], pair[1]));
     }
-}
-
-/// Corners of a cylinder's top, counter-clockwise.
-pub(super) fn rim_m(body: &Cylinder) -> impl Iterator<Item = DVec3> {
-    let Cylinder { base_m, radius_m, height_m } = *body;
-    (0..RIM).map(move |k| {
-        let (sin, cos) = math::sin_cos(std::f64::consts::TAU * f64::from(k) / f64::from(RIM));
-        base_m + DVec3::new(cos * radius_m, sin * radius_m, height_m)
-    })
 }

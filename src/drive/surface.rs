@@ -56,7 +56,16 @@ impl<'a> Surface<'a> {
     pub(super) fn felt_height_m(&self, x_m: f64, y_m: f64) -> Option<f64> {
         match &self.rolling {
             None => self.height_m(x_m, y_m),
-            Some(rolling) => rolling.touch(self, x_m, y_m).map(|touch| touch.height_m),
+            Some(rolling) => match &self.scene.ground {
+                Ground::Polynomial(polynomial) => {
+                    let (height_m, slope) = polynomial.height_and_gradient(x_m, y_m);
+                    let is_ground = self.scene.contains(x_m, y_m) && height_m.is_finite() && slope.is_finite();
+                    is_ground.then(|| {
+                        rolling.held(DVec2::new(x_m, y_m), height_m, slope).map_or(height_m, |held| held.height_m)
+                    })
+                }
+                Ground::Raster(_) => rolling.touch(self, x_m, y_m).map(|touch| touch.height_m),
+            },
         }
     }
 
@@ -72,7 +81,7 @@ impl<'a> Surface<'a> {
     #[inline(always)]
     pub(super) fn heights_and_slopes(&self, points: &[DVec2; LANES], count: usize) -> Option<[(f64, DVec2); LANES]> {
         let mut felt = [(0.0, DVec2::ZERO); LANES];
-        let (Ground::Polynomial(polynomial), None) = (&self.scene.ground, &self.rolling) else {
+        let Ground::Polynomial(polynomial) = &self.scene.ground else {
             for (felt, at) in felt.iter_mut().zip(points).take(count) {
                 let touch = self.touch(at.x, at.y)?;
                 *felt = (touch.height_m, touch.slope);
@@ -88,6 +97,11 @@ impl<'a> Surface<'a> {
             *felt = (height_m[l], DVec2::new(along_x[l], along_y[l]));
             if !(felt.0.is_finite() && felt.1.is_finite()) {
                 return None;
+            }
+            if let Some(rolling) = &self.rolling
+                && let Some(held) = rolling.held(points[l], felt.0, felt.1)
+            {
+                *felt = (held.height_m, held.slope);
             }
         }
         Some(felt)

@@ -6,7 +6,7 @@
 use super::localise::Localiser;
 use super::window::SweepWindow;
 use super::{PoseRow, Prepared, ScanOutput, ScanPoints, SceneFailure, Scratch, StageObserver};
-use crate::cells::{self, CellFrame, Cells, ScanPose, WindowScan};
+use crate::cells::{self, CellFrame, Cells, CrossingAsked, ScanPose, WindowScan};
 use crate::drive::params::Keep;
 use crate::drive::rover::Mount;
 use crate::drive::{self, DriveLog, InstrumentNoise};
@@ -144,16 +144,13 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
         let max_range_m = self.max_range_m();
         let mut cells = cells::bin(params, scans, rover.wheel_diameter_m, max_range_m, scene, &mut self.scratch.cells);
         if let (Some(rule), Some(newest)) = (&params.labels.rover, scans.last()) {
-            let (size_m, crossing) = (params.size_m, &mut self.scratch.crossing);
-            let places = [&newest.world_from_sensor, &pose.map_from_sensor];
-            match params.frame {
-                CellFrame::EstimatedPose => {
-                    cells::judge_crossing(rule, rover, size_m, scene, places, &mut cells, crossing);
-                }
-                CellFrame::FittedPlane => {
-                    cells::judge_crossing_of_plane(rule, rover, size_m, scene, places, &mut cells, crossing);
-                }
-            }
+            let (world_from_sensor, map_from_sensor) = (&newest.world_from_sensor, &pose.map_from_sensor);
+            let asked = CrossingAsked { rule, rover, size_m: params.size_m, scene, world_from_sensor, map_from_sensor };
+            let judge = match params.frame {
+                CellFrame::EstimatedPose => cells::judge_crossing,
+                CellFrame::FittedPlane => cells::judge_crossing_of_plane,
+            };
+            judge(&asked, &mut cells, &mut self.scratch.crossing);
         }
         cells
     }

@@ -9,6 +9,7 @@ use std::sync::{Arc, OnceLock};
 use super::rocks::LazyRocks;
 use super::{Convex, Scene};
 use crate::geometry::{DVec2, DVec3};
+use crate::math;
 
 /// What a thing is; its number is the `truth_class` of points and cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -140,6 +141,20 @@ pub enum Object<'a> {
     Obstacle(&'a Obstacle),
     Volume(&'a Volume),
     Patch(&'a Patch),
+}
+
+/// Corners of the polygon that stands for a cylinder's rim.
+const RIM: usize = 16;
+
+impl Cylinder {
+    /// Corners of its top, counter-clockwise.
+    pub(crate) fn rim_m(&self) -> [DVec3; RIM] {
+        let Cylinder { base_m, radius_m, height_m } = *self;
+        std::array::from_fn(|k| {
+            let (sin, cos) = math::sin_cos(std::f64::consts::TAU * k as f64 / RIM as f64);
+            base_m + DVec3::new(cos * radius_m, sin * radius_m, height_m)
+        })
+    }
 }
 
 impl Body {

@@ -10,9 +10,6 @@ use super::placement::Placement;
 use crate::geometry::{DVec2, DVec3};
 use crate::scene::{Convex, Cylinder, Scene, Shape};
 
-/// Points around the rim of a cylinder's top.
-const RIM: u32 = 16;
-
 /// Makes the lattice's tops: the ground, raised by the bodies within the map's square from `low_m` to `high_m`.
 pub(super) fn raise(scene: &Scene, placement: &Placement, low_m: DVec2, high_m: DVec2, lattice: &mut Lattice) {
     lattice.top_m.clone_from(&lattice.ground_m);
@@ -68,10 +65,7 @@ fn raise_cylinder(body: &Cylinder, placement: &Placement, lattice: &mut Lattice)
             lattice.top_m[at] = lattice.top_m[at].max(top_m);
         }
     });
-    for k in 0..RIM {
-        let (sin, cos) = crate::math::sin_cos(std::f64::consts::TAU * f64::from(k) / f64::from(RIM));
-        raise_point((middle + DVec2::new(cos, sin) * body.radius_m).extend(top_m), placement, lattice);
-    }
+    body.rim_m().into_iter().for_each(|corner| raise_point(corner, placement, lattice));
     raise_point(middle.extend(top_m), placement, lattice);
 }
 

@@ -7,6 +7,7 @@
 //! the wheel's own radius. Frames: map, metres. Not modelled here: what is open is the solver's.
 
 use super::params::Limits;
+use super::patch::{Patch, Under};
 use super::pose::{Demand, Square};
 use crate::drive::{Rover, WheelShare};
 use crate::geometry::{DVec2, DVec3};
@@ -16,6 +17,21 @@ use crate::math;
 const MOST_TURN_RAD: f64 = 0.3;
 /// Share of a wheel's radius by which the ground's own slope moves its centre.
 const RADIUS_SLACK: f64 = 0.08;
+
+/// Where the headings look.
+const LEVEL: [DVec2; 8] = {
+    const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
+    [
+        DVec2::X,
+        DVec2::new(HALF, HALF),
+        DVec2::Y,
+        DVec2::new(-HALF, HALF),
+        DVec2::NEG_X,
+        DVec2::new(-HALF, -HALF),
+        DVec2::NEG_Y,
+        DVec2::new(HALF, -HALF),
+    ]
+};
 
 /// What bounds say of a heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,8 +59,8 @@ pub(super) struct Bounds {
 /// The plane that heights are taken off.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plane {
-    height_m: f64,
-    slope: DVec2,
+    pub height_m: f64,
+    pub slope: DVec2,
 }
 
 /// A value and how far it may be off.
@@ -91,47 +107,42 @@ impl Bounds {
         Plane { height_m, slope }
     }
 
+    /// Nodes to each side of a cell that its headings read, and nodes along the boxes that wheels may touch in, at least.
+    pub(super) fn patch_nodes(&self, spacing_m: f64) -> [usize; 2] {
+        let wheel_m = |wheel: &WheelShare| wheel.place_m.length() + self.wander_m + spacing_m;
+        let reach_m = self.wheels.iter().map(wheel_m).fold((self.half_m + spacing_m).length(), f64::max);
+        [(reach_m / spacing_m) as usize + 2, (2.0 * (self.wander_m + spacing_m) / spacing_m) as usize]
+    }
+
     pub(super) fn verdict(
         &self,
         square: &Square,
+        patch: &Patch,
         plane: &Plane,
         middle_m: DVec2,
         heading: usize,
         limits: &Limits,
     ) -> Verdict {
-        let (sin, cos) = math::sin_cos(heading as f64 * std::f64::consts::FRAC_PI_4);
-        let level = DVec2::new(cos, sin);
+        let level = LEVEL[heading];
         let up = DVec3::new(-plane.slope.x, -plane.slope.y, 1.0).normalize();
         let ahead = level.extend(plane.slope.dot(level)).normalize();
         let left = up.cross(ahead);
         let lattice = square.lattice;
-        // The least and the most that ground and bodies stand off the plane within a box, along its normal.
-        let range = |middle: DVec2, half_m: f64| {
-            let [from, to] = [-half_m, half_m].map(|half_m| lattice.node_at(middle_m + middle + DVec2::splat(half_m)));
-            let (mut low_m, mut high_m) = (f64::INFINITY, f64::NEG_INFINITY);
-            for row in from[1]..=to[1] {
-                for col in from[0]..=to[0] {
-                    let off = lattice.node_m(row, col) - middle_m;
-                    let plane_m = plane.height_m + plane.slope.dot(off);
-                    let at = row * lattice.side + col;
-                    let (ground_m, top_m) = (lattice.ground_m[at] - plane_m, lattice.top_m[at] - plane_m);
-                    low_m = if ground_m < low_m { ground_m } else { low_m };
-                    high_m = if top_m > high_m { top_m } else { high_m };
-                    // Bounds hold on ground without gaps; a NaN leaves everything open.
-                    if !(top_m.is_finite() && square.gaps.width_m.get(at).is_none_or(|width_m| width_m.is_infinite())) {
-                        return None;
-                    }
-                }
-            }
-            Some([low_m * up.z, high_m * up.z])
-        };
         let [mut pitch, mut roll, mut rise] = [About::default(); 3];
         let (mut lowest_m, mut highest_m) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut ranges = [(About::default(), WheelShare::default()); 6];
+        let half_m = DVec2::splat(self.wander_m + lattice.spacing_m);
         for (range_of, wheel) in ranges.iter_mut().zip(&self.wheels) {
-            let place = (ahead * wheel.place_m.x + left * wheel.place_m.y).truncate();
-            let Some([low_m, high_m]) = range(place, self.wander_m + lattice.spacing_m) else { return Verdict::Open };
-            let Some([own_low_m, own_high_m]) = range(place, 1e-6 * lattice.spacing_m) else { return Verdict::Open };
+            let place = middle_m + (ahead * wheel.place_m.x + left * wheel.place_m.y).truncate();
+            // Along the plane's normal.
+            let [low_m, high_m] = patch
+                .range_m(lattice.node_at(place - half_m), lattice.node_at(place + half_m))
+                .map(|off_m| off_m * up.z);
+            // Bounds hold on ground without gaps.
+            if !(low_m.is_finite() && high_m.is_finite()) {
+                return Verdict::Open;
+            }
+            let [own_low_m, own_high_m] = patch.own_range_m(lattice.nodes_at(place)).map(|off_m| off_m * up.z);
             let own_m = 0.5 * (own_low_m + own_high_m);
             (lowest_m, highest_m) = (lowest_m.min(low_m), highest_m.max(high_m));
             *range_of = (About { middle: own_m, off: (high_m - own_m).max(own_m - low_m) }, *wheel);
@@ -156,11 +167,19 @@ impl Bounds {
         // Of the heading's own frame: how the normal leans to the side.
         let side_slope = (normal.dot(DVec3::new(-level.y, level.x, 0.0)) / normal.z).abs();
         let side_off = off * (1.0 + 2.0 * lean) * 1.2;
-        let Some((touch_m, farthest_m)) =
-            self.highest_under(square, plane, middle_m, [ahead, left, up], [pitch, roll, rise])
-        else {
+        let [ahead_m, left_m] = [ahead, left].map(|axis| axis.truncate() + axis.z * plane.slope);
+        let [touch_m, farthest_m] = patch.highest_under(&Under {
+            ahead: ahead_m,
+            left: left_m,
+            half_m: self.half_m + DVec2::splat(lattice.spacing_m),
+            up: up.z,
+            rise_m: rise.middle,
+            pitch: pitch.middle,
+            roll: roll.middle,
+        });
+        if !touch_m.is_finite() {
             return Verdict::Open;
-        };
+        }
         let belly_off_m = rise.off + pitch.off * self.half_m.x + roll.off * self.half_m.y;
         let clearance_m = limits.belly_m - touch_m;
         let demand = Demand { tilt_rad, side_slope, clearance_m };
@@ -173,45 +192,5 @@ impl Bounds {
         let least_rad = tilt_rad - off;
         let is_tipped = least_rad > 0.0 && math::tan(least_rad.min(1.5)) > limits.tilt;
         if is_tipped || side_slope - side_off > limits.side_slip { Verdict::Barred } else { Verdict::Open }
-    }
-
-    /// How far the highest of ground and bodies under the outline stands above the wheels' plane, by the middle of the bounds, and what
-    /// the ground between two nodes may add.
-    fn highest_under(
-        &self,
-        square: &Square,
-        plane: &Plane,
-        middle_m: DVec2,
-        [ahead, left, up]: [DVec3; 3],
-        [pitch, roll, rise]: [About; 3],
-    ) -> Option<(f64, f64)> {
-        let lattice = square.lattice;
-        let (mut highest_m, mut beside_m) = (f64::NEG_INFINITY, 0.0_f64);
-        let grown_m = self.half_m + DVec2::splat(lattice.spacing_m);
-        let reach_m = DVec2::splat(grown_m.length());
-        let [from, to] = [middle_m - reach_m, middle_m + reach_m].map(|corner| lattice.node_at(corner));
-        for row in from[1]..=to[1] {
-            let mut before_m = f64::NAN;
-            for col in from[0]..=to[0] {
-                let off = lattice.node_m(row, col) - middle_m;
-                let on_plane = off.extend(plane.slope.dot(off));
-                let (x_m, y_m) = (ahead.dot(on_plane), left.dot(on_plane));
-                if x_m.abs() > grown_m.x || y_m.abs() > grown_m.y {
-                    continue;
-                }
-                let at = row * lattice.side + col;
-                let off_m = (lattice.top_m[at] - plane.height_m - on_plane.z) * up.z;
-                if !off_m.is_finite() {
-                    return None;
-                }
-                let above_m = off_m - rise.middle - pitch.middle * x_m - roll.middle * y_m;
-                highest_m = if above_m > highest_m { above_m } else { highest_m };
-                let ground_m = lattice.ground_m[at] - plane.height_m - on_plane.z;
-                let step_m = (ground_m - before_m).abs();
-                beside_m = if step_m > beside_m { step_m } else { beside_m };
-                before_m = ground_m;
-            }
-        }
-        Some((highest_m, beside_m))
     }
 }

@@ -24,6 +24,7 @@ mod headings;
 mod kernel;
 mod lattice;
 pub(super) mod params;
+mod patch;
 mod placement;
 mod pose;
 #[cfg(test)]
@@ -41,6 +42,7 @@ use headings::{Axis, Stance, axes, halo, stances};
 use kernel::{Demands, Run};
 use lattice::Lattice;
 use params::{Limits, RoverRule};
+use patch::Patch;
 use placement::Placement;
 use pose::{PoseAssessor, Square};
 pub use pose::{PoseTruth, PoseWorst};
@@ -108,6 +110,7 @@ pub(crate) struct Scratch {
     lattice: Lattice,
     gaps: Gaps,
     demands: Demands,
+    patch: Patch,
     /// Square (row, column) of each cell, and its place among the rows.
     squares: Vec<([i32; 2], u32)>,
     worst: Vec<Worst>,
@@ -140,19 +143,24 @@ struct Assessor<'a> {
     poses: Option<PoseAssessor<'a>>,
 }
 
-/// Judges each cell by the rover, and labels it; `size_m` is a cell's side.
+/// A rover's rule, and the sweep whose cells it is asked about.
+#[derive(Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    pub rule: &'a RoverRule,
+    pub rover: &'a Rover,
+    /// A cell's side.
+    pub size_m: f64,
+    pub scene: &'a Scene,
+    pub world_from_sensor: &'a Transform,
+    pub map_from_sensor: &'a Transform,
+}
+
+/// Judges each cell by the rover, and labels it.
 ///
 /// # Panics
 /// Where a limit is neither in the rule nor in the rover's file: `config` refuses that.
-pub(crate) fn judge(
-    rule: &RoverRule,
-    rover: &Rover,
-    size_m: f64,
-    scene: &Scene,
-    [world_from_sensor, map_from_sensor]: [&Transform; 2],
-    cells: &mut Cells,
-    scratch: &mut Scratch,
-) {
+pub(crate) fn judge(asked: &Asked, cells: &mut Cells, scratch: &mut Scratch) {
+    let Asked { rule, rover, size_m, scene, world_from_sensor, map_from_sensor } = *asked;
     let limits = rule.limits(rover).expect("config refuses a rover's rule with a limit that nobody gives");
     let assessor = Assessor::new(limits, size_m, scene, Placement::of(world_from_sensor, map_from_sensor));
     let poses = rule.pose.then(|| PoseAssessor::new(rover, limits, scene));
@@ -161,15 +169,8 @@ pub(crate) fn judge(
 
 /// The same for cells of a map that a fitted plane levels (`cells.frame`), which is tilted by as much as the ground: each cell is judged
 /// where it truly lies, as the cell of the world's level grid around its centre at its mean height, at most half a cell away.
-pub(crate) fn judge_of_plane(
-    rule: &RoverRule,
-    rover: &Rover,
-    size_m: f64,
-    scene: &Scene,
-    [world_from_sensor, map_from_sensor]: [&Transform; 2],
-    cells: &mut Cells,
-    scratch: &mut Scratch,
-) {
+pub(crate) fn judge_of_plane(asked: &Asked, cells: &mut Cells, scratch: &mut Scratch) {
+    let Asked { size_m, world_from_sensor, map_from_sensor, .. } = *asked;
     let world_from_map = *world_from_sensor * map_from_sensor.inverse();
     let (grid, width) = (GridSpec { size_m }, cells.features.len().checked_div(cells.rows.len()).unwrap_or(0));
     let place = |(row, features): (&CellRow, &[f32])| {
@@ -186,7 +187,9 @@ pub(crate) fn judge_of_plane(
     let level =
         |index| CellRow { index, label: None, points: 0, range_m: 0.0, neighbour_mask: 0, truth: CellTruth::default() };
     let mut level = Cells { rows: indices.into_iter().map(level).collect(), ..Cells::default() };
-    judge(rule, rover, size_m, scene, [&Transform::IDENTITY; 2], &mut level, scratch);
+    let level_asked =
+        Asked { world_from_sensor: &Transform::IDENTITY, map_from_sensor: &Transform::IDENTITY, ..*asked };
+    judge(&level_asked, &mut level, scratch);
     for (row, place) in cells.rows.iter_mut().zip(places) {
         let at = place.and_then(|index| level.rows.binary_search_by_key(&index, |there| there.index).ok());
         row.truth.crossing = at.and_then(|at| level.rows[at].truth.crossing);
@@ -235,7 +238,7 @@ impl<'a> Assessor<'a> {
 
     /// Judges the cells of one square.
     fn assess_square(&self, square: &[([i32; 2], u32)], cells: &mut Cells, scratch: &mut Scratch) {
-        let Scratch { lattice, gaps, demands, worst, .. } = scratch;
+        let Scratch { lattice, gaps, demands, patch, worst, .. } = scratch;
         let [row, col] = square[0].0.map(|along| i64::from(along) * self.cells_a_square);
         let first = [col, row].map(|cell| cell * self.nodes_a_cell - self.halo);
         let side = (self.cells_a_square * self.nodes_a_cell + 2 * self.halo) as usize;
@@ -287,7 +290,7 @@ impl<'a> Assessor<'a> {
                 let Assessor { axes, placement, .. } = self;
                 let cells_m = self.nodes_a_cell as f64 * self.spacing_m;
                 let middle_m = (DVec2::new(f64::from(row.index.col), f64::from(row.index.row)) + 0.5) * cells_m;
-                poses.assess(&Square { lattice, gaps, axes, placement }, middle_m)
+                poses.assess(&Square { lattice, gaps, axes, placement }, middle_m, patch)
             });
             row.label = Some(Label::untraversable_if(row.truth.bars_rover()));
         }

@@ -15,6 +15,7 @@ use super::gaps::Gaps;
 use super::headings::Axis;
 use super::lattice::Lattice;
 use super::params::Limits;
+use super::patch::Patch;
 use super::placement::Placement;
 use crate::drive::params::ContactSolver;
 use crate::drive::{GroundContact, Rover, clearance_m};
@@ -72,10 +73,12 @@ pub(super) struct Square<'a> {
 }
 
 impl Demand {
-    fn of(pose: &Pose, clearance_m: f64) -> Demand {
+    /// Of a stand of which only the belly is not known: as far above all as it stands.
+    fn of(pose: &Pose, belly_m: f64) -> Demand {
         let (cos_pitch, cos_roll) = (math::cos(pose.pitch_rad), math::cos(pose.roll_rad));
         let side_slope = math::sin(pose.roll_rad).abs() / (cos_pitch * cos_roll);
-        Demand { tilt_rad: math::acos((cos_pitch * cos_roll).clamp(-1.0, 1.0)), side_slope, clearance_m }
+        let tilt_rad = math::acos((cos_pitch * cos_roll).clamp(-1.0, 1.0));
+        Demand { tilt_rad, side_slope, clearance_m: belly_m }
     }
 
     pub(super) fn is_within(&self, limits: &Limits) -> bool {
@@ -102,17 +105,22 @@ impl<'a> PoseAssessor<'a> {
     }
 
     /// The truth of the pose over a place of the map.
-    pub(super) fn assess(&self, square: &Square, middle_m: DVec2) -> PoseTruth {
+    pub(super) fn assess(&self, square: &Square, middle_m: DVec2, patch: &mut Patch) -> PoseTruth {
         let at = square.placement.world(middle_m);
         let ground = self.bounds.ground(square, middle_m);
+        if self.has_bounds {
+            let [reach, window] = self.bounds.patch_nodes(square.lattice.spacing_m);
+            patch.fill(square, &ground, middle_m, reach, window);
+        }
         let mut bodies: Option<Vec<&Obstacle>> = None;
         let mut truth = PoseTruth { headings: 0, cost: 0.0, worst: None };
         let mut cost = 0.0;
         let mut worst: Option<Demand> = None;
         for heading in 0..HEADINGS {
             let demand = self.step_share(square, middle_m, heading).filter(|&share| share <= 1.0).and_then(|share| {
-                let bound =
-                    self.has_bounds.then(|| self.bounds.verdict(square, &ground, middle_m, heading, &self.limits));
+                let bound = self
+                    .has_bounds
+                    .then(|| self.bounds.verdict(square, patch, &ground, middle_m, heading, &self.limits));
                 let demand = match bound {
                     Some(Verdict::Passable(demand)) if self.is_inside(at) => Some(demand),
                     Some(Verdict::Barred) => None,
@@ -150,10 +158,16 @@ impl<'a> PoseAssessor<'a> {
         math::wrap_angle(turn_rad + heading as f64 * std::f64::consts::FRAC_PI_4)
     }
 
-    /// What the solver says; `None` where the rover cannot stand.
-    pub(super) fn stand(&self, bodies: &[&Obstacle], at: DVec2, yaw_rad: f64) -> Option<Demand> {
-        let stance = self.contact.stand_among(bodies, [at.x, at.y, yaw_rad], None).ok()?;
-        Some(Demand::of(&stance.pose, clearance_m(self.rover, self.limits.belly_m, self.scene, bodies, &stance.pose)))
+    /// What the solver says; `None` where the rover cannot stand within its limits.
+    fn stand(&self, bodies: &[&Obstacle], at: DVec2, yaw_rad: f64) -> Option<Demand> {
+        let pose = self.contact.stand_among(bodies, [at.x, at.y, yaw_rad], None).ok()?.pose;
+        let belly_m = self.limits.belly_m;
+        // The belly is the dearest to ask about, and is asked last.
+        let upright = Demand::of(&pose, belly_m);
+        if !upright.is_within(&self.limits) {
+            return None;
+        }
+        clearance_m(self.rover, belly_m, self.scene, bodies, &pose).map(|clearance_m| Demand { clearance_m, ..upright })
     }
 
     /// The largest share of the step and gap limits that a wheel takes up along the heading; `None` where a node has no height.

@@ -318,8 +318,9 @@ fn exact_cells_of_a_fitted_plane_on_a_slope_are_judged_where_they_truly_lie() {
         max_gap_m: Some(0.1),
         ..RoverRule::default()
     };
-    let places = [&world_from_sensor, &found.map_from_sensor];
-    judge_of_plane(&rule, &rover, SIZE_M, &scene, places, &mut cells, &mut Scratch::default());
+    let (rule, rover, scene, map_from_sensor) = (&rule, &rover, &scene, &found.map_from_sensor);
+    let asked = Asked { rule, rover, size_m: SIZE_M, scene, world_from_sensor: &world_from_sensor, map_from_sensor };
+    judge_of_plane(&asked, &mut cells, &mut Scratch::default());
     let barred: Vec<CellIndex> = cells.rows.iter().filter(|row| row.untraversable()).map(|row| row.index).collect();
     assert!(barred.len() > 9 && barred.len() < cells.rows.len() / 2, "{}", barred.len());
     let mean = |of: fn(&CellIndex) -> i32| {
@@ -330,7 +331,7 @@ fn exact_cells_of_a_fitted_plane_on_a_slope_are_judged_where_they_truly_lie() {
     assert!((x_m - 6.0).abs() < 0.06 && y_m.abs() < 0.06, "{x_m} {y_m}");
     // Off the plane a cell's height moves it: 1 m above the plane is sin 20 degrees nearer the foot, seen from above.
     cells.features.fill(1.0);
-    judge_of_plane(&rule, &rover, SIZE_M, &scene, places, &mut cells, &mut Scratch::default());
+    judge_of_plane(&asked, &mut cells, &mut Scratch::default());
     let columns: Vec<i32> = cells.rows.iter().filter(|row| row.untraversable()).map(|row| row.index.col).collect();
     let x_m = SIZE_M * (0.5 + columns.iter().map(|&col| f64::from(col)).sum::<f64>() / columns.len() as f64);
     assert!((x_m - (6.0 + sin / cos)).abs() < 0.06, "{x_m}");
