@@ -194,3 +194,33 @@ impl Bounds {
         if is_tipped || side_slope - side_off > limits.side_slip { Verdict::Barred } else { Verdict::Open }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the slacks of a wheel's radius cover: ground this much steeper or flatter than the cell's plane, whichever way.
+    const GENTLER: f64 = 0.3;
+
+    #[test]
+    fn law_the_radius_slack_covers_what_the_grounds_own_slope_does_to_a_wheels_centre() {
+        // A wheel of radius 1 over ground of slope g has its centre sqrt(1 + g^2) above the ground below it, vertically, and the plane of the cell
+        // says sqrt(1 + p^2). The slack stands along the plane's normal, where a vertical difference is shorter.
+        for steepness in (0..=60).map(|k| 0.01 * f64::from(k)) {
+            let plane = DVec2::new(steepness, 0.0);
+            let lean = plane.length_squared();
+            let slack = RADIUS_SLACK + ((1.0 + lean).sqrt() - 1.0);
+            for turn in 0..64 {
+                let (sin, cos) = math::sin_cos(std::f64::consts::TAU * f64::from(turn) / 64.0);
+                for share in [0.25, 0.5, 1.0] {
+                    let ground = plane + GENTLER * share * DVec2::new(cos, sin);
+                    let moved = (1.0 + ground.length_squared()).sqrt() - 1.0;
+                    let normal = 1.0 / (1.0 + lean).sqrt();
+                    // The middle of the bounds counts the wheel's radius as one, along the normal.
+                    let off = ((1.0 + moved) * normal - 1.0).abs();
+                    assert!(off <= slack, "{plane} {ground}: {off} {slack}");
+                }
+            }
+        }
+    }
+}

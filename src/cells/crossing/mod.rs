@@ -18,6 +18,8 @@ mod bounds;
 #[cfg(test)]
 mod brute;
 #[cfg(test)]
+mod drive_tests;
+#[cfg(test)]
 mod figure;
 mod gaps;
 mod headings;
@@ -27,6 +29,8 @@ pub(super) mod params;
 mod patch;
 mod placement;
 mod pose;
+#[cfg(test)]
+mod pose_brute;
 #[cfg(test)]
 mod pose_tests;
 #[cfg(test)]

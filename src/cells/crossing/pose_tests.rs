@@ -9,7 +9,7 @@ use crate::scene::{Class, Convex, Polynomial, Raster, Shape};
 
 const SIZE_M: f64 = 0.1;
 
-fn rover(yaml: &str) -> Rover {
+pub(super) fn rover(yaml: &str) -> Rover {
     serde_saphyr::from_str(yaml).expect("a shipped rover")
 }
 
