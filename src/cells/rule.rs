@@ -176,6 +176,11 @@ pub enum Unanswerable {
         "min_obstacle_points above 1 goes with `obstacle: as_built` only: the corpus counts the points of its own obstacles alone"
     )]
     Points,
+    #[error(
+        "no rover labelled {place}: it has no column 'truth_margin_m', and keeps no heights of the true ground to ask one afterwards; build it \
+         again with `cells.labels: {{rover: {{}}}}`"
+    )]
+    NoMargin { place: String },
     #[error("min_margin_m is a whole rule, by what a rover said of the cell: take the other keys out, or take it out")]
     TwoRules,
 }

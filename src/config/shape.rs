@@ -29,6 +29,8 @@ pub(crate) struct Variant<'s> {
     pub name: &'s str,
     /// The schema of what the key holds; `None` for a bare word.
     pub content: Option<&'s Json>,
+    /// What it means, where the type says.
+    pub meaning: Option<&'s str>,
 }
 
 /// A schema with its definitions.
@@ -92,10 +94,11 @@ impl<'s> Schema<'s> {
         let mut variants = Vec::new();
         for option in one_of {
             let option = self.at(option).resolved();
+            let meaning = option["description"].as_str();
             let words = option["enum"].as_array().into_iter().flatten().chain(option.get("const"));
-            variants.extend(words.filter_map(Json::as_str).map(|name| Variant { name, content: None }));
+            variants.extend(words.filter_map(Json::as_str).map(|name| Variant { name, content: None, meaning }));
             let keyed = option["properties"].as_object().into_iter().flatten();
-            variants.extend(keyed.map(|(name, content)| Variant { name, content: Some(content) }));
+            variants.extend(keyed.map(|(name, content)| Variant { name, content: Some(content), meaning }));
         }
         variants
     }
@@ -314,15 +317,22 @@ impl Shape<'_> {
         match &node.value {
             Value::Text(word) => match variants.iter().find(|v| v.name == word) {
                 Some(Variant { content: None, .. }) => (),
-                Some(Variant { content: Some(content), .. }) => {
-                    let cure = match schema.at(content).form() {
+                Some(Variant { content: Some(content), meaning, .. }) => {
+                    let last = path.rsplit('.').next().unwrap_or(path);
+                    let (lacks, cure) = match schema.at(content).form() {
                         Form::Struct(part) if part["required"].as_array().is_none_or(Vec::is_empty) => {
-                            format!("write {{{word}: {{}}}} for its defaults")
+                            ("settings", format!("write {{{word}: {{}}}} for its defaults"))
                         }
-                        Form::Struct(part) => format!("write {{{word}: {{...}}}} with {}", listed(required(part))),
-                        _ => format!("write {{{word}: value}}"),
+                        Form::Struct(part) => {
+                            ("settings", format!("write {{{word}: {{...}}}} with {}", listed(required(part))))
+                        }
+                        _ => {
+                            let meaning =
+                                meaning.map_or(String::new(), |text| format!(": {}", text.replace('\n', " ")));
+                            ("a value", format!("write {last}: {{{word}: VALUE}}{meaning}"))
+                        }
                     };
-                    self.faults.push(Fault::new(node.span, format!("'{path}: {word}' needs settings")).cure(cure));
+                    self.faults.push(Fault::new(node.span, format!("'{path}: {word}' needs {lacks}")).cure(cure));
                 }
                 None => {
                     let (rule, cure) = unknown(word);
@@ -334,7 +344,7 @@ impl Shape<'_> {
                     Some(Variant { content: Some(content), .. }) => {
                         self.node(value, schema.at(content), &joined(path, &key.name));
                     }
-                    Some(Variant { name, content: None }) => {
+                    Some(Variant { name, content: None, .. }) => {
                         let last = path.rsplit('.').next().unwrap_or(path);
                         let fault = Fault::new(key.span, format!("'{path}: {name}' takes no settings"));
                         self.faults.push(fault.cure(format!("write {last}: {name}")));

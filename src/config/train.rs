@@ -152,6 +152,13 @@ mod tests {
             assert!(told.contains(part), "{part} in:\n{told}");
         }
         assert!(faults("filter: ekf", &[]).contains("write {ekf: {}} for its defaults"));
+        let told = faults("labels: {obstacle: taller_than_wheel}", &[]);
+        for part in [
+            "'labels.obstacle: taller_than_wheel' needs a value",
+            "write obstacle: {taller_than_wheel: VALUE}: Those that",
+        ] {
+            assert!(told.contains(part), "{part} in:\n{told}");
+        }
         assert!(faults("", &["epochs"]).contains("network.hidden=[8]"));
     }
 }

@@ -12,7 +12,7 @@ use arrow_buffer::NullBuffer;
 
 use super::CorpusError;
 use super::reader::{TableFile, column, rows_of_scene};
-use crate::cells::{CellTruth, Crossing, Label, LabelRule, Limit};
+use crate::cells::{CellTruth, Crossing, Label, LabelRule, Limit, PoseTruth, PoseWorst, Unanswerable};
 use crate::geometry::CellIndex;
 use crate::scene::Class;
 
@@ -57,6 +57,15 @@ pub(crate) fn rule_truth(rule: Option<&LabelRule>) -> &'static [&'static str] {
     }
 }
 
+/// Fails where a rule goes by a margin that no rover measured: the corpus is whole, and cannot answer.
+pub(crate) fn check_margin(rule: Option<&LabelRule>, file: &TableFile, place: &str) -> Result<(), Unanswerable> {
+    let is_asked = rule.is_some_and(|rule| rule.min_margin_m.is_some());
+    if is_asked && file.schema().field_with_name(MARGIN_M).is_err() {
+        return Err(Unanswerable::NoMargin { place: place.to_owned() });
+    }
+    Ok(())
+}
+
 /// The columns to read of a file: those that are needed, and of the others those that it has. `Err` names one that is needed and
 /// not there.
 pub(crate) fn projection<'n>(
@@ -67,9 +76,7 @@ pub(crate) fn projection<'n>(
     let has = |name: &str| file.schema().field_with_name(name).is_ok();
     let mut wanted: Vec<&str> = needed.into_iter().collect();
     if let Some(absent) = wanted.iter().find(|name| !has(name)) {
-        // A rover's margin cannot be had afterwards: the corpus keeps no heights of the true ground.
-        let cure = if *absent == MARGIN_M { ": no rover labelled it; build it with cells.labels.rover" } else { "" };
-        return Err(format!("it has no column '{absent}'{cure}"));
+        return Err(format!("it has no column '{absent}'"));
     }
     wanted.extend(others.iter().filter(|name| has(name)));
     wanted.sort_unstable();
@@ -197,6 +204,10 @@ impl CellBatch {
             slope_rad: real(SLOPE_RAD)?,
             margin_m: real(MARGIN_M)?,
             limit,
+            headings: whole(HEADINGS)?,
+            cost: real(COST)?,
+            tilt_rad: real(TILT_RAD)?,
+            clearance_m: real(CLEARANCE_M)?,
             drop_m: real(DROP_M)?,
             pit_m: real(PIT_M)?,
         })
@@ -270,6 +281,10 @@ pub(crate) struct TruthColumns<'b> {
     slope_rad: Option<Column<'b, f32>>,
     margin_m: Option<Column<'b, f32>>,
     limit: Option<Column<'b, i8>>,
+    headings: Option<Column<'b, i32>>,
+    cost: Option<Column<'b, f32>>,
+    tilt_rad: Option<Column<'b, f32>>,
+    clearance_m: Option<Column<'b, f32>>,
     drop_m: Option<Column<'b, f32>>,
     pit_m: Option<Column<'b, f32>>,
 }
@@ -278,6 +293,14 @@ impl TruthColumns<'_> {
     fn crossing_at(&self, row: usize) -> Option<Crossing> {
         let limit = self.limit.and_then(|column| column.at(row)).and_then(Limit::of_number)?;
         Some(Crossing { margin_m: self.margin_m.and_then(|column| column.at(row))?, limit })
+    }
+
+    fn pose_at(&self, row: usize) -> Option<PoseTruth> {
+        let real = |column: Option<Column<f32>>| column.and_then(|column| column.at(row));
+        let worst = real(self.tilt_rad).zip(real(self.clearance_m));
+        let worst = worst.map(|(tilt_rad, clearance_m)| PoseWorst { tilt_rad, clearance_m });
+        let headings = self.headings.and_then(|column| column.at(row))?;
+        Some(PoseTruth { headings: u8::try_from(headings).ok()?, cost: real(self.cost)?, worst })
     }
 
     /// What a column that is absent or null would say is as in [`CellTruth::default`]: nothing is known of it.
@@ -294,8 +317,7 @@ impl TruthColumns<'_> {
             protrusion_m: real(&self.protrusion_m, unknown.protrusion_m),
             slope_rad: real(&self.slope_rad, unknown.slope_rad),
             crossing: self.crossing_at(row),
-            // No rule asks for it.
-            pose: None,
+            pose: self.pose_at(row),
             drop_m: real(&self.drop_m, unknown.drop_m),
             pit_m: real(&self.pit_m, unknown.pit_m),
         }
@@ -336,6 +358,27 @@ mod tests {
         let expected = [of(7, Some(Class::Trunk), 0.5), of(0, None, 0.25), of(2, None, 0.0)];
         assert_eq!([0, 1, 2].map(|row| truth.at(row)), expected);
         assert_eq!(cells.truth(&[SLOPE_RAD]).unwrap_err(), "it has no column 'truth_slope_rad'");
+    }
+
+    #[test]
+    fn exact_the_truth_of_the_pose_comes_back_with_its_nulls() {
+        let real = |values: Vec<Option<f32>>| Arc::new(Float32Array::from(values)) as ArrayRef;
+        let batch = batch(vec![
+            (HEADINGS, Arc::new(Int32Array::from(vec![Some(255), Some(0), None, Some(300)])) as ArrayRef),
+            (COST, real(vec![Some(0.25), Some(1.0), None, Some(0.5)])),
+            (TILT_RAD, real(vec![Some(0.1), None, None, None])),
+            (CLEARANCE_M, real(vec![Some(0.05), None, None, None])),
+        ]);
+        let cells = CellBatch::of(batch);
+        let truth = cells.truth(&[]).unwrap();
+        let worst = Some(PoseWorst { tilt_rad: 0.1, clearance_m: 0.05 });
+        let expected = [
+            Some(PoseTruth { headings: 255, cost: 0.25, worst }),
+            Some(PoseTruth { headings: 0, cost: 1.0, worst: None }),
+            None,
+            None,
+        ];
+        assert_eq!([0, 1, 2, 3].map(|row| truth.at(row).pose), expected);
     }
 
     #[test]

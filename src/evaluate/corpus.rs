@@ -10,7 +10,7 @@ use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::params::{LabelParams, LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, LabelRule, Unanswerable};
-use crate::corpus::cells::CellBatch;
+use crate::corpus::cells::{CellBatch, check_margin};
 use crate::corpus::checked::Refused;
 use crate::corpus::manifest::ShardLine;
 use crate::corpus::reader::TableFile;
@@ -262,6 +262,7 @@ impl Reader<'_> {
             let wanted_scene =
                 |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
             let mut scan = Scan::default();
+            check_margin(self.labels, &table, &self.corpus.store().place())?;
             let wanted =
                 columns::wanted(&table, self.model, self.labels).map_err(|reason| self.fault(table.name(), reason))?;
             for group in 0..table.row_groups().len() {

@@ -93,6 +93,7 @@ pub(super) fn knobs(written: &Plan, reference: &Plan) -> Vec<(Group, String, Vec
         knobs.push((Group::Resolution, name, [kth_key(0), kth_key(1)].concat()));
     }
     knobs.extend(yards(reference));
+    knobs.extend(labels(reference));
     knobs
 }
 
@@ -111,6 +112,22 @@ fn thinned(family: &Family, stride: u32) -> Vec<(&'static str, String)> {
         }
         PatternParams::File(_) => Vec::new(),
     }
+}
+
+/// Labels by the other rule, and the truth of the pose beside them: what each costs. A rule that the config's frame does not know is left out.
+fn labels(reference: &Plan) -> Vec<(Group, String, Vec<String>)> {
+    let key = || "cells.labels.rover".to_owned();
+    let has = |family: &Family| family.cells.labels.rover.is_some();
+    let by_points = everywhere(reference, |family| has(family).then(|| (key(), "null".into())));
+    let by_rover = everywhere(reference, |family| (!has(family)).then(|| (key(), "{}".into())));
+    let poses = everywhere(reference, |family| match &family.cells.labels.rover {
+        Some(rule) if rule.pose => None,
+        Some(_) => Some((format!("{}.pose", key()), "true".into())),
+        None => Some((key(), "{pose: true}".into())),
+    });
+    [("labels by points", by_points), ("labels by the rover", by_rover), ("labels by the rover, and poses", poses)]
+        .map(|(name, sets)| (Group::Yard, name.to_owned(), sets))
+        .into()
 }
 
 /// Other yards: the ground's shape.

@@ -103,6 +103,18 @@ fn law_sub_rays_are_a_knob_only_where_mixed_pixels_are_modelled() {
     assert!(names(&not, Group::SubRays).is_empty());
     assert!(names(&not, Group::Yard).contains(&"mixed pixels, 7 sub-rays"));
     assert!(!names(&modelled, Group::Yard).contains(&"mixed pixels, 7 sub-rays"));
+    let labels = |sets: &[&str]| {
+        let settings = all("configs/paper.yaml", sets, &[Group::Yard]);
+        let by: Vec<String> = names(&settings, Group::Yard)
+            .into_iter()
+            .filter(|name| name.starts_with("labels"))
+            .map(Into::into)
+            .collect();
+        by.join("|")
+    };
+    assert_eq!(labels(&[]), "labels by the rover|labels by the rover, and poses");
+    assert_eq!(labels(&["cells.labels.rover={}"]), "labels by points|labels by the rover, and poses");
+    assert_eq!(labels(&["cells.labels.rover={pose: true}"]), "labels by points");
 }
 
 #[test]
