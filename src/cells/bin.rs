@@ -10,6 +10,7 @@ use super::gaps::BeamColumns;
 use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
+use super::overhang::Overhangs;
 use super::params::LocalHeightParams;
 use super::place::PlaceTruth;
 use super::plane::GroundPlanes;
@@ -61,6 +62,8 @@ pub struct Scratch {
     local: local::Scratch,
     planes: GroundPlanes,
     beams: BeamColumns,
+    overhangs: Overhangs,
+    status: Vec<Status>,
 }
 
 /// What the points of a cell add up to.
@@ -93,14 +96,27 @@ pub fn bin(
     let Some(kept) = window.last() else { return cells };
     let grid = GridSpec { size_m: params.size_m };
     let max_range_m = params.max_range_m.unwrap_or(max_range_m);
-    let Scratch { points, numbers, verdicts, .. } = scratch;
+    let above_m = params.above_m();
+    let Scratch { points, numbers, verdicts, overhangs, status, .. } = scratch;
     let intensity = kept.sweep.returns.intensity.is_some();
     points.clear();
     points.seen_obstacles.resize(scene.obstacles.len(), false);
     for scan in window {
         let placer = CellAssigner::of_sensor(grid, max_range_m, scan.map_from_sensor);
         let rover_z_m = kept.estimate.pose.position_m.z;
-        points.add_sweep(Scan { scan, placer: &placer, rover_z_m, intensity }, &mut cells);
+        let returns = &scan.sweep.returns;
+        let status: &[Status] = match above_m {
+            None => &returns.status,
+            Some(above_m) => {
+                let hanging = overhangs.of_sweep(above_m, returns, &scan.map_from_sensor);
+                cells.leave_out_hanging(hanging);
+                status.clear();
+                let left = |(&status, &hangs): (&Status, &bool)| if hangs { Status::Dropped } else { status };
+                status.extend(returns.status.iter().zip(hanging).map(left));
+                status
+            }
+        };
+        points.add_sweep(Scan { scan, status, placer: &placer, rover_z_m, intensity }, &mut cells);
     }
     points.grounds.steepen(&scene.ground);
     let is_seen = |index: usize| points.seen_obstacles[index];
@@ -148,12 +164,15 @@ pub fn bin_clouds(
     let mut cells = Cells::default();
     let Some(kept) = window.last() else { return (cells, Vec::new()) };
     let grid = GridSpec { size_m: params.size_m };
-    let Scratch { points, numbers, verdicts, .. } = scratch;
+    let above_m = params.above_m();
+    let Scratch { points, numbers, verdicts, overhangs, .. } = scratch;
     let intensity = kept.intensity.is_some();
     points.clear();
     for cloud in window {
         let placer = CellAssigner::of_sensor(grid, max_range_m, cloud.map_from_sensor);
-        points.add_cloud(cloud, &placer, kept.estimate.pose.position_m.z, intensity, &mut cells);
+        let hanging = above_m.map_or(&[][..], |above_m| overhangs.of_cloud(above_m, cloud));
+        cells.leave_out_hanging(hanging);
+        points.add_cloud(cloud, hanging, &placer, kept.estimate.pose.position_m.z, intensity, &mut cells);
     }
     verdicts.clear();
     verdicts.push(Verdict::OBSTACLE);

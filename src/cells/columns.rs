@@ -111,6 +111,13 @@ pub(crate) fn loss_columns(families: &[&CellParams]) -> Vec<LossColumn> {
             take: |cells| cells.without_ground,
         });
     }
+    if any(|params| params.overhang.is_some()) {
+        columns.push(LossColumn {
+            name: "points_overhanging",
+            description: "Of points_in, those that hang over free height (cells.overhang).",
+            take: |cells| cells.overhanging,
+        });
+    }
     columns
 }
 

@@ -24,12 +24,28 @@ pub struct Levelled {
     pub rms_m: f64,
 }
 
+/// A second plane that may be the ground as well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RivalGround {
+    /// Of the sensor above it.
+    pub height_m: f64,
+    /// Between it and the plane that was taken.
+    pub angle_rad: f64,
+    /// Points that speak for it and not for the other, as a share of those that speak for the other.
+    pub share: f64,
+}
+
 const TRIPLES: u32 = 3000;
 /// Points that planes are judged by, one a voxel.
 const MOST_POINTS: usize = 4000;
 const FEWEST_POINTS: usize = 30;
 /// Half width of the band in which points speak for a plane.
 const BAND_M: f64 = 0.1;
+/// Of the points that speak for the ground that was taken, as many must speak for a rival alone.
+const RIVAL_SHARE: f64 = 0.5;
+/// A rival stands at another angle, or at another height below the sensor.
+const RIVAL_ANGLE_RAD: f64 = 5.0 * std::f64::consts::PI / 180.0;
+const RIVAL_STEP_M: f64 = 0.15;
 /// Points this far below speak against it.
 const BELOW_M: f64 = 0.3;
 const COS_MOST_TILT: f64 = 0.5;
@@ -70,19 +86,11 @@ pub fn level(points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, NoGro
         return Err(none(format!("a sensor height of {sensor_height_m} m; it must be within 0.02 and 100 m")));
     }
     let points = thinned(points_m, sensor_height_m);
+    let tolerance_m = tolerance_m(sensor_height_m);
     if points.len() < FEWEST_POINTS {
         return Err(none(format!("{} spread points near the sensor, {FEWEST_POINTS} are needed", points.len())));
     }
-    let tolerance_m = (0.25 * sensor_height_m).max(0.1);
-    let fits =
-        |plane: &Plane| plane.normal.z >= COS_MOST_TILT && (plane.height_m - sensor_height_m).abs() <= tolerance_m;
-    let tried = triples(points.len()).filter_map(|triple| through(triple.map(|i| points[i]))).filter(fits);
-    let best =
-        tried.map(|plane| (plane.score(&points), plane)).fold(None, |best: Option<(f64, Plane)>, one| match best {
-            Some(best) if best.0 >= one.0 => Some(best),
-            _ => Some(one),
-        });
-    let Some((_, mut plane)) = best.filter(|(score, _)| *score > 0.0) else {
+    let Some(mut plane) = best_plane(&points, sensor_height_m) else {
         return Err(none(format!(
             "no plane lies {sensor_height_m} m (to within {tolerance_m:.2} m) below the sensor; is the height right, and z up?"
         )));
@@ -102,6 +110,51 @@ pub fn level(points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, NoGro
         near_share: near.len() as f64 / points.len() as f64,
         rms_m,
     })
+}
+
+/// A plane at about the same height, at another angle or step, for which half as many points speak that do not lie on the ground that was taken:
+/// a ramp beside a floor, two levels of a yard. `found`: what [`level`] found of these points.
+pub(crate) fn rival(points_m: &[DVec3], sensor_height_m: f64, found: &Levelled) -> Option<RivalGround> {
+    let points = thinned(points_m, sensor_height_m);
+    let ground = Plane { normal: found.map_from_sensor.inverse().direction(DVec3::Z), height_m: found.height_m };
+    let near = |plane: &Plane, points: &[DVec3]| points.iter().filter(|p| plane.above_m(**p).abs() < BAND_M).count();
+    let others: Vec<DVec3> = points.iter().copied().filter(|p| ground.above_m(*p).abs() >= BAND_M).collect();
+    if others.len() < FEWEST_POINTS {
+        return None;
+    }
+    let mut plane = best_plane(&others, sensor_height_m)?;
+    for _ in 0..20 {
+        plane = refined(plane, &others)?;
+    }
+    let angle_rad = math::acos(plane.normal.dot(ground.normal).clamp(-1.0, 1.0));
+    let step_m = (plane.height_m - ground.height_m).abs();
+    let share = near(&plane, &others) as f64 / near(&ground, &points).max(1) as f64;
+    let differs = angle_rad > RIVAL_ANGLE_RAD || step_m > RIVAL_STEP_M;
+    let may_be_ground = step_m <= 2.0 * tolerance_m(sensor_height_m) && plane.normal.z >= COS_MOST_TILT;
+    (differs && may_be_ground && share >= RIVAL_SHARE).then_some(RivalGround {
+        height_m: plane.height_m,
+        angle_rad,
+        share,
+    })
+}
+
+/// How far the ground may lie from where it was said to be.
+fn tolerance_m(sensor_height_m: f64) -> f64 {
+    (0.25 * sensor_height_m).max(0.1)
+}
+
+/// Of the planes through triples of the points that may be the ground, that for which the most points speak.
+fn best_plane(points: &[DVec3], sensor_height_m: f64) -> Option<Plane> {
+    let tolerance_m = tolerance_m(sensor_height_m);
+    let fits =
+        |plane: &Plane| plane.normal.z >= COS_MOST_TILT && (plane.height_m - sensor_height_m).abs() <= tolerance_m;
+    let tried = triples(points.len()).filter_map(|triple| through(triple.map(|i| points[i]))).filter(fits);
+    let best =
+        tried.map(|plane| (plane.score(points), plane)).fold(None, |best: Option<(f64, Plane)>, one| match best {
+            Some(best) if best.0 >= one.0 => Some(best),
+            _ => Some(one),
+        });
+    best.filter(|(score, _)| *score > 0.0).map(|(_, plane)| plane)
 }
 
 /// One point a voxel near the sensor, so that the dense first rings do not outvote the rest.
@@ -218,6 +271,30 @@ mod tests {
         assert!((level.height_m - 0.6).abs() < 1e-9 && level.rms_m < 1e-9 && level.near_share == 1.0);
         for p in points {
             assert!(level.map_from_sensor.point(p).z.abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn exact_a_second_level_of_the_yard_is_told_and_one_ground_has_no_rival() {
+        // A floor 2 m below the sensor; from y = `from_m` on a second plane that rises from there.
+        let of = |from_m: f64, step_m: f64, slope: f64| -> Vec<DVec3> {
+            let place = |k: i32| (0.1 * f64::from(k % 80) - 4.0, 0.1 * f64::from(k / 80) - 4.0);
+            let height_m = |y: f64| if y < from_m { 0.0 } else { step_m + slope * (y - from_m) };
+            (0..6400).map(place).map(|(x, y)| DVec3::new(x, y, height_m(y) - 2.0)).collect()
+        };
+        let rival_of = |points: &[DVec3]| rival(points, 2.0, &level(points, 2.0).unwrap());
+        let found = rival_of(&of(0.5, 0.45, 0.0)).expect("two levels");
+        assert!((found.height_m - 1.55).abs() < 0.01 && found.angle_rad < 0.01 && found.share > 0.7, "{found:?}");
+        // A ramp of 17 degrees that begins below the sensor.
+        let found = rival_of(&of(0.0, 0.0, 0.3)).expect("a ramp");
+        assert!((found.angle_rad - math::atan(0.3)).abs() < 0.02, "{found:?}");
+        // Too few points, a wall instead of a floor, a ramp that misses the height below the sensor.
+        for points in [of(3.0, 0.45, 0.0), of(2.0, 0.0, 4.0), of(2.0, 0.0, 0.6), of(9.0, 0.0, 0.0)] {
+            assert_eq!(rival_of(&points), None);
+        }
+        for (height_m, roll, pitch) in [(0.4, 0.0, 0.0), (0.5, 0.1, 0.35), (1.7, -0.2, 0.05)] {
+            let (points, _) = scan(height_m, roll, pitch, 0.04);
+            assert_eq!(rival(&points, height_m, &level(&points, height_m).unwrap()), None);
         }
     }
 

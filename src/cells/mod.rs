@@ -45,6 +45,7 @@ mod label;
 mod labels;
 pub mod level;
 mod local;
+mod overhang;
 pub mod params;
 mod place;
 mod plane;
@@ -71,6 +72,7 @@ pub use crossing::{Crossing, Limit, PoseTruth, PoseWorst};
 pub use frame::ScanPose;
 pub use label::Label;
 pub use labels::obstacles;
+pub(crate) use overhang::Overhangs;
 pub use params::{CellFrame, CellParams};
 pub use rule::{LabelRule, Obstacle, Unanswerable};
 
@@ -91,6 +93,8 @@ pub struct Cells {
     pub dropped_off_grid: u64,
     /// All points of a sweep in which no plane was found to level it by (`cells.frame: fitted_plane`).
     pub without_ground: u64,
+    /// Points that hang over free height (`cells.overhang`); those beyond range or off the grid among them.
+    pub overhanging: u64,
 }
 
 /// A feature column: its name, unit and meaning stand here once.
@@ -108,13 +112,20 @@ impl Cells {
         Cells { points_in: hits, without_ground: hits, ..Cells::default() }
     }
 
+    /// Counts the marked points of a sweep or cloud: they are in no cell.
+    fn leave_out_hanging(&mut self, hanging: &[bool]) {
+        let count = hanging.iter().filter(|&&hangs| hangs).count() as u64;
+        self.points_in += count;
+        self.overhanging += count;
+    }
+
     /// Feeds every bit of the cells, in order, to a stage hash.
     pub fn hash_into(&self, hasher: &mut blake3::Hasher) {
         for count in [self.points_in, self.points_binned, self.dropped_beyond_range, self.dropped_off_grid] {
             hasher.update(&count.to_le_bytes());
         }
         // Only where a config leaves points out are there any.
-        for count in [self.without_ground].into_iter().filter(|&count| count > 0) {
+        for count in [self.without_ground, self.overhanging].into_iter().filter(|&count| count > 0) {
             hasher.update(&count.to_le_bytes());
         }
         hasher.update(&(self.rows.len() as u64).to_le_bytes());

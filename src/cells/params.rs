@@ -5,7 +5,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::crossing::params::RoverRule;
-use crate::random::within;
+use crate::drive::Rover;
+use crate::random::{Bounded, within};
+use crate::sweep::params::MountParams;
 
 /// The grid, its features and its labels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
@@ -36,6 +38,10 @@ pub struct CellParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unseen: Option<UnseenParams>,
+    /// Points that hang so high over ground that the rover fits beneath are in no cell: crowns, branches, gates; absent = all points are.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub overhang: Option<OverhangParams>,
     #[garde(dive)]
     pub labels: LabelParams,
 }
@@ -50,8 +56,16 @@ impl Default for CellParams {
             window_scans: 1,
             local_height: None,
             unseen: None,
+            overhang: None,
             labels: LabelParams::default(),
         }
+    }
+}
+
+impl CellParams {
+    /// Free height over which a point hangs, metres; `None` where the rule is absent, or no rover has given it a height yet.
+    pub(crate) fn above_m(&self) -> Option<f64> {
+        self.overhang.as_ref().and_then(|overhang| overhang.above_m)
     }
 }
 
@@ -148,6 +162,36 @@ impl UnseenParams {
     /// For people: `columns of 1 degrees, 0.5 m around gaps`.
     pub fn words(&self) -> String {
         format!("columns of {} degrees, {} m around gaps", self.sector_deg, self.around_m)
+    }
+}
+
+/// A point leaves its cell where two other beams of the same sweep, in its column of 4 degrees, passed more than `above_m` beneath it:
+/// they came back from behind it, or from the ground below. What stands on the ground keeps its foot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct OverhangParams {
+    /// Free height that the rover needs, metres; default: the height of its body (`height_m` of its file) or of its sensor's head, as high
+    /// as `sweep.mount` may put it, whichever is more, and 0.2 m.
+    #[garde(custom(within(0.1, 100.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub above_m: Option<f64>,
+}
+
+/// Room above the highest of the rover, metres; the same under which its drives call a crown in the way.
+const HEADROOM_M: f64 = 0.2;
+
+impl OverhangParams {
+    /// The same, with the height that it leaves open taken from the rover and from where its sensor may sit.
+    pub fn resolved(&self, rover: &Rover, mount: Option<&MountParams>) -> OverhangParams {
+        let highest_m = |mount: &MountParams| mount.z_m.extent().ok().flatten().map(|(_, high_m)| high_m);
+        let head_m = mount.and_then(highest_m).unwrap_or(rover.mount.z_m);
+        let top_m = rover.height_m.map_or(head_m, |body_m| body_m.max(head_m));
+        OverhangParams { above_m: self.above_m.or(Some(top_m + HEADROOM_M)) }
+    }
+
+    /// For people: `what hangs more than 0.8 m over free ground`.
+    pub fn words(&self) -> String {
+        format!("what hangs with more than {} m free beneath", self.above_m.unwrap_or_default())
     }
 }
 

@@ -46,6 +46,8 @@ const NOT_GROUND: u32 = u32::MAX;
 /// One sweep to add.
 pub(super) struct Scan<'a> {
     pub scan: &'a WindowScan<'a>,
+    /// Of its slots: those that are no hit any more are left out.
+    pub status: &'a [Status],
     pub placer: &'a CellAssigner,
     /// The kept sweep's rover.
     pub rover_z_m: f64,
@@ -69,16 +71,20 @@ impl Points {
         widest(AddSweep { points: self, scan, counts });
     }
 
-    /// The same for one cloud; `intensity`: whether the kept cloud has intensities.
+    /// The same for one cloud, but for the points that hang, where any are marked; `intensity`: whether the kept cloud has intensities.
     pub(super) fn add_cloud(
         &mut self,
         cloud: &WindowCloud,
+        hanging: &[bool],
         placer: &CellAssigner,
         rover_z_m: f64,
         intensity: bool,
         counts: &mut Cells,
     ) {
         for (i, &point_m) in cloud.points_m.iter().enumerate() {
+            if hanging.get(i) == Some(&true) {
+                continue;
+            }
             counts.points_in += 1;
             let placed = if cloud.in_map { placer.place_in_map(point_m) } else { placer.place_point(point_m) };
             let Some(cell) = count_dropped(placed.cell, counts) else { continue };
@@ -182,7 +188,7 @@ impl Work for AddSweep<'_> {
     #[inline(always)]
     fn run(self) {
         let AddSweep { points, scan, counts } = self;
-        for (first, statuses) in (0..).step_by(CHUNK).zip(scan.scan.sweep.returns.status.chunks(CHUNK)) {
+        for (first, statuses) in (0..).step_by(CHUNK).zip(scan.status.chunks(CHUNK)) {
             if statuses.iter().filter(|&&status| status == Status::Hit).count() == 0 {
                 continue;
             }

@@ -1,6 +1,7 @@
 //! Cells against a second, slow and plain computation of the same definitions, and against numbers worked out by hand.
 
 mod extremes;
+mod overhang;
 mod unseen;
 
 use std::collections::BTreeMap;

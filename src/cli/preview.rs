@@ -105,6 +105,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<(), Failure> {
         map_from_sensor: points.map_from_sensor,
         levelled: family.cells.frame == CellFrame::FittedPlane,
         sweep: &points.sweep,
+        hanging: &points.hanging,
         cells: &scan.cells,
         cell_size_m: family.cells.size_m,
     };

@@ -41,18 +41,23 @@ pub struct Cloud {
 impl Cloud {
     /// Leaves out the points at exactly this place, and says how many they were: many drivers write beams without a return so.
     pub(crate) fn drop_at(&mut self, place_m: DVec3) -> u64 {
-        let keep: Vec<bool> = self.points_m.iter().map(|&p| p != place_m).collect();
+        let there: Vec<bool> = self.points_m.iter().map(|&p| p == place_m).collect();
+        self.drop_marked(&there)
+    }
+
+    /// Leaves out the marked points, and says how many they were.
+    pub(crate) fn drop_marked(&mut self, marks: &[bool]) -> u64 {
         let before = self.points_m.len();
-        retain(&mut self.points_m, &keep);
-        self.intensity.iter_mut().for_each(|values| retain(values, &keep));
-        self.labels.iter_mut().for_each(|values| retain(values, &keep));
+        drop_from(&mut self.points_m, marks);
+        self.intensity.iter_mut().for_each(|values| drop_from(values, marks));
+        self.labels.iter_mut().for_each(|values| drop_from(values, marks));
         (before - self.points_m.len()) as u64
     }
 }
 
-fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
-    let mut keep = keep.iter();
-    values.retain(|_| keep.next() == Some(&true));
+fn drop_from<T>(values: &mut Vec<T>, marks: &[bool]) {
+    let mut marks = marks.iter();
+    values.retain(|_| marks.next() != Some(&true));
 }
 
 /// Points in the making: drops and counts what is no place.

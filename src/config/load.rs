@@ -191,7 +191,7 @@ impl Loader {
             cells: cells?,
         };
         if matches!(family.drive.rover, Preset::Inline(_)) {
-            resolve_limits(&mut family);
+            resolve_rover(&mut family);
         }
         // A preset that could not be read has its fault already.
         let resolved = matches!((&family.drive.rover, &family.sweep.sensor), (Preset::Inline(_), Preset::Inline(_)));
@@ -312,15 +312,20 @@ impl Loader {
     }
 }
 
-/// Writes the rover's limits out where labels read them, and leaves them where its drive does: plans that do not ask stay as they were.
-fn resolve_limits(family: &mut Family) {
+/// Writes the rover's limits and its height out where cells read them, and leaves the limits where its drive does: plans that do not ask
+/// stay as they were.
+fn resolve_rover(family: &mut Family) {
+    if let Some(overhang) = &mut family.cells.overhang {
+        *overhang = overhang.resolved(&family.drive.rover, family.sweep.mount.as_ref());
+    }
     if let Some(rule) = &mut family.cells.labels.rover {
         *rule = rule.resolved(&family.drive.rover);
     }
-    if let Preset::Inline(rover) = &mut family.drive.rover
-        && !family.drive.over_bodies
-    {
-        rover.limits = None;
+    if let Preset::Inline(rover) = &mut family.drive.rover {
+        rover.height_m = None;
+        if !family.drive.over_bodies {
+            rover.limits = None;
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use crate::plan::Family;
 pub(crate) fn of_family(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
     range_beyond_the_sensor(family, place, remarks);
     wheels_outside_the_outline(family, place, remarks);
+    free_height_below_the_rover(family, place, remarks);
 }
 
 fn range_beyond_the_sensor(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
@@ -22,6 +23,17 @@ fn range_beyond_the_sensor(family: &Family, place: &KeyPath, remarks: &mut Vec<F
         let rule = format!("cells reach to {max_m} m, but '{}' reports nothing beyond {reach_m} m", sensor.name);
         let cure = "take cells.max_range_m out for the sensor's own reach, or give a smaller one";
         remarks.push(Fault::new(place.span("cells.max_range_m"), rule).cure(cure));
+    }
+}
+
+fn free_height_below_the_rover(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
+    let Some(above_m) = family.cells.above_m() else { return };
+    let (rover, mast_m) = (&family.drive.rover, family.drive.rover.mount.z_m);
+    if above_m < mast_m {
+        let rule =
+            format!("a rover fits beneath what hangs {above_m} m high, but the mast of '{}' is {mast_m} m", rover.name);
+        let cure = "take cells.overhang.above_m out for a height by the rover's own, or give a larger one";
+        remarks.push(Fault::new(place.span("cells.overhang.above_m"), rule).cure(cure));
     }
 }
 

@@ -134,6 +134,9 @@ pub struct PointCounts {
     /// All points of sweeps that no plane levels; absent where there are none.
     #[serde(default, skip_serializing_if = "is_none")]
     pub without_ground: u64,
+    /// Points that hang over free height (`cells.overhang`); absent where there are none.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub overhanging: u64,
 }
 
 /// A count that only some configs have.
@@ -149,17 +152,19 @@ impl PointCounts {
             beyond_range: cells.dropped_beyond_range,
             off_grid: cells.dropped_off_grid,
             without_ground: cells.without_ground,
+            overhanging: cells.overhanging,
         }
     }
 
     /// Those that a config keeps out of the cells.
     pub(crate) fn left_out(&self) -> u64 {
-        self.without_ground
+        self.without_ground + self.overhanging
     }
 
     /// For people: each of these that there is, as `, 3 without ground`.
     pub(crate) fn words_left_out(&self) -> String {
-        let causes = [(self.without_ground, "without ground")].into_iter().filter(|(count, _)| *count > 0);
+        let causes = [(self.without_ground, "without ground"), (self.overhanging, "overhanging")];
+        let causes = causes.into_iter().filter(|(count, _)| *count > 0);
         causes.map(|(count, cause)| format!(", {count} {cause}")).collect()
     }
 
@@ -179,6 +184,7 @@ impl std::ops::Add for PointCounts {
             beyond_range: self.beyond_range + other.beyond_range,
             off_grid: self.off_grid + other.off_grid,
             without_ground: self.without_ground + other.without_ground,
+            overhanging: self.overhanging + other.overhanging,
         }
     }
 }

@@ -28,6 +28,11 @@ pub struct Rover {
     pub length_m: f64,
     #[garde(custom(within(0.05, 20.0)))]
     pub width_m: f64,
+    /// Height of its body above the plane that the wheels stand on, metres, mast and sensor apart; read by `cells.overhang`, whose height
+    /// the resolved plan has there. Absent: nothing is higher than the sensor.
+    #[garde(custom(within(0.02, 20.0)))]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_m: Option<f64>,
     /// Greatest speed, metres per second, and yaw rate, degrees per second.
     #[garde(custom(within(1e-3, 50.0)))]
     pub max_speed_mps: f64,

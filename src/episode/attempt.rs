@@ -6,7 +6,7 @@
 use super::localise::Localiser;
 use super::window::SweepWindow;
 use super::{PoseRow, Prepared, ScanOutput, ScanPoints, SceneFailure, Scratch, StageObserver};
-use crate::cells::{self, CellFrame, Cells, CrossingAsked, ScanPose, WindowScan};
+use crate::cells::{self, CellFrame, Cells, CrossingAsked, Overhangs, ScanPose, WindowScan};
 use crate::drive::params::Keep;
 use crate::drive::rover::Mount;
 use crate::drive::{self, DriveLog, InstrumentNoise};
@@ -128,9 +128,17 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
             rover_z_m: pose.estimate.pose.position_m.z,
             grid: GridSpec { size_m: family.cells.size_m },
             max_range_m: self.max_range_m(),
+            hanging: self.hanging(sweep, &pose),
             obstacles: cells::obstacles(&family.cells.labels, family.drive.rover.wheel_diameter_m, self.scene),
         });
         Some(ScanOutput { scan_id, cells, points })
+    }
+
+    /// Which returns of a kept sweep its cells leave out as overhanging.
+    fn hanging(&self, sweep: &Sweep, pose: &ScanPose) -> Vec<bool> {
+        let above_m = self.family().cells.above_m();
+        let of_sweep = |above_m| Overhangs::default().of_sweep(above_m, &sweep.returns, &pose.map_from_sensor).to_vec();
+        above_m.map_or(Vec::new(), of_sweep)
     }
 
     fn max_range_m(&self) -> f64 {

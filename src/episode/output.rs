@@ -23,6 +23,13 @@ pub struct SceneOutput {
     pub poses: Vec<PoseRow>,
 }
 
+impl ScanPoints {
+    /// Whether a slot's return is left out of the cells because it hangs.
+    pub(crate) fn hangs(&self, slot: usize) -> bool {
+        self.hanging.get(slot) == Some(&true)
+    }
+}
+
 impl SceneOutput {
     /// A scene that failed: a row in `scenes`, and an entry in the manifest with the command that replays it.
     pub fn failed(scene_id: u64, family: &str, attempts: u32, drawn: Drawn, error: String) -> SceneOutput {
@@ -65,6 +72,8 @@ pub struct ScanPoints {
     pub grid: GridSpec,
     /// Points farther than this from the sensor, horizontally, are in no cell.
     pub max_range_m: f64,
+    /// By slot: it hangs over free height and is in no cell (`cells.overhang`); empty where the rule is absent.
+    pub hanging: Vec<bool>,
     /// By object id: its returns are an obstacle's, as the label's rule says (`cells::obstacles`).
     pub obstacles: Vec<bool>,
 }

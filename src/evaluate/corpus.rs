@@ -3,7 +3,7 @@
 //! Row groups hold whole scans, so a scan is judged at once. Columns that only some corpora have (truth, height difference) may be
 //! missing; those that the model needs may not. Every file's size and sha256 are checked before a row of it is judged.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::columns::{self, Columns, Scan};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
@@ -27,6 +27,8 @@ pub struct FamilyFacts {
     pub local_height: Option<LocalHeightParams>,
     pub unseen: Option<UnseenParams>,
     pub frame: CellFrame,
+    /// Height of its overhang rule, metres.
+    pub overhang_m: Option<f64>,
     /// The rule of its labels.
     pub labels: LabelParams,
 }
@@ -60,6 +62,7 @@ impl FamilyFacts {
             local_height: family.cells.local_height.clone(),
             unseen: family.cells.unseen.clone(),
             frame: family.cells.frame,
+            overhang_m: family.cells.above_m(),
             labels: family.cells.labels.clone(),
         };
         plan.families.iter().map(facts).collect()
@@ -134,7 +137,7 @@ pub fn evaluate(
     let mut thresholds = thresholds(model, options)?;
     let mut notes = corpus.unchecked.clone();
     notes.extend(shared_scenes(model, &corpus, options)?);
-    notes.extend(other_frames(model, families, &options.only_families));
+    notes.extend(other_cells(model, families, &options.only_families));
     let mut height_threshold = None;
     if options.choose {
         let chosen = reader.judge(Split::Validation, &[], Judge::new(Vec::new(), None))?.0.best_thresholds();
@@ -182,18 +185,20 @@ pub fn evaluate(
     Ok(Report::new(model, &judge, data, notes))
 }
 
-/// What is to be told of families whose cells lie in a frame that the model never learnt from.
-fn other_frames(model: &Model, families: &[FamilyFacts], only: &[String]) -> Vec<String> {
+/// What is to be told of families whose cells lie in a frame, or were made by an overhang rule, that the model never learnt from.
+fn other_cells(model: &Model, families: &[FamilyFacts], only: &[String]) -> Vec<String> {
     let judged: Vec<&FamilyFacts> =
         families.iter().filter(|family| only.is_empty() || only.contains(&family.name)).collect();
-    let frames: BTreeSet<CellFrame> = judged.iter().map(|family| family.frame).collect();
-    let of_frame = |frame: CellFrame| {
-        let names: Vec<&str> =
-            judged.iter().filter(|family| family.frame == frame).map(|family| family.name.as_str()).collect();
-        let of = if names.len() == judged.len() { String::new() } else { format!("{}: ", names.join(", ")) };
-        model.other_frame(frame).map(|told| of + &told)
+    let mut told: BTreeMap<String, Vec<&str>> = BTreeMap::new();
+    for family in &judged {
+        for note in model.other_frame(family.frame).into_iter().chain(model.other_overhang(family.overhang_m)) {
+            told.entry(note).or_default().push(&family.name);
+        }
+    }
+    let of_families = |(note, names): (String, Vec<&str>)| {
+        if names.len() == judged.len() { note } else { format!("{}: {note}", names.join(", ")) }
     };
-    frames.into_iter().filter_map(of_frame).collect()
+    told.into_iter().map(of_families).collect()
 }
 
 /// Refuses scenes that the model used more than their split says; what is to be told where that is allowed, or cannot be known.

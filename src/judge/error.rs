@@ -20,6 +20,14 @@ pub enum JudgeError {
     Table(#[from] CorpusError),
     #[error("--max-range {max_range_m}: must be a number above 0; leave it out for that of the model")]
     MaxRange { max_range_m: f64 },
+    #[error(
+        "--overhang {above_m}: the free height that the rover needs is a number of metres above 0; leave it out for that of the model"
+    )]
+    Overhang { above_m: f64 },
+    #[error(
+        "--self-filter={length_m},{width_m},{height_m}: length, width and height of the rover are metres above 0; leave them out for those of the model's"
+    )]
+    OwnBody { length_m: f64, width_m: f64, height_m: f64 },
     #[error("--window 0: at least 1")]
     NoWindow,
     #[error("--window needs poses: with --sensor-height each scan has a frame of its own; give --trajectory or --pose")]

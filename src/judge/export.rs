@@ -20,11 +20,19 @@ pub struct LabelledPoint {
 
 /// The points of a scan with what was said of their cells, in the file's order.
 ///
-/// `in_map`: they are in the frame map already.
-pub(crate) fn labelled(cloud: &Cloud, placer: &CellAssigner, in_map: bool, judged: &JudgedCells) -> Vec<LabelledPoint> {
+/// `hanging`: the points that are in no cell because they hang over free height, where any are marked; `in_map`: they are in the frame
+/// map already.
+pub(crate) fn labelled(
+    cloud: &Cloud,
+    hanging: &[bool],
+    placer: &CellAssigner,
+    in_map: bool,
+    judged: &JudgedCells,
+) -> Vec<LabelledPoint> {
     let point = |(i, &p): (usize, &DVec3)| {
         let placed = if in_map { placer.place_in_map(p) } else { placer.place_point(p) };
-        let row = placed.cell.ok().and_then(|cell| judged.find(cell));
+        let cell = placed.cell.ok().filter(|_| hanging.get(i) != Some(&true));
+        let row = cell.and_then(|cell| judged.find(cell));
         LabelledPoint {
             point_m: placed.point_m,
             intensity: cloud.intensity.as_ref().map_or(f32::NAN, |values| values[i]),

@@ -38,6 +38,7 @@
 //! #         run: None,
 //! #         learnt_from: Vec::new(),
 //! #         frames: Vec::new(),
+//! #         overhangs_m: Vec::new(),
 //! #     };
 //! #     Model { network: Network { layout, weights: vec![1.0, 0.0, 4.0, -2.0] }, about, sha256: None }
 //! # };
@@ -76,6 +77,7 @@ pub(crate) mod cost_map;
 pub(crate) mod error;
 pub(crate) mod export;
 mod options;
+mod own_body;
 pub(crate) mod scale;
 mod scan;
 mod scan_judge;
@@ -85,13 +87,14 @@ pub(crate) mod training_range;
 
 pub use crate::cells::ScanPose;
 pub(crate) use crate::cells::frame::Sigmas;
-pub use crate::cells::level::Levelled;
+pub use crate::cells::level::{Levelled, RivalGround};
 pub use cells::JudgedCells;
 pub use cost_map::{CostMap, Shown};
 pub use error::JudgeError;
 pub use export::LabelledPoint;
 pub(crate) use options::Setup;
 pub use options::{Frame, Options, PoseSource};
+pub use own_body::OwnBody;
 pub use scan::{JudgedScan, PlacedScan};
 pub use scan_judge::ScanJudge;
 pub(crate) use training_range::Outside;

@@ -3,7 +3,7 @@
 //! Whatever is not chosen is as in the model's training: its mount, range and window, and of the pose's standard deviations the
 //! median of what the model saw. Units: metres, radians.
 
-use super::JudgeError;
+use super::{JudgeError, OwnBody};
 use crate::cells::CellFrame;
 use crate::cells::frame::Sigmas;
 use crate::cloud::LabelMap;
@@ -48,6 +48,10 @@ pub struct Options {
     pub max_range_m: Option<f64>,
     /// Scans whose points are put together, the judged one the last of them.
     pub window: Option<u32>,
+    /// Points that hang over more free height than this are in no cell, metres.
+    pub overhang_m: Option<f64>,
+    /// Returns of the rover itself, within this box, are left out.
+    pub own_body: Option<OwnBody>,
     /// Cells of fewer points are not judged.
     pub min_points: u32,
     /// What the clouds' labels mean; with it, the judge keeps score.
@@ -76,6 +80,8 @@ impl Default for Options {
             sigma_yaw_rad: None,
             max_range_m: None,
             window: None,
+            overhang_m: None,
+            own_body: None,
             min_points: 1,
             labels: None,
         }
@@ -91,6 +97,9 @@ pub(crate) struct Setup {
     pub sigmas: Sigmas,
     pub max_range_m: f64,
     pub window: usize,
+    /// The user's or the model's.
+    pub overhang_m: Option<f64>,
+    pub own_body: Option<OwnBody>,
     pub min_points: u32,
 }
 
@@ -112,9 +121,25 @@ impl Setup {
             sigmas: sigmas(options, about)?,
             max_range_m,
             window,
+            overhang_m: overhang_m(options, about)?,
+            own_body: options.own_body.map(checked).transpose()?,
             min_points: options.min_points,
         })
     }
+}
+
+fn overhang_m(options: &Options, about: &About) -> Result<Option<f64>, JudgeError> {
+    match options.overhang_m.or(about.cells.above_m()) {
+        Some(above_m) if !(above_m > 0.0 && above_m.is_finite()) => Err(JudgeError::Overhang { above_m }),
+        above_m => Ok(above_m),
+    }
+}
+
+fn checked(body: OwnBody) -> Result<OwnBody, JudgeError> {
+    let OwnBody { length_m, width_m, height_m } = body;
+    let is_size = |value: f64| value > 0.0 && value.is_finite();
+    let all = [length_m, width_m, height_m].into_iter().all(is_size);
+    if all { Ok(body) } else { Err(JudgeError::OwnBody { length_m, width_m, height_m }) }
 }
 
 fn window(options: &Options, about: &About) -> Result<usize, JudgeError> {

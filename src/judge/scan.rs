@@ -6,8 +6,8 @@ use super::cost_map::{CostMap, Shown, cost_map};
 use super::export::{self, LabelledPoint};
 use super::options::{Frame, PoseSource, Setup};
 use super::{JudgeError, JudgedCells, scale};
-use crate::cells::level::{Levelled, level};
-use crate::cells::{CellAssigner, ScanPose, WindowCloud};
+use crate::cells::level::{self, Levelled, RivalGround};
+use crate::cells::{CellAssigner, Overhangs, ScanPose, WindowCloud};
 use crate::cloud::{Cloud, CloudError};
 use crate::geometry::{DVec3, Pose};
 
@@ -22,9 +22,13 @@ pub struct PlacedScan {
     pub cloud: Cloud,
     /// Points at the sensor's own place, which are no returns and were left out.
     pub at_sensor: u64,
+    /// Returns of the rover itself, which were left out where the options say so.
+    pub on_rover: u64,
     pub pose: ScanPose,
     /// The ground that was found, where no pose came with the scan.
     pub levelled: Option<Levelled>,
+    /// What may be the ground instead.
+    pub rival: Option<RivalGround>,
     /// One a point, where labels are read: an obstacle's, not one's, or unknown.
     pub verdicts: Option<Vec<Option<bool>>>,
 }
@@ -44,20 +48,23 @@ impl PlacedScan {
         }
         let (rover_from_sensor, sigmas) = (setup.mount.rover_from_sensor(), &setup.sigmas);
         let pose_given = || pose.ok_or_else(|| JudgeError::NoPose { scan: name.into() });
-        let mut levelled = None;
+        let (mut levelled, mut rival) = (None, None);
         let pose = match setup.pose_source {
             PoseSource::Rover => ScanPose::of_rover(check_position(pose_given()?)?, &rover_from_sensor, sigmas),
             PoseSource::Sensor => ScanPose::of_sensor(check_position(pose_given()?)?, &rover_from_sensor, sigmas),
             PoseSource::Ground { sensor_height_m } => {
-                let found = level(&cloud.points_m, sensor_height_m).map_err(|source| {
+                let found = level::level(&cloud.points_m, sensor_height_m).map_err(|source| {
                     let question = scale::question(&cloud.points_m).map_or(String::new(), |asked| format!("; {asked}"));
                     JudgeError::NoGround { scan: name.into(), source, question }
                 })?;
                 levelled = Some(found);
+                rival = level::rival(&cloud.points_m, sensor_height_m, &found);
                 ScanPose::on_plane(&found, sigmas)
             }
         };
-        Ok(PlacedScan { name: name.into(), cloud, at_sensor, pose, levelled, verdicts: None })
+        let own = setup.own_body.map(|body| body.marks(&cloud.points_m, setup, &pose));
+        let on_rover = own.map_or(0, |own| cloud.drop_marked(&own));
+        Ok(PlacedScan { name: name.into(), cloud, at_sensor, on_rover, pose, levelled, rival, verdicts: None })
     }
 
     /// As the binning takes it; `intensity`: whether the model does.
@@ -97,15 +104,17 @@ pub struct JudgedScan {
     /// Shared with the judge while the scan is in its window.
     pub scan: Arc<PlacedScan>,
     pub cells: JudgedCells,
-    pub(super) frame: Frame,
-    pub(super) max_range_m: f64,
+    pub(super) setup: Setup,
 }
 
 impl JudgedScan {
     /// The points of the scan in the map, each with what was said of its cell, in the cloud's order.
     pub fn labelled_points(&self) -> Vec<LabelledPoint> {
-        let placer = CellAssigner::of_sensor(self.cells.grid, self.max_range_m, self.scan.pose.map_from_sensor);
-        export::labelled(&self.scan.cloud, &placer, self.frame == Frame::Map, &self.cells)
+        let Setup { max_range_m, frame, overhang_m, .. } = self.setup;
+        let placer = CellAssigner::of_sensor(self.cells.grid, max_range_m, self.scan.pose.map_from_sensor);
+        let mut overhangs = Overhangs::default();
+        let hanging = overhang_m.map_or(&[][..], |m| overhangs.of_cloud(m, &self.scan.as_cloud(frame, false)));
+        export::labelled(&self.scan.cloud, hanging, &placer, frame == Frame::Map, &self.cells)
     }
 
     /// These points as a PLY file.

@@ -8,6 +8,7 @@ use super::options::{Options, Setup};
 use super::scan::{JudgedScan, PlacedScan, check_position};
 use super::training_range::{self, Outside};
 use super::{JudgeError, JudgedCells};
+use crate::cells::params::OverhangParams;
 use crate::cells::{self, CellParams, CellRow, FeatureColumn, HEIGHT_DIFFERENCE, WindowCloud, feature_columns};
 use crate::cloud::{Cloud, LabelMap};
 use crate::corpus::cell_file;
@@ -40,11 +41,12 @@ impl<'m> ScanJudge<'m> {
         let about = &model.about;
         let intensity = about.features.iter().any(|name| is_intensity(name));
         let unseen = about.cells.unseen.clone().filter(|_| model.takes_unseen());
-        let cells = CellParams { unseen, ..about.cells.clone() };
+        let setup = Setup::of(&options, about)?;
+        let overhang = setup.overhang_m.map(|above_m| OverhangParams { above_m: Some(above_m) });
+        let cells = CellParams { unseen, overhang, ..about.cells.clone() };
         let features = feature_columns(&cells, intensity);
         let names: Vec<&str> = features.iter().map(|column| column.name.as_str()).collect();
         let inputs = model.inputs_of(&names)?;
-        let setup = Setup::of(&options, about)?;
         let own = |&value: &f64| Threshold { value, origin: ThresholdOrigin::Model };
         let scores = Judge::new(about.thresholds.iter().map(own).collect(), None);
         Ok(ScanJudge {
@@ -84,7 +86,7 @@ impl<'m> ScanJudge<'m> {
             self.add_scores(&cells);
         }
         self.scans += 1;
-        Ok(JudgedScan { scan, cells, frame: self.setup.frame, max_range_m: self.setup.max_range_m })
+        Ok(JudgedScan { scan, cells, setup: self.setup })
     }
 
     fn place(&self, name: &str, cloud: Cloud, pose: Option<&Pose>) -> Result<PlacedScan, JudgeError> {
@@ -171,8 +173,9 @@ impl<'m> ScanJudge<'m> {
             ..DataFacts::default()
         };
         let mut notes = vec!["points whose label is ignored count in the features and nowhere else".to_string()];
-        let Setup { window, min_points, pose_source, .. } = self.setup;
+        let Setup { window, min_points, pose_source, overhang_m, .. } = self.setup;
         notes.extend(self.model.other_frame(pose_source.cell_frame()));
+        notes.extend(self.model.other_overhang(overhang_m));
         if window > 1 {
             notes.push(format!("windows of {window} scans overlap: their points are counted once a window"));
         }

@@ -47,6 +47,8 @@ pub(crate) struct View<'a> {
     /// That map was levelled by a plane, and lies anywhere.
     pub levelled: bool,
     pub sweep: &'a Sweep,
+    /// By slot: it hangs over free height and is in no cell; empty where no rule says so.
+    pub hanging: &'a [bool],
     pub cells: &'a Cells,
     /// Side of a cell.
     pub cell_size_m: f64,

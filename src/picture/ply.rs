@@ -13,7 +13,8 @@ use crate::sweep::Status;
 
 /// The bytes of a `.ply` file.
 ///
-/// Distance limits play no part here: a point has the label of the cell that it lies in, if that cell was written.
+/// Distance limits play no part here: a point has the label of the cell that it lies in, if that cell was written
+/// and the point does not hang over it.
 pub(crate) fn labelled_cloud(view: &View) -> Vec<u8> {
     let sweep = view.sweep;
     let grid = GridSpec { size_m: view.cell_size_m };
@@ -26,7 +27,8 @@ pub(crate) fn labelled_cloud(view: &View) -> Vec<u8> {
         }
         points += 1;
         let placed = placer.place(direction, sweep.returns.range_m[slot]);
-        let row = placed.cell.ok().and_then(|cell| view.cells.rows.binary_search_by_key(&cell, |r| r.index).ok());
+        let cell = placed.cell.ok().filter(|_| view.hanging.get(slot) != Some(&true));
+        let row = cell.and_then(|cell| view.cells.rows.binary_search_by_key(&cell, |r| r.index).ok());
         let label = row.and_then(|r| view.cells.rows[r].label).map_or(-1, Label::number);
         for value in placed.point_m.to_array() {
             body.extend(value.to_le_bytes());

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::cells::{self, CellParams, WindowScan};
+use crate::cells::{self, CellFrame, CellParams, ScanPose, WindowScan};
 use crate::drive::rover::{Chassis, Mount, RockerBogieChassis};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
@@ -30,6 +30,7 @@ fn kapvik_like() -> Rover {
         wheel_diameter_m: 0.15,
         length_m: 0.8,
         width_m: 0.6,
+        height_m: None,
         max_speed_mps: 0.2,
         max_yaw_rate_degps: 30.0,
         mount: Mount { x_m: 0.2, y_m: 0.0, z_m: 0.6, yaw_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 },
@@ -120,6 +121,10 @@ fn sweep_from(caster: &Caster, world_from_sensor: &Transform, scene: &Scene) -> 
 
 /// Runs a claim on a view of the yard by hand: a rover that drove 3 m, and one sweep's cells.
 fn with_view(claim: impl FnOnce(&View, &Caster)) {
+    with_view_in(CellFrame::EstimatedPose, claim);
+}
+
+fn with_view_in(frame: CellFrame, claim: impl FnOnce(&View, &Caster)) {
     let scene = yard();
     let caster = Caster::new(&scene, &Cast::Exact);
     let rover = kapvik_like();
@@ -145,12 +150,9 @@ fn with_view(claim: impl FnOnce(&View, &Caster)) {
         skipped: 0,
         sigma_optimistic: false,
     };
-    let scan = WindowScan {
-        sweep: &sweep,
-        estimate: &estimate,
-        map_from_sensor: estimate.pose.transform() * rover_from_sensor,
-        world_from_sensor,
-    };
+    let ScanPose { estimate, map_from_sensor } =
+        ScanPose::of_sweep(frame, &sweep.returns, &estimate, &rover_from_sensor).expect("ground");
+    let scan = WindowScan { sweep: &sweep, estimate: &estimate, map_from_sensor, world_from_sensor };
     let (params, mut scratch) = (CellParams::default(), cells::Scratch::default());
     let cells = cells::bin(&params, &[scan], rover.wheel_diameter_m, 5.6, &scene, &mut scratch);
     let view = View {
@@ -161,8 +163,9 @@ fn with_view(claim: impl FnOnce(&View, &Caster)) {
         estimates: &estimates,
         rover_from_sensor,
         map_from_sensor: scan.map_from_sensor,
-        levelled: false,
+        levelled: frame == CellFrame::FittedPlane,
         sweep: &sweep,
+        hanging: &[],
         cells: &cells,
         cell_size_m: params.size_m,
     };
@@ -179,23 +182,48 @@ fn decoded(file: &[u8]) -> (usize, Vec<[u8; 3]>) {
 
 #[test]
 fn exact_the_map_shades_each_cell_by_its_label() {
-    with_view(|view, _| {
-        let (width, pixels) = decoded(&top_view(view));
-        let (corner_m, side_m) = top::scanned_square(view);
-        let map = map::Map::new((top::LEFT + top::SIDE + top::BETWEEN, top::TOP), top::SIDE, corner_m, side_m);
-        let (mut light, mut dark) = (0, 0);
-        for row in &view.cells.rows {
+    with_view(|view, _| cells_have_their_shades(view));
+}
+
+#[test]
+fn exact_the_map_of_a_levelled_sweep_shades_each_cell_where_it_truly_lies() {
+    with_view_in(CellFrame::FittedPlane, |view, caster| {
+        cells_have_their_shades(view);
+        let beside = |row: &&crate::cells::CellRow| {
             let (x_m, y_m) = crate::geometry::GridSpec { size_m: view.cell_size_m }.centre_m(row.index);
-            let (x, y) = map.spot(DVec2::new(x_m, y_m));
-            let brightness = pixels[y as usize * width + x as usize].map(u32::from).iter().sum::<u32>() / 3;
-            // Outlines cross some cells: nearly all must have their own shade.
-            light += usize::from(!row.untraversable() && brightness > 200);
-            dark += usize::from(row.untraversable() && brightness < 90);
-        }
-        let untraversable = view.cells.rows.iter().filter(|r| r.untraversable()).count();
-        assert!(untraversable > 40 && dark * 10 > untraversable * 8, "{dark} of {untraversable}");
-        assert!(light * 100 > (view.cells.rows.len() - untraversable) * 98, "{light} of {}", view.cells.rows.len());
+            let place_m = view.place_m(DVec2::new(x_m, y_m));
+            view.scene.obstacles.iter().all(|obstacle| obstacle.is_beyond(place_m, 0.3))
+        };
+        // Its rows count from the foot of the sensor, metres away from the yard's corner; drawn they lie on the bodies that they are of.
+        let solid =
+            |row: &&crate::cells::CellRow| row.untraversable() && row.truth.object < view.scene.obstacles.len() as i32;
+        let untraversable = view.cells.rows.iter().filter(solid);
+        assert!(untraversable.clone().count() > 20);
+        assert_eq!(untraversable.filter(beside).count(), 0);
+        let perspective = Perspective::of_size(view, caster, (360, 202));
+        let (points, cells) =
+            (decoded(&perspective.png(Overlay::Points)).1, decoded(&perspective.png(Overlay::Cells)).1);
+        assert!(points.iter().zip(&cells).filter(|(a, b)| a != b).count() > 1000, "cells lie on the ground");
     });
+}
+
+/// Of a map's cells nearly all are drawn light or dark, as their label says, where they lie.
+fn cells_have_their_shades(view: &View) {
+    let (width, pixels) = decoded(&top_view(view));
+    let (corner_m, side_m) = top::scanned_square(view);
+    let map = map::Map::new((top::LEFT + top::SIDE + top::BETWEEN, top::TOP), top::SIDE, corner_m, side_m);
+    let (mut light, mut dark) = (0, 0);
+    for row in &view.cells.rows {
+        let (x_m, y_m) = crate::geometry::GridSpec { size_m: view.cell_size_m }.centre_m(row.index);
+        let (x, y) = map.spot(view.place_m(DVec2::new(x_m, y_m)));
+        let brightness = pixels[y as usize * width + x as usize].map(u32::from).iter().sum::<u32>() / 3;
+        // Outlines cross some cells: nearly all must have their own shade.
+        light += usize::from(!row.untraversable() && brightness > 200);
+        dark += usize::from(row.untraversable() && brightness < 90);
+    }
+    let untraversable = view.cells.rows.iter().filter(|r| r.untraversable()).count();
+    assert!(untraversable > 40 && dark * 10 > untraversable * 8, "{dark} of {untraversable}");
+    assert!(light * 100 > (view.cells.rows.len() - untraversable) * 98, "{light} of {}", view.cells.rows.len());
 }
 
 #[test]

@@ -36,7 +36,7 @@ pub(crate) fn join(
     allow_shared: bool,
 ) -> Result<Joined, TrainError> {
     let (mut list, mut origins, mut scenes) = (Vec::new(), Vec::new(), Vec::new());
-    let mut frames = BTreeSet::new();
+    let (mut frames, mut overhangs_m) = (BTreeSet::new(), Vec::new());
     for CorpusToLearn { place, mut source, plan } in corpora {
         if !source.yards.known() {
             source.yards.yards = plan.yards();
@@ -45,6 +45,7 @@ pub(crate) fn join(
         let (yards, rows_hash) = (source.yards.clone(), plan.rows_hash());
         scenes.push(Scenes { place: place.clone(), yards, rows_hash, shards });
         frames.extend(plan.families.iter().map(|family| family.cells.frame));
+        overhangs_m.extend(plan.families.iter().map(|family| family.cells.above_m()));
         origins.push((place, Origin::of(&plan.families[0])));
         list.push(source);
     }
@@ -59,6 +60,11 @@ pub(crate) fn join(
     let (_, mut origin) = origins.swap_remove(0);
     if frames.len() > 1 {
         origin.frames = frames.into_iter().collect();
+    }
+    overhangs_m.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    overhangs_m.dedup();
+    if overhangs_m.len() > 1 {
+        origin.overhangs_m = overhangs_m;
     }
     Ok(Joined { sources: Arc::new(sources), origin })
 }

@@ -67,6 +67,9 @@ pub struct About {
     /// Its frame and all others that it learnt from, where there are several.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frames: Vec<CellFrame>,
+    /// Its overhang rule's height, metres (`None`: no rule), and all others that it learnt with, where there are several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub overhangs_m: Vec<Option<f64>>,
     pub rover: Rover,
     pub sensor: Sensor,
     /// Position and angles of the sensor on the rover: x, y, z in metres, yaw, pitch, roll in degrees.
@@ -208,6 +211,33 @@ impl Model {
         })
     }
 
+    /// What to tell where cells hold what the model never learnt that they hold, or lack it: crowns, branches and gates by the rule
+    /// `cells.overhang`. They are judged all the same.
+    pub(crate) fn other_overhang(&self, data_m: Option<f64>) -> Option<String> {
+        let about = &self.about;
+        let own_m = [about.cells.above_m()];
+        let learnt_m = if about.overhangs_m.is_empty() { &own_m[..] } else { &about.overhangs_m };
+        let ruled = || learnt_m.iter().flatten().copied();
+        let (least_m, most_m) = (ruled().fold(f64::INFINITY, f64::min), ruled().fold(f64::NEG_INFINITY, f64::max));
+        let told = match data_m {
+            None if learnt_m.contains(&None) => return None,
+            None => format!(
+                "the model learnt cells without what hangs over {least_m} m of free height, and these hold it: crowns and branches look like \
+                 obstacles; build the data with the model's `cells.overhang`"
+            ),
+            Some(data_m) if least_m > most_m => format!(
+                "the model learnt cells with all that hangs over them, and these are without what hangs over {data_m} m of free height: train on \
+                 a corpus with `cells.overhang`"
+            ),
+            Some(data_m) if (least_m..=most_m).contains(&data_m) => return None,
+            Some(data_m) => format!(
+                "the model learnt cells without what hangs over {least_m} to {most_m} m of free height, and these are without what hangs over \
+                 {data_m} m: train on a corpus with `cells.overhang: {{above_m: {data_m}}}`"
+            ),
+        };
+        Some(told)
+    }
+
     /// The output for one row of features, in the order of `about.features`.
     pub fn output(&self, features: &[f32]) -> f64 {
         let mut outputs = Vec::with_capacity(1);
@@ -284,6 +314,9 @@ impl Model {
         }
         if !(1..=16).contains(&about.thresholds.len()) || !in_unit(&about.thresholds) || !ascending(&about.thresholds) {
             return Some(format!("thresholds {:?} are not 1 to 16 rising numbers within 0 and 1", about.thresholds));
+        }
+        if about.overhangs_m.iter().flatten().any(|m| !(0.0..=SANE).contains(m)) {
+            return Some("an overhang rule whose height is not a number from 0 on".into());
         }
         if !finite(&about.mount) {
             return Some("a mount that is not finite".into());

@@ -152,4 +152,29 @@ fn exact_what_is_legal_and_hardly_meant_is_remarked() {
         "{said:?}"
     );
     assert!(said[0].ends_with("give length_m the whole rover, wheels included"), "{said:?}");
+    assert_eq!(remarks(&["cells.overhang={}"]), [""; 0]);
+    let said = remarks(&["cells.overhang={above_m: 0.3}"]);
+    assert!(
+        said[0].contains("a rover fits beneath what hangs 0.3 m high, but the mast of 'kapvik' is 0.4 m; take"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn exact_a_plan_holds_the_free_height_that_its_rover_needs_and_other_plans_stay_as_they_were() {
+    let above_m =
+        |sets: &[&str]| plan(sets).families[0].cells.overhang.map(|overhang| overhang.above_m.expect("resolved"));
+    assert_eq!(above_m(&[]), None);
+    let near = |sets: &[&str], expected_m: f64| {
+        let got_m = above_m(sets).expect("a rule");
+        assert!((got_m - expected_m).abs() < 1e-9, "{sets:?}: {got_m}");
+    };
+    near(&["cells.overhang={}"], 0.6);
+    near(&["cells.overhang={}", "drive.rover=husky-a200"], 0.8);
+    near(&["cells.overhang={}", "sweep.mount={z_m: {uniform: [0.2, 1.5]}}"], 1.7);
+    near(&["cells.overhang={above_m: 1.1}"], 1.1);
+    // Its height stands in the rule and nowhere else.
+    for sets in [&[][..], &["cells.overhang={}"]] {
+        assert_eq!(plan(sets).families[0].drive.rover.height_m, None);
+    }
 }

@@ -105,7 +105,18 @@ fn levelled(more: &[&str]) -> Prepared {
 
 #[test]
 fn equal_cells_of_a_corpus_of_fitted_planes_are_those_that_classify_makes_without_a_pose() {
-    let prepared = levelled(&[]);
+    assert_eq!(overhanging_by_fitted_planes(&[]), 0);
+}
+
+#[test]
+fn equal_cells_without_what_hangs_are_those_that_classify_makes_by_the_rule_of_the_model() {
+    let crowns = "scene.trees={count: 6, diameter_m: 0.2, height_m: 1, crown: {diameter_m: 1.5, extinction_per_m: 4}}";
+    assert!(overhanging_by_fitted_planes(&["cells.overhang={above_m: 0.4}", crowns]) > 50);
+}
+
+/// Judges each kept scan of a corpus of fitted planes as a cloud, holds its cells to the corpus's, and counts the points that hang.
+fn overhanging_by_fitted_planes(sets: &[&str]) -> u64 {
+    let prepared = levelled(sets);
     let replay = replay(&prepared);
     let family = &prepared.plan.families[replay.family];
     let names: Vec<String> = feature_columns(&family.cells, true).into_iter().map(|c| c.name).collect();
@@ -115,7 +126,7 @@ fn equal_cells_of_a_corpus_of_fitted_planes_are_those_that_classify_makes_withou
     model.about.quantiles.iter_mut().for_each(|quantiles| quantiles[3] = 0.0);
     let sensor_height_m = replay.rover_from_sensor.translation_m.z;
     let options = judge::Options { pose_source: PoseSource::Ground { sensor_height_m }, ..judge::Options::default() };
-    let mut met = 0;
+    let (mut met, mut overhanging) = (0, 0);
     for scan in &replay.scans {
         let points = scan.points.as_ref().expect("kept points");
         let (points_m, intensity) = returned(points);
@@ -128,9 +139,13 @@ fn equal_cells_of_a_corpus_of_fitted_planes_are_those_that_classify_makes_withou
         let found = judged.scan.levelled.expect("levelled");
         assert!((found.height_m - sensor_height_m).abs() <= 0.25 * sensor_height_m, "{found:?}");
         assert!(scan.cells.rows.len() > 100 && scan.cells.rows.iter().all(|row| row.label.is_some()));
-        met += 1;
+        assert_eq!(judged.cells.cells.overhanging, scan.cells.overhanging);
+        let marked = points.hanging.iter().filter(|&&hangs| hangs).count() as u64;
+        assert_eq!(marked, scan.cells.overhanging);
+        (met, overhanging) = (met + 1, overhanging + marked);
     }
     assert!(met > 1);
+    overhanging
 }
 
 #[test]
@@ -178,6 +193,7 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         run: None,
         learnt_from: Vec::new(),
         frames: Vec::new(),
+        overhangs_m: Vec::new(),
     };
     Model { network: Network { layout, weights }, about, sha256: None }
 }

@@ -72,15 +72,18 @@ fn equal_bytes_of_polynomial_grounds_for_one_and_three_threads() {
 }
 
 /// What everything.yaml cannot name at once: labels by the rover stand in the place of labels by points, frames fitted to a sweep in
-/// the place of a window of sweeps, and drives over bodies in the place of drives through them. All look at the ground around the
-/// points, and at cells that hold none.
-const LABELS_OF_PLACES: [(&str, &[&str]); 5] = [
+/// the place of a window of sweeps, drives over bodies in the place of drives through them, and crowns so low that beams meet them. All
+/// look at the ground around the points, and at cells that hold none.
+const LABELS_OF_PLACES: [(&str, &[&str]); 6] = [
     ("holes", &["--set", "cells.unseen={}", "--set", PLANE, "--set", "cells.labels.max_drop_m=0.1", "--set", HOLES]),
     ("rover", &["--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
     ("pose", &["--set", "cells.labels={rover: {pose: true}}", "--set", HOLES]),
     ("drive", &["--set", "drive.over_bodies=true", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
+    ("overhang", &["--set", "cells.overhang={above_m: 0.4}", "--set", "cells.unseen={}", "--set", LOW_CROWNS]),
     ("plane", &["--set", FRAME, "--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
 ];
+const LOW_CROWNS: &str =
+    "scene.trees={count: 6, diameter_m: 0.2, height_m: 1, crown: {diameter_m: 1.5, extinction_per_m: 4}}";
 const PLANE: &str = "cells.local_height.plane=true";
 const FRAME: &str = "cells={window_scans: 1, frame: fitted_plane}";
 const HOLES: &str = "scene.ground.features=[{trench: {count: 2, depth_m: 0.4, width_m: 0.5, length_m: 3}}, \

@@ -60,6 +60,13 @@ pub(in crate::cli) struct ClassifyArgs {
     /// Scans (up to this many, each cloud the last of its window) whose points are put together. Default: as in training.
     #[arg(long, value_name = "N")]
     pub(super) window: Option<u32>,
+    /// Points that hang over more free height than this (crowns, branches, gates) are in no cell, metres. Default: as in training.
+    #[arg(long, value_name = "M")]
+    pub(super) overhang: Option<f64>,
+    /// Returns of the rover itself are left out: points within its outline and 0.1 m around, on the wheels' contact plane and up to the
+    /// sensor. Length, width and height in metres; default: of the model's rover, as high as its sensor.
+    #[arg(long, value_name = "L,W,H", value_parser = three, num_args = 0..=1, require_equals = true)]
+    pub(super) self_filter: Option<Option<[f64; 3]>>,
     /// Cells of fewer points are not judged: they are unknown in all that is written.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) min_points: u32,
@@ -95,10 +102,20 @@ pub(super) enum Frame {
 }
 
 fn six(text: &str) -> Result<[f64; 6], String> {
+    numbers(text, "six")
+}
+
+fn three(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, "three")
+}
+
+/// As many finite numbers, between commas; `count`: the number of them as a word.
+fn numbers<const N: usize>(text: &str, count: &str) -> Result<[f64; N], String> {
     let values: Vec<f64> = text
         .split(',')
         .map(|value| value.trim().parse::<f64>().map_err(|e| format!("'{value}': {e}")))
         .collect::<Result<_, _>>()?;
-    let six: [f64; 6] = values.try_into().map_err(|v: Vec<f64>| format!("{} numbers, six are needed", v.len()))?;
-    if six.iter().all(|v| v.is_finite()) { Ok(six) } else { Err("a number is not finite".into()) }
+    let numbers: [f64; N] =
+        values.try_into().map_err(|v: Vec<f64>| format!("{} numbers, {count} are needed", v.len()))?;
+    if numbers.iter().all(|v| v.is_finite()) { Ok(numbers) } else { Err("a number is not finite".into()) }
 }

@@ -9,7 +9,8 @@ use crate::corpus::address;
 use crate::corpus::limits::FileKind;
 use crate::drive::rover::Mount;
 use crate::geometry::{DVec3, Pose};
-use crate::judge::{Frame, Options, PoseSource};
+use crate::judge::{Frame, Options, OwnBody, PoseSource};
+use crate::train::Model;
 
 fn usage(error: impl std::fmt::Display) -> Failure {
     Failure::usage(miette::Report::msg(error.to_string()))
@@ -28,7 +29,7 @@ fn read_text(path: &Path, kind: FileKind) -> Result<String, Failure> {
 }
 
 /// What was chosen; the mapping of labels is read.
-pub(super) fn options(args: &ClassifyArgs) -> Result<Options, Failure> {
+pub(super) fn options(args: &ClassifyArgs, model: &Model) -> Result<Options, Failure> {
     let labels = match &args.labels {
         Some(path) => {
             let text = read_text(path, FileKind::LabelMap)?;
@@ -38,6 +39,7 @@ pub(super) fn options(args: &ClassifyArgs) -> Result<Options, Failure> {
     };
     let mount =
         |[x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg]: [f64; 6]| Mount { x_m, y_m, z_m, yaw_deg, pitch_deg, roll_deg };
+    let own_body = |[length_m, width_m, height_m]: [f64; 3]| OwnBody { length_m, width_m, height_m };
     Ok(Options {
         frame: match args.frame {
             args::Frame::Sensor => Frame::Sensor,
@@ -55,6 +57,8 @@ pub(super) fn options(args: &ClassifyArgs) -> Result<Options, Failure> {
         sigma_yaw_rad: args.sigma_yaw.map(f64::to_radians),
         max_range_m: args.max_range,
         window: args.window,
+        overhang_m: args.overhang,
+        own_body: args.self_filter.map(|given| given.map_or_else(|| OwnBody::of_model(&model.about), own_body)),
         min_points: args.min_points,
         labels,
     })

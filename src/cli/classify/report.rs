@@ -4,6 +4,7 @@ use serde_json::json;
 
 use super::args::ClassifyArgs;
 use crate::cli::output::{errln, out, outln};
+use crate::corpus::stats::PointCounts;
 use crate::evaluate::Report;
 use crate::judge::{Frame, JudgedScan, Outside, Setup, Sigmas, scale};
 use crate::train::Model;
@@ -17,6 +18,9 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
     if let Some(told) = model.other_frame(setup.pose_source.cell_frame()) {
         errln!("warning: {told}");
     }
+    if let Some(told) = model.other_overhang(setup.overhang_m) {
+        errln!("warning: {told}");
+    }
     let Sigmas { xy_m, z_m, tilt_rad, yaw_rad } = setup.sigmas;
     if args.json {
         let sigmas = json!({ "xy_m": xy_m, "z_m": z_m, "tilt_rad": tilt_rad, "yaw_rad": yaw_rad });
@@ -27,6 +31,7 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
                 "max_range_m": setup.max_range_m,
                 "window": setup.window,
                 "frame": setup.pose_source.cell_frame(),
+                "overhang_m": setup.overhang_m,
                 "sigmas": sigmas,
             })
         );
@@ -40,6 +45,9 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
         tilt_rad.to_degrees(),
         yaw_rad.to_degrees()
     );
+    if let Some(above_m) = setup.overhang_m {
+        outln!("  without what hangs over more than {above_m} m of free height");
+    }
 }
 
 /// Says so where no point of a scan lies in any cell, with what may be the reason.
@@ -72,9 +80,11 @@ pub(super) fn scan(args: &ClassifyArgs, judged: &JudgedScan) {
             "points": loaded.cloud.points_m.len(),
             "points_not_finite": loaded.cloud.not_finite,
             "points_at_sensor": loaded.at_sensor,
+            "points_on_rover": loaded.on_rover,
             "window_points": cells.points_in,
             "window_points_beyond_range": cells.dropped_beyond_range,
             "window_points_off_grid": cells.dropped_off_grid,
+            "window_points_overhanging": cells.overhanging,
             "cells": cells.rows.len(),
             "cells_by_class": counts,
             "cells_unknown": unknown,
@@ -85,6 +95,11 @@ pub(super) fn scan(args: &ClassifyArgs, judged: &JudgedScan) {
                 "sensor_height_m": found.height_m,
                 "near_share": found.near_share,
                 "rms_m": found.rms_m,
+                "rival": loaded.rival.map(|rival| json!({
+                    "sensor_height_m": rival.height_m,
+                    "angle_deg": rival.angle_rad.to_degrees(),
+                    "share": rival.share,
+                })),
             });
         }
         outln!("{object}");
@@ -100,14 +115,26 @@ pub(super) fn scan(args: &ClassifyArgs, judged: &JudgedScan) {
             found.rms_m
         );
     }
+    if let Some(rival) = loaded.rival {
+        errln!(
+            "warning: {}: a second plane may be the ground: the sensor stands {:.3} m above it, it is tilted against the first by {:.1} degrees, and \
+             {:.0} % as many points lie on it alone; give --sensor-height more exactly, or the pose with --pose or --trajectory",
+            loaded.name,
+            rival.height_m,
+            rival.angle_rad.to_degrees(),
+            100.0 * rival.share
+        );
+    }
     outln!(
-        "  points {} ({} more not finite, {} at the sensor); of the window's {}: {} beyond range, {} off the grid",
+        "  points {} ({} more not finite, {} at the sensor{}); of the window's {}: {} beyond range, {} off the grid{}",
         loaded.cloud.points_m.len(),
         loaded.cloud.not_finite,
         loaded.at_sensor,
+        if loaded.on_rover > 0 { format!(", {} on the rover itself", loaded.on_rover) } else { String::new() },
         cells.points_in,
         cells.dropped_beyond_range,
-        cells.dropped_off_grid
+        cells.dropped_off_grid,
+        PointCounts::of(cells).words_left_out()
     );
     let by_class: Vec<String> = names.iter().zip(&counts).map(|(name, count)| format!("{name} {count}")).collect();
     outln!(

@@ -102,7 +102,8 @@ fn cell_words(cells: &CellParams) -> String {
              rows and columns count from there"
         }
     };
-    format!("squares of {} m, {reach}, {window}{unseen}{frame}", cells.size_m)
+    let overhang = cells.overhang.as_ref().map_or(String::new(), |overhang| format!("; without {}", overhang.words()));
+    format!("squares of {} m, {reach}, {window}{overhang}{unseen}{frame}", cells.size_m)
 }
 
 /// The label's rule; what the columns `truth_*` allow to be asked anew.

@@ -1,7 +1,7 @@
 //! `points`: one row per beam slot of a kept scan, misses included.
 //!
 //! A missed slot keeps its line and beam and has no range, position or cell. A point that is in no cell (beyond
-//! `cells.max_range_m`) has a position and no cell.
+//! `cells.max_range_m`, or left out by `cells.overhang`) has a position and no cell.
 
 use super::{Definition, define};
 use crate::cells::CellAssigner;
@@ -51,7 +51,7 @@ impl Row {
                 intensity: sweep.returns.intensity.as_ref().map(|values| values[slot]).filter(|_| range_m.is_some()),
                 truth: sweep.truth[slot],
                 obstacle: is_obstacle(sweep.truth[slot].object),
-                cell: placed.and_then(|placed| placed.cell.ok()),
+                cell: placed.and_then(|placed| placed.cell.ok()).filter(|_| !points.hangs(slot)),
             }
         };
         (0..sweep.returns.status.len()).map(row).collect()

@@ -79,6 +79,7 @@ fn grid(scene_id: u64, scan_id: u32, cells: usize) -> Cells {
         dropped_beyond_range: 2,
         dropped_off_grid: 1,
         without_ground: 0,
+        overhanging: 0,
     }
 }
 
@@ -105,6 +106,7 @@ fn points() -> ScanPoints {
         rover_z_m: 0.5,
         grid: GridSpec { size_m: 0.5 },
         max_range_m: 10.0,
+        hanging: Vec::new(),
         obstacles: vec![true],
     }
 }

@@ -86,6 +86,7 @@ fn scene(scene_id: u64, known: &[Known]) -> SceneOutput {
         dropped_beyond_range: 0,
         dropped_off_grid: 0,
         without_ground: 0,
+        overhanging: 0,
     };
     let family = ["even", "odd"][scene_id as usize % 2].into();
     let scans = [0, 1].map(|scan_id| ScanOutput { scan_id, cells: cells.clone(), points: None });
@@ -114,6 +115,7 @@ fn families() -> Vec<FamilyFacts> {
         local_height: None,
         unseen: None,
         frame: CellFrame::EstimatedPose,
+        overhang_m: None,
         labels: LabelParams::default(),
     };
     vec![facts("even", "urg"), facts("odd", "lms")]
@@ -409,4 +411,28 @@ fn exact_the_error_figures_name_their_bins_and_the_legends_stand_beside_their_wo
         });
         assert!(key.is_some(), "a key beside {words} at {at:?}: {svg}");
     }
+}
+
+#[test]
+fn exact_families_of_a_frame_or_rule_that_the_model_never_learnt_are_named_in_the_notes() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let notes = |families: &[FamilyFacts], only: &[&str]| {
+        let only_families = only.iter().map(|name| name.to_string()).collect();
+        let options = Options { only_families, ..Options::of(Split::Test) };
+        evaluate(&steps_model(), &store, families, &options).unwrap().notes
+    };
+    let about =
+        |notes: &[String], word: &str| notes.iter().filter(|note| note.contains(word)).cloned().collect::<Vec<_>>();
+    let (frame, rule) = ("the frame fitted_plane", "0.8 m of free height");
+    assert!(about(&notes(&families(), &[]), frame).is_empty() && about(&notes(&families(), &[]), rule).is_empty());
+    let mut mixed = families();
+    mixed[1].frame = CellFrame::FittedPlane;
+    mixed[0].overhang_m = Some(0.8);
+    let told = notes(&mixed, &[]);
+    assert!(about(&told, frame)[0].starts_with("odd: the model learnt cells of the frame estimated_pose"), "{told:?}");
+    assert!(about(&told, rule)[0].starts_with("even: the model learnt cells with all that hangs"), "{told:?}");
+    // Of families that are not judged nothing is told; where all are alike none is named.
+    assert!(about(&notes(&mixed, &["even"]), frame).is_empty());
+    mixed.iter_mut().for_each(|family| family.frame = CellFrame::FittedPlane);
+    assert!(about(&notes(&mixed, &[]), frame)[0].starts_with("the model learnt cells of the frame"));
 }

@@ -141,7 +141,7 @@ fn equal_labelled_clouds_read_back_in_the_map_frame() {
     ];
     let cloud = Cloud { points_m: there.map(in_sensor).to_vec(), labels: Some(vec![4, 5, 6, 7]), ..Cloud::default() };
     let placer = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, turn);
-    let points = export::labelled(&cloud, &placer, false, &ell);
+    let points = export::labelled(&cloud, &[], &placer, false, &ell);
     assert_eq!(points.iter().map(|p| p.class).collect::<Vec<_>>(), [0, 1, -1, -1]);
     let options = |field: &str| Options { label_field: Some(field.into()) };
     for (name, bytes, grain_m) in [
@@ -166,7 +166,7 @@ fn equal_far_coordinates_come_back_from_ply_and_pcd() {
     let ell = ell();
     for (there, size, most_m) in [(far, "SIZE 8 8 8 4 4 4 1 4\n", 1e-9), (near, "SIZE 4 4 4 4 4 4 1 4\n", 1e-3)] {
         let cloud = Cloud { points_m: there.to_vec(), ..Cloud::default() };
-        let points = export::labelled(&cloud, &placer, true, &ell);
+        let points = export::labelled(&cloud, &[], &placer, true, &ell);
         let pcd = export::pcd(&points, DVec3::new(-5.0, 10.0, 2.5));
         let head = String::from_utf8_lossy(&pcd);
         assert!(head.contains(size) && head.contains("VIEWPOINT 0 0 0 1 0 0 0\n"), "{head}");

@@ -1,6 +1,8 @@
 //! Points known by hand -> cells, levels, scores and refusals.
 
+use crate::cells::params::OverhangParams;
 use crate::cloud::{Cloud, LabelMap};
+use crate::drive::rover::Mount;
 use crate::geometry::{DVec3, Pose};
 use crate::judge::*;
 use crate::train::Model;
@@ -88,6 +90,74 @@ fn exact_scores_count_the_cells_that_have_a_label_and_a_judgement() {
     assert!(without.report(String::new(), "").is_none());
 }
 
+const BODY: OwnBody = OwnBody { length_m: 0.8, width_m: 0.6, height_m: 0.5 };
+
+#[test]
+fn exact_what_hangs_is_in_no_cell_and_its_points_get_no_class() {
+    let model = model(&["height_difference_m"], &[2], true);
+    let points = [
+        [3.05, 0.05, -0.5],
+        [3.05, 0.05, -0.5],
+        [3.05, 0.05, 0.7],
+        [4.05, 0.05, 0.7],
+        [5.05, 0.05, -0.5],
+        [5.05, 0.05, -0.5],
+    ];
+    let judged = |options: Options| {
+        let mut judge = ScanJudge::new(&model, options).unwrap();
+        judge.scan("a scan", cloud(&points), Some(&Pose::default())).unwrap()
+    };
+    let ruled = judged(Options { overhang_m: Some(0.8), ..in_map() });
+    assert_eq!((ruled.cells.cells.rows.len(), ruled.cells.cells.overhanging), (2, 2));
+    let classes: Vec<i8> = ruled.labelled_points().iter().map(|point| point.class).collect();
+    assert!(classes.iter().enumerate().all(|(k, &class)| (class < 0) == [2, 3].contains(&k)), "{classes:?}");
+    assert_eq!(judged(in_map()).cells.cells.rows.len(), 3);
+    // A model with the rule brings it along.
+    let mut with_rule = model.clone();
+    with_rule.about.cells.overhang = Some(OverhangParams { above_m: Some(0.8) });
+    let mut judge = ScanJudge::new(&with_rule, in_map()).unwrap();
+    assert_eq!(judge.scan("a scan", cloud(&points), Some(&Pose::default())).unwrap().cells.cells.overhanging, 2);
+}
+
+#[test]
+fn exact_returns_of_the_rover_itself_leave_by_its_outline_and_a_margin_in_every_frame() {
+    let model = model(&["height_difference_m"], &[2], true);
+    // In the rover's frame: on the box's faces from both sides, with the margin of 0.1 m, and ground around.
+    let (out, within) = (0.501, 0.499);
+    let in_rover = [
+        [within, 0.0, 0.3],
+        [out, 0.0, 0.3],
+        [-within, 0.0, 0.3],
+        [0.0, 0.399, 0.3],
+        [0.0, 0.401, 0.3],
+        [0.0, 0.0, 0.599],
+        [0.0, 0.0, 0.601],
+    ];
+    let ground = (0..900).map(|k| [1.0 + 0.1 * f64::from(k % 30), 0.1 * f64::from(k / 30) - 1.5, 0.0]);
+    let in_rover: Vec<DVec3> = in_rover.into_iter().chain(ground).map(DVec3::from_array).collect();
+    let mount = Mount { x_m: 0.3, y_m: 0.05, z_m: 0.7, yaw_deg: 90.0, pitch_deg: 0.0, roll_deg: 0.0 };
+    let rover = Pose { position_m: DVec3::new(3.0, -2.0, 0.5), roll_rad: 0.1, pitch_rad: -0.2, yaw_rad: 1.0 };
+    let sensor = Pose::from_transform(&(rover.transform() * mount.rover_from_sensor()));
+    let sensor_from_rover = mount.rover_from_sensor().inverse();
+    let in_sensor: Vec<[f64; 3]> = in_rover.iter().map(|&p| sensor_from_rover.point(p).to_array()).collect();
+    let in_the_map: Vec<[f64; 3]> = in_rover.iter().map(|&p| rover.transform().point(p).to_array()).collect();
+    let own = Options { own_body: Some(BODY), mount: Some(mount), frame: Frame::Sensor, ..in_map() };
+    let of_sensor = PoseSource::Sensor;
+    let on_ground = PoseSource::Ground { sensor_height_m: 0.7 };
+    for (options, points, pose) in [
+        (own.clone(), &in_sensor, Some(&rover)),
+        (Options { pose_source: of_sensor, ..own.clone() }, &in_sensor, Some(&sensor)),
+        (Options { frame: Frame::Map, ..own.clone() }, &in_the_map, Some(&rover)),
+        (Options { pose_source: on_ground, ..own.clone() }, &in_sensor, None),
+    ] {
+        let mut judge = ScanJudge::new(&model, options).unwrap();
+        let judged = judge.scan("a scan", cloud(points), pose).unwrap();
+        assert_eq!((judged.scan.on_rover, judged.scan.cloud.points_m.len()), (4, 903));
+    }
+    let mut judge = ScanJudge::new(&model, Options { own_body: None, ..own }).unwrap();
+    assert_eq!(judge.scan("a scan", cloud(&in_sensor), Some(&rover)).unwrap().scan.on_rover, 0);
+}
+
 #[test]
 fn extreme_options_that_no_scan_can_be_judged_by_are_refused_at_once() {
     let model = small();
@@ -95,6 +165,9 @@ fn extreme_options_that_no_scan_can_be_judged_by_are_refused_at_once() {
     for (options, needle) in [
         (Options { max_range_m: Some(f64::NAN), ..in_map() }, "--max-range NaN"),
         (Options { max_range_m: Some(0.0), ..in_map() }, "--max-range 0"),
+        (Options { overhang_m: Some(f64::NAN), ..in_map() }, "--overhang NaN"),
+        (Options { overhang_m: Some(0.0), ..in_map() }, "--overhang 0"),
+        (Options { own_body: Some(OwnBody { width_m: -1.0, ..BODY }), ..in_map() }, "--self-filter=0.8,-1,0.5"),
         (Options { window: Some(0), ..in_map() }, "--window 0"),
         (Options { window: Some(2), pose_source: ground, ..in_map() }, "--window needs poses"),
         (Options { pose_source: ground, ..in_map() }, "need poses"),

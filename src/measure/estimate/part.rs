@@ -35,6 +35,7 @@ pub(crate) enum Part {
     DeadReckoning,
     WindowScans,
     FittedPlane,
+    Overhang,
     LocalHeight,
     RoverLabels,
     RoverPoses,
@@ -44,7 +45,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 29] = [
+    pub(crate) const ALL: [Part; 30] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -68,6 +69,7 @@ impl Part {
         Part::DeadReckoning,
         Part::WindowScans,
         Part::FittedPlane,
+        Part::Overhang,
         Part::LocalHeight,
         Part::RoverLabels,
         Part::RoverPoses,
@@ -102,6 +104,7 @@ impl Part {
             Part::DeadReckoning => "dead_reckoning",
             Part::WindowScans => "window_scans",
             Part::FittedPlane => "fitted_plane",
+            Part::Overhang => "overhang",
             Part::LocalHeight => "local_height",
             Part::RoverLabels => "labels.rover",
             Part::RoverPoses => "labels.rover.pose",
@@ -155,6 +158,7 @@ impl Part {
             Part::DeadReckoning => family.slam == SlamParams::DeadReckoning,
             Part::WindowScans => family.cells.window_scans > 1,
             Part::FittedPlane => family.cells.frame == CellFrame::FittedPlane,
+            Part::Overhang => family.cells.overhang.is_some(),
             Part::LocalHeight => family.cells.local_height.is_some(),
             Part::RoverLabels => family.cells.labels.rover.is_some(),
             Part::RoverPoses => family.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
@@ -192,6 +196,7 @@ impl Part {
             Part::Fastslam | Part::DeadReckoning => family.slam = SlamParams::Truth,
             Part::WindowScans => family.cells.window_scans = 1,
             Part::FittedPlane => family.cells.frame = CellFrame::EstimatedPose,
+            Part::Overhang => family.cells.overhang = None,
             Part::LocalHeight => family.cells.local_height = None,
             Part::RoverLabels => family.cells.labels.rover = None,
             Part::RoverPoses => family.cells.labels.rover.iter_mut().for_each(|rule| rule.pose = false),

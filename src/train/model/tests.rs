@@ -35,6 +35,7 @@ pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
         run: Some("cd".repeat(32)),
         learnt_from: Vec::new(),
         frames: Vec::new(),
+        overhangs_m: Vec::new(),
     };
     Model { network: Network { layout, weights }, about, sha256: None }
 }
@@ -277,6 +278,28 @@ fn extreme_a_weight_beyond_reason_is_a_fault_that_names_it() {
         let fault = model.fault().expect("a fault");
         assert!(fault.starts_with("weight 3 is "), "{fault}");
     }
+}
+
+#[test]
+fn exact_an_overhang_rule_that_a_model_never_learnt_is_told_and_the_file_keeps_all_heights() {
+    let mut model = model(&["mean_height_m"], &[2], true);
+    assert_eq!(model.other_overhang(None), None);
+    let told = model.other_overhang(Some(0.8)).unwrap();
+    assert!(told.starts_with("the model learnt cells with all that hangs over them"), "{told}");
+    assert!(told.ends_with("train on a corpus with `cells.overhang`"), "{told}");
+    model.about.overhangs_m = vec![Some(0.6), Some(0.9)];
+    let again = Model::load(&model.save().unwrap()).unwrap();
+    assert_eq!(again.about.overhangs_m, model.about.overhangs_m);
+    assert_eq!([0.6, 0.7, 0.9].map(|m| again.other_overhang(Some(m))), [None, None, None]);
+    let told = again.other_overhang(None).unwrap();
+    assert!(told.contains("without what hangs over 0.6 m of free height, and these hold it"), "{told}");
+    let told = again.other_overhang(Some(1.5)).unwrap();
+    assert!(told.contains("0.6 to 0.9 m") && told.ends_with("`cells.overhang: {above_m: 1.5}`"), "{told}");
+    // One that learnt both with and without it is at home in both.
+    model.about.overhangs_m = vec![None, Some(0.6)];
+    assert_eq!([None, Some(0.6)].map(|m| model.other_overhang(m)), [None, None]);
+    model.about.overhangs_m = vec![Some(-1.0)];
+    assert!(model.fault().is_some());
 }
 
 #[test]

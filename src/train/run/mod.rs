@@ -57,6 +57,8 @@ pub struct Origin {
     pub cells: CellParams,
     /// As [`About::frames`](crate::train::About::frames).
     pub frames: Vec<CellFrame>,
+    /// As [`About::overhangs_m`](crate::train::About::overhangs_m).
+    pub overhangs_m: Vec<Option<f64>>,
     pub rover: Rover,
     pub sensor: Sensor,
     pub mount: [f64; 6],
@@ -71,6 +73,7 @@ impl Origin {
         Origin {
             cells: family.cells.clone(),
             frames: Vec::new(),
+            overhangs_m: Vec::new(),
             mount: family.sweep.mount.as_ref().map_or(own, |mount| mount.middle(own)),
             rover: (**rover).clone(),
             sensor: (*family.sweep.sensor).clone(),

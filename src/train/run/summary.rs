@@ -115,6 +115,7 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         thresholds: params.thresholds.clone(),
         cells: origin.cells.clone(),
         frames: origin.frames.clone(),
+        overhangs_m: origin.overhangs_m.clone(),
         rover: origin.rover.clone(),
         sensor: origin.sensor.clone(),
         mount: origin.mount,

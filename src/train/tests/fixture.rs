@@ -71,6 +71,7 @@ fn scene(scene_id: u64, rows: &[Row]) -> SceneOutput {
         dropped_beyond_range: 0,
         dropped_off_grid: 0,
         without_ground: 0,
+        overhanging: 0,
     };
     SceneOutput {
         scene_id,
@@ -101,6 +102,7 @@ pub(super) fn circles(dir: &tempfile::TempDir, name: &str, rows: usize) -> PathB
 pub(super) fn origin() -> Origin {
     Origin {
         frames: Vec::new(),
+        overhangs_m: Vec::new(),
         cells: CellParams::default(),
         rover: serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).unwrap(),
         sensor: serde_saphyr::from_str::<Sensor>(include_str!("../../../configs/sensors/urg-04lx.yaml")).unwrap(),
