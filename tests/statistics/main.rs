@@ -6,6 +6,7 @@ mod cast;
 mod cells;
 mod drive;
 mod extremes;
+mod overhang;
 mod scene;
 mod slam;
 mod sweep;
