@@ -6,6 +6,7 @@
 
 use super::assign::CellAssigner;
 use super::columns::{Offset, neighbour_offsets};
+use super::curvature;
 use super::gaps::BeamColumns;
 use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
@@ -61,6 +62,7 @@ pub struct Scratch {
     intensities: Vec<(f64, f64)>,
     local: local::Scratch,
     planes: GroundPlanes,
+    curvature: curvature::Scratch,
     beams: BeamColumns,
     overhangs: Overhangs,
     status: Vec<Status>,
@@ -217,8 +219,10 @@ fn summarise(
     // Those of gaps come later.
     let width = super::feature_columns(&CellParams { unseen: None, ..params.clone() }, intensity).len();
     let local_columns = params.local_height.as_ref().map_or(0, LocalHeightParams::columns);
+    let curvature_columns = params.curvature.as_ref().map_or(0, |curvature| 2 * curvature.radii_m.len());
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
-    let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, planes, .. } = scratch;
+    let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, planes, curvature, .. } =
+        scratch;
     cells.points_binned = points.cells.len() as u64;
     widest(CellAccumulator { points, numbers, verdicts, mean_heights_m, sums });
     if intensity {
@@ -241,7 +245,7 @@ fn summarise(
         features.extend(own.map(|f| f as f32));
         features.extend(std::iter::repeat_n(mean_m as f32, offsets.len()));
         // Written below, when all means are known.
-        features.resize(features.len() + local_columns, 0.0);
+        features.resize(features.len() + local_columns + curvature_columns, 0.0);
         features.extend([sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32));
         if intensity {
             let (mean, variance) = intensities[k];
@@ -263,6 +267,14 @@ fn summarise(
                 features[k * width + column + 1..][..2].copy_from_slice(&of_plane);
             }
         }
+    }
+    if let Some(of_curvature) = &params.curvature {
+        let Cells { rows, features, .. } = cells;
+        let column = FIRST_NEIGHBOUR + offsets.len() + local_columns;
+        curvature::bends(of_curvature, params.size_m, rows, mean_heights_m, curvature, |row, distance, bend_m| {
+            let of_distance = bend_m.map(|value| value as f32);
+            features[row * width + column + 2 * distance..][..2].copy_from_slice(&of_distance);
+        });
     }
 }
 

@@ -23,6 +23,8 @@ pub const LOCAL_HEIGHT: &str = "local_height_m";
 /// The columns of a cell's height above the plane of the ground around it, and of that plane's slope.
 pub const PLANE_HEIGHT: &str = "plane_height_m";
 pub const PLANE_SLOPE: &str = "plane_slope";
+/// Columns of how the ground bends begin with this.
+const CURVATURE: &str = "curvature_";
 /// Columns of neighbours' heights begin with this.
 const NEIGHBOUR: &str = "neighbour_";
 
@@ -121,6 +123,20 @@ pub(crate) fn loss_columns(families: &[&CellParams]) -> Vec<LossColumn> {
     columns
 }
 
+/// `curvature_least_20cm_m` of 0.2 m; a distance that is no whole number of centimetres is written in millimetres or less, and no two alike.
+fn curvature_name(extreme: &str, radius_m: f64) -> String {
+    let (mut scaled, mut unit) = (100.0 * radius_m, "cm");
+    if (scaled - scaled.round()).abs() > 1e-9 {
+        (scaled, unit) = (1e6 * radius_m, "um");
+    }
+    format!("{CURVATURE}{extreme}_{}{unit}_m", scaled.round())
+}
+
+/// Whether a feature column tells how the ground bends.
+pub fn is_curvature(column: &str) -> bool {
+    column.starts_with(CURVATURE)
+}
+
 /// Whether a feature column is the height of a neighbour.
 pub fn is_neighbour(column: &str) -> bool {
     column.starts_with(NEIGHBOUR)
@@ -181,6 +197,14 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
             format!("the plane fitted low through the lowest cells of the ground some {} m around", local.radius_m);
         columns.push(column(PLANE_HEIGHT, "m", &format!("mean height above {around}")));
         columns.push(column(PLANE_SLOPE, "1", &format!("slope of {around}, rise over run")));
+    }
+    for &radius_m in params.curvature.iter().flat_map(|curvature| &curvature.radii_m) {
+        columns.extend(["least", "most"].map(|extreme| {
+            let description = format!(
+                "{extreme} of the second differences of the mean heights along eight lines through the cell, {radius_m} m to either side"
+            );
+            FeatureColumn { name: curvature_name(extreme, radius_m), unit: "m", description }
+        }));
     }
     columns.extend([("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("x", "m"), ("y", "m"), ("yaw", "rad")].map(
         |(axis, unit)| {

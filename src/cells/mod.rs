@@ -35,6 +35,7 @@ mod assign;
 mod bin;
 mod columns;
 mod crossing;
+mod curvature;
 mod fall;
 #[cfg(test)]
 mod fixtures;
@@ -61,7 +62,7 @@ pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub(crate) use columns::loss_columns;
 pub use columns::{
     DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, LossColumn, MEAN_HEIGHT, Offset, PIT, PLANE_HEIGHT,
-    PLANE_SLOPE, TruthColumn, feature_columns, is_gap, is_neighbour, neighbour_offsets, truth_columns,
+    PLANE_SLOPE, TruthColumn, feature_columns, is_curvature, is_gap, is_neighbour, neighbour_offsets, truth_columns,
 };
 pub use crossing::params::RoverRule;
 pub(crate) use crossing::{

@@ -34,6 +34,10 @@ pub struct CellParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub local_height: Option<LocalHeightParams>,
+    /// Features more: how the ground bends at each cell, over several distances; absent = none.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub curvature: Option<CurvatureParams>,
     /// Rows also for cells that hold no point where beams passed over them, and columns of what those beams know; absent = none.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -55,6 +59,7 @@ impl Default for CellParams {
             frame: CellFrame::EstimatedPose,
             window_scans: 1,
             local_height: None,
+            curvature: None,
             unseen: None,
             overhang: None,
             labels: LabelParams::default(),
@@ -136,6 +141,31 @@ impl LocalHeightParams {
     /// Feature columns that it adds.
     pub(super) fn columns(&self) -> usize {
         if self.plane { 3 } else { 1 }
+    }
+}
+
+/// For each distance the least and the greatest of the second differences of the mean heights along eight lines through the cell: how far the
+/// ground on both sides, together, lies above twice the cell (`curvature_least_20cm_m`, `curvature_most_20cm_m`). A plane has none,
+/// however steep: steps and stones are told apart from slopes that training did not have.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct CurvatureParams {
+    /// Distances to either side, metres, each from one cell to 100, in rising order; at most 8.
+    #[garde(length(min = 1, max = 8), inner(custom(within(0.01, 10.0))))]
+    pub radii_m: Vec<f64>,
+}
+
+impl Default for CurvatureParams {
+    fn default() -> Self {
+        CurvatureParams { radii_m: vec![0.2, 0.4, 0.8] }
+    }
+}
+
+impl CurvatureParams {
+    /// For people: `curvature over 0.1, 0.2 m`.
+    pub fn words(&self) -> String {
+        let radii: Vec<String> = self.radii_m.iter().map(f64::to_string).collect();
+        format!("curvature over {} m", radii.join(", "))
     }
 }
 

@@ -4,11 +4,12 @@
 //! order of (row, col), a row with `points` = 0 for each empty cell that lies within `around_m` of a long gap and that beams passed
 //! over: its column holds a return before it and one behind it, and its centre lies within the cells' range. Frames and units as in
 //! `cells`. What such a row says in the other features: `mean_height_m` is the height of the line from the return before the cell to the
-//! lowest one behind it; variance, difference, count and intensities are 0; neighbours and the local ground are those of cells with
-//! points, as for any row. Own construction. Not modelled: earlier sweeps of a window; where they saw the cell, it has points.
+//! lowest one behind it; variance, difference, count and intensities are 0; neighbours, curvature and the local ground are those of
+//! cells with points, as for any row. Own construction. Not modelled: earlier sweeps of a window; where they saw the cell, it has points.
 
 use super::bin::FIRST_NEIGHBOUR;
 use super::columns::{GAP_COLUMNS, neighbour_offsets};
+use super::curvature::bend_at;
 use super::gaps::BeamColumns;
 use super::local::nearest_rank;
 use super::params::{LocalHeightParams, UnseenParams};
@@ -131,6 +132,12 @@ impl SeenCells<'_> {
                 own[next + 1..][..2].copy_from_slice(&of_plane);
             }
             next += local.columns();
+        }
+        for &radius_m in params.curvature.iter().flat_map(|curvature| &curvature.radii_m) {
+            let height_at = |index| self.find(index).map(|at| f64::from(self.height_m(at)));
+            let bend_m = bend_at(radius_m, grid.size_m, index, height_m, height_at).map(|value| value as f32);
+            own[next..][..2].copy_from_slice(&bend_m);
+            next += 2;
         }
         // Behind the six sigmas stand intensities, where there are any.
         own[next + 6..].fill(0.0);

@@ -98,6 +98,8 @@ pub(crate) fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<
         );
         let local = |cells: &CellParams| cells.local_height.as_ref().map_or("absent".to_owned(), |local| local.words());
         differ("cells.local_height", local(a), local(b), "one corpus has one set of columns");
+        let curvature = |cells: &CellParams| cells.curvature.as_ref().map_or("absent".to_owned(), |all| all.words());
+        differ("cells.curvature", curvature(a), curvature(b), "one corpus has one set of columns");
         let rover = |cells: &CellParams| if cells.labels.rover.is_some() { "on" } else { "off" }.to_owned();
         differ("cells.labels.rover", rover(a), rover(b), "one corpus has one set of columns");
         let pose = |cells: &CellParams| {
@@ -481,6 +483,25 @@ impl Rules<'_, '_, '_> {
             );
             let cure = "1 m is usual; the time grows with the radius in cells";
             self.fault("cells.local_height.radius_m", rule, cure, &[("cells.size_m", "the cell")]);
+        }
+        if let Some(curvature) = &cells.curvature {
+            let in_cells = |radius_m: f64| radius_m / cells.size_m;
+            let mut before_m = 0.0;
+            for (k, &radius_m) in curvature.radii_m.iter().enumerate() {
+                let key = format!("cells.curvature.radii_m[{k}]");
+                let cure = "cells of 0.1 m go with [0.2, 0.4, 0.8]";
+                if !(1.0 - 1e-9..=MAX_LOCAL_RADIUS_CELLS * (1.0 + 1e-9)).contains(&in_cells(radius_m)) {
+                    let rule = format!(
+                        "a distance of {radius_m} m is not between 1 and {MAX_LOCAL_RADIUS_CELLS} cells of {} m",
+                        cells.size_m
+                    );
+                    self.fault(&key, rule, cure, &[("cells.size_m", "the cell")]);
+                } else if radius_m <= before_m {
+                    let rule = format!("{radius_m} m does not lie beyond {before_m} m: distances rise");
+                    self.fault(&key, rule, cure, &[]);
+                }
+                before_m = radius_m;
+            }
         }
     }
 

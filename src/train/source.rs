@@ -10,7 +10,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{FeatureSet, TrainError};
-use crate::cells::{LOCAL_HEIGHT, LabelRule, PLANE_HEIGHT, PLANE_SLOPE, is_gap};
+use crate::cells::{
+    LOCAL_HEIGHT, LabelRule, MEAN_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE, is_curvature, is_gap, is_neighbour,
+};
 use crate::corpus::belongs::ShardIdentity;
 use crate::corpus::checked::{Expected, Refused};
 use crate::corpus::manifest::{FeatureSummary, ShardLine};
@@ -271,17 +273,19 @@ fn choose(source: &Source, set: &FeatureSet) -> Result<Vec<String>, TrainError> 
         }
         return Ok(columns.clone());
     }
-    let names = || source.features.iter().map(|feature| feature.name.as_str());
-    let plane = names().any(|name| name == PLANE_HEIGHT);
-    Ok(names().filter(|name| holds(set, plane, name)).map(String::from).collect())
+    let names = source.features.iter().map(|feature| feature.name.as_str());
+    let taken = taken(set, names.clone());
+    Ok(names.filter(|name| taken(name)).map(String::from).collect())
 }
 
-/// Whether a column is one of a set's inputs; `plane`: the corpus has the columns of the plane around.
-pub(crate) fn holds(set: &FeatureSet, plane: bool, name: &str) -> bool {
-    match set {
+/// Tells which of a corpus's columns are a set's inputs.
+pub(crate) fn taken<'c>(set: &FeatureSet, columns: impl Iterator<Item = &'c str> + Clone) -> impl Fn(&str) -> bool {
+    let plane = columns.clone().any(|name| name == PLANE_HEIGHT);
+    let bends = columns.clone().any(is_curvature);
+    move |name| match set {
         FeatureSet::Listed => is_listed(name),
-        FeatureSet::Full => is_full(plane, name),
-        FeatureSet::SeenUnseen => is_full(plane, name) || is_gap(name),
+        FeatureSet::Full => is_full(plane, bends, name),
+        FeatureSet::SeenUnseen => is_full(plane, bends, name) || is_gap(name),
         FeatureSet::All => true,
         FeatureSet::Columns(columns) => columns.iter().any(|column| column == name),
     }
@@ -289,17 +293,26 @@ pub(crate) fn holds(set: &FeatureSet, plane: bool, name: &str) -> bool {
 
 /// The paper's features.
 fn is_listed(name: &str) -> bool {
-    !name.starts_with("sigma_") && !name.starts_with("intensity_") && !is_gap(name) && !OF_THE_GROUND.contains(&name)
+    !name.starts_with("sigma_") && !name.starts_with("intensity_") && !is_gap(name) && !is_of_the_ground(name)
 }
 
 /// What is told of a cell by the ground around it.
-const OF_THE_GROUND: [&str; 3] = [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE];
+fn is_of_the_ground(name: &str) -> bool {
+    [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE].contains(&name) || is_curvature(name)
+}
 
 /// With what else is worth having by any sensor. Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
-/// a network that takes it calls whole scans on slopes that its training never had untraversable.
-fn is_full(plane: bool, name: &str) -> bool {
+/// a network that takes it calls whole scans on slopes that its training never had untraversable. Where it is also known how the ground
+/// bends, heights above the rover and steps to the neighbours say more of the slope than of what stands on it.
+fn is_full(plane: bool, bends: bool, name: &str) -> bool {
     let of_the_pose = ["pitch_rad", "roll_rad", "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
-    if of_the_pose.contains(&name) { !plane } else { is_listed(name) || OF_THE_GROUND.contains(&name) }
+    if of_the_pose.contains(&name) {
+        !plane
+    } else if name == MEAN_HEIGHT || is_neighbour(name) {
+        !(plane && bends)
+    } else {
+        is_listed(name) || is_of_the_ground(name)
+    }
 }
 
 fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
@@ -315,36 +328,49 @@ fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cells::params::LocalHeightParams;
+    use crate::cells::params::{CurvatureParams, LocalHeightParams};
     use crate::cells::{CellParams, feature_columns};
 
     #[test]
     fn exact_listed_is_the_papers_list_and_full_takes_the_ground_around_and_three_sigmas_or_the_plane() {
-        let chosen = |local_height: Option<LocalHeightParams>, keep: &dyn Fn(&str) -> bool| {
-            let params = CellParams { local_height, ..CellParams::default() };
-            let names = feature_columns(&params, true).into_iter().map(|column| column.name);
-            names.filter(|name| keep(name)).collect::<Vec<_>>()
+        let chosen = |set: FeatureSet, params: &CellParams| {
+            let names: Vec<String> = feature_columns(params, true).into_iter().map(|column| column.name).collect();
+            let taken = taken(&set, names.iter().map(String::as_str));
+            names.iter().filter(|name| taken(name)).cloned().collect::<Vec<_>>()
         };
-        let local = || Some(LocalHeightParams::default());
-        let listed = chosen(local(), &is_listed);
-        assert_eq!((listed.len(), &listed), (14, &chosen(None, &is_listed)));
+        let bare = CellParams::default();
+        let local = CellParams { local_height: Some(LocalHeightParams::default()), ..CellParams::default() };
+        let listed = chosen(FeatureSet::Listed, &local);
+        assert_eq!((listed.len(), &listed), (14, &chosen(FeatureSet::Listed, &bare)));
         assert_eq!(listed[13], "neighbour_ne_m");
         let sigmas = ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
-        assert_eq!(chosen(None, &|name| is_full(false, name))[14..], sigmas);
-        let full = chosen(local(), &|name| is_full(false, name));
+        assert_eq!(chosen(FeatureSet::Full, &bare)[14..], sigmas);
+        let full = chosen(FeatureSet::Full, &local);
         assert_eq!((full[..14] == listed, full[14].as_str()), (true, "local_height_m"));
         assert_eq!(full[15..], sigmas);
-        let with_plane = chosen(Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() }), &|name| {
-            is_full(true, name)
-        });
+        let around = Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() });
+        let plane = CellParams { local_height: around, ..CellParams::default() };
+        let of_the_plane = ["local_height_m", "plane_height_m", "plane_slope"];
+        let with_plane = chosen(FeatureSet::Full, &plane);
         assert_eq!(with_plane[..4], listed[..4], "pitch and roll are left out");
         assert_eq!(with_plane[4..12], listed[6..]);
-        assert_eq!(with_plane[12..], ["local_height_m", "plane_height_m", "plane_slope"]);
+        assert_eq!(with_plane[12..], of_the_plane);
+        let curvature = Some(CurvatureParams { radii_m: vec![0.2] });
+        let bends = ["curvature_least_20cm_m", "curvature_most_20cm_m"];
+        let with_both = chosen(FeatureSet::Full, &CellParams { curvature: curvature.clone(), ..plane });
+        assert_eq!(with_both[..3], listed[1..4], "heights above the rover and neighbours are left out");
+        assert_eq!(
+            (&with_both[3..6], &with_both[6..]),
+            (&of_the_plane.map(String::from)[..], &bends.map(String::from)[..])
+        );
+        let without_plane = CellParams { curvature, ..bare };
+        assert_eq!(chosen(FeatureSet::Full, &without_plane)[..14], listed);
+        assert_eq!(chosen(FeatureSet::Full, &without_plane)[14..16], bends);
+        assert_eq!(chosen(FeatureSet::Listed, &without_plane), listed);
         // Cells without points have columns of their own, which no other preset takes.
         let params = CellParams { unseen: Some(Default::default()), ..CellParams::default() };
-        let of_unseen = feature_columns(&params, true).into_iter().map(|column| column.name);
-        let taken = |set: &FeatureSet| of_unseen.clone().filter(|name| holds(set, false, name)).count();
-        assert_eq!([FeatureSet::Full, FeatureSet::SeenUnseen, FeatureSet::All].map(|set| taken(&set)), [17, 33, 38]);
+        let count = |set| chosen(set, &params).len();
+        assert_eq!([FeatureSet::Full, FeatureSet::SeenUnseen, FeatureSet::All].map(count), [17, 33, 38]);
         assert_eq!(serde_json::to_string(&FeatureSet::SeenUnseen).unwrap(), "\"seen+unseen\"");
     }
 }

@@ -75,7 +75,7 @@ fn equal_bytes_of_polynomial_grounds_for_one_and_three_threads() {
 /// the place of a window of sweeps, drives over bodies in the place of drives through them, and crowns so low that beams meet them. All
 /// look at the ground around the points, and at cells that hold none.
 const LABELS_OF_PLACES: [(&str, &[&str]); 6] = [
-    ("holes", &["--set", "cells.unseen={}", "--set", PLANE, "--set", "cells.labels.max_drop_m=0.1", "--set", HOLES]),
+    ("holes", &["--set", "cells.unseen={}", "--set", AROUND, "--set", "cells.labels.max_drop_m=0.1", "--set", HOLES]),
     ("rover", &["--set", "cells.unseen={}", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
     ("pose", &["--set", "cells.labels={rover: {pose: true}}", "--set", HOLES]),
     ("drive", &["--set", "drive.over_bodies=true", "--set", "cells.labels={rover: {}}", "--set", HOLES]),
@@ -84,7 +84,7 @@ const LABELS_OF_PLACES: [(&str, &[&str]); 6] = [
 ];
 const LOW_CROWNS: &str =
     "scene.trees={count: 6, diameter_m: 0.2, height_m: 1, crown: {diameter_m: 1.5, extinction_per_m: 4}}";
-const PLANE: &str = "cells.local_height.plane=true";
+const AROUND: &str = "cells={local_height: {plane: true}, curvature: {}}";
 const FRAME: &str = "cells={window_scans: 1, frame: fitted_plane}";
 const HOLES: &str = "scene.ground.features=[{trench: {count: 2, depth_m: 0.4, width_m: 0.5, length_m: 3}}, \
                      {hole: {count: 4, depth_m: 0.4, width_m: 0.8}}, {drop_off: {count: 1, depth_m: 0.3, width_m: 2}}]";

@@ -1,7 +1,7 @@
 //! Cells without points, over a trench that beams cross: which there are, what they hold, and that the others stay as they are.
 
 use super::*;
-use crate::cells::params::{LocalHeightParams, UnseenParams};
+use crate::cells::params::{CurvatureParams, LocalHeightParams, UnseenParams};
 use crate::geometry::{CellIndex, GridSpec};
 
 /// Level ground with a trench across x, from 5 to 5.6 m, half a metre deep.
@@ -37,6 +37,7 @@ fn params(unseen: bool) -> CellParams {
     CellParams {
         size_m: 0.1,
         local_height: Some(LocalHeightParams::default()),
+        curvature: Some(CurvatureParams { radii_m: vec![0.4] }),
         unseen: unseen.then(UnseenParams::default),
         labels: LabelParams { max_drop_m: Some(0.2), ..LabelParams::default() },
         ..CellParams::default()
@@ -89,7 +90,7 @@ fn exact_a_cell_without_points_has_the_height_of_its_line_and_the_local_ground_o
         let column = columns.iter().position(|column| column.name == name).expect("a column");
         f64::from(cells.features[at * columns.len() + column])
     };
-    let mut checked = 0;
+    let (mut checked, mut bent) = (0, 0);
     for (at, row) in cells.rows.iter().enumerate().filter(|(_, row)| row.points == 0) {
         // Between the lip, level with the wheels a metre below the rover's z, and the far wall or the floor.
         let height_m = value(at, "mean_height_m");
@@ -117,6 +118,10 @@ fn exact_a_cell_without_points_has_the_height_of_its_line_and_the_local_ground_o
         around.sort_by(f64::total_cmp);
         let rank = (0.1 * around.len() as f64).ceil().max(1.0) as usize - 1;
         assert!((value(at, "local_height_m") - (height_m - around[rank])).abs() < 1e-5);
+        // Along the trench its empty cells have no pair with points, across it they have walls and ground to both sides.
+        let bend_m = [value(at, "curvature_least_40cm_m"), value(at, "curvature_most_40cm_m")];
+        assert!(bend_m[0] <= bend_m[1] && bend_m.iter().all(|bend_m| bend_m.abs() < 2.0), "{bend_m:?}");
+        bent += usize::from(bend_m[1] > 0.1);
     }
-    assert!(checked > 20, "{checked}");
+    assert!(checked > 20 && bent > 20, "{checked} {bent}");
 }

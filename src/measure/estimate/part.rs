@@ -37,6 +37,7 @@ pub(crate) enum Part {
     FittedPlane,
     Overhang,
     LocalHeight,
+    Curvature,
     RoverLabels,
     RoverPoses,
     Unseen,
@@ -45,7 +46,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 30] = [
+    pub(crate) const ALL: [Part; 31] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -71,6 +72,7 @@ impl Part {
         Part::FittedPlane,
         Part::Overhang,
         Part::LocalHeight,
+        Part::Curvature,
         Part::RoverLabels,
         Part::RoverPoses,
         Part::Unseen,
@@ -106,6 +108,7 @@ impl Part {
             Part::FittedPlane => "fitted_plane",
             Part::Overhang => "overhang",
             Part::LocalHeight => "local_height",
+            Part::Curvature => "curvature",
             Part::RoverLabels => "labels.rover",
             Part::RoverPoses => "labels.rover.pose",
             Part::Unseen => "unseen",
@@ -160,6 +163,7 @@ impl Part {
             Part::FittedPlane => family.cells.frame == CellFrame::FittedPlane,
             Part::Overhang => family.cells.overhang.is_some(),
             Part::LocalHeight => family.cells.local_height.is_some(),
+            Part::Curvature => family.cells.curvature.is_some(),
             Part::RoverLabels => family.cells.labels.rover.is_some(),
             Part::RoverPoses => family.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
             Part::Unseen => family.cells.unseen.is_some(),
@@ -198,6 +202,7 @@ impl Part {
             Part::FittedPlane => family.cells.frame = CellFrame::EstimatedPose,
             Part::Overhang => family.cells.overhang = None,
             Part::LocalHeight => family.cells.local_height = None,
+            Part::Curvature => family.cells.curvature = None,
             Part::RoverLabels => family.cells.labels.rover = None,
             Part::RoverPoses => family.cells.labels.rover.iter_mut().for_each(|rule| rule.pose = false),
             Part::Unseen => family.cells.unseen = None,

@@ -22,7 +22,7 @@ use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};
 use crate::sweep::params::Cast;
 use crate::train::params::FeatureSet;
-use crate::train::source::holds;
+use crate::train::source::taken;
 
 /// How far an estimate is from the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,9 +136,9 @@ pub(super) fn measure(
 fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
     let family = &prepared.plan.families[0];
     let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
-    let plane = family.cells.local_height.as_ref().is_some_and(|local| local.plane);
-    let kept = columns.into_iter().enumerate().filter(|(_, column)| holds(&FeatureSet::Full, plane, &column.name));
-    kept.map(|(k, column)| (column.name, k)).unzip()
+    let taken = taken(&FeatureSet::Full, columns.iter().map(|column| column.name.as_str()));
+    let kept = columns.iter().enumerate().filter(|(_, column)| taken(&column.name));
+    kept.map(|(k, column)| (column.name.clone(), k)).unzip()
 }
 
 /// One scene at every setting; its number in the list is the number of the repeat.
