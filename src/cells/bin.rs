@@ -221,6 +221,10 @@ fn summarise(
     let local_columns = params.local_height.as_ref().map_or(0, LocalHeightParams::columns);
     let curvature_columns = params.curvature.as_ref().map_or(0, |curvature| 2 * curvature.radii_m.len());
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
+    // The same for all rows.
+    let [pitch, roll] = [estimate.pose.pitch_rad, estimate.pose.roll_rad].map(|f| f as f32);
+    let sigmas = [sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32);
+    let written_later = local_columns + curvature_columns;
     let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, planes, curvature, .. } =
         scratch;
     cells.points_binned = points.cells.len() as u64;
@@ -228,6 +232,8 @@ fn summarise(
     if intensity {
         means_and_variances(numbers, &points.intensities, sums, intensities);
     }
+    cells.rows.reserve(numbers.cells.len());
+    cells.features.reserve(numbers.cells.len() * width);
     for (k, (&index, sum)) in numbers.cells.iter().zip(&*sums).enumerate() {
         let (count, mean_m) = (f64::from(sum.points), mean_heights_m[k]);
         let truth = sum.truth.finish();
@@ -241,12 +247,15 @@ fn summarise(
         });
         let features = &mut cells.features;
         let height_m = sum.high_m - sum.low_m;
-        let own = [mean_m, sum.squares_m2 / count, height_m, count, estimate.pose.pitch_rad, estimate.pose.roll_rad];
-        features.extend(own.map(|f| f as f32));
-        features.extend(std::iter::repeat_n(mean_m as f32, offsets.len()));
+        let [mean, variance, height, points] =
+            [mean_m, sum.squares_m2 / count, height_m, count].map(|value| value as f32);
+        features.extend_from_slice(&[mean, variance, height, points, pitch, roll]);
+        features.extend(std::iter::repeat_n(mean, offsets.len()));
         // Written below, when all means are known.
-        features.resize(features.len() + local_columns + curvature_columns, 0.0);
-        features.extend([sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32));
+        if written_later > 0 {
+            features.resize(features.len() + written_later, 0.0);
+        }
+        features.extend_from_slice(&sigmas);
         if intensity {
             let (mean, variance) = intensities[k];
             features.extend([mean as f32, variance as f32]);

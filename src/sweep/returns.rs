@@ -58,13 +58,16 @@ impl TrueReturn {
     }
 
     /// Marks a hit that lies on the upward part of an obstacle and off its rim. `last` is what the hits before told.
-    #[inline]
+    ///
+    /// The question is asked of every hit and answered for those on bodies: it stands in the loop, the answer apart.
+    #[inline(always)]
     pub(super) fn mark_top(&mut self, caster: &Caster, origin_m: DVec3, direction: DVec3, last: &mut LastFace) {
         if self.object >= 0 && !self.is_foliage() {
             self.top = self.is_top(caster, origin_m + direction * self.range_m, last);
         }
     }
 
+    #[inline(never)]
     fn is_top(&self, caster: &Caster, point_m: DVec3, last: &mut LastFace) -> bool {
         let upward = || caster.normal_at(self.object, point_m).z >= UPWARD_COS;
         let body = match &caster.scene().obstacles[self.object as usize].body().shape {
