@@ -17,7 +17,7 @@ import resource
 import study
 
 CONFIG = study.ROOT / "configs" / "mixed.yaml"
-FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_slope", "unseen_kinds", "unseen"]
+FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_frame", "unseen_slope", "unseen_kinds", "unseen"]
 PER_SHARD = 10
 
 

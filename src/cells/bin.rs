@@ -16,6 +16,7 @@ use super::params::LocalHeightParams;
 use super::place::PlaceTruth;
 use super::plane::GroundPlanes;
 use super::points::{Points, Scan, UNKNOWN};
+use super::surroundings::{NAMES, Surroundings};
 use super::{CellParams, CellRow, CellTruth, Cells, Label, unseen};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
 use crate::scene::Scene;
@@ -220,11 +221,12 @@ fn summarise(
     let width = super::feature_columns(&CellParams { unseen: None, ..params.clone() }, intensity).len();
     let local_columns = params.local_height.as_ref().map_or(0, LocalHeightParams::columns);
     let curvature_columns = params.curvature.as_ref().map_or(0, |curvature| 2 * curvature.radii_m.len());
+    let around_columns = params.surroundings.as_ref().map_or(0, |around| NAMES.len() * around.radii_m.len());
     let [sigma_x, sigma_y, sigma_z, sigma_roll, sigma_pitch, sigma_yaw] = estimate.sigmas();
     // The same for all rows.
     let [pitch, roll] = [estimate.pose.pitch_rad, estimate.pose.roll_rad].map(|f| f as f32);
     let sigmas = [sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32);
-    let written_later = local_columns + curvature_columns;
+    let written_later = local_columns + curvature_columns + around_columns;
     let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, planes, curvature, .. } =
         scratch;
     cells.points_binned = points.cells.len() as u64;
@@ -284,6 +286,18 @@ fn summarise(
             let of_distance = bend_m.map(|value| value as f32);
             features[row * width + column + 2 * distance..][..2].copy_from_slice(&of_distance);
         });
+    }
+    if let Some(of_squares) = &params.surroundings {
+        let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
+        let column = FIRST_NEIGHBOUR + offsets.len() + local_columns + curvature_columns;
+        let Cells { rows, features, .. } = cells;
+        let squares = Surroundings { rows, features, width, plane_height };
+        let all = rows.iter().zip(features.chunks_exact(width));
+        let values: Vec<f32> =
+            all.flat_map(|(row, own)| squares.of(of_squares, params.size_m, row.index, own[plane_height])).collect();
+        for (own, values) in features.chunks_exact_mut(width).zip(values.chunks_exact(around_columns)) {
+            own[column..][..around_columns].copy_from_slice(values);
+        }
     }
 }
 

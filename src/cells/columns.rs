@@ -3,6 +3,7 @@
 //! Source: Hewitt et al. 2017, "Neural network input types" and figure 4. The order is part of the data contract.
 
 use super::params::CellFrame;
+use super::surroundings;
 use super::{CellParams, CellTruth, Cells, FeatureColumn};
 
 /// A cell near another: columns to the east and rows to the north.
@@ -25,6 +26,8 @@ pub const PLANE_HEIGHT: &str = "plane_height_m";
 pub const PLANE_SLOPE: &str = "plane_slope";
 /// Columns of how the ground bends begin with this.
 const CURVATURE: &str = "curvature_";
+/// Columns of the squares around begin with this.
+const SURROUNDINGS: &str = "surroundings_";
 /// Columns of neighbours' heights begin with this.
 const NEIGHBOUR: &str = "neighbour_";
 
@@ -123,13 +126,19 @@ pub(crate) fn loss_columns(families: &[&CellParams]) -> Vec<LossColumn> {
     columns
 }
 
-/// `curvature_least_20cm_m` of 0.2 m; a distance that is no whole number of centimetres is written in millimetres or less, and no two alike.
-fn curvature_name(extreme: &str, radius_m: f64) -> String {
-    let (mut scaled, mut unit) = (100.0 * radius_m, "cm");
-    if (scaled - scaled.round()).abs() > 1e-9 {
-        (scaled, unit) = (1e6 * radius_m, "um");
+/// `20cm` of 0.2 m; a length that is no whole number of centimetres is written in micrometres.
+fn length(radius_m: f64) -> String {
+    let centimetres = 100.0 * radius_m;
+    if (centimetres - centimetres.round()).abs() > 1e-9 {
+        format!("{}um", (1e6 * radius_m).round())
+    } else {
+        format!("{}cm", centimetres.round())
     }
-    format!("{CURVATURE}{extreme}_{}{unit}_m", scaled.round())
+}
+
+/// Whether a feature column tells of the squares around the cell.
+pub fn is_surroundings(column: &str) -> bool {
+    column.starts_with(SURROUNDINGS)
 }
 
 /// Whether a feature column tells how the ground bends.
@@ -203,7 +212,16 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
             let description = format!(
                 "{extreme} of the second differences of the mean heights along eight lines through the cell, {radius_m} m to either side"
             );
-            FeatureColumn { name: curvature_name(extreme, radius_m), unit: "m", description }
+            FeatureColumn { name: format!("{CURVATURE}{extreme}_{}_m", length(radius_m)), unit: "m", description }
+        }));
+    }
+    for &radius_m in params.surroundings.iter().flat_map(|surroundings| &surroundings.radii_m) {
+        columns.extend(surroundings::NAMES.map(|(name, unit, meaning)| {
+            let ending = if unit == "m" { "_m" } else { "" };
+            let name = format!("{SURROUNDINGS}{name}_{}{ending}", length(radius_m));
+            let description =
+                format!("{meaning}, in the square that reaches {radius_m} m to each side; of cells that hold points");
+            FeatureColumn { name, unit, description }
         }));
     }
     columns.extend([("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("x", "m"), ("y", "m"), ("yaw", "rad")].map(

@@ -53,6 +53,7 @@ mod plane;
 mod points;
 mod rule;
 mod slope;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 mod unseen;
@@ -62,7 +63,8 @@ pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub(crate) use columns::loss_columns;
 pub use columns::{
     DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, LossColumn, MEAN_HEIGHT, Offset, PIT, PLANE_HEIGHT,
-    PLANE_SLOPE, TruthColumn, feature_columns, is_curvature, is_gap, is_neighbour, neighbour_offsets, truth_columns,
+    PLANE_SLOPE, TruthColumn, feature_columns, is_curvature, is_gap, is_neighbour, is_surroundings, neighbour_offsets,
+    truth_columns,
 };
 pub use crossing::params::RoverRule;
 pub(crate) use crossing::{

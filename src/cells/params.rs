@@ -38,6 +38,10 @@ pub struct CellParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub curvature: Option<CurvatureParams>,
+    /// Features more: what the ground looks like in squares around each cell; absent = none. They need `local_height.plane`.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surroundings: Option<SurroundingsParams>,
     /// Rows also for cells that hold no point where beams passed over them, and columns of what those beams know; absent = none.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -60,6 +64,7 @@ impl Default for CellParams {
             window_scans: 1,
             local_height: None,
             curvature: None,
+            surroundings: None,
             unseen: None,
             overhang: None,
             labels: LabelParams::default(),
@@ -164,9 +169,37 @@ impl Default for CurvatureParams {
 impl CurvatureParams {
     /// For people: `curvature over 0.1, 0.2 m`.
     pub fn words(&self) -> String {
-        let radii: Vec<String> = self.radii_m.iter().map(f64::to_string).collect();
-        format!("curvature over {} m", radii.join(", "))
+        format!("curvature over {} m", list(&self.radii_m))
     }
+}
+
+/// For each distance, of the cells that hold points in the square that reaches so far to each side: the mean and the standard deviation of their
+/// heights above the plane, the mean spread of heights within them, and the share of the square that they are
+/// (`surroundings_height_20cm_m`, `surroundings_roughness_20cm_m`, `surroundings_spread_20cm_m`, `surroundings_cover_20cm`). What one cell
+/// of few points cannot tell, grass from a bush, its neighbourhood does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct SurroundingsParams {
+    /// Distances to each side, metres, each from one cell to 10, in rising order; at most 8.
+    #[garde(length(min = 1, max = 8), inner(custom(within(0.01, 10.0))))]
+    pub radii_m: Vec<f64>,
+}
+
+impl Default for SurroundingsParams {
+    fn default() -> Self {
+        SurroundingsParams { radii_m: vec![0.2, 0.4] }
+    }
+}
+
+impl SurroundingsParams {
+    /// For people: `surroundings within 0.2, 0.4 m`.
+    pub fn words(&self) -> String {
+        format!("surroundings within {} m", list(&self.radii_m))
+    }
+}
+
+fn list(radii_m: &[f64]) -> String {
+    radii_m.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// A row (of `points` = 0) for each empty cell near a gap: two returns that are neighbours in a column of beams, with more ground

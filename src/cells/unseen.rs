@@ -4,7 +4,7 @@
 //! order of (row, col), a row with `points` = 0 for each empty cell that lies within `around_m` of a long gap and that beams passed
 //! over: its column holds a return before it and one behind it, and its centre lies within the cells' range. Frames and units as in
 //! `cells`. What such a row says in the other features: `mean_height_m` is the height of the line from the return before the cell to the
-//! lowest one behind it; variance, difference, count and intensities are 0; neighbours, curvature and the local ground are those of
+//! lowest one behind it; variance, difference, count and intensities are 0; neighbours, curvature, squares and the local ground are those of
 //! cells with points, as for any row. Own construction. Not modelled: earlier sweeps of a window; where they saw the cell, it has points.
 
 use super::bin::FIRST_NEIGHBOUR;
@@ -14,6 +14,7 @@ use super::gaps::BeamColumns;
 use super::local::nearest_rank;
 use super::params::{LocalHeightParams, UnseenParams};
 use super::plane::GroundPlanes;
+use super::surroundings::Surroundings;
 use super::{CellParams, CellRow, CellTruth, Cells};
 use crate::geometry::{CellIndex, GridSpec};
 
@@ -138,6 +139,14 @@ impl SeenCells<'_> {
             let bend_m = bend_at(radius_m, grid.size_m, index, height_m, height_at).map(|value| value as f32);
             own[next..][..2].copy_from_slice(&bend_m);
             next += 2;
+        }
+        if let Some(of_squares) = &params.surroundings {
+            let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
+            let squares = Surroundings { rows: self.rows, features: self.features, width: self.width, plane_height };
+            for value in squares.of(of_squares, grid.size_m, index, own[plane_height]) {
+                own[next] = value;
+                next += 1;
+            }
         }
         // Behind the six sigmas stand intensities, where there are any.
         own[next + 6..].fill(0.0);

@@ -20,6 +20,8 @@ use crate::sweep::sensor::{PatternParams, Sensor};
 const MAX_NODES_A_SIDE: f64 = 4096.0;
 /// Cells from the centre to the rim of the ground around a cell: some 31,000 cells lie within.
 const MAX_LOCAL_RADIUS_CELLS: f64 = 100.0;
+/// A square around a cell reaches so many cells at most: the time grows with its area.
+const MAX_SQUARE_CELLS: f64 = 10.0;
 
 /// Rules of the document as a whole.
 pub(crate) fn of_document(document: &Document, place: &KeyPath, faults: &mut Vec<Fault>) {
@@ -100,6 +102,8 @@ pub(crate) fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<
         differ("cells.local_height", local(a), local(b), "one corpus has one set of columns");
         let curvature = |cells: &CellParams| cells.curvature.as_ref().map_or("absent".to_owned(), |all| all.words());
         differ("cells.curvature", curvature(a), curvature(b), "one corpus has one set of columns");
+        let around = |cells: &CellParams| cells.surroundings.as_ref().map_or("absent".to_owned(), |all| all.words());
+        differ("cells.surroundings", around(a), around(b), "one corpus has one set of columns");
         let rover = |cells: &CellParams| if cells.labels.rover.is_some() { "on" } else { "off" }.to_owned();
         differ("cells.labels.rover", rover(a), rover(b), "one corpus has one set of columns");
         let pose = |cells: &CellParams| {
@@ -485,23 +489,37 @@ impl Rules<'_, '_, '_> {
             self.fault("cells.local_height.radius_m", rule, cure, &[("cells.size_m", "the cell")]);
         }
         if let Some(curvature) = &cells.curvature {
-            let in_cells = |radius_m: f64| radius_m / cells.size_m;
-            let mut before_m = 0.0;
-            for (k, &radius_m) in curvature.radii_m.iter().enumerate() {
-                let key = format!("cells.curvature.radii_m[{k}]");
-                let cure = "cells of 0.1 m go with [0.2, 0.4, 0.8]";
-                if !(1.0 - 1e-9..=MAX_LOCAL_RADIUS_CELLS * (1.0 + 1e-9)).contains(&in_cells(radius_m)) {
-                    let rule = format!(
-                        "a distance of {radius_m} m is not between 1 and {MAX_LOCAL_RADIUS_CELLS} cells of {} m",
-                        cells.size_m
-                    );
-                    self.fault(&key, rule, cure, &[("cells.size_m", "the cell")]);
-                } else if radius_m <= before_m {
-                    let rule = format!("{radius_m} m does not lie beyond {before_m} m: distances rise");
-                    self.fault(&key, rule, cure, &[]);
-                }
-                before_m = radius_m;
+            self.radii("cells.curvature.radii_m", &curvature.radii_m, MAX_LOCAL_RADIUS_CELLS, "[0.2, 0.4, 0.8]");
+        }
+        if let Some(surroundings) = &cells.surroundings {
+            self.radii("cells.surroundings.radii_m", &surroundings.radii_m, MAX_SQUARE_CELLS, "[0.2, 0.4]");
+            if !cells.local_height.as_ref().is_some_and(|local| local.plane) {
+                let rule = "heights of the squares are above the plane around, which is not asked for".to_owned();
+                self.fault(
+                    "cells.surroundings",
+                    rule,
+                    "add cells.local_height: {plane: true}",
+                    &[("cells.local_height", "here")],
+                );
             }
+        }
+    }
+
+    /// Distances in cells, in rising order.
+    fn radii(&mut self, key: &str, radii_m: &[f64], most_cells: f64, usual: &str) {
+        let size_m = self.family.cells.size_m;
+        let cure = format!("cells of 0.1 m go with {usual}");
+        let mut before_m = 0.0;
+        for (k, &radius_m) in radii_m.iter().enumerate() {
+            let key = format!("{key}[{k}]");
+            if !(1.0 - 1e-9..=most_cells * (1.0 + 1e-9)).contains(&(radius_m / size_m)) {
+                let rule = format!("a distance of {radius_m} m is not between 1 and {most_cells} cells of {size_m} m");
+                self.fault(&key, rule, &cure, &[("cells.size_m", "the cell")]);
+            } else if radius_m <= before_m {
+                let rule = format!("{radius_m} m does not lie beyond {before_m} m: distances rise");
+                self.fault(&key, rule, &cure, &[]);
+            }
+            before_m = radius_m;
         }
     }
 

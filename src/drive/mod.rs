@@ -22,6 +22,7 @@
 //!     wheel_diameter_m: 0.2,
 //!     length_m: 0.7,
 //!     width_m: 0.6,
+//!     height_m: None,
 //!     max_speed_mps: 0.5,
 //!     max_yaw_rate_degps: 30.0,
 //!     mount: Mount { x_m: 0.2, y_m: 0.0, z_m: 0.6, yaw_deg: 0.0, pitch_deg: 0.0, roll_deg: 0.0 },

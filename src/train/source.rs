@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::{FeatureSet, TrainError};
 use crate::cells::{
     LOCAL_HEIGHT, LabelRule, MEAN_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE, is_curvature, is_gap, is_neighbour,
+    is_surroundings,
 };
 use crate::corpus::belongs::ShardIdentity;
 use crate::corpus::checked::{Expected, Refused};
@@ -298,7 +299,7 @@ fn is_listed(name: &str) -> bool {
 
 /// What is told of a cell by the ground around it.
 fn is_of_the_ground(name: &str) -> bool {
-    [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE].contains(&name) || is_curvature(name)
+    [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE].contains(&name) || is_curvature(name) || is_surroundings(name)
 }
 
 /// With what else is worth having by any sensor. Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
@@ -328,7 +329,7 @@ fn unit_of<'s>(source: &'s Source, name: &str) -> Result<&'s str, TrainError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cells::params::{CurvatureParams, LocalHeightParams};
+    use crate::cells::params::{CurvatureParams, LocalHeightParams, SurroundingsParams};
     use crate::cells::{CellParams, feature_columns};
 
     #[test]
@@ -357,12 +358,18 @@ mod tests {
         assert_eq!(with_plane[12..], of_the_plane);
         let curvature = Some(CurvatureParams { radii_m: vec![0.2] });
         let bends = ["curvature_least_20cm_m", "curvature_most_20cm_m"];
-        let with_both = chosen(FeatureSet::Full, &CellParams { curvature: curvature.clone(), ..plane });
+        let with_both = chosen(FeatureSet::Full, &CellParams { curvature: curvature.clone(), ..plane.clone() });
         assert_eq!(with_both[..3], listed[1..4], "heights above the rover and neighbours are left out");
         assert_eq!(
             (&with_both[3..6], &with_both[6..]),
             (&of_the_plane.map(String::from)[..], &bends.map(String::from)[..])
         );
+        let around = Some(SurroundingsParams { radii_m: vec![0.4] });
+        let with_squares =
+            chosen(FeatureSet::Full, &CellParams { curvature: curvature.clone(), surroundings: around, ..plane });
+        let squares = ["height_40cm_m", "roughness_40cm_m", "spread_40cm_m", "cover_40cm"];
+        assert_eq!(with_squares[..8], with_both);
+        assert_eq!(with_squares[8..], squares.map(|name| format!("surroundings_{name}")));
         let without_plane = CellParams { curvature, ..bare };
         assert_eq!(chosen(FeatureSet::Full, &without_plane)[..14], listed);
         assert_eq!(chosen(FeatureSet::Full, &without_plane)[14..16], bends);

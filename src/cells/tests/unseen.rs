@@ -1,7 +1,7 @@
 //! Cells without points, over a trench that beams cross: which there are, what they hold, and that the others stay as they are.
 
 use super::*;
-use crate::cells::params::{CurvatureParams, LocalHeightParams, UnseenParams};
+use crate::cells::params::{CurvatureParams, LocalHeightParams, SurroundingsParams, UnseenParams};
 use crate::geometry::{CellIndex, GridSpec};
 
 /// Level ground with a trench across x, from 5 to 5.6 m, half a metre deep.
@@ -36,7 +36,8 @@ fn swept() -> Vec<(DVec3, i32)> {
 fn params(unseen: bool) -> CellParams {
     CellParams {
         size_m: 0.1,
-        local_height: Some(LocalHeightParams::default()),
+        local_height: Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() }),
+        surroundings: Some(SurroundingsParams { radii_m: vec![0.2] }),
         curvature: Some(CurvatureParams { radii_m: vec![0.4] }),
         unseen: unseen.then(UnseenParams::default),
         labels: LabelParams { max_drop_m: Some(0.2), ..LabelParams::default() },
@@ -122,6 +123,9 @@ fn exact_a_cell_without_points_has_the_height_of_its_line_and_the_local_ground_o
         let bend_m = [value(at, "curvature_least_40cm_m"), value(at, "curvature_most_40cm_m")];
         assert!(bend_m[0] <= bend_m[1] && bend_m.iter().all(|bend_m| bend_m.abs() < 2.0), "{bend_m:?}");
         bent += usize::from(bend_m[1] > 0.1);
+        let near = |there: CellIndex| (there.row - row.index.row).abs() <= 2 && (there.col - row.index.col).abs() <= 2;
+        let near = cells.rows.iter().filter(|other| other.points > 0 && near(other.index)).count();
+        assert!((value(at, "surroundings_cover_20cm") - near as f64 / 25.0).abs() < 1e-6);
     }
     assert!(checked > 20 && bent > 20, "{checked} {bent}");
 }

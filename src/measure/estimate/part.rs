@@ -38,6 +38,7 @@ pub(crate) enum Part {
     Overhang,
     LocalHeight,
     Curvature,
+    Surroundings,
     RoverLabels,
     RoverPoses,
     Unseen,
@@ -46,7 +47,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 31] = [
+    pub(crate) const ALL: [Part; 32] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -73,6 +74,7 @@ impl Part {
         Part::Overhang,
         Part::LocalHeight,
         Part::Curvature,
+        Part::Surroundings,
         Part::RoverLabels,
         Part::RoverPoses,
         Part::Unseen,
@@ -109,6 +111,7 @@ impl Part {
             Part::Overhang => "overhang",
             Part::LocalHeight => "local_height",
             Part::Curvature => "curvature",
+            Part::Surroundings => "surroundings",
             Part::RoverLabels => "labels.rover",
             Part::RoverPoses => "labels.rover.pose",
             Part::Unseen => "unseen",
@@ -164,6 +167,7 @@ impl Part {
             Part::Overhang => family.cells.overhang.is_some(),
             Part::LocalHeight => family.cells.local_height.is_some(),
             Part::Curvature => family.cells.curvature.is_some(),
+            Part::Surroundings => family.cells.surroundings.is_some(),
             Part::RoverLabels => family.cells.labels.rover.is_some(),
             Part::RoverPoses => family.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
             Part::Unseen => family.cells.unseen.is_some(),
@@ -201,8 +205,9 @@ impl Part {
             Part::WindowScans => family.cells.window_scans = 1,
             Part::FittedPlane => family.cells.frame = CellFrame::EstimatedPose,
             Part::Overhang => family.cells.overhang = None,
-            Part::LocalHeight => family.cells.local_height = None,
+            Part::LocalHeight => (family.cells.local_height, family.cells.surroundings) = (None, None),
             Part::Curvature => family.cells.curvature = None,
+            Part::Surroundings => family.cells.surroundings = None,
             Part::RoverLabels => family.cells.labels.rover = None,
             Part::RoverPoses => family.cells.labels.rover.iter_mut().for_each(|rule| rule.pose = false),
             Part::Unseen => family.cells.unseen = None,
@@ -229,6 +234,10 @@ mod tests {
                 part.leave_out(&mut plan, family);
                 let mut expected = on(&whole, family);
                 expected[k] = false;
+                // The squares around a cell stand on the plane: without it they are off too.
+                if part == Part::LocalHeight {
+                    expected[Part::Surroundings as usize] = false;
+                }
                 assert_eq!(on(&plan, family), expected, "{}", part.name());
                 assert!(plan.scene_plan_hash() != whole.scene_plan_hash() || part == Part::PointsTable);
                 met += 1;
