@@ -11,6 +11,7 @@ use marsyard::scene::Class;
 
 /// Needed by the Husky below its mast of 0.6 m.
 const RULE: &str = "cells.overhang={}";
+const NO_RULE: &str = "cells.overhang=null";
 const MAST: &str = "sweep.mount.z_m=0.6";
 const ABOVE_M: f64 = 0.8;
 
@@ -37,7 +38,7 @@ fn fates(family: &str, scenes: u64, classes: &[Class]) -> Fates {
         plan.families.retain(|one| one.name == family);
         Prepared::new(plan).expect("patterns").keeping_points()
     };
-    let (plain, ruled) = (load(&[MAST]), load(&[MAST, RULE]));
+    let (plain, ruled) = (load(&[MAST, NO_RULE]), load(&[MAST, RULE]));
     let mut scratch = Scratch::default();
     let mut fates = Fates::default();
     for scene in 0..scenes {
