@@ -118,8 +118,8 @@ pub enum FeatureSet {
     Listed,
     /// Listed, the height above the ground around the cell where the corpus has it, and the sigmas of z, roll and pitch. Where the corpus
     /// has the plane around (`cells.local_height.plane`): with that, and without anything of the pose; where it has the curvature too
-    /// (`cells.curvature`): with that, and without heights above the rover and neighbours. Always with the squares around, where it has them
-    /// (`cells.surroundings`).
+    /// (`cells.curvature`): with that, and without heights above the rover and neighbours. Where it has the squares around
+    /// (`cells.surroundings`): with those, and without the height above the ground around.
     Full,
     /// Full, and what beams know of gaps, over the cells without points too (`cells.unseen`); other sets leave those cells out unless
     /// they hold a `gap_` column.
