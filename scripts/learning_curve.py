@@ -90,6 +90,7 @@ def main():
     parser.add_argument("--sizes", default="140,400,1200")
     parser.add_argument("--seeds", default="1,2,3")
     parser.add_argument("--test-scenes", default=1000, type=int, help="of the test corpus, before its split (default 1000)")
+    parser.add_argument("--test-seed", default=99, type=int, help="seed of the test corpus (default 99); give another work folder with it")
     study.add_arguments(parser, "learning_curve")
     options = parser.parse_args()
     sizes, seeds = [int(n) for n in options.sizes.split(",")], [int(n) for n in options.seeds.split(",")]
@@ -97,7 +98,7 @@ def main():
     if options.quick:
         sizes, seeds, test_scenes = [70, 140], [1], 140
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
-    test = marsyard.corpus("test", CONFIG, ["seed=99"], test_scenes, PER_SHARD)
+    test = marsyard.corpus("test", CONFIG, [f"seed={options.test_seed}"], test_scenes, PER_SHARD)
     corpora, generate_s = {}, {}
     for size in sizes:
         corpora[size], generate_s[size] = timed(
