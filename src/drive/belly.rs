@@ -21,7 +21,17 @@ pub(crate) fn clearance_m(
     bodies: &[&Obstacle],
     pose: &Pose,
 ) -> Option<f64> {
-    let half = 0.5 * DVec2::new(rover.length_m, rover.width_m);
+    plate_clearance_m(0.5 * DVec2::new(rover.length_m, rover.width_m), belly_m, scene, bodies, pose)
+}
+
+/// The same of a plate with these half sides.
+pub(crate) fn plate_clearance_m(
+    half: DVec2,
+    belly_m: f64,
+    scene: &Scene,
+    bodies: &[&Obstacle],
+    pose: &Pose,
+) -> Option<f64> {
     let rover_from_world = pose.transform().inverse();
     let mut highest_m = f64::NEG_INFINITY;
     for obstacle in bodies.iter().filter(|body| !body.is_beyond(pose.position_m.truncate(), half.length())) {

@@ -78,7 +78,9 @@ mod surface;
 mod tests;
 mod yard;
 
+#[cfg(test)]
 pub(crate) use belly::clearance_m;
+pub(crate) use belly::plate_clearance_m;
 pub use contact::{ContactPose, GroundContact};
 pub(crate) use linkage::WheelShare;
 pub use params::DriveParams;

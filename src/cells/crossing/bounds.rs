@@ -1,9 +1,10 @@
-//! Ranges of height under each wheel and under the belly -> bounds of the stand, before any solver is asked.
+//! Ranges of height under each wheel and under the belly -> bounds of all stands on the way through a cell, before any solver is asked.
 //!
 //! In: a lattice around a cell, the chassis as shares (`drive::WheelShare`: the stand of any chassis is linear in the heights of its wheels, for
-//! small turns). Out: a [`Verdict`] a heading. Source: ACE (Otsu et al. 2020). Heights are taken off a plane through the cell first, so that
-//! slopes leave the bounds narrow; each wheel's height lies within those of all nodes that it may touch, wherever a turn of up to
-//! `MOST_TURN_RAD` against the plane carries it. Added to that: what the links' arms make of a turn (theta squared over two), and
+//! small turns), how far the way goes to both sides of the cell's middle. Out: a [`Bound`] a heading. Source: ACE (Otsu et al. 2020).
+//! Heights are taken off a plane through the cell first, so that slopes leave the bounds narrow; each wheel's height lies within those of
+//! all nodes that it may touch on its way, wherever a turn against the plane carries it: first for a small turn, whose boxes are small, and
+//! where the heights found allow a larger one, for that. Added to it: what the links' arms make of a turn (theta squared over two), and
 //! the wheel's own radius. Frames: map, metres. Not modelled here: what is open is the solver's.
 
 use super::params::Limits;
@@ -13,13 +14,19 @@ use crate::drive::{Rover, WheelShare};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 
-/// A stand that turns further against the cell's plane is left open.
+/// Turns against the cell's plane that boxes are made for, one after another; a stand that turns further is left open.
+const TURNS_RAD: [f64; 2] = [0.08, MOST_TURN_RAD];
 const MOST_TURN_RAD: f64 = 0.3;
+/// What ground and faces may rise between the nodes of a box that is a node wider than what it bounds, metres.
+const BETWEEN_M: f64 = 0.002;
 /// Share of a wheel's radius by which the ground's own slope moves its centre.
 const RADIUS_SLACK: f64 = 0.08;
 
+/// How far the contact solver's wheel reaches ahead and to the side, radii: a ball flattened to half its width.
+const WHEEL_REACH: DVec2 = DVec2::new(1.5, 0.75);
+
 /// Where the headings look.
-const LEVEL: [DVec2; 8] = {
+pub(super) const LEVEL: [DVec2; 8] = {
     const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
     [
         DVec2::X,
@@ -33,7 +40,7 @@ const LEVEL: [DVec2; 8] = {
     ]
 };
 
-/// What bounds say of a heading.
+/// What bounds say of a heading: of every stand on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
     /// Within every limit, whatever the solver would say; the middle of the bounds.
@@ -41,6 +48,25 @@ pub(super) enum Verdict {
     /// Beyond a limit, whatever it would say.
     Barred,
     Open,
+}
+
+/// A verdict, and what it leaves to ask of the wheels' tracks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bound {
+    pub verdict: Verdict,
+    /// Least and greatest slope of the rover along its heading.
+    pub rise: [f64; 2],
+    /// Whether nothing that a wheel meets on its way differs by more than its step.
+    pub is_even: bool,
+}
+
+/// The way through a cell along a heading.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Way {
+    pub heading: usize,
+    pub middle_m: DVec2,
+    /// Half the way to the next cell's middle, which the rover goes to both sides.
+    pub half_m: f64,
 }
 
 /// One rover's bounds.
@@ -52,8 +78,7 @@ pub(super) struct Bounds {
     /// Highest pivot, shortest lever between two wheels of a link, metres.
     pivot_m: f64,
     lever_m: f64,
-    /// How far from its place on the plane a wheel may touch.
-    wander_m: f64,
+    farthest_m: f64,
 }
 
 /// The plane that heights are taken off.
@@ -76,15 +101,25 @@ impl Bounds {
         let radius_m = rover.wheel_radius_m();
         let pivot_m = rover.highest_pivot_m();
         let farthest_m = wheels.iter().fold(0.0_f64, |most, wheel| most.max(wheel.place_m.length()));
-        let wander_m = MOST_TURN_RAD * pivot_m + 0.5 * MOST_TURN_RAD * MOST_TURN_RAD * farthest_m + 1.5 * radius_m;
         let half_m = 0.5 * DVec2::new(rover.length_m, rover.width_m);
-        Bounds { wheels, half_m, radius_m, pivot_m, lever_m: rover.shortest_lever_m(), wander_m }
+        Bounds { wheels, half_m, radius_m, pivot_m, lever_m: rover.shortest_lever_m(), farthest_m }
     }
 
-    pub(super) fn reach_m(&self) -> f64 {
-        let wheel = |wheel: &WheelShare| wheel.place_m.length() + self.wander_m;
+    /// How far from its place on the plane a turn carries a wheel's centre.
+    fn wander_m(&self, turn_rad: f64) -> f64 {
+        turn_rad * self.pivot_m + 0.5 * turn_rad * turn_rad * self.farthest_m
+    }
+
+    /// What a wheel may touch within a turn and half a way, from its place: ahead, and to the side.
+    fn touched_m(&self, turn_rad: f64, way_m: f64) -> DVec2 {
+        DVec2::splat(self.wander_m(turn_rad)) + self.radius_m * WHEEL_REACH + DVec2::new(way_m, 0.0)
+    }
+
+    /// How far from a cell's middle its headings read the lattice, for ways of up to this half.
+    pub(super) fn reach_m(&self, way_m: f64) -> f64 {
+        let wheel_m = self.farthest_m + self.touched_m(MOST_TURN_RAD, way_m).length();
         // A node more, and the steps that wheels reach for.
-        self.wheels.iter().map(wheel).fold(self.half_m.length(), f64::max) + 2.0 * self.radius_m + 0.15
+        wheel_m.max(self.half_m.length() + way_m) + 2.0 * self.radius_m + 0.15
     }
 
     /// Where the level rover's wheels stand, ahead and to the left.
@@ -107,53 +142,67 @@ impl Bounds {
         Plane { height_m, slope }
     }
 
-    /// Nodes to each side of a cell that its headings read, and nodes along the boxes that wheels may touch in, at least.
-    pub(super) fn patch_nodes(&self, spacing_m: f64) -> [usize; 2] {
-        let wheel_m = |wheel: &WheelShare| wheel.place_m.length() + self.wander_m + spacing_m;
-        let reach_m = self.wheels.iter().map(wheel_m).fold((self.half_m + spacing_m).length(), f64::max);
-        [(reach_m / spacing_m) as usize + 2, (2.0 * (self.wander_m + spacing_m) / spacing_m) as usize]
+    /// Nodes to each side of a cell that its headings read, and nodes along the smallest box that a wheel may touch in, at most.
+    pub(super) fn patch_nodes(&self, spacing_m: f64, way_m: f64) -> [usize; 2] {
+        let wheel_m = self.farthest_m + self.touched_m(MOST_TURN_RAD, way_m).length() + 2.0 * spacing_m;
+        let belly_m = (self.half_m + DVec2::new(way_m, 0.0) + spacing_m).length();
+        let narrowest_m = 2.0 * (self.touched_m(TURNS_RAD[0], 0.0).min_element() + spacing_m);
+        [(wheel_m.max(belly_m) / spacing_m) as usize + 2, ((narrowest_m / spacing_m) as usize).max(1)]
     }
 
-    pub(super) fn verdict(
+    pub(super) fn bound(&self, square: &Square, patch: &Patch, plane: &Plane, way: &Way, limits: &Limits) -> Bound {
+        let open = Bound { verdict: Verdict::Open, rise: [0.0; 2], is_even: false };
+        TURNS_RAD
+            .into_iter()
+            .find_map(|most_rad| self.bound_within(square, patch, plane, way, limits, most_rad))
+            .unwrap_or(open)
+    }
+
+    /// The bound by boxes for turns of up to `most_rad`; `None` where the heights in them allow a larger one.
+    fn bound_within(
         &self,
         square: &Square,
         patch: &Patch,
         plane: &Plane,
-        middle_m: DVec2,
-        heading: usize,
+        way: &Way,
         limits: &Limits,
-    ) -> Verdict {
-        let level = LEVEL[heading];
+        most_rad: f64,
+    ) -> Option<Bound> {
+        let level = LEVEL[way.heading];
         let up = DVec3::new(-plane.slope.x, -plane.slope.y, 1.0).normalize();
         let ahead = level.extend(plane.slope.dot(level)).normalize();
         let left = up.cross(ahead);
         let lattice = square.lattice;
         let [mut pitch, mut roll, mut rise] = [About::default(); 3];
         let (mut lowest_m, mut highest_m) = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut range_m = 0.0_f64;
         let mut ranges = [(About::default(), WheelShare::default()); 6];
-        let half_m = DVec2::splat(self.wander_m + lattice.spacing_m);
+        let touched_m = self.touched_m(most_rad, way.half_m);
+        let across = level.perp().abs();
+        let half_m = level.abs() * touched_m.x + across * touched_m.y + DVec2::splat(lattice.spacing_m);
         for (range_of, wheel) in ranges.iter_mut().zip(&self.wheels) {
-            let place = middle_m + (ahead * wheel.place_m.x + left * wheel.place_m.y).truncate();
+            let place = way.middle_m + (ahead * wheel.place_m.x + left * wheel.place_m.y).truncate();
             // Along the plane's normal.
             let [low_m, high_m] = patch
                 .range_m(lattice.node_at(place - half_m), lattice.node_at(place + half_m))
                 .map(|off_m| off_m * up.z);
             // Bounds hold on ground without gaps.
             if !(low_m.is_finite() && high_m.is_finite()) {
-                return Verdict::Open;
+                return None;
             }
             let [own_low_m, own_high_m] = patch.own_range_m(lattice.nodes_at(place)).map(|off_m| off_m * up.z);
             let own_m = 0.5 * (own_low_m + own_high_m);
             (lowest_m, highest_m) = (lowest_m.min(low_m), highest_m.max(high_m));
+            range_m = range_m.max(high_m - low_m);
             *range_of = (About { middle: own_m, off: (high_m - own_m).max(own_m - low_m) }, *wheel);
         }
         let turn_rad = 2.0 * (highest_m - lowest_m) / self.lever_m;
-        if turn_rad > MOST_TURN_RAD {
-            return Verdict::Open;
+        if turn_rad > most_rad {
+            return None;
         }
         let lean = plane.slope.length_squared();
         let arms_m = 0.5 * turn_rad * turn_rad * self.pivot_m;
-        let slack_m = arms_m + RADIUS_SLACK * self.radius_m + self.radius_m * ((1.0 + lean).sqrt() - 1.0);
+        let slack_m = arms_m + RADIUS_SLACK * self.radius_m + self.radius_m * ((1.0 + lean).sqrt() - 1.0) + BETWEEN_M;
         for (about, wheel) in &ranges[..self.wheels.len()] {
             let off = about.off + slack_m;
             for (sum, share) in [(&mut pitch, wheel.ahead), (&mut roll, wheel.left), (&mut rise, wheel.up)] {
@@ -164,34 +213,43 @@ impl Bounds {
         let normal = (up - ahead * pitch.middle - left * roll.middle).normalize();
         let off = math::hypot(pitch.off, roll.off);
         let tilt_rad = math::acos(normal.z.min(1.0));
-        // Of the heading's own frame: how the normal leans to the side.
+        // Of the heading's own frame: how the normal leans to the side, and how the rover climbs.
         let side_slope = (normal.dot(DVec3::new(-level.y, level.x, 0.0)) / normal.z).abs();
-        let side_off = off * (1.0 + 2.0 * lean) * 1.2;
+        let climb = -normal.dot(level.extend(0.0)) / normal.z;
+        let slope_off = off * (1.0 + 2.0 * lean) * 1.2;
         let [ahead_m, left_m] = [ahead, left].map(|axis| axis.truncate() + axis.z * plane.slope);
-        let [touch_m, farthest_m] = patch.highest_under(&Under {
+        let touch_m = patch.highest_under(&Under {
             ahead: ahead_m,
             left: left_m,
-            half_m: self.half_m + DVec2::splat(lattice.spacing_m),
+            half_m: self.half_m + DVec2::new(way.half_m, 0.0) + DVec2::splat(lattice.spacing_m),
             up: up.z,
             rise_m: rise.middle,
             pitch: pitch.middle,
             roll: roll.middle,
         });
-        if !touch_m.is_finite() {
-            return Verdict::Open;
-        }
-        let belly_off_m = rise.off + pitch.off * self.half_m.x + roll.off * self.half_m.y;
         let clearance_m = limits.belly_m - touch_m;
+        // At the way's ends the plate has moved with its slope.
+        let belly_off_m = rise.off
+            + pitch.off * self.half_m.x
+            + roll.off * self.half_m.y
+            + pitch.middle.abs() * way.half_m
+            + BETWEEN_M;
         let demand = Demand { tilt_rad, side_slope, clearance_m };
         let most_rad = tilt_rad + off;
         let is_upright = most_rad < 1.2 && math::tan(most_rad) < limits.tilt;
-        let is_clear = clearance_m - belly_off_m - farthest_m > 0.0;
-        if is_upright && side_slope + side_off < limits.side_slip && is_clear {
-            return Verdict::Passable(demand);
-        }
+        let is_clear = clearance_m - belly_off_m > 0.0;
         let least_rad = tilt_rad - off;
         let is_tipped = least_rad > 0.0 && math::tan(least_rad.min(1.5)) > limits.tilt;
-        if is_tipped || side_slope - side_off > limits.side_slip { Verdict::Barred } else { Verdict::Open }
+        let verdict = if is_upright && side_slope + slope_off < limits.side_slip && is_clear {
+            Verdict::Passable(demand)
+        } else if is_tipped || side_slope - slope_off > limits.side_slip {
+            Verdict::Barred
+        } else {
+            Verdict::Open
+        };
+        // What differs within a box, and what the rover's slope may differ from the plane's over a wheel's radius.
+        let met_m = range_m / up.z + BETWEEN_M + (pitch.middle.abs() + slope_off) * self.radius_m * 1.5;
+        Some(Bound { verdict, rise: [climb - slope_off, climb + slope_off], is_even: met_m < limits.step_m })
     }
 }
 

@@ -23,6 +23,9 @@ pub(super) struct Lattice {
     pub ground_m: Vec<f64>,
     /// The ground, or a body where one stands higher.
     pub top_m: Vec<f64>,
+    /// The least of the ground and the most of the tops in each node's square, a raster's own nodes among them; made by `spread`.
+    pub pit_m: Vec<f64>,
+    pub peak_m: Vec<f64>,
     from_middle_m: Vec<f64>,
 }
 
@@ -70,6 +73,30 @@ impl Lattice {
         let hair_m = 1e-6 * self.spacing_m;
         [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)]
             .map(|side| self.node_at(place_m + hair_m * DVec2::from(side)))
+    }
+
+    /// Takes pits and peaks off ground and tops, and a raster's own nodes, between which its ground neither rises nor falls further.
+    pub(super) fn spread(&mut self, scene: &Scene, placement: &Placement) {
+        self.pit_m.clone_from(&self.ground_m);
+        self.peak_m.clone_from(&self.top_m);
+        let Ground::Raster(raster) = &scene.ground else { return };
+        let last = self.side - 1;
+        let corners = [(0, 0), (0, last), (last, 0), (last, last)]
+            .map(|(row, col)| (placement.world(self.node_m(row, col)) - raster.origin_m) / raster.spacing_m);
+        let low = corners.into_iter().fold(DVec2::INFINITY, DVec2::min);
+        let high = corners.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let span =
+            |low: f64, high: f64, count: usize| low.max(0.0) as usize..((high + 2.0).max(0.0) as usize).min(count);
+        for row in span(low.y, high.y, raster.rows) {
+            for col in span(low.x, high.x, raster.cols) {
+                let world_m = raster.origin_m + DVec2::new(col as f64, row as f64) * raster.spacing_m;
+                let [col_here, row_here] = self.node_at(placement.map(world_m));
+                let at = row_here * self.side + col_here;
+                let height_m = raster.heights_m[row * raster.cols + col];
+                self.pit_m[at] = self.pit_m[at].min(height_m);
+                self.peak_m[at] = if height_m <= self.peak_m[at] { self.peak_m[at] } else { height_m };
+            }
+        }
     }
 
     fn sample_row(&mut self, row: usize, scene: &Scene, placement: &Placement) {

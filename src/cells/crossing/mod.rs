@@ -35,6 +35,8 @@ mod pose_brute;
 mod pose_tests;
 #[cfg(test)]
 mod tests;
+mod tracks;
+mod way;
 
 use super::{CellRow, CellTruth, Cells, Label};
 use crate::drive::Rover;
@@ -46,7 +48,6 @@ use headings::{Axis, Stance, axes, halo, stances};
 use kernel::{Demands, Run};
 use lattice::Lattice;
 use params::{Limits, RoverRule};
-use patch::Patch;
 use placement::Placement;
 use pose::{PoseAssessor, Square};
 pub use pose::{PoseTruth, PoseWorst};
@@ -114,7 +115,7 @@ pub(crate) struct Scratch {
     lattice: Lattice,
     gaps: Gaps,
     demands: Demands,
-    patch: Patch,
+    poses: pose::Scratch,
     /// Square (row, column) of each cell, and its place among the rows.
     squares: Vec<([i32; 2], u32)>,
     worst: Vec<Worst>,
@@ -221,7 +222,9 @@ impl<'a> Assessor<'a> {
     /// The same, poses too: squares reach as far as a rover does.
     fn with_poses(mut self, poses: Option<PoseAssessor<'a>>) -> Assessor<'a> {
         if let Some(poses) = &poses {
-            self.halo = self.halo.max((poses.reach_m() / self.spacing_m).ceil() as i64 + self.axes[0].reach as i64 + 2);
+            let cell_m = self.nodes_a_cell as f64 * self.spacing_m;
+            self.halo =
+                self.halo.max((poses.reach_m(cell_m) / self.spacing_m).ceil() as i64 + self.axes[0].reach as i64 + 2);
             self.cells_a_square = (SQUARE_NODES.max(2 * self.halo) / self.nodes_a_cell).max(1);
         }
         Assessor { poses, ..self }
@@ -242,7 +245,7 @@ impl<'a> Assessor<'a> {
 
     /// Judges the cells of one square.
     fn assess_square(&self, square: &[([i32; 2], u32)], cells: &mut Cells, scratch: &mut Scratch) {
-        let Scratch { lattice, gaps, demands, patch, worst, .. } = scratch;
+        let Scratch { lattice, gaps, demands, poses: pose_scratch, worst, .. } = scratch;
         let [row, col] = square[0].0.map(|along| i64::from(along) * self.cells_a_square);
         let first = [col, row].map(|cell| cell * self.nodes_a_cell - self.halo);
         let side = (self.cells_a_square * self.nodes_a_cell + 2 * self.halo) as usize;
@@ -254,6 +257,9 @@ impl<'a> Assessor<'a> {
         let unread_m = unread as f64 * self.spacing_m;
         let unread_m = DVec2::splat(unread_m);
         bodies::raise(self.scene, &self.placement, low_m + unread_m, high_m - unread_m, lattice);
+        if self.poses.is_some() {
+            lattice.spread(self.scene, &self.placement);
+        }
         worst.clear();
         worst.resize(square.len(), Worst::NONE);
         let index_of = |&(_, k): &([i32; 2], u32)| cells.rows[k as usize].index;
@@ -292,9 +298,9 @@ impl<'a> Assessor<'a> {
             row.truth.crossing = Some(worst.crossing(&self.limits));
             row.truth.pose = self.poses.as_ref().map(|poses| {
                 let Assessor { axes, placement, .. } = self;
-                let cells_m = self.nodes_a_cell as f64 * self.spacing_m;
-                let middle_m = (DVec2::new(f64::from(row.index.col), f64::from(row.index.row)) + 0.5) * cells_m;
-                poses.assess(&Square { lattice, gaps, axes, placement }, middle_m, patch)
+                let cell_m = self.nodes_a_cell as f64 * self.spacing_m;
+                let middle_m = (DVec2::new(f64::from(row.index.col), f64::from(row.index.row)) + 0.5) * cell_m;
+                poses.assess(&Square { lattice, gaps, axes, placement, cell_m }, middle_m, pose_scratch)
             });
             row.label = Some(Label::untraversable_if(row.truth.bars_rover()));
         }

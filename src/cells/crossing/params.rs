@@ -39,7 +39,7 @@ pub struct RoverRule {
     #[garde(custom(within(0.1, 60.0)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_side_slip_deg: Option<f64>,
-    /// The truth of the pose too: the rover set down in each cell's middle along eight headings; adds the columns `truth_headings`,
+    /// The truth of the pose too: the rover driven through each cell's middle along eight headings; adds the columns `truth_headings`,
     /// `truth_cost`, `truth_tilt_rad` and `truth_clearance_m`.
     #[garde(skip)]
     #[serde(skip_serializing_if = "std::ops::Not::not")]

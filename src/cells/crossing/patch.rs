@@ -2,7 +2,7 @@
 //!
 //! In: a lattice, the plane, how far to look, the side of the boxes that will be asked for. Out: [`Patch`]: the lattice's nodes around the cell with the
 //! plane taken off (vertical metres), and the least and the most of every square of `window` nodes, by doubling: so that the eight headings of a
-//! cell ask for six boxes each without walking through them. Boxes of a node or two more are two windows that overlap. Plain differences
+//! cell ask for six boxes each without walking through them. Larger boxes are covered by windows that overlap. Plain differences
 //! and larger-ofs, no order of lanes matters. Frame: map. Not modelled: nodes within gaps and without a height: any box that holds one is
 //! unbounded.
 
@@ -25,8 +25,6 @@ pub(super) struct Patch {
     /// Ground and top off the plane; of a node without a height the top is infinite.
     ground_m: Vec<f64>,
     top_m: Vec<f64>,
-    /// The ground's difference to the node to the west.
-    beside_m: Vec<f64>,
     /// The least of the ground and the most of the tops in the `window` x `window` nodes from each node on.
     window: usize,
     least_m: Vec<f64>,
@@ -52,7 +50,7 @@ impl Patch {
         };
         along(first[0], cols, middle_m.x, &|col| lattice.node_m(0, col).x, &mut self.east_m);
         along(first[1], rows, middle_m.y, &|row| lattice.node_m(row, 0).y, &mut self.north_m);
-        for list in [&mut self.ground_m, &mut self.top_m, &mut self.beside_m, &mut self.least_m, &mut self.most_m] {
+        for list in [&mut self.ground_m, &mut self.top_m, &mut self.least_m, &mut self.most_m] {
             list.clear();
             list.resize(cols * rows, 0.0);
         }
@@ -67,14 +65,20 @@ impl Patch {
 
     /// The least ground and the highest top off the plane within a box of the lattice's columns and rows, both ends included.
     pub(super) fn range_m(&self, from: [usize; 2], to: [usize; 2]) -> [f64; 2] {
-        let first = |k: usize| from[k] - self.first[k];
-        let last = |k: usize| (to[k] + 1 - self.window).max(from[k]) - self.first[k];
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-        for (col, row) in [(first(0), first(1)), (last(0), first(1)), (first(0), last(1)), (last(0), last(1))] {
-            let at = row * self.cols + col;
-            range = [range[0].min(self.least_m[at]), range[1].max(self.most_m[at])];
+        for row in self.windows(from[1] - self.first[1], to[1] - self.first[1]) {
+            for col in self.windows(from[0] - self.first[0], to[0] - self.first[0]) {
+                let at = row * self.cols + col;
+                range = [range[0].min(self.least_m[at]), range[1].max(self.most_m[at])];
+            }
         }
         range
+    }
+
+    /// Where windows begin that together cover the nodes from one to another; they overlap where the last would reach beyond.
+    fn windows(&self, from: usize, to: usize) -> impl Iterator<Item = usize> + use<> {
+        let last = (to + 1).saturating_sub(self.window).max(from);
+        (from..last).step_by(self.window).chain([last])
     }
 
     /// The same of a few nodes, asked one by one; gaps do not count.
@@ -85,8 +89,8 @@ impl Patch {
         })
     }
 
-    /// The highest top above a plane within a rectangle, and the largest step of the ground between two nodes of a row there.
-    pub(super) fn highest_under(&self, under: &Under) -> [f64; 2] {
+    /// The highest top above a plane within a rectangle.
+    pub(super) fn highest_under(&self, under: &Under) -> f64 {
         widest(Highest { patch: self, under })
     }
 }
@@ -121,7 +125,7 @@ impl Work for Fill<'_, '_> {
         let (cols, lattice) = (patch.cols, square.lattice);
         for row in 0..patch.rows {
             let from = (patch.first[1] + row) * lattice.side + patch.first[0];
-            let (ground, top) = (&lattice.ground_m[from..from + cols], &lattice.top_m[from..from + cols]);
+            let (ground, top) = (&lattice.pit_m[from..from + cols], &lattice.peak_m[from..from + cols]);
             let here = row * cols..(row + 1) * cols;
             let (out_ground, out_top) = (&mut patch.ground_m[here.clone()], &mut patch.top_m[here.clone()]);
             let base_m = plane.height_m + plane.slope.y * patch.north_m[row];
@@ -133,10 +137,6 @@ impl Work for Fill<'_, '_> {
                 *out_ground = ground - plane_m;
                 let off_m = top - plane_m;
                 *out_top = if off_m < f64::INFINITY { off_m } else { f64::INFINITY };
-            }
-            let beside = &mut patch.beside_m[here.clone()];
-            for (beside, pair) in beside[1..].iter_mut().zip(out_ground.windows(2)) {
-                *beside = (pair[1] - pair[0]).abs();
             }
             let (least, most) = (&mut patch.least_m[here.clone()], &mut patch.most_m[here]);
             least.copy_from_slice(out_ground);
@@ -185,31 +185,29 @@ struct Highest<'a> {
 }
 
 impl Work for Highest<'_> {
-    type Out = [f64; 2];
+    type Out = f64;
 
     #[inline(always)]
-    fn run(self) -> [f64; 2] {
+    fn run(self) -> f64 {
         let Highest { patch, under } = self;
         let Under { ahead, left, half_m, up, rise_m, pitch, roll } = *under;
-        let (mut highest, mut beside) = ([f64::NEG_INFINITY; LANES], [0.0_f64; LANES]);
+        let mut highest = [f64::NEG_INFINITY; LANES];
         for row in 0..patch.rows {
             let north_m = patch.north_m[row];
             let (ahead_m, left_m) = (ahead.y * north_m, left.y * north_m);
             let here = row * patch.cols..(row + 1) * patch.cols;
-            let blocks = patch.top_m[here.clone()].chunks_exact(LANES).zip(patch.beside_m[here].chunks_exact(LANES));
-            for ((top, steps), east) in blocks.zip(patch.east_m.chunks_exact(LANES)) {
+            let blocks = patch.top_m[here].chunks_exact(LANES).zip(patch.east_m.chunks_exact(LANES));
+            for (top, east) in blocks {
                 for l in 0..LANES {
                     let (x_m, y_m) = (ahead.x * east[l] + ahead_m, left.x * east[l] + left_m);
                     let is_under = (x_m.abs() <= half_m.x) & (y_m.abs() <= half_m.y);
                     let above_m = top[l] * up - rise_m - pitch * x_m - roll * y_m;
                     let above_m = if is_under { above_m } else { f64::NEG_INFINITY };
                     highest[l] = if above_m > highest[l] { above_m } else { highest[l] };
-                    let step_m = if is_under { steps[l] } else { 0.0 };
-                    beside[l] = if step_m > beside[l] { step_m } else { beside[l] };
                 }
             }
         }
-        [highest, beside].map(|lanes| lanes.into_iter().fold(f64::NEG_INFINITY, |a, b| if b > a { b } else { a }))
+        highest.into_iter().fold(f64::NEG_INFINITY, |a, b| if b > a { b } else { a })
     }
 }
 

@@ -1,35 +1,44 @@
-//! A cell and eight headings -> can the rover stand there: the truth of the pose, `cells.labels.rover.pose`.
+//! A cell and eight headings -> can the rover drive through there: the truth of the pose, `cells.labels.rover.pose`.
 //!
-//! In: a lattice (gaps bridged, bodies raised), limits, the contact solver on ground and bodies. Out: [`PoseTruth`]: a bit a heading, a cost, and the
-//! worst tilt and the least clearance of the passable headings. Heading k looks along k times 45 degrees of the map, counter-clockwise from
-//! its x axis; the rover's origin is over the cell's middle. A heading is passable where no wheel stands within its reach of a step or gap beyond
-//! the limit along the heading (`steps`, at the nodes under the level rover's wheels, as the truth of the cell has them), the rover stands
-//! with all wheels in the yard, its tilt and the slope across it are within the limits, and nothing reaches its belly, a plate of its outline.
+//! In: a lattice (gaps bridged, bodies raised), limits, the contact solver on ground and bodies. Out: [`PoseTruth`]: a bit a heading, a
+//! cost, and the worst tilt and the least clearance of the passable headings. Heading k looks along k times 45 degrees of the map,
+//! counter-clockwise from its x axis; the rover's origin is over the cell's middle, and goes half the way to the next cells' middles ahead
+//! and behind. A heading is passable where, over the middle, no node under the level rover's wheels has a step or gap beyond the limit
+//! within reach (`step_share`, as the truth of the cell has them), and where all along the way the rover stands with all wheels in the
+//! yard, its tilt and the slope across it are within the limits, nothing reaches its belly, a plate of its outline, and no wheel meets a
+//! step or a gap beyond its limit (`tracks`). So a drive from cell to cell over passable headings keeps the limits between them too.
 //!
-//! Source: ACE (Otsu et al. 2020): heights' ranges under each wheel and under the belly bound the stand first (`bounds`); the solver is asked
-//! only where the bounds leave the verdict open. Deviation: what bounds decide has the middle of the bounds as tilt and clearance.
-//! Frames: headings and cells in `map`, the stand in `world`. Not modelled: how the rover comes there, and what lies between two cells' middles.
+//! Source: ACE (Otsu et al. 2020): heights' ranges under each wheel and under the belly bound all stands on the way first (`bounds`); the
+//! solver is asked only where the bounds leave the verdict open (`way`). Cost, tilt and clearance are those of the cell's middle;
+//! deviation: what bounds decide has the middle of the bounds. Frames: headings and cells in `map`, the stand in `world`. Not modelled:
+//! how the rover comes there, turns on the spot, ways beside the cells' middles.
 
-use super::bounds::{Bounds, Verdict};
+use std::cell::OnceCell;
+
+use super::bounds::{Bound, Bounds, LEVEL, Plane, Verdict, Way};
 use super::gaps::Gaps;
 use super::headings::Axis;
 use super::lattice::Lattice;
 use super::params::Limits;
 use super::patch::Patch;
 use super::placement::Placement;
+use super::tracks::{Rolled, Track};
+use super::way::Driven;
 use crate::drive::params::ContactSolver;
-use crate::drive::{GroundContact, Rover, clearance_m};
-use crate::geometry::{DVec2, Pose};
+use crate::drive::{GroundContact, Rover};
+use crate::geometry::DVec2;
 use crate::math;
 use crate::scene::{Obstacle, Scene};
 
 /// Headings, a bit each.
 const HEADINGS: usize = 8;
+/// The way to a diagonal neighbour, in cells.
+const DIAGONAL: f64 = std::f64::consts::SQRT_2;
 
 /// How a rover stands that is centred in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseTruth {
-    /// Bit k set: it can stand there looking along k times 45 degrees of the map.
+    /// Bit k set: it can drive through the cell, looking along k times 45 degrees of the map.
     pub headings: u8,
     /// The mean over the headings of the largest share of a limit that is taken up; 1 for a heading that is not passable.
     pub cost: f32,
@@ -70,17 +79,28 @@ pub(super) struct Square<'a> {
     pub gaps: &'a Gaps,
     pub axes: &'a [Axis; 4],
     pub placement: &'a Placement,
+    /// A cell's side.
+    pub cell_m: f64,
+}
+
+/// What the cells of a square are judged in; reused memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Scratch {
+    patch: Patch,
+    track: Track,
+}
+
+/// One cell.
+struct Here<'a, 'b> {
+    square: &'a Square<'a>,
+    plane: Plane,
+    /// The cell's middle in the world.
+    at: DVec2,
+    /// What is near, once somebody asks.
+    bodies: OnceCell<Vec<&'b Obstacle>>,
 }
 
 impl Demand {
-    /// Of a stand of which only the belly is not known: as far above all as it stands.
-    fn of(pose: &Pose, belly_m: f64) -> Demand {
-        let (cos_pitch, cos_roll) = (math::cos(pose.pitch_rad), math::cos(pose.roll_rad));
-        let side_slope = math::sin(pose.roll_rad).abs() / (cos_pitch * cos_roll);
-        let tilt_rad = math::acos((cos_pitch * cos_roll).clamp(-1.0, 1.0));
-        Demand { tilt_rad, side_slope, clearance_m: belly_m }
-    }
-
     pub(super) fn is_within(&self, limits: &Limits) -> bool {
         // Written so that NaN fails.
         math::tan(self.tilt_rad) <= limits.tilt && self.side_slope <= limits.side_slip && self.clearance_m >= 0.0
@@ -100,37 +120,28 @@ impl<'a> PoseAssessor<'a> {
     }
 
     /// How far from a cell's middle a pose reads the lattice, metres.
-    pub(super) fn reach_m(&self) -> f64 {
-        self.bounds.reach_m()
+    pub(super) fn reach_m(&self, cell_m: f64) -> f64 {
+        self.bounds.reach_m(DIAGONAL * 0.5 * cell_m)
     }
 
     /// The truth of the pose over a place of the map.
-    pub(super) fn assess(&self, square: &Square, middle_m: DVec2, patch: &mut Patch) -> PoseTruth {
+    pub(super) fn assess(&self, square: &Square, middle_m: DVec2, scratch: &mut Scratch) -> PoseTruth {
+        let plane = self.bounds.ground(square, middle_m);
         let at = square.placement.world(middle_m);
-        let ground = self.bounds.ground(square, middle_m);
+        let here = Here { square, plane, at, bodies: OnceCell::new() };
+        let most_m = DIAGONAL * 0.5 * square.cell_m;
         if self.has_bounds {
-            let [reach, window] = self.bounds.patch_nodes(square.lattice.spacing_m);
-            patch.fill(square, &ground, middle_m, reach, window);
+            let [reach, window] = self.bounds.patch_nodes(square.lattice.spacing_m, most_m);
+            scratch.patch.fill(square, &here.plane, middle_m, reach, window);
         }
-        let mut bodies: Option<Vec<&Obstacle>> = None;
         let mut truth = PoseTruth { headings: 0, cost: 0.0, worst: None };
         let mut cost = 0.0;
         let mut worst: Option<Demand> = None;
         for heading in 0..HEADINGS {
-            let demand = self.step_share(square, middle_m, heading).filter(|&share| share <= 1.0).and_then(|share| {
-                let bound = self
-                    .has_bounds
-                    .then(|| self.bounds.verdict(square, patch, &ground, middle_m, heading, &self.limits));
-                let demand = match bound {
-                    Some(Verdict::Passable(demand)) if self.is_inside(at) => Some(demand),
-                    Some(Verdict::Barred) => None,
-                    _ => {
-                        let bodies = bodies.get_or_insert_with(|| self.contact.bodies_near(at, 0.0));
-                        self.stand(bodies, at, self.yaw_rad(square.placement, heading))
-                    }
-                };
-                demand.filter(|demand| demand.is_within(&self.limits)).map(|demand| (demand, share))
-            });
+            let half_m = if heading % 2 == 0 { 0.5 * square.cell_m } else { most_m };
+            let way = Way { heading, middle_m, half_m };
+            let share = self.step_share(square, middle_m, heading).filter(|&share| share <= 1.0);
+            let demand = share.and_then(|share| Some((self.through(&here, &way, scratch)?, share)));
             let Some((demand, step_share)) = demand else {
                 cost += 1.0;
                 continue;
@@ -147,9 +158,28 @@ impl<'a> PoseAssessor<'a> {
         PoseTruth { worst: worst.map(narrow), ..truth }
     }
 
-    /// Whether every wheel of a rover at a place is in the yard, whatever its heading and tilt.
-    fn is_inside(&self, at: DVec2) -> bool {
-        let reach_m = self.bounds.reach_m();
+    /// What a heading takes up over the cell's middle; `None` where anything on its way is beyond a limit.
+    fn through(&self, here: &Here<'_, 'a>, way: &Way, scratch: &mut Scratch) -> Option<Demand> {
+        let Here { square, plane, at, bodies } = here;
+        let Scratch { patch, track } = scratch;
+        let near = || bodies.get_or_init(|| self.contact.bodies_near(*at, DIAGONAL * 0.5 * square.cell_m));
+        let bound = self.has_bounds.then(|| self.bounds.bound(square, patch, plane, way, &self.limits));
+        let (demand, rise) = match bound {
+            Some(Bound { verdict: Verdict::Barred, .. }) => return None,
+            Some(Bound { verdict: Verdict::Passable(demand), rise, is_even }) if self.is_inside(*at, way.half_m) => {
+                if is_even {
+                    return Some(demand);
+                }
+                (demand, rise)
+            }
+            _ => self.driven(near(), *at, square.placement, way).through()?,
+        };
+        self.rolls(near(), square.placement, way, rise, track).then_some(demand)
+    }
+
+    /// Whether every wheel of a rover that goes so far from a place is in the yard, whatever its heading and tilt.
+    fn is_inside(&self, at: DVec2, way_m: f64) -> bool {
+        let reach_m = self.bounds.reach_m(way_m);
         at.min_element() >= reach_m && at.max_element() <= self.scene.extent_m - reach_m
     }
 
@@ -158,16 +188,29 @@ impl<'a> PoseAssessor<'a> {
         math::wrap_angle(turn_rad + heading as f64 * std::f64::consts::FRAC_PI_4)
     }
 
-    /// What the solver says; `None` where the rover cannot stand within its limits.
-    fn stand(&self, bodies: &[&Obstacle], at: DVec2, yaw_rad: f64) -> Option<Demand> {
-        let pose = self.contact.stand_among(bodies, [at.x, at.y, yaw_rad], None).ok()?.pose;
-        let belly_m = self.limits.belly_m;
-        // The belly is the dearest to ask about, and is asked last.
-        let upright = Demand::of(&pose, belly_m);
-        if !upright.is_within(&self.limits) {
-            return None;
+    /// The way as the solver takes it.
+    fn driven<'b>(&'b self, bodies: &'b [&Obstacle], middle_m: DVec2, placement: &Placement, way: &Way) -> Driven<'b> {
+        Driven {
+            scene: self.scene,
+            contact: &self.contact,
+            limits: &self.limits,
+            outline_m: 0.5 * DVec2::new(self.rover.length_m, self.rover.width_m),
+            bodies,
+            middle_m,
+            yaw_rad: self.yaw_rad(placement, way.heading),
+            half_m: way.half_m,
         }
-        clearance_m(self.rover, belly_m, self.scene, bodies, &pose).map(|clearance_m| Demand { clearance_m, ..upright })
+    }
+
+    /// Whether every wheel keeps the limits of steps and gaps all along the way.
+    fn rolls(&self, bodies: &[&Obstacle], placement: &Placement, way: &Way, rise: [f64; 2], track: &mut Track) -> bool {
+        let level = LEVEL[way.heading];
+        let ahead = placement.turn.rotate(level);
+        self.bounds.level_places_m().all(|place| {
+            let middle_m = placement.world(way.middle_m + level.rotate(place));
+            let rolled = Rolled { scene: self.scene, bodies, middle_m, ahead, half_m: way.half_m, rise };
+            track.is_kept(&rolled, &self.limits)
+        })
     }
 
     /// The largest share of the step and gap limits that a wheel takes up along the heading; `None` where a node has no height.
