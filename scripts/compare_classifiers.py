@@ -1,263 +1,193 @@
 #!/usr/bin/env python3
-"""marsyard's network beside scikit-learn's equivalents of three of MATLAB's presets: figure 9 of Hewitt, Ellery & de Ruiter 2017.
+"""marsyard's network beside other classifiers on equal inputs: few rows and all, on three kinds of yard.
 
-    cargo run --release -- generate configs/paper.yaml
-    cargo build --release --example train_rows
-    pip install numpy scipy scikit-learn pyarrow matplotlib
-    python scripts/compare_classifiers.py corpora/paper            # 24 minutes on 2 busy cores; --quick: about 2
+    cargo build --release && cargo build --release --example train_rows
+    pip install numpy scipy scikit-learn pyarrow matplotlib lightgbm xgboost catboost torch onnxruntime
+    python scripts/compare_classifiers.py [--only paper|mixed|mars] [--quick]
 
-Measured, for each of five seeds (other scenes, other initial weights), on the same 100,000 rows of whole scenes of the test split:
+Everybody is given the same: the columns that `marsyard train` takes by default, read off a model of it; the same training rows (small: whole
+scenes of about 20,000 rows, other scenes for each seed; full: all, of mixed and mars some 300,000 drawn from all scenes), class weights, standardised and cut at 8; the same validation rows,
+drawn from all validation scenes, to stop training by, to choose the form of the columns by (compare_rows.py: each form is tried for each
+classifier on the small rows of seed 1, the form of the best balanced accuracy is kept, for full size too) and to choose the threshold by (best
+balanced accuracy). Nothing is ever chosen on test rows, which are drawn from all test scenes. How each classifier is set: compare_models.py.
 
-- the 16-16 network at marsyard's defaults, the fine Gaussian SVM, the fine KNN and the complex tree, all trained on the same 20,000 rows
-  of whole scenes, with and without class weights; the network again on all training rows;
-- the same with rows drawn at random from fewer scenes' cells (70/15/15, split by cell as the paper may have done), judged on the held-out
-  cells of the same scenes and on the test split: the difference is what a split by cell inflates;
-- the network with one feature alone, and without each group of features.
+Corpora are configs/paper.yaml; configs/mixed.yaml, judged on another seed's corpus, family by held-out family, led by the worst; configs/mars.yaml.
+Intervals are 95 % of 2000 resamples of the test scenes, of the mean over seeds; the same resamples for all, so that differences to the network
+are paired. Five seeds of paper.yaml's small rows, three of the slow classifiers and of the other corpora; fewer at full size: compare_models.py. CPU seconds and microseconds are of one thread.
 
-Baselines get inputs standardised by the mean and standard deviation of their training rows; the network scales by itself.
+Before anything is compared, the measures are held against scikit-learn's, and the scores of a network in onnxruntime, judged by the measures,
+against `marsyard evaluate`. What was made lies in the work folder, task by task, and is not made again: give another one after a change.
 
-- fine Gaussian SVM: SVC, C = 1, exp(-gamma |x-y|^2) with gamma = 16 / features (MATLAB's KernelScale = sqrt(features) / 4).
-- fine KNN: one neighbour, Euclidean. A vote of one cannot be weighted; "weights" there means that the more frequent class is thinned at
-  random to as many rows as the other. Its AUC is that of its hard answers.
-- complex tree: Gini, at most 100 splits (101 leaves), nodes of at least 10 rows are split. scikit-learn splits the best node first wherever
-  it is; MATLAB grows level by level and takes back the least useful splits of the last level. The sizes are equal, the shapes may differ.
-- not in the paper: medium Gaussian SVM (gamma = 1 / features), and gradient boosting as scikit-learn has it.
-
-Weights are `balance: classes` for the network and class_weight="balanced" for the others. The network stops by 60,000 rows of the
-validation split; in the row "stopped by few" by 15/70 as many as it learns from. Baselines have no use for validation rows, but for the
-column "BA at own threshold": there the threshold of every classifier with a score is the one with the best balanced accuracy on the same
-20,000 validation rows. Nothing is ever chosen on test rows. The CPU seconds of the network include its looks at the validation rows.
+Writes compare_classifiers.json and compare_classifiers.md into scripts/results; --figure draws the balanced accuracies.
 """
 
 import argparse
+import dataclasses
+import hashlib
 import json
 import multiprocessing
 import os
 import pathlib
-import platform
-import tempfile
-import time
+import sys
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
+import catboost
+import lightgbm
 import numpy as np
-import scipy
+import onnxruntime
 import sklearn
-from scipy.stats import rankdata
-from sklearn.ensemble import HistGradientBoostingClassifier
-from sklearn.neighbors import KNeighborsClassifier
-from sklearn.svm import SVC
-from sklearn.tree import DecisionTreeClassifier
+import torch
+import xgboost
 
+import compare_measures as measures
 import compare_report
-from train_rows import FULL, LISTED, NEIGHBOURS, ROOT, TRAINER, Cells, train
+import study
+from compare_models import CLASSIFIERS
+from compare_rows import Corpus, forms
+from train_rows import Cells
 
-BASELINES = {
-    "fine Gaussian SVM": lambda inputs, weight: SVC(gamma=16 / inputs, C=1.0, class_weight=weight, cache_size=1000),
-    "fine KNN": lambda inputs, weight: KNeighborsClassifier(1),
-    "complex tree": lambda inputs, weight: DecisionTreeClassifier(
-        max_leaf_nodes=101, min_samples_split=10, class_weight=weight, random_state=0
-    ),
+CONFIGS = study.ROOT / "configs"
+
+
+@dataclasses.dataclass
+class Yard:
+    """A corpus of the study; `test_seed` where another seed's corpus gives the test scenes. Rows are at most so many, 0 all."""
+
+    config: str
+    scenes: int
+    per_shard: int
+    full_rows: int = 0
+    test_seed: int | None = None
+    test_scenes: int = 0
+    validation_rows: int = 40_000
+    test_rows: int = 100_000
+    seeds: tuple = (5, 3)  # of small rows and at full size, at most
+
+
+#: Rows are drawn from all scenes alike: mars has some 49,000 a scene, so that without it there would be too few scenes.
+YARDS = {
+    "paper": Yard("paper.yaml", 1000, 50),
+    "mixed": Yard("mixed.yaml", 400, 10, full_rows=300_000, test_seed=99, test_scenes=1000, test_rows=150_000, seeds=(3, 1)),
+    "mars": Yard("mars.yaml", 200, 10, full_rows=300_000, seeds=(3, 1)),
 }
-BEYOND = {
-    "medium Gaussian SVM": lambda inputs, weight: SVC(gamma=1 / inputs, C=1.0, class_weight=weight, cache_size=1000),
-    "gradient boosting": lambda inputs, weight: HistGradientBoostingClassifier(class_weight=weight, random_state=0),
-}
-ABOVE_ROVER = "neighbours above the rover"
-GROUPS = {
-    "mean height": ["mean_height_m"],
-    "variance": ["height_variance_m2"],
-    "height difference": ["height_difference_m"],
-    "point count": ["point_count"],
-    "pitch and roll": ["pitch_rad", "roll_rad"],
-    "neighbours": NEIGHBOURS,
-}
 
 
-def figures(labels, answers, scores):
-    """Everything that is said of one classifier's answers. `scores` rise with untraversable."""
-    wrong = answers != labels
-    positive = labels == 1
-    tp, fn = int((positive & ~wrong).sum()), int((positive & wrong).sum())
-    fp, tn = int((~positive & wrong).sum()), int((~positive & ~wrong).sum())
-    product = float(tp + fp) * (tp + fn) * (tn + fp) * (tn + fn)
-    ranks = rankdata(scores)
-    return {
-        "tn": tn, "fp": fp, "fn": fn, "tp": tp,
-        "accuracy": (tp + tn) / len(labels),
-        "balanced_accuracy": (tp / (tp + fn) + tn / (tn + fp)) / 2,
-        "mcc": (tp * tn - fp * fn) / product**0.5 if product else 0.0,
-        "auc": float((ranks[positive].sum() - (tp + fn) * (tp + fn + 1) / 2) / ((tp + fn) * (tn + fp))),
-        "missed_untraversable": fn / (tp + fn),
-        "false_untraversable": fp / (tn + fp),
-    }  # fmt: skip
+def folders(marsyard, name, yard):
+    """The corpus, and the one that is judged on."""
+    corpus = marsyard.corpus(name, CONFIGS / yard.config, [], yard.scenes, yard.per_shard)
+    if yard.test_seed is None:
+        return corpus, corpus
+    return corpus, marsyard.corpus(f"{name}-test", CONFIGS / yard.config, [f"seed={yard.test_seed}"], yard.test_scenes, yard.per_shard)
 
 
-def best_threshold(labels, scores):
-    """The score from which rows are called untraversable, by the best balanced accuracy."""
-    order = np.argsort(-scores, kind="stable")
-    hits = np.cumsum(labels[order] == 1)
-    false = np.arange(1, len(order) + 1) - hits
-    gain = hits / hits[-1] - false / false[-1]
-    gain[:-1][np.diff(scores[order]) == 0] = -1  # equal scores stay together
-    return scores[order][np.argmax(gain)]
+def check_network(marsyard, name, place, test_place):
+    """The columns that the trainer takes by default, and what a model of it weighs; its scores by onnxruntime are `evaluate`'s."""
+    run = marsyard.train(f"check-{name}", [place], 1, ["epochs=1", "patience=1"])
+    told = marsyard.evaluate(run, test_place, "test")
+    onnx = run / "model.onnx"
+    if not onnx.exists():
+        marsyard.run("export", run, "--onnx", onnx)
+    names = told["model"]["features"]
+    cells = Cells(test_place, "test", names)
+    session = onnxruntime.InferenceSession(str(onnx), providers=["CPUExecutionProvider"])
+    outputs = np.concatenate([session.run(["untraversable"], {"features": part})[0][:, 0] for part in np.array_split(cells.values, 1 + len(cells.values) // 50_000)])
+    found = measures.rates({kind: sum(of) for kind, of in measures.scene_counts(cells.labels, outputs >= 0.5, np.zeros(len(outputs), int), 1).items()})
+    group = told["groups"][0]["network"]
+    theirs = {"auc": group["auc"], "balanced_accuracy": group["at"][0]["cells"]["balanced_accuracy"]}
+    ours = {"auc": measures.area_under_roc(cells.labels, outputs), "balanced_accuracy": found["balanced_accuracy"]}
+    for measure, value in ours.items():
+        # A row whose output lies within f32 of the threshold may fall on either side.
+        if abs(value - theirs[measure]) > 1e-5:
+            sys.exit(f"{name}: {measure} of {run} is {value} by onnxruntime and {theirs[measure]} by `marsyard evaluate`")
+    return names, {"rows": len(outputs), "differences": {k: abs(ours[k] - theirs[k]) for k in ours}, "bytes": (run / "model.safetensors").stat().st_size}
 
 
-class Rows:
-    """What the classifiers of one seed and one split see: (values, labels) by purpose."""
-
-    def __init__(self, train, validation, few, threshold, judged, names=tuple(FULL)):
-        self.train, self.validation, self.few, self.threshold, self.judged = train, validation, few, threshold, judged
-        self.names = names
-
-    def columns(self, names):
-        at = [FULL.index(name) for name in names]
-        cut = lambda rows: (rows[0][:, at], rows[1])
-        judged = {name: cut(rows) for name, rows in self.judged.items()}
-        return Rows(cut(self.train), cut(self.validation), cut(self.few), cut(self.threshold), judged, tuple(names))
-
-
-def judge(rows, answer, scores, scores_on_threshold):
-    """`answer`: scores -> answers. Scores come for the judged rows in their order."""
-    results = {}
-    threshold = None if scores_on_threshold is None else best_threshold(rows.threshold[1], scores_on_threshold)
-    for (name, (_, labels)), score in zip(rows.judged.items(), scores):
-        results[name] = figures(labels, answer(score), score)
-        if threshold is not None:
-            results[name]["balanced_accuracy_own_threshold"] = figures(labels, score >= threshold, score)["balanced_accuracy"]
-    return results
-
-
-def network(rows, weighted, seed, few=False, neighbours="above_cell"):
-    validation = rows.few if few else rows.validation
-    judged = [rows.threshold[0], *(values for values, _ in rows.judged.values())]
-    settings = {"seed": seed, "balance": "classes" if weighted else "none", "neighbours": neighbours}
-    (threshold, *scores), told = train(rows.train, validation, judged, settings, ARGUMENTS.trainer, rows.names)
-    facts = {"seconds": told["cpu_s"], "rows_learnt": told["rows_learnt"], "best_after_rows": told["best"]["rows"]}
-    return judge(rows, lambda score: score >= 0.5, scores, threshold), facts
+def one(task):
+    """A classifier on one choice of rows. Only validation rows are judged where forms are tried."""
+    name, classifier, form, seed, many, trial = task
+    kept = OPTIONS.work / "tasks" / f"{hashlib.sha256(json.dumps([task, TASK_KEY]).encode()).hexdigest()[:16]}.json"
+    if kept.exists():
+        return json.loads(kept.read_text())
+    rows = CORPUS.rows(form, seed, 0 if many else OPTIONS.rows)
+    if trial:
+        rows.judge_x = rows.judge_x[:0]
+    fitted = CLASSIFIERS[classifier][0](rows, seed, many)
+    threshold, balanced = measures.best_threshold(rows.choose_y, fitted.choose)
+    run = {"corpus": name, "classifier": classifier, "form": form, "seed": seed, "full": many, "train_rows": len(rows.y), "cpu_s": fitted.cpu_s,
+           "rounds": fitted.rounds, "threshold": threshold, "validation_balanced_accuracy": balanced}  # fmt: skip
+    if not trial:
+        labels = CORPUS.test.labels
+        run |= {"judge_us": fitted.judge_us, "parameters": fitted.parameters, "bytes": fitted.bytes, "auc": measures.area_under_roc(labels, fitted.judge)}
+        run["scenes"] = measures.scene_counts(labels, fitted.judge >= threshold, CORPUS.scene, len(CORPUS.scenes))
+        if fitted.probabilities:
+            weights = measures.balanced_weights(labels)
+            run["log_loss"] = float(np.average(measures.losses(labels, fitted.judge), weights=weights))
+            run["calibration_error"] = measures.calibration_error(labels, fitted.judge, weights)
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps(run))
+    return run
 
 
-def baseline(make, rows, weighted, seed):
-    values, labels = rows.train
-    mean, scale = values.mean(axis=0, dtype=float), values.std(axis=0, ddof=1, dtype=float)
-    scaled = lambda values: (values - mean) / np.where(scale > 0, scale, 1)
-    classifier = make(values.shape[1], "balanced" if weighted else None)
-    one_neighbour = isinstance(classifier, KNeighborsClassifier)
-    if one_neighbour and weighted:
-        rng, by_class = np.random.default_rng([4, seed]), [np.flatnonzero(labels == c) for c in (0, 1)]
-        keep = min(map(len, by_class))
-        kept = np.concatenate([rng.choice(rows, keep, replace=False) for rows in by_class])
-        values, labels = values[kept], labels[kept]
-    begun = time.process_time()
-    classifier.fit(scaled(values), labels)
-    facts = {"seconds": time.process_time() - begun}
-    if one_neighbour:
-        scores = [classifier.predict(scaled(values)).astype(float) for values, _ in rows.judged.values()]
-        return judge(rows, lambda score: score >= 0.5, scores, None), facts
-    decides = isinstance(classifier, SVC)
-    score = classifier.decision_function if decides else lambda values: classifier.predict_proba(values)[:, 1]
-    scores = [score(scaled(values)) for values, _ in rows.judged.values()]
-    border = 0.0 if decides else 0.5
-    return judge(rows, lambda score: score > border, scores, score(scaled(rows.threshold[0]))), facts
+def all_of(tasks):
+    """Done by all jobs, the dearest first; forked, so that the rows are held once."""
+    with multiprocessing.get_context("fork").Pool(OPTIONS.jobs, maxtasksperchild=1) as pool:
+        runs = []
+        for run in pool.imap_unordered(one, tasks):
+            runs.append(run)
+            size = "full" if run["full"] else "small"
+            study.note(f"{run['corpus']}, {len(runs)} of {len(tasks)}: {run['classifier']}, {size}, {run['form']}, seed {run['seed']}, {run['cpu_s']:.1f} s")
+    return runs
 
 
-def scenes(split, rows, *seed):
-    """The rows of whole scenes, drawn by this seed."""
-    chosen = CELLS[split].whole_scenes(rows, np.random.default_rng(seed))
-    return CELLS[split].values[chosen], CELLS[split].labels[chosen]
-
-
-def by_scene(seed, rows):
-    """Other training scenes for each seed, the same rows to judge by."""
-    train, few = scenes("train", rows, 1, seed), scenes("validation", rows * 15 // 70, 2, seed)
-    validation, threshold = scenes("validation", ARGUMENTS.validation_rows, 0), scenes("validation", ARGUMENTS.threshold_rows, 0)
-    return Rows(train, validation, few, threshold, {"test scenes": scenes("test", ARGUMENTS.test_rows, 0)})
-
-
-def by_cell(seed, rows):
-    values, labels = scenes("train", rows * 100 // 70, 1, seed)
-    drawn = np.random.default_rng([3, seed]).permutation(len(labels))
-    train, validation, held = ((values[i], labels[i]) for i in np.split(drawn, [rows, rows + rows * 15 // 70]))
-    judged = {"held-out cells": held, "test scenes": scenes("test", ARGUMENTS.test_rows, 0)}
-    return Rows(train, validation, validation, validation, judged)
-
-
-def work(task):
-    """One classifier on one choice of rows: (what, seed) -> records."""
-    split, features, seed, weighted, name = task
-    rows = by_cell(seed, ARGUMENTS.rows) if split == "cell" else by_scene(seed, 0 if "all rows" in name else ARGUMENTS.rows)
-    rows = rows.columns({"listed": LISTED, "full": FULL}.get(features) or features)
-    if name in BASELINES or name in BEYOND:
-        results, facts = baseline((BASELINES | BEYOND)[name], rows, weighted, seed)
-    else:
-        neighbours = "above_rover" if name == ABOVE_ROVER else "above_cell"
-        results, facts = network(rows, weighted, seed, "few" in name, neighbours)
-    facts |= {"train_rows": len(rows.train[1]), "train_untraversable": int(rows.train[1].sum())}
-    run = {"split": split, "features": features, "seed": seed, "weighted": weighted, "classifier": name}
-    return [run | {"judged_on": judged_on} | found | facts for judged_on, found in results.items()]
-
-
-def tasks(seeds, features):
-    """In the order of their cost, the dearest first."""
-    for weighted in (True, False):
-        for seed in seeds:
-            for inputs in features:
-                if weighted or inputs == "listed":
-                    yield "scene", inputs, seed, weighted, "network, all rows"
-                for name in [*BASELINES, "network", *([*BEYOND, "network, stopped by few"] if inputs == "listed" else [])]:
-                    yield "scene", inputs, seed, weighted, name
-            for name in [*BASELINES, "network"]:
-                yield "cell", "listed", seed, weighted, name
-    for seed in seeds:
-        yield "scene", "listed", seed, True, ABOVE_ROVER
-        for name, group in (GROUPS | {"pitch": ["pitch_rad"], "roll": ["roll_rad"]}).items():
-            yield "scene", tuple(group), seed, True, f"only {name}"
-        for name, group in GROUPS.items():
-            yield "scene", tuple(f for f in LISTED if f not in group), seed, True, f"without {name}"
+def compared(name, seeds):
+    """All runs on a corpus, and the form that each classifier has chosen."""
+    trials = all_of([(name, classifier, form, 1, False, True) for classifier in CLASSIFIERS for form in forms(CORPUS.names)])
+    order = list(forms(CORPUS.names))
+    chosen = {}
+    for classifier in CLASSIFIERS:
+        tried = sorted((run for run in trials if run["classifier"] == classifier), key=lambda run: order.index(run["form"]))
+        chosen[classifier] = max(tried, key=lambda run: run["validation_balanced_accuracy"])["form"]
+    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier, counts in CLASSIFIERS.items()
+                    for seed in range(1, min(counts[1 + many], seeds[many]) + 1)] for many in (False, True))
+    return trials, all_of(full + small), chosen
 
 
 def main():
-    global ARGUMENTS, CELLS
+    global OPTIONS, CORPUS, TASK_KEY
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("corpus", nargs="?", default=str(ROOT / "corpora" / "paper"))
-    parser.add_argument("--rows", type=int, default=20_000, help="training rows, at least, in whole scenes")
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--test-rows", type=int, default=100_000, help="judge on whole test scenes of so many rows; 0 = all")
-    parser.add_argument("--validation-rows", type=int, default=60_000, help="the network stops by so many, in whole scenes; 0 = all")
-    parser.add_argument("--threshold-rows", type=int, default=20_000, help="validation rows for the thresholds, in whole scenes")
-    parser.add_argument("--trainer", default=str(TRAINER))
+    parser.add_argument("--only", choices=YARDS, help="one of the corpora; the others keep what the work folder holds of them")
+    parser.add_argument("--rows", type=int, default=20_000, help="small: training rows, at least, in whole scenes (default 20,000)")
+    parser.add_argument("--seeds", type=int, default=5, help="at most so many (default 5)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    parser.add_argument("--out", default=str(ROOT / "scripts" / "results" / "compare_classifiers.json"))
-    parser.add_argument("--figure", help="also draw the balanced accuracies here (PNG or SVG)")
-    parser.add_argument("--quick", action="store_true", help="two seeds, 30,000 test rows, 14 features; to the temporary folder")
-    ARGUMENTS = parser.parse_args()
-    features = ["listed", "full"]
-    if ARGUMENTS.quick:
-        ARGUMENTS.seeds, ARGUMENTS.test_rows, features = 2, 30_000, ["listed"]
-        ARGUMENTS.validation_rows = 30_000
-        ARGUMENTS.out = os.path.join(tempfile.gettempdir(), "compare_classifiers.json")
-    CELLS = {split: Cells(ARGUMENTS.corpus, split) for split in ("train", "validation", "test")}
-    begun, runs = time.time(), []
-    todo = list(tasks(range(1, ARGUMENTS.seeds + 1), features))
-    with multiprocessing.get_context("fork").Pool(ARGUMENTS.jobs) as pool:
-        for done, records in enumerate(pool.imap_unordered(work, todo), 1):
-            runs += records
-            print(f"\r{done} of {len(todo)}, {time.time() - begun:.0f} s", end="", flush=True)
-    print()
-    runs.sort(key=lambda run: json.dumps([run[key] for key in ("split", "features", "weighted", "classifier", "judged_on", "seed")]))
-    manifest = json.loads(pathlib.Path(ARGUMENTS.corpus, "manifest.json").read_text())
-    about = {
-        "corpus": manifest["name"], "corpus_id": manifest["corpus_id"], "scenes": manifest["scenes"], "seeds": ARGUMENTS.seeds,
-        "rows": ARGUMENTS.rows, "test_rows": ARGUMENTS.test_rows or len(CELLS["test"].labels),
-        "python": platform.python_version(), "numpy": np.__version__, "scipy": scipy.__version__, "scikit-learn": sklearn.__version__,
-    }  # fmt: skip
-    out = pathlib.Path(ARGUMENTS.out)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    compare_report.write(out, about, runs)
-    print(out.with_suffix(".md").read_text())
-    if ARGUMENTS.figure:
-        compare_report.figure(compare_report.summary(runs), ARGUMENTS.figure)
+    parser.add_argument("--figure", type=pathlib.Path, help="also draw the balanced accuracies here (PNG or SVG)")
+    study.add_arguments(parser, "compare_classifiers")
+    OPTIONS = parser.parse_args()
+    if OPTIONS.quick:
+        OPTIONS.seeds, OPTIONS.rows, OPTIONS.work = 1, 5000, OPTIONS.work / "quick"
+        for yard in YARDS.values():
+            yard.scenes, yard.test_scenes, yard.validation_rows, yard.test_rows, yard.full_rows = 40, 140 if yard.test_seed else 0, 5000, 10_000, 20_000
+            yard.per_shard = 5
+    checked = measures.check_on_scikit_learn()
+    marsyard = study.Marsyard(OPTIONS.marsyard, OPTIONS.work, OPTIONS.threads)
+    for name, yard in YARDS.items():
+        if OPTIONS.only in (None, name):
+            place, test_place = folders(marsyard, name, yard)
+            names, network = check_network(marsyard, name, place, test_place)
+            CORPUS = Corpus(name, place, test_place, names, yard)
+            about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"network": network}
+            TASK_KEY = [about, OPTIONS.rows]
+            trials, runs, chosen = compared(name, [min(OPTIONS.seeds, most) for most in yard.seeds])
+            found = compare_report.summary(runs, chosen, CORPUS.families, network["bytes"])
+            plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]
+            (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": plain}))
+    finished = {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
+    versions = study.versions(marsyard, np, sklearn, lightgbm, xgboost, catboost, torch, onnxruntime)
+    results = {"versions": versions, "check_on_scikit_learn": checked, "corpora": finished}
+    study.write_results(OPTIONS.out, "compare_classifiers", results, compare_report.tables(results))
+    if OPTIONS.figure:
+        compare_report.figure(finished, OPTIONS.figure)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The tables and the figure of compare_classifiers.py; also from finished results:
+"""The summary, tables and figure of compare_classifiers.py; tables and figure also from finished results:
 
     python scripts/compare_report.py scripts/results/compare_classifiers.json docs/classifiers.png
 """
@@ -9,194 +9,171 @@ import sys
 
 import numpy as np
 
-MEASURES = [
-    "balanced_accuracy", "auc", "mcc", "accuracy", "missed_untraversable", "false_untraversable", "balanced_accuracy_own_threshold",
-]  # fmt: skip
-COUNTS = ["tn", "fp", "fn", "tp"]
-KEYS = ["split", "features", "weighted", "classifier", "judged_on"]
-PRESETS = ["fine Gaussian SVM", "fine KNN", "complex tree"]
-ORDER = ["network, all rows", "network", "network, stopped by few", *PRESETS, "medium Gaussian SVM", "gradient boosting"]
+import study
+from compare_measures import Bootstrap, interval
+from train_rows import NETWORK
+
+SIZES = {False: "small", True: "full"}
+MEANS = ["auc", "log_loss", "calibration_error", "cpu_s", "judge_us", "parameters", "bytes", "train_rows", "rounds"]
 
 
-def key(run):
-    return tuple("+".join(v) if isinstance(v, (list, tuple)) else v for v in (run[k] for k in KEYS))
+def summary(runs, chosen, families, network_bytes):
+    """One line a classifier and size: means over the seeds, intervals over scenes, differences to the network of the same size."""
+    bootstrap, lines = Bootstrap(families), []
+    for full, size in SIZES.items():
+        of = {name: [run for run in runs if run["classifier"] == name and run["full"] == full] for name in chosen}
+        resampled = {name: bootstrap.by_seed(found) for name, found in of.items() if found}
+        for name, rates in resampled.items():
+            line = {"classifier": name, "size": size, "form": chosen[name], "seeds": len(of[name])}
+            for key in MEANS:
+                values = [run[key] for run in of[name] if run.get(key) is not None]
+                line[key] = float(np.mean(values)) if values else None
+            if name == NETWORK:
+                line["bytes"] = network_bytes
+            for rate in ("balanced_accuracy", "missed", "false", "precision", "worst_family", "mean_of_families"):
+                line[rate] = interval(rates[rate])
+            line["families"] = {family: interval(of_family) for family, of_family in rates["families"].items()}
+            line["less_network"] = {rate: interval(rates[rate] - resampled[NETWORK][rate]) for rate in ("worst_family", "mean_of_families")}
+            line["each_seed"] = [float(bootstrap.rates(run)["balanced_accuracy"][0]) for run in of[name]]
+            lines.append(line)
+    return lines
 
 
-def summary(runs):
-    """Mean and sample standard deviation over the seeds; counts added up."""
-    groups = {}
-    for run in runs:
-        groups.setdefault(key(run), []).append(run)
-    found = []
-    for group in groups.values():
-        line = {k: group[0][k] for k in KEYS} | {"seeds": len(group), "train_rows": float(np.mean([r["train_rows"] for r in group]))}
-        line["seconds"] = float(np.median([run["seconds"] for run in group]))
-        for measure in MEASURES:
-            values = [run[measure] for run in group if measure in run]
-            if values:
-                sd = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
-                line[measure] = {"mean": float(np.mean(values)), "sd": sd, "each": values}
-        line |= {count: sum(run[count] for run in group) for count in COUNTS}
-        found.append(line)
-    return found
+def ranged(entry, digits=2):
+    """{value, low, high} -> `95.31 (94.80 to 95.77)`, in percent."""
+    return f"{study.percent(entry['value'], digits)} ({study.percent(entry['low'], digits)} to {study.percent(entry['high'], digits)})"
 
 
-def percent(value, digits=2):
-    return f"{100 * value['mean']:.{digits}f} ± {100 * value['sd']:.{digits}f}" if value else "-"
+def signed(entry):
+    return "-" if entry is None else f"{100 * entry['value']:+.2f} ({100 * entry['low']:+.2f} to {100 * entry['high']:+.2f})"
 
 
-def decimal(value):
-    return f"{value['mean']:.4f} ± {value['sd']:.4f}" if value else "-"
+def decimal(value, digits):
+    return "-" if value is None else f"{value:,.{digits}f}"
 
 
-def pick(lines, **wanted):
-    found = [line for line in lines if all(line[k] == v for k, v in wanted.items())]
-    place = lambda line: ORDER.index(line["classifier"]) if line["classifier"] in ORDER else len(ORDER)
-    return sorted(found, key=place)
+def of_size(lines, size):
+    return sorted((line for line in lines if line["size"] == size), key=lambda line: -line["worst_family"]["value"])
 
 
-def main_table(lines):
-    text = "| classifier | training rows | balanced accuracy % | AUC | MCC | accuracy % | missed untraversable % | false untraversable % | BA % at own threshold | CPU s to fit |\n"
-    text += "|---|---|---|---|---|---|---|---|---|---|\n"
-    for line in lines:
-        cells = [
-            line["classifier"], f"{line['train_rows']:,.0f}", percent(line["balanced_accuracy"]), decimal(line["auc"]), decimal(line["mcc"]),
-            percent(line["accuracy"]), percent(line["missed_untraversable"]), percent(line["false_untraversable"]),
-            percent(line.get("balanced_accuracy_own_threshold")), f"{line['seconds']:.2f}",
-        ]  # fmt: skip
-        text += "| " + " | ".join(cells) + " |\n"
-    return text + "\n"
+def side_by_side(lines, families):
+    """Both sizes in a row, led by the full one."""
+    by = {(line["classifier"], line["size"]): line for line in lines}
+    names = dict.fromkeys(line["classifier"] for size in ("full", "small") for line in of_size(lines, size))
+    rates = ["worst_family", "mean_of_families"] if families > 1 else ["worst_family"]
+    word = {"worst_family": "worst family" if families > 1 else "balanced accuracy", "mean_of_families": "mean of families"}
+    head = ["balanced accuracy %"]
+    for size in SIZES.values():
+        head += [f"{size}: {word[rate]}" for rate in rates] + [f"{size}: less the network's"]
+    rows = []
+    for name in names:
+        row = [name]
+        for size in SIZES.values():
+            line = by.get((name, size))
+            row += [ranged(line[rate]) if line else "-" for rate in rates]
+            row.append(signed(line["less_network"]["worst_family"]) if line and name != NETWORK else "-")
+        rows.append(row)
+    return study.markdown(head, rows)
 
 
-def verdict(lines):
-    """The network against each preset, seed by seed."""
-    of = {line["classifier"]: line for line in lines}
-    text = ""
-    for name in PRESETS:
-        parts = []
-        for measure, word in (("balanced_accuracy", "balanced accuracy"), ("auc", "AUC")):
-            gap = np.array(of["network"][measure]["each"]) - np.array(of[name][measure]["each"])
-            sd = gap.std(ddof=1) if len(gap) > 1 else 0.0
-            parts.append(f"{word} {100 * gap.mean():+.2f} ± {100 * sd:.2f} points, ahead in {(gap >= 0).sum()} of {len(gap)} seeds")
-        text += f"- network less {name}: {'; '.join(parts)}\n"
-    return text + "\n"
+def details(lines, size):
+    head = ["all test cells", "rows", "seeds", "missed %", "false %", "precision %", "AUC", "calibration error %", "log loss", "CPU s to train", "us a cell to judge",
+            "parameters", "bytes", "rounds, passes or rows", "form of the columns"]  # fmt: skip
+    rows = []
+    for line in of_size(lines, size):
+        rows.append([line["classifier"], decimal(line["train_rows"], 0), line["seeds"], ranged(line["missed"]), ranged(line["false"]), ranged(line["precision"]),
+                     decimal(line["auc"], 4), study.percent(line["calibration_error"]), decimal(line["log_loss"], 4), decimal(line["cpu_s"], 1),
+                     decimal(line["judge_us"], 2), decimal(line["parameters"], 0), decimal(line["bytes"], 0), decimal(line["rounds"], 0), line["form"]])  # fmt: skip
+    return study.markdown(head, rows)
 
 
-def inflation(lines):
-    text = "| classifier | weights | accuracy %, held-out cells | BA %, held-out cells | BA %, test scenes | BA inflated by | AUC, held-out cells | AUC, test scenes |\n"
-    text += "|---|---|---|---|---|---|---|---|\n"
-    for weighted in (True, False):
-        for cells in pick(lines, split="cell", judged_on="held-out cells", weighted=weighted):
-            (scenes,) = pick(lines, split="cell", judged_on="test scenes", weighted=weighted, classifier=cells["classifier"])
-            gap = np.array(cells["balanced_accuracy"]["each"]) - np.array(scenes["balanced_accuracy"]["each"])
-            gap = {"mean": gap.mean(), "sd": gap.std(ddof=1) if len(gap) > 1 else 0.0}
-            row = [
-                cells["classifier"], "yes" if weighted else "no", percent(cells["accuracy"]), percent(cells["balanced_accuracy"]),
-                percent(scenes["balanced_accuracy"]), percent(gap), decimal(cells["auc"]), decimal(scenes["auc"]),
-            ]  # fmt: skip
-            text += "| " + " | ".join(row) + " |\n"
-    return text + "\n"
+def by_family(lines, size):
+    families = list(lines[0]["families"])
+    rows = [[line["classifier"], *(study.percent(line["families"][family]["value"]) for family in families)] for line in of_size(lines, size)]
+    return study.markdown(["balanced accuracy %", *families], rows)
 
 
-def confusion(lines):
-    text = "| classifier | weights | traversable called so | traversable called untraversable | untraversable called traversable | untraversable called so |\n"
-    text += "|---|---|---|---|---|---|\n"
-    for line in lines:
-        negatives, positives = line["tn"] + line["fp"], line["fn"] + line["tp"]
-        count = lambda n, of: f"{n:,} ({100 * n / of:.2f} %)"
-        cells = [count(line["tn"], negatives), count(line["fp"], negatives), count(line["fn"], positives), count(line["tp"], positives)]
-        text += f"| {line['classifier']} | {'yes' if line['weighted'] else 'no'} | " + " | ".join(cells) + " |\n"
-    return text + "\n"
+def tried_forms(trials, names):
+    """What each form gave on validation rows."""
+    rows = []
+    for classifier in dict.fromkeys(run["classifier"] for run in sorted(trials, key=lambda run: run["classifier"])):
+        of = {run["form"]: run["validation_balanced_accuracy"] for run in trials if run["classifier"] == classifier}
+        rows.append([classifier, *(study.percent(of[name]) for name in names)])
+    return study.markdown(["balanced accuracy % on validation rows", *names], rows)
 
 
-def ablation(lines):
-    text = "| inputs of the network | balanced accuracy % | AUC | missed untraversable % | false untraversable % |\n|---|---|---|---|---|\n"
-    kinds = ("network", "neighbours", "only", "without")
-    lines = [line for line in lines if line["features"] != "full"]
-    shown = [line for line in lines if line["classifier"].split()[0].rstrip(",") in kinds and not line["classifier"].startswith("network,")]
-    rank = lambda line: (kinds.index(line["classifier"].split()[0]), -line["balanced_accuracy"]["mean"])
-    for line in sorted(shown, key=rank):
-        name = {
-            "network": "all 14",
-            "neighbours above the rover": "all 14, neighbours' heights above the rover as stored (`neighbours: above_rover`, the paper's)",
-        }.get(line["classifier"], line["classifier"])
-        cells = [name, percent(line["balanced_accuracy"]), decimal(line["auc"])]
-        text += "| " + " | ".join(cells + [percent(line["missed_untraversable"]), percent(line["false_untraversable"])]) + " |\n"
-    return text + "\n"
+def corpus_part(name, found):
+    about, lines = found["about"], found["summary"]
+    families = len(lines[0]["families"])
+    count = lambda split: f"{about[split]['rows']:,} rows of {about[split]['scenes']} scenes"
+    network = about["network"]
+    parts = [
+        f"## {name}: configs/{about['config']}, {about['scenes']} scenes",
+        f"Training: {count('train')} ({about['train']['untraversable']:,} untraversable). Stopping, form and threshold: {count('validation')}. Test: {count('test')} "
+        f"({about['test']['untraversable']:,} untraversable), corpus_id {about['test']['corpus_id'][:12]}. {len(about['columns'])} columns: {', '.join(about['columns'])}. "
+        f"A network through onnxruntime, judged by this script on {network['rows']:,} test rows, differs from `marsyard evaluate` by "
+        f"{network['differences']['auc']:.1e} in AUC and {network['differences']['balanced_accuracy']:.1e} in balanced accuracy.",
+        side_by_side(lines, families),
+    ]
+    for size in ("small", "full"):
+        parts += [f"### {name}, {size}", details(lines, size)]
+        if families > 1:
+            parts.append(by_family(lines, size))
+    return parts + [f"### {name}: forms tried on the small rows of seed 1", tried_forms(found["trials"], about["forms"])]
 
 
-def tables(about, lines):
-    scene = dict(split="scene", judged_on="test scenes")
-    one = pick(lines, **scene, weighted=True, features="listed", classifier="network")[0]
-    share = (one["fn"] + one["tp"]) / sum(one[count] for count in COUNTS)
-    text = "# Classifiers on the same rows (figure 9 of the paper)\n\n"
-    text += f"Corpus `{about['corpus']}`, {about['scenes']} scenes, corpus_id {about['corpus_id'][:12]}. About {about['rows']:,} training rows; judged on "
-    text += f"{about['test_rows']:,} rows of the test split, {100 * share:.2f} % of them untraversable: who calls all of them traversable has an accuracy of "
-    text += f"{100 - 100 * share:.2f} % and a balanced accuracy of 50 %. Mean ± standard deviation over {about['seeds']} seeds (other scenes, other initial "
-    text += f"weights). Python {about['python']}, scikit-learn {about['scikit-learn']}, NumPy {about['numpy']}. Written by `scripts/compare_classifiers.py`, "
-    text += "whose head says what each name means.\n\n"
-    for features in ("listed", "full"):
-        for weighted in (True, False):
-            found = pick(lines, **scene, weighted=weighted, features=features)
-            found = [line for line in found if line["classifier"] in ORDER]
-            if found:
-                text += f"## By scene, {features} features, {'with' if weighted else 'without'} class weights\n\n" + main_table(found) + verdict(found)
-    text += "## Split by cell: what it inflates\n\nTrained on random cells of few scenes; the same models judged on the held-out cells of those scenes, and on the test split.\n\n"
-    text += inflation(lines)
-    text += "## Confusion matrices\n\nBy scene, listed features, counts of all seeds added up; per cent of the true class.\n\n"
-    shown = [line for weighted in (True, False) for line in pick(lines, **scene, weighted=weighted, features="listed") if line["classifier"] in ORDER]
-    text += confusion(shown)
-    text += "## Features\n\nThe network on the same rows, by scene, with class weights.\n\n"
-    text += ablation(pick(lines, **scene, weighted=True))
-    return text + "Which settings were tried, on validation rows, stands in `compare_classifiers_notes.md`.\n"
+def tables(results):
+    versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
+    head = [
+        "# Classifiers on equal inputs",
+        "`python scripts/compare_classifiers.py`, whose head says what is equal and how it is chosen. In brackets: 95 % of 2000 resamples of the test scenes, of the "
+        "mean over seeds. Calibration error (15 bins of equal mass) and log loss are of a world of equal classes, as all were trained for. Times are CPU time of one "
+        f"thread on a machine with other work. {versions}. The measures differ from scikit-learn's by at most {max(results['check_on_scikit_learn'].values()):.0e}.",
+    ]
+    return "\n\n".join(head + [part for name, found in results["corpora"].items() for part in corpus_part(name, found)]) + "\n"
 
 
-def write(path, about, runs):
-    """The results, a line a record, and the tables beside them."""
-    lines = summary(runs)
-    listed = lambda records: ",\n  ".join(map(json.dumps, records))
-    text = f'{{\n "about": {json.dumps(about)},\n "summary": [\n  {listed(lines)}\n ],\n "runs": [\n  {listed(runs)}\n ]\n}}\n'
-    path.write_text(text)
-    path.with_suffix(".md").write_text(tables(about, lines))
-
-
-def figure(lines, path):
+def figure(corpora, path):
+    """The balanced error of each classifier, small and full, with its intervals."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
     import matplotlib.ticker
 
-    names = [name for name in ORDER if name != "network, stopped by few"]
-    plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 10, "svg.hashsalt": "marsyard"})
-    panels, axes = plt.subplots(1, 2, figsize=(9.6, 3.6), sharey=True)
-    for axis, measure, title in zip(axes, ("balanced_accuracy", "auc"), ("balanced accuracy", "area under the ROC curve")):
-        for place, name in enumerate(names):
-            for weighted, shift, face in ((False, 0.17, "white"), (True, -0.17, None)):
-                (line,) = pick(lines, split="scene", judged_on="test scenes", features="listed", weighted=weighted, classifier=name)
-                colour = "#c2571a" if name.startswith("network") else "#4a5a6a"
-                each, y = line[measure]["each"], place + shift
-                axis.plot([min(each), max(each)], [y, y], color=colour, linewidth=1, zorder=1)
-                axis.scatter(each, [y] * len(each), s=12, color=colour, facecolor=face or colour, linewidth=0.8, zorder=2)
-                axis.plot([line[measure]["mean"]] * 2, [y - 0.16, y + 0.16], color=colour, linewidth=2.2, zorder=3)
-        axis.set_title(title, fontsize=10)
+    plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9, "svg.hashsalt": "marsyard"})
+    panels, axes = plt.subplots(1, len(corpora), figsize=(3.6 * len(corpora) + 1.6, 4.2), sharey=True, squeeze=False)
+    first = next(iter(corpora.values()))["summary"]
+    names = list(dict.fromkeys(line["classifier"] for size in ("full", "small") for line in of_size(first, size)))
+    for axis, (name, found) in zip(axes[0], corpora.items()):
+        for line in found["summary"]:
+            full = line["size"] == "full"
+            y = names.index(line["classifier"]) + (-0.15 if full else 0.15)
+            colour = "#c2571a" if line["classifier"] == NETWORK else "#4a5a6a"
+            error = {key: 100 * (1 - value) for key, value in line["worst_family"].items()}
+            axis.plot([error["high"], error["low"]], [y, y], color=colour, linewidth=1.2, zorder=1)
+            axis.scatter([error["value"]], [y], s=24, color=colour, facecolor=colour if full else "white", linewidth=1.1, zorder=2)
+        several = len(found["summary"][0]["families"]) > 1
+        axis.set_title(f"{name}: worst held-out family" if several else name, fontsize=10)
+        axis.set_xscale("log")
+        axis.set_xlabel("balanced error, %")
+        ticks = [tick for tick in (0.5, 1, 2, 3, 5, 10, 20, 40) if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
+        axis.xaxis.set_major_locator(matplotlib.ticker.FixedLocator(ticks))
+        axis.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
+        axis.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
         axis.grid(axis="x", color="#dddddd", linewidth=0.7)
         axis.set_axisbelow(True)
-        axis.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(5))
         axis.spines[["top", "right", "left"]].set_visible(False)
         axis.tick_params(axis="y", length=0)
-        axis.axhline(len(names) - 2.5, color="#bbbbbb", linewidth=0.7, linestyle=":")
-    counts = {name: pick(lines, split="scene", features="listed", weighted=True, classifier=name)[0]["train_rows"] for name in names}
-    axes[0].set_yticks(range(len(names)), [f"{name} ({counts[name]:,.0f})" if "all rows" in name else name for name in names])
-    axes[0].invert_yaxis()
-    for face, word in (("#4a5a6a", "with class weights"), ("white", "without")):
-        axes[1].scatter([], [], s=12, color="#4a5a6a", facecolor=face, linewidth=0.8, label=word)
-    axes[1].legend(loc="lower left", frameon=False, fontsize=9)
-    panels.tight_layout()
+    axes[0][0].set_yticks(range(len(names)), names)
+    axes[0][0].invert_yaxis()
+    marks = [axes[0][0].scatter([], [], s=24, color="#4a5a6a", facecolor=face, linewidth=1.1) for face in ("#4a5a6a", "white")]
+    panels.tight_layout(rect=(0, 0.06, 1, 1))
+    panels.legend(marks, ["all training rows", "20,000 training rows"], loc="lower center", ncols=2, frameon=False)
     panels.savefig(path, dpi=150, metadata={"Software": None} if str(path).endswith("png") else {"Date": None})
 
 
 if __name__ == "__main__":
     results = json.loads(pathlib.Path(sys.argv[1]).read_text())
-    write(pathlib.Path(sys.argv[1]), results["about"], results["runs"])
-    figure(summary(results["runs"]), sys.argv[2])
+    pathlib.Path(sys.argv[1]).with_suffix(".md").write_text(tables(results))
+    figure(results["corpora"], sys.argv[2])

@@ -19,20 +19,33 @@ TRAINER = ROOT / "target" / "release" / "examples" / "train_rows"
 NEIGHBOURS = [f"neighbour_{place}_m" for place in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
 LISTED = ["mean_height_m", "height_variance_m2", "height_difference_m", "point_count", "pitch_rad", "roll_rad", *NEIGHBOURS]
 FULL = [*LISTED, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"]
+#: What tables call marsyard's network.
+NETWORK = "network (EKF)"
 
 
 class Cells:
-    """The labelled rows of one split."""
+    """The labelled rows of one split, all or at most so many: then drawn at random from all scenes alike, by a seed of their own."""
 
-    def __init__(self, corpus, split):
+    def __init__(self, corpus, split, names=tuple(FULL), at_most=0):
         files = sorted(pathlib.Path(corpus, "data", "cells").glob(f"{split}-*.parquet"))
         if not files:
-            raise SystemExit(f"{corpus} has no {split} cells: build it with `marsyard generate configs/paper.yaml`")
-        table = pa.concat_tables(pq.read_table(file, columns=["scene_id", "label", *FULL]) for file in files)
-        table = table.filter(pa.compute.is_valid(table["label"]))
+            raise SystemExit(f"{corpus} has no {split} cells: build it with `marsyard generate`, with more scenes if it is small")
+        share = min(1.0, at_most / sum(pq.read_metadata(file).num_rows for file in files)) if at_most else 1.0
+        table = pa.concat_tables(self.read(file, names, share, number) for number, file in enumerate(files))
         self.scenes = table["scene_id"].to_numpy()
         self.labels = table["label"].to_numpy().astype(np.int8)
-        self.values = np.stack([table[name].to_numpy() for name in FULL], axis=1)
+        self.values = np.stack([table[name].to_numpy() for name in names], axis=1)
+
+    @staticmethod
+    def read(file, names, share, number):
+        table = pq.read_table(file, columns=["scene_id", "label", *names])
+        kept = table["label"].is_valid()
+        if share < 1:
+            kept = pa.compute.and_(kept, pa.array(np.random.default_rng([6, number]).random(len(table)) < share))
+        return table.filter(kept)
+
+    def keep(self, rows):
+        self.scenes, self.labels, self.values = self.scenes[rows], self.labels[rows], self.values[rows]
 
     def whole_scenes(self, rows, rng):
         """Indices of the rows of scenes drawn until there are at least so many; 0 = all scenes."""

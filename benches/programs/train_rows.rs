@@ -4,7 +4,7 @@
 //! The table is a Parquet file, not compressed or by zstd (`compression="zstd"` in pyarrow). Its columns: `role` (whole number: 0 learn, 1 validate by, anything else only judge), `label` (whole
 //! number: 0 traversable, 1 untraversable; null where unknown), and f32 columns, which are the features in their order. The outputs are
 //! written as a NumPy array of f64 in row order, NaN where a feature is not finite. The looks at the validation rows, with the CPU seconds
-//! until each, go to stdout as JSON.
+//! until each and what judging a row took, go to stdout as JSON.
 
 use std::fs::File;
 use std::io::Write;
@@ -73,7 +73,10 @@ fn main() -> Result<(), Fault> {
         since = thread_cpu_s();
     })?
     .ok_or("interrupted")?;
-    let outputs = held.outputs(&trained.network, &table.all());
+    let all = table.all();
+    let judging = thread_cpu_s();
+    let outputs = held.outputs(&trained.network, &all);
+    let judge_us_a_row = (thread_cpu_s() - judging) * 1e6 / all.len() as f64;
     write_npy(&arguments.outputs, &outputs)?;
     let name = |feature: &usize| table.features[*feature].clone();
     let told: Json = json!({
@@ -91,6 +94,7 @@ fn main() -> Result<(), Fault> {
         "counters": trained.counters,
         "cpu_s": since - begun,
         "cpu_learning_s": learning_s,
+        "judge_us_a_row": judge_us_a_row,
         "looks": looks,
         "config": params,
     });
