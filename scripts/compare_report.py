@@ -123,7 +123,7 @@ def corpus_part(name, found):
 
 
 def tables(results):
-    versions = ", ".join(f"{name} {version}" for name, version in results["versions"].items())
+    versions = ", ".join(version if version.startswith(name) else f"{name} {version}" for name, version in results["versions"].items())
     head = [
         "# Classifiers on equal inputs",
         "`python scripts/compare_classifiers.py`, whose head says what is equal and how it is chosen. In brackets: 95 % of 2000 resamples of the test scenes, of the "
@@ -157,7 +157,7 @@ def figure(corpora, path):
         axis.set_title(f"{name}: worst held-out family" if several else name, fontsize=10)
         axis.set_xscale("log")
         axis.set_xlabel("balanced error, %")
-        ticks = [tick for tick in (0.5, 1, 2, 3, 5, 10, 20, 40) if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
+        ticks = [tick for tick in (0.5, 1, 2, 3, 5, 7, 10, 20, 40) if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.xaxis.set_major_locator(matplotlib.ticker.FixedLocator(ticks))
         axis.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
         axis.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
@@ -169,7 +169,7 @@ def figure(corpora, path):
     axes[0][0].invert_yaxis()
     marks = [axes[0][0].scatter([], [], s=24, color="#4a5a6a", facecolor=face, linewidth=1.1) for face in ("#4a5a6a", "white")]
     panels.tight_layout(rect=(0, 0.06, 1, 1))
-    panels.legend(marks, ["all training rows", "20,000 training rows"], loc="lower center", ncols=2, frameon=False)
+    panels.legend(marks, ["full size", "some 20,000 training rows"], loc="lower center", ncols=2, frameon=False)
     panels.savefig(path, dpi=150, metadata={"Software": None} if str(path).endswith("png") else {"Date": None})
 
 
