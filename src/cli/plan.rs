@@ -116,7 +116,7 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
     outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
     if let Some(estimate) = estimate {
         tell_cost(estimate);
-        estimate.advice.iter().for_each(|advice| outln!("advice: {}\n        {}", advice.finding, advice.cure));
+        estimate.advice.iter().for_each(|advice| outln!("{advice}"));
     }
 }
 
@@ -242,15 +242,13 @@ fn estimate_json(estimate: &Estimate) -> serde_json::Value {
     let tables: serde_json::Map<_, _> =
         estimate.tables.iter().map(|(table, cpu_s)| (table.name().to_string(), (*cpu_s).into())).collect();
     let failed: u64 = estimate.contents.iter().map(|content| content.failed).sum();
-    let advice = estimate.advice.iter().map(|advice| json!({"finding": advice.finding, "cure": advice.cure}));
-    let advice: Vec<_> = advice.collect();
     let storage = estimate.storage.as_ref().map(|storage| {
         json!({
             "place": storage.place, "bytes_per_s": storage.bytes_per_s, "thread_s": storage.build_s,
         })
     });
     json!({
-        "scenes_measured": estimate.scenes, "scenes_failed": failed, "advice": advice, "threads": estimate.threads,
+        "scenes_measured": estimate.scenes, "scenes_failed": failed, "advice": estimate.advice, "threads": estimate.threads,
         "cpu_s": figure(&estimate.cpu_s), "wall_s": figure(&estimate.wall_s), "rows": figure(&estimate.rows),
         "bytes": figure(&estimate.bytes), "needed_bytes_per_s": estimate.needed_bytes_per_s(),
         "stage_cpu_s_per_scene": stages, "table_cpu_s_per_scene": tables, "storage": storage,

@@ -144,6 +144,10 @@ impl CellBatch {
         })
     }
 
+    pub(crate) fn scenes(&self) -> Result<&[i64], String> {
+        self.values::<Int64Type>(KEYS[0])
+    }
+
     pub fn labels(&self) -> Result<Labels<'_>, String> {
         let column = self.column::<Int8Type>(LABEL)?;
         match wrong_number(&column, |number| Label::of_number(number).is_some()) {

@@ -15,6 +15,7 @@
 //! ways: sha256 covers a file, the value hash covers its Arrow values and outlives a change of compression.
 //! Not here: what the columns' numbers mean beyond a sentence (the stages say that), and how scenes are scheduled.
 
+pub(crate) mod advice;
 pub(crate) mod belongs;
 pub(crate) mod card;
 pub(crate) mod cell_file;

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{FamilyReport, FeatureFault, FeatureReport, Inspection};
+use crate::corpus::advice::Advice;
 use crate::corpus::manifest::{FailedEntry, OtherBuild, SplitTotals, TableTotals};
 use crate::corpus::stats::{LabelCounts, PointCounts};
 use crate::corpus::{Build, Split, Table};
@@ -43,6 +44,9 @@ pub(crate) struct InspectionDocument {
     pub other_builds: Vec<OtherBuild>,
     /// What should be put right before training, in words; empty where all is well.
     pub warnings: Vec<String>,
+    /// What makes the corpus weak for its own sensor and rover, with the key to turn; by the cells of `shards_read` shards.
+    pub advice: Vec<Advice>,
+    pub shards_read: usize,
 }
 
 /// A split: its size and its labels.
@@ -138,6 +142,8 @@ impl Inspection {
             build: manifest.build.clone(),
             other_builds: manifest.other_builds.clone(),
             warnings: self.warnings(),
+            advice: self.advice.clone(),
+            shards_read: self.shards_read,
         }
     }
 }

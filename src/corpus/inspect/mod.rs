@@ -1,5 +1,6 @@
-//! A corpus -> what its owner should know before training on it: balance, feature ranges, dead features, odd scenes.
+//! A corpus -> what its owner should know before training on it: balance, feature ranges, dead features, odd scenes, and what makes it weak.
 
+mod contents;
 mod document;
 
 use std::collections::BTreeMap;
@@ -10,8 +11,10 @@ use arrow_array::{Array, BooleanArray, Int64Array, RecordBatch, StringArray};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use contents::Contents;
 pub(crate) use document::{FeatureRange, InspectionDocument};
 
+use super::advice::{Advice, advise};
 use super::manifest::{FeatureSummary, Manifest};
 use super::stats::LabelCounts;
 use super::{CorpusError, Finished, Split, Store, Table};
@@ -23,6 +26,10 @@ pub struct Inspection {
     pub features: Vec<FeatureReport>,
     /// By family; empty where the `scenes` table is off.
     pub families: BTreeMap<String, FamilyReport>,
+    /// What makes the corpus weak for its own sensor and rover, with the key to turn; of shards of it where there are many.
+    pub(crate) advice: Vec<Advice>,
+    /// Shards whose cells were read for that.
+    shards_read: usize,
     /// What could not be checked.
     unchecked: Vec<String>,
 }
@@ -51,20 +58,26 @@ pub struct FamilyReport {
     pub labels: LabelCounts,
 }
 
-/// Reads the manifest and the (small) `scenes` tables of a finished corpus.
+/// Reads the manifest and the (small) `scenes` tables of a finished corpus, and some columns of the cells of some shards.
 pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
     let corpus = Finished::open(store)?;
     let features = corpus.manifest.features.iter().map(FeatureReport::of).collect();
     let mut families = BTreeMap::new();
+    let mut contents = Contents::of(&corpus.manifest.families);
+    let mut has_scenes = false;
     for line in &corpus.lines {
         let refused = |refused| corpus.refused(line, Table::Scenes, refused);
         let Some(table) = corpus.open_table(line, Table::Scenes).map_err(refused)? else { continue };
         for batch in table.batches() {
-            add_scenes(&batch?, &mut families);
+            let batch = batch?;
+            add_scenes(&batch, &mut families);
+            contents.add_scenes(&batch, line.split).map_err(|reason| table.odd(reason))?;
+            has_scenes = true;
         }
     }
+    let (contents, shards_read) = if has_scenes { contents.with_cells(&corpus)? } else { (Vec::new(), 0) };
     let Finished { manifest, unchecked, .. } = corpus;
-    Ok(Inspection { manifest, features, families, unchecked })
+    Ok(Inspection { manifest, features, families, advice: advise(&contents), shards_read, unchecked })
 }
 
 impl FeatureReport {
@@ -206,7 +219,11 @@ impl fmt::Display for Inspection {
         if !warnings.is_empty() {
             writeln!(f)?;
         }
-        warnings.iter().try_for_each(|warning| writeln!(f, "warning: {warning}"))
+        warnings.iter().try_for_each(|warning| writeln!(f, "warning: {warning}"))?;
+        if !self.advice.is_empty() {
+            writeln!(f, "\nby the cells of {} of {} shards:", self.shards_read, self.manifest.shards)?;
+        }
+        self.advice.iter().try_for_each(|advice| writeln!(f, "{advice}"))
     }
 }
 

@@ -4,6 +4,7 @@ use std::fs;
 
 use super::fixture::{corpus, spec, write_shard};
 use crate::cells::Label;
+use crate::corpus::advice::{Content, advise};
 use crate::corpus::place::difference;
 use crate::corpus::{
     CorpusError, LocalFolder, Manifest, Place, ShardWriter, Split, Store, Table, finalize, inspect, status, verify,
@@ -225,4 +226,34 @@ fn exact_inspection_finds_a_split_of_one_class() {
     let (_dir, store, _) = super::fixture::corpus(&spec);
     let warnings = inspect(&store).unwrap().warnings();
     assert!(!warnings.iter().any(|warning| warning.contains("lacks one")), "{warnings:?}");
+}
+
+#[test]
+fn exact_a_corpus_gets_the_advice_that_its_scenes_got_before_they_were_written() {
+    let mut spec = spec(14, &Table::ALL);
+    spec.families = vec!["yard".into(), "unseen".into()];
+    let mut contents = [Content::of("yard", false, 0), Content::of("unseen", true, 0)];
+    let (_dir, store) = place();
+    Place::open(&store, &spec).unwrap();
+    for shard in 0..7 {
+        let is_test = Split::of_shard(shard) == Split::Test;
+        let content = &mut contents[usize::from(is_test)];
+        let mut writer = ShardWriter::new(&spec, shard).unwrap();
+        for id in 2 * shard..2 * shard + 2 {
+            let mut scene = super::fixture::scene(id, if is_test { 16 } else { 8 });
+            scene.family = content.family.as_str().into();
+            scene.scans.iter_mut().flat_map(|scan| &mut scan.cells.rows).for_each(|row| row.points = 2);
+            content.add(&scene);
+            content.test_scenes += u64::from(is_test);
+            writer.push(&scene).unwrap();
+        }
+        writer.finish().unwrap().commit(&store).unwrap();
+    }
+    finalize(&store, &spec).unwrap();
+    let inspection = inspect(&store).unwrap();
+    assert_eq!(inspection.advice, advise(&contents));
+    let said = inspection.to_string();
+    assert!(said.contains("by the cells of 7 of 7 shards:\nadvice: cells with 1 or 2 points: yard 100 %"), "{said}");
+    assert!(said.contains("advice: 2 test scenes of the held-out family unseen: too few"), "{said}");
+    assert!(said.contains("of the cells of the held-out family unseen lie beyond 4 m"), "{said}");
 }

@@ -11,7 +11,6 @@
 //! the last shard keeps the others waiting. Measured with T threads at once, so that what hyper-threads, caches and other
 //! programs take is in it. Not counted: start and finalize, milliseconds for each hundred shards.
 
-mod content;
 mod encode;
 mod part;
 mod parts;
@@ -22,13 +21,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use crate::corpus::advice::{self, Advice, Content};
 use crate::corpus::{CorpusError, Table};
 use crate::episode::{Prepared, StageTimes};
 use crate::parallel::PoolError;
 use crate::plan::Plan;
 use crate::sweep::PatternError;
 
-pub(crate) use content::{Advice, Content};
 pub(crate) use part::Part;
 pub(crate) use parts::PartCost;
 pub use parts::scene_costs;
@@ -160,7 +159,7 @@ pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, Estim
     Ok(Estimate {
         threads: options.threads,
         scenes: sample.scenes(),
-        advice: content::advise(plan, &contents),
+        advice: advice::advise(&contents),
         contents,
         cpu_s: Figure { value: making_cpu_s.value + writing_cpu_s, ..making_cpu_s },
         wall_s,

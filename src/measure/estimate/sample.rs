@@ -8,8 +8,9 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use super::{Content, ENOUGH, Options};
-use crate::corpus::Table;
+use super::{ENOUGH, Options};
+use crate::corpus::advice::Content;
+use crate::corpus::{Split, Table};
 use crate::episode::{Prepared, SceneOutput, Scratch, StageTimes, run_scene};
 use crate::measure::clock::{Costs, Seconds};
 use crate::parallel::{self, PoolError, Schedule};
@@ -20,6 +21,8 @@ use crate::statistics::Moments;
 const FIRST: usize = 3;
 /// A plan of more scenes is represented by so many, evenly spread.
 const MOST_SCENES: u64 = 50_000;
+/// Scenes of the test split that are looked through for how many are of which family.
+const MOST_COUNTED: usize = 100_000;
 /// A scene longer than this needs no warming.
 const LONG: Duration = Duration::from_millis(500);
 /// Outputs are kept, to be written as a shard, up to so many scenes and rows of all tables.
@@ -91,7 +94,7 @@ pub(super) struct Sample {
 
 /// Runs scenes on all threads until enough is known.
 pub(super) fn run(prepared: &Prepared, options: &Options) -> Result<Sample, PoolError> {
-    let contents = vec![Content::default(); prepared.plan.families.len()];
+    let contents = contents(&prepared.plan);
     let sample = Sample { strata: strata(&prepared.plan), contents, outputs: Vec::new(), kept_rows: 0 };
     let mut sampling = Sampling { sample, options, started: Instant::now() };
     parallel::run(options.threads, &mut sampling, |(stratum, scene), (scratch, is_warm): &mut (Scratch, bool)| {
@@ -110,6 +113,19 @@ pub(super) fn run(prepared: &Prepared, options: &Options) -> Result<Sample, Pool
     let mut sample = sampling.sample;
     sample.outputs.sort_by_key(|output| output.scene_id);
     Ok(sample)
+}
+
+/// By family: what is known of it before a scene is run.
+fn contents(plan: &Plan) -> Vec<Content> {
+    let tests = (0..plan.shards()).filter(|&shard| Split::of_shard(shard) == Split::Test);
+    let per_shard = u64::from(plan.scenes_per_shard);
+    let mut test_scenes = vec![0; plan.families.len()];
+    for scene in tests.flat_map(|shard| shard * per_shard..plan.scenes.min((shard + 1) * per_shard)).take(MOST_COUNTED)
+    {
+        test_scenes[plan.family_index_of(scene)] += 1;
+    }
+    let families = plan.families.iter().zip(test_scenes);
+    families.map(|(family, test_scenes)| Content::of(&family.name, family.hold_out, test_scenes)).collect()
 }
 
 /// Scenes of a sample as threads take them.

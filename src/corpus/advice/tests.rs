@@ -1,0 +1,109 @@
+//! Each weakness from both sides of its limit.
+
+use super::*;
+use crate::cells::{CellRow, CellTruth, Cells, Label};
+use crate::episode::{ScanOutput, SceneCounts, SceneOutput};
+use crate::geometry::CellIndex;
+
+/// A scene of one scan: (cells, points of each, range, label); a tenth of the returns is beyond what cells read.
+fn scene(of: &[(usize, i32, f32, Label)]) -> SceneOutput {
+    let index = CellIndex { row: 0, col: 0 };
+    let row = |&(cells, points, range_m, label): &(usize, i32, f32, Label)| {
+        let truth = CellTruth::default();
+        vec![CellRow { index, label: Some(label), points, range_m, neighbour_mask: 0, truth }; cells]
+    };
+    let cells = Cells {
+        rows: of.iter().flat_map(row).collect(),
+        points_in: 1000,
+        dropped_beyond_range: 100,
+        ..Cells::default()
+    };
+    SceneOutput { scans: vec![ScanOutput { scan_id: 0, cells, points: None }], ..SceneOutput::default() }
+}
+
+fn content(scenes: &[SceneOutput]) -> Content {
+    content_of("default", false, 0, scenes)
+}
+
+fn content_of(family: &str, is_held_out: bool, test_scenes: u64, scenes: &[SceneOutput]) -> Content {
+    let mut content = Content::of(family, is_held_out, test_scenes);
+    scenes.iter().for_each(|scene| content.add(scene));
+    content
+}
+
+fn findings(contents: &[Content]) -> Vec<String> {
+    advise(contents).into_iter().map(|advice| format!("{}; {}", advice.finding, advice.cure)).collect()
+}
+
+const SOUND: [(usize, i32, f32, Label); 2] = [(90, 5, 2.5, Label::Traversable), (10, 5, 2.5, Label::Untraversable)];
+
+#[test]
+fn exact_a_sound_corpus_gets_no_advice() {
+    assert_eq!(findings(&[content(&[scene(&SOUND)])]), Vec::<String>::new());
+}
+
+#[test]
+fn exact_each_weakness_is_told_by_its_limit_from_both_sides() {
+    let told = |scenes: &[SceneOutput], words: &str| {
+        findings(&[content(scenes)]).iter().any(|finding| finding.contains(words))
+    };
+    let cells = |traversable, untraversable| {
+        scene(&[(traversable, 5, 2.5, Label::Traversable), (untraversable, 5, 2.5, Label::Untraversable)])
+    };
+    assert!(told(&[cells(50, 0)], "no untraversable cell: none of 50"));
+    assert!(told(&[cells(999, 1)], "hardly an untraversable cell: 0.10 %"));
+    assert!(!told(&[cells(99, 1)], "untraversable cell"));
+    assert!(told(&[cells(39, 61)], "in excess: 61 %") && !told(&[cells(40, 60)], "in excess"));
+
+    let sparse = |near, far| {
+        scene(&[
+            (near, 3, 1.5, Label::Traversable),
+            (far, 2, 7.5, Label::Traversable),
+            (9, 3, 1.5, Label::Untraversable),
+        ])
+    };
+    assert!(told(&[sparse(41, 26)], "1 or 2 points: 34 % (under a third up to 7 m)"));
+    assert!(!told(&[sparse(41, 25)], "1 or 2 points"));
+
+    let cut = |cut_short| {
+        let counts = SceneCounts { cut_short, ..SceneCounts::default() };
+        SceneOutput { counts, ..scene(&SOUND) }
+    };
+    assert!(told(&[cut(true), cut(false)], "end before their length or goal"));
+    assert!(!told(&[cut(true), cut(false), cut(false)], "end before their length or goal"));
+
+    let unread = |beyond| {
+        let mut scene = scene(&SOUND);
+        scene.scans[0].cells.dropped_beyond_range = beyond;
+        scene
+    };
+    assert!(told(&[unread(251)], "not read: 25 %") && !told(&[unread(250)], "not read"));
+
+    let failed = SceneOutput { error: Some("no place to start".into()), ..SceneOutput::default() };
+    assert!(told(
+        &[failed, scene(&SOUND)],
+        "1 of 2 scenes of default that were looked at fail; the first: no place to start"
+    ));
+}
+
+#[test]
+fn exact_a_held_out_family_needs_scenes_in_the_test_split_and_ranges_that_training_has() {
+    let contents = |held_out_range_m: f32, test_scenes: u64| -> Vec<Content> {
+        let of = |family: &str, is_held_out: bool| {
+            let range_m = if is_held_out { held_out_range_m } else { 2.5 };
+            let seen = scene(&[(90, 5, range_m, Label::Traversable), (10, 5, 2.5, Label::Untraversable)]);
+            content_of(family, is_held_out, test_scenes, &[seen])
+        };
+        vec![of("yard", false), of("unseen", true), of("unseen_too", true)]
+    };
+    assert_eq!(findings(&contents(2.5, 20)), Vec::<String>::new());
+    let of_each = |findings: &[String], words: &dyn Fn(&str) -> String| {
+        assert_eq!(findings.len(), 2, "{findings:?}");
+        findings.iter().zip(["unseen", "unseen_too"]).all(|(finding, family)| finding.contains(&words(family)))
+    };
+    let far = findings(&contents(6.5, 20));
+    let beyond = |family: &str| format!("90 % of the cells of the held-out family {family} lie beyond 3 m");
+    assert!(of_each(&far, &beyond), "{far:?}");
+    let few = findings(&contents(2.5, 19));
+    assert!(of_each(&few, &|family| format!("19 test scenes of the held-out family {family}: too few")), "{few:?}");
+}
