@@ -157,7 +157,7 @@ def figure(corpora, path):
         axis.set_title(f"{name}: worst held-out family" if several else name, fontsize=10)
         axis.set_xscale("log")
         axis.set_xlabel("balanced error, %")
-        ticks = [tick for tick in (0.5, 1, 2, 3, 5, 7, 10, 20, 40) if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
+        ticks = [tick for tick in (0.5, 1, 2, 3, 5, 7, 10, 15, 20, 25, 30, 40) if axis.get_xlim()[0] <= tick <= axis.get_xlim()[1]]
         axis.xaxis.set_major_locator(matplotlib.ticker.FixedLocator(ticks))
         axis.xaxis.set_major_formatter(matplotlib.ticker.FormatStrFormatter("%g"))
         axis.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
