@@ -1,20 +1,25 @@
-#!/usr/bin/env python3
 """What each ingredient of configs/mixed.yaml brings on families that training never had: left out one by one.
 
 Usage:  cargo build --release
-        python scripts/ablation.py [--scenes 140] [--seeds 1,2,3] [--only columns|yards] [--quick]
+        python scripts/ablation.py [--scenes 140] [--seeds 1,2,3] [--only columns|yards|families|frames] [--quick]
 
-Columns are left out of what the network learns, from one corpus; parts of the yards and whole families of training are left out of a corpus
-each. All networks have the default settings and are judged on one test corpus of another seed. Intervals are standard deviations over the
-seeds of the training; that of a part of the yards holds, beside it, for one draw of the training scenes.
+- columns: left out of what the network learns, from one corpus;
+- yards: parts of the yards and of the measuring, left out of a corpus each;
+- families: each family of training is left out of a corpus, whose networks are judged on the held-out families and on the one left out;
+- frames: networks of cells in the estimated pose's frame and in that of a fitted plane, each judged on the same scenes in both.
 
-Writes ablation.json and ablation.md into scripts/results.
+All networks have the default settings. Differences to "all of it" are paired; for the intervals see held_out.py. A corpus without a part
+holds, beside that part, for one draw of the training scenes.
+
+Needs numpy and pyarrow. Writes ablation.json and ablation.md into scripts/results; of `--only` the other parts' tables are left as they are.
 """
 
 import argparse
+import json
 
-import learning_curve
+import held_out
 import study
+from transfer import outputs
 
 CURVATURE = [f"curvature_{which}_{cm}cm_m" for cm in (20, 40, 80) for which in ("least", "most")]
 SQUARES = [f"surroundings_{what}_{cm}cm{unit}" for cm in (20, 40)
@@ -22,6 +27,7 @@ SQUARES = [f"surroundings_{what}_{cm}cm{unit}" for cm in (20, 40)
 OWN = ["height_variance_m2", "height_difference_m", "point_count"]
 LOCAL, PLANE = ["local_height_m"], ["plane_height_m", "plane_slope"]
 NEIGHBOURS = ["mean_height_m"] + [f"neighbour_{way}_m" for way in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
+POSE = ["pitch_rad", "roll_rad", "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"]
 
 # What the network learns, where that is not the default.
 COLUMNS = {
@@ -42,61 +48,118 @@ YARDS = {
     "no dropout": ["sweep.effects.dropout=null"],
     "no range bias": ["sweep.effects.range_bias_m=null"],
     "no quantisation": ["sweep.effects.quantisation=null"],
+    "no FastSLAM (dead reckoning)": ["slam=dead_reckoning"],
 }
-TRAINING_FAMILIES = ["rock_field", "builders_yard", "orchard", "scrub", "bare_rough", "embankments"]
+LEFT_OUT = list(enumerate(held_out.TRAINING))
+FRAMES = {"estimated pose": [], "fitted plane": ["cells.frame=fitted_plane"]}
+TEST_SEED = 51
+PARTS = ["columns", "yards", "families", "frames"]
 
 
-def judged(marsyard, name, corpus, seed, test, sets=()):
-    run = marsyard.train(name, [corpus], seed, sets)
-    report = marsyard.evaluate(run, test, "test")
-    of = {"families": {family: learning_curve.rates(report, family) for family in learning_curve.FAMILIES}}
-    return {"name": name, "seed": seed, **of}
+class Study:
+    """Networks and what they say of test corpora, which are read once."""
+
+    def __init__(self, marsyard, scenes, seeds, test_scenes):
+        self.marsyard, self.scenes, self.seeds, self.test_scenes = marsyard, scenes, seeds, test_scenes
+        self.whole = marsyard.corpus("whole", held_out.CONFIG, [], scenes, held_out.PER_SHARD)
+        self.read = {}
+
+    def test(self, name):
+        if name not in self.read:
+            make = {"held out": lambda: held_out.corpus(self.marsyard, "test", TEST_SEED, self.test_scenes),
+                    "fitted plane": lambda: held_out.corpus(self.marsyard, "test-plane", TEST_SEED, self.test_scenes, FRAMES["fitted plane"]),
+                    "training": lambda: held_out.corpus_of_training(self.marsyard, "test-training", TEST_SEED, self.test_scenes)}
+            self.read[name] = held_out.read(make[name](), OWN + LOCAL + NEIGHBOURS + POSE + PLANE + CURVATURE + SQUARES)
+        return self.read[name]
+
+    def judged(self, name, corpus, sets=(), test="held out", families=held_out.FAMILIES):
+        cells, counts = self.test(test), []
+        for seed in self.seeds:
+            model = held_out.network(self.marsyard, self.marsyard.train(name, [corpus], seed, sets))
+            counts.append(held_out.counts(cells, outputs(model, cells)))
+        return held_out.Judgement(cells, counts, families)
+
+    def all_of_it(self):
+        return self.judged("all of it", self.whole)
+
+    def without(self, name, sets):
+        return self.marsyard.corpus(name.replace(" ", "-"), held_out.CONFIG, sets, self.scenes, held_out.PER_SHARD)
 
 
-def row(name, runs):
-    of = [run for run in runs if run["name"] == name]
-    rate = lambda value: study.percent_spread(study.mean_spread([value(run) for run in of]))
-    balanced = [rate(lambda run: run["families"][family]["balanced_accuracy"]) for family in learning_curve.FAMILIES]
-    return [name, rate(learning_curve.worst_family), rate(learning_curve.mean_of_families), *balanced]
+def table(whole, judged):
+    """By name: worst family and mean, their differences to the whole, and all families."""
+    head = ["", "worst family", "difference", "mean of families", "difference", *held_out.FAMILIES]
+    difference = lambda of, part: "" if of is whole else held_out.told_difference(part(of), part(whole))
+    row = lambda name, of: [name, held_out.told(of.worst()), difference(of, held_out.Judgement.worst), held_out.told(of.mean()),
+                            difference(of, held_out.Judgement.mean), *(f"{100 * of.balanced(family)[0]:.1f}" for family in held_out.FAMILIES)]
+    return study.markdown(head, [row(name, of) for name, of in {"all of it": whole, **judged}.items()])
+
+
+def columns(of):
+    sets = lambda taken: "features=listed" if taken is None else f"features={{columns: [{', '.join(taken)}]}}"
+    judged = {name: of.judged(name, of.whole, [sets(taken)]) for name, taken in COLUMNS.items()}
+    return "## Columns\n\n" + table(of.all_of_it(), judged), judged
+
+
+def yards(of):
+    judged = {name: of.judged(name, of.without(name, sets)) for name, sets in YARDS.items()}
+    return "## Yards and measuring\n\n" + table(of.all_of_it(), judged), judged
+
+
+def families(of):
+    judged, rows = {}, []
+    for k, family in LEFT_OUT:
+        name = f"no {family} in training"
+        corpus = of.without(name, [f"families.{k}.weight={held_out.NONE}"])
+        judged[name] = of.judged(name, corpus)
+        left_out, learnt = (of.judged(run, place, test="training", families=[family]) for run, place in ((name, corpus), ("all of it", of.whole)))
+        rows.append([family, held_out.told(learnt.mean()), held_out.told(left_out.mean()), held_out.told_difference(left_out.mean(), learnt.mean())])
+    text = ("## Families of training, on the held-out families\n\n" + table(of.all_of_it(), judged)
+            + "\n\n## Families of training, each judged on yards of its own kind of another seed\n\n"
+            + study.markdown(["family", "in training", "left out of training", "difference"], rows))
+    return text, judged
+
+
+def frames(of):
+    judged, rows = {}, []
+    for learnt, sets in FRAMES.items():
+        name = "all of it" if not sets else "fitted plane"
+        corpus = of.whole if not sets else of.without(name, sets)
+        both = [of.judged(name, corpus, test=test) for test in ("held out", "fitted plane")]
+        judged.update({f"learnt in {learnt}, judged in {test}": one for test, one in zip(FRAMES, both)})
+        rows.append([learnt, *(held_out.told(part(one)) for one in both for part in (held_out.Judgement.worst, held_out.Judgement.mean))])
+    head = ["learnt in the frame of", *(f"{part}, judged in {frame}" for frame in FRAMES for part in ("worst family", "mean"))]
+    return "## Frames\n\n" + study.markdown(head, rows) + "\n\nThe family unseen_frame is levelled by a fitted plane in both.", judged
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", default=140, type=int)
     parser.add_argument("--seeds", default="1,2,3")
-    parser.add_argument("--test-scenes", default=1000, type=int, help="of the test corpus, before its split (default 1000)")
-    parser.add_argument("--only", choices=["columns", "yards"], help="one of the two tables")
+    parser.add_argument("--test-scenes", default=560, type=int, help="of each test corpus (default 560)")
+    parser.add_argument("--only", choices=PARTS, help="one of the parts")
     study.add_arguments(parser, "ablation")
     options = parser.parse_args()
-    seeds = [int(n) for n in options.seeds.split(",")]
-    scenes, test_scenes = options.scenes, options.test_scenes
-    columns, yards = dict(COLUMNS), dict(YARDS)
-    for k, family in enumerate(TRAINING_FAMILIES):
-        yards[f"no {family} in training"] = [f"families.{k}.weight=1e-9"]
+    seeds, scenes, test_scenes = [int(n) for n in options.seeds.split(",")], options.scenes, options.test_scenes
     if options.quick:
-        seeds, scenes, test_scenes, columns, yards = [1], 70, 500, dict(list(columns.items())[:1]), dict(list(yards.items())[:1])
-    columns = {} if options.only == "yards" else columns
-    yards = {} if options.only == "columns" else yards
+        seeds, scenes, test_scenes = [1], 70, 70
+        for ingredients in (COLUMNS, YARDS):
+            for name in list(ingredients)[1:]:
+                del ingredients[name]
+        del LEFT_OUT[1:]
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
-    per_shard = learning_curve.PER_SHARD
-    test = marsyard.corpus("test", learning_curve.CONFIG, ["seed=99"], test_scenes, per_shard)
-    whole = marsyard.corpus("whole", learning_curve.CONFIG, [], scenes, per_shard)
-    runs = [judged(marsyard, "all of it", whole, seed, test) for seed in seeds]
-    for name, taken in columns.items():
-        features = "features=listed" if taken is None else f"features={{columns: [{', '.join(taken)}]}}"
-        runs += [judged(marsyard, name, whole, seed, test, [features]) for seed in seeds]
-    for k, (name, sets) in enumerate(yards.items()):
-        corpus = marsyard.corpus(f"yard-{k}", learning_curve.CONFIG, sets, scenes, per_shard)
-        runs += [judged(marsyard, name, corpus, seed, test) for seed in seeds]
-    head = ["", "worst family", "mean of families", *learning_curve.FAMILIES]
-    tables = [("## Columns", columns), ("## Yards and families of training", yards)]
-    text = "\n\n".join([
+    of = Study(marsyard, scenes, seeds, test_scenes)
+    kept = options.out / "ablation.json"
+    parts = json.loads(kept.read_text())["parts"] if options.only and kept.exists() else {}
+    for part in [options.only] if options.only else PARTS:
+        text, judged = {"columns": columns, "yards": yards, "families": families, "frames": frames}[part](of)
+        parts[part] = {"text": text, "rates": {name: one.facts() for name, one in judged.items()}}
+    title = "\n\n".join([
         "# What each ingredient of mixed.yaml brings on families held out",
-        f"`python scripts/ablation.py`, {study.versions(marsyard)['marsyard']}; {scenes} scenes, {len(seeds)} seeds of the training, mean ± standard "
-        f"deviation over them. Balanced accuracy by cells, percent. Test: {test_scenes} scenes of another seed, of them the test split.",
-        *(part for title, names in tables if names
-          for part in (title, study.markdown(head, [row(name, runs) for name in ["all of it", *names]])))]) + "\n"
-    study.write_results(options.out, "ablation", {"versions": study.versions(marsyard), "runs": runs}, text)
+        f"`python scripts/ablation.py`, {study.versions(marsyard)['marsyard']}; {scenes} scenes, {len(seeds)} trainings each. Balanced accuracy by cells, "
+        f"percent, with 95 % intervals over scenes and trainings; differences in points. Test: {test_scenes} scenes, seed {TEST_SEED}."])
+    text = "\n\n".join([title, *(parts[part]["text"] for part in PARTS if part in parts)]) + "\n"
+    study.write_results(options.out, "ablation", {"versions": study.versions(marsyard), "parts": parts}, text)
 
 
 if __name__ == "__main__":

@@ -62,7 +62,9 @@ slam: dead_reckoning
 cells:
   size_m: 0.1
   max_range_m: 8
-  local_height: {{ radius_m: 1, percentile: {percentile} }}
+  local_height: {{ radius_m: 1, percentile: {percentile}, plane: true }}
+  curvature: {{ radii_m: [0.2, 0.4, 0.8] }}
+  surroundings: {{ radii_m: [0.2, 0.4] }}
   unseen: {unseen}
   labels: {{ max_drop_m: {limit} }}
 """

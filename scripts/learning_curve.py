@@ -1,118 +1,141 @@
-"""What more scenes teach: the error on each held-out family of configs/mixed.yaml against scenes and CPU seconds.
+"""What more scenes teach: the error on each held-out family of configs/mixed.yaml against scenes and CPU seconds, for three learners.
 
 Usage:  cargo build --release
-        python scripts/learning_curve.py [--sizes 140,400,1200] [--seeds 1,2,3] [--quick]
+        python scripts/learning_curve.py [--sizes 70,140,400,1200] [--seeds 1,2] [--test-seed 51] [--quick]
 
-Cuts configs/mixed.yaml to each size and trains the default network on it with all defaults. All networks are judged on one test corpus
-of another seed, family by family. Intervals are standard deviations over the seeds of the training; the corpora of all sizes begin
-with the same scenes, and the test scenes are the same for all.
+Cuts configs/mixed.yaml to each size and trains on it, with all defaults: the default network; a network of twice its weights at the largest
+size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards that are judged and not the trainer; of these two
+the first seed alone. Beside them stand trees that learnt from the held-out families' own yards, of a third seed: what is left of their error
+is in the columns and labels, and no variety of other yards takes it away. All are judged on one corpus of the held-out families alone, of
+another seed; see held_out.py for the intervals.
 
-Writes learning_curve.json and learning_curve.md into scripts/results.
+Needs numpy, pyarrow and lightgbm. Writes learning_curve.json and learning_curve.md into scripts/results.
 """
 
 import argparse
 import json
 import resource
 
+import numpy as np
+
+import held_out
 import study
+from transfer import outputs
 
-CONFIG = study.ROOT / "configs" / "mixed.yaml"
-FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_frame", "unseen_slope", "unseen_kinds", "unseen"]
-PER_SHARD = 10
+OWN_SEED = 52
+#: Of trees: no more cells than this are learnt from, scenes in their order.
+MOST_CELLS = 3_000_000
 
 
-def cpu_s():
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+def cpu_s(who):
+    used = resource.getrusage(who)
     return used.ru_utime + used.ru_stime
 
 
-def timed(folder, name, make):
+def timed(folder, name, make, who=resource.RUSAGE_CHILDREN):
     """What `make` gives, and the CPU seconds it took, kept beside what it made."""
-    before = cpu_s()
+    before = cpu_s(who)
     made = make()
     kept = folder / f"{name}.cpu"
     if not kept.exists():
-        kept.write_text(str(cpu_s() - before))
+        kept.write_text(str(cpu_s(who) - before))
     return made, float(kept.read_text())
 
 
-def rates(report, wanted):
-    """The rates by cells of one group of a report: of a family, or of all."""
-    found = [g for g in report["groups"] if f'"{wanted}"' in json.dumps(g["group"])]
-    at = found[0]["network"]["at"][0]["cells"]
-    kept = {key: at[key] for key in ("balanced_accuracy", "missed_untraversable", "false_untraversable")}
-    return {**kept, "auc": found[0]["network"]["auc"], "cells": found[0]["cells"]}
+class Learners:
+    """Trainings on corpora of one kind, judged on one test corpus."""
+
+    def __init__(self, marsyard, test):
+        self.marsyard, self.place, self.test = marsyard, test, None
+
+    def network(self, name, corpus, seed, sets=()):
+        run, seconds = timed(self.marsyard.work, f"train-{name}-{seed}", lambda: self.marsyard.train(name, [corpus], seed, sets))
+        training = json.loads((run / "training.json").read_text())
+        model = held_out.network(self.marsyard, run)
+        if self.test is None:
+            self.columns = model["about"]["features"]
+            self.test = held_out.read(self.place, self.columns)
+        facts = {"train_cpu_s": seconds, "rows_learnt": training["rows_learnt"], "best_rows": training["best"]["rows"]}
+        return facts, held_out.counts(self.test, outputs(model, self.test))
+
+    def trees(self, corpus, seed):
+        cells = held_out.read(corpus, self.columns, ["train"])
+        cut = {name: column[:MOST_CELLS] for name, column in cells.items()}
+        validation = held_out.read(corpus, self.columns, ["validation"])
+        before = cpu_s(resource.RUSAGE_SELF)
+        answer = held_out.trees(cut, validation, self.columns, seed)
+        facts = {"train_cpu_s": cpu_s(resource.RUSAGE_SELF) - before, "rows_learnt": len(cut["label"])}
+        return facts, held_out.counts(self.test, answer(self.test))
 
 
-def trained(marsyard, corpus, size, seed, test):
-    run, seconds = timed(marsyard.work, f"train-{size}-{seed}", lambda: marsyard.train(str(size), [corpus], seed))
-    training = json.loads((run / "training.json").read_text())
-    report = marsyard.evaluate(run, test, "test")
-    return {"size": size, "seed": seed, "train_cpu_s": seconds, "rows_learnt": training["rows_learnt"],
-            "best_rows": training["best"]["rows"], "validation_error": training["best"]["validation_error"],
-            "families": {family: rates(report, family) for family in FAMILIES}}
+def row(first, of, judged):
+    mean = lambda key: np.mean([facts[key] for facts in of["facts"]])
+    rates = [held_out.told(judged.balanced(family)) for family in held_out.FAMILIES]
+    return [*first, f"{mean('train_cpu_s'):.0f}", f"{mean('rows_learnt') * 1e-3:.0f}", held_out.told(judged.worst()),
+            held_out.told(judged.mean()), *rates]
 
 
-def mean_of_families(run):
-    return sum(of["balanced_accuracy"] for of in run["families"].values()) / len(FAMILIES)
-
-
-def worst_family(run):
-    return min(of["balanced_accuracy"] for of in run["families"].values())
-
-
-def table(runs, sizes, generate_s):
-    head = ["scenes", "CPU s, generate", "CPU s, train", "rows learnt, thousands", "worst family", "mean of families", *FAMILIES]
-    rows = []
-    for size in sizes:
-        of = [run for run in runs if run["size"] == size]
-        mean = lambda value: study.mean_spread([value(run) for run in of])
-        plain = lambda value, scale=1.0: f"{mean(value)['mean'] * scale:.1f}"
-        balanced = [study.percent_spread(mean(lambda run: run["families"][family]["balanced_accuracy"])) for family in FAMILIES]
-        rows.append([size, f"{generate_s[size]:.0f}", plain(lambda run: run["train_cpu_s"]),
-                     plain(lambda run: run["rows_learnt"], 1e-3), study.percent_spread(mean(worst_family)),
-                     study.percent_spread(mean(mean_of_families)), *balanced])
-    return study.markdown(head, rows)
-
-
-def kinds_of_error(runs, size):
-    of = [run for run in runs if run["size"] == size]
-    rows = []
-    for family in FAMILIES:
-        mean = lambda key: study.percent_spread(study.mean_spread([run["families"][family][key] for run in of]))
-        rows.append([family, f"{of[0]['families'][family]['cells']:,}", mean("missed_untraversable"),
-                     mean("false_untraversable"), mean("auc")])
-    return study.markdown(["family", "cells", "missed %", "false %", "AUC %"], rows)
+def kinds_of_error(judged):
+    rows = [[family, f"{100 * of['missed_untraversable']:.1f}", f"{100 * of['false_untraversable']:.1f}"] for family, of in judged.facts().items()]
+    return study.markdown(["family", "missed %", "false %"], rows)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", default="140,400,1200")
-    parser.add_argument("--seeds", default="1,2,3")
-    parser.add_argument("--test-scenes", default=1000, type=int, help="of the test corpus, before its split (default 1000)")
-    parser.add_argument("--test-seed", default=99, type=int, help="seed of the test corpus (default 99); give another work folder with it")
+    parser.add_argument("--sizes", default="70,140,400,1200")
+    parser.add_argument("--seeds", default="1,2")
+    parser.add_argument("--wide", default="24,16", help="hidden neurons of the larger network (default 24,16)")
+    parser.add_argument("--test-scenes", default=560, type=int, help="of the test corpus (default 560)")
+    parser.add_argument("--test-seed", default=51, type=int, help="seed of the test corpus (default 51); give another work folder with it")
     study.add_arguments(parser, "learning_curve")
     options = parser.parse_args()
     sizes, seeds = [int(n) for n in options.sizes.split(",")], [int(n) for n in options.seeds.split(",")]
     test_scenes = options.test_scenes
     if options.quick:
-        sizes, seeds, test_scenes = [70, 140], [1], 140
+        sizes, seeds, test_scenes = [70, 140], [1], 70
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
-    test = marsyard.corpus("test", CONFIG, [f"seed={options.test_seed}"], test_scenes, PER_SHARD)
+    test = held_out.corpus(marsyard, "test", options.test_seed, test_scenes)
     corpora, generate_s = {}, {}
     for size in sizes:
-        corpora[size], generate_s[size] = timed(
-            marsyard.work, f"generate-{size}", lambda: marsyard.corpus(f"mixed-{size}", CONFIG, [], size, PER_SHARD))
-    runs = [trained(marsyard, corpora[size], size, seed, test) for seed in seeds for size in sizes]
+        make = lambda: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD)
+        corpora[size], generate_s[size] = timed(marsyard.work, f"generate-{size}", make)
+    own = held_out.corpus(marsyard, "own", OWN_SEED, test_scenes)
+
+    learners, found = Learners(marsyard, test), []
+
+    def learn(learner, size, seeds, train):
+        of = [train(seed) for seed in seeds]
+        study.note(f"{learner}, {size} scenes: judged")
+        found.append({"learner": learner, "size": size, "facts": [facts for facts, _ in of], "counts": [counted for _, counted in of]})
+
+    for size in sizes:
+        learn("network", size, seeds, lambda seed: learners.network(str(size), corpora[size], seed))
+    wide = [f"network.hidden=[{options.wide}]"]
+    learn("larger network", sizes[-2], seeds[:1], lambda seed: learners.network("wide", corpora[sizes[-2]], seed, wide))
+    for size in sizes:
+        learn("trees", size, seeds[:1], lambda seed: learners.trees(corpora[size], seed))
+    learn("trees, own yards", test_scenes, seeds[:1], lambda seed: learners.trees(own, seed))
+
+    for of in found:
+        of["judged"] = held_out.Judgement(learners.test, of["counts"])
+    generated = lambda of: "-" if "own" in of["learner"] else f"{generate_s[of['size']]:.0f}"
+    first = lambda of: [of["learner"], of["size"], generated(of)]
+    head = ["learner", "scenes", "CPU s, generate", "CPU s, train", "rows learnt, thousands", "worst family", "mean of families", *held_out.FAMILIES]
+    networks = [of for of in found if of["learner"] == "network"]
+    steps = [[f"{one['size']} to {other['size']} scenes", held_out.told_difference(other["judged"].worst(), one["judged"].worst()),
+              held_out.told_difference(other["judged"].mean(), one["judged"].mean())] for one, other in zip(networks, networks[1:])]
     text = "\n\n".join([
         "# What more scenes teach about yards of other families",
-        f"`python scripts/learning_curve.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} seeds of the training, "
-        f"mean ± standard deviation over them. Balanced accuracy by cells, percent. Test: {test_scenes} scenes of another seed, of them the "
-        "test split. CPU seconds of this machine, beside other work.",
-        table(runs, sizes, generate_s),
-        f"## Kinds of error, {sizes[-1]} scenes",
-        kinds_of_error(runs, sizes[-1])]) + "\n"
-    results = {"versions": study.versions(marsyard), "generate_cpu_s": generate_s, "runs": runs}
+        f"`python scripts/learning_curve.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} trainings each. Balanced accuracy by cells, percent, "
+        f"with 95 % intervals over scenes and trainings. Test: {test_scenes} scenes of the held-out families alone, seed {options.test_seed}. CPU seconds "
+        "of this machine, beside other work.",
+        study.markdown(head, [row(first(of), of, of["judged"]) for of in found]),
+        "## What each step brings the network, points",
+        study.markdown(["", "worst family", "mean of families"], steps),
+        f"## Kinds of error, network, {sizes[-1]} scenes",
+        kinds_of_error(networks[-1]["judged"])]) + "\n"
+    runs = [{"learner": of["learner"], "size": of["size"], "facts": of["facts"], "families": of["judged"].facts()} for of in found]
+    results = {"versions": study.versions(marsyard), "generate_cpu_s": generate_s, "test_seed": options.test_seed, "runs": runs}
     study.write_results(options.out, "learning_curve", results, text)
 
 

@@ -1,0 +1,134 @@
+"""Judging by the held-out families of configs/mixed.yaml: a test corpus of them alone, any learner's scores on it, rates with intervals.
+
+A corpus of mixed.yaml has some fifteen test scenes of each held-out family, whose figures then depend on the draw of the scenes by a point.
+The test corpus of the studies is of another seed and holds those families alone, so that each has some eighty. A learner is anything that
+gives a cell a score; a cell is called untraversable from 0.5 on. Intervals are 95 % of a bootstrap that draws the scenes of each family
+anew, and the seeds of the training with them; the same draws for all learners, so that differences are paired.
+
+Needs numpy and pyarrow; `trees` needs lightgbm.
+"""
+
+import json
+
+import numpy as np
+import pyarrow
+import pyarrow.parquet as parquet
+
+import study
+
+CONFIG = study.ROOT / "configs" / "mixed.yaml"
+TRAINING = ["rock_field", "builders_yard", "orchard", "scrub", "bare_rough", "embankments"]
+FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_frame", "unseen_slope", "unseen_kinds", "unseen"]
+PER_SHARD = 10
+DRAWS = 1000
+#: No family may weigh nothing; at this weight none of the scenes of a study is drawn from it.
+NONE = "1e-9"
+
+
+def corpus(marsyard, name, seed, scenes, sets=()):
+    """Scenes of the held-out families alone, in all three splits."""
+    none = [f"families.{k}.weight={NONE}" for k in range(len(TRAINING))]
+    free = [f"families.{len(TRAINING) + k}.hold_out=false" for k in range(len(FAMILIES))]
+    return marsyard.corpus(name, CONFIG, [f"seed={seed}", *none, *free, *sets], scenes, PER_SHARD)
+
+
+def corpus_of_training(marsyard, name, seed, scenes):
+    """Scenes of the training families alone, for those that are left out of a training."""
+    none = [f"families.{len(TRAINING) + k}.weight={NONE}" for k in range(len(FAMILIES))]
+    return marsyard.corpus(name, CONFIG, [f"seed={seed}", *none], scenes, PER_SHARD)
+
+
+def read(place, columns, splits=("train", "validation", "test")):
+    """Columns of the cells with a label, with `label`, and the scene and the family of each as numbers."""
+    table = lambda kind, names: pyarrow.concat_tables(
+        [parquet.read_table(path, columns=names) for split in splits for path in sorted((place / "data" / kind).glob(f"{split}-*.parquet"))])
+    scenes = table("scenes", ["scene_id", "family"])
+    family_of = dict(zip(scenes["scene_id"].to_pylist(), scenes["family"].to_pylist()))
+    cells = table("cells", ["scene_id", "label", *columns])
+    cells = cells.filter(pyarrow.compute.is_valid(cells["label"]))
+    ids, scene = np.unique(cells["scene_id"].to_numpy(), return_inverse=True)
+    families = TRAINING + FAMILIES
+    of_scene = np.array([families.index(family_of[scene_id]) for scene_id in ids])
+    found = {name: cells[name].to_numpy() for name in ["label", *columns]}
+    return {**found, "scene": scene, "family_of_scene": of_scene}
+
+
+def network(marsyard, run):
+    """A trained network as its export tells it: inputs, scaling, weights."""
+    return json.loads(marsyard.run("export", "--json", "-", run))
+
+
+def trees(cells, validation, columns, seed):
+    """LightGBM with weights by class, ended by the validation cells; what gives scores to cells."""
+    import lightgbm
+
+    def table(of):
+        untraversable = of["label"] == 1
+        weight = np.where(untraversable, (~untraversable).sum() / max(untraversable.sum(), 1), 1.0)
+        return dict(data=np.stack([of[name] for name in columns], axis=1).astype(np.float32), label=of["label"], weight=weight)
+
+    settings = dict(objective="binary", num_leaves=31, learning_rate=0.1, min_data_in_leaf=100, feature_fraction=0.7, bagging_fraction=0.7,
+                    bagging_freq=1, lambda_l2=5, num_threads=1, seed=seed, verbose=-1)
+    learnt = lightgbm.Dataset(**table(cells), params=settings)
+    model = lightgbm.train(settings, learnt, 400, valid_sets=[lightgbm.Dataset(**table(validation), reference=learnt)],
+                           callbacks=[lightgbm.early_stopping(30, verbose=False)])
+    return lambda of: model.predict(np.stack([of[name] for name in columns], axis=1).astype(np.float32), num_threads=1)
+
+
+def counts(cells, scores):
+    """By scene: untraversable cells missed and called, traversable cells called and passed."""
+    called, untraversable = scores >= 0.5, cells["label"] == 1
+    kinds = [untraversable & ~called, untraversable & called, ~untraversable & called, ~untraversable & ~called]
+    scenes = len(cells["family_of_scene"])
+    return np.stack([np.bincount(cells["scene"][kind], minlength=scenes) for kind in kinds], axis=1)
+
+
+def rates(of):
+    """Counts in the last axis -> missed, false and balanced accuracy there."""
+    missed = of[..., 0] / np.maximum(of[..., 0] + of[..., 1], 1)
+    false = of[..., 2] / np.maximum(of[..., 2] + of[..., 3], 1)
+    return np.stack([missed, false, 1 - (missed + false) / 2], axis=-1)
+
+
+class Judgement:
+    """Counts of some trainings of one learner, [trainings, scenes, 4] -> rates by family, means over trainings, and their draws."""
+
+    def __init__(self, cells, of_trainings, families=FAMILIES):
+        of_trainings, self.families = np.asarray(of_trainings, dtype=float), families
+        trainings, rng = len(of_trainings), np.random.default_rng(1)
+        self.by_family, self.draws = {}, {}
+        drawn = rng.integers(trainings, size=(DRAWS, trainings))
+        for family in families:
+            of = of_trainings[:, cells["family_of_scene"] == (TRAINING + FAMILIES).index(family)]
+            weights = rng.multinomial(of.shape[1], np.full(of.shape[1], 1 / of.shape[1]), size=DRAWS)
+            self.by_family[family] = rates(of.sum(axis=1)).mean(axis=0)
+            by_training = rates(np.einsum("ds,tsk->dtk", weights, of))
+            self.draws[family] = np.take_along_axis(by_training, drawn[:, :, None], axis=1).mean(axis=1)
+
+    def balanced(self, family):
+        return self.by_family[family][2], self.draws[family][:, 2]
+
+    def mean(self):
+        each = [self.balanced(family) for family in self.families]
+        return np.mean([value for value, _ in each]), np.mean([draws for _, draws in each], axis=0)
+
+    def worst(self):
+        """The family that is worst on the scenes that there are, and its draws: the least of each draw would be too low."""
+        return self.balanced(min(self.families, key=lambda family: self.balanced(family)[0]))
+
+    def facts(self):
+        names = ("missed_untraversable", "false_untraversable", "balanced_accuracy")
+        return {family: dict(zip(names, map(float, self.by_family[family]))) for family in self.families}
+
+
+def told(value_and_draws):
+    """Percent with its interval: `97.3 [96.9, 97.6]`."""
+    value, draws = value_and_draws
+    low, high = np.percentile(draws, [2.5, 97.5])
+    return f"{100 * value:.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+
+
+def told_difference(one, other):
+    """The difference in points of two values with draws in common: `-0.42 [-0.61, -0.20]`."""
+    low, high = np.percentile(one[1] - other[1], [2.5, 97.5])
+    return f"{100 * (one[0] - other[0]):+.2f} [{100 * low:+.2f}, {100 * high:+.2f}]"
