@@ -182,6 +182,8 @@ purposes! {
     TrainScenes = 912, "train.scenes";
     /// Which networks a search takes of all.
     SearchNetworks = 913, "search.networks";
+    /// Scene = draw of the bootstrap, step = group of test scenes, and the trainings after the last group; index = how many were drawn before.
+    TradeoffBootstrap = 914, "tradeoff.bootstrap";
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The two parts of a measurement of speed against accuracy, in words: scenes, then trainings.
+//! The parts of a measurement of speed against accuracy, in words: scenes, scenes to judge by, then trainings.
 
 use std::time::Instant;
 
@@ -29,6 +29,7 @@ impl TradeoffProgress {
                 }
             }
             Event::Scene { done, of } => self.step("scenes", done, of),
+            Event::TestScene { done, of } => self.step("test scenes", done, of),
             Event::Training { done, of } => self.step("trainings", done, of),
         }
     }

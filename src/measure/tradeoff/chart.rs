@@ -1,95 +1,124 @@
-//! A report -> an SVG: what each setting costs over what it loses, the Pareto front drawn through.
+//! A report -> an SVG: the learning curve of each setting, error over CPU time.
 //!
-//! One panel for the pipeline and one for the trainer. Cost grows to the right, in its logarithm; loss grows upwards, so that better is
-//! to the lower left. Vertical lines are the intervals of the loss. Whether a setting is on the front is judged by their upper ends; the
-//! line joins the points themselves, larger and with their names.
+//! One panel for the pipeline and one for the trainer. CPU time of making the scenes and of training grows to the right, in its logarithm;
+//! the balanced error grows upwards, so that better is to the lower left. The reference is drawn thick, with the intervals of its sizes;
+//! a setting has the colour of its knob and stands out where it is told apart from the reference. The ring is what is recommended.
 
-use super::report::{Report, Row};
-use super::settings::Side;
-use crate::chart::{self, Axis, Colour, Marks, Panel, Series};
+use super::report::{CurveRow, Recommendation, Report, Row, Told};
+use super::settings::{Group, OTHER_DRAWS, Side};
+use crate::chart::{self, Axis, Colour, Marks, Panel, Point, Series};
+use crate::math;
 
-const PANEL: (u32, u32) = (920, 560);
-const FRONT: Colour = Colour(60, 60, 60);
+const PANEL: (u32, u32) = (920, 600);
+const BLACK: Colour = Colour(0, 0, 0);
+const GREY: Colour = Colour(150, 150, 150);
 /// One colour a knob, told apart by people who see few.
-const COLOURS: [Colour; 8] = [
-    Colour(0, 0, 0),
+const COLOURS: [Colour; 7] = [
     Colour(230, 159, 0),
-    Colour(86, 180, 233),
+    Colour(0, 114, 178),
     Colour(0, 158, 115),
     Colour(213, 94, 0),
-    Colour(0, 114, 178),
+    Colour(86, 180, 233),
     Colour(204, 121, 167),
-    Colour(150, 150, 150),
+    Colour(120, 94, 40),
 ];
 
-/// A setting that has both a cost and a loss.
-struct Measured<'a> {
-    row: &'a Row,
-    cost: f64,
-    /// Points of balanced accuracy.
-    loss: f64,
-    half_width: f64,
-}
-
-/// `None` where no setting has both a cost and a loss.
+/// `None` where nothing could be trained.
 pub(crate) fn svg(report: &Report) -> Option<String> {
     let sides = [
-        (Side::Pipeline, "the pipeline", "CPU a kept scan, ms"),
-        (Side::Trainer, "the trainer", "CPU a row learnt, us"),
+        (Side::Pipeline, "the pipeline", &report.recommended_pipeline),
+        (Side::Trainer, "the trainer", &report.recommended_filter),
     ];
     let panels: Vec<Panel> = sides
         .into_iter()
-        .filter_map(|(side, title, unit)| {
-            let measured: Vec<Measured> = report.side(side).filter_map(Measured::of).collect();
-            let title = format!("{}: {title}", report.name);
-            (!measured.is_empty()).then(|| panel(title, unit, &measured, 100.0 * report.max_loss))
+        .filter_map(|(side, title, recommended)| {
+            let curves: Vec<&Row> = report.side(side).filter(|row| row.worth.is_some()).collect();
+            let title = format!("{}: {title}, learning curves", report.name);
+            (!curves.is_empty()).then(|| panel(title, &report.judged_by(), &curves, recommended.as_ref()))
         })
         .collect();
     (!panels.is_empty()).then(|| chart::svg(PANEL, &panels))
 }
 
-impl Measured<'_> {
-    fn of(row: &Row) -> Option<Measured<'_>> {
-        let (cost, loss) = (row.cost()?, row.loss()?);
-        let half_width = if loss.half_width.is_finite() { loss.half_width } else { 0.0 };
-        (cost > 0.0).then_some(Measured { row, cost, loss: 100.0 * loss.mean, half_width: 100.0 * half_width })
-    }
+fn sizes(row: &Row) -> &[CurveRow] {
+    row.worth.as_ref().map_or(&[], |worth| &worth.curve)
 }
 
-fn panel(title: String, unit: &str, all: &[Measured], max_loss: f64) -> Panel {
-    let least = |value: &dyn Fn(&Measured) -> f64| all.iter().map(value).fold(f64::INFINITY, f64::min);
-    let most = |value: &dyn Fn(&Measured) -> f64| all.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
-    let costs = 0.8 * least(&|m| m.cost)..1.6 * most(&|m| m.cost);
-    let (low, high) = (least(&|m| m.loss - m.half_width), most(&|m| m.loss + m.half_width).max(max_loss));
-    let margin = 0.06 * (high - low).max(0.1);
+fn error(size: &CurveRow) -> f64 {
+    100.0 * (1.0 - size.balanced_accuracy.mean)
+}
 
-    let limit = Marks::Line(vec![(costs.start, max_loss), (costs.end, max_loss)], 1);
-    let mut series = vec![Series::named(format!("loss of {max_loss} points"), FRONT, limit).with_opacity(0.4)];
-    let mut front: Vec<&Measured> = all.iter().filter(|measured| measured.row.on_front).collect();
-    front.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let through = front.iter().map(|measured| (measured.cost, measured.loss)).collect();
-    series.push(Series::named("Pareto front", FRONT, Marks::Line(through, 1)));
+fn at(size: &CurveRow) -> Point {
+    (size.cpu_s(), error(size))
+}
 
-    let mut groups: Vec<_> = all.iter().map(|measured| measured.row.group).collect();
+fn panel(title: String, judged_by: &str, rows: &[&Row], recommended: Option<&Recommendation>) -> Panel {
+    let all = || rows.iter().flat_map(|row| sizes(row));
+    let reference = rows[0];
+    let interval = |size: &CurveRow| {
+        let half_width =
+            Some(100.0 * size.balanced_accuracy.half_width).filter(|width| width.is_finite()).unwrap_or(0.0);
+        (size.cpu_s(), (error(size) - half_width).max(0.3 * error(size)), error(size) + half_width)
+    };
+    let intervals: Vec<_> = sizes(reference).iter().map(interval).collect();
+    let ends = intervals.iter().flat_map(|&(_, low, high)| [low, high]);
+    let errors: Vec<f64> = all().map(error).chain(ends).collect();
+    let costs = || all().map(CurveRow::cpu_s);
+    let (least, most) = (costs().fold(f64::INFINITY, f64::min), costs().fold(f64::NEG_INFINITY, f64::max));
+    // Names stand to the right of the last points.
+    let cost_range = 0.85 * least..most * math::pow(most / least, 0.28).max(1.2);
+
+    let mut groups: Vec<Group> = rows.iter().filter_map(|row| row.group).collect();
     groups.dedup();
-    for (k, group) in groups.iter().enumerate() {
-        let colour = COLOURS[k % COLOURS.len()];
-        let own = || all.iter().filter(|measured| measured.row.group == *group);
-        let intervals = own().map(|m| (m.cost, m.loss - m.half_width, m.loss + m.half_width)).collect();
-        series.push(Series::unnamed(colour, Marks::Intervals(intervals)).with_opacity(0.5));
-        let dots = own().map(|m| (m.cost, m.loss)).collect();
-        let name = group.map_or("reference", |group| group.name());
-        series.push(Series::named(name, colour, Marks::Dots(dots, 4)));
-        let on_front = own().filter(|m| m.row.on_front).map(|m| (m.cost, m.loss)).collect();
-        series.push(Series::unnamed(colour, Marks::Dots(on_front, 6)));
+    let colour = |row: &Row| match row.group.and_then(|group| groups.iter().position(|other| *other == group)) {
+        Some(k) => COLOURS[k % COLOURS.len()],
+        None => GREY,
+    };
+    let mut series = Vec::new();
+    let mut named = Vec::new();
+    for row in rows.iter().skip(1) {
+        let told = row.gain().map(|gain| gain.told);
+        let is_apart = matches!(told, Some(Told::Better | Told::Worse));
+        let opacity = if is_apart { 1.0 } else { 0.45 };
+        let line = Marks::Line(sizes(row).iter().map(at).collect(), if is_apart { 2 } else { 1 });
+        let name = row.group.map_or(OTHER_DRAWS, Group::name);
+        let is_first = !named.contains(&name);
+        named.extend(is_first.then_some(name));
+        let curve = if is_first { Series::named(name, colour(row), line) } else { Series::unnamed(colour(row), line) };
+        series.push(curve.with_opacity(opacity));
+        let dots = Marks::Dots(sizes(row).iter().map(at).collect(), 3);
+        series.push(Series::unnamed(colour(row), dots).with_opacity(opacity));
     }
-    // Neighbours on the front are often close: their names stand above and below in turn.
-    let name = |(k, m): (usize, &&Measured)| ((m.cost, m.loss), if k % 2 == 0 { 12 } else { -12 }, m.row.name.clone());
-    series.push(Series::unnamed(FRONT, Marks::Words(front.iter().enumerate().map(name).collect())));
-    Panel {
-        title,
-        x: Axis::logarithmic(unit, costs),
-        y: Axis::linear("loss, points of balanced accuracy", low - margin..high + margin),
-        series,
+    series.push(Series::unnamed(BLACK, Marks::Intervals(intervals)).with_opacity(0.6));
+    series.push(Series::named(
+        reference.name.clone(),
+        BLACK,
+        Marks::Line(sizes(reference).iter().map(at).collect(), 3),
+    ));
+    series.push(Series::unnamed(BLACK, Marks::Dots(sizes(reference).iter().map(at).collect(), 4)));
+    let chosen = recommended.map(|of| (of.cpu_s, 100.0 * (1.0 - of.balanced_accuracy.mean)));
+    if let (Some(of), Some(point)) = (recommended, chosen) {
+        let name = format!("recommended: {}, {} scenes", of.name, of.scenes);
+        series.push(Series::named(name, BLACK, Marks::Rings(vec![point], 10)));
     }
+    let y = Axis::of_values(format!("balanced error on {judged_by}, %"), errors.iter().copied());
+    series.push(Series::unnamed(BLACK, Marks::Words(names(rows, &errors))));
+    Panel { title, x: Axis::logarithmic("CPU time of generating and training, s", cost_range), y, series }
+}
+
+/// Names of the settings that are told apart, at their last points; those that would stand on another's are moved up.
+fn names(rows: &[&Row], errors: &[f64]) -> Vec<(Point, i32, String)> {
+    let is_told = |row: &&&Row| row.gain().is_some_and(|gain| matches!(gain.told, Told::Better | Told::Worse));
+    let mut ends: Vec<(Point, String)> =
+        rows.iter().filter(is_told).filter_map(|row| Some((at(sizes(row).last()?), row.name.clone()))).collect();
+    ends.sort_by(|a, b| a.0.1.total_cmp(&b.0.1));
+    let span = errors.iter().copied().fold(0.0, f64::max) - errors.iter().copied().fold(f64::INFINITY, f64::min);
+    let pixel = span.max(1e-9) / f64::from(PANEL.1);
+    let mut above = f64::NEG_INFINITY;
+    let moved = ends.into_iter().map(|(point, name)| {
+        let at = point.1.max(above + 15.0 * pixel);
+        above = at;
+        (point, ((at - point.1) / pixel) as i32, name)
+    });
+    moved.collect()
 }

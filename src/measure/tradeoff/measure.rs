@@ -8,11 +8,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 
 use super::compare::{Change, SceneCells, compare};
-use super::loss::Role;
 use super::ranges::{RangeErrors, range_errors};
 use super::{Event, TradeoffError};
 use crate::cells::{Label, feature_columns};
-use crate::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
+use crate::episode::{FailedScene, Prepared, Replay, Scratch, Unobserved, replay_scene};
 use crate::geometry::{Pose, Transform};
 use crate::math;
 use crate::measure::clock::Costs;
@@ -51,8 +50,14 @@ pub(super) struct SceneMeasurement {
     pub against: Option<Comparison>,
     pub ranges: Option<RangeErrors>,
     pub counts: Counts,
-    /// Empty where no classifier learns them or is tested on them.
     pub cells: SceneCells,
+}
+
+/// A scene that could not be made at a setting; the time for it is spent all the same.
+#[derive(Clone, Debug)]
+pub(super) struct Failed {
+    pub reason: String,
+    pub cpu_s: f64,
 }
 
 /// Cells by label.
@@ -89,7 +94,12 @@ pub(super) struct Measured {
 }
 
 /// One scene at all settings.
-pub(super) type AtAll = Vec<Result<SceneMeasurement, String>>;
+pub(super) type AtAll = Vec<Result<SceneMeasurement, Failed>>;
+
+/// Seconds of CPU that a scene took at a setting, whether it could be made or not.
+pub(super) fn cpu_s(made: &Result<SceneMeasurement, Failed>) -> f64 {
+    made.as_ref().map_or_else(|failed| failed.cpu_s, |made| made.costs.whole.cpu)
+}
 
 /// A scene just made.
 struct Rerun {
@@ -125,7 +135,7 @@ pub(super) fn measure(
     let of = scenes.len();
     let made = parallel::map(threads, numbered, stop, one_scene, |done| tell(Event::Scene { done, of }))?;
     let Some(scenes) = made else { return Ok(None) };
-    let failed = |made: &AtAll| made[0].as_ref().err().cloned();
+    let failed = |made: &AtAll| made[0].as_ref().err().map(|failed| failed.reason.clone());
     match scenes.iter().map(failed).collect::<Option<Vec<String>>>() {
         Some(reasons) => Err(TradeoffError::NoScene { reason: reasons.into_iter().next().unwrap_or_default() }),
         None => Ok(Some(Measured { features, scenes })),
@@ -133,7 +143,7 @@ pub(super) fn measure(
 }
 
 /// The classifier's inputs: names, and positions among the feature columns.
-fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
+pub(super) fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
     let family = &prepared.plan.families[0];
     let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
     let taken = taken(&FeatureSet::Full, columns.iter().map(|column| column.name.as_str()));
@@ -149,31 +159,27 @@ fn scene_everywhere(
     columns: &[usize],
     scratch: &mut Scratch,
 ) -> AtAll {
-    let mut reruns: Vec<Result<Rerun, String>> = rotated(prepared.len(), repeat, |k| {
+    let mut reruns: Vec<Result<Rerun, Failed>> = rotated(prepared.len(), repeat, |k| {
         let mut costs = Costs::start();
         let replay = replay_scene(&prepared[k], scene_id, scratch, &mut costs);
         let costs = costs.finish();
-        replay.map(|replay| Rerun::of(replay, costs, columns, k == 0)).map_err(|failed| failed.to_string())
+        let failed = |failed: Box<FailedScene>| Failed { reason: failed.to_string(), cpu_s: costs.whole.cpu };
+        replay.map(|replay| Rerun::of(replay, costs, columns, k == 0)).map_err(failed)
     });
     let (reference, others) = reruns.split_first_mut().expect("there is a reference");
-    let mut all = vec![reference.as_mut().map_err(|reason| reason.clone()).map(|it| {
+    let mut all = vec![reference.as_mut().map_err(|failed| failed.clone()).map(|it| {
         let cells = std::mem::take(&mut it.cells);
         let against = it.against_itself(&cells);
         it.made(cells, Some(against), None)
     })];
     for (other, plan) in others.iter_mut().zip(&prepared[1..]) {
         let at_reference = all[0].as_ref().ok().zip(reference.as_ref().ok());
-        all.push(other.as_mut().map_err(|reason| reason.clone()).map(|it| {
+        all.push(other.as_mut().map_err(|failed| failed.clone()).map(|it| {
             let cells = std::mem::take(&mut it.cells);
             let same_attempt = at_reference.filter(|(_, reference)| it.attempts == reference.attempts);
             let against = same_attempt.map(|(made, reference)| it.against(reference, &made.cells, &cells));
             let ranges = at_reference.and_then(|(_, reference)| reference.range_errors(&prepared[0], plan));
-            let mut made = it.made(cells, against, ranges);
-            // Test cells are the reference's alone.
-            if Role::of(repeat) == Role::Test {
-                made.cells = SceneCells::default();
-            }
-            made
+            it.made(cells, against, ranges)
         }));
     }
     all

@@ -1,32 +1,39 @@
-//! A config -> what each choice between speed and accuracy costs, and the error it brings. All of it is measured, nothing estimated.
+//! A config -> what each choice between speed and accuracy costs, the error it brings, and what it is worth. All of it is measured.
 //!
 //! ```text
-//! settings    a reference, and alternatives that change one knob (or a preset's)
+//! settings    a reference, the same with other draws, and alternatives that change one knob (or a preset's)
 //! measure     the same scenes at every setting, interleaved: times, ranges, poses, cells
 //! compare       matched cells: changed labels, shifted features
-//! loss        a classifier for each: balanced accuracy lost on the reference's test cells
-//! choose      Pareto front; the cheapest setting within a loss
+//! judging     common test scenes of the reference: the own kinds of yard, and each held-out family
+//! learning    classifiers trained at every setting, at four sizes (sizes), on common random numbers
+//! worth       learning curves over CPU time (curve), gains at equal CPU with intervals over scenes and trainings (resample)
+//! recommend   what is told to be better, and from where on more scenes bring nothing
 //! summary     one row a setting: a report  ->  table, records (Parquet), chart (SVG), JSON
 //! ```
 //!
 //! Same addresses, so the same yards, drives and draws at every setting. What changes the yard or what is modelled is not an error;
-//! it is measured alike and reported apart. All but the times is the same for any number of threads.
+//! it is measured alike and reported apart. All but the times, and what is told of equal times, is the same for any number of threads.
 
 pub(crate) mod chart;
-pub(crate) mod choose;
 mod compare;
+mod curve;
 mod filters;
+mod judging;
 mod knobs;
-mod loss;
+mod learning;
 mod measure;
 mod ranges;
+mod recommend;
 pub(crate) mod records;
 pub(crate) mod report;
+mod resample;
 pub(crate) mod settings;
+mod sizes;
 mod summary;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;
+mod worth;
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -48,13 +55,14 @@ pub(crate) struct Options {
     pub config: PathBuf,
     /// Overrides of the config, as `--set` takes them; they hold at every setting.
     pub sets: Vec<String>,
+    /// Made at every setting.
     pub scenes: u64,
+    /// Scenes to judge by, of the own kinds and of each held-out family.
+    pub test_scenes: u64,
     /// Groups of settings; empty = all.
     pub only: Vec<Group>,
     /// Trainings of each classifier; from 2 on there is an interval.
     pub seeds: u64,
-    /// Loss of balanced accuracy up to which a setting is good enough.
-    pub max_loss: f64,
     pub threads: usize,
 }
 
@@ -65,6 +73,8 @@ pub(crate) enum Event {
     Start { settings: usize, scenes: usize, trainings: usize },
     /// One scene was made at every setting.
     Scene { done: usize, of: usize },
+    /// One scene was made to judge by.
+    TestScene { done: usize, of: usize },
     /// One classifier was trained.
     Training { done: usize, of: usize },
 }
@@ -98,12 +108,14 @@ pub(crate) fn run(
     tell(Event::Start {
         settings: prepared.len(),
         scenes: scenes.len(),
-        trainings: loss::trainings(&settings, options),
+        trainings: learning::most_trainings(&settings, options),
     });
     let Some(measured) = measure::measure(&prepared, &scenes, options.threads, stop, tell)? else { return Ok(None) };
     drop(prepared);
-    let Some(classifiers) = loss::classifiers(&settings, &measured, options, stop, tell)? else { return Ok(None) };
-    Ok(Some(summary::report(options, &settings, &scenes, &measured, &classifiers)))
+    let test = judging::make(settings.reference(), options.test_scenes, options.threads, stop, tell)?;
+    let Some(test) = test else { return Ok(None) };
+    let learnt = learning::learn(&settings, &measured, &test, options, stop, tell)?;
+    Ok(learnt.map(|trainings| summary::report(options, &settings, &measured, &test, &trainings)))
 }
 
 /// Scenes of the plan's train split, evenly spread, so that no setting is chosen by the test split; beyond the plan's end where it

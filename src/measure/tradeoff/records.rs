@@ -1,6 +1,6 @@
 //! A report -> `tradeoff.parquet`: one row a setting.
 
-use super::report::{PipelineRow, Report, Row};
+use super::report::{CurveRow, PipelineRow, Report, Row};
 use crate::corpus::CorpusError;
 use crate::corpus::plain::{PlainColumn, Values, plain_table};
 use crate::statistics::Spread;
@@ -16,7 +16,9 @@ fn columns(report: &Report) -> Vec<PlainColumn> {
     table.text("group", "The knob; null for a reference.", |row| row.group.map(|group| group.name().to_owned()));
     table.text("name", "The setting.", |row| Some(row.name.clone()));
     table.text("sets", "What it overrides in the config (or the training config).", |row| Some(row.sets.join(" ")));
-    table.flag("on_front", "Nothing on its side costs less and loses less.", |row| Some(row.on_front));
+    table.flag("may_be_recommended", "Not another yard, and not poses that no rover knows.", |row| {
+        Some(row.may_be_recommended)
+    });
     table.whole("scenes", "Scenes made.", |p| Some(p.scenes));
     table.whole("failed_scenes", "Scenes that could not be made.", |p| Some(p.failed));
     table.spread("cpu_s", "CPU time of the thread a kept scan, over scenes", |p| p.cpu_ms);
@@ -61,19 +63,12 @@ fn columns(report: &Report) -> Vec<PlainColumn> {
     }
     table.number("untraversable_share", "1", "Share of the setting's cells.", |p| p.untraversable);
     table.number("cells_per_scan", "1", "Mean over its scans.", |p| p.cells_per_scan);
-    table.column("loss", "1", "Balanced accuracy lost on the reference's test cells, mean over seeds.", |row| {
-        Some(row.loss()?.mean)
-    });
-    table.column("loss_half_width", "1", "Half width of its 95 % interval; null for one seed.", |row| {
-        Some(row.loss()?.half_width).filter(|width| width.is_finite())
-    });
-    table.column("balanced_accuracy", "1", "On the reference's test cells, mean over seeds.", |row| {
-        row.classifier.as_ref()?.mean_balanced_accuracy()
-    });
-    table.column("training_cpu_per_row_s", "s", "CPU time a row learnt, median over seeds.", |row| {
-        Some(1e-6 * row.classifier.as_ref()?.cpu_us_per_row?.median)
-    });
+    table.worth();
     table.columns
+}
+
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
 }
 
 /// A value's name as JSON writes it.
@@ -101,6 +96,45 @@ impl Table<'_> {
 
     fn column(&mut self, name: &str, unit: &'static str, about: &str, value: impl Fn(&Row) -> Option<f64>) {
         self.add(name, unit, about, Values::Number(self.rows.iter().map(value).collect()));
+    }
+
+    /// The learning curve by size, and the gain at equal CPU.
+    fn worth(&mut self) {
+        for (k, share) in ["eighth", "quarter", "half", "whole"].into_iter().enumerate() {
+            let size = move |row: &Row| row.worth.as_ref()?.curve.get(k).cloned();
+            let mut add = |name: &str, unit: &'static str, about: &str, value: &dyn Fn(CurveRow) -> Option<f64>| {
+                let about = format!("{about} ({share} of the scenes).");
+                self.column(&format!("{share}.{name}"), unit, &about, |row| value(size(row)?));
+            };
+            add("scenes", "1", "Scenes that train and that stop", &|size| Some(size.scenes as f64));
+            add("train_rows", "1", "Cells to learn", &|size| Some(size.train_rows));
+            add("rows_learnt", "1", "Cells learnt, later epochs counted again", &|size| Some(size.rows_learnt));
+            add("generate_cpu_s", "s", "CPU time of making the scenes", &|size| Some(size.generate_cpu_s));
+            add("train_cpu_s", "s", "CPU time of a training, mean over seeds", &|size| Some(size.train_cpu_s));
+            let about = "On the common test scenes, mean over seeds";
+            add("balanced_accuracy", "1", about, &|size| Some(size.balanced_accuracy.mean));
+            let about = "Half width of its 95 % interval over scenes and trainings; null for one seed";
+            add("balanced_accuracy_half_width", "1", about, &|size| finite(size.balanced_accuracy.half_width));
+            add("worst_family", "1", "Balanced accuracy on the worst held-out family", &|size| {
+                Some(size.worst?.balanced_accuracy)
+            });
+            add("missed", "1", "Share of the untraversable missed at 2 % false", &|size| size.missed);
+        }
+        self.column("equal_cpu_s", "s", "CPU time at which it is compared with the reference.", |row| {
+            Some(row.gain()?.cpu_s)
+        });
+        self.column("equal_scenes", "1", "Scenes it has for that.", |row| Some(row.gain()?.scenes as f64));
+        let about = "Scenes the reference has for that.";
+        self.column("equal_reference_scenes", "1", about, |row| Some(row.gain()?.reference_scenes as f64));
+        let about = "Balanced accuracy gained on the reference at equal CPU.";
+        self.column("gain", "1", about, |row| Some(row.gain()?.balanced_accuracy.mean));
+        let about = "Half width of its 95 % interval over scenes and trainings; null for one seed.";
+        self.column("gain_half_width", "1", about, |row| finite(row.gain()?.balanced_accuracy.half_width));
+        self.text("told", "better, worse, not_apart or one_seed; null for a reference.", |row| {
+            Some(word(&row.gain()?.told))
+        });
+        let about = "Scenes from which on more bring at most half a point.";
+        self.column("flat_from_scenes", "1", about, |row| Some(row.worth.as_ref()?.flat_from? as f64));
     }
 
     fn whole(&mut self, name: &str, about: &str, value: impl Fn(&PipelineRow) -> Option<u64>) {

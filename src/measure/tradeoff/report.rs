@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::Group;
-use super::settings::{Refused, Side};
+use super::judging::TestGroup;
+use super::settings::{AS_WRITTEN, Refused, Side};
 use crate::statistics::{Interval, Spread};
 
 /// The file `tradeoff.json`.
@@ -18,19 +19,36 @@ pub(crate) struct Report {
     pub scene_plan_hash: String,
     /// Overrides that hold at every setting.
     pub sets: Vec<String>,
+    /// Made at every setting: those that train and those that stop.
     pub scenes: u64,
-    pub test_cells: u64,
-    pub train_cells: u64,
+    /// What every classifier is judged on.
+    pub test: Vec<TestGroup>,
+    /// Share of the traversable cells called untraversable at which `missed` is told.
+    pub false_share: f64,
     pub threads: u64,
     pub seeds: u64,
-    pub max_loss: f64,
-    /// Name of the cheapest pipeline, and of the cheapest filter, whose loss is within `max_loss`.
-    pub cheapest_pipeline: Option<String>,
-    pub cheapest_filter: Option<String>,
+    /// Gain beyond which a setting is told apart, for other draws alone gain as much. `None` where that was not measured.
+    pub noise_floor: Option<f64>,
+    /// How many times larger the variances of gains would be without common scenes, trainings and draws; median over settings.
+    pub variance_ratio: Option<f64>,
+    pub recommended_pipeline: Option<Recommendation>,
+    pub recommended_filter: Option<Recommendation>,
     /// Inputs of the classifier.
     pub features: Vec<String>,
     pub rows: Vec<Row>,
     pub refused: Vec<Refused>,
+}
+
+/// The setting to build with, and how many scenes of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Recommendation {
+    pub name: String,
+    pub sets: Vec<String>,
+    /// Against the reference at equal CPU; else nothing could be told apart for the better.
+    pub is_told_better: bool,
+    pub scenes: u64,
+    pub cpu_s: f64,
+    pub balanced_accuracy: Interval,
 }
 
 /// One setting.
@@ -40,10 +58,10 @@ pub(crate) struct Row {
     pub group: Option<Group>,
     pub name: String,
     pub sets: Vec<String>,
-    /// On the Pareto front of its side; changes of the yard are on none.
-    pub on_front: bool,
+    /// Not what changes the yard, and not poses that no rover knows.
+    pub may_be_recommended: bool,
     pub pipeline: Option<PipelineRow>,
-    pub classifier: Option<ClassifierRow>,
+    pub worth: Option<WorthRow>,
 }
 
 /// What the pipeline does at a setting. Spreads are over scenes, or over scans where it says so.
@@ -128,16 +146,69 @@ pub(crate) struct ShiftRow {
     pub rms_sd: f64,
 }
 
-/// A classifier trained at a setting, judged on the reference's test cells.
+/// What a setting is worth: classifiers trained at it, judged on the common test scenes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ClassifierRow {
-    pub train_rows: u64,
-    pub balanced_accuracy: Vec<Option<f64>>,
-    /// Lost against the reference, by pairs of equal seeds.
-    pub loss: Option<Interval>,
-    /// Over seeds.
-    pub cpu_us_per_row: Option<Spread>,
-    pub rows_learnt: Option<Spread>,
+pub(crate) struct WorthRow {
+    /// By size, ascending.
+    pub curve: Vec<CurveRow>,
+    /// Mean balanced accuracy for the CPU time of the reference's largest size; at the own largest size where that costs less. `None` where
+    /// the smallest size costs more.
+    pub at_reference_cpu: Option<f64>,
+    /// Against the reference of its side; `None` for that one, and where no cost is common to both.
+    pub gain: Option<GainRow>,
+    /// Scenes from which on more bring at most half a point, at the interval's upper end; `None` where that is not told.
+    pub flat_from: Option<u64>,
+}
+
+/// A setting at a size. Means are over seeds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CurveRow {
+    /// That train and that stop.
+    pub scenes: u64,
+    pub train_rows: f64,
+    /// Rows of later epochs counted again.
+    pub rows_learnt: f64,
+    pub generate_cpu_s: f64,
+    /// Looks at the rows that stop included.
+    pub train_cpu_s: f64,
+    pub learning_cpu_s: f64,
+    /// Mean of the held-out families, or of the own kinds where there are none.
+    pub balanced_accuracy: Interval,
+    pub by_seed: Vec<f64>,
+    /// On the own kinds of yard alone.
+    pub own: Option<f64>,
+    /// The held-out family that is judged worst.
+    pub worst: Option<WorstRow>,
+    /// Share of the untraversable missed at the report's `false_share`.
+    pub missed: Option<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct WorstRow {
+    pub family: String,
+    pub balanced_accuracy: f64,
+}
+
+/// What a setting gains on the reference for the same seconds of CPU.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct GainRow {
+    pub cpu_s: f64,
+    /// Scenes that each has made for it.
+    pub scenes: u64,
+    pub reference_scenes: u64,
+    pub balanced_accuracy: Interval,
+    pub told: Told,
+}
+
+/// Whether a gain can be told from nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Told {
+    Better,
+    Worse,
+    NotApart,
+    /// One training says nothing of others.
+    OneSeed,
 }
 
 impl Row {
@@ -146,24 +217,24 @@ impl Row {
         self.group.map_or(self.name.clone(), |group| format!("{}: {}", group.name(), self.name))
     }
 
-    /// What its side counts as cost: CPU milliseconds a kept scan, or CPU microseconds a row learnt; medians.
-    pub(crate) fn cost(&self) -> Option<f64> {
-        match self.side {
-            Side::Trainer => self.classifier.as_ref()?.cpu_us_per_row.map(|spread| spread.median),
-            _ => self.pipeline.as_ref()?.cpu_ms.map(|spread| spread.median),
-        }
+    pub(super) fn is_as_written(&self) -> bool {
+        self.group == Some(Group::Presets) && self.name == AS_WRITTEN
     }
 
-    pub(crate) fn loss(&self) -> Option<Interval> {
-        self.classifier.as_ref()?.loss
+    /// At the largest size.
+    pub(super) fn whole(&self) -> Option<&CurveRow> {
+        self.worth.as_ref()?.curve.last()
+    }
+
+    pub(super) fn gain(&self) -> Option<&GainRow> {
+        self.worth.as_ref()?.gain.as_ref()
     }
 }
 
-impl ClassifierRow {
-    /// Over seeds; `None` where the test lacks a class.
-    pub(crate) fn mean_balanced_accuracy(&self) -> Option<f64> {
-        let values = self.balanced_accuracy.iter().copied().collect::<Option<Vec<f64>>>()?;
-        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+impl CurveRow {
+    /// Making the scenes, and training.
+    pub(crate) fn cpu_s(&self) -> f64 {
+        self.generate_cpu_s + self.train_cpu_s
     }
 }
 
@@ -173,18 +244,31 @@ impl Report {
         self.rows.iter().filter(move |row| row.side == side)
     }
 
-    /// With every time taken out: what is the same for any number of threads.
+    /// What classifiers are compared by, in words.
+    pub(crate) fn judged_by(&self) -> String {
+        match self.test.iter().filter(|group| group.judges && group.held_out.is_some()).count() {
+            0 => "unseen yards of the config".into(),
+            1 => "the held-out family".into(),
+            count => format!("the mean of {count} held-out families"),
+        }
+    }
+
+    /// With every time taken out, and what is told of equal times: what is the same for any number of threads.
     #[cfg(test)]
     pub(crate) fn timeless(&self) -> Report {
-        let mut report = Report { threads: 0, cheapest_pipeline: None, cheapest_filter: None, ..self.clone() };
+        let nothing = (None, None, None, None);
+        let mut report = Report { threads: 0, ..self.clone() };
+        (report.noise_floor, report.variance_ratio, report.recommended_pipeline, report.recommended_filter) = nothing;
         for row in &mut report.rows {
-            row.on_front = false;
             if let Some(pipeline) = &mut row.pipeline {
                 (pipeline.cpu_ms, pipeline.wall_ms) = (None, None);
                 pipeline.stages.clear();
             }
-            if let Some(classifier) = &mut row.classifier {
-                classifier.cpu_us_per_row = None;
+            if let Some(worth) = &mut row.worth {
+                (worth.gain, worth.at_reference_cpu) = (None, None);
+                for size in &mut worth.curve {
+                    (size.generate_cpu_s, size.train_cpu_s, size.learning_cpu_s) = (0.0, 0.0, 0.0);
+                }
             }
         }
         report

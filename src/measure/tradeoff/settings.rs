@@ -4,6 +4,7 @@
 //! the reference with one knob turned, or with a preset's values, or the config as it is written. Each is made by overrides like
 //! `--set`, in the document's sections or in each family's, and checked like any config: what a rule refuses is left out, with the
 //! rule. A knob that the config does not have (sub-rays without mixed pixels) has no alternatives, or is a change of what is modelled.
+//! One more is the reference with another seed: other yards and other noise of the same config, so that what it gains or loses is noise.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
@@ -11,9 +12,15 @@ use serde::{Deserialize, Serialize};
 use super::knobs::{fidelity, knobs};
 use super::{Options, TradeoffError};
 use crate::config::{self};
-use crate::plan::Fidelity;
-use crate::plan::Plan;
+use crate::plan::{Fidelity, Plan};
+use crate::slam::SlamParams;
 use crate::train::params::FilterParams;
+
+/// The setting that differs from the reference by its seed alone.
+pub(crate) const OTHER_DRAWS: &str = "reference, other draws";
+
+/// The config itself, where it is not the reference.
+pub(crate) const AS_WRITTEN: &str = "as written";
 
 /// Settings that turn the same knob.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
@@ -92,7 +99,7 @@ impl Group {
 /// One way to build or to train.
 #[derive(Clone, Debug)]
 pub(crate) struct Setting {
-    /// `None`: a reference.
+    /// `None`: a reference, or the reference with other draws.
     pub group: Option<Group>,
     pub name: String,
     /// What is set beyond the config; beyond the training config for the trainer.
@@ -114,6 +121,15 @@ impl Setting {
         match (&self.variant, self.group) {
             (Variant::Filter(_), _) => Side::Trainer,
             (Variant::Plan(_), group) => group.map_or(Side::Pipeline, Group::side),
+        }
+    }
+
+    /// Whether a corpus may be built so: what changes the yard is another corpus, and true poses are known to no rover.
+    pub(crate) fn may_be_recommended(&self) -> bool {
+        let knows_the_truth = |plan: &Plan| plan.families.iter().any(|family| family.slam == SlamParams::Truth);
+        match &self.variant {
+            Variant::Plan(plan) => self.side() == Side::Pipeline && self.name != OTHER_DRAWS && !knows_the_truth(plan),
+            Variant::Filter(_) => true,
         }
     }
 }
@@ -139,6 +155,13 @@ impl Settings {
         self.plans().next().expect("the reference is the first setting")
     }
 
+    /// What a setting is compared with: the first of the trainer's settings, or the reference.
+    pub(super) fn base_of(&self, setting: usize) -> usize {
+        let is_filter = |setting: &Setting| matches!(setting.variant, Variant::Filter(_));
+        let kind = is_filter(&self.list[setting]);
+        self.list.iter().position(|other| is_filter(other) == kind).unwrap_or(setting)
+    }
+
     pub(crate) fn plans(&self) -> impl Iterator<Item = &Plan> {
         self.list.iter().filter_map(|setting| match &setting.variant {
             Variant::Plan(plan) => Some(&**plan),
@@ -156,7 +179,6 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
         config::load(&options.config, &sets)
     };
     let reference = load(&[])?;
-    let reference_hash = reference.scene_plan_hash();
     let wanted = |group| options.only.is_empty() || options.only.contains(&group);
     let plan = |plan| Variant::Plan(Box::new(plan));
     let mut list = vec![Setting {
@@ -165,16 +187,24 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
         sets: reference_sets.clone(),
         variant: plan(reference.clone()),
     }];
+    let other_seed = format!("seed={}", reference.seed.wrapping_add(1));
+    let other_draws = load(std::slice::from_ref(&other_seed))?;
+    list.push(Setting {
+        group: None,
+        name: OTHER_DRAWS.into(),
+        sets: overridden(&reference_sets, &[other_seed]),
+        variant: plan(other_draws),
+    });
     let mut refused = Vec::new();
-    if wanted(Group::Presets) && written.scene_plan_hash() != reference_hash {
+    if wanted(Group::Presets) && !is_listed(&list, &written) {
         let variant = plan(written.clone());
-        list.push(Setting { group: Some(Group::Presets), name: "as written".into(), sets: Vec::new(), variant });
+        list.push(Setting { group: Some(Group::Presets), name: AS_WRITTEN.into(), sets: Vec::new(), variant });
     }
     for (group, name, knob_sets) in knobs(&written, &reference).into_iter().filter(|(group, ..)| wanted(*group)) {
         let is_preset = group == Group::Presets;
         match load(&knob_sets) {
-            // A knob that stands there already.
-            Ok(other) if other.scene_plan_hash() == reference_hash => {}
+            // A knob that stands there already, or is turned so by another setting: 30 particles are `standard`.
+            Ok(other) if is_listed(&list, &other) => {}
             Ok(other) => {
                 let sets = if is_preset { knob_sets } else { overridden(&reference_sets, &knob_sets) };
                 list.push(Setting { group: Some(group), name, sets, variant: plan(other) });
@@ -190,6 +220,11 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
         list.retain(|setting| matches!(setting.variant, Variant::Plan(_)));
     }
     Ok(Settings { list, refused })
+}
+
+fn is_listed(list: &[Setting], plan: &Plan) -> bool {
+    let hash = plan.scene_plan_hash();
+    list.iter().any(|setting| matches!(&setting.variant, Variant::Plan(own) if own.scene_plan_hash() == hash))
 }
 
 /// Overrides of which some are overridden in turn: of a key set twice, the last counts.

@@ -1,86 +1,73 @@
 //! What was measured -> the report: spreads over scenes, errors added up, losses by pairs of seeds.
 
 use super::Options;
-use super::choose::{Candidate, cheapest_within, front};
-use super::loss::{Classifier, Role, rows};
+use super::judging::{FALSE_SHARE, TestScenes};
+use super::learning::Trainings;
 use super::measure::{Counts, Measured, PoseError, SceneMeasurement};
 use super::ranges::RangeErrors;
-use super::report::{
-    CellRow, ClassifierRow, DriveRow, PipelineRow, PoseRow, RangeRow, Report, Row, ShiftRow, StageRow,
-};
-use super::settings::{Settings, Side};
+use super::recommend::recommend;
+use super::report::{CellRow, DriveRow, PipelineRow, PoseRow, RangeRow, Report, Row, ShiftRow, StageRow, Told};
+use super::settings::{OTHER_DRAWS, Settings, Side};
+use super::worth::worth;
 use crate::corpus::Build;
 use crate::corpus::stats::RowMoments;
 use crate::episode::StageTimes;
-use crate::statistics::{Interval, Spread, quantile};
+use crate::statistics::{Spread, quantile};
 
 /// One row a setting, and the verdicts.
 pub(super) fn report(
     options: &Options,
     settings: &Settings,
-    scenes: &[u64],
     measured: &Measured,
-    classifiers: &[Option<Classifier>],
+    test: &TestScenes,
+    trainings: &[Option<Trainings>],
 ) -> Report {
     let plan = settings.reference();
     let deviations = deviations(measured);
-    let mut all: Vec<Row> = Vec::new();
-    for (k, setting) in settings.list.iter().enumerate() {
-        // Each side has its own reference, the first of it.
-        let is_filter = setting.side() == Side::Trainer;
-        let first = settings.list.iter().position(|other| (other.side() == Side::Trainer) == is_filter).unwrap_or(0);
-        all.push(Row {
-            side: setting.side(),
-            group: setting.group,
-            name: setting.name.clone(),
-            sets: setting.sets.clone(),
-            on_front: false,
-            pipeline: (!is_filter).then(|| pipeline_row(measured, k, &deviations)),
-            classifier: classifiers[k].as_ref().map(|own| {
-                let row = classifier_row(own, classifiers[first].as_ref());
-                // The reference loses nothing by definition, however few seeds there are.
-                let loss =
-                    if k == first { row.loss.map(|_| Interval { mean: 0.0, half_width: 0.0 }) } else { row.loss };
-                ClassifierRow { loss, ..row }
-            }),
-        });
-    }
-    for side in [Side::Pipeline, Side::Trainer] {
-        let (places, candidates) = candidates(&all, side);
-        for (place, on_front) in places.into_iter().zip(front(&candidates)) {
-            all[place].on_front = on_front;
-        }
-    }
-    let cheapest = |side| {
-        let (places, candidates) = candidates(&all, side);
-        cheapest_within(&candidates, options.max_loss).map(|k| all[places[k]].label())
-    };
+    let (worths, variance_ratio) = worth(settings, measured, test, trainings, options.seeds as usize);
+    let rows = settings.list.iter().zip(worths).enumerate().map(|(k, (setting, worth))| Row {
+        side: setting.side(),
+        group: setting.group,
+        name: setting.name.clone(),
+        sets: setting.sets.clone(),
+        may_be_recommended: setting.may_be_recommended(),
+        pipeline: (setting.side() != Side::Trainer).then(|| pipeline_row(measured, k, &deviations)),
+        worth,
+    });
+    let mut rows: Vec<Row> = rows.collect();
+    let noise_floor = tell_apart(&mut rows);
     let build = Build::of_this_binary();
     Report {
-        marsyard_tradeoff: 1,
+        marsyard_tradeoff: 2,
         version: build.version.clone(),
         commit: build.commit.clone(),
         name: plan.name.clone(),
         scene_plan_hash: plan.scene_plan_hash(),
         sets: options.sets.clone(),
-        scenes: scenes.len() as u64,
-        test_cells: rows(measured, 0, Role::Test).len() as u64,
-        train_cells: rows(measured, 0, Role::Train).len() as u64,
+        scenes: measured.scenes.len() as u64,
+        test: test.groups.clone(),
+        false_share: FALSE_SHARE,
         threads: options.threads as u64,
         seeds: options.seeds,
-        max_loss: options.max_loss,
-        cheapest_pipeline: cheapest(Side::Pipeline),
-        cheapest_filter: cheapest(Side::Trainer),
+        noise_floor,
+        variance_ratio,
+        recommended_pipeline: recommend(&rows, Side::Pipeline),
+        recommended_filter: recommend(&rows, Side::Trainer),
         features: measured.features.clone(),
-        rows: all,
+        rows,
         refused: settings.refused.clone(),
     }
 }
 
-/// The rows of a side that have a cost and a loss, and where they stand.
-fn candidates(rows: &[Row], side: Side) -> (Vec<usize>, Vec<Candidate>) {
-    let own = rows.iter().enumerate().filter(|(_, row)| row.side == side);
-    own.filter_map(|(k, row)| Some((k, Candidate { cost: row.cost()?, loss: row.loss()? }))).unzip()
+/// Tells no gain apart that other draws of the reference alone have too. The trainer's settings share all scenes and need no such floor.
+fn tell_apart(rows: &mut [Row]) -> Option<f64> {
+    let other = rows.iter().find(|row| row.name == OTHER_DRAWS);
+    let floor = other.and_then(Row::gain).map(|gain| gain.balanced_accuracy.mean.abs());
+    let built = rows.iter_mut().filter(|row| row.side != Side::Trainer && row.name != OTHER_DRAWS);
+    for gain in built.filter_map(|row| row.worth.as_mut()?.gain.as_mut()) {
+        gain.told = Told::of(&gain.balanced_accuracy, floor);
+    }
+    floor
 }
 
 /// Standard deviation of each feature over the reference's cells of all scenes.
@@ -196,19 +183,4 @@ fn cell_row(made: &[&SceneMeasurement], features: &[String], deviations: &[f64])
         worst_shift_sd: worst.rms_sd,
         shifts,
     })
-}
-
-fn classifier_row(own: &Classifier, reference: Option<&Classifier>) -> ClassifierRow {
-    let lost = reference.and_then(|reference| {
-        let pairs = reference.balanced_accuracy.iter().zip(&own.balanced_accuracy);
-        pairs.map(|(old, new)| Some((*old)? - (*new)?)).collect::<Option<Vec<f64>>>()
-    });
-    let learnt: Vec<f64> = own.rows_learnt.iter().map(|&rows| rows as f64).collect();
-    ClassifierRow {
-        train_rows: own.train_rows,
-        balanced_accuracy: own.balanced_accuracy.clone(),
-        loss: lost.and_then(|lost| Interval::of(&lost)),
-        cpu_us_per_row: Spread::of(&own.cpu_us_per_row),
-        rows_learnt: Spread::of(&learnt),
-    }
 }

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::report::{ClassifierRow, Report, Row};
-use super::settings::Side;
+use super::report::{CurveRow, Recommendation, Report, Row, Told};
+use super::settings::{OTHER_DRAWS, Side};
 use crate::statistics::{Interval, Spread};
 
 /// Headings, and rows that may be a heading of their own (one cell).
@@ -41,22 +41,32 @@ fn opening(report: &Report) -> String {
     let own: String = report.sets.iter().map(|set| format!(" --set {set}")).collect();
     let ranges = report.rows.iter().find_map(|row| row.pipeline.as_ref()?.ranges.as_ref());
     let beams = ranges.map_or(String::new(), |ranges| format!(", {} beams", ranges.rays));
+    let judging = || report.test.iter().filter(|group| group.judges);
     format!(
         "{}{own}: {} scenes at {} settings, {} thread{}; reference: {reference}\n\
-         CPU: of the thread, per kept scan, median [quartiles] over scenes. Range error: against the exact surface, before\n\
-         noise{beams}. Position and heading: of the estimate, median [quartiles] over scans; NEES: its mean. Drive moved:\n\
-         the true pose against the reference's, at most. Cells other: only here or only at the reference; labels other: of those\n\
-         at both; shift of their features: root mean square, in the reference's standard deviations. Loss: points of balanced\n\
-         accuracy on the reference's {} test cells, of a 16-16 network trained at the setting; mean and 95 % interval of {}\n\
-         pairs of seeds. *: on the Pareto front of cost over loss, losses at their interval's upper end.\n",
+         Worth: a 16-16 network trained on an eighth, a quarter, a half and all of the scenes, {} training{} each, judged on {}:\n\
+         {} scenes, {} cells of another seed, made at the reference. CPU: of one thread, making the scenes that train and that stop\n\
+         it, and training; nothing is written. Gain: balanced accuracy on the reference at the largest CPU time that both reach,\n\
+         straight between sizes in its logarithm. Intervals: 95 %, bootstrap over test scenes and trainings, in pairs. Errors: CPU of\n\
+         the thread per kept scan, median [quartiles] over scenes; range error against the exact surface, before noise{beams}; position and\n\
+         heading of the estimate, median [quartiles] over scans; NEES: its mean; drive moved: the true pose against the reference's, at\n\
+         most; cells other: only here or only at the reference; labels other: of those at both; shift: root mean square, in the\n\
+         reference's standard deviations.\n",
         report.name,
         report.scenes,
         report.rows.iter().filter(|row| row.pipeline.is_some()).count(),
         report.threads,
-        if report.threads == 1 { "" } else { "s" },
-        report.test_cells,
+        plural(report.threads),
         report.seeds,
+        plural(report.seeds),
+        report.judged_by(),
+        judging().map(|group| group.scenes).sum::<u64>(),
+        judging().map(|group| group.cells).sum::<u64>(),
     )
+}
+
+fn plural(count: u64) -> &'static str {
+    if count == 1 { "" } else { "s" }
 }
 
 fn closing(report: &Report) -> String {
@@ -64,47 +74,125 @@ fn closing(report: &Report) -> String {
     for refused in &report.refused {
         let _ = writeln!(out, "left out: {}: {}: {}", refused.group.name(), refused.name, refused.reason);
     }
-    let points = 100.0 * report.max_loss;
-    for (what, cheapest, side) in
-        [("pipeline", &report.cheapest_pipeline, Side::Pipeline), ("filter", &report.cheapest_filter, Side::Trainer)]
-    {
-        if report.side(side).next().is_none() {
-            continue;
-        }
-        let row = cheapest.as_ref().and_then(|name| report.side(side).find(|row| row.label() == *name));
-        let said = row.and_then(|row| Some((row, row.cost()?, row.loss()?)));
-        let Some((row, cost, loss)) = said else {
-            let _ =
-                writeln!(out, "no {what} is sure to lose at most {points} points: more --seeds or a higher --max-loss");
-            continue;
-        };
-        let unit = if side == Side::Trainer { "us CPU a row" } else { "ms CPU a scan" };
-        let sets = if row.sets.is_empty() { "the config as written".to_owned() } else { row.sets.join(" ") };
+    if let Some(floor) = report.noise_floor {
         let _ = writeln!(
             out,
-            "cheapest {what} that loses at most {points} points (at the interval's upper end): {} ({} {unit}, loss {}): {sets}",
-            row.label(),
-            figures(cost),
-            interval(&loss)
+            "noise floor: other draws of the same config differ by {:.2} points; smaller gains are not told apart, nor those within their interval",
+            100.0 * floor
         );
+    }
+    if let Some(ratio) = report.variance_ratio {
+        let _ = writeln!(
+            out,
+            "common scenes, trainings and draws make the variance of a gain {} times smaller (median of the settings)",
+            figures(ratio)
+        );
+    }
+    for (what, of) in [("pipeline", &report.recommended_pipeline), ("filter", &report.recommended_filter)] {
+        if let Some(of) = of {
+            out += &recommended(what, of);
+        }
     }
     out
 }
 
+fn recommended(what: &str, of: &Recommendation) -> String {
+    let why = if of.is_told_better {
+        "better than the reference at equal CPU"
+    } else {
+        "nothing is told apart from the reference for the better"
+    };
+    let sets = if of.sets.is_empty() { "the config as written".to_owned() } else { of.sets.join(" ") };
+    format!(
+        "recommended {what}: {} ({why}): {} scenes, {} s CPU, balanced accuracy {} %: {sets}\n",
+        of.name,
+        of.scenes,
+        figures(of.cpu_s),
+        percent(&of.balanced_accuracy),
+    )
+}
+
 fn grids(report: &Report) -> Vec<Grid> {
-    let yards: Vec<&Row> = report.side(Side::Yard).collect();
-    let pipelines: Vec<&Row> = report.side(Side::Pipeline).collect();
-    let filters: Vec<&Row> = report.side(Side::Trainer).collect();
-    let mut grids = vec![errors("What each setting costs, and the error it brings", &pipelines)];
-    if !yards.is_empty() {
-        let title = "Changes of the yard and of what is modelled: these are no errors";
-        grids.push(errors(title, &yards));
-    }
-    grids.push(stages(&[pipelines, yards].concat()));
+    let of = |side| -> Vec<&Row> { report.side(side).collect() };
+    let (pipelines, yards, filters) = (of(Side::Pipeline), of(Side::Yard), of(Side::Trainer));
+    // Other draws are other yards: nothing of them can be matched.
+    let matched: Vec<&Row> = pipelines.iter().copied().filter(|row| row.name != OTHER_DRAWS).collect();
+    let yard_title = "Changes of the yard and of what is modelled: these are no errors";
+    let mut grids = vec![worths(report, "What each setting is worth at equal CPU", &pipelines)];
     if !filters.is_empty() {
-        grids.push(trainers(&filters));
+        grids.push(worths(report, "The trainer, on the reference's cells, at equal CPU", &filters));
     }
+    grids.push(curves(&[pipelines, filters].concat()));
+    grids.push(errors("What each setting costs, and the error it brings", &matched));
+    if !yards.is_empty() {
+        grids.push(errors(yard_title, &yards));
+    }
+    grids.push(stages(&[matched, yards].concat()));
     grids
+}
+
+fn worths(report: &Report, title: &str, rows: &[&Row]) -> Grid {
+    let has_families = report.test.iter().any(|group| group.judges && group.held_out.is_some());
+    let mut head = vec!["setting", "CPU s, all scenes\ngenerate + train", "balanced\naccuracy, %"];
+    head.extend(has_families.then_some("worst\nfamily, %"));
+    head.extend([
+        "missed, %\nat 2 % false",
+        "flat from\nscenes",
+        "equal\nCPU s",
+        "scenes for it,\nreference's",
+        "gain,\npoints",
+        "told",
+    ]);
+    let rows = rows.iter().filter_map(|row| {
+        let (worth, whole) = (row.worth.as_ref()?, row.whole()?);
+        let gain = worth.gain.as_ref();
+        let mut cells = vec![
+            row.label(),
+            format!("{} + {}", figures(whole.generate_cpu_s), figures(whole.train_cpu_s)),
+            percent(&whole.balanced_accuracy),
+        ];
+        cells.extend(
+            has_families
+                .then(|| shown(whole.worst.as_ref(), |worst| format!("{:.2}", 100.0 * worst.balanced_accuracy))),
+        );
+        cells.extend([
+            shown(whole.missed, |missed| format!("{:.2}", 100.0 * missed)),
+            shown(worth.flat_from, |scenes| scenes.to_string()),
+            shown(gain, |gain| figures(gain.cpu_s)),
+            shown(gain, |gain| format!("{}, {}", gain.scenes, gain.reference_scenes)),
+            shown(gain, |gain| points(&gain.balanced_accuracy)),
+            told(row),
+        ]);
+        Some(cells)
+    });
+    Grid { title: title.into(), rows: rows.collect(), head }
+}
+
+/// What the gain tells, in words.
+fn told(row: &Row) -> String {
+    let word = match row.gain().map(|gain| gain.told) {
+        None if row.group.is_none() => "",
+        None => "no CPU time in common",
+        Some(Told::Better) => "better",
+        Some(Told::Worse) => "worse",
+        Some(Told::NotApart) => "not told apart",
+        Some(Told::OneSeed) => "one training",
+    };
+    word.to_owned()
+}
+
+fn curves(rows: &[&Row]) -> Grid {
+    let cell =
+        |size: &CurveRow| format!("{}: {} s, {}", size.scenes, figures(size.cpu_s()), percent(&size.balanced_accuracy));
+    let rows = rows.iter().filter_map(|row| {
+        let sizes = row.worth.as_ref()?.curve.iter().map(cell);
+        Some([row.label()].into_iter().chain(sizes).collect())
+    });
+    Grid {
+        title: "Learning curves: scenes: CPU time, balanced accuracy in %".into(),
+        rows: rows.collect(),
+        head: vec!["setting", "an eighth", "a quarter", "half", "all"],
+    }
 }
 
 fn errors(title: &str, rows: &[&Row]) -> Grid {
@@ -120,7 +208,6 @@ fn errors(title: &str, rows: &[&Row]) -> Grid {
         "cells\nother, %",
         "labels\nother, %",
         "worst shift,\nsd",
-        "loss,\npoints",
     ];
     let rows = rows.iter().map(|row| {
         let p = row.pipeline.as_ref();
@@ -130,7 +217,7 @@ fn errors(title: &str, rows: &[&Row]) -> Grid {
         let drive = p.and_then(|p| p.drive.as_ref());
         let share = |part: u64, of: u64| format!("{:.2}", 100.0 * part as f64 / of.max(1) as f64);
         vec![
-            marked(row),
+            row.label(),
             shown(p.and_then(|p| p.cpu_ms), spread),
             shown(ranges, |r| {
                 let some = |value: Option<f64>| shown(value, figures);
@@ -150,7 +237,6 @@ fn errors(title: &str, rows: &[&Row]) -> Grid {
                     "0".into()
                 }
             }),
-            lost(row),
         ]
     });
     Grid { title: title.into(), rows: rows.collect(), head }
@@ -160,7 +246,7 @@ fn stages(rows: &[&Row]) -> Grid {
     let head = vec!["setting", "scene", "drive", "sweep", "slam", "cells", "all, wall", "rays"];
     let rows = rows.iter().filter_map(|row| {
         let p = row.pipeline.as_ref()?;
-        let mut cells = vec![marked(row)];
+        let mut cells = vec![row.label()];
         cells.extend(p.stages.iter().map(|stage| shown(stage.cpu_ms, spread)));
         cells.push(shown(p.wall_ms, spread));
         cells.push(shown(p.rays_per_scan, |rays| format!("{rays:.0}")));
@@ -173,32 +259,6 @@ fn stages(rows: &[&Row]) -> Grid {
     }
 }
 
-fn trainers(rows: &[&Row]) -> Grid {
-    let head = vec!["setting", "CPU us\na row", "rows\nlearnt", "loss,\npoints"];
-    let rows = rows.iter().filter_map(|row| {
-        let c = row.classifier.as_ref()?;
-        Some(vec![
-            marked(row),
-            shown(c.cpu_us_per_row, spread),
-            shown(c.rows_learnt, |s| format!("{:.0}", s.median)),
-            lost(row),
-        ])
-    });
-    Grid { title: "The trainer, on the reference's cells".into(), rows: rows.collect(), head }
-}
-
-/// The loss; beside a reference's nothing, how good it is.
-fn lost(row: &Row) -> String {
-    let accuracy =
-        row.classifier.as_ref().and_then(ClassifierRow::mean_balanced_accuracy).filter(|_| row.group.is_none());
-    let of = accuracy.map_or(String::new(), |accuracy| format!(" of {:.2}", 100.0 * accuracy));
-    shown(row.loss(), |loss| interval(&loss) + &of)
-}
-
-fn marked(row: &Row) -> String {
-    format!("{}{}", if row.on_front { "* " } else { "  " }, row.label())
-}
-
 fn shown<T>(value: Option<T>, say: impl FnOnce(T) -> String) -> String {
     value.map_or("-".into(), say)
 }
@@ -207,13 +267,18 @@ fn spread(spread: Spread) -> String {
     format!("{} [{}, {}]", figures(spread.median), figures(spread.lower_quartile), figures(spread.upper_quartile))
 }
 
-/// A loss in points of balanced accuracy.
-fn interval(loss: &Interval) -> String {
-    if loss.mean == 0.0 && loss.half_width == 0.0 {
-        "0".into()
-    } else {
-        format!("{:+.2} ± {:.2}", 100.0 * loss.mean, 100.0 * loss.half_width)
-    }
+/// A gain in points of balanced accuracy.
+fn points(gain: &Interval) -> String {
+    with_half_width(format!("{:+.2}", 100.0 * gain.mean), gain)
+}
+
+fn percent(accuracy: &Interval) -> String {
+    with_half_width(format!("{:.2}", 100.0 * accuracy.mean), accuracy)
+}
+
+/// Of one training there is no interval.
+fn with_half_width(mean: String, of: &Interval) -> String {
+    if of.half_width.is_finite() { format!("{mean} ± {:.2}", 100.0 * of.half_width) } else { mean }
 }
 
 /// Three significant figures.
@@ -277,9 +342,8 @@ mod tests {
         ] {
             assert_eq!(figures(value), expected);
         }
-        let loss = Interval { mean: 0.0123, half_width: 0.004 };
-        assert_eq!(interval(&loss), "+1.23 ± 0.40");
-        assert_eq!(interval(&Interval { mean: 0.0, half_width: 0.0 }), "0");
+        assert_eq!(points(&Interval { mean: 0.0123, half_width: 0.004 }), "+1.23 ± 0.40");
+        assert_eq!(percent(&Interval { mean: 0.9712, half_width: f64::INFINITY }), "97.12");
     }
 
     #[test]

@@ -1,0 +1,203 @@
+//! The reference plan -> the scenes that every classifier is judged on: some of the config's own kinds, and some of each held-out family.
+//!
+//! They are of another seed, so no corpus of the config holds them, and they are made at the reference setting alone: a setting that makes its
+//! own scenes easier does not gain by it. Where the config has held-out families a classifier is judged by their mean, else by the own
+//! kinds. Kept: each scene's cells, as the trainer holds them.
+
+use std::ops::Range;
+use std::sync::atomic::AtomicBool;
+
+use serde::{Deserialize, Serialize};
+
+use super::compare::SceneCells;
+use super::measure::inputs;
+use super::{Event, TradeoffError};
+use crate::corpus::Split;
+use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
+use crate::evaluate::{Confusion, Scores};
+use crate::parallel;
+use crate::plan::{Family, Plan};
+use crate::train::rows::Rows;
+
+/// Above it, an output calls a cell untraversable.
+const THRESHOLD: f64 = 0.5;
+/// Share of the traversable cells called untraversable at which the missed ones are told.
+pub(super) const FALSE_SHARE: f64 = 0.02;
+/// What the seed of the test scenes differs by.
+const OTHER_SEED: u64 = 0x7465_7374;
+
+/// Test scenes of one kind.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct TestGroup {
+    /// `None`: the families that train, by their weights.
+    pub held_out: Option<String>,
+    pub scenes: u64,
+    pub cells: u64,
+    /// Whether classifiers are compared by it.
+    pub judges: bool,
+}
+
+/// Cells to judge by, scene after scene, group after group.
+pub(super) struct TestScenes {
+    pub groups: Vec<TestGroup>,
+    rows: Rows,
+    /// Of each scene: its rows.
+    scenes: Vec<Range<usize>>,
+    /// Of each group: its scenes.
+    of_group: Vec<Range<usize>>,
+}
+
+/// What a classifier makes of the test scenes.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Verdicts {
+    /// By scene.
+    pub scenes: Vec<Confusion>,
+    /// Share of the untraversable missed where [`FALSE_SHARE`] of the traversable are called untraversable, mean of the groups that judge;
+    /// `None` where none holds both classes.
+    pub missed: Option<f64>,
+}
+
+/// Makes the test scenes: so many of the own kinds and so many of each held-out family. `None` where `stop` was raised.
+pub(super) fn make(
+    reference: &Plan,
+    count: u64,
+    threads: usize,
+    stop: &AtomicBool,
+    tell: &mut (dyn FnMut(Event) + Send),
+) -> Result<Option<TestScenes>, TradeoffError> {
+    let plans = plans(reference);
+    let prepared = plans.iter().map(|(_, plan)| Prepared::new(plan.clone())).collect::<Result<Vec<_>, _>>()?;
+    let (features, columns) = inputs(&prepared[0]);
+    let wanted: Vec<(usize, u64)> =
+        plans.iter().enumerate().flat_map(|(k, (_, plan))| train_scenes(plan, count).map(move |id| (k, id))).collect();
+    let one_scene = |(group, id): (usize, u64), scratch: &mut Scratch| {
+        let replay = replay_scene(&prepared[group], id, scratch, &mut Unobserved);
+        let mut rows = Rows::new(features.len());
+        if let Ok(replay) = replay {
+            SceneCells::of(&replay.scans, &columns).learn(&mut rows);
+        }
+        Ok::<_, TradeoffError>((group, rows))
+    };
+    let of = wanted.len();
+    let made = parallel::map(threads, wanted, stop, one_scene, |done| tell(Event::TestScene { done, of }))?;
+    let names = plans.into_iter().map(|(name, _)| name).collect();
+    Ok(made.map(|made| TestScenes::new(names, features.len(), made)))
+}
+
+/// The own kinds, then each held-out family, with their names.
+fn plans(reference: &Plan) -> Vec<(Option<String>, Plan)> {
+    let other = Plan { seed: reference.seed ^ OTHER_SEED, ..reference.clone() };
+    let held_out = reference.families.iter().filter(|family| family.hold_out).map(|family| {
+        let family = Family { hold_out: false, ..family.clone() };
+        (Some(family.name.clone()), Plan { families: vec![family], ..other.clone() })
+    });
+    let held_out: Vec<_> = held_out.collect();
+    [(None, other)].into_iter().chain(held_out).collect()
+}
+
+/// Scenes of train shards, which hold no held-out family.
+fn train_scenes(plan: &Plan, count: u64) -> impl Iterator<Item = u64> + use<> {
+    let per_shard = u64::from(plan.scenes_per_shard);
+    (0..).filter(move |scene| Split::of_shard(scene / per_shard) == Split::Train).take(count as usize)
+}
+
+impl TestScenes {
+    fn new(names: Vec<Option<String>>, width: usize, made: Vec<(usize, Rows)>) -> TestScenes {
+        let mut test =
+            TestScenes { groups: Vec::new(), rows: Rows::new(width), scenes: Vec::new(), of_group: Vec::new() };
+        let judges = |name: &Option<String>| name.is_some() || names.len() == 1;
+        for (group, name) in names.iter().enumerate() {
+            let (first_scene, first_row) = (test.scenes.len(), test.rows.len());
+            for (_, rows) in made.iter().filter(|(of, rows)| *of == group && !rows.is_empty()) {
+                let first = test.rows.len();
+                test.rows.features.extend(&rows.features);
+                test.rows.labels.extend(&rows.labels);
+                test.rows.corpora.extend(&rows.corpora);
+                test.scenes.push(first..test.rows.len());
+            }
+            test.of_group.push(first_scene..test.scenes.len());
+            test.groups.push(TestGroup {
+                held_out: name.clone(),
+                scenes: (test.scenes.len() - first_scene) as u64,
+                cells: (test.rows.len() - first_row) as u64,
+                judges: judges(name),
+            });
+        }
+        test
+    }
+
+    pub(super) fn rows(&self) -> &Rows {
+        &self.rows
+    }
+
+    /// Of each group that judges: its scenes.
+    pub(super) fn judging(&self) -> Vec<Range<usize>> {
+        let groups = self.groups_with_scenes().filter(|(group, _)| group.judges);
+        groups.map(|(_, scenes)| scenes.clone()).collect()
+    }
+
+    /// The own kinds' scenes.
+    pub(super) fn own(&self) -> &Range<usize> {
+        &self.of_group[0]
+    }
+
+    /// Groups with their scenes.
+    pub(super) fn groups_with_scenes(&self) -> impl Iterator<Item = (&TestGroup, &Range<usize>)> {
+        self.groups.iter().zip(&self.of_group)
+    }
+
+    /// Outputs for the rows, in their order -> what is right and wrong in each scene.
+    pub(super) fn verdicts(&self, outputs: &[f64]) -> Verdicts {
+        let scene = |rows: &Range<usize>| {
+            let mut counts = Confusion::default();
+            for row in rows.clone() {
+                counts.add(self.rows.labels[row].is_untraversable(), outputs[row] >= THRESHOLD, 1);
+            }
+            counts
+        };
+        let missed = self.judging().into_iter().filter_map(|scenes| {
+            let mut scores = Scores::new(1.0);
+            for row in self.scenes[scenes].iter().flat_map(Range::clone) {
+                scores.add(self.rows.labels[row].is_untraversable(), outputs[row]);
+            }
+            // From "everything untraversable" on: the first that calls few enough so.
+            scores.roc().iter().find(|at| at.false_untraversable <= FALSE_SHARE).map(|at| at.missed_untraversable)
+        });
+        let missed: Vec<f64> = missed.collect();
+        Verdicts {
+            scenes: self.scenes.iter().map(scene).collect(),
+            missed: (!missed.is_empty()).then(|| missed.iter().sum::<f64>() / missed.len() as f64),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cells::Label;
+
+    fn rows(labels: &[i8]) -> Rows {
+        let mut rows = Rows::new(0);
+        rows.labels.extend(labels.iter().map(|&number| Label::of_number(number).expect("0 or 1")));
+        rows.corpora.extend(labels.iter().map(|_| 0));
+        rows
+    }
+
+    #[test]
+    fn exact_scenes_without_cells_are_left_out_and_held_out_families_judge() {
+        let names = vec![None, Some("unseen".to_owned())];
+        let made = vec![(0, rows(&[0, 1])), (0, rows(&[])), (1, rows(&[1, 0, 0])), (1, rows(&[1]))];
+        let test = TestScenes::new(names, 0, made);
+        let facts: Vec<_> = test.groups.iter().map(|group| (group.scenes, group.cells, group.judges)).collect();
+        assert_eq!(facts, [(1, 2, false), (2, 4, true)]);
+        assert_eq!(test.judging().iter().map(|scenes| (scenes.start, scenes.end)).collect::<Vec<_>>(), [(1, 3)]);
+        let verdicts = test.verdicts(&[0.1, 0.9, 0.4, 0.3, 0.6, 0.7]);
+        let counts = |scene: usize| {
+            let c = verdicts.scenes[scene];
+            (c.true_traversable, c.false_untraversable, c.missed_untraversable, c.true_untraversable)
+        };
+        assert_eq!((counts(0), counts(1), counts(2)), ((1, 0, 0, 1), (1, 1, 1, 0), (0, 0, 0, 1)));
+        // Of 0.4 and 0.7 untraversable, 0.3 and 0.6 traversable: no false call from above 0.6 on, and 0.4 is missed there.
+        assert_eq!(verdicts.missed, Some(0.5));
+    }
+}

@@ -1,0 +1,97 @@
+//! Gains at equal CPU -> which setting to build with, and how many scenes of it.
+//!
+//! Recommended is what is told to be better than the reference, and of several the one that is most accurate for the reference's CPU time.
+//! Where nothing is, the config as it is written stays, if it is not told to be worse. Of the setting's sizes the first is taken from which on
+//! more scenes bring next to nothing, else the largest. Other yards are not recommended, nor poses that no rover knows.
+
+use super::report::{Recommendation, Row, Told};
+use super::settings::Side;
+
+/// `None` where nothing of a side could be measured.
+pub(super) fn recommend(rows: &[Row], side: Side) -> Option<Recommendation> {
+    let own = || rows.iter().filter(|row| row.side == side && row.worth.is_some());
+    let allowed = || own().filter(|row| row.may_be_recommended);
+    let told = |row: &Row| row.worth.as_ref().and_then(|worth| worth.gain.as_ref()).map(|gain| gain.told);
+    let within = |row: &Row| row.worth.as_ref().and_then(|worth| worth.at_reference_cpu).unwrap_or(0.0);
+    let better = allowed().filter(|row| told(row) == Some(Told::Better));
+    let best = better.max_by(|a, b| within(a).total_cmp(&within(b)));
+    let written = || allowed().find(|row| row.is_as_written() && told(row) != Some(Told::Worse));
+    let row = best.or_else(written).or_else(|| own().next())?;
+    let worth = row.worth.as_ref()?;
+    let size = worth.curve.iter().find(|size| worth.flat_from.is_some_and(|flat| size.scenes >= flat));
+    let size = size.or(worth.curve.last())?;
+    Some(Recommendation {
+        name: row.label(),
+        sets: row.sets.clone(),
+        is_told_better: best.is_some(),
+        scenes: size.scenes,
+        cpu_s: size.cpu_s(),
+        balanced_accuracy: size.balanced_accuracy,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::tradeoff::report::{CurveRow, GainRow, WorthRow};
+    use crate::measure::tradeoff::settings::Group;
+    use crate::statistics::Interval;
+
+    fn row(name: &str, told: Option<Told>, within: f64, flat_from: Option<u64>) -> Row {
+        let balanced_accuracy = Interval { mean: within, half_width: 0.01 };
+        let gain = told.map(|told| GainRow { cpu_s: 1.0, scenes: 9, reference_scenes: 3, balanced_accuracy, told });
+        let size = |scenes: u64| CurveRow {
+            scenes,
+            train_rows: 0.0,
+            rows_learnt: 0.0,
+            generate_cpu_s: scenes as f64,
+            train_cpu_s: 0.0,
+            learning_cpu_s: 0.0,
+            balanced_accuracy,
+            by_seed: Vec::new(),
+            own: None,
+            worst: None,
+            missed: None,
+        };
+        Row {
+            side: Side::Pipeline,
+            group: told.map(|_| Group::Presets),
+            name: name.into(),
+            sets: vec![name.into()],
+            may_be_recommended: name != "truth",
+            pipeline: None,
+            worth: Some(WorthRow {
+                curve: [5, 10, 20, 40].map(size).into(),
+                at_reference_cpu: Some(within),
+                gain,
+                flat_from,
+            }),
+        }
+    }
+
+    fn recommended(rows: &[Row]) -> (String, u64, bool) {
+        let of = recommend(rows, Side::Pipeline).expect("a row");
+        (of.name, of.scenes, of.is_told_better)
+    }
+
+    #[test]
+    fn exact_the_most_accurate_of_what_is_told_better_is_recommended_where_its_curve_is_flat() {
+        let reference = row("reference", None, 0.95, None);
+        let all = [
+            reference.clone(),
+            row("one", Some(Told::Better), 0.96, None),
+            row("two", Some(Told::Better), 0.97, Some(10)),
+            row("lucky", Some(Told::NotApart), 0.99, None),
+            row("truth", Some(Told::Better), 0.99, None),
+        ];
+        assert_eq!(recommended(&all), ("presets: two".into(), 10, true));
+        let written = row("as written", Some(Told::NotApart), 0.94, None);
+        assert_eq!(
+            recommended(&[reference.clone(), all[3].clone(), written]),
+            ("presets: as written".into(), 40, false)
+        );
+        let worse = row("as written", Some(Told::Worse), 0.9, None);
+        assert_eq!(recommended(&[reference, worse]), ("reference".into(), 40, false));
+        assert!(recommend(&all, Side::Trainer).is_none());
+    }
+}
