@@ -5,7 +5,8 @@
     python scripts/check_onnx.py model.onnx model.json [--tolerance 1e-6]
 
 `model.json` holds rows of features over the whole range that the model was trained on, and beyond it, with marsyard's own
-outputs. They are compared with onnxruntime's, all rows at once and row by row, and with plain NumPy from the weights.
+outputs, and probabilities where the model has a calibration. They are compared with onnxruntime's, all rows at once and row by row, and with
+plain NumPy from the weights.
 """
 
 import argparse
@@ -29,6 +30,12 @@ def by_numpy(model: dict, features: np.ndarray) -> np.ndarray:
     return x[:, 0]
 
 
+def probabilities_by_numpy(model: dict, outputs: np.ndarray) -> np.ndarray:
+    calibration, (low, high) = model["about"]["calibration"], model["about"]["targets"]
+    share = np.clip((outputs - low) / (high - low), 0.01, 0.99)
+    return 1.0 / (1.0 + np.exp(-(calibration["slope"] * np.log(share / (1.0 - share)) + calibration["offset"])))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("onnx")
@@ -49,16 +56,20 @@ def main() -> int:
         return 1
 
     session = onnxruntime.InferenceSession(args.onnx, providers=["CPUExecutionProvider"])
-    together = session.run(["untraversable"], {"features": features})[0][:, 0]
-    one_by_one = np.array([session.run(None, {"features": row[None, :]})[0][0, 0] for row in features])
-    results = {"onnxruntime": together, "onnxruntime, row by row": one_by_one, "NumPy": by_numpy(model, features)}
-    failed = False
-    print(f"{len(features)} rows, outputs from {expected.min():.4f} to {expected.max():.4f}")
-    for name, outputs in results.items():
-        worst = float(np.abs(outputs - expected).max())
-        good = bool(np.isfinite(outputs).all()) and worst <= args.tolerance
-        failed |= not good
-        print(f"{name:<26} largest difference {worst:.2e}  {'ok' if good else 'TOO LARGE'}")
+    own = by_numpy(model, features)
+    wanted = {"untraversable": (expected, own)}
+    if "calibration" in model["about"]:
+        wanted["probability"] = (np.array(model["check"]["probabilities"]), probabilities_by_numpy(model, own))
+    failed = [output.name for output in session.get_outputs()] != list(wanted)
+    for output, (expected, own) in wanted.items():
+        together = session.run([output], {"features": features})[0][:, 0]
+        one_by_one = np.array([session.run([output], {"features": row[None, :]})[0][0, 0] for row in features])
+        print(f"{output}: {len(features)} rows from {expected.min():.4f} to {expected.max():.4f}")
+        for name, found in {"onnxruntime": together, "onnxruntime, row by row": one_by_one, "NumPy": own}.items():
+            worst = float(np.abs(found - expected).max())
+            good = bool(np.isfinite(found).all()) and worst <= args.tolerance
+            failed |= not good
+            print(f"  {name:<26} largest difference {worst:.2e}  {'ok' if good else 'TOO LARGE'}")
     return int(failed)
 
 

@@ -21,7 +21,7 @@ pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
     poses.iter().try_for_each(|pose| judge.check_pose(pose)).map_err(failure)?;
     let stems = load::stems(&args.clouds);
     let mut outputs = write::open(args, &stems)?;
-    report::assumed(args, &model, judge.setup());
+    report::assumed(args, &model, &judge);
     let (mut scans, mut written) = (Vec::new(), Vec::new());
     for (number, path) in args.clouds.iter().enumerate() {
         let cloud = load::cloud(args, path)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 
 use super::Failure;
+use super::operating_point::PointArgs;
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
 use crate::cells::LabelRule;
@@ -12,7 +13,7 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::store::may_pass;
 use crate::corpus::{Outputs, Split, address};
 use crate::evaluate::{self, EvaluateError, FamilyFacts, Options, Report};
-use crate::train::{MODEL_FORMAT, Model, ModelError, folder};
+use crate::train::{Model, ModelError, folder};
 
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
@@ -30,9 +31,8 @@ pub(super) struct EvaluateArgs {
     /// Labels for another rover, from the truth columns: --labels '{obstacle: {taller_than_m: 0.2}}'.
     #[arg(long, value_parser = parse_rule, value_name = "RULE")]
     labels: Option<LabelRule>,
-    /// Thresholds of the output in place of the model's own, ascending: --threshold 0.3,0.5.
-    #[arg(long = "threshold", value_delimiter = ',', value_name = "T")]
-    thresholds: Vec<f64>,
+    #[command(flatten)]
+    point: PointArgs,
     /// Judge also on scenes that the model learnt from or was stopped by; the report says so.
     #[arg(long)]
     allow_shared_scenes: bool,
@@ -86,7 +86,7 @@ pub(super) fn read_model(path: &Path) -> Result<Model, Failure> {
         }),
         error => Failure::usage(miette::Report::msg(format!("{}: {error}", file.display()))),
     })?;
-    if model.about.marsyard_model < MODEL_FORMAT {
+    if !model.about.is_checked() {
         tracing::warn!(
             "{}: of format {}, which has no checksum: damage would not be noticed",
             file.display(),
@@ -103,8 +103,7 @@ pub(super) fn evaluate_failure(error: EvaluateError) -> Failure {
         error @ (EvaluateError::Model(_)
         | EvaluateError::Family { .. }
         | EvaluateError::Shared { .. }
-        | EvaluateError::NoFamily { .. }
-        | EvaluateError::Thresholds(_)) => Failure::usage(miette::Report::msg(error.to_string())),
+        | EvaluateError::NoFamily { .. }) => Failure::usage(miette::Report::msg(error.to_string())),
         error => Failure::failed(error),
     }
 }
@@ -122,7 +121,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     };
     let options = Options {
         labels: args.labels.clone(),
-        thresholds: args.thresholds.clone(),
+        point: args.point.chosen(),
         only_families: args.families.clone(),
         allow_shared_scenes: args.allow_shared_scenes,
         yards: plan.yards(),

@@ -12,6 +12,7 @@ mod explain;
 mod export;
 mod generate;
 mod log;
+mod operating_point;
 mod options;
 mod output;
 mod place;

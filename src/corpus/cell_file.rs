@@ -10,12 +10,13 @@ use super::write::TableWriter;
 use super::{CorpusError, PARQUET_FORMAT, Table, tables};
 use crate::cells::{Cells, FeatureColumn};
 
-/// One scan's cells, and per cell the output and class, `None` where it was not judged.
+/// One scan's cells, and per cell the output, the probability of being untraversable and the class, `None` where it was not judged.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CellOutputs<'a> {
     pub scan_id: u32,
     pub cells: &'a Cells,
     pub outputs: &'a [Option<f64>],
+    pub probabilities: &'a [Option<f64>],
     pub classes: &'a [Option<usize>],
 }
 
@@ -40,6 +41,12 @@ pub(crate) fn judged_cells(
         "Output of the model: low is traversable; null where the cell was not judged.",
     ));
     columns.push(judgement(
+        "probability",
+        Kind::Float32,
+        "Probability that the cell is untraversable, as cells occur on the model's validation scenes; null where the cell was not judged, or \
+         the model has no calibration.",
+    ));
+    columns.push(judgement(
         "class",
         Kind::Int8,
         "Class by the model's thresholds, 0 the most traversable; null where the cell was not judged.",
@@ -56,8 +63,12 @@ pub(crate) fn judged_cells(
     for scan in scans {
         let row = |cell| tables::cells::Row { scene_id: 0, scan_id: scan.scan_id as i32, cell };
         let rows: Vec<_> = scan.cells.rows.iter().map(row).collect();
-        let judgement: [ArrayRef; 2] = [
-            Arc::new(scan.outputs.iter().map(|output| output.map(|value| value as f32)).collect::<Float32Array>()),
+        let single = |values: &[Option<f64>]| -> ArrayRef {
+            Arc::new(values.iter().map(|value| value.map(|value| value as f32)).collect::<Float32Array>())
+        };
+        let judgement: [ArrayRef; 3] = [
+            single(scan.outputs),
+            single(scan.probabilities),
             Arc::new(scan.classes.iter().map(|class| class.map(|value| value as i8)).collect::<Int8Array>()),
         ];
         let more = tables::features(scan.cells, features.len()).chain(judgement);

@@ -16,7 +16,7 @@ use crate::corpus::manifest::ShardLine;
 use crate::corpus::reader::TableFile;
 use crate::corpus::{CorpusError, Finished, Split, Store, Table, families_of_scenes};
 use crate::plan::{Family, Plan};
-use crate::train::{Model, ModelError, leaks};
+use crate::train::{Model, ModelError, OperatingPoint, leaks};
 
 /// What the plan says of a family.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,8 +39,8 @@ pub struct Options {
     pub split: Split,
     /// Labels by another rule than the corpus's.
     pub labels: Option<LabelRule>,
-    /// Thresholds of the output in place of the model's.
-    pub thresholds: Vec<f64>,
+    /// Where outputs are told apart.
+    pub point: OperatingPoint,
     /// Choose a threshold on the validation split, too.
     pub choose: bool,
     /// Judge the scenes of these families alone; empty = all. Thresholds are chosen on all families all the same: one that is held
@@ -74,7 +74,7 @@ impl Options {
         Options {
             split,
             labels: None,
-            thresholds: Vec::new(),
+            point: OperatingPoint::Model,
             choose: true,
             only_families: Vec::new(),
             allow_shared_scenes: false,
@@ -107,8 +107,6 @@ pub enum EvaluateError {
     Shared { place: String, leaks: String },
     #[error(transparent)]
     Rule(#[from] Unanswerable),
-    #[error("the thresholds {0:?} are not 1 to 16 rising numbers within 0 and 1")]
-    Thresholds(Vec<f64>),
 }
 
 /// Judges a model on a split. `families` may be empty: then nothing is known of sensors and cell sizes.
@@ -154,8 +152,8 @@ pub fn evaluate(
             Some(_) => {}
         }
     }
-    let (judge, scans) =
-        reader.judge(options.split, &options.only_families, Judge::new(thresholds, height_threshold))?;
+    let judge = Judge::new(thresholds, height_threshold).with_probabilities(model, &options.point);
+    let (judge, scans) = reader.judge(options.split, &options.only_families, judge)?;
     if judge.groups.is_empty() {
         return Err(EvaluateError::EmptySplit { place: store.place(), split: options.split.name() });
     }
@@ -226,16 +224,10 @@ fn shared_scenes(model: &Model, corpus: &Finished, options: &Options) -> Result<
 }
 
 fn thresholds(model: &Model, options: &Options) -> Result<Vec<Threshold>, EvaluateError> {
-    let given = &options.thresholds;
-    if given.is_empty() {
-        let of_model = |&value| Threshold { value, origin: ThresholdOrigin::Model };
-        return Ok(model.about.thresholds.iter().map(of_model).collect());
-    }
-    let fine = given.len() <= 16 && given.is_sorted() && given.iter().all(|t| (0.0..=1.0).contains(t));
-    if !fine {
-        return Err(EvaluateError::Thresholds(given.clone()));
-    }
-    Ok(given.iter().map(|&value| Threshold { value, origin: ThresholdOrigin::Given }).collect())
+    let of_model = options.point == OperatingPoint::Model;
+    let origin = if of_model { ThresholdOrigin::Model } else { ThresholdOrigin::Given };
+    let values = model.thresholds(&options.point)?;
+    Ok(values.into_iter().map(|value| Threshold { value, origin }).collect())
 }
 
 fn rule_text(families: &[FamilyFacts], rule: Option<&LabelRule>) -> String {

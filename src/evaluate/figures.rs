@@ -1,4 +1,4 @@
-//! A report -> figures as SVG text: confusion matrix (figure 9), error against density and range (figure 13), ROC.
+//! A report -> figures as SVG text: confusion matrix (figure 9), error against density and range (figure 13), ROC, reliability.
 
 use super::report::{Report, SpreadReport};
 use super::spread::Bin;
@@ -20,6 +20,7 @@ pub(crate) fn figures(report: &Report) -> Vec<(&'static str, String)> {
     if !report.roc.is_empty() {
         all.extend(roc(report).map(|panel| ("roc.svg", chart::svg((540, 570), &[panel]))));
     }
+    all.extend(reliability(report).map(|panel| ("reliability.svg", chart::svg((540, 570), &[panel]))));
     all
 }
 
@@ -105,5 +106,23 @@ fn roc(report: &Report) -> Option<Panel> {
         x: Axis::linear("of the traversable, %  (false_untraversable)", 0.0..100.0),
         y: Axis::linear("of the untraversable, %", 0.0..100.0),
         series,
+    })
+}
+
+/// What the probabilities promise against what came true, bin by bin.
+fn reliability(report: &Report) -> Option<Panel> {
+    let of = report.groups.first()?.probabilities.as_ref()?;
+    let points: Vec<Point> =
+        of.bins.iter().map(|bin| (100.0 * bin.mean_probability, 100.0 * bin.untraversable_share)).collect();
+    let error = 100.0 * of.expected_calibration_error;
+    Some(Panel {
+        title: format!("What probabilities are worth: off by {error:.2} points in the mean"),
+        x: Axis::linear("probability given, %", 0.0..100.0),
+        y: Axis::linear("untraversable, % of the cells", 0.0..100.0),
+        series: vec![
+            Series::unnamed(BASELINE, Marks::Line(vec![(0.0, 0.0), (100.0, 100.0)], 1)).with_opacity(0.4),
+            Series::unnamed(NETWORK, Marks::Line(points.clone(), 2)),
+            Series::unnamed(NETWORK, Marks::Dots(points, 4)),
+        ],
     })
 }

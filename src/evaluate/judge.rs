@@ -10,12 +10,14 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::confusion::Confusion;
-use super::scores::Scores;
+use super::reliability::{Doubt, Reliability};
 use super::spread::Spread;
 use super::tops::MissedTops;
 use crate::cells::{CellTruth, Label};
 use crate::geometry::CellIndex;
 use crate::scene::Class;
+use crate::statistics::scores::Scores;
+use crate::train::{Calibration, Model, OperatingPoint};
 
 /// A cell with a known label.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +87,8 @@ pub(super) struct Tally {
     pub points: u64,
     pub network: Panel,
     pub height: Panel,
+    /// Of the probabilities, where the model gives any.
+    pub reliability: Reliability,
 }
 
 /// Gathers scans.
@@ -93,6 +97,10 @@ pub struct Judge {
     pub(super) thresholds: Vec<Threshold>,
     pub(super) height_threshold: Option<Threshold>,
     pub(super) groups: BTreeMap<Group, Tally>,
+    /// What the model says that outputs mean, with its targets.
+    meaning: Option<(Calibration, [f64; 2])>,
+    /// Of all cells.
+    pub(super) doubt: Option<Doubt>,
     /// At the first threshold.
     pub(super) by_points: Spread,
     pub(super) by_range: Spread,
@@ -182,6 +190,8 @@ impl Judge {
             thresholds,
             height_threshold,
             groups: BTreeMap::new(),
+            meaning: None,
+            doubt: None,
             by_points: Spread::default(),
             by_range: Spread::default(),
             by_class: BTreeMap::new(),
@@ -189,6 +199,13 @@ impl Judge {
             unknown_cells: 0,
             not_finite_cells: 0,
         }
+    }
+
+    /// That judges the probabilities of a model too, and what its operating point leaves in doubt.
+    pub(crate) fn with_probabilities(mut self, model: &Model, asked: &OperatingPoint) -> Judge {
+        self.meaning = model.about.calibration.clone().map(|calibration| (calibration, model.about.targets));
+        self.doubt = Doubt::of(model, asked);
+        self
     }
 
     /// Adds one scan: its cells and the output for each. Empty names of family and sensor make no group. A cell whose output is
@@ -210,13 +227,20 @@ impl Judge {
                 points: 0,
                 network: Panel::new(1.0, outputs_at.len()),
                 height: Panel::new(HEIGHT_REACH_M, heights_at.len()),
+                reliability: Reliability::default(),
             });
             for (cell, &output) in cells.iter().zip(outputs).filter(|(cell, _)| cell.points >= least_points) {
                 tally.cells += 1;
                 tally.points += cell.points.max(0) as u64;
                 tally.network.add(cell, output, outputs_at);
                 tally.height.add(cell, f64::from(cell.height_difference_m), heights_at);
+                if let Some((calibration, targets)) = &self.meaning {
+                    tally.reliability.add(cell.untraversable(), calibration.probability(output, *targets));
+                }
             }
+        }
+        if let Some(doubt) = &mut self.doubt {
+            cells.iter().zip(outputs).for_each(|(cell, &output)| doubt.add(cell.untraversable(), output));
         }
         if let Some(first) = self.thresholds.first() {
             for (cell, &output) in cells.iter().zip(outputs) {

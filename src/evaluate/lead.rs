@@ -1,4 +1,5 @@
-//! A report -> what a reader needs first: what is missed, what gives alarm, what a call is worth, and on which family it is worst.
+//! A report -> what a reader needs first: what is missed, what gives alarm, what a call is worth, what is doubtful, and on which family it
+//! is worst.
 //!
 //! By cells, at the first threshold. A family is judged by its balanced accuracy, which its share of untraversable cells does not move;
 //! families without cells of both classes have none and are left out of worst and mean.
@@ -72,6 +73,17 @@ impl Display for Lead<'_> {
         for (name, share, counts, meaning) in lines {
             writeln!(f, "{name:<9} {:>6} %  {counts} {meaning}", percent(share))?;
         }
+        if let Some(doubt) = &report.doubt {
+            let [false_alarms, missed] = doubt.wrong_shares().map(percent);
+            writeln!(
+                f,
+                "{:<9} {:>6} %  of the cells, with outputs of {:.3} to {:.3}; of the others {missed} % are missed, {false_alarms} % false",
+                "doubtful",
+                percent(Some(doubt.share())),
+                doubt.between[0],
+                doubt.between[1]
+            )?;
+        }
         if let Some(FamilySummary { families, mean_balanced_accuracy, worst, worst_balanced_accuracy }) =
             &report.families
         {
@@ -120,7 +132,14 @@ mod tests {
         };
         let panels = Panels { auc: None, auc_bound: 0.0, at: vec![at] };
         let group = Group::Family(name.into());
-        GroupReport { group, cells: counts.total(), points: 0, network: panels.clone(), height_difference: panels }
+        GroupReport {
+            group,
+            cells: counts.total(),
+            points: 0,
+            network: panels.clone(),
+            height_difference: panels,
+            probabilities: None,
+        }
     }
 
     #[test]

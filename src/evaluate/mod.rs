@@ -14,9 +14,9 @@ mod corpus;
 mod figures;
 mod judge;
 mod lead;
+mod reliability;
 mod report;
 mod run_folder;
-mod scores;
 mod spread;
 mod table;
 #[cfg(test)]
@@ -27,10 +27,11 @@ pub use self::corpus::{EvaluateError, FamilyFacts, Options, evaluate};
 pub use confusion::{Confusion, FiveRows, Rates, Table1};
 pub use judge::{Cell, Group, Judge, Threshold, ThresholdOrigin};
 pub use lead::FamilySummary;
+pub use reliability::{Doubt, ReliabilityBin, ReliabilityReport};
 pub use report::{AtThreshold, ClassReport, DataFacts, GroupReport, Judged, ModelFacts, Panels, Report, SpreadReport};
 pub(crate) use run_folder::{evaluate_into, evaluation_folder};
-pub use scores::RocPoint;
-pub(crate) use scores::Scores;
 pub use spread::Bin;
 pub(crate) use table::Brief;
 pub use tops::MissedTops;
+
+pub use crate::statistics::scores::RocPoint;

@@ -6,10 +6,11 @@ use super::confusion::{Confusion, Rates, Table1};
 use super::figures::figures;
 use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH_TOPS, WITHOUT_TOPS};
 use super::lead::FamilySummary;
-use super::scores::{BINS, RocPoint};
+use super::reliability::{Doubt, ReliabilityReport};
 use super::spread::{Bin, Spread};
 use super::tops::MissedTops;
 use crate::scene::Class;
+use crate::statistics::scores::{BINS, RocPoint};
 use crate::train::Model;
 
 /// How good a model is on some cells. No time, host or path: equal models and cells give equal reports.
@@ -28,6 +29,9 @@ pub struct Report {
     /// Worst and mean of the families, where there is more than one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub families: Option<FamilySummary>,
+    /// What is doubtful by the model's validation scenes, and how the rest fares; none for a model that has no calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<Doubt>,
     pub points_per_cell: SpreadReport,
     pub range_m: SpreadReport,
     /// Cells by the class of the tallest object among their points, at the first threshold: what is missed, what gives alarm.
@@ -77,6 +81,9 @@ pub struct GroupReport {
     pub network: Panels,
     /// One tuned threshold on the height difference.
     pub height_difference: Panels,
+    /// Of the network's probabilities; none for a model that has no calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probabilities: Option<ReliabilityReport>,
 }
 
 /// One classifier in one group.
@@ -165,6 +172,7 @@ impl Report {
             ),
             families: FamilySummary::of(&groups),
             groups,
+            doubt: judge.doubt.clone(),
             points_per_cell: SpreadReport::of(&judge.by_points, &POINT_BORDERS, 1.0),
             range_m: SpreadReport::of(&judge.by_range, &RANGE_BORDERS, f64::from(CM_PER_M)),
             classes: judge.by_class.iter().map(|(&class, &counts)| ClassReport::of(class, counts)).collect(),
@@ -205,6 +213,7 @@ impl GroupReport {
             points: tally.points,
             network: Panels::of(&tally.network, &judge.thresholds),
             height_difference: Panels::of(&tally.height, judge.height_threshold.as_slice()),
+            probabilities: tally.reliability.report(),
         }
     }
 }

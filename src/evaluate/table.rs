@@ -134,8 +134,17 @@ impl Report {
 fn rates_head(f: &mut Formatter<'_>) -> fmt::Result {
     writeln!(
         f,
-        "{:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
-        "by cells, percent", "untraversable", "majority", "accuracy", "balanced", "MCC", "AUC", "missed", "false"
+        "{:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>6} {:>8} {:>8}",
+        "by cells, percent",
+        "untraversable",
+        "majority",
+        "accuracy",
+        "balanced",
+        "MCC",
+        "AUC",
+        "ECE",
+        "missed",
+        "false"
     )
 }
 
@@ -148,19 +157,23 @@ fn rates_of(f: &mut Formatter<'_>, group: &GroupReport) -> fmt::Result {
         Group::Sensor(name) => format!("sensor {name}"),
     };
     writeln!(f, "{title} ({})", thousands(group.cells))?;
-    for (name, unit, panels) in [("network", "", &group.network), ("height diff.", " m", &group.height_difference)] {
+    let error = group.probabilities.as_ref().map(|found| found.expected_calibration_error);
+    for (name, unit, panels, error) in
+        [("network", "", &group.network, error), ("height diff.", " m", &group.height_difference, None)]
+    {
         for at in &panels.at {
             let label = format!("  {name} from {:.3}{unit}{}", at.threshold.value, origin(at.threshold));
             let r = &at.cells.rates;
             writeln!(
                 f,
-                "{label:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>8} {:>8}",
+                "{label:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>6} {:>8} {:>8}",
                 percent(r.prevalence),
                 percent(r.majority_baseline),
                 percent(r.accuracy),
                 percent(r.balanced_accuracy),
                 plain(r.mcc),
                 plain(panels.auc),
+                percent(error),
                 percent(r.missed_untraversable),
                 percent(r.false_untraversable)
             )?;
@@ -171,7 +184,11 @@ fn rates_of(f: &mut Formatter<'_>, group: &GroupReport) -> fmt::Result {
 
 fn rates_legend(f: &mut Formatter<'_>) -> fmt::Result {
     writeln!(f, "missed = missed_untraversable: of what is untraversable, the share called traversable (dangerous)")?;
-    writeln!(f, "false  = false_untraversable: of what is traversable, the share called untraversable (a detour)")
+    writeln!(f, "false  = false_untraversable: of what is traversable, the share called untraversable (a detour)")?;
+    writeln!(
+        f,
+        "ECE    = expected calibration error: how far the probabilities are from the shares that came true, in the mean"
+    )
 }
 
 fn confusion(f: &mut Formatter<'_>, at: &AtThreshold) -> fmt::Result {

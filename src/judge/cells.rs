@@ -4,6 +4,15 @@ use crate::cells::{CellRow, Cells};
 use crate::evaluate::Cell;
 use crate::geometry::{CellIndex, GridSpec};
 
+/// What so many classes are called, from the most traversable on.
+pub(crate) fn class_names(classes: usize) -> Vec<String> {
+    match classes {
+        2 => ["traversable", "untraversable"].map(String::from).into(),
+        3 => ["traversable", "doubtful", "untraversable"].map(String::from).into(),
+        _ => (0..classes).map(|class| format!("class {class}")).collect(),
+    }
+}
+
 /// The cells of one scan and what a model said of them.
 #[derive(Clone, Debug)]
 pub struct JudgedCells {
@@ -16,6 +25,8 @@ pub struct JudgedCells {
     pub inputs: Vec<f32>,
     /// One a cell: the network's output, `None` where the cell is not judged (too few points, or a feature that is not finite).
     pub outputs: Vec<Option<f64>>,
+    /// One a cell: how probable it is that it is untraversable; `None` where the cell is not judged, or the model has no calibration.
+    pub probabilities: Vec<Option<f64>>,
     /// One a cell: how many thresholds the output reaches.
     pub classes: Vec<Option<usize>>,
     /// Number of classes.
@@ -31,6 +42,11 @@ impl JudgedCells {
     /// Cells of a class; of none: those that were not judged.
     pub fn count(&self, class: Option<usize>) -> usize {
         self.classes.iter().filter(|&&there| there == class).count()
+    }
+
+    /// What the classes are called, from the most traversable on.
+    pub fn class_names(&self) -> Vec<String> {
+        class_names(self.of_classes)
     }
 
     /// The number of a cell's row.

@@ -37,6 +37,7 @@
 //! #         corpus_names: Vec::new(),
 //! #         run: None,
 //! #         learnt_from: Vec::new(),
+//! #         calibration: None,
 //! #         frames: Vec::new(),
 //! #         overhangs_m: Vec::new(),
 //! #     };
@@ -89,6 +90,7 @@ pub use crate::cells::ScanPose;
 pub(crate) use crate::cells::frame::Sigmas;
 pub use crate::cells::level::{Levelled, RivalGround};
 pub use cells::JudgedCells;
+pub(crate) use cells::class_names;
 pub use cost_map::{CostMap, Shown};
 pub use error::JudgeError;
 pub use export::LabelledPoint;

@@ -8,7 +8,7 @@ use crate::cells::CellFrame;
 use crate::cells::frame::Sigmas;
 use crate::cloud::LabelMap;
 use crate::drive::rover::Mount;
-use crate::train::About;
+use crate::train::{About, OperatingPoint};
 
 /// The frame that the points of the clouds are in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -54,6 +54,8 @@ pub struct Options {
     pub own_body: Option<OwnBody>,
     /// Cells of fewer points are not judged.
     pub min_points: u32,
+    /// Where the model's outputs are told apart.
+    pub point: OperatingPoint,
     /// What the clouds' labels mean; with it, the judge keeps score.
     pub labels: Option<LabelMap>,
 }
@@ -83,6 +85,7 @@ impl Default for Options {
             overhang_m: None,
             own_body: None,
             min_points: 1,
+            point: OperatingPoint::Model,
             labels: None,
         }
     }

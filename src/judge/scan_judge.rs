@@ -14,7 +14,8 @@ use crate::cloud::{Cloud, LabelMap};
 use crate::corpus::cell_file;
 use crate::evaluate::{DataFacts, Judge, Report, Threshold, ThresholdOrigin};
 use crate::geometry::{GridSpec, Pose};
-use crate::train::Model;
+use crate::train::operating_point::class;
+use crate::train::{Model, OperatingPoint};
 
 /// Judges scans one after another; the newest ones are its window.
 #[derive(Clone, Debug)]
@@ -22,6 +23,8 @@ pub struct ScanJudge<'m> {
     model: &'m Model,
     setup: Setup,
     labels: Option<LabelMap>,
+    /// Rising borders between classes of the output.
+    thresholds: Vec<f64>,
     /// The model takes intensities.
     intensity: bool,
     /// The columns that are computed, and where among them the model's inputs stand.
@@ -47,12 +50,16 @@ impl<'m> ScanJudge<'m> {
         let features = feature_columns(&cells, intensity);
         let names: Vec<&str> = features.iter().map(|column| column.name.as_str()).collect();
         let inputs = model.inputs_of(&names)?;
-        let own = |&value: &f64| Threshold { value, origin: ThresholdOrigin::Model };
-        let scores = Judge::new(about.thresholds.iter().map(own).collect(), None);
+        let thresholds = model.thresholds(&options.point)?;
+        let of_model = options.point == OperatingPoint::Model;
+        let origin = if of_model { ThresholdOrigin::Model } else { ThresholdOrigin::Given };
+        let scored = thresholds.iter().map(|&value| Threshold { value, origin }).collect();
+        let scores = Judge::new(scored, None).with_probabilities(model, &options.point);
         Ok(ScanJudge {
             model,
             setup,
             labels: options.labels,
+            thresholds,
             intensity,
             features,
             inputs,
@@ -66,6 +73,11 @@ impl<'m> ScanJudge<'m> {
 
     pub(crate) fn setup(&self) -> &Setup {
         &self.setup
+    }
+
+    /// Rising borders between classes of the output.
+    pub(crate) fn thresholds(&self) -> &[f64] {
+        &self.thresholds
     }
 
     /// Refuses what no scan could be judged by, before the first one is.
@@ -124,9 +136,10 @@ impl<'m> ScanJudge<'m> {
             scan: newest.name.clone(),
             known_points,
             inputs,
-            classes: outputs.iter().map(|output| output.map(|output| model.class(output))).collect(),
+            classes: outputs.iter().map(|output| output.map(|output| class(&self.thresholds, output))).collect(),
+            probabilities: outputs.iter().map(|output| model.probability((*output)?)).collect(),
             outputs,
-            of_classes: model.about.thresholds.len() + 1,
+            of_classes: self.thresholds.len() + 1,
             targets: model.about.targets,
             grid: GridSpec { size_m: model.about.cells.size_m },
             rover_z_m: newest.pose.estimate.pose.position_m.z,
@@ -153,6 +166,7 @@ impl<'m> ScanJudge<'m> {
             scan_id: number as u32,
             cells: &scan.cells,
             outputs: &scan.outputs,
+            probabilities: &scan.probabilities,
             classes: &scan.classes,
         });
         let scans: Vec<cell_file::CellOutputs> = rows.collect();

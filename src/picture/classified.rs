@@ -20,9 +20,9 @@ pub(crate) struct ShadedCell {
 
 /// What the shades mean, for the legend.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Shades {
-    /// So many classes.
-    Classes(usize),
+pub(crate) enum Shades<'a> {
+    /// Classes of these names, from light to dark.
+    Classes(&'a [String]),
     /// The direct output between the two targets.
     Output([f64; 2]),
     /// Points a cell, from 1 to so many, by their logarithm.
@@ -85,10 +85,9 @@ fn shaded(shade: f64, palette: &Palette) -> Colour {
 fn legend(canvas: &mut Canvas, shades: Shades, unknown: bool, palette: &Palette) {
     let top = (TOP + SIDE) as f64 + 50.0;
     let entries: Vec<(f64, String)> = match shades {
-        Shades::Classes(2) => vec![(0.0, "traversable".into()), (1.0, "untraversable".into())],
-        Shades::Classes(count) => {
-            let last = count.max(2) - 1;
-            (0..=last).map(|k| (k as f64 / last as f64, format!("class {k}"))).collect()
+        Shades::Classes(names) => {
+            let last = names.len().max(2) - 1;
+            names.iter().enumerate().map(|(k, name)| (k as f64 / last as f64, name.clone())).collect()
         }
         Shades::Output([light, dark]) => {
             (0..5).map(|k| 0.25 * f64::from(k)).map(|s| (s, format!("{:.1}", light + (dark - light) * s))).collect()
@@ -113,7 +112,8 @@ mod tests {
     fn exact_a_dark_cell_in_the_north_east_is_dark_in_the_upper_right() {
         let cell = |row, col, shade| ShadedCell { index: CellIndex { row, col }, shade: Some(shade) };
         let cells = [cell(0, 0, 0.0), cell(9, 9, 1.0), cell(0, 9, 0.0), cell(9, 0, 0.0)];
-        let png = cell_map("t", GridSpec { size_m: 0.1 }, &cells, DVec2::new(0.5, 0.5), Shades::Classes(2));
+        let names = ["light", "dark"].map(String::from);
+        let png = cell_map("t", GridSpec { size_m: 0.1 }, &cells, DVec2::new(0.5, 0.5), Shades::Classes(&names));
         let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();

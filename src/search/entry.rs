@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::networks::Hidden;
 use super::rungs::Rung;
-use crate::evaluate::{Confusion, Scores};
+use crate::evaluate::Confusion;
+use crate::statistics::scores::Scores;
 use crate::train::memory::{self, Course, Held, Trained};
 use crate::train::stopping::Stop;
 use crate::train::{TrainError, TrainParams};

@@ -60,6 +60,11 @@ pub enum TrainError {
          more scenes, take a smaller network, or set allow_few_rows: true"
     )]
     FewRows { rows: u64, weights: usize },
+    #[error(
+        "all {rows} rows to learn are {label}: a network could only learn to say so; build scenes with both (`marsyard inspect` and `marsyard plan` \
+         say what is weak), choose other --labels, or set allow_one_class: true"
+    )]
+    OneClass { rows: u64, label: &'static str },
     #[error("{path}: {source}")]
     Io { path: String, source: std::io::Error },
     #[error("{path} is there already; choose another --out, or go on with it by --resume")]

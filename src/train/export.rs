@@ -1,7 +1,9 @@
 //! A model -> plain JSON: its metadata, its weights as rows, and rows to check any other program against.
 //!
 //! Layer by layer from the input on: `weights` has one row a neuron with one number an input, `biases` one number a neuron.
-//! To apply it: (x - mean) / scale, clipped to +-clip, then for each layer 1 / (1 + exp(-(weights x + biases))).
+//! To apply it: (x - mean) / scale, clipped to +-clip, then for each layer 1 / (1 + exp(-(weights x + biases))). Where the model has a
+//! calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
+//! 1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
 
 use serde::Serialize;
 
@@ -28,6 +30,8 @@ struct Check {
     /// Each the exact value of a float, as a column would hold it.
     features: Vec<Vec<f64>>,
     outputs: Vec<f64>,
+    /// That the row is untraversable; null where the model has no calibration.
+    probabilities: Vec<Option<f64>>,
 }
 
 /// Rows of the check besides the seven that hold one quantile in all features.
@@ -54,9 +58,10 @@ pub(crate) fn json(model: &Model) -> String {
         });
     }
     let rows = check_rows(model);
-    let outputs = rows.iter().map(|row| model.output(row)).collect();
+    let outputs: Vec<f64> = rows.iter().map(|row| model.output(row)).collect();
+    let probabilities = outputs.iter().map(|output| model.probability(*output)).collect();
     let features = rows.iter().map(|row| row.iter().map(|&x| f64::from(x)).collect()).collect();
-    let export = Export { about: &model.about, layers, check: Check { features, outputs } };
+    let export = Export { about: &model.about, layers, check: Check { features, outputs, probabilities } };
     serde_json::to_string(&export).expect("a model is plain data") + "\n"
 }
 
@@ -97,8 +102,9 @@ mod tests {
             let clip = scaler["clip"].as_f64().unwrap();
             let rows = value["check"]["features"].as_array().unwrap();
             let outputs = numbers(&value["check"]["outputs"]);
+            let probabilities = numbers(&value["check"]["probabilities"]);
             assert_eq!(rows.len(), 7 + MIXED_ROWS as usize);
-            for (row, output) in rows.iter().zip(outputs) {
+            for ((row, output), probability) in rows.iter().zip(outputs).zip(probabilities) {
                 let row = numbers(row);
                 let mut x = row.clone();
                 for k in 0..3 {
@@ -114,6 +120,11 @@ mod tests {
                     x = sums.map(neuron).collect();
                 }
                 assert!((x[0] - output).abs() < 1e-14, "{} {output}", x[0]);
+                let (about, [low, high]) = (&value["about"]["calibration"], model.about.targets);
+                let share = ((output - low) / (high - low)).clamp(0.01, 0.99);
+                let [slope, offset] = ["slope", "offset"].map(|name| about[name].as_f64().unwrap());
+                let logit = slope * math::ln(share / (1.0 - share)) + offset;
+                assert!((1.0 / (1.0 + math::exp(-logit)) - probability).abs() < 1e-14, "{probability}");
             }
         }
     }

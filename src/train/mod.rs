@@ -5,6 +5,7 @@
 //! Feldkamp 1991 (decoupled), Bierman 1977 (factored). Memory does not grow with the corpus. Rows come in an order that is a
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
+mod calibration;
 mod checksum;
 pub(crate) mod corpora;
 pub(crate) mod curves;
@@ -21,6 +22,7 @@ pub(crate) mod model;
 pub mod network;
 pub(crate) mod numbered;
 pub(crate) mod onnx;
+pub(crate) mod operating_point;
 pub(crate) mod order;
 pub mod params;
 pub(crate) mod quantiles;
@@ -36,10 +38,12 @@ mod stream;
 mod tests;
 pub(crate) mod validation;
 
+pub use calibration::Calibration;
 pub use error::TrainError;
 pub use filter::Filter;
 pub use model::{About, MODEL_FORMAT, Model, ModelError, Scaler};
 pub use network::{Layout, Network};
+pub use operating_point::OperatingPoint;
 pub use params::{FeatureSet, TrainParams};
 pub use run::{Event, Outcome, Setup, train};
 pub use source::{Source, Sources};

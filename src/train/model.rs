@@ -12,15 +12,17 @@ mod file;
 use garde::Validate;
 use serde::{Deserialize, Serialize};
 
-use super::Network;
+use super::calibration::Calibration;
 use super::leaks::LearntFrom;
+use super::operating_point::MOST_THRESHOLDS;
+use super::{Network, OperatingPoint};
 use crate::cells::params::{LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, is_gap};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
 /// Version of the model format; files of every earlier one are read.
-pub const MODEL_FORMAT: u32 = 2;
+pub const MODEL_FORMAT: u32 = 3;
 
 /// Features -> what the network takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -83,6 +85,9 @@ pub struct About {
     /// before this was kept.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub learnt_from: Vec<LearntFrom>,
+    /// What its outputs meant on the validation scenes; none where these lack a class, and in models of formats 1 and 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Calibration>,
 }
 
 /// Why a model cannot be used.
@@ -125,6 +130,18 @@ pub enum ModelError {
          with the model's `cells.unseen`, or train again"
     )]
     OtherUnseen { model: String, data: String },
+    #[error("the thresholds {0:?} are not 1 to {MOST_THRESHOLDS} rising numbers within 0 and 1")]
+    Thresholds(Vec<f64>),
+    #[error(
+        "the model does not know what its outputs mean: its validation scenes lacked a class, or it was trained by an earlier marsyard; \
+         train again, or say --threshold"
+    )]
+    Uncalibrated,
+    #[error(
+        "no threshold keeps within {} % on the model's validation scenes; allow more, or train on a corpus with more scenes",
+        100.0 * share
+    )]
+    Unreached { share: f64 },
 }
 
 impl Scaler {
@@ -260,9 +277,16 @@ impl Model {
         }
     }
 
-    /// Class of an output: the number of thresholds at or below it.
-    pub(crate) fn class(&self, output: f64) -> usize {
-        self.about.thresholds.iter().filter(|&&threshold| output >= threshold).count()
+    /// How probable it is that a cell of that output is untraversable, as cells occur on the validation scenes; `None` where nothing
+    /// is known of them.
+    pub fn probability(&self, output: f64) -> Option<f64> {
+        let calibration = self.about.calibration.as_ref()?;
+        Some(calibration.probability(output, self.about.targets))
+    }
+
+    /// Rising borders between classes of the output.
+    pub fn thresholds(&self, at: &OperatingPoint) -> Result<Vec<f64>, ModelError> {
+        at.thresholds(&self.about)
     }
 
     /// Everything that the rest of the program relies on; [`Model::load`] and [`Model::save`] both ask.
@@ -320,6 +344,9 @@ impl Model {
         }
         if !finite(&about.mount) {
             return Some("a mount that is not finite".into());
+        }
+        if let Some(fault) = about.calibration.as_ref().and_then(Calibration::fault) {
+            return Some(fault);
         }
         let sections = [
             ("cells", about.cells.validate().err()),

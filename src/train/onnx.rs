@@ -2,11 +2,13 @@
 //!
 //! Format: protocol buffers as `onnx.proto` (IR version 8, operator set 13) lays them out; the few messages that a network of this
 //! kind needs are written here by hand, field numbers beside them, so that no code generator has to run. Input `features`: float
-//! [rows, inputs], as the columns hold them; output `untraversable`: float [rows, 1]. In between everything is double, so that the
+//! [rows, inputs], as the columns hold them; output `untraversable`: float [rows, 1], and where the model has a calibration `probability`:
+//! float [rows, 1]. In between everything is double, so that the
 //! output is marsyard's own to the rounding of a float: a feature with a large mean and a small spread would lose it in float.
 //! The model's metadata stand in `metadata_props` under `marsyard`.
 
 use super::Model;
+use super::calibration::EDGE;
 
 /// Element types of `TensorProto`.
 const FLOAT: u64 = 1;
@@ -24,6 +26,9 @@ pub(crate) fn onnx(model: &Model) -> Vec<u8> {
     graph.message.text(2, "marsyard");
     graph.message.message(11, &tensor_type("features", FLOAT, layout.inputs));
     graph.message.message(12, &tensor_type("untraversable", FLOAT, 1));
+    if about.calibration.is_some() {
+        graph.message.message(12, &tensor_type("probability", FLOAT, 1));
+    }
 
     graph.node("Cast", &["features"], "exact", &[("to", DOUBLE)]);
     let relative: Vec<f64> = (0..layout.inputs)
@@ -55,7 +60,34 @@ pub(crate) fn onnx(model: &Model) -> Vec<u8> {
         graph.node("Gemm", &[&inputs[0], &inputs[1], &inputs[2]], &name("sum", k), &[("transB", 1)]);
         graph.node("Sigmoid", &[&name("sum", k)], &name("layer", k + 1), &[]);
     }
-    graph.node("Cast", &[&format!("layer{}", layers.len() - 1)], "untraversable", &[("to", FLOAT)]);
+    let output = format!("layer{}", layers.len() - 1);
+    graph.node("Cast", &[&output], "untraversable", &[("to", FLOAT)]);
+    if let Some(calibration) = &about.calibration {
+        let [low, high] = about.targets;
+        let numbers = [
+            ("target", low),
+            ("span", high - low),
+            ("edge", EDGE),
+            ("other_edge", 1.0 - EDGE),
+            ("one", 1.0),
+            ("slope", calibration.slope),
+            ("offset", calibration.offset),
+        ];
+        numbers.iter().for_each(|(name, value)| graph.tensor(name, &[], &[*value]));
+        let steps: [(&str, &[&str], &str); 9] = [
+            ("Sub", &[&output, "target"], "from_target"),
+            ("Div", &["from_target", "span"], "between"),
+            ("Clip", &["between", "edge", "other_edge"], "share"),
+            ("Sub", &["one", "share"], "rest"),
+            ("Div", &["share", "rest"], "odds"),
+            ("Log", &["odds"], "logit"),
+            ("Mul", &["logit", "slope"], "stretched"),
+            ("Add", &["stretched", "offset"], "calibrated"),
+            ("Sigmoid", &["calibrated"], "chance"),
+        ];
+        steps.iter().for_each(|(operator, inputs, output)| graph.node(operator, inputs, output, &[]));
+        graph.node("Cast", &["chance"], "probability", &[("to", FLOAT)]);
+    }
 
     let mut operators = Message::default();
     operators.text(1, "");
@@ -187,9 +219,20 @@ mod tests {
         let model = model(&["a", "b"], &[3], true);
         let bytes = onnx(&model);
         let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
-        for word in
-            ["Cast", "MatMul", "Sub", "Div", "Clip", "Gemm", "Sigmoid", "features", "untraversable", "marsyard_model"]
-        {
+        for word in [
+            "Cast",
+            "MatMul",
+            "Sub",
+            "Div",
+            "Clip",
+            "Gemm",
+            "Sigmoid",
+            "features",
+            "untraversable",
+            "Log",
+            "probability",
+            "marsyard_model",
+        ] {
             assert!(holds(word.as_bytes()), "{word}");
         }
         assert!(model.network.weights.iter().all(|weight| holds(&weight.to_le_bytes())));

@@ -57,6 +57,9 @@ pub struct TrainParams {
     /// Train even where there are fewer rows than weights.
     #[garde(skip)]
     pub allow_few_rows: bool,
+    /// Train even where all rows have one label, so that there is nothing to learn but to say it.
+    #[garde(skip)]
+    pub allow_one_class: bool,
 }
 
 impl Default for TrainParams {
@@ -77,6 +80,7 @@ impl Default for TrainParams {
             validate_every: None,
             patience: 5,
             allow_few_rows: false,
+            allow_one_class: false,
         }
     }
 }

@@ -192,6 +192,7 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         corpus_names: vec!["tiny".into()],
         run: None,
         learnt_from: Vec::new(),
+        calibration: None,
         frames: Vec::new(),
         overhangs_m: Vec::new(),
     };

@@ -68,6 +68,53 @@ fn law_evaluate_prints_a_report_and_writes_its_figures() {
     assert!(output.status.success() && text(&output.stdout).contains("missed_untraversable"));
 }
 
+/// On the validation scenes themselves, counted again cell by cell.
+#[test]
+fn exact_operating_points_keep_their_promise_on_the_validation_split() {
+    let yard = trained();
+    let report = |arguments: &[&str]| -> Json {
+        let asked = ["evaluate", "run", "corpus", "--split", "validation", "--json"];
+        let output = yard.marsyard(asked.iter().chain(arguments));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        serde_json::from_slice(&output.stdout).expect("JSON")
+    };
+    let share = |report: &Json, threshold: usize, name: &str| {
+        report["groups"][0]["network"]["at"][threshold]["cells"][name].as_f64().expect("a share")
+    };
+    let calibration = Model::read(&yard.path("run/model.safetensors")).expect("a model").about.calibration;
+    let calibration = calibration.expect("a calibration");
+    for percent in [2.0, 10.0] {
+        let asked = format!("{percent}%");
+        let judged = report(&["--miss-at-most", &asked]);
+        assert!(share(&judged, 0, "missed_untraversable") <= percent / 100.0, "{asked}");
+        let given = judged["thresholds"][0]["value"].as_f64().expect("a threshold");
+        let curve = calibration.curve.iter().find(|point| point[0] == given).expect("a point of the curve");
+        assert_eq!([share(&judged, 0, "missed_untraversable"), share(&judged, 0, "false_untraversable")], curve[1..]);
+        let doubt = &report(&["--doubtful", &asked])["doubt"];
+        let counts = |name: &str| [0, 1].map(|class| doubt[name][class].as_u64().expect("a count"));
+        assert_eq!((counts("cells"), doubt["allowed_share"].as_f64()), (calibration.cells, Some(percent / 100.0)));
+        for (wrong, cells) in counts("wrong").into_iter().zip(counts("cells")) {
+            assert!(wrong as f64 <= percent / 100.0 * cells as f64, "{asked}: {doubt}");
+        }
+    }
+    // Platt's two numbers make the mean probability the share that there is, but for his targets.
+    let probabilities = &report(&[])["groups"][0]["probabilities"];
+    let sums = probabilities["bins"].as_array().expect("bins").iter().map(|bin| {
+        let number = |name: &str| bin[name].as_f64().expect("a number");
+        [number("cells") * number("mean_probability"), number("cells") * number("untraversable_share"), number("cells")]
+    });
+    let [given, there, cells] = sums.fold([0.0; 3], |sum, bin| std::array::from_fn(|k| sum[k] + bin[k]));
+    assert!((given - there).abs() <= 1.0 + 0.002 * cells, "{given} of {there} in {cells}");
+    for (arguments, told) in [
+        (["--miss-at-most", "0"], "1% or 0.01"),
+        (["--doubtful", "101%"], "1% or 0.01"),
+        (["--threshold", "0.6,0.3"], "rising numbers"),
+    ] {
+        let (code, said) = self::told(&yard, &[&["evaluate", "run", "corpus"], &arguments[..]].concat());
+        assert!(code == Some(2) && said.contains(told), "{arguments:?}: {said}");
+    }
+}
+
 #[test]
 fn law_export_prints_weights_that_give_the_outputs_beside_them() {
     let yard = trained();

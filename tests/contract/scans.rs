@@ -86,6 +86,22 @@ fn cells_and_labels_are_the_corpus_s(sensor: &str) {
     let few = points.values().iter().filter(|&&points| points < 3).count();
     assert_eq!(said[1]["cells_unknown"], 0);
     assert_eq!(classify(&yard, "few", &["--min-points", "3"])[1]["cells_unknown"], few as u64);
+    // Two thresholds make a third class, and probabilities rise with the outputs.
+    let doubting = classify(&yard, "doubt", &["--doubtful", "2%"]);
+    let borders: Vec<f64> =
+        doubting[0]["thresholds"].as_array().expect("borders").iter().filter_map(Json::as_f64).collect();
+    assert!(matches!(borders[..], [low, high] if low < high) || borders.len() == 1, "{borders:?}");
+    let told = TableFile::open(&LocalFolder::new(yard.path("doubt")), "cells.parquet").expect("cells");
+    let told = told.read_row_group(0, None).expect("its rows");
+    let (outputs, chances) = (column::<Float32Type>(&told, "output"), column::<Float32Type>(&told, "probability"));
+    let mut pairs: Vec<(f32, f32)> = outputs.values().iter().copied().zip(chances.values().iter().copied()).collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    assert!(pairs.windows(2).all(|pair| pair[0].1 <= pair[1].1) && pairs.iter().all(|(_, p)| (0.0..=1.0).contains(p)));
+    for (class, output) in column::<Int8Type>(&told, "class").iter().flatten().zip(outputs.values()) {
+        let reached = borders.iter().filter(|&&border| f64::from(*output) >= border).count();
+        let near = borders.iter().any(|border| (f64::from(*output) - border).abs() < 1e-6);
+        assert!(near || reached == class as usize, "{output} is of class {class}");
+    }
     // A shorter range cuts points, and with them cells.
     let mut ranges = column::<Float32Type>(&here, "range_m").values().to_vec();
     ranges.sort_unstable_by(f32::total_cmp);

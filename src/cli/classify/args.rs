@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args, ValueEnum};
 
+use crate::cli::operating_point::PointArgs;
+
 /// Where each scan was taken must be known: --pose, --trajectory or --sensor-height.
 #[derive(Debug, Args)]
 #[command(group = ArgGroup::new("place").required(true))]
@@ -70,6 +72,8 @@ pub(in crate::cli) struct ClassifyArgs {
     /// Cells of fewer points are not judged: they are unknown in all that is written.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(super) min_points: u32,
+    #[command(flatten)]
+    pub(super) point: PointArgs,
 
     /// A mapping from the clouds' label ids to traversable, untraversable or ignore (YAML): judges the model by them.
     #[arg(long, value_name = "FILE")]

@@ -60,6 +60,7 @@ pub(super) fn options(args: &ClassifyArgs, model: &Model) -> Result<Options, Fai
         overhang_m: args.overhang,
         own_body: args.self_filter.map(|given| given.map_or_else(|| OwnBody::of_model(&model.about), own_body)),
         min_points: args.min_points,
+        point: args.point.chosen(),
         labels,
     })
 }

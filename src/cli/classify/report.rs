@@ -6,11 +6,12 @@ use super::args::ClassifyArgs;
 use crate::cli::output::{errln, out, outln};
 use crate::corpus::stats::PointCounts;
 use crate::evaluate::Report;
-use crate::judge::{Frame, JudgedScan, Outside, Setup, Sigmas, scale};
+use crate::judge::{Frame, JudgedScan, Outside, ScanJudge, Setup, Sigmas, class_names, scale};
 use crate::train::Model;
 
-/// Which model judges, and what was not measured but taken for granted.
-pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
+/// Which model judges and where it tells outputs apart, and what was not measured but taken for granted.
+pub(super) fn assumed(args: &ClassifyArgs, model: &Model, judge: &ScanJudge) {
+    let setup = judge.setup();
     let trained = model.about.cells.window_scans;
     if args.sensor_height.is_some() && trained > 1 {
         errln!("warning: the model was trained on windows of {trained} scans; without poses each scan is judged alone");
@@ -28,6 +29,7 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
             "{}",
             json!({
                 "model_sha256": model.sha256,
+                "thresholds": judge.thresholds(),
                 "max_range_m": setup.max_range_m,
                 "window": setup.window,
                 "frame": setup.pose_source.cell_frame(),
@@ -45,8 +47,28 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, setup: &Setup) {
         tilt_rad.to_degrees(),
         yaw_rad.to_degrees()
     );
+    outln!("  {}", borders(model, judge.thresholds()));
     if let Some(above_m) = setup.overhang_m {
         outln!("  without what hangs over more than {above_m} m of free height");
+    }
+}
+
+/// Which outputs are of which class, and what that was worth on the scenes that stopped the training, where that is known.
+fn borders(model: &Model, thresholds: &[f64]) -> String {
+    let names = class_names(thresholds.len() + 1);
+    let borders = thresholds
+        .iter()
+        .zip(&names[1..])
+        .map(|(threshold, name)| format!("{name} from an output of {threshold:.3} on"));
+    let borders = borders.collect::<Vec<_>>().join(", ");
+    let worth = |threshold: &f64| model.about.calibration.as_ref()?.worth(*threshold);
+    match (thresholds.first().and_then(worth), thresholds.last().and_then(worth)) {
+        (Some([missed, _]), Some([_, alarms])) => format!(
+            "{borders}; on the model's validation scenes {:.2} % of the untraversable cells lie below and {:.2} % of the traversable ones above",
+            100.0 * missed,
+            100.0 * alarms
+        ),
+        _ => borders,
     }
 }
 
@@ -66,13 +88,10 @@ pub(super) fn nowhere(setup: &Setup, judged: &JudgedScan) {
 
 /// The counts of one scan; with --json as one object a line.
 pub(super) fn scan(args: &ClassifyArgs, judged: &JudgedScan) {
-    let (loaded, of_classes) = (&judged.scan, judged.cells.of_classes);
-    let counts: Vec<usize> = (0..of_classes).map(|class| judged.cells.count(Some(class))).collect();
+    let loaded = &judged.scan;
+    let counts: Vec<usize> = (0..judged.cells.of_classes).map(|class| judged.cells.count(Some(class))).collect();
     let unknown = judged.cells.count(None);
-    let names: Vec<String> = match of_classes {
-        2 => vec!["traversable".into(), "untraversable".into()],
-        _ => (0..of_classes).map(|class| format!("class {class}")).collect(),
-    };
+    let names = judged.cells.class_names();
     let cells = &judged.cells.cells;
     if args.json {
         let mut object = json!({

@@ -69,7 +69,7 @@ pub(super) fn scan(args: &ClassifyArgs, stem: &str, judged: &JudgedScan) -> Resu
 }
 
 fn pictures(stem: &str, judged: &JudgedCells, sensor_m: DVec2) -> Vec<(String, Vec<u8>)> {
-    let rows = &judged.cells.rows;
+    let (rows, names) = (&judged.cells.rows, judged.class_names());
     let shaded = |shade: &dyn Fn(usize) -> Option<f64>| -> Vec<ShadedCell> {
         rows.iter().enumerate().map(|(i, row)| ShadedCell { index: row.index, shade: shade(i) }).collect()
     };
@@ -77,7 +77,7 @@ fn pictures(stem: &str, judged: &JudgedCells, sensor_m: DVec2) -> Vec<(String, V
     let log = |points: i32| crate::math::ln(f64::from(points.max(1)));
     let density = |i: usize| Some(log(rows[i].points) / log(most.max(2)));
     [
-        ("binary", shaded(&|i| judged.class_shade(i)), Shades::Classes(judged.of_classes)),
+        ("binary", shaded(&|i| judged.class_shade(i)), Shades::Classes(&names)),
         ("direct", shaded(&|i| judged.shade(i)), Shades::Output(judged.targets)),
         ("density", shaded(&density), Shades::Density(most)),
     ]

@@ -11,7 +11,7 @@ use crate::geometry::CellIndex;
 use crate::plan::CardParams;
 use crate::scene::Class;
 use crate::train::model::tests::model;
-use crate::train::{Model, Scaler};
+use crate::train::{About, Model, OperatingPoint, Scaler};
 
 /// Calls a cell untraversable from a height difference of 0.1 m on.
 fn steps_model() -> Model {
@@ -248,7 +248,8 @@ fn extreme_bad_input_is_refused_with_the_cure() {
     large[1].cell_size_m = 0.2;
     let size = error(&steps_model(), &large, &test);
     assert!(size.contains("family 'odd'") && size.contains("cells of 0.1 m, the data has cells of 0.2 m"), "{size}");
-    let odd = error(&steps_model(), &[], &Options { thresholds: vec![0.7, 0.2], ..test.clone() });
+    let odd =
+        error(&steps_model(), &[], &Options { point: OperatingPoint::Thresholds(vec![0.7, 0.2]), ..test.clone() });
     assert!(odd.contains("rising numbers"), "{odd}");
 }
 
@@ -299,7 +300,8 @@ fn extreme_empty_splits_and_one_class_give_no_numbers_rather_than_wrong_ones() {
     assert!(report.notes.iter().any(|note| note.contains("no threshold was chosen")));
     let text = report.to_string() + &report.to_json();
     assert!(!text.contains("NaN"), "{text}");
-    assert_eq!(figures::figures(&report).len(), 3);
+    // Probabilities are worth something without a second class, a ROC curve is not.
+    assert!(figures::figures(&report).iter().all(|(name, _)| *name != "roc.svg"));
 }
 
 #[test]
@@ -310,7 +312,15 @@ fn law_reports_are_read_back_and_show_every_figure() {
     assert_eq!(back, report);
     let figures = figures::figures(&report);
     let names: Vec<&str> = figures.iter().map(|(name, _)| *name).collect();
-    assert_eq!(names, ["confusion.svg", "error-against-points.svg", "error-against-range.svg", "roc.svg"]);
+    assert_eq!(
+        names,
+        ["confusion.svg", "error-against-points.svg", "error-against-range.svg", "roc.svg", "reliability.svg"]
+    );
+    let uncalibrated = Model { about: About { calibration: None, ..steps_model().about }, ..steps_model() };
+    let plain = evaluate(&uncalibrated, &store, &families(), &Options::of(Split::Test)).unwrap();
+    assert!(plain.doubt.is_none() && plain.groups.iter().all(|group| group.probabilities.is_none()));
+    assert!(figures::figures(&plain).iter().all(|(name, _)| *name != "reliability.svg"));
+    assert!(!plain.to_string().contains("doubtful") && report.to_string().contains("doubtful"));
     assert!(figures.iter().all(|(_, svg)| svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>")));
 }
 

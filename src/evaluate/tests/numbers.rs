@@ -1,6 +1,7 @@
 //! Numbers that scikit-learn and SciPy gave for the same cells.
 
 use super::*;
+use crate::statistics::scores::Scores;
 
 /// Cells whose numbers Python makes by the same whole-number formulas.
 fn many() -> Vec<(Cell, f64)> {

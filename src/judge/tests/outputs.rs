@@ -38,6 +38,7 @@ fn judged(cells: Cells, outputs: Vec<Option<f64>>, size_m: f64, rover_z_m: f64) 
         known_points: vec![0; cells.rows.len()],
         inputs: Vec::new(),
         classes: vec![Some(1); outputs.len()],
+        probabilities: vec![None; outputs.len()],
         outputs,
         of_classes: 2,
         targets: [0.1, 0.9],

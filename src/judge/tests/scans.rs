@@ -7,6 +7,7 @@ use crate::geometry::{DVec3, Pose};
 use crate::judge::*;
 use crate::train::Model;
 use crate::train::model::tests::model;
+use crate::train::operating_point::class;
 
 fn small() -> Model {
     model(&["mean_height_m", "height_difference_m", "point_count"], &[2], true)
@@ -46,8 +47,8 @@ fn law_cells_of_few_points_are_not_judged_and_the_others_get_the_models_output()
     let judged = judge.scan("a scan", cloud(&points), Some(&Pose::default())).unwrap();
     let output = model.output(&[0.25, 0.5, 2.0]);
     assert_eq!(judged.cells.outputs, [None, Some(output)]);
-    assert_eq!(judged.cells.classes, [None, Some(model.class(output))]);
-    assert_eq!((judged.cells.count(None), judged.cells.count(Some(model.class(output)))), (1, 1));
+    assert_eq!(judged.cells.classes, [None, Some(class(&model.about.thresholds, output))]);
+    assert_eq!((judged.cells.count(None), judged.cells.count(Some(class(&model.about.thresholds, output)))), (1, 1));
     // One row an input; those of cells that were not judged are told as well.
     let heights = &judge.outside_training(&[judged.cells])[0];
     assert_eq!((heights.feature.as_str(), heights.below), ("mean_height_m", 0.5));

@@ -14,9 +14,10 @@ use super::measure::inputs;
 use super::{Event, TradeoffError};
 use crate::corpus::Split;
 use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
-use crate::evaluate::{Confusion, Scores};
+use crate::evaluate::Confusion;
 use crate::parallel;
 use crate::plan::{Family, Plan};
+use crate::statistics::scores::Scores;
 use crate::train::rows::Rows;
 
 /// Above it, an output calls a cell untraversable.

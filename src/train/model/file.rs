@@ -2,7 +2,7 @@
 //!
 //! One tensor a layer, `layers.0` from the input on: F64, shape [neurons, inputs] or, with biases, [neurons, inputs + 1] with the
 //! bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys, and a [`checksum`] of the whole file.
-//! Equal models give equal bytes. Files of format 1 have no checksum, and do not name their run.
+//! Equal models give equal bytes. Files of format 1 have no checksum, and do not name their run; files of formats 1 and 2 have no calibration.
 //!
 //! Loading trusts nothing: sizes are checked against the bytes that are there before anything is made of that size.
 
@@ -46,7 +46,7 @@ impl Model {
             .map(|(k, (shape, bytes))| Ok((layer_name(k), TensorView::new(Dtype::F64, shape.clone(), bytes)?)))
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
             .map_err(|error| failed(&error))?;
-        let checked = self.about.marsyard_model >= CHECKED_FORMAT;
+        let checked = self.about.is_checked();
         let metadata = HashMap::from([(KEY.to_string(), self.about.text(checked.then_some(checksum::UNSET)))]);
         let bytes = safetensors::serialize(tensors, Some(metadata)).map_err(|error| failed(&error))?;
         Ok(if checked { checksum::seal(bytes) } else { bytes })
@@ -87,6 +87,11 @@ impl Model {
 }
 
 impl About {
+    /// Whether its file has a checksum.
+    pub(crate) fn is_checked(&self) -> bool {
+        self.marsyard_model >= CHECKED_FORMAT
+    }
+
     /// Sorted JSON, one line.
     pub(crate) fn to_json(&self) -> String {
         self.text(None)

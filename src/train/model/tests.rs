@@ -3,6 +3,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::math;
 use crate::train::Layout;
+use crate::train::operating_point::class;
 
 /// A small model whose every number is known: weights are a sine of their number.
 pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
@@ -34,6 +35,12 @@ pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
         corpus_names: vec!["tiny".into()],
         run: Some("cd".repeat(32)),
         learnt_from: Vec::new(),
+        calibration: Some(Calibration {
+            slope: 1.5,
+            offset: -0.75,
+            cells: [900, 100],
+            curve: vec![[0.25, 0.01, 0.2], [0.5, 0.05, 0.03], [0.75, 0.3, 0.005]],
+        }),
         frames: Vec::new(),
         overhangs_m: Vec::new(),
     };
@@ -62,10 +69,8 @@ fn exact_one_neuron_is_the_logistic_of_its_weighted_sum() {
 
 #[test]
 fn exact_an_output_at_a_threshold_is_of_the_class_above_it() {
-    let mut model = small();
-    assert_eq!([0.0, 0.5_f64.next_down(), 0.5, 1.0].map(|output| model.class(output)), [0, 0, 1, 1]);
-    model.about.thresholds = vec![0.3, 0.7];
-    assert_eq!([0.1, 0.3, 0.5, 0.7, 0.9].map(|output| model.class(output)), [0, 1, 1, 2, 2]);
+    assert_eq!([0.0, 0.5_f64.next_down(), 0.5, 1.0].map(|output| class(&[0.5], output)), [0, 0, 1, 1]);
+    assert_eq!([0.1, 0.3, 0.5, 0.7, 0.9].map(|output| class(&[0.3, 0.7], output)), [0, 1, 1, 2, 2]);
 }
 
 #[test]
@@ -185,9 +190,9 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
         let error = Model::load(bytes).unwrap_err().to_string();
         assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
     }
-    let newer = small().about.to_json().replace("\"marsyard_model\":2", "\"marsyard_model\":7");
+    let newer = small().about.to_json().replace("\"marsyard_model\":3", "\"marsyard_model\":7");
     let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
-    assert!(error.contains("format 7, this marsyard reads formats 1 to 2"), "{error}");
+    assert!(error.contains("format 7, this marsyard reads formats 1 to 3"), "{error}");
     let whole = small().save().unwrap();
     for end in 0..whole.len() {
         assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");
@@ -210,6 +215,8 @@ fn extreme_contradictions_are_refused_by_name() {
         ("\"targets\":[0.1,0.9]", "\"targets\":[0.9,0.1]", "targets"),
         ("\"thresholds\":[0.5]", "\"thresholds\":[]", "thresholds"),
         ("\"thresholds\":[0.5]", "\"thresholds\":[0.5,0.2]", "thresholds"),
+        ("\"slope\":1.5", "\"slope\":1e300", "a calibration of slope"),
+        ("[0.5,0.05,0.03]", "[0.5,0.005,0.03]", "thresholds of the validation scenes"),
         ("\"point_count\"", "\"mean_height_m\"", "named twice"),
         ("\"size_m\":0.1", "\"size_m\":-1.0", "its cells"),
         ("\"bias\":true", "\"bais\":true", "unknown field"),

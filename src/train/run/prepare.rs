@@ -39,6 +39,12 @@ impl<'s> Training<'s> {
         if labelled < weights as u64 && !params.allow_few_rows {
             return Err(TrainError::FewRows { rows: labelled, weights });
         }
+        let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
+        let label =
+            [(0, "traversable"), (labelled, "untraversable")].into_iter().find(|(all, _)| *all == untraversable);
+        if let (Some((_, label)), false) = (label, params.allow_one_class) {
+            return Err(TrainError::OneClass { rows: labelled, label });
+        }
         let (mut scaler, constant) = scaler(sources, params)?;
         if let Some(init) = &setup.init {
             // Its weights mean what they mean behind its own scaling.
@@ -65,7 +71,6 @@ impl<'s> Training<'s> {
         run.write_config(&setup.config_yaml)?;
         let log = run.log(&looks)?;
         let elapsed_s = looks.lines().last().map_or(0.0, |line| line.elapsed_s);
-        let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
         Ok(Training {
             start: Start {
                 train_rows: labelled,
@@ -78,7 +83,7 @@ impl<'s> Training<'s> {
                 validate_every: learner.validate_every,
                 stream_bytes: stream::memory_bytes(sources, setup.ahead),
                 resumed_at: learner.learnt.rows,
-                one_class: untraversable == 0 || untraversable == labelled,
+                one_class: label.is_some(),
                 covariance,
             },
             identity,

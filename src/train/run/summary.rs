@@ -8,7 +8,9 @@ use crate::train::filter::Counters;
 use crate::train::folder::{self, RunFolder};
 use crate::train::rows::LeftOut;
 use crate::train::stopping::{Look, Stop, Stopping};
-use crate::train::{About, MODEL_FORMAT, Model, Network, Scaler, TrainError, TrainParams, leaks, quantiles};
+use crate::train::{
+    About, Calibration, MODEL_FORMAT, Model, Network, Scaler, TrainError, TrainParams, leaks, quantiles,
+};
 
 /// Of `training.json`.
 const FORMAT: u32 = 1;
@@ -123,6 +125,9 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         corpus_names: sources.list.iter().map(|source| source.name.clone()).collect(),
         run: Some(run_id),
         learnt_from: leaks::learnt_from(sources, init.as_ref().map(|init| &init.model)),
+        calibration: None,
     };
-    Ok(Model { network, about, sha256: None })
+    let mut model = Model { network, about, sha256: None };
+    model.about.calibration = Calibration::of(&model, sources)?;
+    Ok(model)
 }

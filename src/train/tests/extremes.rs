@@ -53,7 +53,7 @@ fn extreme_features_of_size_1e_minus_8_and_1e8_train_as_those_of_size_1() {
 
 #[test]
 fn extreme_one_class_alone_is_learnt_and_not_weighed() {
-    let (summary, _) = trained(changed(200, |(_, row)| (Some(Label::Traversable), row)), &[]);
+    let (summary, _) = trained(changed(200, |(_, row)| (Some(Label::Traversable), row)), &["allow_one_class=true"]);
     assert!(summary.best.validation_error.unwrap() < 1e-3 && summary.class_weights == [1.0, 1.0]);
 }
 
@@ -62,7 +62,7 @@ fn extreme_single_row_trains() {
     let mut shards = vec![Vec::new(); 7];
     let row = || vec![(Some(Label::Untraversable), [0.5, 0.25, 1e-8])];
     (shards[0], shards[3]) = (row(), row());
-    let (summary, _) = trained(shards, &["allow_few_rows=true"]);
+    let (summary, _) = trained(shards, &["allow_few_rows=true", "allow_one_class=true"]);
     assert_eq!((summary.train_rows, summary.rows_learnt), (1, 3));
 }
 

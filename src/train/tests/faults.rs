@@ -1,6 +1,7 @@
 //! Bad input: each fault names the file and the cure, and nothing is learnt from it.
 
 use super::fixture::{circle, circles, corpus, params, run, setup, sources};
+use crate::cells::Label;
 use crate::config::load_train;
 use crate::train::{Setup, TrainError, TrainParams};
 
@@ -96,6 +97,10 @@ fn extreme_too_few_rows_and_empty_splits_are_refused_with_the_cure() {
     let few = corpus(&dir, "few", &(0..7).map(|shard| circle(shard, 10)).collect::<Vec<_>>());
     let told = fault(&few, &with(&["features=all"]));
     assert!(told.contains("50 rows to learn for 353 weights") && told.contains("allow_few_rows"), "{told}");
+    let bare =
+        |shard| circle(shard, 100).into_iter().map(|(_, row)| (Some(Label::Traversable), row)).collect::<Vec<_>>();
+    let told = fault(&corpus(&dir, "bare", &(0..7).map(bare).collect::<Vec<_>>()), &params());
+    assert!(told.contains("all 500 rows to learn are traversable") && told.contains("allow_one_class"), "{told}");
     let no_validation = corpus(&dir, "three", &(0..3).map(|shard| circle(shard, 300)).collect::<Vec<_>>());
     let told = fault(&no_validation, &params());
     assert!(told.contains("the validation split holds no row") && told.contains("7 shards"), "{told}");

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::fixture::{self, circle, circles, corpus, identity, params, run, run_until, setup, with};
 use crate::cells::Label;
+use crate::train::operating_point::class;
 use crate::train::stopping::Stop;
 use crate::train::{Model, Setup, folder};
 
@@ -19,7 +20,10 @@ fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
     assert!(best < 0.5 * begun, "{begun} -> {best}");
     let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
     let rows = circle(99, 2000);
-    let right = rows.iter().filter(|(label, row)| *label == Some(Label::ALL[model.class(model.output(row))])).count();
+    let right = rows
+        .iter()
+        .filter(|(label, row)| *label == Some(Label::ALL[class(&model.about.thresholds, model.output(row))]))
+        .count();
     assert!(right > 1600, "{right} of 2000");
     assert_eq!(model.about.features, fixture::FEATURES);
     assert!((model.about.scaler.mean[1] - 10.0).abs() < 0.3 && (model.about.scaler.scale[1] - 3.0).abs() < 0.2);

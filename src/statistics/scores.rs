@@ -64,6 +64,16 @@ impl Scores {
         if pairs > 0.0 { 0.5 * ties / pairs } else { 0.0 }
     }
 
+    /// The bins that hold a score, ascending: the middle of each, and its traversable and untraversable cells.
+    pub(crate) fn bins(&self) -> impl Iterator<Item = (f64, [u64; 2])> + '_ {
+        let middle = |bin: usize| 0.5 * (self.border(bin) + self.border(bin + 1));
+        self.bins
+            .iter()
+            .enumerate()
+            .filter(|(_, counts)| **counts != [0; 2])
+            .map(move |(bin, counts)| (middle(bin), *counts))
+    }
+
     /// Lower border of a bin: scores from it on are called untraversable.
     fn border(&self, bin: usize) -> f64 {
         bin as f64 / BINS as f64 * self.reach
