@@ -106,6 +106,7 @@ pub(super) fn train_failure(error: TrainError) -> Failure {
         | TrainError::Unlike { .. }
         | TrainError::Twice { .. }
         | TrainError::FewRows { .. }
+        | TrainError::OneClass { .. }
         | TrainError::NoRowsHeld { .. }
         | TrainError::Exists { .. }
         | TrainError::NoRun { .. }

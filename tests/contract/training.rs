@@ -161,7 +161,10 @@ fn exact_faults_of_a_training_exit_2_with_the_cure() {
 fn law_another_rule_gives_other_labels_and_is_recorded() {
     let yard = with_corpus();
     assert!(train(&yard, "small", &["--labels", "taller_than_m=0.05"]).status.success());
-    assert!(train(&yard, "tall", &["--labels", "taller_than_m=5"]).status.success());
+    let refused = train(&yard, "tall", &["--labels", "taller_than_m=5"]);
+    assert!(refused.status.code() == Some(2) && text(&refused.stderr).contains("allow_one_class"));
+    assert!(!yard.path("tall").exists(), "nothing was written");
+    assert!(train(&yard, "tall", &["--labels", "taller_than_m=5", "--set", "allow_one_class=true"]).status.success());
     let summary = |out: &str| -> serde_json::Value {
         serde_json::from_slice(&std::fs::read(yard.path(out).join("training.json")).expect("a summary")).expect("JSON")
     };
