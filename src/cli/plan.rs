@@ -1,5 +1,6 @@
-//! Checks a config and says what it models, what each part of it costs, and what the whole build will take.
+//! Checks a config and says what it models, what each part of it costs, and what the whole build will take; or what to build in some hours.
 
+mod budget;
 mod words;
 
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ pub(super) struct PlanArgs {
     #[command(flatten)]
     config: ConfigArgs,
     /// Scenes to build (and throw away) for the estimate; default: as many as make it good to some 3 %; 0 = check only.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "hours")]
     sample: Option<u64>,
     /// Seconds to measure for, at most: half for the whole build, half for its parts. The scenes in hand are finished.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS", value_parser = parse_seconds)]
@@ -36,8 +37,10 @@ pub(super) struct PlanArgs {
     #[arg(long)]
     out: Option<PathBuf>,
     /// Threads that the build will have.
-    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
+    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads, conflicts_with = "hours")]
     threads: usize,
+    #[command(flatten)]
+    budget: budget::BudgetArgs,
     /// One JSON object on stdout instead of text.
     #[arg(long)]
     json: bool,
@@ -53,6 +56,9 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let stop = stop_on_signals()?;
+    if let Some(hours) = args.budget.hours {
+        return budget::run(args, &plan, hours, &stop);
+    }
     let half = Duration::from_secs_f64(0.5 * args.limit);
     let options = Options {
         threads: args.threads,

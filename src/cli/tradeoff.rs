@@ -12,6 +12,7 @@ use super::progress::TradeoffProgress;
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat, config_failure};
 use crate::corpus::Outputs;
+use crate::measure::study::Study;
 use crate::measure::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
 
 /// The fewest scenes of which four sizes can train and stop a classifier.
@@ -36,7 +37,8 @@ pub(super) struct TradeoffArgs {
     /// Trainings of each classifier at each size, with other first weights, orders of the rows and, at the smaller sizes, scenes.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
-    /// Folder for tradeoff.parquet, tradeoff.json, tradeoff.md and tradeoff.svg; default: tradeoffs/<name>.
+    /// Folder for tradeoff.parquet, tradeoff.json, tradeoff.md, tradeoff.svg and study.json; default: tradeoffs/<name>, where `plan --hours` looks
+    /// for the study.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Threads; times are CPU times of a thread, and all else is the same for any number.
@@ -68,7 +70,10 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
     };
     write(&report, outputs)?;
     out!("{}", table::text(&report));
-    errln!("\nwritten: {0}/tradeoff.parquet, .json, .md and .svg", out.display());
+    errln!(
+        "\nwritten: {0}/tradeoff.parquet, .json, .md and .svg, and study.json for `marsyard plan --hours`",
+        out.display()
+    );
     Ok(())
 }
 
@@ -80,7 +85,7 @@ fn failure(error: TradeoffError) -> Failure {
     }
 }
 
-const FILES: [&str; 4] = ["tradeoff.parquet", "tradeoff.json", "tradeoff.md", "tradeoff.svg"];
+const FILES: [&str; 5] = ["tradeoff.parquet", "tradeoff.json", "tradeoff.md", "tradeoff.svg", "study.json"];
 
 fn write(report: &Report, mut outputs: Outputs) -> Result<(), Failure> {
     let bytes = [
@@ -88,6 +93,7 @@ fn write(report: &Report, mut outputs: Outputs) -> Result<(), Failure> {
         Some(format!("{:#}\n", serde_json::json!(report)).into_bytes()),
         Some(table::markdown(report).into_bytes()),
         chart::svg(report).map(String::into_bytes),
+        Study::of(report).map(|study| format!("{:#}\n", serde_json::json!(study)).into_bytes()),
     ];
     let files = FILES.into_iter().zip(bytes).filter_map(|(name, bytes)| Some((name.to_string(), bytes?)));
     outputs.write(&files.collect::<Vec<_>>()).map_err(corpus_failure)?;

@@ -1,5 +1,7 @@
 //! Contracts that users rely on, checked through the binary.
 
+/// Hours, cores and disk: what to build with them.
+mod budget;
 /// Clouds that previews write come back as the cells of the corpus.
 mod classify;
 /// The verbs: exit codes, what is written, what is said.

@@ -1,4 +1,4 @@
-//! The contract of `tradeoff`: four files, a table on stdout, talk on stderr; refusals with exit code 2.
+//! The contract of `tradeoff`: five files, a table on stdout, talk on stderr; refusals with exit code 2.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ fn law_tradeoff_writes_its_files_and_recommends() {
     assert!(told.contains("noise floor: other draws of the same config differ by "), "{told}");
     assert!(talk.contains("8 scenes at 8 settings"), "{talk}");
     let folder = yard.path("tradeoffs/training");
-    for name in ["tradeoff.parquet", "tradeoff.json", "tradeoff.md", "tradeoff.svg"] {
+    for name in ["tradeoff.parquet", "tradeoff.json", "tradeoff.md", "tradeoff.svg", "study.json"] {
         assert!(folder.join(name).is_file(), "{name}");
     }
     let json: serde_json::Value =

@@ -6,12 +6,14 @@
 //! rule. A knob that the config does not have (sub-rays without mixed pixels) has no alternatives, or is a change of what is modelled.
 //! One more is the reference with another seed: other yards and other noise of the same config, so that what it gains or loses is noise.
 
+use std::path::Path;
+
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::knobs::{fidelity, knobs};
 use super::{Options, TradeoffError};
-use crate::config::{self};
+use crate::config::{self, ConfigError};
 use crate::plan::{Fidelity, Plan};
 use crate::slam::SlamParams;
 use crate::train::params::FilterParams;
@@ -124,11 +126,15 @@ impl Setting {
         }
     }
 
-    /// Whether a corpus may be built so: what changes the yard is another corpus, and true poses are known to no rover.
-    pub(crate) fn may_be_recommended(&self) -> bool {
+    /// Whether a corpus may be built so: what changes the yard is another corpus, and true poses are known to no rover; they are the config's own
+    /// choice where the reference has them.
+    pub(crate) fn may_be_recommended(&self, reference: &Plan) -> bool {
         let knows_the_truth = |plan: &Plan| plan.families.iter().any(|family| family.slam == SlamParams::Truth);
         match &self.variant {
-            Variant::Plan(plan) => self.side() == Side::Pipeline && self.name != OTHER_DRAWS && !knows_the_truth(plan),
+            Variant::Plan(plan) => {
+                let is_honest = knows_the_truth(reference) || !knows_the_truth(plan);
+                self.side() == Side::Pipeline && self.name != OTHER_DRAWS && is_honest
+            }
             Variant::Filter(_) => true,
         }
     }
@@ -170,6 +176,13 @@ impl Settings {
     }
 }
 
+/// The plan of a config that its settings are compared with: what it is at `fidelity: reference`.
+pub(crate) fn reference(config: &Path, sets: &[String]) -> Result<Plan, ConfigError> {
+    let written = config::load(config, sets)?;
+    let sets: Vec<String> = sets.iter().cloned().chain(fidelity(&written, Fidelity::Reference)).collect();
+    config::load(config, &sets)
+}
+
 /// The settings that the options ask for.
 pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
     let written = config::load(&options.config, &options.sets)?;
@@ -178,7 +191,7 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
         let sets: Vec<String> = options.sets.iter().chain(&reference_sets).chain(more).cloned().collect();
         config::load(&options.config, &sets)
     };
-    let reference = load(&[])?;
+    let reference = reference(&options.config, &options.sets)?;
     let wanted = |group| options.only.is_empty() || options.only.contains(&group);
     let plan = |plan| Variant::Plan(Box::new(plan));
     let mut list = vec![Setting {

@@ -30,7 +30,7 @@ pub(super) fn report(
         group: setting.group,
         name: setting.name.clone(),
         sets: setting.sets.clone(),
-        may_be_recommended: setting.may_be_recommended(),
+        may_be_recommended: setting.may_be_recommended(plan),
         pipeline: (setting.side() != Side::Trainer).then(|| pipeline_row(measured, k, &deviations)),
         worth,
     });

@@ -1,0 +1,385 @@
+//! `plan --hours`: what to build in the time, on the cores and on the disk that there are.
+//!
+//! The study of the config says what each setting is worth; a few scenes made here say how fast this machine is, and how many rows and
+//! bytes a scene has. The answer is a setting and a number of scenes, with the next best choice; `--write` writes it as a config.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use clap::Args;
+use serde_json::json;
+
+use super::{PlanArgs, estimate_failure};
+use crate::cli::options::{default_out, default_threads, parse_threads};
+use crate::cli::output::{errln, outln};
+use crate::cli::place::{corpus_failure, must_be_local};
+use crate::cli::progress::{counted, human, si};
+use crate::cli::{Failure, config_failure};
+use crate::config;
+use crate::corpus::CorpusError;
+use crate::corpus::store::write_whole;
+use crate::measure::budget::{Bound, Budget, Choice, FLAT, Here, choices};
+use crate::measure::estimate::{self, Estimate, Options};
+use crate::measure::study::{Study, StudyError, StudySetting};
+use crate::measure::tradeoff::report::Told;
+use crate::measure::tradeoff::settings::reference;
+use crate::plan::Plan;
+
+/// From so many shards on each split has one.
+const LEAST_SHARDS: u64 = 7;
+/// A smaller build is cut into so many: 14 train, 3 validate, 3 test.
+const SHARDS: u64 = 20;
+
+#[derive(Debug, Args)]
+pub(super) struct BudgetArgs {
+    /// Say what to build in so many hours, generating and training together: a setting, how many scenes of it, and what to expect of it.
+    #[arg(long, value_parser = parse_hours)]
+    pub hours: Option<f64>,
+    /// Cores that the build will have; default: those of this machine.
+    #[arg(long, requires = "hours", value_parser = parse_threads)]
+    cores: Option<usize>,
+    /// Disk that the corpus may take, such as 200GB or 1.5TiB; default: what is free where it goes.
+    #[arg(long, requires = "hours", value_name = "BYTES", value_parser = parse_bytes)]
+    disk: Option<f64>,
+    /// The study.json that `marsyard tradeoff` wrote; default: tradeoffs/<name>/study.json, else studies/<name>.json beside the config.
+    #[arg(long, requires = "hours", value_name = "FILE")]
+    study: Option<PathBuf>,
+    /// Write the choice as a config; its name is the file's.
+    #[arg(long, requires = "hours", value_name = "FILE")]
+    write: Option<PathBuf>,
+}
+
+fn parse_hours(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(hours) if hours > 0.0 && hours <= 1e5 => Ok(hours),
+        _ => Err(format!("'{text}' is not a number of hours above 0 and up to 100000")),
+    }
+}
+
+fn parse_bytes(text: &str) -> Result<f64, String> {
+    let unit_at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(unit_at);
+    let scale = match unit.to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "tb" => 1e12,
+        "kib" => 1024.0,
+        "mib" => 1024.0 * 1024.0,
+        "gib" => 1024.0 * 1024.0 * 1024.0,
+        "tib" => 1024.0 * 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(format!("'{unit}' is no unit of bytes: MB, GB, TB, MiB, GiB or TiB")),
+    };
+    match number.trim().parse::<f64>() {
+        Ok(count) if count > 0.0 && (count * scale).is_finite() => Ok(count * scale),
+        _ => Err(format!("'{text}' is not a number of bytes above 0, such as 200GB")),
+    }
+}
+
+/// All that an answer is made of.
+struct Answer<'a> {
+    args: &'a PlanArgs,
+    study: &'a Study,
+    study_file: &'a Path,
+    hours: f64,
+    cores: usize,
+    disk_bytes: Option<f64>,
+    /// The best first.
+    choices: &'a [Choice<'a>],
+    /// Overrides of the config that make the first choice.
+    sets: Vec<String>,
+    warnings: Vec<String>,
+}
+
+pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -> Result<(), Failure> {
+    let asked = &args.budget;
+    if let Some(path) = &asked.write {
+        check_new(path, plan)?;
+    }
+    let (study_file, study) = match &asked.study {
+        Some(path) => Study::read(path).map(|study| (path.clone(), study)),
+        None => Study::find(&args.config.config, &plan.name),
+    }
+    .map_err(|error| study_failure(&error, args))?;
+    let cores = asked.cores.unwrap_or_else(default_threads);
+    let place = args.out.clone().unwrap_or_else(|| default_out(plan));
+    let disk_bytes = asked.disk.or_else(|| estimate::free_bytes(&place).map(|bytes| bytes as f64));
+    let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes };
+
+    let measured = |setting: &StudySetting| measure(args, setting, cores, stop);
+    let base = measured(&study.settings[0])?;
+    let first = choices(&study, &budget, |_| base, 1).into_iter().next();
+    let first = first.ok_or_else(|| too_little(&budget, &base))?;
+    let chosen = if first.setting == &study.settings[0] { base } else { measured(first.setting)? };
+    let name = first.setting.name.clone();
+    let here = |setting: &StudySetting| if setting.name == name { chosen } else { base };
+    let own = u64::from(plan.scenes_per_shard);
+    let per_shard = if first.scenes >= LEAST_SHARDS * own { own } else { (first.scenes / SHARDS).max(1) };
+    let all = choices(&study, &budget, here, per_shard);
+    let Some(best) = all.first() else { return Err(too_little(&budget, &base)) };
+
+    let mut sets = best.setting.sets.clone();
+    sets.push(format!("scenes={}", best.scenes));
+    if per_shard != own {
+        sets.push(format!("scenes_per_shard={per_shard}"));
+    }
+    let warnings = warnings(args, &study, &study_file, cores, best)?;
+    let answer = Answer {
+        args,
+        study: &study,
+        study_file: &study_file,
+        hours,
+        cores,
+        disk_bytes,
+        choices: &all,
+        sets,
+        warnings,
+    };
+    if args.json {
+        outln!("{:#}", answer.json());
+    } else {
+        answer.tell();
+    }
+    if let Some(path) = &asked.write {
+        answer.write(path)?;
+    }
+    Ok(())
+}
+
+/// Scenes of a setting, made here.
+fn measure(args: &PlanArgs, setting: &StudySetting, cores: usize, stop: &AtomicBool) -> Result<Here, Failure> {
+    let sets = [args.config.sets.as_slice(), &setting.sets].concat();
+    let plan = config::load(&args.config.config, &sets).map_err(config_failure)?;
+    let options = Options {
+        threads: cores.min(default_threads()),
+        scenes: None,
+        limit: Duration::from_secs_f64(0.5 * args.limit),
+        parts_limit: Duration::ZERO,
+        place: None,
+        stop,
+    };
+    let estimate = estimate::estimate(&plan, &options).map_err(estimate_failure)?;
+    Ok(here(&estimate, plan.scenes as f64, setting))
+}
+
+fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {
+    let (writing, making): (Vec<_>, Vec<_>) = estimate.stages.iter().partition(|(stage, _)| *stage == "writing");
+    let sum = |stages: &[&(&str, f64)]| stages.iter().map(|(_, cpu_s)| cpu_s).sum::<f64>();
+    let largest = &setting.sizes[setting.sizes.len() - 1];
+    Here {
+        slowness: sum(&making) / (largest.generate_cpu_s / largest.scenes as f64),
+        writing_cpu_s: sum(&writing),
+        bytes_per_scene: estimate.bytes.value / scenes,
+        rows_per_scene: estimate.rows.value / scenes,
+    }
+}
+
+fn warnings(
+    args: &PlanArgs,
+    study: &Study,
+    study_file: &Path,
+    cores: usize,
+    best: &Choice,
+) -> Result<Vec<String>, Failure> {
+    let mut warnings = Vec::new();
+    let own = reference(&args.config.config, &args.config.sets).map_err(config_failure)?;
+    if own.scene_plan_hash() != study.scene_plan_hash {
+        warnings.push(format!(
+            "{} was made of another state of this config: what it says of accuracy is of that; `{}` makes a new one",
+            study_file.display(),
+            make_study(args)
+        ));
+    }
+    if cores > default_threads() {
+        warnings.push(format!(
+            "measured on {}: hours are for {cores} cores as fast as these, each free",
+            counted(default_threads() as u64, "core")
+        ));
+    }
+    if best.beyond > 1.0 {
+        let largest = best.setting.sizes.last().map_or(0, |size| size.scenes);
+        warnings.push(format!(
+            "extrapolated: {:.0} times the largest size that the study measured ({largest} scenes that train and stop)",
+            best.beyond
+        ));
+    }
+    Ok(warnings)
+}
+
+/// Refuses to write over a file, and a config that a single file cannot hold.
+fn check_new(path: &Path, plan: &Plan) -> Result<(), Failure> {
+    must_be_local("--write", path)?;
+    if let Some(file) = plan.files.first() {
+        return Err(Failure::usage(miette::miette!(
+            help = "leave --write out: the overrides that make the choice are printed, for `generate CONFIG --set ...`",
+            "--write {}: the config reads {}, which a config elsewhere would not find",
+            path.display(),
+            file.path
+        )));
+    }
+    if path.exists() {
+        let help = "name a file that is not there yet, or move it away";
+        return Err(Failure::usage(miette::miette!(help = help, "--write {}: is there already", path.display())));
+    }
+    Ok(())
+}
+
+fn make_study(args: &PlanArgs) -> String {
+    let sets: String = args.config.sets.iter().map(|set| format!(" --set '{set}'")).collect();
+    format!("marsyard tradeoff {}{sets} --only presets,slam --scenes 160 --seeds 3", args.config.config.display())
+}
+
+fn study_failure(error: &StudyError, args: &PlanArgs) -> Failure {
+    let help = match error {
+        StudyError::None { .. } => {
+            format!("`{}` makes one in some minutes; --study FILE names another", make_study(args))
+        }
+        StudyError::Unreadable { .. } => format!("`{}` makes one", make_study(args)),
+    };
+    Failure::usage(miette::miette!(help = help, "--hours: {error}"))
+}
+
+fn too_little(budget: &Budget, here: &Here) -> Failure {
+    let disk = budget.disk_bytes.filter(|bytes| *bytes < here.bytes_per_scene);
+    let (what, help) = match disk {
+        Some(bytes) => (format!("{}B of disk hold", si(bytes)), "more --disk, or fewer tables"),
+        None => {
+            (format!("{} are enough for", human(Duration::from_secs_f64(budget.wall_s))), "more --hours or --cores")
+        }
+    };
+    Failure::usage(miette::miette!(help = help, "{what} no scene of any setting"))
+}
+
+impl Answer<'_> {
+    fn tell(&self) {
+        let disk = self.disk_bytes.map_or("any disk".into(), |bytes| format!("{}B of disk", si(bytes)));
+        outln!(
+            "{}: {} h on {}, {disk}; by {}: {} up to {} scenes, judged on {} scenes, {}",
+            self.study.name,
+            self.hours,
+            counted(self.cores as u64, "core"),
+            self.study_file.display(),
+            counted(self.study.settings.len() as u64, "setting"),
+            self.study.settings[0].sizes.last().map_or(0, |size| size.scenes),
+            self.study.test_scenes,
+            self.study.judged_by
+        );
+        self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
+        for (k, choice) in self.choices.iter().take(2).enumerate() {
+            tell_choice(if k == 0 { "build" } else { "next best" }, choice, self.cores);
+        }
+        let sets: String =
+            self.args.config.sets.iter().chain(&self.sets).map(|set| format!(" --set '{set}'")).collect();
+        outln!("\nmarsyard generate {}{sets}", self.args.config.config.display());
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let choice = |choice: &Choice| {
+            json!({
+                "setting": choice.setting.name, "sets": choice.setting.sets, "told": choice.setting.told,
+                "scenes": choice.scenes, "rows": choice.rows, "bytes": choice.bytes,
+                "generate_s": choice.build_s, "train_s": choice.train_s, "bound": choice.bound,
+                "most_scenes": choice.most_scenes, "times_the_largest_measured": choice.beyond,
+                "balanced_accuracy": {
+                    "mean": choice.expected.mean, "low": choice.expected.low, "high": choice.expected.high,
+                },
+                "more_would_bring": {"mean": choice.left.0, "at_most": choice.left.1},
+            })
+        };
+        json!({
+            "name": self.study.name, "study": self.study_file, "judged_by": self.study.judged_by,
+            "hours": self.hours, "cores": self.cores, "disk_bytes": self.disk_bytes, "warnings": self.warnings,
+            "sets": self.sets, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),
+        })
+    }
+
+    fn write(&self, path: &Path) -> Result<(), Failure> {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let sets = [self.args.config.sets.as_slice(), &self.sets, &[format!("name={stem}")]].concat();
+        let plan = config::load(&self.args.config.config, &sets).map_err(config_failure)?;
+        let best = &self.choices[0];
+        let text = format!(
+            "# Written by `marsyard plan {} --hours {} --cores {}`, from the study {}.\n\
+             # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.\n# Differs from the config by:{}\n{}",
+            self.args.config.config.display(),
+            self.hours,
+            self.cores,
+            self.study_file.display(),
+            best.setting.name,
+            why(best),
+            self.study.judged_by,
+            expected(best),
+            self.sets.iter().map(|set| format!(" {set}")).collect::<String>(),
+            plan.to_yaml()
+        );
+        let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
+        write_whole(path, text.as_bytes()).map_err(|error| corpus_failure(failed(error)))?;
+        errln!("written: {}; `marsyard generate {0}` builds it", path.display());
+        Ok(())
+    }
+}
+
+fn tell_choice(title: &str, choice: &Choice, cores: usize) {
+    let time = |seconds: f64| human(Duration::from_secs_f64(seconds));
+    outln!(
+        "\n{title}: {} scenes at {} ({}): {} rows, {}B, {} to generate on {}, {} to train on one",
+        choice.scenes,
+        choice.setting.name,
+        told(choice),
+        si(choice.rows),
+        si(choice.bytes),
+        time(choice.build_s),
+        counted(cores as u64, "core"),
+        time(choice.train_s)
+    );
+    outln!("  expected balanced accuracy: {}", expected(choice));
+    outln!("  {}", why(choice));
+}
+
+fn told(choice: &Choice) -> &'static str {
+    match choice.setting.told {
+        Some(Told::Better) => "better than the reference at equal CPU",
+        Some(Told::Worse) => "worse than the reference at equal CPU",
+        Some(Told::NotApart | Told::OneSeed) => "not told apart from the reference at equal CPU",
+        None => "the reference",
+    }
+}
+
+fn expected(choice: &Choice) -> String {
+    let of = choice.expected;
+    format!("{:.1} % ({:.1} to {:.1})", 100.0 * of.mean, 100.0 * of.low, 100.0 * of.high)
+}
+
+/// What ends the number of scenes.
+fn why(choice: &Choice) -> String {
+    match choice.bound {
+        Bound::Hours => "The hours bind: more scenes would take longer.".into(),
+        Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
+        Bound::Flat => format!(
+            "The curve is flat from here: all {} scenes that the budget allows would bring {:.1} points, and no more than {:.1}. Stop here, and \
+             vary the yards instead.",
+            choice.most_scenes,
+            100.0 * choice.left.0,
+            // Told as it was decided.
+            100.0 * choice.left.1.min(FLAT)
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_bytes_are_read_with_their_units() {
+        for (text, expected) in [("200GB", 2e11), ("1.5TiB", 1_649_267_441_664.0), ("512", 512.0), ("3 mb", 3e6)] {
+            assert_eq!(parse_bytes(text), Ok(expected), "{text}");
+        }
+        for wrong in ["GB", "-1GB", "0", "1XB", "nan", "1e999GB"] {
+            assert!(parse_bytes(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!((parse_hours("0.5"), parse_hours("0").is_err(), parse_hours("x").is_err()), (Ok(0.5), true, true));
+    }
+}

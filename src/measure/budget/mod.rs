@@ -1,0 +1,299 @@
+//! A study, and hours, cores and disk -> what to build: a setting and how many scenes of it, and the next best choice.
+//!
+//! In: learning curves of the study; what one scene costs here, of a few that were made on this machine. Out: scenes of a corpus, seconds of wall
+//! for building it on all cores and for training on one, bytes, and the balanced accuracy to be expected, with an interval. The study's
+//! times are scaled by how long this machine takes for the study's scenes. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
+//! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and the training's time as a power of the scenes.
+//! Settings are ranked by what is told of them, the config as written before what is not told apart, then by what is expected no farther than
+//! twice the largest measured size.
+
+mod fit;
+
+use self::fit::{Fit, Measured};
+use super::study::{Study, StudySetting};
+use super::tradeoff::report::Told;
+use crate::math;
+
+pub(crate) use fit::Expected;
+
+/// More scenes that surely bring less than this are told not to be worth it: half a point of balanced accuracy.
+pub(crate) const FLAT: f64 = 0.005;
+/// Scenes of a study that train and stop as many as one scene of a corpus does: 14 / 20 of it train, 5 / 6 of the study's.
+const STUDY_SCENES: f64 = 0.7 * 6.0 / 5.0;
+/// Settings are ranked up to so many times the largest measured size.
+const RANKED_UP_TO: f64 = 2.0;
+/// A curve is told to be flat where the budget would allow so many times the scenes: the last few scenes of any budget bring little.
+const WORTH_STOPPING: u64 = 2;
+/// Steps in the logarithm of the scenes at which a curve is looked through for where it is flat.
+const STEPS: u32 = 200;
+
+/// What there is to spend.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Budget {
+    pub wall_s: f64,
+    pub cores: f64,
+    /// `None` where nobody can say.
+    pub disk_bytes: Option<f64>,
+}
+
+/// What a scene takes here, beside what the study says.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Here {
+    /// CPU time of this machine over the study's for the same scenes.
+    pub slowness: f64,
+    /// Of writing a scene.
+    pub writing_cpu_s: f64,
+    pub bytes_per_scene: f64,
+    pub rows_per_scene: f64,
+}
+
+/// What ends the number of scenes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Bound {
+    Hours,
+    Disk,
+    /// More scenes bring next to nothing.
+    Flat,
+}
+
+/// A setting, and how many scenes of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Choice<'s> {
+    pub setting: &'s StudySetting,
+    pub scenes: u64,
+    pub bound: Bound,
+    /// What the hours and the disk would allow.
+    pub most_scenes: u64,
+    pub build_s: f64,
+    pub train_s: f64,
+    pub bytes: f64,
+    pub rows: f64,
+    pub expected: Expected,
+    /// What `most_scenes` would bring beyond `scenes`: expected, and at most.
+    pub left: (f64, f64),
+    /// Scenes over the scenes of the largest measured size; above 1 the curve is extrapolated.
+    pub beyond: f64,
+}
+
+/// A setting's curve and costs.
+struct Curve<'s> {
+    setting: &'s StudySetting,
+    fit: Fit,
+    scene_cpu_s: f64,
+    /// seconds = first * (scenes of the study / largest)^power.
+    train: (f64, f64),
+    largest: f64,
+}
+
+/// The settings of a study that can be built within the budget, the best first. `here` says what each costs on this machine; scenes are
+/// whole multiples of `multiple`.
+pub(crate) fn choices<'s>(
+    study: &'s Study,
+    budget: &Budget,
+    here: impl Fn(&StudySetting) -> Here,
+    multiple: u64,
+) -> Vec<Choice<'s>> {
+    let errors = standard_errors(study);
+    let choices = study.settings.iter().filter_map(|setting| {
+        let here = here(setting);
+        let curve = Curve::of(setting, &errors, &here);
+        Some((curve.choice(budget, &here, multiple)?, curve))
+    });
+    let mut ranked: Vec<(u8, f64, Choice)> = choices
+        .filter(|(choice, _)| choice.setting.told != Some(Told::Worse))
+        .map(|(choice, curve)| {
+            let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * curve.largest);
+            let rank = match choice.setting.told {
+                Some(Told::Better) => 2,
+                _ => u8::from(choice.setting == study.as_written()),
+            };
+            (rank, curve.fit.expected(ranked_at).mean, choice)
+        })
+        .collect();
+    ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
+    ranked.into_iter().map(|(_, _, choice)| choice).collect()
+}
+
+/// Of the mean over trainings, by size: pooled over the settings, for a few trainings alone say little of their own spread.
+fn standard_errors(study: &Study) -> Vec<f64> {
+    let sizes = study.settings.iter().map(|setting| setting.sizes.len()).min().unwrap_or(0);
+    let pooled = |size: usize| {
+        let variances = study.settings.iter().filter_map(|setting| {
+            crate::statistics::Moments::of(setting.sizes[size].by_seed.iter().copied())
+                .and_then(|moments| moments.variance)
+        });
+        let variances: Vec<f64> = variances.collect();
+        let mean = variances.iter().sum::<f64>() / variances.len().max(1) as f64;
+        // Trainings that agree to the last digit are no reason to divide by zero.
+        (mean / study.seeds as f64).sqrt().max(1e-5)
+    };
+    (0..sizes).map(pooled).collect()
+}
+
+impl<'s> Curve<'s> {
+    fn of(setting: &'s StudySetting, errors: &[f64], here: &Here) -> Curve<'s> {
+        let measured: Vec<Measured> = setting
+            .sizes
+            .iter()
+            .zip(errors)
+            .map(|(size, &standard_error)| Measured {
+                scenes: size.scenes as f64,
+                error: 1.0 - size.balanced_accuracy.mean,
+                standard_error,
+            })
+            .collect();
+        let largest = &setting.sizes[setting.sizes.len() - 1];
+        let scenes = largest.scenes as f64;
+        Curve {
+            setting,
+            fit: Fit::of(&measured, &largest.balanced_accuracy),
+            scene_cpu_s: here.slowness * largest.generate_cpu_s / scenes + here.writing_cpu_s,
+            train: (here.slowness * largest.train_cpu_s, training_power(setting)),
+            largest: scenes,
+        }
+    }
+
+    /// Seconds of wall: building on all cores, and training on one.
+    fn seconds(&self, scenes: f64, cores: f64) -> (f64, f64) {
+        let (first, power) = self.train;
+        (self.scene_cpu_s * scenes / cores, first * math::pow(STUDY_SCENES * scenes / self.largest, power))
+    }
+
+    /// `None` where not even `multiple` scenes are within the budget.
+    fn choice(&self, budget: &Budget, here: &Here, multiple: u64) -> Option<Choice<'s>> {
+        let fits = |scenes: f64| {
+            let (build_s, train_s) = self.seconds(scenes, budget.cores);
+            build_s + train_s <= budget.wall_s
+        };
+        let by_hours = most(fits, multiple);
+        let by_disk = budget.disk_bytes.map_or(u64::MAX, |bytes| (bytes / here.bytes_per_scene.max(1.0)) as u64);
+        let most_scenes = by_hours.min(by_disk) / multiple * multiple;
+        if most_scenes == 0 {
+            return None;
+        }
+        let flat = self.flat_from(most_scenes).div_ceil(multiple).max(1) * multiple;
+        let (scenes, bound) = match () {
+            () if flat.saturating_mul(WORTH_STOPPING) <= most_scenes => (flat, Bound::Flat),
+            () if by_disk < by_hours => (most_scenes, Bound::Disk),
+            () => (most_scenes, Bound::Hours),
+        };
+        let study_scenes = |scenes: u64| STUDY_SCENES * scenes as f64;
+        let (build_s, train_s) = self.seconds(scenes as f64, budget.cores);
+        Some(Choice {
+            setting: self.setting,
+            scenes,
+            bound,
+            most_scenes,
+            build_s,
+            train_s,
+            bytes: here.bytes_per_scene * scenes as f64,
+            rows: here.rows_per_scene * scenes as f64,
+            expected: self.fit.expected(study_scenes(scenes)),
+            left: self.fit.gain(study_scenes(scenes), study_scenes(most_scenes)),
+            beyond: study_scenes(scenes) / self.largest,
+        })
+    }
+
+    /// The fewest scenes, none fewer than were measured, from which on all that the budget allows bring at most [`FLAT`] by any believed law.
+    fn flat_from(&self, most_scenes: u64) -> u64 {
+        let (first, last) = (self.largest / STUDY_SCENES, most_scenes as f64);
+        if first >= last {
+            return most_scenes;
+        }
+        let at = |step: u32| first * math::pow(last / first, f64::from(step) / f64::from(STEPS));
+        let is_flat = |scenes: &f64| self.fit.gain(STUDY_SCENES * scenes, STUDY_SCENES * last).1 <= FLAT;
+        (0..=STEPS).map(at).find(is_flat).map_or(most_scenes, |scenes| scenes.ceil() as u64)
+    }
+}
+
+/// The power by which a training's time grows with the scenes: least squares in both logarithms, within a half and one.
+fn training_power(setting: &StudySetting) -> f64 {
+    let points: Vec<(f64, f64)> =
+        setting.sizes.iter().map(|size| (math::ln(size.scenes as f64), math::ln(size.train_cpu_s))).collect();
+    let count = points.len() as f64;
+    let (mean_x, mean_y) =
+        (points.iter().map(|p| p.0).sum::<f64>() / count, points.iter().map(|p| p.1).sum::<f64>() / count);
+    let products: f64 = points.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
+    let squares: f64 = points.iter().map(|p| (p.0 - mean_x) * (p.0 - mean_x)).sum();
+    (products / squares).clamp(0.5, 1.0)
+}
+
+/// The largest multiple at which something that ends once still holds, up to a billion scenes; 0 where it never does.
+fn most(holds: impl Fn(f64) -> bool, multiple: u64) -> u64 {
+    let (mut low, mut high) = (0, 1_000_000_000 / multiple + 1);
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        if holds((middle * multiple) as f64) { low = middle } else { high = middle }
+    }
+    low * multiple
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::study::tests::{setting, study};
+
+    const HERE: Here = Here { slowness: 2.0, writing_cpu_s: 0.005, bytes_per_scene: 80_000.0, rows_per_scene: 1700.0 };
+
+    fn budget(wall_s: f64, disk_bytes: Option<f64>) -> Budget {
+        Budget { wall_s, cores: 2.0, disk_bytes }
+    }
+
+    #[test]
+    fn exact_the_hours_are_used_up_to_the_last_shard() {
+        // A steep curve: of half the scenes that the budget allows twice as many would still bring a point.
+        let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+        let of = choices(&study, &budget(20.0, None), |_| HERE, 50);
+        let [only] = of.as_slice() else { panic!("one") };
+        // A scene: 2 * 0.02 + 0.005 s on two cores; learning one: 2 * 0.01 s, 0.84 of a scene each.
+        let scene_s = 0.045 / 2.0 + 0.84 * 0.02;
+        assert_eq!((only.scenes, only.bound), ((20.0 / scene_s / 50.0) as u64 * 50, Bound::Hours));
+        assert!((only.build_s - 0.0225 * only.scenes as f64).abs() < 1e-9);
+        assert!((only.train_s - 0.0168 * only.scenes as f64).abs() < 1e-6 * only.train_s);
+        assert_eq!((only.bytes, only.rows), (8e4 * only.scenes as f64, 1700.0 * only.scenes as f64));
+        assert!((only.expected.mean - (0.95 - 4.0 / (0.84 * only.scenes as f64))).abs() < 5e-3, "{only:?}");
+        assert!(only.beyond > 1.0 && only.left == (0.0, 0.0));
+    }
+
+    #[test]
+    fn exact_the_disk_binds_where_it_is_smaller() {
+        let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+        let of = choices(&study, &budget(60.0, Some(5e7)), |_| HERE, 50);
+        // 625 scenes of 80 kB.
+        assert_eq!((of[0].scenes, of[0].bound), (600, Bound::Disk));
+        assert!(choices(&study, &budget(60.0, Some(1e6)), |_| HERE, 50).is_empty());
+        assert!(choices(&study, &budget(0.5, None), |_| HERE, 50).is_empty());
+    }
+
+    #[test]
+    fn law_a_flat_curve_ends_the_scenes_long_before_the_hours() {
+        let study = study(vec![setting("flat", None, (0.03, 0.1), (0.02, 0.01))]);
+        let of = &choices(&study, &budget(8.0 * 3600.0, None), |_| HERE, 50)[0];
+        assert_eq!(of.bound, Bound::Flat);
+        assert!(of.scenes < 5000 && of.most_scenes > 500_000, "{of:?}");
+        assert!(of.left.0 <= of.left.1 && of.left.1 <= FLAT);
+        // Never better than the floor and the interval allow.
+        assert!(of.expected.high < 0.97 + 0.01, "{of:?}");
+    }
+
+    #[test]
+    fn law_what_is_told_better_comes_first_and_what_is_worse_never() {
+        let study = study(vec![
+            setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+            setting("better", Some(Told::Better), (0.032, 1.0), (0.01, 0.01)),
+            setting("lucky", Some(Told::NotApart), (0.01, 1.0), (0.02, 0.01)),
+            setting("worse", Some(Told::Worse), (0.001, 1.0), (0.02, 0.01)),
+        ]);
+        let names: Vec<_> =
+            choices(&study, &budget(600.0, None), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
+        assert_eq!(names, ["better", "reference", "lucky"]);
+    }
+
+    #[test]
+    fn exact_a_bound_is_found_by_halving() {
+        assert_eq!(most(|scenes| scenes <= 1234.0, 50), 1200);
+        assert_eq!(most(|_| false, 50), 0);
+        assert_eq!(most(|_| true, 50), 1_000_000_000);
+    }
+}

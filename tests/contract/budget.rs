@@ -1,0 +1,87 @@
+//! The contract of `plan --hours`: a study in, what to build out, in words, as JSON and as a config; refusals with exit code 2.
+
+use std::fs;
+use std::path::Path;
+
+use crate::yard::{Yard, text};
+
+fn config() -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/training.yaml").display().to_string()
+}
+
+/// A study of the fixture, where `tradeoff` puts it.
+fn with_study() -> Yard {
+    let yard = Yard::new();
+    let quick = ["--scenes", "8", "--test-scenes", "4", "--seeds", "2", "--only", "cast", "--threads", "2"];
+    let output = yard.marsyard(["tradeoff", config().as_str()].iter().chain(&quick));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    yard
+}
+
+#[test]
+fn law_hours_become_a_config_that_is_built() {
+    let yard = with_study();
+    let config = config();
+    let plan = ["plan", &config, "--hours", "0.002", "--cores", "2", "--disk", "40MB", "--limit", "1"];
+    let output = yard.marsyard(plan.iter().chain(&["--json", "--write", "night.yaml"]));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    let best = &json["choices"][0];
+    let figure = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap_or_else(|| panic!("{key}: {of}"));
+    assert!(figure(best, "generate_s") + figure(best, "train_s") <= 7.2 * 1.0001, "{best}");
+    assert!(figure(best, "bytes") <= 4e7, "{best}");
+    let accuracy = &best["balanced_accuracy"];
+    let [low, mean, high] = ["low", "mean", "high"].map(|key| figure(accuracy, key));
+    assert!(0.0 <= low && low <= mean && mean <= high && high <= 1.0, "{accuracy}");
+    assert!(json["choices"].as_array().is_some_and(|choices| choices.len() > 1), "{json}");
+    // The study is of this config.
+    assert!(!json["warnings"].to_string().contains("another state"), "{json}");
+
+    let written = fs::read_to_string(yard.path("night.yaml")).expect("the config");
+    assert!(written.starts_with("# Written by `marsyard plan") && written.contains("Expected balanced accuracy"));
+    let scenes = best["scenes"].as_u64().expect("scenes");
+    assert!(written.contains("name: night\n") && written.contains(&format!("scenes: {scenes}\n")), "{written}");
+    let output = yard.marsyard(["plan", "night.yaml", "--sample", "0"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(text(&output.stdout).starts_with(&format!("night: {scenes} scenes")), "{}", text(&output.stdout));
+    // What is there already is nobody's to write over.
+    let again = yard.marsyard(plan.iter().chain(&["--write", "night.yaml"]));
+    assert_eq!(again.status.code(), Some(2));
+    assert!(text(&again.stderr).contains("is there already"), "{}", text(&again.stderr));
+
+    let output = yard.marsyard(plan.iter().chain(&["--set", "seed=9"]));
+    let said = text(&output.stdout);
+    for part in [
+        "\nbuild: ",
+        "\nnext best: ",
+        "expected balanced accuracy: ",
+        "another state of this config",
+        "marsyard generate ",
+    ] {
+        assert!(said.contains(part), "{part} is not in:\n{said}");
+    }
+}
+
+#[test]
+fn law_without_a_study_or_a_sound_budget_the_cure_is_told() {
+    let yard = Yard::new();
+    let config = config();
+    for (extra, expected) in [
+        (&["--hours", "1"][..], "there is no study of training"),
+        (&["--hours", "1"], "marsyard tradeoff"),
+        (&["--hours", "0"], "is not a number of hours"),
+        (&["--hours", "1", "--disk", "3 parsec"], "no unit of bytes"),
+        (&["--hours", "1", "--study", "none.json"], "none.json"),
+        (&["--hours", "1", "--sample", "3"], "cannot be used with"),
+        (&["--cores", "2"], "--hours"),
+    ] {
+        let output = yard.marsyard(["plan", config.as_str()].iter().chain(extra));
+        assert_eq!(output.status.code(), Some(2), "{extra:?}: {}", text(&output.stdout));
+        let said = text(&output.stderr);
+        assert!(said.split_whitespace().collect::<Vec<_>>().join(" ").contains(expected), "{extra:?}: {said}");
+    }
+    fs::write(yard.path("bad.json"), r#"{"marsyard_study": 1}"#).expect("a file");
+    let output = yard.marsyard(["plan", &config, "--hours", "1", "--study", "bad.json"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("is no study"), "{}", text(&output.stderr));
+}
