@@ -4,7 +4,7 @@
 //! distribution for whole degrees of freedom is the finite sum of Abramowitz & Stegun 26.7.3 and 26.7.4. Rank correlation
 //! is Spearman's (1904), ties at their mean rank (Kendall 1948). Values are taken to be independent: what drifts in time is not modelled.
 
-pub mod scores;
+pub(crate) mod scores;
 
 use serde::{Deserialize, Serialize};
 
