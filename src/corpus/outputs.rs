@@ -6,13 +6,14 @@
 //! one folder at once take turns, and keep each other's lines.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::address::Address;
 use super::limits::FileKind;
 use super::owner::{self, CHANGED, IS_INPUT, NOT_WRITTEN};
+use super::store::create_synced;
 use super::{CorpusError, Store, finished, sha256};
 
 /// The ledger's name.
@@ -107,7 +108,7 @@ impl Outputs {
     fn hold(&mut self) -> Result<(Option<File>, bool), CorpusError> {
         let Some(folder) = &self.folder else { return Ok((None, !self.written.is_empty())) };
         let failed = |source| CorpusError::of_path(folder, source);
-        fs::create_dir_all(folder).map_err(failed)?;
+        create_synced(folder, None).map_err(failed)?;
         let held = File::open(folder).map_err(failed)?;
         // Where there are no locks nobody can be kept out.
         let _ = held.lock();
