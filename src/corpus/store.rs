@@ -31,9 +31,9 @@ use std::sync::Arc;
 use super::{CorpusError, sha256};
 pub(crate) use files::{may_pass, read_folder, read_local};
 pub use local_folder::LocalFolder;
-pub(crate) use local_folder::write_whole;
 #[cfg(feature = "train")]
-pub(crate) use local_folder::{create_synced, sync_folder_of};
+pub(crate) use local_folder::sync_folder_of;
+pub(crate) use local_folder::{create_synced, write_whole};
 
 /// Unfinished files begin with this, and then the number of the process that writes them.
 const TEMPORARY: &str = ".marsyard-tmp-";
