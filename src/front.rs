@@ -184,7 +184,7 @@ mod networks {
     ///
     /// let folder = tempfile::tempdir()?;
     /// let (corpus, run) = (folder.path().join("corpus"), folder.path().join("run"));
-    /// let sets = ["scenes=7", "scenes_per_shard=1", "drive.stops=1", "cells.size_m=0.3"].map(String::from);
+    /// let sets = ["scenes=7", "scenes_per_shard=1", "drive.stops=1", "cells.size_m=0.2"].map(String::from);
     /// build_corpus(&config::load(Path::new("configs/quickstart.yaml"), &sets)?, &corpus, 2)?;
     ///
     /// let params = config::load_train(None, &["network.hidden=[4]", "epochs=1"].map(String::from))?;

@@ -127,7 +127,7 @@ impl Prepared {
 /// use marsyard::episode::{Prepared, Scratch, StageTimes, run_scene};
 /// use marsyard::{config, plan::Plan};
 ///
-/// let plan: Plan = config::load(Path::new("configs/quickstart.yaml"), &["cells.size_m=0.3".into()])?;
+/// let plan: Plan = config::load(Path::new("configs/quickstart.yaml"), &["cells.size_m=0.2".into()])?;
 /// let prepared = Prepared::new(plan)?;
 /// let (mut scratch, mut times) = (Scratch::default(), StageTimes::new());
 /// let first = run_scene(&prepared, 5, &mut scratch, &mut times);
