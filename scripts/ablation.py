@@ -42,13 +42,14 @@ COLUMNS = {
 # Overrides of the config for the training scenes.
 YARDS = {
     "no roughness": ["scene.ground.roughness=null"],
-    "no landforms": ["scene.ground.features=[]", "families.5.scene.ground.features=[]"],
+    "no landforms": ["scene.ground.features=[]", "families.5.scene.ground.features=[]", "families.6.scene.ground.features=[]"],
     "no grass": ["scene.vegetation.grass=null", "families.2.scene.vegetation.grass=null"],
     "no brush": ["families.3.scene.vegetation.brush=null"],
     "no dropout": ["sweep.effects.dropout=null"],
     "no range bias": ["sweep.effects.range_bias_m=null"],
     "no quantisation": ["sweep.effects.quantisation=null"],
-    "no FastSLAM (dead reckoning)": ["slam=dead_reckoning"],
+    "no excavations": ["families.6.weight=1e-9"],
+    "and FastSLAM in place of dead reckoning": ["slam={fastslam: {particles: 30}}"],
 }
 LEFT_OUT = list(enumerate(held_out.TRAINING))
 FRAMES = {"estimated pose": [], "fitted plane": ["cells.frame=fitted_plane"]}

@@ -17,8 +17,8 @@ import pyarrow.parquet as parquet
 import study
 
 CONFIG = study.ROOT / "configs" / "mixed.yaml"
-TRAINING = ["rock_field", "builders_yard", "orchard", "scrub", "bare_rough", "embankments"]
-FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_frame", "unseen_slope", "unseen_kinds", "unseen"]
+TRAINING = ["rock_field", "builders_yard", "orchard", "scrub", "bare_rough", "embankments", "excavations"]
+FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_frame", "unseen_slope", "unseen_kinds", "unseen_holes", "unseen"]
 PER_SHARD = 10
 DRAWS = 1000
 #: No family may weigh nothing; at this weight none of the scenes of a study is drawn from it.

@@ -3,7 +3,7 @@
 Usage:  cargo build --release
         python scripts/holes.py [--seeds 1,2,3] [--work FOLDER] [--quick]
 
-Trains on yards with trenches, holes, drop-offs, banks and stones under one laser (`TRAINING`), and judges on other yards (`HELD_OUT`): holes
+Trains on configs/holes.yaml, yards with trenches, holes, drop-offs, banks and stones under one laser, and judges on other yards (`HELD_OUT`): holes
 0.2 to 1.5 m wide, deeper than the limit, on other ground, from another height, in another order of draws; and on the same yards with the
 holes filled in, since their ground stands at the same addresses. Counted are cells whose centres lie 1 to 6 m from the sensor, of scans
 of a rover that stands level within 10 degrees; a cell is untraversable where the ground falls by more than LIMIT_M (`max_drop_m`).
@@ -34,60 +34,14 @@ NEAR_M, FAR_M, TILT_DEG = 1.0, 6.0, 10.0
 FALSE = 0.03
 KEYS = ["scene_id", "scan_id", "row", "col", "label", "points", "range_m", "truth_class", "truth_drop_m", "truth_pit_m", "pitch_rad", "roll_rad"]
 
-COMMON = """
-marsyard: 1
-name: {name}
-seed: {seed}
-scenes: {scenes}
-scenes_per_shard: {per_shard}
-scene:
-  extent_m: 14
-  ground:
-    source: {{ random: {{ rms_height_m: {{ uniform: [0.02, {rms}] }}, correlation_length_m: {{ uniform: {length} }} }} }}
-    shape: {{ raw: {{ spacing_m: 0.025 }} }}
-    max_slope_deg: 25
-    roughness: {{ rms_height_m: {{ log_uniform: [0.003, 0.015] }}, correlation_length_m: {{ uniform: [0.3, 1] }}, spacing_m: 0.025 }}
-    features: {features}
-  rocks: {rocks}
-drive:
-  rover: husky-a200
-  path: {{ straight: {{ length_m: 0.3 }} }}
-  stops: 1
-  instruments: {{ imu_deg: {{ uniform: [0.1, 1] }} }}
-sweep:
-  sensor: utm-30lx
-  mount: {{ z_m: {{ uniform: {height} }}, pitch_deg: {{ uniform: [-2, 2] }} }}
-  effects: {{ range_noise: {{ incidence: true }}, range_bias_m: {{ uniform: [0, 0.01] }}, quantisation: {{}}, gates: {{}}, dropout: {{ rate: {{ uniform: [0, 0.05] }} }} }}
-slam: dead_reckoning
-cells:
-  size_m: 0.1
-  max_range_m: 8
-  local_height: {{ radius_m: 1, percentile: {percentile}, plane: true }}
-  curvature: {{ radii_m: [0.2, 0.4, 0.8] }}
-  surroundings: {{ radii_m: [0.2, 0.4] }}
-  unseen: {unseen}
-  labels: {{ max_drop_m: {limit} }}
-"""
-
-TRAINING_FORMS = """
-      - trench: { count: { uniform: [0, 3] }, depth_m: { uniform: [0.05, 1.5] }, width_m: { log_uniform: [0.15, 2] }, length_m: { uniform: [1, 8] }, rounding_m: { log_uniform: [0.03, 0.4] }, lip_m: { uniform: [0, 0.06] } }
-      - hole: { count: { uniform: [0, 6] }, depth_m: { uniform: [0.05, 1.5] }, width_m: { log_uniform: [0.15, 2] }, rounding_m: { log_uniform: [0.03, 0.4] }, lip_m: { uniform: [0, 0.06] } }
-      - drop_off: { count: { uniform: [0, 2] }, depth_m: { uniform: [0.05, 0.8] }, width_m: { uniform: [1, 4] }, length_m: { uniform: [2, 6] }, rounding_m: { log_uniform: [0.03, 0.4] } }
-      - ridge: { count: { uniform: [0, 2] }, height_m: { uniform: [0.05, 0.3] }, width_m: { uniform: [0.4, 2] }, length_m: { uniform: [2, 8] } }
-"""
-HELD_OUT_FORMS = """
-      - trench: { count: 2, depth_m: { uniform: [0.25, 1.2] }, width_m: { uniform: [0.2, 1.5] }, length_m: { uniform: [2, 5] }, rounding_m: 0.05, lip_m: { uniform: [0, 0.04] } }
-      - hole: { count: 8, depth_m: { uniform: [0.25, 1.2] }, width_m: { uniform: [0.2, 1.5] }, rounding_m: 0.05, lip_m: { uniform: [0, 0.04] } }
-"""
-ROCKS = "{ count: { uniform: [0, 25] }, diameter_m: { log_uniform: [0.1, 0.8] } }"
-
-
-def config(work, name, **values):
-    """A config file of a kind of yard."""
-    said = dict(name=name, scenes=7, per_shard=1, percentile=50, limit=LIMIT_M, unseen="{}", **values)
-    path = work / f"{name}.yaml"
-    path.write_text(COMMON.format(**said))
-    return path
+CONFIG = study.ROOT / "configs" / "holes.yaml"
+#: What differs in the yards of the test: other ground, fewer and smaller stones, another height of the sensor, another seed.
+HELD_OUT = ["seed=77", "scene.ground.source={random: {rms_height_m: {uniform: [0.02, 0.25]}, correlation_length_m: {uniform: [4, 8]}}}",
+            "scene.rocks={count: {uniform: [0, 10]}, diameter_m: {log_uniform: [0.1, 0.5]}}", "sweep.mount.z_m={uniform: [0.9, 1.3]}"]
+NO_HOLES = "scene.ground.features=[]"
+HOLES = ("scene.ground.features=["
+         "{trench: {count: 2, depth_m: {uniform: [0.25, 1.2]}, width_m: {uniform: [0.2, 1.5]}, length_m: {uniform: [2, 5]}, rounding_m: 0.05, lip_m: {uniform: [0, 0.04]}}},"
+         "{hole: {count: 8, depth_m: {uniform: [0.25, 1.2]}, width_m: {uniform: [0.2, 1.5]}, rounding_m: 0.05, lip_m: {uniform: [0, 0.04]}}}]")
 
 
 def read(corpus, split):
@@ -171,17 +125,12 @@ def main():
     seeds = [int(seed) for seed in arguments.seeds.split(",")][:1 if arguments.quick else None]
     marsyard = study.Marsyard(arguments.marsyard, arguments.work, arguments.threads)
     train_scenes, test_scenes = (60, 14) if arguments.quick else (140, 28)
-    work = marsyard.work
-    training = config(work, "training", seed=11, rms=0.4, length="[3, 10]", features=TRAINING_FORMS, rocks=ROCKS, height="[0.7, 1.5]")
-    held = dict(seed=77, rms=0.25, length="[4, 8]", rocks="{ count: { uniform: [0, 10] }, diameter_m: { log_uniform: [0.1, 0.5] } }",
-                height="[0.9, 1.3]")
-    corpora = {"training": marsyard.corpus("training", training, [], train_scenes, train_scenes // 20)}
-    for name, forms, unseen in [("holes", HELD_OUT_FORMS, "{}"), ("filled", "[]", "{}"), ("wide", HELD_OUT_FORMS, "{ around_m: 5 }")]:
-        file = config(work, name, features=forms, **held)
-        corpora[name] = marsyard.corpus(name, file, [f"cells.unseen={unseen}"], test_scenes, test_scenes // 7)
+    corpora = {"training": marsyard.corpus("training", CONFIG, [], train_scenes, train_scenes // 20)}
+    for name, features, unseen in [("holes", HOLES, "{}"), ("filled", NO_HOLES, "{}"), ("wide", HOLES, "{ around_m: 5 }")]:
+        sets = [*HELD_OUT, features, f"cells.unseen={unseen}"]
+        corpora[name] = marsyard.corpus(name, CONFIG, sets, test_scenes, test_scenes // 7)
     holes, filled, wide = (read(corpora[name], "*") for name in ["holes", "filled", "wide"])
-    even = config(work, "even", seed=12, rms=0.4, length="[3, 10]", features="[]", rocks=ROCKS, height="[0.7, 1.5]")
-    corpora["even"] = marsyard.corpus("even", even, [], test_scenes, test_scenes // 7)
+    corpora["even"] = marsyard.corpus("even", CONFIG, ["seed=12", NO_HOLES], test_scenes, test_scenes // 7)
     validation, learnt = read(corpora["even"], "*"), read(corpora["training"], "train")
 
     results = {"network": [], "trees": [], "classical": []}
