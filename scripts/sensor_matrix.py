@@ -17,16 +17,17 @@ Needs numpy, and matplotlib for the figure. Writes sensor_matrix.json and sensor
 import argparse
 import pathlib
 
+import held_out
 import study
 
-#: configs/mixed.yaml: these are its training families; the sixth is held out and not used here.
-FAMILIES = 5
 ALL, OTHERS, HEIGHT = "all", "all but it", "height threshold"
 
 
 def corpus_sets(sensor):
-    """Overrides of configs/mixed.yaml: one sensor in all training families, and nothing of the family that is held out."""
-    return [f"families.{k}.sweep.sensor={sensor}" for k in range(FAMILIES)] + [f"families.{FAMILIES}.weight=0"]
+    """Overrides of configs/mixed.yaml: one sensor in all training families, and nothing of the families that are held out."""
+    trained = range(len(held_out.TRAINING))
+    none = [f"families.{len(trained) + k}.weight={held_out.NONE}" for k in range(len(held_out.FAMILIES))]
+    return [f"families.{k}.sweep.sensor={sensor}" for k in trained] + none
 
 
 def rates(report, panel="network"):

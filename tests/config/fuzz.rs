@@ -22,7 +22,7 @@ fn load_text(text: &[u8], sets: &[String]) -> Result<usize, usize> {
 }
 
 fn shipped() -> Vec<String> {
-    let names = ["quickstart", "paper", "mars", "mixed"];
+    let names = ["quickstart", "paper", "mars", "mixed", "holes"];
     names.iter().map(|name| std::fs::read_to_string(format!("configs/{name}.yaml")).unwrap()).collect()
 }
 

@@ -356,3 +356,69 @@ fn equal_cells_without_points_of_a_cloud_are_those_of_the_corpus() {
     let deep = |row: &marsyard::cells::CellRow| row.points == 0 && row.untraversable() && row.truth.drop_m > 0.2;
     assert!(scan.cells.rows.iter().any(deep));
 }
+
+/// A yard of two levels under a sensor 2 m up, with leaves 1.3 m over the lower one and returns of the rover itself, by model `--overhang 1`.
+fn two_levels(yard: &Yard) -> (u64, u64) {
+    let mut text = String::from("x,y,z\n");
+    let mut push = |x: f64, y: f64, z: f64| text += &format!("{x:.3},{y:.3},{z:.3}\n");
+    for (x, y) in (0..6400).map(|k| (0.1 * f64::from(k % 80) - 4.0, 0.1 * f64::from(k / 80) - 4.0)) {
+        push(x, y, if y < 0.5 { -2.0 } else { -1.55 });
+    }
+    let leaves = (0..100).map(|k| (1.05 + 0.1 * f64::from(k % 10), -2.95 + 0.1 * f64::from(k / 10)));
+    leaves.clone().for_each(|(x, y)| push(x, y, -0.7));
+    let own = (0..20).map(|k| (-0.2 + 0.02 * f64::from(k), 0.1));
+    own.clone().for_each(|(x, y)| push(x, y, -0.9));
+    std::fs::write(yard.path("levels.csv"), text).expect("a file");
+    (leaves.count() as u64, own.count() as u64)
+}
+
+#[test]
+fn exact_classify_tells_a_second_ground_what_hangs_and_what_is_of_the_rover() {
+    let yard = Yard::new();
+    let model = model_file(&yard);
+    let (leaves, own) = two_levels(&yard);
+    let how =
+        ["classify", &model, "levels.csv", "--sensor-height", "2", "--overhang", "1", "--self-filter=0.8,0.6,1.5"];
+    let output = yard.marsyard(how.iter().chain(&["--out", "words"]));
+    let (said, warned) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{warned}");
+    for words in [
+        "levels.csv: a second plane may be the ground: the sensor stands 1.550 m above it",
+        "give --sensor-height more exactly, or the pose with --pose or --trajectory",
+    ] {
+        assert!(warned.contains(words), "{warned}");
+    }
+    assert!(said.contains("without what hangs over more than 1 m of free height"), "{said}");
+    assert!(said.contains(&format!("{leaves} overhanging")), "{said}");
+
+    let output = yard.marsyard(how.iter().chain(&["--out", "numbers", "--json"]));
+    let lines = text(&output.stdout);
+    let scan = lines.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON a line"));
+    let scan = scan.into_iter().find(|object| object.get("levelled").is_some()).expect("a levelled scan");
+    assert_eq!(scan["window_points_overhanging"], leaves);
+    assert!(scan["points_on_rover"].as_u64().expect("a count") >= own, "{scan}");
+    let rival = &scan["levelled"]["rival"];
+    assert!((rival["sensor_height_m"].as_f64().expect("a height") - 1.55).abs() < 0.01, "{rival}");
+
+    // The model learnt without the rule, and says so.
+    let other = "the model learnt cells with all that hangs over them, and these are without what hangs over 1 m of free height";
+    assert!(warned.contains(other), "{warned}");
+
+    // One level, and nothing is warned of.
+    let flat: String = (0..6400)
+        .map(|k| format!("{:.3},{:.3},-2\n", 0.1 * f64::from(k % 80) - 4.0, 0.1 * f64::from(k / 80) - 4.0))
+        .collect();
+    std::fs::write(yard.path("flat.csv"), format!("x,y,z\n{flat}")).expect("a file");
+    let output = yard.marsyard(["classify", &model, "flat.csv", "--sensor-height", "2", "--out", "flat"]);
+    assert!(output.status.success() && !text(&output.stderr).contains("second plane"), "{}", text(&output.stderr));
+    for (option, words) in [
+        ("--overhang=0", "--overhang 0: the free height that the rover needs is a number of metres above 0"),
+        ("--self-filter=1,0,1", "length, width and height of the rover are metres above 0"),
+    ] {
+        let output = yard.marsyard(["classify", &model, "flat.csv", "--sensor-height", "2", "--out", "no", option]);
+        let flat = text(&output.stderr).replace(['\n', '│'], " ").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{flat}");
+        assert!(flat.contains(words), "{flat}");
+        assert!(!yard.path("no").exists(), "nothing is written by a refused call");
+    }
+}
