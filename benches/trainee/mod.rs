@@ -4,7 +4,7 @@ use marsyard::measure::clock::thread_cpu_s;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::build;
 use marsyard::train::params::{
-    BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, NoiseParams, Precision, UkfParams,
+    BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, NoiseParams, Precision, RowsLearnt, UkfParams,
 };
 use marsyard::train::{Filter, Layout, Network};
 
@@ -35,7 +35,9 @@ fn settings(name: &str) -> Option<FilterParams> {
         Some((form, "f64")) => (form, Precision::F64),
         _ => (name, Precision::F64),
     };
-    let ekf = |robust, batch| FilterParams::Ekf(EkfParams { noise: noise.clone(), precision, robust, batch });
+    let ekf = |robust, batch| {
+        FilterParams::Ekf(EkfParams { noise: noise.clone(), precision, robust, batch, rows: RowsLearnt::Every })
+    };
     let decoupled = |groups| FilterParams::Decoupled(DecoupledParams { noise: noise.clone(), precision, groups });
     Some(match form {
         "ekf" => ekf(false, 1),

@@ -184,6 +184,8 @@ purposes! {
     SearchNetworks = 913, "search.networks";
     /// Scene = draw of the bootstrap, step = group of test scenes, and the trainings after the last group; index = how many were drawn before.
     TradeoffBootstrap = 914, "tradeoff.bootstrap";
+    /// Index = rows of the training before it: whether it is learnt.
+    TrainSelection = 915, "train.filter.ekf.rows";
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::filter::{self, Filter};
 use super::rows::Rows;
+use super::selection::Selection;
 use super::state::Snapshot;
 use super::stopping::{Look, Stopping};
 use super::validation::{ErrorSum, Objective};
@@ -27,9 +28,10 @@ pub(super) struct Learner {
     pub validate_every: u64,
     patience: u32,
     portion: Share,
+    selection: Option<Selection>,
 }
 
-/// What was learnt so far, as far as it decides what comes next.
+/// What was learnt so far, as far as it decides what comes next. Rows count whether the filter took them or a selection left them out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Learnt {
     pub rows: u64,
@@ -69,6 +71,7 @@ impl Learner {
             validate_every: validate_every.max(1),
             patience: params.patience,
             portion: Share::default(),
+            selection: Selection::of(&params.filter, params.seed),
         })
     }
 
@@ -81,6 +84,9 @@ impl Learner {
         let mut sum = ErrorSum::from(self.learnt.train_sum);
         sum += self.portion.error(&self.network);
         self.learnt.train_sum = sum.into();
+        if let Some(selection) = &mut self.selection {
+            self.portion.select(selection, self.learnt.rows);
+        }
         let Share { inputs, targets, noise, .. } = &self.portion;
         self.filter.learn(&mut self.network, inputs, targets, noise);
         self.learnt.rows += (end - from) as u64;
@@ -142,6 +148,7 @@ struct Share {
     targets: Vec<f64>,
     noise: Vec<f64>,
     outputs: Vec<f64>,
+    chosen: Vec<usize>,
 }
 
 impl Share {
@@ -158,6 +165,23 @@ impl Share {
             // R of a row is divided by its weight: exact in a Kalman filter.
             self.noise.push(1.0 / objective.weights.of(label, rows.corpora[row]));
         }
+    }
+
+    /// Leaves those rows that are to be learnt; `first`: rows of the training before them.
+    fn select(&mut self, selection: &mut Selection, first: u64) {
+        let Share { inputs, targets, noise, outputs, chosen } = self;
+        let width = inputs.len() / targets.len();
+        for (output, target) in outputs.iter_mut().zip(targets.iter()) {
+            *output = target - *output;
+        }
+        selection.select(first, outputs, noise, chosen);
+        for (to, &from) in chosen.iter().enumerate() {
+            inputs.copy_within(from * width..(from + 1) * width, to * width);
+            (targets[to], noise[to]) = (targets[from], noise[from]);
+        }
+        inputs.truncate(chosen.len() * width);
+        targets.truncate(chosen.len());
+        noise.truncate(chosen.len());
     }
 
     /// The error before these rows are learnt.

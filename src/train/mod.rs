@@ -30,6 +30,7 @@ pub mod rows;
 pub(crate) mod run;
 pub(crate) mod scaling;
 pub(crate) mod scenes;
+mod selection;
 pub(crate) mod source;
 mod state;
 pub(crate) mod stopping;

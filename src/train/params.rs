@@ -208,11 +208,47 @@ pub struct EkfParams {
     /// Rows learnt together.
     #[garde(range(min = 1, max = 64))]
     pub batch: usize,
+    /// Which rows are learnt: an update costs the same whatever the row teaches.
+    #[garde(dive)]
+    pub rows: RowsLearnt,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum RowsLearnt {
+    /// All: the exact filter (the paper's).
+    Every,
+    /// Those that the network errs on, and of the others a share, drawn; a row that had the probability p counts 1 / p fold, so that the
+    /// expectation stays what it is with every row.
+    ByError(#[garde(dive)] ByErrorParams),
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct ByErrorParams {
+    /// A row whose output is off by this or more is always learnt; the probability of others falls with their error.
+    #[garde(custom(within(1e-6, 1.0)))]
+    pub full_error: f64,
+    /// Least probability; its inverse is the most that a row counts.
+    #[garde(custom(within(1e-3, 1.0)))]
+    pub floor: f64,
+}
+
+impl Default for ByErrorParams {
+    fn default() -> Self {
+        ByErrorParams { full_error: 0.2, floor: 0.05 }
+    }
 }
 
 impl Default for EkfParams {
     fn default() -> Self {
-        EkfParams { noise: NoiseParams::default(), precision: Precision::F32, robust: false, batch: 1 }
+        EkfParams {
+            noise: NoiseParams::default(),
+            precision: Precision::F32,
+            robust: false,
+            batch: 1,
+            rows: RowsLearnt::ByError(ByErrorParams::default()),
+        }
     }
 }
 

@@ -5,7 +5,7 @@ mod textbook;
 use marsyard::math;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::{Counters, FilterState, build_unchecked};
-use marsyard::train::params::{EkfParams, FilterParams, NoiseParams, Precision, Schedule};
+use marsyard::train::params::{EkfParams, FilterParams, NoiseParams, Precision, RowsLearnt, Schedule};
 use marsyard::train::{Layout, Network};
 use nalgebra::DMatrix;
 use textbook::Textbook;
@@ -91,7 +91,7 @@ impl Run {
     fn train(&self, size: &Size, precision: Precision, robust: bool) -> (Counters, bool, FilterState) {
         let (mut network, inputs, targets) = self.prepare(size);
         let noise = NoiseParams { p0_over_r: self.p0, q_over_r: self.q, schedule: Schedule::Constant };
-        let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1 });
+        let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1, rows: RowsLearnt::Every });
         let mut filter = build_unchecked(&params, &network.layout, f64::INFINITY);
         let mut finite = true;
         for (inputs, targets) in inputs.chunks(50 * size.inputs).zip(targets.chunks(50)) {
@@ -222,7 +222,7 @@ fn ten_million(precision: Precision, robust: bool, p0: f64) -> (Counters, f64, f
     const UPDATES: usize = 10_000_000;
     const PART: usize = 10_000;
     let noise = NoiseParams { p0_over_r: p0, q_over_r: 0.0, schedule: Schedule::Constant };
-    let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1 });
+    let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1, rows: RowsLearnt::Every });
     let mut network = S87.network();
     let mut filter = build_unchecked(&params, &network.layout, f64::INFINITY);
     let mut least = f64::INFINITY;

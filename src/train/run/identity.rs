@@ -48,8 +48,9 @@ pub(super) fn run_id(identity: &Json) -> String {
 pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), TrainError> {
     let differs = |what: &str| TrainError::OtherRun { path: setup.out.display().to_string(), what: what.into() };
     let corpora = as_known(&here["corpora"], &there["corpora"]);
+    let config = with_rows(&there["config"]);
     for (there, here, what) in [
-        (&there["config"], &here["config"], "the config is another one (its own is in train.yaml)"),
+        (&config, &here["config"], "the config is another one (its own is in train.yaml)"),
         (&there["corpora"], &corpora, "the corpora, or their weights, are others"),
         (&there["init"], &here["init"], "the network it starts from is another one"),
     ] {
@@ -58,6 +59,15 @@ pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), Trai
         }
     }
     Ok(())
+}
+
+/// The config; where it is of an earlier marsyard, which learnt every row and did not note it, with that.
+fn with_rows(there: &Json) -> Json {
+    let mut config = there.clone();
+    if let Some(ekf) = config.pointer_mut("/filter/ekf").and_then(Json::as_object_mut) {
+        ekf.entry("rows").or_insert_with(|| json!("every"));
+    }
+    config
 }
 
 /// The corpora, without what a run of an earlier marsyard did not know of them.

@@ -36,7 +36,7 @@ fn noise(p0: f64, q: f64) -> NoiseParams {
 }
 
 fn ekf(p0: f64, q: f64, precision: Precision, robust: bool, batch: usize) -> FilterParams {
-    FilterParams::Ekf(EkfParams { noise: noise(p0, q), precision, robust, batch })
+    FilterParams::Ekf(EkfParams { noise: noise(p0, q), precision, robust, batch, rows: RowsLearnt::Every })
 }
 
 fn decoupled(groups: Groups, precision: Precision) -> FilterParams {
