@@ -33,10 +33,10 @@ PER_SHARD = {"quickstart": 10, "paper": 10, "mars": 5}
 DRAWS = 1000
 
 
-def test_counts(place, model):
-    """By test scene: untraversable cells missed and called, traversable cells called and passed."""
+def test_counts(place, model, splits="test"):
+    """By scene of the splits whose names match: untraversable cells missed and called, traversable cells called and passed."""
     names = ["scene_id", "label", *model["about"]["features"]]
-    cells = pyarrow.concat_tables([parquet.read_table(path, columns=names) for path in sorted((place / "data" / "cells").glob("test-*.parquet"))])
+    cells = pyarrow.concat_tables([parquet.read_table(path, columns=names) for path in sorted((place / "data" / "cells").glob(f"{splits}-*.parquet"))])
     cells = cells.filter(pyarrow.compute.is_valid(cells["label"]))
     found = {name: cells[name].to_numpy() for name in names}
     ids, found["scene"] = np.unique(found["scene_id"], return_inverse=True)

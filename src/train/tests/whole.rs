@@ -66,6 +66,25 @@ fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
 }
 
 #[test]
+fn equal_a_floor_of_one_is_the_exact_filter_and_the_default_learns_fewer_rows() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = circles(&dir, "a", 300);
+    let one = |name: &str, rows: &str| {
+        let params = with(&["epochs=20", "patience=100", &format!("filter.ekf.rows={rows}")]);
+        let setup = setup(std::slice::from_ref(&place), &params, dir.path().join(name)).unwrap();
+        let summary = run(&setup).unwrap();
+        assert_eq!(summary.last.rows, 20 * 1500);
+        let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
+        (model.network.weights, summary.counters.updates)
+    };
+    let every = one("every", "every");
+    assert_eq!(every.1, 20 * 1500);
+    assert_eq!(one("floor", "{by_error: {floor: 1}}"), every);
+    let by_error = one("default", "{by_error: {}}");
+    assert!(by_error.1 > 1500 && by_error.1 < every.1 * 3 / 4, "{}", by_error.1);
+}
+
+#[test]
 fn law_training_stops_when_the_validation_error_rises_and_reverts() {
     let dir = tempfile::tempdir().unwrap();
     // Validation says the opposite of training: every step makes it worse.
