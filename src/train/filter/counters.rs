@@ -25,7 +25,7 @@ pub struct Counters {
     pub rebuilt_at: Option<u64>,
     /// Rows learnt before the filter went on factored, because P had to be rebuilt repeatedly.
     pub factored_at: Option<u64>,
-    /// Rows with an input that was clipped.
+    /// Of the rows that were learnt, those with an input that was clipped.
     pub clipped: u64,
     /// Updates after which a weight was cut back to `MOST_WEIGHT`.
     pub cut_back: u64,

@@ -75,7 +75,7 @@ fn extreme_outliers_are_clipped_and_counted() {
         rows
     };
     let place = corpus(&dir, "a", &(0..7).map(spoilt).collect::<Vec<_>>());
-    let setup = setup(&[place], &with(&["patience=100"]), dir.path().join("run")).unwrap();
+    let setup = setup(&[place], &with(&["patience=100", "filter.ekf.rows=every"]), dir.path().join("run")).unwrap();
     // One row in each of five train shards, in each of three epochs.
     assert_eq!(run(&setup).unwrap().counters.clipped, 15);
 }
