@@ -1,0 +1,131 @@
+#!/usr/bin/env python3
+"""What FastSLAM gains on the sweeps of the shipped configs, where the rest goes, and whether the stated sigmas are honest.
+
+    cargo build --release --locked --example poses
+    python scripts/poses.py [--scenes 300] [--check]
+
+Each scene's drive is located by the config's own filter, by dead reckoning, and by the filter with exact features of known landmarks (the
+ceiling) and then one handicap at a time (benches/programs/poses.rs). Judged at the last stop, in paired scenes. NEES is the error squared
+over the stated variance, averaged over scenes: 1 a degree of freedom where the sigmas are honest; the band holds 95 % of such means. --check
+fails where z, roll or pitch of a config's own filter lie outside it. Results go to scripts/results/poses.json and .md.
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+from scipy.stats import chi2
+
+import study
+
+PROGRAM = study.ROOT / "target" / "release" / "examples" / "poses"
+# Name, and whether the handicaps are taken apart too.
+CONFIGS = [("paper", True), ("mixed", True), ("mars", True), ("quickstart", False)]
+RECKONED, OWN = "dead_reckoning", "fastslam"
+# Rows and columns of the covariance.
+BLOCKS = {"position": [0, 1, 2], "heading": [5], "z": [2], "roll": [3], "pitch": [4]}
+
+
+def scenes_of(name, apart, arguments):
+    """The lines of the program, kept in the work folder."""
+    kept = arguments.work / f"{name}-{arguments.scenes}.jsonl"
+    if not kept.exists():
+        study.note(f"{name}: {arguments.scenes} scenes")
+        command = [PROGRAM, study.ROOT / "configs" / f"{name}.yaml", "--scenes", str(arguments.scenes)]
+        done = subprocess.run([*command, *([] if apart else ["--shipped-only"])], capture_output=True, text=True)
+        if done.returncode:
+            sys.exit(f"{name} failed:\n{done.stderr[-3000:]}")
+        kept.write_text(done.stdout)
+    return [json.loads(line) for line in kept.read_text().splitlines()]
+
+
+def matrix(triangle):
+    full = np.zeros((6, 6))
+    full[np.triu_indices(6)] = triangle
+    return full + np.triu(full, 1).T
+
+
+def nees(errors, covariances, block):
+    """Mean over scenes, divided by the degrees of freedom."""
+    inside = np.ix_(block, block)
+    return float(np.mean([e[block] @ np.linalg.solve(c[inside], e[block]) for e, c in zip(errors, covariances)])) / len(block)
+
+
+def judged(scenes):
+    """Per variant: errors beside dead reckoning's of the same scenes, and NEES."""
+    errors = {name: np.array([s["variants"][name]["error"] for s in scenes]) for name in scenes[0]["variants"]}
+    off_m = {name: np.linalg.norm(e[:, :3], axis=1) for name, e in errors.items()}
+    table = {}
+    for name, error in errors.items():
+        of = [s["variants"][name] for s in scenes]
+        covariances = [matrix(v["covariance"]) for v in of]
+        table[name] = {
+            "position_mean_m": float(off_m[name].mean()),
+            "position_median_m": float(np.median(off_m[name])),
+            "ratio": float(off_m[name].mean() / off_m[RECKONED].mean()),
+            "better_share": float(np.mean(off_m[name] < off_m[RECKONED])),
+            "heading_rms_deg": float(np.degrees(np.sqrt(np.mean(error[:, 5] ** 2)))),
+            "z_rms_m": float(np.sqrt(np.mean(error[:, 2] ** 2))),
+            "features": float(np.mean([v["features"] or 0 for v in of])),
+            "matched": float(np.mean([v["matched"] or 0 for v in of])),
+            "nees": {block: nees(error, covariances, axes) for block, axes in BLOCKS.items()},
+        }
+    return table
+
+
+def band(scenes, freedom):
+    return [float(x) / (scenes * freedom) for x in chi2.ppf([0.025, 0.975], scenes * freedom)]
+
+
+def of_config(scenes):
+    drives = {key: float(np.median([s[key] for s in scenes])) for key in ["way_m", "first_stop_share"]}
+    return {"scenes": len(scenes), **drives, "bodies": float(np.mean([s["bodies"] for s in scenes])),
+            "band_1": band(len(scenes), 1), "band_3": band(len(scenes), 3), "variants": judged(scenes)}
+
+
+def written(results):
+    parts = [f"""# Poses: what FastSLAM gains on real sweeps, and where the rest goes
+
+`python scripts/poses.py --scenes {results['scenes']}`. Error at the last stop, paired scenes. *Ceiling*: every body that returns 8 beams is a
+landmark with its number, seen without error, 100 particles. The other rows differ from it, or from the config's own filter, in what they name.
+Ratio: mean position error over dead reckoning's. NEES per degree of freedom: 1 is honest, less means sigmas too large."""]
+    for name, config in results["configs"].items():
+        low, high = config["band_1"]
+        rows = []
+        for variant, v in config["variants"].items():
+            rows.append([variant, f"{v['position_mean_m']:.4f}", f"{v['position_median_m']:.4f}", f"{v['ratio']:.2f}", f"{100 * v['better_share']:.0f}",
+                         f"{v['heading_rms_deg']:.2f}", f"{v['z_rms_m']:.4f}", f"{v['features']:.1f} / {v['matched']:.1f}",
+                         *(f"{v['nees'][block]:.2f}" for block in BLOCKS)])
+        head = ["variant", "mean m", "median m", "ratio", "better %", "heading deg", "z m", "features / matched", *(f"NEES {b}" for b in BLOCKS)]
+        parts.append(f"""## {name}.yaml
+
+{config['scenes']} scenes, median way {config['way_m']:.2f} m, of it before the first sweep {100 * config['first_stop_share']:.0f} %, {config['bodies']:.1f} bodies in view of a
+sweep. The band of 95 %: {low:.2f} to {high:.2f} for one number, {config['band_3'][0]:.2f} to {config['band_3'][1]:.2f} for position.
+
+{study.markdown(head, rows)}""")
+    return "\n\n".join(parts) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", type=int, default=300)
+    parser.add_argument("--work", type=pathlib.Path, default=study.ROOT / "target" / "studies" / "poses",
+                        help="folder for what the program said; what lies there is not made again")
+    parser.add_argument("--check", action="store_true", help="fail where z, roll or pitch lie outside the band")
+    arguments = parser.parse_args()
+    arguments.work.mkdir(parents=True, exist_ok=True)
+    configs = {name: of_config(scenes_of(name, apart, arguments)) for name, apart in CONFIGS}
+    results = {"scenes": arguments.scenes, "configs": configs}
+    study.write_results(study.RESULTS, "poses", results, written(results))
+    if arguments.check:
+        outside = [f"{name} {axis}" for name, config in configs.items() for axis in ["z", "roll", "pitch"]
+                   if not config["band_1"][0] <= config["variants"][OWN]["nees"][axis] <= config["band_1"][1]]
+        if outside:
+            sys.exit("outside the band: " + ", ".join(outside))
+
+
+if __name__ == "__main__":
+    main()
