@@ -72,6 +72,10 @@ pub(crate) struct Document {
     #[garde(length(min = 1))]
     #[serde(default = "default_tables")]
     pub tables: Vec<Table>,
+    /// Write the whole covariance of each estimated pose into `poses`: 21 columns more.
+    #[garde(skip)]
+    #[serde(default)]
+    pub pose_covariance: bool,
     /// The run fails when more than this share of its scenes fails.
     #[garde(custom(within(0.0, 1.0)))]
     #[serde(default = "default_max_failed_share")]

@@ -101,6 +101,7 @@ impl Loader {
             scenes: document.scenes,
             scenes_per_shard: document.scenes_per_shard,
             tables: document.tables,
+            pose_covariance: document.pose_covariance,
             max_failed_share: document.max_failed_share,
             fidelity: document.fidelity,
             card: document.card,

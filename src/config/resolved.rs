@@ -33,6 +33,7 @@ impl Plan {
             tables: self.tables.clone(),
             // Checked by the rules: the same for all families.
             features: feature_columns(&first.cells, first.sweep.effects.intensity.is_some()),
+            pose_covariance: self.pose_covariance,
             by_rover: first.cells.labels.rover.is_some(),
             poses: first.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
             truth: truth_columns(&first.cells),

@@ -26,7 +26,7 @@ pub(crate) fn judged_cells(
     features: &[FeatureColumn],
     scans: &[CellOutputs],
 ) -> Result<Vec<u8>, CorpusError> {
-    let mut columns = schema::columns(Table::Cells, features, &[], &[], &[], [false, false]);
+    let mut columns = schema::columns(Table::Cells, features, &[], &[], &[], [false; 3]);
     let judgement = |name: &str, kind, description: &str| Column {
         name: name.into(),
         kind,

@@ -99,14 +99,14 @@ pub(crate) struct Column {
 }
 
 /// The columns of a table, in order.
-/// `by_rover`: cells are labelled by a rover; `poses`: it is set down in each of them.
+/// `by_rover`: cells are labelled by a rover; `poses`: it is set down in each of them; `pose_covariance`: estimates have all of theirs.
 pub(crate) fn columns(
     table: Table,
     features: &[FeatureColumn],
     truth: &[TruthColumn],
     losses: &[LossColumn],
     drawn: &[Purpose],
-    [by_rover, poses]: [bool; 2],
+    [by_rover, poses, pose_covariance]: [bool; 3],
 ) -> Vec<Column> {
     match table {
         Table::Cells => {
@@ -152,7 +152,7 @@ pub(crate) fn columns(
             }));
             columns
         }
-        Table::Poses => tables::columns(&tables::poses::definitions()),
+        Table::Poses => tables::columns(&tables::poses::definitions(pose_covariance)),
         Table::Points => tables::columns(&tables::points::definitions()),
     }
 }
@@ -204,7 +204,7 @@ pub(crate) fn document(table: Table, features: &[FeatureColumn], drawn: &[Purpos
         "table": table.name(),
         "row": table.row_is(),
         "sorted_by": sort_keys(table),
-        "columns": columns(table, features, &[], &[], drawn, [false, false]),
+        "columns": columns(table, features, &[], &[], drawn, [false; 3]),
     })
 }
 
@@ -226,7 +226,7 @@ mod tests {
     fn exact_cells_columns_stand_in_the_order_of_the_design() {
         let feature = FeatureColumn { name: "mean_height_m".into(), unit: "m", description: "d".into() };
         let names: Vec<String> =
-            columns(Table::Cells, &[feature], &[], &[], &[], [false, false]).into_iter().map(|c| c.name).collect();
+            columns(Table::Cells, &[feature], &[], &[], &[], [false; 3]).into_iter().map(|c| c.name).collect();
         let expected = "scene_id scan_id row col label points range_m neighbour_mask truth_obstacle_points truth_top_points \
                         truth_class truth_object_id truth_protrusion_m truth_slope_rad mean_height_m";
         assert_eq!(names, expected.split_whitespace().collect::<Vec<_>>());
@@ -235,7 +235,7 @@ mod tests {
     #[test]
     fn law_every_column_has_a_unique_name_a_unit_and_a_meaning() {
         for table in Table::ALL {
-            let columns = columns(table, &[], &[], &[], Purpose::ALL, [true, true]);
+            let columns = columns(table, &[], &[], &[], Purpose::ALL, [true; 3]);
             let mut names: Vec<&str> = columns.iter().map(|c| c.name.as_str()).collect();
             names.sort_unstable();
             names.dedup();
@@ -254,7 +254,7 @@ mod tests {
     fn law_units_end_the_names_of_columns_that_have_one() {
         let ends = [("m", "_m"), ("m2", "_m2"), ("rad", "_rad"), ("s", "_s")];
         for table in Table::ALL {
-            for column in columns(table, &[], &[], &[], &[], [true, true]) {
+            for column in columns(table, &[], &[], &[], &[], [true; 3]) {
                 if let Some((_, end)) = ends.iter().find(|(unit, _)| *unit == column.unit) {
                     assert!(column.name.ends_with(end), "{table:?} {} [{}]", column.name, column.unit);
                 }
@@ -277,7 +277,7 @@ mod tests {
 
     #[test]
     fn exact_field_metadata_carries_unit_role_and_description() {
-        let columns = columns(Table::Cells, &[], &[], &[], &[], [false, false]);
+        let columns = columns(Table::Cells, &[], &[], &[], &[], [false; 3]);
         let schema = arrow_schema(&columns);
         let range = schema.field_with_name("range_m").unwrap();
         let about = range.metadata();

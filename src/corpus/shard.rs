@@ -99,7 +99,7 @@ impl<'a> ShardWriter<'a> {
                 })?;
             }
         }
-        self.write(Table::Poses, |schema, _| poses_batch(schema, scene))?;
+        self.write(Table::Poses, |schema, spec| poses_batch(schema, spec, scene))?;
         if let Some((schema, _)) = self.tables.get(&Table::Scenes) {
             let batch = scene_batch(schema, self.spec, scene).map_err(|source| self.arrow(Table::Scenes, source))?;
             self.scene_batches.push(batch);
@@ -237,9 +237,9 @@ fn cells_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput, scan:
     tables::batch(schema, &tables::cells::definitions(spec.by_rover, spec.poses), &rows, features.chain(truth))
 }
 
-fn poses_batch(schema: &SchemaRef, scene: &SceneOutput) -> Batch {
+fn poses_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput) -> Batch {
     let rows: Vec<_> = scene.poses.iter().map(|pose| tables::poses::Row::of(scene.scene_id, pose)).collect();
-    tables::batch(schema, &tables::poses::definitions(), &rows, [])
+    tables::batch(schema, &tables::poses::definitions(spec.pose_covariance), &rows, [])
 }
 
 fn scene_batch(schema: &SchemaRef, spec: &CorpusSpec, scene: &SceneOutput) -> Batch {

@@ -17,6 +17,8 @@ pub struct CorpusSpec {
     pub tables: Vec<Table>,
     /// The feature columns of `cells`, in order; the same for all families.
     pub features: Vec<FeatureColumn>,
+    /// `poses` holds the whole covariance of each estimate.
+    pub pose_covariance: bool,
     /// Cells are labelled by a rover, and have its columns.
     pub by_rover: bool,
     /// The rover is set down in each of them too.
@@ -43,7 +45,8 @@ pub struct CorpusSpec {
 impl CorpusSpec {
     /// The columns of a table, in order.
     pub(crate) fn columns(&self, table: Table) -> Vec<Column> {
-        schema::columns(table, &self.features, &self.truth, &self.losses, &self.drawn, [self.by_rover, self.poses])
+        let asked = [self.by_rover, self.poses, self.pose_covariance];
+        schema::columns(table, &self.features, &self.truth, &self.losses, &self.drawn, asked)
     }
 
     /// Whole shards of the plan; `scenes` is a multiple of `scenes_per_shard`.

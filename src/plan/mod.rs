@@ -37,6 +37,9 @@ pub struct Plan {
     pub scenes: u64,
     pub scenes_per_shard: u32,
     pub tables: Vec<Table>,
+    /// `poses` holds the whole covariance of each estimate.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub pose_covariance: bool,
     /// The run fails when more than this share of its scenes fails.
     pub max_failed_share: f64,
     /// What was laid under the config's own keys; all of it is written out in the families.
@@ -161,7 +164,8 @@ impl Plan {
     pub fn rows_hash(&self) -> String {
         let held_out = self.families.iter().any(|family| family.hold_out);
         let scenes_per_shard = if held_out { self.scenes_per_shard } else { 1 };
-        let plan = Plan { scenes_per_shard, tables: Vec::new(), max_failed_share: 0.0, ..self.clone() };
+        let tables = Vec::new();
+        let plan = Plan { scenes_per_shard, tables, pose_covariance: false, max_failed_share: 0.0, ..self.clone() };
         plan.scene_plan_hash()
     }
 

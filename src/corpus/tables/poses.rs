@@ -20,8 +20,50 @@ impl<'a> Row<'a> {
 
 type Extract<'a> = super::Extract<Row<'a>>;
 
+/// The upper triangle of the covariance, row by row: row, column, name, unit, meaning.
+macro_rules! covariances {
+    ($($row:literal $column:literal $name:literal $unit:literal $of:literal;)*) => {
+        [$(($row, $column, $name, $unit, concat!("Covariance of the errors of the estimated ", $of, "."))),*]
+    };
+}
+const COVARIANCES: [(usize, usize, &str, &str, &str); 21] = covariances! {
+    0 0 "covariance_x_x_m2" "m2" "x and x";
+    0 1 "covariance_x_y_m2" "m2" "x and y";
+    0 2 "covariance_x_z_m2" "m2" "x and z";
+    0 3 "covariance_x_roll_m_rad" "m rad" "x and roll";
+    0 4 "covariance_x_pitch_m_rad" "m rad" "x and pitch";
+    0 5 "covariance_x_yaw_m_rad" "m rad" "x and yaw";
+    1 1 "covariance_y_y_m2" "m2" "y and y";
+    1 2 "covariance_y_z_m2" "m2" "y and z";
+    1 3 "covariance_y_roll_m_rad" "m rad" "y and roll";
+    1 4 "covariance_y_pitch_m_rad" "m rad" "y and pitch";
+    1 5 "covariance_y_yaw_m_rad" "m rad" "y and yaw";
+    2 2 "covariance_z_z_m2" "m2" "z and z";
+    2 3 "covariance_z_roll_m_rad" "m rad" "z and roll";
+    2 4 "covariance_z_pitch_m_rad" "m rad" "z and pitch";
+    2 5 "covariance_z_yaw_m_rad" "m rad" "z and yaw";
+    3 3 "covariance_roll_roll_rad2" "rad2" "roll and roll";
+    3 4 "covariance_roll_pitch_rad2" "rad2" "roll and pitch";
+    3 5 "covariance_roll_yaw_rad2" "rad2" "roll and yaw";
+    4 4 "covariance_pitch_pitch_rad2" "rad2" "pitch and pitch";
+    4 5 "covariance_pitch_yaw_rad2" "rad2" "pitch and yaw";
+    5 5 "covariance_yaw_yaw_rad2" "rad2" "yaw and yaw";
+};
+
+/// `covariance`: all of it, behind the columns that every corpus has.
+pub(crate) fn definitions<'a>(covariance: bool) -> Vec<Definition<Row<'a>>> {
+    let mut definitions = fixed();
+    if covariance {
+        definitions.extend(COVARIANCES.map(|(row, column, name, unit, meaning)| {
+            let value = move |r: &Row<'a>| r.pose.estimate.covariance[row][column];
+            define(name, unit, Info, meaning, Extract::number(value))
+        }));
+    }
+    definitions
+}
+
 #[rustfmt::skip]
-pub(crate) fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
+fn fixed<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
         define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene_id)),
         define("step", "1", Key, "Control step, 0 is the start at rest.", Extract::number(|r| r.pose.step as i32)),

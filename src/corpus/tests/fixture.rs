@@ -28,6 +28,7 @@ pub(crate) fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
             feature("mean_height_m", "m", "Mean height of the points above the rover."),
             feature("height_variance_m2", "m2", "Variance of the points' heights."),
         ],
+        pose_covariance: false,
         by_rover: false,
         poses: false,
         truth: vec![],

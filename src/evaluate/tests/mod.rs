@@ -44,6 +44,7 @@ fn spec(scenes: u64, tables: &[Table]) -> CorpusSpec {
         scenes_per_shard: 1,
         tables: tables.to_vec(),
         features: vec![feature("mean_height_m"), feature("height_difference_m")],
+        pose_covariance: false,
         by_rover: false,
         poses: false,
         truth: vec![],

@@ -32,6 +32,7 @@ pub(super) fn corpus(dir: &tempfile::TempDir, name: &str, shards: &[Vec<Row>]) -
         scenes_per_shard: 1,
         tables: vec![Table::Cells],
         features: FEATURES.map(feature).into(),
+        pose_covariance: false,
         by_rover: false,
         poses: false,
         truth: vec![],
