@@ -76,6 +76,9 @@ pub mod corpus;
 pub mod config;
 
 #[cfg(feature = "corpus")]
+pub mod recording;
+
+#[cfg(feature = "corpus")]
 pub mod build;
 
 // Networks.

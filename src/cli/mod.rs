@@ -11,6 +11,7 @@ mod evaluate;
 mod explain;
 mod export;
 mod generate;
+mod localise;
 mod log;
 mod operating_point;
 mod options;
@@ -102,6 +103,10 @@ enum Verb {
     /// Judge real scans: labelled clouds, cells, meshes, pictures and cost maps; with labels, Table 1.
     #[command(after_help = RULE)]
     Classify(Box<classify::ClassifyArgs>),
+    /// Run the filter of corpora on one's own recording: odometry and range-bearing features as CSV -> trajectory, covariances, map; with
+    /// a truth, how far off they are.
+    #[command(after_help = localise::FILES)]
+    Localise(Box<localise::LocaliseArgs>),
     /// Measure what each choice between speed and accuracy costs, and the error it brings: a table, Parquet, a chart.
     #[command(after_help = RULE)]
     Tradeoff(tradeoff::TradeoffArgs),
@@ -205,6 +210,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Search(args) => search::run(args, cli.log),
         Verb::Export(args) => export::run(args),
         Verb::Classify(args) => classify::run(args),
+        Verb::Localise(args) => localise::run(args),
         Verb::Tradeoff(args) => tradeoff::run(args, cli.log),
         Verb::Schema(args) => {
             schema::run(args);

@@ -68,6 +68,7 @@ pub(super) struct Filter {
     imu_variance_rad2: f64,
     sun_variance_rad2: f64,
     feature_variances: Vector<3>,
+    measurement_inflation: f64,
     resample_below: f64,
     max_features: usize,
 }
@@ -85,7 +86,6 @@ impl Filter {
         let belief = GaussianPose { mean, ..GaussianPose::default() };
         let log_weight = -math::ln(count as f64);
         let particle = Particle { belief, log_weight, ..Particle::default() };
-        let inflation = params.measurement_inflation.sqrt();
         Filter {
             particles: vec![particle.clone(); count],
             spare: vec![particle; count],
@@ -101,13 +101,16 @@ impl Filter {
             mounting,
             imu_variance_rad2: angle_sigma_rad(noise.imu_rad) * angle_sigma_rad(noise.imu_rad),
             sun_variance_rad2: angle_sigma_rad(noise.sun_rad) * angle_sigma_rad(noise.sun_rad),
-            feature_variances: std::array::from_fn(|i| {
-                let sigma = (FEATURE_SIGMA[i] * inflation).max(LEAST_FEATURE_SIGMA[i]);
-                sigma * sigma
-            }),
+            feature_variances: feature_variances(&FEATURE_SIGMA, params.measurement_inflation),
+            measurement_inflation: params.measurement_inflation,
             resample_below: params.resample_below,
             max_features: params.max_features as usize,
         }
+    }
+
+    /// Other noise of features than that of sweeps.
+    pub(super) fn set_feature_sigmas(&mut self, sigmas: &Vector<3>) {
+        self.feature_variances = feature_variances(sigmas, self.measurement_inflation);
     }
 
     /// One control step and the angles read after it.
@@ -359,6 +362,14 @@ impl Filter {
         let particle = &self.particles[self.likeliest()];
         (&particle.belief.mean, &particle.landmarks)
     }
+}
+
+/// What the filter works with for features of a stated noise.
+fn feature_variances(sigmas: &Vector<3>, inflation: f64) -> Vector<3> {
+    std::array::from_fn(|i| {
+        let sigma = (sigmas[i] * inflation.sqrt()).max(LEAST_FEATURE_SIGMA[i]);
+        sigma * sigma
+    })
 }
 
 #[cfg(test)]

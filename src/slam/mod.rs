@@ -195,6 +195,13 @@ impl Slam {
         Ok(Slam { filter, extractor, start_m: start.position_m })
     }
 
+    /// The noise of one's own features: range (metres), bearing, elevation (radians), before the inflation. Sweeps' features keep their own
+    /// unless this is called.
+    pub fn with_feature_sigmas(mut self, sigmas: &[f64; 3]) -> Slam {
+        self.filter.set_feature_sigmas(sigmas);
+        self
+    }
+
     /// One step of the drive: odometry over it, angles after it. The streams are not drawn from.
     pub fn step(&mut self, reading: &Reading, _streams: &Streams) -> Result<(), SlamError> {
         self.filter.step(reading);

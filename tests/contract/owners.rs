@@ -464,7 +464,7 @@ fn law_runs_are_written_where_nothing_is_or_in_their_own_folder() {
 #[test]
 fn law_every_verb_that_writes_says_the_rule() {
     let yard = Yard::new();
-    let verbs = "generate finalize verify sign preview train evaluate search export classify tradeoff";
+    let verbs = "generate finalize verify sign preview train evaluate search export classify localise tradeoff";
     for verb in verbs.split(' ') {
         for flag in ["--help", "-h"] {
             let said = text(&yard.marsyard([verb, flag]).stdout).split_whitespace().collect::<Vec<_>>().join(" ");

@@ -1,0 +1,191 @@
+#!/usr/bin/env python3
+"""Sets `marsyard localise` beside an EKF-SLAM written here, on a simulated log with known ids; makes the sample logs too.
+
+    python scripts/localise_check.py [--seeds 20] [--check] [--sample]
+
+A rover drives a circle of 3 m twice among 20 landmarks, level ground: odometry, ranges and bearings with white noise of stated size, a
+feature half way within each fifth step. The reference is the textbook's (Thrun et al. 2005, table 10.1): one Gaussian over pose and map in
+two dimensions, in NumPy, no code of marsyard's. --check fails where marsyard's mean error, 300 particles, exceeds 1.35 of the
+reference's, or where neither beats dead reckoning. --sample writes seed 1 to examples/logs.
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+import study
+
+SAMPLE = study.ROOT / "examples" / "logs"
+STEP_M, RADIUS_M, LAPS = 0.1, 3.0, 2
+ODOMETRY, HEADING = 0.05, np.radians(2)  # per square root of a metre
+RANGE, BEARING, REACH_M = 0.05, np.radians(1.5), 4.0
+LATERAL = 0.02  # marsyard's filter allows for as much sideways, per square root of a metre
+
+
+def wrap(angle):
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def simulate(seed):
+    """Odometry rows (time, speed, rate), feature rows (time, range, bearing, id), truth rows (time, x, y, yaw)."""
+    rng = np.random.default_rng(seed)
+    landmarks = rng.uniform(-5.5, 5.5, (20, 2)) + [0, RADIUS_M]
+    x, y, yaw, turn = 0.0, 0.0, 0.0, STEP_M / RADIUS_M
+    odometry, features, truth = [(0.0, 0.0, 0.0)], [], [(0.0, x, y, yaw)]
+    for k in range(1, int(LAPS * 2 * np.pi * RADIUS_M / STEP_M) + 1):
+        noise = rng.normal(size=2)
+        for half in (0.5, 1.0):
+            x += 0.5 * STEP_M * np.cos(yaw + 0.25 * turn)
+            y += 0.5 * STEP_M * np.sin(yaw + 0.25 * turn)
+            yaw = wrap(yaw + 0.5 * turn)
+            time = k - 1 + half
+            truth.append((time, x, y, yaw))
+            if half == 0.5 and k % 5 == 0:
+                for number, (lx, ly) in enumerate(landmarks):
+                    distance, bearing = np.hypot(lx - x, ly - y), wrap(np.arctan2(ly - y, lx - x) - yaw)
+                    if 0.5 < distance < REACH_M and abs(bearing) < np.radians(120):
+                        features.append((time, distance + RANGE * rng.normal(), wrap(bearing + BEARING * rng.normal()), number))
+        odometry.append((float(k), STEP_M + ODOMETRY * np.sqrt(STEP_M) * noise[0],
+                         turn + (HEADING * np.sqrt(STEP_M) + 0.05 * turn) * noise[1]))
+    return odometry, features, truth
+
+
+def ekf(odometry, features, with_features=True):
+    """(time, x, y, yaw) and 3 x 3 covariances at each time of either log."""
+    mean, cov, slots, out = np.zeros(3), np.zeros((3, 3)), {}, [(0.0, np.zeros(3), np.zeros((3, 3)))]
+    by_time = {}
+    for time, *seen in features:
+        by_time.setdefault(time, []).append(seen)
+
+    def drive(speed, rate, dt):
+        nonlocal mean, cov
+        d, turn = speed * dt, rate * dt
+        c, s = np.cos(mean[2] + turn / 2), np.sin(mean[2] + turn / 2)
+        mean = mean.copy()
+        mean[:3] += [d * c, d * s, turn]
+        f = np.eye(len(mean))
+        f[0, 2], f[1, 2] = -d * s, d * c
+        cov = f @ cov @ f.T
+        along, across = np.array([c, s, 0]), np.array([-s, c, 0])
+        cov[:3, :3] += ODOMETRY**2 * abs(d) * np.outer(along, along) + LATERAL**2 * abs(d) * np.outer(across, across)
+        cov[2, 2] += (HEADING * np.sqrt(abs(d)) + 0.05 * abs(turn)) ** 2
+
+    def observe(distance, bearing, number):
+        nonlocal mean, cov
+        noise = np.diag([RANGE**2, BEARING**2])
+        if number not in slots:
+            angle = mean[2] + bearing
+            slots[number] = n = len(mean)
+            by_pose = np.array([[1, 0, -distance * np.sin(angle)], [0, 1, distance * np.cos(angle)]])
+            by_polar = np.array([[np.cos(angle), -distance * np.sin(angle)], [np.sin(angle), distance * np.cos(angle)]])
+            mean = np.append(mean, mean[:2] + distance * np.array([np.cos(angle), np.sin(angle)]))
+            grown = np.zeros((n + 2, n + 2))
+            grown[:n, :n] = cov
+            grown[n:, :n] = by_pose @ cov[:3, :]
+            grown[:n, n:] = grown[n:, :n].T
+            grown[n:, n:] = by_pose @ cov[:3, :3] @ by_pose.T + by_polar @ noise @ by_polar.T
+            cov = grown
+            return
+        j = slots[number]
+        dx, dy = mean[j : j + 2] - mean[:2]
+        q = dx * dx + dy * dy
+        r = np.sqrt(q)
+        h = np.zeros((2, len(mean)))
+        h[:, :3] = [[-dx / r, -dy / r, 0], [dy / q, -dx / q, -1]]
+        h[:, j : j + 2] = [[dx / r, dy / r], [-dy / q, dx / q]]
+        gain = cov @ h.T @ np.linalg.inv(h @ cov @ h.T + noise)
+        mean = mean + gain @ np.array([distance - r, wrap(bearing - np.arctan2(dy, dx) + mean[2])])
+        cov = (np.eye(len(mean)) - gain @ h) @ cov
+
+    now = 0.0
+    for time, speed, rate in odometry[1:]:
+        for cut in sorted(t for t in by_time if now < t < time):
+            drive(speed, rate, cut - now)
+            now = cut
+            if with_features:
+                for seen in by_time[cut]:
+                    observe(*seen)
+            out.append((cut, mean[:3].copy(), cov[:3, :3].copy()))
+        drive(speed, rate, time - now)
+        now = time
+        out.append((time, mean[:3].copy(), cov[:3, :3].copy()))
+    return out
+
+
+def scored(out, truth):
+    at = {row[0]: row[1:] for row in truth}
+    off, nees = [], []
+    for time, mean, cov in out:
+        error = mean - np.array(at[time])
+        error[2] = wrap(error[2])
+        off.append(np.hypot(*error[:2]))
+        if cov[0, 0] > 0:
+            nees.append(error @ np.linalg.solve(cov, error))
+    return float(np.sqrt(np.mean(np.square(off)))), float(np.mean(nees))
+
+
+def write_logs(folder, odometry, features, truth):
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, head, rows in [("odometry", "time_s,speed_mps,yaw_rate_radps", odometry),
+                             ("features", "time_s,range_m,bearing_rad,id", features), ("truth", "time_s,x_m,y_m,yaw_rad", truth)]:
+        lines = [",".join(f"{v:.9g}" if isinstance(v, float) else str(v) for v in map(lambda v: v if isinstance(v, int) else float(v), row)) for row in rows]
+        (folder / f"{name}.csv").write_text("\n".join([head, *lines]) + "\n")
+
+
+def localise(marsyard, logs, out, *options):
+    noise = ["--range-m", str(RANGE), "--bearing-deg", str(np.degrees(BEARING))]
+    files = [logs / "odometry.csv", "--features", logs / "features.csv", "--truth", logs / "truth.csv", "--out", out]
+    done = subprocess.run([marsyard, "localise", *map(str, files), *noise, "--json", *map(str, options)], capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
+    return json.loads(done.stdout)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--marsyard", default=study.ROOT / "target" / "release" / "marsyard")
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--check", action="store_true")
+    parser.add_argument("--sample", action="store_true", help="write the logs of seed 1 to examples/logs, and stop")
+    arguments = parser.parse_args()
+    if arguments.sample:
+        write_logs(SAMPLE, *simulate(1))
+        return
+    ways = {"30 particles": ["--particles", 30], "100 particles": ["--particles", 100], "300 particles": ["--particles", 300],
+            "300 particles, inflation 1": ["--particles", 300, "--measurement-inflation", 1],
+            "100 particles, ids unknown": ["--particles", 100, "--unknown-ids"]}
+    table = {name: [] for name in ["EKF-SLAM (NumPy)", "dead reckoning (NumPy)", "dead reckoning (marsyard)", *ways]}
+    for seed in range(1, arguments.seeds + 1):
+        logs = simulate(seed)
+        table["EKF-SLAM (NumPy)"].append(scored(ekf(*logs[:2]), logs[2]))
+        table["dead reckoning (NumPy)"].append(scored(ekf(*logs[:2], with_features=False), logs[2]))
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            write_logs(folder / "logs", *logs)
+            for name, options in ways.items():
+                said = localise(arguments.marsyard, folder / "logs", folder / "out", *options)
+                table[name].append((said["score"]["ate_m"], said["score"]["nees"]))
+            table["dead reckoning (marsyard)"].append((said["dead_reckoning"]["ate_m"], said["dead_reckoning"]["nees"]))
+    means = {name: [float(np.mean([pair[k] for pair in pairs])) for k in (0, 1)] for name, pairs in table.items()}
+    text = f"""# `marsyard localise` beside an EKF-SLAM written in NumPy
+
+`python scripts/localise_check.py --seeds {arguments.seeds}`: two laps of {RADIUS_M:g} m radius among 20 landmarks, ids known unless said. ATE: mean over seeds.
+NEES of x, y, yaw over all steps: 3 is honest; steps of a run hang together, and a filter of particles grows optimistic with the way.
+
+{study.markdown(["method", "ATE m", "NEES"], [[name, f"{ate:.4f}", f"{nees:.2f}"] for name, (ate, nees) in means.items()])}
+"""
+    study.write_results(study.RESULTS, "localise", {"seeds": arguments.seeds, "means": means}, text)
+    if arguments.check:
+        reference, reckoned = means["EKF-SLAM (NumPy)"][0], means["dead reckoning (NumPy)"][0]
+        own, own_reckoned = means["300 particles"][0], means["dead reckoning (marsyard)"][0]
+        if not (own <= 1.35 * reference and own < reckoned and abs(own_reckoned / reckoned - 1) < 1e-3):
+            sys.exit(f"300 particles {own:.4f} m, reference {reference:.4f}; dead reckoning {own_reckoned:.5f} and {reckoned:.5f}")
+
+
+if __name__ == "__main__":
+    main()

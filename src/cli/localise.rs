@@ -1,0 +1,273 @@
+//! A recorded drive as CSV -> its trajectory (TUM), map and covariances; with a truth, how good they are.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::json;
+
+use super::Failure;
+use super::output::{errln, outln};
+use super::place::{corpus_failure, fault_words, must_be_local};
+use crate::corpus::outputs::Outputs;
+use crate::drive::InstrumentNoise;
+use crate::geometry::{DVec3, Pose, Transform};
+use crate::recording::{self, LocateParams, Located, Recording, RecordingError, Score, Step, read};
+use crate::slam::{self, FastslamParams, SlamParams};
+
+/// What the files are, and a first try.
+pub(super) const FILES: &str = "\
+Odometry (CSV with a header): time_s, speed_mps, yaw_rate_radps, each over the step that ends at its time; where there are such instruments
+roll_rad, pitch_rad, yaw_rad (empty = no reading). Without roll and pitch the drive is level. Features: time_s, range_m, bearing_rad from
+the sensor (x forward, y left); elevation_rad and id where known. Truth: time_s, x_m, y_m, yaw_rad; z_m, roll_rad, pitch_rad. A line that
+begins with # is a comment.
+
+Try it:  marsyard localise examples/logs/odometry.csv --features examples/logs/features.csv --truth examples/logs/truth.csv --out located
+Writes:  trajectory.tum, covariance.csv (a row a step), landmarks.csv
+
+marsyard writes into a place that is empty, not there yet, or its own; it never replaces a file that it did not write, nor its own input";
+
+#[derive(Debug, Args)]
+pub(super) struct LocaliseArgs {
+    /// Odometry and angles (CSV).
+    odometry: PathBuf,
+    /// Features seen (CSV); without it the drive is dead-reckoned.
+    #[arg(long, value_name = "CSV")]
+    features: Option<PathBuf>,
+    /// Where the rover truly was (CSV): the drive starts at its first row, and errors are told.
+    #[arg(long, value_name = "CSV")]
+    truth: Option<PathBuf>,
+    /// Folder for the results.
+    #[arg(long, default_value = "located")]
+    out: PathBuf,
+    /// Start x, y (metres) and heading (degrees); default: the truth's first row, or 0,0,0.
+    #[arg(long, value_name = "X,Y,DEG", value_delimiter = ',', num_args = 3, allow_hyphen_values = true)]
+    start: Option<Vec<f64>>,
+    /// The sensor on the rover, metres: forward, left, up.
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        value_delimiter = ',',
+        num_args = 3,
+        default_value = "0,0,0",
+        allow_hyphen_values = true
+    )]
+    sensor: Vec<f64>,
+    #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    particles: u32,
+    /// Leave the ids out: the filter finds out which landmark each feature is.
+    #[arg(long)]
+    unknown_ids: bool,
+    /// Noise of the driven distance, metres per square root of a metre.
+    #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = at_least_0)]
+    odometry_m_per_sqrt_m: f64,
+    /// Noise of the heading by odometry, degrees per square root of a metre.
+    #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
+    odometry_deg_per_sqrt_m: f64,
+    /// Noise of roll_rad and pitch_rad, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 0.5, value_parser = at_least_0)]
+    imu_deg: f64,
+    /// Noise of yaw_rad, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
+    sun_deg: f64,
+    /// Noise of a feature's range, metres; 0.01 at least.
+    #[arg(long, value_name = "M", default_value_t = 0.03, value_parser = at_least_0)]
+    range_m: f64,
+    /// Noise of a feature's bearing and elevation, degrees; 0.25 at least.
+    #[arg(long, value_name = "DEG", default_value_t = 1.0, value_parser = at_least_0)]
+    bearing_deg: f64,
+    /// Factor on the variances of features, against optimism; 1 takes the noise above as it is.
+    #[arg(long, value_name = "F", default_value_t = 4.0, value_parser = at_least_0)]
+    measurement_inflation: f64,
+    /// Factor on the variances of the motion; some 6 where wheels slip by a constant share.
+    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = at_least_0)]
+    motion_inflation: f64,
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// One JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+fn at_least_0(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("a number of at least 0 is needed".into()),
+    }
+}
+
+const TRAJECTORY: &str = "trajectory.tum";
+const COVARIANCE: &str = "covariance.csv";
+const LANDMARKS: &str = "landmarks.csv";
+
+pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
+    must_be_local("--out", &args.out)?;
+    let mut recording = recorded(args)?;
+    if args.unknown_ids {
+        recording.sightings.iter_mut().flat_map(|(_, features)| features).for_each(|feature| feature.known = None);
+    }
+    let truth = match &args.truth {
+        Some(path) => Some(read::truth(&path.display().to_string(), &text(path)?).map_err(bad)?),
+        None => None,
+    };
+    let start = start(args, truth.as_deref());
+    let inputs = [Some(&args.odometry), args.features.as_ref(), args.truth.as_ref()];
+    let inputs = inputs.into_iter().flatten().cloned().collect();
+    let mut outputs = Outputs::open(&args.out, [TRAJECTORY, COVARIANCE, LANDMARKS], inputs).map_err(corpus_failure)?;
+    let reckoned = locate(&recording, args, start, SlamParams::DeadReckoning)?;
+    let located = match args.features {
+        None => reckoned.clone(),
+        Some(_) => locate(&recording, args, start, SlamParams::Fastslam(fastslam(args)))?,
+    };
+    let files = [
+        (TRAJECTORY, slam::tum(located.steps.iter().map(|step| (step.time_s, &step.estimate.pose)))),
+        (COVARIANCE, covariances(&located.steps)),
+        (LANDMARKS, landmarks(&located)),
+    ]
+    .map(|(name, text)| (name.to_string(), text.into_bytes()));
+    outputs.write(&files).map_err(corpus_failure)?;
+    outputs.finish().map_err(corpus_failure)?;
+    files.iter().for_each(|(name, _)| errln!("{}", args.out.join(name).display()));
+    let scores = match &truth {
+        None => None,
+        Some(truth) => Some(scored(&located, truth).zip(scored(&reckoned, truth)).ok_or_else(|| {
+            let help = "bring the truth and the odometry to one clock";
+            Failure::usage(miette::miette!(help = help, "--truth: it covers no step of the odometry"))
+        })?),
+    };
+    report(args, &located, scores);
+    Ok(())
+}
+
+fn recorded(args: &LocaliseArgs) -> Result<Recording, Failure> {
+    let odometry = (args.odometry.display().to_string(), text(&args.odometry)?);
+    let features = match &args.features {
+        Some(path) => Some((path.display().to_string(), text(path)?)),
+        None => None,
+    };
+    let features = features.as_ref().map(|(file, text)| (file.as_str(), text.as_str()));
+    Recording::read((&odometry.0, &odometry.1), features).map_err(bad)
+}
+
+fn text(path: &Path) -> Result<String, Failure> {
+    std::fs::read_to_string(path)
+        .map_err(|fault| Failure::usage(miette::miette!("{} cannot be read: {}", path.display(), fault_words(&fault))))
+}
+
+fn bad(error: RecordingError) -> Failure {
+    Failure::usage(miette::Report::msg(error.to_string()))
+}
+
+fn start(args: &LocaliseArgs, truth: Option<&[read::TruePose]>) -> Pose {
+    match (args.start.as_deref(), truth.and_then(<[_]>::first)) {
+        (Some(&[x_m, y_m, yaw_deg]), _) => {
+            Pose { position_m: DVec3::new(x_m, y_m, 0.0), yaw_rad: yaw_deg.to_radians(), ..Pose::default() }
+        }
+        (_, Some(first)) => first.pose,
+        _ => Pose::default(),
+    }
+}
+
+fn fastslam(args: &LocaliseArgs) -> FastslamParams {
+    FastslamParams {
+        particles: args.particles,
+        measurement_inflation: args.measurement_inflation,
+        motion_inflation: args.motion_inflation,
+        ..FastslamParams::default()
+    }
+}
+
+fn locate(recording: &Recording, args: &LocaliseArgs, start: Pose, slam: SlamParams) -> Result<Located, Failure> {
+    let bearing_rad = args.bearing_deg.to_radians();
+    let noise = InstrumentNoise {
+        imu_rad: args.imu_deg.to_radians(),
+        sun_rad: args.sun_deg.to_radians(),
+        odometry_m_per_sqrt_m: args.odometry_m_per_sqrt_m,
+        heading_rad_per_sqrt_m: args.odometry_deg_per_sqrt_m.to_radians(),
+    };
+    let translation_m = DVec3::new(args.sensor[0], args.sensor[1], args.sensor[2]);
+    let params = LocateParams {
+        slam,
+        noise,
+        feature_sigmas: [args.range_m, bearing_rad, bearing_rad],
+        start,
+        rover_from_sensor: Transform { translation_m, ..Transform::IDENTITY },
+        seed: args.seed,
+    };
+    recording::locate(recording, &params).map_err(Failure::failed)
+}
+
+fn scored(located: &Located, truth: &[read::TruePose]) -> Option<Score> {
+    recording::score(&located.steps, truth)
+}
+
+const STATE: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+
+/// A row a step: the upper triangle of the covariance, metres and radians.
+fn covariances(steps: &[Step]) -> String {
+    let pairs = || (0..6).flat_map(|row| (row..6).map(move |column| (row, column)));
+    let mut text = String::from("time_s");
+    for (row, column) in pairs() {
+        let _ = write!(text, ",{}_{}", STATE[row], STATE[column]);
+    }
+    for step in steps {
+        let _ = write!(text, "\n{}", step.time_s);
+        for (row, column) in pairs() {
+            let _ = write!(text, ",{}", step.estimate.covariance[row][column]);
+        }
+    }
+    text + "\n"
+}
+
+/// A row a landmark, in the order in which they were first seen; the covariance is that of the particle, whose pose is taken as exact.
+fn landmarks(located: &Located) -> String {
+    let mut text = String::from("id,x_m,y_m,z_m,x_x_m2,x_y_m2,x_z_m2,y_y_m2,y_z_m2,z_z_m2\n");
+    for landmark in &located.landmarks {
+        let id = landmark.known.map_or(String::new(), |id| id.to_string());
+        let ([x, y, z], c) = (landmark.mean_m, &landmark.covariance_m2);
+        let [xx, xy, xz, yy, yz, zz] = [c[0][0], c[0][1], c[0][2], c[1][1], c[1][2], c[2][2]];
+        let _ = writeln!(text, "{id},{x},{y},{z},{xx},{xy},{xz},{yy},{yz},{zz}");
+    }
+    text
+}
+
+fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>) {
+    let last = &located.steps[located.steps.len() - 1].estimate;
+    let (located_score, reckoned_score) = scores.unzip();
+    if args.json {
+        outln!(
+            "{:#}",
+            json!({
+                "steps": located.steps.len(),
+                "landmarks": located.landmarks.len(),
+                "skipped": last.skipped,
+                "sigma_optimistic": last.sigma_optimistic,
+                "score": located_score,
+                "dead_reckoning": reckoned_score,
+            })
+        );
+        return;
+    }
+    outln!(
+        "{} steps, {} landmarks, {} measurements left out",
+        located.steps.len(),
+        located.landmarks.len(),
+        last.skipped
+    );
+    for (name, score) in [("this drive", located_score), ("dead reckoning", reckoned_score)] {
+        let Some(score) = score else { continue };
+        let nees =
+            score.nees.map_or("none (a covariance has no inverse)".into(), |nees| format!("{nees:.2} (3 is honest)"));
+        outln!(
+            "{name}: ATE {:.3} m, at the end {:.3} m, heading {:.2} deg, NEES of x, y, yaw {nees}",
+            score.ate_m,
+            score.last_error_m,
+            score.heading_rms_rad.to_degrees()
+        );
+    }
+    if last.sigma_optimistic {
+        outln!(
+            "the position's covariance is too small: all particles descend from fewer than 3; more particles put that off"
+        );
+    }
+}

@@ -1,0 +1,228 @@
+//! CSV -> readings, sightings, a truth.
+//!
+//! In: text with a header that names its columns, in any order; lines that begin with `#` are skipped. Out: [`Recording`], [`TruePose`]s.
+//! Odometry: `time_s`, `speed_mps`, `yaw_rate_radps`, and where there are such instruments `roll_rad`, `pitch_rad`, `yaw_rad` (empty where
+//! nothing was read). Without the columns of roll and pitch the drive is taken as level. Features: `time_s`, `range_m`, `bearing_rad`,
+//! and where known `elevation_rad` (0 otherwise) and `id`. Truth: `time_s`, `x_m`, `y_m`, `yaw_rad`, and `z_m`, `roll_rad`, `pitch_rad`.
+
+use super::{Recording, RecordingError};
+use crate::drive::Reading;
+use crate::geometry::{DVec3, Pose};
+use crate::slam::Feature;
+
+/// Where the rover truly was at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TruePose {
+    pub time_s: f64,
+    pub pose: Pose,
+}
+
+/// A table by its header.
+struct Table {
+    file: String,
+    header: Vec<String>,
+    rows: Vec<(u64, Vec<String>)>,
+}
+
+impl Table {
+    fn read(file: &str, text: &str) -> Result<Table, RecordingError> {
+        let mut reader =
+            csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
+        let fault = |error: csv::Error| RecordingError {
+            file: file.into(),
+            line: error.position().map(csv::Position::line),
+            what: "it is no table of comma-separated values".into(),
+            cure: format!("every line needs as many values as the header ({error})"),
+        };
+        let header = reader.headers().map_err(fault)?.iter().map(str::to_owned).collect();
+        let mut rows = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(fault)?;
+            let line = record.position().map_or(0, csv::Position::line);
+            rows.push((line, record.iter().map(str::to_owned).collect()));
+        }
+        let table = Table { file: file.into(), header, rows };
+        if table.rows.is_empty() {
+            return Err(table.fault(None, "it holds no row", "write a header and at least one row"));
+        }
+        Ok(table)
+    }
+
+    fn fault(&self, line: Option<u64>, what: impl Into<String>, cure: impl Into<String>) -> RecordingError {
+        RecordingError { file: self.file.clone(), line, what: what.into(), cure: cure.into() }
+    }
+
+    fn column(&self, name: &str) -> Option<usize> {
+        self.header.iter().position(|column| column == name)
+    }
+
+    fn needed(&self, name: &str) -> Result<usize, RecordingError> {
+        let there = self.header.join(", ");
+        let fault = || self.fault(Some(1), format!("it has no column '{name}'"), format!("the header names: {there}"));
+        self.column(name).ok_or_else(fault)
+    }
+
+    /// A finite number.
+    fn number(&self, (line, row): &(u64, Vec<String>), column: usize) -> Result<f64, RecordingError> {
+        let text = &row[column];
+        let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+        let name = &self.header[column];
+        let fault = || self.fault(Some(*line), format!("{name} is '{text}'"), "write a finite number");
+        number.ok_or_else(fault)
+    }
+
+    /// A number, unless the column is absent or the value empty.
+    fn number_if_any(&self, row: &(u64, Vec<String>), column: Option<usize>) -> Result<Option<f64>, RecordingError> {
+        column.filter(|&column| !row.1[column].is_empty()).map(|column| self.number(row, column)).transpose()
+    }
+
+    /// The times of all rows, which must not go back.
+    fn times_s(&self, strictly: bool) -> Result<Vec<f64>, RecordingError> {
+        let column = self.needed("time_s")?;
+        let mut times_s: Vec<f64> = Vec::with_capacity(self.rows.len());
+        for row in &self.rows {
+            let time_s = self.number(row, column)?;
+            if let Some(&before_s) = times_s.last()
+                && (time_s < before_s || (strictly && time_s == before_s))
+            {
+                let what = format!("time_s goes from {before_s} to {time_s}");
+                let cure = if strictly { "sort the rows by time, one a time" } else { "sort the rows by time" };
+                return Err(self.fault(Some(row.0), what, cure));
+            }
+            times_s.push(time_s);
+        }
+        Ok(times_s)
+    }
+}
+
+impl Recording {
+    /// A recording of the texts of its files, each with the name that errors call it by.
+    pub fn read(odometry: (&str, &str), features: Option<(&str, &str)>) -> Result<Recording, RecordingError> {
+        let readings = readings(&Table::read(odometry.0, odometry.1)?)?;
+        let (first_s, last_s) = (readings[0].0, readings[readings.len() - 1].0);
+        let Some((file, text)) = features else { return Ok(Recording { readings, sightings: Vec::new() }) };
+        let table = Table::read(file, text)?;
+        let sightings = sightings(&table)?;
+        if let Some((time_s, _)) = sightings.iter().find(|(time_s, _)| !(first_s..=last_s).contains(time_s)) {
+            let what = format!("time_s {time_s} lies outside the odometry, which goes from {first_s} to {last_s}");
+            return Err(table.fault(None, what, "bring both logs to one clock, and cut them to the same stretch"));
+        }
+        Ok(Recording { readings, sightings })
+    }
+}
+
+fn readings(table: &Table) -> Result<Vec<(f64, Reading)>, RecordingError> {
+    let times_s = table.times_s(true)?;
+    let (speed, rate) = (table.needed("speed_mps")?, table.needed("yaw_rate_radps")?);
+    let [roll, pitch, yaw] = ["roll_rad", "pitch_rad", "yaw_rad"].map(|name| table.column(name));
+    let is_level = roll.is_none() && pitch.is_none();
+    let mut before_s = times_s[0];
+    let mut readings = Vec::with_capacity(times_s.len());
+    for (row, &time_s) in table.rows.iter().zip(&times_s) {
+        let level = is_level.then_some(0.0);
+        let reading = Reading {
+            dt_s: time_s - before_s,
+            speed_mps: table.number(row, speed)?,
+            yaw_rate_radps: table.number(row, rate)?,
+            roll_rad: table.number_if_any(row, roll)?.or(level),
+            pitch_rad: table.number_if_any(row, pitch)?.or(level),
+            yaw_rad: table.number_if_any(row, yaw)?,
+        };
+        readings.push((time_s, reading));
+        before_s = time_s;
+    }
+    Ok(readings)
+}
+
+fn sightings(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
+    let times_s = table.times_s(false)?;
+    let (range, bearing) = (table.needed("range_m")?, table.needed("bearing_rad")?);
+    let (elevation, id) = (table.column("elevation_rad"), table.column("id"));
+    let mut sightings: Vec<(f64, Vec<Feature>)> = Vec::new();
+    for (row, &time_s) in table.rows.iter().zip(&times_s) {
+        let range_m = table.number(row, range)?;
+        if range_m <= 0.0 {
+            return Err(table.fault(
+                Some(row.0),
+                format!("range_m is {range_m}"),
+                "a range is above 0: leave misses out",
+            ));
+        }
+        let known = match id.map(|id| row.1[id].as_str()).filter(|text| !text.is_empty()) {
+            None => None,
+            Some(text) => Some(text.parse::<u32>().map_err(|_| {
+                table.fault(
+                    Some(row.0),
+                    format!("id is '{text}'"),
+                    "an id is a whole number, or empty where it is not known",
+                )
+            })?),
+        };
+        let polar = [range_m, table.number(row, bearing)?, table.number_if_any(row, elevation)?.unwrap_or(0.0)];
+        let feature = Feature { polar, points: 1, half_width_m: 0.0, known };
+        match sightings.last_mut() {
+            Some((last_s, features)) if *last_s == time_s => features.push(feature),
+            _ => sightings.push((time_s, vec![feature])),
+        }
+    }
+    Ok(sightings)
+}
+
+/// The truth of a drive.
+pub fn truth(file: &str, text: &str) -> Result<Vec<TruePose>, RecordingError> {
+    let table = Table::read(file, text)?;
+    let times_s = table.times_s(true)?;
+    let [x, y, yaw] = [table.needed("x_m")?, table.needed("y_m")?, table.needed("yaw_rad")?];
+    let [z, roll, pitch] = ["z_m", "roll_rad", "pitch_rad"].map(|name| table.column(name));
+    let pose = |(row, &time_s): (&(u64, Vec<String>), &f64)| {
+        let or_zero = |column| Ok::<f64, RecordingError>(table.number_if_any(row, column)?.unwrap_or(0.0));
+        let position_m = DVec3::new(table.number(row, x)?, table.number(row, y)?, or_zero(z)?);
+        let (roll_rad, pitch_rad, yaw_rad) = (or_zero(roll)?, or_zero(pitch)?, table.number(row, yaw)?);
+        Ok(TruePose { time_s, pose: Pose { position_m, roll_rad, pitch_rad, yaw_rad } })
+    };
+    table.rows.iter().zip(&times_s).map(pose).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ODOMETRY: &str = "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,0.5,0.1\n2.5,0.4,0\n";
+
+    fn error(odometry: &str, features: &str) -> String {
+        Recording::read(("o.csv", odometry), Some(("f.csv", features))).expect_err("nonsense").to_string()
+    }
+
+    #[test]
+    fn exact_columns_in_any_order_and_empty_values_are_no_readings() {
+        let odometry = "# a comment\nyaw_rad, speed_mps ,time_s,yaw_rate_radps\n0.1,0,0,0\n,0.5,1,0.2\n";
+        let features = "id,time_s,range_m,bearing_rad\n7,1,2.5,-0.5\n,1,3,0.25\n";
+        let recording = Recording::read(("o", odometry), Some(("f", features))).expect("a recording");
+        let [(_, first), (time_s, second)] = recording.readings[..] else { panic!("two readings") };
+        assert_eq!((first.dt_s, first.yaw_rad, first.roll_rad), (0.0, Some(0.1), Some(0.0)));
+        assert_eq!((time_s, second.dt_s, second.speed_mps, second.yaw_rad), (1.0, 1.0, 0.5, None));
+        let [(1.0, ref seen)] = recording.sightings[..] else { panic!("one sighting") };
+        assert_eq!(
+            seen.iter().map(|f| (f.polar, f.known)).collect::<Vec<_>>(),
+            [([2.5, -0.5, 0.0], Some(7)), ([3.0, 0.25, 0.0], None)]
+        );
+    }
+
+    #[test]
+    fn extreme_nonsense_is_refused_with_file_line_and_cure() {
+        let features = "time_s,range_m,bearing_rad\n1,2,0\n";
+        for (odometry, features, said) in [
+            (ODOMETRY.replace("2.5", "0.5").as_str(), features, "o.csv:4: time_s goes from 1 to 0.5; sort the rows"),
+            (ODOMETRY.replace("0.4", "NaN").as_str(), features, "o.csv:4: speed_mps is 'NaN'; write a finite number"),
+            (ODOMETRY.replace("speed", "velocity").as_str(), features, "o.csv:1: it has no column 'speed_mps'"),
+            (ODOMETRY, "time_s,range_m,bearing_rad\n9,2,0\n", "f.csv: time_s 9 lies outside the odometry"),
+            (ODOMETRY, "time_s,range_m,bearing_rad\n1,-2,0\n", "f.csv:2: range_m is -2; a range is above 0"),
+            (ODOMETRY, "time_s,range_m,bearing_rad,id\n1,2,0,rock\n", "f.csv:2: id is 'rock'; an id is a whole number"),
+            (ODOMETRY, "time_s,range_m,bearing_rad\n1,2\n", "f.csv:2: it is no table"),
+            (ODOMETRY, "time_s,range_m,bearing_rad\n", "f.csv: it holds no row"),
+        ] {
+            let error = error(odometry, features);
+            assert!(error.starts_with(said), "{error}");
+        }
+    }
+}

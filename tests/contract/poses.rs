@@ -1,0 +1,141 @@
+//! Poses with their whole covariance, and the filter on recordings: what a reader computes from the files is what the filter believed.
+
+use std::path::Path;
+
+use arrow_array::types::Float64Type;
+use arrow_array::{Array, PrimitiveArray, RecordBatch};
+use marsyard::config;
+use marsyard::corpus::reader::TableFile;
+use marsyard::corpus::{LocalFolder, Table};
+use marsyard::episode::{Prepared, Scratch, Unobserved, run_scene};
+use marsyard::math;
+use marsyard::slam::matrix::{cholesky, half_solve, square};
+use serde_json::Value as Json;
+
+use crate::yard::{Yard, text};
+
+const STATE: [(&str, &str); 6] =
+    [("x", "m"), ("y", "m"), ("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("yaw", "rad")];
+
+fn numbers<'b>(batch: &'b RecordBatch, name: &str) -> &'b PrimitiveArray<Float64Type> {
+    batch.column_by_name(name).and_then(|c| c.as_any().downcast_ref()).unwrap_or_else(|| panic!("a column {name}"))
+}
+
+/// The normalised error squared of each row, from the table alone; `None` where the covariance has no inverse.
+fn nees_of_table(batch: &RecordBatch) -> Vec<Option<f64>> {
+    let of_row = |row: usize| {
+        let entry = |i: usize, j: usize| {
+            let ((a, unit_a), (b, unit_b)) = (STATE[i.min(j)], STATE[i.max(j)]);
+            let unit = if unit_a == unit_b { format!("{unit_a}2") } else { format!("{unit_a}_{unit_b}") };
+            numbers(batch, &format!("covariance_{a}_{b}_{unit}")).value(row)
+        };
+        let covariance: [[f64; 6]; 6] = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
+        let error: [f64; 6] = std::array::from_fn(|i| {
+            let (axis, unit) = STATE[i];
+            let sigma = numbers(batch, &format!("sigma_{axis}_{unit}")).value(row);
+            assert!((sigma * sigma - covariance[i][i]).abs() <= 1e-15 * covariance[i][i], "{axis} of row {row}");
+            let of = |column: &str| numbers(batch, column).value(row);
+            let apart = of(&format!("{axis}_{unit}")) - of(&format!("truth_{axis}_{unit}"));
+            if i < 3 { apart } else { math::wrap_angle(apart) }
+        });
+        cholesky(&covariance).map(|factor| square(&half_solve(&factor, &error)))
+    };
+    (0..batch.num_rows()).map(of_row).collect()
+}
+
+#[test]
+fn equal_nees_of_a_corpus_and_of_the_filter_that_made_it() {
+    let yard = Yard::new();
+    let sets = ["pose_covariance=true", "scenes=2", "scenes_per_shard=2"].map(String::from);
+    let extra: Vec<&str> = sets.iter().flat_map(|set| ["--set", set.as_str()]).collect();
+    yard.generate(&Yard::everything(), "corpus", &extra);
+    let table = TableFile::open(&LocalFolder::new(yard.path("corpus")), &Table::Poses.path(0)).expect("a shard");
+    let prepared = Prepared::new(config::load(&Yard::everything(), &sets).expect("a plan")).expect("beams");
+    let mut judged = 0;
+    for scene in 0..2 {
+        let Ok(stored) = table.rows_of_scene(scene) else { continue };
+        let made = run_scene(&prepared, scene, &mut Scratch::default(), &mut Unobserved);
+        let read = nees_of_table(&stored);
+        assert_eq!(read.len(), made.poses.len());
+        for (read, row) in read.into_iter().zip(&made.poses) {
+            let (estimate, truth) = (&row.estimate, &row.truth);
+            let apart_m = estimate.pose.position_m - truth.position_m;
+            let error = [
+                apart_m.x,
+                apart_m.y,
+                apart_m.z,
+                math::wrap_angle(estimate.pose.roll_rad - truth.roll_rad),
+                math::wrap_angle(estimate.pose.pitch_rad - truth.pitch_rad),
+                math::wrap_angle(estimate.pose.yaw_rad - truth.yaw_rad),
+            ];
+            let believed = cholesky(&estimate.covariance).map(|factor| square(&half_solve(&factor, &error)));
+            match (read, believed) {
+                (Some(read), Some(believed)) => {
+                    assert!((read - believed).abs() <= 1e-9 * believed.max(1.0), "{read} {believed}");
+                    judged += 1;
+                }
+                (read, believed) => assert_eq!(read.is_some(), believed.is_some()),
+            }
+        }
+    }
+    assert!(judged > 10, "{judged} rows have a covariance with an inverse");
+}
+
+fn logs() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/logs")
+}
+
+fn localise(yard: &Yard, extra: &[&str]) -> std::process::Output {
+    let file = |name: &str| logs().join(name).display().to_string();
+    let (odometry, features, truth) = (file("odometry.csv"), file("features.csv"), file("truth.csv"));
+    let arguments = ["localise", &odometry, "--features", &features, "--truth", &truth, "--json"];
+    yard.marsyard(arguments.iter().chain(extra))
+}
+
+fn score(yard: &Yard, extra: &[&str]) -> Json {
+    let output = localise(yard, extra);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
+#[test]
+fn law_localise_beats_dead_reckoning_on_the_sample_and_writes_what_it_says() {
+    let yard = Yard::new();
+    let known = score(&yard, &["--out", "a", "--particles", "100"]);
+    let ate_m = |said: &Json, of: &str| said[of]["ate_m"].as_f64().expect("a number");
+    assert!(ate_m(&known, "score") < 0.5 * ate_m(&known, "dead_reckoning"), "{known}");
+    let unknown = score(&yard, &["--out", "b", "--particles", "100", "--unknown-ids"]);
+    assert!(ate_m(&unknown, "score") < 0.7 * ate_m(&unknown, "dead_reckoning"), "{unknown}");
+    // The error is computed again from the trajectory that was written: every truth stands at a time of the log.
+    let read = |path: std::path::PathBuf| std::fs::read_to_string(path).expect("a file");
+    let numbers = |line: &str, by: char| -> Vec<f64> { line.split(by).map(|v| v.parse().expect("a number")).collect() };
+    let truth: Vec<Vec<f64>> = read(logs().join("truth.csv")).lines().skip(1).map(|line| numbers(line, ',')).collect();
+    let trajectory: Vec<Vec<f64>> =
+        read(yard.path("a/trajectory.tum")).lines().map(|line| numbers(line, ' ')).collect();
+    let squares = trajectory.iter().map(|pose| {
+        let row = truth.iter().find(|row| row[0] == pose[0]).expect("a truth at this time");
+        (pose[1] - row[1]).powi(2) + (pose[2] - row[2]).powi(2)
+    });
+    let again_m = (squares.sum::<f64>() / trajectory.len() as f64).sqrt();
+    assert!((again_m - ate_m(&known, "score")).abs() < 1e-9, "{again_m} {known}");
+    assert_eq!(read(yard.path("a/covariance.csv")).lines().count(), 1 + trajectory.len());
+    // Every landmark has the id of a feature.
+    let landmarks = read(yard.path("a/landmarks.csv"));
+    assert_eq!(landmarks.lines().count() as u64, 1 + known["landmarks"].as_u64().expect("a count"));
+    assert!(landmarks.lines().skip(1).all(|line| line.split(',').next().is_some_and(|id| id.parse::<u32>().is_ok())));
+}
+
+#[test]
+fn extreme_localise_refuses_nonsense_with_file_line_and_cure() {
+    let yard = Yard::new();
+    std::fs::write(yard.path("o.csv"), "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,fast,0\n").expect("a file");
+    for (arguments, said) in [
+        (&["localise", "o.csv"][..], "o.csv:3: speed_mps is 'fast'; write a finite number"),
+        (&["localise", "absent.csv"], "absent.csv cannot be read"),
+        (&["localise", "o.csv", "--range-m=-1"], "a number of at least 0 is needed"),
+    ] {
+        let output = yard.marsyard(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(text(&output.stderr).contains(said), "{}", text(&output.stderr));
+    }
+}
