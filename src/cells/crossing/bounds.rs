@@ -7,6 +7,8 @@
 //! where the heights found allow a larger one, for that. Added to it: what the links' arms make of a turn (theta squared over two), and
 //! the wheel's own radius. Frames: map, metres. Not modelled here: what is open is the solver's.
 
+use super::lattice::Lattice;
+use super::outlines::Outlines;
 use super::params::Limits;
 use super::patch::{Patch, Under};
 use super::pose::{Demand, Square};
@@ -21,6 +23,9 @@ const MOST_TURN_RAD: f64 = 0.3;
 const BETWEEN_M: f64 = 0.002;
 /// Share of a wheel's radius by which the ground's own slope moves its centre.
 const RADIUS_SLACK: f64 = 0.08;
+
+/// A corner this far within the plate's border, and what a turn carries it, is below it for sure, metres.
+const INNER_M: f64 = 0.02;
 
 /// How far the contact solver's wheel reaches ahead and to the side, radii: a ball flattened to half its width.
 const WHEEL_REACH: DVec2 = DVec2::new(1.5, 0.75);
@@ -67,6 +72,15 @@ pub(super) struct Way {
     pub middle_m: DVec2,
     /// Half the way to the next cell's middle, which the rover goes to both sides.
     pub half_m: f64,
+}
+
+/// What is around a cell: its nodes, the plane through it, and what lies near.
+#[derive(Clone, Copy)]
+pub(super) struct Around<'a> {
+    pub lattice: &'a Lattice,
+    pub patch: &'a Patch,
+    pub plane: &'a Plane,
+    pub bodies: &'a Outlines,
 }
 
 /// One rover's bounds.
@@ -122,6 +136,11 @@ impl Bounds {
         wheel_m.max(self.half_m.length() + way_m) + 2.0 * self.radius_m + 0.15
     }
 
+    /// How far from a rover's place a wheel's centre may be that goes so far to both sides, whatever the heading and the turn.
+    pub(super) fn wheels_reach_m(&self, way_m: f64) -> f64 {
+        self.farthest_m + self.wander_m(MOST_TURN_RAD) + self.radius_m + way_m
+    }
+
     /// Where the level rover's wheels stand, ahead and to the left.
     pub(super) fn level_places_m(&self) -> impl Iterator<Item = DVec2> {
         self.wheels.iter().map(|wheel| wheel.place_m)
@@ -150,29 +169,18 @@ impl Bounds {
         [(wheel_m.max(belly_m) / spacing_m) as usize + 2, ((narrowest_m / spacing_m) as usize).max(1)]
     }
 
-    pub(super) fn bound(&self, square: &Square, patch: &Patch, plane: &Plane, way: &Way, limits: &Limits) -> Bound {
+    pub(super) fn bound(&self, around: &Around, way: &Way, limits: &Limits) -> Bound {
         let open = Bound { verdict: Verdict::Open, rise: [0.0; 2], is_even: false };
-        TURNS_RAD
-            .into_iter()
-            .find_map(|most_rad| self.bound_within(square, patch, plane, way, limits, most_rad))
-            .unwrap_or(open)
+        TURNS_RAD.into_iter().find_map(|most_rad| self.bound_within(around, way, limits, most_rad)).unwrap_or(open)
     }
 
     /// The bound by boxes for turns of up to `most_rad`; `None` where the heights in them allow a larger one.
-    fn bound_within(
-        &self,
-        square: &Square,
-        patch: &Patch,
-        plane: &Plane,
-        way: &Way,
-        limits: &Limits,
-        most_rad: f64,
-    ) -> Option<Bound> {
+    fn bound_within(&self, around: &Around, way: &Way, limits: &Limits, most_rad: f64) -> Option<Bound> {
+        let Around { lattice, patch, plane, bodies } = *around;
         let level = LEVEL[way.heading];
         let up = DVec3::new(-plane.slope.x, -plane.slope.y, 1.0).normalize();
         let ahead = level.extend(plane.slope.dot(level)).normalize();
         let left = up.cross(ahead);
-        let lattice = square.lattice;
         let [mut pitch, mut roll, mut rise] = [About::default(); 3];
         let (mut lowest_m, mut highest_m) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut range_m = 0.0_f64;
@@ -181,16 +189,22 @@ impl Bounds {
         let across = level.perp().abs();
         let half_m = level.abs() * touched_m.x + across * touched_m.y + DVec2::splat(lattice.spacing_m);
         for (range_of, wheel) in ranges.iter_mut().zip(&self.wheels) {
-            let place = way.middle_m + (ahead * wheel.place_m.x + left * wheel.place_m.y).truncate();
+            let away = ahead * wheel.place_m.x + left * wheel.place_m.y;
+            let place = way.middle_m + away.truncate();
+            // The centre stands a radius above the plane; a search begins at the level rover's place, where the tracks are too.
+            let centre = (away + up * self.radius_m).truncate();
+            let shift_m = (centre - level.rotate(wheel.place_m)).length() + BETWEEN_M;
+            let has_bodies = bodies.meet(centre, way.heading, touched_m + DVec2::splat(shift_m));
             // Along the plane's normal.
             let [low_m, high_m] = patch
-                .range_m(lattice.node_at(place - half_m), lattice.node_at(place + half_m))
+                .range_m(lattice.node_at(place - half_m), lattice.node_at(place + half_m), has_bodies)
                 .map(|off_m| off_m * up.z);
             // Bounds hold on ground without gaps.
             if !(low_m.is_finite() && high_m.is_finite()) {
                 return None;
             }
-            let [own_low_m, own_high_m] = patch.own_range_m(lattice.nodes_at(place)).map(|off_m| off_m * up.z);
+            let [own_low_m, own_high_m] =
+                patch.own_range_m(lattice.nodes_at(place), has_bodies).map(|off_m| off_m * up.z);
             let own_m = 0.5 * (own_low_m + own_high_m);
             (lowest_m, highest_m) = (lowest_m.min(low_m), highest_m.max(high_m));
             range_m = range_m.max(high_m - low_m);
@@ -218,7 +232,7 @@ impl Bounds {
         let climb = -normal.dot(level.extend(0.0)) / normal.z;
         let slope_off = off * (1.0 + 2.0 * lean) * 1.2;
         let [ahead_m, left_m] = [ahead, left].map(|axis| axis.truncate() + axis.z * plane.slope);
-        let touch_m = patch.highest_under(&Under {
+        let under = Under {
             ahead: ahead_m,
             left: left_m,
             half_m: self.half_m + DVec2::new(way.half_m, 0.0) + DVec2::splat(lattice.spacing_m),
@@ -226,8 +240,15 @@ impl Bounds {
             rise_m: rise.middle,
             pitch: pitch.middle,
             roll: roll.middle,
-        });
-        let clearance_m = limits.belly_m - touch_m;
+        };
+        let swept_m = limits.belly_m - patch.highest_under(&under);
+        // Beside bodies the plate over the middle is asked alone: the way, and a node more, may reach what it does not.
+        let clearance_m = if bodies.is_empty() {
+            swept_m
+        } else {
+            let half_m = self.half_m + DVec2::splat(0.5 * lattice.spacing_m);
+            limits.belly_m - patch.highest_under(&Under { half_m, ..under })
+        };
         // At the way's ends the plate has moved with its slope.
         let belly_off_m = rise.off
             + pitch.off * self.half_m.x
@@ -237,12 +258,24 @@ impl Bounds {
         let demand = Demand { tilt_rad, side_slope, clearance_m };
         let most_rad = tilt_rad + off;
         let is_upright = most_rad < 1.2 && math::tan(most_rad) < limits.tilt;
-        let is_clear = clearance_m - belly_off_m > 0.0;
+        let is_clear = swept_m - belly_off_m > 0.0;
         let least_rad = tilt_rad - off;
         let is_tipped = least_rad > 0.0 && math::tan(least_rad.min(1.5)) > limits.tilt;
+        // Corners of bodies below the plate of the middle, wherever it is within the bounds.
+        let inner_m = self.half_m - DVec2::splat(INNER_M + turn_rad * self.pivot_m);
+        let stand_off_m = rise.off + pitch.off * self.half_m.x + roll.off * self.half_m.y + BETWEEN_M;
+        let is_touched = || {
+            bodies.corners().any(|corner| {
+                let at_m = corner.truncate();
+                let [x_m, y_m] = [ahead_m, left_m].map(|axis| axis.dot(at_m));
+                let off_m = (corner.z - plane.height_m - plane.slope.dot(at_m)) * up.z;
+                let above_m = off_m - rise.middle - pitch.middle * x_m - roll.middle * y_m;
+                x_m.abs() <= inner_m.x && y_m.abs() <= inner_m.y && above_m - stand_off_m > limits.belly_m
+            })
+        };
         let verdict = if is_upright && side_slope + slope_off < limits.side_slip && is_clear {
             Verdict::Passable(demand)
-        } else if is_tipped || side_slope - slope_off > limits.side_slip {
+        } else if is_tipped || side_slope - slope_off > limits.side_slip || (!is_clear && is_touched()) {
             Verdict::Barred
         } else {
             Verdict::Open

@@ -26,6 +26,8 @@ pub(super) struct Lattice {
     /// The least of the ground and the most of the tops in each node's square, a raster's own nodes among them; made by `spread`.
     pub pit_m: Vec<f64>,
     pub peak_m: Vec<f64>,
+    /// As the peaks, of the ground alone.
+    pub ridge_m: Vec<f64>,
     from_middle_m: Vec<f64>,
 }
 
@@ -79,6 +81,7 @@ impl Lattice {
     pub(super) fn spread(&mut self, scene: &Scene, placement: &Placement) {
         self.pit_m.clone_from(&self.ground_m);
         self.peak_m.clone_from(&self.top_m);
+        self.ridge_m.clone_from(&self.ground_m);
         let Ground::Raster(raster) = &scene.ground else { return };
         let last = self.side - 1;
         let corners = [(0, 0), (0, last), (last, 0), (last, last)]
@@ -94,7 +97,9 @@ impl Lattice {
                 let at = row_here * self.side + col_here;
                 let height_m = raster.heights_m[row * raster.cols + col];
                 self.pit_m[at] = self.pit_m[at].min(height_m);
-                self.peak_m[at] = if height_m <= self.peak_m[at] { self.peak_m[at] } else { height_m };
+                for peak_m in [&mut self.peak_m[at], &mut self.ridge_m[at]] {
+                    *peak_m = if height_m <= *peak_m { *peak_m } else { height_m };
+                }
             }
         }
     }

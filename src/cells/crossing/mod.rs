@@ -25,6 +25,7 @@ mod gaps;
 mod headings;
 mod kernel;
 mod lattice;
+mod outlines;
 pub(super) mod params;
 mod patch;
 mod placement;

@@ -29,6 +29,8 @@ pub(super) struct Patch {
     window: usize,
     least_m: Vec<f64>,
     most_m: Vec<f64>,
+    /// As `most_m`, of the ground without bodies.
+    bare_m: Vec<f64>,
     passed_m: Vec<f64>,
 }
 
@@ -50,26 +52,28 @@ impl Patch {
         };
         along(first[0], cols, middle_m.x, &|col| lattice.node_m(0, col).x, &mut self.east_m);
         along(first[1], rows, middle_m.y, &|row| lattice.node_m(row, 0).y, &mut self.north_m);
-        for list in [&mut self.ground_m, &mut self.top_m, &mut self.least_m, &mut self.most_m] {
+        for list in [&mut self.ground_m, &mut self.top_m, &mut self.least_m, &mut self.most_m, &mut self.bare_m] {
             list.clear();
             list.resize(cols * rows, 0.0);
         }
         self.passed_m.resize(cols * rows, 0.0);
         widest(Fill { patch: self, square, plane });
-        for (list, is_most) in [(&mut self.least_m, false), (&mut self.most_m, true)] {
+        for (list, is_most) in [(&mut self.least_m, false), (&mut self.most_m, true), (&mut self.bare_m, true)] {
             for stride in [1, cols] {
                 widest(Windows { list, passed: &mut self.passed_m, stride, window, is_most });
             }
         }
     }
 
-    /// The least ground and the highest top off the plane within a box of the lattice's columns and rows, both ends included.
-    pub(super) fn range_m(&self, from: [usize; 2], to: [usize; 2]) -> [f64; 2] {
+    /// The least ground and the highest top off the plane within a box of the lattice's columns and rows, both ends included; of the ground
+    /// alone where no body counts.
+    pub(super) fn range_m(&self, from: [usize; 2], to: [usize; 2], has_bodies: bool) -> [f64; 2] {
+        let most_m = if has_bodies { &self.most_m } else { &self.bare_m };
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         for row in self.windows(from[1] - self.first[1], to[1] - self.first[1]) {
             for col in self.windows(from[0] - self.first[0], to[0] - self.first[0]) {
                 let at = row * self.cols + col;
-                range = [range[0].min(self.least_m[at]), range[1].max(self.most_m[at])];
+                range = [range[0].min(self.least_m[at]), range[1].max(most_m[at])];
             }
         }
         range
@@ -82,10 +86,11 @@ impl Patch {
     }
 
     /// The same of a few nodes, asked one by one; gaps do not count.
-    pub(super) fn own_range_m(&self, nodes: [[usize; 2]; 4]) -> [f64; 2] {
+    pub(super) fn own_range_m(&self, nodes: [[usize; 2]; 4], has_bodies: bool) -> [f64; 2] {
+        let top_m = if has_bodies { &self.top_m } else { &self.ground_m };
         nodes.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low_m, high_m], [col, row]| {
             let at = (row - self.first[1]) * self.cols + col - self.first[0];
-            [low_m.min(self.ground_m[at]), high_m.max(self.top_m[at])]
+            [low_m.min(self.ground_m[at]), high_m.max(top_m[at])]
         })
     }
 
@@ -138,12 +143,20 @@ impl Work for Fill<'_, '_> {
                 let off_m = top - plane_m;
                 *out_top = if off_m < f64::INFINITY { off_m } else { f64::INFINITY };
             }
-            let (least, most) = (&mut patch.least_m[here.clone()], &mut patch.most_m[here]);
+            let (least, most) = (&mut patch.least_m[here.clone()], &mut patch.most_m[here.clone()]);
+            let bare = &mut patch.bare_m[here];
+            let ridge = &lattice.ridge_m[from..from + cols];
+            for ((ridge, east_m), bare) in ridge.iter().zip(&patch.east_m).zip(&mut *bare) {
+                let off_m = ridge - (base_m + plane.slope.x * east_m);
+                *bare = if off_m < f64::INFINITY { off_m } else { f64::INFINITY };
+            }
             least.copy_from_slice(out_ground);
             most.copy_from_slice(out_top);
             if let Some(widths) = square.gaps.width_m.get(from..from + cols) {
-                for (most, width_m) in most.iter_mut().zip(widths) {
-                    *most = if width_m.is_infinite() { *most } else { f64::INFINITY };
+                for list in [most, bare] {
+                    for (most, width_m) in list.iter_mut().zip(widths) {
+                        *most = if width_m.is_infinite() { *most } else { f64::INFINITY };
+                    }
                 }
             }
         }

@@ -13,12 +13,11 @@
 //! deviation: what bounds decide has the middle of the bounds. Frames: headings and cells in `map`, the stand in `world`. Not modelled:
 //! how the rover comes there, turns on the spot, ways beside the cells' middles.
 
-use std::cell::OnceCell;
-
-use super::bounds::{Bound, Bounds, LEVEL, Plane, Verdict, Way};
+use super::bounds::{Around, Bound, Bounds, LEVEL, Plane, Verdict, Way};
 use super::gaps::Gaps;
 use super::headings::Axis;
 use super::lattice::Lattice;
+use super::outlines::Outlines;
 use super::params::Limits;
 use super::patch::Patch;
 use super::placement::Placement;
@@ -87,6 +86,7 @@ pub(super) struct Square<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
     patch: Patch,
+    outlines: Outlines,
     track: Track,
 }
 
@@ -96,8 +96,8 @@ struct Here<'a, 'b> {
     plane: Plane,
     /// The cell's middle in the world.
     at: DVec2,
-    /// What is near, once somebody asks.
-    bodies: OnceCell<Vec<&'b Obstacle>>,
+    /// What is near.
+    bodies: Vec<&'b Obstacle>,
 }
 
 impl Demand {
@@ -128,11 +128,12 @@ impl<'a> PoseAssessor<'a> {
     pub(super) fn assess(&self, square: &Square, middle_m: DVec2, scratch: &mut Scratch) -> PoseTruth {
         let plane = self.bounds.ground(square, middle_m);
         let at = square.placement.world(middle_m);
-        let here = Here { square, plane, at, bodies: OnceCell::new() };
         let most_m = DIAGONAL * 0.5 * square.cell_m;
+        let here = Here { square, plane, at, bodies: self.contact.bodies_near(at, most_m) };
         if self.has_bounds {
             let [reach, window] = self.bounds.patch_nodes(square.lattice.spacing_m, most_m);
             scratch.patch.fill(square, &here.plane, middle_m, reach, window);
+            scratch.outlines.fill(&here.bodies, square.placement, at);
         }
         let mut truth = PoseTruth { headings: 0, cost: 0.0, worst: None };
         let mut cost = 0.0;
@@ -161,9 +162,9 @@ impl<'a> PoseAssessor<'a> {
     /// What a heading takes up over the cell's middle; `None` where anything on its way is beyond a limit.
     fn through(&self, here: &Here<'_, 'a>, way: &Way, scratch: &mut Scratch) -> Option<Demand> {
         let Here { square, plane, at, bodies } = here;
-        let Scratch { patch, track } = scratch;
-        let near = || bodies.get_or_init(|| self.contact.bodies_near(*at, DIAGONAL * 0.5 * square.cell_m));
-        let bound = self.has_bounds.then(|| self.bounds.bound(square, patch, plane, way, &self.limits));
+        let Scratch { patch, outlines, track } = scratch;
+        let around = Around { lattice: square.lattice, patch, plane, bodies: outlines };
+        let bound = self.has_bounds.then(|| self.bounds.bound(&around, way, &self.limits));
         let (demand, rise) = match bound {
             Some(Bound { verdict: Verdict::Barred, .. }) => return None,
             Some(Bound { verdict: Verdict::Passable(demand), rise, is_even }) if self.is_inside(*at, way.half_m) => {
@@ -172,14 +173,14 @@ impl<'a> PoseAssessor<'a> {
                 }
                 (demand, rise)
             }
-            _ => self.driven(near(), *at, square.placement, way).through()?,
+            _ => self.driven(bodies, *at, square.placement, way).through()?,
         };
-        self.rolls(near(), square.placement, way, rise, track).then_some(demand)
+        self.rolls(bodies, square.placement, way, rise, track).then_some(demand)
     }
 
     /// Whether every wheel of a rover that goes so far from a place is in the yard, whatever its heading and tilt.
     fn is_inside(&self, at: DVec2, way_m: f64) -> bool {
-        let reach_m = self.bounds.reach_m(way_m);
+        let reach_m = self.bounds.wheels_reach_m(way_m);
         at.min_element() >= reach_m && at.max_element() <= self.scene.extent_m - reach_m
     }
 

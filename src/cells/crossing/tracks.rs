@@ -10,6 +10,7 @@
 use super::params::Limits;
 use crate::geometry::DVec2;
 use crate::scene::{Convex, Obstacle, Scene, Shape};
+use crate::wide::{LANES, Work, widest};
 
 /// Length of a bin; a whole number of them is searched for a far lip.
 const BIN_M: f64 = 0.005;
@@ -83,11 +84,8 @@ impl Track {
     fn sample(&mut self, line: &Line, bins: usize) {
         let scene = line.rolled.scene;
         self.ground_m.clear();
-        self.ground_m.extend((0..=bins).map(|border| {
-            let way_m = line.way_m(border);
-            let at = line.place(way_m);
-            scene.ground_below_m(at.x, at.y) - line.slope * way_m
-        }));
+        self.ground_m.resize(bins + 1, 0.0);
+        widest(Borders { line, scene, out: &mut self.ground_m });
         let pairs = || self.ground_m.windows(2);
         self.low_m.clear();
         self.low_m.extend(pairs().map(|pair| if pair[0] < pair[1] { pair[0] } else { pair[1] }));
@@ -159,6 +157,30 @@ impl Track {
             self.body_m[border] = self.body_m[border].max(here_m);
             for bin in border.saturating_sub(1)..(border + 1).min(bins) {
                 self.high_m[bin] = self.high_m[bin].max(here_m);
+            }
+        }
+    }
+}
+
+/// The ground at the borders between bins.
+struct Borders<'a> {
+    line: &'a Line<'a>,
+    scene: &'a Scene,
+    out: &'a mut [f64],
+}
+
+impl Work for Borders<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Borders { line, scene, out } = self;
+        for (block, out) in out.chunks_mut(LANES).enumerate() {
+            let way_m: [f64; LANES] = std::array::from_fn(|l| line.way_m(block * LANES + l));
+            let at = way_m.map(|way_m| line.place(way_m));
+            let ground_m = scene.grounds_below_m(&at.map(|at| at.x), &at.map(|at| at.y));
+            for ((out, ground_m), way_m) in out.iter_mut().zip(ground_m).zip(way_m) {
+                *out = ground_m - line.slope * way_m;
             }
         }
     }

@@ -51,10 +51,14 @@ impl Driven<'_> {
     pub(super) fn through(&self) -> Option<(Demand, [f64; 2])> {
         let spaces = 2 * (self.half_m / FIRST_M).ceil() as usize;
         let space_m = 2.0 * self.half_m / spaces as f64;
-        // The middle is what bars most headings, and is asked with the belly as long as it is.
-        let middle = self.stand(0.0, 0.0)?;
-        let stands: Option<Vec<Stand>> =
-            (0..=spaces).map(|k| self.stand(k as f64 * space_m - self.half_m, space_m)).collect();
+        // The middle is what bars most headings, and is asked with the belly as long as it is; then how it stands there is known.
+        let upright = self.upright(0.0)?;
+        let middle = self.over_ground(0.0, upright, 0.0)?;
+        let stand = |k: usize| match 2 * k == spaces {
+            true => self.over_ground(0.0, upright, space_m),
+            false => self.stand(k as f64 * space_m - self.half_m, space_m),
+        };
+        let stands: Option<Vec<Stand>> = (0..=spaces).map(stand).collect();
         let stands = stands?;
         let reserve = differences(&stands);
         let is_kept = stands.windows(2).all(|pair| self.is_kept_between(&pair[0], &pair[1], &reserve));
@@ -81,15 +85,21 @@ impl Driven<'_> {
 
     /// The rover at a place of its way, its belly longer by `swept_m`; `None` where it cannot stand within its limits.
     fn stand(&self, way_m: f64, swept_m: f64) -> Option<Stand> {
+        self.over_ground(way_m, self.upright(way_m)?, swept_m)
+    }
+
+    /// How the wheels stand there, within the limits of tilt and side slip, nothing asked of the belly yet: it is the dearest to ask about.
+    fn upright(&self, way_m: f64) -> Option<(Pose, Demand)> {
         let (sin, cos) = math::sin_cos(self.yaw_rad);
         let at = self.middle_m + DVec2::new(cos, sin) * way_m;
         let pose = self.contact.stand_among(self.bodies, [at.x, at.y, self.yaw_rad], None).ok()?.pose;
+        let upright = demand_of(&pose, self.limits.belly_m);
+        upright.is_within(self.limits).then_some((pose, upright))
+    }
+
+    /// A stand of which only the belly is not known, its belly longer by `swept_m`; `None` where it touches.
+    fn over_ground(&self, way_m: f64, (pose, upright): (Pose, Demand), swept_m: f64) -> Option<Stand> {
         let belly_m = self.limits.belly_m;
-        // The belly is the dearest to ask about, and is asked last.
-        let upright = demand_of(&pose, belly_m);
-        if !upright.is_within(self.limits) {
-            return None;
-        }
         let plate_m = self.outline_m + DVec2::new(0.5 * swept_m, 0.0);
         let clearance_m = plate_clearance_m(plate_m, belly_m, self.scene, self.bodies, &pose)?;
         let Limits { tilt, side_slip, .. } = *self.limits;
