@@ -8,6 +8,15 @@ use std::sync::OnceLock;
 /// Holds the kernels to a set, or to those that are narrower.
 pub const VARIABLE: &str = "MARSYARD_KERNELS";
 
+/// The CPU by the name that its maker gave it; `None` where the system does not say (Linux on x86-64 does).
+pub(crate) fn name() -> Option<String> {
+    let told = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = told.lines().find(|line| line.starts_with("model name"))?;
+    let (_, name) = line.split_once(':')?;
+    let name = name.trim();
+    (!name.is_empty()).then(|| name.to_owned())
+}
+
 /// Instruction sets that kernels are compiled for, the narrowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum InstructionSet {

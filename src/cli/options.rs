@@ -85,10 +85,11 @@ pub(super) fn split_warnings(plan: &Plan) -> Vec<String> {
     }
     if empty(Split::Test) {
         let held_out = plan.families.iter().filter(|family| family.hold_out);
-        warnings.extend(held_out.map(|family| {
+        let names: Vec<&str> = held_out.map(|family| family.name.as_str()).collect();
+        warnings.extend((!names.is_empty()).then(|| {
             format!(
-                "family {} is held out for the test split, which has no shard: no scene of it is built",
-                family.name
+                "held out for the test split, which has no shard, so that no scene of them is built: {}",
+                names.join(", ")
             )
         }));
     }

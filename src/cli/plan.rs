@@ -17,6 +17,7 @@ use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure};
 use crate::corpus::Split;
+use crate::cpu;
 use crate::measure::estimate::{self, Estimate, EstimateError, FamilyCost, Figure, Options};
 use crate::plan::Plan;
 
@@ -27,7 +28,8 @@ pub(super) struct PlanArgs {
     /// Scenes to build (and throw away) for the estimate; default: as many as make it good to some 3 %; 0 = check only.
     #[arg(long, conflicts_with = "hours")]
     sample: Option<u64>,
-    /// Seconds to measure for, at most: half for the whole build, half for its parts. The scenes in hand are finished.
+    /// Seconds to measure for: half for the whole build, half for its parts. Where a scene of each family, with each part and without it, takes
+    /// longer, up to 30; a scene in hand is finished.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS", value_parser = parse_seconds)]
     limit: f64,
     /// Leave out what each part costs.
@@ -36,7 +38,7 @@ pub(super) struct PlanArgs {
     /// Where the build will write: what storage takes there is measured (by a shard that goes away again).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Threads that the build will have.
+    /// Threads that the build will have. Measured is on no more than this machine has cores; what is beyond is told as such.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads, conflicts_with = "hours")]
     threads: usize,
     #[command(flatten)]
@@ -61,10 +63,11 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     }
     let half = Duration::from_secs_f64(0.5 * args.limit);
     let options = Options {
-        threads: args.threads,
+        threads: args.threads.min(default_threads()),
         scenes: args.sample,
         limit: half,
         parts_limit: if args.no_parts { Duration::ZERO } else { half },
+        most: most(args),
         place: args.out.as_deref(),
         stop: &stop,
     };
@@ -73,7 +76,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     let mut warnings = split_warnings(&plan);
     if let Some(estimate) = &estimate {
         let place = args.out.clone().unwrap_or_else(|| default_out(&plan));
-        warnings.extend(machine_warnings(estimate, &place));
+        warnings.extend(machine_warnings(estimate, args.threads, &place));
     }
     if args.json {
         outln!("{:#}", as_json(&plan, estimate.as_ref(), &warnings));
@@ -81,6 +84,16 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         tell(&plan, estimate.as_ref(), &warnings);
     }
     Ok(())
+}
+
+/// A plan takes no longer, whatever it is asked, unless it is given longer, or a number of scenes.
+const MOST: Duration = Duration::from_secs(30);
+
+fn most(args: &PlanArgs) -> Duration {
+    match args.sample {
+        Some(_) => Duration::MAX,
+        None => MOST.max(Duration::from_secs_f64(args.limit)),
+    }
 }
 
 /// What a failed or interrupted estimate is to the user.
@@ -127,7 +140,7 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
 }
 
 /// What this machine cannot do of what is promised for it: room on its disk, and cores.
-fn machine_warnings(estimate: &Estimate, place: &Path) -> Vec<String> {
+fn machine_warnings(estimate: &Estimate, threads: usize, place: &Path) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Some(free_bytes) = estimate::free_bytes(place).filter(|&free| estimate.bytes.value > free as f64) {
         warnings.push(format!(
@@ -137,12 +150,20 @@ fn machine_warnings(estimate: &Estimate, place: &Path) -> Vec<String> {
             si(free_bytes as f64)
         ));
     }
-    if estimate.threads > default_threads() {
+    if threads > estimate.threads {
         warnings.push(format!(
-            "{} on {}: hours are for this machine; where every thread has a core of its own they are some {} (the CPU time over the threads)",
-            counted(estimate.threads as u64, "thread"),
-            counted(default_threads() as u64, "core"),
-            human(Duration::from_secs_f64(estimate.cpu_s.value / estimate.threads as f64))
+            "{} are asked for and this machine has {}: what is told is measured on those, and more threads make it no faster here; on {threads} \
+             cores as fast as these, all free, it would be some {} (extrapolated: the CPU time over the threads)",
+            counted(threads as u64, "thread"),
+            counted(estimate.threads as u64, "core"),
+            human(Duration::from_secs_f64(estimate.cpu_s.value / threads as f64))
+        ));
+    }
+    if !estimate.not_reached.is_empty() {
+        warnings.push(format!(
+            "no scene of {} was reached in {}: they are taken to be as the others; raise --limit",
+            estimate.not_reached.join(", "),
+            human(MOST)
         ));
     }
     warnings
@@ -170,7 +191,12 @@ fn tell_parts(cost: &FamilyCost) {
 }
 
 fn tell_cost(estimate: &Estimate) {
-    outln!("\ncost, measured on {} of its scenes, {} at a time; CPU ms a scene", estimate.scenes, estimate.threads);
+    outln!(
+        "\ncost, measured on {} of its scenes, {} at a time, on {}; CPU ms a scene",
+        estimate.scenes,
+        estimate.threads,
+        machine()
+    );
     for (stage, cpu_s) in &estimate.stages {
         outln!("  {stage:<12} {:>9.2}", 1e3 * cpu_s);
     }
@@ -204,6 +230,12 @@ fn tell_cost(estimate: &Estimate) {
             }
         }
     }
+}
+
+/// What is measured on, in words.
+fn machine() -> String {
+    let cores = counted(default_threads() as u64, "core");
+    cpu::name().map_or_else(|| cores.clone(), |name| format!("{cores} of {name}"))
 }
 
 /// Seconds of all threads together.
@@ -254,6 +286,7 @@ fn estimate_json(estimate: &Estimate) -> serde_json::Value {
         })
     });
     json!({
+        "machine": {"cpu": cpu::name(), "cores": default_threads()}, "families_not_reached": estimate.not_reached,
         "scenes_measured": estimate.scenes, "scenes_failed": failed, "advice": estimate.advice, "threads": estimate.threads,
         "cpu_s": figure(&estimate.cpu_s), "wall_s": figure(&estimate.wall_s), "rows": figure(&estimate.rows),
         "bytes": figure(&estimate.bytes), "needed_bytes_per_s": estimate.needed_bytes_per_s(),

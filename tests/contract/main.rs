@@ -22,6 +22,8 @@ mod outputs;
 mod owners;
 /// Poses with their whole covariance, and the filter on recordings.
 mod poses;
+/// What a plan says of the machine and of its own corpus.
+mod plan;
 /// Run folders: whatever a kill, a lost file or a flipped bit leaves there.
 mod run_safety;
 /// The same plan gives the same bytes.

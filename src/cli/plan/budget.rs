@@ -157,6 +157,7 @@ fn measure(args: &PlanArgs, setting: &StudySetting, cores: usize, stop: &AtomicB
         scenes: None,
         limit: Duration::from_secs_f64(0.5 * args.limit),
         parts_limit: Duration::ZERO,
+        most: super::most(args),
         place: None,
         stop,
     };
@@ -194,8 +195,8 @@ fn warnings(
     }
     if cores > default_threads() {
         warnings.push(format!(
-            "measured on {}: hours are for {cores} cores as fast as these, each free",
-            counted(default_threads() as u64, "core")
+            "measured on {}: hours are extrapolated to {cores} cores as fast as these, each free",
+            super::machine()
         ));
     }
     if best.beyond > 1.0 {

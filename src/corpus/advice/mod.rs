@@ -144,14 +144,12 @@ fn unread(contents: &[Content]) -> Vec<Advice> {
 
 fn held_out_scenes(contents: &[Content]) -> Vec<Advice> {
     let few = contents.iter().filter(|content| content.is_held_out && content.test_scenes < LEAST_TEST_SCENES);
-    let advice = few.map(|content| Advice {
-        finding: format!(
-            "{} test scenes of the held-out family {}: too few to tell 1 point",
-            content.test_scenes, content.family
-        ),
-        cure: format!("raise scenes, or the family's weight, until there are {LEAST_TEST_SCENES}"),
+    let said: Vec<String> = few.map(|content| format!("{} {}", content.family, content.test_scenes)).collect();
+    let advice = (!said.is_empty()).then(|| Advice {
+        finding: format!("held-out families with too few test scenes to tell 1 point: {}", said.join(", ")),
+        cure: format!("raise scenes, or the families' weights, until each has {LEAST_TEST_SCENES}"),
     });
-    advice.collect()
+    Vec::from_iter(advice)
 }
 
 fn held_out_ranges(contents: &[Content]) -> Vec<Advice> {
@@ -159,13 +157,14 @@ fn held_out_ranges(contents: &[Content]) -> Vec<Advice> {
         contents.iter().filter(|content| content.cells() > 0).partition(|content| content.is_held_out);
     let Some(trained_m) = trained.into_iter().map(Content::reach_m).max() else { return Vec::new() };
     let beyond = held_out.into_iter().filter(|content| content.share_beyond(trained_m) > BEYOND_TRAINING_SHARE);
-    let advice = beyond.map(|content| Advice {
+    let said: Vec<String> =
+        beyond.map(|content| format!("{} {}", content.family, percent(content.share_beyond(trained_m)))).collect();
+    let advice = (!said.is_empty()).then(|| Advice {
         finding: format!(
-            "{} of the cells of the held-out family {} lie beyond {trained_m} m, where no training family has any",
-            percent(content.share_beyond(trained_m)),
-            content.family
+            "cells of held-out families beyond {trained_m} m, where no training family has any: {}",
+            said.join(", ")
         ),
         cure: "raise cells.max_range_m of a training family, or give one a sensor that sees as far".into(),
     });
-    advice.collect()
+    Vec::from_iter(advice)
 }

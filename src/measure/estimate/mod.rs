@@ -19,7 +19,7 @@ mod storage;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::corpus::advice::{self, Advice, Content};
 use crate::corpus::{CorpusError, Table};
@@ -37,7 +37,7 @@ pub(crate) use storage::{Storage, free_bytes};
 /// How long, with how many threads, and for which place.
 #[derive(Clone, Debug)]
 pub(crate) struct Options<'a> {
-    /// Threads that the build will have.
+    /// Threads that measure, all at once: those of the build, or as many as there are cores.
     pub threads: usize,
     /// So many scenes; `None`: until time and rows have a relative standard error of `ENOUGH`.
     pub scenes: Option<u64>,
@@ -45,6 +45,8 @@ pub(crate) struct Options<'a> {
     pub limit: Duration,
     /// No new scene is begun for the parts after this much more; zero leaves them out.
     pub parts_limit: Duration,
+    /// Nothing at all is begun after this, counted from the start: not even the first scene of a family, nor a scene without the next part.
+    pub most: Duration,
     /// Where the build will write; its storage is measured there.
     pub place: Option<&'a Path>,
     /// When it is raised, what was tried at the place is taken away, and there is no estimate.
@@ -54,6 +56,20 @@ pub(crate) struct Options<'a> {
 impl Options<'_> {
     fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// When an estimate was begun, and whether it has to end.
+#[derive(Clone, Copy, Debug)]
+struct Clock<'a> {
+    options: &'a Options<'a>,
+    begun: Instant,
+}
+
+impl Clock<'_> {
+    /// All time is spent, or somebody raised `stop`.
+    fn is_over(&self) -> bool {
+        self.options.stopped() || self.begun.elapsed() > self.options.most
     }
 }
 
@@ -76,6 +92,8 @@ pub(crate) struct Estimate {
     /// Rows of `cells`.
     pub rows: Figure,
     pub bytes: Figure,
+    /// Families of which no scene was run before the time was over: they are taken to be as the others.
+    pub not_reached: Vec<String>,
     /// Mean over the plan's scenes: CPU seconds of each stage, by name, and of writing.
     pub stages: Vec<(&'static str, f64)>,
     /// CPU seconds a scene of making each table's file.
@@ -122,8 +140,9 @@ pub(crate) enum EstimateError {
 pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, EstimateError> {
     // First: a place that cannot be is told at once.
     options.place.map(storage::check).transpose()?;
+    let clock = Clock { options, begun: Instant::now() };
     let prepared = Prepared::new(plan.clone())?;
-    let mut sample = sample::run(&prepared, options)?;
+    let mut sample = sample::run(&prepared, &clock)?;
     if options.stopped() {
         return Err(EstimateError::Interrupted);
     }
@@ -134,7 +153,7 @@ pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, Estim
     let bytes = encoded.bytes(&sample, plan.shards());
     let probed = options.place.map(|place| storage::probe(place, &encoded, plan.shards(), bytes.value, options));
     let storage = probed.transpose()?;
-    let families = parts::prices(&prepared, &sample, options)?;
+    let families = parts::prices(&prepared, &sample, &clock)?;
     if options.stopped() {
         return Err(EstimateError::Interrupted);
     }
@@ -159,6 +178,7 @@ pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, Estim
     Ok(Estimate {
         threads: options.threads,
         scenes: sample.scenes(),
+        not_reached: sample.not_reached(plan),
         advice: advice::advise(&contents),
         contents,
         cpu_s: Figure { value: making_cpu_s.value + writing_cpu_s, ..making_cpu_s },

@@ -11,10 +11,10 @@ use std::time::Instant;
 
 use super::part::Part;
 use super::sample::Sample;
-use super::{EstimateError, FamilyCost, Options};
+use super::{Clock, EstimateError, FamilyCost};
 use crate::episode::{Prepared, Scratch, run_scene};
 use crate::measure::clock::Costs;
-use crate::measure::interleave::{Repeats, rotated};
+use crate::measure::interleave::{Repeats, rotated, try_rotated};
 use crate::parallel::{self, Schedule};
 use crate::plan::Plan;
 
@@ -46,11 +46,13 @@ impl PartCost {
 
 /// What one scene takes under each plan, interleaved; which plan comes first turns with `repeat`.
 pub fn scene_costs(prepared: &[Prepared], scene: u64, repeat: usize, scratch: &mut Scratch) -> Vec<Costs> {
-    rotated(prepared.len(), repeat, |k| {
-        let mut costs = Costs::start();
-        std::hint::black_box(run_scene(&prepared[k], scene, scratch, &mut costs));
-        costs.finish()
-    })
+    rotated(prepared.len(), repeat, |k| scene_cost(&prepared[k], scene, scratch))
+}
+
+fn scene_cost(prepared: &Prepared, scene: u64, scratch: &mut Scratch) -> Costs {
+    let mut costs = Costs::start();
+    std::hint::black_box(run_scene(prepared, scene, scratch, &mut costs));
+    costs.finish()
 }
 
 /// The plans that are compared for one family: at one attempt, and for each part the plan that differs by it.
@@ -101,7 +103,7 @@ impl FamilyTimes {
 /// Scenes that are measured until all prices are known or the time is over.
 struct Pricing<'a> {
     families: Vec<FamilyTimes>,
-    options: &'a Options<'a>,
+    clock: &'a Clock<'a>,
     started: Instant,
 }
 
@@ -118,10 +120,10 @@ impl Schedule for Pricing<'_> {
 
     /// The family that has had the fewest scenes; each has one at least.
     fn next(&mut self) -> Option<Repeat> {
-        if self.options.stopped() {
+        if self.clock.is_over() {
             return None;
         }
-        let is_late = self.started.elapsed() > self.options.parts_limit;
+        let is_late = self.started.elapsed() > self.clock.options.parts_limit;
         let families = self.families.iter_mut().enumerate();
         let open = families.filter(|(_, times)| !times.is_known() && (!is_late || times.begun == 0));
         let (family, times) = open.min_by_key(|(_, times)| times.begun)?;
@@ -138,7 +140,8 @@ impl Schedule for Pricing<'_> {
 }
 
 /// What every part of every family costs; nothing where no time is given for it.
-pub(super) fn prices(whole: &Prepared, sample: &Sample, options: &Options) -> Result<Vec<FamilyCost>, EstimateError> {
+pub(super) fn prices(whole: &Prepared, sample: &Sample, clock: &Clock) -> Result<Vec<FamilyCost>, EstimateError> {
+    let options = clock.options;
     let plan = &whole.plan;
     let scenes_of = |family: usize| sample.strata.iter().find(|s| s.family == family).map_or(0.0, |s| s.scenes);
     let mut costs: Vec<FamilyCost> = (0..plan.families.len())
@@ -154,18 +157,23 @@ pub(super) fn prices(whole: &Prepared, sample: &Sample, options: &Options) -> Re
         families.push(FamilyTimes { parts, order: stratum.order.clone(), begun: 0, cpu_s: Repeats::default() });
     }
     let started = Instant::now();
-    let mut pricing = Pricing { families, options, started };
+    let mut pricing = Pricing { families, clock, started };
     let one_scene = |repeat: Repeat, (scratch, is_warm): &mut (Scratch, bool)| {
         let Repeat { family, scene, number } = repeat;
         // Tasks wait for a thread: by now the time may be over, and a family's first scene is measured all the same.
-        if options.stopped() || number > 1 && started.elapsed() > options.parts_limit {
+        if clock.is_over() || number > 1 && started.elapsed() > options.parts_limit {
             return None;
         }
         if !std::mem::replace(is_warm, true) {
             scene_costs(&prepared[family][..1], scene, 0, scratch);
         }
-        let costs = scene_costs(&prepared[family], scene, number, scratch);
-        Some((family, costs.iter().map(|costs| costs.whole.cpu).collect()))
+        // A scene that lacks a variant when all time is spent tells nothing.
+        let plans = &prepared[family];
+        let cpu_s = try_rotated(plans.len(), number, |k| match clock.is_over() {
+            true => Err(()),
+            false => Ok(scene_cost(&plans[k], scene, scratch).whole.cpu),
+        });
+        Some((family, cpu_s.ok()?))
     };
     parallel::run(options.threads, &mut pricing, one_scene)?;
     if options.stopped() {

@@ -8,7 +8,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use super::{ENOUGH, Options};
+use super::{Clock, ENOUGH, Options};
 use crate::corpus::advice::Content;
 use crate::corpus::{Split, Table};
 use crate::episode::{Prepared, SceneOutput, Scratch, StageTimes, run_scene};
@@ -93,23 +93,31 @@ pub(super) struct Sample {
 }
 
 /// Runs scenes on all threads until enough is known.
-pub(super) fn run(prepared: &Prepared, options: &Options) -> Result<Sample, PoolError> {
+pub(super) fn run(prepared: &Prepared, clock: &Clock) -> Result<Sample, PoolError> {
     let contents = contents(&prepared.plan);
     let sample = Sample { strata: strata(&prepared.plan), contents, outputs: Vec::new(), kept_rows: 0 };
-    let mut sampling = Sampling { sample, options, started: Instant::now() };
-    parallel::run(options.threads, &mut sampling, |(stratum, scene), (scratch, is_warm): &mut (Scratch, bool)| {
-        let begun = Instant::now();
-        let mut make = || {
-            let mut costs = Costs::start();
-            let output = run_scene(prepared, scene, scratch, &mut costs);
-            (SceneCost::of(&costs.finish(), &output), output)
-        };
-        let mut made = make();
-        if !std::mem::replace(is_warm, true) && begun.elapsed() < LONG {
-            made = make();
-        }
-        (stratum, made.0, made.1)
-    })?;
+    let mut sampling = Sampling { sample, clock, started: Instant::now() };
+    parallel::run(
+        clock.options.threads,
+        &mut sampling,
+        |(stratum, scene), (scratch, is_warm): &mut (Scratch, bool)| {
+            let begun = Instant::now();
+            // Tasks wait for a thread: by now all time may be spent.
+            if clock.is_over() && *is_warm {
+                return None;
+            }
+            let mut make = || {
+                let mut costs = Costs::start();
+                let output = run_scene(prepared, scene, scratch, &mut costs);
+                (SceneCost::of(&costs.finish(), &output), output)
+            };
+            let mut made = make();
+            if !std::mem::replace(is_warm, true) && begun.elapsed() < LONG {
+                made = make();
+            }
+            Some((stratum, made.0, made.1))
+        },
+    )?;
     let mut sample = sampling.sample;
     sample.outputs.sort_by_key(|output| output.scene_id);
     Ok(sample)
@@ -131,20 +139,26 @@ fn contents(plan: &Plan) -> Vec<Content> {
 /// Scenes of a sample as threads take them.
 struct Sampling<'a> {
     sample: Sample,
-    options: &'a Options<'a>,
+    clock: &'a Clock<'a>,
     started: Instant,
 }
 
 impl Schedule for Sampling<'_> {
     type Task = (usize, u64);
-    type Output = (usize, SceneCost, SceneOutput);
+    type Output = Option<(usize, SceneCost, SceneOutput)>;
 
     fn next(&mut self) -> Option<(usize, u64)> {
-        self.sample.next(self.options, self.started)
+        let begun: usize = self.sample.strata.iter().map(|stratum| stratum.begun).sum();
+        if begun > 0 && self.clock.is_over() {
+            return None;
+        }
+        self.sample.next(self.clock.options, self.started)
     }
 
-    fn take(&mut self, (stratum, cost, output): Self::Output) -> ControlFlow<()> {
-        self.sample.add(stratum, cost, output);
+    fn take(&mut self, made: Self::Output) -> ControlFlow<()> {
+        if let Some((stratum, cost, output)) = made {
+            self.sample.add(stratum, cost, output);
+        }
         ControlFlow::Continue(())
     }
 }
@@ -204,7 +218,13 @@ impl Sample {
         (scenes > 0 && failed == scenes).then(|| reasons.next().unwrap_or_default())
     }
 
-    /// Sum over all scenes of the plan.
+    /// Families with scenes in the plan of which none was run.
+    pub(super) fn not_reached(&self, plan: &Plan) -> Vec<String> {
+        let unseen = self.strata.iter().filter(|stratum| stratum.measured.is_empty());
+        unseen.map(|stratum| plan.families[stratum.family].name.clone()).collect()
+    }
+
+    /// Sum over all scenes of the plan; a family of which no scene was run is taken to be as the others.
     pub(super) fn total(&self, value: impl Fn(&SceneCost) -> f64) -> Figure {
         let mut figure = Figure::default();
         let mut variance = 0.0;
@@ -216,8 +236,13 @@ impl Sample {
             let left = (1.0 - count / stratum.scenes).max(0.0);
             variance += stratum.scenes * stratum.scenes * spread / count * left;
         }
-        figure.standard_error = variance.sqrt();
-        figure
+        let scenes = |is_measured: bool| {
+            let strata = self.strata.iter().filter(|stratum| stratum.measured.is_empty() != is_measured);
+            strata.map(|stratum| stratum.scenes).sum::<f64>()
+        };
+        let (seen, unseen) = (scenes(true), scenes(false));
+        let all_per_seen = if seen > 0.0 { (seen + unseen) / seen } else { 1.0 };
+        Figure { value: figure.value * all_per_seen, standard_error: variance.sqrt() * all_per_seen }
     }
 
     /// The next scene to run, if one is needed: its stratum and its number.
@@ -297,6 +322,10 @@ mod tests {
         assert_eq!(figure.value, 10.0 * 2.0 + 90.0 * 3.0);
         let variance: f64 = 100.0 * 2.0 / 2.0 * 0.8 + 8100.0 * 3.0 / 3.0 * (87.0 / 90.0);
         assert!((figure.standard_error - variance.sqrt()).abs() < 1e-12);
+        // A family of which no scene was run counts as the others do.
+        let strata = vec![stratum(10.0, &[1.0, 3.0]), stratum(5.0, &[])];
+        let half_seen = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
+        assert_eq!(half_seen.total(|cost| cost.whole.cpu).value, 15.0 * 2.0);
         // A family run to its last scene leaves nothing open.
         let whole =
             Sample { strata: vec![stratum(2.0, &[1.0, 3.0])], contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };

@@ -1,0 +1,83 @@
+//! The contract of `plan` without hours: what it says of the machine, of its own limits, and of a corpus that would be of little use.
+
+use std::path::Path;
+
+use crate::yard::{Yard, text};
+
+fn shipped(path: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path).display().to_string()
+}
+
+/// What `plan` says of the small corpus with some keys set.
+fn said(extra: &[&str]) -> String {
+    let config = shipped("tests/fixtures/training.yaml");
+    let output = Yard::new().marsyard(["plan", &config, "--limit", "1", "--no-parts"].iter().chain(extra));
+    assert!(output.status.success(), "{extra:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+#[test]
+fn law_a_corpus_that_does_not_fit_on_the_disk_is_told() {
+    let large = said(&["--set", "scenes=900000000"]);
+    assert!(large.contains("warning: the build takes ") && large.contains("B free: lower scenes"), "{large}");
+    assert!(!said(&[]).contains("B free"));
+}
+
+#[test]
+fn law_more_threads_than_cores_are_told_and_not_measured() {
+    let many = said(&["--threads", "4000"]);
+    assert!(many.contains("4000 threads are asked for and this machine has "), "{many}");
+    assert!(many.contains("on 4000 cores as fast as these, all free, it would be some "), "{many}");
+    assert!(many.contains("(extrapolated: the CPU time over the threads)"), "{many}");
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    assert!(many.contains(&format!(", {cores} at a time, on {cores} core")), "{many}");
+    assert!(!said(&["--threads", "1"]).contains("extrapolated"));
+}
+
+#[test]
+fn law_a_plan_whose_scenes_all_fail_ends_with_the_reason() {
+    let config = shipped("tests/fixtures/training.yaml");
+    let crowded = "scene.rocks={count: 2000, diameter_m: 0.9}";
+    let output = Yard::new().marsyard(["plan", &config, "--limit", "1", "--set", crowded]);
+    assert_eq!((output.status.code(), text(&output.stdout).as_str()), (Some(1), ""));
+    let words = text(&output.stderr);
+    assert!(words.contains("sampled scenes fail, so there is nothing to estimate"), "{words}");
+    assert!(words.contains("no place to start"), "{words}");
+}
+
+#[test]
+fn law_what_makes_a_corpus_useless_is_told_in_a_line_each() {
+    let bare = said(&["--set", "cells.labels.obstacle={taller_than_m: 5}"]);
+    assert!(bare.contains("advice: no untraversable cell: none of "), "{bare}");
+    let far = ["cells.max_range_m=1", "cells.size_m=0.02", "drive.path={toward_obstacle: {length_m: 9}}"];
+    let weak = said(&far.map(|set| ["--set", set]).concat());
+    for words in [
+        "advice: drives that end before their length or goal, so that scans repeat one view: 100 %",
+        "advice: cells with 1 or 2 points: ",
+        "advice: returns beyond cells.max_range_m, cast and not read: ",
+    ] {
+        assert!(weak.contains(words), "{words} is not in:\n{weak}");
+    }
+}
+
+#[test]
+fn law_held_out_families_with_too_few_test_scenes_are_one_line() {
+    let config = shipped("configs/mixed.yaml");
+    let few = ["--limit", "1", "--no-parts", "--set", "scenes=70", "--set", "scenes_per_shard=10"];
+    let output = Yard::new().marsyard(["plan", config.as_str()].iter().chain(&few));
+    let words = text(&output.stdout);
+    let lines: Vec<&str> = words.lines().filter(|line| line.contains("test scenes to tell 1 point")).collect();
+    let [line] = lines.as_slice() else { panic!("{words}") };
+    assert!(line.contains("unseen_kinds ") && line.contains("unseen_slope "), "{line}");
+}
+
+#[test]
+fn law_parts_that_were_not_resolved_are_one_line_and_never_infinite() {
+    let config = shipped("tests/fixtures/training.yaml");
+    let output = Yard::new().marsyard(["plan", config.as_str(), "--limit", "0.01"]);
+    let words = text(&output.stdout);
+    assert!(output.status.success() && words.contains("what each part costs"), "{words}");
+    assert!(!words.contains("inf"), "{words}");
+    let unresolved = |line: &&str| line.contains("ms each: ") || line.contains("without an error: ");
+    assert!(words.lines().filter(unresolved).count() <= 1, "{words}");
+}
