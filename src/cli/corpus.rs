@@ -272,7 +272,9 @@ fn refuse_other_program(place: &Path, store: &dyn Store, shards: &[u64]) -> Resu
 
 pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let (_, store) = open(&args.place)?;
-    let inspection = corpus::inspect(store.as_ref()).map_err(corpus_failure)?;
+    let (plan, _) = plan_of(&place::plan_file(&args.place)?, &[])?;
+    let grids = plan.families.iter().map(|family| (family.name.clone(), (&family.cells).into())).collect();
+    let inspection = corpus::inspect_with(store.as_ref(), &grids).map_err(corpus_failure)?;
     if args.json {
         out!("{}", corpus::documents::text(&inspection.document()));
     } else {

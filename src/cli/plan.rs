@@ -11,12 +11,13 @@ use serde_json::json;
 
 use self::words::{absent, parts};
 use super::options::{default_out, default_threads, parse_threads, split_warnings};
-use super::output::outln;
+use super::output::{out, outln};
 use super::place::corpus_failure;
 use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure};
 use crate::corpus::Split;
+use crate::corpus::advice::Views;
 use crate::cpu;
 use crate::measure::estimate::{self, Estimate, EstimateError, FamilyCost, Figure, Options};
 use crate::plan::Plan;
@@ -135,6 +136,11 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
     outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
     if let Some(estimate) = estimate {
         tell_cost(estimate);
+        let mut views = Views::default();
+        estimate.contents.iter().for_each(|content| views += &content.views);
+        if views.scans > 0 {
+            out!("\n{views}");
+        }
         estimate.advice.iter().for_each(|advice| outln!("{advice}"));
     }
 }
@@ -262,6 +268,7 @@ fn as_json(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) -> ser
         json!({
             "name": family.name, "weight": family.weight, "hold_out": family.hold_out,
             "scenes": cost.map(|cost| cost.scenes), "parts": words,
+            "views": estimate.map(|estimate| &estimate.contents[k].views),
             "cpu_s_of_one_attempt": cost.and_then(|cost| cost.scene_s), "cpu_s_of_parts": prices,
         })
     });

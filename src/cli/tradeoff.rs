@@ -1,7 +1,7 @@
 //! Measures what each choice between speed and accuracy costs, what error it brings, and what it is worth at equal CPU time.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use clap::Args;
 
@@ -37,6 +37,14 @@ pub(super) struct TradeoffArgs {
     /// Trainings of each classifier at each size, with other first weights, orders of the rows and, at the smaller sizes, scenes.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
+    /// Go on with rounds of as many other trainings and test scenes until each gain that may be the best is known to so many points of balanced
+    /// accuracy (half of its 95 % interval): --resolve 0.3.
+    #[arg(long, value_name = "POINTS", value_parser = parse_positive)]
+    resolve: Option<f64>,
+    /// Begin no further round that would end later than this, counted from the start. Without --resolve: as many rounds as there is time
+    /// for. The first round is always finished; an interrupt after it writes what there is.
+    #[arg(long, value_name = "MINUTES", value_parser = parse_positive)]
+    minutes: Option<f64>,
     /// Folder for tradeoff.parquet, tradeoff.json, tradeoff.md, tradeoff.svg and study.json; default: tradeoffs/<name>, where `plan --hours` looks
     /// for the study.
     #[arg(long)]
@@ -44,6 +52,13 @@ pub(super) struct TradeoffArgs {
     /// Threads; times are CPU times of a thread, and all else is the same for any number.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number < 1e6 => Ok(number),
+        _ => Err(format!("'{text}' is not a number above 0")),
+    }
 }
 
 pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
@@ -59,13 +74,15 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
         test_scenes: args.test_scenes,
         only: args.only.clone(),
         seeds: args.seeds,
+        resolve: args.resolve.map(|points| 0.01 * points),
+        time: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
         threads: args.threads,
     };
     let mut progress = TradeoffProgress::new(log);
     let report = tradeoff::run(&options, &stop, &mut |event| progress.take(event));
     progress.finish();
     let report = report.map_err(failure)?;
-    let Some(report) = report.filter(|_| !stop.load(Ordering::Relaxed)) else {
+    let Some(report) = report else {
         return Err(Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was written")));
     };
     write(&report, outputs)?;

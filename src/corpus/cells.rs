@@ -25,7 +25,7 @@ pub(super) const NEIGHBOUR_MASK: &str = "neighbour_mask";
 pub(crate) const OBSTACLE_POINTS: &str = "truth_obstacle_points";
 pub(crate) const TOP_POINTS: &str = "truth_top_points";
 pub(crate) const CLASS: &str = "truth_class";
-pub(super) const OBJECT: &str = "truth_object_id";
+pub(crate) const OBJECT: &str = "truth_object_id";
 pub(super) const PROTRUSION_M: &str = "truth_protrusion_m";
 pub(super) const SLOPE_RAD: &str = "truth_slope_rad";
 /// Where a rover labels the cells, what it said.

@@ -67,6 +67,7 @@ pub use error::CorpusError;
 pub(crate) use finalize::{Known, finalize, finalize_knowing};
 pub use finished::Finished;
 pub(crate) use free_space::FreeSpace;
+pub(crate) use inspect::inspect_with;
 pub use inspect::{Inspection, inspect};
 pub(crate) use lookup::families_of_scenes;
 pub use lookup::stored_cell;

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::filter::Counters;
 use super::learner::Learner;
+use super::model::Scaler;
 use super::order::Epoch;
 use super::rows::Rows;
 use super::scaling::{moments_of, scaler_of, subtracted};
@@ -94,14 +95,19 @@ impl Held {
 
     /// The output for each row.
     pub fn outputs(&self, network: &Network, rows: &Rows) -> Vec<f64> {
-        let mut scaled = vec![0.0; rows.width * rows.len()];
-        for (row, scaled) in scaled.chunks_exact_mut(rows.width.max(1)).enumerate() {
-            self.objective.scaler.scale(rows.row(row), scaled);
-        }
-        let mut outputs = vec![0.0; rows.len()];
-        network.outputs(&scaled, &mut outputs);
-        outputs
+        outputs(&self.objective.scaler, network, rows)
     }
+}
+
+/// The output for each row, scaled so.
+pub(crate) fn outputs(scaler: &Scaler, network: &Network, rows: &Rows) -> Vec<f64> {
+    let mut scaled = vec![0.0; rows.width * rows.len()];
+    for (row, scaled) in scaled.chunks_exact_mut(rows.width.max(1)).enumerate() {
+        scaler.scale(rows.row(row), scaled);
+    }
+    let mut outputs = vec![0.0; rows.len()];
+    network.outputs(&scaled, &mut outputs);
+    outputs
 }
 
 /// Trains until the validation error rises or the course is over; `None` where `stop` was raised before.

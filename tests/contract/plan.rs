@@ -81,3 +81,39 @@ fn law_parts_that_were_not_resolved_are_one_line_and_never_infinite() {
     let unresolved = |line: &&str| line.contains("ms each: ") || line.contains("without an error: ");
     assert!(words.lines().filter(unresolved).count() <= 1, "{words}");
 }
+
+#[test]
+fn equal_plan_and_inspect_show_the_same_views_and_say_where_one_bearing_rules() {
+    let yard = Yard::new();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/training.yaml");
+    // A rover that drives at the nearest rock, and no farther.
+    let extra = ["--set", "scenes=28"];
+    yard.generate(&config, "corpus", &extra);
+    let config = config.display().to_string();
+    let planned = ["plan", &config, "--no-parts", "--sample", "28", "--json"];
+    let json = |output: std::process::Output| -> serde_json::Value {
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(&output.stderr)))
+    };
+    let plan = json(yard.marsyard(planned.iter().chain(&extra)));
+    let inspection = json(yard.marsyard(["inspect", "corpus", "--json"]));
+    let (views, built) = (&plan["families"][0]["views"], &inspection["views"]["default"]);
+    assert_eq!(views, built);
+    let sum =
+        |of: &str| views[of].as_array().expect("counts").iter().filter_map(serde_json::Value::as_u64).sum::<u64>();
+    assert_eq!((views["scans"].as_u64(), sum("obstacles_in_view")), (Some(28), 28));
+    assert!(sum("nearest_bearings") > 20 && sum("nearest_ranges") == sum("nearest_bearings"), "{views}");
+    for arguments in [&["plan", &config, "--no-parts", "--sample", "28"][..], &["inspect", "corpus"]] {
+        let more = if arguments[0] == "plan" { &extra[..] } else { &[] };
+        let words = text(&yard.marsyard(arguments.iter().chain(more)).stdout);
+        for part in [
+            "what 28 kept scans show of obstacles:",
+            "bearing of the nearest, degrees (0 ahead, left positive)",
+            "range of the nearest, m",
+            "obstacles in view",
+            "advice: scans whose nearest obstacle stands in the same sector of 30 degrees: ",
+            "% straight ahead",
+        ] {
+            assert!(words.contains(part), "{part} is not in:\n{words}");
+        }
+    }
+}

@@ -35,10 +35,28 @@ fn law_tradeoff_writes_its_files_and_recommends() {
 }
 
 #[test]
+fn law_rounds_end_by_what_was_asked_and_say_so() {
+    let yard = Yard::new();
+    let quick = ["--scenes", "8", "--test-scenes", "4", "--seeds", "2", "--only", "contact", "--threads", "2"];
+    // No second round fits in a thousandth of a minute.
+    for (extra, words) in [
+        (&["--resolve", "99"][..], "1 round, 2 trainings a size: resolved; "),
+        (&["--resolve", "0.000001", "--minutes", "0.001"], "1 round, 2 trainings a size: the time was over; "),
+        (&["--minutes", "0.001"], "1 round, 2 trainings a size: the time was over; "),
+    ] {
+        let output = yard.marsyard(["tradeoff", config().as_str()].iter().chain(&quick).chain(extra));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        assert!(text(&output.stdout).contains(words), "{}", text(&output.stdout));
+    }
+}
+
+#[test]
 fn law_tradeoff_refuses_what_it_cannot_measure() {
     let yard = Yard::new();
     for (extra, expected) in [
         (&["--only", "colour"][..], "possible values"),
+        (&["--resolve", "0"], "not a number above 0"),
+        (&["--minutes", "soon"], "not a number above 0"),
         (&["--scenes", "3"], "8..=100000"),
         (&["--test-scenes", "1"], "2..=100000"),
         (&["--set", "slam.fastslam.particels=3"], "particles"),

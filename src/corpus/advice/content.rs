@@ -2,7 +2,7 @@
 //!
 //! Ranges in metres, in bins of one metre.
 
-use super::{FEW_POINTS, SPARSE_SHARE, share};
+use super::{CellGrid, FEW_POINTS, SPARSE_SHARE, View, Views, share};
 use crate::cells::Label;
 use crate::episode::SceneOutput;
 
@@ -28,6 +28,10 @@ pub(crate) struct Content {
     /// Cells with a label, of them untraversable ones.
     pub labelled: u64,
     pub untraversable: u64,
+    /// What its scans show of obstacles.
+    pub views: Views,
+    /// How its cells lie; `None` where that is not known.
+    pub grid: Option<CellGrid>,
     /// Cells by range, of them those with fewer than `FEW_POINTS`.
     cells_at: Vec<u64>,
     sparse_at: Vec<u64>,
@@ -39,6 +43,11 @@ impl Content {
         Content { family: family.to_owned(), is_held_out, test_scenes, ..Content::default() }
     }
 
+    /// Where it is known how its cells lie, so that bearings can be told.
+    pub(crate) fn with_grid(self, grid: Option<CellGrid>) -> Content {
+        Content { grid, ..self }
+    }
+
     /// Adds a scene that was run.
     pub(crate) fn add(&mut self, output: &SceneOutput) {
         self.scenes += 1;
@@ -48,12 +57,19 @@ impl Content {
             return;
         }
         self.cut_short += u64::from(output.counts.cut_short);
-        for cells in output.scans.iter().map(|scan| &scan.cells) {
+        for scan in &output.scans {
+            let cells = &scan.cells;
+            let mut view = View::default();
             self.returns += cells.points_in;
             self.returns_unread += cells.dropped_beyond_range;
             for row in &cells.rows {
                 self.add_cell(row.points, row.range_m, row.label);
+                if row.points > 0 && row.truth.obstacle_points > 0 {
+                    view.add(row.index, row.range_m, row.truth.object);
+                }
             }
+            let pose = output.poses.iter().find(|pose| pose.scan_id == Some(scan.scan_id));
+            self.views.add(&view, pose.map(|pose| &pose.estimate.pose).zip(self.grid));
         }
     }
 

@@ -7,6 +7,7 @@
 mod content;
 #[cfg(test)]
 mod tests;
+mod views;
 
 use std::fmt;
 
@@ -14,6 +15,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 pub(crate) use content::Content;
+pub(crate) use views::{CellGrid, View, Views};
 
 /// Cells with fewer points have next to no shape: the feature of most worth, the height difference, needs a pair at two heights.
 const FEW_POINTS: i32 = 3;
@@ -31,6 +33,11 @@ const CUT_SHARE: f64 = 1.0 / 3.0;
 pub(crate) const LEAST_TEST_SCENES: u64 = 20;
 /// Share of a held-out family's cells at ranges that no training family has.
 const BEYOND_TRAINING_SHARE: f64 = 0.05;
+
+/// Share of the scans whose nearest obstacle stands in one sector of 30 degrees, from which on they are one view again and again; of
+/// fewer scans than this it is chance.
+const ONE_VIEW_SHARE: f64 = 0.5;
+const LEAST_SCANS: u64 = 20;
 
 fn share(part: u64, whole: u64) -> f64 {
     part as f64 / whole.max(1) as f64
@@ -53,7 +60,7 @@ impl fmt::Display for Advice {
 
 /// What makes a corpus weak; `contents` by family.
 pub(crate) fn advise(contents: &[Content]) -> Vec<Advice> {
-    let advisers = [no_scene, cut_short, balance, sparse, unread, held_out_scenes, held_out_ranges];
+    let advisers = [no_scene, cut_short, one_view, balance, sparse, unread, held_out_scenes, held_out_ranges];
     advisers.into_iter().flat_map(|adviser| adviser(contents)).collect()
 }
 
@@ -90,6 +97,20 @@ fn cut_short(contents: &[Content]) -> Vec<Advice> {
     Vec::from_iter(said.map(|said| Advice {
         finding: format!("drives that end before their length or goal, so that scans repeat one view: {said}"),
         cure: "shorten drive.path's length_m, raise drive.start.near_obstacle_m, or take path: random_walk, which turns away".into(),
+    }))
+}
+
+fn one_view(contents: &[Content]) -> Vec<Advice> {
+    let said = named(contents, |content| {
+        let (share, middle_deg) = content.views.commonest_bearing(LEAST_SCANS)?;
+        let where_it_is =
+            if middle_deg == 0.0 { "straight ahead".into() } else { format!("at {middle_deg:.0} degrees") };
+        (share > ONE_VIEW_SHARE).then(|| format!("{} {where_it_is}", percent(share)))
+    });
+    Vec::from_iter(said.map(|said| Advice {
+        finding: format!("scans whose nearest obstacle stands in the same sector of 30 degrees: {said}"),
+        cure: "take drive.path: straight (a random heading), random_walk or planned in place of toward_obstacle, or keep sweeps of the way (drive.keep)"
+            .into(),
     }))
 }
 

@@ -3,20 +3,23 @@
 //! Which scene is of which family, how it fared and where its returns went stand in the `scenes` tables of all shards; points, ranges and
 //! labels are those of the `cells` of some shards, spread evenly over each split. Without a `scenes` table nothing is known by family. A
 //! family counts as held out where all its scenes are in the test split, and others' are not. Drives that were cut short are in no table.
+//! What scans show of obstacles is of the same cells; bearings need the `poses` table, and how each family's cells lie.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
-use arrow_array::types::Int64Type;
+use arrow_array::types::{Float64Type, Int32Type, Int64Type};
 use arrow_array::{Array, RecordBatch, StringArray};
 
-use crate::corpus::advice::Content;
-use crate::corpus::cells::{CellBatch, LABEL, POINTS, RANGE_M};
-use crate::corpus::reader::column;
+use crate::corpus::advice::{CellGrid, Content, View};
+use crate::corpus::cells::{CellBatch, LABEL, OBJECT, OBSTACLE_POINTS, POINTS, RANGE_M, projection};
+use crate::corpus::reader::{TableFile, column};
 use crate::corpus::{CorpusError, Finished, Split, Table};
+use crate::geometry::{DVec3, Pose};
 
 /// Shards of each split whose cells are read.
 const SHARDS: usize = 16;
-const CELL_COLUMNS: [&str; 4] = ["scene_id", LABEL, POINTS, RANGE_M];
+const CELL_COLUMNS: [&str; 8] = ["scene_id", "scan_id", "row", "col", LABEL, POINTS, RANGE_M, OBSTACLE_POINTS];
+const POSE_COLUMNS: [&str; 5] = ["scene_id", "scan_id", "x_m", "y_m", "yaw_rad"];
 
 /// What is counted while the tables are read.
 pub(super) struct Contents {
@@ -26,10 +29,14 @@ pub(super) struct Contents {
     family_of_scene: HashMap<i64, usize>,
 }
 
+/// Scene and scan.
+type Scan = (i64, i32);
+
 impl Contents {
-    pub(super) fn of(families: &[String]) -> Contents {
+    pub(super) fn of(families: &[String], grids: &BTreeMap<String, CellGrid>) -> Contents {
+        let content = |family: &String| Content::of(family, false, 0).with_grid(grids.get(family).copied());
         Contents {
-            families: families.iter().map(|family| Content::of(family, false, 0)).collect(),
+            families: families.iter().map(content).collect(),
             has_learning_scenes: vec![false; families.len()],
             family_of_scene: HashMap::new(),
         }
@@ -77,24 +84,62 @@ impl Contents {
                 let refused = |refused| corpus.refused(line, Table::Cells, refused);
                 let Some(file) = corpus.open_table(line, Table::Cells).map_err(refused)? else { continue };
                 shards_read += 1;
+                let mut views: BTreeMap<Scan, View> = BTreeMap::new();
                 for group in 0..file.row_groups().len() {
-                    let cells = CellBatch::read(&file, group, &CELL_COLUMNS)?;
-                    self.add_cells(&cells).map_err(|reason| file.odd(reason))?;
+                    let wanted = projection(&file, CELL_COLUMNS, &[OBJECT]).map_err(|reason| file.odd(reason))?;
+                    let cells = CellBatch::read(&file, group, &wanted)?;
+                    self.add_cells(&cells, &mut views).map_err(|reason| file.odd(reason))?;
+                }
+                let poses = corpus.open_table(line, Table::Poses);
+                let poses = poses.map_err(|refused| corpus.refused(line, Table::Poses, refused))?;
+                let poses = poses.map_or(Ok(HashMap::new()), |poses| kept_poses(&poses))?;
+                for (scan, view) in views {
+                    let content = &mut self.families[self.family_of_scene[&scan.0]];
+                    content.views.add(&view, poses.get(&scan).zip(content.grid));
                 }
             }
         }
         Ok((self.families, shards_read))
     }
 
-    fn add_cells(&mut self, cells: &CellBatch) -> Result<(), String> {
+    fn add_cells(&mut self, cells: &CellBatch, views: &mut BTreeMap<Scan, View>) -> Result<(), String> {
         let (scenes, labels) = (cells.scenes()?, cells.labels()?);
+        let (keys, truth) = (cells.keys()?, cells.truth(&[OBSTACLE_POINTS])?);
         let (points, ranges_m) = (cells.points()?, cells.ranges_m()?);
         for row in 0..cells.rows() {
             let Some(&family) = self.family_of_scene.get(&scenes[row]) else {
                 return Err(format!("its scene {} is in no table of scenes", scenes[row]));
             };
             self.families[family].add_cell(points[row], ranges_m[row], labels.at(row));
+            let view = views.entry((scenes[row], keys.scans[row])).or_default();
+            let truth = truth.at(row);
+            if points[row] > 0 && truth.obstacle_points > 0 {
+                view.add(keys.index(row), ranges_m[row], truth.object);
+            }
         }
         Ok(())
     }
+}
+
+/// Where the rover is believed to stand at each kept scan: in the map, level.
+fn kept_poses(file: &TableFile) -> Result<HashMap<Scan, Pose>, CorpusError> {
+    let mut poses = HashMap::new();
+    for group in 0..file.row_groups().len() {
+        let batch = file.read_row_group(group, Some(&POSE_COLUMNS))?;
+        let mut add = || {
+            let [scene_id, scan_id, x_m, y_m, yaw_rad] = POSE_COLUMNS;
+            let scans = column::<Int32Type>(&batch, scan_id)?;
+            let real = |name: &str| Ok::<_, String>(column::<Float64Type>(&batch, name)?.values());
+            let (scenes, xs_m, ys_m, yaws_rad) =
+                (column::<Int64Type>(&batch, scene_id)?.values(), real(x_m)?, real(y_m)?, real(yaw_rad)?);
+            for row in (0..batch.num_rows()).filter(|&row| scans.is_valid(row)) {
+                let position_m = DVec3::new(xs_m[row], ys_m[row], 0.0);
+                let pose = Pose { position_m, yaw_rad: yaws_rad[row], ..Pose::default() };
+                poses.insert((scenes[row], scans.value(row)), pose);
+            }
+            Ok(())
+        };
+        add().map_err(|reason: String| file.odd(reason))?;
+    }
+    Ok(poses)
 }

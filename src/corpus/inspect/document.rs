@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::{FamilyReport, FeatureFault, FeatureReport, Inspection};
-use crate::corpus::advice::Advice;
+use crate::corpus::advice::{Advice, Views};
 use crate::corpus::manifest::{FailedEntry, OtherBuild, SplitTotals, TableTotals};
 use crate::corpus::stats::{LabelCounts, PointCounts};
 use crate::corpus::{Build, Split, Table};
@@ -47,6 +47,8 @@ pub(crate) struct InspectionDocument {
     /// What makes the corpus weak for its own sensor and rover, with the key to turn; by the cells of `shards_read` shards.
     pub advice: Vec<Advice>,
     pub shards_read: usize,
+    /// By family: histograms of what the scans of those shards show of obstacles; bearings are counted where the `poses` table is on.
+    pub views: BTreeMap<String, Views>,
 }
 
 /// A split: its size and its labels.
@@ -144,6 +146,7 @@ impl Inspection {
             warnings: self.warnings(),
             advice: self.advice.clone(),
             shards_read: self.shards_read,
+            views: self.views.clone(),
         }
     }
 }

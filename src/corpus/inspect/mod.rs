@@ -14,7 +14,7 @@ use serde::Serialize;
 use contents::Contents;
 pub(crate) use document::{FeatureRange, InspectionDocument};
 
-use super::advice::{Advice, advise};
+use super::advice::{Advice, CellGrid, Views, advise};
 use super::manifest::{FeatureSummary, Manifest};
 use super::stats::LabelCounts;
 use super::{CorpusError, Finished, Split, Store, Table};
@@ -28,6 +28,8 @@ pub struct Inspection {
     pub families: BTreeMap<String, FamilyReport>,
     /// What makes the corpus weak for its own sensor and rover, with the key to turn; of shards of it where there are many.
     pub(crate) advice: Vec<Advice>,
+    /// By family: what scans of those shards show of obstacles; empty where the `scenes` table is off.
+    pub(crate) views: BTreeMap<String, Views>,
     /// Shards whose cells were read for that.
     shards_read: usize,
     /// What could not be checked.
@@ -60,10 +62,15 @@ pub struct FamilyReport {
 
 /// Reads the manifest and the (small) `scenes` tables of a finished corpus, and some columns of the cells of some shards.
 pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
+    inspect_with(store, &BTreeMap::new())
+}
+
+/// The same where it is known how the cells of families lie, so that bearings can be told.
+pub(crate) fn inspect_with(store: &dyn Store, grids: &BTreeMap<String, CellGrid>) -> Result<Inspection, CorpusError> {
     let corpus = Finished::open(store)?;
     let features = corpus.manifest.features.iter().map(FeatureReport::of).collect();
     let mut families = BTreeMap::new();
-    let mut contents = Contents::of(&corpus.manifest.families);
+    let mut contents = Contents::of(&corpus.manifest.families, grids);
     let mut has_scenes = false;
     for line in &corpus.lines {
         let refused = |refused| corpus.refused(line, Table::Scenes, refused);
@@ -77,7 +84,9 @@ pub fn inspect(store: &dyn Store) -> Result<Inspection, CorpusError> {
     }
     let (contents, shards_read) = if has_scenes { contents.with_cells(&corpus)? } else { (Vec::new(), 0) };
     let Finished { manifest, unchecked, .. } = corpus;
-    Ok(Inspection { manifest, features, families, advice: advise(&contents), shards_read, unchecked })
+    let advice = advise(&contents);
+    let views = contents.into_iter().map(|content| (content.family, content.views)).collect();
+    Ok(Inspection { manifest, features, families, advice, views, shards_read, unchecked })
 }
 
 impl FeatureReport {
@@ -220,6 +229,11 @@ impl fmt::Display for Inspection {
             writeln!(f)?;
         }
         warnings.iter().try_for_each(|warning| writeln!(f, "warning: {warning}"))?;
+        let mut views = Views::default();
+        self.views.values().for_each(|of_family| views += of_family);
+        if views.scans > 0 {
+            write!(f, "\n{views}")?;
+        }
         if !self.advice.is_empty() {
             writeln!(f, "\nby the cells of {} of {} shards:", self.shards_read, self.manifest.shards)?;
         }

@@ -14,7 +14,7 @@ use crate::corpus::{Split, Table};
 use crate::episode::{Prepared, SceneOutput, Scratch, StageTimes, run_scene};
 use crate::measure::clock::{Costs, Seconds};
 use crate::parallel::{self, PoolError, Schedule};
-use crate::plan::Plan;
+use crate::plan::{Family, Plan};
 use crate::statistics::Moments;
 
 /// Scenes of a family before its spread is known at all.
@@ -133,7 +133,10 @@ fn contents(plan: &Plan) -> Vec<Content> {
         test_scenes[plan.family_index_of(scene)] += 1;
     }
     let families = plan.families.iter().zip(test_scenes);
-    families.map(|(family, test_scenes)| Content::of(&family.name, family.hold_out, test_scenes)).collect()
+    let content = |(family, test_scenes): (&Family, u64)| {
+        Content::of(&family.name, family.hold_out, test_scenes).with_grid(Some((&family.cells).into()))
+    };
+    families.map(content).collect()
 }
 
 /// Scenes of a sample as threads take them.

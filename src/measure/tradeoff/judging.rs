@@ -39,8 +39,11 @@ pub(crate) struct TestGroup {
 }
 
 /// Cells to judge by, scene after scene, group after group.
+#[derive(Default)]
 pub(super) struct TestScenes {
     pub groups: Vec<TestGroup>,
+    /// Of each scene its group and its cells, as they were made.
+    made: Vec<(usize, Rows)>,
     rows: Rows,
     /// Of each scene: its rows.
     scenes: Vec<Range<usize>>,
@@ -49,7 +52,7 @@ pub(super) struct TestScenes {
 }
 
 /// What a classifier makes of the test scenes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Verdicts {
     /// By scene.
     pub scenes: Vec<Confusion>,
@@ -58,10 +61,12 @@ pub(super) struct Verdicts {
     pub missed: Option<f64>,
 }
 
-/// Makes the test scenes: so many of the own kinds and so many of each held-out family. `None` where `stop` was raised.
+/// Makes test scenes of the own kinds and of each held-out family, those of these numbers, and puts them behind the ones that are there.
+/// `None` where `stop` was raised.
 pub(super) fn make(
     reference: &Plan,
-    count: u64,
+    mut there: TestScenes,
+    numbers: Range<u64>,
     threads: usize,
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),
@@ -69,8 +74,11 @@ pub(super) fn make(
     let plans = plans(reference);
     let prepared = plans.iter().map(|(_, plan)| Prepared::new(plan.clone())).collect::<Result<Vec<_>, _>>()?;
     let (features, columns) = inputs(&prepared[0]);
-    let wanted: Vec<(usize, u64)> =
-        plans.iter().enumerate().flat_map(|(k, (_, plan))| train_scenes(plan, count).map(move |id| (k, id))).collect();
+    let wanted: Vec<(usize, u64)> = plans
+        .iter()
+        .enumerate()
+        .flat_map(|(k, (_, plan))| train_scenes(plan, &numbers).map(move |id| (k, id)))
+        .collect();
     let one_scene = |(group, id): (usize, u64), scratch: &mut Scratch| {
         let replay = replay_scene(&prepared[group], id, scratch, &mut Unobserved);
         let mut rows = Rows::new(features.len());
@@ -81,8 +89,11 @@ pub(super) fn make(
     };
     let of = wanted.len();
     let made = parallel::map(threads, wanted, stop, one_scene, |done| tell(Event::TestScene { done, of }))?;
-    let names = plans.into_iter().map(|(name, _)| name).collect();
-    Ok(made.map(|made| TestScenes::new(names, features.len(), made)))
+    let names: Vec<Option<String>> = plans.into_iter().map(|(name, _)| name).collect();
+    Ok(made.map(|made| {
+        there.made.extend(made);
+        TestScenes::new(&names, features.len(), there.made)
+    }))
 }
 
 /// The own kinds, then each held-out family, with their names.
@@ -96,16 +107,16 @@ fn plans(reference: &Plan) -> Vec<(Option<String>, Plan)> {
     [(None, other)].into_iter().chain(held_out).collect()
 }
 
-/// Scenes of train shards, which hold no held-out family.
-fn train_scenes(plan: &Plan, count: u64) -> impl Iterator<Item = u64> + use<> {
+/// Scenes of train shards, which hold no held-out family: those of these numbers among them.
+fn train_scenes(plan: &Plan, numbers: &Range<u64>) -> impl Iterator<Item = u64> + use<> {
     let per_shard = u64::from(plan.scenes_per_shard);
-    (0..).filter(move |scene| Split::of_shard(scene / per_shard) == Split::Train).take(count as usize)
+    let own = (0..).filter(move |scene| Split::of_shard(scene / per_shard) == Split::Train);
+    own.skip(numbers.start as usize).take((numbers.end - numbers.start) as usize)
 }
 
 impl TestScenes {
-    fn new(names: Vec<Option<String>>, width: usize, made: Vec<(usize, Rows)>) -> TestScenes {
-        let mut test =
-            TestScenes { groups: Vec::new(), rows: Rows::new(width), scenes: Vec::new(), of_group: Vec::new() };
+    fn new(names: &[Option<String>], width: usize, made: Vec<(usize, Rows)>) -> TestScenes {
+        let mut test = TestScenes { rows: Rows::new(width), ..TestScenes::default() };
         let judges = |name: &Option<String>| name.is_some() || names.len() == 1;
         for (group, name) in names.iter().enumerate() {
             let (first_scene, first_row) = (test.scenes.len(), test.rows.len());
@@ -124,6 +135,7 @@ impl TestScenes {
                 judges: judges(name),
             });
         }
+        test.made = made;
         test
     }
 
@@ -186,9 +198,9 @@ mod tests {
 
     #[test]
     fn exact_scenes_without_cells_are_left_out_and_held_out_families_judge() {
-        let names = vec![None, Some("unseen".to_owned())];
+        let names = [None, Some("unseen".to_owned())];
         let made = vec![(0, rows(&[0, 1])), (0, rows(&[])), (1, rows(&[1, 0, 0])), (1, rows(&[1]))];
-        let test = TestScenes::new(names, 0, made);
+        let test = TestScenes::new(&names, 0, made);
         let facts: Vec<_> = test.groups.iter().map(|group| (group.scenes, group.cells, group.judges)).collect();
         assert_eq!(facts, [(1, 2, false), (2, 4, true)]);
         assert_eq!(test.judging().iter().map(|scenes| (scenes.start, scenes.end)).collect::<Vec<_>>(), [(1, 3)]);

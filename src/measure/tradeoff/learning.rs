@@ -5,6 +5,7 @@
 //! the trainer learn the reference's cells. Equal cells are learnt once. What a training costs is the CPU time of the one thread that
 //! it runs on, looks at the rows that stop it included.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::judging::{TestScenes, Verdicts};
@@ -16,10 +17,11 @@ use crate::cells::Label;
 use crate::measure::clock::thread_cpu_s;
 use crate::measure::interleave::rotation;
 use crate::parallel;
-use crate::train::memory::{self, Held};
+use crate::train::memory::{self, Held, outputs};
+use crate::train::model::Scaler;
 use crate::train::params::FilterParams;
 use crate::train::rows::Rows;
-use crate::train::{TrainError, TrainParams};
+use crate::train::{Network, TrainError, TrainParams};
 
 /// One training, and what came of it.
 #[derive(Clone, Debug)]
@@ -30,6 +32,10 @@ pub(super) struct Training {
     pub rows_learnt: u64,
     /// Cells that it learnt from.
     pub train_rows: u64,
+    /// What was learnt, so that more scenes can be judged.
+    network: Network,
+    scaler: Scaler,
+    /// Of no scene before the first [`judge`].
     pub verdicts: Verdicts,
 }
 
@@ -41,11 +47,32 @@ pub(super) fn most_trainings(settings: &Settings, options: &Options) -> usize {
     settings.list.len() * SIZES.len() * options.seeds as usize
 }
 
-/// The trainings of each setting; `None` in the list where a setting has no cells to learn, and in its stead where `stop` was raised.
+/// Adds the trainings of a later round to those there are; a setting that lacks some in either has none.
+pub(super) fn add(there: &mut [Option<Trainings>], more: Vec<Option<Trainings>>) {
+    for (there, more) in there.iter_mut().zip(more) {
+        *there = there.take().zip(more).map(|(mut there, more)| {
+            there.iter_mut().zip(more).for_each(|(of_size, more)| of_size.extend(more));
+            there
+        });
+    }
+}
+
+/// Has every training judge all test scenes.
+pub(super) fn judge(all: &mut [Option<Trainings>], test: &TestScenes, threads: usize) -> Result<(), TradeoffError> {
+    let trainings: Vec<&mut Training> = all.iter_mut().flatten().flatten().flatten().collect();
+    let one = |training: &mut Training, (): &mut ()| {
+        training.verdicts = test.verdicts(&outputs(&training.scaler, &training.network, test.rows()));
+        Ok::<_, TradeoffError>(())
+    };
+    parallel::map(threads, trainings, &AtomicBool::new(false), one, |_| ())?;
+    Ok(())
+}
+
+/// The trainings of each setting with these seeds; `None` in the list where a setting has no cells to learn, and in its stead where `stop` was raised.
 pub(super) fn learn(
     settings: &Settings,
     measured: &Measured,
-    test: &TestScenes,
+    seeds: Range<usize>,
     options: &Options,
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),
@@ -63,17 +90,17 @@ pub(super) fn learn(
         settings.list.iter().map(|setting| &setting.variant).enumerate().map(plan_or_filter).collect();
     let first_same = |k: usize| wanted.iter().position(|other| *other == wanted[k]).unwrap_or(k);
     let distinct: Vec<usize> = (0..wanted.len()).filter(|&k| first_same(k) == k).collect();
-    let seeds = options.seeds as usize;
+    let per_round = options.seeds as usize;
     let mut jobs: Vec<(usize, usize, usize)> = Vec::new();
-    for seed in 0..seeds {
+    for seed in seeds.clone() {
         for k in rotation(distinct.len(), seed) {
             jobs.extend((0..SIZES.len()).map(|size| (distinct[k], size, seed)));
         }
     }
     let one_training = |(k, size, seed): (usize, usize, usize), (): &mut ()| {
         let (corpus, filter) = &wanted[k];
-        let chosen = Chosen::of(measured.scenes.len(), size, seed, seeds);
-        match training(measured, *corpus, filter, &chosen, seed as u64 + 1, test, stop) {
+        let chosen = Chosen::of(measured.scenes.len(), size, seed, per_round);
+        match training(measured, *corpus, filter, &chosen, seed as u64 + 1, stop) {
             Ok(trained) => Ok(trained),
             // All scenes failed there: that is told elsewhere.
             Err(TrainError::NoRowsHeld { .. }) => Ok(None),
@@ -97,7 +124,7 @@ pub(super) fn learn(
         all[k][size].extend(trained);
     }
     // A curve that lacks a point is none.
-    let is_whole = |trainings: &Trainings| trainings.iter().all(|of_size| of_size.len() == seeds);
+    let is_whole = |trainings: &Trainings| trainings.iter().all(|of_size| of_size.len() == seeds.len());
     Ok(Some((0..wanted.len()).map(|k| Some(&all[first_same(k)]).filter(|all| is_whole(all)).cloned()).collect()))
 }
 
@@ -107,7 +134,6 @@ fn training(
     filter: &FilterParams,
     chosen: &Chosen,
     seed: u64,
-    test: &TestScenes,
     stop: &AtomicBool,
 ) -> Result<Option<Training>, TrainError> {
     let params = TrainParams { seed, filter: filter.clone(), allow_few_rows: true, ..TrainParams::default() };
@@ -128,7 +154,9 @@ fn training(
         learning_cpu_s,
         rows_learnt: trained.rows_learnt,
         train_rows: held.train.len() as u64,
-        verdicts: test.verdicts(&held.outputs(&trained.network, test.rows())),
+        network: trained.network,
+        scaler: held.objective.scaler,
+        verdicts: Verdicts::default(),
     }))
 }
 

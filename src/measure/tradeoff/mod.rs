@@ -6,6 +6,7 @@
 //! compare       matched cells: changed labels, shifted features
 //! judging     common test scenes of the reference: the own kinds of yard, and each held-out family
 //! learning    classifiers trained at every setting, at four sizes (sizes), on common random numbers
+//! rounds      more trainings and test scenes until what matters is resolved or the time is over
 //! worth       learning curves over CPU time (curve), gains at equal CPU with intervals over scenes and trainings (resample)
 //! recommend   what is told to be better, and from where on more scenes bring nothing
 //! summary     one row a setting: a report  ->  table, records (Parquet), chart (SVG), JSON
@@ -27,6 +28,7 @@ mod recommend;
 pub(crate) mod records;
 pub(crate) mod report;
 mod resample;
+mod rounds;
 pub(crate) mod settings;
 mod sizes;
 mod summary;
@@ -37,6 +39,7 @@ mod worth;
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
 
 use crate::config::ConfigError;
 use crate::corpus::Split;
@@ -61,8 +64,12 @@ pub(crate) struct Options {
     pub test_scenes: u64,
     /// Groups of settings; empty = all.
     pub only: Vec<Group>,
-    /// Trainings of each classifier; from 2 on there is an interval.
+    /// Trainings of each classifier in a round; from 2 on there is an interval.
     pub seeds: u64,
+    /// Half-width of gains, as a share of balanced accuracy, until which rounds follow.
+    pub resolve: Option<f64>,
+    /// No round is begun that would end later; with neither of the two there is one round.
+    pub time: Option<Duration>,
     pub threads: usize,
 }
 
@@ -77,6 +84,8 @@ pub(crate) enum Event {
     TestScene { done: usize, of: usize },
     /// One classifier was trained.
     Training { done: usize, of: usize },
+    /// So many rounds are over and another follows; the half-width of the gain that is known least.
+    Round { done: u64, half_width: Option<f64> },
 }
 
 /// Why nothing could be measured.
@@ -102,6 +111,7 @@ pub(crate) fn run(
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),
 ) -> Result<Option<Report>, TradeoffError> {
+    let begun = Instant::now();
     let settings = settings::settings(options)?;
     let scenes = scenes(settings.reference(), options.scenes);
     let prepared = settings.plans().map(|plan| Prepared::new(plan.clone())).collect::<Result<Vec<_>, _>>()?;
@@ -112,10 +122,7 @@ pub(crate) fn run(
     });
     let Some(measured) = measure::measure(&prepared, &scenes, options.threads, stop, tell)? else { return Ok(None) };
     drop(prepared);
-    let test = judging::make(settings.reference(), options.test_scenes, options.threads, stop, tell)?;
-    let Some(test) = test else { return Ok(None) };
-    let learnt = learning::learn(&settings, &measured, &test, options, stop, tell)?;
-    Ok(learnt.map(|trainings| summary::report(options, &settings, &measured, &test, &trainings)))
+    rounds::rounds(&settings, &measured, options, begun, stop, tell)
 }
 
 /// Scenes of the plan's train split, evenly spread, so that no setting is chosen by the test split; beyond the plan's end where it

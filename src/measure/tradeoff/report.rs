@@ -26,7 +26,15 @@ pub(crate) struct Report {
     /// Share of the traversable cells called untraversable at which `missed` is told.
     pub false_share: f64,
     pub threads: u64,
+    /// Trainings of a setting at a size, all rounds together.
     pub seeds: u64,
+    /// Rounds of trainings and test scenes, and what ended them.
+    pub rounds: u64,
+    pub ended: Ended,
+    /// Half-width that was asked for, as a share of balanced accuracy.
+    pub resolve: Option<f64>,
+    /// Of the gains that may still be the best, the one that is known least.
+    pub widest: Option<Widest>,
     /// Gain beyond which a setting is told apart, for other draws alone gain as much. `None` where that was not measured.
     pub noise_floor: Option<f64>,
     /// How many times larger the variances of gains would be without common scenes, trainings and draws; median over settings.
@@ -37,6 +45,27 @@ pub(crate) struct Report {
     pub features: Vec<String>,
     pub rows: Vec<Row>,
     pub refused: Vec<Refused>,
+}
+
+/// What ended the rounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Ended {
+    /// One round was asked for.
+    Once,
+    /// Every gain that may be the best is known to the half-width that was asked for.
+    Resolved,
+    /// Another round would have taken longer than there was time.
+    Time,
+    /// Somebody interrupted it.
+    Interrupted,
+}
+
+/// A gain by its setting, and the half-width of its interval of 95 %; `None` of one training.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Widest {
+    pub name: String,
+    pub half_width: Option<f64>,
 }
 
 /// The setting to build with, and how many scenes of it.
@@ -259,6 +288,7 @@ impl Report {
         let nothing = (None, None, None, None);
         let mut report = Report { threads: 0, ..self.clone() };
         (report.noise_floor, report.variance_ratio, report.recommended_pipeline, report.recommended_filter) = nothing;
+        report.widest = None;
         for row in &mut report.rows {
             if let Some(pipeline) = &mut row.pipeline {
                 (pipeline.cpu_ms, pipeline.wall_ms) = (None, None);

@@ -22,6 +22,11 @@ impl Role {
     }
 }
 
+/// Fractions that fill [0, 1) evenly, however many are taken: 0, 1/2, 1/4, 3/4, ... (van der Corput 1935).
+fn evenly(k: usize) -> f64 {
+    (k as u64).reverse_bits() as f64 / 18_446_744_073_709_551_616.0
+}
+
 /// Scenes of one training, by their places in the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Chosen {
@@ -30,11 +35,13 @@ pub(super) struct Chosen {
 }
 
 impl Chosen {
-    /// Of `count` scenes at a size (a place in [`SIZES`]), for one seed of `seeds`, from 0 on.
-    pub(super) fn of(count: usize, size: usize, seed: usize, seeds: usize) -> Chosen {
+    /// Of `count` scenes at a size (a place in [`SIZES`]), for a seed, from 0 on, of rounds of `per_round` seeds. Those of later rounds begin
+    /// between those of the earlier ones.
+    pub(super) fn of(count: usize, size: usize, seed: usize, per_round: usize) -> Chosen {
         let part = |role| {
             let all: Vec<usize> = (0..count).filter(|&k| Role::of(k) == role).collect();
-            let first = seed * all.len() / seeds;
+            let between = evenly(seed / per_round) * all.len() as f64 / per_round as f64;
+            let first = seed % per_round * all.len() / per_round + between as usize;
             (0..all.len().div_ceil(SIZES[size])).map(|k| all[(first + k) % all.len()]).collect()
         };
         Chosen { train: part(Role::Train), stop: part(Role::Stop) }
@@ -76,6 +83,15 @@ mod tests {
                 assert!(chosen.iter().all(|one| !one.train.is_empty() && !one.stop.is_empty()));
             }
         }
+    }
+
+    #[test]
+    fn exact_later_rounds_begin_between_the_seeds_of_earlier_ones() {
+        let firsts =
+            |seeds: std::ops::Range<usize>| seeds.map(|seed| Chosen::of(240, 0, seed, 2).train[0]).collect::<Vec<_>>();
+        // Of 200 scenes that train, 0 and 100 steps on; then a half and a quarter of 100 more. Five of every six scenes train.
+        let scene = |k: usize| (0..240).filter(|&k| Role::of(k) == Role::Train).nth(k).unwrap();
+        assert_eq!(firsts(0..6), [0, 100, 50, 150, 25, 125].map(scene));
     }
 
     #[test]

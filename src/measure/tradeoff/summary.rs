@@ -6,9 +6,10 @@ use super::learning::Trainings;
 use super::measure::{Counts, Measured, PoseError, SceneMeasurement};
 use super::ranges::RangeErrors;
 use super::recommend::recommend;
-use super::report::{CellRow, DriveRow, PipelineRow, PoseRow, RangeRow, Report, Row, ShiftRow, StageRow, Told};
+use super::report::{CellRow, DriveRow, Ended, PipelineRow, PoseRow, RangeRow, Report, Row, ShiftRow, StageRow, Told};
+use super::rounds;
 use super::settings::{OTHER_DRAWS, Settings, Side};
-use super::worth::worth;
+use super::worth::{Seeds, worth};
 use crate::corpus::Build;
 use crate::corpus::stats::RowMoments;
 use crate::episode::StageTimes;
@@ -21,10 +22,12 @@ pub(super) fn report(
     measured: &Measured,
     test: &TestScenes,
     trainings: &[Option<Trainings>],
+    rounds: u64,
 ) -> Report {
     let plan = settings.reference();
     let deviations = deviations(measured);
-    let (worths, variance_ratio) = worth(settings, measured, test, trainings, options.seeds as usize);
+    let seeds = Seeds { all: (options.seeds * rounds) as usize, per_round: options.seeds as usize };
+    let (worths, variance_ratio) = worth(settings, measured, test, trainings, seeds);
     let rows = settings.list.iter().zip(worths).enumerate().map(|(k, (setting, worth))| Row {
         side: setting.side(),
         group: setting.group,
@@ -48,7 +51,11 @@ pub(super) fn report(
         test: test.groups.clone(),
         false_share: FALSE_SHARE,
         threads: options.threads as u64,
-        seeds: options.seeds,
+        seeds: options.seeds * rounds,
+        rounds,
+        ended: Ended::Once,
+        resolve: options.resolve,
+        widest: rounds::widest(&rows),
         noise_floor,
         variance_ratio,
         recommended_pipeline: recommend(&rows, Side::Pipeline),

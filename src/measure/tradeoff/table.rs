@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::report::{CurveRow, Recommendation, Report, Row, Told};
+use super::report::{CurveRow, Ended, Recommendation, Report, Row, Told};
 use super::settings::{OTHER_DRAWS, Side};
 use crate::statistics::{Interval, Spread};
 
@@ -74,6 +74,7 @@ fn closing(report: &Report) -> String {
     for refused in &report.refused {
         let _ = writeln!(out, "left out: {}: {}: {}", refused.group.name(), refused.name, refused.reason);
     }
+    out += &ended(report);
     if let Some(floor) = report.noise_floor {
         let _ = writeln!(
             out,
@@ -94,6 +95,24 @@ fn closing(report: &Report) -> String {
         }
     }
     out
+}
+
+/// What ended the rounds, and how far that resolves what matters; nothing of a single round that was all that was asked for.
+fn ended(report: &Report) -> String {
+    let why = match report.ended {
+        Ended::Once => return String::new(),
+        Ended::Resolved => "resolved",
+        Ended::Time => "the time was over",
+        Ended::Interrupted => "interrupted",
+    };
+    let asked = report.resolve.map_or(String::new(), |resolve| format!(" (asked: {})", figures(100.0 * resolve)));
+    let widest = report.widest.as_ref().map_or("nothing that may be the best is open".into(), |widest| {
+        let width = widest
+            .half_width
+            .map_or("one training, so no interval".into(), |width| format!("\u{b1} {:.2} points", 100.0 * width));
+        format!("of the gains that may be the best, that of {} is known least: {width}{asked}", widest.name)
+    });
+    format!("{} round{}, {} trainings a size: {why}; {widest}\n", report.rounds, plural(report.rounds), report.seeds)
 }
 
 fn recommended(what: &str, of: &Recommendation) -> String {

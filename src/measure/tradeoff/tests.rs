@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 
-use super::report::{PipelineRow, Report, Row, Told};
+use super::report::{Ended, PipelineRow, Report, Row, Told};
 use super::settings::{Settings, Side, Variant};
 use super::{Event, Group, Options, TradeoffError, chart, judging, records, run, scenes, settings, table};
 use crate::config::load;
@@ -22,6 +22,8 @@ fn options(config: &str, sets: &[&str], only: &[Group]) -> Options {
         only: only.to_vec(),
         test_scenes: 6,
         seeds: 2,
+        resolve: None,
+        time: None,
         threads: 2,
     }
 }
@@ -250,7 +252,12 @@ fn law_equal_cells_are_worth_the_same_at_equal_scenes() {
 #[test]
 fn law_held_out_families_judge_where_there_are_some() {
     let reference = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/mixed.yaml"), &[]).unwrap();
-    let test = judging::make(&reference, 2, 2, &AtomicBool::new(false), &mut |_| ()).unwrap().unwrap();
+    let make = |there, numbers| {
+        judging::make(&reference, there, numbers, 2, &AtomicBool::new(false), &mut |_| ()).unwrap().unwrap()
+    };
+    // As many at once as in two rounds.
+    let test = make(make(judging::TestScenes::default(), 0..1), 1..2);
+    assert_eq!((&test.groups, test.rows()), (&make(judging::TestScenes::default(), 0..2).groups, test.rows()));
     let held_out = reference.families.iter().filter(|family| family.hold_out).count();
     assert_eq!((test.groups.len(), test.judging().len()), (1 + held_out, held_out));
     assert!(test.groups.iter().all(|group| group.scenes == 2 && group.cells > 0), "{:?}", test.groups);
@@ -277,6 +284,38 @@ fn law_every_output_names_every_setting() {
     let reader =
         parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).unwrap();
     assert_eq!(reader.metadata().file_metadata().num_rows() as usize, SMALL.rows.len());
+}
+
+#[test]
+fn law_rounds_go_on_until_what_matters_is_resolved_and_narrow_it() {
+    let report = |resolve| {
+        let options = Options { resolve, ..options("tests/fixtures/training.yaml", &[], &[Group::Cast]) };
+        run(&options, &AtomicBool::new(false), &mut |_| ()).unwrap().unwrap()
+    };
+    let once = report(None);
+    let first = once.widest.clone().unwrap();
+    assert_eq!((once.rounds, once.seeds, once.test[0].scenes, once.ended), (1, 2, 6, Ended::Once));
+    let more = report(Some(0.7 * first.half_width.unwrap()));
+    assert!(more.rounds > 1 && more.ended == Ended::Resolved, "{} {:?}", more.rounds, more.ended);
+    assert!(more.widest.as_ref().is_none_or(|widest| widest.half_width <= first.half_width.map(|width| 0.7 * width)));
+    assert_eq!((more.seeds, more.test[0].scenes), (2 * more.rounds, 6 * more.rounds));
+    let trainings = |report: &Report| row(report, "reference").whole().unwrap().by_seed.len() as u64;
+    assert_eq!((trainings(&once), trainings(&more)), (2, more.seeds));
+    let said = table::text(&more);
+    assert!(said.contains("rounds, ") && said.contains("resolved; "), "{said}");
+}
+
+#[test]
+fn equal_a_stop_after_the_first_round_leaves_what_that_gave() {
+    let one = options("tests/fixtures/training.yaml", &[], &[Group::Batch]);
+    let stop = AtomicBool::new(false);
+    let endless = Options { resolve: Some(1e-9), ..one.clone() };
+    let told =
+        &mut |event: Event| stop.store(matches!(event, Event::Round { .. }), std::sync::atomic::Ordering::Relaxed);
+    let report = run(&endless, &stop, told).unwrap().expect("a round is over");
+    let whole = run(&one, &AtomicBool::new(false), &mut |_| ()).unwrap().unwrap();
+    assert_eq!((report.rounds, report.ended), (1, Ended::Interrupted));
+    assert!(Report { ended: Ended::Once, resolve: None, ..report.timeless() } == whole.timeless());
 }
 
 #[test]

@@ -14,6 +14,13 @@ use crate::statistics::{Interval, median};
 /// More scenes that bring at most this much balanced accuracy are told to bring nothing: half a point.
 pub(super) const FLAT: f64 = 0.005;
 
+/// How many trainings there are of a setting at a size, and how many a round brought.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seeds {
+    pub all: usize,
+    pub per_round: usize,
+}
+
 /// The settings' worth in their order, each against the first of its side; and how many times larger the variances of the gains
 /// would be without common random numbers (median over settings).
 pub(super) fn worth(
@@ -21,9 +28,9 @@ pub(super) fn worth(
     measured: &Measured,
     test: &TestScenes,
     trainings: &[Option<Trainings>],
-    seeds: usize,
+    seeds: Seeds,
 ) -> (Vec<Option<WorthRow>>, Option<f64>) {
-    let resampling = Resampling::new(settings.reference().seed, test.judging(), seeds);
+    let resampling = Resampling::new(settings.reference().seed, test.judging(), seeds.all);
     let sizes: Vec<Option<Vec<Size>>> = settings
         .list
         .iter()
@@ -33,7 +40,7 @@ pub(super) fn worth(
             // The trainer's settings learn the reference's corpus.
             let corpus = if matches!(setting.variant, Variant::Plan(_)) { k } else { 0 };
             let of = of.as_ref()?.iter().enumerate();
-            Some(of.map(|(size, of_size)| Size::of(measured, corpus, size, of_size, &resampling)).collect())
+            Some(of.map(|(size, of_size)| Size::of(measured, corpus, (size, seeds), of_size, &resampling)).collect())
         })
         .collect();
     let curves: Vec<Option<Curve>> = sizes.iter().map(|sizes| sizes.as_ref().map(|sizes| curve(sizes))).collect();
@@ -81,9 +88,15 @@ struct Size {
 }
 
 impl Size {
-    fn of(measured: &Measured, corpus: usize, size: usize, trainings: &[Training], resampling: &Resampling) -> Size {
-        let seeds = trainings.len();
-        let chosen: Vec<Chosen> = (0..seeds).map(|seed| Chosen::of(measured.scenes.len(), size, seed, seeds)).collect();
+    fn of(
+        measured: &Measured,
+        corpus: usize,
+        (size, Seeds { all: seeds, per_round }): (usize, Seeds),
+        trainings: &[Training],
+        resampling: &Resampling,
+    ) -> Size {
+        let of_seed = |seed| Chosen::of(measured.scenes.len(), size, seed, per_round);
+        let chosen: Vec<Chosen> = (0..seeds).map(of_seed).collect();
         let made_s =
             chosen.iter().flat_map(Chosen::all).map(|scene| cpu_s(&measured.scenes[scene][corpus])).sum::<f64>();
         let tested: Vec<&[Confusion]> = trainings.iter().map(|one| one.verdicts.scenes.as_slice()).collect();
