@@ -20,10 +20,10 @@ mod night;
 mod outputs;
 /// Folders have owners: no file of another's is replaced, and no input.
 mod owners;
-/// Poses with their whole covariance, and the filter on recordings.
-mod poses;
 /// What a plan says of the machine and of its own corpus.
 mod plan;
+/// Poses with their whole covariance, and the filter on recordings.
+mod poses;
 /// Run folders: whatever a kill, a lost file or a flipped bit leaves there.
 mod run_safety;
 /// The same plan gives the same bytes.
