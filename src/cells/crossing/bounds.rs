@@ -246,7 +246,8 @@ impl Bounds {
         let clearance_m = if bodies.is_empty() {
             swept_m
         } else {
-            let half_m = self.half_m + DVec2::splat(0.5 * lattice.spacing_m);
+            // A hair more: nodes that lie on the border count on every side, so that turned yards are alike.
+            let half_m = self.half_m + DVec2::splat(0.500_001 * lattice.spacing_m);
             limits.belly_m - patch.highest_under(&Under { half_m, ..under })
         };
         // At the way's ends the plate has moved with its slope.
