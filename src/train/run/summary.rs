@@ -25,7 +25,7 @@ pub struct Summary {
     pub looks: u64,
     pub train_rows: u64,
     pub validation_rows: u64,
-    /// Learnt, rows of later epochs counted again.
+    /// Learnt or left out by `filter.ekf.rows`, rows of later epochs counted again; those learnt are `counters.updates`.
     pub rows_learnt: u64,
     /// In all epochs.
     pub left_out: LeftOut,
