@@ -114,7 +114,8 @@ fn law_localise_beats_dead_reckoning_on_the_sample_and_writes_what_it_says() {
         read(yard.path("a/trajectory.tum")).lines().map(|line| numbers(line, ' ')).collect();
     let squares = trajectory.iter().map(|pose| {
         let row = truth.iter().find(|row| row[0] == pose[0]).expect("a truth at this time");
-        (pose[1] - row[1]).powi(2) + (pose[2] - row[2]).powi(2)
+        let (x_m, y_m) = (pose[1] - row[1], pose[2] - row[2]);
+        x_m * x_m + y_m * y_m
     });
     let again_m = (squares.sum::<f64>() / trajectory.len() as f64).sqrt();
     assert!((again_m - ate_m(&known, "score")).abs() < 1e-9, "{again_m} {known}");
