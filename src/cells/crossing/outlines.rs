@@ -87,7 +87,7 @@ mod tests {
     fn exact_a_box_is_met_up_to_its_border_along_every_heading_of_a_turned_map() {
         let (at, yaw_rad) = (DVec2::new(5.0, 4.0), 0.3);
         let placement = Placement::turned(DVec2::new(1.0, 2.0), at, yaw_rad);
-        for heading in 0..8 {
+        for (heading, ahead) in LEVEL.into_iter().enumerate() {
             // A cube of 0.2 m, its middle 0.5 m ahead along the heading, and turned with it.
             let turn_rad = yaw_rad + heading as f64 * std::f64::consts::FRAC_PI_4;
             let (sin, cos) = math::sin_cos(turn_rad);
@@ -99,7 +99,7 @@ mod tests {
             outlines.fill(&scene.obstacles.iter().collect::<Vec<_>>(), &placement, at);
             for (half_m, is_met) in [(0.4 - 1e-9, false), (0.4 + 1e-9, true)] {
                 assert_eq!(outlines.meet(DVec2::ZERO, heading, DVec2::new(half_m, 0.01)), is_met, "{heading}");
-                let beside = LEVEL[heading] * 0.5 + LEVEL[heading].perp() * 0.5;
+                let beside = ahead * 0.5 + ahead.perp() * 0.5;
                 assert_eq!(outlines.meet(beside, heading, DVec2::new(0.01, half_m)), is_met, "{heading}");
             }
             assert_eq!(outlines.corners().count(), 8);
