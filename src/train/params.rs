@@ -216,11 +216,11 @@ pub struct EkfParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum RowsLearnt {
-    /// All: the exact filter (the paper's).
-    Every,
     /// Those that the network errs on, and of the others a share, drawn; a row that had the probability p counts 1 / p fold, so that the
     /// expectation stays what it is with every row.
     ByError(#[garde(dive)] ByErrorParams),
+    /// All: the exact filter (the paper's).
+    Every,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
