@@ -66,7 +66,8 @@ def main():
     sizes = {"mixed": [14], "paper": [14]} if options.quick else SIZES
     marsyard, rows, runs = study.Marsyard(options.marsyard, options.work, options.threads), [], []
     for config, of_config in sizes.items():
-        judge = Judge(marsyard, config, options.test_seed, TEST_SCENES[config] // (4 if options.quick else 1))
+        scenes = 20 if options.quick and config != "mixed" else TEST_SCENES[config] // (4 if options.quick else 1)
+        judge = Judge(marsyard, config, options.test_seed, scenes)
         for size in of_config:
             corpus = marsyard.corpus(f"{config}-{size}", study.ROOT / "configs" / f"{config}.yaml", [], size, max(1, min(10, size // 14)))
             found = {way: [] for way in WAYS}

@@ -95,7 +95,8 @@ fn cells_and_labels_are_the_corpus_s(sensor: &str) {
     let told = told.read_row_group(0, None).expect("its rows");
     let (outputs, chances) = (column::<Float32Type>(&told, "output"), column::<Float32Type>(&told, "probability"));
     let mut pairs: Vec<(f32, f32)> = outputs.values().iter().copied().zip(chances.values().iter().copied()).collect();
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // Outputs that are alike as f32 may have probabilities that differ in f32.
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     assert!(pairs.windows(2).all(|pair| pair[0].1 <= pair[1].1) && pairs.iter().all(|(_, p)| (0.0..=1.0).contains(p)));
     for (class, output) in column::<Int8Type>(&told, "class").iter().flatten().zip(outputs.values()) {
         let reached = borders.iter().filter(|&&border| f64::from(*output) >= border).count();

@@ -89,15 +89,19 @@ fn law_most_cells_under_crowns_of_an_orchard_are_free_and_none_that_was_free_is_
 
 #[test]
 fn law_trunks_walls_crates_and_rocks_keep_their_feet() {
-    for (family, classes, most_lost) in [
-        ("orchard", &[Class::Trunk][..], 0.15),
-        ("builders_yard", &[Class::Box, Class::Rock], 0.03),
-        ("embankments", &[Class::Box, Class::Rock], 0.03),
-        ("scrub", &[Class::Bush, Class::Rock], 0.03),
+    // A trunk whose foot is hidden is met above the rule's height alone, and its cell keeps what else lies in it: hardly a point of
+    // any trunk's foot leaves.
+    for (family, classes, most_lost, most_passable) in [
+        ("orchard", &[Class::Trunk][..], 0.15, 0.02),
+        ("builders_yard", &[Class::Box, Class::Rock], 0.03, 0.005),
+        ("embankments", &[Class::Box, Class::Rock], 0.03, 0.005),
+        ("scrub", &[Class::Bush, Class::Rock], 0.03, 0.005),
     ] {
         let solid = fates(family, 25, classes);
         let (lost, barred) = (solid.passable + solid.gone, solid.passable + solid.gone + solid.stayed);
         assert!(barred > 300 && lost as f64 <= most_lost * barred as f64, "{family}: {solid:?}");
-        assert!(solid.passable as f64 <= 0.005 * barred as f64 + 2.0 && solid.newly_barred == 0, "{family}: {solid:?}");
+        assert!(solid.passable as f64 <= most_passable * barred as f64 + 2.0, "{family}: {solid:?}");
+        assert!(solid.newly_barred == 0, "{family}: {solid:?}");
+        assert!(family != "orchard" || solid.low_left * 500 <= solid.high_left, "{solid:?}");
     }
 }
