@@ -1,7 +1,7 @@
 """Judging by the held-out families of configs/mixed.yaml: a test corpus of them alone, any learner's scores on it, rates with intervals.
 
 A corpus of mixed.yaml has some fifteen test scenes of each held-out family, whose figures then depend on the draw of the scenes by a point.
-The test corpus of the studies is of another seed and holds those families alone, so that each has some eighty. A learner is anything that
+The test corpus of the studies is of another seed and holds those families alone, so that each has some seventy. A learner is anything that
 gives a cell a score; a cell is called untraversable from 0.5 on. Intervals are 95 % of a bootstrap that draws the scenes of each family
 anew, and the seeds of the training with them; the same draws for all learners, so that differences are paired.
 
