@@ -53,7 +53,8 @@ pub(super) struct LocaliseArgs {
         allow_hyphen_values = true
     )]
     sensor: Vec<f64>,
-    #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// Particles: recordings are long, and with few of them all descend from one ancestor.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     particles: u32,
     /// Leave the ids out: the filter finds out which landmark each feature is.
     #[arg(long)]
@@ -104,7 +105,7 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
     must_be_local("--out", &args.out)?;
     let mut recording = recorded(args)?;
     if args.unknown_ids {
-        recording.sightings.iter_mut().flat_map(|(_, features)| features).for_each(|feature| feature.known = None);
+        recording.observations.iter_mut().flat_map(|(_, features)| features).for_each(|feature| feature.known = None);
     }
     let truth = match &args.truth {
         Some(path) => Some(read::truth(&path.display().to_string(), &text(path)?).map_err(bad)?),

@@ -1,6 +1,6 @@
 //! A recording and what is known of its instruments -> a pose at each time, and a map.
 //!
-//! In: a [`Recording`], [`LocateParams`]. Out: [`Located`]. A sighting between two readings cuts the step: the reading's speed and yaw rate
+//! In: a [`Recording`], [`LocateParams`]. Out: [`Located`]. An observation between two readings cuts the step: the reading's speed and yaw rate
 //! hold over both parts, its angles belong to the end. Frames and units as in [`crate::recording`].
 
 use super::Recording;
@@ -61,18 +61,18 @@ pub fn locate(recording: &Recording, params: &LocateParams) -> Result<Located, S
     Ok(Located { steps, landmarks })
 }
 
-/// Readings and sightings in one order: a step that ends at each time of either.
+/// Readings and observations in one order: a step that ends at each time of either.
 fn cut(recording: &Recording) -> Vec<(f64, Reading, Option<&[Feature]>)> {
     let mut steps = Vec::new();
-    let mut sightings = recording.sightings.iter().peekable();
+    let mut observations = recording.observations.iter().peekable();
     let mut now_s = recording.readings.first().map_or(0.0, |&(time_s, _)| time_s);
     for &(end_s, reading) in &recording.readings {
-        while let Some((time_s, features)) = sightings.next_if(|(time_s, _)| *time_s < end_s) {
+        while let Some((time_s, features)) = observations.next_if(|(time_s, _)| *time_s < end_s) {
             let part = Reading { dt_s: time_s - now_s, roll_rad: None, pitch_rad: None, yaw_rad: None, ..reading };
             steps.push((*time_s, part, Some(features.as_slice())));
             now_s = *time_s;
         }
-        let features = sightings.next_if(|(time_s, _)| *time_s == end_s).map(|(_, features)| features.as_slice());
+        let features = observations.next_if(|(time_s, _)| *time_s == end_s).map(|(_, features)| features.as_slice());
         steps.push((end_s, Reading { dt_s: end_s - now_s, ..reading }, features));
         now_s = end_s;
     }
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn law_cut_steps_cover_the_time_once_and_end_at_every_sighting() {
+    fn law_cut_steps_cover_the_time_once_and_end_at_every_observation() {
         let odometry = "time_s,speed_mps,yaw_rate_radps,yaw_rad\n1,0,0,0\n2,1,0.5,0.5\n3,1,0.5,1\n";
         let features = "time_s,range_m,bearing_rad\n1,4,0\n1.25,4,0\n1.5,4,0\n3,4,0\n";
         let recording = Recording::read(("o", odometry), Some(("f", features))).expect("a recording");

@@ -22,7 +22,7 @@ pub struct Recording {
     /// Ascending by time; a reading is of the step that ends at its time, and the first is taken at rest.
     pub readings: Vec<(f64, Reading)>,
     /// Ascending by time; all features of one time together.
-    pub sightings: Vec<(f64, Vec<Feature>)>,
+    pub observations: Vec<(f64, Vec<Feature>)>,
 }
 
 /// A log that makes no sense: where, what, and what to do.

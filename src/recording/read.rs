@@ -1,4 +1,4 @@
-//! CSV -> readings, sightings, a truth.
+//! CSV -> readings, observations, a truth.
 //!
 //! In: text with a header that names its columns, in any order; lines that begin with `#` are skipped. Out: [`Recording`], [`TruePose`]s.
 //! Odometry: `time_s`, `speed_mps`, `yaw_rate_radps`, and where there are such instruments `roll_rad`, `pitch_rad`, `yaw_rad` (empty where
@@ -100,14 +100,14 @@ impl Recording {
     pub fn read(odometry: (&str, &str), features: Option<(&str, &str)>) -> Result<Recording, RecordingError> {
         let readings = readings(&Table::read(odometry.0, odometry.1)?)?;
         let (first_s, last_s) = (readings[0].0, readings[readings.len() - 1].0);
-        let Some((file, text)) = features else { return Ok(Recording { readings, sightings: Vec::new() }) };
+        let Some((file, text)) = features else { return Ok(Recording { readings, observations: Vec::new() }) };
         let table = Table::read(file, text)?;
-        let sightings = sightings(&table)?;
-        if let Some((time_s, _)) = sightings.iter().find(|(time_s, _)| !(first_s..=last_s).contains(time_s)) {
+        let observations = observations(&table)?;
+        if let Some((time_s, _)) = observations.iter().find(|(time_s, _)| !(first_s..=last_s).contains(time_s)) {
             let what = format!("time_s {time_s} lies outside the odometry, which goes from {first_s} to {last_s}");
             return Err(table.fault(None, what, "bring both logs to one clock, and cut them to the same stretch"));
         }
-        Ok(Recording { readings, sightings })
+        Ok(Recording { readings, observations })
     }
 }
 
@@ -134,11 +134,11 @@ fn readings(table: &Table) -> Result<Vec<(f64, Reading)>, RecordingError> {
     Ok(readings)
 }
 
-fn sightings(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
+fn observations(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
     let times_s = table.times_s(false)?;
     let (range, bearing) = (table.needed("range_m")?, table.needed("bearing_rad")?);
     let (elevation, id) = (table.column("elevation_rad"), table.column("id"));
-    let mut sightings: Vec<(f64, Vec<Feature>)> = Vec::new();
+    let mut observations: Vec<(f64, Vec<Feature>)> = Vec::new();
     for (row, &time_s) in table.rows.iter().zip(&times_s) {
         let range_m = table.number(row, range)?;
         if range_m <= 0.0 {
@@ -160,12 +160,12 @@ fn sightings(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> 
         };
         let polar = [range_m, table.number(row, bearing)?, table.number_if_any(row, elevation)?.unwrap_or(0.0)];
         let feature = Feature { polar, points: 1, half_width_m: 0.0, known };
-        match sightings.last_mut() {
+        match observations.last_mut() {
             Some((last_s, features)) if *last_s == time_s => features.push(feature),
-            _ => sightings.push((time_s, vec![feature])),
+            _ => observations.push((time_s, vec![feature])),
         }
     }
-    Ok(sightings)
+    Ok(observations)
 }
 
 /// The truth of a drive.
@@ -201,7 +201,7 @@ mod tests {
         let [(_, first), (time_s, second)] = recording.readings[..] else { panic!("two readings") };
         assert_eq!((first.dt_s, first.yaw_rad, first.roll_rad), (0.0, Some(0.1), Some(0.0)));
         assert_eq!((time_s, second.dt_s, second.speed_mps, second.yaw_rad), (1.0, 1.0, 0.5, None));
-        let [(1.0, ref seen)] = recording.sightings[..] else { panic!("one sighting") };
+        let [(1.0, ref seen)] = recording.observations[..] else { panic!("one observation") };
         assert_eq!(
             seen.iter().map(|f| (f.polar, f.known)).collect::<Vec<_>>(),
             [([2.5, -0.5, 0.0], Some(7)), ([3.0, 0.25, 0.0], None)]
