@@ -34,6 +34,14 @@ fn law_hours_become_a_config_that_is_built() {
     let [low, mean, high] = ["low", "mean", "high"].map(|key| figure(accuracy, key));
     assert!(0.0 <= low && low <= mean && mean <= high && high <= 1.0, "{accuracy}");
     assert!(json["choices"].as_array().is_some_and(|choices| choices.len() > 1), "{json}");
+    // Each override changes something.
+    let sets: Vec<String> =
+        json["sets"].as_array().expect("overrides").iter().map(|set| set.as_str().expect("text").into()).collect();
+    let plan_of = |sets: &[String]| marsyard::config::load(Path::new(&config), sets).ok();
+    assert!(sets.iter().any(|set| set.starts_with("scenes=")), "{sets:?}");
+    for k in 0..sets.len() {
+        assert_ne!(plan_of(&[&sets[..k], &sets[k + 1..]].concat()), plan_of(&sets), "{}", sets[k]);
+    }
     // The study is of this config.
     assert!(!json["warnings"].to_string().contains("another state"), "{json}");
 

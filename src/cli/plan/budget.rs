@@ -125,6 +125,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -
     if per_shard != own {
         sets.push(format!("scenes_per_shard={per_shard}"));
     }
+    let sets = telling(args, sets)?;
     let warnings = warnings(args, &study, &study_file, cores, best)?;
     let answer = Answer {
         args,
@@ -146,6 +147,21 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -
         answer.write(path)?;
     }
     Ok(())
+}
+
+/// The overrides without those that say what the config says anyway.
+fn telling(args: &PlanArgs, mut sets: Vec<String>) -> Result<Vec<String>, Failure> {
+    let load = |sets: &[String]| config::load(&args.config.config, &[args.config.sets.as_slice(), sets].concat());
+    let whole = load(&sets).map_err(config_failure)?;
+    for k in (0..sets.len()).rev() {
+        let mut fewer = sets.clone();
+        fewer.remove(k);
+        // Without one of them the others may break a rule.
+        if load(&fewer).is_ok_and(|plan| plan == whole) {
+            sets = fewer;
+        }
+    }
+    Ok(sets)
 }
 
 /// Scenes of a setting, made here.
@@ -202,7 +218,7 @@ fn warnings(
     if best.beyond > 1.0 {
         let largest = best.setting.sizes.last().map_or(0, |size| size.scenes);
         warnings.push(format!(
-            "extrapolated: {:.0} times the largest size that the study measured ({largest} scenes that train and stop)",
+            "extrapolated: {:.1} times the largest size that the study measured ({largest} scenes that train and stop)",
             best.beyond
         ));
     }
