@@ -1,9 +1,13 @@
 //! Drives over bodies (`drive.over_bodies`): closed forms on a slab, ways around what a rover cannot cross, limits kept all along.
 
 use super::fixtures::{ROVERS, driven, hills, kapvik, params, plane, posts, raster, rover, rubble, streams};
-use super::params::{DriveParams, LengthParams, PathParams, PlannedParams, RandomWalkParams, WaypointsParams};
+use super::params::{
+    ContactSolver, DriveParams, LengthParams, PathParams, PlannedParams, RandomWalkParams, WaypointsParams,
+};
+use super::rolled::Rolling;
+use super::surface::Surface;
 use super::yard::{Yard, body};
-use super::{DriveError, DriveLog, Rover, clearance_m, drive};
+use super::{DriveError, DriveLog, GroundContact, Rover, clearance_m, drive};
 use crate::geometry::{DVec2, DVec3, Pose};
 use crate::math;
 use crate::random::{Dist, Drawn, Law, Purpose};
@@ -200,4 +204,75 @@ fn extreme_a_rover_without_limits_does_not_drive_over_bodies() {
     let (params, streams) = (over_bodies(rover, between([4.0, 4.0], [6.0, 6.0])), streams(1));
     let refused = drive(&params, &plane(10.0, 0.0, DVec2::ZERO), &Drawn::draw(&streams, params.dists()), &streams);
     assert!(refused.expect_err("no limits").to_string().contains("has none"));
+}
+
+/// Boxes of every height up to ten of Kapvik's wheels, and posts, on hills or rubble.
+fn walled(seed: u64) -> Scene {
+    let draws = streams(seed).open(Purpose::StartPlace);
+    let ground = if seed.is_multiple_of(2) { hills(seed) } else { rubble(seed, 0.004) };
+    let extent_m = ground.extent_m;
+    let scene = posts(ground, &[(0.3 * extent_m, 0.4 * extent_m, 0.2), (0.7 * extent_m, 0.6 * extent_m, 0.1)]);
+    (0..2 * extent_m as u64).fold(scene, |scene, wall| {
+        let draw = |k: u64| draws.uniform(1000 + 10 * wall + k);
+        let at = [extent_m * draw(0), extent_m * draw(1)];
+        with_box(scene, at, [0.05 + 0.5 * draw(2), 0.05 + 0.5 * draw(3)], 0.02 + draw(4))
+    })
+}
+
+#[test]
+fn law_a_wheel_rises_without_a_jump_beside_walls_of_every_height() {
+    let (radius_m, step_m) = (0.05, 1e-6);
+    for height_m in [0.01, 0.1, 0.134, 0.136, 0.2, 1.0, 10.0] {
+        for slope in [DVec2::ZERO, DVec2::new(0.3, -0.2)] {
+            let scene = with_box(plane(20.0, 0.0, slope), [10.0, 10.0], [1.0, 1.0], height_m);
+            let bodies: Vec<_> = scene.obstacles.iter().collect();
+            for ahead in [DVec2::X, DVec2::Y, DVec2::new(0.6, 0.8)] {
+                let surface = Surface::new(&scene).with(Rolling { bodies: &bodies, ahead, radius_m });
+                let touch = |x_m: f64| surface.touch(x_m, 9.7).expect("in the yard");
+                let centre_m = |x_m: f64| {
+                    let touch = touch(x_m);
+                    touch.height_m + radius_m * (1.0 + touch.slope.length_squared()).sqrt()
+                };
+                // From a centimetre before the wheel's reach to where it is on top: no step is higher than twice the steepest flank makes it.
+                let from_m = 9.0 - 1.5 * radius_m - 0.01;
+                let most_m = 2.0 * step_m * (2.0 * (height_m + 1.0) / (0.5 * radius_m));
+                for k in 0..90_000 {
+                    let x_m = from_m + step_m * f64::from(k);
+                    let rise_m = centre_m(x_m + step_m) - centre_m(x_m);
+                    assert!(rise_m.abs() < most_m, "{height_m} {slope} {ahead} at {x_m}: {rise_m}");
+                }
+                // The derivative is the height's, on the flank and on the ball.
+                for x_m in [9.0 - 1.2 * radius_m, 9.0 - 0.5 * radius_m] {
+                    let by_x = (centre_m(x_m + step_m) - centre_m(x_m - step_m)) / (2.0 * step_m);
+                    let told = touch(x_m).gradient.x;
+                    assert!(
+                        (told - by_x).abs() < 1e-5 * (1.0 + by_x.abs()),
+                        "{height_m} {slope} {ahead} {x_m}: {told} {by_x}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn law_six_wheels_find_a_stand_beside_walls_of_every_height() {
+    let rover = kapvik();
+    let (mut stands, mut steep) = (0, 0);
+    for seed in 0..20 {
+        let scene = walled(seed);
+        let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton).over_bodies(true);
+        let draws = streams(seed).open(Purpose::StartHeading);
+        for k in 0..200 {
+            let place = |k: u64| 1.0 + (scene.extent_m - 2.0) * draws.uniform(k);
+            let (x_m, y_m, yaw_rad) = (place(3 * k), place(3 * k + 1), 6.2 * draws.uniform(3 * k + 2));
+            match contact.stand(x_m, y_m, yaw_rad, None) {
+                Ok(_) => stands += 1,
+                Err(DriveError::NoContact { reason, .. }) if reason.contains("steep") => steep += 1,
+                Err(error) => panic!("{seed} {x_m} {y_m} {yaw_rad}: {error}"),
+            }
+        }
+    }
+    // The others tip over: a wheel high up on a wall.
+    assert!(stands > 3000 && steep > 100, "{stands} {steep}");
 }

@@ -3,10 +3,10 @@
 //! In: a place, a heading, the bodies near. Out: the height of the wheel's centre and its derivative by the place. Source: the offset
 //! surface of a rolling ball (Tarokh & McDermott 2005 for a single point of contact); the highest of what each feature of the
 //! bodies (faces, edges, corners) would hold the wheel at, each in closed form, so that boxes and planes are exact. Deviations: the wheel is a
-//! ball flattened to half its width across the heading; its flanks, from 75 degrees on, run out straight to one and a half radii, so that a
-//! wall of up to 2.7 radii is a steep ramp and a stand exists beside it; rasters are rolled over along the heading alone, by chords
-//! between their grid lines; a trunk has 16 corners. On polynomials the ground is felt as `surface` has it. Frame: world, metres. Not
-//! modelled: what lies under an overhanging side, soil, tyres.
+//! ball flattened to half its width across the heading; its flanks, from 75 degrees on, run out straight to one and a half radii, and steeper
+//! where a wall is higher than 2.7 radii, so that every wall is a ramp from the ground and the height has no jump: a stand exists beside it; edges steeper than the flanks hold it at their ends and by the rim of the ball;
+//! rasters are rolled over along the heading alone, by chords between their grid lines; a trunk has 16 corners. On polynomials the ground is
+//! felt as `surface` has it. Frame: world, metres. Not modelled: what lies under an overhanging side, soil, tyres.
 
 use super::surface::{Surface, WheelContact};
 use crate::geometry::{DVec2, DVec3};
@@ -30,13 +30,20 @@ pub(super) struct Rolling<'a> {
     pub radius_m: f64,
 }
 
+/// The height of a wheel's centre, and its derivative along the heading and, widened, across it.
+#[derive(Clone, Copy)]
+struct Held {
+    centre_m: f64,
+    gradient: DVec2,
+}
+
 /// The highest that anything holds the wheel's centre, over one place.
 struct Highest<'a> {
     rolling: &'a Rolling<'a>,
     at_m: DVec2,
-    centre_m: f64,
-    /// Derivative of that height along the heading and, widened, across it.
-    gradient: DVec2,
+    /// On the ground under it alone: where the flanks end.
+    floor: Held,
+    highest: Held,
 }
 
 impl Rolling<'_> {
@@ -48,8 +55,10 @@ impl Rolling<'_> {
                 Some(self.held(DVec2::new(x_m, y_m), ground.height_m, ground.slope).unwrap_or(ground))
             }
             Ground::Raster(raster) => {
-                surface.height_m(x_m, y_m)?;
-                let mut highest = Highest::over(self, DVec2::new(x_m, y_m), f64::NEG_INFINITY);
+                let ground = surface.touch_ground(x_m, y_m)?;
+                let floor =
+                    Held { centre_m: ground.height_m + self.radius_m, gradient: self.seen_slope(ground.gradient) };
+                let mut highest = Highest::over(self, DVec2::new(x_m, y_m), floor);
                 highest.roll_over_raster(raster);
                 highest.roll_over_bodies();
                 Some(highest.contact()).filter(|held| held.height_m.is_finite() && held.gradient.is_finite())
@@ -61,22 +70,28 @@ impl Rolling<'_> {
     pub(super) fn held(&self, at_m: DVec2, ground_m: f64, slope: DVec2) -> Option<WheelContact> {
         // What holds the wheel no higher than the ground does is never asked further.
         let centre_m = ground_m + self.radius_m * (1.0 + slope.length_squared()).sqrt();
-        let mut highest = Highest::over(self, at_m, centre_m);
+        let mut highest = Highest::over(self, at_m, Held { centre_m, gradient: self.seen_slope(slope) });
         highest.roll_over_bodies();
-        (highest.centre_m > centre_m).then(|| highest.contact())
+        (highest.highest.centre_m > centre_m).then(|| highest.contact())
+    }
+
+    /// A slope of the world along the heading and, widened, across it.
+    fn seen_slope(&self, slope: DVec2) -> DVec2 {
+        DVec2::new(self.ahead.dot(slope), self.ahead.perp_dot(slope) / ACROSS)
     }
 }
 
 impl<'a> Highest<'a> {
-    /// Held at this height by what needs no asking.
-    fn over(rolling: &'a Rolling, at_m: DVec2, centre_m: f64) -> Highest<'a> {
-        Highest { rolling, at_m, centre_m, gradient: DVec2::ZERO }
+    /// Held by the ground under it, which needs no asking.
+    fn over(rolling: &'a Rolling, at_m: DVec2, floor: Held) -> Highest<'a> {
+        Highest { rolling, at_m, floor, highest: floor }
     }
 
     fn contact(&self) -> WheelContact {
+        let Held { centre_m, gradient } = self.highest;
         WheelContact {
-            height_m: self.centre_m - self.rolling.radius_m,
-            gradient: self.rolling.ahead.rotate(self.gradient * DVec2::new(1.0, ACROSS)),
+            height_m: centre_m - self.rolling.radius_m,
+            gradient: self.rolling.ahead.rotate(gradient * DVec2::new(1.0, ACROSS)),
             slope: DVec2::ZERO,
             slope_by_x: DVec2::ZERO,
             slope_by_y: DVec2::ZERO,
@@ -90,8 +105,8 @@ impl<'a> Highest<'a> {
     }
 
     fn take(&mut self, centre_m: f64, gradient: DVec2) {
-        if centre_m > self.centre_m {
-            (self.centre_m, self.gradient) = (centre_m, gradient);
+        if centre_m > self.highest.centre_m {
+            self.highest = Held { centre_m, gradient };
         }
     }
 
@@ -102,14 +117,23 @@ impl<'a> Highest<'a> {
         if away_m > REACH_RADII * radius_m {
             return;
         }
-        let (over_m, fall) = if away_m <= FLANK_SIN * radius_m {
-            let over_m = (radius_m * radius_m - away_m * away_m).sqrt();
-            (over_m, 1.0 / over_m)
-        } else {
-            (FLANK_COS * radius_m - FLANK_TAN * (away_m - FLANK_SIN * radius_m), FLANK_TAN / away_m)
-        };
         // The wheel goes up as it comes nearer.
-        self.take(point.z + over_m, point.truncate() * fall);
+        if away_m <= FLANK_SIN * radius_m {
+            let over_m = (radius_m * radius_m - away_m * away_m).sqrt();
+            self.take(point.z + over_m, point.truncate() / over_m);
+            return;
+        }
+        let (flank_m, length_m) = (away_m - FLANK_SIN * radius_m, (REACH_RADII - FLANK_SIN) * radius_m);
+        let (top_m, floor) = (point.z + FLANK_COS * radius_m, self.floor);
+        if top_m - FLANK_TAN * length_m <= floor.centre_m {
+            self.take(top_m - FLANK_TAN * flank_m, point.truncate() * (FLANK_TAN / away_m));
+        } else {
+            // A flank of that slope would end above the ground: this one runs from its top to the ground at the wheel's reach.
+            let share = flank_m / length_m;
+            let fall = (top_m - floor.centre_m) / length_m;
+            let centre_m = top_m + (floor.centre_m - top_m) * share;
+            self.take(centre_m, floor.gradient * share + point.truncate() * (fall / away_m));
+        }
     }
 
     /// An edge holds it, between its ends.
@@ -122,15 +146,27 @@ impl<'a> Highest<'a> {
         let (unit, rise) = (along / length_m, (to.z - from.z) / length_m);
         let foot_m = -from.truncate().dot(unit);
         let aside_m = from.truncate().perp_dot(unit).abs();
-        if aside_m > REACH_RADII * radius_m || rise.abs() >= FLANK_TAN {
+        if aside_m > REACH_RADII * radius_m {
             return;
         }
+        let mut take_at = |way_m: f64| {
+            let at_m = foot_m + way_m;
+            if (0.0..=length_m).contains(&at_m) {
+                self.take_point(from + (to - from) * (at_m / length_m));
+            }
+        };
         let on_ball_m = (radius_m * radius_m - aside_m * aside_m).max(0.0).sqrt() * rise / (1.0 + rise * rise).sqrt();
-        let is_on_ball = aside_m * aside_m + on_ball_m * on_ball_m <= FLANK_SIN * FLANK_SIN * radius_m * radius_m;
-        let way_m = if is_on_ball { on_ball_m } else { aside_m * rise / (FLANK_TAN * FLANK_TAN - rise * rise).sqrt() };
-        let at_m = foot_m + way_m;
-        if (0.0..=length_m).contains(&at_m) {
-            self.take_point(from + (to - from) * (at_m / length_m));
+        let ball_m = FLANK_SIN * radius_m;
+        if aside_m * aside_m + on_ball_m * on_ball_m <= ball_m * ball_m {
+            take_at(on_ball_m);
+            return;
+        }
+        if rise.abs() < FLANK_TAN {
+            take_at(aside_m * rise / (FLANK_TAN * FLANK_TAN - rise * rise).sqrt());
+        }
+        // Where the flank is steeper than others, or the edge than the flank, the rim between ball and flank may be the first to touch.
+        if aside_m < ball_m {
+            take_at((ball_m * ball_m - aside_m * aside_m).sqrt().copysign(rise));
         }
     }
 
@@ -146,7 +182,7 @@ impl<'a> Highest<'a> {
         let most_m = high.z + radius_m;
         let reach_m = REACH_RADII * radius_m;
         let is_away = low.x > reach_m || low.y > reach_m || high.x < -reach_m || high.y < -reach_m;
-        if count == 0 || is_away || most_m + 1e-9 * (radius_m + most_m.abs()) < self.centre_m {
+        if count == 0 || is_away || most_m + 1e-9 * (radius_m + most_m.abs()) < self.highest.centre_m {
             return;
         }
         let first = self.seen(corner_m(0));

@@ -1,25 +1,29 @@
 //! A second implementation of the stand and the belly, by dense points alone: what the contact solver and `clearance_m` are checked against.
 //!
-//! In: a rigid rover of four wheels, smooth ground, boxes. The wheel is the shape that `drive::rolled` documents (a ball flattened to half its width,
-//! straight flanks from 75 degrees on), held up by the highest of points that lie millimetres apart on the bodies' upper faces and edges and on the
-//! ground; the stand is the least sum of squares over z, pitch and roll by a search that halves its steps; the belly's clearance is the lowest of the
-//! same points below the plate. Nothing is shared with the solver but the rover's figures. Errors of the points: below a millimetre on tops, below two
-//! beside walls.
+//! In: rovers of four and of six wheels, smooth ground and rasters, boxes. The wheel is the shape that `drive::rolled` documents (a ball flattened to
+//! half its width, straight flanks from 75 degrees on, to the ground at the latest), held up by the highest of points that lie millimetres apart on the
+//! bodies' upper faces and edges and on the ground. The stand of four wheels is the least sum of squares over z, pitch and roll by a search that halves its
+//! steps; of six, which all touch, each wheel's centre is placed by turning links about their pivots, and must be where the points hold it. The
+//! belly's clearance is the lowest of the same points below the plate. Nothing is shared with the solver but the rover's figures. Errors of the points:
+//! below a millimetre on tops, below two beside walls.
 
 use super::pose_tests::rover;
 use super::tests::draws;
 use crate::drive::params::ContactSolver;
 use crate::drive::rover::Chassis;
-use crate::drive::{GroundContact, Rover, clearance_m};
-use crate::geometry::{DVec2, DVec3};
+use crate::drive::{ContactPose, GroundContact, Rover, clearance_m};
+use crate::geometry::{DMat3, DVec2, DVec3};
 use crate::math;
 use crate::random::Stream;
 use crate::scene::polynomial::term_count;
-use crate::scene::{Class, Convex, Ground, Polynomial, Scene, Shape};
+use crate::scene::{Class, Convex, Ground, Polynomial, Raster, Scene, Shape};
 
 /// Points along edges, and across faces, metres.
 const ALONG_M: f64 = 0.004;
 const ACROSS_M: f64 = 0.012;
+
+/// Nodes of the raster.
+const RASTER_M: f64 = 0.05;
 
 /// Stands that differ by less are one stand: what millimetres between points make of it.
 const ALIKE_M: f64 = 0.002;
@@ -28,11 +32,26 @@ const ALIKE_RAD: f64 = 0.01;
 /// A box's middle, half sides and yaw: its top is level.
 type Box = (DVec3, DVec3, f64);
 
-/// Hills and stones; the boxes that the scene's bodies were made of.
-fn yard(seed: u64) -> (Scene, Vec<Box>) {
+fn hills(seed: u64) -> Ground {
+    let coefficients = (0..term_count(5) as u64).map(|k| 0.05 * draws(5000 + seed).normal(k)).collect();
+    Ground::Polynomial(Polynomial::new(10.0, 5, coefficients))
+}
+
+/// Waves with roughness on every node, and ledges of up to three of Kapvik's wheels.
+fn ledges(seed: u64) -> Ground {
     let stream = draws(5000 + seed);
-    let coefficients = (0..term_count(5) as u64).map(|k| 0.05 * stream.normal(k)).collect();
-    let mut scene = Scene::bare(10.0, Ground::Polynomial(Polynomial::new(10.0, 5, coefficients)));
+    let height_m = move |x: f64, y: f64| {
+        let node = ((x * 20.0).round() * 1000.0 + (y * 20.0).round()) as u64;
+        let ledge_m = if (x + 0.4 * y).rem_euclid(2.0) < 1.0 { 0.3 * stream.uniform(1) } else { 0.0 };
+        0.2 * math::sin(0.9 * x) * math::cos(0.7 * y) + 0.01 * stream.normal(1_000_000 + node) + ledge_m
+    };
+    Ground::Raster(Raster::sampled(10.0, RASTER_M, height_m))
+}
+
+/// Stones on the ground; the boxes that the scene's bodies were made of.
+fn yard(ground: Ground, seed: u64) -> (Scene, Vec<Box>) {
+    let stream = draws(5000 + seed);
+    let mut scene = Scene::bare(10.0, ground);
     let mut boxes = Vec::new();
     for stone in 0..60 {
         let draw = |k: u64| stream.uniform(1000 + 10 * stone + k);
@@ -69,39 +88,68 @@ fn points_of(&(at, half, yaw_rad): &Box) -> Vec<DVec3> {
 struct Dense<'a> {
     scene: &'a Scene,
     points: Vec<DVec3>,
-    /// Where the level rover's wheels stand.
+    /// Where the level rover's wheels stand, if it has four.
     wheels_m: [DVec2; 4],
     radius_m: f64,
 }
 
 impl Dense<'_> {
-    /// How much higher than a point the centre of a wheel is held that is so far away from it, ahead and across.
-    fn held_m(&self, away: DVec2) -> f64 {
+    /// The height of the centre of a wheel that a point holds, so far away from it, ahead and across, over a floor that would hold it at `floor_m`.
+    fn held_m(&self, point_m: f64, away: DVec2, floor_m: f64) -> f64 {
         let far = math::hypot(away.x, 2.0 * away.y) / self.radius_m;
         let (sin, cos) = math::sin_cos(75_f64.to_radians());
         if far > 1.5 {
             f64::NEG_INFINITY
         } else if far > sin {
-            self.radius_m * (cos - (far - sin) * sin / cos)
+            let top_m = point_m + self.radius_m * cos;
+            let fall_m = (self.radius_m * (1.5 - sin) * sin / cos).max(top_m - floor_m);
+            top_m - fall_m * (far - sin) / (1.5 - sin)
         } else {
-            self.radius_m * (1.0 - far * far).sqrt()
+            point_m + self.radius_m * (1.0 - far * far).sqrt()
         }
     }
 
     /// The height of a wheel's centre over a place: by the points, and by the ground's plane there.
     fn centre_m(&self, at: DVec2, ahead: DVec2) -> f64 {
-        let ground_m = self.scene.ground_below_m(at.x, at.y);
-        let hair_m = 1e-5;
-        let slope = |by: DVec2| {
-            let [far, near] = [at + by * hair_m, at - by * hair_m].map(|at| self.scene.ground_below_m(at.x, at.y));
-            (far - near) / (2.0 * hair_m)
-        };
-        let lean = (1.0 + DVec2::new(slope(DVec2::X), slope(DVec2::Y)).length_squared()).sqrt();
+        let ground_m = |at: DVec2| self.scene.ground_below_m(at.x, at.y);
         let near = self.points.iter().filter(|point| (point.truncate() - at).length() < 1.5 * self.radius_m);
-        near.fold(ground_m + self.radius_m * lean, |centre_m, point| {
-            let away = point.truncate() - at;
-            centre_m.max(point.z + self.held_m(DVec2::new(ahead.dot(away), ahead.perp_dot(away))))
-        })
+        let by_points = |floor_m: f64, from_m: f64| {
+            near.fold(from_m, |centre_m, point| {
+                let away = point.truncate() - at;
+                centre_m.max(self.held_m(point.z, DVec2::new(ahead.dot(away), ahead.perp_dot(away)), floor_m))
+            })
+        };
+        if matches!(self.scene.ground, Ground::Raster(_)) {
+            // A raster holds a wheel along the heading, straight between grid lines.
+            let floor_m = ground_m(at) + self.radius_m;
+            let reach_m = 1.5 * self.radius_m;
+            let lines = |from: f64, step: f64| {
+                (-400..=400).map(move |line| (f64::from(line) * RASTER_M - from.rem_euclid(RASTER_M)) / step)
+            };
+            let mut ways_m: Vec<f64> = lines(at.x, ahead.x).chain(lines(at.y, ahead.y)).collect();
+            ways_m.retain(|way_m| way_m.abs() < reach_m);
+            ways_m.extend([-reach_m, 0.0, reach_m]);
+            ways_m.sort_unstable_by(f64::total_cmp);
+            let by_line = ways_m.windows(2).flat_map(|ends| {
+                let heights_m = [ends[0], ends[1]].map(|way_m| ground_m(at + ahead * way_m));
+                let (from_m, to_m) = (ends[0], ends[1]);
+                // A line steeper than the flanks holds a wheel at its ends and by the ball, not by the flank.
+                let is_steep = (heights_m[1] - heights_m[0]).abs() >= (to_m - from_m) * 75_f64.to_radians().tan();
+                let ball_m = self.radius_m * 75_f64.to_radians().sin();
+                let along = (0..=100).map(move |k| {
+                    let share = f64::from(k) / 100.0;
+                    (from_m + (to_m - from_m) * share, heights_m[0] + (heights_m[1] - heights_m[0]) * share)
+                });
+                along.filter(move |(way_m, _)| !is_steep || way_m.abs() <= ball_m || *way_m == from_m || *way_m == to_m)
+            });
+            let by_line = by_line.map(|(way_m, height_m)| self.held_m(height_m, DVec2::new(way_m, 0.0), floor_m));
+            return by_points(floor_m, by_line.fold(floor_m, f64::max));
+        }
+        let hair_m = 1e-5;
+        let slope = |by: DVec2| (ground_m(at + by * hair_m) - ground_m(at - by * hair_m)) / (2.0 * hair_m);
+        let lean = (1.0 + DVec2::new(slope(DVec2::X), slope(DVec2::Y)).length_squared()).sqrt();
+        let floor_m = ground_m(at) + self.radius_m * lean;
+        by_points(floor_m, floor_m)
     }
 
     /// The sum of squares of a stand: how far its wheels' centres are from where they are held.
@@ -161,7 +209,7 @@ fn equal_stands_and_bellies_of_the_solver_and_of_dense_points() {
     let (mut worst_m, mut worst_rad, mut worst_belly_m) = (0.0_f64, 0.0_f64, 0.0_f64);
     for (seed, yaml) in (0..6).zip(rovers.into_iter().cycle()) {
         let rover: Rover = rover(yaml);
-        let (scene, boxes) = yard(seed);
+        let (scene, boxes) = yard(hills(seed), seed);
         let Chassis::Rigid(chassis) = &rover.chassis else { panic!("a rigid rover") };
         let (x, y) = (0.5 * chassis.wheelbase_m, 0.5 * chassis.track_m);
         let wheels_m = [(x, y), (x, -y), (-x, y), (-x, -y)].map(DVec2::from);
@@ -226,4 +274,59 @@ fn equal_stands_and_bellies_of_the_solver_and_of_dense_points() {
     assert!(stands > 150 && on_bodies > 30, "{stands} {on_bodies}");
     assert!(worst_belly_m < 0.003, "{worst_belly_m}");
     assert_eq!(other, 0, "of {stands}");
+}
+
+/// Where the six wheels' centres are, in the world: each link turned about its pivot, nose down positive.
+fn six_centres_m(rover: &Rover, stance: &ContactPose) -> Vec<DVec3> {
+    let Chassis::RockerBogie(chassis) = &rover.chassis else { panic!("a rocker-bogie") };
+    let ContactPose { pose, contact } = stance;
+    let turned = |pivot: DVec3, angle_rad: f64, at: DVec3| pivot + DMat3::from_rotation_y(angle_rad) * (at - pivot);
+    let mut centres_m = Vec::new();
+    for (side, rocker_rad, bogie_rad) in
+        [(1.0, contact.rocker_rad, contact.bogie_left_rad), (-1.0, -contact.rocker_rad, contact.bogie_right_rad)]
+    {
+        let y = 0.5 * side * chassis.track_m;
+        let rocker_pivot = DVec3::new(chassis.rocker_pivot_x_m, y, chassis.rocker_pivot_z_m);
+        let bogie_pivot = DVec3::new(chassis.bogie_pivot_x_m, y, chassis.bogie_pivot_z_m);
+        let wheel = |x: f64| DVec3::new(x, y, rover.wheel_radius_m());
+        centres_m.push(turned(rocker_pivot, rocker_rad, wheel(chassis.rocker_wheel_x_m)));
+        for x in [chassis.bogie_front_x_m, chassis.bogie_rear_x_m] {
+            centres_m.push(turned(rocker_pivot, rocker_rad, turned(bogie_pivot, bogie_rad, wheel(x))));
+        }
+    }
+    centres_m.into_iter().map(|centre| pose.transform().point(centre)).collect()
+}
+
+#[test]
+fn equal_six_wheels_are_where_dense_points_hold_them() {
+    let rover = rover(include_str!("../../../configs/rovers/kapvik.yaml"));
+    for (name, ground) in [("hills", hills as fn(u64) -> Ground), ("ledges", ledges)] {
+        let (mut wheels, mut raised, mut worst_m) = (0, 0, 0.0_f64);
+        for seed in 0..4 {
+            let (scene, boxes) = yard(ground(seed), seed);
+            let points: Vec<DVec3> = boxes.iter().flat_map(points_of).collect();
+            let contact = GroundContact::new(&rover, &scene, ContactSolver::GaussNewton).over_bodies(true);
+            let stream = draws(9000 + seed);
+            for k in 0..40 {
+                let at = DVec2::new(uniform(&stream, 3 * k, 2.5, 7.5), uniform(&stream, 3 * k + 1, 2.5, 7.5));
+                let yaw_rad = uniform(&stream, 3 * k + 2, -3.1, 3.1);
+                let (sin, cos) = math::sin_cos(yaw_rad);
+                let ahead = DVec2::new(cos, sin);
+                let near = points.iter().copied().filter(|point| (point.truncate() - at).length() < 1.2).collect();
+                let dense =
+                    Dense { scene: &scene, points: near, wheels_m: [DVec2::ZERO; 4], radius_m: rover.wheel_radius_m() };
+                let Ok(stance) = contact.stand(at.x, at.y, yaw_rad, None) else { continue };
+                for centre in six_centres_m(&rover, &stance) {
+                    let off_m = (centre.z - dense.centre_m(centre.truncate(), ahead)).abs();
+                    wheels += 1;
+                    raised +=
+                        u32::from(centre.z > scene.ground_below_m(centre.x, centre.y) + 1.2 * rover.wheel_radius_m());
+                    worst_m = worst_m.max(off_m);
+                    assert!(off_m < ALIKE_M, "{name} {at} {yaw_rad}: {centre} {off_m}");
+                }
+            }
+        }
+        println!("{name}: {wheels} wheels, {raised} raised, all within {worst_m} m");
+        assert!(wheels > 900 && raised > 200, "{name} {wheels} {raised}");
+    }
 }

@@ -1,9 +1,10 @@
 //! Damped Gauss-Newton on the wheels' residuals.
 //!
 //! Source: Levenberg 1944, Marquardt 1963 (damping by the diagonal); undamped until a step fails to descend. From the step
-//! before it takes 3 to 8 linearisations. Where an articulated chassis gets stuck at a kink of raster ground, the second
-//! method takes over: solve with the ground under each wheel held, go half the way, look again, repeat. That is a contraction
-//! while slope times tangent of tilt stays moderate, kinks or not.
+//! before it takes 3 to 8 linearisations. Where an articulated chassis gets stuck at a kink, the second method takes over: solve
+//! with the ground under each wheel held, go a share of the way, look again, repeat, and descend from there. With a share of
+//! a half that is a contraction while slope times tangent of tilt stays moderate, kinks or not; beside a wall a wheel that rolls aside
+//! falls so steeply that only smaller shares settle.
 
 use super::residual::{GroundDerivatives, Jacobian, Problem, Residuals, UNKNOWNS, Unknowns, sum_of_squares};
 
@@ -17,8 +18,10 @@ const TOLERANCE: f64 = 1e-11;
 const LOST: f64 = 1e-7;
 /// What leaves an articulated chassis to the second method, metres.
 const STUCK_M: f64 = 1e-9;
-/// Share of a held-ground step that is taken: half settles steps that would swing to and fro.
-const RELAX: f64 = 0.5;
+/// Shares of a held-ground step that are taken, one after the other: half settles steps that would swing to and fro.
+const RELAX: [f64; 3] = [0.5, 0.1, 0.02];
+/// So many whole steps are taken in shares.
+const LOOKS: f64 = 30.0;
 /// Damping: the first, and the one at which no descent is left to find.
 const FIRST_DAMPING: f64 = 1e-3;
 const LAST_DAMPING: f64 = 1e10;
@@ -26,12 +29,27 @@ const LAST_DAMPING: f64 = 1e10;
 /// The stand, and the number of linearisations it took.
 pub(super) fn solve(problem: &Problem, start: Unknowns, tolerance: Option<f64>) -> (Unknowns, u32) {
     let tolerance = tolerance.unwrap_or(TOLERANCE);
-    let (q, steps) = descend(problem, start, tolerance);
-    if !problem.articulated() || worst_m(problem, &q) <= STUCK_M.max(tolerance) {
-        return (q, steps);
+    let (mut q, mut steps) = descend(problem, start, tolerance);
+    let touches = |q: &Unknowns| worst_m(problem, q) <= STUCK_M.max(tolerance);
+    for share in RELAX {
+        if !problem.articulated() || touches(&q) {
+            break;
+        }
+        let (held, looks) = hold_and_look(problem, q, share, tolerance);
+        steps += looks;
+        q = better(problem, q, held);
+        if !touches(&q) {
+            let (found, more) = descend(problem, held, tolerance);
+            steps += more;
+            q = better(problem, q, found);
+        }
     }
-    let (held, more) = hold_and_look(problem, q, tolerance);
-    if worst_m(problem, &held) < worst_m(problem, &q) { (held, steps + more) } else { (q, steps + more) }
+    (q, steps)
+}
+
+/// The one of two stands whose wheels lack less of touching; the first if neither does.
+fn better(problem: &Problem, a: Unknowns, b: Unknowns) -> Unknowns {
+    if worst_m(problem, &b) < worst_m(problem, &a) { b } else { a }
 }
 
 fn descend(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32) {
@@ -68,17 +86,18 @@ fn descend(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32
     (q, MAX_STEPS)
 }
 
-fn hold_and_look(problem: &Problem, start: Unknowns, tolerance: f64) -> (Unknowns, u32) {
+fn hold_and_look(problem: &Problem, start: Unknowns, share: f64, tolerance: f64) -> (Unknowns, u32) {
     let mut q = start;
-    for steps in 0..MAX_STEPS {
+    let most = (LOOKS / share) as u32;
+    for steps in 0..most {
         let Some((e, jacobian)) = problem.linearised(&q, GroundDerivatives::Frozen) else { return (start, steps) };
         let Some(delta) = step(&e, &jacobian, problem.unknowns(), 0.0) else { return (q, steps) };
-        q = std::array::from_fn(|i| q[i] + RELAX * delta[i]);
+        q = std::array::from_fn(|i| q[i] + share * delta[i]);
         if delta.iter().all(|d| d.abs() <= tolerance) {
             return (q, steps);
         }
     }
-    (q, MAX_STEPS)
+    (q, most)
 }
 
 fn worst_m(problem: &Problem, q: &Unknowns) -> f64 {
