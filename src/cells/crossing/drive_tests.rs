@@ -122,6 +122,7 @@ impl Driver<'_> {
         let limits = &self.limits;
         let bodies = self.contact.bodies_near(at, 0.0);
         let Ok(stance) = self.contact.stand_among(&bodies, [at.x, at.y, yaw_rad], None) else {
+            println!("{} finds no stand at {at}, {yaw_rad} rad", self.rover.name);
             here.no_stand += 1;
             here.grossly += 1;
             return;

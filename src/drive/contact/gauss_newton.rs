@@ -21,7 +21,7 @@ const STUCK_M: f64 = 1e-9;
 /// Shares of a held-ground step that are taken, one after the other: half settles steps that would swing to and fro.
 const RELAX: [f64; 3] = [0.5, 0.1, 0.02];
 /// So many whole steps are taken in shares.
-const LOOKS: f64 = 30.0;
+const LOOKS: f64 = 50.0;
 /// Damping: the first, and the one at which no descent is left to find.
 const FIRST_DAMPING: f64 = 1e-3;
 const LAST_DAMPING: f64 = 1e10;
@@ -31,11 +31,14 @@ pub(super) fn solve(problem: &Problem, start: Unknowns, tolerance: Option<f64>) 
     let tolerance = tolerance.unwrap_or(TOLERANCE);
     let (mut q, mut steps) = descend(problem, start, tolerance);
     let touches = |q: &Unknowns| worst_m(problem, q) <= STUCK_M.max(tolerance);
+    let mut held = q;
     for share in RELAX {
         if !problem.articulated() || touches(&q) {
             break;
         }
-        let (held, looks) = hold_and_look(problem, q, share, tolerance);
+        // Where one stand ends and the next begins a hair away, the descent stays where the first was and looks creep on to the second.
+        let looks;
+        (held, looks) = hold_and_look(problem, held, share, tolerance);
         steps += looks;
         q = better(problem, q, held);
         if !touches(&q) {
