@@ -44,8 +44,8 @@ pub(super) struct SearchArgs {
     /// the first network is trained.
     #[arg(long, conflicts_with_all = ["widths", "layers"])]
     full: bool,
-    /// Widths of the grid, with commas: all combinations of them in each number of layers.
-    #[arg(long, value_delimiter = ',', value_name = "NEURONS", default_value = "2,4,8,16,24,32")]
+    /// Widths of the grid, with commas or blanks between: all combinations of them in each number of layers.
+    #[arg(long, value_delimiter = ',', num_args = 1.., value_name = "NEURONS", default_value = "2,4,8,16,24,32")]
     widths: Vec<usize>,
     /// Most hidden layers of the grid.
     #[arg(long, default_value_t = DEEPEST)]
@@ -53,10 +53,10 @@ pub(super) struct SearchArgs {
     /// Search a random share of these networks: --sample 0.01 of --full measures what all of it would take.
     #[arg(long, default_value_t = 1.0, value_name = "SHARE", value_parser = parse_share)]
     sample: f64,
-    /// Rows to learn, of whole scenes drawn from the train split.
+    /// Rows to learn, of at least a hundred scenes drawn from the train split.
     #[arg(long, default_value_t = 20_000)]
     rows: usize,
-    /// Rows to judge by, of whole scenes drawn from the validation split.
+    /// Rows to judge by, of at least a hundred scenes drawn from the validation split.
     #[arg(long, default_value_t = 10_000)]
     validation_rows: usize,
     /// Passes over the rows in the last rung, at most.

@@ -64,6 +64,16 @@ impl Rows {
         self.corpora.truncate(count);
     }
 
+    /// Of the rows from `first` on, keeps those with these numbers, counted from it and ascending.
+    pub(crate) fn keep_of_last(&mut self, first: usize, kept: &[u32]) {
+        for (to, from) in (first..).zip(kept.iter().map(|&row| first + row as usize)) {
+            self.features.copy_within(from * self.width..(from + 1) * self.width, to * self.width);
+            self.labels[to] = self.labels[from];
+            self.corpora[to] = self.corpora[from];
+        }
+        self.truncate(first + kept.len());
+    }
+
     /// Bytes that the rows take.
     pub(crate) fn bytes(&self) -> usize {
         4 * self.features.len() + self.labels.len() + 2 * self.corpora.len()

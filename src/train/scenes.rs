@@ -1,13 +1,17 @@
-//! A split -> so many of its rows, of whole scenes drawn at random.
+//! A split -> so many of its rows, of many scenes drawn at random.
 //!
-//! Cells of one scene resemble each other, so a fair sample of a corpus is one of scenes. They are taken in a random order that is a
-//! pure function of (seed, split), until there are enough rows; the last one is cut there.
+//! Cells of one scene resemble each other, so a fair sample of a corpus is one of scenes, and the more of them the better: at least a
+//! hundred give rows, where there are so many. Scenes are taken in a random order that is a pure function of (seed, split), of each no
+//! more rows than its share, drawn at random too, until there are enough; the last scene's are cut there.
 
 use super::order::permutation;
 use super::rows::Rows;
 use super::{Sources, TrainError};
 use crate::corpus::Split;
 use crate::random::{Purpose, Stage, Streams};
+
+/// At least so many scenes give rows, where the split has them.
+const LEAST_SCENES: usize = 100;
 
 /// Rows that were drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,18 +24,48 @@ pub(crate) struct Sample {
 
 /// Draws `count` rows, or all where there are fewer.
 pub(crate) fn draw(sources: &Sources, split: Split, count: usize, seed: u64) -> Result<Sample, TrainError> {
+    let there = sources.scenes(split).len();
+    let mut most = count.div_ceil(there.clamp(1, LEAST_SCENES));
+    loop {
+        let (sample, is_thinned) = draw_thinned(sources, split, count, most, seed)?;
+        if sample.rows.len() == count || !is_thinned {
+            return Ok(sample);
+        }
+        // Scenes of few rows left others to give more.
+        most *= 2;
+    }
+}
+
+/// The same with at most so many rows of a scene; whether any scene had more.
+fn draw_thinned(
+    sources: &Sources,
+    split: Split,
+    count: usize,
+    most: usize,
+    seed: u64,
+) -> Result<(Sample, bool), TrainError> {
     let scenes = sources.scenes(split);
-    let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: split as u32 };
-    let order = permutation(scenes.len(), &mut streams.open(Purpose::TrainScenes).generator_at(0));
+    let stream =
+        Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: split as u32 }.open(Purpose::TrainScenes);
+    let order = permutation(scenes.len(), &mut stream.generator_at(0));
     let mut sample = Sample { rows: Rows::new(sources.features.len()), scenes: 0, scenes_there: scenes.len() as u64 };
+    let mut is_thinned = false;
     for scene in order {
         if sample.rows.len() >= count {
             break;
         }
         let before = sample.rows.len();
         sources.read_scene(split, scenes[scene as usize], &mut sample.rows)?;
-        sample.scenes += u64::from(sample.rows.len() > before);
+        let found = sample.rows.len() - before;
+        if found > most {
+            is_thinned = true;
+            let mut drawn = permutation(found, &mut stream.generator_at(1 + u64::from(scene)));
+            drawn.truncate(most);
+            drawn.sort_unstable();
+            sample.rows.keep_of_last(before, &drawn);
+        }
+        sample.scenes += u64::from(found > 0);
     }
     sample.rows.truncate(count);
-    Ok(sample)
+    Ok((sample, is_thinned))
 }

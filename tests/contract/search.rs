@@ -15,11 +15,13 @@ fn with_corpus() -> Yard {
 }
 
 /// 12 networks on a few hundred rows.
-const QUICK: [&str; 15] = [
+const QUICK: [&str; 17] = [
     "search",
     "corpus",
     "--widths",
-    "2,3,6",
+    "2",
+    "3",
+    "6",
     "--layers",
     "2",
     "--rows",
