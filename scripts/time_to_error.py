@@ -110,7 +110,7 @@ def marsyard(rows):
     def learn(task, budget_s, seed, _):
         # Enough epochs for the budget on any machine of today; what is learnt after it is not counted.
         per_s, found = 120_000 if rows == "every" else 600_000, {}
-        settings = {"seed": seed, "patience": 1_000_000, "filter.ekf.rows": rows, "validate_every": LOOK_ROWS}
+        settings = {"seed": seed, "patience": 100_000, "filter.ekf.rows": rows, "validate_every": LOOK_ROWS}
         # The same training twice, by which rows it is looked at: looks change nothing that is learnt.
         for split, looked in task.looked.items():
             sized = settings | {"epochs": int(np.ceil(per_s * budget_s / len(task.labels)))}
@@ -370,7 +370,7 @@ def main():
     about = {"command": "python scripts/time_to_error.py", "marsyard": runner.version(), "corpora": {}}
     for name in corpora:
         config = study.ROOT / "configs" / f"{name}.yaml"
-        sizes = [f"scenes={options.scenes}", "scenes_per_shard=10"] if options.scenes else []
+        sizes = [f"scenes={options.scenes}", f"scenes_per_shard={max(1, options.scenes // 20)}"] if options.scenes else []
         place = runner.work / "corpora" / name
         if not (place / "manifest.json").exists():
             study.note(f"generate {name}")
