@@ -19,20 +19,23 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let dir = PathBuf::from(dir);
     fs::create_dir_all(&dir)?;
     let sets = ["slam=truth", "sweep.effects={}", "drive.contact=gauss_newton"].map(String::from);
-    let plan = config::load(&PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml"), &sets)?;
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml");
+    let plan = config::load(&path, &sets)?;
+    // What the peer has to add, of the config as it is.
+    let noise = json!(config::load(&path, &[])?.family_of(0).sweep.effects.range_noise);
     let prepared = Prepared::new(plan)?;
     let directions = prepared.pattern(0).directions.iter().flat_map(|d| d.to_array());
     fs::write(dir.join("directions.f64"), directions.flat_map(f64::to_le_bytes).collect::<Vec<u8>>())?;
     let mut scratch = Scratch::default();
     for scene in 0..scenes.parse()? {
         let Ok(replay) = replay_scene(&prepared, scene, &mut scratch, &mut Unobserved) else { continue };
-        fs::write(dir.join(format!("{scene}.json")), described(&prepared, &replay).to_string())?;
+        fs::write(dir.join(format!("{scene}.json")), described(&prepared, &replay, &noise).to_string())?;
         println!("{scene}");
     }
     Ok(())
 }
 
-fn described(prepared: &Prepared, replay: &Replay) -> Value {
+fn described(prepared: &Prepared, replay: &Replay, noise: &Value) -> Value {
     let family = prepared.plan.family_of(0);
     let Ground::Polynomial(ground) = &replay.scene.ground else { unreachable!("the paper's grounds are polynomials") };
     let rocks = replay.scene.obstacles.iter().filter_map(|obstacle| match &obstacle.body().shape {
@@ -58,7 +61,7 @@ fn described(prepared: &Prepared, replay: &Replay) -> Value {
         "cell_m": family.cells.size_m,
         "max_range_m": family.cells.max_range_m,
         "sensor_range_m": [family.sweep.sensor.min_range_m, family.sweep.sensor.max_range_m],
-        "range_sigma": [family.sweep.sensor.range_sigma_m, family.sweep.sensor.range_sigma_per_m],
+        "range_noise": noise,
         "cells": cells.rows.iter().map(|row| (row.index.row, row.index.col, row.label.map(Label::number), row.points)).collect::<Vec<_>>(),
         "features": cells.features.chunks(width).map(|row| &row[..14]).collect::<Vec<_>>(),
     })

@@ -96,7 +96,8 @@ def cells(yard, mesh, directions, random):
     range_m, turned = range_m[hit], turned[hit]
     on_rock = answer["geometry_ids"].numpy()[hit] == 1
     if random is not None:
-        range_m = range_m + random.standard_normal(len(hit)) * (yard.range_sigma[0] + yard.range_sigma[1] * range_m)
+        sigma_m = np.maximum(yard.range_noise["sigma_m"] + yard.range_noise["sigma_per_m"] * range_m, yard.range_noise["min_sigma_m"])
+        range_m = range_m + random.standard_normal(len(hit)) * sigma_m
         good = (range_m >= near_m) & (range_m <= far_m)
         range_m, turned, on_rock = range_m[good], turned[good], on_rock[good]
     offset = turned * range_m[:, None]

@@ -12,6 +12,7 @@ use super::*;
 use crate::geometry::{DVec2, DVec3, Pose, Transform};
 use crate::math;
 use crate::random::{Drawn, Purpose, Stage, Stream, Streams};
+use crate::scene::params::HeightLaw;
 use crate::scene::params::SceneParams;
 use crate::scene::{Body, Class, Cylinder, Ground, Obstacle, Patch, Raster, Scene, Shape, Volume};
 use crate::slam::Estimate;
@@ -44,6 +45,7 @@ fn yard(slope: f64) -> Scene {
         centre_m: DVec2::ZERO,
         radius_m: 1.0,
         sigma_m: 0.1,
+        height_law: HeightLaw::HalfNormal,
         untraversable,
     };
     Scene {

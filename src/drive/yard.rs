@@ -206,6 +206,7 @@ mod tests {
     use super::*;
     use crate::geometry::DVec3;
     use crate::random::Purpose;
+    use crate::scene::params::HeightLaw;
     use crate::scene::{Class, Convex, Patch, Volume};
 
     #[test]
@@ -247,6 +248,7 @@ mod tests {
             centre_m: DVec2::new(x, 9.5),
             radius_m: 0.3,
             sigma_m: 0.1,
+            height_law: HeightLaw::HalfNormal,
             untraversable: class == Class::Bush,
         };
         scene.patches = vec![patch(1.0, Class::Bush), patch(3.0, Class::Grass)];

@@ -8,6 +8,7 @@ use crate::drive::rover::{Chassis, Mount, RockerBogieChassis};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::random::{Purpose, Stage, Streams};
+use crate::scene::params::HeightLaw;
 use crate::scene::{Class, Convex, Cylinder, Ground, Patch, Polynomial, Shape, Volume};
 use crate::slam::Estimate;
 use crate::sweep::params::Cast;
@@ -87,6 +88,7 @@ fn yard() -> Scene {
         centre_m: DVec2::new(10.5, 6.5),
         radius_m: 1.1,
         sigma_m: 0.05,
+        height_law: HeightLaw::HalfNormal,
         untraversable: false,
     });
     scene

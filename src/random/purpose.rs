@@ -148,6 +148,7 @@ purposes! {
     SweepTiltSigma = 515, "sweep.effects.tilt_jitter_deg";
     SweepIntensityGround = 516, "sweep.effects.intensity.ground_reflectance";
     SweepIntensitySigma = 517, "sweep.effects.intensity.noise";
+    SweepRangeSigmaLeast = 518, "sweep.effects.range_noise.min_sigma_m";
     /// Index: object id; the same draw for dropout and intensity, so that a dark rock is dark to both.
     SweepObjectReflectance = 600, "sweep.object_reflectance";
     /// Index: slot.

@@ -1,5 +1,6 @@
 //! A scene -> the bits that its stage hash covers, in a fixed order.
 
+use super::params::HeightLaw;
 use super::{Convex, Ground, Obstacle, Patch, Scene, Shape, Volume};
 use crate::geometry::DVec3;
 
@@ -67,6 +68,10 @@ impl Patch {
     fn hash_into(&self, hasher: &mut blake3::Hasher) {
         whole(hasher, &[self.id.into(), self.class as i64, self.untraversable.into()]);
         numbers(hasher, &[self.centre_m.x, self.centre_m.y, self.radius_m, self.sigma_m]);
+        // Hashed where it is not the law that patches had before there was another.
+        if self.height_law != HeightLaw::HalfNormal {
+            whole(hasher, &[self.height_law as i64]);
+        }
     }
 }
 

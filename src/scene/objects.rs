@@ -6,6 +6,7 @@
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
+use super::params::HeightLaw;
 use super::rocks::LazyRocks;
 use super::{Convex, Scene};
 use crate::geometry::{DVec2, DVec3};
@@ -130,8 +131,9 @@ pub struct Patch {
     pub class: Class,
     pub centre_m: DVec2,
     pub radius_m: f64,
-    /// Standard deviation of the added height.
+    /// Scale of the added height, by its law.
     pub sigma_m: f64,
+    pub height_law: HeightLaw,
     pub untraversable: bool,
 }
 

@@ -436,10 +436,32 @@ pub struct PatchParams {
     /// Radius of a patch, metres; drawn per patch.
     #[garde(custom(within(0.05, 1e3)))]
     pub radius_m: Dist,
-    /// Scale of the added height, metres; drawn per patch. Each return stands |N(0, sigma_m)| above the ground: a half-normal height,
-    /// never below the ground, of mean 0.80 sigma_m and standard deviation 0.60 sigma_m.
+    /// Scale of the added height, metres; drawn per patch. What it is the standard deviation of, `height_law` says.
     #[garde(custom(within(0.0, 2.0)))]
     pub sigma_m: Dist,
+    /// The law of the heights that returns get, cut off where a return would leave its patch. `half_normal`, the default: |N(0, sigma_m)|,
+    /// never below the ground, of mean 0.80 sigma_m and standard deviation 0.60 sigma_m. `normal`, the paper's: N(0, sigma_m), of mean 0 and
+    /// variance sigma_m^2, half of it below the ground.
+    #[garde(skip)]
+    #[serde(default, skip_serializing_if = "HeightLaw::is_half_normal")]
+    pub height_law: HeightLaw,
+}
+
+/// How high above the ground the returns of a patch stand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HeightLaw {
+    /// |N(0, sigma_m)|: blades on ground that light does not enter.
+    #[default]
+    HalfNormal,
+    /// N(0, sigma_m), as the paper adds variance to measurements.
+    Normal,
+}
+
+impl HeightLaw {
+    fn is_half_normal(&self) -> bool {
+        *self == HeightLaw::HalfNormal
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]

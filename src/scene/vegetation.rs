@@ -65,6 +65,7 @@ fn grow_patches(
             centre_m: super::place_in_yard(&places, index, scene.extent_m),
             radius_m: params.radius_m.at(&radii, index),
             sigma_m: params.sigma_m.at(&sigmas, index),
+            height_law: params.height_law,
             untraversable: class == Class::Bush,
         });
     }

@@ -56,6 +56,7 @@ impl SweepParams {
         if let Some(noise) = &effects.range_noise {
             add(Purpose::SweepRangeSigma, noise.sigma_m.as_ref());
             add(Purpose::SweepRangeSigmaPerM, noise.sigma_per_m.as_ref());
+            add(Purpose::SweepRangeSigmaLeast, noise.min_sigma_m.as_ref());
         }
         add(Purpose::SweepBiasSigma, effects.range_bias_m.as_ref());
         if let Some(dropout) = &effects.dropout {
@@ -181,7 +182,7 @@ pub struct Effects {
     pub intensity: Option<Intensity>,
 }
 
-/// sigma = absolute + relative * range, plus what an oblique footprint adds.
+/// sigma = absolute + relative * range, plus what an oblique footprint adds; no less than a floor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields, default)]
 pub struct RangeNoise {
@@ -193,6 +194,11 @@ pub struct RangeNoise {
     #[garde(custom(within(0.0, 0.2)))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sigma_per_m: Option<Dist>,
+    /// The standard deviation is never below this, metres; absent = no floor. With `sigma_m: 0` it makes the form of datasheets, so many
+    /// millimetres near by and a share of the range beyond: `{sigma_m: 0, sigma_per_m: 0.01, min_sigma_m: 0.01}`.
+    #[garde(custom(within(0.0, 1.0)))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_sigma_m: Option<Dist>,
     /// Add range * divergence * tan(incidence) / 4, incidence capped at 82 degrees.
     #[garde(skip)]
     pub incidence: bool,

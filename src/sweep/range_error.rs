@@ -21,6 +21,7 @@ pub(super) struct RangeError {
     sigma_per_m: f64,
     /// divergence / 4 where incidence counts.
     sigma_per_m_tan: f64,
+    min_sigma_m: f64,
     bias_m: f64,
     step_m: Option<f64>,
     min_m: f64,
@@ -35,6 +36,7 @@ impl RangeError {
             sigma_m: 0.0,
             sigma_per_m: 0.0,
             sigma_per_m_tan: 0.0,
+            min_sigma_m: 0.0,
             bias_m: bias_sigma_m.map_or(0.0, |sigma_m| sigma_m * streams.open(Purpose::SweepBias).normal(0)),
             step_m: effects.quantisation.as_ref().map(|q| q.step_m.unwrap_or(sensor.range_step_m)),
             min_m: gates.map_or(0.0, |g| g.min_m.unwrap_or(sensor.min_range_m)),
@@ -43,6 +45,7 @@ impl RangeError {
         if let Some(RangeNoise { incidence, .. }) = &effects.range_noise {
             error.sigma_m = drawn.get(Purpose::SweepRangeSigma).unwrap_or(sensor.range_sigma_m);
             error.sigma_per_m = drawn.get(Purpose::SweepRangeSigmaPerM).unwrap_or(sensor.range_sigma_per_m);
+            error.min_sigma_m = drawn.get(Purpose::SweepRangeSigmaLeast).unwrap_or(0.0);
             error.sigma_per_m_tan = if *incidence { 0.25e-3 * sensor.divergence_mrad } else { 0.0 };
         }
         error
@@ -64,7 +67,7 @@ impl RangeError {
     fn sigma_m(&self, range_m: f64, cos_incidence: f64) -> f64 {
         let c = cos_incidence;
         let tan = if c > STEEPEST_COS { ((1.0 - c) * (1.0 + c)).max(0.0).sqrt() / c } else { STEEPEST_TAN };
-        self.sigma_m + range_m * (self.sigma_per_m + self.sigma_per_m_tan * tan)
+        (self.sigma_m + range_m * (self.sigma_per_m + self.sigma_per_m_tan * tan)).max(self.min_sigma_m)
     }
 
     /// The reported range: NaN where the gates shut it out. `noise_m` is a draw of what `sigma_m` tells.
@@ -177,7 +180,12 @@ mod tests {
     fn exact_sigma_is_absolute_plus_relative_plus_the_oblique_footprint() {
         let sensors_own = error(&Effects { range_noise: Some(RangeNoise::default()), ..Effects::default() });
         assert!((sensors_own.sigma_m(4.0, 0.5) - (0.010 + 0.005 * 4.0)).abs() < 1e-16);
-        let noise = RangeNoise { sigma_m: Some(Dist::Constant(0.0)), sigma_per_m: Some(0.001.into()), incidence: true };
+        let noise = RangeNoise {
+            sigma_m: Some(Dist::Constant(0.0)),
+            sigma_per_m: Some(0.001.into()),
+            incidence: true,
+            ..RangeNoise::default()
+        };
         let oblique = error(&Effects { range_noise: Some(noise), ..Effects::default() });
         // R beta tan(alpha) / 4 at 60 degrees; capped at 82.
         let at = |alpha_deg: f64| oblique.sigma_m(2.0, math::cos(alpha_deg.to_radians()));
@@ -188,6 +196,27 @@ mod tests {
             assert!((at(alpha_deg) - capped).abs() < 1e-14, "{alpha_deg}");
         }
         assert!(oblique.sigma_m(2.0, 0.0).is_finite());
+    }
+
+    #[test]
+    fn exact_sigma_with_a_floor_is_flat_near_by_and_a_share_of_the_range_beyond() {
+        let noise = RangeNoise {
+            sigma_m: Some(Dist::Constant(0.0)),
+            sigma_per_m: Some(0.01.into()),
+            min_sigma_m: Some(0.01.into()),
+            incidence: false,
+        };
+        let datasheet = error(&Effects { range_noise: Some(noise), ..Effects::default() });
+        for (range_m, sigma_m) in [(0.06, 0.01), (0.5, 0.01), (1.0, 0.01), (1.5, 0.015), (4.0, 0.04)] {
+            assert!((datasheet.sigma_m(range_m, 1.0) - sigma_m).abs() < 1e-16, "{range_m}");
+        }
+        // A floor below all that the sensor has changes no bit.
+        let own = error(&Effects { range_noise: Some(RangeNoise::default()), ..Effects::default() });
+        let floored = RangeNoise { min_sigma_m: Some(0.001.into()), ..RangeNoise::default() };
+        let floored = error(&Effects { range_noise: Some(floored), ..Effects::default() });
+        for range_m in [0.06, 0.3, 2.7, 5.6] {
+            assert_eq!(own.sigma_m(range_m, 0.4).to_bits(), floored.sigma_m(range_m, 0.4).to_bits());
+        }
     }
 
     #[test]

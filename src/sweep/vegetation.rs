@@ -2,11 +2,11 @@
 //!
 //! In: solid first hits, patches and porous volumes, one stream each. Out: the same returns, moved.
 //!
-//! Patches: a return from the ground of a patch comes off a blade whose height above the ground is |N(0, sigma)|, and so
-//! moves toward the sensor until it has that height (to first order in the ground's slope), no farther than the near edge of
-//! the patch. Source: Hewitt et al. 2017, "added variance on measurements from designated areas". Deviation: the paper's
-//! two-sided N(0, sigma) would put half of the returns below ground that light cannot enter; one-sided, sigma is the root mean
-//! square height above the ground. Not modelled: blades that stop a ray on its way to something beyond the patch.
+//! Patches: a return from the ground of a patch gets a height above the ground, and so moves along its ray until it has that height
+//! (to first order in the ground's slope), no farther than the edge of the patch. Source: Hewitt et al. 2017, "added variance on
+//! measurements from designated areas": N(0, sigma), `height_law: normal`, which puts half of the returns below the ground. Deviation, and
+//! the default: |N(0, sigma)|, blades on ground that light does not enter; sigma is then the root mean square height above the ground.
+//! Not modelled: blades that stop a ray on its way to something beyond the patch; what stands where a return below the ground comes to lie.
 //!
 //! Volumes: a ray travels an exponential optical depth (Macedo et al. 2000: free path ~ Exp(extinction)) and returns where it
 //! is used up, if that lies before the solid hit. One draw a ray serves all volumes it crosses; where volumes overlap their
@@ -20,6 +20,7 @@ use super::cast::{Caster, Hit};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::random::Stream;
+use crate::scene::params::HeightLaw;
 use crate::scene::{Patch, Scene, Volume};
 
 /// Rays are looked at in blocks of this many, so that most are dismissed without a test of their own.
@@ -128,18 +129,20 @@ impl Vegetation {
             };
             let direction = rays.directions[i];
             let normal = caster.normal_at(Hit::GROUND, rays.origin_m + direction * ret.range_m);
-            let height_m = (patch.sigma_m * draws[i]).abs();
+            let added_m = patch.sigma_m * draws[i];
+            let height_m = if patch.height_law == HeightLaw::HalfNormal { added_m.abs() } else { added_m };
             // Height above the tangent plane changes by |d . n| / n_z per metre along the ray.
             let back_m = height_m * normal.z / normal.dot(direction).abs();
-            let edge_m = entry_of_disc(patch, rays.origin_m.truncate(), direction.truncate());
+            let [near_edge_m, far_edge_m] = ends_in_disc(patch, rays.origin_m.truncate(), direction.truncate());
             // A height of zero leaves the range as it was, also where the ray lies in the tangent plane (0 / 0).
-            let range_m = if height_m > 0.0 { (ret.range_m - back_m).max(edge_m) } else { ret.range_m };
-            *ret = TrueReturn {
-                range_m: range_m.min(ret.range_m),
-                object: patch.id,
-                class: Some(patch.class),
-                top: false,
+            let range_m = if height_m > 0.0 {
+                (ret.range_m - back_m).max(near_edge_m).min(ret.range_m)
+            } else if height_m < 0.0 {
+                (ret.range_m - back_m).min(far_edge_m).max(ret.range_m)
+            } else {
+                ret.range_m
             };
+            *ret = TrueReturn { range_m, object: patch.id, class: Some(patch.class), top: false };
         }
     }
 
@@ -203,17 +206,20 @@ impl Vegetation {
     }
 }
 
-/// Range at which the ray comes over the patch; 0 where the sensor stands in it.
-fn entry_of_disc(patch: &Patch, origin_m: DVec2, direction: DVec2) -> f64 {
+/// Ranges at which the ray comes over the patch, 0 where the sensor stands in it, and leaves it, endless where it goes straight down.
+fn ends_in_disc(patch: &Patch, origin_m: DVec2, direction: DVec2) -> [f64; 2] {
     let from_centre = origin_m - patch.centre_m;
     let a = direction.length_squared();
     let b = from_centre.dot(direction);
     let c = from_centre.length_squared() - patch.radius_m * patch.radius_m;
-    if c <= 0.0 || a == 0.0 {
-        return 0.0;
+    if a == 0.0 {
+        return [0.0, f64::INFINITY];
     }
-    // The smaller root in the form that does not cancel; the ray is known to reach the disc.
-    (c / (-b + (b * b - a * c).max(0.0).sqrt())).max(0.0)
+    // The roots in the forms that do not cancel; the ray is known to reach the disc.
+    let half_chord = (b * b - a * c).max(0.0).sqrt();
+    let near_m = if c <= 0.0 { 0.0 } else { (c / (half_chord - b)).max(0.0) };
+    let far_m = if b > 0.0 { -c / (half_chord + b) } else { (half_chord - b) / a };
+    [near_m, far_m]
 }
 
 /// Ranges at which a ray enters and leaves an ellipsoid, from the origin on.
@@ -400,6 +406,7 @@ mod tests {
             centre_m,
             radius_m: 1.5,
             sigma_m: 0.1,
+            height_law: HeightLaw::HalfNormal,
             untraversable: false,
         });
         // The foot lies 2.5 m ahead, 2 m inside the patch: no height within reach of 7 sigma meets its edge.
@@ -419,6 +426,56 @@ mod tests {
     }
 
     #[test]
+    fn dist_grass_of_the_paper_scatters_about_the_ground_with_normal_heights() {
+        let mut scene = flat_yard();
+        let centre_m = DVec2::new(12.0, 10.0);
+        scene.patches.push(Patch {
+            id: 0,
+            class: Class::Grass,
+            centre_m,
+            radius_m: 1.5,
+            sigma_m: 0.05,
+            height_law: HeightLaw::Normal,
+            untraversable: false,
+        });
+        // The foot lies 2.5 m ahead, a metre from the far edge: 0.4 m of height, 8 sigma, keep clear of it.
+        let ray = DVec3::new(2.5, 0.0, -1.0).normalize();
+        let solid = TrueReturn {
+            range_m: (2.5f64 * 2.5 + 1.0).sqrt(),
+            object: Hit::GROUND,
+            class: Some(Class::Ground),
+            top: false,
+        };
+        let n = 20_000.0;
+        for seed in 0..5 {
+            let returns = scattered(&scene, &vec![ray; 20_000], solid, seed);
+            let shares: Vec<f64> = returns.iter().map(|r| (EYE.z + r.range_m * ray.z) / 0.05).collect();
+            let power = |share: &f64, k: usize| std::iter::repeat_n(*share, k).product::<f64>();
+            let moment = |k: usize| shares.iter().map(|share| power(share, k)).sum::<f64>() / n;
+            // Five standard errors of each moment of a standard normal: its variance is E x^2k less the square of E x^k.
+            for (k, expected, variance) in [(1, 0.0, 1.0), (2, 1.0, 2.0), (3, 0.0, 15.0), (4, 3.0, 96.0)] {
+                let bound = 5.0 * f64::sqrt(variance / n);
+                assert!((moment(k) - expected).abs() < bound, "seed {seed}, moment {k}: {}", moment(k));
+            }
+            let distance = ks_distance(shares, |share| 0.5 + 0.5 * libm::erf(share / 2.0f64.sqrt()));
+            assert!(distance < 1.95 / n.sqrt(), "{distance}");
+        }
+        // The same draws as above the ground: only the sign is new.
+        let about = scattered(&scene, &vec![ray; 64], solid, 6);
+        scene.patches[0].height_law = HeightLaw::HalfNormal;
+        for (about, above) in about.iter().zip(scattered(&scene, &vec![ray; 64], solid, 6)) {
+            let [about_m, above_m] = [about.range_m, above.range_m].map(|range_m| solid.range_m - range_m);
+            assert!((about_m.abs() - above_m).abs() < 1e-12 && above_m >= 0.0, "{about_m} {above_m}");
+        }
+        // Heights of metres: every return stays between the edges of its patch, which a ray along x crosses at 0.5 and 3.5 m.
+        scene.patches[0] = Patch { sigma_m: 50.0, height_law: HeightLaw::Normal, ..scene.patches[0] };
+        let wild = scattered(&scene, &vec![ray; 64], solid, 2);
+        let feet_m: Vec<f64> = wild.iter().map(|r| r.range_m * ray.x).collect();
+        assert!(feet_m.iter().all(|foot_m| (0.5 - 1e-9..=3.5 + 1e-9).contains(foot_m)), "{feet_m:?}");
+        assert!([0.5, 3.5].iter().all(|end_m| feet_m.iter().any(|foot_m| (foot_m - end_m).abs() < 1e-9)));
+    }
+
+    #[test]
     fn law_grass_takes_each_return_of_a_fan_and_none_beside_the_patch() {
         let mut scene = flat_yard();
         let centre_m = DVec2::new(12.5, 10.0);
@@ -428,6 +485,7 @@ mod tests {
             centre_m,
             radius_m: 1.0,
             sigma_m: 0.1,
+            height_law: HeightLaw::HalfNormal,
             untraversable: false,
         });
         // Feet all round the sensor, 2.5 m away: those within a metre of the point straight ahead are in the grass.
@@ -451,11 +509,13 @@ mod tests {
             centre_m: DVec2::new(14.0, 10.0),
             radius_m: 1.0,
             sigma_m,
+            height_law: HeightLaw::HalfNormal,
             untraversable: false,
         };
-        assert!((entry_of_disc(&patch(1.0), EYE.truncate(), DVec2::X) - 3.0).abs() < 1e-15);
-        assert_eq!(entry_of_disc(&patch(1.0), DVec2::new(14.5, 10.0), DVec2::X), 0.0);
-        assert_eq!(entry_of_disc(&patch(1.0), DVec2::new(14.5, 10.0), DVec2::ZERO), 0.0);
+        let ends = |x_m, direction| ends_in_disc(&patch(1.0), DVec2::new(x_m, 10.0), direction);
+        assert!(ends(10.0, DVec2::X).into_iter().zip([3.0, 5.0]).all(|(end_m, at_m)| (end_m - at_m).abs() < 1e-14));
+        assert_eq!([14.5, 13.5].map(|x_m| ends(x_m, DVec2::X)), [[0.0, 0.5], [0.0, 1.5]]);
+        assert_eq!(ends(14.5, DVec2::ZERO), [0.0, f64::INFINITY]);
         let ray = DVec3::new(4.5, 0.0, -1.0).normalize();
         let range_m = (4.5f64 * 4.5 + 1.0).sqrt();
         let solid = TrueReturn { range_m, object: Hit::GROUND, class: Some(Class::Ground), top: false };

@@ -3,12 +3,16 @@
 //! Each test turns draws into numbers that are uniform in (0, 1) if the law holds, and asks Kolmogorov and Smirnov; the critical
 //! distance is 1.95 / sqrt(n) (0.1 %). Seeds are fixed, so a test either holds or does not.
 
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
+use marsyard::config;
 use marsyard::geometry::{DVec2, DVec3, Pose, Transform};
 use marsyard::math;
 use marsyard::preset::Preset;
 use marsyard::random::{Dist, Drawn, Law, Purpose, Stage, Streams};
+use marsyard::scene::params::HeightLaw;
 use marsyard::scene::{Class, Convex, Ground, Patch, Polynomial, Scene, Shape, Volume};
 use marsyard::sweep::params::{Cast, Dropout, Effects, Intensity, MixedPixels, RangeNoise};
 use marsyard::sweep::{Caster, Pattern, Scratch, Sensor, Status, Sweep, SweepParams, sweep};
@@ -40,13 +44,17 @@ fn eye(scene: &Scene) -> Transform {
 }
 
 fn run(scene: &Scene, sensor: &Sensor, effects: Effects, seed: u64, step: u32) -> Sweep {
+    run_at(scene, sensor, effects, seed, step, &eye(scene))
+}
+
+fn run_at(scene: &Scene, sensor: &Sensor, effects: Effects, seed: u64, step: u32, eye: &Transform) -> Sweep {
     let params = SweepParams { sensor: Preset::Inline(Box::new(sensor.clone())), effects, ..SweepParams::default() };
     let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Sweep, step: 0 };
     let drawn = Drawn::draw(&streams, params.dists());
     let pattern = Arc::new(Pattern::build(sensor).unwrap());
     let caster = Caster::new(scene, &Cast::Exact);
     let streams = streams.at_step(step);
-    sweep(&params, &pattern, &caster, &eye(scene), &drawn, &streams, &mut Scratch::default()).unwrap()
+    sweep(&params, &pattern, &caster, eye, &drawn, &streams, &mut Scratch::default()).unwrap()
 }
 
 /// Kolmogorov's and Smirnov's distance of a sample from the uniform law in (0, 1), in units of its critical value at 0.1 %.
@@ -85,11 +93,35 @@ fn dist_range_noise_is_normal_with_the_stated_sigma_for_every_sensor() {
 }
 
 #[test]
+fn dist_range_noise_of_paper_yaml_is_the_datasheets_accuracy() {
+    let sensor = shipped("urg-04lx");
+    let mut errors = Vec::new();
+    let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml");
+    for family in config::load(&paper, &[]).expect("a plan").families {
+        let noise = family.sweep.effects.range_noise.clone();
+        for seed in 1..4 {
+            let clean = run(&yard(), &sensor, Effects::default(), seed, 0);
+            let noisy = run(&yard(), &sensor, Effects { range_noise: noise.clone(), ..Effects::default() }, seed, 0);
+            let slots = (0..clean.returns.status.len()).filter(|&slot| clean.returns.range_m[slot] < 5.0);
+            errors.extend(slots.map(|slot| {
+                let range_m = clean.returns.range_m[slot];
+                // 10 mm below a metre, 1 % of the range beyond.
+                normal_law((noisy.returns.range_m[slot] - range_m) / if range_m < 1.0 { 0.01 } else { 0.01 * range_m })
+            }));
+        }
+    }
+    assert!(errors.len() > 50_000, "{}", errors.len());
+    let distance = ks(errors);
+    assert!(distance < 1.0, "{distance}");
+}
+
+#[test]
 fn dist_oblique_noise_grows_with_the_tangent_of_incidence_up_to_82_degrees() {
     let scene = yard();
     let sensor = shipped("lms111");
     let clean = run(&scene, &sensor, Effects::default(), 2, 0);
-    let noise = RangeNoise { sigma_m: Some(0.001.into()), sigma_per_m: Some(0.0.into()), incidence: true };
+    let (sigma_m, sigma_per_m) = (Some(0.001.into()), Some(0.0.into()));
+    let noise = RangeNoise { sigma_m, sigma_per_m, incidence: true, ..RangeNoise::default() };
     let noisy = run(&scene, &sensor, Effects { range_noise: Some(noise), ..Effects::default() }, 2, 0);
     let up = DVec3::new(-0.1, 0.05, 1.0).normalize();
     let eye = eye(&scene);
@@ -199,6 +231,7 @@ fn dist_grass_on_a_slope_stands_half_normal_above_the_slope() {
         centre_m: DVec2::new(11.2, 10.4),
         radius_m: 1.0,
         sigma_m: 0.03,
+        height_law: HeightLaw::HalfNormal,
         untraversable: false,
     };
     scene.patches.push(patch);
@@ -226,6 +259,42 @@ fn dist_grass_on_a_slope_stands_half_normal_above_the_slope() {
     }
     let distance = ks(heights);
     assert!(distance < 1.0, "{distance}");
+}
+
+#[test]
+fn dist_a_cell_of_grass_has_the_variance_that_its_law_says() {
+    let ground = Ground::Polynomial(Polynomial::plane(20.0, 0.0, DVec2::ZERO));
+    let sensor = shipped("urg-04lx");
+    let at = Pose { position_m: DVec3::new(10.0, 10.0, 0.9), pitch_rad: 0.5, ..Pose::default() }.transform();
+    // Variance over sigma^2: the paper's, and a half normal's 1 - 2 / pi.
+    for (height_law, expected) in [(HeightLaw::Normal, 1.0), (HeightLaw::HalfNormal, 0.3634)] {
+        let mut scene = Scene::bare(20.0, ground.clone());
+        let centre_m = DVec2::new(10.0, 10.0);
+        let (class, sigma_m) = (Class::Grass, 0.05);
+        scene.patches.push(Patch { id: 0, class, centre_m, radius_m: 6.0, sigma_m, height_law, untraversable: false });
+        let (mut squares_m2, mut freedom) = (0.0, 0.0);
+        for seed in 0..5 {
+            let swept = run_at(&scene, &sensor, Effects::default(), seed, 0, &at);
+            let mut cells: BTreeMap<[i64; 2], Vec<f64>> = BTreeMap::new();
+            for slot in 0..swept.returns.status.len() {
+                let point_m = at.point(swept.returns.pattern.directions[slot] * swept.returns.range_m[slot]);
+                // Nearer than 2 m a height moves a return by no more than its cell's neighbours.
+                if point_m.truncate().distance(centre_m) < 2.0 {
+                    let cell = (point_m.truncate() * 10.0).floor();
+                    cells.entry([cell.x as i64, cell.y as i64]).or_default().push(point_m.z);
+                }
+            }
+            for heights_m in cells.values() {
+                let n = heights_m.len() as f64;
+                let mean_m = heights_m.iter().sum::<f64>() / n;
+                squares_m2 += heights_m.iter().map(|height_m| (height_m - mean_m) * (height_m - mean_m)).sum::<f64>();
+                freedom += n - 1.0;
+            }
+        }
+        let share = squares_m2 / freedom / (sigma_m * sigma_m);
+        // Feet lie the denser the nearer they are, so that a cell's heights are a little skewed: 5 %.
+        assert!(freedom > 20_000.0 && (share / expected - 1.0).abs() < 0.05, "{height_law:?}: {share} of {freedom}");
+    }
 }
 
 #[test]

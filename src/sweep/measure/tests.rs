@@ -4,6 +4,7 @@ use super::*;
 use crate::geometry::{DVec2, Pose};
 use crate::preset::Preset;
 use crate::random::Dist;
+use crate::scene::params::HeightLaw;
 use crate::scene::{Class, Convex, Patch, Shape, Volume};
 use crate::sweep::Sensor;
 use crate::sweep::fixtures::{flat_yard, shipped, streams};
@@ -61,6 +62,7 @@ fn full_yard() -> Scene {
         centre_m: DVec2::new(11.5, 9.0),
         radius_m: 0.8,
         sigma_m: 0.05,
+        height_law: HeightLaw::HalfNormal,
         untraversable: false,
     });
     scene
@@ -118,7 +120,12 @@ fn equal_effects_of_size_zero_reproduce_the_clean_sweep() {
     let sensor = Sensor { divergence_mrad: 0.0, exit_diameter_m: 0.0, ..shipped("urg-04lx") };
     let zero = || Some(Dist::Constant(0.0));
     let nothing = Effects {
-        range_noise: Some(RangeNoise { sigma_m: zero(), sigma_per_m: zero(), incidence: true }),
+        range_noise: Some(RangeNoise {
+            sigma_m: zero(),
+            sigma_per_m: zero(),
+            incidence: true,
+            ..RangeNoise::default()
+        }),
         range_bias_m: zero(),
         gates: Some(Gates { min_m: Some(0.0), max_m: None }),
         dropout: Some(Dropout {
