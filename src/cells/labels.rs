@@ -3,7 +3,8 @@
 //! Source: Hewitt et al. 2017, "Methodology for training": a cell is untraversable when any of its points belongs to an obstacle (any, or as
 //! many as the config says).
 //! A point's object is its true one, its cell is where the *estimated* pose puts it: that label noise stays.
-//! The label follows from the truth columns alone: obstacle points, or the slope where a config limits it.
+//! The label follows from the truth columns alone: obstacle points, or the slope where a config limits it. Of several objects in a cell the
+//! truth names the one that made the label, and of those the tallest: a bush that can be crossed says nothing of the rock in it.
 
 use super::params::LabelParams;
 use super::rule::TallerThan;
@@ -64,7 +65,8 @@ pub fn obstacles(params: &LabelParams, wheel_diameter_m: f64, scene: &Scene) -> 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TruthSum {
     truth: CellTruth,
-    tallest_m: f64,
+    /// Of the object that the truth names so far: whether it makes the cell untraversable, and its height.
+    named: (bool, f64),
     steepest_squared: f64,
 }
 
@@ -83,7 +85,7 @@ impl TruthSum {
             drop_m: 0.0,
             pit_m: 0.0,
         },
-        tallest_m: f64::NEG_INFINITY,
+        named: (false, f64::NEG_INFINITY),
         steepest_squared: 0.0,
     };
 
@@ -96,11 +98,11 @@ impl TruthSum {
         };
         self.truth.obstacle_points += i32::from(verdict.untraversable);
         self.truth.top_points += i32::from(verdict.untraversable && top);
-        // Of two as tall, the first by id: the order of points does not matter.
-        if verdict.protrusion_m > self.tallest_m
-            || (verdict.protrusion_m == self.tallest_m && object < self.truth.object)
-        {
-            self.tallest_m = verdict.protrusion_m;
+        // What makes the label goes before what does not, then the taller; of two as tall, the first by id: the order of points does not
+        // matter.
+        let verdict_rank = (verdict.untraversable, verdict.protrusion_m);
+        if verdict_rank > self.named || (verdict_rank == self.named && object < self.truth.object) {
+            self.named = verdict_rank;
             self.truth.class = Some(verdict.class);
             self.truth.object = object;
             self.truth.protrusion_m = verdict.protrusion_m as f32;

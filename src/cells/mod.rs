@@ -189,7 +189,8 @@ pub struct CellTruth {
     pub obstacle_points: i32,
     /// Those of them that lie on a top.
     pub top_points: i32,
-    /// Class of the tallest object among the points; ground where they are of ground alone, `None` where nobody knows.
+    /// Class of the object that made the label, of several the tallest; where none did, of the tallest among the points; ground where they
+    /// are of ground alone, `None` where nobody knows.
     pub class: Option<Class>,
     /// Its id (the smallest of equals), -1 for ground alone.
     pub object: i32,

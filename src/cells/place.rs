@@ -44,12 +44,13 @@ impl<'s> PlaceTruth<'s> {
         let (ground_m, gradient) = self.scene.ground.height_and_gradient(x_m, y_m);
         let slope_rad = math::atan(gradient.length());
         let mut place = Place { class: Class::Ground, object: -1, protrusion_m: 0.0, obstacle: false, slope_rad };
-        let mut tallest_m = f64::NEG_INFINITY;
+        // As `labels` names a cell's object: what makes the label before what does not, then the taller, then the first.
+        let mut named = (false, f64::NEG_INFINITY);
         let mut add = |class, object, protrusion_m: f64, obstacle| {
             place.obstacle |= obstacle;
-            if protrusion_m > tallest_m {
-                (tallest_m, place.class, place.object, place.protrusion_m) =
-                    (protrusion_m, class, object, protrusion_m);
+            if (obstacle, protrusion_m) > named {
+                named = (obstacle, protrusion_m);
+                (place.class, place.object, place.protrusion_m) = (class, object, protrusion_m);
             }
         };
         let here = DVec2::new(x_m, y_m);
@@ -121,7 +122,8 @@ fn top_m(shape: &Shape, here: DVec2) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::cells::params::ObstacleRule;
-    use crate::scene::{Convex, Cylinder, Ground, Polynomial};
+    use crate::scene::params::HeightLaw;
+    use crate::scene::{Convex, Cylinder, Ground, Patch, Polynomial};
 
     fn truth(scene: &Scene) -> PlaceTruth<'_> {
         PlaceTruth::new(scene, ObstacleRule::TallerThanM(0.3).taller_than(0.0))
@@ -143,5 +145,27 @@ mod tests {
         assert_eq!(found(7.0, 7.11), Some((Class::Ground, -1, false)));
         assert_eq!(truth.of(-0.01, 5.0), None);
         assert!((truth.of(1.0, 1.0).unwrap().slope_rad - math::atan(0.1)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn exact_where_grass_and_brush_overlap_the_brush_is_named_and_a_low_step_in_it_is_not() {
+        let ground = Ground::Polynomial(Polynomial::plane(10.0, 0.0, DVec2::ZERO));
+        let step = Convex::cuboid(DVec3::new(5.0, 5.0, 0.05), DVec3::new(0.2, 0.2, 0.05), 0.0);
+        let mut scene = Scene::bare(10.0, ground).with_obstacle(Class::Box, Shape::Convex(step));
+        let patch = |id, class, x_m| Patch {
+            id,
+            class,
+            centre_m: DVec2::new(x_m, 5.0),
+            radius_m: 1.0,
+            sigma_m: 0.1,
+            height_law: HeightLaw::HalfNormal,
+            untraversable: class == Class::Bush,
+        };
+        scene.patches = vec![patch(1, Class::Grass, 5.0), patch(2, Class::Bush, 5.9)];
+        let truth = truth(&scene);
+        let found = |x_m| truth.of(x_m, 5.0).map(|place| (place.class, place.object, place.obstacle));
+        assert_eq!(found(5.5), Some((Class::Bush, 2, true)), "grass lies here too");
+        assert_eq!(found(5.1), Some((Class::Bush, 2, true)), "and a step that the rover climbs");
+        assert_eq!(found(4.9 - 0.05), Some((Class::Box, 0, false)), "outside the brush");
     }
 }

@@ -6,9 +6,10 @@
 //!
 //! What the stored truth answers of another rule: solid objects (rocks, boxes, trunks) exactly, up to the rounding of
 //! `truth_protrusion_m` to f32; the column holds the tallest object among the points, and a cell is untraversable when any of its points
-//! belongs to one that is too tall. Not exactly: where a porous object (grass, bush, crown) is the tallest, the cell is an obstacle as the
-//! corpus counted it, so that a rock beneath it counts by the corpus's rule. Not at all: how many points another rule's obstacles have, which
-//! is why `min_obstacle_points` goes with `obstacle: as_built` only ([`LabelRule::check_answerable`]).
+//! belongs to one that is too tall. Not exactly: where plants (grass, bush, crown) stand among them, the column holds what made the corpus's
+//! label, and else the tallest; a plant that it names is an obstacle as the corpus counted it, and hides a rock from other rules. Not at
+//! all: how many points another rule's obstacles have, which is why `min_obstacle_points` goes with `obstacle: as_built` only
+//! ([`LabelRule::check_answerable`]).
 
 use garde::Validate;
 use schemars::JsonSchema;

@@ -266,9 +266,9 @@ fn equal_cells_of_a_window_agree_with_a_plain_recomputation() {
             assert_eq!(row.truth.obstacle_points as usize, bad.len());
             assert_eq!(row.truth.top_points as usize, bad.iter().filter(|p| p.4).count());
             assert_eq!(row.label, Some(Label::untraversable_if(!bad.is_empty())));
-            // Tallest first: bushes (1.0 m), rock 1, rock 0, patches.
-            let tallest = [2, 3, 1, 0, 4, 5].into_iter().find(|id| m.iter().any(|p| p.3 == *id));
-            assert_eq!(row.truth.object, tallest.unwrap_or(-1));
+            // What makes the label first: bush 3 (1.0 m), rock 1, patch 5; then bush 2 (1.0 m), rock 0, patch 4.
+            let named = [3, 1, 5, 2, 0, 4].into_iter().find(|id| m.iter().any(|p| p.3 == *id));
+            assert_eq!(row.truth.object, named.unwrap_or(-1));
         }
     }
 }
@@ -338,6 +338,25 @@ fn extreme_slots_without_a_number_or_off_the_grid_are_counted_by_cause() {
     // No sweep, no cells.
     let none = bin(&CellParams::default(), &[], 0.1, 5.0, &yard(0.0), &mut Scratch::default());
     assert!(none.rows.is_empty());
+}
+
+#[test]
+fn exact_a_cell_of_several_things_names_the_one_that_made_its_label() {
+    // Pairs of points in one cell each: grass under brush, a low stone in brush, a rock in a bush that can be crossed, brush at a rock's foot;
+    // and two things that both let the rover pass: the taller is named.
+    let pairs = [([4, 5], 5), ([0, 5], 5), ([1, 2], 1), ([1, 5], 1), ([0, 2], 2), ([4, 0], 0)];
+    let params = CellParams { size_m: 1.0, ..CellParams::default() };
+    for (objects, named) in pairs {
+        for objects in [objects, [objects[1], objects[0]]] {
+            let points = objects.map(|id| (DVec3::new(0.5, 0.5, 0.1), id));
+            let truth = bin_one(&params, &points, Pose::default(), &yard(0.0)).rows[0].truth;
+            assert_eq!(truth.object, named, "{objects:?}");
+            let class = [Class::Rock, Class::Rock, Class::Bush, Class::Bush, Class::Grass, Class::Bush][named as usize];
+            assert_eq!(truth.class, Some(class), "{objects:?}");
+            let protrusion_m = [0.05, 0.3, 1.0, 1.0, 0.0, 0.0][named as usize];
+            assert_eq!(truth.protrusion_m, protrusion_m, "{objects:?}");
+        }
+    }
 }
 
 /// Labels of single-point cells, one for each object (ground, then 0 to 5).
@@ -415,7 +434,7 @@ fn law_the_order_of_points_moves_no_truth_and_hashes_tell_cells_apart() {
     let one = bin_one(&params, &points, Pose::default(), &yard(0.0));
     let other = bin_one(&params, &reversed, Pose::default(), &yard(0.0));
     assert_eq!(one.rows[0].truth, other.rows[0].truth);
-    assert_eq!(one.rows[0].truth.object, 2, "of two bushes as tall, the first by id");
+    assert_eq!(one.rows[0].truth.object, 3, "of two bushes as tall, the one that bars the way");
     let fewer = bin_one(&params, &points[1..], Pose::default(), &yard(0.0));
     assert_eq!(hash(&one), hash(&one.clone()));
     assert_ne!(hash(&one), hash(&fewer));

@@ -97,7 +97,7 @@ impl Report {
             return Ok(());
         }
         let from = self.thresholds.first().map_or(String::new(), |t| format!(" (from {:.3})", t.value));
-        let title = format!("tallest thing in the cell{from}");
+        let title = format!("what makes the label, or is tallest{from}");
         writeln!(f, "\n{title:<42} {:>12} {:>14} {:>8} {:>8}", "cells", "untraversable", "missed", "false")?;
         for class in &self.classes {
             writeln!(

@@ -2,7 +2,7 @@
 //!
 //! In: the cells of a kept sweep, the scene, where the sensor was and was believed to be, a rover and its limits. Out: per cell a
 //! [`Crossing`] (signed distance to the nearest limit, and which one), and the label: untraversable where the distance is negative, or
-//! where the cell's tallest return is of a plant that is marked untraversable. Source: the clearance of the real rover as the label, ACE
+//! where what the cell names is a plant that is marked untraversable. Source: the clearance of the real rover as the label, ACE
 //! of JPL's MLNav (Otsu et al. 2020; arXiv 2203.04563), of the cell and not of the pose: what a costmap wants that grows
 //! obstacles by the rover's outline itself.
 //!

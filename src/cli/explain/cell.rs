@@ -151,7 +151,7 @@ fn tell_label(family: &Family, replay: &Replay, row: &CellRow) {
     let rule: &LabelParams = &family.cells.labels;
     outln!("\nlabel");
     outln!(
-        "  tallest object: {} standing {:.3} m above the ground",
+        "  named object: {} standing {:.3} m above the ground",
         object_name(&replay.scene, truth.object, truth.class),
         truth.protrusion_m
     );

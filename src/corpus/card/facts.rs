@@ -111,7 +111,7 @@ fn label_words(cells: &CellParams, wheel_diameter_m: f64) -> String {
     let labels = &cells.labels;
     if let Some(rover) = &labels.rover {
         return format!(
-            "asks more of the rover, along one of eight headings, than {}; or whose tallest return is of vegetation that \
+            "asks more of the rover, along one of eight headings, than {}; or that holds vegetation, above whatever else it holds, that \
              the plan marks untraversable",
             rover.words()
         );

@@ -34,7 +34,7 @@ pub(crate) fn definitions<'a>(by_rover: bool, poses: bool) -> Vec<Definition<Row
         define(name::NEIGHBOUR_MASK, "1", Info, "Bit k is set where neighbour k (order sw, s, se, w, e, nw, n, ne, then the outer ring) holds points.", Extract::number(|r| r.cell.neighbour_mask)),
         define(name::OBSTACLE_POINTS, "1", Truth, "Points in the cell that are an obstacle's, by the label's rule.", Extract::number(|r| r.cell.truth.obstacle_points)),
         define(name::TOP_POINTS, "1", Truth, "Points in the cell that lie on the flat top of an object.", Extract::number(|r| r.cell.truth.top_points)),
-        define(name::CLASS, "1", Truth, "Class of the tallest object among the points: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown.", Extract::number(|r| Class::number_or_none(r.cell.truth.class))),
+        define(name::CLASS, "1", Truth, "Class of the object that made the label (of several the tallest), else of the tallest among the points: 0 ground, 1 rock, 2 box, 3 trunk, 4 grass, 5 bush, 6 crown.", Extract::number(|r| Class::number_or_none(r.cell.truth.class))),
         define(name::OBJECT, "1", Truth, "Id of that object within the scene, -1 for ground.", Extract::number(|r| r.cell.truth.object)),
         define(name::PROTRUSION_M, "m", Truth, "Height of that object above the ground, 0 for ground.", Extract::number(|r| r.cell.truth.protrusion_m)),
         define(name::SLOPE_RAD, "rad", Truth, "Steepest true slope of the ground under the cell's ground points.", Extract::number(|r| r.cell.truth.slope_rad)),
