@@ -68,6 +68,10 @@ impl Axis {
         &self.label
     }
 
+    pub(crate) fn span(&self) -> f64 {
+        self.range.end - self.range.start
+    }
+
     pub(crate) fn high(&self) -> f64 {
         self.range.end
     }

@@ -50,7 +50,9 @@ pub(super) fn draw(area: &Area, series: &[Series], entries: &[Entry], (left, top
             }
             Marks::Dots(_, radius) => area.draw(&Circle::new((x + 9, y), *radius, colour.filled()))?,
             Marks::Rings(..) => area.draw(&Circle::new((x + 9, y), 5, colour.stroke_width(2)))?,
-            Marks::Bars(_) => area.draw(&Rectangle::new([(x + 3, y - 5), (x + 15, y + 5)], colour.filled()))?,
+            Marks::Bars(_) | Marks::Tiles(_) => {
+                area.draw(&Rectangle::new([(x + 3, y - 5), (x + 15, y + 5)], colour.filled()))?
+            }
             Marks::Intervals(_) => area.draw(&PathElement::new([(x + 9, y - 6), (x + 9, y + 6)], colour))?,
             Marks::Words(_) => (),
         }

@@ -16,6 +16,8 @@ pub(crate) use plotters::style::RGBColor as Colour;
 pub(crate) use table::{Field, ShadedTable};
 
 const MARGIN: i32 = 14;
+/// Between the legend and the axes.
+const TOP_MARGIN: i32 = 6;
 const TITLE_SIZE: i32 = 18;
 const TEXT_SIZE: i32 = 12;
 const X_LABELS_HEIGHT: u32 = 44;
@@ -55,6 +57,8 @@ pub(crate) enum Marks {
     Rings(Vec<Point>, i32),
     /// Bars from zero: left end, right end, height.
     Bars(Vec<(f64, f64, f64)>),
+    /// Rectangles between a lower left and an upper right corner, beside each other without gaps.
+    Tiles(Vec<[Point; 2]>),
     /// Vertical lines: x, lower end, upper end.
     Intervals(Vec<(f64, f64, f64)>),
     /// Words to the right of a point, so many pixels above it (below where negative).
@@ -85,6 +89,20 @@ pub(crate) fn svg((width, height): (u32, u32), panels: &[Panel]) -> String {
     })
 }
 
+/// Draws panels of one width, in pixels, each so high that a unit is as long on both axes.
+pub(crate) fn maps_svg(width: u32, panels: &[Panel]) -> String {
+    let heights: Vec<u32> = panels.iter().map(|panel| panel.height_as_map(width)).collect();
+    draw((width, heights.iter().sum()), |area| {
+        let mut rest = area.clone();
+        for (panel, &height) in panels.iter().zip(&heights) {
+            let (own, below) = rest.split_vertically(height);
+            panel.draw(&own)?;
+            rest = below;
+        }
+        Ok(())
+    })
+}
+
 fn draw(size: (u32, u32), drawing: impl FnOnce(&Area) -> Drawn) -> String {
     let mut svg = String::new();
     let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
@@ -99,16 +117,31 @@ fn text(area: &Area, words: &str, at: (i32, i32), size: i32, colour: &Colour) ->
 }
 
 impl Panel {
+    fn legend(&self, width: u32) -> Vec<legend::Entry> {
+        legend::arranged(&self.series, width as i32 - Y_LABELS_WIDTH as i32 - 2 * MARGIN)
+    }
+
+    fn title_height(&self) -> i32 {
+        if self.title.is_empty() { MARGIN } else { MARGIN + TITLE_SIZE + 6 }
+    }
+
+    /// Of so much width: the height with which a unit is as long on both axes.
+    fn height_as_map(&self, width: u32) -> u32 {
+        let x_pixels = f64::from(width - Y_LABELS_WIDTH) - 2.0 * f64::from(MARGIN);
+        let y_pixels = (x_pixels * self.y.span() / self.x.span()).round() as i32;
+        let above = self.title_height() + legend::height(&self.legend(width)) + TOP_MARGIN;
+        (above + y_pixels + X_LABELS_HEIGHT as i32 + MARGIN) as u32
+    }
+
     fn draw(&self, area: &Area) -> Drawn {
-        let width = area.dim_in_pixel().0 as i32;
-        let entries = legend::arranged(&self.series, width - Y_LABELS_WIDTH as i32 - 2 * MARGIN);
-        let title_height = if self.title.is_empty() { MARGIN } else { MARGIN + TITLE_SIZE + 6 };
+        let entries = self.legend(area.dim_in_pixel().0);
+        let title_height = self.title_height();
         let (head, body) = area.split_vertically(title_height + legend::height(&entries));
         text(&head, &self.title, (MARGIN + Y_LABELS_WIDTH as i32, MARGIN), TITLE_SIZE, &BLACK)?;
         legend::draw(&head, &self.series, &entries, (MARGIN + Y_LABELS_WIDTH as i32, title_height))?;
         let mut chart = ChartBuilder::on(&body)
             .margin(MARGIN)
-            .margin_top(6)
+            .margin_top(TOP_MARGIN)
             .x_label_area_size(X_LABELS_HEIGHT)
             .y_label_area_size(Y_LABELS_WIDTH)
             .build_cartesian_2d(self.x.clone(), self.y.clone())?;
@@ -133,6 +166,9 @@ impl Panel {
                 Marks::Bars(bars) => chart.draw_series(
                     bars.iter().map(|&(from, to, top)| Rectangle::new([(from, 0.0), (to, top)], colour.filled())),
                 )?,
+                Marks::Tiles(tiles) => {
+                    chart.draw_series(tiles.iter().map(|&corners| Rectangle::new(corners, colour.filled())))?
+                }
                 Marks::Intervals(lines) => chart
                     .draw_series(lines.iter().map(|&(x, low, high)| PathElement::new([(x, low), (x, high)], colour)))?,
                 Marks::Words(words) => chart.draw_series(words.iter().map(|(at, up, words)| {
@@ -194,6 +230,26 @@ mod tests {
         }
         assert!((ys[1] - 0.5 * (ys[0] + ys[2])).abs() <= 1.0 && ys[2] < ys[0], "{ys:?}");
         assert!(svg.contains("summit") && svg.contains("Title"));
+    }
+
+    #[test]
+    fn exact_a_unit_of_a_map_is_as_long_on_both_axes_whatever_the_legend() {
+        let corners = [(0.0, 0.0), (8.0, 6.0)];
+        for names in 0..12 {
+            let mut series = vec![Series::unnamed(RED, Marks::Tiles(vec![corners]))];
+            let name =
+                |k| Series::named(format!("shade number {k}"), BLUE, Marks::Tiles(vec![[(0.0, 0.0), (1.0, 2.0)]]));
+            series.extend((0..names).map(name));
+            let (x, y) = (Axis::linear("x", 0.0..8.0), Axis::linear("y", 0.0..6.0));
+            let svg = maps_svg(500, &[Panel { title: "T".into(), x, y, series }]);
+            let tile = |colour: &str| {
+                let tiles = svg.split('<').filter(|e| e.starts_with("rect") && e.contains(colour));
+                tiles.map(|e| [number(e, "width"), number(e, "height")]).max_by(|a, b| a[1].total_cmp(&b[1])).unwrap()
+            };
+            let [width, height] = tile("#FF0000");
+            assert!((width / 8.0 - height / 6.0).abs() < 0.4 && width > 380.0, "{width} {height}");
+            assert!(names == 0 || tile("#0000FF")[1] > 80.0);
+        }
     }
 
     #[test]

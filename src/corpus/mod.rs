@@ -29,6 +29,7 @@ pub(crate) mod finalize;
 pub(crate) mod finished;
 pub(crate) mod free_space;
 pub(crate) mod inspect;
+pub(crate) mod kept_poses;
 pub(crate) mod key_differences;
 pub(crate) mod limits;
 mod listing;

@@ -5,6 +5,8 @@
 //! (the dangerous error), `false_untraversable` the share of the truly traversable that was called untraversable (the needless
 //! detour). Source: Hewitt et al. 2017, table 1 (see [`Table1`]). Matthews 1975 for the correlation.
 
+use std::ops::AddAssign;
+
 use serde::{Deserialize, Serialize};
 
 /// How often truth and call met.
@@ -62,6 +64,15 @@ pub struct FiveRows {
     pub wrong_of_traversable: Option<f64>,
     /// Of all, the share where truth and call differ.
     pub wrong_of_all: Option<f64>,
+}
+
+impl AddAssign for Confusion {
+    fn add_assign(&mut self, other: Confusion) {
+        self.true_traversable += other.true_traversable;
+        self.false_untraversable += other.false_untraversable;
+        self.missed_untraversable += other.missed_untraversable;
+        self.true_untraversable += other.true_untraversable;
+    }
 }
 
 fn share(part: u64, whole: u64) -> Option<f64> {

@@ -3,18 +3,21 @@
 //! Row groups hold whole scans, so a scan is judged at once. Columns that only some corpora have (truth, height difference) may be
 //! missing; those that the model needs may not. Every file's size and sha256 are checked before a row of it is judged.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::columns::{self, Columns, Scan};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::params::{LabelParams, LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, LabelRule, Unanswerable};
+use crate::corpus::advice::CellGrid;
 use crate::corpus::cells::{CellBatch, check_margin};
 use crate::corpus::checked::Refused;
+use crate::corpus::kept_poses::{self, kept_poses};
 use crate::corpus::manifest::ShardLine;
 use crate::corpus::reader::TableFile;
 use crate::corpus::{CorpusError, Finished, Split, Store, Table, families_of_scenes};
+use crate::geometry::Pose;
 use crate::plan::{Family, Plan};
 use crate::train::{Model, ModelError, OperatingPoint, leaks};
 
@@ -256,6 +259,7 @@ impl Reader<'_> {
         for line in self.corpus.lines_of(split) {
             let Some(table) = self.open(line, Table::Cells)? else { continue };
             let family_of = self.families_of_scenes(line)?;
+            let poses = self.poses(line)?;
             let wanted_scene =
                 |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
             let mut scan = Scan::default();
@@ -269,13 +273,13 @@ impl Reader<'_> {
                 for row in (0..cells.rows()).filter(|&row| wanted_scene(columns.scan(row).0)) {
                     let key = columns.scan(row);
                     if scan.key != Some(key) {
-                        scans += self.finish(&mut scan, &family_of, &mut judge, &mut outputs);
+                        scans += self.finish(&mut scan, &family_of, &poses, &mut judge, &mut outputs);
                         scan.key = Some(key);
                     }
                     columns.push(row, &mut scan, &mut judge);
                 }
             }
-            scans += self.finish(&mut scan, &family_of, &mut judge, &mut outputs);
+            scans += self.finish(&mut scan, &family_of, &poses, &mut judge, &mut outputs);
         }
         Ok((judge, scans))
     }
@@ -301,18 +305,29 @@ impl Reader<'_> {
         &self,
         scan: &mut Scan,
         family_of: &BTreeMap<i64, String>,
+        poses: &HashMap<kept_poses::Scan, Pose>,
         judge: &mut Judge,
         outputs: &mut Vec<f64>,
     ) -> u64 {
-        let Some((scene, _)) = scan.key.filter(|_| !scan.cells.is_empty()) else { return 0 };
+        let Some(key @ (scene, _)) = scan.key.filter(|_| !scan.cells.is_empty()) else { return 0 };
         outputs.clear();
         self.model.outputs(&scan.features, outputs);
         let family = family_of.get(&scene).map_or("", String::as_str);
-        let sensor = self.families.iter().find(|facts| facts.name == family).map_or("", |facts| facts.sensor.as_str());
-        judge.add_scan(family, sensor, &scan.cells, outputs);
+        let facts = self.families.iter().find(|facts| facts.name == family);
+        judge.add_scan(family, facts.map_or("", |facts| facts.sensor.as_str()), &scan.cells, outputs);
+        if let Some((pose, facts)) = poses.get(&key).zip(facts) {
+            let grid = CellGrid { size_m: facts.cell_size_m, frame: facts.frame };
+            judge.add_places(&scan.cells, outputs, |index| grid.seen_from_rover_m(index, pose));
+        }
         scan.cells.clear();
         scan.features.clear();
         1
+    }
+
+    /// Where the rover is believed to stand at each scan; empty where the corpus has no `poses` table.
+    fn poses(&self, line: &ShardLine) -> Result<HashMap<kept_poses::Scan, Pose>, EvaluateError> {
+        let poses = self.open(line, Table::Poses)?;
+        poses.map_or(Ok(HashMap::new()), |table| kept_poses(&table).map_err(EvaluateError::Corpus))
     }
 
     /// Family by scene, from the small `scenes` table; empty where the corpus has none.

@@ -1,5 +1,7 @@
-//! A report -> figures as SVG text: confusion matrix (figure 9), error against density and range (figure 13), ROC, reliability.
+//! A report -> figures as SVG text: confusion matrix (figure 9), error against density and range and by place (figure 13), ROC,
+//! reliability.
 
+use super::places::{PlacesReport, Square};
 use super::report::{Report, SpreadReport};
 use super::spread::Bin;
 use super::table::thousands;
@@ -8,6 +10,7 @@ use crate::chart::{self, Axis, Colour, Field, Marks, Panel, Point, Series, Shade
 const FALSE: Colour = Colour(0xd9, 0x7b, 0x29);
 const MISSED: Colour = Colour(0xb0, 0x1e, 0x3c);
 const NETWORK: Colour = Colour(0x1f, 0x5f, 0xa8);
+const BLACK: Colour = Colour(0, 0, 0);
 const BASELINE: Colour = Colour(0x80, 0x80, 0x80);
 
 /// Names and SVG texts of all figures that the report has numbers for.
@@ -17,6 +20,7 @@ pub(crate) fn figures(report: &Report) -> Vec<(&'static str, String)> {
     all.push(("error-against-points.svg", chart::svg((760, 470), &[points])));
     let range = spread(&report.range_m, "Error against range", "range, m", range_label);
     all.push(("error-against-range.svg", chart::svg((760, 470), &[range])));
+    all.extend(report.places.as_ref().map(|places| ("error-by-place.svg", chart::maps_svg(620, &maps(places)))));
     if !report.roc.is_empty() {
         all.extend(roc(report).map(|panel| ("roc.svg", chart::svg((540, 570), &[panel]))));
     }
@@ -80,6 +84,84 @@ fn spread(report: &SpreadReport, title: &str, axis: &str, label: impl Fn(&Bin) -
             Series::named("false_untraversable", FALSE, bars(0.12, |bin| bin.rates.false_untraversable)),
             Series::named("missed_untraversable", MISSED, bars(0.50, |bin| bin.rates.missed_untraversable)),
         ],
+    }
+}
+
+/// A square of fewer cells of a class has no rate.
+const FEWEST_CELLS: u64 = 20;
+
+/// Shades of a map, the lightest first: up to which value, in its unit.
+const RATES: [f64; 7] = [0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];
+const DENSITIES: [f64; 6] = [2.0, 4.0, 8.0, 16.0, 32.0, 64.0];
+
+/// Seen from above, the rover looking up: points a cell, false alarms, and what is missed. As in the paper's figure 13, dark is dense, and wrong.
+fn maps(places: &PlacesReport) -> [Panel; 3] {
+    let percent = |shade: usize| match RATES.get(shade) {
+        Some(0.0) => "none".into(),
+        Some(to) => format!("to {:.0} %", 100.0 * to),
+        None => format!("above {:.0} %", 100.0 * RATES[shade - 1]),
+    };
+    let points = |shade: usize| match DENSITIES.get(shade) {
+        Some(to) => format!("to {to}"),
+        None => format!("above {}", DENSITIES[shade - 1]),
+    };
+    let density =
+        |square: &Square| (square.cells.total() > 0).then(|| square.points as f64 / square.cells.total() as f64);
+    let rate = |part: u64, whole: u64| (whole >= FEWEST_CELLS).then(|| part as f64 / whole as f64);
+    [
+        map(places, "Points a cell", NETWORK, &DENSITIES, points, density),
+        map(places, "False alarms, of the traversable cells", FALSE, &RATES, percent, |square| {
+            rate(square.cells.false_untraversable, square.cells.traversable())
+        }),
+        map(places, "Missed, of the untraversable cells", MISSED, &RATES, percent, |square| {
+            rate(square.cells.missed_untraversable, square.cells.untraversable())
+        }),
+    ]
+}
+
+/// Squares shaded by a value; those that have none are grey where they hold a cell.
+fn map(
+    places: &PlacesReport,
+    title: &str,
+    colour: Colour,
+    steps: &[f64],
+    name: impl Fn(usize) -> String,
+    value: impl Fn(&Square) -> Option<f64>,
+) -> Panel {
+    let side_m = places.square_m;
+    // The rover's right is the picture's.
+    let tile = |square: &Square| [(-square.left_m - side_m, square.ahead_m), (-square.left_m, square.ahead_m + side_m)];
+    let mut shades = vec![Vec::new(); steps.len() + 1];
+    let mut unknown = Vec::new();
+    for square in &places.squares {
+        match value(square) {
+            Some(value) => shades[steps.partition_point(|&step| step < value)].push(tile(square)),
+            None => unknown.push(tile(square)),
+        }
+    }
+    let mut series = Vec::new();
+    if !unknown.is_empty() {
+        let words = format!("fewer than {FEWEST_CELLS} cells");
+        series.push(Series::named(words, BASELINE, Marks::Tiles(unknown)).with_opacity(0.16));
+    }
+    for (shade, tiles) in shades.into_iter().enumerate().filter(|(_, tiles)| !tiles.is_empty()) {
+        let opacity = 0.08 + 0.92 * shade as f64 / steps.len() as f64;
+        series.push(Series::named(name(shade), colour, Marks::Tiles(tiles)).with_opacity(opacity));
+    }
+    let nose =
+        Marks::Line(vec![(-0.5 * side_m, 0.0), (0.0, 1.2 * side_m), (0.5 * side_m, 0.0), (-0.5 * side_m, 0.0)], 2);
+    series.push(Series::unnamed(BLACK, nose));
+    let ends = |low: fn(&Square) -> f64| {
+        let lows = places.squares.iter().map(low);
+        let (least, most) = lows.fold((0.0f64, 0.0f64), |(least, most), low| (least.min(low), most.max(low)));
+        least..most + side_m
+    };
+    let (ahead, left) = (ends(|square| square.ahead_m), ends(|square| square.left_m));
+    Panel {
+        title: format!("{title}, by place: squares of {side_m} m"),
+        x: Axis::linear("to the right of the rover, m", -left.end..-left.start),
+        y: Axis::linear("ahead of it, m", ahead),
+        series,
     }
 }
 

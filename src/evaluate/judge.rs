@@ -10,11 +10,12 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::confusion::Confusion;
+use super::places::Places;
 use super::reliability::{Doubt, Reliability};
 use super::spread::Spread;
 use super::tops::MissedTops;
 use crate::cells::{CellTruth, Label};
-use crate::geometry::CellIndex;
+use crate::geometry::{CellIndex, DVec2};
 use crate::scene::Class;
 use crate::statistics::scores::Scores;
 use crate::train::{Calibration, Model, OperatingPoint};
@@ -104,6 +105,7 @@ pub struct Judge {
     /// At the first threshold.
     pub(super) by_points: Spread,
     pub(super) by_range: Spread,
+    pub(super) by_place: Places,
     /// Cells by true class, at the first threshold.
     pub(super) by_class: BTreeMap<Class, Confusion>,
     /// One a threshold.
@@ -194,6 +196,7 @@ impl Judge {
             doubt: None,
             by_points: Spread::default(),
             by_range: Spread::default(),
+            by_place: Places::default(),
             by_class: BTreeMap::new(),
             tops,
             unknown_cells: 0,
@@ -255,6 +258,15 @@ impl Judge {
         }
         for (tops, threshold) in self.tops.iter_mut().zip(&self.thresholds) {
             tops.add_scan(cells, |k| outputs[k] >= threshold.value);
+        }
+    }
+
+    /// Adds the places of a scan's cells, metres ahead of the rover and to its left, at the first threshold; cells whose output is NaN have
+    /// none.
+    pub(super) fn add_places(&mut self, cells: &[Cell], outputs: &[f64], place_m: impl Fn(CellIndex) -> DVec2) {
+        let Some(first) = self.thresholds.first() else { return };
+        for (cell, &output) in cells.iter().zip(outputs).filter(|(_, output)| !output.is_nan()) {
+            self.by_place.add(place_m(cell.index), cell.points, cell.untraversable(), output >= first.value);
         }
     }
 

@@ -6,6 +6,7 @@ use super::confusion::{Confusion, Rates, Table1};
 use super::figures::figures;
 use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH_TOPS, WITHOUT_TOPS};
 use super::lead::FamilySummary;
+use super::places::PlacesReport;
 use super::reliability::{Doubt, ReliabilityReport};
 use super::spread::{Bin, Spread};
 use super::tops::MissedTops;
@@ -34,7 +35,11 @@ pub struct Report {
     pub doubt: Option<Doubt>,
     pub points_per_cell: SpreadReport,
     pub range_m: SpreadReport,
-    /// Cells by the class of the tallest object among their points, at the first threshold: what is missed, what gives alarm.
+    /// Cells by their place from the rover, at the first threshold, where poses are known: drawn, and written as CSV, but not in the JSON.
+    #[serde(skip)]
+    pub places: Option<PlacesReport>,
+    /// Cells by their true class (of what made the label, else of the tallest thing in them), at the first threshold: what is missed, what
+    /// gives alarm.
     pub classes: Vec<ClassReport>,
     /// Missed tops of obstacles at each threshold.
     pub missed_tops: Vec<MissedTops>,
@@ -149,10 +154,11 @@ impl Report {
     /// The file of it.
     pub const FILE: &str = "evaluation.json";
 
-    /// What is written of it: [`Report::FILE`], and the figures.
+    /// What is written of it: [`Report::FILE`], the figures, and the squares that one of them shows.
     pub(crate) fn files(&self) -> Vec<(String, Vec<u8>)> {
         let figures = figures(self).into_iter().map(|(name, svg)| (name.to_string(), svg.into_bytes()));
-        std::iter::once((Report::FILE.into(), self.to_json().into_bytes())).chain(figures).collect()
+        let places = self.places.iter().map(|places| ("error-by-place.csv".into(), places.csv().into_bytes()));
+        std::iter::once((Report::FILE.into(), self.to_json().into_bytes())).chain(figures).chain(places).collect()
     }
 
     /// Closes the books.
@@ -174,6 +180,7 @@ impl Report {
             groups,
             doubt: judge.doubt.clone(),
             points_per_cell: SpreadReport::of(&judge.by_points, &POINT_BORDERS, 1.0),
+            places: judge.by_place.report(),
             range_m: SpreadReport::of(&judge.by_range, &RANGE_BORDERS, f64::from(CM_PER_M)),
             classes: judge.by_class.iter().map(|(&class, &counts)| ClassReport::of(class, counts)).collect(),
             missed_tops: judge.tops.clone(),

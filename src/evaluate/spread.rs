@@ -37,12 +37,7 @@ impl Spread {
         let bin = |(&from, to): (&u32, Option<u32>)| {
             let values = self.by_value.range(from..to.unwrap_or(u32::MAX));
             let mut counts = Confusion::default();
-            for (_, c) in values {
-                counts.add(false, false, c.true_traversable);
-                counts.add(false, true, c.false_untraversable);
-                counts.add(true, false, c.missed_untraversable);
-                counts.add(true, true, c.true_untraversable);
-            }
+            values.for_each(|(_, &c)| counts += c);
             let (from, to) = (f64::from(from) / unit, to.map(|to| f64::from(to) / unit));
             Bin { from, to, counts, rates: counts.rates() }
         };

@@ -3,7 +3,7 @@
 //! In: the cells of a scan that hold points of an obstacle, as the label's rule says, each with its range (metres, horizontal, from the sensor),
 //! its object and its place in the map; and where the rover is believed to stand. Out: histograms over scans. The nearest is the cell
 //! of the least range; its bearing is that of its centre from the rover's middle, against the rover's heading, counter-clockwise. Objects are
-//! counted by their ids, the tallest of each cell: one that stands behind taller ones in all its cells is not seen. Not told: what is in no
+//! counted by their ids, the one that each cell names: one that shares all its cells with taller ones is not seen. Not told: what is in no
 //! cell, as what lies beyond `cells.max_range_m`.
 
 use std::collections::BTreeSet;
@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::share;
 use crate::cells::{CellFrame, CellParams};
-use crate::geometry::{CellIndex, GridSpec, Pose};
+use crate::geometry::{CellIndex, DVec2, GridSpec, Pose};
 use crate::math;
 
 /// Bearings are told in twelve sectors of 30 degrees; the first is centred at straight behind, the seventh straight ahead.
@@ -39,6 +39,17 @@ pub(crate) struct CellGrid {
 impl From<&CellParams> for CellGrid {
     fn from(params: &CellParams) -> CellGrid {
         CellGrid { size_m: params.size_m, frame: params.frame }
+    }
+}
+
+impl CellGrid {
+    /// A cell's centre, metres ahead of a rover that is believed to stand there in its map, and to its left.
+    pub(crate) fn seen_from_rover_m(self, index: CellIndex, pose: &Pose) -> DVec2 {
+        // A scan levelled by its own ground lies in a map whose origin and x axis are the rover's.
+        let pose = if self.frame == CellFrame::FittedPlane { &Pose::default() } else { pose };
+        let away_m = DVec2::from(GridSpec { size_m: self.size_m }.centre_m(index)) - pose.position_m.truncate();
+        let (sin, cos) = math::sin_cos(pose.yaw_rad);
+        DVec2::new(cos * away_m.x + sin * away_m.y, cos * away_m.y - sin * away_m.x)
     }
 }
 
@@ -80,11 +91,8 @@ impl Views {
         let Some((range_m, index)) = view.nearest else { return };
         self.nearest_ranges[((f64::from(range_m) / RANGE_STEP_M) as usize).min(RANGE_BINS - 1)] += 1;
         let Some((pose, grid)) = at else { return };
-        // A scan levelled by its own ground lies in a map whose origin and x axis are the rover's.
-        let pose = if grid.frame == CellFrame::FittedPlane { &Pose::default() } else { pose };
-        let (x_m, y_m) = GridSpec { size_m: grid.size_m }.centre_m(index);
-        let bearing_rad = math::atan2(y_m - pose.position_m.y, x_m - pose.position_m.x) - pose.yaw_rad;
-        let turned_deg = math::wrap_angle(bearing_rad).to_degrees() + 180.0 + 0.5 * SECTOR_DEG;
+        let place_m = grid.seen_from_rover_m(index, pose);
+        let turned_deg = math::atan2(place_m.y, place_m.x).to_degrees() + 180.0 + 0.5 * SECTOR_DEG;
         if turned_deg.is_finite() {
             self.nearest_bearings[(turned_deg / SECTOR_DEG) as usize % SECTORS] += 1;
         }

@@ -7,19 +7,18 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use arrow_array::types::{Float64Type, Int32Type, Int64Type};
+use arrow_array::types::Int64Type;
 use arrow_array::{Array, RecordBatch, StringArray};
 
 use crate::corpus::advice::{CellGrid, Content, View};
 use crate::corpus::cells::{CellBatch, LABEL, OBJECT, OBSTACLE_POINTS, POINTS, RANGE_M, projection};
-use crate::corpus::reader::{TableFile, column};
+use crate::corpus::kept_poses::{Scan, kept_poses};
+use crate::corpus::reader::column;
 use crate::corpus::{CorpusError, Finished, Split, Table};
-use crate::geometry::{DVec3, Pose};
 
 /// Shards of each split whose cells are read.
 const SHARDS: usize = 16;
 const CELL_COLUMNS: [&str; 8] = ["scene_id", "scan_id", "row", "col", LABEL, POINTS, RANGE_M, OBSTACLE_POINTS];
-const POSE_COLUMNS: [&str; 5] = ["scene_id", "scan_id", "x_m", "y_m", "yaw_rad"];
 
 /// What is counted while the tables are read.
 pub(super) struct Contents {
@@ -28,9 +27,6 @@ pub(super) struct Contents {
     has_learning_scenes: Vec<bool>,
     family_of_scene: HashMap<i64, usize>,
 }
-
-/// Scene and scan.
-type Scan = (i64, i32);
 
 impl Contents {
     pub(super) fn of(families: &[String], grids: &BTreeMap<String, CellGrid>) -> Contents {
@@ -119,27 +115,4 @@ impl Contents {
         }
         Ok(())
     }
-}
-
-/// Where the rover is believed to stand at each kept scan: in the map, level.
-fn kept_poses(file: &TableFile) -> Result<HashMap<Scan, Pose>, CorpusError> {
-    let mut poses = HashMap::new();
-    for group in 0..file.row_groups().len() {
-        let batch = file.read_row_group(group, Some(&POSE_COLUMNS))?;
-        let mut add = || {
-            let [scene_id, scan_id, x_m, y_m, yaw_rad] = POSE_COLUMNS;
-            let scans = column::<Int32Type>(&batch, scan_id)?;
-            let real = |name: &str| Ok::<_, String>(column::<Float64Type>(&batch, name)?.values());
-            let (scenes, xs_m, ys_m, yaws_rad) =
-                (column::<Int64Type>(&batch, scene_id)?.values(), real(x_m)?, real(y_m)?, real(yaw_rad)?);
-            for row in (0..batch.num_rows()).filter(|&row| scans.is_valid(row)) {
-                let position_m = DVec3::new(xs_m[row], ys_m[row], 0.0);
-                let pose = Pose { position_m, yaw_rad: yaws_rad[row], ..Pose::default() };
-                poses.insert((scenes[row], scans.value(row)), pose);
-            }
-            Ok(())
-        };
-        add().map_err(|reason: String| file.odd(reason))?;
-    }
-    Ok(poses)
 }

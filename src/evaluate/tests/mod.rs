@@ -1,6 +1,7 @@
 //! Reports of corpora whose every number is known.
 
 mod numbers;
+mod places;
 
 use super::*;
 use crate::cells::params::LabelParams;
