@@ -3,83 +3,23 @@
 A classifier is a function of `Rows`, a seed and whether the rows are many; it gives a `Fitted`. Those with rounds or passes stop by the
 weighted log loss of the validation rows, which all are given alike. SVM and threshold give scores that are no probabilities.
 
-- fine Gaussian SVM, fine KNN, complex tree: scikit-learn's equivalents of the presets of MATLAB that the paper names. SVC with C = 1 and
-  gamma = 16 / columns (KernelScale = sqrt(columns) / 4); one neighbour, where the more frequent class is thinned to as many rows as the
-  other since a vote of one cannot be weighted; Gini with at most 100 splits, nodes of at least 10 rows split, best node first.
+- network, fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
 
-import dataclasses
 import pickle
-import time
 
 import numpy as np
 from catboost import CatBoostClassifier
 from lightgbm import LGBMClassifier, early_stopping
 from sklearn.ensemble import HistGradientBoostingClassifier, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
-from sklearn.neighbors import KNeighborsClassifier
-from sklearn.svm import SVC
-from sklearn.tree import DecisionTreeClassifier
 from xgboost import XGBClassifier
 
 import compare_torch
 from compare_measures import area_under_roc
-from train_rows import NETWORK, train
-
-
-@dataclasses.dataclass
-class Fitted:
-    """Scores rise with untraversable. `cpu_s` is what training took, `judge_us` what judging a row takes, `rounds` what stopping left."""
-
-    choose: np.ndarray
-    judge: np.ndarray | None
-    cpu_s: float
-    judge_us: float | None
-    parameters: int
-    bytes: int | None
-    rounds: int | None = None
-    probabilities: bool = True
-
-
-def fitted(rows, learn, score, size, probabilities=True, rounds=None):
-    """Times learning and judging. `size`: model -> (parameters, bytes)."""
-    begun = time.process_time()
-    model = learn()
-    cpu_s = time.process_time() - begun
-    parameters, held = size(model)
-    choose, judge, judge_us = score(model, rows.choose_x), None, None
-    if len(rows.judge_x):
-        begun = time.process_time()
-        judge = score(model, rows.judge_x)
-        judge_us = (time.process_time() - begun) * 1e6 / len(rows.judge_x)
-    return Fitted(choose, judge, cpu_s, judge_us, parameters, held, rounds(model) if rounds else None, probabilities)
-
-
-def probability(model, x):
-    return model.predict_proba(x)[:, 1].astype(float)
-
-
-def pickled(count):
-    return lambda model: (int(count(model)), len(pickle.dumps(model)))
-
-
-def splits_and_leaves(nodes, leaves):
-    """A split is a column and a value, a leaf a value."""
-    return 2 * (nodes - leaves) + leaves
-
-
-def tree_parameters(tree):
-    return splits_and_leaves(tree.node_count, tree.n_leaves)
-
-
-def network(rows, seed, many):
-    """marsyard's trainer, all defaults."""
-    own = {"seed": seed, "balance": "classes"}
-    (choose, judge), told = train((rows.x, rows.y), (rows.choose_x, rows.choose_y), [rows.choose_x, rows.judge_x], own)
-    probabilities = lambda outputs: np.clip((outputs - 0.1) / 0.8, 0, 1)
-    judge_us = told["judge_us_a_row"] if len(judge) else None
-    return Fitted(probabilities(choose), probabilities(judge), told["cpu_s"], judge_us, told["weights"], None, told["rows_learnt"])
+from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, tree_parameters
+from train_rows import NETWORK
 
 
 def adam(rows, seed, many):
@@ -157,25 +97,6 @@ def catboost(rows, seed, many):
         model.get_leaf_values(), np.cumsum(model.get_tree_leaf_counts())[:-1]))  # fmt: skip
     size = lambda model: (count(model), len(model._serialize_model()))
     return fitted(rows, learn, lambda model, x: model.predict_proba(x, thread_count=1)[:, 1], size, rounds=lambda model: model.tree_count_)
-
-
-def fine_svm(rows, seed, many):
-    weights = dict(enumerate(rows.class_weights))
-    learn = lambda: SVC(gamma=16 / rows.x.shape[1], C=1.0, class_weight=weights, cache_size=500).fit(rows.x, rows.y)
-    size = pickled(lambda model: model.support_vectors_.size + model.dual_coef_.size + 1)
-    return fitted(rows, learn, SVC.decision_function, size, probabilities=False)
-
-
-def fine_knn(rows, seed, many):
-    rng, by_class = np.random.default_rng([4, seed]), [np.flatnonzero(rows.y == c) for c in (0, 1)]
-    kept = np.concatenate([rng.choice(of, min(map(len, by_class)), replace=False) for of in by_class])
-    learn = lambda: KNeighborsClassifier(1).fit(rows.x[kept], rows.y[kept])
-    return fitted(rows, learn, probability, pickled(lambda model: rows.x[kept].size + len(kept)))
-
-
-def complex_tree(rows, seed, many):
-    learn = lambda: DecisionTreeClassifier(max_leaf_nodes=101, min_samples_split=10, random_state=seed).fit(rows.x, rows.y, rows.weights)
-    return fitted(rows, learn, probability, pickled(lambda model: tree_parameters(model.tree_)))
 
 
 def one_threshold(rows, seed, many):
