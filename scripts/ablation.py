@@ -22,7 +22,7 @@ import study
 from transfer import outputs
 
 CURVATURE = [f"curvature_{which}_{cm}cm_m" for cm in (20, 40, 80) for which in ("least", "most")]
-SQUARES = [f"surroundings_{what}_{cm}cm{unit}" for cm in (20, 40)
+SQUARES = [f"surroundings_{what}_{cm}cm{unit}" for cm in (20, 40, 80)
            for what, unit in (("height", "_m"), ("roughness", "_m"), ("spread", "_m"), ("cover", ""))]
 OWN = ["height_variance_m2", "height_difference_m", "point_count"]
 LOCAL, PLANE = ["local_height_m"], ["plane_height_m", "plane_slope"]
@@ -33,6 +33,7 @@ POSE = ["pitch_rad", "roll_rad", "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad
 COLUMNS = {
     "the paper's columns (features: listed)": None,
     "no squares around": OWN + PLANE + CURVATURE,
+    "no squares 0.8 m around": OWN + PLANE + CURVATURE + SQUARES[:8],
     "no curvature": OWN + PLANE + SQUARES,
     "no plane": OWN + CURVATURE + SQUARES,
     "no spread, difference and count of the cell": PLANE + CURVATURE + SQUARES,
