@@ -130,12 +130,13 @@ impl Dense<'_> {
             ways_m.retain(|way_m| way_m.abs() < reach_m);
             ways_m.extend([-reach_m, 0.0, reach_m]);
             ways_m.sort_unstable_by(f64::total_cmp);
+            let (sin, cos) = math::sin_cos(75_f64.to_radians());
             let by_line = ways_m.windows(2).flat_map(|ends| {
                 let heights_m = [ends[0], ends[1]].map(|way_m| ground_m(at + ahead * way_m));
                 let (from_m, to_m) = (ends[0], ends[1]);
                 // A line steeper than the flanks holds a wheel at its ends and by the ball, not by the flank.
-                let is_steep = (heights_m[1] - heights_m[0]).abs() >= (to_m - from_m) * 75_f64.to_radians().tan();
-                let ball_m = self.radius_m * 75_f64.to_radians().sin();
+                let is_steep = (heights_m[1] - heights_m[0]).abs() * cos >= (to_m - from_m) * sin;
+                let ball_m = self.radius_m * sin;
                 let along = (0..=100).map(move |k| {
                     let share = f64::from(k) / 100.0;
                     (from_m + (to_m - from_m) * share, heights_m[0] + (heights_m[1] - heights_m[0]) * share)
