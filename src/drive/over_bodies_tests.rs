@@ -255,6 +255,64 @@ fn law_a_wheel_rises_without_a_jump_beside_walls_of_every_height() {
     }
 }
 
+/// A roof whose ridge rises by `rise` from its foot at x = 10: an edge, and two faces beside it.
+fn roof(scene: Scene, rise: f64, height_m: f64) -> Scene {
+    let (from_m, to_m) = (10.0, 10.0 + height_m / rise);
+    let corners = [(from_m, 10.0, 0.0), (to_m, 10.0, height_m)].into_iter().chain([
+        (from_m, 9.97, -0.2),
+        (from_m, 10.03, -0.2),
+        (to_m, 9.9, -0.2),
+        (to_m, 10.1, -0.2),
+    ]);
+    let body = Convex::hull(&corners.map(DVec3::from).collect::<Vec<_>>()).expect("a solid");
+    scene.with_obstacle(Class::Rock, Shape::Convex(body))
+}
+
+#[test]
+fn law_a_wheel_beside_sloping_edges_rises_without_a_jump_by_its_derivative() {
+    let (radius_m, step_m) = (0.05, 2e-6);
+    for rise in [0.5, 1.0, 2.0, 3.0, 5.0, 20.0] {
+        for height_m in [0.1, 0.5] {
+            let scene = roof(plane(20.0, -1.5, DVec2::new(0.1, 0.05)), rise, height_m);
+            let bodies: Vec<_> = scene.obstacles.iter().collect();
+            for ahead in [DVec2::X, DVec2::Y] {
+                let surface = Surface::new(&scene).with(Rolling { bodies: &bodies, ahead, radius_m });
+                let touch = |at: DVec2| surface.touch(at.x, at.y).expect("in the yard");
+                let centre_m = |at: DVec2| {
+                    let touch = touch(at);
+                    touch.height_m + radius_m * (1.0 + touch.slope.length_squared()).sqrt()
+                };
+                let (mut told, mut off) = (0, 0);
+                for x_m in [9.95, 10.0 + 0.3 * height_m / rise, 10.0 + height_m / rise] {
+                    // Across the edge, from one side's reach to the other's.
+                    let places = (0..100_000).map(|k| DVec2::new(x_m, 9.9 + step_m * f64::from(k)));
+                    let heights_m: Vec<f64> = places.clone().map(centre_m).collect();
+                    let most_m =
+                        heights_m.windows(2).fold(0.0_f64, |most_m, pair| most_m.max((pair[1] - pair[0]).abs()));
+                    // No step is higher than a few times the steepest flank, or the rim's tangent over a step, makes it.
+                    let steepest = 4.0 * (height_m + 0.3) / (0.5 * radius_m);
+                    assert!(
+                        most_m < 3.0 * steepest * step_m + rise * (2.0 * radius_m * step_m).sqrt(),
+                        "{rise} {height_m} {ahead} {x_m}: {most_m}"
+                    );
+                    for at in places.step_by(97) {
+                        let hair = DVec2::new(0.0, 1e-8);
+                        let sides = [centre_m(at + hair) - centre_m(at), centre_m(at) - centre_m(at - hair)]
+                            .map(|rise_m| rise_m / hair.y);
+                        // At a kink the two sides differ.
+                        if (sides[0] - sides[1]).abs() < 1e-4 * (1.0 + sides[0].abs()) && touch(at).slope == DVec2::ZERO
+                        {
+                            told += 1;
+                            off += u32::from((touch(at).gradient.y - sides[0]).abs() > 1e-3 * (1.0 + sides[0].abs()));
+                        }
+                    }
+                }
+                assert!(told > 300 && off == 0, "{rise} {height_m} {ahead}: {off} of {told}");
+            }
+        }
+    }
+}
+
 #[test]
 fn law_six_wheels_find_a_stand_beside_walls_of_every_height() {
     let rover = kapvik();

@@ -3,10 +3,10 @@
 //! In: a place, a heading, the bodies near. Out: the height of the wheel's centre and its derivative by the place. Source: the offset
 //! surface of a rolling ball (Tarokh & McDermott 2005 for a single point of contact); the highest of what each feature of the
 //! bodies (faces, edges, corners) would hold the wheel at, each in closed form, so that boxes and planes are exact. Deviations: the wheel is a
-//! ball flattened to half its width across the heading; its flanks, from 75 degrees on, run out straight to one and a half radii, and steeper
-//! where a wall is higher than 2.7 radii, so that every wall is a ramp from the ground and the height has no jump: a stand exists beside it; edges steeper than the flanks hold it at their ends and by the rim of the ball;
-//! rasters are rolled over along the heading alone, by chords between their grid lines; a trunk has 16 corners. On polynomials the ground is
-//! felt as `surface` has it. Frame: world, metres. Not modelled: what lies under an overhanging side, soil, tyres.
+//! ball flattened to half its width across the heading; its flanks, from 75 degrees on, run out straight to one and a half radii, and beside
+//! bodies higher than 2.7 radii so much steeper that they end on the ground there, so that every wall is a ramp and the height has no jump: a
+//! stand exists beside it; rasters are rolled over along the heading alone, by chords between their grid lines; a trunk has 16 corners. On
+//! polynomials the ground is felt as `surface` has it. Frame: world, metres. Not modelled: what lies under an overhanging side, soil, tyres.
 
 use super::surface::{Surface, WheelContact};
 use crate::geometry::{DVec2, DVec3};
@@ -43,6 +43,8 @@ struct Highest<'a> {
     at_m: DVec2,
     /// On the ground under it alone: where the flanks end.
     floor: Held,
+    /// The slope of the flanks beside the body at hand.
+    flank: f64,
     highest: Held,
 }
 
@@ -84,7 +86,7 @@ impl Rolling<'_> {
 impl<'a> Highest<'a> {
     /// Held by the ground under it, which needs no asking.
     fn over(rolling: &'a Rolling, at_m: DVec2, floor: Held) -> Highest<'a> {
-        Highest { rolling, at_m, floor, highest: floor }
+        Highest { rolling, at_m, floor, flank: FLANK_TAN, highest: floor }
     }
 
     fn contact(&self) -> WheelContact {
@@ -123,17 +125,20 @@ impl<'a> Highest<'a> {
             self.take(point.z + over_m, point.truncate() / over_m);
             return;
         }
-        let (flank_m, length_m) = (away_m - FLANK_SIN * radius_m, (REACH_RADII - FLANK_SIN) * radius_m);
-        let (top_m, floor) = (point.z + FLANK_COS * radius_m, self.floor);
-        if top_m - FLANK_TAN * length_m <= floor.centre_m {
-            self.take(top_m - FLANK_TAN * flank_m, point.truncate() * (FLANK_TAN / away_m));
-        } else {
-            // A flank of that slope would end above the ground: this one runs from its top to the ground at the wheel's reach.
-            let share = flank_m / length_m;
-            let fall = (top_m - floor.centre_m) / length_m;
-            let centre_m = top_m + (floor.centre_m - top_m) * share;
-            self.take(centre_m, floor.gradient * share + point.truncate() * (fall / away_m));
+        let flank_m = away_m - FLANK_SIN * radius_m;
+        let mut gradient = point.truncate() * (self.flank / away_m);
+        if self.flank > FLANK_TAN {
+            // Its foot moves with the ground.
+            gradient += self.floor.gradient * (flank_m / ((REACH_RADII - FLANK_SIN) * radius_m));
         }
+        self.take(point.z + FLANK_COS * radius_m - self.flank * flank_m, gradient);
+    }
+
+    /// The flanks beside a body: those of the wheel, or steeper, so that the highest of it ends on the ground.
+    fn meet(&mut self, top_m: f64) {
+        let radius_m = self.rolling.radius_m;
+        let drop_m = top_m + FLANK_COS * radius_m - self.floor.centre_m;
+        self.flank = FLANK_TAN.max(drop_m / ((REACH_RADII - FLANK_SIN) * radius_m));
     }
 
     /// An edge holds it, between its ends.
@@ -149,24 +154,29 @@ impl<'a> Highest<'a> {
         if aside_m > REACH_RADII * radius_m {
             return;
         }
-        let mut take_at = |way_m: f64| {
+        let point = |way_m: f64| {
             let at_m = foot_m + way_m;
-            if (0.0..=length_m).contains(&at_m) {
-                self.take_point(from + (to - from) * (at_m / length_m));
-            }
+            (0.0..=length_m).contains(&at_m).then(|| from + (to - from) * (at_m / length_m))
         };
         let on_ball_m = (radius_m * radius_m - aside_m * aside_m).max(0.0).sqrt() * rise / (1.0 + rise * rise).sqrt();
-        let ball_m = FLANK_SIN * radius_m;
-        if aside_m * aside_m + on_ball_m * on_ball_m <= ball_m * ball_m {
-            take_at(on_ball_m);
+        let rim_m = (FLANK_SIN * FLANK_SIN * radius_m * radius_m - aside_m * aside_m).max(0.0).sqrt();
+        if on_ball_m.abs() <= rim_m {
+            point(on_ball_m).into_iter().for_each(|point| self.take_point(point));
             return;
         }
-        if rise.abs() < FLANK_TAN {
-            take_at(aside_m * rise / (FLANK_TAN * FLANK_TAN - rise * rise).sqrt());
+        // An edge as steep as the flank touches by its ends first.
+        let steeper = self.flank * self.flank - rise * rise;
+        if steeper <= 0.0 {
+            return;
         }
-        // Where the flank is steeper than others, or the edge than the flank, the rim between ball and flank may be the first to touch.
-        if aside_m < ball_m {
-            take_at((ball_m * ball_m - aside_m * aside_m).sqrt().copysign(rise));
+        let on_flank_m = aside_m * rise / steeper.sqrt();
+        if on_flank_m.abs() > rim_m {
+            point(on_flank_m).into_iter().for_each(|point| self.take_point(point));
+        } else if let Some(point) = point(rim_m.copysign(rise)) {
+            // The rim between ball and flank, along which the point of contact slides as the wheel moves.
+            let across = unit.perp() * -from.truncate().perp_dot(unit).signum();
+            let gradient = unit * rise + across * (rise.abs() * aside_m / rim_m);
+            self.take(point.z + FLANK_COS * radius_m, gradient);
         }
     }
 
@@ -196,18 +206,23 @@ impl<'a> Highest<'a> {
             corner = next;
         }
         let slope = -normal.truncate() / normal.z;
-        let slope_squared = slope.length_squared();
-        if !(normal.z > 0.0 && slope_squared < FLANK_TAN * FLANK_TAN) {
+        let steepness = slope.length();
+        if !(normal.z > 0.0 && steepness < self.flank) {
             return;
         }
-        let lean = (1.0 + slope_squared).sqrt();
-        let touched = slope * (radius_m / lean);
+        // By the ball where the face is no steeper than it gets, else by its rim.
+        let lean = (1.0 + steepness * steepness).sqrt();
+        let (touched, over_m) = if steepness < FLANK_TAN {
+            (slope * (radius_m / lean), radius_m / lean)
+        } else {
+            (slope * (FLANK_SIN * radius_m / steepness), FLANK_COS * radius_m)
+        };
         let is_within = (0..count).all(|k| {
             let [a, b] = [k, (k + 1) % count].map(|k| self.seen(corner_m(k)).truncate());
             (b - a).perp_dot(touched - a) >= 0.0
         });
         if is_within {
-            self.take(first.z - slope.dot(first.truncate()) + radius_m * lean, slope);
+            self.take(first.z + slope.dot(touched - first.truncate()) + over_m, slope);
         }
     }
 
@@ -222,6 +237,7 @@ impl<'a> Highest<'a> {
     }
 
     fn roll_over_convex(&mut self, body: &Convex) {
+        self.meet(body.vertices_m.iter().fold(f64::NEG_INFINITY, |top_m, vertex| top_m.max(vertex.z)));
         for (face, _) in body.faces.iter().zip(&body.planes).filter(|(_, plane)| plane.faces_up()) {
             self.take_face(face.len(), |k| body.vertices_m[face[k] as usize]);
         }
@@ -229,6 +245,7 @@ impl<'a> Highest<'a> {
 
     fn roll_over_cylinder(&mut self, body: &Cylinder) {
         let rim = body.rim_m();
+        self.meet(rim.iter().fold(f64::NEG_INFINITY, |top_m, corner| top_m.max(corner.z)));
         self.take_face(rim.len(), |k| rim[k]);
     }
 
@@ -250,6 +267,7 @@ impl<'a> Highest<'a> {
             DVec3::new(way_m, 0.0, raster.height_m(at.x, at.y))
         };
         let points: Vec<DVec3> = crossings_m.into_iter().map(point).collect();
+        self.meet(points.iter().fold(f64::NEG_INFINITY, |top_m, point| top_m.max(point.z)));
         points.iter().for_each(|&point| self.take_point(point));
         points.windows(2).for_each(|pair| self.take_edge(pair[0], pair[1]));
     }

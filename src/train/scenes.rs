@@ -25,7 +25,7 @@ pub(crate) struct Sample {
 /// Draws `count` rows, or all where there are fewer.
 pub(crate) fn draw(sources: &Sources, split: Split, count: usize, seed: u64) -> Result<Sample, TrainError> {
     let there = sources.scenes(split).len();
-    let mut most = count.div_ceil(there.clamp(1, LEAST_SCENES));
+    let mut most = if there > LEAST_SCENES { (count / LEAST_SCENES).max(1) } else { count.div_ceil(there.max(1)) };
     loop {
         let (sample, is_thinned) = draw_thinned(sources, split, count, most, seed)?;
         if sample.rows.len() == count || !is_thinned {

@@ -94,16 +94,16 @@ struct Dense<'a> {
 }
 
 impl Dense<'_> {
-    /// The height of the centre of a wheel that a point holds, so far away from it, ahead and across, over a floor that would hold it at `floor_m`.
-    fn held_m(&self, point_m: f64, away: DVec2, floor_m: f64) -> f64 {
+    /// The height of the centre of a wheel that a point holds, so far away from it, ahead and across, over a floor that would hold it at
+    /// `floor_m`; the highest of what the point belongs to is at `top_m`.
+    fn held_m(&self, point_m: f64, away: DVec2, floor_m: f64, top_m: f64) -> f64 {
         let far = math::hypot(away.x, 2.0 * away.y) / self.radius_m;
         let (sin, cos) = math::sin_cos(75_f64.to_radians());
         if far > 1.5 {
             f64::NEG_INFINITY
         } else if far > sin {
-            let top_m = point_m + self.radius_m * cos;
-            let fall_m = (self.radius_m * (1.5 - sin) * sin / cos).max(top_m - floor_m);
-            top_m - fall_m * (far - sin) / (1.5 - sin)
+            let fall_m = (self.radius_m * (1.5 - sin) * sin / cos).max(top_m + self.radius_m * cos - floor_m);
+            point_m + self.radius_m * cos - fall_m * (far - sin) / (1.5 - sin)
         } else {
             point_m + self.radius_m * (1.0 - far * far).sqrt()
         }
@@ -116,7 +116,8 @@ impl Dense<'_> {
         let by_points = |floor_m: f64, from_m: f64| {
             near.fold(from_m, |centre_m, point| {
                 let away = point.truncate() - at;
-                centre_m.max(self.held_m(point.z, DVec2::new(ahead.dot(away), ahead.perp_dot(away)), floor_m))
+                // Boxes are as high everywhere.
+                centre_m.max(self.held_m(point.z, DVec2::new(ahead.dot(away), ahead.perp_dot(away)), floor_m, point.z))
             })
         };
         if matches!(self.scene.ground, Ground::Raster(_)) {
@@ -130,20 +131,17 @@ impl Dense<'_> {
             ways_m.retain(|way_m| way_m.abs() < reach_m);
             ways_m.extend([-reach_m, 0.0, reach_m]);
             ways_m.sort_unstable_by(f64::total_cmp);
-            let (sin, cos) = math::sin_cos(75_f64.to_radians());
+            let top_m = ways_m.iter().map(|&way_m| ground_m(at + ahead * way_m)).fold(f64::NEG_INFINITY, f64::max);
             let by_line = ways_m.windows(2).flat_map(|ends| {
                 let heights_m = [ends[0], ends[1]].map(|way_m| ground_m(at + ahead * way_m));
                 let (from_m, to_m) = (ends[0], ends[1]);
-                // A line steeper than the flanks holds a wheel at its ends and by the ball, not by the flank.
-                let is_steep = (heights_m[1] - heights_m[0]).abs() * cos >= (to_m - from_m) * sin;
-                let ball_m = self.radius_m * sin;
-                let along = (0..=100).map(move |k| {
+                (0..=100).map(move |k| {
                     let share = f64::from(k) / 100.0;
                     (from_m + (to_m - from_m) * share, heights_m[0] + (heights_m[1] - heights_m[0]) * share)
-                });
-                along.filter(move |(way_m, _)| !is_steep || way_m.abs() <= ball_m || *way_m == from_m || *way_m == to_m)
+                })
             });
-            let by_line = by_line.map(|(way_m, height_m)| self.held_m(height_m, DVec2::new(way_m, 0.0), floor_m));
+            let by_line =
+                by_line.map(|(way_m, height_m)| self.held_m(height_m, DVec2::new(way_m, 0.0), floor_m, top_m));
             return by_points(floor_m, by_line.fold(floor_m, f64::max));
         }
         let hair_m = 1e-5;

@@ -28,6 +28,17 @@ fn exact_every_scene_gives_its_share_of_the_rows_and_the_last_is_cut() {
 }
 
 #[test]
+fn law_at_least_a_hundred_scenes_give_rows_where_there_are_so_many() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = corpus(&dir, "a", &(0..200).map(|shard| circle(shard, 20)).collect::<Vec<_>>());
+    let sources = sources(&[place], &params()).unwrap();
+    for count in [100, 150, 199, 1050] {
+        let sample = draw(&sources, Split::Train, count, 7).unwrap();
+        assert!(sample.rows.len() == count && sample.scenes >= 100, "{count}: {}", sample.scenes);
+    }
+}
+
+#[test]
 fn law_scenes_of_few_rows_leave_others_to_give_more() {
     let dir = tempfile::tempdir().unwrap();
     let place = corpus(
