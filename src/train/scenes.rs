@@ -1,7 +1,7 @@
 //! A split -> so many of its rows, of many scenes drawn at random.
 //!
 //! Cells of one scene resemble each other, so a fair sample of a corpus is one of scenes, and the more of them the better: at least a
-//! hundred give rows, where there are so many. Scenes are taken in a random order that is a pure function of (seed, split), of each no
+//! hundred give rows, where there are so many and each can give its share. Scenes are taken in a random order that is a pure function of (seed, split), of each no
 //! more rows than its share, drawn at random too, until there are enough; the last scene's are cut there.
 
 use super::order::permutation;
