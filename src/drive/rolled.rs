@@ -135,7 +135,8 @@ impl<'a> Highest<'a> {
     }
 
     /// The flanks beside a body: those of the wheel, or steeper, so that the highest of it ends on the ground.
-    fn meet(&mut self, top_m: f64) {
+    fn meet(&mut self, corners_m: &[DVec3]) {
+        let top_m = corners_m.iter().fold(f64::NEG_INFINITY, |top_m, corner| top_m.max(corner.z));
         let radius_m = self.rolling.radius_m;
         let drop_m = top_m + FLANK_COS * radius_m - self.floor.centre_m;
         self.flank = FLANK_TAN.max(drop_m / ((REACH_RADII - FLANK_SIN) * radius_m));
@@ -237,7 +238,7 @@ impl<'a> Highest<'a> {
     }
 
     fn roll_over_convex(&mut self, body: &Convex) {
-        self.meet(body.vertices_m.iter().fold(f64::NEG_INFINITY, |top_m, vertex| top_m.max(vertex.z)));
+        self.meet(&body.vertices_m);
         for (face, _) in body.faces.iter().zip(&body.planes).filter(|(_, plane)| plane.faces_up()) {
             self.take_face(face.len(), |k| body.vertices_m[face[k] as usize]);
         }
@@ -245,7 +246,7 @@ impl<'a> Highest<'a> {
 
     fn roll_over_cylinder(&mut self, body: &Cylinder) {
         let rim = body.rim_m();
-        self.meet(rim.iter().fold(f64::NEG_INFINITY, |top_m, corner| top_m.max(corner.z)));
+        self.meet(&rim);
         self.take_face(rim.len(), |k| rim[k]);
     }
 
@@ -267,7 +268,7 @@ impl<'a> Highest<'a> {
             DVec3::new(way_m, 0.0, raster.height_m(at.x, at.y))
         };
         let points: Vec<DVec3> = crossings_m.into_iter().map(point).collect();
-        self.meet(points.iter().fold(f64::NEG_INFINITY, |top_m, point| top_m.max(point.z)));
+        self.meet(&points);
         points.iter().for_each(|&point| self.take_point(point));
         points.windows(2).for_each(|pair| self.take_edge(pair[0], pair[1]));
     }

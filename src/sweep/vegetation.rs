@@ -396,27 +396,27 @@ mod tests {
         assert!((300..6000).contains(&inside), "{inside} of 6400 rays return from bushes");
     }
 
-    #[test]
-    fn dist_grass_stands_above_the_ground_with_half_normal_heights() {
+    /// Grass of 1.5 m around a place 2 m ahead of the eye.
+    fn grassy_yard(sigma_m: f64, height_law: HeightLaw) -> Scene {
         let mut scene = flat_yard();
         let centre_m = DVec2::new(12.0, 10.0);
-        scene.patches.push(Patch {
-            id: 0,
-            class: Class::Grass,
-            centre_m,
-            radius_m: 1.5,
-            sigma_m: 0.1,
-            height_law: HeightLaw::HalfNormal,
-            untraversable: false,
-        });
+        let class = Class::Grass;
+        scene.patches.push(Patch { id: 0, class, centre_m, radius_m: 1.5, sigma_m, height_law, untraversable: false });
+        scene
+    }
+
+    /// A ray to the ground 2.5 m ahead, and its return from there.
+    fn foot_ahead() -> (DVec3, TrueReturn) {
+        let range_m = (2.5f64 * 2.5 + 1.0).sqrt();
+        let solid = TrueReturn { range_m, object: Hit::GROUND, class: Some(Class::Ground), top: false };
+        (DVec3::new(2.5, 0.0, -1.0).normalize(), solid)
+    }
+
+    #[test]
+    fn dist_grass_stands_above_the_ground_with_half_normal_heights() {
+        let scene = grassy_yard(0.1, HeightLaw::HalfNormal);
         // The foot lies 2.5 m ahead, 2 m inside the patch: no height within reach of 7 sigma meets its edge.
-        let ray = DVec3::new(2.5, 0.0, -1.0).normalize();
-        let solid = TrueReturn {
-            range_m: (2.5f64 * 2.5 + 1.0).sqrt(),
-            object: Hit::GROUND,
-            class: Some(Class::Ground),
-            top: false,
-        };
+        let (ray, solid) = foot_ahead();
         let returns = scattered(&scene, &vec![ray; 20_000], solid, 6);
         assert!(returns.iter().all(|r| (r.object, r.class) == (0, Some(Class::Grass))));
         let heights: Vec<f64> = returns.iter().map(|r| EYE.z + r.range_m * ray.z).collect();
@@ -427,25 +427,9 @@ mod tests {
 
     #[test]
     fn dist_grass_of_the_paper_scatters_about_the_ground_with_normal_heights() {
-        let mut scene = flat_yard();
-        let centre_m = DVec2::new(12.0, 10.0);
-        scene.patches.push(Patch {
-            id: 0,
-            class: Class::Grass,
-            centre_m,
-            radius_m: 1.5,
-            sigma_m: 0.05,
-            height_law: HeightLaw::Normal,
-            untraversable: false,
-        });
+        let mut scene = grassy_yard(0.05, HeightLaw::Normal);
         // The foot lies 2.5 m ahead, a metre from the far edge: 0.4 m of height, 8 sigma, keep clear of it.
-        let ray = DVec3::new(2.5, 0.0, -1.0).normalize();
-        let solid = TrueReturn {
-            range_m: (2.5f64 * 2.5 + 1.0).sqrt(),
-            object: Hit::GROUND,
-            class: Some(Class::Ground),
-            top: false,
-        };
+        let (ray, solid) = foot_ahead();
         let n = 20_000.0;
         for seed in 0..5 {
             let returns = scattered(&scene, &vec![ray; 20_000], solid, seed);
