@@ -55,8 +55,12 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     // What has a wrong shape is left out, so that the rest is judged in the same go.
     let rest = if sound { Some(root.clone()) } else { without(&root, &faults) };
     if let Some(rest) = rest {
-        match serde_json::from_value::<TrainParams>(rest.to_json()) {
-            Ok(params) => {
+        let written = rest.to_json();
+        match serde_json::from_value::<TrainParams>(written.clone()) {
+            Ok(mut params) => {
+                if written.pointer("/network/hidden").is_none() {
+                    params.network.hidden = params.filter.usual_hidden();
+                }
                 let place = KeyPath { root: &root };
                 faults.extend(value_faults(&params, &place, "", Kind::Train));
                 rules(&params, &place, &mut faults);
@@ -119,6 +123,20 @@ mod tests {
     fn equal_defaults_and_an_empty_config() {
         assert_eq!(load_train(None, &[]).unwrap(), TrainParams::default());
         assert!(faults("# nothing\n", &[]).starts_with("fine"));
+    }
+
+    #[test]
+    fn exact_a_kalman_filter_brings_the_papers_network_unless_another_is_named() {
+        let hidden = |sets: &[&str]| {
+            let sets: Vec<String> = sets.iter().map(|set| (*set).to_string()).collect();
+            load_train(None, &sets).unwrap().network.hidden
+        };
+        assert_eq!(hidden(&[]), [64, 64]);
+        assert_eq!(hidden(&["filter.kronecker.rate=0.01", "network.bias=false"]), [64, 64]);
+        for filter in ["ekf={}", "decoupled={}", "ukf={}", "backprop={}"] {
+            assert_eq!(hidden(&[&format!("filter.{filter}")]), [16, 16], "{filter}");
+            assert_eq!(hidden(&[&format!("filter.{filter}"), "network.hidden=[5]"]), [5], "{filter}");
+        }
     }
 
     #[test]

@@ -30,7 +30,7 @@ fn rows(seed: u64, count: usize) -> Rows {
 }
 
 fn setup(out: &Path, threads: usize) -> Setup {
-    let sets = ["validate_every=100", "patience=4"].map(String::from);
+    let sets = ["filter={ekf: {}}", "validate_every=100", "patience=4"].map(String::from);
     let params = TrainParams { epochs: 4, ..crate::config::load_train(None, &sets).unwrap() };
     Setup {
         held: Held::new(&["x".into(), "y".into()], rows(1, 300), rows(2, 200), &[1.0], &params).unwrap(),

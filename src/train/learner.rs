@@ -27,6 +27,8 @@ pub(super) struct Learner {
     /// Rows between two looks.
     pub validate_every: u64,
     patience: u32,
+    /// As [`FilterParams::look_noise`](super::params::FilterParams::look_noise).
+    look_noise: f64,
     portion: Share,
     selection: Option<Selection>,
 }
@@ -70,6 +72,7 @@ impl Learner {
             learnt: Learnt::default(),
             validate_every: validate_every.max(1),
             patience: params.patience,
+            look_noise: params.filter.look_noise(),
             portion: Share::default(),
             selection: Selection::of(&params.filter, params.seed),
         })
@@ -114,7 +117,7 @@ impl Learner {
             validation_error: finite(validation_error),
         };
         self.learnt.train_sum = ErrorSum::default().into();
-        let is_best = self.learnt.stopping.take(look);
+        let is_best = self.learnt.stopping.take(look, self.look_noise);
         if is_best {
             self.best = self.snapshot();
         }

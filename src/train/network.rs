@@ -258,23 +258,49 @@ impl Kernel<f64> for NetworkBatch<'_> {
             }
             let mut rest = &weights[..];
             for (count, neurons) in layout.layers() {
-                for value in &mut next[..neurons] {
-                    let (own, others) = rest.split_at(count);
-                    let (bias, others) = if layout.bias { (others[0], &others[1..]) } else { (0.0, others) };
-                    let mut sum = V::splat(bias);
-                    for (w, x) in own.iter().zip(&values) {
-                        sum = V::splat(*w).mul_add(V::load(x), sum);
-                    }
-                    sum.store(value);
-                    let lanes: &mut [f64; f64::LANES] = value.as_mut().try_into().expect("a chunk has its lanes");
-                    *lanes = logistic(lanes);
-                    rest = others;
+                let stride = count + usize::from(layout.bias);
+                let (own, others) = rest.split_at(stride * neurons);
+                let several = ABREAST * (neurons / ABREAST);
+                let (together, alone) = next[..neurons].split_at_mut(several);
+                for (k, out) in together.as_chunks_mut::<ABREAST>().0.iter_mut().enumerate() {
+                    abreast::<V, ABREAST>(&own[k * ABREAST * stride..], &values[..count], layout.bias, out);
                 }
+                for (k, out) in alone.as_chunks_mut::<1>().0.iter_mut().enumerate() {
+                    abreast::<V, 1>(&own[(several + k) * stride..], &values[..count], layout.bias, out);
+                }
+                rest = others;
                 std::mem::swap(&mut values, &mut next);
             }
             let count = outputs.len();
             outputs.copy_from_slice(&values[0].as_ref()[..count]);
         }
+    }
+}
+
+/// Neurons whose sums run side by side where rows stand in the lanes.
+const ABREAST: usize = 4;
+
+/// `N` neurons, whose weights follow one another in `weights`, on the values of the layer before, a row in each lane.
+#[inline(always)]
+fn abreast<V: Simd<f64>, const N: usize>(
+    weights: &[f64],
+    before: &[<f64 as Real>::Chunk],
+    bias: bool,
+    out: &mut [<f64 as Real>::Chunk; N],
+) {
+    let (count, stride) = (before.len(), before.len() + usize::from(bias));
+    let own: [&[f64]; N] = std::array::from_fn(|n| &weights[n * stride..][..stride]);
+    let mut sums: [V; N] = std::array::from_fn(|n| V::splat(if bias { own[n][count] } else { 0.0 }));
+    for (i, x) in before.iter().enumerate() {
+        let x = V::load(x);
+        for n in 0..N {
+            sums[n] = V::splat(own[n][i]).mul_add(x, sums[n]); // Eq. (2)
+        }
+    }
+    for n in 0..N {
+        sums[n].store(&mut out[n]);
+        let lanes: &mut [f64; f64::LANES] = out[n].as_mut().try_into().expect("a chunk has its lanes");
+        *lanes = logistic(lanes); // Eq. (1)
     }
 }
 

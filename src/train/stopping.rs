@@ -3,7 +3,8 @@
 //! Source: Hewitt et al. 2017, "Methodology for training": the validation error is looked at at set intervals; when it rises, training
 //! ends and the weights revert to those at the minimum. Deviation: so many looks as the patience is may pass without an improvement
 //! of 1 % before that is believed. What is smaller lies within the noise of a look: it is kept where it is the best, and waited for no
-//! longer, or a large corpus would be learnt many times over for the fourth digit of its error.
+//! longer, or a large corpus would be learnt many times over for the fourth digit of its error. A learner may ask for more of that noise to
+//! be borne: then the latest of the looks within it is the best, because what was learnt for longer errs less on other yards.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +30,9 @@ pub(crate) struct Stopping {
     pub looks: u64,
     pub last: Option<Look>,
     pub best: Option<Look>,
+    /// The lowest error so far; `None` before the first, and in a checkpoint of an earlier marsyard, whose best look has it.
+    #[serde(default)]
+    lowest: Option<f64>,
     /// The error at the last improvement; `None` before the first, and in a checkpoint of an earlier marsyard.
     #[serde(default)]
     improved_to: Option<f64>,
@@ -48,13 +52,18 @@ pub enum Stop {
 }
 
 impl Stopping {
-    /// Takes a look in; whether it is the best so far.
-    pub(crate) fn take(&mut self, look: Look) -> bool {
+    /// Takes a look in; whether it is the best so far: the lowest, or one that is above the lowest by a share of no more than `noise`.
+    pub(crate) fn take(&mut self, look: Look, noise: f64) -> bool {
         let finite = |look: &Look| look.validation_error.filter(|error| error.is_finite());
-        let better = match (finite(&look), self.best.as_ref().and_then(finite)) {
-            (Some(error), Some(best)) => error < best,
+        let lowest = self.lowest.or_else(|| self.best.as_ref().and_then(finite));
+        let better = match (finite(&look), lowest) {
+            (Some(error), Some(lowest)) => error < (1.0 + noise) * lowest,
             (Some(_), None) => true,
             (None, _) => self.best.is_none(),
+        };
+        self.lowest = match (finite(&look), lowest) {
+            (Some(error), Some(lowest)) => Some(error.min(lowest)),
+            (error, lowest) => error.or(lowest),
         };
         self.looks += 1;
         self.last = Some(look);
@@ -92,7 +101,7 @@ mod tests {
     fn exact_patience_counts_looks_since_the_last_improvement() {
         let mut stopping = Stopping::default();
         let taken: Vec<bool> =
-            [0.3, 0.2, 0.25, 0.2, 0.1, 0.1, 0.11].iter().zip(1..).map(|(&e, i)| stopping.take(look(i, e))).collect();
+            [0.3, 0.2, 0.25, 0.2, 0.1, 0.1, 0.11].iter().zip(1..).map(|(&e, i)| stopping.take(look(i, e), 0.0)).collect();
         assert_eq!(taken, [true, true, false, false, true, false, false]);
         assert_eq!((stopping.best.map(|b| b.rows), stopping.waited, stopping.looks), (Some(5), 2, 7));
         assert!(stopping.is_over(2) && !stopping.is_over(3));
@@ -104,7 +113,7 @@ mod tests {
         // Steps of 0.4 %: each is the best, and every third of them is an improvement by then.
         let mut error = 0.2;
         for (step, waited) in (0..).zip([0, 1, 2, 0, 1, 2, 0]) {
-            assert!(stopping.take(look(step, error)));
+            assert!(stopping.take(look(step, error), 0.0));
             assert_eq!(stopping.waited, waited, "step {step}");
             error *= 0.996;
         }
@@ -112,13 +121,23 @@ mod tests {
     }
 
     #[test]
+    fn exact_within_the_noise_the_latest_look_is_the_best_and_the_lowest_stays_the_measure() {
+        let mut stopping = Stopping::default();
+        // The lowest is 0.1: 0.104 lies within 5 % of it, 0.1055 does not, though it is within 5 % of the one before.
+        let errors = [0.2, 0.1, 0.104, 0.1055, 0.103, 0.11];
+        let taken: Vec<bool> = errors.iter().zip(1..).map(|(&e, i)| stopping.take(look(i, e), 0.05)).collect();
+        assert_eq!(taken, [true, true, true, false, true, false]);
+        assert_eq!((stopping.best.map(|b| b.rows), stopping.waited), (Some(5), 4));
+    }
+
+    #[test]
     fn extreme_an_error_that_is_not_finite_is_never_the_best() {
         let mut stopping = Stopping::default();
-        assert!(stopping.take(look(0, 0.3)));
-        assert!(!stopping.take(look(1, f64::NAN)));
+        assert!(stopping.take(look(0, 0.3), 0.0));
+        assert!(!stopping.take(look(1, f64::NAN), 0.0));
         assert_eq!(stopping.best.map(|b| b.rows), Some(0));
         let mut from_the_start = Stopping::default();
-        assert!(from_the_start.take(look(0, f64::NAN)));
-        assert!(from_the_start.take(look(1, 0.5)));
+        assert!(from_the_start.take(look(0, f64::NAN), 0.0));
+        assert!(from_the_start.take(look(1, 0.5), 0.0));
     }
 }

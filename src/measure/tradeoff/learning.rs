@@ -1,6 +1,6 @@
 //! The cells of every setting -> classifiers trained on them, at four sizes and with several seeds, and what each makes of the test scenes.
 //!
-//! A network of 16-16 neurons is trained by the default training config; the seed draws its first weights, the order of the rows and
+//! A network of 16-16 neurons is trained by the extended Kalman filter (configs/train/ekf.yaml); the seed draws its first weights, the order of the rows and
 //! which scenes the smaller sizes hold, alike for every setting, so that differences between settings are differences of pairs. Settings of
 //! the trainer learn the reference's cells. Equal cells are learnt once. What a training costs is the CPU time of the one thread that
 //! it runs on, looks at the rows that stop it included.
@@ -19,9 +19,12 @@ use crate::measure::interleave::rotation;
 use crate::parallel;
 use crate::train::memory::{self, Held, outputs};
 use crate::train::model::Scaler;
-use crate::train::params::FilterParams;
+use crate::train::params::{EkfParams, FilterParams, NetworkParams};
 use crate::train::rows::Rows;
 use crate::train::{Network, TrainError, TrainParams};
+
+/// Looks without an improvement, as configs/train/ekf.yaml has them.
+const PATIENCE: u32 = 5;
 
 /// One training, and what came of it.
 #[derive(Clone, Debug)]
@@ -81,7 +84,7 @@ pub(super) fn learn(
     let hashes: Vec<blake3::Hash> = (0..corpora).map(|k| hash(measured, k)).collect();
     let first_alike = |k: usize| hashes.iter().position(|hash| *hash == hashes[k]).unwrap_or(k);
     // Per setting: the corpus it learns, and how.
-    let default = TrainParams::default().filter;
+    let default = FilterParams::Ekf(EkfParams::default());
     let plan_or_filter = |(k, variant): (usize, &Variant)| match variant {
         Variant::Plan(_) => (first_alike(k), default.clone()),
         Variant::Filter(filter) => (0, filter.clone()),
@@ -136,7 +139,9 @@ fn training(
     seed: u64,
     stop: &AtomicBool,
 ) -> Result<Option<Training>, TrainError> {
-    let params = TrainParams { seed, filter: filter.clone(), allow_few_rows: true, ..TrainParams::default() };
+    let network = NetworkParams { hidden: filter.usual_hidden(), bias: true };
+    let own = TrainParams { seed, network, filter: filter.clone(), patience: PATIENCE, ..TrainParams::default() };
+    let params = TrainParams { allow_few_rows: true, ..own };
     let (train, validation) = (rows(measured, corpus, &chosen.train), rows(measured, corpus, &chosen.stop));
     let started_s = thread_cpu_s();
     let held = Held::new(&measured.features, train, validation, &[1.0], &params)?;

@@ -5,6 +5,7 @@ use super::diagonal::Diagonal;
 use super::ekf::Ekf;
 use super::groups::groups;
 use super::guarded::CheckedFilter;
+use super::kronecker::Kronecker;
 use super::lanes::{Isa, Real};
 use super::linearised::Linearised;
 use super::noise::Noise;
@@ -37,6 +38,7 @@ pub fn build_unchecked(params: &FilterParams, layout: &Layout, clip: f64) -> Box
             Box::new(Linearised::new(Backprop { rate: backprop.rate }, Noise::none(), layout.weights(), clip))
         }
         FilterParams::Ukf(ukf) => Box::new(Ukf::new(ukf, layout.weights(), clip)),
+        FilterParams::Kronecker(kronecker) => Box::new(Kronecker::new(kronecker, layout, clip)),
     }
 }
 
@@ -78,7 +80,7 @@ fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
             Noise::of(&decoupled.noise).check(decoupled.precision, cure)?;
             (decoupled.groups, decoupled.precision)
         }
-        FilterParams::Backprop(_) => return Ok(()),
+        FilterParams::Backprop(_) | FilterParams::Kronecker(_) => return Ok(()),
         FilterParams::Ukf(ukf) => {
             Noise::of(&ukf.noise).check(Precision::F64, "set a smaller ratio (10 is the default)")?;
             if size > MOST_WEIGHTS {

@@ -1,4 +1,4 @@
-//! Innovations -> better weights: the Kalman filters, and back-propagation beside them.
+//! Innovations -> better weights: the Kalman filters, back-propagation, and batches with a Kronecker-factored covariance beside them.
 //!
 //! All learn through one face, so that a config can swap them. Symbols: w weights (s), P their covariance (s x s), b = dy/dw the
 //! Jacobian (s), d target, y output, nu = d - y innovation, R measurement noise, S = b'Pb + R, K = Pb / S gain, Q process noise.
@@ -6,7 +6,7 @@
 //! ```
 //! use marsyard::random::{Stage, Streams};
 //! use marsyard::train::filter::build;
-//! use marsyard::train::params::FilterParams;
+//! use marsyard::train::params::{EkfParams, FilterParams};
 //! use marsyard::train::{Layout, Network};
 //!
 //! // Inputs x and y in [-1, 1]; a cell is untraversable, target 0.9, where x > y.
@@ -21,7 +21,7 @@
 //!     outputs.iter().zip(&targets).filter(|(output, target)| (**output > 0.5) != (**target > 0.5)).count()
 //! };
 //! let before = wrong(&network);
-//! let mut filter = build(&FilterParams::default(), &layout, 5.0)?;
+//! let mut filter = build(&FilterParams::Ekf(EkfParams::default()), &layout, 5.0)?;
 //! for _ in 0..3 {
 //!     filter.learn(&mut network, &rows, &targets, &vec![1.0; targets.len()]);
 //! }
@@ -38,6 +38,7 @@ mod diagonal;
 mod ekf;
 mod groups;
 mod guarded;
+mod kronecker;
 pub(super) mod lanes;
 mod linearised;
 mod noise;

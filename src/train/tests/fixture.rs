@@ -123,8 +123,10 @@ pub(super) fn params() -> TrainParams {
 
 /// The same with other settings.
 pub(super) fn with(sets: &[&str]) -> TrainParams {
-    let base = ["network.hidden=[4]", "features=all", "epochs=3", "validate_every=300"];
-    let sets: Vec<String> = base.iter().chain(sets).map(|set| (*set).to_string()).collect();
+    let base = ["network.hidden=[4]", "features=all", "epochs=3", "validate_every=300", "patience=5"];
+    // Corpora this small are learnt by the Kalman filter.
+    let filter = Some(&"filter={ekf: {}}").filter(|_| !sets.iter().any(|set| set.starts_with("filter")));
+    let sets: Vec<String> = base.iter().chain(filter).chain(sets).map(|set| (*set).to_string()).collect();
     crate::config::load_train(None, &sets).unwrap()
 }
 

@@ -6,7 +6,7 @@ use super::fixture::{self, circle, circles, corpus, identity, params, run, run_u
 use crate::cells::Label;
 use crate::train::operating_point::class;
 use crate::train::stopping::Stop;
-use crate::train::{Model, Setup, folder};
+use crate::train::{Model, Setup, TrainParams, folder};
 
 #[test]
 fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
@@ -30,19 +30,27 @@ fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
     assert!(!setup.out.join(folder::CHECKPOINT).exists());
 }
 
+/// A training by batches, with looks that fall into them.
+fn by_batches() -> TrainParams {
+    with(&["filter={kronecker: {}}", "network.hidden=[8, 8]"])
+}
+
 #[test]
 fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    let one = |name: &str, ahead: usize, threads: usize| {
-        let setup = Setup { ahead, ..setup(std::slice::from_ref(&place), &params(), dir.path().join(name)).unwrap() };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| run(&setup)).unwrap();
-        identity(&setup)
-    };
-    let first = one("first", 0, 1);
-    for (name, ahead, threads) in [("second", 1, 2), ("third", 4, 3)] {
-        assert_eq!(one(name, ahead, threads), first);
+    for (filter, params) in [("ekf", params()), ("kronecker", by_batches())] {
+        let one = |name: &str, ahead: usize, threads: usize| {
+            let out = dir.path().join(format!("{filter}-{name}"));
+            let setup = Setup { ahead, ..setup(std::slice::from_ref(&place), &params, out).unwrap() };
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| run(&setup)).unwrap();
+            identity(&setup)
+        };
+        let first = one("first", 0, 1);
+        for (name, ahead, threads) in [("second", 1, 2), ("third", 4, 3)] {
+            assert_eq!(one(name, ahead, threads), first);
+        }
     }
 }
 
@@ -50,18 +58,20 @@ fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
 fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    let whole = setup(std::slice::from_ref(&place), &params(), dir.path().join("whole")).unwrap();
-    run(&whole).unwrap();
-    for crash in [false, true] {
-        let out = dir.path().join(format!("broken-{crash}"));
-        let broken = Setup { resume: true, ..setup(std::slice::from_ref(&place), &params(), out).unwrap() };
-        for rows in [1, 250, 299, 301, 700, 1490, 1501, 2000, 3100, 4250] {
-            run_until(&broken, rows, crash);
+    for (filter, params) in [("ekf", params()), ("kronecker", by_batches())] {
+        let of = |name: String| setup(std::slice::from_ref(&place), &params, dir.path().join(filter).join(name)).unwrap();
+        let whole = of("whole".into());
+        run(&whole).unwrap();
+        for crash in [false, true] {
+            let broken = Setup { resume: true, ..of(format!("broken-{crash}")) };
+            for rows in [1, 250, 299, 301, 700, 1490, 1501, 2000, 3100, 4250] {
+                run_until(&broken, rows, crash);
+            }
+            run(&broken).unwrap();
+            assert_eq!(identity(&broken), identity(&whole), "{filter}, crash {crash}");
+            // Once more: nothing is left to do.
+            run(&broken).unwrap();
         }
-        run(&broken).unwrap();
-        assert_eq!(identity(&broken), identity(&whole), "crash {crash}");
-        // Once more: nothing is left to do.
-        run(&broken).unwrap();
     }
 }
 

@@ -248,7 +248,9 @@ fn law_every_filter_learns_what_it_is_shown() {
     for params in all() {
         let mut network = start.clone();
         let mut filter = build(&params, &network.layout).unwrap();
-        filter.learn(&mut network, &inputs, &targets, &noise);
+        // By batches of 64 a pass is 46 steps, fewer than the rate takes to rise.
+        let passes = if matches!(params, FilterParams::Kronecker(_)) { 10 } else { 1 };
+        (0..passes).for_each(|_| filter.learn(&mut network, &inputs, &targets, &noise));
         let got = error(&network, &inputs, &targets);
         // Always the same class: about 40 % wrong. The slow learners are diagonal filters and back-propagation.
         assert!(got < 0.3, "{params:?}: {got}");

@@ -54,6 +54,7 @@ fn all() -> Vec<FilterParams> {
         all.extend(by.map(|groups| decoupled(groups, precision)));
     }
     all.push(FilterParams::Backprop(BackpropParams::default()));
+    all.push(FilterParams::Kronecker(KroneckerParams::default()));
     all.push(FilterParams::Ukf(UkfParams { noise: noise(1.0, 1e-5), ..UkfParams::default() }));
     all
 }

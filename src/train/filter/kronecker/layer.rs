@@ -1,0 +1,122 @@
+//! One layer of weights: its gradient -> its step.
+//!
+//! G (neurons x inputs) is the mean gradient of a batch. Its covariance over batches is taken as a Kronecker product of E[G G'] (between
+//! neurons) and E[G' G] (between inputs), whose eigenvectors are A and B. In the basis A, B the elements of a gradient are nearly uncorrelated, so
+//! each is divided by its own root mean square there: with M the running mean of G, the step is -rate A ((A' M B) / sqrt(E[(A' G B)^2])) B'.
+
+use super::basis::turn_to_eigenvectors;
+use super::matrix::{Matrix, times, times_transposed, transposed_times};
+use crate::train::filter::lanes::Isa;
+
+/// What of a running mean stays from batch to batch.
+pub(super) const KEPT: f64 = 0.95;
+/// Batches from one turn of the bases to the next.
+const TURN_EVERY: u64 = 10;
+/// What is added to a root mean square: gradients far below it are noise of rounding.
+const LEAST_ROOT: f32 = 1e-10;
+
+pub(super) struct Layer {
+    pub weights: Matrix,
+    /// The sum of the gradients of a batch so far.
+    pub gradient: Matrix,
+    /// Running means, from nought: of G, G G', G' G, and (A' G B)^2.
+    mean: Matrix,
+    by_neurons: Matrix,
+    by_inputs: Matrix,
+    squares: Matrix,
+    /// A and B; vectors are rows.
+    neuron_basis: Matrix,
+    input_basis: Matrix,
+    scratch: Scratch,
+}
+
+struct Scratch {
+    by_neurons: Matrix,
+    by_inputs: Matrix,
+    half: Matrix,
+    turned: Matrix,
+}
+
+impl Layer {
+    pub(super) fn new(neurons: usize, inputs: usize) -> Layer {
+        let [own, neuron, input] = [(neurons, inputs), (neurons, neurons), (inputs, inputs)].map(|(r, c)| Matrix::zeros(r, c));
+        Layer {
+            weights: own.clone(),
+            gradient: own.clone(),
+            mean: own.clone(),
+            by_neurons: neuron.clone(),
+            by_inputs: input.clone(),
+            squares: own.clone(),
+            neuron_basis: Matrix::identity(neurons),
+            input_basis: Matrix::identity(inputs),
+            scratch: Scratch { by_neurons: neuron, by_inputs: input, half: own.clone(), turned: own },
+        }
+    }
+
+    /// All that the next step depends on.
+    pub(super) fn arrays(&self) -> [(&'static str, &Matrix); 8] {
+        [
+            ("weights", &self.weights),
+            ("gradient", &self.gradient),
+            ("mean", &self.mean),
+            ("by_neurons", &self.by_neurons),
+            ("by_inputs", &self.by_inputs),
+            ("squares", &self.squares),
+            ("neuron_basis", &self.neuron_basis),
+            ("input_basis", &self.input_basis),
+        ]
+    }
+
+    /// The same, to be restored.
+    pub(super) fn arrays_mut(&mut self) -> [(&'static str, &mut Matrix); 8] {
+        [
+            ("weights", &mut self.weights),
+            ("gradient", &mut self.gradient),
+            ("mean", &mut self.mean),
+            ("by_neurons", &mut self.by_neurons),
+            ("by_inputs", &mut self.by_inputs),
+            ("squares", &mut self.squares),
+            ("neuron_basis", &mut self.neuron_basis),
+            ("input_basis", &mut self.input_basis),
+        ]
+    }
+
+    /// The step for the gradient of `rows` rows, which is then nought again; `steps`: those before it. False where the gradient is not
+    /// finite: then nothing has changed but that it is nought.
+    pub(super) fn step(&mut self, rows: u64, steps: u64, rate: f32, seen: f32, isa: Isa) -> bool {
+        let Layer { gradient, mean, by_neurons, by_inputs, squares, scratch, .. } = self;
+        let (share, scale) = ((1.0 - KEPT) as f32, 1.0 / rows as f32);
+        gradient.padded_mut().for_each(|x| *x *= scale);
+        times_transposed(gradient, gradient, &mut scratch.by_neurons, isa);
+        let is_finite = scratch.by_neurons.padded().fold(true, |sound, x| sound & (x.abs() < f32::INFINITY));
+        if !is_finite {
+            gradient.padded_mut().for_each(|x| *x = 0.0);
+            return false;
+        }
+        mean.drift_to(gradient, share);
+        by_neurons.drift_to(&scratch.by_neurons, share);
+        transposed_times(gradient, gradient, &mut scratch.by_inputs, isa);
+        by_inputs.drift_to(&scratch.by_inputs, share);
+        if steps.is_multiple_of(TURN_EVERY) {
+            turn_to_eigenvectors(by_neurons, &mut self.neuron_basis, &mut scratch.by_neurons, isa);
+            turn_to_eigenvectors(by_inputs, &mut self.input_basis, &mut scratch.by_inputs, isa);
+        }
+        let Scratch { half, turned, .. } = scratch;
+        times(&self.neuron_basis, gradient, half, isa);
+        times_transposed(half, &self.input_basis, turned, isa);
+        turned.padded_mut().for_each(|x| *x *= *x);
+        squares.drift_to(turned, share);
+        times(&self.neuron_basis, mean, half, isa);
+        times_transposed(half, &self.input_basis, turned, isa);
+        // Running means from nought are `seen` too small.
+        let size = rate / seen;
+        for (x, square) in turned.padded_mut().zip(squares.padded()) {
+            *x *= size / ((square / seen).sqrt() + LEAST_ROOT);
+        }
+        times(turned, &self.input_basis, half, isa);
+        transposed_times(&self.neuron_basis, half, turned, isa);
+        self.weights.padded_mut().zip(turned.padded()).for_each(|(w, step)| *w -= step);
+        gradient.padded_mut().for_each(|x| *x = 0.0);
+        true
+    }
+}

@@ -1,0 +1,191 @@
+//! Mini-batches -> steps in the eigenvectors of a Kronecker-factored covariance of the gradients, averaged.
+//!
+//! For networks whose covariance of all weights (s x s) is too large or too dear for the extended Kalman filter: a batch costs the rows'
+//! gradients and some products of matrices of the size of a layer. Source: Vyas et al. 2024 (SOAP), after Gupta et al. 2018 (Shampoo) and
+//! Martens & Grosse 2015 (factors with the bias among the inputs); what the network is at any time is an average of the steps' weights that
+//! forgets all but the last ninth (Shamir & Zhang 2013, polynomial decay). Deviations: bases start at the axes; batches grow with the rows that were
+//! learnt, so that few rows are enough for many steps and later steps have less noise (Smith et al. 2018).
+//!
+//! The rate is constant after the first steps: the average does what a falling rate would, and needs no word of when training ends.
+
+mod basis;
+mod gradient;
+mod layer;
+mod matrix;
+#[cfg(test)]
+mod tests;
+
+use rayon::prelude::*;
+
+use self::gradient::{Row, SHARE_ROWS, Share};
+use self::layer::{KEPT, Layer};
+use super::lanes::Isa;
+use super::linearised::finite;
+use super::state::{Reader, Writer};
+use super::{Counters, Filter, FilterError, FilterState};
+use crate::math;
+use crate::train::params::KroneckerParams;
+use crate::train::{Layout, Network};
+
+const KIND: &str = "kronecker-f32";
+/// Rows of the first batches, and of the last; between them a batch holds this share of the rows that were learnt before it.
+const BATCH_ROWS: [u64; 2] = [64, 512];
+const BATCH_SHARE: f64 = 0.005;
+/// Steps in which the rate rises to what it is: the covariances know little yet.
+const WARM_UP_STEPS: f64 = 100.0;
+/// How fast the average forgets: it holds the last 1 / (1 + this) of the steps, mostly.
+const DECAY: f64 = 8.0;
+/// The most that a row may weigh: squares of its gradient are finite in f32.
+const MOST_ROW_WEIGHT: f64 = 1e15;
+
+/// Whether this thread is one of a pool whose others may share the work: a training from memory has one thread and keeps to it.
+fn is_in_pool() -> bool {
+    rayon::current_thread_index().is_some() && rayon::current_num_threads() > 1
+}
+
+/// Learns by batches; the network that it leaves is the average.
+pub(super) struct Kronecker {
+    rate: f64,
+    clip: f64,
+    isa: Isa,
+    layers: Vec<Layer>,
+    shares: Vec<Share>,
+    counters: Counters,
+    steps: u64,
+    /// Rows of the batch that is begun.
+    begun: u64,
+}
+
+impl Kronecker {
+    pub(super) fn new(params: &KroneckerParams, layout: &Layout, clip: f64) -> Kronecker {
+        let bias = usize::from(layout.bias);
+        let shares = BATCH_ROWS[1].div_ceil(SHARE_ROWS as u64);
+        Kronecker {
+            rate: params.rate,
+            clip,
+            isa: Isa::detect(),
+            layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
+            shares: (0..shares).map(|_| Share::new(layout)).collect(),
+            counters: Counters::default(),
+            steps: 0,
+            begun: 0,
+        }
+    }
+
+    /// Rows of the batch that is begun, when it is whole.
+    fn batch(&self) -> u64 {
+        let learnt = self.counters.updates - self.begun;
+        let [first, last] = BATCH_ROWS;
+        let rows = ((BATCH_SHARE * learnt as f64) as u64).clamp(first, last);
+        rows - rows % first
+    }
+
+    fn is_fresh(&self) -> bool {
+        self.steps == 0 && self.begun == 0
+    }
+
+    /// Adds the gradient of rows that fit into the batch.
+    fn gather(&mut self, rows: &[Row]) {
+        let Kronecker { layers, shares, isa, .. } = self;
+        let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
+        let shares = &mut shares[..rows.len().div_ceil(SHARE_ROWS)];
+        if is_in_pool() {
+            let parts = shares.par_iter_mut().zip(rows.par_chunks(SHARE_ROWS));
+            parts.for_each(|(share, rows)| share.learn(&weights, rows, *isa));
+        } else {
+            let parts = shares.iter_mut().zip(rows.chunks(SHARE_ROWS));
+            parts.for_each(|(share, rows)| share.learn(&weights, rows, *isa));
+        }
+        for share in shares {
+            layers.iter_mut().zip(&share.gradients).for_each(|(layer, gradient)| layer.gradient.add(gradient));
+        }
+        self.begun += rows.len() as u64;
+        self.counters.updates += rows.len() as u64;
+    }
+
+    /// The step of a whole batch, and the average with it.
+    fn step(&mut self, network: &mut Network) {
+        let (rows, steps) = (std::mem::take(&mut self.begun), self.steps);
+        let count = (steps + 1) as f64;
+        let rate = (self.rate * (count / WARM_UP_STEPS).min(1.0)) as f32;
+        let seen = (1.0 - math::pow(KEPT, count)) as f32;
+        let isa = self.isa;
+        let step = |layer: &mut Layer| layer.step(rows, steps, rate, seen, isa);
+        let sound: Vec<bool> = if is_in_pool() {
+            self.layers.par_iter_mut().map(step).collect()
+        } else {
+            self.layers.iter_mut().map(step).collect()
+        };
+        if sound.contains(&false) {
+            self.counters.updates -= rows;
+            self.counters.rejected += rows;
+            return;
+        }
+        self.steps += 1;
+        let share = ((DECAY + 1.0) / (count + DECAY)).min(1.0);
+        let raw = self.layers.iter().flat_map(|layer| layer.weights.values());
+        for (average, raw) in network.weights.iter_mut().zip(raw) {
+            *average += share * (f64::from(raw) - *average);
+        }
+        self.counters.take_weights(&mut network.weights);
+    }
+}
+
+impl Filter for Kronecker {
+    fn learn(&mut self, network: &mut Network, inputs: &[f64], targets: &[f64], noise: &[f64]) {
+        if self.is_fresh() {
+            let mut weights = network.weights.iter().map(|w| *w as f32);
+            self.layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
+        }
+        let mut rows = Vec::with_capacity(targets.len());
+        for ((inputs, &target), &noise) in inputs.chunks_exact(network.layout.inputs).zip(targets).zip(noise) {
+            let weight = 1.0 / noise;
+            if finite(inputs) && target.is_finite() && weight > 0.0 && weight <= MOST_ROW_WEIGHT {
+                self.counters.take_inputs(inputs, self.clip);
+                rows.push(Row { inputs, target, weight });
+            } else {
+                self.counters.rejected += 1;
+            }
+        }
+        let mut rest = &rows[..];
+        while !rest.is_empty() {
+            let (now, later) = rest.split_at(rest.len().min((self.batch() - self.begun) as usize));
+            self.gather(now);
+            if self.begun == self.batch() {
+                self.step(network);
+            }
+            rest = later;
+        }
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    fn state(&self) -> FilterState {
+        let mut writer = Writer::new(KIND);
+        self.counters.save(&mut writer);
+        writer.counts("place", [self.steps, self.begun].into_iter());
+        for (number, layer) in self.layers.iter().enumerate() {
+            layer.arrays().iter().for_each(|(name, array)| writer.reals(&format!("{number}.{name}"), array.values()));
+        }
+        writer.finish()
+    }
+
+    fn restore(&mut self, state: &FilterState) -> Result<(), FilterError> {
+        let reader = Reader::new(state, KIND)?;
+        let counters = Counters::load(&reader)?;
+        let place = reader.counts("place", 2)?;
+        // All arrays are read before one is taken, so that a state that does not fit changes nothing.
+        let mut values = Vec::new();
+        for (number, layer) in self.layers.iter().enumerate() {
+            for (name, array) in layer.arrays() {
+                values.push(reader.reals::<f32>(&format!("{number}.{name}"), array.rows * array.columns)?);
+            }
+        }
+        let arrays = self.layers.iter_mut().flat_map(Layer::arrays_mut);
+        arrays.zip(values).for_each(|((_, array), values)| array.fill(values.into_iter()));
+        (self.counters, self.steps, self.begun) = (counters, place[0], place[1]);
+        Ok(())
+    }
+}

@@ -1,0 +1,206 @@
+//! Products, bases, gradients and steps against plain forms of the same.
+
+use super::basis::turn_to_eigenvectors;
+use super::gradient::{Row, Share};
+use super::layer::Layer;
+use super::matrix::{Matrix, times, times_transposed, transposed_times};
+use crate::random::{Purpose, Stage, Streams};
+use crate::train::filter::lanes::Isa;
+use crate::train::filter::{Counters, FilterState, build};
+use crate::train::network::Activations;
+use crate::train::params::{FilterParams, KroneckerParams};
+use crate::train::{Layout, Network};
+
+fn normals(seed: u64, count: usize) -> Vec<f64> {
+    let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 2 };
+    let mut values = vec![0.0; count];
+    streams.open(Purpose::InitialWeights).fill_normal(0, &mut values);
+    values
+}
+
+fn matrix(seed: u64, rows: usize, columns: usize) -> Matrix {
+    let mut matrix = Matrix::zeros(rows, columns);
+    matrix.fill(normals(seed, rows * columns).into_iter().map(|x| x as f32));
+    matrix
+}
+
+fn network(inputs: usize, hidden: &[usize], bias: bool) -> Network {
+    let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
+    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias }, &streams)
+}
+
+/// The largest difference of a matrix from what a formula says of each place.
+fn furthest(out: &Matrix, wanted: impl Fn(usize, usize) -> f64) -> f64 {
+    let places = (0..out.rows).flat_map(|i| (0..out.columns).map(move |j| (i, j)));
+    places.map(|(i, j)| (f64::from(out.get(i, j)) - wanted(i, j)).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn equal_products_and_their_sums_written_out_on_every_instruction_set() {
+    for (n, k, m) in [(1, 1, 1), (4, 16, 16), (5, 17, 33), (64, 65, 64), (1, 65, 64), (9, 3, 20)] {
+        let (a, b, c) = (matrix(1, n, k), matrix(2, k, m), matrix(3, m, k));
+        let t = matrix(4, k, n);
+        let sum = |x: &dyn Fn(usize) -> f64| (0..k).map(x).sum::<f64>();
+        let of = |x: &Matrix, i, j| f64::from(x.get(i, j));
+        let mut first = None;
+        for isa in Isa::available() {
+            let [mut plain, mut left, mut right] = [(); 3].map(|()| Matrix::zeros(n, m));
+            times(&a, &b, &mut plain, isa);
+            transposed_times(&t, &b, &mut left, isa);
+            times_transposed(&a, &c, &mut right, isa);
+            assert!(furthest(&plain, |i, j| sum(&|x| of(&a, i, x) * of(&b, x, j))) < 2e-5);
+            assert!(furthest(&left, |i, j| sum(&|x| of(&t, x, i) * of(&b, x, j))) < 2e-5);
+            assert!(furthest(&right, |i, j| sum(&|x| of(&a, i, x) * of(&c, j, x))) < 2e-5);
+            let all = (plain, left, right);
+            assert_eq!(first.get_or_insert_with(|| all.clone()), &all, "{isa:?}");
+        }
+    }
+}
+
+fn far_from_orthonormal(basis: &Matrix) -> f64 {
+    let mut products = Matrix::zeros(basis.rows, basis.rows);
+    times_transposed(basis, basis, &mut products, Isa::detect());
+    furthest(&products, |i, j| f64::from(u8::from(i == j)))
+}
+
+#[test]
+fn equal_a_basis_turned_often_and_the_eigenvectors_of_nalgebra() {
+    let size = 23;
+    let root = matrix(7, size, size);
+    let mut covariance = Matrix::zeros(size, size);
+    // Eigenvalues far enough apart for the order to be clear.
+    let mut scaled = root.clone();
+    (0..size).for_each(|row| (0..size).for_each(|column| scaled.set(row, column, root.get(row, column) * 0.7_f32.powi(column as i32))));
+    times_transposed(&scaled, &scaled, &mut covariance, Isa::detect());
+    let dense = nalgebra::DMatrix::from_fn(size, size, |i, j| f64::from(covariance.get(i, j)));
+    let eigen = nalgebra::SymmetricEigen::new(dense);
+    let mut order: Vec<usize> = (0..size).collect();
+    order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+    let (mut basis, mut scratch) = (Matrix::identity(size), Matrix::zeros(size, size));
+    (0..300).for_each(|_| turn_to_eigenvectors(&covariance, &mut basis, &mut scratch, Isa::detect()));
+    assert!(far_from_orthonormal(&basis) < 2e-6);
+    for (place, &column) in order.iter().enumerate().take(6) {
+        let along: f64 = (0..size).map(|i| f64::from(basis.get(place, i)) * eigen.eigenvectors[(i, column)]).sum();
+        assert!((along.abs() - 1.0).abs() < 1e-4, "vector {place}: {along}");
+    }
+}
+
+#[test]
+fn extreme_a_basis_stays_orthonormal_whatever_the_covariance() {
+    let size = 20;
+    let ones = |value: f32| {
+        let mut all = Matrix::zeros(size, size);
+        all.fill(std::iter::repeat_n(value, size * size));
+        all
+    };
+    let mut axis = Matrix::zeros(size, size);
+    axis.set(3, 3, 1.0);
+    for covariance in [ones(0.0), ones(1.0), ones(1e-38), ones(1e37), axis, Matrix::identity(size)] {
+        let (mut basis, mut scratch) = (Matrix::identity(size), Matrix::zeros(size, size));
+        for _ in 0..3 {
+            turn_to_eigenvectors(&covariance, &mut basis, &mut scratch, Isa::detect());
+            assert!(far_from_orthonormal(&basis) < 1e-5);
+        }
+    }
+}
+
+#[test]
+fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
+    for (hidden, bias) in [(&[6, 4][..], true), (&[64, 64], true), (&[5], false), (&[], true)] {
+        let (inputs, count) = (23, 37);
+        let network = network(inputs, hidden, bias);
+        let values = normals(11, inputs * count);
+        let target = |k: usize| if k.is_multiple_of(3) { 0.9 } else { 0.1 };
+        let weight = |k: usize| 0.5 + k as f64;
+        let row = |(k, inputs)| Row { inputs, target: target(k), weight: weight(k) };
+        let rows: Vec<Row> = values.chunks(inputs).enumerate().map(row).collect();
+        let mut layers: Vec<Layer> = network.layout.layers().map(|(i, n)| Layer::new(n, i + usize::from(bias))).collect();
+        let mut weights = network.weights.iter().map(|w| *w as f32);
+        layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
+        let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
+        let mut share = Share::new(&network.layout);
+        // More rows first: what they leave behind must not count.
+        let more: Vec<Row> = rows.iter().chain(&rows).map(|row| Row { ..*row }).take(64).collect();
+        share.learn(&of, &more, Isa::detect());
+        share.learn(&of, &rows, Isa::detect());
+        let mut wanted = vec![0.0; network.weights.len()];
+        let (mut slopes, mut tape) = (wanted.clone(), Activations::default());
+        for (k, inputs) in values.chunks(inputs).enumerate() {
+            let output = network.gradient(inputs, &mut tape, &mut slopes);
+            wanted.iter_mut().zip(&slopes).for_each(|(sum, slope)| *sum += weight(k) * (output - target(k)) * slope);
+        }
+        let most = wanted.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let found: Vec<f64> = share.gradients.iter().flat_map(Matrix::values).map(f64::from).collect();
+        let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 2e-6 * most, "{hidden:?}: {off} of {most}");
+    }
+}
+
+#[test]
+fn equal_the_first_step_and_its_formula() {
+    // Of one gradient G, with the axes turned once by a power step: the singular vectors' signs, as whitening by a rank-1 covariance gives.
+    let mut layer = Layer::new(1, 2);
+    layer.weights.fill([1.0, 2.0].into_iter());
+    layer.gradient.fill([6.0, 8.0].into_iter());
+    assert!(layer.step(2, 0, 0.1, 0.05, Isa::detect()));
+    // G = (3, 4): B's first vector is (0.6, 0.8), along which the gradient is 5 and its root mean square 5: a step of 0.1 along it, once the
+    // means are corrected for their start. Nothing lies along the other vector.
+    assert!(furthest(&layer.weights, |_, column| [1.0 - 0.06, 2.0 - 0.08][column]) < 1e-5);
+    assert!(furthest(&layer.gradient, |_, _| 0.0) == 0.0);
+}
+
+#[test]
+fn extreme_a_gradient_that_is_not_finite_changes_no_weight() {
+    let mut layer = Layer::new(2, 3);
+    layer.gradient.set(1, 1, f32::INFINITY);
+    let before = layer.weights.clone();
+    assert!(!layer.step(64, 0, 0.1, 0.05, Isa::detect()));
+    assert_eq!(layer.weights, before);
+    assert_eq!(layer.gradient, Matrix::zeros(2, 3));
+}
+
+/// Rows of 8 inputs that a small network can learn, learnt in portions of `portion` rows on so many threads.
+fn learnt(rows: usize, portion: usize, threads: usize, outliers: bool) -> (Network, Counters, FilterState) {
+    let mut network = network(8, &[16, 16], true);
+    let mut inputs = normals(1, rows * 8);
+    let targets: Vec<f64> = inputs.chunks(8).map(|x| if x[0] * x[1] + x[2] > 0.3 { 0.9 } else { 0.1 }).collect();
+    let mut noise = vec![1.0; rows];
+    if outliers {
+        inputs.iter_mut().step_by(97).for_each(|x| *x = 8.0);
+        noise.iter_mut().step_by(31).for_each(|noise| *noise = 1e-12);
+    }
+    let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &network.layout, 8.0).unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    pool.install(|| {
+        for (k, targets) in targets.chunks(portion).enumerate() {
+            let own = k * portion..k * portion + targets.len();
+            filter.learn(&mut network, &inputs[own.start * 8..own.end * 8], targets, &noise[own]);
+        }
+    });
+    (network, filter.counters(), filter.state())
+}
+
+#[test]
+fn equal_any_number_of_threads_learns_the_same_bits() {
+    let one = learnt(4000, 256, 1, false);
+    for threads in [2, 3, 8] {
+        assert!(learnt(4000, 256, threads, false) == one, "{threads} threads");
+    }
+}
+
+#[test]
+fn law_a_problem_is_learnt_and_rows_of_huge_weight_leave_all_finite() {
+    let wrong = |network: &Network| {
+        let inputs = normals(2, 1000 * 8);
+        let mut outputs = vec![0.0; 1000];
+        network.outputs(&inputs, &mut outputs);
+        let is_off = |(x, y): (&[f64], &f64)| (x[0] * x[1] + x[2] > 0.3) != (*y > 0.5);
+        inputs.chunks(8).zip(&outputs).filter(|&row| is_off(row)).count()
+    };
+    let (learnt_well, counters, _) = learnt(40_000, 256, 1, false);
+    assert!(wrong(&learnt_well) < 50, "{} of 1000 wrong", wrong(&learnt_well));
+    assert_eq!(counters, Counters { updates: 40_000, ..Counters::default() });
+    let (bent, counters, _) = learnt(10_000, 256, 1, true);
+    assert!(bent.weights.iter().all(|w| w.is_finite()));
+    assert_eq!((counters.updates, counters.rejected), (10_000, 0));
+}
