@@ -77,7 +77,7 @@ class Study:
     def judged(self, name, corpus, sets=(), test="held out", families=held_out.FAMILIES):
         cells, counts = self.test(test), []
         for seed in self.seeds:
-            model = held_out.network(self.marsyard, self.marsyard.train(name, [corpus], seed, sets))
+            model = held_out.network(self.marsyard, self.marsyard.train(name, [corpus], seed, [*study.KALMAN_FILTER, *sets]))
             counts.append(held_out.counts(cells, outputs(model, cells)))
         return held_out.Judgement(cells, counts, families)
 

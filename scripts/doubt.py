@@ -261,7 +261,7 @@ def main():
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     corpus = marsyard.corpus(f"mixed-{scenes}", held_out.CONFIG, [], scenes, held_out.PER_SHARD)
     place = held_out.corpus(marsyard, f"test-{test_scenes}", options.test_seed, test_scenes)
-    networks = [Network(marsyard, marsyard.train(f"mixed-{scenes}", [corpus], seed)) for seed in seeds]
+    networks = [Network(marsyard, marsyard.train(f"mixed-{scenes}", [corpus], seed, study.KALMAN_FILTER)) for seed in seeds]
     columns = [*networks[0].about["features"], "points"]
     validation, own = (held_out.read(corpus, columns, [split]) for split in ("validation", "test"))
     of_training = np.isin(own["family_of_scene"][own["scene"]], range(len(held_out.TRAINING)))

@@ -138,7 +138,7 @@ def main():
     results["classical"].append(rates(classical(holes), least, holes, filled, classical(filled)))
     where = {"classical": misses(classical(holes), least, holes)}
     for seed in seeds:
-        run = marsyard.train("network", [corpora["training"]], seed, ["features=seen+unseen", "epochs=10"])
+        run = marsyard.train("network", [corpora["training"]], seed, [*study.KALMAN_FILTER, "features=seen+unseen", "epochs=10"])
         model = json.loads(marsyard.run("export", "--json", "-", run))
         scores = {name: outputs(model, cells) for name, cells in [("validation", validation), ("holes", holes), ("filled", filled)]}
         least = threshold(scores["validation"], validation)

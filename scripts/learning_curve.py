@@ -1,11 +1,11 @@
-"""What more scenes teach: the error on each held-out family of configs/mixed.yaml against scenes and CPU seconds, for three learners.
+"""What more scenes teach: the error on each held-out family of configs/mixed.yaml against scenes and CPU seconds, for four learners.
 
 Usage:  cargo build --release
         python scripts/learning_curve.py [--sizes 70,140,400,1200] [--seeds 1,2] [--test-seed 51] [--quick]
 
-Cuts configs/mixed.yaml to each size and trains on it, with all defaults: the default network; a network of twice its weights at the largest
-size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards that are judged and not the trainer; of these two
-the first seed alone. Beside them stand trees that learnt from the held-out families' own yards, of a third seed: what is left of their error
+Cuts configs/mixed.yaml to each size and trains on it: the default network; the Kalman filter's (configs/train/ekf.yaml, 16-16 neurons); a network
+of four times the default's weights at the largest size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards
+that are judged and not the trainer; of these two the first seed alone. Beside them stand trees that learnt from the held-out families' own yards, of a third seed: what is left of their error
 is in the columns and labels, and no variety of other yards takes it away. All are judged on one corpus of the held-out families alone, of
 another seed; see held_out.py for the intervals.
 
@@ -84,7 +84,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", default="70,140,400,1200")
     parser.add_argument("--seeds", default="1,2")
-    parser.add_argument("--wide", default="24,16", help="hidden neurons of the larger network (default 24,16)")
+    parser.add_argument("--wide", default="128,128", help="hidden neurons of the larger network (default 128,128)")
     parser.add_argument("--test-scenes", default=560, type=int, help="of the test corpus (default 560)")
     parser.add_argument("--test-seed", default=51, type=int, help="seed of the test corpus (default 51); give another work folder with it")
     study.add_arguments(parser, "learning_curve")
@@ -110,6 +110,8 @@ def main():
 
     for size in sizes:
         learn("network", size, seeds, lambda seed: learners.network(str(size), corpora[size], seed))
+    for size in sizes:
+        learn("Kalman filter", size, seeds, lambda seed: learners.network(f"ekf-{size}", corpora[size], seed, study.KALMAN_FILTER))
     wide = [f"network.hidden=[{options.wide}]"]
     learn("larger network", sizes[-2], seeds[:1], lambda seed: learners.network("wide", corpora[sizes[-2]], seed, wide))
     for size in sizes:

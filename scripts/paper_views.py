@@ -84,7 +84,7 @@ def main():
     runs, spreads = [], {"points_per_cell": {}, "range_m": {}}
     for name in YARDS:
         for seed in range(1, options.seeds + 1):
-            run = marsyard.train(slug(name), [learnt[name]], seed)
+            run = marsyard.train(slug(name), [learnt[name]], seed, study.KALMAN_FILTER)
             for of, place in judged.items():
                 report = marsyard.evaluate(run, place, f"on-{slug(of)}")
                 rates = report["groups"][0]["network"]["at"][0]["cells"]

@@ -14,6 +14,8 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "scripts" / "results"
+#: What configs/train/ekf.yaml sets: the Kalman filter and its network of 16-16 neurons.
+KALMAN_FILTER = ["filter={ekf: {}}", "network.hidden=[16,16]", "patience=5"]
 
 
 class Marsyard:

@@ -1,5 +1,7 @@
 """Rows of a corpus in memory, and marsyard's network trained on any choice of them: what the studies in this folder share.
 
+The network is that of configs/train/ekf.yaml where the settings name no filter.
+
 The network is trained by the example `train_rows`, which learns by the trainer's own code on one thread:
 
     cargo build --release --example train_rows
@@ -74,6 +76,8 @@ def train(train, validation, judged, settings, trainer=TRAINER, names=None):
     with tempfile.TemporaryDirectory() as folder:
         rows, outputs = f"{folder}/rows.parquet", f"{folder}/outputs.npy"
         pq.write_table(pa.table(columns), rows, compression="none", use_dictionary=False)
+        if not any(key.startswith("filter") for key in settings):
+            settings = {"filter": "{ekf: {}}", "patience": 5} | settings
         sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
         done = subprocess.run([trainer, rows, outputs, *sets], capture_output=True, text=True)
         if done.returncode:

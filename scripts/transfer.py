@@ -218,7 +218,7 @@ def leave_one_out(marsyard, corpora, variant, seeds):
     for seed in seeds:
         for family in TRAINING:
             others = [corpora[name] for name in TRAINING if name != family]
-            run = marsyard.train(f"{variant}-without-{family}", others, seed, VARIANTS[variant])
+            run = marsyard.train(f"{variant}-without-{family}", others, seed, [*study.KALMAN_FILTER, *VARIANTS[variant]])
             groups = marsyard.evaluate(run, corpora[family], "left-out")["groups"]
             at = groups[0]["network"]["at"][0]
             rows.append({"family": family, "seed": seed, "auc": groups[0]["network"]["auc"],
@@ -272,7 +272,7 @@ def main():
 
     features, models = [], {}
     for seed in seeds:
-        run = marsyard.train("network", [corpus], seed, arguments.sets)
+        run = marsyard.train("network", [corpus], seed, [*study.KALMAN_FILTER, *arguments.sets])
         models[seed] = json.loads(marsyard.run("export", "--json", "-", run))
         features = models[seed]["about"]["features"]
     validation, test = read(corpus, "validation", features), read(corpus, "test", features, UNSEEN)

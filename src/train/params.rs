@@ -202,7 +202,9 @@ impl FilterParams {
     pub(crate) fn usual_hidden(&self) -> Vec<usize> {
         match self {
             FilterParams::Kronecker(_) => vec![64, 64],
-            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => vec![16, 16],
+            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => {
+                vec![16, 16]
+            }
         }
     }
 

@@ -100,8 +100,11 @@ mod tests {
     #[test]
     fn exact_patience_counts_looks_since_the_last_improvement() {
         let mut stopping = Stopping::default();
-        let taken: Vec<bool> =
-            [0.3, 0.2, 0.25, 0.2, 0.1, 0.1, 0.11].iter().zip(1..).map(|(&e, i)| stopping.take(look(i, e), 0.0)).collect();
+        let taken: Vec<bool> = [0.3, 0.2, 0.25, 0.2, 0.1, 0.1, 0.11]
+            .iter()
+            .zip(1..)
+            .map(|(&e, i)| stopping.take(look(i, e), 0.0))
+            .collect();
         assert_eq!(taken, [true, true, false, false, true, false, false]);
         assert_eq!((stopping.best.map(|b| b.rows), stopping.waited, stopping.looks), (Some(5), 2, 7));
         assert!(stopping.is_over(2) && !stopping.is_over(3));

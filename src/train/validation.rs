@@ -1,7 +1,8 @@
 //! A split and a network -> its weighted mean squared error.
 //!
-//! Small splits are kept in memory, others are read again at each look, one row group at a time and one ahead. Chunks of rows are
-//! taken by all threads; their sums are added in the order of the rows, so that the number of threads changes no bit. The threads are
+//! A look takes [`LOOK_ROWS`] rows at least: of a split that holds more, every so many-th, so that all its scenes have their say, in the same
+//! share of their rows. They are read once and kept, and a look costs the same however large the corpus is. Cells beside one another err
+//! alike: what tells a look's error is the scenes. Chunks of rows are taken by all threads; their sums are added in the order of the rows, so that the number of threads changes no bit. The threads are
 //! those of rayon's current pool, which lives as long as a training: `parallel::run` starts and ends threads at each call,
 //! and a look at rows in memory takes less than that.
 
@@ -16,8 +17,8 @@ use super::{Network, Scaler, TrainError, TrainParams};
 use crate::corpus::Split;
 use crate::parallel::ReadAhead;
 
-/// A split is kept up to this size.
-const HELD_BYTES: usize = 8 << 20;
+/// Rows of a look: some five megabytes, and less than 5 % of the learning between two looks from three million rows to learn on.
+pub(crate) const LOOK_ROWS: u64 = 50_000;
 /// Rows of one partial sum.
 const CHUNK_ROWS: usize = 1024;
 
@@ -100,43 +101,40 @@ impl Objective {
 
 /// The rows that decide when training ends.
 pub(crate) struct Validation {
-    sources: Arc<Sources>,
-    held: Option<Vec<Rows>>,
+    /// Those that a look takes.
+    pub(super) looked_at: Rows,
+    /// Of the whole split.
     pub rows: u64,
     pub left_out: LeftOut,
 }
 
 impl Validation {
-    /// Reads the split once: to check it, to count it, and to keep it where it is small.
-    pub(crate) fn open(sources: Arc<Sources>) -> Result<Validation, TrainError> {
-        let mut validation = Validation { sources, held: Some(Vec::new()), rows: 0, left_out: LeftOut::default() };
-        let mut bytes = 0;
-        let (mut kept, mut rows, mut left_out) = (Some(Vec::new()), 0, LeftOut::default());
-        validation.each(|part| {
-            rows += part.len() as u64;
+    /// Reads the split once: to check it, to count it, and to keep what looks take.
+    pub(crate) fn open(sources: &Arc<Sources>) -> Result<Validation, TrainError> {
+        Validation::of(sources, LOOK_ROWS)
+    }
+
+    pub(super) fn of(sources: &Arc<Sources>, look_rows: u64) -> Result<Validation, TrainError> {
+        let every = (sources.rows(Split::Validation) / look_rows).max(1);
+        let mut looked_at = Rows::new(sources.features.len());
+        let (mut rows, mut left_out) = (0, LeftOut::default());
+        each_group(Arc::clone(sources), Split::Validation, |part| {
             left_out += part.left_out;
-            bytes += part.features.len() * 4 + part.len() * 3;
-            match &mut kept {
-                Some(parts) if bytes <= HELD_BYTES => parts.push(part),
-                _ => kept = None,
+            for row in 0..part.len() {
+                if rows % every == 0 {
+                    looked_at.features.extend_from_slice(part.row(row));
+                    looked_at.labels.push(part.labels[row]);
+                    looked_at.corpora.push(part.corpora[row]);
+                }
+                rows += 1;
             }
         })?;
-        (validation.held, validation.rows, validation.left_out) = (kept, rows, left_out);
-        Ok(validation)
+        Ok(Validation { looked_at, rows, left_out })
     }
 
-    /// The error over the whole split.
-    pub(crate) fn error(&self, objective: &Objective, network: &Network) -> Result<f64, TrainError> {
-        let mut sum = ErrorSum::default();
-        match &self.held {
-            Some(parts) => parts.iter().for_each(|rows| sum += objective.sum(network, rows)),
-            None => self.each(|rows| sum += objective.sum(network, &rows))?,
-        }
-        Ok(sum.mean())
-    }
-
-    fn each(&self, take: impl FnMut(Rows)) -> Result<(), TrainError> {
-        each_group(Arc::clone(&self.sources), Split::Validation, take)
+    /// The error over the rows of a look.
+    pub(crate) fn error(&self, objective: &Objective, network: &Network) -> f64 {
+        objective.sum(network, &self.looked_at).mean()
     }
 }
 

@@ -89,6 +89,7 @@ impl TrainProgress {
                 corpora = %self.corpora,
                 train_rows = start.train_rows,
                 validation_rows = start.validation_rows,
+                look_rows = start.look_rows,
                 untraversable_share = start.untraversable_share,
                 weights = start.weights,
                 features = %start.features.join(" "),
@@ -101,8 +102,10 @@ impl TrainProgress {
         }
         let resumed =
             if start.resumed_at > 0 { format!(", going on after {} rows", start.resumed_at) } else { String::new() };
+        let is_thinned = start.look_rows < start.validation_rows;
+        let of_them = if is_thinned { format!(", {} of them", start.look_rows) } else { String::new() };
         self.teller.say(&format!(
-            "{} -> {}: {} rows to learn ({:.1} % untraversable), {} to validate by every {}; {} features, {} weights; {}B for the \
+            "{} -> {}: {} rows to learn ({:.1} % untraversable), {} to validate by every {}{of_them}; {} features, {} weights; {}B for the \
              stream{resumed}",
             self.corpora,
             self.out,

@@ -117,6 +117,8 @@ pub enum Event<'a> {
 pub struct Start {
     pub train_rows: u64,
     pub validation_rows: u64,
+    /// Of those, what each look takes.
+    pub look_rows: u64,
     pub untraversable_share: f64,
     pub weights: usize,
     pub features: Vec<String>,
@@ -236,7 +238,7 @@ impl Training<'_> {
     }
 
     fn look(&mut self, tell: &mut dyn FnMut(Event)) -> Result<(), TrainError> {
-        let error = self.validation.error(&self.learner.objective, &self.learner.network)?;
+        let error = self.validation.error(&self.learner.objective, &self.learner.network);
         let (look, is_best) = self.learner.look(self.place.epoch, error);
         let elapsed_s = (self.elapsed_before + self.started.elapsed()).as_secs_f64();
         let line = Line { look, best: is_best, elapsed_s };

@@ -27,7 +27,7 @@ impl<'s> Training<'s> {
         let (params, sources) = (&setup.params, &setup.sources);
         let counts = class_counts(sources)?;
         let labelled: u64 = counts.iter().flatten().sum();
-        let validation = Validation::open(Arc::clone(sources))?;
+        let validation = Validation::open(sources)?;
         if labelled == 0 {
             let unlabelled = sources.list.iter().map(|source| source.labels(Split::Train).unknown).sum();
             return Err(no_rows(sources, Split::Train, LeftOut { unlabelled, ..LeftOut::default() }));
@@ -75,6 +75,7 @@ impl<'s> Training<'s> {
             start: Start {
                 train_rows: labelled,
                 validation_rows: validation.rows,
+                look_rows: validation.looked_at.len() as u64,
                 untraversable_share: untraversable as f64 / labelled as f64,
                 weights,
                 features: sources.features.clone(),

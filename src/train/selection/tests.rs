@@ -99,5 +99,7 @@ fn equal_the_kalman_filter_has_a_selection_and_every_row_or_another_filter_none(
         Selection::of(&params.filter, 1).is_some()
     };
     assert!(of("filter={ekf: {}}") && of("filter={ekf: {robust: true}}"));
-    assert!(!of("seed=1") && !of("filter.ekf.rows=every") && !of("filter={decoupled: {}}") && !of("filter={backprop: {}}"));
+    assert!(
+        !of("seed=1") && !of("filter.ekf.rows=every") && !of("filter={decoupled: {}}") && !of("filter={backprop: {}}")
+    );
 }

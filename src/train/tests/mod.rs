@@ -6,4 +6,5 @@ mod fixture;
 mod memory;
 mod scenes;
 mod stream;
+mod validation;
 mod whole;

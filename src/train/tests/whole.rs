@@ -59,7 +59,8 @@ fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
     for (filter, params) in [("ekf", params()), ("kronecker", by_batches())] {
-        let of = |name: String| setup(std::slice::from_ref(&place), &params, dir.path().join(filter).join(name)).unwrap();
+        let of =
+            |name: String| setup(std::slice::from_ref(&place), &params, dir.path().join(filter).join(name)).unwrap();
         let whole = of("whole".into());
         run(&whole).unwrap();
         for crash in [false, true] {

@@ -39,7 +39,8 @@ struct Scratch {
 
 impl Layer {
     pub(super) fn new(neurons: usize, inputs: usize) -> Layer {
-        let [own, neuron, input] = [(neurons, inputs), (neurons, neurons), (inputs, inputs)].map(|(r, c)| Matrix::zeros(r, c));
+        let [own, neuron, input] =
+            [(neurons, inputs), (neurons, neurons), (inputs, inputs)].map(|(r, c)| Matrix::zeros(r, c));
         Layer {
             weights: own.clone(),
             gradient: own.clone(),

@@ -70,7 +70,9 @@ fn equal_a_basis_turned_often_and_the_eigenvectors_of_nalgebra() {
     let mut covariance = Matrix::zeros(size, size);
     // Eigenvalues far enough apart for the order to be clear.
     let mut scaled = root.clone();
-    (0..size).for_each(|row| (0..size).for_each(|column| scaled.set(row, column, root.get(row, column) * 0.7_f32.powi(column as i32))));
+    (0..size).for_each(|row| {
+        (0..size).for_each(|column| scaled.set(row, column, root.get(row, column) * 0.7_f32.powi(column as i32)))
+    });
     times_transposed(&scaled, &scaled, &mut covariance, Isa::detect());
     let dense = nalgebra::DMatrix::from_fn(size, size, |i, j| f64::from(covariance.get(i, j)));
     let eigen = nalgebra::SymmetricEigen::new(dense);
@@ -114,7 +116,8 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let weight = |k: usize| 0.5 + k as f64;
         let row = |(k, inputs)| Row { inputs, target: target(k), weight: weight(k) };
         let rows: Vec<Row> = values.chunks(inputs).enumerate().map(row).collect();
-        let mut layers: Vec<Layer> = network.layout.layers().map(|(i, n)| Layer::new(n, i + usize::from(bias))).collect();
+        let mut layers: Vec<Layer> =
+            network.layout.layers().map(|(i, n)| Layer::new(n, i + usize::from(bias))).collect();
         let mut weights = network.weights.iter().map(|w| *w as f32);
         layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
         let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
