@@ -289,8 +289,8 @@ RELU, TANH = torch.nn.ReLU, torch.nn.Tanh
 RATES = [(rate, batch, activation) for rate in (3e-3, 1e-2, 3e-2) for batch in (256, 1024) for activation in (RELU, TANH)]
 #: What learns, and the settings that the search tries.
 ENGINES = {
-    "marsyard, default, 64-64": (marsyard(2_000_000, filter="{kronecker: {}}"), [None]),
-    "marsyard, default, 16-16": (marsyard(5_000_000, filter="{kronecker: {}}", **{"network.hidden": "[16,16]"}), [None]),
+    "marsyard, default, 64-64": (marsyard(700_000, filter="{kronecker: {}}"), [None]),
+    "marsyard, default, 16-16": (marsyard(2_500_000, filter="{kronecker: {}}", **{"network.hidden": "[16,16]"}), [None]),
     "marsyard, Kalman filter": (marsyard(900_000, filter="{ekf: {}}"), [None]),
     "marsyard, Kalman, every row": (marsyard(200_000, **{"filter.ekf.rows": "every"}), [None]),
     "sklearn, batch 200": (mlp_classifier(200), [(rate, a) for rate in (1e-3, 3e-3, 1e-2) for a in ("relu", "tanh")]),
