@@ -158,18 +158,15 @@ impl Times<'_> {
             } else {
                 // Beyond the last row that row again, which is not kept.
                 let rows: [&[Chunk]; N] = std::array::from_fn(|n| a.row(row + n.min(kept - 1)));
-                for chunk in 0..a.width {
-                    let factors: [&[f32]; N] = std::array::from_fn(|n| rows[n][chunk].as_ref());
-                    for lane in 0..LANES.min(a.columns - chunk * LANES) {
-                        let right = V::load(&b.row(chunk * LANES + lane)[column]);
-                        for n in 0..N {
-                            sums[n] = V::splat(factors[n][lane]).mul_add(right, sums[n]);
-                        }
+                for k in 0..a.columns {
+                    let right = V::load(&b.row(k)[column]);
+                    for n in 0..N {
+                        sums[n] = V::splat(rows[n][k / LANES].as_ref()[k % LANES]).mul_add(right, sums[n]);
                     }
                 }
             }
-            for n in 0..kept {
-                sums[n].store(&mut self.out.row_mut(row + n)[column]);
+            for (n, sum) in sums.into_iter().enumerate().take(kept) {
+                sum.store(&mut self.out.row_mut(row + n)[column]);
             }
         }
     }
