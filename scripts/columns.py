@@ -66,7 +66,7 @@ def main():
             place, generate_s = timed(marsyard.work, f"generate-{name}", make)
             of, train_s = [], []
             for seed in seeds:
-                run, seconds = timed(marsyard.work, f"train-{name}-{seed}", lambda: marsyard.train(name, [place], seed))
+                run, seconds = timed(marsyard.work, f"train-{name}-{seed}", lambda: marsyard.train(name, [place], seed, study.KALMAN_FILTER))
                 of.append(test_counts(place, held_out.network(marsyard, run)))
                 train_s.append(seconds)
             if drawn is None:

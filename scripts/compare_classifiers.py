@@ -84,7 +84,7 @@ def folders(marsyard, name, yard):
 
 def check_network(marsyard, name, place, test_place):
     """The columns that the trainer takes by default, and what a model of it weighs; its scores by onnxruntime are `evaluate`'s."""
-    run = marsyard.train(f"check-{name}", [place], 1, ["epochs=1", "patience=1"])
+    run = marsyard.train(f"check-{name}", [place], 1, [*study.KALMAN_FILTER, "epochs=1", "patience=1"])
     told = marsyard.evaluate(run, test_place, "test")
     onnx = run / "model.onnx"
     if not onnx.exists():

@@ -105,18 +105,18 @@ def main():
     found = {}  # (row, column) -> one report a seed
     for seed in seeds:
         for row in sensors:
-            run = marsyard.train(row, [corpora[row]], seed)
+            run = marsyard.train(row, [corpora[row]], seed, study.KALMAN_FILTER)
             for column in sensors:
                 report = marsyard.evaluate(run, corpora[column], f"on-{column}")
                 found.setdefault((row, column), []).append(rates(report))
                 if row == column:
                     found[HEIGHT, column] = [rates(report, "height_difference")]
-        run = marsyard.train(ALL, list(corpora.values()), seed)
+        run = marsyard.train(ALL, list(corpora.values()), seed, study.KALMAN_FILTER)
         for column in sensors:
             found.setdefault((ALL, column), []).append(rates(marsyard.evaluate(run, corpora[column], f"on-{column}")))
     for seed in [] if arguments.no_others else seeds:
         for column in sensors:
-            run = marsyard.train(f"without-{column}", [corpora[s] for s in sensors if s != column], seed)
+            run = marsyard.train(f"without-{column}", [corpora[s] for s in sensors if s != column], seed, study.KALMAN_FILTER)
             found.setdefault((OTHERS, column), []).append(rates(marsyard.evaluate(run, corpora[column], f"on-{column}")))
 
     rows = [*sensors, ALL, *([] if arguments.no_others else [OTHERS]), HEIGHT]

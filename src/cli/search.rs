@@ -33,7 +33,8 @@ use crate::train::{Sources, TrainParams, folder, scenes};
 pub(super) struct SearchArgs {
     /// The folder or URL of a finished corpus.
     corpus: PathBuf,
-    /// A training config (YAML); its `network.hidden` and `epochs` do not apply. Default: all defaults.
+    /// A training config (YAML); its `network.hidden` and `epochs` do not apply. Default: all defaults, and the Kalman filter of
+    /// configs/train/ekf.yaml unless `--set` names another.
     #[arg(long)]
     config: Option<PathBuf>,
     /// Override a key of the config: --set features=listed (repeatable).
@@ -102,7 +103,7 @@ fn parse_margin(text: &str) -> Result<f64, String> {
     }
 }
 
-/// What networks learn by where neither a config nor `--set` names a filter: as configs/train/ekf.yaml has it.
+/// What networks learn by where there is no config and `--set` names no filter: as configs/train/ekf.yaml has it.
 const KALMAN_FILTER: &str = "filter={ekf: {}}";
 const PATIENCE: &str = "patience=5";
 

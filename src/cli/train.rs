@@ -58,7 +58,7 @@ pub(super) struct TrainArgs {
     /// Learn also from corpora that have a yard in common in other splits, or the same rows twice; told, and kept in training.json.
     #[arg(long)]
     allow_shared_scenes: bool,
-    /// Threads that look at the validation split; never changes a bit.
+    /// Threads that learn (batches) and look at the validation split; never changes a bit.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
     /// Windows of eight row groups read ahead; never changes a bit.

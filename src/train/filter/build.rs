@@ -65,6 +65,23 @@ fn several_groups<T: Real>(params: &DecoupledParams, layout: &Layout, clip: f64)
     Box::new(Linearised::new(learner, noise, size, clip))
 }
 
+/// Layers hold eight arrays and what steps are made in: six of the weights' size and three of each side's square, of f32.
+fn check_layers(layout: &Layout) -> Result<(), FilterError> {
+    let of_layer = |(inputs, neurons): (usize, usize)| {
+        let (rows, columns) = (neurons as u64, inputs as u64 + u64::from(layout.bias));
+        4 * (6 * rows * columns + 3 * (rows * rows + columns * columns))
+    };
+    let bytes: u64 = layout.layers().map(of_layer).sum();
+    if bytes > COVARIANCE_BYTES {
+        return Err(FilterError::OutOfRange(format!(
+            "the covariances of the layers take {} GiB, more than {}: set fewer neurons",
+            bytes >> 30,
+            COVARIANCE_BYTES >> 30
+        )));
+    }
+    Ok(())
+}
+
 fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
     let size = layout.weights();
     let (by, precision) = match params {
@@ -80,7 +97,8 @@ fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
             Noise::of(&decoupled.noise).check(decoupled.precision, cure)?;
             (decoupled.groups, decoupled.precision)
         }
-        FilterParams::Backprop(_) | FilterParams::Kronecker(_) => return Ok(()),
+        FilterParams::Backprop(_) => return Ok(()),
+        FilterParams::Kronecker(_) => return check_layers(layout),
         FilterParams::Ukf(ukf) => {
             Noise::of(&ukf.noise).check(Precision::F64, "set a smaller ratio (10 is the default)")?;
             if size > MOST_WEIGHTS {

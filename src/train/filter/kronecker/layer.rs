@@ -82,18 +82,24 @@ impl Layer {
         ]
     }
 
-    /// The step for the gradient of `rows` rows, which is then nought again; `steps`: those before it. False where the gradient is not
-    /// finite: then nothing has changed but that it is nought.
-    pub(super) fn step(&mut self, rows: u64, steps: u64, rate: f32, seen: f32, isa: Isa) -> bool {
+    /// Whether a step can be made of the gradient: no element of its covariances, nor of its square in any basis, is greater than the sum of its
+    /// squares, so that all are finite where that is.
+    pub(super) fn is_sound(&self) -> bool {
+        let squares: f64 = self.gradient.padded().map(|x| f64::from(*x) * f64::from(*x)).sum();
+        squares < f64::from(f32::MAX) / 4.0
+    }
+
+    /// Forgets the gradient of a batch.
+    pub(super) fn forget(&mut self) {
+        self.gradient.padded_mut().for_each(|x| *x = 0.0);
+    }
+
+    /// The step for the gradient of `rows` rows, which is then nought again; `steps`: those before it.
+    pub(super) fn step(&mut self, rows: u64, steps: u64, rate: f32, seen: f32, isa: Isa) {
         let Layer { gradient, mean, by_neurons, by_inputs, squares, scratch, .. } = self;
         let (share, scale) = ((1.0 - KEPT) as f32, 1.0 / rows as f32);
         gradient.padded_mut().for_each(|x| *x *= scale);
         times_transposed(gradient, gradient, &mut scratch.by_neurons, isa);
-        let is_finite = scratch.by_neurons.padded().fold(true, |sound, x| sound & (x.abs() < f32::INFINITY));
-        if !is_finite {
-            gradient.padded_mut().for_each(|x| *x = 0.0);
-            return false;
-        }
         mean.drift_to(gradient, share);
         by_neurons.drift_to(&scratch.by_neurons, share);
         transposed_times(gradient, gradient, &mut scratch.by_inputs, isa);
@@ -117,7 +123,6 @@ impl Layer {
         times(turned, &self.input_basis, half, isa);
         transposed_times(&self.neuron_basis, half, turned, isa);
         self.weights.padded_mut().zip(turned.padded()).for_each(|(w, step)| *w -= step);
-        gradient.padded_mut().for_each(|x| *x = 0.0);
-        true
+        self.forget();
     }
 }

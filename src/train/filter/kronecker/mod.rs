@@ -35,7 +35,7 @@ const BATCH_SHARE: f64 = 0.005;
 const WARM_UP_STEPS: f64 = 100.0;
 /// How fast the average forgets: it holds the last 1 / (1 + this) of the steps, mostly.
 const DECAY: f64 = 8.0;
-/// The most that a row may weigh: squares of its gradient are finite in f32.
+/// The most that a row may weigh: its gradient is finite in f32. A batch whose squares are not is left out whole.
 const MOST_ROW_WEIGHT: f64 = 1e15;
 
 /// Whether this thread is one of a pool whose others may share the work: a training from memory has one thread and keeps to it.
@@ -111,15 +111,16 @@ impl Kronecker {
         let seen = (1.0 - math::pow(KEPT, count)) as f32;
         let isa = self.isa;
         let step = |layer: &mut Layer| layer.step(rows, steps, rate, seen, isa);
-        let sound: Vec<bool> = if is_in_pool() {
-            self.layers.par_iter_mut().map(step).collect()
-        } else {
-            self.layers.iter_mut().map(step).collect()
-        };
-        if sound.contains(&false) {
+        if !self.layers.iter().all(Layer::is_sound) {
+            self.layers.iter_mut().for_each(Layer::forget);
             self.counters.updates -= rows;
             self.counters.rejected += rows;
             return;
+        }
+        if is_in_pool() {
+            self.layers.par_iter_mut().for_each(step);
+        } else {
+            self.layers.iter_mut().for_each(step);
         }
         self.steps += 1;
         let share = ((DECAY + 1.0) / (count + DECAY)).min(1.0);

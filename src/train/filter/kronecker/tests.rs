@@ -145,7 +145,7 @@ fn equal_the_first_step_and_its_formula() {
     let mut layer = Layer::new(1, 2);
     layer.weights.fill([1.0, 2.0].into_iter());
     layer.gradient.fill([6.0, 8.0].into_iter());
-    assert!(layer.step(2, 0, 0.1, 0.05, Isa::detect()));
+    layer.step(2, 0, 0.1, 0.05, Isa::detect());
     // G = (3, 4): B's first vector is (0.6, 0.8), along which the gradient is 5 and its root mean square 5: a step of 0.1 along it, once the
     // means are corrected for their start. Nothing lies along the other vector.
     assert!(furthest(&layer.weights, |_, column| [1.0 - 0.06, 2.0 - 0.08][column]) < 1e-5);
@@ -153,13 +153,30 @@ fn equal_the_first_step_and_its_formula() {
 }
 
 #[test]
-fn extreme_a_gradient_that_is_not_finite_changes_no_weight() {
-    let mut layer = Layer::new(2, 3);
-    layer.gradient.set(1, 1, f32::INFINITY);
-    let before = layer.weights.clone();
-    assert!(!layer.step(64, 0, 0.1, 0.05, Isa::detect()));
-    assert_eq!(layer.weights, before);
-    assert_eq!(layer.gradient, Matrix::zeros(2, 3));
+fn extreme_a_batch_whose_squares_are_not_finite_is_left_out_whole() {
+    let mut network = network(8, &[4], true);
+    let before = network.weights.clone();
+    let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &network.layout, 1e6).unwrap();
+    // The squares of the first layer's gradient overflow, those of the last do not.
+    let (inputs, targets) = (vec![1e6; 64 * 8], vec![0.9; 64]);
+    filter.learn(&mut network, &vec![1e-3; 64 * 8], &targets, &[1e-15; 64]);
+    assert_eq!((filter.counters().updates, filter.counters().rejected), (64, 0));
+    let (after, state) = (network.weights.clone(), filter.state());
+    let mut wide = Layer::new(2, 3);
+    wide.gradient.set(1, 1, 1e19);
+    assert!(!wide.is_sound());
+    wide.gradient.set(1, 1, f32::NAN);
+    assert!(!wide.is_sound());
+    wide.gradient.set(1, 1, 1e18);
+    assert!(wide.is_sound());
+    filter.learn(&mut network, &inputs, &targets, &[1e-15; 64]);
+    let counters = filter.counters();
+    assert_eq!(counters.updates + counters.rejected, 128);
+    assert!(network.weights.iter().all(|w| w.is_finite()) && after != before);
+    if counters.rejected > 0 {
+        // But for the counters, nothing has changed.
+        assert_eq!((&network.weights, &filter.state().arrays[1..]), (&after, &state.arrays[1..]));
+    }
 }
 
 /// Rows of 8 inputs that a small network can learn, learnt in portions of `portion` rows on so many threads.

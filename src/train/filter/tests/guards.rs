@@ -198,6 +198,7 @@ fn extreme_settings_are_refused_with_the_reason() {
     assert!(refusal(&FilterParams::Ekf(EkfParams::default()), &[4096, 4096]).contains("GiB"));
     assert!(refusal(&FilterParams::Backprop(BackpropParams { rate: 0.1 }), &[4096]).is_empty());
     assert!(refusal(&FilterParams::default(), &[512, 512]).is_empty());
+    assert!(refusal(&FilterParams::default(), &[20_000, 20_000]).contains("GiB"));
 }
 
 /// n weights of one group take n (n + 1) / 2 numbers; in f64 8 bytes each, in f32 4.
