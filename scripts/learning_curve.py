@@ -5,9 +5,9 @@ Usage:  cargo build --release
 
 Cuts configs/mixed.yaml to each size and trains on it: the default network; the Kalman filter's (configs/train/ekf.yaml, 16-16 neurons); a network
 of four times the default's weights at the largest size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards
-that are judged and not the trainer; of these two the first seed alone. Beside them stand trees that learnt from the held-out families' own yards, of a third seed: what is left of their error
-is in the columns and labels, and no variety of other yards takes it away. All are judged on one corpus of the held-out families alone, of
-another seed; see held_out.py for the intervals.
+that are judged and not the trainer; of these two the first seed alone. Beside them stand trees that learnt from the held-out families' own
+yards, of a third seed: what is left of their error is in the columns and labels, and no variety of other yards takes it away. All are judged
+on one corpus of the held-out families alone, of another seed; see held_out.py for the intervals.
 
 Needs numpy, pyarrow and lightgbm. Writes learning_curve.json and learning_curve.md into scripts/results.
 """

@@ -16,6 +16,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+import study
+
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 TRAINER = ROOT / "target" / "release" / "examples" / "train_rows"
 NEIGHBOURS = [f"neighbour_{place}_m" for place in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
@@ -77,7 +79,7 @@ def train(train, validation, judged, settings, trainer=TRAINER, names=None):
         rows, outputs = f"{folder}/rows.parquet", f"{folder}/outputs.npy"
         pq.write_table(pa.table(columns), rows, compression="none", use_dictionary=False)
         if not any(key.startswith("filter") for key in settings):
-            settings = {"filter": "{ekf: {}}", "patience": 5} | settings
+            settings = dict(key.split("=", 1) for key in study.KALMAN_FILTER) | settings
         sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
         done = subprocess.run([trainer, rows, outputs, *sets], capture_output=True, text=True)
         if done.returncode:

@@ -56,9 +56,10 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     let rest = if sound { Some(root.clone()) } else { without(&root, &faults) };
     if let Some(rest) = rest {
         let written = rest.to_json();
-        match serde_json::from_value::<TrainParams>(written.clone()) {
+        let names_hidden = written.pointer("/network/hidden").is_some();
+        match serde_json::from_value::<TrainParams>(written) {
             Ok(mut params) => {
-                if written.pointer("/network/hidden").is_none() {
+                if !names_hidden {
                     params.network.hidden = params.filter.usual_hidden();
                 }
                 let place = KeyPath { root: &root };

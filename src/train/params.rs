@@ -196,6 +196,9 @@ impl Default for FilterParams {
     }
 }
 
+/// Looks without an improvement where studies and searches train by a Kalman filter: as configs/train/ekf.yaml has them.
+pub(crate) const KALMAN_PATIENCE: u32 = 5;
+
 impl FilterParams {
     /// Neurons of the hidden layers where a config names none: a Kalman filter's cost grows with the square of the weights, and its network
     /// is the paper's.

@@ -1,10 +1,11 @@
 //! A split and a network -> its weighted mean squared error.
 //!
-//! A look takes [`LOOK_ROWS`] rows, or up to twice as many: of a split that holds more, every so many-th that can be judged, so that all its scenes have their say, in the same
-//! share of their rows. They are read once and kept, and a look costs the same however large the corpus is. Cells beside one another err
-//! alike: what tells a look's error is the scenes. Chunks of rows are taken by all threads; their sums are added in the order of the rows, so that the number of threads changes no bit. The threads are
-//! those of rayon's current pool, which lives as long as a training: `parallel::run` starts and ends threads at each call,
-//! and a look at rows in memory takes less than that.
+//! A look takes [`LOOK_ROWS`] rows, or up to twice as many: of a split that holds more, every so many-th that can be judged, so that all
+//! its scenes have their say, in the same share of their rows. They are read once and kept, and a look costs the same however large the
+//! corpus is. Cells beside one another err alike: what tells a look's error is the scenes. Chunks of rows are taken by all threads; their
+//! sums are added in the order of the rows, so that the number of threads changes no bit. The threads are those of rayon's current pool,
+//! which lives as long as a training: `parallel::run` starts and ends threads at each call, and a look at rows in memory takes less than
+//! that.
 
 use std::sync::Arc;
 
@@ -17,8 +18,9 @@ use super::{Network, Scaler, TrainError, TrainParams};
 use crate::corpus::Split;
 use crate::parallel::ReadAhead;
 
-/// Rows of a look, of those that the manifests count, and twice as many at most: five to ten megabytes, and less than 5 % of the learning between two looks from three million rows to learn on.
-pub(crate) const LOOK_ROWS: u64 = 50_000;
+/// Rows of a look, of those that the manifests count, and twice as many at most: five to ten megabytes, and less than 5 % of the learning
+/// between two looks from three million rows to learn on.
+const LOOK_ROWS: u64 = 50_000;
 /// Rows of one partial sum.
 const CHUNK_ROWS: usize = 1024;
 

@@ -1,7 +1,7 @@
 //! The cells of every setting -> classifiers trained on them, at four sizes and with several seeds, and what each makes of the test scenes.
 //!
-//! A network of 16-16 neurons is trained by the extended Kalman filter (configs/train/ekf.yaml); the seed draws its first weights, the order of the rows and
-//! which scenes the smaller sizes hold, alike for every setting, so that differences between settings are differences of pairs. Settings of
+//! A network of 16-16 neurons is trained by the extended Kalman filter (configs/train/ekf.yaml); the seed draws its first weights, the
+//! order of the rows and which scenes the smaller sizes hold, alike for every setting, so that differences between settings are differences of pairs. Settings of
 //! the trainer learn the reference's cells. Equal cells are learnt once. What a training costs is the CPU time of the one thread that
 //! it runs on, looks at the rows that stop it included.
 
@@ -19,12 +19,9 @@ use crate::measure::interleave::rotation;
 use crate::parallel;
 use crate::train::memory::{self, Held, outputs};
 use crate::train::model::Scaler;
-use crate::train::params::{EkfParams, FilterParams, NetworkParams};
+use crate::train::params::{EkfParams, FilterParams, KALMAN_PATIENCE, NetworkParams};
 use crate::train::rows::Rows;
 use crate::train::{Network, TrainError, TrainParams};
-
-/// Looks without an improvement, as configs/train/ekf.yaml has them.
-const PATIENCE: u32 = 5;
 
 /// One training, and what came of it.
 #[derive(Clone, Debug)]
@@ -140,8 +137,14 @@ fn training(
     stop: &AtomicBool,
 ) -> Result<Option<Training>, TrainError> {
     let network = NetworkParams { hidden: filter.usual_hidden(), bias: true };
-    let own = TrainParams { seed, network, filter: filter.clone(), patience: PATIENCE, ..TrainParams::default() };
-    let params = TrainParams { allow_few_rows: true, ..own };
+    let params = TrainParams {
+        seed,
+        network,
+        filter: filter.clone(),
+        patience: KALMAN_PATIENCE,
+        allow_few_rows: true,
+        ..TrainParams::default()
+    };
     let (train, validation) = (rows(measured, corpus, &chosen.train), rows(measured, corpus, &chosen.stop));
     let started_s = thread_cpu_s();
     let held = Held::new(&measured.features, train, validation, &[1.0], &params)?;

@@ -66,18 +66,19 @@ fn several_groups<T: Real>(params: &DecoupledParams, layout: &Layout, clip: f64)
 }
 
 /// Layers hold eight arrays and what steps are made in: six of the weights' size and three of each side's square, of f32.
-fn check_layers(layout: &Layout) -> Result<(), FilterError> {
+fn bytes_of_layers(layout: &Layout) -> u64 {
     let of_layer = |(inputs, neurons): (usize, usize)| {
         let (rows, columns) = (neurons as u64, inputs as u64 + u64::from(layout.bias));
         4 * (6 * rows * columns + 3 * (rows * rows + columns * columns))
     };
-    let bytes: u64 = layout.layers().map(of_layer).sum();
+    layout.layers().map(of_layer).sum()
+}
+
+/// Refuses what cannot be held; `what`: with its verb.
+fn check_bytes(bytes: u64, what: &str, cure: &str) -> Result<(), FilterError> {
     if bytes > COVARIANCE_BYTES {
-        return Err(FilterError::OutOfRange(format!(
-            "the covariances of the layers take {} GiB, more than {}: set fewer neurons",
-            bytes >> 30,
-            COVARIANCE_BYTES >> 30
-        )));
+        let (there, most) = (bytes >> 30, COVARIANCE_BYTES >> 30);
+        return Err(FilterError::OutOfRange(format!("{what} {there} GiB, more than {most}: {cure}")));
     }
     Ok(())
 }
@@ -98,7 +99,9 @@ fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
             (decoupled.groups, decoupled.precision)
         }
         FilterParams::Backprop(_) => return Ok(()),
-        FilterParams::Kronecker(_) => return check_layers(layout),
+        FilterParams::Kronecker(_) => {
+            return check_bytes(bytes_of_layers(layout), "the covariances of the layers take", "set fewer neurons");
+        }
         FilterParams::Ukf(ukf) => {
             Noise::of(&ukf.noise).check(Precision::F64, "set a smaller ratio (10 is the default)")?;
             if size > MOST_WEIGHTS {
@@ -118,12 +121,6 @@ fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
         Groups::One => size as u64 * (size as u64 + 1) / 2 * element,
         by => groups(layout, by).iter().map(|g| g.len() as u64 * (g.len() as u64 + 1) / 2 * element).sum(),
     };
-    if bytes > COVARIANCE_BYTES {
-        return Err(FilterError::OutOfRange(format!(
-            "the covariance of {size} weights takes {} GiB, more than {}: set fewer neurons, or `decoupled` with smaller groups",
-            bytes >> 30,
-            COVARIANCE_BYTES >> 30
-        )));
-    }
-    Ok(())
+    let what = format!("the covariance of {size} weights takes");
+    check_bytes(bytes, &what, "set fewer neurons, or `decoupled` with smaller groups")
 }

@@ -14,9 +14,8 @@ const LEFT: f32 = 1e-8;
 pub(super) fn turn_to_eigenvectors(covariance: &Matrix, basis: &mut Matrix, scratch: &mut Matrix, isa: Isa) {
     times(basis, covariance, scratch, isa);
     for place in 0..basis.rows {
-        let old = basis.row(place).to_vec();
         let is_kept = orthonormal(scratch, place, isa) || {
-            scratch.row_mut(place).copy_from_slice(&old);
+            scratch.row_mut(place).copy_from_slice(basis.row(place));
             orthonormal(scratch, place, isa)
         };
         if !is_kept {

@@ -64,7 +64,7 @@ impl Share {
         for place in 0..SHARE_ROWS {
             // Places without a row teach nothing.
             let slope = rows.get(place).map_or(0.0, |row| {
-                let y = f64::from(self.outputs.row(0)[place / 16].as_ref()[place % 16]);
+                let y = f64::from(self.outputs.get(0, place));
                 row.weight * (y - row.target) * y * (1.0 - y)
             });
             self.slopes[last].set(0, place, slope as f32);

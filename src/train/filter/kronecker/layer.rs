@@ -37,6 +37,21 @@ struct Scratch {
     turned: Matrix,
 }
 
+/// The arrays that are kept, by name.
+macro_rules! arrays {
+    ($($name:ident),*) => {
+        /// All that the next step depends on.
+        pub(super) fn arrays(&self) -> Vec<(&'static str, &Matrix)> {
+            vec![$((stringify!($name), &self.$name)),*]
+        }
+
+        /// The same, to be restored.
+        pub(super) fn arrays_mut(&mut self) -> Vec<(&'static str, &mut Matrix)> {
+            vec![$((stringify!($name), &mut self.$name)),*]
+        }
+    };
+}
+
 impl Layer {
     pub(super) fn new(neurons: usize, inputs: usize) -> Layer {
         let [own, neuron, input] =
@@ -54,36 +69,10 @@ impl Layer {
         }
     }
 
-    /// All that the next step depends on.
-    pub(super) fn arrays(&self) -> [(&'static str, &Matrix); 8] {
-        [
-            ("weights", &self.weights),
-            ("gradient", &self.gradient),
-            ("mean", &self.mean),
-            ("by_neurons", &self.by_neurons),
-            ("by_inputs", &self.by_inputs),
-            ("squares", &self.squares),
-            ("neuron_basis", &self.neuron_basis),
-            ("input_basis", &self.input_basis),
-        ]
-    }
+    arrays!(weights, gradient, mean, by_neurons, by_inputs, squares, neuron_basis, input_basis);
 
-    /// The same, to be restored.
-    pub(super) fn arrays_mut(&mut self) -> [(&'static str, &mut Matrix); 8] {
-        [
-            ("weights", &mut self.weights),
-            ("gradient", &mut self.gradient),
-            ("mean", &mut self.mean),
-            ("by_neurons", &mut self.by_neurons),
-            ("by_inputs", &mut self.by_inputs),
-            ("squares", &mut self.squares),
-            ("neuron_basis", &mut self.neuron_basis),
-            ("input_basis", &mut self.input_basis),
-        ]
-    }
-
-    /// Whether a step can be made of the gradient: no element of its covariances, nor of its square in any basis, is greater than the sum of its
-    /// squares, so that all are finite where that is.
+    /// Whether a step can be made of the gradient: no element of its covariances, nor of its square in any basis, is greater than the sum of
+    /// its squares, so that all are finite where that is.
     pub(super) fn is_sound(&self) -> bool {
         let squares: f64 = self.gradient.padded().map(|x| f64::from(*x) * f64::from(*x)).sum();
         squares < f64::from(f32::MAX) / 4.0

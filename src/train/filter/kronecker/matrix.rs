@@ -51,7 +51,6 @@ impl Matrix {
         self.row_mut(row)[column / LANES].as_mut()[column % LANES] = value;
     }
 
-    #[cfg(test)]
     pub(super) fn get(&self, row: usize, column: usize) -> f32 {
         self.row(row)[column / LANES].as_ref()[column % LANES]
     }

@@ -38,9 +38,14 @@ const DECAY: f64 = 8.0;
 /// The most that a row may weigh: its gradient is finite in f32. A batch whose squares are not is left out whole.
 const MOST_ROW_WEIGHT: f64 = 1e15;
 
-/// Whether this thread is one of a pool whose others may share the work: a training from memory has one thread and keeps to it.
-fn is_in_pool() -> bool {
-    rayon::current_thread_index().is_some() && rayon::current_num_threads() > 1
+/// Works on each, with its number: by the threads of the pool that this one is of, or alone, as a training from memory has it, which
+/// must not wake the pool of the whole program.
+fn each<T: Send>(list: &mut [T], work: impl Fn(usize, &mut T) + Send + Sync) {
+    if rayon::current_thread_index().is_some() && rayon::current_num_threads() > 1 {
+        list.par_iter_mut().enumerate().for_each(|(number, one)| work(number, one));
+    } else {
+        list.iter_mut().enumerate().for_each(|(number, one)| work(number, one));
+    }
 }
 
 /// Learns by batches; the network that it leaves is the average.
@@ -89,13 +94,8 @@ impl Kronecker {
         let Kronecker { layers, shares, isa, .. } = self;
         let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
         let shares = &mut shares[..rows.len().div_ceil(SHARE_ROWS)];
-        if is_in_pool() {
-            let parts = shares.par_iter_mut().zip(rows.par_chunks(SHARE_ROWS));
-            parts.for_each(|(share, rows)| share.learn(&weights, rows, *isa));
-        } else {
-            let parts = shares.iter_mut().zip(rows.chunks(SHARE_ROWS));
-            parts.for_each(|(share, rows)| share.learn(&weights, rows, *isa));
-        }
+        let parts: Vec<_> = rows.chunks(SHARE_ROWS).collect();
+        each(shares, |number, share| share.learn(&weights, parts[number], *isa));
         for share in shares {
             layers.iter_mut().zip(&share.gradients).for_each(|(layer, gradient)| layer.gradient.add(gradient));
         }
@@ -110,18 +110,13 @@ impl Kronecker {
         let rate = (self.rate * (count / WARM_UP_STEPS).min(1.0)) as f32;
         let seen = (1.0 - math::pow(KEPT, count)) as f32;
         let isa = self.isa;
-        let step = |layer: &mut Layer| layer.step(rows, steps, rate, seen, isa);
         if !self.layers.iter().all(Layer::is_sound) {
             self.layers.iter_mut().for_each(Layer::forget);
             self.counters.updates -= rows;
             self.counters.rejected += rows;
             return;
         }
-        if is_in_pool() {
-            self.layers.par_iter_mut().for_each(step);
-        } else {
-            self.layers.iter_mut().for_each(step);
-        }
+        each(&mut self.layers, |_, layer| layer.step(rows, steps, rate, seen, isa));
         self.steps += 1;
         let share = ((DECAY + 1.0) / (count + DECAY)).min(1.0);
         let raw = self.layers.iter().flat_map(|layer| layer.weights.values());
