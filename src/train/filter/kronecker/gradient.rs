@@ -1,6 +1,6 @@
 //! Rows and weights -> the gradient of half their weighted squared error, layer by layer.
 //!
-//! Rows stand in the columns of matrices, so that one product is a layer of all of them. Shares of rows are computed apart, by as many
+//! Rows stand in the columns of matrices, so that one product is a layer of all of them. Micro-batches are computed apart, by as many
 //! threads as there are, and added in their order: the number of threads changes no bit. Products are of f32; the logistic function and the error
 //! are of f64. Same network as [`Network`](crate::train::Network): logistic neurons, a bias as an input that is 1.
 
@@ -9,8 +9,8 @@ use crate::train::Layout;
 use crate::train::filter::lanes::{Isa, Kernel, Real, Simd};
 use crate::train::network::logistic;
 
-/// Rows of a share.
-pub(super) const SHARE_ROWS: usize = 64;
+/// Rows of a micro-batch.
+pub(super) const MICRO_BATCH_ROWS: usize = 64;
 
 /// A row to learn: its scaled inputs, its target, and 1 / R.
 pub(super) struct Row<'a> {
@@ -20,7 +20,7 @@ pub(super) struct Row<'a> {
 }
 
 /// Some rows on their way through the network and back.
-pub(super) struct Share {
+pub(super) struct MicroBatch {
     /// Values into each layer, and a row of ones for its bias: [inputs + 1, rows].
     values: Vec<Matrix>,
     /// Outputs [1, rows].
@@ -31,26 +31,26 @@ pub(super) struct Share {
     pub gradients: Vec<Matrix>,
 }
 
-impl Share {
-    pub(super) fn new(layout: &Layout) -> Share {
+impl MicroBatch {
+    pub(super) fn new(layout: &Layout) -> MicroBatch {
         let bias = usize::from(layout.bias);
         let values = |(inputs, _): (usize, usize)| {
-            let mut values = Matrix::zeros(inputs + bias, SHARE_ROWS);
+            let mut values = Matrix::zeros(inputs + bias, MICRO_BATCH_ROWS);
             if layout.bias {
-                (0..SHARE_ROWS).for_each(|row| values.set(inputs, row, 1.0));
+                (0..MICRO_BATCH_ROWS).for_each(|row| values.set(inputs, row, 1.0));
             }
             values
         };
-        Share {
+        MicroBatch {
             values: layout.layers().map(values).collect(),
-            outputs: Matrix::zeros(1, SHARE_ROWS),
-            slopes: layout.layers().map(|(_, neurons)| Matrix::zeros(neurons, SHARE_ROWS)).collect(),
+            outputs: Matrix::zeros(1, MICRO_BATCH_ROWS),
+            slopes: layout.layers().map(|(_, neurons)| Matrix::zeros(neurons, MICRO_BATCH_ROWS)).collect(),
             gradients: layout.layers().map(|(inputs, neurons)| Matrix::zeros(neurons, inputs + bias)).collect(),
         }
     }
 
-    /// The gradient of up to [`SHARE_ROWS`] rows at these weights, one matrix a layer.
-    pub(super) fn learn(&mut self, weights: &[&Matrix], rows: &[Row], isa: Isa) {
+    /// The gradient of up to [`MICRO_BATCH_ROWS`] rows at these weights, one matrix a layer.
+    pub(super) fn run(&mut self, weights: &[&Matrix], rows: &[Row], isa: Isa) {
         for (place, row) in rows.iter().enumerate() {
             row.inputs.iter().enumerate().for_each(|(input, x)| self.values[0].set(input, place, *x as f32));
         }
@@ -61,7 +61,7 @@ impl Share {
             times(weights[layer], &before[layer], out, isa);
             isa.run(Logistic { values: out, neurons: weights[layer].rows });
         }
-        for place in 0..SHARE_ROWS {
+        for place in 0..MICRO_BATCH_ROWS {
             // Places without a row teach nothing.
             let slope = rows.get(place).map_or(0.0, |row| {
                 let y = f64::from(self.outputs.get(0, place));

@@ -78,8 +78,8 @@ impl Layer {
         squares < f64::from(f32::MAX) / 4.0
     }
 
-    /// Forgets the gradient of a batch.
-    pub(super) fn forget(&mut self) {
+    /// Makes the gradient of a batch nought.
+    pub(super) fn zero_gradient(&mut self) {
         self.gradient.padded_mut().for_each(|x| *x = 0.0);
     }
 
@@ -89,10 +89,10 @@ impl Layer {
         let (share, scale) = ((1.0 - KEPT) as f32, 1.0 / rows as f32);
         gradient.padded_mut().for_each(|x| *x *= scale);
         times_transposed(gradient, gradient, &mut scratch.by_neurons, isa);
-        mean.drift_to(gradient, share);
-        by_neurons.drift_to(&scratch.by_neurons, share);
+        mean.update_running_mean(gradient, share);
+        by_neurons.update_running_mean(&scratch.by_neurons, share);
         transposed_times(gradient, gradient, &mut scratch.by_inputs, isa);
-        by_inputs.drift_to(&scratch.by_inputs, share);
+        by_inputs.update_running_mean(&scratch.by_inputs, share);
         if steps.is_multiple_of(TURN_EVERY) {
             turn_to_eigenvectors(by_neurons, &mut self.neuron_basis, &mut scratch.by_neurons, isa);
             turn_to_eigenvectors(by_inputs, &mut self.input_basis, &mut scratch.by_inputs, isa);
@@ -101,7 +101,7 @@ impl Layer {
         times(&self.neuron_basis, gradient, half, isa);
         times_transposed(half, &self.input_basis, turned, isa);
         turned.padded_mut().for_each(|x| *x *= *x);
-        squares.drift_to(turned, share);
+        squares.update_running_mean(turned, share);
         times(&self.neuron_basis, mean, half, isa);
         times_transposed(half, &self.input_basis, turned, isa);
         // Running means from nought are `seen` too small.
@@ -112,6 +112,6 @@ impl Layer {
         times(turned, &self.input_basis, half, isa);
         transposed_times(&self.neuron_basis, half, turned, isa);
         self.weights.padded_mut().zip(turned.padded()).for_each(|(w, step)| *w -= step);
-        self.forget();
+        self.zero_gradient();
     }
 }

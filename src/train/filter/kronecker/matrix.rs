@@ -80,7 +80,7 @@ impl Matrix {
     }
 
     /// `self` becomes a share of itself and the rest of another: (1 - share) self + share other.
-    pub(super) fn drift_to(&mut self, other: &Matrix, share: f32) {
+    pub(super) fn update_running_mean(&mut self, other: &Matrix, share: f32) {
         for (mine, theirs) in self.chunks.iter_mut().zip(&other.chunks) {
             for (x, y) in mine.as_mut().iter_mut().zip(theirs.as_ref()) {
                 *x += share * (y - *x);

@@ -17,7 +17,7 @@ mod tests;
 
 use rayon::prelude::*;
 
-use self::gradient::{Row, SHARE_ROWS, Share};
+use self::gradient::{MICRO_BATCH_ROWS, MicroBatch, Row};
 use self::layer::{KEPT, Layer};
 use super::lanes::Isa;
 use super::linearised::finite;
@@ -54,7 +54,7 @@ pub(super) struct Kronecker {
     clip: f64,
     isa: Isa,
     layers: Vec<Layer>,
-    shares: Vec<Share>,
+    micro_batches: Vec<MicroBatch>,
     counters: Counters,
     steps: u64,
     /// Rows of the batch that is begun.
@@ -64,13 +64,13 @@ pub(super) struct Kronecker {
 impl Kronecker {
     pub(super) fn new(params: &KroneckerParams, layout: &Layout, clip: f64) -> Kronecker {
         let bias = usize::from(layout.bias);
-        let shares = BATCH_ROWS[1].div_ceil(SHARE_ROWS as u64);
+        let micro_batches = BATCH_ROWS[1].div_ceil(MICRO_BATCH_ROWS as u64);
         Kronecker {
             rate: params.rate,
             clip,
             isa: Isa::detect(),
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
-            shares: (0..shares).map(|_| Share::new(layout)).collect(),
+            micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout)).collect(),
             counters: Counters::default(),
             steps: 0,
             begun: 0,
@@ -91,13 +91,13 @@ impl Kronecker {
 
     /// Adds the gradient of rows that fit into the batch.
     fn gather(&mut self, rows: &[Row]) {
-        let Kronecker { layers, shares, isa, .. } = self;
+        let Kronecker { layers, micro_batches, isa, .. } = self;
         let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
-        let shares = &mut shares[..rows.len().div_ceil(SHARE_ROWS)];
-        let parts: Vec<_> = rows.chunks(SHARE_ROWS).collect();
-        each(shares, |number, share| share.learn(&weights, parts[number], *isa));
-        for share in shares {
-            layers.iter_mut().zip(&share.gradients).for_each(|(layer, gradient)| layer.gradient.add(gradient));
+        let micro_batches = &mut micro_batches[..rows.len().div_ceil(MICRO_BATCH_ROWS)];
+        let parts: Vec<_> = rows.chunks(MICRO_BATCH_ROWS).collect();
+        each(micro_batches, |number, micro_batch| micro_batch.run(&weights, parts[number], *isa));
+        for micro_batch in micro_batches {
+            layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| layer.gradient.add(gradient));
         }
         self.begun += rows.len() as u64;
         self.counters.updates += rows.len() as u64;
@@ -111,7 +111,7 @@ impl Kronecker {
         let seen = (1.0 - math::pow(KEPT, count)) as f32;
         let isa = self.isa;
         if !self.layers.iter().all(Layer::is_sound) {
-            self.layers.iter_mut().for_each(Layer::forget);
+            self.layers.iter_mut().for_each(Layer::zero_gradient);
             self.counters.updates -= rows;
             self.counters.rejected += rows;
             return;

@@ -1,7 +1,7 @@
 //! Products, bases, gradients and steps against plain forms of the same.
 
 use super::basis::turn_to_eigenvectors;
-use super::gradient::{Row, Share};
+use super::gradient::{MicroBatch, Row};
 use super::layer::Layer;
 use super::matrix::{Matrix, times, times_transposed, transposed_times};
 use crate::random::{Purpose, Stage, Streams};
@@ -121,11 +121,11 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let mut weights = network.weights.iter().map(|w| *w as f32);
         layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
         let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
-        let mut share = Share::new(&network.layout);
+        let mut micro_batch = MicroBatch::new(&network.layout);
         // More rows first: what they leave behind must not count.
         let more: Vec<Row> = rows.iter().chain(&rows).map(|row| Row { ..*row }).take(64).collect();
-        share.learn(&of, &more, Isa::detect());
-        share.learn(&of, &rows, Isa::detect());
+        micro_batch.run(&of, &more, Isa::detect());
+        micro_batch.run(&of, &rows, Isa::detect());
         let mut wanted = vec![0.0; network.weights.len()];
         let (mut slopes, mut tape) = (wanted.clone(), Activations::default());
         for (k, inputs) in values.chunks(inputs).enumerate() {
@@ -133,7 +133,7 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
             wanted.iter_mut().zip(&slopes).for_each(|(sum, slope)| *sum += weight(k) * (output - target(k)) * slope);
         }
         let most = wanted.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let found: Vec<f64> = share.gradients.iter().flat_map(Matrix::values).map(f64::from).collect();
+        let found: Vec<f64> = micro_batch.gradients.iter().flat_map(Matrix::values).map(f64::from).collect();
         let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(off < 2e-6 * most, "{hidden:?}: {off} of {most}");
     }
