@@ -45,7 +45,7 @@ pub(super) struct TrainArgs {
     /// lacks. Default --out: the last number.
     #[arg(long)]
     resume: bool,
-    /// Start from a trained network (a model.safetensors or its run folder) and, where it is beside it, its covariance.
+    /// Start from a trained network (a model.safetensors or its run folder) and, where it is beside it, its filter.safetensors.
     #[arg(long, value_name = "MODEL")]
     init: Option<PathBuf>,
     /// Labels for another rover: taller_than_wheel=DIAMETER_M, taller_than_m=X, all or as_built; then, with commas,

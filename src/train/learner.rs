@@ -14,8 +14,9 @@ use super::validation::{ErrorSum, Objective};
 use super::{Layout, Network, TrainError, TrainParams};
 use crate::random::{Stage, Streams};
 
-/// Rows learnt in one portion, at most; between two portions training may be interrupted.
-const PORTION_ROWS: usize = 256;
+/// Of the portions between two looks, the first and every fourth after it tell the training error: it drives nothing, and is a forward
+/// pass of its own.
+const PORTIONS_A_TRAINING_ERROR: usize = 4;
 
 /// A network in training.
 pub(super) struct Learner {
@@ -29,6 +30,8 @@ pub(super) struct Learner {
     patience: u32,
     /// As [`FilterParams::look_noise`](super::params::FilterParams::look_noise).
     look_noise: f64,
+    /// Rows learnt in one portion, at most; between two portions training may be interrupted.
+    portion_rows: usize,
     portion: Share,
     selection: Option<Selection>,
 }
@@ -73,6 +76,7 @@ impl Learner {
             validate_every: validate_every.max(1),
             patience: params.patience,
             look_noise: params.filter.look_noise(),
+            portion_rows: params.filter.portion_rows(),
             portion: Share::default(),
             selection: Selection::of(&params.filter, params.seed),
         })
@@ -81,12 +85,16 @@ impl Learner {
     /// Learns the next portion of an order, from its row `from` on; where that portion ends.
     pub(super) fn learn(&mut self, rows: &Rows, order: &[u32], from: usize) -> usize {
         let until_look = self.validate_every - self.learnt.rows % self.validate_every;
-        let end = order.len().min(from - from % PORTION_ROWS + PORTION_ROWS);
+        let end = order.len().min(from - from % self.portion_rows + self.portion_rows);
         let end = end.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
         self.portion.fill(rows, &order[from..end], &self.objective);
-        let mut sum = ErrorSum::from(self.learnt.train_sum);
-        sum += self.portion.error(&self.network);
-        self.learnt.train_sum = sum.into();
+        let since_look = self.learnt.rows % self.validate_every;
+        let portion = since_look as usize / self.portion_rows;
+        if self.selection.is_some() || portion.is_multiple_of(PORTIONS_A_TRAINING_ERROR) {
+            let mut sum = ErrorSum::from(self.learnt.train_sum);
+            sum += self.portion.error(&self.network);
+            self.learnt.train_sum = sum.into();
+        }
         if let Some(selection) = &mut self.selection {
             self.portion.select(selection, self.learnt.rows);
         }

@@ -46,5 +46,5 @@ pub use model::{About, MODEL_FORMAT, Model, ModelError, Scaler};
 pub use network::{Layout, Network};
 pub use operating_point::OperatingPoint;
 pub use params::{FeatureSet, TrainParams};
-pub use run::{Event, Outcome, Setup, train};
+pub use run::{Event, Outcome, Setup, Tell, train};
 pub use source::{Source, Sources};

@@ -220,6 +220,15 @@ impl FilterParams {
             FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => 0.0,
         }
     }
+
+    /// Rows that the filter is handed at once: two of its largest batches, which threads share; or few, so that the errors by which
+    /// rows are selected are of the network as it nearly is.
+    pub(crate) fn portion_rows(&self) -> usize {
+        match self {
+            FilterParams::Kronecker(_) => 1024,
+            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => 256,
+        }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]

@@ -263,7 +263,7 @@ fn warnings(start: &Start) -> Vec<String> {
         warnings.push("all rows to learn have one label: the network can only learn to say it".to_string());
     }
     if start.covariance == Some(false) {
-        warnings.push("no filter.safetensors beside the model to start from: its covariance begins anew".to_string());
+        warnings.push("no filter.safetensors beside the model to start from: the filter begins anew".to_string());
     }
     warnings
 }

@@ -61,6 +61,10 @@ pub trait Filter: Send {
     /// row; rows may be taken together as a mini-batch where the filter says so.
     fn learn(&mut self, network: &mut Network, inputs: &[f64], targets: &[f64], noise: &[f64]);
 
+    /// From here on work may be shared among the threads of the rayon pool that calls, where the filter can; never changes a bit. A task
+    /// of a pool that must not wait for its other threads leaves it alone.
+    fn share_work(&mut self) {}
+
     /// What went wrong and was mended so far.
     fn counters(&self) -> Counters;
 
@@ -69,6 +73,10 @@ pub trait Filter: Send {
 
     /// Goes on from a state of a filter of the same kind and size.
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError>;
+
+    /// The restored state is of a training that is over, and another begins at its weights: what is of those rows and not of the weights
+    /// is forgotten.
+    fn begin_anew(&mut self) {}
 }
 
 /// A filter's memory as plain numbers.

@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use serde_json::{Value as Json, json};
 
 use super::summary::{Summary, model_of};
-use super::{Event, Setup, identity};
+use super::{Event, Setup, Tell, identity};
 use crate::corpus::sha256;
 use crate::train::folder::{self, RunFolder};
 use crate::train::looks::{self, Line, Looks};
@@ -29,7 +29,7 @@ pub(super) fn completed(
     setup: &Setup,
     run: &RunFolder,
     identity: &Json,
-    tell: &mut dyn FnMut(Event),
+    tell: Tell,
 ) -> Result<Option<Summary>, TrainError> {
     let run_id = identity::run_id(identity);
     let record = read_record(run)?;
@@ -40,7 +40,7 @@ pub(super) fn completed(
         identity::check(setup, &finished.summary.identity(), identity)?;
         return finished.restore(setup, run, run_id, tell).map(Some);
     }
-    let anew = |tell: &mut dyn FnMut(Event)| {
+    let anew = |tell: Tell| {
         tell(Event::Note(&format!("the run is finished, but its {} is {word}: it is trained anew", folder::FILTER)));
     };
     let has_checkpoint = run.holds(folder::CHECKPOINT)?;
@@ -110,13 +110,7 @@ impl Finished {
     }
 
     /// Writes again what is gone or damaged.
-    fn restore(
-        mut self,
-        setup: &Setup,
-        run: &RunFolder,
-        run_id: String,
-        tell: &mut dyn FnMut(Event),
-    ) -> Result<Summary, TrainError> {
+    fn restore(mut self, setup: &Setup, run: &RunFolder, run_id: String, tell: Tell) -> Result<Summary, TrainError> {
         let has_model = holds_model_of(run, Some(&run_id), Some(&self.best.weights))?;
         let log = looks::read(run.path(), u64::MAX);
         let has_log = log.iter().map(|line| line.timeless()).eq(self.looks.lines().iter().copied());

@@ -144,8 +144,17 @@ pub enum Outcome {
     Interrupted { rows: u64 },
 }
 
-/// Trains, or goes on training, until the validation error rises, the epochs are over, or `stop` is raised.
-pub fn train(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
+/// Hears what happens, on whichever thread trains.
+pub type Tell<'t> = &'t mut (dyn FnMut(Event) + Send);
+
+/// Trains, or goes on training, until the validation error rises, the epochs are over, or `stop` is raised. It works on the threads of
+/// rayon's current pool.
+pub fn train(setup: &Setup, stop: &AtomicBool, tell: Tell) -> Result<Outcome, TrainError> {
+    // Work inside a pool is handed to its threads without waking them each time.
+    rayon::scope(|_| train_here(setup, stop, tell))
+}
+
+fn train_here(setup: &Setup, stop: &AtomicBool, tell: Tell) -> Result<Outcome, TrainError> {
     if !setup.resume && setup.out.exists() {
         // Said before the corpora are read; creating the folder says it again, whoever was faster.
         return Err(TrainError::Exists { path: setup.out.display().to_string() });
@@ -181,7 +190,7 @@ struct Training<'s> {
 }
 
 impl Training<'_> {
-    fn learn(mut self, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<Outcome, TrainError> {
+    fn learn(mut self, stop: &AtomicBool, tell: Tell) -> Result<Outcome, TrainError> {
         if self.learner.learnt.stopping.looks == 0 {
             self.look(tell)?;
             self.save(tell)?;
@@ -211,7 +220,7 @@ impl Training<'_> {
     }
 
     /// Learns what is left of a window; false where training was asked to stop.
-    fn window(&mut self, window: &Window, stop: &AtomicBool, tell: &mut dyn FnMut(Event)) -> Result<bool, TrainError> {
+    fn window(&mut self, window: &Window, stop: &AtomicBool, tell: Tell) -> Result<bool, TrainError> {
         if (self.place.epoch, self.place.window) != (window.epoch, window.window) {
             (self.place.epoch, self.place.window, self.place.offset) = (window.epoch, window.window, 0);
         }
@@ -237,7 +246,7 @@ impl Training<'_> {
         Ok(true)
     }
 
-    fn look(&mut self, tell: &mut dyn FnMut(Event)) -> Result<(), TrainError> {
+    fn look(&mut self, tell: Tell) -> Result<(), TrainError> {
         let error = self.validation.error(&self.learner.objective, &self.learner.network);
         let (look, is_best) = self.learner.look(self.place.epoch, error);
         let elapsed_s = (self.elapsed_before + self.started.elapsed()).as_secs_f64();
@@ -250,7 +259,7 @@ impl Training<'_> {
         Ok(())
     }
 
-    fn save(&mut self, tell: &mut dyn FnMut(Event)) -> Result<(), TrainError> {
+    fn save(&mut self, tell: Tell) -> Result<(), TrainError> {
         let begun = Instant::now();
         self.run.write(folder::CHECKPOINT, &self.checkpoint_bytes())?;
         self.checkpoint = (Instant::now(), begun.elapsed());

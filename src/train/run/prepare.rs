@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value as Json;
 
 use super::checkpoint::{Checkpoint, Cursor};
-use super::{Event, Init, Setup, Start, Training};
+use super::{Event, Init, Setup, Start, Tell, Training};
 use crate::corpus::Split;
 use crate::train::folder::{self, RunFolder};
 use crate::train::learner::Learner;
@@ -22,7 +22,7 @@ impl<'s> Training<'s> {
         setup: &'s Setup,
         identity: Json,
         begun: Option<RunFolder>,
-        tell: &mut dyn FnMut(Event),
+        tell: Tell,
     ) -> Result<Training<'s>, TrainError> {
         let (params, sources) = (&setup.params, &setup.sources);
         let counts = class_counts(sources)?;
@@ -53,6 +53,7 @@ impl<'s> Training<'s> {
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
         let objective = Objective::new(scaler, params, &counts, &corpora);
         let mut learner = Learner::new(params, objective, params.rows_between_looks(labelled))?;
+        learner.filter.share_work();
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
         let mut run = match begun {
             Some(run) => run,
@@ -157,9 +158,12 @@ fn start_from(init: &Init, sources: &Sources, learner: &mut Learner) -> Result<b
     let read = state::from_bytes(bytes).map(|mut state| state.snapshots.remove("best"));
     match read {
         Ok(Some(best)) if best.weights == network.weights => match filter.restore(&best.filter) {
-            Ok(()) => Ok(true),
+            Ok(()) => {
+                filter.begin_anew();
+                Ok(true)
+            }
             Err(error) => refuse(format!(
-                "its covariance does not fit ({error}); take the same filter, or move filter.safetensors away"
+                "the filter.safetensors beside it does not fit ({error}); take the same filter, or move filter.safetensors away"
             )),
         },
         Ok(_) => refuse("the filter.safetensors beside it belongs to other weights; move it away".into()),

@@ -38,10 +38,9 @@ const DECAY: f64 = 8.0;
 /// The most that a row may weigh: its gradient is finite in f32. A batch whose squares are not is left out whole.
 const MOST_ROW_WEIGHT: f64 = 1e15;
 
-/// Works on each, with its number: by the threads of the pool that this one is of, or alone, as a training from memory has it, which
-/// must not wake the pool of the whole program.
-fn each<T: Send>(list: &mut [T], work: impl Fn(usize, &mut T) + Send + Sync) {
-    if rayon::current_thread_index().is_some() && rayon::current_num_threads() > 1 {
+/// Works on each, with its number: by all threads of the pool, or by this one alone.
+fn each<T: Send>(list: &mut [T], is_shared: bool, work: impl Fn(usize, &mut T) + Send + Sync) {
+    if is_shared && rayon::current_num_threads() > 1 {
         list.par_iter_mut().enumerate().for_each(|(number, one)| work(number, one));
     } else {
         list.iter_mut().enumerate().for_each(|(number, one)| work(number, one));
@@ -53,10 +52,14 @@ pub(super) struct Kronecker {
     rate: f64,
     clip: f64,
     isa: Isa,
+    /// Whether the threads of the pool share the work.
+    is_shared: bool,
     layers: Vec<Layer>,
     micro_batches: Vec<MicroBatch>,
     counters: Counters,
     steps: u64,
+    /// Steps that the average is of.
+    averaged: u64,
     /// Rows of the batch that is begun.
     begun: u64,
 }
@@ -69,10 +72,12 @@ impl Kronecker {
             rate: params.rate,
             clip,
             isa: Isa::detect(),
+            is_shared: false,
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
             micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout)).collect(),
             counters: Counters::default(),
             steps: 0,
+            averaged: 0,
             begun: 0,
         }
     }
@@ -86,16 +91,16 @@ impl Kronecker {
     }
 
     fn is_fresh(&self) -> bool {
-        self.steps == 0 && self.begun == 0
+        self.averaged == 0 && self.begun == 0
     }
 
     /// Adds the gradient of rows that fit into the batch.
     fn gather(&mut self, rows: &[Row]) {
-        let Kronecker { layers, micro_batches, isa, .. } = self;
+        let Kronecker { layers, micro_batches, isa, is_shared, .. } = self;
         let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
         let micro_batches = &mut micro_batches[..rows.len().div_ceil(MICRO_BATCH_ROWS)];
         let parts: Vec<_> = rows.chunks(MICRO_BATCH_ROWS).collect();
-        each(micro_batches, |number, micro_batch| micro_batch.run(&weights, parts[number], *isa));
+        each(micro_batches, *is_shared, |number, micro_batch| micro_batch.run(&weights, parts[number], *isa));
         for micro_batch in micro_batches {
             layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| layer.gradient.add(gradient));
         }
@@ -116,9 +121,10 @@ impl Kronecker {
             self.counters.rejected += rows;
             return;
         }
-        each(&mut self.layers, |_, layer| layer.step(rows, steps, rate, seen, isa));
+        each(&mut self.layers, self.is_shared, |_, layer| layer.step(rows, steps, rate, seen, isa));
         self.steps += 1;
-        let share = ((DECAY + 1.0) / (count + DECAY)).min(1.0);
+        self.averaged += 1;
+        let share = ((DECAY + 1.0) / (self.averaged as f64 + DECAY)).min(1.0);
         let raw = self.layers.iter().flat_map(|layer| layer.weights.values());
         for (average, raw) in network.weights.iter_mut().zip(raw) {
             *average += share * (f64::from(raw) - *average);
@@ -154,6 +160,10 @@ impl Filter for Kronecker {
         }
     }
 
+    fn share_work(&mut self) {
+        self.is_shared = true;
+    }
+
     fn counters(&self) -> Counters {
         self.counters
     }
@@ -161,7 +171,7 @@ impl Filter for Kronecker {
     fn state(&self) -> FilterState {
         let mut writer = Writer::new(KIND);
         self.counters.save(&mut writer);
-        writer.counts("place", [self.steps, self.begun].into_iter());
+        writer.counts("place", [self.steps, self.averaged, self.begun].into_iter());
         for (number, layer) in self.layers.iter().enumerate() {
             layer.arrays().iter().for_each(|(name, array)| writer.reals(&format!("{number}.{name}"), array.values()));
         }
@@ -171,7 +181,7 @@ impl Filter for Kronecker {
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError> {
         let reader = Reader::new(state, KIND)?;
         let counters = Counters::load(&reader)?;
-        let place = reader.counts("place", 2)?;
+        let place = reader.counts("place", 3)?;
         // All arrays are read before one is taken, so that a state that does not fit changes nothing.
         let mut values = Vec::new();
         for (number, layer) in self.layers.iter().enumerate() {
@@ -181,7 +191,12 @@ impl Filter for Kronecker {
         }
         let arrays = self.layers.iter_mut().flat_map(Layer::arrays_mut);
         arrays.zip(values).for_each(|((_, array), values)| array.fill(values.into_iter()));
-        (self.counters, self.steps, self.begun) = (counters, place[0], place[1]);
+        (self.counters, self.steps, self.averaged, self.begun) = (counters, place[0], place[1], place[2]);
         Ok(())
+    }
+
+    fn begin_anew(&mut self) {
+        (self.averaged, self.begun) = (0, 0);
+        self.layers.iter_mut().for_each(Layer::zero_gradient);
     }
 }

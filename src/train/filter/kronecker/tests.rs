@@ -187,6 +187,7 @@ fn learnt(rows: usize, portion: usize, threads: usize, outliers: bool) -> (Netwo
         noise.iter_mut().step_by(31).for_each(|noise| *noise = 1e-12);
     }
     let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &network.layout, 8.0).unwrap();
+    filter.share_work();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
         for (k, targets) in targets.chunks(portion).enumerate() {
@@ -203,6 +204,34 @@ fn equal_any_number_of_threads_learns_the_same_bits() {
     for threads in [2, 3, 8] {
         assert!(learnt(4000, 256, threads, false) == one, "{threads} threads");
     }
+}
+
+#[test]
+fn law_another_training_starts_at_the_average_and_averages_its_own_steps() {
+    let (before, _, state) = learnt(20_000, 256, 1, false);
+    let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &before.layout, 8.0).unwrap();
+    // Another corpus: all of it untraversable. 30 batches of 64 rows.
+    let inputs = normals(3, 30 * 64 * 8);
+    let moved = |filter: &mut dyn crate::train::Filter| {
+        let mut network = before.clone();
+        filter.learn(&mut network, &inputs, &[0.9; 30 * 64], &[1.0; 30 * 64]);
+        network.weights.iter().zip(&before.weights).map(|(now, then)| (now - then).abs()).fold(0.0_f64, f64::max)
+    };
+    filter.restore(&state).unwrap();
+    let gone_on = moved(&mut *filter);
+    filter.restore(&state).unwrap();
+    filter.begin_anew();
+    let anew = moved(&mut *filter);
+    assert!(anew > 1.5 * gone_on, "{anew} {gone_on}");
+    // Its first step is taken from the average, and is the average then: no element of it moves by more than the rate does.
+    filter.restore(&state).unwrap();
+    filter.begin_anew();
+    let mut network = before.clone();
+    filter.learn(&mut network, &inputs[..64 * 8], &[0.9; 64], &[1.0; 64]);
+    let first =
+        network.weights.iter().zip(&before.weights).map(|(now, then)| (now - then).abs()).fold(0.0_f64, f64::max);
+    assert!(first > 0.0 && first < 0.1, "{first}");
+    assert!(network.weights.iter().all(|w| (w - f64::from(*w as f32)).abs() < 1e-12));
 }
 
 #[test]
