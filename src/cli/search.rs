@@ -19,7 +19,6 @@ use crate::corpus::{Build, LocalFolder, Split, owner};
 use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
 use crate::search::{Entry, Leaderboard, Outcome, Setup, journal, leaderboard, search};
 use crate::train::memory::Held;
-use crate::train::params::KALMAN_PATIENCE;
 use crate::train::{Sources, TrainParams, folder, scenes};
 
 /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
@@ -111,7 +110,7 @@ impl SearchArgs {
     fn params(&self) -> Result<TrainParams, Failure> {
         // The smallest of networks is looked for, and they learn most from a row by the Kalman filter.
         let names_filter = self.config.is_some() || self.sets.iter().any(|set| set.starts_with("filter"));
-        let own = [KALMAN_FILTER.into(), format!("patience={KALMAN_PATIENCE}")].into_iter().filter(|_| !names_filter);
+        let own = (!names_filter).then(|| KALMAN_FILTER.to_owned()).into_iter();
         let mut sets: Vec<String> = own.chain(self.sets.iter().cloned()).collect();
         sets.extend(self.labels.as_deref().map(labels_set).transpose()?);
         sets.extend(self.seed.map(|seed| format!("seed={seed}")));

@@ -56,11 +56,15 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     let rest = if sound { Some(root.clone()) } else { without(&root, &faults) };
     if let Some(rest) = rest {
         let written = rest.to_json();
-        let names_hidden = written.pointer("/network/hidden").is_some();
+        let names = |key: &str| written.pointer(key).is_some();
+        let (names_hidden, names_patience) = (names("/network/hidden"), names("/patience"));
         match serde_json::from_value::<TrainParams>(written) {
             Ok(mut params) => {
                 if !names_hidden {
                     params.network.hidden = params.filter.usual_hidden();
+                }
+                if !names_patience {
+                    params.patience = params.filter.usual_patience();
                 }
                 let place = KeyPath { root: &root };
                 faults.extend(value_faults(&params, &place, "", Kind::Train));
@@ -127,16 +131,18 @@ mod tests {
     }
 
     #[test]
-    fn exact_a_kalman_filter_brings_the_papers_network_unless_another_is_named() {
-        let hidden = |sets: &[&str]| {
+    fn exact_a_kalman_filter_brings_the_papers_network_and_patience_unless_others_are_named() {
+        let of = |sets: &[&str]| {
             let sets: Vec<String> = sets.iter().map(|set| (*set).to_string()).collect();
-            load_train(None, &sets).unwrap().network.hidden
+            let params = load_train(None, &sets).unwrap();
+            (params.network.hidden, params.patience)
         };
-        assert_eq!(hidden(&[]), [64, 64]);
-        assert_eq!(hidden(&["filter.kronecker.rate=0.01", "network.bias=false"]), [64, 64]);
+        assert_eq!(of(&[]), (vec![64, 64], 10));
+        assert_eq!(of(&["filter.kronecker.rate=0.01", "network.bias=false"]), (vec![64, 64], 10));
         for filter in ["ekf={}", "decoupled={}", "ukf={}", "backprop={}"] {
-            assert_eq!(hidden(&[&format!("filter.{filter}")]), [16, 16], "{filter}");
-            assert_eq!(hidden(&[&format!("filter.{filter}"), "network.hidden=[5]"]), [5], "{filter}");
+            let filter = format!("filter.{filter}");
+            assert_eq!(of(&[&filter]), (vec![16, 16], 5), "{filter}");
+            assert_eq!(of(&[&filter, "network.hidden=[5]", "patience=7"]), (vec![5], 7), "{filter}");
         }
     }
 

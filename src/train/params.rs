@@ -51,7 +51,7 @@ pub struct TrainParams {
     #[garde(skip)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub validate_every: Option<u64>,
-    /// Looks before training ends in which the validation error does not fall by 1 %.
+    /// Looks before training ends in which the validation error does not fall by 1 %; default: of a Kalman filter 5.
     #[garde(range(min = 1, max = 100_000))]
     pub patience: u32,
     /// Train even where there are fewer rows than weights.
@@ -78,7 +78,7 @@ impl Default for TrainParams {
             clip: 8.0,
             epochs: 50,
             validate_every: None,
-            patience: 10,
+            patience: FilterParams::default().usual_patience(),
             allow_few_rows: false,
             allow_one_class: false,
         }
@@ -196,9 +196,6 @@ impl Default for FilterParams {
     }
 }
 
-/// Looks without an improvement where studies and searches train by a Kalman filter: as configs/train/ekf.yaml has them.
-pub(crate) const KALMAN_PATIENCE: u32 = 5;
-
 impl FilterParams {
     /// Neurons of the hidden layers where a config names none: a Kalman filter's cost grows with the square of the weights, and its network
     /// is the paper's.
@@ -208,6 +205,14 @@ impl FilterParams {
             FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => {
                 vec![16, 16]
             }
+        }
+    }
+
+    /// Looks without an improvement that end training where a config names no number.
+    pub(crate) fn usual_patience(&self) -> u32 {
+        match self {
+            FilterParams::Kronecker(_) => 10,
+            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => 5,
         }
     }
 

@@ -1,5 +1,5 @@
 //! The settings of the trainer: which weights share a covariance, its type and form, rows learnt together. All learn every row, as those
-//! must that have no selection.
+//! must that have no selection. Beside the Kalman filters stands the default, whose network is larger.
 
 use super::settings::{Group, Setting, Variant};
 use crate::train::params::{DecoupledParams, EkfParams, FilterParams, Groups, Precision, RowsLearnt};
@@ -19,6 +19,7 @@ pub(super) fn filters() -> Vec<Setting> {
     };
     let (f32, f64) = (Precision::F32, Precision::F64);
     add(None, "full covariance, f64", "{ekf: {precision: f64, rows: every}}", ekf(f64, false, 1));
+    add(Some(Group::Covariance), "Kronecker factors, f32", "{kronecker: {}}", FilterParams::default());
     for (name, groups) in [("layer", Groups::Layer), ("node", Groups::Node), ("weight", Groups::Weight)] {
         let shown = if name == "weight" { "diagonal".into() } else { format!("by {name}") };
         let set = format!("{{decoupled: {{groups: {name}, precision: f64}}}}");

@@ -1,8 +1,8 @@
 //! The cells of every setting -> classifiers trained on them, at four sizes and with several seeds, and what each makes of the test scenes.
 //!
-//! A network of 16-16 neurons is trained by the extended Kalman filter (configs/train/ekf.yaml); the seed draws its first weights, the
-//! order of the rows and which scenes the smaller sizes hold, alike for every setting, so that differences between settings are differences of pairs. Settings of
-//! the trainer learn the reference's cells. Equal cells are learnt once. What a training costs is the CPU time of the one thread that
+//! A network is trained as `train` does it by default; the seed draws its first weights, the order of the rows and which scenes the
+//! smaller sizes hold, alike for every setting, so that differences between settings are differences of pairs. Settings of the trainer
+//! learn the reference's cells, each a network of the size that is usual for it. Equal cells are learnt once. What a training costs is the CPU time of the one thread that
 //! it runs on, looks at the rows that stop it included.
 
 use std::ops::Range;
@@ -19,7 +19,7 @@ use crate::measure::interleave::rotation;
 use crate::parallel;
 use crate::train::memory::{self, Held, outputs};
 use crate::train::model::Scaler;
-use crate::train::params::{EkfParams, FilterParams, KALMAN_PATIENCE, NetworkParams};
+use crate::train::params::{FilterParams, NetworkParams};
 use crate::train::rows::Rows;
 use crate::train::{Network, TrainError, TrainParams};
 
@@ -81,7 +81,7 @@ pub(super) fn learn(
     let hashes: Vec<blake3::Hash> = (0..corpora).map(|k| hash(measured, k)).collect();
     let first_alike = |k: usize| hashes.iter().position(|hash| *hash == hashes[k]).unwrap_or(k);
     // Per setting: the corpus it learns, and how.
-    let default = FilterParams::Ekf(EkfParams::default());
+    let default = FilterParams::default();
     let plan_or_filter = |(k, variant): (usize, &Variant)| match variant {
         Variant::Plan(_) => (first_alike(k), default.clone()),
         Variant::Filter(filter) => (0, filter.clone()),
@@ -141,7 +141,7 @@ fn training(
         seed,
         network,
         filter: filter.clone(),
-        patience: KALMAN_PATIENCE,
+        patience: filter.usual_patience(),
         allow_few_rows: true,
         ..TrainParams::default()
     };

@@ -44,7 +44,7 @@ fn opening(report: &Report) -> String {
     let judging = || report.test.iter().filter(|group| group.judges);
     format!(
         "{}{own}: {} scenes at {} settings, {} thread{}; reference: {reference}\n\
-         Worth: a 16-16 network trained on an eighth, a quarter, a half and all of the scenes, {} training{} each, judged on {}:\n\
+         Worth: the default network trained on an eighth, a quarter, a half and all of the scenes, {} training{} each, judged on {}:\n\
          {} scenes, {} cells of another seed, made at the reference. CPU: of one thread, making the scenes that train and that stop\n\
          it, and training; nothing is written. Gain: balanced accuracy on the reference at the largest CPU time that both reach,\n\
          straight between sizes in its logarithm. Intervals: 95 %, bootstrap over test scenes and trainings, in pairs. Errors: CPU of\n\
