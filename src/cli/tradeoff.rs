@@ -34,6 +34,9 @@ pub(super) struct TradeoffArgs {
     /// Turn these knobs only: --only cast,slam. The reference, and the same with other draws, are always measured.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "GROUPS")]
     only: Vec<Group>,
+    /// The most promising combinations of knobs to measure beside single ones: of each group the setting that gained most may take part.
+    #[arg(long, default_value_t = 4, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(0..=100))]
+    combinations: u64,
     /// Trainings of each classifier at each size, with other first weights, orders of the rows and, at the smaller sizes, scenes.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
@@ -73,6 +76,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
         scenes: args.scenes,
         test_scenes: args.test_scenes,
         only: args.only.clone(),
+        combinations: args.combinations as usize,
         seeds: args.seeds,
         resolve: args.resolve.map(|points| 0.01 * points),
         time: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),

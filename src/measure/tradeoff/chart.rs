@@ -2,8 +2,10 @@
 //!
 //! One panel for the pipeline and one for the trainer. CPU time of making the scenes and of training grows to the right, in its logarithm;
 //! the balanced error grows upwards, so that better is to the lower left. The reference is drawn thick, with the intervals of its sizes;
-//! a setting has the colour of its knob and stands out where it is told apart from the reference. The ring is what is recommended.
+//! a setting has the colour of its knob and stands out where it is told apart from the reference. The broad band is the front of the
+//! pipeline's settings, the ring what is recommended.
 
+use super::front::front;
 use super::report::{CurveRow, Recommendation, Report, Row, Told};
 use super::settings::{Group, OTHER_DRAWS, Side};
 use crate::chart::{self, Axis, Colour, Marks, Panel, Point, Series};
@@ -34,7 +36,12 @@ pub(crate) fn svg(report: &Report) -> Option<String> {
         .filter_map(|(side, title, recommended)| {
             let curves: Vec<&Row> = report.side(side).filter(|row| row.worth.is_some()).collect();
             let title = format!("{}: {title}, learning curves", report.name);
-            (!curves.is_empty()).then(|| panel(title, &report.judged_by(), &curves, recommended.as_ref()))
+            let on_front: Vec<Point> = if side == Side::Pipeline {
+                front(report).into_iter().map(|(_, size)| at(size)).collect()
+            } else {
+                Vec::new()
+            };
+            (!curves.is_empty()).then(|| panel(title, &report.judged_by(), &curves, on_front, recommended.as_ref()))
         })
         .collect();
     (!panels.is_empty()).then(|| chart::svg(PANEL, &panels))
@@ -52,7 +59,13 @@ fn at(size: &CurveRow) -> Point {
     (size.cpu_s(), error(size))
 }
 
-fn panel(title: String, judged_by: &str, rows: &[&Row], recommended: Option<&Recommendation>) -> Panel {
+fn panel(
+    title: String,
+    judged_by: &str,
+    rows: &[&Row],
+    front: Vec<Point>,
+    recommended: Option<&Recommendation>,
+) -> Panel {
     let all = || rows.iter().flat_map(|row| sizes(row));
     let reference = rows[0];
     let interval = |size: &CurveRow| {
@@ -75,6 +88,11 @@ fn panel(title: String, judged_by: &str, rows: &[&Row], recommended: Option<&Rec
         None => GREY,
     };
     let mut series = Vec::new();
+    if front.len() > 1 {
+        series.push(
+            Series::named("front: no other is both cheaper and better", GREY, Marks::Line(front, 9)).with_opacity(0.35),
+        );
+    }
     let mut named = Vec::new();
     for row in rows.iter().skip(1) {
         let told = row.gain().map(|gain| gain.told);

@@ -7,6 +7,7 @@
 //! judging     common test scenes of the reference: the own kinds of yard, and each held-out family
 //! learning    classifiers trained at every setting, at four sizes (sizes), on common random numbers
 //! rounds      more trainings and test scenes until what matters is resolved or the time is over
+//! combine     the most promising combinations of knobs, measured likewise
 //! worth       learning curves over CPU time (curve), gains at equal CPU with intervals over scenes and trainings (resample)
 //! recommend   what is told to be better, and from where on more scenes bring nothing
 //! summary     one row a setting: a report  ->  table, records (Parquet), chart (SVG), JSON
@@ -16,9 +17,11 @@
 //! it is measured alike and reported apart. All but the times, and what is told of equal times, is the same for any number of threads.
 
 pub(crate) mod chart;
+mod combine;
 mod compare;
 mod curve;
 mod filters;
+mod front;
 mod judging;
 mod knobs;
 mod learning;
@@ -49,8 +52,10 @@ use crate::plan::Plan;
 use crate::sweep::PatternError;
 use crate::train::TrainError;
 
+use measure::Measured;
 pub(crate) use report::Report;
 pub(crate) use settings::Group;
+use settings::Settings;
 
 /// What is measured, and how.
 #[derive(Clone, Debug)]
@@ -64,6 +69,8 @@ pub(crate) struct Options {
     pub test_scenes: u64,
     /// Groups of settings; empty = all.
     pub only: Vec<Group>,
+    /// Combinations of knobs that are measured beside single ones, at most.
+    pub combinations: usize,
     /// Trainings of each classifier in a round; from 2 on there is an interval.
     pub seeds: u64,
     /// Half-width of gains, as a share of balanced accuracy, until which rounds follow.
@@ -113,16 +120,27 @@ pub(crate) fn run(
 ) -> Result<Option<Report>, TradeoffError> {
     let begun = Instant::now();
     let settings = settings::settings(options)?;
+    let Some(scenes) = measured(&settings, options, stop, tell)? else { return Ok(None) };
+    let Some(report) = rounds::rounds(&settings, &scenes, options, begun, stop, tell)? else { return Ok(None) };
+    drop(scenes);
+    combine::add(report, options, &settings, stop, tell).map(Some)
+}
+
+/// The scenes at all settings; `None` where `stop` was raised before the end.
+fn measured(
+    settings: &Settings,
+    options: &Options,
+    stop: &AtomicBool,
+    tell: &mut (dyn FnMut(Event) + Send),
+) -> Result<Option<Measured>, TradeoffError> {
     let scenes = scenes(settings.reference(), options.scenes);
     let prepared = settings.plans().map(|plan| Prepared::new(plan.clone())).collect::<Result<Vec<_>, _>>()?;
     tell(Event::Start {
         settings: prepared.len(),
         scenes: scenes.len(),
-        trainings: learning::most_trainings(&settings, options),
+        trainings: learning::most_trainings(settings, options),
     });
-    let Some(measured) = measure::measure(&prepared, &scenes, options.threads, stop, tell)? else { return Ok(None) };
-    drop(prepared);
-    rounds::rounds(&settings, &measured, options, begun, stop, tell)
+    measure::measure(&prepared, &scenes, options.threads, stop, tell)
 }
 
 /// Scenes of the plan's train split, evenly spread, so that no setting is chosen by the test split; beyond the plan's end where it

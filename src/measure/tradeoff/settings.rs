@@ -41,6 +41,9 @@ pub(crate) enum Group {
     SubRays,
     /// Every second or fourth beam.
     Resolution,
+    /// Several of these at once, made of those that gained most.
+    #[value(skip)]
+    Combinations,
     /// Changes of the yard and of what is modelled: no errors.
     Yard,
     /// The trainer: which weights share a covariance.
@@ -61,13 +64,14 @@ pub(crate) enum Side {
 }
 
 impl Group {
-    pub(crate) const ALL: [Group; 10] = [
+    pub(crate) const ALL: [Group; 11] = [
         Group::Presets,
         Group::Cast,
         Group::Contact,
         Group::Slam,
         Group::SubRays,
         Group::Resolution,
+        Group::Combinations,
         Group::Yard,
         Group::Covariance,
         Group::Precision,
@@ -82,6 +86,7 @@ impl Group {
             Group::Slam => "slam",
             Group::SubRays => "sub_rays",
             Group::Resolution => "resolution",
+            Group::Combinations => "combinations",
             Group::Yard => "yard",
             Group::Covariance => "covariance",
             Group::Precision => "precision",
@@ -235,14 +240,18 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
     Ok(Settings { list, refused })
 }
 
-fn is_listed(list: &[Setting], plan: &Plan) -> bool {
+pub(super) fn is_listed(list: &[Setting], plan: &Plan) -> bool {
     let hash = plan.scene_plan_hash();
     list.iter().any(|setting| matches!(&setting.variant, Variant::Plan(own) if own.scene_plan_hash() == hash))
 }
 
 /// Overrides of which some are overridden in turn: of a key set twice, the last counts.
-fn overridden(base: &[String], over: &[String]) -> Vec<String> {
-    let key = |set: &String| set.split('=').next().unwrap_or_default().to_owned();
+pub(super) fn overridden(base: &[String], over: &[String]) -> Vec<String> {
     let kept = base.iter().filter(|set| over.iter().all(|other| key(other) != key(set)));
     kept.chain(over).cloned().collect()
+}
+
+/// What an override sets.
+pub(super) fn key(set: &str) -> &str {
+    set.split('=').next().unwrap_or_default()
 }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::front::front;
 use super::report::{CurveRow, Ended, Recommendation, Report, Row, Told};
 use super::settings::{OTHER_DRAWS, Side};
 use crate::statistics::{Interval, Spread};
@@ -142,6 +143,7 @@ fn grids(report: &Report) -> Vec<Grid> {
         grids.push(worths(report, "The trainer, on the reference's cells, at equal CPU", &filters));
     }
     grids.push(curves(&[pipelines, filters].concat()));
+    grids.push(front_grid(report));
     grids.push(errors("What each setting costs, and the error it brings", &matched));
     if !yards.is_empty() {
         grids.push(errors(yard_title, &yards));
@@ -211,6 +213,17 @@ fn curves(rows: &[&Row]) -> Grid {
         title: "Learning curves: scenes: CPU time, balanced accuracy in %".into(),
         rows: rows.collect(),
         head: vec!["setting", "an eighth", "a quarter", "half", "all"],
+    }
+}
+
+fn front_grid(report: &Report) -> Grid {
+    let rows = front(report).into_iter().map(|(row, size)| {
+        vec![row.label(), size.scenes.to_string(), figures(size.cpu_s()), percent(&size.balanced_accuracy)]
+    });
+    Grid {
+        title: "The front: no other setting and size is both cheaper and more accurate in the mean".into(),
+        rows: rows.collect(),
+        head: vec!["setting", "scenes", "CPU s, all", "balanced\naccuracy, %"],
     }
 }
 

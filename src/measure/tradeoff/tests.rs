@@ -4,14 +4,17 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
 
-use super::report::{Ended, PipelineRow, Report, Row, Told};
+use super::report::{CurveRow, Ended, GainRow, PipelineRow, Report, Row, Told};
 use super::settings::{Settings, Side, Variant};
-use super::{Event, Group, Options, TradeoffError, chart, judging, records, run, scenes, settings, table};
+use super::{
+    Event, Group, Options, TradeoffError, chart, combine, front, judging, records, run, scenes, settings, table,
+};
 use crate::config::load;
 use crate::corpus::Split;
 use crate::corpus::place::differences;
 use crate::drive::params::ContactSolver;
 use crate::slam::SlamParams;
+use crate::statistics::Interval;
 use crate::sweep::params::Cast;
 
 fn options(config: &str, sets: &[&str], only: &[Group]) -> Options {
@@ -21,6 +24,7 @@ fn options(config: &str, sets: &[&str], only: &[Group]) -> Options {
         scenes: 8,
         only: only.to_vec(),
         test_scenes: 6,
+        combinations: 0,
         seeds: 2,
         resolve: None,
         time: None,
@@ -45,7 +49,7 @@ fn exact_the_papers_config_has_every_knob_but_the_references_own_values() {
         (Group::Cast, "raster 0.05 m|raster 0.1 m|raster 0.2 m|mesh 0.05 m|mesh 0.1 m|mesh 0.2 m"),
         (Group::SubRays, ""),
         (Group::Resolution, "every 2nd beam|every 4th beam"),
-        (Group::Covariance, "by layer|by node|diagonal"),
+        (Group::Covariance, "Kronecker factors, f32|by layer|by node|diagonal"),
         (Group::Precision, "f32|UD, f64|UD, f32"),
         (Group::Batch, "8 rows|32 rows"),
     ] {
@@ -284,6 +288,104 @@ fn law_every_output_names_every_setting() {
     let reader =
         parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).unwrap();
     assert_eq!(reader.metadata().file_metadata().num_rows() as usize, SMALL.rows.len());
+}
+
+/// A report of settings with these gains, in points; other settings have none.
+fn with_gains(settings: &Settings, report: &Report, gains: &[(&str, f64)]) -> Report {
+    let mut report = report.clone();
+    let template = row(&report, "truth").clone();
+    report.rows = settings
+        .list
+        .iter()
+        .map(|setting| {
+            let mut worth = template.worth.clone().expect("a curve");
+            let gain = gains.iter().find(|(name, _)| *name == setting.name);
+            worth.gain = gain.map(|(_, points)| GainRow {
+                cpu_s: 1.0,
+                scenes: 8,
+                reference_scenes: 4,
+                balanced_accuracy: Interval { mean: 0.01 * points, half_width: 0.001 },
+                told: if *points > 0.0 { Told::Better } else { Told::Worse },
+            });
+            Row {
+                side: setting.side(),
+                group: setting.group,
+                name: setting.name.clone(),
+                sets: setting.sets.clone(),
+                may_be_recommended: setting.may_be_recommended(settings.reference()),
+                worth: Some(worth),
+                ..template.clone()
+            }
+        })
+        .collect();
+    report
+}
+
+#[test]
+fn exact_the_best_of_each_group_combine_where_they_set_other_keys() {
+    let only = [Group::Presets, Group::Contact, Group::Slam, Group::Resolution];
+    let settings = all("configs/paper.yaml", &[], &only);
+    let found = |gains: &[(&str, f64)], most: usize| -> Vec<String> {
+        let options = Options { combinations: most, ..options("configs/paper.yaml", &[], &only) };
+        let report = with_gains(&settings, &SMALL, gains);
+        let found = combine::combinations(&options, &settings, &report);
+        for setting in &found {
+            let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml");
+            let Variant::Plan(plan) = &setting.variant else { panic!("a plan") };
+            assert!(load(&config, &setting.sets).unwrap() == **plan, "{}", setting.name);
+        }
+        found.into_iter().map(|setting| setting.name).collect()
+    };
+    let gains =
+        [("draft", 2.3), ("surrogate", 2.0), ("dead_reckoning", 1.0), ("plane_fit", 0.5), ("every 2nd beam", 1.2)];
+    // `draft` is the surrogate with plane_fit: the three and draft with fewer beams are one plan, and the two are measured already.
+    let expected =
+        ["plane_fit + surrogate + every 2nd beam", "surrogate + every 2nd beam", "plane_fit + every 2nd beam"];
+    assert_eq!(found(&gains, 9), expected);
+    assert_eq!(found(&gains, 1), expected[..1]);
+    assert!(found(&gains, 0).is_empty());
+    // What loses takes no part, nor what no rover knows.
+    assert!(found(&[("truth", 3.0), ("every 2nd beam", 1.2), ("plane_fit", -0.1)], 9).is_empty());
+}
+
+#[test]
+fn law_combinations_are_measured_beside_the_reference_and_may_be_recommended() {
+    let only = [Group::Cast, Group::Slam];
+    let options = Options { combinations: 1, ..options("tests/fixtures/training.yaml", &[], &only) };
+    let settings = settings::settings(&options).unwrap();
+    let report = with_gains(&settings, &SMALL, &[("raster 0.1 m", 0.5), ("dead_reckoning", 0.7)]);
+    let made = combine::add(report.clone(), &options, &settings, &AtomicBool::new(false), &mut |_| ()).unwrap();
+    let own = row(&made, "raster 0.1 m + dead_reckoning");
+    assert_eq!((own.group, own.side, own.may_be_recommended), (Some(Group::Combinations), Side::Pipeline, true));
+    let worth = own.worth.as_ref().unwrap();
+    assert!(worth.curve.len() == 4 && worth.curve.iter().all(|size| size.by_seed.len() == 2 && size.cpu_s() > 0.0));
+    assert!(
+        own.sets.iter().any(|set| set == "slam=dead_reckoning") && own.sets.iter().any(|set| set.contains("raster"))
+    );
+    assert_eq!(made.rows.len(), report.rows.len() + 1);
+    // The pipeline's settings stay together, and nothing else of them changes.
+    assert!(made.rows.iter().filter(|row| row.group != Some(Group::Combinations)).eq(&report.rows));
+    // A stop meanwhile leaves what there is.
+    let stopped = combine::add(report.clone(), &options, &settings, &AtomicBool::new(true), &mut |_| ()).unwrap();
+    assert!(stopped == Report { ended: Ended::Interrupted, ..report });
+}
+
+#[test]
+fn law_the_front_is_what_no_other_beats() {
+    let on_front = front::front(&SMALL);
+    let all: Vec<_> = SMALL
+        .side(Side::Pipeline)
+        .filter(|row| row.may_be_recommended)
+        .flat_map(|row| &row.worth.as_ref().unwrap().curve)
+        .collect();
+    for (row, size) in &on_front {
+        let beats = |other: &&&CurveRow| {
+            other.cpu_s() < size.cpu_s() && other.balanced_accuracy.mean >= size.balanced_accuracy.mean
+        };
+        assert!(all.iter().find(beats).is_none() && row.may_be_recommended);
+    }
+    let best = all.iter().map(|size| size.balanced_accuracy.mean).fold(0.0, f64::max);
+    assert_eq!(on_front.last().unwrap().1.balanced_accuracy.mean, best);
 }
 
 #[test]
