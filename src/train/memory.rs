@@ -77,6 +77,8 @@ impl Held {
         for row in 0..train.len() {
             counts[usize::from(train.corpora[row])][train.labels[row].index()] += 1;
         }
+        let validate_every = params.rows_between_looks(train.len() as u64);
+        let validation = validation.thinned(params.filter.look_rows(validate_every));
         let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
         let objective = Objective::new(scaler, params, &counts, corpora);
         Ok(Held { objective, train, validation, constant })

@@ -226,6 +226,18 @@ impl FilterParams {
         }
     }
 
+    /// Rows of a look, and nearly twice as many at most, where so many are learnt between two: of those that the manifests count. A row that
+    /// is looked at costs a third of one that is learnt by batches, and a thirtieth of one that a Kalman filter learns; fewer than
+    /// 10,000 tell too little, more than 50,000 no more, for it is the scenes that differ.
+    pub(crate) fn look_rows(&self, validate_every: u64) -> u64 {
+        match self {
+            FilterParams::Kronecker(_) => (validate_every / 8).clamp(10_000, 50_000),
+            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => {
+                50_000
+            }
+        }
+    }
+
     /// Rows that the filter is handed at once: two of its largest batches, which threads share; or few, so that the errors by which
     /// rows are selected are of the network as it nearly is.
     pub(crate) fn portion_rows(&self) -> usize {

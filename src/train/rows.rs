@@ -74,6 +74,24 @@ impl Rows {
         self.truncate(first + kept.len());
     }
 
+    /// Adds a row of others.
+    pub(crate) fn push_row(&mut self, of: &Rows, row: usize) {
+        self.features.extend_from_slice(of.row(row));
+        self.labels.push(of.labels[row]);
+        self.corpora.push(of.corpora[row]);
+    }
+
+    /// Every so many-th row, so that this many are left, or nearly twice as many.
+    pub(crate) fn thinned(self, count: u64) -> Rows {
+        let every = (self.len() as u64 / count).max(1) as usize;
+        if every == 1 {
+            return self;
+        }
+        let mut kept = Rows { left_out: self.left_out, ..Rows::new(self.width) };
+        (0..self.len()).step_by(every).for_each(|row| kept.push_row(&self, row));
+        kept
+    }
+
     /// Bytes that the rows take.
     pub(crate) fn bytes(&self) -> usize {
         4 * self.features.len() + self.labels.len() + 2 * self.corpora.len()

@@ -1,8 +1,8 @@
 //! A split and a network -> its weighted mean squared error.
 //!
-//! A look takes [`LOOK_ROWS`] rows, or up to twice as many: of a split that holds more, every so many-th that can be judged, so that all
-//! its scenes have their say, in the same share of their rows. They are read once and kept, and a look costs the same however large the
-//! corpus is. Cells beside one another err alike: what tells a look's error is the scenes. Chunks of rows are taken by all threads; their
+//! A look takes so many rows as the filter's pace allows ([`FilterParams::look_rows`](super::params::FilterParams::look_rows)), or up to
+//! twice as many: of a split that holds more, every so many-th that can be judged, so that all its scenes have their say, in the same share
+//! of their rows. They are read once and kept, and a look costs the same however large the corpus is. Cells beside one another err alike: what tells a look's error is the scenes. Chunks of rows are taken by all threads; their
 //! sums are added in the order of the rows, so that the number of threads changes no bit. The threads are those of rayon's current pool,
 //! which lives as long as a training: `parallel::run` starts and ends threads at each call, and a look at rows in memory takes less than
 //! that.
@@ -18,9 +18,6 @@ use super::{Network, Scaler, TrainError, TrainParams};
 use crate::corpus::Split;
 use crate::parallel::ReadAhead;
 
-/// Rows of a look, of those that the manifests count, and twice as many at most: five to ten megabytes, and less than 5 % of the learning
-/// between two looks from three million rows to learn on.
-const LOOK_ROWS: u64 = 50_000;
 /// Rows of one partial sum.
 const CHUNK_ROWS: usize = 1024;
 
@@ -112,11 +109,7 @@ pub(crate) struct Validation {
 
 impl Validation {
     /// Reads the split once: to check it, to count it, and to keep what looks take.
-    pub(crate) fn open(sources: &Arc<Sources>) -> Result<Validation, TrainError> {
-        Validation::of(sources, LOOK_ROWS)
-    }
-
-    pub(super) fn of(sources: &Arc<Sources>, look_rows: u64) -> Result<Validation, TrainError> {
+    pub(crate) fn open(sources: &Arc<Sources>, look_rows: u64) -> Result<Validation, TrainError> {
         let every = (sources.rows(Split::Validation) / look_rows).max(1);
         let mut looked_at = Rows::new(sources.features.len());
         let (mut rows, mut left_out) = (0, LeftOut::default());
@@ -124,9 +117,7 @@ impl Validation {
             left_out += part.left_out;
             for row in 0..part.len() {
                 if rows % every == 0 {
-                    looked_at.features.extend_from_slice(part.row(row));
-                    looked_at.labels.push(part.labels[row]);
-                    looked_at.corpora.push(part.corpora[row]);
+                    looked_at.push_row(&part, row);
                 }
                 rows += 1;
             }

@@ -27,7 +27,8 @@ impl<'s> Training<'s> {
         let (params, sources) = (&setup.params, &setup.sources);
         let counts = class_counts(sources)?;
         let labelled: u64 = counts.iter().flatten().sum();
-        let validation = Validation::open(sources)?;
+        let validate_every = params.rows_between_looks(labelled);
+        let validation = Validation::open(sources, params.filter.look_rows(validate_every))?;
         if labelled == 0 {
             let unlabelled = sources.list.iter().map(|source| source.labels(Split::Train).unknown).sum();
             return Err(no_rows(sources, Split::Train, LeftOut { unlabelled, ..LeftOut::default() }));
@@ -52,7 +53,7 @@ impl<'s> Training<'s> {
         }
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
         let objective = Objective::new(scaler, params, &counts, &corpora);
-        let mut learner = Learner::new(params, objective, params.rows_between_looks(labelled))?;
+        let mut learner = Learner::new(params, objective, validate_every)?;
         learner.filter.share_work();
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
         let mut run = match begun {

@@ -19,7 +19,7 @@ fn exact_looks_take_every_so_many_th_row_of_a_split_that_holds_more_and_all_are_
     .unwrap();
     let rows = all.len();
     for (look_rows, every) in [(rows as u64, 1), (1 << 40, 1), (rows as u64 / 2, 2), (90, rows / 90)] {
-        let validation = Validation::of(&sources, look_rows).unwrap();
+        let validation = Validation::open(&sources, look_rows).unwrap();
         assert_eq!((validation.rows, validation.left_out), (rows as u64, LeftOut::default()));
         assert!(validation.looked_at.len() as u64 >= look_rows.min(rows as u64));
         let expected: Vec<&[f32]> = (0..rows).step_by(every).map(|row| all.row(row)).collect();
