@@ -1,0 +1,107 @@
+"""What `plan --hours` recommends, built: whether it costs and errs as forecast, and whether the second choice is worse and more scenes bring nothing.
+
+For each config the first two choices of `marsyard plan CONFIG --hours H` (H: --cpu-minutes on the cores that there are) are generated with as
+many scenes as it says, networks are trained by `train`'s defaults, and all are judged on common scenes of another seed: of the config at the
+study's reference setting, or of mixed.yaml's held-out families. Where the plan stops early because the curve is flat, the first choice is
+also built with --beyond times as many scenes. Intervals of 95 % draw scenes (within their families) and trainings anew, in pairs.
+
+    cargo build --release && python scripts/verify_plan.py --cpu-minutes 20
+
+Needs numpy and pyarrow.
+"""
+
+import argparse
+import json
+import platform
+
+import numpy as np
+
+import held_out
+import study
+import unseen
+
+CONFIGS = ["quickstart", "paper", "mixed"]
+SEEDS = (1, 2, 3)
+
+
+def build(marsyard, name, title, choice, scenes):
+    """A corpus of a choice and its networks, with the CPU seconds of both."""
+    kept = marsyard.work / f"{title}.json"
+    place = marsyard.work / "corpora" / title
+    if not kept.exists():
+        study.note(f"{title}: {scenes} scenes")
+        sets = [argument for key in [*choice["sets"], f"scenes={scenes}"] for argument in ("--set", key)]
+        cpu = {"generate": unseen.cpu_s(marsyard, "generate", study.ROOT / "configs" / f"{name}.yaml", "--out", place,
+                                    "--threads", marsyard.threads, *sets), "train": []}
+        for seed in SEEDS:
+            cpu["train"].append(unseen.cpu_s(marsyard, "train", place, "--out", marsyard.work / "runs" / f"{title}-{seed}", "--seed", seed))
+        kept.write_text(json.dumps(cpu))
+    models = [held_out.network(marsyard, marsyard.work / "runs" / f"{title}-{seed}") for seed in SEEDS]
+    cpu = json.loads(kept.read_text())
+    return {"setting": choice["setting"], "scenes": scenes, "generate_cpu_s": cpu["generate"], "train_cpu_s": float(np.mean(cpu["train"]))}, models
+
+
+def verify(marsyard, name, options):
+    plan = json.loads(marsyard.run("plan", study.ROOT / "configs" / f"{name}.yaml", "--hours", options.cpu_minutes / 60 / options.threads,
+                                   "--cores", options.threads, "--study", study.ROOT / "configs" / "studies" / f"{name}.json", "--json"))
+    reference = next(choice["sets"] for choice in plan["choices"] if choice["setting"] == "reference")
+    first, second = plan["choices"][:2]
+    builds = [("first", first, first["scenes"]), ("second", second, second["scenes"])]
+    if first["bound"] == "flat":
+        builds.append(("more", first, min(options.beyond * first["scenes"], first["most_scenes"])))
+    rows, yards, base = [], None, None
+    for title, choice, scenes in builds:
+        row, models = build(marsyard, name, f"{name}-{title}", choice, scenes)
+        if yards is None:
+            yards = unseen.Yards(marsyard, name, reference, models[0]["about"]["features"])
+        accuracy = yards.accuracy(models)
+        base = accuracy if base is None else base
+        low, high = np.percentile(accuracy[1], [2.5, 97.5])
+        row |= {"choice": title, "accuracy": [float(value) for value in (accuracy[0], low, high)], "judged_on": yards.scenes,
+                "against_first": held_out.told_difference(accuracy, base) if title != "first" else None}
+        if title != "more":
+            row["forecast"] = {"accuracy": choice["balanced_accuracy"], "generate_cpu_s": choice["generate_s"] * options.threads,
+                               "train_cpu_s": choice["train_s"]}
+        rows.append(row)
+    return rows
+
+
+def table(results):
+    rows = []
+    for name, builds in results.items():
+        for of in builds:
+            mean, low, high = (100 * value for value in of["accuracy"])
+            forecast = of.get("forecast")
+            said = lambda key: f"{of[key]:.0f}" + (f" ({forecast[key]:.0f})" if forecast else "")
+            expected = forecast and forecast["accuracy"]
+            rows.append([name, {"first": "recommended", "second": "second choice", "more": "recommended, more scenes"}[of["choice"]],
+                         of["setting"], str(of["scenes"]), said("generate_cpu_s"), said("train_cpu_s"), f"{mean:.2f} [{low:.2f}, {high:.2f}]",
+                         f"{100 * expected['mean']:.2f} [{100 * expected['low']:.2f}, {100 * expected['high']:.2f}]" if expected else "",
+                         of["against_first"] or ""])
+    head = ["config", "choice", "setting", "scenes", "generate, CPU s (forecast)", "train, CPU s (forecast)", "balanced accuracy, %", "forecast, %",
+            "against the recommended, points"]
+    return study.markdown(head, rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    study.add_arguments(parser, "verify_plan")
+    parser.add_argument("--cpu-minutes", type=float, default=20, help="budget of a plan (default 20)")
+    parser.add_argument("--beyond", type=int, default=4, help="times as many scenes, where the curve is told to be flat (default 4)")
+    parser.add_argument("--only", choices=CONFIGS, action="append", help="one config (repeatable)")
+    options = parser.parse_args()
+    marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
+    results = {name: verify(marsyard, name, options) for name in options.only or CONFIGS}
+    text = f"""# What `plan --hours` recommends, built
+
+{marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: {options.threads} cores,
+{len(SEEDS)} trainings each, judged on common scenes that no build has (mixed.yaml: of its eight held-out families). Intervals: 95 %, over scenes and
+trainings; differences in pairs. Forecasts are the plan's, in parentheses and beside.
+
+{table(results)}
+"""
+    study.write_results(options.out, "verify_plan", results, text)
+
+
+if __name__ == "__main__":
+    main()
