@@ -12,7 +12,7 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use super::report::{Ended, Recommendation, Report, Row, Told, WorthRow};
+use super::report::{Ended, Report, Row, Told, WorthRow};
 use super::settings::{self, AS_WRITTEN, Group, OTHER_DRAWS, Setting, Settings, Side, Variant};
 use super::{Event, Options, TradeoffError, measured, recommend, rounds};
 use crate::config;
@@ -60,7 +60,7 @@ impl Part {
         let open = |row: &&Row| row.group == Some(group) && row.may_be_recommended && row.name != AS_WRITTEN;
         let gains = report.side(Side::Pipeline).filter(open).filter_map(|row| {
             let gain = row.gain().filter(|gain| gain.told != Told::Worse)?.balanced_accuracy.mean;
-            (gain > 0.0).then(|| (row, gain))
+            (gain > 0.0).then_some((row, gain))
         });
         let (row, gain) = gains.max_by(|a, b| a.1.total_cmp(&b.1))?;
         let sets = row.sets.iter().filter(|set| !base.contains(set)).cloned().collect();
@@ -106,8 +106,7 @@ pub(super) fn add(
     let own: Vec<Row> = own.map(|row| Row { worth: row.worth.map(|worth| scaled(worth, ratio)), ..row }).collect();
     let place = report.rows.iter().rposition(|row| row.side == Side::Pipeline).map_or(0, |last| last + 1);
     report.rows.splice(place..place, own);
-    let recommended: Option<Recommendation> = recommend::recommend(&report.rows, Side::Pipeline);
-    report.recommended_pipeline = recommended;
+    report.recommended_pipeline = recommend::recommend(&report.rows, Side::Pipeline);
     Ok(report)
 }
 
