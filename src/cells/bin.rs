@@ -291,7 +291,7 @@ fn summarise(
         let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
         let column = FIRST_NEIGHBOUR + offsets.len() + local_columns + curvature_columns;
         let Cells { rows, features, .. } = cells;
-        let squares = Surroundings { rows, features, width, plane_height };
+        let squares = Surroundings::new(rows, features, width, plane_height);
         let all = rows.iter().zip(features.chunks_exact(width));
         let values: Vec<f32> =
             all.flat_map(|(row, own)| squares.of(of_squares, params.size_m, row.index, own[plane_height])).collect();

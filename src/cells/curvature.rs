@@ -13,6 +13,7 @@
 //! Not modelled: the inside of the cells; pairs of which one place holds no point.
 
 use super::CellRow;
+use super::extent::Extent;
 use super::params::CurvatureParams;
 use crate::geometry::CellIndex;
 
@@ -37,11 +38,8 @@ const AROUND: [[i64; 2]; 5] = [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]];
 /// Reused memory; has no meaning between calls.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scratch {
-    /// Row and column as one number, in the order of the cells.
-    keys: Vec<i128>,
-    /// Of each cell, what its two places hold.
-    places: [Vec<Place>; 2],
-    bends: Vec<Bend>,
+    /// Of each place of the extent, what it holds.
+    places: Vec<Place>,
 }
 
 /// The heights of a place's cells.
@@ -67,26 +65,40 @@ pub(super) fn bends(
     scratch: &mut Scratch,
     mut write: impl FnMut(usize, usize, [f64; 2]),
 ) {
-    let Scratch { keys, places, bends } = scratch;
-    keys.clear();
-    keys.extend(rows.iter().map(|row| key(i64::from(row.index.row), i64::from(row.index.col))));
-    for (distance, &radius_m) in params.radii_m.iter().enumerate() {
-        bends.clear();
-        bends.resize(rows.len(), Bend::NONE);
-        for [east, north] in offsets(radius_m, size_m) {
-            for (place, side) in places.iter_mut().zip([1, -1]) {
-                place.clear();
-                place.resize(rows.len(), Place::default());
-                AROUND
-                    .iter()
-                    .for_each(|[e, n]| add_heights(keys, mean_heights_m, [side * east + e, side * north + n], place));
-            }
-            let [one, other] = &*places;
-            for (((bend, one), other), &height_m) in bends.iter_mut().zip(one).zip(other).zip(mean_heights_m) {
-                bend.take([one, other], height_m);
+    // A place lies up to a cell beside those that hold points.
+    let Some(extent) = Extent::of(rows, 1) else {
+        let find = |index| rows.binary_search_by_key(&index, |row| row.index).ok().map(|at| mean_heights_m[at]);
+        for (distance, &radius_m) in params.radii_m.iter().enumerate() {
+            for (cell, (row, &height_m)) in rows.iter().zip(mean_heights_m).enumerate() {
+                write(cell, distance, bend_at(radius_m, size_m, row.index, height_m, find));
             }
         }
-        bends.iter().enumerate().for_each(|(cell, bend)| write(cell, distance, bend.features()));
+        return;
+    };
+    let place_of = |row: &CellRow, [east, north]: [i64; 2]| {
+        extent.place(i64::from(row.index.row) + north, i64::from(row.index.col) + east)
+    };
+    let Scratch { places } = scratch;
+    places.clear();
+    places.resize(extent.places(), Place::default());
+    // Each place takes its own cell first, then the neighbours in their order.
+    for [east, north] in AROUND {
+        for (row, &height_m) in rows.iter().zip(mean_heights_m) {
+            places[place_of(row, [-east, -north]).expect("within the margin")].add(height_m);
+        }
+    }
+    for (distance, &radius_m) in params.radii_m.iter().enumerate() {
+        let offsets = offsets(radius_m, size_m);
+        for (cell, (row, &height_m)) in rows.iter().zip(mean_heights_m).enumerate() {
+            let mut bend = Bend::NONE;
+            for [east, north] in offsets {
+                let pair = [1, -1].map(|side| place_of(row, [side * east, side * north]).map(|at| &places[at]));
+                if let [Some(one), Some(other)] = pair {
+                    bend.take([one, other], height_m);
+                }
+            }
+            write(cell, distance, bend.features());
+        }
     }
 }
 
@@ -118,25 +130,6 @@ pub(super) fn bend_at(
 /// Columns to the east and rows to the north of one place of each pair.
 fn offsets(radius_m: f64, size_m: f64) -> [[i64; 2]; 8] {
     DIRECTIONS.map(|shares| shares.map(|share| (share * radius_m / size_m).round() as i64))
-}
-
-/// Row and column as one number, in the order of (row, col).
-fn key(row: i64, col: i64) -> i128 {
-    (i128::from(row) << 64) + i128::from(col)
-}
-
-/// Adds to each cell's place the height of the cell that lies so far from it. Keys are sorted, so that one pointer moves forward only.
-fn add_heights(keys: &[i128], heights_m: &[f64], [east, north]: [i64; 2], places: &mut [Place]) {
-    let away = key(north, east);
-    let mut at = 0;
-    for (place, &own) in places.iter_mut().zip(keys) {
-        while at < keys.len() && keys[at] < own + away {
-            at += 1;
-        }
-        if at < keys.len() && keys[at] == own + away {
-            place.add(heights_m[at]);
-        }
-    }
 }
 
 impl Place {

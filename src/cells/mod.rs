@@ -36,6 +36,7 @@ mod bin;
 mod columns;
 mod crossing;
 mod curvature;
+mod extent;
 mod fall;
 #[cfg(test)]
 mod fixtures;

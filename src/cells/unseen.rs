@@ -12,7 +12,7 @@ use super::columns::{GAP_COLUMNS, neighbour_offsets};
 use super::curvature::bend_at;
 use super::gaps::BeamColumns;
 use super::local::nearest_rank;
-use super::params::{LocalHeightParams, UnseenParams};
+use super::params::{LocalHeightParams, SurroundingsParams, UnseenParams};
 use super::plane::GroundPlanes;
 use super::surroundings::Surroundings;
 use super::{CellParams, CellRow, CellTruth, Cells};
@@ -33,8 +33,11 @@ pub(super) fn add(
     let grid = GridSpec { size_m: params.size_m };
     let width = cells.features.len() / cells.rows.len();
     let found = unseen_cells(unseen, beams, &grid, max_range_m, &cells.rows);
-    let seen = SeenCells { rows: &cells.rows, features: &cells.features, width, planes };
     let offsets = neighbour_offsets(params.neighbours);
+    let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
+    let squares = params.surroundings.as_ref();
+    let squares = squares.map(|of| (of, Surroundings::new(&cells.rows, &cells.features, width, plane_height)));
+    let seen = SeenCells { rows: &cells.rows, features: &cells.features, width, planes, squares };
     let wide = width + GAP_COLUMNS.len();
     let mut rows = Vec::with_capacity(cells.rows.len() + found.len());
     let mut features = Vec::with_capacity(rows.capacity() * wide);
@@ -93,6 +96,8 @@ struct SeenCells<'a> {
     features: &'a [f32],
     width: usize,
     planes: &'a GroundPlanes,
+    /// The squares around cells, where they are asked for.
+    squares: Option<(&'a SurroundingsParams, Surroundings)>,
 }
 
 impl SeenCells<'_> {
@@ -140,9 +145,8 @@ impl SeenCells<'_> {
             own[next..][..2].copy_from_slice(&bend_m);
             next += 2;
         }
-        if let Some(of_squares) = &params.surroundings {
+        if let Some((of_squares, squares)) = &self.squares {
             let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
-            let squares = Surroundings { rows: self.rows, features: self.features, width: self.width, plane_height };
             for value in squares.of(of_squares, grid.size_m, index, own[plane_height]) {
                 own[next] = value;
                 next += 1;

@@ -52,7 +52,7 @@ pub(super) struct TradeoffArgs {
     /// for the study.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Threads; times are CPU times of a thread, and all else is the same for any number.
+    /// Threads; times are CPU times of a thread, and all else, but which combinations look promising, is the same for any number.
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
 }

@@ -14,7 +14,8 @@
 //! ```
 //!
 //! Same addresses, so the same yards, drives and draws at every setting. What changes the yard or what is modelled is not an error;
-//! it is measured alike and reported apart. All but the times, and what is told of equal times, is the same for any number of threads.
+//! it is measured alike and reported apart. All but the times, and what is told and combined by equal times, is the same for any number of
+//! threads.
 
 pub(crate) mod chart;
 mod combine;
