@@ -22,7 +22,7 @@ import unseen
 CONFIGS = {
     "quickstart": ([], 400, []),
     "paper": (["scenes=2000", "scenes_per_shard=50"], 400, []),
-    "mars": ([], 60, []),
+    "mars": ([], 50, []),
     "holes": ([], 150, ["features=seen+unseen"]),
 }
 TRAINERS = {"default": None, "Kalman filter": study.ROOT / "configs" / "train" / "ekf.yaml"}

@@ -81,7 +81,7 @@ struct Curve<'s> {
     setting: &'s StudySetting,
     fit: Fit,
     scene_cpu_s: f64,
-    /// seconds = first * (scenes of the study / largest)^power.
+    /// seconds = first * (scenes of the study / largest)^power; beyond the largest size in proportion, for training is some passes.
     train: (f64, f64),
     largest: f64,
 }
@@ -157,7 +157,8 @@ impl<'s> Curve<'s> {
     /// Seconds of wall: building on all cores, and training on one.
     fn seconds(&self, scenes: f64, cores: f64) -> (f64, f64) {
         let (first, power) = self.train;
-        (self.scene_cpu_s * scenes / cores, first * math::pow(STUDY_SCENES * scenes / self.largest, power))
+        let share = STUDY_SCENES * scenes / self.largest;
+        (self.scene_cpu_s * scenes / cores, first * if share > 1.0 { share } else { math::pow(share, power) })
     }
 
     /// `None` where not even `multiple` scenes are within the budget.
