@@ -72,7 +72,7 @@ def main():
     head = ["config", "trainer", "rows learnt, thousands", "CPU s, train", "balanced accuracy, %", "the default's lead, points"]
     text = f"""# The default trainer beside the Kalman filter
 
-{marsyard.version()}, {platform.machine()}; `python scripts/trainers.py`: {len(SEEDS)} trainings each, judged on scenes of another seed. Intervals: 95 %,
+{marsyard.version()}, {platform.machine()}; `python scripts/trainers.py{''.join(f' --only {name}' for name in options.only or [])}`: {len(SEEDS)} trainings each, judged on scenes of another seed. Intervals: 95 %,
 over scenes and trainings, differences in pairs. CPU seconds of this machine. mixed.yaml: [learning_curve.md](learning_curve.md).
 
 {study.markdown(head, rows)}
