@@ -38,7 +38,7 @@ def corpus_of_training(marsyard, name, seed, scenes):
     return marsyard.corpus(name, CONFIG, [f"seed={seed}", *none], scenes, PER_SHARD)
 
 
-def read(place, columns, splits=("train", "validation", "test")):
+def read(place, columns, splits=("train", "validation", "test"), families=TRAINING + FAMILIES):
     """Columns of the cells with a label, with `label`, and the scene and the family of each as numbers."""
     table = lambda kind, names: pyarrow.concat_tables(
         [parquet.read_table(path, columns=names) for split in splits for path in sorted((place / "data" / kind).glob(f"{split}-*.parquet"))])
@@ -47,7 +47,6 @@ def read(place, columns, splits=("train", "validation", "test")):
     cells = table("cells", ["scene_id", "label", *columns])
     cells = cells.filter(pyarrow.compute.is_valid(cells["label"]))
     ids, scene = np.unique(cells["scene_id"].to_numpy(), return_inverse=True)
-    families = TRAINING + FAMILIES
     of_scene = np.array([families.index(family_of[scene_id]) for scene_id in ids])
     found = {name: cells[name].to_numpy() for name in ["label", *columns]}
     return {**found, "scene": scene, "family_of_scene": of_scene}
@@ -93,13 +92,13 @@ def rates(of):
 class Judgement:
     """Counts of some trainings of one learner, [trainings, scenes, 4] -> rates by family, means over trainings, and their draws."""
 
-    def __init__(self, cells, of_trainings, families=FAMILIES):
+    def __init__(self, cells, of_trainings, families=FAMILIES, numbered=TRAINING + FAMILIES):
         of_trainings, self.families = np.asarray(of_trainings, dtype=float), families
         trainings, rng = len(of_trainings), np.random.default_rng(1)
         self.by_family, self.draws = {}, {}
         drawn = rng.integers(trainings, size=(DRAWS, trainings))
         for family in families:
-            of = of_trainings[:, cells["family_of_scene"] == (TRAINING + FAMILIES).index(family)]
+            of = of_trainings[:, cells["family_of_scene"] == numbered.index(family)]
             weights = rng.multinomial(of.shape[1], np.full(of.shape[1], 1 / of.shape[1]), size=DRAWS)
             self.by_family[family] = rates(of.sum(axis=1)).mean(axis=0)
             by_training = rates(np.einsum("ds,tsk->dtk", weights, of))

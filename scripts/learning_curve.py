@@ -27,18 +27,13 @@ OWN_SEED = 52
 MOST_CELLS = 3_000_000
 
 
-def cpu_s(who):
-    used = resource.getrusage(who)
-    return used.ru_utime + used.ru_stime
-
-
 def timed(folder, name, make, who=resource.RUSAGE_CHILDREN):
     """What `make` gives, and the CPU seconds it took, kept beside what it made."""
-    before = cpu_s(who)
+    before = study.cpu_s(who)
     made = make()
     kept = folder / f"{name}.cpu"
     if not kept.exists():
-        kept.write_text(str(cpu_s(who) - before))
+        kept.write_text(str(study.cpu_s(who) - before))
     return made, float(kept.read_text())
 
 
@@ -62,9 +57,9 @@ class Learners:
         cells = held_out.read(corpus, self.columns, ["train"])
         cut = {name: column[:MOST_CELLS] for name, column in cells.items()}
         validation = held_out.read(corpus, self.columns, ["validation"])
-        before = cpu_s(resource.RUSAGE_SELF)
+        before = study.cpu_s(resource.RUSAGE_SELF)
         answer = held_out.trees(cut, validation, self.columns, seed)
-        facts = {"train_cpu_s": cpu_s(resource.RUSAGE_SELF) - before, "rows_learnt": len(cut["label"])}
+        facts = {"train_cpu_s": study.cpu_s(resource.RUSAGE_SELF) - before, "rows_learnt": len(cut["label"])}
         return facts, held_out.counts(self.test, answer(self.test))
 
 

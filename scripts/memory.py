@@ -46,8 +46,8 @@ def main():
         for size in sizes:
             run = options.work / "run"
             shutil.rmtree(run, ignore_errors=True)
-            overrides = [argument for key in [*sets, "epochs=1"] for argument in ("--set", key)]
-            most = most_megabytes([marsyard.binary, "train", places[size], "--out", run, "--threads", threads, "--prefetch", prefetch, *overrides])
+            most = most_megabytes([marsyard.binary, "train", places[size], "--out", run, "--threads", threads, "--prefetch", prefetch,
+                                   *study.overrides([*sets, "epochs=1"])])
             results.append({"training": title, "threads": threads, "prefetch": prefetch, "rows": rows_of[size], "most_megabytes": most})
             row.append(f"{most:.0f}")
             study.note(f"{title}, {threads} threads, {prefetch} ahead, {size} scenes: {most:.0f} MB")

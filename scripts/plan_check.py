@@ -35,19 +35,17 @@ LIMIT = 0.15
 
 def spent(command):
     """CPU and wall seconds of a command, and what it said."""
-    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    before, started = study.cpu_s(resource.RUSAGE_CHILDREN), time.monotonic()
     done = subprocess.run(command, capture_output=True, text=True, cwd=study.ROOT)
     wall = time.monotonic() - started
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
         sys.exit(f"{' '.join(command)} failed:\n{done.stderr[-3000:]}")
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, wall, done.stdout
+    return study.cpu_s(resource.RUSAGE_CHILDREN) - before, wall, done.stdout
 
 
 def one_round(marsyard, config, sets, threads, scratch):
     place = pathlib.Path(tempfile.mkdtemp(prefix="plan-check-", dir=scratch)) / "corpus"
-    asked = [argument for value in sets for argument in ("--set", value)]
-    common = [config, *asked, "--out", str(place), "--threads", str(threads)]
+    common = [config, *study.overrides(sets), "--out", str(place), "--threads", str(threads)]
     load = os.getloadavg()[0]
     plan_cpu, plan_wall, said = spent([marsyard, "plan", *common, "--json", "--no-parts"])
     estimate = json.loads(said)["estimate"]

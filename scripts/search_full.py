@@ -16,7 +16,6 @@ import argparse
 import itertools
 import json
 import math
-import resource
 
 from study import ROOT, Marsyard, add_arguments, markdown, note, versions, write_results
 
@@ -37,10 +36,8 @@ def searched(marsyard, corpus, name, *options):
     kept = run / "cpu_s.json"
     if not kept.exists():
         note(f"search {name}: {' '.join(map(str, options))}")
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        marsyard.run("search", corpus, "--full", "--out", run, "--threads", marsyard.threads, *options)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        kept.write_text(json.dumps(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime))
+        spent = marsyard.cpu_s("search", corpus, "--full", "--out", run, "--threads", marsyard.threads, *options)
+        kept.write_text(json.dumps(spent))
     board = json.loads((run / "search.json").read_text())
     entries = [json.loads(line) for line in (run / "search.jsonl").read_text().splitlines()[1:]]
     return board, entries, json.loads(kept.read_text())

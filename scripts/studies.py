@@ -26,45 +26,14 @@ STUDIES = {
 COMMON = ["--only", "presets,contact,slam,resolution", "--seeds", 3]
 
 
-def percent(of):
-    return f"{100 * of['mean']:.2f} ± {100 * of['half_width']:.2f}"
-
-
-def label(row):
-    return f"{row['group']}: {row['name']}" if row["group"] else row["name"]
-
-
-def front(rows):
-    """Sizes of which no other is both cheaper and more accurate in the mean."""
-    points = sorted((size["generate_cpu_s"] + size["train_cpu_s"], size["balanced_accuracy"]["mean"], label(row), size["scenes"])
-                    for row in rows if row["may_be_recommended"] for size in row["worth"]["curve"])
-    best, kept = 0.0, []
-    for cpu_s, mean, name, scenes in points:
-        if mean > best:
-            best = mean
-            kept.append(f"{cpu_s:.2f} s {100 * mean:.2f} % ({name}, {scenes} scenes)")
-    return kept
-
-
-def page(name, report, minutes):
-    rows = [row for row in report["rows"] if row["side"] == "pipeline" and row["worth"]]
-    groups = [group for group in report["test"] if group["judges"]]
-    held_out = any(group["held_out"] for group in groups)
-    lines = [f"## {name}.yaml", "",
-             f"`marsyard tradeoff configs/{name}.yaml {' '.join(map(str, [*COMMON, *STUDIES[name]]))}`: {minutes:.0f} minutes; judged on "
-             f"{sum(group['scenes'] for group in groups)} unseen scenes{' of ' + str(len(groups)) + ' held-out families' if held_out else ''}.", "",
-             "| setting | CPU s of all scenes, generate + train | balanced accuracy, % | gain at equal CPU, points | told |", "|---|--:|--:|--:|---|"]
-    for row in rows:
-        size, gain = row["worth"]["curve"][-1], row["worth"]["gain"]
-        told = {None: "", "not_apart": "not told apart", "one_seed": "one training"}
-        lines.append(f"| {label(row)} | {size['generate_cpu_s']:.2f} + {size['train_cpu_s']:.2f} | {percent(size['balanced_accuracy'])} | "
-                     + (f"{100 * gain['balanced_accuracy']['mean']:+.2f} ± {100 * gain['balanced_accuracy']['half_width']:.2f} | "
-                        f"{told.get(gain['told'], gain['told'])} |" if gain else "| |"))
-    chosen = report["recommended_pipeline"]
-    lines += ["", f"Recommended: {chosen['name']}, {'told better than' if chosen['is_told_better'] else 'nothing is told better than'} the "
-              f"reference. Other draws of the reference differ by {100 * (report['noise_floor'] or 0):.2f} points; common scenes and draws make the "
-              f"variance of a gain {report['variance_ratio']:.1f} times smaller. Front: {'; '.join(front(rows))}.", ""]
-    return "\n".join(lines)
+def page(name, folder, minutes):
+    """What `tradeoff` says of worth, of the front and at its end."""
+    said = (folder / "tradeoff.md").read_text()
+    section = lambda title: "### " + next(part for part in said.split("\n## ") if part.startswith(title)).strip()
+    closing = said.rstrip().rsplit("\n\n", 1)[1].replace("\n", "\n\n")
+    asked = " ".join(map(str, [*COMMON, *STUDIES[name]]))
+    return "\n\n".join([f"## {name}.yaml", f"`marsyard tradeoff configs/{name}.yaml {asked}`: {minutes:.0f} minutes.",
+                        section("What each setting is worth"), section("The front"), closing, ""])
 
 
 def main():
@@ -81,9 +50,8 @@ def main():
         shutil.rmtree(folder, ignore_errors=True)
         sizes = ["--scenes", 16, "--test-scenes", 6] if options.quick else STUDIES[name]
         marsyard.run("tradeoff", study.ROOT / "configs" / f"{name}.yaml", *COMMON, *sizes, "--threads", options.threads, "--out", folder)
-        report = json.loads((folder / "tradeoff.json").read_text())
         # The command that is printed is one that a user gives, from the root of the tree.
-        pages[name] = page(name, report, (time.monotonic() - begun) / 60)
+        pages[name] = page(name, folder, (time.monotonic() - begun) / 60)
         if not options.quick:
             shutil.copyfile(folder / "study.json", study.ROOT / "configs" / "studies" / f"{name}.json")
             shutil.copyfile(folder / "tradeoff.svg", study.ROOT / "docs" / f"worth-{name}.svg")

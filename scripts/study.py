@@ -7,6 +7,7 @@ study that was interrupted goes on where it stopped. Give another work folder af
 import json
 import pathlib
 import platform
+import resource
 import statistics
 import subprocess
 import sys
@@ -31,6 +32,12 @@ class Marsyard:
             sys.exit(f"marsyard {' '.join(map(str, arguments))} failed:\n{done.stderr[-4000:]}")
         return done.stdout
 
+    def cpu_s(self, *arguments):
+        """CPU seconds of a verb."""
+        before = cpu_s(resource.RUSAGE_CHILDREN)
+        self.run(*arguments)
+        return cpu_s(resource.RUSAGE_CHILDREN) - before
+
     def version(self):
         return self.run("--version").strip()
 
@@ -40,8 +47,7 @@ class Marsyard:
         if not (place / "manifest.json").exists():
             sizes = [f"name={name}", f"scenes={scenes}", f"scenes_per_shard={per_shard}"]
             note(f"generate {name}: {scenes} scenes")
-            overrides = [part for key in [*sizes, *sets] for part in ("--set", key)]
-            self.run("generate", config, "--out", place, "--threads", self.threads, *overrides)
+            self.run("generate", config, "--out", place, "--threads", self.threads, *overrides([*sizes, *sets]))
         return place
 
     def train(self, name, corpora, seed, sets=()):
@@ -49,9 +55,8 @@ class Marsyard:
         run = self.work / "runs" / f"{name}-{seed}"
         if not (run / "training.json").exists():
             note(f"train {name}, seed {seed}")
-            overrides = [part for key in sets for part in ("--set", key)]
             resume = ["--resume"] if run.exists() else []
-            self.run("train", *corpora, "--out", run, "--seed", seed, "--threads", self.threads, *resume, *overrides)
+            self.run("train", *corpora, "--out", run, "--seed", seed, "--threads", self.threads, *resume, *overrides(sets))
         return run
 
     def evaluate(self, run, corpus, name, *options):
@@ -60,6 +65,17 @@ class Marsyard:
         if not kept.exists():
             kept.write_text(self.run("evaluate", run, corpus, "--json", *options))
         return json.loads(kept.read_text())
+
+
+def overrides(sets):
+    """`key=value` each -> the options that set them."""
+    return [part for key in sets for part in ("--set", key)]
+
+
+def cpu_s(who):
+    """CPU seconds so far, of this process or of those that it has waited for."""
+    used = resource.getrusage(who)
+    return used.ru_utime + used.ru_stime
 
 
 def note(text):

@@ -38,8 +38,7 @@ def trained(marsyard, name, place, title, config, sets):
         if not kept.exists():
             study.note(f"{name}, {title}, seed {seed}")
             asked = ["--config", config] if config else []
-            overrides = [argument for key in sets for argument in ("--set", key)]
-            kept.write_text(json.dumps(unseen.cpu_s(marsyard, "train", place, "--out", run, "--seed", seed, *asked, *overrides)))
+            kept.write_text(json.dumps(marsyard.cpu_s("train", place, "--out", run, "--seed", seed, *asked, *study.overrides(sets))))
         runs.append(held_out.network(marsyard, run))
         cpu.append(json.loads(kept.read_text()))
         rows.append(json.loads((run / "training.json").read_text())["rows_learnt"])
@@ -56,8 +55,7 @@ def main():
     for name in options.only or CONFIGS:
         sets, scenes, training = CONFIGS[name]
         place = options.work / "corpora" / name
-        overrides = [argument for key in sets for argument in ("--set", key)]
-        marsyard.run("generate", study.ROOT / "configs" / f"{name}.yaml", "--out", place, "--threads", options.threads, *overrides)
+        marsyard.run("generate", study.ROOT / "configs" / f"{name}.yaml", "--out", place, "--threads", options.threads, *study.overrides(sets))
         yards = base = None
         for title, config in TRAINERS.items():
             models, cpu_s, learnt = trained(marsyard, name, place, title, config, training)

@@ -30,11 +30,11 @@ def build(marsyard, name, title, choice, scenes):
     place = marsyard.work / "corpora" / title
     if not kept.exists():
         study.note(f"{title}: {scenes} scenes")
-        sets = [argument for key in [*choice["sets"], f"scenes={scenes}"] for argument in ("--set", key)]
-        cpu = {"generate": unseen.cpu_s(marsyard, "generate", study.ROOT / "configs" / f"{name}.yaml", "--out", place,
-                                    "--threads", marsyard.threads, *sets), "train": []}
+        sets = study.overrides([*choice["sets"], f"scenes={scenes}"])
+        cpu = {"generate": marsyard.cpu_s("generate", study.ROOT / "configs" / f"{name}.yaml", "--out", place,
+                                          "--threads", marsyard.threads, *sets), "train": []}
         for seed in SEEDS:
-            cpu["train"].append(unseen.cpu_s(marsyard, "train", place, "--out", marsyard.work / "runs" / f"{title}-{seed}", "--seed", seed))
+            cpu["train"].append(marsyard.cpu_s("train", place, "--out", marsyard.work / "runs" / f"{title}-{seed}", "--seed", seed))
         kept.write_text(json.dumps(cpu))
     models = [held_out.network(marsyard, marsyard.work / "runs" / f"{title}-{seed}") for seed in SEEDS]
     cpu = json.loads(kept.read_text())

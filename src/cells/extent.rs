@@ -12,7 +12,7 @@ const MOST_PLACES_A_CELL: usize = 64;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
     first_row: i64,
-    first_col: i64,
+    pub first_col: i64,
     rows: usize,
     pub columns: usize,
 }
@@ -43,10 +43,6 @@ impl Extent {
     /// The column, counted from the first; those outside are the first and the one behind the last.
     pub(super) fn column(&self, col: i64) -> usize {
         (col - self.first_col).clamp(0, self.columns as i64) as usize
-    }
-
-    pub(super) fn first_col(&self) -> i64 {
-        self.first_col
     }
 }
 

@@ -120,7 +120,7 @@ impl Surroundings {
 
 /// Of each column of the extent, and of the one behind the last, the first cell of a line that is not before it.
 fn entries(cols: &[i32], cells: &Range<usize>, extent: &Extent) -> impl Iterator<Item = u32> {
-    let (mut next, first_col) = (cells.clone(), extent.first_col());
+    let (mut next, first_col) = (cells.clone(), extent.first_col);
     (0..=extent.columns as i64).map(move |column| {
         while next.start < next.end && i64::from(cols[next.start]) < first_col + column {
             next.start += 1;

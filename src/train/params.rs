@@ -197,54 +197,45 @@ impl Default for FilterParams {
 }
 
 impl FilterParams {
-    /// Neurons of the hidden layers where a config names none: a Kalman filter's cost grows with the square of the weights, and its network
-    /// is the paper's.
-    pub(crate) fn usual_hidden(&self) -> Vec<usize> {
+    /// Whether rows are learnt by batches, at a cost that grows with the weights and not with their square, and the network is an average.
+    fn learns_by_batches(&self) -> bool {
         match self {
-            FilterParams::Kronecker(_) => vec![64, 64],
+            FilterParams::Kronecker(_) => true,
             FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => {
-                vec![16, 16]
+                false
             }
         }
     }
 
+    /// Neurons of the hidden layers where a config names none: a Kalman filter's cost grows with the square of the weights, and its network
+    /// is the paper's.
+    pub(crate) fn usual_hidden(&self) -> Vec<usize> {
+        if self.learns_by_batches() { vec![64, 64] } else { vec![16, 16] }
+    }
+
     /// Looks without an improvement that end training where a config names no number.
     pub(crate) fn usual_patience(&self) -> u32 {
-        match self {
-            FilterParams::Kronecker(_) => 10,
-            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => 5,
-        }
+        if self.learns_by_batches() { 10 } else { 5 }
     }
 
     /// The share of the validation error that is taken for noise when the best look is chosen. An average of weights moves little from
     /// look to look, and what it gains on other yards goes on when the validation yards tell nothing any more; the Kalman filters go back to the
     /// minimum, as the paper has it.
     pub(crate) fn look_noise(&self) -> f64 {
-        match self {
-            FilterParams::Kronecker(_) => 0.05,
-            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => 0.0,
-        }
+        if self.learns_by_batches() { 0.05 } else { 0.0 }
     }
 
     /// Rows of a look, and nearly twice as many at most, where so many are learnt between two: of those that the manifests count. A row that
     /// is looked at costs a third of one that is learnt by batches, and a thirtieth of one that a Kalman filter learns; fewer than
     /// 10,000 tell too little, more than 50,000 no more, for it is the scenes that differ.
     pub(crate) fn look_rows(&self, validate_every: u64) -> u64 {
-        match self {
-            FilterParams::Kronecker(_) => (validate_every / 8).clamp(10_000, 50_000),
-            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => {
-                50_000
-            }
-        }
+        if self.learns_by_batches() { (validate_every / 8).clamp(10_000, 50_000) } else { 50_000 }
     }
 
     /// Rows that the filter is handed at once: two of its largest batches, which threads share; or few, so that the errors by which
     /// rows are selected are of the network as it nearly is.
     pub(crate) fn portion_rows(&self) -> usize {
-        match self {
-            FilterParams::Kronecker(_) => 1024,
-            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => 256,
-        }
+        if self.learns_by_batches() { 1024 } else { 256 }
     }
 }
 

@@ -81,9 +81,9 @@ impl Rows {
         self.corpora.push(of.corpora[row]);
     }
 
-    /// Every so many-th row, so that this many are left, or nearly twice as many.
+    /// Every so many-th row, as [`stride`] has it.
     pub(crate) fn thinned(self, count: u64) -> Rows {
-        let every = (self.len() as u64 / count).max(1) as usize;
+        let every = stride(self.len() as u64, count) as usize;
         if every == 1 {
             return self;
         }
@@ -122,6 +122,11 @@ impl Rows {
         }
         Ok(())
     }
+}
+
+/// Every so many-th of all rows is taken, so that `count` are left, or nearly twice as many.
+pub(crate) fn stride(rows: u64, count: u64) -> u64 {
+    (rows / count).max(1)
 }
 
 #[cfg(test)]

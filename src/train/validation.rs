@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::rows::{LeftOut, Rows};
+use super::rows::{LeftOut, Rows, stride};
 use super::scaling::Weights;
 use super::source::Sources;
 use super::{Network, Scaler, TrainError, TrainParams};
@@ -110,7 +110,7 @@ pub(crate) struct Validation {
 impl Validation {
     /// Reads the split once: to check it, to count it, and to keep what looks take.
     pub(crate) fn open(sources: &Arc<Sources>, look_rows: u64) -> Result<Validation, TrainError> {
-        let every = (sources.rows(Split::Validation) / look_rows).max(1);
+        let every = stride(sources.rows(Split::Validation), look_rows);
         let mut looked_at = Rows::new(sources.features.len());
         let (mut rows, mut left_out) = (0, LeftOut::default());
         each_group(Arc::clone(sources), Split::Validation, |part| {
