@@ -22,6 +22,9 @@ import study
 from transfer import outputs
 
 CURVATURE = [f"curvature_{which}_{cm}cm_m" for cm in (20, 40, 80) for which in ("least", "most")]
+BEAMS_OF_CELL = ["beams_through", "beams_through_high"] + [f"beams_{what}_m" for what in ("lowest", "behind", "behind_height", "before", "before_height")]
+BEAMS_OF_SQUARES = [f"beams_{what}_{cm}cm" for cm in (10, 20, 40) for what in ("through", "through_low", "through_high")]
+BEAMS = BEAMS_OF_CELL + BEAMS_OF_SQUARES
 SQUARES = [f"surroundings_{what}_{cm}cm{unit}" for cm in (20, 40, 80)
            for what, unit in (("height", "_m"), ("roughness", "_m"), ("spread", "_m"), ("cover", ""))]
 OWN = ["height_variance_m2", "height_difference_m", "point_count"]
@@ -32,14 +35,19 @@ POSE = ["pitch_rad", "roll_rad", "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad
 # What the network learns, where that is not the default.
 COLUMNS = {
     "the paper's columns (features: listed)": None,
-    "no squares around": OWN + PLANE + CURVATURE,
-    "no squares 0.8 m around": OWN + PLANE + CURVATURE + SQUARES[:8],
-    "no curvature": OWN + PLANE + SQUARES,
-    "no plane": OWN + CURVATURE + SQUARES,
-    "no spread, difference and count of the cell": PLANE + CURVATURE + SQUARES,
-    "and the height above a percentile of the ground": OWN + LOCAL + PLANE + CURVATURE + SQUARES,
-    "and heights above the rover and the neighbours": OWN + NEIGHBOURS + PLANE + CURVATURE + SQUARES,
+    "no beams": OWN + PLANE + SQUARES,
+    "no beams of the cell itself": OWN + PLANE + SQUARES + BEAMS_OF_SQUARES,
+    "no beams of the squares around": OWN + PLANE + SQUARES + BEAMS_OF_CELL,
+    "no squares around, nor of beams": OWN + PLANE + BEAMS_OF_CELL,
+    "no squares of heights 0.8 m around": OWN + PLANE + SQUARES[:8] + BEAMS,
+    "no plane": OWN + SQUARES + BEAMS,
+    "no spread, difference and count of the cell": PLANE + SQUARES + BEAMS,
+    "and the height above a percentile of the ground": OWN + LOCAL + PLANE + SQUARES + BEAMS,
+    "and heights above the rover and the neighbours": OWN + NEIGHBOURS + PLANE + SQUARES + BEAMS,
+    "and the curvature": OWN + PLANE + SQUARES + BEAMS + CURVATURE,
 }
+# The corpora of this part hold what is no longer in the config, too.
+WITH_CURVATURE = ["cells.curvature={radii_m: [0.2, 0.4, 0.8]}"]
 # Overrides of the config for the training scenes.
 YARDS = {
     "no roughness": ["scene.ground.roughness=null"],
@@ -68,16 +76,16 @@ class Study:
 
     def test(self, name):
         if name not in self.read:
-            make = {"held out": lambda: held_out.corpus(self.marsyard, "test", TEST_SEED, self.test_scenes),
+            make = {"held out": lambda: held_out.corpus(self.marsyard, "test", TEST_SEED, self.test_scenes, WITH_CURVATURE),
                     "fitted plane": lambda: held_out.corpus(self.marsyard, "test-plane", TEST_SEED, self.test_scenes, FRAMES["fitted plane"]),
                     "training": lambda: held_out.corpus_of_training(self.marsyard, "test-training", TEST_SEED, self.test_scenes)}
-            self.read[name] = held_out.read(make[name](), OWN + LOCAL + NEIGHBOURS + POSE + PLANE + CURVATURE + SQUARES)
+            self.read[name] = held_out.read(make[name](), OWN + LOCAL + NEIGHBOURS + POSE + PLANE + SQUARES + BEAMS + CURVATURE * (name == "held out"))
         return self.read[name]
 
     def judged(self, name, corpus, sets=(), test="held out", families=held_out.FAMILIES):
         cells, counts = self.test(test), []
         for seed in self.seeds:
-            model = held_out.network(self.marsyard, self.marsyard.train(name, [corpus], seed, [*study.KALMAN_FILTER, *sets]))
+            model = held_out.network(self.marsyard, self.marsyard.train(name, [corpus], seed, sets))
             counts.append(held_out.counts(cells, outputs(model, cells)))
         return held_out.Judgement(cells, counts, families)
 
@@ -99,7 +107,8 @@ def table(whole, judged):
 
 def columns(of):
     sets = lambda taken: "features=listed" if taken is None else f"features={{columns: [{', '.join(taken)}]}}"
-    judged = {name: of.judged(name, of.whole, [sets(taken)]) for name, taken in COLUMNS.items()}
+    whole = of.without("with curvature", WITH_CURVATURE)
+    judged = {name: of.judged(name, whole, [sets(taken)]) for name, taken in COLUMNS.items()}
     return "## Columns\n\n" + table(of.all_of_it(), judged), judged
 
 
@@ -154,12 +163,14 @@ def main():
     kept = options.out / "ablation.json"
     parts = json.loads(kept.read_text())["parts"] if options.only and kept.exists() else {}
     for part in [options.only] if options.only else PARTS:
+        told = f"{study.versions(marsyard)['marsyard']}; {scenes} scenes, {len(seeds)} trainings each by the default trainer."
         text, judged = {"columns": columns, "yards": yards, "families": families, "frames": frames}[part](of)
-        parts[part] = {"text": text, "rates": {name: one.facts() for name, one in judged.items()}}
+        head, rest = text.split("\n\n", 1)
+        parts[part] = {"text": f"{head}\n\n{told}\n\n{rest}", "rates": {name: one.facts() for name, one in judged.items()}}
     title = "\n\n".join([
         "# What each ingredient of mixed.yaml brings on families held out",
-        f"`python scripts/ablation.py`, {study.versions(marsyard)['marsyard']}; {scenes} scenes, {len(seeds)} trainings each. Balanced accuracy by cells, "
-        f"percent, with 95 % intervals over scenes and trainings; differences in points. Test: {test_scenes} scenes, seed {TEST_SEED}."])
+        "`python scripts/ablation.py`. Balanced accuracy by cells, percent, with 95 % intervals over scenes and trainings; differences in points. "
+        f"Test: {test_scenes} scenes, seed {TEST_SEED}."])
     text = "\n\n".join([title, *(parts[part]["text"] for part in PARTS if part in parts)]) + "\n"
     study.write_results(options.out, "ablation", {"versions": study.versions(marsyard), "parts": parts}, text)
 

@@ -1,12 +1,12 @@
-"""What the columns of the ground around a cell bring: the shipped configs with them and without.
+"""What the columns of the ground around a cell and of the beams bring: the shipped configs with them and without.
 
 Usage:  cargo build --release
         python scripts/columns.py [--seeds 1,2] [--quick]
 
-Builds configs/quickstart.yaml, configs/paper.yaml and configs/mars.yaml with `cells.local_height` (with the plane), `cells.curvature` and
-`cells.surroundings`, and with the paper's columns alone, trains on each with all defaults, and judges on the same test scenes. Balanced accuracy by
-cells, percent; in brackets 95 % of a bootstrap over test scenes, means over the trainings, the same draws for both, so that differences are
-paired. CPU seconds of this machine, beside other work.
+Builds configs/quickstart.yaml, configs/paper.yaml and configs/mars.yaml with the paper's columns alone, with `cells.local_height` (with
+the plane), `cells.curvature` and `cells.surroundings`, and with `cells.beams` besides, trains on each with all defaults, and judges on the same test scenes. Balanced accuracy by
+cells, percent; in brackets 95 % of a bootstrap over test scenes, means over the trainings, the same draws for all, so that differences are
+paired; they are to the line above. CPU seconds of this machine, beside other work.
 
 Needs numpy and pyarrow. Writes columns.json and columns.md into scripts/results.
 """
@@ -27,6 +27,12 @@ AROUND = {
     "local_height": "{radius_m: 1, percentile: 10, plane: true}",
     "curvature": "{radii_m: [0.2, 0.4, 0.8]}",
     "surroundings": "{radii_m: [0.2, 0.4]}",
+    "beams": "null",
+}
+WAYS = {
+    "paper's columns": dict.fromkeys(AROUND, "null"),
+    "with the ground around": AROUND,
+    "and the beams": AROUND | {"beams": "{radii_m: [0.1, 0.2, 0.4]}"},
 }
 SCENES = {"quickstart": 200, "paper": 200, "mars": 140}
 PER_SHARD = {"quickstart": 10, "paper": 10, "mars": 5}
@@ -60,13 +66,13 @@ def main():
     marsyard, rows, facts = study.Marsyard(options.marsyard, options.work, options.threads), [], {}
     for config, scenes in SCENES.items():
         scenes, judged, drawn = scenes // 4 if options.quick else scenes, {}, None
-        for short, way, values in (("bare", "paper's columns", dict.fromkeys(AROUND, "null")), ("around", "with the ground around", AROUND)):
-            name, sets = f"{config}-{short}", [f"cells.{key}={value}" for key, value in values.items()]
+        for k, (way, values) in enumerate(WAYS.items()):
+            name, sets = f"{config}-{k}", [f"cells.{key}={value}" for key, value in values.items()]
             make = lambda: marsyard.corpus(name, study.ROOT / "configs" / f"{config}.yaml", sets, scenes, PER_SHARD[config])
             place, generate_s = timed(marsyard.work, f"generate-{name}", make)
             of, train_s = [], []
             for seed in seeds:
-                run, seconds = timed(marsyard.work, f"train-{name}-{seed}", lambda: marsyard.train(name, [place], seed, study.KALMAN_FILTER))
+                run, seconds = timed(marsyard.work, f"train-{name}-{seed}", lambda: marsyard.train(name, [place], seed))
                 of.append(test_counts(place, held_out.network(marsyard, run)))
                 train_s.append(seconds)
             if drawn is None:
@@ -74,12 +80,11 @@ def main():
             judged[way] = balanced(of, drawn)
             missed, false, _ = held_out.rates(np.sum(of, axis=(0, 1)))
             facts[f"{config}, {way}"] = {"balanced_accuracy": float(judged[way][0]), "missed": float(missed), "false": float(false), "generate_cpu_s": generate_s, "train_cpu_s": train_s}
-            rows.append([f"{config}, {scenes} scenes", way, f"{generate_s:.0f} + {np.mean(train_s):.0f}", held_out.told(judged[way]), f"{100 * missed:.1f}", f"{100 * false:.1f}"])
-        one, other = judged.values()
-        rows[-1].append(held_out.told_difference(other, one))
-        rows[-2].append("")
+            before = list(judged.values())[-2:-1]
+            rows.append([f"{config}, {scenes} scenes", way, f"{generate_s:.0f} + {np.mean(train_s):.0f}", held_out.told(judged[way]), f"{100 * missed:.1f}", f"{100 * false:.1f}",
+                         *(held_out.told_difference(judged[way], one) for one in before), *([""] if not before else [])])
     text = "\n\n".join([
-        "# What the ground around a cell brings",
+        "# What the ground around a cell and the beams bring",
         f"`python scripts/columns.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} trainings each, all defaults, judged on the same test scenes.",
         study.markdown(["config", "columns", "CPU s, generate + train", "balanced accuracy", "missed %", "false %", "difference, points"], rows)]) + "\n"
     study.write_results(options.out, "columns", {"versions": study.versions(marsyard), "runs": facts}, text)

@@ -5,6 +5,7 @@
 //! kilometres up costs no more digits than its points have lost already.
 
 use super::assign::CellAssigner;
+use super::beams::{Beams, Passages};
 use super::columns::{Offset, neighbour_offsets};
 use super::curvature;
 use super::gaps::BeamColumns;
@@ -12,10 +13,11 @@ use super::group::Numbers;
 use super::labels::{self, TruthSum, Verdict};
 use super::local;
 use super::overhang::Overhangs;
-use super::params::LocalHeightParams;
+use super::params::{BeamParams, LocalHeightParams};
 use super::place::PlaceTruth;
 use super::plane::GroundPlanes;
 use super::points::{Points, Scan, UNKNOWN};
+use super::squares::Squares;
 use super::surroundings::{NAMES, Surroundings};
 use super::{CellParams, CellRow, CellTruth, Cells, Label, unseen};
 use crate::geometry::{CellIndex, DVec3, GridSpec, Transform};
@@ -62,9 +64,12 @@ pub struct Scratch {
     mean_heights_m: Vec<f64>,
     intensities: Vec<(f64, f64)>,
     local: local::Scratch,
-    planes: GroundPlanes,
+    pub(super) planes: GroundPlanes,
     curvature: curvature::Scratch,
-    beams: BeamColumns,
+    pub(super) squares: Squares,
+    pub(super) beams: Beams,
+    pub(super) passages: Passages,
+    pub(super) columns: BeamColumns,
     overhangs: Overhangs,
     status: Vec<Status>,
 }
@@ -127,18 +132,15 @@ pub fn bin(
     numbers.number(&points.cells);
     let rule = params.labels.of_counted();
     let label = |truth: &CellTruth| Some(rule.label(truth));
-    summarise(params, intensity, kept.estimate, label, scratch, &mut cells);
     let map_from_sensor = kept.map_from_sensor;
+    let Sweep { returns, .. } = kept.sweep;
+    let hits = returns.status.iter().zip(&returns.range_m).zip(&returns.pattern.directions);
+    let hits = hits.filter(|((status, _), _)| **status == Status::Hit);
+    let offsets_m = hits.map(|((_, &range_m), &direction)| map_from_sensor.direction(direction * range_m));
+    scratch.take_beams(params, map_from_sensor.translation_m, kept.estimate, offsets_m);
+    summarise(params, intensity, kept.estimate, label, scratch, &mut cells);
     if let Some(of_unseen) = &params.unseen {
-        let Sweep { returns, .. } = kept.sweep;
-        let hits = returns.status.iter().zip(&returns.range_m).zip(&returns.pattern.directions);
-        let hits = hits.filter(|((status, _), _)| **status == Status::Hit);
-        scratch.beams.begin(of_unseen.sector_deg, map_from_sensor.translation_m, kept.estimate.pose.position_m.z);
-        hits.for_each(|((_, &range_m), &direction)| {
-            scratch.beams.add(map_from_sensor.direction(direction * range_m));
-        });
-        scratch.beams.finish(params.size_m);
-        unseen::add(params, of_unseen, &scratch.beams, &scratch.planes, max_range_m, &mut cells);
+        unseen::add(params, of_unseen, scratch, max_range_m, &mut cells);
     }
     if params.unseen.is_some() || params.labels.max_drop_m.is_some() {
         let taller_than = params.labels.obstacle.taller_than(wheel_diameter_m);
@@ -180,16 +182,11 @@ pub fn bin_clouds(
     verdicts.clear();
     verdicts.push(Verdict::OBSTACLE);
     numbers.number(&points.cells);
+    let origin_m = kept.map_from_sensor.translation_m;
+    let offset_m =
+        |point_m: DVec3| if kept.in_map { point_m - origin_m } else { kept.map_from_sensor.direction(point_m) };
+    scratch.take_beams(params, origin_m, kept.estimate, kept.points_m.iter().map(|&point_m| offset_m(point_m)));
     summarise(params, intensity, kept.estimate, |_| None, scratch, &mut cells);
-    if let Some(of_unseen) = &params.unseen {
-        let origin_m = kept.map_from_sensor.translation_m;
-        scratch.beams.begin(of_unseen.sector_deg, origin_m, kept.estimate.pose.position_m.z);
-        for &point_m in kept.points_m {
-            let offset_m = if kept.in_map { point_m - origin_m } else { kept.map_from_sensor.direction(point_m) };
-            scratch.beams.add(offset_m);
-        }
-        scratch.beams.finish(params.size_m);
-    }
     let mut known = vec![0; cells.rows.len()];
     for (&cell, point) in scratch.numbers.of_point.iter().zip(&scratch.points.returns) {
         known[cell as usize] += i32::from(point.object != UNKNOWN);
@@ -200,11 +197,34 @@ pub fn bin_clouds(
         row.truth = CellTruth { class: None, object: UNKNOWN, ..row.truth };
     }
     if let Some(of_unseen) = &params.unseen {
-        unseen::add(params, of_unseen, &scratch.beams, &scratch.planes, max_range_m, &mut cells);
+        unseen::add(params, of_unseen, scratch, max_range_m, &mut cells);
         let mut seen = known.into_iter();
         known = cells.rows.iter().map(|row| if row.points > 0 { seen.next().unwrap_or(0) } else { 0 }).collect();
     }
     (cells, known)
+}
+
+impl Scratch {
+    /// Takes the returns of the kept sweep, as offsets from a sensor that is believed to be at `origin_m`, for those features that ask for beams.
+    fn take_beams(
+        &mut self,
+        params: &CellParams,
+        origin_m: DVec3,
+        estimate: &Estimate,
+        offsets_m: impl Iterator<Item = DVec3> + Clone,
+    ) {
+        let rover_z_m = estimate.pose.position_m.z;
+        if params.beams.is_some() {
+            self.beams.begin(origin_m, rover_z_m);
+            offsets_m.clone().for_each(|offset_m| self.beams.add(offset_m));
+            self.beams.finish();
+        }
+        if let Some(of_unseen) = &params.unseen {
+            self.columns.begin(of_unseen.sector_deg, origin_m, rover_z_m);
+            offsets_m.for_each(|offset_m| self.columns.add(offset_m));
+            self.columns.finish(params.size_m);
+        }
+    }
 }
 
 /// Sums the points of each cell into its row and features.
@@ -226,9 +246,10 @@ fn summarise(
     // The same for all rows.
     let [pitch, roll] = [estimate.pose.pitch_rad, estimate.pose.roll_rad].map(|f| f as f32);
     let sigmas = [sigma_z, sigma_roll, sigma_pitch, sigma_x, sigma_y, sigma_yaw].map(|f| f as f32);
-    let written_later = local_columns + curvature_columns + around_columns;
+    let beam_columns = params.beams.as_ref().map_or(0, BeamParams::columns);
+    let written_later = local_columns + curvature_columns + around_columns + beam_columns;
     let Scratch { points, numbers, sums, verdicts, mean_heights_m, intensities, local, planes, curvature, .. } =
-        scratch;
+        &mut *scratch;
     cells.points_binned = points.cells.len() as u64;
     widest(CellAccumulator { points, numbers, verdicts, mean_heights_m, sums });
     if intensity {
@@ -287,16 +308,33 @@ fn summarise(
             features[row * width + column + 2 * distance..][..2].copy_from_slice(&of_distance);
         });
     }
+    let Scratch { sums, mean_heights_m, squares, beams, passages, .. } = scratch;
+    let Cells { rows, features, .. } = cells;
+    let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
+    let column = FIRST_NEIGHBOUR + offsets.len() + local_columns + curvature_columns;
+    if params.surroundings.is_some() || params.beams.is_some() {
+        squares.take(rows);
+    }
     if let Some(of_squares) = &params.surroundings {
-        let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
-        let column = FIRST_NEIGHBOUR + offsets.len() + local_columns + curvature_columns;
-        let Cells { rows, features, .. } = cells;
-        let squares = Surroundings::new(rows, features, width, plane_height);
+        let around = Surroundings::new(squares, features, width, plane_height);
         let all = rows.iter().zip(features.chunks_exact(width));
         let values: Vec<f32> =
-            all.flat_map(|(row, own)| squares.of(of_squares, params.size_m, row.index, own[plane_height])).collect();
+            all.flat_map(|(row, own)| around.of(of_squares, params.size_m, row.index, own[plane_height])).collect();
         for (own, values) in features.chunks_exact_mut(width).zip(values.chunks_exact(around_columns)) {
             own[column..][..around_columns].copy_from_slice(values);
+        }
+    }
+    if let Some(of_beams) = &params.beams {
+        let grid = GridSpec { size_m: params.size_m };
+        let of_cells = rows.iter().zip(features.chunks_exact(width)).zip(mean_heights_m.iter().zip(&*sums));
+        passages.take(of_cells.map(|((row, own), (mean_m, sum))| {
+            let plane_m = mean_m - f64::from(own[plane_height]);
+            beams.passage(grid.centre_m(row.index).into(), params.size_m, plane_m, sum.high_m)
+        }));
+        let of_cells = rows.iter().zip(features.chunks_exact_mut(width)).zip(passages.of_cells());
+        for ((row, own), passage) in of_cells {
+            let values = passages.of(of_beams, params.size_m, squares, row.index, passage);
+            own[column + around_columns..].iter_mut().zip(values).for_each(|(own, value)| *own = value);
         }
     }
 }

@@ -3,8 +3,8 @@
 //! Source: Hewitt et al. 2017, "Neural network input types" and figure 4. The order is part of the data contract.
 
 use super::params::CellFrame;
-use super::surroundings;
 use super::{CellParams, CellTruth, Cells, FeatureColumn};
+use super::{beams, surroundings};
 
 /// A cell near another: columns to the east and rows to the north.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +28,8 @@ pub const PLANE_SLOPE: &str = "plane_slope";
 const CURVATURE: &str = "curvature_";
 /// Columns of the squares around begin with this.
 const SURROUNDINGS: &str = "surroundings_";
+/// Columns of the beams that met the cell begin with this.
+const BEAMS: &str = "beams_";
 /// Columns of neighbours' heights begin with this.
 const NEIGHBOUR: &str = "neighbour_";
 
@@ -141,6 +143,11 @@ pub fn is_surroundings(column: &str) -> bool {
     column.starts_with(SURROUNDINGS)
 }
 
+/// Whether a feature column tells of the beams that met the cell.
+pub fn is_beams(column: &str) -> bool {
+    column.starts_with(BEAMS)
+}
+
 /// Whether a feature column tells how the ground bends.
 pub fn is_curvature(column: &str) -> bool {
     column.starts_with(CURVATURE)
@@ -223,6 +230,23 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
                 format!("{meaning}, in the square that reaches {radius_m} m to each side; of cells that hold points");
             FeatureColumn { name, unit, description }
         }));
+    }
+    if let Some(of_beams) = &params.beams {
+        let ending = |unit| if unit == "m" { "_m" } else { "" };
+        columns.extend(beams::NAMES.map(|(name, unit, meaning)| FeatureColumn {
+            name: format!("{BEAMS}{name}{}", ending(unit)),
+            unit,
+            description: meaning.to_owned(),
+        }));
+        for &radius_m in &of_beams.radii_m {
+            columns.extend(beams::NAMES_OF_SQUARES.map(|(name, unit, meaning)| FeatureColumn {
+                name: format!("{BEAMS}{name}_{}{}", length(radius_m), ending(unit)),
+                unit,
+                description: format!(
+                    "{meaning}; of all cells that hold points in the square that reaches {radius_m} m to each side"
+                ),
+            }));
+        }
     }
     columns.extend([("z", "m"), ("roll", "rad"), ("pitch", "rad"), ("x", "m"), ("y", "m"), ("yaw", "rad")].map(
         |(axis, unit)| {

@@ -32,6 +32,7 @@
 //! ```
 
 mod assign;
+mod beams;
 mod bin;
 mod columns;
 mod crossing;
@@ -54,6 +55,7 @@ mod plane;
 mod points;
 mod rule;
 mod slope;
+mod squares;
 mod surroundings;
 #[cfg(test)]
 mod tests;
@@ -64,8 +66,8 @@ pub use bin::{Scratch, WindowCloud, WindowScan, bin, bin_clouds};
 pub(crate) use columns::loss_columns;
 pub use columns::{
     DROP, HEIGHT_DIFFERENCE, HEIGHT_VARIANCE, LOCAL_HEIGHT, LossColumn, MEAN_HEIGHT, Offset, PIT, PLANE_HEIGHT,
-    PLANE_SLOPE, TruthColumn, feature_columns, is_curvature, is_gap, is_neighbour, is_surroundings, neighbour_offsets,
-    truth_columns,
+    PLANE_SLOPE, TruthColumn, feature_columns, is_beams, is_curvature, is_gap, is_neighbour, is_surroundings,
+    neighbour_offsets, truth_columns,
 };
 pub use crossing::params::RoverRule;
 pub(crate) use crossing::{

@@ -4,6 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::beams;
 use super::crossing::params::RoverRule;
 use crate::drive::Rover;
 use crate::random::{Bounded, within};
@@ -42,6 +43,10 @@ pub struct CellParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub surroundings: Option<SurroundingsParams>,
+    /// Features more: which beams ended in each cell and which went through or over it; absent = none. They need `local_height.plane`.
+    #[garde(dive)]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beams: Option<BeamParams>,
     /// Rows also for cells that hold no point where beams passed over them, and columns of what those beams know; absent = none.
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,6 +70,7 @@ impl Default for CellParams {
             local_height: None,
             curvature: None,
             surroundings: None,
+            beams: None,
             unseen: None,
             overhang: None,
             labels: LabelParams::default(),
@@ -195,6 +201,36 @@ impl SurroundingsParams {
     /// For people: `surroundings within 0.2, 0.4 m`.
     pub fn words(&self) -> String {
         format!("surroundings within {} m", list(&self.radii_m))
+    }
+}
+
+/// What the beams tell that meet a cell, seen from above: the share of those that came low over it and went on, the lowest of them, and how far and
+/// how high the next returns before and behind the cell are (`beams_through`, `beams_through_high`, `beams_lowest_m`, `beams_behind_m`, ...);
+/// and for each distance the shares over all cells of the square that reaches so far to each side (`beams_through_20cm`,
+/// `beams_through_low_20cm`, `beams_through_high_20cm`). Grass and bushes let beams through, stones of the same shape do not.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
+#[serde(deny_unknown_fields, default)]
+pub struct BeamParams {
+    /// Distances to each side, metres, each from one cell to 10, in rising order; at most 8.
+    #[garde(length(min = 1, max = 8), inner(custom(within(0.01, 10.0))))]
+    pub radii_m: Vec<f64>,
+}
+
+impl Default for BeamParams {
+    fn default() -> Self {
+        BeamParams { radii_m: vec![0.1, 0.2, 0.4] }
+    }
+}
+
+impl BeamParams {
+    /// For people: `beams within 0.1, 0.2, 0.4 m`.
+    pub fn words(&self) -> String {
+        format!("beams within {} m", list(&self.radii_m))
+    }
+
+    /// Columns that they make.
+    pub(super) fn columns(&self) -> usize {
+        beams::NAMES.len() + beams::NAMES_OF_SQUARES.len() * self.radii_m.len()
     }
 }
 

@@ -10,11 +10,8 @@
 //! of one point says little, a window of 25 or 81 does. Sums run row by row, so that they are the same for any order of work.
 //! Not modelled: distances within the window; what lies between cells without points.
 
-use std::ops::Range;
-
-use super::CellRow;
-use super::extent::Extent;
 use super::params::SurroundingsParams;
+use super::squares::Squares;
 use crate::geometry::CellIndex;
 
 /// Where a row has the variance of its heights.
@@ -28,38 +25,27 @@ pub(super) const NAMES: [(&str, &str, &str); 4] = [
     ("cover", "1", "share of the cells that hold points"),
 ];
 
-/// The cells with points of a scan, row by row.
-pub(super) struct Surroundings {
+/// What is known of the cells of a scan, in their order.
+pub(super) struct Surroundings<'a> {
+    squares: &'a Squares,
     /// Of each cell: its height above the plane around, and the standard deviation of the heights within it.
     heights_m: Vec<f64>,
     spreads_m: Vec<f64>,
-    cols: Vec<i32>,
-    /// Rows that hold cells, ascending, with their cells.
-    lines: Vec<(i32, Range<usize>)>,
-    /// Of each line and each column of the extent, and of the one behind the last, the first cell of the line that is not before it.
-    entries: Option<(Extent, Vec<u32>)>,
 }
 
-impl Surroundings {
-    /// `rows` are sorted by (row, col), `features` have `width` values a row, the height above the plane at `plane_height`.
-    pub(super) fn new(rows: &[CellRow], features: &[f32], width: usize, plane_height: usize) -> Surroundings {
-        let of_cells = || features.chunks_exact(width).take(rows.len());
-        let cols: Vec<i32> = rows.iter().map(|row| row.index.col).collect();
-        let mut lines: Vec<(i32, Range<usize>)> = Vec::new();
-        for (cell, row) in rows.iter().enumerate() {
-            match lines.last_mut().filter(|(last, _)| *last == row.index.row) {
-                Some((_, cells)) => cells.end = cell + 1,
-                None => lines.push((row.index.row, cell..cell + 1)),
-            }
-        }
-        let entries = Extent::of(rows, 0)
-            .map(|extent| (extent, lines.iter().flat_map(|(_, cells)| entries(&cols, cells, &extent)).collect()));
+impl Surroundings<'_> {
+    /// `squares`: of the cells whose `features` these are, `width` values each, the height above the plane at `plane_height`.
+    pub(super) fn new<'a>(
+        squares: &'a Squares,
+        features: &[f32],
+        width: usize,
+        plane_height: usize,
+    ) -> Surroundings<'a> {
+        let of_cells = || features.chunks_exact(width);
         Surroundings {
+            squares,
             heights_m: of_cells().map(|cell| f64::from(cell[plane_height])).collect(),
             spreads_m: of_cells().map(|cell| f64::from(cell[VARIANCE]).sqrt()).collect(),
-            cols,
-            lines,
-            entries,
         }
     }
 
@@ -78,7 +64,7 @@ impl Surroundings {
 
     fn window(&self, index: CellIndex, reach: i64, plane_height_m: f64) -> [f64; NAMES.len()] {
         let (mut cells, mut height_m, mut spread_m) = (0, 0.0, 0.0);
-        self.each_line(index, reach, |of_line| {
+        self.squares.each_line(index, reach, |of_line| {
             cells += of_line.len();
             self.heights_m[of_line.clone()].iter().zip(&self.spreads_m[of_line]).for_each(|(height, spread)| {
                 height_m += height;
@@ -91,42 +77,12 @@ impl Surroundings {
         let count = cells as f64;
         let mean_m = height_m / count;
         let mut squares_m2 = 0.0;
-        self.each_line(index, reach, |of_line| {
+        self.squares.each_line(index, reach, |of_line| {
             self.heights_m[of_line].iter().for_each(|height_m| squares_m2 += (height_m - mean_m) * (height_m - mean_m));
         });
         let side = (2 * reach + 1) as f64;
         [mean_m, (squares_m2 / count).sqrt(), spread_m / count, count / (side * side)]
     }
-
-    /// The cells of a window, row by row.
-    fn each_line(&self, index: CellIndex, reach: i64, mut take: impl FnMut(Range<usize>)) {
-        let (row, col) = (i64::from(index.row), i64::from(index.col));
-        let first = self.lines.partition_point(|(line, _)| i64::from(*line) < row - reach);
-        let lines = self.lines.iter().enumerate().skip(first);
-        for (line, (_, cells)) in lines.take_while(|(_, (line, _))| i64::from(*line) <= row + reach) {
-            let [from, to] = [col - reach, col + reach + 1].map(|col| self.entry(line, cells, col));
-            take(from..to);
-        }
-    }
-
-    /// The first cell of a line that is not before a column.
-    fn entry(&self, line: usize, cells: &Range<usize>, col: i64) -> usize {
-        match &self.entries {
-            Some((extent, entries)) => entries[line * (extent.columns + 1) + extent.column(col)] as usize,
-            None => cells.start + self.cols[cells.clone()].partition_point(|&own| i64::from(own) < col),
-        }
-    }
-}
-
-/// Of each column of the extent, and of the one behind the last, the first cell of a line that is not before it.
-fn entries(cols: &[i32], cells: &Range<usize>, extent: &Extent) -> impl Iterator<Item = u32> {
-    let (mut next, first_col) = (cells.clone(), extent.first_col);
-    (0..=extent.columns as i64).map(move |column| {
-        while next.start < next.end && i64::from(cols[next.start]) < first_col + column {
-            next.start += 1;
-        }
-        next.start as u32
-    })
 }
 
 #[cfg(test)]
@@ -134,13 +90,16 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::cells::CellRow;
     use crate::cells::fixtures::{row_at, square};
 
     /// Of cells (row, col, height above the plane) whose variance is the square of a hundredth of their column.
     fn computed(radii_m: &[f64], size_m: f64, cells: &[(i32, i32, f64)]) -> Vec<Vec<f32>> {
         let rows: Vec<CellRow> = cells.iter().map(|&(row, col, _)| row_at(row, col)).collect();
         let features: Vec<f32> = cells.iter().flat_map(|&(_, col, h)| [0.0, variance(col), h as f32]).collect();
-        let around = Surroundings::new(&rows, &features, 3, 2);
+        let mut squares = Squares::default();
+        squares.take(&rows);
+        let around = Surroundings::new(&squares, &features, 3, 2);
         let params = SurroundingsParams { radii_m: radii_m.to_vec() };
         cells
             .iter()
@@ -183,7 +142,8 @@ mod tests {
         assert_eq!(computed(&[0.1], 0.1, &level)[at][3], 1.0);
         assert_eq!(computed(&[0.2], 0.1, &level)[0][3], 9.0 / 25.0, "beyond the corner nothing holds points");
         assert_eq!(computed(&[0.4], 0.1, &[(-7, 3, 0.5)])[0][..3], [0.5, 0.0, 0.03]);
-        let none = Surroundings::new(&[], &[], 3, 2);
+        let squares = Squares::default();
+        let none = Surroundings::new(&squares, &[], 3, 2);
         let params = SurroundingsParams { radii_m: vec![0.2] };
         let alone: Vec<f32> = none.of(&params, 0.1, CellIndex { row: 0, col: 0 }, 0.75).collect();
         assert_eq!(alone, [0.75, 0.0, 0.0, 0.0]);

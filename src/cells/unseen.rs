@@ -7,26 +7,19 @@
 //! lowest one behind it; variance, difference, count and intensities are 0; neighbours, curvature, squares and the local ground are those of
 //! cells with points, as for any row. Own construction. Not modelled: earlier sweeps of a window; where they saw the cell, it has points.
 
-use super::bin::FIRST_NEIGHBOUR;
+use super::bin::{FIRST_NEIGHBOUR, Scratch};
 use super::columns::{GAP_COLUMNS, neighbour_offsets};
 use super::curvature::bend_at;
 use super::gaps::BeamColumns;
 use super::local::nearest_rank;
 use super::params::{LocalHeightParams, SurroundingsParams, UnseenParams};
-use super::plane::GroundPlanes;
 use super::surroundings::Surroundings;
 use super::{CellParams, CellRow, CellTruth, Cells};
 use crate::geometry::{CellIndex, GridSpec};
 
 /// Adds the rows and the columns. `width`: features of a row before and after.
-pub(super) fn add(
-    params: &CellParams,
-    unseen: &UnseenParams,
-    beams: &BeamColumns,
-    planes: &GroundPlanes,
-    max_range_m: f64,
-    cells: &mut Cells,
-) {
+pub(super) fn add(params: &CellParams, unseen: &UnseenParams, scratch: &Scratch, max_range_m: f64, cells: &mut Cells) {
+    let beams = &scratch.columns;
     if cells.rows.is_empty() {
         return;
     }
@@ -36,8 +29,8 @@ pub(super) fn add(
     let offsets = neighbour_offsets(params.neighbours);
     let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
     let squares = params.surroundings.as_ref();
-    let squares = squares.map(|of| (of, Surroundings::new(&cells.rows, &cells.features, width, plane_height)));
-    let seen = SeenCells { rows: &cells.rows, features: &cells.features, width, planes, squares };
+    let squares = squares.map(|of| (of, Surroundings::new(&scratch.squares, &cells.features, width, plane_height)));
+    let seen = SeenCells { rows: &cells.rows, features: &cells.features, width, scratch, squares };
     let wide = width + GAP_COLUMNS.len();
     let mut rows = Vec::with_capacity(cells.rows.len() + found.len());
     let mut features = Vec::with_capacity(rows.capacity() * wide);
@@ -95,9 +88,9 @@ struct SeenCells<'a> {
     rows: &'a [CellRow],
     features: &'a [f32],
     width: usize,
-    planes: &'a GroundPlanes,
+    scratch: &'a Scratch,
     /// The squares around cells, where they are asked for.
-    squares: Option<(&'a SurroundingsParams, Surroundings)>,
+    squares: Option<(&'a SurroundingsParams, Surroundings<'a>)>,
 }
 
 impl SeenCells<'_> {
@@ -134,7 +127,7 @@ impl SeenCells<'_> {
         if let Some(local) = &params.local_height {
             own[next] = (height_m - self.local_ground_m(local, index, grid, height_m)) as f32;
             if local.plane {
-                let of_plane = self.planes.features(index, height_m).map(|value| value as f32);
+                let of_plane = self.scratch.planes.features(index, height_m).map(|value| value as f32);
                 own[next + 1..][..2].copy_from_slice(&of_plane);
             }
             next += local.columns();
@@ -148,6 +141,16 @@ impl SeenCells<'_> {
         if let Some((of_squares, squares)) = &self.squares {
             let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
             for value in squares.of(of_squares, grid.size_m, index, own[plane_height]) {
+                own[next] = value;
+                next += 1;
+            }
+        }
+        if let Some(of_beams) = &params.beams {
+            let Scratch { squares, beams, passages, .. } = self.scratch;
+            // The line over the cell is all that there is of its highest point.
+            let plane_m = height_m - f64::from(own[FIRST_NEIGHBOUR + offsets.len() + 1]);
+            let passage = beams.passage((x_m, y_m).into(), grid.size_m, plane_m, height_m);
+            for value in passages.of(of_beams, grid.size_m, squares, index, &passage) {
                 own[next] = value;
                 next += 1;
             }

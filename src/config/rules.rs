@@ -104,6 +104,8 @@ pub(crate) fn between_families(families: &[(Family, KeyPath)], faults: &mut Vec<
         differ("cells.curvature", curvature(a), curvature(b), "one corpus has one set of columns");
         let around = |cells: &CellParams| cells.surroundings.as_ref().map_or("absent".to_owned(), |all| all.words());
         differ("cells.surroundings", around(a), around(b), "one corpus has one set of columns");
+        let beams = |cells: &CellParams| cells.beams.as_ref().map_or("absent".to_owned(), |all| all.words());
+        differ("cells.beams", beams(a), beams(b), "one corpus has one set of columns");
         let rover = |cells: &CellParams| if cells.labels.rover.is_some() { "on" } else { "off" }.to_owned();
         differ("cells.labels.rover", rover(a), rover(b), "one corpus has one set of columns");
         let pose = |cells: &CellParams| {
@@ -493,15 +495,19 @@ impl Rules<'_, '_, '_> {
         }
         if let Some(surroundings) = &cells.surroundings {
             self.radii("cells.surroundings.radii_m", &surroundings.radii_m, MAX_SQUARE_CELLS, "[0.2, 0.4]");
-            if !cells.local_height.as_ref().is_some_and(|local| local.plane) {
-                let rule = "heights of the squares are above the plane around, which is not asked for".to_owned();
-                self.fault(
-                    "cells.surroundings",
-                    rule,
-                    "add cells.local_height: {plane: true}",
-                    &[("cells.local_height", "here")],
-                );
-            }
+            self.needs_plane("cells.surroundings", "heights of the squares are above");
+        }
+        if let Some(beams) = &cells.beams {
+            self.radii("cells.beams.radii_m", &beams.radii_m, MAX_SQUARE_CELLS, "[0.1, 0.2, 0.4]");
+            self.needs_plane("cells.beams", "heights of the beams are above");
+        }
+    }
+
+    /// What is above the plane around a cell needs that plane.
+    fn needs_plane(&mut self, key: &str, what: &str) {
+        if !self.family.cells.local_height.as_ref().is_some_and(|local| local.plane) {
+            let rule = format!("{what} the plane around, which is not asked for");
+            self.fault(key, rule, "add cells.local_height: {plane: true}", &[("cells.local_height", "here")]);
         }
     }
 

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{FeatureSet, TrainError};
 use crate::cells::{
-    LOCAL_HEIGHT, LabelRule, MEAN_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE, is_curvature, is_gap, is_neighbour,
+    LOCAL_HEIGHT, LabelRule, MEAN_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE, is_beams, is_curvature, is_gap, is_neighbour,
     is_surroundings,
 };
 use crate::corpus::belongs::ShardIdentity;
@@ -301,19 +301,23 @@ fn is_listed(name: &str) -> bool {
 
 /// What is told of a cell by the ground around it.
 fn is_of_the_ground(name: &str) -> bool {
-    [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE].contains(&name) || is_curvature(name) || is_surroundings(name)
+    [LOCAL_HEIGHT, PLANE_HEIGHT, PLANE_SLOPE].contains(&name)
+        || is_curvature(name)
+        || is_surroundings(name)
+        || is_beams(name)
 }
 
 /// With what else is worth having by any sensor. Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
 /// a network that takes it calls whole scans on slopes that its training never had untraversable. Where it is also known how the ground
-/// bends, heights above the rover and steps to the neighbours say more of the slope than of what stands on it; so does the height above a
-/// percentile of the ground, where squares of heights above the plane are known. Measured by `scripts/ablation.py`.
+/// bends or what the squares around hold, heights above the rover and steps to the neighbours say more of the slope than of what stands on
+/// it; so does the height above a percentile of the ground, where squares of heights above the plane are known. Measured by
+/// `scripts/ablation.py`.
 fn is_full(plane: bool, bends: bool, squares: bool, name: &str) -> bool {
     let of_the_pose = ["pitch_rad", "roll_rad", "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
     if of_the_pose.contains(&name) {
         !plane
     } else if name == MEAN_HEIGHT || is_neighbour(name) {
-        !(plane && bends)
+        !(plane && (bends || squares))
     } else if name == LOCAL_HEIGHT {
         !squares
     } else {

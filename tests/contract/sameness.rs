@@ -84,7 +84,7 @@ const LABELS_OF_PLACES: [(&str, &[&str]); 6] = [
 ];
 const LOW_CROWNS: &str =
     "scene.trees={count: 6, diameter_m: 0.2, height_m: 1, crown: {diameter_m: 1.5, extinction_per_m: 4}}";
-const AROUND: &str = "cells={local_height: {plane: true}, curvature: {}, surroundings: {}}";
+const AROUND: &str = "cells={local_height: {plane: true}, curvature: {}, surroundings: {}, beams: {}}";
 const FRAME: &str = "cells={window_scans: 1, frame: fitted_plane}";
 const HOLES: &str = "scene.ground.features=[{trench: {count: 2, depth_m: 0.4, width_m: 0.5, length_m: 3}}, \
                      {hole: {count: 4, depth_m: 0.4, width_m: 0.8}}, {drop_off: {count: 1, depth_m: 0.3, width_m: 2}}]";

@@ -1,7 +1,7 @@
 //! Cells without points, over a trench that beams cross: which there are, what they hold, and that the others stay as they are.
 
 use super::*;
-use crate::cells::params::{CurvatureParams, LocalHeightParams, SurroundingsParams, UnseenParams};
+use crate::cells::params::{BeamParams, CurvatureParams, LocalHeightParams, SurroundingsParams, UnseenParams};
 use crate::geometry::{CellIndex, GridSpec};
 
 /// Level ground with a trench across x, from 5 to 5.6 m, half a metre deep.
@@ -39,6 +39,7 @@ fn params(unseen: bool) -> CellParams {
         local_height: Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() }),
         surroundings: Some(SurroundingsParams { radii_m: vec![0.2] }),
         curvature: Some(CurvatureParams { radii_m: vec![0.4] }),
+        beams: Some(BeamParams { radii_m: vec![0.2] }),
         unseen: unseen.then(UnseenParams::default),
         labels: LabelParams { max_drop_m: Some(0.2), ..LabelParams::default() },
         ..CellParams::default()
@@ -126,6 +127,9 @@ fn exact_a_cell_without_points_has_the_height_of_its_line_and_the_local_ground_o
         let near = |there: CellIndex| (there.row - row.index.row).abs() <= 2 && (there.col - row.index.col).abs() <= 2;
         let near = cells.rows.iter().filter(|other| other.points > 0 && near(other.index)).count();
         assert!((value(at, "surroundings_cover_20cm") - near as f64 / 25.0).abs() < 1e-6);
+        // Beams came back from before the cell and from behind it, or from beside it within its width.
+        let (before_m, behind_m) = (value(at, "beams_before_m"), value(at, "beams_behind_m"));
+        assert!(before_m < 2.0 && (0.06..5.0).contains(&behind_m), "{before_m} {behind_m}");
     }
     assert!(checked > 20 && bent > 20, "{checked} {bent}");
 }

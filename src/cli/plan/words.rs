@@ -90,13 +90,14 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     let local = cells.local_height.as_ref().map_or(String::new(), |local| format!(", height above {}", local.words()));
     let curvature = cells.curvature.as_ref().map_or(String::new(), |curvature| format!(", {}", curvature.words()));
     let around = cells.surroundings.as_ref().map_or(String::new(), |around| format!(", {}", around.words()));
+    let beams = cells.beams.as_ref().map_or(String::new(), |beams| format!(", {}", beams.words()));
     let frame = if cells.frame == CellFrame::FittedPlane { ", levelled by a fitted plane" } else { "" };
     let unseen = cells.unseen.as_ref().map_or(String::new(), |unseen| format!(", unseen ones: {}", unseen.words()));
     let overhang = cells.overhang.as_ref().map_or(String::new(), |overhang| format!(", without {}", overhang.words()));
     parts.push((
         "cells",
         format!(
-            "{} m, {} neighbours, {}{frame}{overhang}{local}{curvature}{around}{unseen}",
+            "{} m, {} neighbours, {}{frame}{overhang}{local}{curvature}{around}{beams}{unseen}",
             cells.size_m,
             cells.neighbours,
             if cells.window_scans > 1 { format!("{} sweeps together", cells.window_scans) } else { "one sweep".into() }

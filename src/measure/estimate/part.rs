@@ -39,6 +39,7 @@ pub(crate) enum Part {
     LocalHeight,
     Curvature,
     Surroundings,
+    Beams,
     RoverLabels,
     RoverPoses,
     Unseen,
@@ -47,7 +48,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 32] = [
+    pub(crate) const ALL: [Part; 33] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -75,6 +76,7 @@ impl Part {
         Part::LocalHeight,
         Part::Curvature,
         Part::Surroundings,
+        Part::Beams,
         Part::RoverLabels,
         Part::RoverPoses,
         Part::Unseen,
@@ -112,6 +114,7 @@ impl Part {
             Part::LocalHeight => "local_height",
             Part::Curvature => "curvature",
             Part::Surroundings => "surroundings",
+            Part::Beams => "beams",
             Part::RoverLabels => "labels.rover",
             Part::RoverPoses => "labels.rover.pose",
             Part::Unseen => "unseen",
@@ -168,6 +171,7 @@ impl Part {
             Part::LocalHeight => family.cells.local_height.is_some(),
             Part::Curvature => family.cells.curvature.is_some(),
             Part::Surroundings => family.cells.surroundings.is_some(),
+            Part::Beams => family.cells.beams.is_some(),
             Part::RoverLabels => family.cells.labels.rover.is_some(),
             Part::RoverPoses => family.cells.labels.rover.as_ref().is_some_and(|rule| rule.pose),
             Part::Unseen => family.cells.unseen.is_some(),
@@ -205,9 +209,12 @@ impl Part {
             Part::WindowScans => family.cells.window_scans = 1,
             Part::FittedPlane => family.cells.frame = CellFrame::EstimatedPose,
             Part::Overhang => family.cells.overhang = None,
-            Part::LocalHeight => (family.cells.local_height, family.cells.surroundings) = (None, None),
+            Part::LocalHeight => {
+                (family.cells.local_height, family.cells.surroundings, family.cells.beams) = (None, None, None);
+            }
             Part::Curvature => family.cells.curvature = None,
             Part::Surroundings => family.cells.surroundings = None,
+            Part::Beams => family.cells.beams = None,
             Part::RoverLabels => family.cells.labels.rover = None,
             Part::RoverPoses => family.cells.labels.rover.iter_mut().for_each(|rule| rule.pose = false),
             Part::Unseen => family.cells.unseen = None,
@@ -234,9 +241,9 @@ mod tests {
                 part.leave_out(&mut plan, family);
                 let mut expected = on(&whole, family);
                 expected[k] = false;
-                // The squares around a cell stand on the plane: without it they are off too.
+                // The squares around a cell and the beams stand on the plane: without it they are off too.
                 if part == Part::LocalHeight {
-                    expected[Part::Surroundings as usize] = false;
+                    (expected[Part::Surroundings as usize], expected[Part::Beams as usize]) = (false, false);
                 }
                 assert_eq!(on(&plan, family), expected, "{}", part.name());
                 assert!(plan.scene_plan_hash() != whole.scene_plan_hash() || part == Part::PointsTable);
