@@ -1,7 +1,7 @@
 //! Gains of single settings -> settings that turn several knobs at once, measured like the others.
 //!
-//! Of each group of the pipeline the setting that gains most on the reference at equal CPU may take part, where it may be recommended and is
-//! not told to be worse. What a combination gains is first taken for the sum of what its parts gain, and the most promising ones are
+//! Of each group of the pipeline the setting that gains most on the reference at equal CPU may take part, where it may be recommended, is not
+//! told to be worse and gains more than other draws of the config do. What a combination gains is first taken for the sum of what its parts gain, and the most promising ones are
 //! then measured: whether knobs add up is not believed but looked at. Parts that set the same key (a preset and a pose estimate) do not
 //! combine; nor what the config's rules refuse.
 //!
@@ -60,7 +60,7 @@ impl Part {
         let open = |row: &&Row| row.group == Some(group) && row.may_be_recommended && row.name != AS_WRITTEN;
         let gains = report.side(Side::Pipeline).filter(open).filter_map(|row| {
             let gain = row.gain().filter(|gain| gain.told != Told::Worse)?.balanced_accuracy.mean;
-            (gain > 0.0).then_some((row, gain))
+            (gain > report.noise_floor.unwrap_or(0.0)).then_some((row, gain))
         });
         let (row, gain) = gains.max_by(|a, b| a.1.total_cmp(&b.1))?;
         let sets = row.sets.iter().filter(|set| !base.contains(set)).cloned().collect();
