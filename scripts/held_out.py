@@ -44,7 +44,7 @@ def read(place, columns, splits=("train", "validation", "test"), families=TRAINI
         [parquet.read_table(path, columns=names) for split in splits for path in sorted((place / "data" / kind).glob(f"{split}-*.parquet"))])
     scenes = table("scenes", ["scene_id", "family"])
     family_of = dict(zip(scenes["scene_id"].to_pylist(), scenes["family"].to_pylist()))
-    cells = table("cells", ["scene_id", "label", *columns])
+    cells = table("cells", list(dict.fromkeys(["scene_id", "label", *columns])))
     cells = cells.filter(pyarrow.compute.is_valid(cells["label"]))
     ids, scene = np.unique(cells["scene_id"].to_numpy(), return_inverse=True)
     of_scene = np.array([families.index(family_of[scene_id]) for scene_id in ids])
