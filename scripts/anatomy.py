@@ -20,10 +20,8 @@ import held_out
 import study
 from transfer import outputs
 
-TRUTH = ["scene_id", "row", "col", "points", "truth_class", "truth_slope_rad", "truth_obstacle_points", "truth_protrusion_m"]
-ROCK, BOX, TRUNK, GRASS, BUSH, CROWN = 1, 2, 3, 4, 5, 6
-#: Of a wheel's height: what stands lower is no obstacle to any rover of the config.
-LOW_M = 0.1
+TRUTH = ["scene_id", "row", "col", "points", "truth_class", "truth_slope_rad", "truth_obstacle_points"]
+ROCK, BOX, TRUNK, GRASS, BUSH = 1, 2, 3, 4, 5
 
 
 def beside_an_obstacle(cells):
@@ -65,7 +63,7 @@ def kinds(cells):
 
 
 def by_kind(cells, named, wrong):
-    """Share of the cells of the label, share of them that is wrong, and what that adds to the error; means over families."""
+    """By kind, its share of the cells of the label, and what its wrong ones add to the error, for each of `wrong`; means over families."""
     family = cells["family_of_scene"][cells["scene"]]
     of_label = np.logical_or.reduce(list(named.values()))
     weight = np.zeros(len(family))

@@ -12,6 +12,7 @@
 //! never came back, which real clouds do not tell of; the width of a beam; earlier sweeps of a window.
 
 use super::params::BeamParams;
+use super::sectors::sort_by_sector;
 use super::squares::Squares;
 use crate::geometry::{CellIndex, DVec2, DVec3};
 use crate::math;
@@ -116,18 +117,7 @@ impl Beams {
 
     /// Sorts the returns into their sectors.
     pub(super) fn finish(&mut self) {
-        self.first.clear();
-        self.first.resize(SECTORS + 1, 0);
-        self.of_sweep.iter().for_each(|&(sector, _)| self.first[sector as usize + 1] += 1);
-        (0..SECTORS).for_each(|sector| self.first[sector + 1] += self.first[sector]);
-        let mut next = self.first.clone();
-        self.returns.clear();
-        self.returns.resize(self.of_sweep.len(), BeamReturn::default());
-        for &(sector, beam) in &self.of_sweep {
-            let place = &mut next[sector as usize];
-            self.returns[*place as usize] = beam;
-            *place += 1;
-        }
+        sort_by_sector(&self.of_sweep, SECTORS, &mut self.first, &mut self.returns);
     }
 
     /// What the beams did that meet a cell of this size at (x, y) in the map, whose plane and highest point have these heights.

@@ -222,17 +222,16 @@ pub fn feature_columns(params: &CellParams, intensity: bool) -> Vec<FeatureColum
             FeatureColumn { name: format!("{CURVATURE}{extreme}_{}_m", length(radius_m)), unit: "m", description }
         }));
     }
+    let ending = |unit| if unit == "m" { "_m" } else { "" };
     for &radius_m in params.surroundings.iter().flat_map(|surroundings| &surroundings.radii_m) {
         columns.extend(surroundings::NAMES.map(|(name, unit, meaning)| {
-            let ending = if unit == "m" { "_m" } else { "" };
-            let name = format!("{SURROUNDINGS}{name}_{}{ending}", length(radius_m));
+            let name = format!("{SURROUNDINGS}{name}_{}{}", length(radius_m), ending(unit));
             let description =
                 format!("{meaning}, in the square that reaches {radius_m} m to each side; of cells that hold points");
             FeatureColumn { name, unit, description }
         }));
     }
     if let Some(of_beams) = &params.beams {
-        let ending = |unit| if unit == "m" { "_m" } else { "" };
         columns.extend(beams::NAMES.map(|(name, unit, meaning)| FeatureColumn {
             name: format!("{BEAMS}{name}{}", ending(unit)),
             unit,

@@ -16,6 +16,7 @@
 use std::f64::consts::{PI, TAU};
 
 use super::columns::GAP_COLUMNS;
+use super::sectors::{sort_by_sector, span};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 
@@ -32,7 +33,7 @@ const WALL_M: f64 = 0.3;
 const LONGEST_M: f64 = 10.0;
 
 /// One return.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct BeamReturn {
     /// Tangent of the elevation.
     elevation: f64,
@@ -94,20 +95,7 @@ impl BeamColumns {
 
     /// Sorts the returns into their columns and finds the gaps. `size_m`: a cell's.
     pub(super) fn finish(&mut self, size_m: f64) {
-        self.first_return.clear();
-        self.first_return.resize(self.sectors + 1, 0);
-        self.of_return.iter().for_each(|&(sector, _)| self.first_return[sector as usize + 1] += 1);
-        for sector in 0..self.sectors {
-            self.first_return[sector + 1] += self.first_return[sector];
-        }
-        let mut next = self.first_return.clone();
-        self.returns.clear();
-        self.returns.resize(self.of_return.len(), BeamReturn { elevation: 0.0, range_m: 0.0, height_m: 0.0 });
-        for &(sector, beam) in &self.of_return {
-            let place = &mut next[sector as usize];
-            self.returns[*place as usize] = beam;
-            *place += 1;
-        }
+        sort_by_sector(&self.of_return, self.sectors, &mut self.first_return, &mut self.returns);
         self.gaps.clear();
         self.first_gap.clear();
         for sector in 0..self.sectors {
@@ -229,10 +217,6 @@ impl BeamColumns {
             right_m,
         ]
     }
-}
-
-fn span(first: &[u32], k: usize) -> std::ops::Range<usize> {
-    first[k] as usize..first[k + 1] as usize
 }
 
 /// The gap between a return of a column and the next one, where it is long.

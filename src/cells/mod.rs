@@ -54,6 +54,7 @@ mod place;
 mod plane;
 mod points;
 mod rule;
+mod sectors;
 mod slope;
 mod squares;
 mod surroundings;

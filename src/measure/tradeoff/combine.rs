@@ -1,9 +1,9 @@
 //! Gains of single settings -> settings that turn several knobs at once, measured like the others.
 //!
-//! Of each group of the pipeline the setting that gains most on the reference at equal CPU may take part, where it may be recommended, is not
-//! told to be worse and gains more than other draws of the config do. What a combination gains is first taken for the sum of what its parts gain, and the most promising ones are
-//! then measured: whether knobs add up is not believed but looked at. Parts that set the same key (a preset and a pose estimate) do not
-//! combine; nor what the config's rules refuse.
+//! Of each group of the pipeline the setting that gains most on the reference at equal CPU may take part, where it may be recommended, is
+//! not told to be worse and gains more than other draws of the config do. What a combination gains is first taken for the sum of what its
+//! parts gain, and the most promising ones are then measured: whether knobs add up is not believed but looked at. Parts that set the same
+//! key (a preset and a pose estimate) do not combine; nor what the config's rules refuse.
 //!
 //! They are measured after the rounds, with the reference beside them, on the scenes and with the seeds of all rounds. Gains are against that
 //! reference; costs of scenes and trainings are told in the first measurement's seconds, by the ratio of the two references. Parts are
