@@ -24,10 +24,14 @@ def by_numpy(model: dict, features: np.ndarray) -> np.ndarray:
     minus = [x[:, other] if other is not None else np.zeros(len(x)) for other in scaler["minus"]]
     x = (x - np.stack(minus, axis=1) - scaler["mean"]) / scaler["scale"]
     x = np.clip(x, -scaler["clip"], scaler["clip"])
-    for layer in model["layers"]:
-        with np.errstate(over="ignore"):
-            x = 1.0 / (1.0 + np.exp(-(x @ np.array(layer["weights"]).T + layer["biases"])))
-    return x[:, 0]
+    outputs = []
+    for layers in model["members"]:
+        y = x
+        for layer in layers:
+            with np.errstate(over="ignore"):
+                y = 1.0 / (1.0 + np.exp(-(y @ np.array(layer["weights"]).T + layer["biases"])))
+        outputs.append(y[:, 0])
+    return np.mean(outputs, axis=0)
 
 
 def probabilities_by_numpy(model: dict, outputs: np.ndarray) -> np.ndarray:

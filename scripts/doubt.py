@@ -52,7 +52,7 @@ class Network:
     def __init__(self, marsyard, run):
         exported = held_out.network(marsyard, run)
         self.about = exported["about"]
-        self.layers = [(np.array(layer["weights"]), np.array(layer["biases"])) for layer in exported["layers"]]
+        self.layers = [(np.array(layer["weights"]), np.array(layer["biases"])) for layer in exported["members"][0]]
         self.covariance = covariance(run / "filter.safetensors", sum(w.size + b.size for w, b in self.layers))
 
     def inputs(self, cells):

@@ -60,6 +60,13 @@ def read(corpus, split, features, family=None):
     return {name: np.asarray(table[name]) for name in names}
 
 
+def member_outputs(layers, x):
+    """Scaled inputs -> the outputs of one member."""
+    for layer in layers:
+        x = 1.0 / (1.0 + np.exp(-(x @ np.array(layer["weights"]).T + np.array(layer["biases"]))))
+    return x[:, 0]
+
+
 def outputs(model, cells):
     """The network's outputs in f64."""
     scaler = model["about"]["scaler"]
@@ -70,10 +77,7 @@ def outputs(model, cells):
         minus = [x[:, other] if other is not None else np.zeros(len(x)) for other in scaler["minus"]]
         x = x - np.stack(minus, axis=1)
         x = np.clip((x - scaler["mean"]) / scaler["scale"], -scaler["clip"], scaler["clip"])
-        for layer in model["layers"]:
-            x = x @ np.array(layer["weights"]).T + np.array(layer.get("biases", 0.0))
-            x = 1.0 / (1.0 + np.exp(-x))
-        found[start:start + 100_000] = x[:, 0]
+        found[start:start + 100_000] = np.mean([member_outputs(layers, x) for layers in model["members"]], axis=0)
     return found
 
 

@@ -57,11 +57,16 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     if let Some(rest) = rest {
         let written = rest.to_json();
         let names = |key: &str| written.pointer(key).is_some();
-        let (names_hidden, names_patience) = (names("/network/hidden"), names("/patience"));
+        let [names_hidden, names_members] = ["/network/hidden", "/network/members"].map(names);
+        let names_patience = names("/patience");
         match serde_json::from_value::<TrainParams>(written) {
             Ok(mut params) => {
+                let usual = params.filter.usual_network();
                 if !names_hidden {
-                    params.network.hidden = params.filter.usual_hidden();
+                    params.network.hidden = usual.hidden;
+                }
+                if !names_members {
+                    params.network.members = usual.members;
                 }
                 if !names_patience {
                     params.patience = params.filter.usual_patience();
@@ -97,6 +102,11 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
     if params.validate_every == Some(0) {
         let rule = "'validate_every' must be at least 1, got 0";
         faults.push(Fault::new(place.span("validate_every"), rule).cure("take it out for a tenth of a pass"));
+    }
+    if params.network.members > 1 && !params.filter.learns_by_batches() {
+        let rule = "'network.members' above 1 goes with 'filter.kronecker' only: the members learn side by side, each for itself";
+        let at = Fault::new(place.span("network.members"), rule);
+        faults.push(at.also(place.span("filter"), "this filter learns one network"));
     }
     let answer = params.labels.as_ref().map_or(Ok(()), LabelRule::check_answerable);
     if let Err(said @ Unanswerable::TwoRules) = &answer {

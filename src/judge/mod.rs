@@ -18,12 +18,13 @@
 //! # let prepared = Prepared::new(plan)?.keeping_points();
 //! # let model = {
 //! #     // One neuron: untraversable from 0.1 m between a cell's lowest and highest point.
-//! #     let (family, layout) = (&prepared.plan.families[0], Layout { inputs: 1, hidden: vec![1], bias: true });
+//! #     let (family, layout) = (&prepared.plan.families[0], Layout { inputs: 1, hidden: vec![1], bias: true, members: 1 });
 //! #     let about = About {
 //! #         marsyard_model: MODEL_FORMAT,
 //! #         inputs: 1,
 //! #         hidden: vec![1],
 //! #         bias: true,
+//! #         members: 1,
 //! #         features: vec!["height_difference_m".into()],
 //! #         scaler: Scaler { minus: vec![None], mean: vec![0.1], scale: vec![0.025], clip: 8.0 },
 //! #         quantiles: vec![[0.0, 0.0, 0.0, 0.02, 0.5, 1.0, 2.0]],

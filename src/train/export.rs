@@ -1,20 +1,23 @@
 //! A model -> plain JSON: its metadata, its weights as rows, and rows to check any other program against.
 //!
-//! Layer by layer from the input on: `weights` has one row a neuron with one number an input, `biases` one number a neuron.
-//! To apply it: (x - mean) / scale, clipped to +-clip, then for each layer 1 / (1 + exp(-(weights x + biases))). Where the model has a
+//! `members`: one network each, layer by layer from the input on: `weights` has one row a neuron with one number an input, `biases` one
+//! number a neuron. To apply it: (x - mean) / scale, clipped to +-clip, then for each layer 1 / (1 + exp(-(weights x + biases))); the output is
+//! the mean of the members'. Where the model has a
 //! calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
 //! 1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
 
 use serde::Serialize;
 
 use super::Model;
+use super::Network;
 use super::model::About;
+use super::network::LayerOf;
 
 /// The JSON file.
 #[derive(Debug, Serialize)]
 struct Export<'a> {
     about: &'a About,
-    layers: Vec<Layer<'a>>,
+    members: Vec<Vec<Layer<'a>>>,
     check: Check,
 }
 
@@ -40,28 +43,22 @@ const MIXED_ROWS: u32 = 249;
 /// Whether a file is one that [`json`] wrote: an object of its three parts, about such a model.
 pub(crate) fn is_ours(bytes: &[u8]) -> bool {
     let value: serde_json::Value = serde_json::from_slice(bytes).unwrap_or_default();
-    value["about"]["marsyard_model"].is_number() && value["layers"].is_array() && value["check"]["outputs"].is_array()
+    value["about"]["marsyard_model"].is_number() && value["members"].is_array() && value["check"]["outputs"].is_array()
 }
 
 /// The model as JSON text.
-pub(crate) fn json(model: &Model) -> String {
-    let layout = &model.network.layout;
-    let mut rest = model.network.weights.as_slice();
-    let mut layers = Vec::new();
-    for pair in layout.sizes().windows(2) {
-        let row = pair[0] + usize::from(layout.bias);
-        let (layer, after) = rest.split_at(row * pair[1]);
-        rest = after;
-        layers.push(Layer {
-            weights: layer.chunks_exact(row).map(|w| &w[..pair[0]]).collect(),
-            biases: layer.chunks_exact(row).map(|w| w.get(pair[0]).copied().unwrap_or(0.0)).collect(),
-        });
-    }
+pub(crate) fn json<'a>(model: &'a Model) -> String {
+    let Network { layout, weights } = &model.network;
+    let layer = |layer: LayerOf<'a>| {
+        let (weights, biases) = layer.rows().unzip();
+        Layer { weights, biases }
+    };
+    let members = layout.split(weights).into_iter().map(|layers| layers.into_iter().map(layer).collect()).collect();
     let rows = check_rows(model);
     let outputs: Vec<f64> = rows.iter().map(|row| model.output(row)).collect();
     let probabilities = outputs.iter().map(|output| model.probability(*output)).collect();
     let features = rows.iter().map(|row| row.iter().map(|&x| f64::from(x)).collect()).collect();
-    let export = Export { about: &model.about, layers, check: Check { features, outputs, probabilities } };
+    let export = Export { about: &model.about, members, check: Check { features, outputs, probabilities } };
     serde_json::to_string(&export).expect("a model is plain data") + "\n"
 }
 
@@ -87,12 +84,12 @@ fn check_rows(model: &Model) -> Vec<Vec<f32>> {
 mod tests {
     use super::*;
     use crate::math;
-    use crate::train::model::tests::model;
+    use crate::train::model::tests::{ensemble, model};
 
     #[test]
     fn equal_the_json_applied_as_its_documentation_says_and_the_model() {
-        for bias in [true, false] {
-            let model = model(&["a", "b", "c"], &[4, 2], bias);
+        for (members, bias) in [(1, true), (1, false), (3, true)] {
+            let model = ensemble(members, &["a", "b", "c"], &[4, 2], bias);
             let value: serde_json::Value = serde_json::from_str(&json(&model)).unwrap();
             let numbers = |v: &serde_json::Value| -> Vec<f64> {
                 v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -111,15 +108,22 @@ mod tests {
                     let minus = scaler["minus"][k].as_u64().map_or(0.0, |other| row[other as usize]);
                     x[k] = ((x[k] - minus - mean[k]) / scale[k]).clamp(-clip, clip);
                 }
-                for layer in value["layers"].as_array().unwrap() {
-                    let sums = layer["weights"].as_array().unwrap().iter().zip(numbers(&layer["biases"]));
-                    let neuron = |(w, bias): (&serde_json::Value, f64)| {
-                        let sum: f64 = numbers(w).iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + bias;
-                        1.0 / (1.0 + math::exp(-sum))
-                    };
-                    x = sums.map(neuron).collect();
-                }
-                assert!((x[0] - output).abs() < 1e-14, "{} {output}", x[0]);
+                let of_member = |layers: &serde_json::Value| {
+                    let mut x = x.clone();
+                    for layer in layers.as_array().unwrap() {
+                        let sums = layer["weights"].as_array().unwrap().iter().zip(numbers(&layer["biases"]));
+                        let neuron = |(w, bias): (&serde_json::Value, f64)| {
+                            let sum: f64 = numbers(w).iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + bias;
+                            1.0 / (1.0 + math::exp(-sum))
+                        };
+                        x = sums.map(neuron).collect();
+                    }
+                    x[0]
+                };
+                let of_members: Vec<f64> = value["members"].as_array().unwrap().iter().map(of_member).collect();
+                assert_eq!(of_members.len(), members);
+                let mean = of_members.iter().sum::<f64>() / members as f64;
+                assert!((mean - output).abs() < 1e-14, "{mean} {output}");
                 let (about, [low, high]) = (&value["about"]["calibration"], model.about.targets);
                 let share = ((output - low) / (high - low)).clamp(0.01, 0.99);
                 let [slope, offset] = ["slope", "offset"].map(|name| about[name].as_f64().unwrap());

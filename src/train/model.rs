@@ -15,14 +15,14 @@ use serde::{Deserialize, Serialize};
 use super::calibration::Calibration;
 use super::leaks::LearntFrom;
 use super::operating_point::MOST_THRESHOLDS;
-use super::{Network, OperatingPoint};
+use super::{Layout, Network, OperatingPoint};
 use crate::cells::params::{LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, is_gap};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
 /// Version of the model format; files of every earlier one are read.
-pub const MODEL_FORMAT: u32 = 3;
+pub const MODEL_FORMAT: u32 = 4;
 
 /// Features -> what the network takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,6 +55,9 @@ pub struct About {
     pub inputs: usize,
     pub hidden: Vec<usize>,
     pub bias: bool,
+    /// Networks of these sizes, whose mean is the output.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub members: usize,
     /// Names of the inputs, in order.
     pub features: Vec<String>,
     pub scaler: Scaler,
@@ -88,6 +91,15 @@ pub struct About {
     /// What its outputs meant on the validation scenes; none where these lack a class, and in models of formats 1 and 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
+}
+
+fn one() -> usize {
+    1
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde hands over a reference.
+fn is_one(members: &usize) -> bool {
+    *members == 1
 }
 
 /// Why a model cannot be used.
@@ -302,7 +314,9 @@ impl Model {
         let in_unit = |values: &[f64]| values.iter().all(|v| (0.0..=1.0).contains(v));
         let Scaler { minus, mean, scale, .. } = &about.scaler;
         let per_feature = [about.features.len(), minus.len(), mean.len(), scale.len(), about.quantiles.len()];
-        if (layout.inputs, &layout.hidden, layout.bias) != (about.inputs, &about.hidden, about.bias) {
+        let told =
+            Layout { inputs: about.inputs, hidden: about.hidden.clone(), bias: about.bias, members: about.members };
+        if *layout != told {
             return Some("its network is not the one that its metadata tells of".into());
         }
         if let Some(other) = per_feature.iter().find(|&&count| count != about.inputs) {

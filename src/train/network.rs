@@ -1,7 +1,7 @@
 //! Scaled features -> one output in (0, 1), and its gradient by the weights.
 //!
-//! Source: Hewitt et al. 2017, eqs 1 and 2: logistic neurons, linear input layer. Deviation: a bias per neuron, unless switched
-//! off (the paper's eq. 2 prints none). All f64. The gradient is exact, by reverse mode. A row's output has the same bits alone
+//! Source: Hewitt et al. 2017, eqs 1 and 2: logistic neurons, linear input layer. Deviations: a bias per neuron, unless switched
+//! off (the paper's eq. 2 prints none); several members of one shape, whose mean is the output (Hansen & Salamon 1990). All f64. The gradient is exact, by reverse mode. A row's output has the same bits alone
 //! and among others, on every CPU: sums run in the order of the inputs, bias first, with fused multiply-adds.
 
 use super::filter::lanes::{Isa, Kernel, Real, Simd};
@@ -15,10 +15,12 @@ pub struct Layout {
     /// Neurons of each hidden layer, from the input on.
     pub hidden: Vec<usize>,
     pub bias: bool,
+    /// Networks of these sizes; the output is their mean.
+    pub members: usize,
 }
 
-/// Layer sizes and weights. Order of the weights: layer by layer from the input on; within a layer neuron by neuron; within a
-/// neuron its inputs in order, then its bias.
+/// Layer sizes and weights. Order of the weights: member by member; within a member layer by layer from the input on; within a layer
+/// neuron by neuron; within a neuron its inputs in order, then its bias.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     pub layout: Layout,
@@ -28,7 +30,7 @@ pub struct Network {
 /// What a forward run leaves for the way back. Reused from row to row.
 #[derive(Clone, Debug, Default)]
 pub struct Activations {
-    /// Values of all nodes, layer by layer, inputs first.
+    /// Values of all nodes of a member, layer by layer, inputs first.
     values: Vec<f64>,
     /// d output / d value of the nodes of a layer, and of the layer before it.
     slopes: Vec<f64>,
@@ -36,21 +38,61 @@ pub struct Activations {
 }
 
 impl Layout {
-    /// Layer sizes with input and output: [inputs, hidden..., 1].
+    /// Layer sizes of a member with input and output: [inputs, hidden..., 1].
     pub(crate) fn sizes(&self) -> Vec<usize> {
         std::iter::once(self.inputs).chain(self.hidden.iter().copied()).chain([1]).collect()
     }
 
-    /// Number of weights, s.
+    /// Number of weights, s, of all members.
     pub fn weights(&self) -> usize {
-        self.layers().map(|(inputs, neurons)| (inputs + usize::from(self.bias)) * neurons).sum()
+        self.members * self.weights_of_member()
     }
 
-    /// Inputs and neurons of each layer of weights.
+    /// With what names of a member's arrays begin: nothing where there is one.
+    pub(crate) fn member_name(&self, member: usize) -> String {
+        if self.members > 1 { format!("members.{member}.") } else { String::new() }
+    }
+
+    fn weights_of_member(&self) -> usize {
+        self.layers().map(|(inputs, neurons)| self.weights_of_layer(inputs, neurons)).sum()
+    }
+
+    fn weights_of_layer(&self, inputs: usize, neurons: usize) -> usize {
+        (inputs + usize::from(self.bias)) * neurons
+    }
+
+    /// The weights of each layer: member by member, from the input on; with its inputs and neurons.
+    pub(crate) fn split<'w>(&self, weights: &'w [f64]) -> Vec<Vec<LayerOf<'w>>> {
+        let mut rest = weights;
+        let mut layer = |(inputs, neurons)| {
+            let (own, after) = rest.split_at(self.weights_of_layer(inputs, neurons));
+            rest = after;
+            LayerOf { inputs, neurons, weights: own }
+        };
+        (0..self.members).map(|_| self.layers().map(&mut layer).collect()).collect()
+    }
+
+    /// Inputs and neurons of each layer of a member.
     pub(crate) fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + '_ {
         let size = |layer: usize| if layer == 0 { self.inputs } else { self.hidden[layer - 1] };
         let neurons = |layer: usize| self.hidden.get(layer).copied().unwrap_or(1);
         (0..=self.hidden.len()).map(move |layer| (size(layer), neurons(layer)))
+    }
+}
+
+/// A layer of a member: one row a neuron, its inputs in order, then its bias.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LayerOf<'w> {
+    pub inputs: usize,
+    pub neurons: usize,
+    pub weights: &'w [f64],
+}
+
+impl<'w> LayerOf<'w> {
+    /// Weights and bias of each neuron; a bias of 0 where it has none.
+    pub(crate) fn rows(self) -> impl Iterator<Item = (&'w [f64], f64)> {
+        let row = self.weights.len() / self.neurons;
+        self.weights.chunks_exact(row).map(move |w| (&w[..self.inputs], w.get(self.inputs).copied().unwrap_or(0.0)))
     }
 }
 
@@ -74,9 +116,8 @@ impl Network {
         let mut weights = vec![0.0; layout.weights()];
         streams.open(Purpose::InitialWeights).fill_uniform(0, &mut weights);
         let mut rest = &mut weights[..];
-        for (inputs, neurons) in layout.layers() {
-            let count = (inputs + usize::from(layout.bias)) * neurons;
-            let (layer, after) = rest.split_at_mut(count);
+        for (inputs, neurons) in (0..layout.members).flat_map(|_| layout.layers()) {
+            let (layer, after) = rest.split_at_mut(layout.weights_of_layer(inputs, neurons));
             let bound = 1.5 / ((inputs + 1) as f64).sqrt();
             for w in layer {
                 *w = bound * (2.0 * *w - 1.0);
@@ -108,7 +149,7 @@ impl Network {
     /// use marsyard::train::network::Activations;
     /// use marsyard::train::{Layout, Network};
     ///
-    /// let layout = Layout { inputs: 2, hidden: Vec::new(), bias: true };
+    /// let layout = Layout { inputs: 2, hidden: Vec::new(), bias: true, members: 1 };
     /// let network = Network { layout, weights: vec![0.5, -1.0, 0.25] };
     /// let mut gradient = [0.0; 3];
     /// let output = network.gradient(&[2.0, 1.0], &mut Activations::default(), &mut gradient);
@@ -139,28 +180,37 @@ impl Kernel<f64> for Forward<'_> {
     #[inline(always)]
     fn run<V: Simd<f64>>(self) -> f64 {
         let Forward { network: Network { layout, weights }, inputs, tape } = self;
-        let nodes = layout.inputs + layout.hidden.iter().sum::<usize>() + 1;
-        tape.values.resize(nodes, 0.0);
-        tape.values[..layout.inputs].copy_from_slice(inputs);
-        let mut rest = &weights[..];
-        let mut first = 0;
-        for (count, neurons) in layout.layers() {
-            let (before, after) = tape.values[first..].split_at_mut(count);
-            let stride = count + usize::from(layout.bias);
-            let (own, others) = rest.split_at(stride * neurons);
-            let several = CHAINS * (neurons / CHAINS);
-            let (together, alone) = after[..neurons].split_at_mut(several);
-            for (k, values) in together.as_chunks_mut::<CHAINS>().0.iter_mut().enumerate() {
-                *values = side_by_side(&own[k * CHAINS * stride..], before, layout.bias);
-            }
-            for (k, value) in alone.iter_mut().enumerate() {
-                [*value] = side_by_side(&own[(several + k) * stride..], before, layout.bias);
-            }
-            rest = others;
-            first += count;
-        }
-        tape.values[nodes - 1]
+        let size = layout.weights_of_member();
+        let outputs =
+            (0..layout.members).map(|member| forward(layout, &weights[member * size..][..size], inputs, tape));
+        outputs.sum::<f64>() / layout.members as f64
     }
+}
+
+/// The output of one member; the tape holds its values.
+#[inline(always)]
+fn forward(layout: &Layout, weights: &[f64], inputs: &[f64], tape: &mut Activations) -> f64 {
+    let nodes = layout.inputs + layout.hidden.iter().sum::<usize>() + 1;
+    tape.values.resize(nodes, 0.0);
+    tape.values[..layout.inputs].copy_from_slice(inputs);
+    let mut rest = weights;
+    let mut first = 0;
+    for (count, neurons) in layout.layers() {
+        let (before, after) = tape.values[first..].split_at_mut(count);
+        let stride = count + usize::from(layout.bias);
+        let (own, others) = rest.split_at(stride * neurons);
+        let several = CHAINS * (neurons / CHAINS);
+        let (together, alone) = after[..neurons].split_at_mut(several);
+        for (k, values) in together.as_chunks_mut::<CHAINS>().0.iter_mut().enumerate() {
+            *values = side_by_side(&own[k * CHAINS * stride..], before, layout.bias);
+        }
+        for (k, value) in alone.iter_mut().enumerate() {
+            [*value] = side_by_side(&own[(several + k) * stride..], before, layout.bias);
+        }
+        rest = others;
+        first += count;
+    }
+    tape.values[nodes - 1]
 }
 
 /// Neurons whose sums run side by side: each is a chain, and waits for itself.
@@ -197,39 +247,49 @@ impl Kernel<f64> for Gradient<'_> {
 
     #[inline(always)]
     fn run<V: Simd<f64>>(self) -> f64 {
-        let Gradient { network, inputs, tape, gradient } = self;
-        let output = Forward { network, inputs, tape }.run::<V>();
-        let Network { layout, weights } = network;
-        let Activations { values, slopes, slopes_before } = tape;
-        slopes.clear();
-        slopes.push(1.0);
-        let mut last = values.len() - 1;
-        let mut end = weights.len();
-        for (count, neurons) in layout.layers().rev() {
-            let stride = count + usize::from(layout.bias);
-            let start = end - stride * neurons;
-            let nodes = &values[last..last + neurons];
-            let before = &values[last - count..last];
-            slopes_before.clear();
-            slopes_before.resize(count, 0.0);
-            let rows = weights[start..end].chunks_exact(stride).zip(gradient[start..end].chunks_exact_mut(stride));
-            for ((row, out), (value, slope)) in rows.zip(nodes.iter().zip(slopes.iter())) {
-                let delta = slope * (value * (1.0 - value));
-                for (o, x) in out.iter_mut().zip(before) {
-                    *o = delta * x;
-                }
-                if layout.bias {
-                    out[count] = delta;
-                }
-                for (s, w) in slopes_before.iter_mut().zip(row) {
-                    *s = delta.mul_add(*w, *s);
-                }
-            }
-            std::mem::swap(slopes, slopes_before);
-            last -= count;
-            end = start;
+        let Gradient { network: Network { layout, weights }, inputs, tape, gradient } = self;
+        let size = layout.weights_of_member();
+        let mut sum = 0.0;
+        for member in 0..layout.members {
+            let own = member * size..(member + 1) * size;
+            sum += forward(layout, &weights[own.clone()], inputs, tape);
+            backward(layout, &weights[own.clone()], tape, &mut gradient[own]);
         }
-        output
+        sum / layout.members as f64
+    }
+}
+
+/// The gradient of the members' mean by the weights of the one whose values are on the tape.
+#[inline(always)]
+fn backward(layout: &Layout, weights: &[f64], tape: &mut Activations, gradient: &mut [f64]) {
+    let Activations { values, slopes, slopes_before } = tape;
+    slopes.clear();
+    slopes.push(1.0 / layout.members as f64);
+    let mut last = values.len() - 1;
+    let mut end = weights.len();
+    for (count, neurons) in layout.layers().rev() {
+        let stride = count + usize::from(layout.bias);
+        let start = end - stride * neurons;
+        let nodes = &values[last..last + neurons];
+        let before = &values[last - count..last];
+        slopes_before.clear();
+        slopes_before.resize(count, 0.0);
+        let rows = weights[start..end].chunks_exact(stride).zip(gradient[start..end].chunks_exact_mut(stride));
+        for ((row, out), (value, slope)) in rows.zip(nodes.iter().zip(slopes.iter())) {
+            let delta = slope * (value * (1.0 - value));
+            for (o, x) in out.iter_mut().zip(before) {
+                *o = delta * x;
+            }
+            if layout.bias {
+                out[count] = delta;
+            }
+            for (s, w) in slopes_before.iter_mut().zip(row) {
+                *s = delta.mul_add(*w, *s);
+            }
+        }
+        std::mem::swap(slopes, slopes_before);
+        last -= count;
+        end = start;
     }
 }
 
@@ -248,31 +308,34 @@ impl Kernel<f64> for NetworkBatch<'_> {
         type Lane = <f64 as Real>::Chunk;
         let NetworkBatch { network: Network { layout, weights }, rows, outputs } = self;
         let widest = layout.hidden.iter().copied().max().unwrap_or(0).max(layout.inputs).max(1);
-        let mut values = vec![Lane::default(); widest];
-        let mut next = values.clone();
+        let [mut inputs, mut values, mut next] = [(); 3].map(|()| vec![Lane::default(); widest]);
         for (rows, outputs) in rows.chunks(f64::LANES * layout.inputs.max(1)).zip(outputs.chunks_mut(f64::LANES)) {
             for (lane, row) in rows.chunks_exact(layout.inputs.max(1)).enumerate() {
-                for (value, x) in values.iter_mut().zip(row) {
+                for (value, x) in inputs.iter_mut().zip(row) {
                     value.as_mut()[lane] = *x;
                 }
             }
+            let mut sums = Lane::default();
             let mut rest = &weights[..];
-            for (count, neurons) in layout.layers() {
-                let stride = count + usize::from(layout.bias);
-                let (own, others) = rest.split_at(stride * neurons);
-                let several = ABREAST * (neurons / ABREAST);
-                let (together, alone) = next[..neurons].split_at_mut(several);
-                for (k, out) in together.as_chunks_mut::<ABREAST>().0.iter_mut().enumerate() {
-                    abreast::<V, ABREAST>(&own[k * ABREAST * stride..], &values[..count], layout.bias, out);
+            for _ in 0..layout.members {
+                for (layer, (count, neurons)) in layout.layers().enumerate() {
+                    let before = if layer == 0 { &inputs[..count] } else { &values[..count] };
+                    let stride = count + usize::from(layout.bias);
+                    let (own, others) = rest.split_at(stride * neurons);
+                    let several = ABREAST * (neurons / ABREAST);
+                    let (together, alone) = next[..neurons].split_at_mut(several);
+                    for (k, out) in together.as_chunks_mut::<ABREAST>().0.iter_mut().enumerate() {
+                        abreast::<V, ABREAST>(&own[k * ABREAST * stride..], before, layout.bias, out);
+                    }
+                    for (k, out) in alone.as_chunks_mut::<1>().0.iter_mut().enumerate() {
+                        abreast::<V, 1>(&own[(several + k) * stride..], before, layout.bias, out);
+                    }
+                    rest = others;
+                    std::mem::swap(&mut values, &mut next);
                 }
-                for (k, out) in alone.as_chunks_mut::<1>().0.iter_mut().enumerate() {
-                    abreast::<V, 1>(&own[(several + k) * stride..], &values[..count], layout.bias, out);
-                }
-                rest = others;
-                std::mem::swap(&mut values, &mut next);
+                sums.as_mut().iter_mut().zip(values[0].as_ref()).for_each(|(sum, output)| *sum += output);
             }
-            let count = outputs.len();
-            outputs.copy_from_slice(&values[0].as_ref()[..count]);
+            outputs.iter_mut().zip(sums.as_ref()).for_each(|(mean, sum)| *mean = sum / layout.members as f64);
         }
     }
 }

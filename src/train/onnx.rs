@@ -9,6 +9,7 @@
 
 use super::Model;
 use super::calibration::EDGE;
+use super::network::LayerOf;
 
 /// Element types of `TensorProto`.
 const FLOAT: u64 = 1;
@@ -43,25 +44,22 @@ pub(crate) fn onnx(model: &Model) -> Vec<u8> {
     graph.tensor("highest", &[], &[about.scaler.clip]);
     graph.node("Sub", &["related", "mean"], "centred", &[]);
     graph.node("Div", &["centred", "scale"], "scaled", &[]);
-    graph.node("Clip", &["scaled", "lowest", "highest"], "layer0", &[]);
+    graph.node("Clip", &["scaled", "lowest", "highest"], "inputs", &[]);
 
-    let mut rest = model.network.weights.as_slice();
-    let layers = layout.sizes();
-    for (k, pair) in layers.windows(2).enumerate() {
-        let row = pair[0] + usize::from(layout.bias);
-        let (layer, after) = rest.split_at(row * pair[1]);
-        rest = after;
-        let weights: Vec<f64> = layer.chunks_exact(row).flat_map(|w| &w[..pair[0]]).copied().collect();
-        let biases: Vec<f64> = layer.chunks_exact(row).map(|w| w.get(pair[0]).copied().unwrap_or(0.0)).collect();
-        let name = |what: &str, layer: usize| format!("{what}{layer}");
-        graph.tensor(&name("weights", k), &[pair[1], pair[0]], &weights);
-        graph.tensor(&name("bias", k), &[pair[1]], &biases);
-        let inputs = [name("layer", k), name("weights", k), name("bias", k)];
-        graph.node("Gemm", &[&inputs[0], &inputs[1], &inputs[2]], &name("sum", k), &[("transB", 1)]);
-        graph.node("Sigmoid", &[&name("sum", k)], &name("layer", k + 1), &[]);
-    }
-    let output = format!("layer{}", layers.len() - 1);
-    graph.node("Cast", &[&output], "untraversable", &[("to", FLOAT)]);
+    let outputs: Vec<String> = layout
+        .split(&model.network.weights)
+        .into_iter()
+        .enumerate()
+        .map(|(member, layers)| {
+            layers.into_iter().enumerate().fold("inputs".to_string(), |before: String, (number, layer)| {
+                graph.layer(&before, layer, &format!("{member}.{number}"))
+            })
+        })
+        .collect();
+    graph.node("Sum", &outputs.iter().map(String::as_str).collect::<Vec<_>>(), "added", &[]);
+    graph.tensor("members", &[], &[layout.members as f64]);
+    graph.node("Div", &["added", "members"], "output", &[]);
+    graph.node("Cast", &["output"], "untraversable", &[("to", FLOAT)]);
     if let Some(calibration) = &about.calibration {
         let [low, high] = about.targets;
         let numbers = [
@@ -75,7 +73,7 @@ pub(crate) fn onnx(model: &Model) -> Vec<u8> {
         ];
         numbers.iter().for_each(|(name, value)| graph.tensor(name, &[], &[*value]));
         let steps: [(&str, &[&str], &str); 9] = [
-            ("Sub", &[&output, "target"], "from_target"),
+            ("Sub", &["output", "target"], "from_target"),
             ("Div", &["from_target", "span"], "between"),
             ("Clip", &["between", "edge", "other_edge"], "share"),
             ("Sub", &["one", "share"], "rest"),
@@ -128,6 +126,18 @@ impl Graph {
             node.message(5, &attribute);
         }
         self.message.message(1, &node);
+    }
+
+    /// A layer of a member on the values of the one before; the name of its own.
+    fn layer(&mut self, before: &str, layer: LayerOf, number: &str) -> String {
+        let names = ["weights", "bias", "sum", "values"].map(|what| format!("{what}{number}"));
+        let [weights, bias, sum, values] = &names;
+        let (of_neurons, biases): (Vec<_>, Vec<_>) = layer.rows().unzip();
+        self.tensor(weights, &[layer.neurons, layer.inputs], &of_neurons.concat());
+        self.tensor(bias, &[layer.neurons], &biases);
+        self.node("Gemm", &[before, weights, bias], sum, &[("transB", 1)]);
+        self.node("Sigmoid", &[sum], values, &[]);
+        values.clone()
     }
 
     /// `TensorProto`: dimensions (1), element type (2), name (8), raw little-endian data (9).
@@ -200,7 +210,7 @@ impl Message {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::model::tests::model;
+    use crate::train::model::tests::ensemble;
 
     #[test]
     fn exact_fields_are_encoded_as_protocol_buffers_says() {
@@ -216,7 +226,7 @@ mod tests {
 
     #[test]
     fn law_the_file_names_its_operators_and_holds_every_weight() {
-        let model = model(&["a", "b"], &[3], true);
+        let model = ensemble(2, &["a", "b"], &[3], true);
         let bytes = onnx(&model);
         let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
         for word in [
@@ -227,6 +237,7 @@ mod tests {
             "Clip",
             "Gemm",
             "Sigmoid",
+            "Sum",
             "features",
             "untraversable",
             "Log",

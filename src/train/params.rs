@@ -88,7 +88,8 @@ impl Default for TrainParams {
 impl TrainParams {
     /// Layers of a network with so many inputs.
     pub(crate) fn layout(&self, inputs: usize) -> Layout {
-        Layout { inputs, hidden: self.network.hidden.clone(), bias: self.network.bias }
+        let NetworkParams { hidden, bias, members } = &self.network;
+        Layout { inputs, hidden: hidden.clone(), bias: *bias, members: *members }
     }
 
     /// Rows between two looks at the validation split, of so many rows to learn.
@@ -106,11 +107,15 @@ pub struct NetworkParams {
     /// A bias per neuron (the paper prints none).
     #[garde(skip)]
     pub bias: bool,
+    /// Networks of these sizes that learn the same rows from other initial weights, side by side; the output is their mean, which errs
+    /// less than each. Each costs a training's time, which threads share. Kalman filters learn one.
+    #[garde(range(min = 1, max = 64))]
+    pub members: usize,
 }
 
 impl Default for NetworkParams {
     fn default() -> Self {
-        NetworkParams { hidden: FilterParams::default().usual_hidden(), bias: true }
+        FilterParams::default().usual_network()
     }
 }
 
@@ -198,7 +203,7 @@ impl Default for FilterParams {
 
 impl FilterParams {
     /// Whether rows are learnt by batches, at a cost that grows with the weights and not with their square, and the network is an average.
-    fn learns_by_batches(&self) -> bool {
+    pub(crate) fn learns_by_batches(&self) -> bool {
         match self {
             FilterParams::Kronecker(_) => true,
             FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => {
@@ -207,10 +212,10 @@ impl FilterParams {
         }
     }
 
-    /// Neurons of the hidden layers where a config names none: a Kalman filter's cost grows with the square of the weights, and its network
-    /// is the paper's.
-    pub(crate) fn usual_hidden(&self) -> Vec<usize> {
-        if self.learns_by_batches() { vec![64, 64] } else { vec![16, 16] }
+    /// The network where a config names none: a Kalman filter's cost grows with the square of the weights, and its network is the paper's.
+    pub(crate) fn usual_network(&self) -> NetworkParams {
+        let hidden = if self.learns_by_batches() { vec![64, 64] } else { vec![16, 16] };
+        NetworkParams { hidden, bias: true, members: 1 }
     }
 
     /// Looks without an improvement that end training where a config names no number.

@@ -166,7 +166,7 @@ fn extreme_sweeps_without_ground_have_no_cells_and_their_points_are_counted() {
 fn model(prepared: &Prepared, features: &[&str]) -> Model {
     let family = &prepared.plan.families[0];
     let inputs = features.len();
-    let layout = Layout { inputs, hidden: vec![1], bias: true };
+    let layout = Layout { inputs, hidden: vec![1], bias: true, members: 1 };
     let mut weights = vec![0.0; layout.weights()];
     weights[features.iter().position(|name| *name == "height_difference_m").expect("a feature")] = 40.0;
     weights[inputs] = -4.0;
@@ -179,6 +179,7 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         inputs,
         hidden: vec![1],
         bias: true,
+        members: 1,
         features: features.iter().map(|name| name.to_string()).collect(),
         scaler: Scaler { minus: vec![None; inputs], mean: vec![0.0; inputs], scale: vec![1.0; inputs], clip: 1e3 },
         quantiles: vec![[-1.0, -0.9, -0.8, 0.01, 0.8, 0.9, 1.0]; inputs],

@@ -136,7 +136,8 @@ fn law_export_prints_weights_that_give_the_outputs_beside_them() {
         let minus = |k: usize| scaler["minus"][k].as_u64().map_or(0.0, |other| row[other as usize]);
         let mut values: Vec<f64> =
             (0..row.len()).map(|k| ((row[k] - minus(k) - mean[k]) / scale[k]).clamp(-clip, clip)).collect();
-        for layer in exported["layers"].as_array().expect("layers") {
+        assert_eq!(exported["members"].as_array().map(Vec::len), Some(1));
+        for layer in exported["members"][0].as_array().expect("layers") {
             let neurons = layer["weights"].as_array().expect("weights").iter().zip(numbers(&layer["biases"]));
             values = neurons
                 .map(|(weights, bias)| {

@@ -415,7 +415,7 @@ fn regress_export_replaces_exports_alone() {
     fs::copy(yard.path("run/model.safetensors"), yard.path("m.safetensors")).expect("a model");
     fs::hard_link(yard.path("m.safetensors"), yard.path("hard.onnx")).expect("a link");
     symlink(yard.path("m.safetensors"), yard.path("soft.onnx")).expect("a link");
-    lay(&yard, &[("notes.txt", "mine"), ("project.json", r#"{"about": {}, "layers": [], "check": {}}"#)]);
+    lay(&yard, &[("notes.txt", "mine"), ("project.json", r#"{"about": {}, "members": [], "check": {}}"#)]);
     fs::create_dir(yard.path("folder")).expect("a folder");
     for file in ["m.safetensors", "./m.safetensors", "hard.onnx", "soft.onnx"] {
         for flag in ["--onnx", "--json"] {

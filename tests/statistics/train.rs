@@ -25,8 +25,10 @@ const S529: Size = Size { inputs: 14, hidden: [16, 16], updates: 800 };
 impl Size {
     fn network(&self) -> Network {
         let streams = streams();
-        let network =
-            Network::random(Layout { inputs: self.inputs, hidden: self.hidden.to_vec(), bias: true }, &streams);
+        let network = Network::random(
+            Layout { inputs: self.inputs, hidden: self.hidden.to_vec(), bias: true, members: 1 },
+            &streams,
+        );
         assert!([87, 529].contains(&network.weights.len()));
         network
     }

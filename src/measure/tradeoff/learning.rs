@@ -19,7 +19,7 @@ use crate::measure::interleave::rotation;
 use crate::parallel;
 use crate::train::memory::{self, Held, outputs};
 use crate::train::model::Scaler;
-use crate::train::params::{FilterParams, NetworkParams};
+use crate::train::params::FilterParams;
 use crate::train::rows::Rows;
 use crate::train::{Network, TrainError, TrainParams};
 
@@ -136,10 +136,9 @@ fn training(
     seed: u64,
     stop: &AtomicBool,
 ) -> Result<Option<Training>, TrainError> {
-    let network = NetworkParams { hidden: filter.usual_hidden(), bias: true };
     let params = TrainParams {
         seed,
-        network,
+        network: filter.usual_network(),
         filter: filter.clone(),
         patience: filter.usual_patience(),
         allow_few_rows: true,

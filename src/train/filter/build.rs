@@ -71,7 +71,7 @@ fn bytes_of_layers(layout: &Layout) -> u64 {
         let (rows, columns) = (neurons as u64, inputs as u64 + u64::from(layout.bias));
         4 * (6 * rows * columns + 3 * (rows * rows + columns * columns))
     };
-    layout.layers().map(of_layer).sum()
+    layout.members as u64 * layout.layers().map(of_layer).sum::<u64>()
 }
 
 /// Refuses what cannot be held; `what`: with its verb.
@@ -100,7 +100,11 @@ fn check(params: &FilterParams, layout: &Layout) -> Result<(), FilterError> {
         }
         FilterParams::Backprop(_) => return Ok(()),
         FilterParams::Kronecker(_) => {
-            return check_bytes(bytes_of_layers(layout), "the covariances of the layers take", "set fewer neurons");
+            return check_bytes(
+                bytes_of_layers(layout),
+                "the covariances of the layers take",
+                "set fewer neurons or members",
+            );
         }
         FilterParams::Ukf(ukf) => {
             Noise::of(&ukf.noise).check(Precision::F64, "set a smaller ratio (10 is the default)")?;

@@ -52,15 +52,16 @@ impl Counters {
         }
     }
 
-    pub(super) fn save(&self, to: &mut Writer) {
+    /// `name`: with what the array's begins.
+    pub(super) fn save(&self, name: &str, to: &mut Writer) {
         let Counters { updates, rejected, rebuilt, rebuilt_at, factored_at, clipped, cut_back } = *self;
         let at = |at: Option<u64>| at.unwrap_or(u64::MAX);
         let all = [updates, rejected, rebuilt, at(rebuilt_at), at(factored_at), clipped, cut_back];
-        to.counts("counters", all.into_iter());
+        to.counts(&format!("{name}counters"), all.into_iter());
     }
 
-    pub(super) fn load(from: &Reader) -> Result<Counters, FilterError> {
-        let all = from.counts("counters", 7)?;
+    pub(super) fn load(name: &str, from: &Reader) -> Result<Counters, FilterError> {
+        let all = from.counts(&format!("{name}counters"), 7)?;
         let at = |at: u64| (at != u64::MAX).then_some(at);
         Ok(Counters {
             updates: all[0],

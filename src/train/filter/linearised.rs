@@ -135,14 +135,14 @@ impl<L: Learner> Filter for Linearised<L> {
 
     fn state(&self) -> FilterState {
         let mut writer = Writer::new(self.learner.kind());
-        self.counters.save(&mut writer);
+        self.counters.save("", &mut writer);
         self.learner.save(&mut writer);
         writer.finish()
     }
 
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError> {
         let reader = Reader::new(state, self.learner.kind())?;
-        let counters = Counters::load(&reader)?;
+        let counters = Counters::load("", &reader)?;
         self.learner.load(&reader)?;
         self.counters = counters;
         Ok(())

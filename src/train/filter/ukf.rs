@@ -202,14 +202,14 @@ impl Filter for Ukf {
 
     fn state(&self) -> FilterState {
         let mut writer = Writer::new(KIND);
-        self.counters.save(&mut writer);
+        self.counters.save("", &mut writer);
         writer.reals("root", self.root.columns.iter().flatten().copied());
         writer.finish()
     }
 
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError> {
         let reader = Reader::new(state, KIND)?;
-        let counters = Counters::load(&reader)?;
+        let counters = Counters::load("", &reader)?;
         let root = reader.reals::<f64>("root", self.root.columns.iter().map(Vec::len).sum())?;
         let mut values = root.into_iter();
         for column in &mut self.root.columns {

@@ -1,8 +1,9 @@
 //! A model <-> the bytes of `model.safetensors`.
 //!
-//! One tensor a layer, `layers.0` from the input on: F64, shape [neurons, inputs] or, with biases, [neurons, inputs + 1] with the
-//! bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys, and a [`checksum`] of the whole file.
-//! Equal models give equal bytes. Files of format 1 have no checksum, and do not name their run; files of formats 1 and 2 have no calibration.
+//! One tensor a layer, `layers.0` from the input on, or of several members `members.0.layers.0`: F64, shape [neurons, inputs] or, with
+//! biases, [neurons, inputs + 1] with the bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys, and a [`checksum`] of the whole file.
+//! Equal models give equal bytes. Files of format 1 have no checksum, and do not name their run; files of formats 1 and 2 have no calibration, and
+//! files of formats 1 to 3 have one member.
 //!
 //! Loading trusts nothing: sizes are checked against the bytes that are there before anything is made of that size.
 
@@ -31,19 +32,18 @@ impl Model {
     pub fn save(&self) -> Result<Vec<u8>, ModelError> {
         self.check()?;
         let layout = &self.network.layout;
-        let mut weights = self.network.weights.as_slice();
         let mut layers = Vec::new();
-        for pair in layout.sizes().windows(2) {
-            let shape = vec![pair[1], pair[0] + usize::from(layout.bias)];
-            let (layer, rest) = weights.split_at(shape[0] * shape[1]);
-            weights = rest;
-            layers.push((shape, layer.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>()));
+        for (member, of_member) in layout.split(&self.network.weights).into_iter().enumerate() {
+            for (number, layer) in of_member.into_iter().enumerate() {
+                let shape = vec![layer.neurons, layer.inputs + usize::from(layout.bias)];
+                let bytes: Vec<u8> = layer.weights.iter().flat_map(|w| w.to_le_bytes()).collect();
+                layers.push((layer_name(layout, member, number), shape, bytes));
+            }
         }
         let failed = |error: &dyn std::fmt::Display| ModelError::Contradiction { reason: error.to_string() };
         let tensors = layers
             .iter()
-            .enumerate()
-            .map(|(k, (shape, bytes))| Ok((layer_name(k), TensorView::new(Dtype::F64, shape.clone(), bytes)?)))
+            .map(|(name, shape, bytes)| Ok((name, TensorView::new(Dtype::F64, shape.clone(), bytes)?)))
             .collect::<Result<Vec<_>, safetensors::SafeTensorError>>()
             .map_err(|error| failed(&error))?;
         let checked = self.about.is_checked();
@@ -122,24 +122,29 @@ impl About {
     }
 }
 
-fn layer_name(layer: usize) -> String {
-    format!("layers.{layer}")
+fn layer_name(layout: &Layout, member: usize, layer: usize) -> String {
+    format!("{}layers.{layer}", layout.member_name(member))
 }
 
 /// The weights, once the tensors are exactly those that the metadata tells of.
 fn network(about: &About, tensors: &SafeTensors) -> Result<Network, ModelError> {
     let contradiction = |reason: String| ModelError::Contradiction { reason };
-    let layout = Layout { inputs: about.inputs, hidden: about.hidden.clone(), bias: about.bias };
+    let layout =
+        Layout { inputs: about.inputs, hidden: about.hidden.clone(), bias: about.bias, members: about.members };
     let sizes = layout.sizes();
-    if tensors.len() != sizes.len() - 1 {
-        return Err(contradiction(format!("{} tensors for {} layers", tensors.len(), sizes.len() - 1)));
+    let layers = sizes.len() - 1;
+    if layout.members == 0 || layers.checked_mul(layout.members) != Some(tensors.len()) {
+        let told = format!("{} tensors for {} members of {layers} layers", tensors.len(), layout.members);
+        return Err(contradiction(told));
     }
     if sizes.contains(&0) {
         return Err(contradiction(format!("a layer without neurons: {sizes:?}")));
     }
     let mut weights = Vec::new();
-    for (k, pair) in sizes.windows(2).enumerate() {
-        let name = layer_name(k);
+    for (place, pair) in
+        (0..layout.members).flat_map(|member| sizes.windows(2).enumerate().map(move |(k, pair)| ((member, k), pair)))
+    {
+        let name = layer_name(&layout, place.0, place.1);
         let layer = tensors.tensor(&name).map_err(|_| contradiction(format!("there is no tensor '{name}'")))?;
         let columns = pair[0].checked_add(usize::from(layout.bias));
         let fits = columns.is_some_and(|columns| layer.shape() == [pair[1], columns]);

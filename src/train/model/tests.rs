@@ -7,7 +7,12 @@ use crate::train::operating_point::class;
 
 /// A small model whose every number is known: weights are a sine of their number.
 pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
-    let layout = Layout { inputs: features.len(), hidden: hidden.to_vec(), bias };
+    ensemble(1, features, hidden, bias)
+}
+
+/// The same of several members.
+pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias: bool) -> Model {
+    let layout = Layout { inputs: features.len(), hidden: hidden.to_vec(), bias, members };
     let weights = (0..layout.weights()).map(|k| 1.5 * math::sin(1.0 + 0.7 * k as f64)).collect();
     let rover: Rover = serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).unwrap();
     let sensor: Sensor = serde_saphyr::from_str(include_str!("../../../configs/sensors/urg-04lx.yaml")).unwrap();
@@ -17,6 +22,7 @@ pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
         inputs,
         hidden: hidden.to_vec(),
         bias,
+        members,
         features: features.iter().map(|name| name.to_string()).collect(),
         scaler: Scaler {
             minus: (0..inputs).map(|k| (k == 2).then_some(0)).collect(),
@@ -98,8 +104,8 @@ fn equal_rows_together_and_one_by_one() {
 
 #[test]
 fn equal_a_model_and_its_file_read_back() {
-    for bias in [true, false] {
-        let mut original = model(&["b", "a"], &[3], bias);
+    for (members, bias) in [(1, true), (1, false), (3, true)] {
+        let mut original = ensemble(members, &["b", "a"], &[3], bias);
         original.network.weights[0] = 1.0 / 3.0;
         original.about.thresholds = vec![0.1 + 0.2, 0.7];
         original.about.cells.max_range_m = Some(10.0);
@@ -190,9 +196,9 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
         let error = Model::load(bytes).unwrap_err().to_string();
         assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
     }
-    let newer = small().about.to_json().replace("\"marsyard_model\":3", "\"marsyard_model\":7");
+    let newer = small().about.to_json().replace("\"marsyard_model\":4", "\"marsyard_model\":7");
     let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
-    assert!(error.contains("format 7, this marsyard reads formats 1 to 3"), "{error}");
+    assert!(error.contains("format 7, this marsyard reads formats 1 to 4"), "{error}");
     let whole = small().save().unwrap();
     for end in 0..whole.len() {
         assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");
@@ -209,7 +215,14 @@ fn extreme_contradictions_are_refused_by_name() {
     for (from, to, word) in [
         ("\"hidden\":[4,2]", "\"hidden\":[4,3]", "tensor 'layers.1'"),
         ("\"hidden\":[4,2]", "\"hidden\":[18446744073709551615,18446744073709551615]", "tensor 'layers.0'"),
-        ("\"hidden\":[4,2]", "\"hidden\":[4,2,2]", "3 tensors for 4 layers"),
+        ("\"hidden\":[4,2]", "\"hidden\":[4,2,2]", "3 tensors for 1 members of 4 layers"),
+        ("\"hidden\":[4,2]", "\"hidden\":[4,2],\"members\":2", "3 tensors for 2 members of 3 layers"),
+        ("\"hidden\":[4,2]", "\"hidden\":[4,2],\"members\":0", "3 tensors for 0 members"),
+        (
+            "\"hidden\":[4,2]",
+            "\"hidden\":[4,2],\"members\":18446744073709551615",
+            "3 tensors for 18446744073709551615 members",
+        ),
         ("\"inputs\":3", "\"inputs\":0", "without neurons"),
         ("\"clip\":8.0", "\"clip\":0.0", "clipped to 0"),
         ("\"targets\":[0.1,0.9]", "\"targets\":[0.9,0.1]", "targets"),

@@ -5,8 +5,12 @@ use crate::extremes::{Family, row};
 use crate::random::Stage;
 
 fn network(inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
+    ensemble(1, inputs, hidden, bias, seed)
+}
+
+fn ensemble(members: usize, inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
     let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias }, &streams)
+    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias, members }, &streams)
 }
 
 fn rows(count: usize, inputs: usize) -> Vec<f64> {
@@ -15,7 +19,7 @@ fn rows(count: usize, inputs: usize) -> Vec<f64> {
 
 #[test]
 fn exact_two_neurons_by_hand() {
-    let layout = Layout { inputs: 2, hidden: vec![1], bias: true };
+    let layout = Layout { inputs: 2, hidden: vec![1], bias: true, members: 1 };
     let network = Network { layout, weights: vec![0.5, -0.25, 0.125, 2.0, -1.0] };
     let sigma = |x: f64| 1.0 / (1.0 + math::exp(-x));
     let h = sigma(0.5 * 3.0 - 0.25 * 2.0 + 0.125);
@@ -31,8 +35,15 @@ fn exact_two_neurons_by_hand() {
 
 #[test]
 fn exact_gradients_equal_central_differences() {
-    for (hidden, bias) in [(&[][..], true), (&[1], false), (&[16, 16], true), (&[3, 7, 2], true), (&[5, 4], false)] {
-        let mut network = network(14, hidden, bias, 3);
+    for (members, hidden, bias) in [
+        (1, &[][..], true),
+        (1, &[1], false),
+        (1, &[16, 16], true),
+        (1, &[3, 7, 2], true),
+        (1, &[5, 4], false),
+        (3, &[5, 4], true),
+    ] {
+        let mut network = ensemble(members, 14, hidden, bias, 3);
         let input = rows(1, 14);
         let mut tape = Activations::default();
         let mut gradient = vec![f64::NAN; network.weights.len()];
@@ -56,8 +67,8 @@ fn exact_gradients_equal_central_differences() {
 
 #[test]
 fn equal_rows_alone_and_among_others_to_the_bit() {
-    for count in [0, 1, 7, 8, 9, 50] {
-        let network = network(5, &[6, 3], true, 1);
+    for (count, members) in [(0, 1), (1, 1), (7, 1), (8, 2), (9, 1), (50, 3)] {
+        let network = ensemble(members, 5, &[6, 3], true, 1);
         let rows = rows(count, 5);
         let mut outputs = vec![0.0; count];
         network.outputs(&rows, &mut outputs);
@@ -65,6 +76,23 @@ fn equal_rows_alone_and_among_others_to_the_bit() {
         for (row, output) in rows.chunks(5).zip(&outputs) {
             assert_eq!(network.output(row, &mut tape).to_bits(), output.to_bits());
         }
+    }
+}
+
+#[test]
+fn equal_an_ensemble_and_the_mean_of_its_members_alone() {
+    let together = ensemble(3, 5, &[6, 3], true, 1);
+    let alone: Vec<Network> = together
+        .weights
+        .chunks_exact(together.weights.len() / 3)
+        .map(|weights| Network { weights: weights.to_vec(), ..network(5, &[6, 3], true, 1) })
+        .collect();
+    // The first is what the seed draws where there is one; no two are alike.
+    assert!(alone[0] == network(5, &[6, 3], true, 1) && alone[0] != alone[1] && alone[1] != alone[2]);
+    let mut tape = Activations::default();
+    for row in rows(20, 5).chunks(5) {
+        let mean = alone.iter().map(|member| member.output(row, &mut tape)).sum::<f64>() / 3.0;
+        assert!((together.output(row, &mut tape) - mean).abs() < 1e-15);
     }
 }
 
@@ -128,9 +156,11 @@ fn law_initial_weights_fill_their_interval_layer_by_layer() {
 
 #[test]
 fn exact_numbers_of_weights() {
-    let weights = |inputs, hidden: &[usize], bias| Layout { inputs, hidden: hidden.to_vec(), bias }.weights();
+    let weights =
+        |inputs, hidden: &[usize], bias| Layout { inputs, hidden: hidden.to_vec(), bias, members: 1 }.weights();
     assert_eq!(weights(14, &[16, 16], true), 529);
     assert_eq!(weights(14, &[32, 32], true), 1569);
     assert_eq!(weights(14, &[32, 32, 32], true), 2625);
     assert_eq!(weights(14, &[16, 16], false), 14 * 16 + 16 * 16 + 16);
+    assert_eq!(Layout { inputs: 14, hidden: vec![16, 16], bias: true, members: 3 }.weights(), 3 * 529);
 }

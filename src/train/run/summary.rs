@@ -110,6 +110,7 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         inputs: network.layout.inputs,
         hidden: network.layout.hidden.clone(),
         bias: network.layout.bias,
+        members: network.layout.members,
         features: sources.features.clone(),
         scaler,
         quantiles,

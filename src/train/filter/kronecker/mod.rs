@@ -4,7 +4,8 @@
 //! gradients and some products of matrices of the size of a layer. Source: Vyas et al. 2024 (SOAP), after Gupta et al. 2018 (Shampoo) and
 //! Martens & Grosse 2015 (factors with the bias among the inputs); what the network is at any time is an average of the steps' weights that
 //! forgets all but the last ninth (Shamir & Zhang 2013, polynomial decay). Deviations: bases start at the axes; batches grow with the rows that were
-//! learnt, so that few rows are enough for many steps and later steps have less noise (Smith et al. 2018).
+//! learnt, so that few rows are enough for many steps and later steps have less noise (Smith et al. 2018). Members of a network learn the
+//! same rows side by side, each for itself, as if it were alone.
 //!
 //! The rate is constant after the first steps: the average does what a falling rate would, and needs no word of when training ends.
 
@@ -49,11 +50,17 @@ fn each<T: Send>(list: &mut [T], is_shared: bool, work: impl Fn(usize, &mut T) +
 
 /// Learns by batches; the network that it leaves is the average.
 pub(super) struct Kronecker {
-    rate: f64,
     clip: f64,
-    isa: Isa,
     /// Whether the threads of the pool share the work.
     is_shared: bool,
+    /// With what its arrays' names begin.
+    members: Vec<(String, Member)>,
+}
+
+/// One network of several, which learns as if it were alone.
+struct Member {
+    rate: f64,
+    isa: Isa,
     layers: Vec<Layer>,
     micro_batches: Vec<MicroBatch>,
     counters: Counters,
@@ -64,21 +71,52 @@ pub(super) struct Kronecker {
     begun: u64,
 }
 
+/// A member as a state holds it.
+struct Kept {
+    counters: Counters,
+    /// Steps, those of the average, rows of the batch that is begun.
+    place: Vec<u64>,
+    /// In the order of the layers.
+    arrays: Vec<Vec<f32>>,
+}
+
 impl Kronecker {
     pub(super) fn new(params: &KroneckerParams, layout: &Layout, clip: f64) -> Kronecker {
+        let member = |number| (layout.member_name(number), Member::new(params, layout));
+        Kronecker { clip, is_shared: false, members: (0..layout.members).map(member).collect() }
+    }
+}
+
+impl Member {
+    fn new(params: &KroneckerParams, layout: &Layout) -> Member {
         let bias = usize::from(layout.bias);
         let micro_batches = BATCH_ROWS[1].div_ceil(MICRO_BATCH_ROWS as u64);
-        Kronecker {
+        Member {
             rate: params.rate,
-            clip,
             isa: Isa::detect(),
-            is_shared: false,
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
             micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout)).collect(),
             counters: Counters::default(),
             steps: 0,
             averaged: 0,
             begun: 0,
+        }
+    }
+
+    /// Learns rows in order; `weights`: of the average.
+    fn learn(&mut self, weights: &mut [f64], rows: &[Row], is_shared: bool) {
+        if self.is_fresh() {
+            let mut weights = weights.iter().map(|w| *w as f32);
+            self.layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
+        }
+        let mut rest = rows;
+        while !rest.is_empty() {
+            let (now, later) = rest.split_at(rest.len().min((self.batch() - self.begun) as usize));
+            self.gather(now, is_shared);
+            if self.begun == self.batch() {
+                self.step(weights, is_shared);
+            }
+            rest = later;
         }
     }
 
@@ -95,12 +133,12 @@ impl Kronecker {
     }
 
     /// Adds the gradient of rows that fit into the batch.
-    fn gather(&mut self, rows: &[Row]) {
-        let Kronecker { layers, micro_batches, isa, is_shared, .. } = self;
+    fn gather(&mut self, rows: &[Row], is_shared: bool) {
+        let Member { layers, micro_batches, isa, .. } = self;
         let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
         let micro_batches = &mut micro_batches[..rows.len().div_ceil(MICRO_BATCH_ROWS)];
         let parts: Vec<_> = rows.chunks(MICRO_BATCH_ROWS).collect();
-        each(micro_batches, *is_shared, |number, micro_batch| micro_batch.run(&weights, parts[number], *isa));
+        each(micro_batches, is_shared, |number, micro_batch| micro_batch.run(&weights, parts[number], *isa));
         for micro_batch in micro_batches {
             layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| layer.gradient.add(gradient));
         }
@@ -109,7 +147,7 @@ impl Kronecker {
     }
 
     /// The step of a whole batch, and the average with it.
-    fn step(&mut self, network: &mut Network) {
+    fn step(&mut self, weights: &mut [f64], is_shared: bool) {
         let (rows, steps) = (std::mem::take(&mut self.begun), self.steps);
         let count = (steps + 1) as f64;
         let rate = (self.rate * (count / WARM_UP_STEPS).min(1.0)) as f32;
@@ -121,82 +159,104 @@ impl Kronecker {
             self.counters.rejected += rows;
             return;
         }
-        each(&mut self.layers, self.is_shared, |_, layer| layer.step(rows, steps, rate, seen, isa));
+        each(&mut self.layers, is_shared, |_, layer| layer.step(rows, steps, rate, seen, isa));
         self.steps += 1;
         self.averaged += 1;
         let share = ((DECAY + 1.0) / (self.averaged as f64 + DECAY)).min(1.0);
         let raw = self.layers.iter().flat_map(|layer| layer.weights.values());
-        for (average, raw) in network.weights.iter_mut().zip(raw) {
+        for (average, raw) in weights.iter_mut().zip(raw) {
             *average += share * (f64::from(raw) - *average);
         }
-        self.counters.take_weights(&mut network.weights);
+        self.counters.take_weights(weights);
+    }
+
+    fn save(&self, name: &str, writer: &mut Writer) {
+        self.counters.save(name, writer);
+        writer.counts(&format!("{name}place"), [self.steps, self.averaged, self.begun].into_iter());
+        for (number, layer) in self.layers.iter().enumerate() {
+            layer
+                .arrays()
+                .iter()
+                .for_each(|(array, values)| writer.reals(&format!("{name}{number}.{array}"), values.values()));
+        }
+    }
+
+    /// What a state holds of it.
+    fn read(&self, name: &str, reader: &Reader) -> Result<Kept, FilterError> {
+        let counters = Counters::load(name, reader)?;
+        let place = reader.counts(&format!("{name}place"), 3)?;
+        let mut arrays = Vec::new();
+        for (number, layer) in self.layers.iter().enumerate() {
+            for (array, of) in layer.arrays() {
+                arrays.push(reader.reals::<f32>(&format!("{name}{number}.{array}"), of.rows * of.columns)?);
+            }
+        }
+        Ok(Kept { counters, place, arrays })
     }
 }
 
 impl Filter for Kronecker {
     fn learn(&mut self, network: &mut Network, inputs: &[f64], targets: &[f64], noise: &[f64]) {
-        if self.is_fresh() {
-            let mut weights = network.weights.iter().map(|w| *w as f32);
-            self.layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
-        }
         let mut rows = Vec::with_capacity(targets.len());
+        let mut seen = Counters::default();
         for ((inputs, &target), &noise) in inputs.chunks_exact(network.layout.inputs).zip(targets).zip(noise) {
             let weight = 1.0 / noise;
             if finite(inputs) && target.is_finite() && weight > 0.0 && weight <= MOST_ROW_WEIGHT {
-                self.counters.take_inputs(inputs, self.clip);
+                seen.take_inputs(inputs, self.clip);
                 rows.push(Row { inputs, target, weight });
             } else {
-                self.counters.rejected += 1;
+                seen.rejected += 1;
             }
         }
-        let mut rest = &rows[..];
-        while !rest.is_empty() {
-            let (now, later) = rest.split_at(rest.len().min((self.batch() - self.begun) as usize));
-            self.gather(now);
-            if self.begun == self.batch() {
-                self.step(network);
-            }
-            rest = later;
-        }
+        let size = network.weights.len() / self.members.len();
+        let mut members: Vec<_> = self.members.iter_mut().zip(network.weights.chunks_exact_mut(size)).collect();
+        let is_shared = self.is_shared;
+        each(&mut members, is_shared, |_, ((_, member), weights)| {
+            member.counters.clipped += seen.clipped;
+            member.counters.rejected += seen.rejected;
+            member.learn(weights, &rows, is_shared);
+        });
     }
 
     fn share_work(&mut self) {
         self.is_shared = true;
     }
 
+    /// Rows that every member learnt, and rows that one or another did not.
     fn counters(&self) -> Counters {
-        self.counters
+        let of_members = self.members.iter().map(|(_, member)| member.counters);
+        let both = |a: Counters, b: Counters| Counters {
+            updates: a.updates.min(b.updates),
+            rejected: a.rejected.max(b.rejected),
+            cut_back: a.cut_back + b.cut_back,
+            ..a
+        };
+        of_members.reduce(both).unwrap_or_default()
     }
 
     fn state(&self) -> FilterState {
         let mut writer = Writer::new(KIND);
-        self.counters.save(&mut writer);
-        writer.counts("place", [self.steps, self.averaged, self.begun].into_iter());
-        for (number, layer) in self.layers.iter().enumerate() {
-            layer.arrays().iter().for_each(|(name, array)| writer.reals(&format!("{number}.{name}"), array.values()));
-        }
+        self.members.iter().for_each(|(name, member)| member.save(name, &mut writer));
         writer.finish()
     }
 
     fn restore(&mut self, state: &FilterState) -> Result<(), FilterError> {
         let reader = Reader::new(state, KIND)?;
-        let counters = Counters::load(&reader)?;
-        let place = reader.counts("place", 3)?;
-        // All arrays are read before one is taken, so that a state that does not fit changes nothing.
-        let mut values = Vec::new();
-        for (number, layer) in self.layers.iter().enumerate() {
-            for (name, array) in layer.arrays() {
-                values.push(reader.reals::<f32>(&format!("{number}.{name}"), array.rows * array.columns)?);
-            }
+        // All is read before any is taken, so that a state that does not fit changes nothing.
+        let read =
+            self.members.iter().map(|(name, member)| member.read(name, &reader)).collect::<Result<Vec<_>, _>>()?;
+        for ((_, member), Kept { counters, place, arrays: values }) in self.members.iter_mut().zip(read) {
+            let arrays = member.layers.iter_mut().flat_map(Layer::arrays_mut);
+            arrays.zip(values).for_each(|((_, array), values)| array.fill(values.into_iter()));
+            (member.counters, member.steps, member.averaged, member.begun) = (counters, place[0], place[1], place[2]);
         }
-        let arrays = self.layers.iter_mut().flat_map(Layer::arrays_mut);
-        arrays.zip(values).for_each(|((_, array), values)| array.fill(values.into_iter()));
-        (self.counters, self.steps, self.averaged, self.begun) = (counters, place[0], place[1], place[2]);
         Ok(())
     }
 
     fn begin_anew(&mut self) {
-        (self.averaged, self.begun) = (0, 0);
-        self.layers.iter_mut().for_each(Layer::zero_gradient);
+        for (_, member) in &mut self.members {
+            (member.averaged, member.begun) = (0, 0);
+            member.layers.iter_mut().for_each(Layer::zero_gradient);
+        }
     }
 }

@@ -25,8 +25,12 @@ fn matrix(seed: u64, rows: usize, columns: usize) -> Matrix {
 }
 
 fn network(inputs: usize, hidden: &[usize], bias: bool) -> Network {
+    ensemble(1, inputs, hidden, bias)
+}
+
+fn ensemble(members: usize, inputs: usize, hidden: &[usize], bias: bool) -> Network {
     let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias }, &streams)
+    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias, members }, &streams)
 }
 
 /// The largest difference of a matrix from what a formula says of each place.
@@ -178,7 +182,16 @@ fn extreme_a_batch_whose_squares_are_not_finite_is_left_out_whole() {
 
 /// Rows of 8 inputs that a small network can learn, learnt in portions of `portion` rows on so many threads.
 fn learnt(rows: usize, portion: usize, threads: usize, outliers: bool) -> (Network, Counters, FilterState) {
-    let mut network = network(8, &[16, 16], true);
+    learnt_by(network(8, &[16, 16], true), rows, portion, threads, outliers)
+}
+
+fn learnt_by(
+    mut network: Network,
+    rows: usize,
+    portion: usize,
+    threads: usize,
+    outliers: bool,
+) -> (Network, Counters, FilterState) {
     let mut inputs = normals(1, rows * 8);
     let targets: Vec<f64> = inputs.chunks(8).map(|x| if x[0] * x[1] + x[2] > 0.3 { 0.9 } else { 0.1 }).collect();
     let mut noise = vec![1.0; rows];
@@ -201,9 +214,40 @@ fn learnt(rows: usize, portion: usize, threads: usize, outliers: bool) -> (Netwo
 #[test]
 fn equal_any_number_of_threads_learns_the_same_bits() {
     let one = learnt(4000, 256, 1, false);
+    let three = || ensemble(3, 8, &[16, 16], true);
+    let of_three = learnt_by(three(), 4000, 256, 1, true);
     for threads in [2, 3, 8] {
         assert!(learnt(4000, 256, threads, false) == one, "{threads} threads");
+        assert!(learnt_by(three(), 4000, 256, threads, true) == of_three, "{threads} threads");
     }
+}
+
+#[test]
+fn equal_a_member_learns_among_others_what_it_learns_alone() {
+    let start = ensemble(3, 8, &[16, 16], true);
+    let size = start.weights.len() / 3;
+    let alone = |member: usize| Network {
+        layout: Layout { members: 1, ..start.layout.clone() },
+        weights: start.weights[member * size..][..size].to_vec(),
+    };
+    let (together, counters, state) = learnt_by(start.clone(), 4000, 256, 2, false);
+    for member in 0..3 {
+        let (network, own, own_state) = learnt_by(alone(member), 4000, 256, 1, false);
+        assert!(together.weights[member * size..][..size] == network.weights && counters == own);
+        for (name, kind, shape, bytes) in own_state.arrays {
+            assert!(state.arrays.contains(&(format!("members.{member}.{name}"), kind, shape, bytes)), "{name}");
+        }
+    }
+    // And goes on from its state.
+    let fresh = || build(&FilterParams::Kronecker(KroneckerParams::default()), &start.layout, 8.0).unwrap();
+    let (mut one, mut other) = (fresh(), fresh());
+    one.restore(&state).unwrap();
+    other.restore(&one.state()).unwrap();
+    let inputs = normals(9, 640 * 8);
+    let [mut a, mut b] = [together.clone(), together.clone()];
+    one.learn(&mut a, &inputs, &[0.9; 640], &[1.0; 640]);
+    other.learn(&mut b, &inputs, &[0.9; 640], &[1.0; 640]);
+    assert!(a == b && a != together);
 }
 
 #[test]

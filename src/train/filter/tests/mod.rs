@@ -20,7 +20,7 @@ fn normals(seed: u64, count: usize) -> Vec<f64> {
 
 fn network(inputs: usize, hidden: &[usize]) -> Network {
     let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias: true }, &streams)
+    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias: true, members: 1 }, &streams)
 }
 
 /// A network of 87 weights, as small as has two hidden layers of some use, and rows that it can learn.
