@@ -79,8 +79,13 @@ struct Drive {
     view: Visibility<'static>,
 }
 
-const NOISE: InstrumentNoise =
-    InstrumentNoise { imu_rad: 0.0087, sun_rad: 0.035, odometry_m_per_sqrt_m: 0.05, heading_rad_per_sqrt_m: 0.035 };
+const NOISE: InstrumentNoise = InstrumentNoise {
+    imu_rad: 0.0087,
+    imu_bias_rad: 0.0,
+    sun_rad: 0.035,
+    odometry_m_per_sqrt_m: 0.05,
+    heading_rad_per_sqrt_m: 0.035,
+};
 
 fn mast() -> Transform {
     Transform { translation_m: DVec3::new(0.2, 0.0, 0.5), ..Transform::IDENTITY }

@@ -84,8 +84,13 @@ fn cast_s(scene: &Scene, sweep: &yards::Sweep) -> f64 {
 
 /// One scan of a rover that stands among landmarks it knows.
 fn slam_s(particles: u32, features: u32) -> f64 {
-    let noise =
-        InstrumentNoise { imu_rad: 0.01, sun_rad: 0.02, odometry_m_per_sqrt_m: 0.05, heading_rad_per_sqrt_m: 0.03 };
+    let noise = InstrumentNoise {
+        imu_rad: 0.01,
+        imu_bias_rad: 0.0,
+        sun_rad: 0.02,
+        odometry_m_per_sqrt_m: 0.05,
+        heading_rad_per_sqrt_m: 0.03,
+    };
     let params =
         SlamParams::Fastslam(FastslamParams { particles, max_features: features, ..FastslamParams::default() });
     let mast = Transform { translation_m: DVec3::new(0.2, 0.0, 0.5), ..Transform::IDENTITY };

@@ -68,6 +68,9 @@ pub(super) struct LocaliseArgs {
     /// Noise of roll_rad and pitch_rad, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 0.5, value_parser = at_least_0)]
     imu_deg: f64,
+    /// Constant bias of roll_rad and of pitch_rad, degrees: its standard deviation.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = at_least_0)]
+    imu_bias_deg: f64,
     /// Noise of yaw_rad, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
     sun_deg: f64,
@@ -182,6 +185,7 @@ fn locate(recording: &Recording, args: &LocaliseArgs, start: Pose, slam: SlamPar
     let bearing_rad = args.bearing_deg.to_radians();
     let noise = InstrumentNoise {
         imu_rad: args.imu_deg.to_radians(),
+        imu_bias_rad: args.imu_bias_deg.to_radians(),
         sun_rad: args.sun_deg.to_radians(),
         odometry_m_per_sqrt_m: args.odometry_m_per_sqrt_m,
         heading_rad_per_sqrt_m: args.odometry_deg_per_sqrt_m.to_radians(),

@@ -17,8 +17,11 @@ use crate::random::{Drawn, Purpose, Stream, Streams};
 impl InstrumentNoise {
     /// The scene's standard deviations.
     pub fn of(params: &InstrumentsParams, drawn: &Drawn) -> InstrumentNoise {
+        // A bias of that size along an axis that nobody knows.
+        let bias_deg = params.imu_bias_deg.as_ref().map_or(0.0, |_| drawn[Purpose::ImuBias].abs());
         InstrumentNoise {
             imu_rad: drawn[Purpose::ImuSd].to_radians(),
+            imu_bias_rad: bias_deg.to_radians() * std::f64::consts::FRAC_1_SQRT_2,
             sun_rad: if params.sun_deg.is_some() { drawn[Purpose::SunSd].to_radians() } else { 0.0 },
             odometry_m_per_sqrt_m: drawn[Purpose::OdometryDistanceSd],
             heading_rad_per_sqrt_m: drawn[Purpose::OdometryHeadingSd].to_radians(),

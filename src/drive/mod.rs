@@ -195,8 +195,10 @@ pub struct Reading {
 /// Standard deviations that the instruments of this scene have (drawn per scene), as slam is told them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InstrumentNoise {
-    /// Of roll and pitch.
+    /// Of roll and pitch, from reading to reading.
     pub imu_rad: f64,
+    /// Of the constant bias of roll and of pitch.
+    pub imu_bias_rad: f64,
     /// Of the sun sensor's heading; 0 where the rover has none (and no reading then holds one).
     pub sun_rad: f64,
     /// Of driven distance, metres per square root of a metre driven.

@@ -3,11 +3,12 @@
 //! In: control steps, angle readings, a sweep's features. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
 //! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Between sweeps
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
-//! modelled: constant instrument biases; they make the angles' sigmas too small.
+//! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: a map
+//! that is tilted as a whole contradicts no feature, so landmarks do not tell of it.
 
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
-use super::motion::{Control, GaussianPose, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
+use super::motion::{Control, GaussianPose, GroundSlope, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
 use super::particle::{
     Association, EXISTENCE_SURE, Feature, Landmark, Observation, Particle, Scratch, SweepObservations,
 };
@@ -64,8 +65,12 @@ pub(super) struct Filter {
     stops_without_match: u32,
     mean_innovation: Option<f64>,
     motion: MotionNoise,
+    ground: GroundSlope,
     mounting: Mounting,
     imu_variance_rad2: f64,
+    imu_bias_variance_rad2: f64,
+    /// Level way driven forwards: how far a bias of the pitch of one radian has lowered z.
+    level_way_m: f64,
     sun_variance_rad2: f64,
     feature_variances: Vector<3>,
     measurement_inflation: f64,
@@ -98,8 +103,11 @@ impl Filter {
             stops_without_match: 0,
             mean_innovation: None,
             motion: MotionNoise::new(noise, params.motion_inflation),
+            ground: GroundSlope::default(),
             mounting,
             imu_variance_rad2: angle_sigma_rad(noise.imu_rad) * angle_sigma_rad(noise.imu_rad),
+            imu_bias_variance_rad2: noise.imu_bias_rad * noise.imu_bias_rad,
+            level_way_m: 0.0,
             sun_variance_rad2: angle_sigma_rad(noise.sun_rad) * angle_sigma_rad(noise.sun_rad),
             feature_variances: feature_variances(&FEATURE_SIGMA, params.measurement_inflation),
             measurement_inflation: params.measurement_inflation,
@@ -118,6 +126,9 @@ impl Filter {
         self.at_sweep = None;
         match Control::of(reading) {
             Some(control) => {
+                self.level_way_m += control.distance_m * math::sin_cos(self.angle(PITCH).0).1;
+                let angles_rad = [reading.roll_rad, reading.pitch_rad];
+                self.ground.take(control, angles_rad, self.imu_variance_rad2, &mut self.motion);
                 in_fours(Drive { particles: &mut self.particles, control, noise: &self.motion });
             }
             None => self.counters.not_finite += 1,
@@ -127,19 +138,24 @@ impl Filter {
             (PITCH, reading.pitch_rad, self.imu_variance_rad2),
             (YAW, reading.yaw_rad, self.sun_variance_rad2),
         ];
+        let mut is_weighed = false;
         for (component, angle_rad, variance_rad2) in angles {
             if let Some(angle_rad) = angle_rad {
-                self.read(component, angle_rad, variance_rad2);
+                is_weighed |= self.read(component, angle_rad, variance_rad2);
             }
         }
         self.started = true;
-        self.normalise_weights();
+        // Weights that nothing changed are left as they are, to the bit.
+        if is_weighed {
+            self.normalise_weights();
+        }
     }
 
-    fn read(&mut self, component: usize, angle_rad: f64, variance_rad2: f64) {
+    /// Whether it changed the weights.
+    fn read(&mut self, component: usize, angle_rad: f64, variance_rad2: f64) -> bool {
         if !angle_rad.is_finite() {
             self.counters.not_finite += 1;
-            return;
+            return false;
         }
         if !self.started {
             // Nothing is known of the attitude before the first reading: it is taken as it is.
@@ -149,16 +165,17 @@ impl Filter {
                 belief.covariance.iter_mut().for_each(|row| row[component] = 0.0);
                 belief.covariance[component][component] = variance_rad2;
             }
-            return;
+            return false;
         }
         // Decided once for all: particles that use a reading and particles that do not could not be compared.
         let (mean_rad, spread_rad2) = self.angle(component);
         let apart = math::wrap_angle(angle_rad - mean_rad);
         if apart * apart > READING_GATE * (spread_rad2 + variance_rad2) {
             self.counters.gated += 1;
-            return;
+            return false;
         }
         in_fours(ReadAngle { particles: &mut self.particles, component, angle_rad, variance_rad2 });
+        true
     }
 
     /// Keeps the log weights normalised, so that none drifts out of range over a long drive.
@@ -204,7 +221,9 @@ impl Filter {
             SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
         in_fours(Refine { particles: &mut self.particles, seen, scratch: &mut scratch });
         self.mean_innovation = self.innovation(&prior);
-        self.normalise_weights();
+        if !features.is_empty() {
+            self.normalise_weights();
+        }
         let mixture = self.mixture();
         let best = self.likeliest();
         let kinds = &self.particles[best].associations;
@@ -328,7 +347,15 @@ impl Filter {
 
     /// The belief now: right after a sweep that of before the draw, whose variance is lower.
     pub(super) fn believed(&self) -> ParticleMoments {
-        self.at_sweep.clone().unwrap_or_else(|| self.mixture())
+        let mut moments = self.at_sweep.clone().unwrap_or_else(|| self.mixture());
+        let by_pitch = [0.0, 0.0, -self.level_way_m, 0.0, 1.0, 0.0];
+        moments.covariance[ROLL][ROLL] += self.imu_bias_variance_rad2;
+        for r in 0..6 {
+            for c in 0..6 {
+                moments.covariance[r][c] += by_pitch[r] * by_pitch[c] * self.imu_bias_variance_rad2;
+            }
+        }
+        moments
     }
 
     pub(super) fn scan(&self) -> ScanCounts {
@@ -380,8 +407,13 @@ mod tests {
 
     #[test]
     fn exact_the_likeliest_particle_is_the_one_of_the_greatest_weight() {
-        let noise =
-            InstrumentNoise { imu_rad: 0.01, sun_rad: 0.03, odometry_m_per_sqrt_m: 0.05, heading_rad_per_sqrt_m: 0.03 };
+        let noise = InstrumentNoise {
+            imu_rad: 0.01,
+            imu_bias_rad: 0.0,
+            sun_rad: 0.03,
+            odometry_m_per_sqrt_m: 0.05,
+            heading_rad_per_sqrt_m: 0.03,
+        };
         let params = SlamParams::Fastslam(FastslamParams { particles: 9, ..FastslamParams::default() });
         for likeliest in 0..9 {
             let mut slam = Slam::new(&params, &noise, &Pose::default(), &Transform::IDENTITY).expect("a filter");

@@ -15,6 +15,7 @@
 //!
 //! let noise = InstrumentNoise {
 //!     imu_rad: 0.01,
+//!     imu_bias_rad: 0.0,
 //!     sun_rad: 0.03,
 //!     odometry_m_per_sqrt_m: 0.2,
 //!     heading_rad_per_sqrt_m: 0.03,

@@ -4,7 +4,7 @@
 //! radians; position relative to the start. Source: Thrun et al. 2005, chapter 5 (velocity motion), on a slope; scalar
 //! Kalman updates. Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with the root of the
 //! distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a
-//! random walk.
+//! random walk, as rough as roll and pitch read ([`GroundSlope`]).
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
@@ -18,11 +18,24 @@ pub(crate) const ROLL: usize = 3;
 pub(crate) const PITCH: usize = 4;
 pub(crate) const YAW: usize = 5;
 
-/// Sideways and vertical slip, metres per square root of a metre.
+/// Sideways slip, metres per square root of a metre.
 const LATERAL_M_PER_SQRT_M: f64 = 0.02;
-const VERTICAL_M_PER_SQRT_M: f64 = 0.02;
-/// Random walk of the ground's slope, radians per square root of a metre: 6 degrees.
-const SLOPE_RAD_PER_SQRT_M: f64 = 6.0 * DEGREE;
+/// How far the body climbs otherwise than along its pitch, over the change of its slope, metres per radian: on common ground, for its wheels
+/// stand on other ground than its middle, and where a wheel rolls over a stone, which lifts the body as it tilts it. Measured on the drives of the
+/// shipped configs (scripts/poses.py).
+const CLIMB_M_PER_RAD: f64 = 0.04;
+const STONE_CLIMB_M_PER_RAD: f64 = 0.15;
+/// Random walk of the ground's slope until readings tell of it, radians per square root of a metre, and the way of readings that it counts for.
+const USUAL_SLOPE_RAD_PER_SQRT_M: f64 = 4.0 * DEGREE;
+const USUAL_SLOPE_WAY_M: f64 = 0.3;
+/// A step whose slope changes by so many times the walk's variance is taken for as rough as it reads; where it changes by so many times
+/// what walk and instrument explain together, a wheel rolls over a stone.
+const STEEP: f64 = 4.0;
+const STONE: f64 = 9.0;
+/// Smoothest and roughest ground that is believed, radians per square root of a metre.
+const SLOPE_BOUNDS_RAD_PER_SQRT_M: [f64; 2] = [1.0 * DEGREE, 30.0 * DEGREE];
+/// Wheels stand some so far from the middle: on so much ground a turn of one radian takes them.
+const TURNING_RADIUS_M: f64 = 0.25;
 /// Noise of a turn as a share of it.
 const YAW_SHARE: f64 = 0.05;
 /// Least noise of a step: covers the error of the integration itself, without which exact instruments would leave a
@@ -64,6 +77,10 @@ pub struct MotionNoise {
     pub distance_m_per_sqrt_m: f64,
     /// Of heading, radians per square root of a metre.
     pub heading_rad_per_sqrt_m: f64,
+    /// Random walk of the ground's slope, radians per square root of a metre.
+    pub slope_rad_per_sqrt_m: f64,
+    /// Of the height otherwise than along the pitch, metres per square root of a metre.
+    pub climb_m_per_sqrt_m: f64,
     /// Factor on the covariance that a step adds.
     pub inflation: f64,
 }
@@ -73,9 +90,76 @@ impl MotionNoise {
         MotionNoise {
             distance_m_per_sqrt_m: noise.odometry_m_per_sqrt_m,
             heading_rad_per_sqrt_m: noise.heading_rad_per_sqrt_m,
+            slope_rad_per_sqrt_m: USUAL_SLOPE_RAD_PER_SQRT_M,
+            climb_m_per_sqrt_m: CLIMB_M_PER_RAD * USUAL_SLOPE_RAD_PER_SQRT_M,
             inflation,
         }
     }
+}
+
+/// How rough the ground is, told by what roll and pitch read from step to step: a mean over the way so far, and where a step changes them by
+/// far more, as rough as that: else the reading would be gated, and the way after it be reckoned with a slope that is none any more.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct GroundSlope {
+    /// Roll and pitch as last read.
+    last_rad: Option<[f64; 2]>,
+    /// Way since.
+    way_m: f64,
+    /// Squared differences of readings, without what the instrument's noise adds, and the way that they lie apart, both axes together.
+    sum_rad2: f64,
+    sum_m: f64,
+}
+
+impl GroundSlope {
+    /// Takes in a step, its way, and the angles read after it, of that variance; sets what the step adds to slope and height.
+    pub(super) fn take(
+        &mut self,
+        Control { distance_m, turn_rad }: Control,
+        angles_rad: [Option<f64>; 2],
+        variance_rad2: f64,
+        noise: &mut MotionNoise,
+    ) {
+        let (mut steepest, mut is_stone) = (0.0, false);
+        self.way_m += distance_m.abs() + TURNING_RADIUS_M * turn_rad.abs();
+        self.last_rad = self.last_rad.map(|tilt| turned(tilt, math::sin_cos(turn_rad)));
+        if let [Some(roll_rad), Some(pitch_rad)] = angles_rad
+            && roll_rad.is_finite()
+            && pitch_rad.is_finite()
+        {
+            let now_rad = [roll_rad, pitch_rad];
+            if let Some(last_rad) = self.last_rad.filter(|_| self.way_m > 0.0) {
+                let apart = std::array::from_fn::<f64, 2, _>(|k| math::wrap_angle(now_rad[k] - last_rad[k]).powi(2));
+                let most = apart[0].max(apart[1]);
+                steepest = (most - 2.0 * variance_rad2) / self.way_m;
+                is_stone = most > STONE * (self.mean() * self.way_m + 2.0 * variance_rad2);
+                self.sum_rad2 += apart[0] + apart[1] - 4.0 * variance_rad2;
+                self.sum_m += 2.0 * self.way_m;
+            }
+            (self.last_rad, self.way_m) = (Some(now_rad), 0.0);
+        }
+        let mean = self.mean();
+        let slope = if steepest > STEEP * mean { bounded(steepest) } else { mean }.sqrt();
+        let climb_m_per_rad = if is_stone { STONE_CLIMB_M_PER_RAD } else { CLIMB_M_PER_RAD };
+        (noise.slope_rad_per_sqrt_m, noise.climb_m_per_sqrt_m) = (slope, climb_m_per_rad * slope);
+    }
+
+    /// Of the squared changes a metre.
+    fn mean(&self) -> f64 {
+        let usual = USUAL_SLOPE_RAD_PER_SQRT_M * USUAL_SLOPE_RAD_PER_SQRT_M;
+        bounded((usual * USUAL_SLOPE_WAY_M + self.sum_rad2) / (USUAL_SLOPE_WAY_M + self.sum_m))
+    }
+}
+
+/// As a variance a metre that is believed.
+fn bounded(slope: f64) -> f64 {
+    let [least, most] = SLOPE_BOUNDS_RAD_PER_SQRT_M;
+    slope.clamp(least * least, most * most)
+}
+
+/// Roll and pitch after a turn, of which sine and cosine are given, on a plane. Exact to the square of the angles.
+#[inline(always)]
+fn turned([roll, pitch]: [f64; 2], (sin, cos): (f64, f64)) -> [f64; 2] {
+    [cos * roll + sin * pitch, cos * pitch - sin * roll]
 }
 
 /// The standard deviation that slam works with for an angle that an instrument states as `sigma_rad`.
@@ -91,34 +175,43 @@ impl GaussianPose {
         if d == 0.0 && turn_rad == 0.0 {
             return;
         }
-        let (sp, cp) = math::sin_cos(self.mean[PITCH]);
+        // A turn leaves the ground's slope where it is, so that what was roll becomes pitch.
+        let (half, whole) = (math::sin_cos(0.5 * turn_rad), math::sin_cos(turn_rad));
+        let tilt = [self.mean[ROLL], self.mean[PITCH]];
+        let (sp, cp) = math::sin_cos(turned(tilt, half)[1]);
         let (sy, cy) = math::sin_cos(self.mean[YAW] + 0.5 * turn_rad);
+        [self.mean[ROLL], self.mean[PITCH]] = turned(tilt, whole);
         self.mean[0] += d * cp * cy;
         self.mean[1] += d * cp * sy;
         self.mean[2] -= d * sp;
         self.mean[YAW] = math::wrap_angle(self.mean[YAW] + turn_rad);
 
-        // F = I + (these two columns in the position rows).
+        // F: position by the pitch in the middle of the turn and by the yaw, and roll and pitch by each other.
         let by_pitch = [-d * sp * cy, -d * sp * sy, -d * cp];
         let by_yaw = [-d * cp * sy, d * cp * cy, 0.0];
         let p = &mut self.covariance;
         for c in 0..6 {
-            let (pitch, yaw) = (p[PITCH][c], p[YAW][c]);
+            let (tilt, yaw) = ([p[ROLL][c], p[PITCH][c]], p[YAW][c]);
+            let pitch = turned(tilt, half)[1];
             for r in 0..3 {
                 p[r][c] += by_pitch[r] * pitch + by_yaw[r] * yaw;
             }
+            [p[ROLL][c], p[PITCH][c]] = turned(tilt, whole);
         }
         for row in p.iter_mut() {
-            let (pitch, yaw) = (row[PITCH], row[YAW]);
+            let (tilt, yaw) = ([row[ROLL], row[PITCH]], row[YAW]);
+            let pitch = turned(tilt, half)[1];
             for c in 0..3 {
                 row[c] += by_pitch[c] * pitch + by_yaw[c] * yaw;
             }
+            [row[ROLL], row[PITCH]] = turned(tilt, whole);
         }
         let root = d.abs().sqrt();
         let variance = |sigma: f64| noise.inflation * sigma * sigma;
         let along = variance((noise.distance_m_per_sqrt_m * root).max(LEAST_STEP_M));
         let across = variance(LATERAL_M_PER_SQRT_M * root);
-        let slope = variance((SLOPE_RAD_PER_SQRT_M * root).max(LEAST_ANGLE_RAD));
+        let way_m = d.abs() + TURNING_RADIUS_M * turn_rad.abs();
+        let slope = variance((noise.slope_rad_per_sqrt_m * way_m.sqrt()).max(LEAST_ANGLE_RAD));
         let yaw_sigma_rad = noise.heading_rad_per_sqrt_m * root + YAW_SHARE * turn_rad.abs();
         let (ahead, aside) = ([cp * cy, cp * sy, -sp], [-sy, cy, 0.0]);
         for r in 0..3 {
@@ -126,7 +219,15 @@ impl GaussianPose {
                 p[r][c] += ahead[r] * ahead[c] * along + aside[r] * aside[c] * across;
             }
         }
-        p[2][2] += variance(VERTICAL_M_PER_SQRT_M * root);
+        p[2][2] += variance(noise.climb_m_per_sqrt_m * root);
+        // The slope changes on the way, not at its end: half of what is read after it is in the height already.
+        for r in 0..3 {
+            p[r][PITCH] += 0.5 * by_pitch[r] * slope;
+            p[PITCH][r] += 0.5 * by_pitch[r] * slope;
+            for c in 0..3 {
+                p[r][c] += by_pitch[r] * by_pitch[c] * slope / 3.0;
+            }
+        }
         p[ROLL][ROLL] += slope;
         p[PITCH][PITCH] += slope;
         p[YAW][YAW] += variance(yaw_sigma_rad.max(LEAST_ANGLE_RAD));

@@ -9,11 +9,21 @@ use crate::drive::{InstrumentNoise, Reading};
 use crate::extremes::{Family, row};
 use crate::random::Stage;
 
-const NOISE: InstrumentNoise =
-    InstrumentNoise { imu_rad: 0.0087, sun_rad: 0.035, odometry_m_per_sqrt_m: 0.05, heading_rad_per_sqrt_m: 0.035 };
+const NOISE: InstrumentNoise = InstrumentNoise {
+    imu_rad: 0.0087,
+    imu_bias_rad: 0.0,
+    sun_rad: 0.035,
+    odometry_m_per_sqrt_m: 0.05,
+    heading_rad_per_sqrt_m: 0.035,
+};
 
-const EXACT: InstrumentNoise =
-    InstrumentNoise { imu_rad: 0.0, sun_rad: 0.0, odometry_m_per_sqrt_m: 0.0, heading_rad_per_sqrt_m: 0.0 };
+const EXACT: InstrumentNoise = InstrumentNoise {
+    imu_rad: 0.0,
+    imu_bias_rad: 0.0,
+    sun_rad: 0.0,
+    odometry_m_per_sqrt_m: 0.0,
+    heading_rad_per_sqrt_m: 0.0,
+};
 
 fn streams(step: u32) -> Streams {
     Streams { seed: 11, scene: 0, attempt: 0, stage: Stage::Slam, step }
@@ -166,9 +176,107 @@ fn exact_dead_reckoning_variance_grows_by_the_metre() {
     }
     let estimate = slam.estimate();
     assert!((estimate.pose.position_m.x - 4.0).abs() < 1e-12);
-    // Level and straight: 0.05^2 m^2 a metre along the way, plus 0.02^2 upward from relief and what pitch adds.
+    // Level and straight: 0.05^2 m^2 a metre along the way.
     assert!((estimate.covariance[0][0] - 4.0 * 0.0025).abs() < 1e-12, "{}", estimate.covariance[0][0]);
-    assert!(estimate.covariance[2][2] > 4.0 * 0.0004);
+}
+
+/// Ground that the same drive reads as rough leaves the height as much less certain.
+#[test]
+fn law_the_height_is_as_uncertain_as_the_ground_is_rough() {
+    let sigma_z_m = |steps_rad: f64| {
+        let start = Pose::default();
+        let mut slam = slam(&SlamParams::DeadReckoning, &start);
+        slam.step(&rest(&start), &streams(0)).expect("upright");
+        let mut pitch_rad = 0.0;
+        for k in 1..=40 {
+            pitch_rad += if k % 4 < 2 { steps_rad } else { -steps_rad };
+            let reading = Reading { dt_s: 1.0, speed_mps: 0.1, pitch_rad: Some(pitch_rad), ..rest(&start) };
+            slam.step(&reading, &streams(k)).expect("upright");
+        }
+        assert_eq!(slam.counters(), Counters::default());
+        slam.estimate().sigmas()[2]
+    };
+    let [smooth, rough, rougher] = [0.0, 0.03, 0.09].map(sigma_z_m);
+    // What exact odometry and the IMU's 0.5 degrees leave, up to centimetres.
+    assert!(0.002 < smooth && smooth < 0.008, "{smooth}");
+    assert!(1.3 * smooth < rough && 2.0 * rough < rougher && rougher < 0.1, "{smooth} {rough} {rougher}");
+}
+
+/// On a plane a turn makes pitch of roll, and the height along any way is the plane's.
+#[test]
+fn exact_a_turn_on_a_slope_leaves_the_slope_where_it_is() {
+    let noise = motion::MotionNoise::new(&EXACT, 1.0);
+    let slope = 0.05;
+    let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+    belief.mean[motion::ROLL] = slope;
+    let covariance = [(motion::ROLL, 1e-4), (motion::PITCH, 4e-4)];
+    covariance.iter().for_each(|&(angle, variance)| belief.covariance[angle][angle] = variance);
+    for _ in 0..90 {
+        belief.drive(motion::Control { distance_m: 0.02, turn_rad: 1f64.to_radians() }, &noise);
+    }
+    let [_, y_m, z_m, roll_rad, pitch_rad, _] = belief.mean;
+    // Left is up: what was ahead of it is now to its right, and it climbs.
+    assert!(roll_rad.abs() < 1e-12 && (pitch_rad + slope).abs() < 1e-12, "{roll_rad} {pitch_rad}");
+    assert!((z_m - slope * y_m).abs() < 1e-3 * z_m, "{z_m} {y_m}");
+    // The variances change places too, but for what the way adds.
+    let added = 90.0 * (noise.slope_rad_per_sqrt_m.powi(2) * (0.02 + 0.25 * 1f64.to_radians()));
+    let variances = [motion::ROLL, motion::PITCH].map(|angle| belief.covariance[angle][angle] - added);
+    assert!((variances[0] - 4e-4).abs() < 1e-9 && (variances[1] - 1e-4).abs() < 1e-9, "{variances:?}");
+}
+
+/// The covariance of a step is that of its mean, told by central differences.
+#[test]
+fn exact_a_steps_covariance_follows_the_differences_of_its_mean() {
+    let noise = motion::MotionNoise { inflation: 0.0, ..motion::MotionNoise::new(&EXACT, 1.0) };
+    let control = motion::Control { distance_m: 0.3, turn_rad: 0.4 };
+    let mean = [0.1, -0.2, 0.3, 0.2, -0.15, 2.0];
+    let driven = |mean: [f64; 6]| {
+        let mut belief = motion::GaussianPose { mean, covariance: [[0.0; 6]; 6] };
+        belief.drive(control, &noise);
+        belief.mean
+    };
+    let slope = |column: usize| {
+        let at = |h: f64| driven(std::array::from_fn(|i| mean[i] + if i == column { h } else { 0.0 }));
+        let (above, below) = (at(1e-5), at(-1e-5));
+        std::array::from_fn::<f64, 6, _>(|row| (above[row] - below[row]) / 2e-5)
+    };
+    let columns: Vec<[f64; 6]> = (0..6).map(slope).collect();
+    // Any symmetric start.
+    let start: [[f64; 6]; 6] =
+        std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 2.0 } else { 1.0 / (1 + r + c) as f64 }));
+    let mut belief = motion::GaussianPose { mean, covariance: start };
+    belief.drive(control, &noise);
+    for r in 0..6 {
+        for c in 0..6 {
+            let wanted: f64 = (0..6)
+                .flat_map(|a| (0..6).map(move |b| (a, b)))
+                .map(|(a, b)| columns[a][r] * start[a][b] * columns[b][c])
+                .sum();
+            assert!((belief.covariance[r][c] - wanted).abs() < 1e-8, "{r} {c}: {} {wanted}", belief.covariance[r][c]);
+        }
+    }
+}
+
+/// A bias that nobody can see is in roll and pitch as it is, and in the height by the way.
+#[test]
+fn exact_a_stated_bias_widens_roll_pitch_and_with_the_way_the_height() {
+    let start = Pose::default();
+    let bias_rad = 0.02;
+    let covariance = |imu_bias_rad: f64| {
+        let noise = InstrumentNoise { imu_bias_rad, ..NOISE };
+        let mut slam = Slam::new(&SlamParams::DeadReckoning, &noise, &start, &mast()).expect("a filter");
+        slam.step(&rest(&start), &streams(0)).expect("upright");
+        for k in 1..=40 {
+            slam.step(&Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&start) }, &streams(k)).expect("upright");
+        }
+        slam.estimate().covariance
+    };
+    let (with, without) = (covariance(bias_rad), covariance(0.0));
+    let variance = bias_rad * bias_rad;
+    for (r, c, added) in [(2, 2, 16.0), (2, 4, -4.0), (4, 2, -4.0), (3, 3, 1.0), (4, 4, 1.0), (0, 0, 0.0), (2, 3, 0.0)]
+    {
+        assert!((with[r][c] - without[r][c] - added * variance).abs() < 1e-12, "{r} {c}");
+    }
 }
 
 #[test]

@@ -195,7 +195,13 @@ fn motion_jacobian(pose: &[f64; 6], control: Control) -> [[f64; 6]; 6] {
     let moved = |i: usize, by: f64| {
         let mut belief = GaussianPose { mean: *pose, covariance: [[0.0; 6]; 6] };
         belief.mean[i] += by;
-        let quiet = MotionNoise { distance_m_per_sqrt_m: 0.0, heading_rad_per_sqrt_m: 0.0, inflation: 0.0 };
+        let quiet = MotionNoise {
+            distance_m_per_sqrt_m: 0.0,
+            heading_rad_per_sqrt_m: 0.0,
+            slope_rad_per_sqrt_m: 0.0,
+            climb_m_per_sqrt_m: 0.0,
+            inflation: 0.0,
+        };
         belief.drive(control, &quiet);
         belief.mean
     };

@@ -17,8 +17,8 @@ const STEP_M: f64 = 0.1;
 /// Sideways slip of the true path, and noise of a turn as a share of it.
 const LATERAL_M_PER_SQRT_M: f64 = 0.02;
 const TURN_SHARE: f64 = 0.05;
-/// Relief between two attitude readings, which no slope shows.
-const VERTICAL_M_PER_SQRT_M: f64 = 0.02;
+/// Relief under a wheel that pitch does not tell of: what the filter makes of slopes that change by some 7 degrees per square root of a metre.
+const VERTICAL_M_PER_SQRT_M: f64 = 0.005;
 const STEPS_A_STOP: usize = 5;
 const HALF_VIEW_RAD: f64 = 120.0 / 180.0 * std::f64::consts::PI;
 
@@ -70,6 +70,7 @@ impl Scenario {
     pub fn noise(&self) -> InstrumentNoise {
         InstrumentNoise {
             imu_rad: 0.5f64.to_radians(),
+            imu_bias_rad: self.imu_bias_rad,
             sun_rad: 2f64.to_radians(),
             odometry_m_per_sqrt_m: 0.05 * self.odometry_factor,
             heading_rad_per_sqrt_m: 2f64.to_radians() * self.odometry_factor,
