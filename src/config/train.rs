@@ -145,6 +145,7 @@ mod tests {
         let of = |sets: &[&str]| {
             let sets: Vec<String> = sets.iter().map(|set| (*set).to_string()).collect();
             let params = load_train(None, &sets).unwrap();
+            assert_eq!(params.network.members, if params.filter.learns_by_batches() { 2 } else { 1 });
             (params.network.hidden, params.patience)
         };
         assert_eq!(of(&[]), (vec![64, 64], 10));
@@ -186,6 +187,9 @@ mod tests {
         for part in ["as_built", "'thresholds' must rise", "'validate_every' must be at least 1"] {
             assert!(told.contains(part), "{part} in:\n{told}");
         }
+        let told = faults("filter: {ekf: {}}\nnetwork: {members: 3}", &[]);
+        let part = "train.yaml:2:20: 'network.members' above 1 goes with 'filter.kronecker' only";
+        assert!(told.contains(part), "{part} in:\n{told}");
         assert!(faults("filter: ekf", &[]).contains("write {ekf: {}} for its defaults"));
         let told = faults("labels: {obstacle: taller_than_wheel}", &[]);
         for part in [

@@ -141,7 +141,7 @@ fn weights(setup: &Setup, hidden: &[usize]) -> usize {
 fn check(setup: &Setup, sorted: &[Hidden]) -> Result<(), TrainError> {
     let largest = sorted.last().map_or(&[][..], Vec::as_slice);
     let layout = entry::params_of(&setup.params, largest).layout(setup.held.train.width);
-    let (rows, weights) = (setup.held.train.len(), layout.weights());
+    let (rows, weights) = (setup.held.train.len(), layout.weights_of_member());
     if rows < weights && !setup.params.allow_few_rows {
         return Err(TrainError::FewRows { rows: rows as u64, weights });
     }

@@ -121,7 +121,7 @@ pub fn train(
     tell: &mut dyn FnMut(Event),
 ) -> Result<Option<Trained>, TrainError> {
     let mut learner = Learner::new(params, held.objective.clone(), course.validate_every)?;
-    let (rows, weights) = (held.train.len(), learner.network.weights.len());
+    let (rows, weights) = (held.train.len(), learner.network.layout.weights_of_member());
     if rows < weights && !params.allow_few_rows {
         return Err(TrainError::FewRows { rows: rows as u64, weights });
     }

@@ -53,7 +53,8 @@ impl Layout {
         if self.members > 1 { format!("members.{member}.") } else { String::new() }
     }
 
-    fn weights_of_member(&self) -> usize {
+    /// Of one member.
+    pub(crate) fn weights_of_member(&self) -> usize {
         self.layers().map(|(inputs, neurons)| self.weights_of_layer(inputs, neurons)).sum()
     }
 

@@ -108,7 +108,7 @@ pub struct NetworkParams {
     #[garde(skip)]
     pub bias: bool,
     /// Networks of these sizes that learn the same rows from other initial weights, side by side; the output is their mean, which errs
-    /// less than each. Each costs a training's time, which threads share. Kalman filters learn one.
+    /// less than each. Each costs a training's time, which threads share. Kalman filters learn one, and where one is named and this is not, it is 1.
     #[garde(range(min = 1, max = 64))]
     pub members: usize,
 }
@@ -214,8 +214,8 @@ impl FilterParams {
 
     /// The network where a config names none: a Kalman filter's cost grows with the square of the weights, and its network is the paper's.
     pub(crate) fn usual_network(&self) -> NetworkParams {
-        let hidden = if self.learns_by_batches() { vec![64, 64] } else { vec![16, 16] };
-        NetworkParams { hidden, bias: true, members: 1 }
+        let (hidden, members) = if self.learns_by_batches() { (vec![64, 64], 2) } else { (vec![16, 16], 1) };
+        NetworkParams { hidden, bias: true, members }
     }
 
     /// Looks without an improvement that end training where a config names no number.
@@ -254,7 +254,7 @@ pub struct KroneckerParams {
 
 impl Default for KroneckerParams {
     fn default() -> Self {
-        KroneckerParams { rate: 0.02 }
+        KroneckerParams { rate: 0.005 }
     }
 }
 

@@ -36,9 +36,9 @@ impl<'s> Training<'s> {
         if validation.rows == 0 {
             return Err(no_rows(sources, Split::Validation, validation.left_out));
         }
-        let weights = params.layout(sources.features.len()).weights();
-        if labelled < weights as u64 && !params.allow_few_rows {
-            return Err(TrainError::FewRows { rows: labelled, weights });
+        let layout = params.layout(sources.features.len());
+        if labelled < layout.weights_of_member() as u64 && !params.allow_few_rows {
+            return Err(TrainError::FewRows { rows: labelled, weights: layout.weights_of_member() });
         }
         let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
         let label =
@@ -61,7 +61,7 @@ impl<'s> Training<'s> {
             None => begin(setup)?,
         };
         let (mut place, mut looks) = (Cursor::default(), Looks::default());
-        if let Some(checkpoint) = Checkpoint::read(setup, &run, &identity, weights)? {
+        if let Some(checkpoint) = Checkpoint::read(setup, &run, &identity, layout.weights())? {
             if !checkpoint.checked {
                 tell(Event::Note("the checkpoint is of an earlier marsyard, and has no checksum to be judged by"));
             }
@@ -79,7 +79,7 @@ impl<'s> Training<'s> {
                 validation_rows: validation.rows,
                 look_rows: validation.looked_at.len() as u64,
                 untraversable_share: untraversable as f64 / labelled as f64,
-                weights,
+                weights: layout.weights(),
                 features: sources.features.clone(),
                 constant,
                 class_weights: learner.objective.weights.class,
@@ -148,10 +148,11 @@ fn start_from(init: &Init, sources: &Sources, learner: &mut Learner) -> Result<b
         return refuse(format!("its inputs are {there}, these are {here}; choose the same with --set features=..."));
     }
     if init.model.network.layout != network.layout {
-        let shape = |layout: &Layout| format!("{:?} with bias {}", layout.sizes(), layout.bias);
+        let shape =
+            |layout: &Layout| format!("{:?} with bias {}, members {}", layout.sizes(), layout.bias, layout.members);
         let (there, here) = (shape(&init.model.network.layout), shape(&network.layout));
         return refuse(format!(
-            "its layers are {there}, the config's {here}; choose the same with --set network.hidden=..."
+            "its layers are {there}, the config's {here}; choose the same with --set network.hidden=... and network.members=..."
         ));
     }
     network.weights.clone_from(&init.model.network.weights);

@@ -166,7 +166,7 @@ fn extreme_a_batch_whose_squares_are_not_finite_is_left_out_whole() {
     let mut start = network(8, &[4], true);
     // Neurons that are not saturated, whatever the inputs: then the first layer's gradient is too large, the last one's is not.
     start.weights[..9 * 4].fill(0.0);
-    let fresh = || build(&FilterParams::Kronecker(KroneckerParams::default()), &start.layout, 1e6).unwrap();
+    let fresh = || build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &start.layout, 1e6).unwrap();
     let (mut filter, mut network) = (fresh(), start.clone());
     filter.learn(&mut network, &[1e6; 64 * 8], &[0.9; 64], &[1e-15; 64]);
     assert_eq!(filter.counters(), Counters { rejected: 64, clipped: 64, ..Counters::default() });
@@ -199,7 +199,7 @@ fn learnt_by(
         inputs.iter_mut().step_by(97).for_each(|x| *x = 8.0);
         noise.iter_mut().step_by(31).for_each(|noise| *noise = 1e-12);
     }
-    let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &network.layout, 8.0).unwrap();
+    let mut filter = build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &network.layout, 8.0).unwrap();
     filter.share_work();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
@@ -239,7 +239,7 @@ fn equal_a_member_learns_among_others_what_it_learns_alone() {
         }
     }
     // And goes on from its state.
-    let fresh = || build(&FilterParams::Kronecker(KroneckerParams::default()), &start.layout, 8.0).unwrap();
+    let fresh = || build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &start.layout, 8.0).unwrap();
     let (mut one, mut other) = (fresh(), fresh());
     one.restore(&state).unwrap();
     other.restore(&one.state()).unwrap();
@@ -253,7 +253,7 @@ fn equal_a_member_learns_among_others_what_it_learns_alone() {
 #[test]
 fn law_another_training_starts_at_the_average_and_averages_its_own_steps() {
     let (before, _, state) = learnt(20_000, 256, 1, false);
-    let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &before.layout, 8.0).unwrap();
+    let mut filter = build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &before.layout, 8.0).unwrap();
     // Another corpus: all of it untraversable. 30 batches of 64 rows.
     let inputs = normals(3, 30 * 64 * 8);
     let moved = |filter: &mut dyn crate::train::Filter| {
