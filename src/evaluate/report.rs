@@ -56,6 +56,9 @@ pub struct ModelFacts {
     pub features: Vec<String>,
     pub hidden: Vec<usize>,
     pub bias: bool,
+    /// Networks of these layers, whose mean judges; 1 in reports from before there were several.
+    #[serde(default = "crate::train::one_member")]
+    pub members: usize,
     pub weights: usize,
     pub trained_on: Vec<String>,
     pub sensor: String,
@@ -203,6 +206,7 @@ impl ModelFacts {
             features: about.features.clone(),
             hidden: about.hidden.clone(),
             bias: about.bias,
+            members: about.members,
             weights: model.network.weights.len(),
             trained_on: about.corpus_names.clone(),
             sensor: about.sensor.name.clone(),

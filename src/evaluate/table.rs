@@ -53,9 +53,13 @@ impl Report {
         let hidden: Vec<String> = model.hidden.iter().map(usize::to_string).collect();
         writeln!(
             f,
-            "model   {}{} network, {} inputs, {} weights; trained on {} ({} on {})",
+            "model   {}{}, {} inputs, {} weights; trained on {} ({} on {})",
             model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", &digits[..digits.len().min(12)])),
-            hidden.join("-"),
+            if model.members > 1 {
+                format!("mean of {} networks of {}", model.members, hidden.join("-"))
+            } else {
+                format!("{} network", hidden.join("-"))
+            },
             model.features.len(),
             thousands(model.weights as u64),
             model.trained_on.join(", "),

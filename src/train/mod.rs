@@ -42,6 +42,7 @@ pub(crate) mod validation;
 pub use calibration::Calibration;
 pub use error::TrainError;
 pub use filter::Filter;
+pub(crate) use model::one_member;
 pub use model::{About, MODEL_FORMAT, Model, ModelError, Scaler};
 pub use network::{Layout, Network};
 pub use operating_point::OperatingPoint;

@@ -56,7 +56,7 @@ pub struct About {
     pub hidden: Vec<usize>,
     pub bias: bool,
     /// Networks of these sizes, whose mean is the output.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[serde(default = "one_member", skip_serializing_if = "is_one")]
     pub members: usize,
     /// Names of the inputs, in order.
     pub features: Vec<String>,
@@ -93,7 +93,8 @@ pub struct About {
     pub calibration: Option<Calibration>,
 }
 
-fn one() -> usize {
+/// What files from before there were several say of members.
+pub(crate) fn one_member() -> usize {
     1
 }
 

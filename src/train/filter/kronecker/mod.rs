@@ -210,11 +210,13 @@ impl Filter for Kronecker {
         }
         let size = network.weights.len() / self.members.len();
         let mut members: Vec<_> = self.members.iter_mut().zip(network.weights.chunks_exact_mut(size)).collect();
+        // Threads take whole members, and parts of one where there are more threads.
         let is_shared = self.is_shared;
+        let is_split = is_shared && rayon::current_num_threads() > members.len();
         each(&mut members, is_shared, |_, ((_, member), weights)| {
             member.counters.clipped += seen.clipped;
             member.counters.rejected += seen.rejected;
-            member.learn(weights, &rows, is_shared);
+            member.learn(weights, &rows, is_split);
         });
     }
 
