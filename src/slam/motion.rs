@@ -128,7 +128,10 @@ impl GroundSlope {
         {
             let now_rad = [roll_rad, pitch_rad];
             if let Some(last_rad) = self.last_rad.filter(|_| self.way_m > 0.0) {
-                let apart = std::array::from_fn::<f64, 2, _>(|k| math::wrap_angle(now_rad[k] - last_rad[k]).powi(2));
+                let apart = std::array::from_fn::<f64, 2, _>(|k| {
+                    let apart = math::wrap_angle(now_rad[k] - last_rad[k]);
+                    apart * apart
+                });
                 let most = apart[0].max(apart[1]);
                 steepest = (most - 2.0 * variance_rad2) / self.way_m;
                 is_stone = most > STONE * (self.mean() * self.way_m + 2.0 * variance_rad2);

@@ -219,7 +219,8 @@ fn exact_a_turn_on_a_slope_leaves_the_slope_where_it_is() {
     assert!(roll_rad.abs() < 1e-12 && (pitch_rad + slope).abs() < 1e-12, "{roll_rad} {pitch_rad}");
     assert!((z_m - slope * y_m).abs() < 1e-3 * z_m, "{z_m} {y_m}");
     // The variances change places too, but for what the way adds.
-    let added = 90.0 * (noise.slope_rad_per_sqrt_m.powi(2) * (0.02 + 0.25 * 1f64.to_radians()));
+    let walk = noise.slope_rad_per_sqrt_m;
+    let added = 90.0 * (walk * walk * (0.02 + 0.25 * 1f64.to_radians()));
     let variances = [motion::ROLL, motion::PITCH].map(|angle| belief.covariance[angle][angle] - added);
     assert!((variances[0] - 4e-4).abs() < 1e-9 && (variances[1] - 1e-4).abs() < 1e-9, "{variances:?}");
 }
