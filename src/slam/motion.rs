@@ -4,7 +4,7 @@
 //! radians; position relative to the start. Source: Thrun et al. 2005, chapter 5 (velocity motion), on a slope; scalar
 //! Kalman updates. Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with the root of the
 //! distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a
-//! random walk, as rough as roll and pitch read ([`GroundSlope`]).
+//! random walk, as rough as roll and pitch read (`GroundSlope`).
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
