@@ -84,8 +84,7 @@ def band(scenes, freedom):
 
 
 def of_config(scenes):
-    drives = {key: float(np.median([s[key] for s in scenes])) for key in ["way_m", "first_stop_share"]}
-    return {"scenes": len(scenes), **drives, "bodies": float(np.mean([s["bodies"] for s in scenes])),
+    return {"scenes": len(scenes), "way_m": float(np.median([s["way_m"] for s in scenes])), "bodies": float(np.mean([s["bodies"] for s in scenes])),
             "band_1": band(len(scenes), 1), "band_3": band(len(scenes), 3), "variants": judged(scenes)}
 
 
@@ -105,7 +104,7 @@ Ratio: mean position error over dead reckoning's. mixed.yaml dead-reckons; here 
         head = ["variant", "mean m", "median m", "ratio", "better %", "heading deg", "z m", "features / matched", *(f"NEES {b}" for b in BLOCKS)]
         parts.append(f"""## {name}.yaml
 
-{config['scenes']} scenes, median way {config['way_m']:.2f} m, of it before the first sweep {100 * config['first_stop_share']:.0f} %, {config['bodies']:.1f} bodies in view of a
+{config['scenes']} scenes, median way {config['way_m']:.2f} m, {config['bodies']:.1f} bodies in view of a
 sweep. The band of 95 %: {low:.2f} to {high:.2f} for one number, {config['band_3'][0]:.2f} to {config['band_3'][1]:.2f} for position.
 
 {study.markdown(head, rows)}""")

@@ -69,8 +69,6 @@ struct Variant {
     name: &'static str,
     given: Given,
     params: FastslamParams,
-    /// A sweep before the first step too.
-    at_start: bool,
 }
 
 /// A sweep and what is known of its bodies.
@@ -85,7 +83,7 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
     let with = |particles, measurement_inflation| FastslamParams { particles, measurement_inflation, ..own() };
     let inflation = own().measurement_inflation;
     let few = own().particles;
-    let variant = |name, given, params| Variant { name, given, params, at_start: false };
+    let variant = |name, given, params| Variant { name, given, params };
     let (known, unknown) = (true, false);
     let mut all = vec![
         variant("dead_reckoning", Given::Nothing, FastslamParams { particles: 1, ..FastslamParams::default() }),
@@ -104,11 +102,6 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
         variant("fastslam, 300 particles", Given::Sweep, with(300, inflation)),
         variant("fastslam, inflation 1", Given::Sweep, with(100, 1.0)),
     ]);
-    all.push(Variant {
-        at_start: true,
-        ..variant("ceiling, and a sweep at the start", Given::AllExact { known }, with(100, EXACT))
-    });
-    all.push(Variant { at_start: true, ..variant("fastslam, and a sweep at the start", Given::Sweep, own()) });
     all
 }
 
@@ -142,10 +135,6 @@ impl Study<'_> {
         for (k, &step) in drive.stops.iter().enumerate() {
             stops.insert(step, self.stop(step, k as u32)?);
         }
-        if variants.iter().any(|variant| variant.at_start) && !stops.contains_key(&0) {
-            // A number that no stop of the drive has.
-            stops.insert(0, self.stop(0, u32::MAX)?);
-        }
         let last = *drive.stops.last().ok_or("a drive has a stop")?;
         let mut of_variants = serde_json::Map::new();
         for variant in variants {
@@ -161,21 +150,12 @@ impl Study<'_> {
             "way_m": way_m,
             "start_m": start,
             "end_m": end,
-            "first_stop_share": self.share(drive.stops[0], last),
             "imu_rad": noise.imu_rad,
             "sun_rad": noise.sun_rad,
             "odometry_m_per_sqrt_m": noise.odometry_m_per_sqrt_m,
             "bodies": mean(drive.stops.iter().map(|step| stops[step].all.len() as f64)),
             "variants": of_variants,
         }))
-    }
-
-    /// How much of the way lies before a step.
-    fn share(&self, step: usize, last: usize) -> f64 {
-        let way = |to: usize| -> f64 {
-            self.replay.drive.truth[..=to].windows(2).map(|pair| pair[1].position_m.distance(pair[0].position_m)).sum()
-        };
-        way(step) / way(last).max(1e-12)
     }
 
     /// The sweep of a step, as a build makes it, and the bodies in it.
@@ -205,8 +185,7 @@ impl Study<'_> {
         for (step, reading) in drive.readings[..=last].iter().enumerate() {
             let streams = self.prepared.plan.streams(self.scene, attempts - 1, Stage::Slam).at_step(step as u32);
             slam.step(reading, &streams)?;
-            let is_stop = drive.stops.binary_search(&step).is_ok() || (variant.at_start && step == 0);
-            let Some(stop) = stops.get(&step).filter(|_| is_stop) else { continue };
+            let Some(stop) = stops.get(&step) else { continue };
             let estimate = match variant.given {
                 Given::Nothing => continue,
                 Given::Sweep => slam.observe(&stop.sweep.returns, &streams)?,

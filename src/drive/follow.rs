@@ -55,17 +55,19 @@ pub(super) fn follow(
 }
 
 impl DrivenPath {
-    /// At most `count` steps at which the rover has come an even share of its way, ascending; the last is the last step.
+    /// At most `count` steps, ascending: the start, then wherever the rover has come an even share of its way, to the last step; one alone
+    /// is the last step.
     pub(super) fn stops(&self, count: u32) -> Vec<usize> {
         let mut way_m = vec![0.0];
         for pair in self.stances.windows(2) {
             way_m.push(way_m[way_m.len() - 1] + (pair[1].pose.position_m - pair[0].pose.position_m).length());
         }
         let last = self.stances.len() - 1;
-        let share_m = way_m[last] / f64::from(count);
+        let shares = count - 1;
+        let share_m = way_m[last] / f64::from(shares.max(1));
         // A nanometre of slack, so that rounding does not push a stop to the next step.
         let mut stops: Vec<usize> =
-            (1..count).map(|k| way_m.partition_point(|&w| w < share_m * f64::from(k) - 1e-9).min(last)).collect();
+            (0..shares).map(|k| way_m.partition_point(|&w| w < share_m * f64::from(k) - 1e-9).min(last)).collect();
         stops.push(last);
         stops.dedup();
         stops

@@ -123,7 +123,7 @@ pub struct DriveLog {
     pub contacts: Vec<Contact>,
     /// What the instruments read over each step; as long as `truth`; `readings[0]` is taken at rest at the start.
     pub readings: Vec<Reading>,
-    /// Steps at which the rover stands and sweeps, ascending; the last step is one of them.
+    /// Steps at which the rover stands and sweeps, ascending; the last step is one of them, and of two or more the start.
     pub stops: Vec<usize>,
     /// Whether an obstacle, the yard's edge or the ground ended the path before its length or its goal.
     pub cut_short: bool,

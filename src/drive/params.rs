@@ -20,7 +20,7 @@ pub struct DriveParams {
     pub start: StartParams,
     #[garde(dive)]
     pub path: PathParams,
-    /// Places at which the rover stands and sweeps, evenly spread; the last is the path's end.
+    /// Places at which the rover stands and sweeps, evenly spread from the start to the path's end; 1 = the end alone.
     #[garde(range(min = 1, max = 10_000))]
     pub stops: u32,
     /// Which sweeps are written; all of them feed slam.

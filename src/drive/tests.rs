@@ -271,16 +271,16 @@ fn order_dead_reckoning_with_quiet_instruments_closes_in_on_the_truth() {
 }
 
 #[test]
-fn exact_stops_are_evenly_spread_and_end_at_the_end() {
+fn exact_stops_are_evenly_spread_from_the_start_to_the_end() {
     let scene = plane(20.0, 0.0, DVec2::ZERO);
     let mut params = params(pioneer(), straight(2.0));
     params.start.margin_m = 4.0;
-    for (stops, expected) in [(1, vec![40]), (4, vec![10, 20, 30, 40]), (3, vec![14, 27, 40])] {
+    for (stops, expected) in [(1, vec![40]), (2, vec![0, 40]), (5, vec![0, 10, 20, 30, 40]), (4, vec![0, 14, 27, 40])] {
         params.stops = stops;
         assert_eq!(driven(&params, &scene, 1).stops, expected);
     }
     params.stops = 1000;
-    assert_eq!(driven(&params, &scene, 1).stops, (1..=40).collect::<Vec<_>>(), "no more stops than steps");
+    assert_eq!(driven(&params, &scene, 1).stops, (0..=40).collect::<Vec<_>>(), "no more stops than poses");
 }
 
 /// Columns of a reading that one switch may change.
