@@ -68,8 +68,9 @@ pub(super) struct LocaliseArgs {
     /// Noise of roll_rad and pitch_rad, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 0.5, value_parser = at_least_0)]
     imu_deg: f64,
-    /// Constant bias of roll_rad and of pitch_rad, degrees: its standard deviation.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = at_least_0)]
+    /// Constant bias of roll_rad and of pitch_rad, degrees, up to 45: its standard deviation. It widens z by the way driven, as on a straight
+    /// way; on one that comes back to where it was, by too much
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = bias_deg)]
     imu_bias_deg: f64,
     /// Noise of yaw_rad, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
@@ -98,6 +99,10 @@ fn at_least_0(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
         _ => Err("a number of at least 0 is needed".into()),
     }
+}
+
+fn bias_deg(text: &str) -> Result<f64, String> {
+    at_least_0(text).ok().filter(|&value| value <= 45.0).ok_or("a number of 0 to 45 is needed".into())
 }
 
 const TRAJECTORY: &str = "trajectory.tum";

@@ -106,7 +106,10 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
     if params.network.members > 1 && !params.filter.learns_by_batches() {
         let rule = "'network.members' above 1 goes with 'filter.kronecker' only: the members learn side by side, each for itself";
         let at = Fault::new(place.span("network.members"), rule);
-        faults.push(at.also(place.span("filter"), "this filter learns one network"));
+        faults.push(
+            at.also(place.span("filter"), "this filter learns one network")
+                .cure("take it out: the filter has one network then"),
+        );
     }
     let answer = params.labels.as_ref().map_or(Ok(()), LabelRule::check_answerable);
     if let Err(said @ Unanswerable::TwoRules) = &answer {
@@ -189,7 +192,7 @@ mod tests {
         }
         let told = faults("filter: {ekf: {}}\nnetwork: {members: 3}", &[]);
         let part = "train.yaml:2:20: 'network.members' above 1 goes with 'filter.kronecker' only";
-        assert!(told.contains(part), "{part} in:\n{told}");
+        assert!(told.contains(part) && told.contains("take it out"), "{part} in:\n{told}");
         assert!(faults("filter: ekf", &[]).contains("write {ekf: {}} for its defaults"));
         let told = faults("labels: {obstacle: taller_than_wheel}", &[]);
         for part in [

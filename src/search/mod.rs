@@ -156,7 +156,8 @@ fn identity(setup: &Setup) -> Json {
         hasher.update(networks::shown(hidden).as_bytes()).update(b"\n");
     }
     let mut config = json!(setup.params);
-    config["network"] = json!({"bias": setup.params.network.bias});
+    // The widths are those of the networks that are searched.
+    config["network"] = json!({"bias": setup.params.network.bias, "members": setup.params.network.members});
     json!({
         "data": setup.data,
         "networks": {"count": setup.networks.len(), "blake3": hasher.finalize().to_hex().to_string()},

@@ -145,6 +145,10 @@ fn law_a_search_begun_otherwise_or_in_a_foreign_folder_is_refused() {
     (other.params.clip, other.keep) = (5.0, 0.5);
     let told = refused(&other);
     assert!(told.contains("'keep' was 0.4 and is 0.5 now") && told.contains("'config.clip' was 8.0"), "{told}");
+    let mut wider = setup(&begun.out, 1);
+    wider.params.network.members = 3;
+    let told = refused(&wider);
+    assert!(told.contains("'config.network.members' was 1 and is 3 now"), "{told}");
     assert!(refused(&Setup { resume: false, ..setup(&begun.out, 1) }).contains("is there already"));
     let foreign = dir.path().join("b");
     std::fs::create_dir(&foreign).unwrap();

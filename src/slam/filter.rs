@@ -3,12 +3,12 @@
 //! In: control steps, angle readings, a sweep's features. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
 //! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Between sweeps
 //! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
-//! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: a map
-//! that is tilted as a whole contradicts no feature, so landmarks do not tell of it.
+//! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: on a straight
+//! way a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks do tell of it, and the sigma of z is too large.
 
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
-use super::motion::{Control, GaussianPose, GroundSlope, MotionNoise, PITCH, ROLL, YAW, angle_sigma_rad};
+use super::motion::{Control, GaussianPose, GroundSlope, MotionNoise, PITCH, READING_GATE, ROLL, YAW, angle_sigma_rad};
 use super::particle::{
     Association, EXISTENCE_SURE, Feature, Landmark, Observation, Particle, Scratch, SweepObservations,
 };
@@ -26,8 +26,6 @@ const FEATURE_SIGMA: Vector<3> = [0.03, DEGREE, DEGREE];
 /// Least noise of a feature: with less, linearisation errors look like information.
 const LEAST_FEATURE_SIGMA: Vector<3> = [0.01, 0.25 * DEGREE, 0.25 * DEGREE];
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
-/// Chi-square of one degree of freedom at 99.9 %.
-const READING_GATE: f64 = 10.8;
 /// Features of one sweep stand at least this far apart, metres.
 const FEATURE_SPACING_M: f64 = 0.3;
 /// With fewer of the first particles' lines left, the position sigmas are too small.

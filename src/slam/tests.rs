@@ -550,6 +550,28 @@ fn extreme_a_reading_far_off_is_gated_for_all_particles() {
 }
 
 #[test]
+fn extreme_one_broken_reading_on_the_way_is_left_out_and_leaves_nothing_behind() {
+    let start = Pose::default();
+    let drive = |broken: bool| {
+        let mut slam = slam(&fastslam(10), &start);
+        for step in 0..40 {
+            let ahead = Reading { dt_s: 1.0, speed_mps: 0.05, yaw_rad: None, ..rest(&start) };
+            let pitch_rad = if broken && step == 20 { Some(0.7) } else { ahead.pitch_rad };
+            slam.step(&Reading { pitch_rad, ..ahead }, &streams(step)).expect("upright");
+        }
+        slam
+    };
+    let (without, with) = (drive(false), drive(true));
+    assert_eq!((without.counters().gated, with.counters().gated), (0, 1));
+    let (without, with) = (without.estimate(), with.estimate());
+    assert!(with.pose.position_m.distance(without.pose.position_m) < 1e-6, "{:?}", with.pose);
+    for axis in 0..6 {
+        let share = with.covariance[axis][axis] / without.covariance[axis][axis];
+        assert!((share - 1.0).abs() < 0.05, "axis {axis}: {share}");
+    }
+}
+
+#[test]
 fn regress_the_gate_stays_shut_at_its_stated_rate_while_weights_are_uneven() {
     // Weights that did not sum to one between the readings of a step once shut the gate on good readings.
     let start = Pose::default();

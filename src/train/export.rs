@@ -43,7 +43,9 @@ const MIXED_ROWS: u32 = 249;
 /// Whether a file is one that [`json`] wrote: an object of its three parts, about such a model.
 pub(crate) fn is_ours(bytes: &[u8]) -> bool {
     let value: serde_json::Value = serde_json::from_slice(bytes).unwrap_or_default();
-    value["about"]["marsyard_model"].is_number() && value["members"].is_array() && value["check"]["outputs"].is_array()
+    // Up to format 3 of a model there was one network, and `layers` were its.
+    let has_network = value["members"].is_array() || value["layers"].is_array();
+    value["about"]["marsyard_model"].is_number() && has_network && value["check"]["outputs"].is_array()
 }
 
 /// The model as JSON text.
