@@ -94,7 +94,7 @@ def main():
     results = {name: verify(marsyard, name, options) for name in options.only or CONFIGS}
     text = f"""# What `plan --hours` recommends, built
 
-{marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: {options.threads} cores,
+{marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}{"".join(f" --only {name}" for name in options.only or [])}`: {options.threads} cores,
 {len(SEEDS)} trainings each, judged on common scenes that no build has (mixed.yaml: of its eight held-out families). Intervals: 95 %, over scenes and
 trainings; differences in pairs. Forecasts are the plan's, in parentheses and beside.
 

@@ -61,15 +61,15 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
         let names_patience = names("/patience");
         match serde_json::from_value::<TrainParams>(written) {
             Ok(mut params) => {
-                let usual = params.filter.usual_network();
+                let usual = TrainParams::usual_of(params.filter.clone());
                 if !names_hidden {
-                    params.network.hidden = usual.hidden;
+                    params.network.hidden = usual.network.hidden;
                 }
                 if !names_members {
-                    params.network.members = usual.members;
+                    params.network.members = usual.network.members;
                 }
                 if !names_patience {
-                    params.patience = params.filter.usual_patience();
+                    params.patience = usual.patience;
                 }
                 let place = KeyPath { root: &root };
                 faults.extend(value_faults(&params, &place, "", Kind::Train));

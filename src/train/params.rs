@@ -86,6 +86,16 @@ impl Default for TrainParams {
 }
 
 impl TrainParams {
+    /// By a filter, with the network and the patience that are usual for it.
+    pub(crate) fn usual_of(filter: FilterParams) -> TrainParams {
+        TrainParams {
+            network: filter.usual_network(),
+            patience: filter.usual_patience(),
+            filter,
+            ..TrainParams::default()
+        }
+    }
+
     /// Layers of a network with so many inputs.
     pub(crate) fn layout(&self, inputs: usize) -> Layout {
         let NetworkParams { hidden, bias, members } = &self.network;

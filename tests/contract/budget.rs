@@ -42,8 +42,9 @@ fn law_hours_become_a_config_that_is_built() {
     for k in 0..sets.len() {
         assert_ne!(plan_of(&[&sets[..k], &sets[k + 1..]].concat()), plan_of(&sets), "{}", sets[k]);
     }
-    // The study is of this config.
-    assert!(!json["warnings"].to_string().contains("another state"), "{json}");
+    // The study is of this config, and of this training.
+    let warned = json["warnings"].to_string();
+    assert!(!warned.contains("another state") && !warned.contains("another training"), "{json}");
 
     let written = fs::read_to_string(yard.path("night.yaml")).expect("the config");
     assert!(written.starts_with("# Written by `marsyard plan") && written.contains("Expected balanced accuracy"));
@@ -57,6 +58,11 @@ fn law_hours_become_a_config_that_is_built() {
     assert_eq!(again.status.code(), Some(2));
     assert!(text(&again.stderr).contains("is there already"), "{}", text(&again.stderr));
 
+    let place = yard.path("tradeoffs/training/study.json");
+    let study: serde_json::Value = serde_json::from_slice(&fs::read(&place).expect("the study")).expect("JSON");
+    let mut otherwise = study.clone();
+    otherwise["training"]["network"]["members"] = 7.into();
+    fs::write(&place, otherwise.to_string()).expect("a file");
     let output = yard.marsyard(plan.iter().chain(&["--set", "seed=9"]));
     let said = text(&output.stdout);
     for part in [
@@ -64,6 +70,7 @@ fn law_hours_become_a_config_that_is_built() {
         "\nnext best: ",
         "expected balanced accuracy: ",
         "another state of this config",
+        "another training than the default",
         "marsyard generate ",
     ] {
         assert!(said.contains(part), "{part} is not in:\n{said}");

@@ -209,6 +209,13 @@ fn warnings(
             make_study(args)
         ));
     }
+    if !study.is_trained_as_now() {
+        warnings.push(format!(
+            "{} was made with another training than the default of `marsyard train` now: hours to train and accuracy are of that; `{}` makes a new one",
+            study_file.display(),
+            make_study(args)
+        ));
+    }
     if cores > default_threads() {
         warnings.push(format!(
             "measured on {}: hours are extrapolated to {cores} cores as fast as these, each free",

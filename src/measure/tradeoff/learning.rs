@@ -136,14 +136,7 @@ fn training(
     seed: u64,
     stop: &AtomicBool,
 ) -> Result<Option<Training>, TrainError> {
-    let params = TrainParams {
-        seed,
-        network: filter.usual_network(),
-        filter: filter.clone(),
-        patience: filter.usual_patience(),
-        allow_few_rows: true,
-        ..TrainParams::default()
-    };
+    let params = TrainParams { seed, allow_few_rows: true, ..TrainParams::usual_of(filter.clone()) };
     let (train, validation) = (rows(measured, corpus, &chosen.train), rows(measured, corpus, &chosen.stop));
     let started_s = thread_cpu_s();
     let held = Held::new(&measured.features, train, validation, &[1.0], &params)?;
