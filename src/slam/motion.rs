@@ -97,6 +97,12 @@ impl MotionNoise {
             inflation,
         }
     }
+
+    /// Takes the ground's slope to walk by that variance, squared radians a metre, and the body to climb with it.
+    fn set_ground(&mut self, slope_rad2_per_m: f64, climb_m_per_rad: f64) {
+        self.slope_rad_per_sqrt_m = slope_rad2_per_m.sqrt();
+        self.climb_m_per_sqrt_m = climb_m_per_rad * self.slope_rad_per_sqrt_m;
+    }
 }
 
 /// How rough the ground is, told by what roll and pitch read from step to step: a mean over the way so far, and where a step changes them by
@@ -137,7 +143,7 @@ impl GroundSlope {
                 });
                 let most = apart[0].max(apart[1]);
                 if most > READING_GATE * (bounded(f64::INFINITY) * self.way_m + 2.0 * variance_rad2) {
-                    set(noise, self.mean(), CLIMB_M_PER_RAD);
+                    noise.set_ground(self.mean(), CLIMB_M_PER_RAD);
                     return;
                 }
                 steepest = (most - 2.0 * variance_rad2) / self.way_m;
@@ -149,7 +155,7 @@ impl GroundSlope {
         }
         let mean = self.mean();
         let slope = if steepest > STEEP * mean { bounded(steepest) } else { mean };
-        set(noise, slope, if is_stone { STONE_CLIMB_M_PER_RAD } else { CLIMB_M_PER_RAD });
+        noise.set_ground(slope, if is_stone { STONE_CLIMB_M_PER_RAD } else { CLIMB_M_PER_RAD });
     }
 
     /// Of the squared changes a metre.
@@ -157,13 +163,6 @@ impl GroundSlope {
         let usual = USUAL_SLOPE_RAD_PER_SQRT_M * USUAL_SLOPE_RAD_PER_SQRT_M;
         bounded((usual * USUAL_SLOPE_WAY_M + self.sum_rad2) / (USUAL_SLOPE_WAY_M + self.sum_m))
     }
-}
-
-/// What a step adds on ground whose slope walks by `slope`, squared radians a metre.
-fn set(noise: &mut MotionNoise, slope: f64, climb_m_per_rad: f64) {
-    let slope_rad_per_sqrt_m = slope.sqrt();
-    (noise.slope_rad_per_sqrt_m, noise.climb_m_per_sqrt_m) =
-        (slope_rad_per_sqrt_m, climb_m_per_rad * slope_rad_per_sqrt_m);
 }
 
 /// As a variance a metre that is believed.

@@ -59,10 +59,9 @@ fn law_hours_become_a_config_that_is_built() {
     assert!(text(&again.stderr).contains("is there already"), "{}", text(&again.stderr));
 
     let place = yard.path("tradeoffs/training/study.json");
-    let study: serde_json::Value = serde_json::from_slice(&fs::read(&place).expect("the study")).expect("JSON");
-    let mut otherwise = study.clone();
-    otherwise["training"]["network"]["members"] = 7.into();
-    fs::write(&place, otherwise.to_string()).expect("a file");
+    let mut study: serde_json::Value = serde_json::from_slice(&fs::read(&place).expect("the study")).expect("JSON");
+    study["training"]["network"]["members"] = 7.into();
+    fs::write(&place, study.to_string()).expect("a file");
     let output = yard.marsyard(plan.iter().chain(&["--set", "seed=9"]));
     let said = text(&output.stdout);
     for part in [
