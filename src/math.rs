@@ -177,6 +177,34 @@ pub(crate) fn exp_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
     out
 }
 
+/// e to the power of several numbers, within two units in the last place; beyond +-87, where results leave the normal numbers, that of
+/// the end. NaN for NaN.
+#[inline(always)]
+pub(crate) fn exp_lanes_f32<const N: usize>(x: &[f32; N]) -> [f32; N] {
+    const LARGEST: f32 = 87.0;
+    // What is added to a number to round it: the whole number is then in the lowest bits.
+    const WHOLE: f32 = 12_582_912.0;
+    // ln 2 in two parts, the first of which has few bits.
+    const LN2: [f32; 2] = [0.693_359_375, -2.121_944_4e-4];
+    // Taylor's: the first term that is left out is 5e-9 of the sum where |r| is ln 2 / 2.
+    const P: [f32; 7] = [1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0];
+    let mut out = [0.0; N];
+    for l in 0..N {
+        let x = if x[l] > LARGEST { LARGEST } else { x[l] };
+        let x = if x < -LARGEST { -LARGEST } else { x };
+        let turns = x.mul_add(std::f32::consts::LOG2_E, WHOLE);
+        let k = turns - WHOLE;
+        let r = (-k).mul_add(LN2[1], (-k).mul_add(LN2[0], x));
+        let mut sum = P[6];
+        for place in (0..6).rev() {
+            sum = sum.mul_add(r, P[place]);
+        }
+        let scale = f32::from_bits((turns.to_bits() << 23).wrapping_add(1f32.to_bits()));
+        out[l] = sum.mul_add(r, 1.0) * scale;
+    }
+    out
+}
+
 /// Angle of the point (x, y) from the x axis, in (-pi, pi].
 #[inline]
 pub fn atan2(y: f64, x: f64) -> f64 {
@@ -241,6 +269,23 @@ mod tests {
                 assert_eq!(alone[0].to_bits(), exp(x).to_bits(), "{x}");
             }
         }
+    }
+
+    #[test]
+    fn equal_powers_of_f32_and_those_of_f64() {
+        for i in -870_000..=870_000 {
+            let x = i as f32 * 1e-4;
+            let [power, other] = exp_lanes_f32(&[x, -x]);
+            let units =
+                |power: f32, x: f32| (f64::from(power) / exp(f64::from(x)) - 1.0).abs() / f64::from(f32::EPSILON);
+            assert!(units(power, x) < 1.5 && units(other, -x) < 1.5, "{x}");
+        }
+        assert_eq!(exp_lanes_f32(&[0.0, -0.0]), [1.0; 2]);
+        let ends = exp_lanes_f32(&[87.0, -87.0]);
+        assert!(ends[0].is_normal() && ends[1].is_normal());
+        assert_eq!(exp_lanes_f32(&[f32::INFINITY, f32::NEG_INFINITY]), ends);
+        assert_eq!(exp_lanes_f32(&[f32::MAX, f32::MIN]), ends);
+        assert!(exp_lanes_f32(&[f32::NAN, -f32::NAN]).iter().all(|x| x.is_nan()));
     }
 
     #[test]

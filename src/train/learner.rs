@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::filter::{self, Filter};
+use super::network::forward::Forward;
 use super::rows::Rows;
 use super::selection::Selection;
 use super::state::Snapshot;
@@ -92,7 +93,7 @@ impl Learner {
         let portion = since_look as usize / self.portion_rows;
         if self.selection.is_some() || portion.is_multiple_of(PORTIONS_A_TRAINING_ERROR) {
             let mut sum = ErrorSum::from(self.learnt.train_sum);
-            sum += self.portion.error(&self.network);
+            sum += self.portion.error(&self.objective.forward(&self.network));
             self.learnt.train_sum = sum.into();
         }
         if let Some(selection) = &mut self.selection {
@@ -196,7 +197,7 @@ impl Share {
     }
 
     /// The error before these rows are learnt.
-    fn error(&mut self, network: &Network) -> ErrorSum {
+    fn error(&mut self, network: &Forward) -> ErrorSum {
         self.outputs.resize(self.targets.len(), 0.0);
         network.outputs(&self.inputs, &mut self.outputs);
         let mut sum = ErrorSum::default();

@@ -4,6 +4,9 @@
 //! off (the paper's eq. 2 prints none); several members of one shape, whose mean is the output (Hansen & Salamon 1990). All f64. The gradient is exact, by reverse mode. A row's output has the same bits alone
 //! and among others, on every CPU: sums run in the order of the inputs, bias first, with fused multiply-adds.
 
+pub(crate) mod forward;
+pub(crate) mod matrix;
+
 use super::filter::lanes::{Isa, Kernel, Real, Simd};
 use crate::math;
 use crate::random::{Purpose, Streams};
@@ -341,8 +344,8 @@ impl Kernel<f64> for NetworkBatch<'_> {
     }
 }
 
-/// Neurons whose sums run side by side where rows stand in the lanes.
-const ABREAST: usize = 4;
+/// Neurons whose sums run side by side where rows stand in the lanes: each is a chain, and waits for itself.
+const ABREAST: usize = 8;
 
 /// `N` neurons, whose weights follow one another in `weights`, on the values of the layer before, a row in each lane.
 #[inline(always)]

@@ -5,8 +5,8 @@
 //! each is divided by its own root mean square there: with M the running mean of G, the step is -rate A ((A' M B) / sqrt(E[(A' G B)^2])) B'.
 
 use super::basis::turn_to_eigenvectors;
-use super::matrix::{Matrix, times, times_transposed, transposed_times};
 use crate::train::filter::lanes::Isa;
+use crate::train::network::matrix::{Matrix, times, times_transposed, transposed_times};
 
 /// What of a running mean stays from batch to batch.
 pub(super) const KEPT: f64 = 0.95;
@@ -79,20 +79,20 @@ impl Layer {
     }
 
     /// Makes the gradient of a batch nought.
-    pub(super) fn zero_gradient(&mut self) {
-        self.gradient.padded_mut().for_each(|x| *x = 0.0);
+    pub(super) fn zero_gradient(&mut self, isa: Isa) {
+        self.gradient.change(isa, |x| *x = 0.0);
     }
 
     /// The step for the gradient of `rows` rows, which is then nought again; `steps`: those before it.
     pub(super) fn step(&mut self, rows: u64, steps: u64, rate: f32, seen: f32, isa: Isa) {
         let Layer { gradient, mean, by_neurons, by_inputs, squares, scratch, .. } = self;
         let (share, scale) = ((1.0 - KEPT) as f32, 1.0 / rows as f32);
-        gradient.padded_mut().for_each(|x| *x *= scale);
+        gradient.change(isa, |x| *x *= scale);
         times_transposed(gradient, gradient, &mut scratch.by_neurons, isa);
-        mean.update_running_mean(gradient, share);
-        by_neurons.update_running_mean(&scratch.by_neurons, share);
+        mean.update_running_mean(gradient, share, isa);
+        by_neurons.update_running_mean(&scratch.by_neurons, share, isa);
         transposed_times(gradient, gradient, &mut scratch.by_inputs, isa);
-        by_inputs.update_running_mean(&scratch.by_inputs, share);
+        by_inputs.update_running_mean(&scratch.by_inputs, share, isa);
         if steps.is_multiple_of(TURN_EVERY) {
             turn_to_eigenvectors(by_neurons, &mut self.neuron_basis, &mut scratch.by_neurons, isa);
             turn_to_eigenvectors(by_inputs, &mut self.input_basis, &mut scratch.by_inputs, isa);
@@ -100,18 +100,15 @@ impl Layer {
         let Scratch { half, turned, .. } = scratch;
         times(&self.neuron_basis, gradient, half, isa);
         times_transposed(half, &self.input_basis, turned, isa);
-        turned.padded_mut().for_each(|x| *x *= *x);
-        squares.update_running_mean(turned, share);
+        squares.change_by(turned, isa, |square, x| *square += share * (x * x - *square));
         times(&self.neuron_basis, mean, half, isa);
         times_transposed(half, &self.input_basis, turned, isa);
         // Running means from nought are `seen` too small.
         let size = rate / seen;
-        for (x, square) in turned.padded_mut().zip(squares.padded()) {
-            *x *= size / ((square / seen).sqrt() + LEAST_ROOT);
-        }
+        turned.change_by(squares, isa, |x, square| *x *= size / ((square / seen).sqrt() + LEAST_ROOT));
         times(turned, &self.input_basis, half, isa);
         transposed_times(&self.neuron_basis, half, turned, isa);
-        self.weights.padded_mut().zip(turned.padded()).for_each(|(w, step)| *w -= step);
-        self.zero_gradient();
+        self.weights.change_by(turned, isa, |w, step| *w -= step);
+        self.zero_gradient(isa);
     }
 }

@@ -12,19 +12,19 @@
 mod basis;
 mod gradient;
 mod layer;
-mod matrix;
 #[cfg(test)]
 mod tests;
 
 use rayon::prelude::*;
 
-use self::gradient::{MICRO_BATCH_ROWS, MicroBatch, Row};
+use self::gradient::{MicroBatch, Row};
 use self::layer::{KEPT, Layer};
 use super::lanes::Isa;
 use super::linearised::finite;
 use super::state::{Reader, Writer};
 use super::{Counters, Filter, FilterError, FilterState};
 use crate::math;
+use crate::train::network::forward::{MICRO_BATCH_ROWS, Towards};
 use crate::train::params::KroneckerParams;
 use crate::train::{Layout, Network};
 
@@ -62,6 +62,8 @@ struct Member {
     rate: f64,
     isa: Isa,
     layers: Vec<Layer>,
+    /// Their weights, as rows meet them.
+    towards: Towards,
     micro_batches: Vec<MicroBatch>,
     counters: Counters,
     steps: u64,
@@ -95,6 +97,7 @@ impl Member {
             rate: params.rate,
             isa: Isa::detect(),
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
+            towards: Towards::new(layout),
             micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout)).collect(),
             counters: Counters::default(),
             steps: 0,
@@ -134,13 +137,16 @@ impl Member {
 
     /// Adds the gradient of rows that fit into the batch.
     fn gather(&mut self, rows: &[Row], is_shared: bool) {
-        let Member { layers, micro_batches, isa, .. } = self;
+        let Member { layers, towards, micro_batches, isa, .. } = self;
         let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
+        towards.take(weights.iter().copied(), *isa);
         let micro_batches = &mut micro_batches[..rows.len().div_ceil(MICRO_BATCH_ROWS)];
         let parts: Vec<_> = rows.chunks(MICRO_BATCH_ROWS).collect();
-        each(micro_batches, is_shared, |number, micro_batch| micro_batch.run(&weights, parts[number], *isa));
+        each(micro_batches, is_shared, |number, micro_batch| micro_batch.run(&weights, towards, parts[number], *isa));
         for micro_batch in micro_batches {
-            layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| layer.gradient.add(gradient));
+            layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| {
+                layer.gradient.change_by(gradient, *isa, |x, y| *x += y);
+            });
         }
         self.begun += rows.len() as u64;
         self.counters.updates += rows.len() as u64;
@@ -154,7 +160,7 @@ impl Member {
         let seen = (1.0 - math::pow(KEPT, count)) as f32;
         let isa = self.isa;
         if !self.layers.iter().all(Layer::is_sound) {
-            self.layers.iter_mut().for_each(Layer::zero_gradient);
+            self.layers.iter_mut().for_each(|layer| layer.zero_gradient(isa));
             self.counters.updates -= rows;
             self.counters.rejected += rows;
             return;
@@ -258,7 +264,8 @@ impl Filter for Kronecker {
     fn begin_anew(&mut self) {
         for (_, member) in &mut self.members {
             (member.averaged, member.begun) = (0, 0);
-            member.layers.iter_mut().for_each(Layer::zero_gradient);
+            let isa = member.isa;
+            member.layers.iter_mut().for_each(|layer| layer.zero_gradient(isa));
         }
     }
 }

@@ -1,13 +1,17 @@
 //! Products, bases, gradients and steps against plain forms of the same.
 
+use std::collections::BTreeMap;
+
 use super::basis::turn_to_eigenvectors;
 use super::gradient::{MicroBatch, Row};
 use super::layer::Layer;
-use super::matrix::{Matrix, times, times_transposed, transposed_times};
+use crate::math;
 use crate::random::{Purpose, Stage, Streams};
 use crate::train::filter::lanes::Isa;
 use crate::train::filter::{Counters, FilterState, build};
 use crate::train::network::Activations;
+use crate::train::network::forward::Towards;
+use crate::train::network::matrix::{Matrix, times, times_transposed, transposed_times};
 use crate::train::params::{FilterParams, KroneckerParams};
 use crate::train::{Layout, Network};
 
@@ -125,11 +129,13 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let mut weights = network.weights.iter().map(|w| *w as f32);
         layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
         let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
+        let mut towards = Towards::new(&network.layout);
+        towards.take(of.iter().copied(), Isa::detect());
         let mut micro_batch = MicroBatch::new(&network.layout);
         // More rows first: what they leave behind must not count.
         let more: Vec<Row> = rows.iter().chain(&rows).map(|row| Row { ..*row }).take(64).collect();
-        micro_batch.run(&of, &more, Isa::detect());
-        micro_batch.run(&of, &rows, Isa::detect());
+        micro_batch.run(&of, &towards, &more, Isa::detect());
+        micro_batch.run(&of, &towards, &rows, Isa::detect());
         let mut wanted = vec![0.0; network.weights.len()];
         let (mut slopes, mut tape) = (wanted.clone(), Activations::default());
         for (k, inputs) in values.chunks(inputs).enumerate() {
@@ -144,16 +150,34 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
 }
 
 #[test]
-fn equal_the_first_step_and_its_formula() {
-    // Of one gradient G, with the axes turned once by a power step: the singular vectors' signs, as whitening by a rank-1 covariance gives.
-    let mut layer = Layer::new(1, 2);
-    layer.weights.fill([1.0, 2.0].into_iter());
-    layer.gradient.fill([6.0, 8.0].into_iter());
-    layer.step(2, 0, 0.1, 0.05, Isa::detect());
-    // G = (3, 4): B's first vector is (0.6, 0.8), along which the gradient is 5 and its root mean square 5: a step of 0.1 along it, once the
-    // means are corrected for their start. Nothing lies along the other vector.
-    assert!(furthest(&layer.weights, |_, column| [1.0 - 0.06, 2.0 - 0.08][column]) < 1e-5);
-    assert!(furthest(&layer.gradient, |_, _| 0.0) == 0.0);
+fn equal_steps_and_their_formula_in_f64() {
+    type Dense = nalgebra::DMatrix<f64>;
+    let dense = |m: &Matrix| Dense::from_fn(m.rows, m.columns, |i, j| f64::from(m.get(i, j)));
+    let kept = |layer: &Layer| layer.arrays().into_iter().map(|(name, m)| (name, dense(m))).collect::<BTreeMap<_, _>>();
+    let close = |a: &Dense, b: &Dense| (a - b).abs().max() < 1e-5 * b.abs().max();
+    let mut layer = Layer::new(5, 7);
+    layer.weights.fill(normals(1, 35).into_iter().map(|x| x as f32));
+    for steps in 0..40 {
+        // The sum over 32 rows.
+        layer.gradient.fill(normals(100 + steps, 35).into_iter().map(|x| 32.0 * x as f32));
+        let before = kept(&layer);
+        let (rate, seen) = (0.1, 1.0 - math::pow(0.95, (steps + 1) as f64));
+        layer.step(32, steps, rate as f32, seen as f32, Isa::detect());
+        let after = kept(&layer);
+        let gradient = &before["gradient"] / 32.0;
+        let mean = |name: &str, new: &Dense| &before[name] * 0.95 + new * 0.05;
+        assert!(close(&after["mean"], &mean("mean", &gradient)));
+        assert!(close(&after["by_neurons"], &mean("by_neurons", &(&gradient * gradient.transpose()))));
+        assert!(close(&after["by_inputs"], &mean("by_inputs", &(gradient.transpose() * &gradient))));
+        let (a, b) = (&after["neuron_basis"], &after["input_basis"]);
+        let turned = a * &gradient * b.transpose();
+        assert!(close(&after["squares"], &mean("squares", &turned.component_mul(&turned))));
+        let roots = after["squares"].map(|square| (square / seen).sqrt());
+        let step = a.transpose() * ((a * &after["mean"] * b.transpose()) / seen).component_div(&roots) * b * rate;
+        // The first gradients leave directions empty, in which all is rounding.
+        assert!(steps < 3 || close(&(&before["weights"] - &after["weights"]), &step), "step {steps}");
+        assert!(furthest(&layer.gradient, |_, _| 0.0) == 0.0);
+    }
 }
 
 #[test]

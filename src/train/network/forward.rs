@@ -1,0 +1,186 @@
+//! Rows and weights -> the values of every layer, many rows at a time, in f32.
+//!
+//! For learning by batches and for its looks; a model's outputs are of f64 ([`Network::outputs`]), from which these differ by some 1e-6.
+//! Rows of a matrix are rows of the corpus; the bias is an input that is 1. Sums run in the order of the inputs, bias last, so that a row has
+//! the same values among any others.
+
+use super::matrix::{Matrix, times, times_transposed};
+use super::{Layout, Network};
+use crate::math;
+use crate::train::filter::lanes::{Isa, Kernel, Real, Simd};
+
+/// Rows that go through a network together.
+pub(crate) const MICRO_BATCH_ROWS: usize = 64;
+
+/// The weights of a member, as rows meet them: [inputs + 1, neurons] of each hidden layer, and [1, inputs + 1] of the output.
+#[derive(Debug)]
+pub(crate) struct Towards(Vec<Matrix>);
+
+impl Towards {
+    pub(crate) fn new(layout: &Layout) -> Towards {
+        let bias = usize::from(layout.bias);
+        let last = layout.hidden.len();
+        let size = |(layer, (inputs, neurons))| {
+            if layer == last { (neurons, inputs + bias) } else { (inputs + bias, neurons) }
+        };
+        Towards(layout.layers().enumerate().map(size).map(|(rows, columns)| Matrix::zeros(rows, columns)).collect())
+    }
+
+    /// Takes the weights of each layer, [neurons, inputs + 1].
+    pub(crate) fn take<'m>(&mut self, layers: impl Iterator<Item = &'m Matrix>, isa: Isa) {
+        let last = self.0.len() - 1;
+        for (number, (own, layer)) in self.0.iter_mut().zip(layers).enumerate() {
+            if number == last {
+                own.clone_from(layer);
+            } else {
+                own.transpose_of(layer, isa);
+            }
+        }
+    }
+}
+
+/// Some rows on their way through a member.
+#[derive(Debug)]
+pub(crate) struct Values {
+    /// Into each layer, and ones for its bias: [rows, inputs + 1].
+    pub into: Vec<Matrix>,
+    /// [rows, 1].
+    pub outputs: Matrix,
+}
+
+impl Values {
+    pub(crate) fn new(layout: &Layout) -> Values {
+        let bias = usize::from(layout.bias);
+        let values = |(inputs, _): (usize, usize)| {
+            let mut values = Matrix::zeros(MICRO_BATCH_ROWS, inputs + bias);
+            if layout.bias {
+                (0..MICRO_BATCH_ROWS).for_each(|row| values.set(row, inputs, 1.0));
+            }
+            values
+        };
+        Values { into: layout.layers().map(values).collect(), outputs: Matrix::zeros(MICRO_BATCH_ROWS, 1) }
+    }
+
+    /// Takes the inputs of up to [`MICRO_BATCH_ROWS`] rows; places without one keep what they hold.
+    pub(crate) fn take<'r>(&mut self, rows: impl Iterator<Item = &'r [f64]>) {
+        for (place, row) in rows.enumerate() {
+            let chunks = self.into[0].row_mut(place);
+            chunks.iter_mut().flat_map(AsMut::as_mut).zip(row).for_each(|(value, x)| *value = *x as f32);
+        }
+    }
+
+    /// All layers, one after another.
+    pub(crate) fn run(&mut self, weights: &Towards, isa: Isa) {
+        let (output, hidden) = weights.0.split_last().expect("a network has an output");
+        for (layer, weights) in hidden.iter().enumerate() {
+            let (before, after) = self.into.split_at_mut(layer + 1);
+            times(&before[layer], weights, &mut after[0], isa);
+            isa.run(Logistic { values: &mut after[0], neurons: weights.columns });
+        }
+        times_transposed(&self.into[hidden.len()], output, &mut self.outputs, isa);
+        isa.run(Logistic { values: &mut self.outputs, neurons: 1 });
+    }
+}
+
+/// The first columns of `values` become their logistic function, and what lies behind them a 1 for the bias, where it has a column, and noughts.
+struct Logistic<'a> {
+    values: &'a mut Matrix,
+    neurons: usize,
+}
+
+impl Kernel<f32> for Logistic<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<V: Simd<f32>>(self) {
+        const LANES: usize = <f32 as Real>::LANES;
+        let Logistic { values, neurons } = self;
+        let is_biased = values.columns > neurons;
+        let (whole, left) = (neurons / LANES, neurons % LANES);
+        let mut behind = [0.0; LANES];
+        behind[left] = f32::from(u8::from(is_biased));
+        for row in 0..values.rows {
+            let row = values.row_mut(row);
+            for chunk in &mut row[..whole] {
+                for lanes in chunk.as_mut().as_chunks_mut::<LANES>().0 {
+                    *lanes = logistic(lanes); // Eq. (1)
+                }
+            }
+            for chunk in &mut row[whole..] {
+                for lanes in chunk.as_mut().as_chunks_mut::<LANES>().0 {
+                    let own = logistic(lanes);
+                    *lanes = behind;
+                    lanes[..left].copy_from_slice(&own[..left]);
+                }
+            }
+        }
+    }
+}
+
+/// The logistic function of several numbers; NaN for NaN.
+#[inline(always)]
+fn logistic<const N: usize>(x: &[f32; N]) -> [f32; N] {
+    let powers = math::exp_lanes_f32(&x.map(|x| -x));
+    powers.map(|power| 1.0 / (1.0 + power))
+}
+
+/// A network and the precision that rows go through it in.
+#[derive(Debug)]
+pub(crate) enum Forward<'n> {
+    F64(&'n Network),
+    F32(NetworkF32),
+}
+
+impl Forward<'_> {
+    /// As [`Network::outputs`].
+    pub(crate) fn outputs(&self, rows: &[f64], outputs: &mut [f64]) {
+        match self {
+            Forward::F64(network) => network.outputs(rows, outputs),
+            Forward::F32(network) => network.outputs(rows, outputs),
+        }
+    }
+}
+
+/// A network whose rows go through it in f32.
+#[derive(Debug)]
+pub(crate) struct NetworkF32 {
+    layout: Layout,
+    members: Vec<Towards>,
+}
+
+impl NetworkF32 {
+    pub(crate) fn new(network: &Network) -> NetworkF32 {
+        let layout = network.layout.clone();
+        let bias = usize::from(layout.bias);
+        let mut weights = network.weights.iter().map(|w| *w as f32);
+        let mut member = || {
+            let layer = |(inputs, neurons)| {
+                let mut layer = Matrix::zeros(neurons, inputs + bias);
+                layer.fill(&mut weights);
+                layer
+            };
+            let layers: Vec<_> = layout.layers().map(layer).collect();
+            let mut towards = Towards::new(&layout);
+            towards.take(layers.iter(), Isa::detect());
+            towards
+        };
+        let members = (0..layout.members).map(|_| member()).collect();
+        NetworkF32 { layout, members }
+    }
+
+    fn outputs(&self, rows: &[f64], outputs: &mut [f64]) {
+        let (isa, inputs) = (Isa::detect(), self.layout.inputs);
+        let mut values = Values::new(&self.layout);
+        let share = 1.0 / self.members.len() as f64;
+        for (rows, outputs) in rows.chunks(MICRO_BATCH_ROWS * inputs).zip(outputs.chunks_mut(MICRO_BATCH_ROWS)) {
+            values.take(rows.chunks_exact(inputs));
+            outputs.fill(0.0);
+            for member in &self.members {
+                values.run(member, isa);
+                for (place, output) in outputs.iter_mut().enumerate() {
+                    *output += share * f64::from(values.outputs.get(place, 0));
+                }
+            }
+        }
+    }
+}
