@@ -160,10 +160,12 @@ pub enum ModelError {
 impl Scaler {
     /// Scales one row of features.
     pub(crate) fn scale(&self, features: &[f32], out: &mut [f64]) {
-        let numbers = features.iter().zip(&self.minus).zip(&self.mean).zip(&self.scale);
-        for (out, (((&x, minus), mean), scale)) in out.iter_mut().zip(numbers) {
-            let x = f64::from(x) - minus.map_or(0.0, |other| f64::from(features[other]));
-            *out = ((x - mean) / scale).clamp(-self.clip, self.clip);
+        for ((out, &x), minus) in out.iter_mut().zip(features).zip(&self.minus) {
+            *out = f64::from(x) - minus.map_or(0.0, |other| f64::from(features[other]));
+        }
+        // A loop of its own, whose divisions go by lanes.
+        for ((x, mean), scale) in out.iter_mut().zip(&self.mean).zip(&self.scale) {
+            *x = ((*x - mean) / scale).clamp(-self.clip, self.clip);
         }
     }
 }

@@ -75,19 +75,19 @@ impl Matrix {
     }
 
     /// Changes each element, and the zeros of the padding, which must stay nought.
-    pub(crate) fn change(&mut self, isa: Isa, change: impl Fn(&mut f32)) {
+    pub(crate) fn change(&mut self, isa: Isa, change: impl Fn(f32) -> f32) {
         isa.run(Change { chunks: &mut self.chunks, change });
     }
 
     /// The same by the element of another matrix of the size, or of one with more columns.
-    pub(crate) fn change_by(&mut self, other: &Matrix, isa: Isa, change: impl Fn(&mut f32, f32)) {
+    pub(crate) fn change_by(&mut self, other: &Matrix, isa: Isa, change: impl Fn(f32, f32) -> f32) {
         assert!(self.rows == other.rows && self.width <= other.width);
         isa.run(ChangeBy { matrix: self, other, change });
     }
 
     /// `self` becomes a share of itself and the rest of another: (1 - share) self + share other.
     pub(crate) fn update_running_mean(&mut self, other: &Matrix, share: f32, isa: Isa) {
-        self.change_by(other, isa, |x, y| *x += share * (y - *x));
+        self.change_by(other, isa, |x, y| x + share * (y - x));
     }
 
     /// Becomes the transpose of another, as far as that has columns.
@@ -102,13 +102,15 @@ struct Change<'a, F> {
     change: F,
 }
 
-impl<F: Fn(&mut f32)> Kernel<f32> for Change<'_, F> {
+impl<F: Fn(f32) -> f32> Kernel<f32> for Change<'_, F> {
     type Out = ();
 
     #[inline(always)]
     fn run<V: Simd<f32>>(self) {
         for chunk in self.chunks {
-            chunk.as_mut().iter_mut().for_each(&self.change);
+            for lanes in chunk.as_mut().as_chunks_mut::<LANES>().0 {
+                *lanes = lanes.map(&self.change);
+            }
         }
     }
 }
@@ -119,7 +121,7 @@ struct ChangeBy<'a, F> {
     change: F,
 }
 
-impl<F: Fn(&mut f32, f32)> Kernel<f32> for ChangeBy<'_, F> {
+impl<F: Fn(f32, f32) -> f32> Kernel<f32> for ChangeBy<'_, F> {
     type Out = ();
 
     #[inline(always)]
@@ -128,7 +130,10 @@ impl<F: Fn(&mut f32, f32)> Kernel<f32> for ChangeBy<'_, F> {
         let theirs = other.chunks.chunks_exact(other.width.max(1));
         for (mine, theirs) in matrix.chunks.chunks_exact_mut(matrix.width.max(1)).zip(theirs) {
             for (mine, theirs) in mine.iter_mut().zip(theirs) {
-                mine.as_mut().iter_mut().zip(theirs.as_ref()).for_each(|(x, y)| change(x, *y));
+                let (mine, theirs) = (mine.as_mut().as_chunks_mut::<LANES>().0, theirs.as_ref().as_chunks::<LANES>().0);
+                for (mine, theirs) in mine.iter_mut().zip(theirs) {
+                    *mine = std::array::from_fn(|lane| change(mine[lane], theirs[lane]));
+                }
             }
         }
     }

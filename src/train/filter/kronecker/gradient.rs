@@ -55,7 +55,7 @@ impl MicroBatch {
             if let Some(slopes) = before.last_mut() {
                 // Behind the last neuron values are 1 and nought, which leaves nothing there.
                 times(&from[0], weights[layer], slopes, isa);
-                slopes.change_by(&values.into[layer], isa, |slope, y| *slope *= y * (1.0 - y));
+                slopes.change_by(&values.into[layer], isa, |slope, y| slope * (y * (1.0 - y)));
             }
         }
     }

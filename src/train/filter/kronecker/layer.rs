@@ -80,14 +80,14 @@ impl Layer {
 
     /// Makes the gradient of a batch nought.
     pub(super) fn zero_gradient(&mut self, isa: Isa) {
-        self.gradient.change(isa, |x| *x = 0.0);
+        self.gradient.change(isa, |_| 0.0);
     }
 
     /// The step for the gradient of `rows` rows, which is then nought again; `steps`: those before it.
     pub(super) fn step(&mut self, rows: u64, steps: u64, rate: f32, seen: f32, isa: Isa) {
         let Layer { gradient, mean, by_neurons, by_inputs, squares, scratch, .. } = self;
         let (share, scale) = ((1.0 - KEPT) as f32, 1.0 / rows as f32);
-        gradient.change(isa, |x| *x *= scale);
+        gradient.change(isa, |x| x * scale);
         times_transposed(gradient, gradient, &mut scratch.by_neurons, isa);
         mean.update_running_mean(gradient, share, isa);
         by_neurons.update_running_mean(&scratch.by_neurons, share, isa);
@@ -100,15 +100,15 @@ impl Layer {
         let Scratch { half, turned, .. } = scratch;
         times(&self.neuron_basis, gradient, half, isa);
         times_transposed(half, &self.input_basis, turned, isa);
-        squares.change_by(turned, isa, |square, x| *square += share * (x * x - *square));
+        squares.change_by(turned, isa, |square, x| square + share * (x * x - square));
         times(&self.neuron_basis, mean, half, isa);
         times_transposed(half, &self.input_basis, turned, isa);
         // Running means from nought are `seen` too small.
         let size = rate / seen;
-        turned.change_by(squares, isa, |x, square| *x *= size / ((square / seen).sqrt() + LEAST_ROOT));
+        turned.change_by(squares, isa, |x, square| x * (size / ((square / seen).sqrt() + LEAST_ROOT)));
         times(turned, &self.input_basis, half, isa);
         transposed_times(&self.neuron_basis, half, turned, isa);
-        self.weights.change_by(turned, isa, |w, step| *w -= step);
+        self.weights.change_by(turned, isa, |w, step| w - step);
         self.zero_gradient(isa);
     }
 }

@@ -145,7 +145,7 @@ impl Member {
         each(micro_batches, is_shared, |number, micro_batch| micro_batch.run(&weights, towards, parts[number], *isa));
         for micro_batch in micro_batches {
             layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| {
-                layer.gradient.change_by(gradient, *isa, |x, y| *x += y);
+                layer.gradient.change_by(gradient, *isa, |x, y| x + y);
             });
         }
         self.begun += rows.len() as u64;
