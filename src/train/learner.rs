@@ -3,6 +3,7 @@
 //! What a training from shards and one from memory share. In: rows, and the order to learn them in. Portions end where a look at the
 //! validation split is due, so a place in the order says all of how it is gone on with.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::filter::{self, Filter};
@@ -19,6 +20,9 @@ use crate::random::{Stage, Streams};
 /// pass of its own.
 const PORTIONS_A_TRAINING_ERROR: usize = 4;
 
+/// Rows of a portion that a thread takes at a time.
+const ROWS_A_TASK: usize = 128;
+
 /// A network in training.
 pub(super) struct Learner {
     pub objective: Objective,
@@ -34,6 +38,8 @@ pub(super) struct Learner {
     /// Rows learnt in one portion, at most; between two portions training may be interrupted.
     portion_rows: usize,
     portion: Share,
+    /// Whether the threads of the pool share the work.
+    is_shared: bool,
     selection: Option<Selection>,
 }
 
@@ -79,8 +85,15 @@ impl Learner {
             look_noise: params.filter.look_noise(),
             portion_rows: params.filter.portion_rows(),
             portion: Share::default(),
+            is_shared: false,
             selection: Selection::of(&params.filter, params.seed),
         })
+    }
+
+    /// As [`Filter::share_work`].
+    pub(super) fn share_work(&mut self) {
+        self.is_shared = true;
+        self.filter.share_work();
     }
 
     /// Learns the next portion of an order, from its row `from` on; where that portion ends.
@@ -88,12 +101,13 @@ impl Learner {
         let until_look = self.validate_every - self.learnt.rows % self.validate_every;
         let end = order.len().min(from - from % self.portion_rows + self.portion_rows);
         let end = end.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
-        self.portion.fill(rows, &order[from..end], &self.objective);
+        let is_shared = self.is_shared && rayon::current_num_threads() > 1;
+        self.portion.fill(rows, &order[from..end], &self.objective, is_shared);
         let since_look = self.learnt.rows % self.validate_every;
         let portion = since_look as usize / self.portion_rows;
         if self.selection.is_some() || portion.is_multiple_of(PORTIONS_A_TRAINING_ERROR) {
             let mut sum = ErrorSum::from(self.learnt.train_sum);
-            sum += self.portion.error(&self.objective.forward(&self.network));
+            sum += self.portion.error(&self.objective.forward(&self.network), is_shared);
             self.learnt.train_sum = sum.into();
         }
         if let Some(selection) = &mut self.selection {
@@ -164,18 +178,26 @@ struct Share {
 }
 
 impl Share {
-    fn fill(&mut self, rows: &Rows, order: &[u32], objective: &Objective) {
+    fn fill(&mut self, rows: &Rows, order: &[u32], objective: &Objective, is_shared: bool) {
         let width = rows.width;
         self.inputs.resize(order.len() * width, 0.0);
+        let scale = |(out, order): (&mut [f64], &[u32])| {
+            for (out, &row) in out.chunks_exact_mut(width).zip(order) {
+                objective.scaler.scale(rows.row(row as usize), out);
+            }
+        };
+        if is_shared {
+            self.inputs.par_chunks_mut(ROWS_A_TASK * width).zip(order.par_chunks(ROWS_A_TASK)).for_each(scale);
+        } else {
+            scale((&mut self.inputs, order));
+        }
         self.targets.clear();
         self.noise.clear();
-        for (out, &row) in self.inputs.chunks_exact_mut(width).zip(order) {
-            let row = row as usize;
-            objective.scaler.scale(rows.row(row), out);
-            let label = rows.labels[row];
+        for &row in order {
+            let label = rows.labels[row as usize];
             self.targets.push(objective.targets[label.index()]);
             // R of a row is divided by its weight: exact in a Kalman filter.
-            self.noise.push(1.0 / objective.weights.of(label, rows.corpora[row]));
+            self.noise.push(1.0 / objective.weights.of(label, rows.corpora[row as usize]));
         }
     }
 
@@ -197,9 +219,16 @@ impl Share {
     }
 
     /// The error before these rows are learnt.
-    fn error(&mut self, network: &Forward) -> ErrorSum {
-        self.outputs.resize(self.targets.len(), 0.0);
-        network.outputs(&self.inputs, &mut self.outputs);
+    fn error(&mut self, network: &Forward, is_shared: bool) -> ErrorSum {
+        let (count, width) = (self.targets.len(), self.inputs.len() / self.targets.len().max(1));
+        self.outputs.resize(count, 0.0);
+        let outputs = |(rows, outputs): (&[f64], &mut [f64])| network.outputs(rows, outputs);
+        if is_shared {
+            let rows = self.inputs.par_chunks(ROWS_A_TASK * width);
+            rows.zip(self.outputs.par_chunks_mut(ROWS_A_TASK)).for_each(outputs);
+        } else {
+            outputs((&self.inputs, &mut self.outputs));
+        }
         let mut sum = ErrorSum::default();
         for ((target, noise), output) in self.targets.iter().zip(&self.noise).zip(&self.outputs) {
             let error = target - output;

@@ -3,13 +3,15 @@
 //! In: learning curves of the study; what one scene costs here, of a few that were made on this machine. Out: scenes of a corpus, seconds of wall
 //! for building it on all cores and for training on one, bytes, and the balanced accuracy to be expected, with an interval. The study's
 //! times are scaled by how long this machine takes for the study's scenes. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
-//! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and the training's time as a power of the scenes.
+//! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and how often a training goes through its rows (`passes`).
 //! Settings are ranked by what is told of them, the config as written before what is not told apart, then by what is expected no farther than
 //! twice the largest measured size.
 
 mod fit;
+mod passes;
 
 use self::fit::{Fit, Measured};
+use self::passes::Passes;
 use super::study::{Study, StudySetting};
 use super::tradeoff::report::Told;
 use crate::math;
@@ -81,8 +83,9 @@ struct Curve<'s> {
     setting: &'s StudySetting,
     fit: Fit,
     scene_cpu_s: f64,
-    /// seconds = first * (scenes of the study / largest)^power; beyond the largest size in proportion, for training is some passes.
-    train: (f64, f64),
+    /// Of learning a scene of the study once.
+    pass_cpu_s: f64,
+    passes: Passes,
     largest: f64,
 }
 
@@ -94,10 +97,10 @@ pub(crate) fn choices<'s>(
     here: impl Fn(&StudySetting) -> Here,
     multiple: u64,
 ) -> Vec<Choice<'s>> {
-    let errors = standard_errors(study);
+    let (errors, passes) = (standard_errors(study), Passes::of(study));
     let choices = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
-        let curve = Curve::of(setting, &errors, &here);
+        let curve = Curve::of(setting, &errors, passes, &here);
         Some((curve.choice(budget, &here, multiple)?, curve))
     });
     let mut ranked: Vec<(u8, f64, Choice)> = choices
@@ -132,7 +135,7 @@ fn standard_errors(study: &Study) -> Vec<f64> {
 }
 
 impl<'s> Curve<'s> {
-    fn of(setting: &'s StudySetting, errors: &[f64], here: &Here) -> Curve<'s> {
+    fn of(setting: &'s StudySetting, errors: &[f64], passes: Passes, here: &Here) -> Curve<'s> {
         let measured: Vec<Measured> = setting
             .sizes
             .iter()
@@ -149,16 +152,16 @@ impl<'s> Curve<'s> {
             setting,
             fit: Fit::of(&measured, &largest.balanced_accuracy),
             scene_cpu_s: here.slowness * largest.generate_cpu_s / scenes + here.writing_cpu_s,
-            train: (here.slowness * largest.train_cpu_s, training_power(setting)),
+            pass_cpu_s: here.slowness * largest.train_cpu_s / (largest.passes * scenes),
+            passes,
             largest: scenes,
         }
     }
 
     /// Seconds of wall: building on all cores, and training on one.
     fn seconds(&self, scenes: f64, cores: f64) -> (f64, f64) {
-        let (first, power) = self.train;
-        let share = STUDY_SCENES * scenes / self.largest;
-        (self.scene_cpu_s * scenes / cores, first * if share > 1.0 { share } else { math::pow(share, power) })
+        let learnt = STUDY_SCENES * scenes;
+        (self.scene_cpu_s * scenes / cores, self.pass_cpu_s * learnt * self.passes.at(learnt))
     }
 
     /// `None` where not even `multiple` scenes are within the budget.
@@ -206,18 +209,6 @@ impl<'s> Curve<'s> {
         let is_flat = |scenes: &f64| self.fit.gain(STUDY_SCENES * scenes, STUDY_SCENES * last).1 <= FLAT;
         (0..=STEPS).map(at).find(is_flat).map_or(most_scenes, |scenes| scenes.ceil() as u64)
     }
-}
-
-/// The power by which a training's time grows with the scenes: least squares in both logarithms, within a half and one.
-fn training_power(setting: &StudySetting) -> f64 {
-    let points: Vec<(f64, f64)> =
-        setting.sizes.iter().map(|size| (math::ln(size.scenes as f64), math::ln(size.train_cpu_s))).collect();
-    let count = points.len() as f64;
-    let (mean_x, mean_y) =
-        (points.iter().map(|p| p.0).sum::<f64>() / count, points.iter().map(|p| p.1).sum::<f64>() / count);
-    let products: f64 = points.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
-    let squares: f64 = points.iter().map(|p| (p.0 - mean_x) * (p.0 - mean_x)).sum();
-    (products / squares).clamp(0.5, 1.0)
 }
 
 /// The largest multiple at which something that ends once still holds, up to a billion scenes; 0 where it never does.

@@ -164,3 +164,40 @@ fn exact_numbers_of_weights() {
     assert_eq!(weights(14, &[16, 16], false), 14 * 16 + 16 * 16 + 16);
     assert_eq!(Layout { inputs: 14, hidden: vec![16, 16], bias: true, members: 3 }.weights(), 3 * 529);
 }
+
+#[test]
+fn equal_outputs_in_f32_and_in_f64_and_of_rows_alone_and_among_others() {
+    for (members, inputs, hidden, bias) in [
+        (2, 23, &[64, 64][..], true),
+        (1, 19, &[16, 16], true),
+        (1, 5, &[6, 3], false),
+        (3, 33, &[17], true),
+        (1, 4, &[], true),
+        (1, 16, &[32, 5], false),
+    ] {
+        let network = ensemble(members, inputs, hidden, bias, 7);
+        let rows = rows(150, inputs);
+        let [mut exact, mut outputs] = [(); 2].map(|()| vec![0.0; 150]);
+        network.outputs(&rows, &mut exact);
+        let forward = forward::Forward::F32(forward::NetworkF32::new(&network));
+        forward.outputs(&rows, &mut outputs);
+        for (row, (output, exact)) in outputs.iter().zip(&exact).enumerate() {
+            assert!((output - exact).abs() < 2e-6, "{hidden:?}: {output} {exact}");
+            let mut alone = [0.0];
+            forward.outputs(&rows[row * inputs..(row + 1) * inputs], &mut alone);
+            assert_eq!(alone[0].to_bits(), output.to_bits());
+        }
+    }
+}
+
+#[test]
+fn extreme_huge_rows_and_weights_saturate_in_f32_and_nan_stays() {
+    let layout = Layout { inputs: 2, hidden: vec![3], bias: true, members: 1 };
+    let mut network = Network { layout, weights: vec![1e30; 13] };
+    // The hidden neurons are nought, and the bias of the output alone speaks.
+    network.weights[12] = -1e30;
+    let forward = forward::NetworkF32::new(&network);
+    let mut outputs = [f64::NAN; 2];
+    forward::Forward::F32(forward).outputs(&[-1e8, -1e8, f64::NAN, 0.0], &mut outputs);
+    assert!(outputs[0] < 1e-37 && outputs[1].is_nan(), "{outputs:?}");
+}

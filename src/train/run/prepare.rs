@@ -54,7 +54,7 @@ impl<'s> Training<'s> {
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
         let objective = Objective::new(scaler, params, &counts, &corpora);
         let mut learner = Learner::new(params, objective, validate_every)?;
-        learner.filter.share_work();
+        learner.share_work();
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
         let mut run = match begun {
             Some(run) => run,
