@@ -16,7 +16,9 @@ use super::train::{goes_on, open_source, run_folder, train_failure};
 use super::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::{Build, LocalFolder, Split, owner};
+use crate::search::leaderboard::shown_interval;
 use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
+use crate::search::over_scenes::ValidationScenes;
 use crate::search::{Entry, Leaderboard, Outcome, Setup, journal, leaderboard, search};
 use crate::train::memory::Held;
 use crate::train::{Sources, TrainParams, folder, scenes};
@@ -171,8 +173,10 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let validation = draw(Split::Validation, args.validation_rows)?;
     let mut progress = SearchProgress::new(&out, &name, (&train, &validation), args.threads, log);
     let to_train = params.clone();
+    let held = Held::new(&sources.features, train.rows, validation.rows, &[1.0], &params).map_err(train_failure)?;
     let setup = Setup {
-        held: Held::new(&sources.features, train.rows, validation.rows, &[1.0], &params).map_err(train_failure)?,
+        scenes: ValidationScenes::new(&held, &validation.of_row),
+        held,
         params: TrainParams { epochs: args.epochs, ..params },
         networks,
         rungs: usize::from(args.rungs),
@@ -229,7 +233,7 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[En
         tracing::info!(event = "done", run = %setup.out.display(), networks = board.networks, chosen, best_validation_error = best);
         return;
     }
-    out!("{}", leaderboard::table(entries, setup.margin));
+    out!("{}", leaderboard::table(entries, &setup.scenes, setup.margin));
     for (number, rung) in (1..).zip(&board.rungs).take(board.rungs.len().saturating_sub(1)) {
         if let Some(rho) = rung.rank_correlation {
             let last = entries.len();
@@ -245,9 +249,21 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[En
     }
     let config = setup.out.join(folder::CONFIG);
     errln!(
-        "> {chosen}: the smallest network within {} of the best validation error\nnext: marsyard train {} --config {}",
+        "> {chosen}: the smallest network within {} of the best validation error{}\nnext: marsyard train {} --config {}",
         setup.margin,
+        over_scenes(board),
         args.corpus.display(),
         config.display()
     );
+}
+
+/// How sure that is.
+fn over_scenes(board: &Leaderboard) -> String {
+    let best = board.leaderboard.first().and_then(|line| line.error);
+    let above = board.chosen.as_ref().and_then(|line| line.above_best);
+    let (best, above) = (shown_interval(best), shown_interval(above));
+    if best == "-" || above == "-" {
+        return String::new();
+    }
+    format!(" ({best}),\n  {above} above it (95 % over {} validation scenes)", board.validation_scenes)
 }

@@ -6,11 +6,12 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::Setup;
 use super::networks::Hidden;
 use super::rungs::Rung;
 use crate::evaluate::Confusion;
 use crate::statistics::scores::Scores;
-use crate::train::memory::{self, Course, Held, Trained};
+use crate::train::memory::{self, Course, Held};
 use crate::train::stopping::Stop;
 use crate::train::{TrainError, TrainParams};
 
@@ -27,6 +28,10 @@ pub struct Entry {
     pub best_rows: u64,
     /// Weighted mean squared error of the best look; `None` where it is not finite.
     pub validation_error: Option<f64>,
+    /// What each validation scene adds to that error, of a training that is over; empty of one that the next rung begins anew, and in
+    /// a journal of an earlier marsyard.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub error_by_scene: Vec<f64>,
     /// Of the best network on the validation rows.
     pub balanced_accuracy: Option<f64>,
     pub auc: Option<f64>,
@@ -72,17 +77,19 @@ pub(crate) fn course(params: &TrainParams, held: &Held, rung: &Rung) -> Course {
 /// It begins anew at each rung: to keep the f32 covariances of the paper's 33,824 networks of 17 inputs takes 69 GB (4 bytes for each of
 /// w (w + 1) / 2 elements, w weights). To learn the first rows again is a fifth of all rows learnt by three rungs that keep a quarter.
 pub(crate) fn train(
-    params: &TrainParams,
-    held: &Held,
+    setup: &Setup,
     hidden: &[usize],
     (number, rung): (usize, &Rung),
     stop: &AtomicBool,
 ) -> Result<Option<Entry>, TrainError> {
     let begun = Instant::now();
-    let params = params_of(params, hidden);
+    let held = &setup.held;
+    let params = params_of(&setup.params, hidden);
     let course = course(&params, held, rung);
     let Some(trained) = memory::train(&params, held, course, stop, &mut |_| ())? else { return Ok(None) };
-    let (balanced_accuracy, auc) = judge(&params, held, &trained);
+    let outputs = held.outputs(&trained.network, &held.validation);
+    let (balanced_accuracy, auc) = judge(&params, held, &outputs);
+    let is_over = trained.stopped == Stop::Patience || number + 1 == setup.rungs;
     Ok(Some(Entry {
         hidden: hidden.to_vec(),
         rung: number,
@@ -90,6 +97,7 @@ pub(crate) fn train(
         rows: trained.rows_learnt,
         best_rows: trained.best.rows,
         validation_error: trained.best.validation_error,
+        error_by_scene: if is_over { setup.scenes.errors(held, &outputs) } else { Vec::new() },
         balanced_accuracy,
         auc,
         stopped: trained.stopped,
@@ -100,10 +108,10 @@ pub(crate) fn train(
 }
 
 /// Balanced accuracy at the config's first threshold, and the area under the ROC curve.
-fn judge(params: &TrainParams, held: &Held, trained: &Trained) -> (Option<f64>, Option<f64>) {
+fn judge(params: &TrainParams, held: &Held, outputs: &[f64]) -> (Option<f64>, Option<f64>) {
     let mut scores = Scores::new(1.0);
     let mut confusion = Confusion::default();
-    for (output, label) in held.outputs(&trained.network, &held.validation).iter().zip(&held.validation.labels) {
+    for (output, label) in outputs.iter().zip(&held.validation.labels) {
         let untraversable = label.is_untraversable();
         scores.add(untraversable, *output);
         confusion.add(untraversable, *output >= params.thresholds[0], 1);

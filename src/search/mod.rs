@@ -14,6 +14,7 @@ pub(crate) mod entry;
 pub mod journal;
 pub(crate) mod leaderboard;
 pub(crate) mod networks;
+pub(crate) mod over_scenes;
 pub(crate) mod picture;
 mod round;
 pub(crate) mod rungs;
@@ -30,6 +31,7 @@ pub(crate) use self::entry::Entry;
 use self::journal::Journal;
 pub(crate) use self::leaderboard::Leaderboard;
 use self::networks::Hidden;
+use self::over_scenes::ValidationScenes;
 use self::round::Round;
 use self::rungs::{Rung, rungs, survivors};
 use self::throughput::Throughput;
@@ -40,13 +42,15 @@ use crate::train::memory::Held;
 use crate::train::{TrainError, TrainParams, filter, folder};
 
 /// Hidden layers -> a config.
-pub(crate) type ConfigOf = dyn Fn(&[usize]) -> String;
+pub(crate) type ConfigOf = dyn Fn(&[usize]) -> String + Sync;
 
 /// What is searched by what.
 pub(crate) struct Setup {
     /// `network.hidden` does not apply.
     pub params: TrainParams,
     pub held: Held,
+    /// Of the validation rows.
+    pub scenes: ValidationScenes,
     pub networks: Vec<Hidden>,
     /// Rungs, and the share of the networks that goes on from each to the next.
     pub rungs: usize,
@@ -120,9 +124,11 @@ pub(crate) fn search(setup: &Setup, stop: &AtomicBool, tell: &mut dyn FnMut(Even
         }
         entries.push(done);
     }
-    let board = Leaderboard::of(&rungs, &entries, setup.margin, identity.clone());
+    let board = Leaderboard::of(&rungs, &entries, &setup.scenes, setup.margin, identity.clone());
     journal.sync()?;
-    write(setup, &board, &entries, |margin| Leaderboard::of(&rungs, &entries, margin, identity.clone()))?;
+    write(setup, &board, &entries, |margin| {
+        Leaderboard::of(&rungs, &entries, &setup.scenes, margin, identity.clone())
+    })?;
     Ok(Outcome::Done(Box::new(board), entries.pop().unwrap_or_default()))
 }
 

@@ -50,7 +50,7 @@ impl Round<'_> {
         let mut left = waiting.len();
         waiting.sort_by_key(|hidden| Reverse(weights(self.setup, hidden)));
         let rung = (self.number, self.rung);
-        let train = |hidden: &Hidden, (): &mut ()| entry::train(params, held, hidden, rung, stop);
+        let train = |hidden: &Hidden, (): &mut ()| entry::train(self.setup, hidden, rung, stop);
         parallel::for_each(self.setup.threads, waiting, stop, train, |trained| {
             // It was stopped on its way.
             let Some(entry) = trained else { return Ok(()) };

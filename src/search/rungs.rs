@@ -75,6 +75,7 @@ pub(super) mod tests {
             rows: 100,
             best_rows: 100,
             validation_error: Some(error).filter(|error| error.is_finite()),
+            error_by_scene: Vec::new(),
             balanced_accuracy: Some(1.0 - error),
             auc: Some(1.0 - 0.5 * error),
             stopped: Stop::Epochs,

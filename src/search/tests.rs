@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use serde_json::json;
 
 use super::networks::grid;
+use super::over_scenes::ValidationScenes;
 use super::rungs::Rung;
 use super::{Event, Outcome, Setup, entry, journal, leaderboard, picture, search};
 use crate::cells::Label;
@@ -32,8 +33,12 @@ fn rows(seed: u64, count: usize) -> Rows {
 fn setup(out: &Path, threads: usize) -> Setup {
     let sets = ["filter={ekf: {}}", "validate_every=100", "patience=4"].map(String::from);
     let params = TrainParams { epochs: 4, ..crate::config::load_train(None, &sets).unwrap() };
+    let held = Held::new(&["x".into(), "y".into()], rows(1, 300), rows(2, 200), &[1.0], &params).unwrap();
+    // Twenty rows a scene.
+    let of_row: Vec<u32> = (0..200).map(|row| row / 20).collect();
     Setup {
-        held: Held::new(&["x".into(), "y".into()], rows(1, 300), rows(2, 200), &[1.0], &params).unwrap(),
+        scenes: ValidationScenes::new(&held, &of_row),
+        held,
         params,
         networks: grid(&[1, 3, 5], 2),
         rungs: 3,
@@ -126,7 +131,7 @@ fn equal_an_entry_and_that_network_trained_alone() {
     };
     let rung = Rung { rows: 4 * 300, networks: 1 };
     for there in &entries {
-        let alone = entry::train(&setup.params, &setup.held, &there.hidden, (2, &rung), &AtomicBool::new(false));
+        let alone = entry::train(&setup, &there.hidden, (2, &rung), &AtomicBool::new(false));
         let alone = alone.unwrap().unwrap();
         assert_eq!(entry::Entry { seconds: 0.0, ..alone }, entry::Entry { seconds: 0.0, ..there.clone() });
     }

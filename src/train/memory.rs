@@ -10,7 +10,7 @@ use super::filter::Counters;
 use super::learner::Learner;
 use super::model::Scaler;
 use super::order::Epoch;
-use super::rows::Rows;
+use super::rows::{Rows, stride};
 use super::scaling::{moments_of, scaler_of, subtracted};
 use super::stopping::{Look, Stop};
 use super::validation::Objective;
@@ -21,6 +21,8 @@ pub struct Held {
     pub train: Rows,
     pub validation: Rows,
     pub objective: Objective,
+    /// Of the rows to judge by that were given, every so many-th is judged by.
+    pub looked_every: usize,
     /// Features that never vary in the rows to learn.
     pub constant: Vec<usize>,
 }
@@ -78,10 +80,12 @@ impl Held {
             counts[usize::from(train.corpora[row])][train.labels[row].index()] += 1;
         }
         let validate_every = params.rows_between_looks(train.len() as u64);
-        let validation = validation.thinned(params.filter.look_rows(validate_every));
+        let look_rows = params.filter.look_rows(validate_every);
+        let looked_every = stride(validation.len() as u64, look_rows) as usize;
+        let validation = validation.thinned(look_rows);
         let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
         let objective = Objective::new(scaler, params, &counts, corpora);
-        Ok(Held { objective, train, validation, constant })
+        Ok(Held { objective, train, validation, looked_every, constant })
     }
 
     /// As long as the parameters say.

@@ -17,6 +17,8 @@ const LEAST_SCENES: usize = 100;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sample {
     pub rows: Rows,
+    /// Of each row the place of its scene among those that gave rows.
+    pub of_row: Vec<u32>,
     /// Scenes that gave them, and scenes of the split.
     pub scenes: u64,
     pub scenes_there: u64,
@@ -48,7 +50,12 @@ fn draw_thinned(
     let stream =
         Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: split as u32 }.open(Purpose::TrainScenes);
     let order = permutation(scenes.len(), &mut stream.generator_at(0));
-    let mut sample = Sample { rows: Rows::new(sources.features.len()), scenes: 0, scenes_there: scenes.len() as u64 };
+    let mut sample = Sample {
+        rows: Rows::new(sources.features.len()),
+        of_row: Vec::new(),
+        scenes: 0,
+        scenes_there: scenes.len() as u64,
+    };
     let mut is_thinned = false;
     for scene in order {
         if sample.rows.len() >= count {
@@ -64,8 +71,10 @@ fn draw_thinned(
             drawn.sort_unstable();
             sample.rows.keep_of_last(before, &drawn);
         }
+        sample.of_row.resize(sample.rows.len(), sample.scenes as u32);
         sample.scenes += u64::from(found > 0);
     }
     sample.rows.truncate(count);
+    sample.of_row.truncate(count);
     Ok((sample, is_thinned))
 }
