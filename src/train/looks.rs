@@ -56,6 +56,9 @@ impl Line {
 /// So many looks are kept at most, in 5 MB of a checkpoint: where there are more, every second goes, and so on.
 const MOST: usize = 1 << 17;
 
+/// Looks whose errors are compared: as many as patience waits for.
+const COMPARED: usize = 10;
+
 /// The looks that are kept, the first one always.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Looks(Vec<Line>);
@@ -82,6 +85,16 @@ impl Looks {
         if number.is_multiple_of(every(number)) {
             self.0.push(line);
         }
+    }
+
+    /// The validation error as a multiple of the training error, both means of the last looks; `None` where none tells both. Near 1 a
+    /// network errs on scenes that it did not learn as on those that it did, and more of the same would teach it little; well above,
+    /// it has learnt its scenes by heart.
+    pub(crate) fn validation_over_training(&self) -> Option<f64> {
+        let last = &self.0[self.0.len().saturating_sub(COMPARED)..];
+        let both = last.iter().filter_map(|line| line.look.validation_error.zip(line.look.train_error));
+        let (validation, training) = both.fold((0.0, 0.0), |sum, look| (sum.0 + look.0, sum.1 + look.1));
+        (training > 0.0).then_some(validation / training)
     }
 
     /// As the lines of `training.jsonl`.
@@ -171,6 +184,23 @@ mod tests {
         for rows in [0, 1, u64::MAX] {
             assert_eq!(Line::from_words(line(rows).to_words()), line(rows));
         }
+    }
+
+    #[test]
+    fn exact_errors_of_the_last_looks_are_compared_where_both_are_told() {
+        let of = |errors: &[(Option<f64>, Option<f64>)]| {
+            let line = |&(train_error, validation_error): &(Option<f64>, Option<f64>)| Line {
+                look: Look { train_error, validation_error, ..line(1).look },
+                ..line(1)
+            };
+            Looks::new(errors.iter().map(line).collect()).validation_over_training()
+        };
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[(None, Some(0.2)), (Some(0.1), None)]), None);
+        assert_eq!(of(&[(Some(0.0), Some(0.1))]), None);
+        assert_eq!(of(&[(None, Some(9.0)), (Some(0.1), Some(0.2)), (Some(0.3), Some(0.6))]), Some(2.0));
+        let many: Vec<_> = (0..25).map(|k| (Some(0.5), Some(if k < 15 { 9.0 } else { 0.75 }))).collect();
+        assert_eq!(of(&many), Some(1.5));
     }
 
     #[test]

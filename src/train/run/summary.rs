@@ -23,6 +23,10 @@ pub struct Summary {
     pub best: Look,
     pub last: Look,
     pub looks: u64,
+    /// As [`Looks`](crate::train::looks::Looks) has it; `None` where rows to learn are weighed otherwise than those that are looked at, and of a run of an
+    /// earlier marsyard.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation_over_training: Option<f64>,
     pub train_rows: u64,
     pub validation_rows: u64,
     /// Learnt or left out by `filter.ekf.rows`, rows of later epochs counted again; those learnt are `counters.updates`.
@@ -72,6 +76,7 @@ impl Summary {
 
 impl Training<'_> {
     pub(super) fn summary(&self) -> Summary {
+        let params = &self.setup.params;
         let none = Look { rows: 0, epoch: 0, train_error: None, validation_error: None };
         let Stopping { looks, last, best, .. } = self.learner.learnt.stopping;
         Summary {
@@ -80,6 +85,10 @@ impl Training<'_> {
             best: best.unwrap_or(none),
             last: last.unwrap_or(none),
             looks,
+            validation_over_training: self
+                .looks
+                .validation_over_training()
+                .filter(|_| params.look_balance() == params.balance),
             train_rows: self.start.train_rows,
             validation_rows: self.start.validation_rows,
             rows_learnt: self.learner.learnt.rows,
@@ -96,7 +105,7 @@ impl Training<'_> {
             init: self.identity["init"].as_str().map(str::to_string),
             run: Some(identity::run_id(&self.identity)),
             model_sha256: None,
-            config: self.setup.params.clone(),
+            config: params.clone(),
         }
     }
 }
