@@ -50,8 +50,9 @@ class Learners:
         if self.test is None:
             self.columns = model["about"]["features"]
             self.test = held_out.read(self.place, self.columns)
-        facts = {"train_cpu_s": seconds, "rows_learnt": training["rows_learnt"], "best_rows": training["best"]["rows"],
-                 "validation_over_training": training["validation_over_training"]}
+        facts = {"train_cpu_s": seconds, "rows_learnt": training["rows_learnt"], "best_rows": training["best"]["rows"]}
+        if (ratio := training.get("validation_over_training")) is not None:
+            facts["validation_over_training"] = ratio
         return facts, held_out.counts(self.test, outputs(model, self.test))
 
     def trees(self, corpus, seed):
@@ -126,7 +127,7 @@ def main():
               held_out.told_difference(other["judged"].mean(), one["judged"].mean())] for one, other in zip(networks, networks[1:])]
     text = "\n\n".join([
         "# What more scenes teach about yards of other families",
-        f"`python scripts/learning_curve.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} trainings each, two of the Kalman filter, one of the others. Balanced accuracy by cells, percent, "
+        f"`python scripts/learning_curve.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} trainings each, {len(seeds[:2])} of the Kalman filter, one of the others. Balanced accuracy by cells, percent, "
         f"with 95 % intervals over scenes and trainings. Test: {test_scenes} scenes of the held-out families alone, seed {options.test_seed}. CPU seconds "
         "of this machine, beside other work.",
         study.markdown(head, [row(first(of), of, of["judged"]) for of in found]),

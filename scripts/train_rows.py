@@ -66,7 +66,7 @@ class Cells:
         return np.concatenate(drawn)
 
 
-def train(train, validation, judged, settings, trainer=TRAINER, names=None):
+def train(train, validation, judged, settings, trainer=TRAINER, names=None, flags=()):
     """Trains on (values, labels) and stops by others; without the features' names no column is known for a neighbour's height. Returns the outputs for each array of values in `judged`, and what the trainer told."""
     if not pathlib.Path(trainer).is_file():
         raise SystemExit(f"{trainer} is missing: cargo build --release --example train_rows")
@@ -81,7 +81,7 @@ def train(train, validation, judged, settings, trainer=TRAINER, names=None):
         if not any(key.startswith("filter") for key in settings):
             settings = dict(key.split("=", 1) for key in study.KALMAN_FILTER) | settings
         sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
-        done = subprocess.run([trainer, rows, outputs, *sets], capture_output=True, text=True)
+        done = subprocess.run([trainer, rows, outputs, *sets, *flags], capture_output=True, text=True)
         if done.returncode:
             raise SystemExit(f"{trainer} failed:\n{done.stderr}")
         outputs = np.load(outputs)

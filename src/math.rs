@@ -177,7 +177,7 @@ pub(crate) fn exp_lanes<const N: usize>(x: &[f64; N]) -> [f64; N] {
     out
 }
 
-/// e to the power of several numbers, within two units in the last place; beyond +-87, where results leave the normal numbers, that of
+/// e to the power of several numbers, within 1.5 times 2^-23 of it; beyond +-87, where results leave the normal numbers, that of
 /// the end. NaN for NaN.
 #[inline(always)]
 pub(crate) fn exp_lanes_f32<const N: usize>(x: &[f32; N]) -> [f32; N] {

@@ -39,6 +39,9 @@ struct Arguments {
     /// Override a key: --set network.hidden=[8] (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
+    /// Look at all rows to validate by, not at as many as the trainer's pace allows.
+    #[arg(long)]
+    look_at_all: bool,
 }
 
 /// A table as it was read.
@@ -54,7 +57,10 @@ fn main() -> Result<(), Fault> {
     let arguments = Arguments::parse();
     let params = load_train(arguments.config.as_deref(), &arguments.sets).map_err(|error| error.lines())?;
     let table = Table::read(&arguments.rows)?;
-    let held = Held::new(&table.features, table.of_role(0), table.of_role(1), &[1.0], &params)?;
+    let mut held = Held::new(&table.features, table.of_role(0), table.of_role(1), &[1.0], &params)?;
+    if arguments.look_at_all {
+        (held.validation, held.looked_every) = (table.of_role(1), 1);
+    }
     let mut looks = Vec::new();
     let begun = thread_cpu_s();
     let (mut learning_s, mut since) = (0.0, begun);

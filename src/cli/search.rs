@@ -230,7 +230,9 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[En
     let chosen = board.chosen.as_ref().map(|line| shown(&line.hidden)).unwrap_or_default();
     if log == LogFormat::Json {
         let best = entries.first().and_then(|entry| entry.validation_error);
-        tracing::info!(event = "done", run = %setup.out.display(), networks = board.networks, chosen, best_validation_error = best);
+        let above = board.chosen.as_ref().and_then(|line| line.above_best);
+        let (above_best, half_width) = (above.map(|above| above.mean), above.map(|above| above.half_width));
+        tracing::info!(event = "done", run = %setup.out.display(), networks = board.networks, chosen, best_validation_error = best, above_best, half_width);
         return;
     }
     out!("{}", leaderboard::table(entries, &setup.scenes, setup.margin));
@@ -261,9 +263,9 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[En
 fn over_scenes(board: &Leaderboard) -> String {
     let best = board.leaderboard.first().and_then(|line| line.error);
     let above = board.chosen.as_ref().and_then(|line| line.above_best);
-    let (best, above) = (shown_interval(best), shown_interval(above));
-    if best == "-" || above == "-" {
-        return String::new();
-    }
-    format!(" ({best}),\n  {above} above it (95 % over {} validation scenes)", board.validation_scenes)
+    let is_best = board.chosen.as_ref() == board.leaderboard.first();
+    let Some(scenes) = board.validation_scenes else { return String::new() };
+    let above = if is_best { String::new() } else { format!(",\n  {} above it", shown_interval(above)) };
+    let best = shown_interval(best);
+    format!(" ({best}){above} (95 % over {scenes} validation scenes; the best of many looks better than it is)")
 }

@@ -306,7 +306,7 @@ fn tell_end(args: &TrainArgs, out: &Path, summary: &Summary, log: LogFormat) {
     let untrained = (best.rows == 0).then_some(UNTRAINED);
     if log == LogFormat::Json {
         untrained.iter().for_each(|note| tracing::warn!(event = "untrained", note));
-        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
+        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error, validation_over_training = summary.validation_over_training);
         return;
     }
     let corpora = args.corpora.iter().map(|(path, _)| path.display());

@@ -39,6 +39,12 @@ pub(crate) struct Study {
     pub settings: Vec<StudySetting>,
 }
 
+/// What every version of the file has.
+#[derive(Deserialize)]
+struct Version {
+    marsyard_study: u32,
+}
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StudySetting {
@@ -58,8 +64,9 @@ pub(crate) struct StudySize {
     pub scenes: u64,
     pub generate_cpu_s: f64,
     pub train_cpu_s: f64,
-    /// How often a training went through its rows.
-    pub passes: f64,
+    /// Cells to learn, and cells learnt, later passes counted again: means of the trainings.
+    pub train_rows: f64,
+    pub rows_learnt: f64,
     /// With its interval over test scenes and trainings.
     pub balanced_accuracy: Interval,
     /// Of each training.
@@ -85,7 +92,8 @@ impl Study {
                 scenes: size.scenes,
                 generate_cpu_s: size.generate_cpu_s,
                 train_cpu_s: size.train_cpu_s,
-                passes: size.rows_learnt / size.train_rows,
+                train_rows: size.train_rows,
+                rows_learnt: size.rows_learnt,
                 balanced_accuracy: size.balanced_accuracy,
                 by_seed: size.by_seed.clone(),
             });
@@ -132,7 +140,15 @@ impl Study {
     pub(crate) fn read(path: &Path) -> Result<Study, StudyError> {
         let unreadable = |reason: String| StudyError::Unreadable { place: path.display().to_string(), reason };
         let text = std::fs::read_to_string(path).map_err(|error| unreadable(error.to_string()))?;
-        let study: Study = serde_json::from_str(&text).map_err(|error| unreadable(format!("is no study: {error}")))?;
+        let is_none = |error: serde_json::Error| unreadable(format!("is no study: {error}"));
+        // The version first: what another one lacks is no fault of the file.
+        let version = serde_json::from_str::<Version>(&text).map_err(is_none)?.marsyard_study;
+        if version != FORMAT {
+            return Err(unreadable(format!(
+                "is a study of format {version}, and this program reads {FORMAT}: make it anew by `marsyard tradeoff`"
+            )));
+        }
+        let study: Study = serde_json::from_str(&text).map_err(is_none)?;
         match study.fault() {
             Some(fault) => Err(unreadable(fault)),
             None => Ok(study),
@@ -141,9 +157,6 @@ impl Study {
 
     /// What makes it of no use.
     fn fault(&self) -> Option<String> {
-        if self.marsyard_study != FORMAT {
-            return Some(format!("is a study of format {}; this program reads {FORMAT}", self.marsyard_study));
-        }
         if self.seeds < 2 {
             return Some("is of one training a size, which has no interval: make it with --seeds 2 or more".into());
         }
@@ -152,9 +165,9 @@ impl Study {
         }
         for setting in &self.settings {
             let is_sound = |size: &StudySize| {
-                let costs = [size.generate_cpu_s, size.train_cpu_s, size.passes];
+                let numbers = [size.generate_cpu_s, size.train_cpu_s, size.train_rows, size.rows_learnt];
                 size.scenes > 0
-                    && costs.iter().all(|cost| cost.is_finite() && *cost > 0.0)
+                    && numbers.iter().all(|number| number.is_finite() && *number > 0.0)
                     && (0.0..=1.0).contains(&size.balanced_accuracy.mean)
                     && (0.0..=1.0).contains(&size.balanced_accuracy.half_width.min(1.0))
                     && size.by_seed.len() == self.seeds as usize
@@ -162,7 +175,7 @@ impl Study {
             let grows = setting.sizes.windows(2).all(|pair| pair[0].scenes < pair[1].scenes);
             if setting.sizes.len() < 3 || !grows || !setting.sizes.iter().all(is_sound) {
                 return Some(format!(
-                    "setting '{}': a curve needs three sizes or more, ascending in scenes, with times and passes above 0, accuracies in [0, 1] \
+                    "setting '{}': a curve needs three sizes or more, ascending in scenes, with times and rows above 0, accuracies in [0, 1] \
                      and {} trainings each; `marsyard tradeoff` writes such",
                     setting.name, self.seeds
                 ));
@@ -189,7 +202,9 @@ pub(crate) mod tests {
                 scenes,
                 generate_cpu_s: seconds.0 * scenes as f64,
                 train_cpu_s: seconds.1 * scenes as f64,
-                passes: 3.0,
+                // Three passes, one of which is patience, however many scenes.
+                train_rows: 1e6 * scenes as f64,
+                rows_learnt: 3e6 * scenes as f64,
                 balanced_accuracy: Interval { mean, half_width: 0.004 },
                 by_seed: vec![mean - 0.001, mean, mean + 0.001],
             }
@@ -233,12 +248,11 @@ pub(crate) mod tests {
             study.fault().unwrap_or_default()
         };
         for (change, expected) in [
-            ((|s| s.marsyard_study = 9) as fn(&mut Study), "format 9"),
-            (|s| s.seeds = 1, "--seeds 2"),
+            ((|s| s.seeds = 1) as fn(&mut Study), "--seeds 2"),
             (|s| s.settings.clear(), "no setting"),
             (|s| s.settings[0].sizes.truncate(2), "three sizes"),
             (|s| s.settings[0].sizes[1].scenes = 4, "ascending"),
-            (|s| s.settings[0].sizes[1].train_cpu_s = f64::NAN, "times and passes above 0"),
+            (|s| s.settings[0].sizes[1].train_cpu_s = f64::NAN, "times and rows above 0"),
             (|s| s.settings[0].sizes[1].by_seed.clear(), "3 trainings each"),
         ] {
             assert!(broken(change).contains(expected), "{expected}: {}", broken(change));
@@ -256,7 +270,11 @@ pub(crate) mod tests {
         std::fs::create_dir(folder.path().join("studies")).unwrap();
         std::fs::write(&path, serde_json::to_string(&good).unwrap()).unwrap();
         assert_eq!(Study::find(&config, "small").unwrap(), (path.clone(), good));
-        std::fs::write(&path, "{}").unwrap();
-        assert!(Study::find(&config, "small").unwrap_err().to_string().contains("is no study"));
+        for (text, told) in [("{}", "is no study"), (r#"{"marsyard_study": 1, "settings": []}"#, "format 1, and this")]
+        {
+            std::fs::write(&path, text).unwrap();
+            let error = Study::find(&config, "small").unwrap_err().to_string();
+            assert!(error.contains(told), "{error}");
+        }
     }
 }

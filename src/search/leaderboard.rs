@@ -30,8 +30,8 @@ pub(crate) struct Leaderboard {
     /// The last rung, best first.
     pub leaderboard: Vec<Line>,
     /// Validation scenes, over which intervals are.
-    #[serde(default)]
-    pub validation_scenes: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation_scenes: Option<usize>,
     pub begun_with: Json,
 }
 
@@ -43,11 +43,11 @@ pub(crate) struct Line {
     pub rows: u64,
     pub best_rows: u64,
     pub validation_error: Option<f64>,
-    /// That error, and how much it is above the best network's, with intervals of 95 % over the validation scenes; null where a journal of an
+    /// That error, and how much it is above the best network's, with intervals of 95 % over the validation scenes; absent where a journal of an
     /// earlier marsyard does not tell.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<Interval>,
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub above_best: Option<Interval>,
     pub balanced_accuracy: Option<f64>,
     pub auc: Option<f64>,
@@ -107,7 +107,7 @@ impl Leaderboard {
             networks: entries.first().map_or(0, Vec::len),
             rungs: facts.collect(),
             leaderboard: last.iter().take(KEPT).map(line).collect(),
-            validation_scenes: scenes.count(),
+            validation_scenes: last.iter().any(|entry| !entry.error_by_scene.is_empty()).then(|| scenes.count()),
             begun_with,
         }
     }
@@ -199,7 +199,11 @@ mod tests {
         assert!((own.mean - 0.105).abs() < 1e-15 && (above.mean - 0.005).abs() < 1e-15);
         // 12.706 sqrt(2 (2 (0.08 / 2)^2)).
         assert!((own.half_width - 12.706_204_736 * 0.08).abs() < 1e-8 && above.half_width < 1e-15);
-        assert_eq!(board.validation_scenes, 2);
+        assert_eq!(board.validation_scenes, Some(2));
+        // Entries of an earlier marsyard tell nothing of it, and its leaderboard is written as it was.
+        let before = Leaderboard::of(&rungs, &[vec![entry(&[8], 80, 0.1)]], &scenes, 0.01, Json::Null);
+        let text = serde_json::to_string(&before).unwrap();
+        assert!(!["\"error\"", "above_best", "validation_scenes"].iter().any(|key| text.contains(key)), "{text}");
     }
 
     #[test]

@@ -44,7 +44,7 @@ impl ValidationScenes {
         held.objective.look_weights.of(held.validation.labels[row], held.validation.corpora[row])
     }
 
-    /// What each scene adds to the validation error of a network with these outputs.
+    /// What each scene adds to the validation error of a network with these outputs; nothing where that is not finite.
     pub(super) fn errors(&self, held: &Held, outputs: &[f64]) -> Vec<f64> {
         let mut errors = vec![0.0; self.weights.len()];
         let mut all = 0.0;
@@ -55,7 +55,7 @@ impl ValidationScenes {
             all += weight;
         }
         errors.iter_mut().for_each(|error| *error /= all);
-        errors
+        if errors.iter().all(|error| error.is_finite()) { errors } else { Vec::new() }
     }
 
     /// The interval of an error, or of a difference of errors, by what each scene adds to it; `None` where that is not known.

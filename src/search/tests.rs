@@ -134,10 +134,31 @@ fn equal_an_entry_and_that_network_trained_alone() {
         let alone = entry::train(&setup, &there.hidden, (2, &rung), &AtomicBool::new(false));
         let alone = alone.unwrap().unwrap();
         assert_eq!(entry::Entry { seconds: 0.0, ..alone }, entry::Entry { seconds: 0.0, ..there.clone() });
+        // Scenes add up to the error that was looked at.
+        let sum: f64 = there.error_by_scene.iter().sum();
+        assert!(there.error_by_scene.len() == 10 && (sum - there.validation_error.unwrap()).abs() < 1e-12);
     }
     // A disc takes three lines: no network of one neuron in its first layer sees it.
     assert!(board.chosen.unwrap().hidden[0] >= 3);
     assert!(entries[0].balanced_accuracy.unwrap() > 0.85 && entries[0].auc.unwrap() > 0.9, "{:?}", entries[0]);
+}
+
+#[test]
+fn exact_scenes_of_rows_that_are_thinned_are_those_of_the_rows_that_are_left() {
+    let params = TrainParams::default();
+    let held = Held::new(&["x".into(), "y".into()], rows(1, 300), rows(2, 25_000), &[1.0], &params).unwrap();
+    assert_eq!((held.looked_every, held.validation.len()), (2, 12_500));
+    let of_row: Vec<u32> = (0..25_000).map(|row| if row < 5000 { 0 } else { 1 }).collect();
+    let scenes = ValidationScenes::new(&held, &of_row);
+    // Outputs that are right but for the first scene's, whose error is of its 2500 rows alone.
+    let right = |row: usize| held.objective.targets[held.validation.labels[row].index()];
+    let outputs: Vec<f64> = (0..12_500).map(|row| right(row) + f64::from(u8::from(row < 2500))).collect();
+    let errors = scenes.errors(&held, &outputs);
+    let weight = |row: usize| held.objective.look_weights.of(held.validation.labels[row], 0);
+    let share = (0..2500).map(weight).sum::<f64>() / (0..12_500).map(weight).sum::<f64>();
+    assert!((errors[0] - share).abs() < 1e-12 && errors[1] == 0.0, "{errors:?} {share}");
+    let broken = vec![f64::NAN; 12_500];
+    assert!(scenes.errors(&held, &broken).is_empty());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::filter::{self, Filter};
-use super::network::forward::Forward;
+use super::network::forward::NetworkIn;
 use super::rows::Rows;
 use super::selection::Selection;
 use super::state::Snapshot;
@@ -107,7 +107,7 @@ impl Learner {
         let portion = since_look as usize / self.portion_rows;
         if self.selection.is_some() || portion.is_multiple_of(PORTIONS_A_TRAINING_ERROR) {
             let mut sum = ErrorSum::from(self.learnt.train_sum);
-            sum += self.portion.error(&self.objective.forward(&self.network), is_shared);
+            sum += self.portion.error(&self.objective.network_in(&self.network), is_shared);
             self.learnt.train_sum = sum.into();
         }
         if let Some(selection) = &mut self.selection {
@@ -219,7 +219,7 @@ impl Share {
     }
 
     /// The error before these rows are learnt.
-    fn error(&mut self, network: &Forward, is_shared: bool) -> ErrorSum {
+    fn error(&mut self, network: &NetworkIn, is_shared: bool) -> ErrorSum {
         let (count, width) = (self.targets.len(), self.inputs.len() / self.targets.len().max(1));
         self.outputs.resize(count, 0.0);
         let outputs = |(rows, outputs): (&[f64], &mut [f64])| network.outputs(rows, outputs);

@@ -1,7 +1,7 @@
 //! Scaled features -> one output in (0, 1), and its gradient by the weights.
 //!
 //! Source: Hewitt et al. 2017, eqs 1 and 2: logistic neurons, linear input layer. Deviations: a bias per neuron, unless switched
-//! off (the paper's eq. 2 prints none); several members of one shape, whose mean is the output (Hansen & Salamon 1990). All f64. The gradient is exact, by reverse mode. A row's output has the same bits alone
+//! off (the paper's eq. 2 prints none); several members of one shape, whose mean is the output (Hansen & Salamon 1990). Of f64; `forward` is the same of f32. The gradient is exact, by reverse mode. A row's output has the same bits alone
 //! and among others, on every CPU: sums run in the order of the inputs, bias first, with fused multiply-adds.
 
 pub(crate) mod forward;

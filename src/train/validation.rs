@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::network::forward::{Forward, NetworkF32};
+use super::network::forward::{NetworkF32, NetworkIn};
 use super::rows::{LeftOut, Rows, stride};
 use super::scaling::Weights;
 use super::source::Sources;
@@ -70,34 +70,34 @@ impl Objective {
         Objective { scaler, targets: params.targets, weights, look_weights, is_f32 }
     }
 
-    /// How rows go through a network where its error is told.
-    pub(crate) fn forward<'n>(&self, network: &'n Network) -> Forward<'n> {
-        if self.is_f32 { Forward::F32(NetworkF32::new(network)) } else { Forward::F64(network) }
+    /// A network in the precision that its errors are told in.
+    pub(crate) fn network_in<'n>(&self, network: &'n Network) -> NetworkIn<'n> {
+        if self.is_f32 { NetworkIn::F32(NetworkF32::new(network)) } else { NetworkIn::F64(network) }
     }
 
     /// Adds rows in order.
     pub(crate) fn sum(&self, network: &Network, rows: &Rows) -> ErrorSum {
-        let forward = self.forward(network);
+        let network = self.network_in(network);
         let chunks = rows.len().div_ceil(CHUNK_ROWS);
-        let parts: Vec<ErrorSum> = (0..chunks).into_par_iter().map(|chunk| self.chunk(&forward, rows, chunk)).collect();
+        let parts: Vec<ErrorSum> = (0..chunks).into_par_iter().map(|chunk| self.chunk(&network, rows, chunk)).collect();
         parts.into_iter().fold(ErrorSum::default(), ErrorSum::and)
     }
 
     /// The same to the bit, on this thread alone.
     pub(crate) fn sum_here(&self, network: &Network, rows: &Rows) -> ErrorSum {
-        let forward = self.forward(network);
-        let parts = (0..rows.len().div_ceil(CHUNK_ROWS)).map(|chunk| self.chunk(&forward, rows, chunk));
+        let network = self.network_in(network);
+        let parts = (0..rows.len().div_ceil(CHUNK_ROWS)).map(|chunk| self.chunk(&network, rows, chunk));
         parts.fold(ErrorSum::default(), ErrorSum::and)
     }
 
-    fn chunk(&self, forward: &Forward, rows: &Rows, chunk: usize) -> ErrorSum {
+    fn chunk(&self, network: &NetworkIn, rows: &Rows, chunk: usize) -> ErrorSum {
         let range = chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS);
         let mut scaled = vec![0.0; rows.width * range.len()];
         let mut outputs = vec![0.0; range.len()];
         for (row, scaled) in range.clone().zip(scaled.chunks_exact_mut(rows.width)) {
             self.scaler.scale(rows.row(row), scaled);
         }
-        forward.outputs(&scaled, &mut outputs);
+        network.outputs(&scaled, &mut outputs);
         let mut sum = ErrorSum::default();
         for (row, output) in range.zip(outputs) {
             let label = rows.labels[row];

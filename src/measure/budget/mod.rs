@@ -83,8 +83,9 @@ struct Curve<'s> {
     setting: &'s StudySetting,
     fit: Fit,
     scene_cpu_s: f64,
-    /// Of learning a scene of the study once.
-    pass_cpu_s: f64,
+    /// Of learning a row once, and rows to learn of a scene of the study.
+    row_cpu_s: f64,
+    rows_a_scene: f64,
     passes: Passes,
     largest: f64,
 }
@@ -152,7 +153,8 @@ impl<'s> Curve<'s> {
             setting,
             fit: Fit::of(&measured, &largest.balanced_accuracy),
             scene_cpu_s: here.slowness * largest.generate_cpu_s / scenes + here.writing_cpu_s,
-            pass_cpu_s: here.slowness * largest.train_cpu_s / (largest.passes * scenes),
+            row_cpu_s: here.slowness * largest.train_cpu_s / largest.rows_learnt,
+            rows_a_scene: largest.train_rows / scenes,
             passes,
             largest: scenes,
         }
@@ -160,8 +162,8 @@ impl<'s> Curve<'s> {
 
     /// Seconds of wall: building on all cores, and training on one.
     fn seconds(&self, scenes: f64, cores: f64) -> (f64, f64) {
-        let learnt = STUDY_SCENES * scenes;
-        (self.scene_cpu_s * scenes / cores, self.pass_cpu_s * learnt * self.passes.at(learnt))
+        let rows = self.rows_a_scene * STUDY_SCENES * scenes;
+        (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * self.passes.at(rows))
     }
 
     /// `None` where not even `multiple` scenes are within the budget.
@@ -246,6 +248,21 @@ mod tests {
         assert_eq!((only.bytes, only.rows), (8e4 * only.scenes as f64, 1700.0 * only.scenes as f64));
         assert!((only.expected.mean - (0.95 - 4.0 / (0.84 * only.scenes as f64))).abs() < 5e-3, "{only:?}");
         assert!(only.beyond > 1.0 && only.left == (0.0, 0.0));
+    }
+
+    #[test]
+    fn exact_a_training_on_more_rows_takes_fewer_passes() {
+        let mut study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+        // Two passes beside patience's one at the largest size, and the fewer the more rows.
+        for size in &mut study.settings[0].sizes {
+            size.rows_learnt = size.train_rows * (1.0 + 2.0 * (128.0 / size.scenes as f64).sqrt());
+        }
+        let only = &choices(&study, &budget(20.0, None), |_| HERE, 50)[0];
+        let learnt = 0.84 * only.scenes as f64;
+        let passes = 1.0 + 2.0 * (128.0 / learnt).sqrt();
+        // 128 scenes are learnt in three passes and 2 * 1.28 s.
+        let expected = 2.0 * 1.28 * learnt / 128.0 * passes / 3.0;
+        assert!((only.train_s - expected).abs() < 1e-6 * expected, "{} {expected}", only.train_s);
     }
 
     #[test]

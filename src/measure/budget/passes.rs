@@ -1,41 +1,52 @@
-//! How often the trainings of a study went through their rows -> how often one on more scenes will.
+//! How often the trainings of a study went through their rows -> how often one on more rows will.
 //!
-//! Training ends some looks after the validation error fell last, and looks are parts of a pass: the more rows, the fewer passes. ln passes =
-//! a + power ln scenes, fitted to all settings together (least squares), for one training ends a look or five before or after
-//! another. Beyond the study the law goes on to [`FEWEST`].
+//! A training ends `patience` looks after its error fell last, and looks are parts of a pass: passes = those of patience, which `train` knows, and
+//! those until the error fell last, which are the fewer the more rows there are. ln of these = a + power ln rows, fitted to all settings and
+//! sizes of the study together (least squares), for one training ends a few looks before or after another. Assumed: the law goes on
+//! beyond the study.
 
 use crate::math;
 use crate::measure::study::{Study, StudySize};
+use crate::train::TrainParams;
 
-/// Patience alone is one pass, and the best look comes some time before.
-const FEWEST: f64 = 1.2;
+/// Taken for the passes until the error fell last where patience alone is as long as the trainings were.
+const FEWEST: f64 = 0.05;
 
-/// passes = at_largest (scenes / largest)^power, and no fewer than [`FEWEST`].
+/// Passes until the error fell last: at_largest (rows / largest)^power.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passes {
     at_largest: f64,
-    largest: f64,
+    largest_rows: f64,
     power: f64,
 }
 
 impl Passes {
     pub(super) fn of(study: &Study) -> Passes {
         let sizes = || study.settings.iter().flat_map(|setting| &setting.sizes);
-        let largest = sizes().map(|size| size.scenes).max().unwrap_or(1) as f64;
-        let point = |size: &StudySize| (math::ln(size.scenes as f64 / largest), math::ln(size.passes));
+        let largest_rows = sizes().map(|size| size.train_rows).fold(1.0, f64::max);
+        let point = |size: &StudySize| {
+            let passes = size.rows_learnt / size.train_rows - of_patience(size.train_rows);
+            (math::ln(size.train_rows / largest_rows), math::ln(passes.max(FEWEST)))
+        };
         let points: Vec<(f64, f64)> = sizes().map(point).collect();
         let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / points.len() as f64;
         let (mean_x, mean_y) = (mean(|point| point.0), mean(|point| point.1));
         let products: f64 = points.iter().map(|p| (p.0 - mean_x) * (p.1 - mean_y)).sum();
         let squares: f64 = points.iter().map(|p| (p.0 - mean_x) * (p.0 - mean_x)).sum();
         let power = (products / squares).clamp(-1.0, 0.0);
-        Passes { at_largest: math::exp(mean_y - power * mean_x), largest, power }
+        Passes { at_largest: math::exp(mean_y - power * mean_x), largest_rows, power }
     }
 
-    /// Of so many scenes that train and stop.
-    pub(super) fn at(&self, scenes: f64) -> f64 {
-        (self.at_largest * math::pow(scenes / self.largest, self.power)).max(FEWEST)
+    /// Of a training on so many rows.
+    pub(super) fn at(&self, rows: f64) -> f64 {
+        self.at_largest * math::pow(rows / self.largest_rows, self.power) + of_patience(rows)
     }
+}
+
+/// Passes for which `train` waits in vain.
+fn of_patience(rows: f64) -> f64 {
+    let params = TrainParams::default();
+    f64::from(params.patience) * params.rows_between_looks(rows as u64) as f64 / rows
 }
 
 #[cfg(test)]
@@ -45,18 +56,23 @@ mod tests {
 
     fn law(passes: impl Fn(f64) -> f64) -> Passes {
         let mut study = study(vec![setting("a", None, (0.05, 4.0), (0.02, 0.01)); 2]);
-        let settings = study.settings.iter_mut().flat_map(|setting| &mut setting.sizes);
-        settings.for_each(|size| size.passes = passes(size.scenes as f64));
+        for size in study.settings.iter_mut().flat_map(|setting| &mut setting.sizes) {
+            size.train_rows = 1e3 * size.scenes as f64;
+            size.rows_learnt = size.train_rows * passes(size.train_rows);
+        }
         Passes::of(&study)
     }
 
     #[test]
-    fn exact_a_power_of_the_scenes_is_found_again_down_to_the_fewest_passes() {
-        let passes = law(|scenes| 4.0 * (128.0 / scenes).sqrt());
-        assert!((passes.at(128.0) - 4.0).abs() < 1e-9 && (passes.at(512.0) - 2.0).abs() < 1e-9);
-        assert_eq!(passes.at(1e6), FEWEST);
-        // More scenes never take more passes.
-        let passes = law(|scenes| 1.5 + scenes / 128.0);
-        assert_eq!(passes.at(1e6), passes.at(16.0));
+    fn exact_passes_beside_patience_are_a_power_of_the_rows_and_end_at_patience() {
+        // The study's largest size has 128,000 rows, whose patience is ten looks of 20,000.
+        let passes = law(|rows| 3.0 * (128_000.0 / rows).sqrt() + of_patience(rows));
+        assert!((passes.at(128_000.0) - 3.0 - 200.0 / 128.0).abs() < 1e-9, "{passes:?}");
+        // Of more than 200,000 rows patience is one pass.
+        assert!((passes.at(512_000.0) - 1.5 - 1.0).abs() < 1e-9);
+        assert!((passes.at(1e9) - 1.0).abs() < 0.05);
+        // More rows never take more passes.
+        let passes = law(|rows| 3.0 + rows / 64_000.0);
+        assert_eq!(passes.power, 0.0);
     }
 }

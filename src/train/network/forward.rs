@@ -1,8 +1,8 @@
 //! Rows and weights -> the values of every layer, many rows at a time, in f32.
 //!
 //! For learning by batches and for its looks; a model's outputs are of f64 ([`Network::outputs`]), from which these differ by some 1e-6.
-//! Rows of a matrix are rows of the corpus; the bias is an input that is 1. Sums run in the order of the inputs, bias last, so that a row has
-//! the same values among any others.
+//! Rows of a matrix are rows of the corpus; the bias is an input that is 1. Sums of hidden neurons run in the order of the inputs, bias last, that of the
+//! output as a sum of chunks whose lanes are added as a tree: a row has the same values among any others.
 
 use super::matrix::{Matrix, times, times_transposed};
 use super::{Layout, Network};
@@ -14,24 +14,26 @@ pub(crate) const MICRO_BATCH_ROWS: usize = 64;
 
 /// The weights of a member, as rows meet them: [inputs + 1, neurons] of each hidden layer, and [1, inputs + 1] of the output.
 #[derive(Debug)]
-pub(crate) struct Towards(Vec<Matrix>);
+pub(crate) struct ForwardWeights(Vec<Matrix>);
 
-impl Towards {
-    pub(crate) fn new(layout: &Layout) -> Towards {
+impl ForwardWeights {
+    pub(crate) fn new(layout: &Layout) -> ForwardWeights {
         let bias = usize::from(layout.bias);
         let last = layout.hidden.len();
         let size = |(layer, (inputs, neurons))| {
             if layer == last { (neurons, inputs + bias) } else { (inputs + bias, neurons) }
         };
-        Towards(layout.layers().enumerate().map(size).map(|(rows, columns)| Matrix::zeros(rows, columns)).collect())
+        ForwardWeights(
+            layout.layers().enumerate().map(size).map(|(rows, columns)| Matrix::zeros(rows, columns)).collect(),
+        )
     }
 
-    /// Takes the weights of each layer, [neurons, inputs + 1].
-    pub(crate) fn take<'m>(&mut self, layers: impl Iterator<Item = &'m Matrix>, isa: Isa) {
+    /// To the weights of each layer, [neurons, inputs + 1].
+    pub(crate) fn set<'m>(&mut self, layers: impl Iterator<Item = &'m Matrix>, isa: Isa) {
         let last = self.0.len() - 1;
         for (number, (own, layer)) in self.0.iter_mut().zip(layers).enumerate() {
             if number == last {
-                own.clone_from(layer);
+                own.copy(layer);
             } else {
                 own.transpose_of(layer, isa);
             }
@@ -44,7 +46,7 @@ impl Towards {
 pub(crate) struct Values {
     /// Into each layer, and ones for its bias: [rows, inputs + 1].
     pub into: Vec<Matrix>,
-    /// [rows, 1].
+    /// [1, rows].
     pub outputs: Matrix,
 }
 
@@ -58,11 +60,11 @@ impl Values {
             }
             values
         };
-        Values { into: layout.layers().map(values).collect(), outputs: Matrix::zeros(MICRO_BATCH_ROWS, 1) }
+        Values { into: layout.layers().map(values).collect(), outputs: Matrix::zeros(1, MICRO_BATCH_ROWS) }
     }
 
-    /// Takes the inputs of up to [`MICRO_BATCH_ROWS`] rows; places without one keep what they hold.
-    pub(crate) fn take<'r>(&mut self, rows: impl Iterator<Item = &'r [f64]>) {
+    /// Sets the inputs of up to [`MICRO_BATCH_ROWS`] rows; places without one keep what they hold.
+    pub(crate) fn set_rows<'r>(&mut self, rows: impl Iterator<Item = &'r [f64]>) {
         for (place, row) in rows.enumerate() {
             let chunks = self.into[0].row_mut(place);
             chunks.iter_mut().flat_map(AsMut::as_mut).zip(row).for_each(|(value, x)| *value = *x as f32);
@@ -70,19 +72,20 @@ impl Values {
     }
 
     /// All layers, one after another.
-    pub(crate) fn run(&mut self, weights: &Towards, isa: Isa) {
+    pub(crate) fn run(&mut self, weights: &ForwardWeights, isa: Isa) {
         let (output, hidden) = weights.0.split_last().expect("a network has an output");
         for (layer, weights) in hidden.iter().enumerate() {
             let (before, after) = self.into.split_at_mut(layer + 1);
             times(&before[layer], weights, &mut after[0], isa);
             isa.run(Logistic { values: &mut after[0], neurons: weights.columns });
         }
-        times_transposed(&self.into[hidden.len()], output, &mut self.outputs, isa);
-        isa.run(Logistic { values: &mut self.outputs, neurons: 1 });
+        times_transposed(output, &self.into[hidden.len()], &mut self.outputs, isa);
+        isa.run(Logistic { values: &mut self.outputs, neurons: MICRO_BATCH_ROWS });
     }
 }
 
-/// The first columns of `values` become their logistic function, and what lies behind them a 1 for the bias, where it has a column, and noughts.
+/// The first columns of `values` become their logistic function; what lies behind them in their last chunk a 1 for the bias, where it has a
+/// column, and noughts.
 struct Logistic<'a> {
     values: &'a mut Matrix,
     neurons: usize,
@@ -106,8 +109,9 @@ impl Kernel<f32> for Logistic<'_> {
                     *lanes = logistic(lanes); // Eq. (1)
                 }
             }
-            for chunk in &mut row[whole..] {
-                for lanes in chunk.as_mut().as_chunks_mut::<LANES>().0 {
+            // A chunk of the bias alone is as it was.
+            if left > 0 {
+                for lanes in row[whole].as_mut().as_chunks_mut::<LANES>().0 {
                     let own = logistic(lanes);
                     *lanes = behind;
                     lanes[..left].copy_from_slice(&own[..left]);
@@ -124,19 +128,19 @@ fn logistic<const N: usize>(x: &[f32; N]) -> [f32; N] {
     powers.map(|power| 1.0 / (1.0 + power))
 }
 
-/// A network and the precision that rows go through it in.
+/// A network in the precision that rows go through it in.
 #[derive(Debug)]
-pub(crate) enum Forward<'n> {
+pub(crate) enum NetworkIn<'n> {
     F64(&'n Network),
     F32(NetworkF32),
 }
 
-impl Forward<'_> {
+impl NetworkIn<'_> {
     /// As [`Network::outputs`].
     pub(crate) fn outputs(&self, rows: &[f64], outputs: &mut [f64]) {
         match self {
-            Forward::F64(network) => network.outputs(rows, outputs),
-            Forward::F32(network) => network.outputs(rows, outputs),
+            NetworkIn::F64(network) => network.outputs(rows, outputs),
+            NetworkIn::F32(network) => network.outputs(rows, outputs),
         }
     }
 }
@@ -145,7 +149,7 @@ impl Forward<'_> {
 #[derive(Debug)]
 pub(crate) struct NetworkF32 {
     layout: Layout,
-    members: Vec<Towards>,
+    members: Vec<ForwardWeights>,
 }
 
 impl NetworkF32 {
@@ -160,9 +164,9 @@ impl NetworkF32 {
                 layer
             };
             let layers: Vec<_> = layout.layers().map(layer).collect();
-            let mut towards = Towards::new(&layout);
-            towards.take(layers.iter(), Isa::detect());
-            towards
+            let mut weights = ForwardWeights::new(&layout);
+            weights.set(layers.iter(), Isa::detect());
+            weights
         };
         let members = (0..layout.members).map(|_| member()).collect();
         NetworkF32 { layout, members }
@@ -173,12 +177,12 @@ impl NetworkF32 {
         let mut values = Values::new(&self.layout);
         let share = 1.0 / self.members.len() as f64;
         for (rows, outputs) in rows.chunks(MICRO_BATCH_ROWS * inputs).zip(outputs.chunks_mut(MICRO_BATCH_ROWS)) {
-            values.take(rows.chunks_exact(inputs));
+            values.set_rows(rows.chunks_exact(inputs));
             outputs.fill(0.0);
             for member in &self.members {
                 values.run(member, isa);
                 for (place, output) in outputs.iter_mut().enumerate() {
-                    *output += share * f64::from(values.outputs.get(place, 0));
+                    *output += share * f64::from(values.outputs.get(0, place));
                 }
             }
         }

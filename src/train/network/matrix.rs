@@ -90,6 +90,11 @@ impl Matrix {
         self.change_by(other, isa, |x, y| x + share * (y - x));
     }
 
+    /// Becomes equal to another of its size, in the memory it has.
+    pub(crate) fn copy(&mut self, other: &Matrix) {
+        self.chunks.copy_from_slice(&other.chunks);
+    }
+
     /// Becomes the transpose of another, as far as that has columns.
     pub(crate) fn transpose_of(&mut self, other: &Matrix, isa: Isa) {
         assert!(self.columns == other.rows && self.rows <= other.columns);
@@ -166,7 +171,8 @@ impl Kernel<f32> for Transpose<'_> {
     }
 }
 
-/// `out` becomes `a b`, as far as both have columns; its other columns stay.
+/// `out` becomes `a b` in the chunks of columns that both have: where `out` has other columns than `b`, those in the last of these chunks become
+/// nought or what `b` has there, for the caller to mend, and those beyond stay.
 pub(crate) fn times(a: &Matrix, b: &Matrix, out: &mut Matrix, isa: Isa) {
     assert!(a.columns <= b.rows && a.rows == out.rows);
     isa.run(Times { a, b, out, is_transposed: false });
@@ -285,39 +291,29 @@ struct TimesTransposed<'a> {
 impl Kernel<f32> for TimesTransposed<'_> {
     type Out = ();
 
-    /// Two rows by four columns of the result at a time; four rows where there is one column.
+    /// Two rows by four columns of the result at a time.
     #[inline(always)]
     fn run<V: Simd<f32>>(self) {
         let TimesTransposed { a, b, out } = self;
-        if b.rows == 1 {
-            two_by_four::<V>(b, a, |_, row, sum| out.set(row, 0, sum));
-        } else {
-            two_by_four::<V>(a, b, |row, column, sum| out.set(row, column, sum));
-        }
-    }
-}
-
-/// Products of each row of two matrices, each told with its places.
-#[inline(always)]
-fn two_by_four<V: Simd<f32>>(a: &Matrix, b: &Matrix, mut tell: impl FnMut(usize, usize, f32)) {
-    for i in (0..a.rows).step_by(2) {
-        let rows = [a.row(i), a.row((i + 1).min(a.rows - 1))];
-        for j in (0..b.rows).step_by(4) {
-            let columns: [&[Chunk]; 4] = std::array::from_fn(|n| b.row((j + n).min(b.rows - 1)));
-            let mut sums = [[V::splat(0.0); 4]; 2];
-            for chunk in 0..a.width {
-                let left = [V::load(&rows[0][chunk]), V::load(&rows[1][chunk])];
-                for n in 0..4 {
-                    let right = V::load(&columns[n][chunk]);
-                    for m in 0..2 {
-                        sums[m][n] = left[m].mul_add(right, sums[m][n]);
+        for i in (0..a.rows).step_by(2) {
+            let rows = [a.row(i), a.row((i + 1).min(a.rows - 1))];
+            for j in (0..b.rows).step_by(4) {
+                let columns: [&[Chunk]; 4] = std::array::from_fn(|n| b.row((j + n).min(b.rows - 1)));
+                let mut sums = [[V::splat(0.0); 4]; 2];
+                for chunk in 0..a.width {
+                    let left = [V::load(&rows[0][chunk]), V::load(&rows[1][chunk])];
+                    for n in 0..4 {
+                        let right = V::load(&columns[n][chunk]);
+                        for m in 0..2 {
+                            sums[m][n] = left[m].mul_add(right, sums[m][n]);
+                        }
                     }
                 }
-            }
-            for (m, four) in sums.into_iter().enumerate().take(a.rows - i) {
-                let four = V::sums(four);
-                for (n, sum) in four.into_iter().enumerate().take(b.rows - j) {
-                    tell(i + m, j + n, sum);
+                for (m, four) in sums.into_iter().enumerate().take(a.rows - i) {
+                    let four = V::sums(four);
+                    for (n, sum) in four.into_iter().enumerate().take(b.rows - j) {
+                        out.set(i + m, j + n, sum);
+                    }
                 }
             }
         }

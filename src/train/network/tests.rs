@@ -179,7 +179,7 @@ fn equal_outputs_in_f32_and_in_f64_and_of_rows_alone_and_among_others() {
         let rows = rows(150, inputs);
         let [mut exact, mut outputs] = [(); 2].map(|()| vec![0.0; 150]);
         network.outputs(&rows, &mut exact);
-        let forward = forward::Forward::F32(forward::NetworkF32::new(&network));
+        let forward = forward::NetworkIn::F32(forward::NetworkF32::new(&network));
         forward.outputs(&rows, &mut outputs);
         for (row, (output, exact)) in outputs.iter().zip(&exact).enumerate() {
             assert!((output - exact).abs() < 2e-6, "{hidden:?}: {output} {exact}");
@@ -198,6 +198,6 @@ fn extreme_huge_rows_and_weights_saturate_in_f32_and_nan_stays() {
     network.weights[12] = -1e30;
     let forward = forward::NetworkF32::new(&network);
     let mut outputs = [f64::NAN; 2];
-    forward::Forward::F32(forward).outputs(&[-1e8, -1e8, f64::NAN, 0.0], &mut outputs);
+    forward::NetworkIn::F32(forward).outputs(&[-1e8, -1e8, f64::NAN, 0.0], &mut outputs);
     assert!(outputs[0] < 1e-37 && outputs[1].is_nan(), "{outputs:?}");
 }

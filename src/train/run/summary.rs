@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
 use super::{Setup, Training, identity};
+use crate::corpus::Split;
 use crate::train::filter::Counters;
 use crate::train::folder::{self, RunFolder};
 use crate::train::rows::LeftOut;
@@ -23,8 +24,8 @@ pub struct Summary {
     pub best: Look,
     pub last: Look,
     pub looks: u64,
-    /// As [`Looks`](crate::train::looks::Looks) has it; `None` where rows to learn are weighed otherwise than those that are looked at, and of a run of an
-    /// earlier marsyard.
+    /// As [`Looks`](crate::train::looks::Looks) has it; `None` where rows to learn are weighed otherwise than those that are looked at, of few
+    /// validation scenes, which alone move it by tenths, and of a run of an earlier marsyard.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub validation_over_training: Option<f64>,
     pub train_rows: u64,
@@ -74,7 +75,17 @@ impl Summary {
     }
 }
 
+/// Validation scenes from which on their draw leaves the ratio of errors what it is, to a tenth or so.
+const ENOUGH_SCENES: usize = 50;
+
 impl Training<'_> {
+    fn validation_over_training(&self) -> Option<f64> {
+        let Setup { params, sources, .. } = self.setup;
+        let is_told =
+            params.look_balance() == params.balance && sources.scenes(Split::Validation).len() >= ENOUGH_SCENES;
+        self.looks.validation_over_training().filter(|_| is_told)
+    }
+
     pub(super) fn summary(&self) -> Summary {
         let params = &self.setup.params;
         let none = Look { rows: 0, epoch: 0, train_error: None, validation_error: None };
@@ -85,10 +96,7 @@ impl Training<'_> {
             best: best.unwrap_or(none),
             last: last.unwrap_or(none),
             looks,
-            validation_over_training: self
-                .looks
-                .validation_over_training()
-                .filter(|_| params.look_balance() == params.balance),
+            validation_over_training: self.validation_over_training(),
             train_rows: self.start.train_rows,
             validation_rows: self.start.validation_rows,
             rows_learnt: self.learner.learnt.rows,

@@ -25,6 +25,17 @@ fn exact_every_scene_gives_its_share_of_the_rows_and_the_last_is_cut() {
     let distinct: std::collections::BTreeSet<Vec<u32>> =
         sample.rows.features.chunks(3).map(|row| row.iter().map(|v| v.to_bits()).collect()).collect();
     assert_eq!(distinct.len(), 100, "each row once");
+    // Each row is known to be of its scene: those that follow one another are of one, and no scene comes twice.
+    assert_eq!(sample.of_row.len(), 100);
+    let of_row: Vec<u32> = (0..15).flat_map(|scene| vec![scene; if scene == 14 { 2 } else { 7 }]).collect();
+    assert_eq!(sample.of_row, of_row);
+    let shard_of = |row: usize| {
+        let row = &sample.rows.features[3 * row..3 * row + 3];
+        (0..21).find(|&shard| rows_of(shard).iter().any(|of_scene| of_scene[..] == *row))
+    };
+    for row in 1..100 {
+        assert_eq!(shard_of(row) == shard_of(row - 1), of_row[row] == of_row[row - 1], "row {row}");
+    }
 }
 
 #[test]

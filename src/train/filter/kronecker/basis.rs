@@ -49,7 +49,7 @@ impl Kernel<f32> for Orthonormal<'_> {
 
     #[inline(always)]
     fn run<V: Simd<f32>>(self) -> bool {
-        // Loops in place of closures: what a closure does is not compiled for the instruction set of the kernel.
+        // Loops in place of closures: intrinsics within a closure are not inlined into it.
         let (before, own) = self.vectors.before_and_row_mut(self.place);
         if !normalised::<V>(own) {
             return false;

@@ -5,7 +5,7 @@
 
 use crate::train::Layout;
 use crate::train::filter::lanes::Isa;
-use crate::train::network::forward::{MICRO_BATCH_ROWS, Towards, Values};
+use crate::train::network::forward::{ForwardWeights, MICRO_BATCH_ROWS, Values};
 use crate::train::network::matrix::{Matrix, times, transposed_times};
 
 /// A row to learn: its scaled inputs, its target, and 1 / R.
@@ -34,17 +34,17 @@ impl MicroBatch {
         }
     }
 
-    /// The gradient of up to [`MICRO_BATCH_ROWS`] rows at these weights, one matrix a layer, [neurons, inputs + 1]; `towards`: of the same
-    /// weights.
-    pub(super) fn run(&mut self, weights: &[&Matrix], towards: &Towards, rows: &[Row], isa: Isa) {
+    /// The gradient of up to [`MICRO_BATCH_ROWS`] rows at these weights, one matrix a layer, [neurons, inputs + 1]; `forward`: the same
+    /// weights, as rows meet them.
+    pub(super) fn run(&mut self, weights: &[&Matrix], forward: &ForwardWeights, rows: &[Row], isa: Isa) {
         let MicroBatch { values, slopes, gradients } = self;
-        values.take(rows.iter().map(|row| row.inputs));
-        values.run(towards, isa);
+        values.set_rows(rows.iter().map(|row| row.inputs));
+        values.run(forward, isa);
         let last = weights.len() - 1;
         for place in 0..MICRO_BATCH_ROWS {
             // Places without a row teach nothing.
             let slope = rows.get(place).map_or(0.0, |row| {
-                let y = f64::from(values.outputs.get(place, 0));
+                let y = f64::from(values.outputs.get(0, place));
                 row.weight * (y - row.target) * y * (1.0 - y)
             });
             slopes[last].set(place, 0, slope as f32);

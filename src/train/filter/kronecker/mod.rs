@@ -24,7 +24,7 @@ use super::linearised::finite;
 use super::state::{Reader, Writer};
 use super::{Counters, Filter, FilterError, FilterState};
 use crate::math;
-use crate::train::network::forward::{MICRO_BATCH_ROWS, Towards};
+use crate::train::network::forward::{ForwardWeights, MICRO_BATCH_ROWS};
 use crate::train::params::KroneckerParams;
 use crate::train::{Layout, Network};
 
@@ -63,7 +63,7 @@ struct Member {
     isa: Isa,
     layers: Vec<Layer>,
     /// Their weights, as rows meet them.
-    towards: Towards,
+    forward: ForwardWeights,
     micro_batches: Vec<MicroBatch>,
     counters: Counters,
     steps: u64,
@@ -97,7 +97,7 @@ impl Member {
             rate: params.rate,
             isa: Isa::detect(),
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
-            towards: Towards::new(layout),
+            forward: ForwardWeights::new(layout),
             micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout)).collect(),
             counters: Counters::default(),
             steps: 0,
@@ -137,12 +137,12 @@ impl Member {
 
     /// Adds the gradient of rows that fit into the batch.
     fn gather(&mut self, rows: &[Row], is_shared: bool) {
-        let Member { layers, towards, micro_batches, isa, .. } = self;
+        let Member { layers, forward, micro_batches, isa, .. } = self;
         let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
-        towards.take(weights.iter().copied(), *isa);
+        forward.set(weights.iter().copied(), *isa);
         let micro_batches = &mut micro_batches[..rows.len().div_ceil(MICRO_BATCH_ROWS)];
         let parts: Vec<_> = rows.chunks(MICRO_BATCH_ROWS).collect();
-        each(micro_batches, is_shared, |number, micro_batch| micro_batch.run(&weights, towards, parts[number], *isa));
+        each(micro_batches, is_shared, |number, micro_batch| micro_batch.run(&weights, forward, parts[number], *isa));
         for micro_batch in micro_batches {
             layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| {
                 layer.gradient.change_by(gradient, *isa, |x, y| x + y);

@@ -10,7 +10,7 @@ use crate::random::{Purpose, Stage, Streams};
 use crate::train::filter::lanes::Isa;
 use crate::train::filter::{Counters, FilterState, build};
 use crate::train::network::Activations;
-use crate::train::network::forward::Towards;
+use crate::train::network::forward::ForwardWeights;
 use crate::train::network::matrix::{Matrix, times, times_transposed, transposed_times};
 use crate::train::params::{FilterParams, KroneckerParams};
 use crate::train::{Layout, Network};
@@ -61,6 +61,39 @@ fn equal_products_and_their_sums_written_out_on_every_instruction_set() {
             assert!(furthest(&right, |i, j| sum(&|x| of(&a, i, x) * of(&c, j, x))) < 2e-5);
             let all = (plain, left, right);
             assert_eq!(first.get_or_insert_with(|| all.clone()), &all, "{isa:?}");
+        }
+    }
+}
+
+#[test]
+fn equal_bits_of_gradients_bases_and_steps_on_every_instruction_set() {
+    for (hidden, bias) in [(&[64, 64][..], true), (&[15], true), (&[64, 7], false), (&[], true)] {
+        let (inputs, network) = (23, network(23, hidden, bias));
+        let values = normals(5, 64 * inputs);
+        let row = |(k, inputs)| Row { inputs, target: 0.1 + 0.8 * (k % 2) as f64, weight: 1.0 + k as f64 };
+        let rows: Vec<Row> = values.chunks(inputs).enumerate().map(row).collect();
+        let mut first = None;
+        for isa in Isa::available() {
+            let layout = &network.layout;
+            let mut layers: Vec<Layer> = layout.layers().map(|(i, n)| Layer::new(n, i + usize::from(bias))).collect();
+            let mut weights = network.weights.iter().map(|w| *w as f32);
+            layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
+            let (mut forward, mut micro_batch) = (ForwardWeights::new(layout), MicroBatch::new(layout));
+            // Whole micro-batches, and some whose last places are of rows before.
+            for (steps, count) in [64, 37, 64, 1].into_iter().enumerate() {
+                let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
+                forward.set(of.iter().copied(), isa);
+                micro_batch.run(&of, &forward, &rows[64 - count..], isa);
+                for (layer, gradient) in layers.iter_mut().zip(&micro_batch.gradients) {
+                    layer.gradient.change_by(gradient, isa, |x, y| x + y);
+                    // Bases are turned at each step.
+                    layer.step(count as u64, 10 * steps as u64, 0.02, 0.5, isa);
+                }
+            }
+            let kept = |layer: &Layer| layer.arrays().into_iter().map(|(_, array)| array.clone()).collect::<Vec<_>>();
+            let all: Vec<_> = layers.iter().map(kept).collect();
+            assert!(all.iter().flatten().flat_map(Matrix::padded).all(|x| x.is_finite()));
+            assert!(first.get_or_insert_with(|| all.clone()) == &all, "{hidden:?} {isa:?}");
         }
     }
 }
@@ -129,13 +162,13 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let mut weights = network.weights.iter().map(|w| *w as f32);
         layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
         let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
-        let mut towards = Towards::new(&network.layout);
-        towards.take(of.iter().copied(), Isa::detect());
+        let mut forward = ForwardWeights::new(&network.layout);
+        forward.set(of.iter().copied(), Isa::detect());
         let mut micro_batch = MicroBatch::new(&network.layout);
         // More rows first: what they leave behind must not count.
         let more: Vec<Row> = rows.iter().chain(&rows).map(|row| Row { ..*row }).take(64).collect();
-        micro_batch.run(&of, &towards, &more, Isa::detect());
-        micro_batch.run(&of, &towards, &rows, Isa::detect());
+        micro_batch.run(&of, &forward, &more, Isa::detect());
+        micro_batch.run(&of, &forward, &rows, Isa::detect());
         let mut wanted = vec![0.0; network.weights.len()];
         let (mut slopes, mut tape) = (wanted.clone(), Activations::default());
         for (k, inputs) in values.chunks(inputs).enumerate() {
