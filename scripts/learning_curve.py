@@ -51,8 +51,6 @@ class Learners:
             self.columns = model["about"]["features"]
             self.test = held_out.read(self.place, self.columns)
         facts = {"train_cpu_s": seconds, "rows_learnt": training["rows_learnt"], "best_rows": training["best"]["rows"]}
-        if (ratio := training.get("validation_over_training")) is not None:
-            facts["validation_over_training"] = ratio
         return facts, held_out.counts(self.test, outputs(model, self.test))
 
     def trees(self, corpus, seed):
@@ -68,9 +66,7 @@ class Learners:
 def row(first, of, judged):
     mean = lambda key: np.mean([facts[key] for facts in of["facts"]])
     rates = [held_out.told(judged.balanced(family)) for family in held_out.FAMILIES]
-    ratio = [facts["validation_over_training"] for facts in of["facts"] if "validation_over_training" in facts]
-    ratio = f"{np.mean(ratio):.2f} ({min(ratio):.2f} to {max(ratio):.2f})" if ratio else "-"
-    return [*first, f"{mean('train_cpu_s'):.0f}", f"{mean('rows_learnt') * 1e-3:.0f}", ratio, held_out.told(judged.worst()),
+    return [*first, f"{mean('train_cpu_s'):.0f}", f"{mean('rows_learnt') * 1e-3:.0f}", held_out.told(judged.worst()),
             held_out.told(judged.mean()), *rates]
 
 
@@ -121,7 +117,7 @@ def main():
         of["judged"] = held_out.Judgement(learners.test, of["counts"])
     generated = lambda of: "-" if "own" in of["learner"] else f"{generate_s[of['size']]:.0f}"
     first = lambda of: [of["learner"], of["size"], generated(of)]
-    head = ["learner", "scenes", "CPU s, generate", "CPU s, train", "rows learnt, thousands", "validation error over training error", "worst family", "mean of families", *held_out.FAMILIES]
+    head = ["learner", "scenes", "CPU s, generate", "CPU s, train", "rows learnt, thousands", "worst family", "mean of families", *held_out.FAMILIES]
     networks = [of for of in found if of["learner"] == "network"]
     steps = [[f"{one['size']} to {other['size']} scenes", held_out.told_difference(other["judged"].worst(), one["judged"].worst()),
               held_out.told_difference(other["judged"].mean(), one["judged"].mean())] for one, other in zip(networks, networks[1:])]

@@ -306,32 +306,17 @@ fn tell_end(args: &TrainArgs, out: &Path, summary: &Summary, log: LogFormat) {
     let untrained = (best.rows == 0).then_some(UNTRAINED);
     if log == LogFormat::Json {
         untrained.iter().for_each(|note| tracing::warn!(event = "untrained", note));
-        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error, validation_over_training = summary.validation_over_training);
+        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
         return;
     }
     let corpora = args.corpora.iter().map(|(path, _)| path.display());
     corpora.for_each(|corpus| errln!("all of it: marsyard evaluate {} {corpus}", out.display()));
     untrained.iter().for_each(|note| errln!("warning: {note}"));
-    if let (None, Some(ratio)) = (untrained, summary.validation_over_training) {
-        errln!("{}", more_scenes(ratio));
-    }
     errln!(
         "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",
         best.rows,
         out.join(folder::MODEL).display()
     );
-}
-
-/// What more scenes would teach, by the validation error as a multiple of the training error. The limits are of mixed.yaml, whose mean
-/// over the held-out families gains 0.3 points by twice as many scenes where it is 2.0, 0.2 by three times as many where it is
-/// 1.1, and 0.05 by four times as many where it is 1.0 (`scripts/learning_curve.py`).
-fn more_scenes(ratio: f64) -> String {
-    let told = match ratio {
-        ratio if ratio >= 1.5 => "more scenes of these yards would teach it more",
-        ratio if ratio >= 1.15 => "more scenes of these yards would teach it a little more",
-        _ => "more of these yards would teach it little; yards of other kinds may",
-    };
-    format!("on scenes that it does not learn it errs {ratio:.2} times as much as on those that it does: {told}")
 }
 
 /// What the filter's guards did, where they were needed.
@@ -379,15 +364,6 @@ mod tests {
         let said = failure.report.downcast::<StoreFault>().expect("still a store's fault");
         assert_eq!((said.kind, said.place.as_str()), ("io", "run"));
         assert!(said.help.is_some_and(|help| help.contains("--resume --out run")));
-    }
-
-    #[test]
-    fn exact_more_scenes_are_advised_by_how_much_worse_unseen_ones_are() {
-        for (ratio, told) in
-            [(2.0, "2.00 times"), (1.5, "teach it more"), (1.2, "a little more"), (0.9, "teach it little")]
-        {
-            assert!(more_scenes(ratio).contains(told), "{}", more_scenes(ratio));
-        }
     }
 
     #[test]

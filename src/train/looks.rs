@@ -56,10 +56,6 @@ impl Line {
 /// So many looks are kept at most, in 5 MB of a checkpoint: where there are more, every second goes, and so on.
 const MOST: usize = 1 << 17;
 
-/// Looks whose errors are compared: as many as patience waits for.
-const COMPARED: usize = 10;
-const LEAST_COMPARED: usize = 3;
-
 /// The looks that are kept, the first one always.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Looks(Vec<Line>);
@@ -86,18 +82,6 @@ impl Looks {
         if number.is_multiple_of(every(number)) {
             self.0.push(line);
         }
-    }
-
-    /// The validation error as a multiple of the training error, both means of the last looks of later passes, in which the rows that tell the
-    /// training error were learnt before; `None` of fewer than three. Near 1 a network errs on scenes that it did not learn as on those that
-    /// it did, and more of the same would teach it little; well above, it has learnt its scenes by heart.
-    pub(crate) fn validation_over_training(&self) -> Option<f64> {
-        let last = &self.0[self.0.len().saturating_sub(COMPARED)..];
-        let later = last.iter().filter(|line| line.look.epoch > 1);
-        let both: Vec<(f64, f64)> =
-            later.filter_map(|line| line.look.validation_error.zip(line.look.train_error)).collect();
-        let (validation, training) = both.iter().fold((0.0, 0.0), |sum, look| (sum.0 + look.0, sum.1 + look.1));
-        (both.len() >= LEAST_COMPARED && training > 0.0).then_some(validation / training)
     }
 
     /// As the lines of `training.jsonl`.
@@ -187,28 +171,6 @@ mod tests {
         for rows in [0, 1, u64::MAX] {
             assert_eq!(Line::from_words(line(rows).to_words()), line(rows));
         }
-    }
-
-    #[test]
-    fn exact_errors_of_the_last_looks_are_compared_where_both_are_told() {
-        let of = |errors: &[(Option<f64>, Option<f64>)]| {
-            let line = |&(train_error, validation_error): &(Option<f64>, Option<f64>)| Line {
-                look: Look { train_error, validation_error, ..line(1).look },
-                ..line(1)
-            };
-            Looks::new(errors.iter().map(line).collect()).validation_over_training()
-        };
-        assert_eq!(of(&[]), None);
-        let one = (Some(0.1), Some(0.2));
-        assert_eq!(of(&[one, one, (None, Some(0.2)), (Some(0.1), None)]), None);
-        assert_eq!(of(&[(Some(0.0), Some(0.1)); 3]), None);
-        assert_eq!(of(&[(None, Some(9.0)), one, one, (Some(0.3), Some(0.6))]), Some(2.0));
-        // In the first pass no row was learnt before.
-        let first =
-            Line { look: Look { epoch: 1, train_error: one.0, validation_error: one.1, ..line(1).look }, ..line(1) };
-        assert_eq!(Looks::new(vec![first; 10]).validation_over_training(), None);
-        let many: Vec<_> = (0..25).map(|k| (Some(0.5), Some(if k < 15 { 9.0 } else { 0.75 }))).collect();
-        assert_eq!(of(&many), Some(1.5));
     }
 
     #[test]

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 
 use super::{Setup, Training, identity};
-use crate::corpus::Split;
 use crate::train::filter::Counters;
 use crate::train::folder::{self, RunFolder};
 use crate::train::rows::LeftOut;
@@ -24,10 +23,6 @@ pub struct Summary {
     pub best: Look,
     pub last: Look,
     pub looks: u64,
-    /// As [`Looks`](crate::train::looks::Looks) has it; `None` where rows to learn are weighed otherwise than those that are looked at, of few
-    /// validation scenes, which alone move it by tenths, and of a run of an earlier marsyard.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub validation_over_training: Option<f64>,
     pub train_rows: u64,
     pub validation_rows: u64,
     /// Learnt or left out by `filter.ekf.rows`, rows of later epochs counted again; those learnt are `counters.updates`.
@@ -75,19 +70,8 @@ impl Summary {
     }
 }
 
-/// Validation scenes from which on their draw leaves the ratio of errors what it is, to a tenth or so.
-const ENOUGH_SCENES: usize = 50;
-
 impl Training<'_> {
-    fn validation_over_training(&self) -> Option<f64> {
-        let Setup { params, sources, .. } = self.setup;
-        let is_told =
-            params.look_balance() == params.balance && sources.scenes(Split::Validation).len() >= ENOUGH_SCENES;
-        self.looks.validation_over_training().filter(|_| is_told)
-    }
-
     pub(super) fn summary(&self) -> Summary {
-        let params = &self.setup.params;
         let none = Look { rows: 0, epoch: 0, train_error: None, validation_error: None };
         let Stopping { looks, last, best, .. } = self.learner.learnt.stopping;
         Summary {
@@ -96,7 +80,6 @@ impl Training<'_> {
             best: best.unwrap_or(none),
             last: last.unwrap_or(none),
             looks,
-            validation_over_training: self.validation_over_training(),
             train_rows: self.start.train_rows,
             validation_rows: self.start.validation_rows,
             rows_learnt: self.learner.learnt.rows,
@@ -113,7 +96,7 @@ impl Training<'_> {
             init: self.identity["init"].as_str().map(str::to_string),
             run: Some(identity::run_id(&self.identity)),
             model_sha256: None,
-            config: params.clone(),
+            config: self.setup.params.clone(),
         }
     }
 }
