@@ -144,9 +144,7 @@ impl Study {
         // The version first: what another one lacks is no fault of the file.
         let version = serde_json::from_str::<Version>(&text).map_err(is_none)?.marsyard_study;
         if version != FORMAT {
-            return Err(unreadable(format!(
-                "is a study of format {version}, and this program reads {FORMAT}: make it anew by `marsyard tradeoff`"
-            )));
+            return Err(unreadable(format!("is a study of format {version}, and this program reads {FORMAT}")));
         }
         let study: Study = serde_json::from_str(&text).map_err(is_none)?;
         match study.fault() {

@@ -94,8 +94,12 @@ fn law_without_a_study_or_a_sound_budget_the_cure_is_told() {
         let said = text(&output.stderr);
         assert!(said.split_whitespace().collect::<Vec<_>>().join(" ").contains(expected), "{extra:?}: {said}");
     }
-    fs::write(yard.path("bad.json"), r#"{"marsyard_study": 1}"#).expect("a file");
-    let output = yard.marsyard(["plan", &config, "--hours", "1", "--study", "bad.json"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("is no study"), "{}", text(&output.stderr));
+    for (study, expected) in
+        [(r#"{"marsyard_study": 2}"#, "is no study"), (r#"{"marsyard_study": 1}"#, "a study of format 1")]
+    {
+        fs::write(yard.path("bad.json"), study).expect("a file");
+        let output = yard.marsyard(["plan", &config, "--hours", "1", "--study", "bad.json"]);
+        assert_eq!(output.status.code(), Some(2));
+        assert!(text(&output.stderr).contains(expected), "{}", text(&output.stderr));
+    }
 }
