@@ -185,7 +185,7 @@ pub(crate) fn exp_lanes_f32<const N: usize>(x: &[f32; N]) -> [f32; N] {
     // What is added to a number to round it: the whole number is then in the lowest bits.
     const WHOLE: f32 = 12_582_912.0;
     // ln 2 in two parts, the first of which has few bits.
-    const LN2: [f32; 2] = [0.693_359_375, -2.121_944_4e-4];
+    const LN2: [f32; 2] = [355.0 / 512.0, -2.121_944_4e-4];
     // Taylor's: the first term that is left out is 5e-9 of the sum where |r| is ln 2 / 2.
     const P: [f32; 7] = [1.0, 0.5, 1.0 / 6.0, 1.0 / 24.0, 1.0 / 120.0, 1.0 / 720.0, 1.0 / 5040.0];
     let mut out = [0.0; N];

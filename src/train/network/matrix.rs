@@ -234,11 +234,10 @@ impl Times<'_> {
     fn tile<V: Simd<f32>, const N: usize, const M: usize>(&mut self, row: usize, column: usize) {
         let Times { a, b, .. } = *self;
         let mut sums = [[V::splat(0.0); M]; N];
-        let right = b.chunks.chunks_exact(b.width);
         if self.is_transposed {
             // N columns of `a` lie in one chunk, because N divides the lanes; those beyond the last are padding.
             let (chunk, lane) = (row / LANES, row % LANES);
-            for (left, right) in a.chunks.chunks_exact(a.width).zip(right) {
+            for (left, right) in a.chunks.chunks_exact(a.width).zip(b.chunks.chunks_exact(b.width)) {
                 let factors = &left[chunk].as_ref()[lane..lane + N];
                 add_products(&mut sums, |n| factors[n], &right[column..column + M]);
             }
@@ -246,10 +245,9 @@ impl Times<'_> {
             // Beyond the last row that row again, which is not kept.
             let last = self.out.rows - 1;
             let rows: [&[Chunk]; N] = std::array::from_fn(|n| a.row((row + n).min(last)));
-            let mut right = right.take(a.columns);
-            for chunk in 0..a.width {
+            for (chunk, right) in b.chunks[..a.columns * b.width].chunks(LANES * b.width).enumerate() {
                 let factors: [&[f32]; N] = std::array::from_fn(|n| rows[n][chunk].as_ref());
-                for (lane, right) in right.by_ref().take(LANES).enumerate() {
+                for (lane, right) in right.chunks_exact(b.width).enumerate() {
                     add_products(&mut sums, |n| factors[n][lane], &right[column..column + M]);
                 }
             }
@@ -274,10 +272,10 @@ fn add_products<V: Simd<f32>, const N: usize, const M: usize>(
     for m in 0..M {
         chunks[m] = V::load(&right[m]);
     }
-    for n in 0..N {
+    for (n, sums) in sums.iter_mut().enumerate() {
         let factor = V::splat(factor(n));
-        for m in 0..M {
-            sums[n][m] = factor.mul_add(chunks[m], sums[n][m]);
+        for (sum, chunk) in sums.iter_mut().zip(chunks) {
+            *sum = factor.mul_add(chunk, *sum);
         }
     }
 }
