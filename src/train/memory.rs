@@ -80,9 +80,8 @@ impl Held {
             counts[usize::from(train.corpora[row])][train.labels[row].index()] += 1;
         }
         let validate_every = params.rows_between_looks(train.len() as u64);
-        let look_rows = params.filter.look_rows(validate_every);
-        let looked_every = stride(validation.len() as u64, look_rows) as usize;
-        let validation = validation.thinned(look_rows);
+        let looked_every = stride(validation.len() as u64, params.filter.look_rows(validate_every)) as usize;
+        let validation = validation.thinned(looked_every);
         let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
         let objective = Objective::new(scaler, params, &counts, corpora);
         Ok(Held { objective, train, validation, looked_every, constant })

@@ -81,9 +81,8 @@ impl Rows {
         self.corpora.push(of.corpora[row]);
     }
 
-    /// Every so many-th row, as [`stride`] has it.
-    pub(crate) fn thinned(self, count: u64) -> Rows {
-        let every = stride(self.len() as u64, count) as usize;
+    /// Every so many-th row.
+    pub(crate) fn thinned(self, every: usize) -> Rows {
         if every == 1 {
             return self;
         }
