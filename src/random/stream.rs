@@ -69,6 +69,17 @@ impl Stream {
         widest(Normals(out));
     }
 
+    /// Standard normal draws, one from each of as many equally likely parts of the line, from the lowest to the highest.
+    pub fn fill_normal_stratified(&self, first_index: u64, out: &mut [f64]) {
+        self.fill_uniform(first_index, out);
+        let count = out.len() as f64;
+        for (k, out) in out.iter_mut().enumerate() {
+            // The last draw may be rounded up to 1.
+            *out = ((k as f64 + *out) / count).min(1.0 - f64::EPSILON / 2.0);
+        }
+        widest(Normals(out));
+    }
+
     /// The words of the draws from an index on, two each.
     fn generator_from(&self, first_index: u64) -> ChaCha8Rng {
         let mut rng = ChaCha8Rng::from_seed(self.key);
