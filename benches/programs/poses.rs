@@ -88,6 +88,7 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
     let mut all = vec![
         variant("dead_reckoning", Given::Nothing, FastslamParams { particles: 1, ..FastslamParams::default() }),
         variant("fastslam", Given::Sweep, own()),
+        variant("fastslam, features alone", Given::Sweep, FastslamParams { registration: false, ..own() }),
     ];
     if shipped_only {
         return all;
@@ -191,11 +192,10 @@ impl Study<'_> {
                 Given::Sweep => slam.observe(&stop.sweep.returns, &streams)?,
                 given => {
                     let believed = slam.estimate().pose;
-                    let (found, visibility) =
-                        extractor.extract(&stop.sweep.returns, believed.roll_rad, believed.pitch_rad);
+                    let sight = extractor.extract(&stop.sweep.returns, believed.roll_rad, believed.pitch_rad);
                     let world_from_sensor = drive.truth[step].transform() * *rover_from_sensor;
-                    let owned = owned(&self.replay.scene, found, &world_from_sensor, &stop.all);
-                    slam.observe_features(&seen(given, stop, &owned), &visibility, &streams)?
+                    let owned = owned(&self.replay.scene, sight.features, &world_from_sensor, &stop.all);
+                    slam.observe_features(&seen(given, stop, &owned), &sight.visibility, &streams)?
                 }
             };
             features.push(f64::from(estimate.features));

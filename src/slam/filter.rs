@@ -6,13 +6,15 @@
 //! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: on a straight
 //! way a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks do tell of it, and the sigma of z is too large.
 
+use super::keyframe::Keyframe;
 use super::matrix::{Matrix, Vector, square};
 use super::measurement::{Mounting, usable};
 use super::motion::{Control, GaussianPose, GroundSlope, MotionNoise, PITCH, READING_GATE, ROLL, YAW, angle_sigma_rad};
 use super::particle::{
     Association, EXISTENCE_SURE, Feature, Landmark, Observation, Particle, Scratch, SweepObservations,
 };
-use super::per_particle::{Chart, Drive, ReadAngle, Refine};
+use super::per_particle::{Chart, Drive, ReadAngle, Refine, TakeFix};
+use super::registration::{Registration, Surface};
 use super::visibility::Visibility;
 use super::weights::{Genealogy, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};
@@ -62,6 +64,7 @@ pub(super) struct Filter {
     counters: Counters,
     stops_without_match: u32,
     mean_innovation: Option<f64>,
+    keyframe: Option<Keyframe>,
     motion: MotionNoise,
     ground: GroundSlope,
     mounting: Mounting,
@@ -100,6 +103,7 @@ impl Filter {
             counters: Counters::default(),
             stops_without_match: 0,
             mean_innovation: None,
+            keyframe: None,
             motion: MotionNoise::new(noise, params.motion_inflation),
             ground: GroundSlope::default(),
             mounting,
@@ -210,8 +214,21 @@ impl Filter {
         (math::wrap_angle(reference + mean), (second / total - mean * mean).max(0.0) + own / total)
     }
 
-    /// A sweep's features and where it looked. The streams stand at the step.
-    pub(super) fn observe(&mut self, found: &[Feature], visibility: &Visibility, streams: &Streams) {
+    /// A sweep's features, what stands up in it where sweeps are laid on one another, and where it looked. The streams stand at the step.
+    pub(super) fn observe(
+        &mut self,
+        found: &[Feature],
+        surface: Option<Surface>,
+        visibility: &Visibility,
+        streams: &Streams,
+    ) {
+        let tilt_rad2 = self.angle(ROLL).1.max(self.angle(PITCH).1);
+        // First, so that features are looked for from where the surfaces tell that the rover stands.
+        let surface = surface.filter(Surface::tells);
+        let is_laid = surface.as_ref().is_some_and(|surface| self.lay(surface, tilt_rad2));
+        if is_laid {
+            self.normalise_weights();
+        }
         let features = self.choose(found);
         let prior = self.weights();
         let mut scratch = Scratch::default();
@@ -230,10 +247,11 @@ impl Filter {
         self.scan.matched = count(|a| matches!(a, Association::Matched(_)));
         self.scan.new_landmarks = count(|a| matches!(a, Association::New));
         self.counters.ambiguous += count(|a| matches!(a, Association::Ambiguous(_)));
-        self.stops_without_match = if self.scan.matched > 0 { 0 } else { self.stops_without_match + 1 };
+        self.stops_without_match = if self.scan.matched > 0 || is_laid { 0 } else { self.stops_without_match + 1 };
 
         let telling = |p: &Particle| p.associations.iter().any(|a| !matches!(a, Association::Ambiguous(_)));
-        let draws = self.particles.iter().any(telling);
+        // A keyframe is of particles that know where they stood.
+        let draws = surface.is_some() || self.particles.iter().any(telling);
         let thin = mixture.effective_samples < self.resample_below * self.particles.len() as f64;
         // Without a draw as well: readings alone wear weights thin while no feature is matched.
         if thin {
@@ -243,7 +261,16 @@ impl Filter {
         }
         if draws {
             let mut normals = vec![0.0; 6 * self.particles.len()];
-            streams.open(Purpose::SlamSample).fill_normal(0, &mut normals);
+            let stream = streams.open(Purpose::SlamSample);
+            stream.fill_normal(0, &mut normals);
+            if !self.drew {
+                // What the first heading errs turns the whole map, and only what is drawn here can be found right later.
+                let mut headings = vec![0.0; self.particles.len()];
+                stream.fill_normal_stratified(normals.len() as u64, &mut headings);
+                for (normals, heading) in normals.as_chunks_mut::<6>().0.iter_mut().zip(headings) {
+                    normals[YAW] = heading;
+                }
+            }
             for (particle, normals) in self.particles.iter_mut().zip(normals.as_chunks::<6>().0) {
                 particle.sample_pose(normals);
             }
@@ -255,6 +282,25 @@ impl Filter {
         let sure = |l: &&Landmark| l.existence >= EXISTENCE_SURE;
         self.scan.landmarks = self.particles[self.likeliest()].landmarks.iter().filter(sure).count() as u32;
         self.at_sweep = Some(mixture);
+        if let Some(surface) = surface {
+            self.keyframe = Some(Keyframe::new(surface, tilt_rad2, &mut self.particles));
+        }
+    }
+
+    /// Lays a surface on the keyframe's and lets every particle take in where it lies; whether it was found there.
+    fn lay(&mut self, surface: &Surface, tilt_rad2: f64) -> bool {
+        let Some(keyframe) = &self.keyframe else { return false };
+        match keyframe.register(surface, tilt_rad2, &self.particles, &self.weights()) {
+            Registration::Fixed(fix) => {
+                in_fours(TakeFix { particles: &mut self.particles, fix: &fix });
+                true
+            }
+            Registration::Apart => false,
+            Registration::Gated => {
+                self.counters.gated += 1;
+                false
+            }
+        }
     }
 
     /// The usable features: those of most points (the nearer of two), apart from one another, nearest first.
@@ -364,7 +410,7 @@ impl Filter {
         self.counters
     }
 
-    /// Matched no feature for more than two stops.
+    /// Found nothing again for more than two stops.
     pub(super) fn lost(&self) -> bool {
         self.stops_without_match > 2 || !self.drew
     }

@@ -1,9 +1,10 @@
 //! Readings and sweeps -> estimated poses with covariance. Never the truth.
 //!
 //! In: [`SlamParams`], the start pose (known), [`Reading`]s, [`Returns`]s. Out: an [`Estimate`] per step, frame `map`.
-//! Source: Montemerlo et al. 2003 (FastSLAM 2.0), in six degrees of freedom on terrain. All of it runs relative to the
-//! start, so that coordinates of any size lose no digits. Of the start only the position is believed: the attitude comes
-//! from the first readings, where the rover has the instruments.
+//! Source: Montemerlo et al. 2003 (FastSLAM 2.0), in six degrees of freedom on terrain; deviation: what stands up in a sweep is also laid
+//! on what stood up at the stop before (`registration`, `keyframe`). All of it runs relative to the start, so that coordinates of
+//! any size lose no digits. Of the start only the position is believed: the attitude comes from the first readings, where the rover
+//! has the instruments.
 //!
 //! The filter on features of one's own front end: wheels that slip say 1.2 m where the rover drove 1 m; six landmarks know better.
 //!
@@ -60,12 +61,14 @@ pub mod features;
 mod filter;
 mod gating;
 mod kalman;
+mod keyframe;
 pub mod matrix;
 pub mod measurement;
 pub mod motion;
 pub mod params;
 mod particle;
 mod per_particle;
+mod registration;
 mod tum;
 mod visibility;
 mod weights;
@@ -140,7 +143,7 @@ pub struct Counters {
 pub enum Mode {
     /// Features.
     Slam,
-    /// No feature has been matched at the last three stops or more.
+    /// At the last three stops or more no feature was matched, and no surface found again.
     DeadReckoning,
 }
 
@@ -163,6 +166,8 @@ pub struct Slam {
     filter: Filter,
     /// `None` for dead reckoning.
     extractor: Option<Extractor>,
+    /// Whether sweeps are laid on one another.
+    registers: bool,
     start_m: DVec3,
 }
 
@@ -193,7 +198,7 @@ impl Slam {
         }
         upright(start.pitch_rad)?;
         let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor));
-        Ok(Slam { filter, extractor, start_m: start.position_m })
+        Ok(Slam { filter, extractor, registers: params.registration, start_m: start.position_m })
     }
 
     /// The noise of one's own features: range (metres), bearing, elevation (radians), before the inflation. Sweeps' features keep their own
@@ -213,8 +218,9 @@ impl Slam {
     pub fn observe(&mut self, returns: &Returns, streams: &Streams) -> Result<Estimate, SlamError> {
         if let Some(extractor) = &mut self.extractor {
             let mean = self.filter.believed().mean;
-            let (features, visibility) = extractor.extract(returns, mean[motion::ROLL], mean[motion::PITCH]);
-            self.filter.observe(features, &visibility, streams);
+            let sight = extractor.extract(returns, mean[motion::ROLL], mean[motion::PITCH]);
+            let surface = self.registers.then(|| sight.surface());
+            self.filter.observe(sight.features, surface, &sight.visibility, streams);
         }
         upright(self.filter.angle(motion::PITCH).0)?;
         Ok(self.estimate())
@@ -227,7 +233,7 @@ impl Slam {
         visibility: &Visibility,
         streams: &Streams,
     ) -> Result<Estimate, SlamError> {
-        self.filter.observe(features, visibility, streams);
+        self.filter.observe(features, None, visibility, streams);
         upright(self.filter.angle(motion::PITCH).0)?;
         Ok(self.estimate())
     }

@@ -40,6 +40,10 @@ pub struct FastslamParams {
     /// Features are taken up to this distance from the sensor, metres.
     #[garde(custom(within(0.5, 20.0)))]
     pub feature_range_m: f64,
+    /// Lay what stands up in a sweep on what stood up at the stop before: tells the way between the two to a centimetre where
+    /// rocks are seen twice. Without it the features alone correct the odometry, as in the paper.
+    #[garde(skip)]
+    pub registration: bool,
     /// Factor on the features' measurement covariance; guards against optimism.
     #[garde(custom(within(0.01, 1000.0)))]
     pub measurement_inflation: f64,
@@ -51,11 +55,12 @@ pub struct FastslamParams {
 impl Default for FastslamParams {
     fn default() -> Self {
         FastslamParams {
-            particles: 30,
+            particles: 60,
             resample_below: 0.5,
             max_features: 12,
             // 95 % of what the URG-04LX reports: four to five features a sweep where 3.75 m brings two.
             feature_range_m: 5.3,
+            registration: true,
             measurement_inflation: 4.0,
             motion_inflation: 1.0,
         }

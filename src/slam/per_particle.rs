@@ -5,6 +5,7 @@
 
 use super::motion::{Control, MotionNoise};
 use super::particle::{Particle, Scratch, SweepObservations};
+use super::registration::Fix;
 use super::visibility::Visibility;
 use crate::wide::Work;
 
@@ -56,6 +57,22 @@ impl Work for Refine<'_> {
     fn run(self) {
         for particle in self.particles {
             particle.update_pose(&self.seen, self.scratch);
+        }
+    }
+}
+
+/// [`Particle::take_fix`].
+pub(super) struct TakeFix<'a> {
+    pub particles: &'a mut [Particle],
+    pub fix: &'a Fix,
+}
+
+impl Work for TakeFix<'_> {
+    type Out = ();
+    #[inline(always)]
+    fn run(self) {
+        for particle in self.particles {
+            particle.take_fix(self.fix);
         }
     }
 }

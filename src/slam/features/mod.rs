@@ -1,7 +1,7 @@
-//! One sweep -> the rocks in it, as seen: range, bearing, elevation of each.
+//! One sweep -> the rocks in it, as seen: range, bearing, elevation of each; and the surface of all that stands up.
 //!
 //! In: [`Returns`]: ranges and statuses, and the believed roll and pitch, which only level it. Out:
-//! [`Feature`]s in the sensor frame, and where the sweep looked. Source: ground-plane fitting and clustering after Di et al.
+//! [`Feature`]s in the sensor frame, the surface, and where the sweep looked. Source: ground-plane fitting and clustering after Di et al.
 //! 2013. What stands up from the ground is clustered; a cluster's centroid lies on the near side of its rock and moves with
 //! the viewpoint, so it is pushed back along the ray by a fitted share of the half width. Not modelled: walls, crater
 //! rims, trees thinner than 6 cm; slopes and dunes give no features by design.
@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use super::measurement::Polar;
 use super::particle::Feature;
+use super::registration::Surface;
 use super::visibility::{Bins, Visibility};
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
 use crate::math;
@@ -52,7 +53,7 @@ const BLOCK: usize = 64;
 /// Finds features; keeps its memory and what it knows of the pattern from sweep to sweep.
 #[derive(Clone, Debug)]
 pub struct Extractor {
-    rover_from_sensor: DMat3,
+    rover_from_sensor: Transform,
     range_m: f64,
     pattern: Option<(Arc<Pattern>, Arc<Bins>)>,
     /// The cell of each slot, in blocks.
@@ -60,6 +61,23 @@ pub struct Extractor {
     grid: GroundGrid,
     clusters: Clusters,
     features: Vec<Feature>,
+}
+
+/// What a sweep holds for the filter.
+pub struct Sight<'e, 's> {
+    pub features: &'e [Feature],
+    /// Where the sweep looked.
+    pub visibility: Visibility<'s>,
+    clusters: &'e Clusters,
+    sensor_m: DVec3,
+}
+
+impl Sight<'_, '_> {
+    /// All that stands up, rocks or not, in level axes ahead of the rover with the rover as origin.
+    pub(super) fn surface(&self) -> Surface {
+        let points = self.clusters.found().iter().filter(|cluster| cluster.points.len() >= LEAST_POINTS);
+        Surface::of(points.flat_map(|cluster| &cluster.points).map(|point| point.place_m + self.sensor_m))
+    }
 }
 
 /// A return in levelled axes with the sensor as origin.
@@ -73,7 +91,7 @@ impl Extractor {
     /// Features up to `range_m` from the sensor.
     pub fn new(range_m: f64, rover_from_sensor: &Transform) -> Extractor {
         Extractor {
-            rover_from_sensor: rover_from_sensor.rotation,
+            rover_from_sensor: *rover_from_sensor,
             range_m,
             pattern: None,
             cells: Vec::new(),
@@ -83,9 +101,10 @@ impl Extractor {
         }
     }
 
-    /// The features of a sweep, and where it looked.
-    pub fn extract<'s>(&mut self, returns: &'s Returns, roll_rad: f64, pitch_rad: f64) -> (&[Feature], Visibility<'s>) {
-        let level = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation() * self.rover_from_sensor;
+    /// What a sweep holds.
+    pub fn extract<'s>(&mut self, returns: &'s Returns, roll_rad: f64, pitch_rad: f64) -> Sight<'_, 's> {
+        let level_from_rover = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation();
+        let level = level_from_rover * self.rover_from_sensor.rotation;
         let bins = self.bins(&returns.pattern);
         widest(ClusterPass { extractor: self, returns, level: &level });
         self.grid.fit();
@@ -95,7 +114,12 @@ impl Extractor {
         let features =
             self.clusters.found().iter().filter_map(|cluster| feature(cluster, returns, &level, self.range_m));
         self.features.extend(features);
-        (&self.features, Visibility::of_sweep(EXPECTED_SHARE * self.range_m, returns, bins))
+        Sight {
+            features: &self.features,
+            visibility: Visibility::of_sweep(EXPECTED_SHARE * self.range_m, returns, bins),
+            clusters: &self.clusters,
+            sensor_m: level_from_rover * self.rover_from_sensor.translation_m,
+        }
     }
 
     fn bins(&mut self, pattern: &Arc<Pattern>) -> Arc<Bins> {

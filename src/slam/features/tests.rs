@@ -68,7 +68,7 @@ fn pose(yaw_rad: f64) -> Pose {
 /// The features of a sweep, in the world.
 fn found(returns: &Returns, pose: &Pose, believed: &Pose) -> Vec<DVec3> {
     let mut extractor = Extractor::new(3.75, &mount());
-    let (features, _) = extractor.extract(returns, believed.roll_rad, believed.pitch_rad);
+    let features = extractor.extract(returns, believed.roll_rad, believed.pitch_rad).features;
     let world_from_sensor = pose.transform() * mount();
     features
         .iter()
@@ -160,7 +160,7 @@ fn extreme_sweeps_of_nothing_and_of_nonsense() {
     ] {
         let sweep =
             Returns { pattern: pattern.clone(), range_m: vec![range_m; n], status: vec![status; n], intensity: None };
-        let (features, _) = extractor.extract(&sweep, 0.1, -0.1);
+        let features = extractor.extract(&sweep, 0.1, -0.1).features;
         assert!(features.iter().all(|f| f.polar.iter().all(|v| v.is_finite())), "{range_m} {status:?}");
     }
 }

@@ -82,7 +82,7 @@ impl Study {
             let mut off = || 0.5f64.to_radians() * Distribution::<f64>::sample(&StandardNormal, &mut rng);
             let (roll_rad, pitch_rad) = (pose.roll_rad + off(), pose.pitch_rad + off());
             let clock = std::time::Instant::now();
-            let (features, _) = extractor.extract(&sweep.returns, roll_rad, pitch_rad);
+            let features = extractor.extract(&sweep.returns, roll_rad, pitch_rad).features;
             tally.extraction_s += clock.elapsed().as_secs_f64();
             tally.scans += 1;
             let features: Vec<_> =

@@ -1,0 +1,310 @@
+//! Two sweeps' surfaces and a guess -> where the rover stands relative to where it stood, and how surely.
+//!
+//! In: [`Surface`]s of what stands up around two stops, each in axes that are level and ahead of the rover, with the rover as origin, and
+//! the [`Motion`] between them as reckoned. Out: a [`Fix`] of x, y and heading; metres, radians. Source: point to plane, with the normals of both
+//! sides (Rusinkiewicz 2019), by Gauss-Newton steps with Geman-McClure weights. Height and tilt are estimated too and marginalised: instruments tell
+//! them better. Only what stands up takes part: of the ground each stop sees the rings that its own beams draw, which move with the rover. The
+//! fix is without the guess, so that along a wall its sigma is of metres. Not modelled: surfaces that move, like leaves.
+
+mod columns;
+mod surface;
+
+use std::collections::BTreeMap;
+
+use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, half_solve, solve, square, sum, symmetrise, transpose};
+use crate::geometry::{DMat3, DVec3};
+use crate::math;
+pub(crate) use surface::Surface;
+
+/// Fewer points tell no place.
+const LEAST_POINTS: usize = 20;
+/// Of the newer surface so many points are laid on the older, evenly drawn.
+const MOST_POINTS: usize = 600;
+/// Least standard deviation of a point across its surface, metres: bent surfaces have normals of a neighbourhood.
+const LEAST_SIGMA_M: f64 = 0.02;
+const MOST_SIGMA_M: f64 = 0.1;
+/// So many points tell as much as one that errs alone.
+const SHARED: f64 = 2.0;
+/// What no number of points takes away: metres, metres, radians.
+const LEAST_FIX: Vector<3> = [4e-3, 4e-3, 2e-3];
+/// Side of a spot, metres: what its points err together is seen in the spread of the spots' pulls.
+const SPOT_M: f64 = 0.4;
+/// Information that no point gives: along a wall the place is known to ten metres, so that numbers stay finite.
+const UNTOLD: f64 = 0.01;
+/// Squared distance over variance at which Geman-McClure's weight falls to a quarter.
+const OUTLYING: f64 = 9.0;
+/// Weights lower the mean square of what is normally distributed by this factor's inverse.
+const WEIGHTED_SHARE: f64 = 1.3;
+/// Chi-square of three degrees of freedom at 99.9 %: a fix farther off what was reckoned is of other things.
+const GATE: f64 = 16.3;
+/// Least standard deviations of the guess: x, y, z, metres, and the three turns, radians.
+const LEAST_GUESS: Vector<6> = [1e-3, 1e-3, 0.01, 2e-3, 2e-3, 1e-3];
+/// A step shorter than this, metres and radians, is the last one of its stage.
+const SETTLED: f64 = 2e-4;
+
+/// Which points are taken for the same while the steps come nearer.
+struct Stage {
+    /// Distance at most, in all and within the surface, metres.
+    reach_m: f64,
+    aside_m: f64,
+    /// Cosine between the normals at least.
+    alike: f64,
+    /// Of the newer surface's points every so-manieth, after [`MOST_POINTS`].
+    every: usize,
+    steps: usize,
+}
+
+/// From what the guess allows to what only the same spot passes; the first reach is by the guess.
+const STAGES: [Stage; 3] = [
+    Stage { reach_m: 0.5, aside_m: f64::INFINITY, alike: 0.3, every: 2, steps: 6 },
+    Stage { reach_m: 0.2, aside_m: 0.1, alike: 0.5, every: 2, steps: 5 },
+    Stage { reach_m: 0.2, aside_m: 0.05, alike: 0.7, every: 1, steps: 10 },
+];
+/// The first stage reaches so many standard deviations of the guess, within these bounds.
+const REACH_SIGMAS: f64 = 3.0;
+const LEAST_REACH_M: f64 = 0.2;
+
+/// How the rover came from one stop to another, in the level axes of the first, as reckoned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Motion {
+    /// x, y, heading.
+    pub mean: Vector<3>,
+    pub covariance: Matrix<3, 3>,
+    pub climb_m: f64,
+    pub climb_m2: f64,
+    /// Of roll and pitch, the errors of both stops together.
+    pub tilt_rad2: f64,
+}
+
+/// A measurement of x, y and heading, without the guess.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fix {
+    pub mean: Vector<3>,
+    pub covariance: Matrix<3, 3>,
+}
+
+impl Fix {
+    /// What the measurement has over a belief.
+    pub(super) fn innovation(&self, state: &Vector<3>) -> Vector<3> {
+        let [x, y, heading] = self.mean;
+        [x - state[0], y - state[1], math::wrap_angle(heading - state[2])]
+    }
+}
+
+/// What came of a registration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Registration {
+    Fixed(Fix),
+    /// Too few points of the one lie on the other.
+    Apart,
+    /// Too far off what was reckoned.
+    Gated,
+}
+
+/// Lays `newer` on `older`.
+pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Registration {
+    if newer.len() < LEAST_POINTS || older.len() < LEAST_POINTS {
+        return Registration::Apart;
+    }
+    let mut placed = Placement::of(motion);
+    let guess = placed;
+    let information = guess_information(motion);
+    let reach_m = REACH_SIGMAS * (motion.covariance[0][0] + motion.covariance[1][1]).max(0.0).sqrt();
+    let mut variance_m2 = LEAST_SIGMA_M * LEAST_SIGMA_M;
+    for (k, stage) in STAGES.iter().enumerate() {
+        let reach_m = if k == 0 { reach_m.clamp(LEAST_REACH_M, stage.reach_m) } else { stage.reach_m };
+        let stage = Stage { reach_m, ..*stage };
+        for _ in 0..stage.steps {
+            let steps = Steps::of(newer, older, &placed, &stage, variance_m2);
+            if let Some(told_m2) = steps.variance_m2() {
+                variance_m2 = told_m2.clamp(LEAST_SIGMA_M * LEAST_SIGMA_M, MOST_SIGMA_M * MOST_SIGMA_M);
+            }
+            let pull = apply(&information, &guess.from(&placed));
+            let towards: Vector<6> = std::array::from_fn(|i| steps.gradient[i] + pull[i]);
+            let Some(factor) = cholesky(&sum(&steps.information, &information)) else { return Registration::Apart };
+            let step = solve(&factor, &towards.map(|t| [t])).map(|[s]| s);
+            placed.shift(&step);
+            if step.iter().all(|s| s.abs() < SETTLED) {
+                break;
+            }
+        }
+    }
+    // Once more where it ended, so that gradient and information are of one place.
+    let last = &STAGES[STAGES.len() - 1];
+    let steps = Steps::of(newer, older, &placed, last, variance_m2);
+    if steps.matched < LEAST_POINTS {
+        return Registration::Apart;
+    }
+    match fix(&steps, &placed, &information, &guess.from(&placed)) {
+        Some(fix) => gated(fix, motion),
+        None => Registration::Apart,
+    }
+}
+
+/// Where the newer surface lies in the older's axes.
+#[derive(Clone, Copy, Debug)]
+struct Placement {
+    turn: DMat3,
+    place_m: DVec3,
+}
+
+impl Placement {
+    fn of(motion: &Motion) -> Placement {
+        let (sin, cos) = math::sin_cos(motion.mean[2]);
+        let turn = DMat3::from_cols(DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0), DVec3::Z);
+        Placement { turn, place_m: DVec3::new(motion.mean[0], motion.mean[1], motion.climb_m) }
+    }
+
+    /// The shift and the small turn that lead from another placement here.
+    fn from(&self, other: &Placement) -> Vector<6> {
+        let shift = self.place_m - other.place_m;
+        let apart = self.turn * other.turn.transpose();
+        let turn = 0.5
+            * DVec3::new(
+                apart.y_axis.z - apart.z_axis.y,
+                apart.z_axis.x - apart.x_axis.z,
+                apart.x_axis.y - apart.y_axis.x,
+            );
+        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
+    }
+
+    fn shift(&mut self, step: &Vector<6>) {
+        self.place_m += DVec3::new(step[0], step[1], step[2]);
+        self.turn = turned(DVec3::new(step[3], step[4], step[5])) * self.turn;
+    }
+
+    fn heading_rad(&self) -> f64 {
+        math::atan2(self.turn.x_axis.y, self.turn.x_axis.x)
+    }
+}
+
+/// The rotation about a vector by its length (Rodrigues).
+fn turned(by_rad: DVec3) -> DMat3 {
+    let angle_rad = by_rad.length();
+    let Some(axis) = by_rad.try_normalize() else { return DMat3::IDENTITY };
+    let (sin, cos) = math::sin_cos(angle_rad);
+    let of = |v: DVec3| v * cos + axis.cross(v) * sin + axis * (axis.dot(v) * (1.0 - cos));
+    DMat3::from_cols(of(DVec3::X), of(DVec3::Y), of(DVec3::Z))
+}
+
+/// Normal equations of all points that are taken for the same: x, y, z and the turns about the place.
+#[derive(Clone, Debug, Default)]
+struct Steps {
+    information: Matrix<6, 6>,
+    gradient: Vector<6>,
+    matched: usize,
+    weight: f64,
+    weighted_m2: f64,
+    /// Gradients of the points of each spot.
+    by_spot: BTreeMap<[i32; 2], Vector<6>>,
+}
+
+impl Steps {
+    fn of(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage, variance_m2: f64) -> Steps {
+        let mut steps = Steps::default();
+        let stride = stage.every * newer.len().div_ceil(MOST_POINTS);
+        let points = newer.columns.places_m().iter().zip(&newer.normals).step_by(stride);
+        for (&point_m, &normal) in points {
+            let arm_m = placed.turn * point_m;
+            let (here_m, own) = (placed.place_m + arm_m, placed.turn * normal);
+            let Some((at, apart_m2)) = older.columns.nearest(here_m, stage.reach_m) else { continue };
+            let (other_m, other) = (older.columns.places_m()[at], older.normals[at]);
+            let cosine = own.dot(other);
+            let across_m = other.dot(other_m - here_m);
+            let aside_m2 = apart_m2 - across_m * across_m;
+            if cosine.abs() < stage.alike || aside_m2 > stage.aside_m * stage.aside_m {
+                continue;
+            }
+            // Normals have no side: both are taken to look the same way.
+            let Some(middle) = (other + own * cosine.signum()).try_normalize() else { continue };
+            let spot = [other_m.x, other_m.y].map(|t_m| (t_m / SPOT_M).floor() as i32);
+            steps.take(middle, arm_m, middle.dot(other_m - here_m), variance_m2, spot);
+        }
+        steps
+    }
+
+    fn take(&mut self, normal: DVec3, arm_m: DVec3, across_m: f64, variance_m2: f64, spot: [i32; 2]) {
+        let bend = 1.0 + across_m * across_m / (variance_m2 * OUTLYING);
+        let weight = 1.0 / (bend * bend);
+        self.matched += 1;
+        self.weight += weight;
+        self.weighted_m2 += weight * across_m * across_m;
+        let turn = arm_m.cross(normal);
+        let slopes = [normal.x, normal.y, normal.z, turn.x, turn.y, turn.z];
+        let by = weight / (variance_m2 * SHARED);
+        let pulls = self.by_spot.entry(spot).or_default();
+        for r in 0..6 {
+            pulls[r] += by * slopes[r] * across_m;
+            self.gradient[r] += by * slopes[r] * across_m;
+            for c in 0..6 {
+                self.information[r][c] += by * slopes[r] * slopes[c];
+            }
+        }
+    }
+
+    fn variance_m2(&self) -> Option<f64> {
+        (self.matched >= LEAST_POINTS).then(|| WEIGHTED_SHARE * self.weighted_m2 / self.weight)
+    }
+}
+
+/// The inverse of the guess's covariance, with its least standard deviations.
+fn guess_information(motion: &Motion) -> Matrix<6, 6> {
+    let least = |k: usize| LEAST_GUESS[k] * LEAST_GUESS[k];
+    let plan = sum(&motion.covariance, &diagonal(&[least(0), least(1), least(5)]));
+    let inverse = cholesky(&plan).map(|factor| solve(&factor, &diagonal(&[1.0; 3]))).unwrap_or_default();
+    let tilt = 1.0 / (motion.tilt_rad2 + least(3));
+    let mut information = diagonal(&[0.0, 0.0, 1.0 / (motion.climb_m2 + least(2)), tilt, tilt, 0.0]);
+    for (r, &row) in PLAN.iter().enumerate() {
+        for (c, &column) in PLAN.iter().enumerate() {
+            information[row][column] = inverse[r][c];
+        }
+    }
+    information
+}
+
+/// Of the six, those that the fix tells, and those that are marginalised.
+const PLAN: [usize; 3] = [0, 1, 5];
+const REST: [usize; 3] = [2, 3, 4];
+
+/// Where the points, and of height and tilt the guess, would have the placement, and how surely: what every point errs alone, and what those
+/// of one spot err together (the sandwich of White 1980, by spots).
+fn fix(steps: &Steps, placed: &Placement, guess: &Matrix<6, 6>, to_guess: &Vector<6>) -> Option<Fix> {
+    let mut bread = steps.information;
+    let mut towards = steps.gradient;
+    for k in PLAN {
+        bread[k][k] += UNTOLD;
+    }
+    for k in REST {
+        bread[k][k] += guess[k][k];
+        towards[k] += guess[k][k] * to_guess[k];
+    }
+    let mut filling = bread;
+    let spots = steps.by_spot.len() as f64;
+    for pull in steps.by_spot.values() {
+        for r in 0..6 {
+            for c in 0..6 {
+                filling[r][c] += pull[r] * pull[c] * spots / (spots - 1.0).max(1.0);
+            }
+        }
+    }
+    let factor = cholesky(&bread)?;
+    let spread = solve(&factor, &transpose(&solve(&factor, &filling)));
+    let step = solve(&factor, &towards.map(|t| [t])).map(|[s]| s);
+    let heading_rad = math::wrap_angle(placed.heading_rad() + step[5]);
+    let mut covariance = std::array::from_fn(|r| std::array::from_fn(|c| spread[PLAN[r]][PLAN[c]]));
+    symmetrise(&mut covariance);
+    let covariance = sum(&covariance, &diagonal(&LEAST_FIX.map(|s| s * s)));
+    Some(Fix { mean: [placed.place_m.x + step[0], placed.place_m.y + step[1], heading_rad], covariance })
+}
+
+/// The fix, unless it lies too far off what was reckoned.
+fn gated(fix: Fix, motion: &Motion) -> Registration {
+    let innovation = fix.innovation(&motion.mean);
+    match cholesky(&sum(&fix.covariance, &motion.covariance)) {
+        Some(factor) if square(&half_solve(&factor, &innovation)) <= GATE => Registration::Fixed(fix),
+        _ => Registration::Gated,
+    }
+}
+
+#[cfg(test)]
+mod tests;
