@@ -25,7 +25,7 @@ PROGRAM = study.ROOT / "target" / "release" / "examples" / "poses"
 # Name, and whether the handicaps are taken apart too.
 CONFIGS = [("paper", True), ("mixed", True), ("mars", True), ("quickstart", False)]
 # What is overridden: mixed.yaml dead-reckons, and is asked here what FastSLAM would bring it.
-SETS = {"mixed": ["--set", "slam={fastslam: {particles: 30}}"]}
+SETS = {"mixed": ["--set", "slam={fastslam: {particles: 60}}"]}
 RECKONED, OWN = "dead_reckoning", "fastslam"
 # Rows and columns of the covariance.
 BLOCKS = {"position": [0, 1, 2], "heading": [5], "z": [2], "roll": [3], "pitch": [4]}
@@ -93,7 +93,7 @@ def written(results):
 
 `python scripts/poses.py --scenes {results['scenes']}`. Error at the last stop, paired scenes. *Ceiling*: every body that returns 8 beams is a
 landmark with its number, seen without error, 100 particles. The other rows differ from it, or from the config's own filter, in what they name.
-Ratio: mean position error over dead reckoning's. mixed.yaml dead-reckons; here it has 30 particles. NEES per degree of freedom: 1 is honest, less means sigmas too large."""]
+Ratio: mean position error over dead reckoning's. mixed.yaml dead-reckons; here it has 60 particles. NEES per degree of freedom: 1 is honest, less means sigmas too large."""]
     for name, config in results["configs"].items():
         low, high = config["band_1"]
         rows = []

@@ -289,8 +289,8 @@ RELU, TANH = torch.nn.ReLU, torch.nn.Tanh
 RATES = [(rate, batch, activation) for rate in (3e-3, 1e-2, 3e-2) for batch in (256, 1024) for activation in (RELU, TANH)]
 #: What learns, and the settings that the search tries.
 ENGINES = {
-    "marsyard, default, two of 64-64": (marsyard(3_000_000, 250_000, filter="{kronecker: {}}"), [None]),
-    "marsyard, default, two of 16-16": (marsyard(12_000_000, 500_000, filter="{kronecker: {}}", **{"network.hidden": "[16,16]"}), [None]),
+    "marsyard, default, two of 64-64": (marsyard(1_500_000, 250_000, filter="{kronecker: {}}"), [None]),
+    "marsyard, default, two of 16-16": (marsyard(6_000_000, 500_000, filter="{kronecker: {}}", **{"network.hidden": "[16,16]"}), [None]),
     "marsyard, Kalman filter": (marsyard(900_000, 100_000, filter="{ekf: {}}"), [None]),
     "marsyard, Kalman, every row": (marsyard(200_000, 50_000, **{"filter.ekf.rows": "every"}), [None]),
     "sklearn, batch 200": (mlp_classifier(200), [(rate, a) for rate in (1e-3, 3e-3, 1e-2) for a in ("relu", "tanh")]),

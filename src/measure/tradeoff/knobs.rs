@@ -60,7 +60,7 @@ pub(super) fn knobs(written: &Plan, reference: &Plan) -> Vec<(Group, String, Vec
             knobs.push((Group::Contact, format!("{solver} {tolerance}"), sets));
         }
     }
-    for particles in [1, 10, 30, 100, 300] {
+    for particles in [1, 10, 60, 100, 300] {
         let value = format!("{{fastslam: {{particles: {particles}}}}}");
         let name = format!("{particles} particle{}", if particles == 1 { "" } else { "s" });
         knobs.push(one(Group::Slam, &name, "slam", &value));
