@@ -69,13 +69,14 @@ impl Stream {
         widest(Normals(out));
     }
 
-    /// Standard normal draws, one from each of as many equally likely parts of the line, from the lowest to the highest.
+    /// Standard normal draws, one from each of as many equally likely parts of the line: from the middle part up, then from the lowest.
     pub fn fill_normal_stratified(&self, first_index: u64, out: &mut [f64]) {
         self.fill_uniform(first_index, out);
-        let count = out.len() as f64;
+        let count = out.len();
         for (k, out) in out.iter_mut().enumerate() {
+            let part = (k + count / 2) % count;
             // The last draw may be rounded up to 1.
-            *out = ((k as f64 + *out) / count).min(1.0 - f64::EPSILON / 2.0);
+            *out = ((part as f64 + *out) / count as f64).min(1.0 - f64::EPSILON / 2.0);
         }
         widest(Normals(out));
     }

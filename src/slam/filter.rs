@@ -1,8 +1,8 @@
 //! Readings and features -> a cloud of particles: FastSLAM 2.0, and dead reckoning as its one-particle case.
 //!
-//! In: control steps, angle readings, a sweep's features. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
+//! In: control steps, angle readings, a sweep's features and surface. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
 //! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Between sweeps
-//! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features. Not
+//! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features or a surface. Not
 //! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: on a straight
 //! way a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks do tell of it, and the sigma of z is too large.
 
@@ -222,11 +222,12 @@ impl Filter {
         visibility: &Visibility,
         streams: &Streams,
     ) {
-        let tilt_rad2 = self.angle(ROLL).1.max(self.angle(PITCH).1);
+        // After a turn the instrument's bias leans another way.
+        let tilt_rad2 = self.angle(ROLL).1.max(self.angle(PITCH).1) + self.imu_bias_variance_rad2;
         // First, so that features are looked for from where the surfaces tell that the rover stands.
-        let surface = surface.filter(Surface::tells);
-        let is_laid = surface.as_ref().is_some_and(|surface| self.lay(surface, tilt_rad2));
-        if is_laid {
+        let surface = surface.filter(Surface::is_enough);
+        let is_registered = surface.as_ref().is_some_and(|surface| self.register(surface, tilt_rad2));
+        if is_registered {
             self.normalise_weights();
         }
         let features = self.choose(found);
@@ -247,7 +248,8 @@ impl Filter {
         self.scan.matched = count(|a| matches!(a, Association::Matched(_)));
         self.scan.new_landmarks = count(|a| matches!(a, Association::New));
         self.counters.ambiguous += count(|a| matches!(a, Association::Ambiguous(_)));
-        self.stops_without_match = if self.scan.matched > 0 || is_laid { 0 } else { self.stops_without_match + 1 };
+        self.stops_without_match =
+            if self.scan.matched > 0 || is_registered { 0 } else { self.stops_without_match + 1 };
 
         let telling = |p: &Particle| p.associations.iter().any(|a| !matches!(a, Association::Ambiguous(_)));
         // A keyframe is of particles that know where they stood.
@@ -264,7 +266,8 @@ impl Filter {
             let stream = streams.open(Purpose::SlamSample);
             stream.fill_normal(0, &mut normals);
             if !self.drew {
-                // What the first heading errs turns the whole map, and only what is drawn here can be found right later.
+                // What the first heading errs turns the whole map, and only what is drawn here can be found right later. (Where the rover drove
+                // before, this is the part of the heading that x and y do not tell.)
                 let mut headings = vec![0.0; self.particles.len()];
                 stream.fill_normal_stratified(normals.len() as u64, &mut headings);
                 for (normals, heading) in normals.as_chunks_mut::<6>().0.iter_mut().zip(headings) {
@@ -288,7 +291,7 @@ impl Filter {
     }
 
     /// Lays a surface on the keyframe's and lets every particle take in where it lies; whether it was found there.
-    fn lay(&mut self, surface: &Surface, tilt_rad2: f64) -> bool {
+    fn register(&mut self, surface: &Surface, tilt_rad2: f64) -> bool {
         let Some(keyframe) = &self.keyframe else { return false };
         match keyframe.register(surface, tilt_rad2, &self.particles, &self.weights()) {
             Registration::Fixed(fix) => {

@@ -130,7 +130,7 @@ impl Estimate {
 pub struct Counters {
     /// Controls, angles and features that make no sense: not finite, beyond reason, too near or too steep for a bearing.
     pub not_finite: u32,
-    /// Angles too far from what is believed.
+    /// Angles, and places of sweeps on the one before, too far from what is believed.
     pub gated: u32,
     /// Features that may be of two landmarks, or of none.
     pub ambiguous: u32,
@@ -141,7 +141,7 @@ pub struct Counters {
 /// What carries the estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Features.
+    /// Features or surfaces.
     Slam,
     /// At the last three stops or more no feature was matched, and no surface found again.
     DeadReckoning,

@@ -10,7 +10,7 @@ use crate::random::within;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SlamParams {
-    /// FastSLAM 2.0 on features of the sweeps, IMU, sun sensor and odometry.
+    /// FastSLAM 2.0 on features and surfaces of the sweeps, IMU, sun sensor and odometry.
     Fastslam(#[garde(dive)] FastslamParams),
     /// IMU, sun sensor and odometry alone.
     DeadReckoning,

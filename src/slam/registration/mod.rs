@@ -4,7 +4,8 @@
 //! the [`Motion`] between them as reckoned. Out: a [`Fix`] of x, y and heading; metres, radians. Source: point to plane, with the normals of both
 //! sides (Rusinkiewicz 2019), by Gauss-Newton steps with Geman-McClure weights. Height and tilt are estimated too and marginalised: instruments tell
 //! them better. Only what stands up takes part: of the ground each stop sees the rings that its own beams draw, which move with the rover. The
-//! fix is without the guess, so that along a wall its sigma is of metres. Not modelled: surfaces that move, like leaves.
+//! fix is without the guess: what normals seem to tell because they err, as along a wall, is taken off the information. Deviation from least squares
+//! with known normals: that, and a covariance that lets the points of one spot err together. Not modelled: surfaces that move, like leaves.
 
 mod columns;
 mod surface;
@@ -23,18 +24,22 @@ const MOST_POINTS: usize = 600;
 /// Least standard deviation of a point across its surface, metres: bent surfaces have normals of a neighbourhood.
 const LEAST_SIGMA_M: f64 = 0.02;
 const MOST_SIGMA_M: f64 = 0.1;
-/// So many points tell as much as one that errs alone.
-const SHARED: f64 = 2.0;
+/// So many points tell as much as one that errs alone, beside what [`SPOT_M`] finds; by the NEES of fixes on the shipped configs.
+const CORRELATED_POINTS: f64 = 2.0;
 /// What no number of points takes away: metres, metres, radians.
 const LEAST_FIX: Vector<3> = [4e-3, 4e-3, 2e-3];
 /// Side of a spot, metres: what its points err together is seen in the spread of the spots' pulls.
 const SPOT_M: f64 = 0.4;
-/// Information that no point gives: along a wall the place is known to ten metres, so that numbers stay finite.
-const UNTOLD: f64 = 0.01;
+/// Information that no point gives, a place known to ten metres: numbers stay finite along a wall.
+const LEAST_INFORMATION: f64 = 0.01;
+/// So much of what the errors of normals add to the information is taken off: all but what the estimate itself errs.
+const NORMALS_SHARE: f64 = 0.9;
+/// Points that lie on the older surface, over those that were tried, at least; fewer are found on anything.
+const LEAST_SHARE: f64 = 0.2;
 /// Squared distance over variance at which Geman-McClure's weight falls to a quarter.
 const OUTLYING: f64 = 9.0;
-/// Weights lower the mean square of what is normally distributed by this factor's inverse.
-const WEIGHTED_SHARE: f64 = 1.3;
+/// Weights lower the mean square of what is normally distributed by this factor.
+const WEIGHTED_SHARE: f64 = 1.363;
 /// Chi-square of three degrees of freedom at 99.9 %: a fix farther off what was reckoned is of other things.
 const GATE: f64 = 16.3;
 /// Least standard deviations of the guess: x, y, z, metres, and the three turns, radians.
@@ -48,7 +53,7 @@ struct Stage {
     reach_m: f64,
     aside_m: f64,
     /// Cosine between the normals at least.
-    alike: f64,
+    least_cosine: f64,
     /// Of the newer surface's points every so-manieth, after [`MOST_POINTS`].
     every: usize,
     steps: usize,
@@ -56,9 +61,9 @@ struct Stage {
 
 /// From what the guess allows to what only the same spot passes; the first reach is by the guess.
 const STAGES: [Stage; 3] = [
-    Stage { reach_m: 0.5, aside_m: f64::INFINITY, alike: 0.3, every: 2, steps: 6 },
-    Stage { reach_m: 0.2, aside_m: 0.1, alike: 0.5, every: 2, steps: 5 },
-    Stage { reach_m: 0.2, aside_m: 0.05, alike: 0.7, every: 1, steps: 10 },
+    Stage { reach_m: 0.5, aside_m: f64::INFINITY, least_cosine: 0.3, every: 2, steps: 6 },
+    Stage { reach_m: 0.2, aside_m: 0.1, least_cosine: 0.5, every: 2, steps: 5 },
+    Stage { reach_m: 0.2, aside_m: 0.05, least_cosine: 0.7, every: 1, steps: 10 },
 ];
 /// The first stage reaches so many standard deviations of the guess, within these bounds.
 const REACH_SIGMAS: f64 = 3.0;
@@ -115,13 +120,13 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
         let reach_m = if k == 0 { reach_m.clamp(LEAST_REACH_M, stage.reach_m) } else { stage.reach_m };
         let stage = Stage { reach_m, ..*stage };
         for _ in 0..stage.steps {
-            let steps = Steps::of(newer, older, &placed, &stage, variance_m2);
-            if let Some(told_m2) = steps.variance_m2() {
+            let equations = NormalEquations::of(newer, older, &placed, &stage, variance_m2);
+            if let Some(told_m2) = equations.variance_m2() {
                 variance_m2 = told_m2.clamp(LEAST_SIGMA_M * LEAST_SIGMA_M, MOST_SIGMA_M * MOST_SIGMA_M);
             }
             let pull = apply(&information, &guess.from(&placed));
-            let towards: Vector<6> = std::array::from_fn(|i| steps.gradient[i] + pull[i]);
-            let Some(factor) = cholesky(&sum(&steps.information, &information)) else { return Registration::Apart };
+            let towards: Vector<6> = std::array::from_fn(|i| equations.gradient[i] + pull[i]);
+            let Some(factor) = cholesky(&sum(&equations.information, &information)) else { return Registration::Apart };
             let step = solve(&factor, &towards.map(|t| [t])).map(|[s]| s);
             placed.shift(&step);
             if step.iter().all(|s| s.abs() < SETTLED) {
@@ -131,11 +136,11 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
     }
     // Once more where it ended, so that gradient and information are of one place.
     let last = &STAGES[STAGES.len() - 1];
-    let steps = Steps::of(newer, older, &placed, last, variance_m2);
-    if steps.matched < LEAST_POINTS {
+    let equations = NormalEquations::of(newer, older, &placed, last, variance_m2);
+    if equations.weight < (LEAST_POINTS as f64).max(LEAST_SHARE * equations.tried as f64) {
         return Registration::Apart;
     }
-    match fix(&steps, &placed, &information, &guess.from(&placed)) {
+    match fix(&equations, &placed, &information, &guess.from(&placed)) {
         Some(fix) => gated(fix, motion),
         None => Registration::Apart,
     }
@@ -189,9 +194,12 @@ fn turned(by_rad: DVec3) -> DMat3 {
 
 /// Normal equations of all points that are taken for the same: x, y, z and the turns about the place.
 #[derive(Clone, Debug, Default)]
-struct Steps {
+struct NormalEquations {
     information: Matrix<6, 6>,
+    /// What the errors of the normals add to the information.
+    by_normals: Matrix<6, 6>,
     gradient: Vector<6>,
+    tried: usize,
     matched: usize,
     weight: f64,
     weighted_m2: f64,
@@ -199,12 +207,13 @@ struct Steps {
     by_spot: BTreeMap<[i32; 2], Vector<6>>,
 }
 
-impl Steps {
-    fn of(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage, variance_m2: f64) -> Steps {
-        let mut steps = Steps::default();
+impl NormalEquations {
+    fn of(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage, variance_m2: f64) -> NormalEquations {
+        let mut equations = NormalEquations::default();
         let stride = stage.every * newer.len().div_ceil(MOST_POINTS);
         let points = newer.columns.places_m().iter().zip(&newer.normals).step_by(stride);
         for (&point_m, &normal) in points {
+            equations.tried += 1;
             let arm_m = placed.turn * point_m;
             let (here_m, own) = (placed.place_m + arm_m, placed.turn * normal);
             let Some((at, apart_m2)) = older.columns.nearest(here_m, stage.reach_m) else { continue };
@@ -212,18 +221,22 @@ impl Steps {
             let cosine = own.dot(other);
             let across_m = other.dot(other_m - here_m);
             let aside_m2 = apart_m2 - across_m * across_m;
-            if cosine.abs() < stage.alike || aside_m2 > stage.aside_m * stage.aside_m {
+            if cosine.abs() < stage.least_cosine || aside_m2 > stage.aside_m * stage.aside_m {
                 continue;
             }
             // Normals have no side: both are taken to look the same way.
-            let Some(middle) = (other + own * cosine.signum()).try_normalize() else { continue };
+            let own = own * cosine.signum();
+            let Some(middle) = (other + own).try_normalize() else { continue };
             let spot = [other_m.x, other_m.y].map(|t_m| (t_m / SPOT_M).floor() as i32);
-            steps.take(middle, arm_m, middle.dot(other_m - here_m), variance_m2, spot);
+            let by = equations.take(middle, arm_m, middle.dot(other_m - here_m), variance_m2, spot);
+            // The mean of two normals errs by half of what they are apart.
+            equations.take_off(by, 0.5 * (other - own), arm_m);
         }
-        steps
+        equations
     }
 
-    fn take(&mut self, normal: DVec3, arm_m: DVec3, across_m: f64, variance_m2: f64, spot: [i32; 2]) {
+    /// Takes in a point; its weight over its variance.
+    fn take(&mut self, normal: DVec3, arm_m: DVec3, across_m: f64, variance_m2: f64, spot: [i32; 2]) -> f64 {
         let bend = 1.0 + across_m * across_m / (variance_m2 * OUTLYING);
         let weight = 1.0 / (bend * bend);
         self.matched += 1;
@@ -231,13 +244,25 @@ impl Steps {
         self.weighted_m2 += weight * across_m * across_m;
         let turn = arm_m.cross(normal);
         let slopes = [normal.x, normal.y, normal.z, turn.x, turn.y, turn.z];
-        let by = weight / (variance_m2 * SHARED);
+        let by = weight / (variance_m2 * CORRELATED_POINTS);
         let pulls = self.by_spot.entry(spot).or_default();
         for r in 0..6 {
             pulls[r] += by * slopes[r] * across_m;
             self.gradient[r] += by * slopes[r] * across_m;
             for c in 0..6 {
                 self.information[r][c] += by * slopes[r] * slopes[c];
+            }
+        }
+        by
+    }
+
+    /// What the error of a point's normal adds to the information.
+    fn take_off(&mut self, by: f64, error: DVec3, arm_m: DVec3) {
+        let turn = arm_m.cross(error);
+        let slopes = [error.x, error.y, error.z, turn.x, turn.y, turn.z];
+        for r in 0..6 {
+            for c in 0..6 {
+                self.by_normals[r][c] += by * slopes[r] * slopes[c];
             }
         }
     }
@@ -268,27 +293,29 @@ const REST: [usize; 3] = [2, 3, 4];
 
 /// Where the points, and of height and tilt the guess, would have the placement, and how surely: what every point errs alone, and what those
 /// of one spot err together (the sandwich of White 1980, by spots).
-fn fix(steps: &Steps, placed: &Placement, guess: &Matrix<6, 6>, to_guess: &Vector<6>) -> Option<Fix> {
-    let mut bread = steps.information;
-    let mut towards = steps.gradient;
+fn fix(equations: &NormalEquations, placed: &Placement, guess: &Matrix<6, 6>, to_guess: &Vector<6>) -> Option<Fix> {
+    let errors = &equations.by_normals;
+    let mut information: Matrix<6, 6> =
+        std::array::from_fn(|r| std::array::from_fn(|c| equations.information[r][c] - NORMALS_SHARE * errors[r][c]));
+    let mut towards = equations.gradient;
     for k in PLAN {
-        bread[k][k] += UNTOLD;
+        information[k][k] += LEAST_INFORMATION;
     }
     for k in REST {
-        bread[k][k] += guess[k][k];
+        information[k][k] += guess[k][k];
         towards[k] += guess[k][k] * to_guess[k];
     }
-    let mut filling = bread;
-    let spots = steps.by_spot.len() as f64;
-    for pull in steps.by_spot.values() {
+    let mut scores = information;
+    let spots = equations.by_spot.len() as f64;
+    for pull in equations.by_spot.values() {
         for r in 0..6 {
             for c in 0..6 {
-                filling[r][c] += pull[r] * pull[c] * spots / (spots - 1.0).max(1.0);
+                scores[r][c] += pull[r] * pull[c] * spots / (spots - 1.0).max(1.0);
             }
         }
     }
-    let factor = cholesky(&bread)?;
-    let spread = solve(&factor, &transpose(&solve(&factor, &filling)));
+    let factor = cholesky(&information)?;
+    let spread = solve(&factor, &transpose(&solve(&factor, &scores)));
     let step = solve(&factor, &towards.map(|t| [t])).map(|[s]| s);
     let heading_rad = math::wrap_angle(placed.heading_rad() + step[5]);
     let mut covariance = std::array::from_fn(|r| std::array::from_fn(|c| spread[PLAN[r]][PLAN[c]]));

@@ -12,6 +12,8 @@ const THIN_M: f64 = 0.04;
 /// How far a neighbourhood reaches, metres.
 const NEIGHBOURHOOD_M: f64 = 0.1;
 const LEAST_NEIGHBOURS: usize = 6;
+/// The index spans the box around the points: none of them may be far from all others.
+const FARTHEST_M: f64 = 50.0;
 /// Vertical part of the normal from which on a surface lies flat: tops and banks tell little of x, y and heading, and where they end depends on
 /// how high the sensor stands.
 const LEVEL: f64 = 0.85;
@@ -29,7 +31,7 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    /// Of points in any order; those that are not finite are left out.
+    /// Of points in any order; those that are not finite, or farther off than a rover's sensor sees, are left out.
     pub(crate) fn of(points_m: impl Iterator<Item = DVec3>) -> Surface {
         let (thinned, _) = Columns::of(&thinned(points_m));
         let (mut means_m, mut normals) = (Vec::new(), Vec::new());
@@ -60,7 +62,7 @@ impl Surface {
     }
 
     /// Whether it has points enough to be laid on another.
-    pub(crate) fn tells(&self) -> bool {
+    pub(crate) fn is_enough(&self) -> bool {
         self.len() >= super::LEAST_POINTS
     }
 
@@ -73,8 +75,10 @@ impl Surface {
 /// The means of the points of each cube, cube by cube.
 fn thinned(points_m: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
     let cube = |t_m: f64| (t_m / THIN_M).floor() as i32;
-    let mut by_cube: Vec<([i32; 3], DVec3)> =
-        points_m.filter(|point_m| point_m.is_finite()).map(|point_m| (point_m.to_array().map(cube), point_m)).collect();
+    let mut by_cube: Vec<([i32; 3], DVec3)> = points_m
+        .filter(|point_m| point_m.abs().max_element() < FARTHEST_M)
+        .map(|point_m| (point_m.to_array().map(cube), point_m))
+        .collect();
     // Stable: the points of a cube are added in the order of the sweep.
     by_cube.sort_by_key(|(cube, _)| *cube);
     let mean = |cube: &[([i32; 3], DVec3)]| cube.iter().map(|(_, p)| *p).sum::<DVec3>() / cube.len() as f64;
@@ -161,7 +165,9 @@ mod tests {
     fn extreme_nothing_one_point_and_points_that_are_no_numbers() {
         assert_eq!(Surface::of(std::iter::empty()).len(), 0);
         assert_eq!(Surface::of([DVec3::ONE].into_iter()).len(), 0);
-        assert_eq!(Surface::of([DVec3::NAN, DVec3::INFINITY].into_iter().cycle().take(50)).len(), 0);
+        for far in [DVec3::NAN, DVec3::INFINITY, DVec3::splat(1e300), DVec3::new(1e6, 0.0, 0.0)] {
+            assert_eq!(Surface::of([far, DVec3::ONE].into_iter().cycle().take(50)).len(), 0, "{far}");
+        }
         // All in one cube, and all on a line.
         assert_eq!(Surface::of([DVec3::ONE].into_iter().cycle().take(50)).len(), 0);
         assert_eq!(Surface::of((0..100).map(|k| DVec3::new(0.02 * k as f64, 0.0, 0.5))).len(), 0);

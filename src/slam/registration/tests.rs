@@ -3,6 +3,7 @@
 use super::*;
 use crate::geometry::DVec2;
 use crate::random::{Purpose, Stage, Streams};
+use crate::slam::matrix::product;
 
 /// What a sensor at the origin sees of upright posts: the half of each that looks at it, every two centimetres.
 fn posts(places_m: &[DVec2], from_m: DVec2) -> Vec<DVec3> {
@@ -90,7 +91,7 @@ fn law_a_wall_tells_across_and_nothing_along() {
     let fix = fixed(register(&seen(&wall, &moved), &Surface::of(wall.into_iter()), &guess));
     assert!(fix.covariance[0][0] > 1.0, "along: {fix:?}");
     assert!(fix.covariance[1][1] < 1e-3 && fix.covariance[2][2] < 1e-3, "across and turn: {fix:?}");
-    assert!((fix.mean[1] - moved[1] - (fix.mean[2] - moved[2]) * 0.0).abs() < 0.03, "{fix:?}");
+    assert!((fix.mean[1] - moved[1]).abs() < 0.01, "{fix:?}");
     assert!((fix.mean[2] - moved[2]).abs() < 0.003, "{fix:?}");
 }
 
@@ -105,15 +106,15 @@ fn law_what_lies_elsewhere_is_apart_and_what_is_too_far_off_is_gated() {
     assert_eq!(register(&after, &before, &reckoned([0.0; 3], [0.01, 0.01, 0.01])), Registration::Gated);
 }
 
-#[test]
-fn dist_of_returns_that_err_alone_the_fix_errs_less_than_it_states() {
-    // Returns that err by 2 cm along their ray, over 100 pairs of sweeps. Surfaces of real sweeps err together too: scripts/poses.py.
-    let moved = [0.5, -0.1, 0.05];
+/// Errors squared over what is stated, a degree of freedom, over 100 pairs of sweeps whose returns err by 2 cm: of the fix, and of the guess with
+/// the fix taken in. The guess errs as it states.
+fn nees_of(scene: impl Fn(DVec2) -> Vec<DVec3>, sigmas: Vector<3>) -> (f64, f64, Vector<3>) {
     let streams = Streams { seed: 3, scene: 0, attempt: 0, stage: Stage::Sweep, step: 0 };
-    let mut errors = [0.0; 3];
+    let moved = [0.5, -0.1, 0.05];
+    let (mut alone, mut fused, mut squares, mut count) = (0.0, 0.0, [0.0; 3], 0.0);
     for pair in 0..100 {
         let blurred = |from_m: DVec2, step: u32| -> Vec<DVec3> {
-            let mut points_m = posts(&PLACES, from_m);
+            let mut points_m = scene(from_m);
             let mut noise = vec![0.0; points_m.len()];
             streams.at_step(step).open(Purpose::SweepRangeNoise).fill_normal(0, &mut noise);
             for (point_m, noise) in points_m.iter_mut().zip(noise) {
@@ -123,14 +124,46 @@ fn dist_of_returns_that_err_alone_the_fix_errs_less_than_it_states() {
         };
         let before = Surface::of(blurred(DVec2::ZERO, 2 * pair).into_iter());
         let after = seen(&blurred(DVec2::new(moved[0], moved[1]), 2 * pair + 1), &moved);
-        let fix = fixed(register(&after, &before, &reckoned(moved, [0.05, 0.05, 0.03])));
-        let factor = cholesky(&fix.covariance).expect("positive definite");
+        let guessed = streams.at_step(pair).open(Purpose::SlamSample);
+        let guess: Vector<3> = std::array::from_fn(|k| moved[k] + sigmas[k] * guessed.normal(k as u64));
+        let Registration::Fixed(fix) = register(&after, &before, &reckoned(guess, sigmas)) else { continue };
+        count += 1.0;
         let off = fix.innovation(&moved);
-        assert!(square(&half_solve(&factor, &off)) < 11.3, "beyond what 99 % stay below: {off:?} {fix:?}");
-        (0..3).for_each(|k| errors[k] += off[k] * off[k] / 100.0);
+        alone += square(&half_solve(&cholesky(&fix.covariance).expect("positive definite"), &off));
+        let prior = diagonal(&sigmas.map(|s| s * s));
+        let gain = solve(&cholesky(&sum(&prior, &fix.covariance)).expect("positive definite"), &prior);
+        let after_fix = apply(&transpose(&gain), &fix.innovation(&guess));
+        let error: Vector<3> = std::array::from_fn(|k| guess[k] + after_fix[k] - moved[k]);
+        let kept = product(&prior, &gain);
+        let mut left = std::array::from_fn(|r| std::array::from_fn(|c| prior[r][c] - kept[r][c]));
+        symmetrise(&mut left);
+        fused += square(&half_solve(&cholesky(&left).expect("positive definite"), &error));
+        (0..3).for_each(|k| squares[k] += error[k] * error[k]);
     }
-    let rms = errors.map(f64::sqrt);
+    assert!(count >= 80.0, "{count} fixes");
+    (alone / (3.0 * count), fused / (3.0 * count), squares.map(|s| (s / count).sqrt()))
+}
+
+#[test]
+fn dist_of_posts_with_noisy_returns_guess_and_fix_err_less_than_they_state() {
+    // Returns that err alone average out, which real surfaces do not: the stated sigmas are of those (scripts/poses.py).
+    let (alone, fused, rms) = nees_of(|from_m| posts(&PLACES, from_m), [0.05, 0.05, 0.03]);
+    assert!(alone < 0.5 && fused < 0.5, "{alone} {fused}");
     assert!(rms[0] < 0.003 && rms[1] < 0.003 && rms[2] < 0.002, "{rms:?}");
+}
+
+#[test]
+fn dist_along_a_wall_with_noisy_returns_the_guess_is_taken_once() {
+    // Normals that err seem to tell the way along the wall, and the fix there is the guess.
+    let wall = |from_m: DVec2| -> Vec<DVec3> {
+        let points = (0..300).flat_map(|i| (0..25).map(move |h| (0.02 * f64::from(i) - 3.0, 0.02 * f64::from(h))));
+        points.map(|(along, up)| DVec3::new(from_m.x + along, 1.5, up)).collect()
+    };
+    for sigma_m in [0.05, 0.1] {
+        let (_, fused, rms) = nees_of(wall, [sigma_m, 0.05, 0.03]);
+        assert!((0.2..=1.3).contains(&fused), "{sigma_m}: {fused}");
+        assert!(rms[0] < 1.3 * sigma_m && rms[1] < 0.01 && rms[2] < 0.005, "{sigma_m}: {rms:?}");
+    }
 }
 
 #[test]
