@@ -145,6 +145,24 @@ mod tests {
     }
 
     #[test]
+    fn exact_stratified_draws_come_one_from_each_part() {
+        let stream = streams().open(Purpose::GroundNoise);
+        for count in [1, 2, 7, 60] {
+            let mut draws = vec![0.0; count];
+            stream.fill_normal_stratified(3, &mut draws);
+            // The first is of the middle part, or the one above it.
+            let middle = count / 2;
+            let first = draws[0];
+            draws.sort_by(f64::total_cmp);
+            assert_eq!(first, draws[middle]);
+            for (part, draw) in draws.iter().enumerate() {
+                let bound = |k: usize| normal_from_open_unit((k as f64 / count as f64).clamp(1e-300, 1.0 - 1e-16));
+                assert!((bound(part)..=bound(part + 1)).contains(draw), "{part} of {count}: {draw}");
+            }
+        }
+    }
+
+    #[test]
     fn equal_uniform_draws_are_the_middles_of_equal_parts() {
         let words = (0..1000u64).map(|i| i.wrapping_mul(0x9e37_79b9_7f4a_7c15)).chain([0, u64::MAX, 0xfff, 0x1000]);
         for word in words {

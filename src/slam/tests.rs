@@ -1,6 +1,7 @@
 //! The whole stage on flat ground among points: closed forms, invariants, and everything that may go wrong.
 
 mod extremes;
+mod sweeps;
 mod textbook;
 
 use super::matrix::{cholesky, diagonal, sum};

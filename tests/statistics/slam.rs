@@ -393,7 +393,7 @@ fn dist_extracted_features_beat_dead_reckoning_and_come_near_to_points() {
     let scenario = Scenario::a();
     let (mut reckoned_m, mut points_m, mut extracted_m, mut landmarks) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut counts = Vec::new();
+    let (mut counts, mut registered_m) = (Vec::new(), Vec::new());
     let rings = 1..=20.min(*seeds().end());
     for seed in rings {
         let ring = study.ring(seed, &scenario);
@@ -401,25 +401,34 @@ fn dist_extracted_features_beat_dead_reckoning_and_come_near_to_points() {
         reckoned_m.push(run(&SlamParams::DeadReckoning, &ring.drive, &noise, seed).ate_m);
         points_m.push(fastslam(&ring.drive, &scenario, params(100), seed).ate_m);
         let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Slam, step: 0 };
-        let method = SlamParams::Fastslam(params(100));
         let drive = &ring.drive;
-        let mut slam = Slam::new(&method, &noise, &drive.truth[0], &drive.rover_from_sensor).expect("a filter");
-        let mut errors = Vec::new();
-        for (k, truth) in drive.truth.iter().enumerate() {
-            let streams = streams.at_step(k as u32);
-            slam.step(&drive.readings[k], &streams).expect("upright");
-            if let Some(sweep) = &ring.sweeps[k] {
-                let estimate = slam.observe(&sweep.returns, &streams).expect("upright");
-                counts.push((f64::from(estimate.features), f64::from(estimate.matched)));
+        for registration in [false, true] {
+            let method = SlamParams::Fastslam(FastslamParams { registration, ..params(100) });
+            let mut slam = Slam::new(&method, &noise, &drive.truth[0], &drive.rover_from_sensor).expect("a filter");
+            let mut errors = Vec::new();
+            for (k, truth) in drive.truth.iter().enumerate() {
+                let streams = streams.at_step(k as u32);
+                slam.step(&drive.readings[k], &streams).expect("upright");
+                if let Some(sweep) = &ring.sweeps[k] {
+                    let estimate = slam.observe(&sweep.returns, &streams).expect("upright");
+                    if !registration {
+                        counts.push((f64::from(estimate.features), f64::from(estimate.matched)));
+                    }
+                }
+                let estimate = slam.estimate();
+                errors.push((error(&estimate.pose, truth), estimate.covariance));
             }
-            let estimate = slam.estimate();
-            errors.push((error(&estimate.pose, truth), estimate.covariance));
+            if registration {
+                registered_m.push(ate_m(&errors));
+            } else {
+                extracted_m.push(ate_m(&errors));
+                landmarks.push(f64::from(slam.estimate().landmarks));
+            }
         }
-        extracted_m.push(ate_m(&errors));
-        landmarks.push(f64::from(slam.estimate().landmarks));
     }
     let better = mean(extracted_m.iter().zip(&reckoned_m).map(|(e, r)| f64::from(u8::from(e < r))));
     let (reckoned_m, points_m, extracted_m) = (mean(reckoned_m), mean(points_m), mean(extracted_m));
+    let registered_m = mean(registered_m);
     println!(
         "ring: extracted {extracted_m:.3} m, points {points_m:.3}, dead reckoning {reckoned_m:.3}; better in {:.0} %; {:.1} features a scan, {:.1} matched; {:.0} landmarks",
         100.0 * better,
@@ -429,6 +438,8 @@ fn dist_extracted_features_beat_dead_reckoning_and_come_near_to_points() {
     );
     assert!(extracted_m <= 1.5 * points_m, "{extracted_m} {points_m}");
     assert!(extracted_m <= 0.9 * reckoned_m, "{extracted_m} {reckoned_m}");
+    println!("with sweeps laid on one another {registered_m:.3} m");
+    assert!(registered_m <= 0.9 * extracted_m, "{registered_m} {extracted_m}");
 }
 
 #[test]

@@ -292,4 +292,4 @@ fn hidden_beside(returns: &Returns, slot: u32) -> bool {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

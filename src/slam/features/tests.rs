@@ -15,7 +15,7 @@ fn pattern_of(pattern: PatternParams) -> Arc<Pattern> {
 }
 
 /// The URG's view at half its density: enough for rocks of a few decimetres, and quick in debug builds.
-fn tilted() -> Arc<Pattern> {
+pub(in crate::slam) fn tilted() -> Arc<Pattern> {
     pattern_of(PatternParams::Tilted(TiltedParams {
         beams: 341,
         beam_step_deg: 0.703,
@@ -27,12 +27,12 @@ fn tilted() -> Arc<Pattern> {
     }))
 }
 
-fn mount() -> Transform {
+pub(in crate::slam) fn mount() -> Transform {
     Transform { translation_m: DVec3::new(0.3, 0.0, 0.6), ..Transform::IDENTITY }
 }
 
 /// A noise-free sweep up to 5.6 m.
-fn scan(scene: &Scene, pattern: &Arc<Pattern>, pose: &Pose) -> Returns {
+pub(in crate::slam) fn scan(scene: &Scene, pattern: &Arc<Pattern>, pose: &Pose) -> Returns {
     let caster = Caster::new(scene, &Cast::Exact);
     let world_from_sensor = pose.transform() * mount();
     let hits: Vec<Hit> = pattern
@@ -50,7 +50,7 @@ fn scan(scene: &Scene, pattern: &Arc<Pattern>, pose: &Pose) -> Returns {
 }
 
 /// A plane with upright posts: place, radius, top above the ground.
-fn yard(slope: DVec2, posts: &[(DVec2, f64, f64)]) -> Scene {
+pub(in crate::slam) fn yard(slope: DVec2, posts: &[(DVec2, f64, f64)]) -> Scene {
     let ground = Polynomial::plane(20.0, 0.0, slope);
     let height_m = |at: DVec2| slope.dot(at);
     let scene = Scene::bare(20.0, Ground::Polynomial(ground));
