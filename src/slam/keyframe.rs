@@ -118,7 +118,7 @@ mod tests {
         let mean = [1.7, -1.4, 0.2, 0.05, -0.1, -3.0];
         let (way, slopes) = particle(mean, keyframe).since_keyframe();
         assert!((way[2] - (std::f64::consts::TAU - 5.8)).abs() < 1e-12, "through the half turn: {way:?}");
-        assert!((way[0].hypot(way[1]) - 0.7_f64.hypot(0.6)).abs() < 1e-12);
+        assert!((math::hypot(way[0], way[1]) - math::hypot(0.7, 0.6)).abs() < 1e-12);
         for k in 0..6 {
             let mut moved = mean;
             moved[k] += 1e-6;

@@ -93,7 +93,8 @@ fn thinnest(squares: DVec3, products: DVec3) -> Option<DVec3> {
     let mut diagonal = DVec3::new(yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy);
     let mut beside = DVec3::new(xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz);
     // The trace of the adjugate is the square of how wide the second axis is, over the first's.
-    if !(diagonal.element_sum() > LEAST_WIDTH) {
+    let is_wide = diagonal.element_sum() > LEAST_WIDTH;
+    if !is_wide {
         return None;
     }
     for _ in 0..SQUARINGS {
