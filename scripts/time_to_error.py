@@ -361,18 +361,19 @@ def chart(kept, corpora, budgets, seeds, path):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, len(corpora), figsize=(5.2 * len(corpora), 4.4), squeeze=False)
+    figure, axes = plt.subplots(1, len(corpora), figsize=(5.2 * len(corpora) + 2.4, 4.4), squeeze=False, layout="constrained")
+    colours = plt.get_cmap("tab20")
     for axis, name in zip(axes[0], corpora):
         for k, engine in enumerate(ENGINES):
             runs = [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]]
             points = [(budget, np.median([run[str(budget)][2] for run in runs if run.get(str(budget))])) for budget in budgets if any(run.get(str(budget)) for run in runs)]
             if points:
                 is_own = engine.startswith("marsyard")
-                axis.plot(*zip(*points), marker="o", ms=3, lw=2.2 if is_own else 1.1, ls="--" if engine.startswith("LightGBM") else "-", color=f"C{k}", label=engine)
+                axis.plot(*zip(*points), marker="o", ms=3, lw=2.2 if is_own else 1.1, ls="--" if engine.startswith("LightGBM") else "-", color=colours(k), label=engine)
         axis.set(xscale="log", yscale="log", title=f"{name}.yaml", xlabel="CPU seconds of learning", ylabel="weighted error on test scenes")
         axis.grid(True, which="both", lw=0.3)
-    axes[0][-1].legend(fontsize=7)
-    figure.tight_layout()
+    # All corpora have the first one's engines, or fewer.
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
     figure.savefig(path, metadata={"Date": None})
 
 
