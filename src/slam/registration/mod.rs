@@ -120,8 +120,8 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
         let reach_m = if k == 0 { reach_m.clamp(LEAST_REACH_M, stage.reach_m) } else { stage.reach_m };
         let stage = Stage { reach_m, ..*stage };
         for _ in 0..stage.steps {
-            let equations = NormalEquations::of(newer, older, &placed, &stage, variance_m2);
-            if let Some(told_m2) = equations.variance_m2() {
+            let equations = NormalEquations::of(&pairs(newer, older, &placed, &stage), variance_m2);
+            if let Some(told_m2) = equations.told_m2() {
                 variance_m2 = told_m2.clamp(LEAST_SIGMA_M * LEAST_SIGMA_M, MOST_SIGMA_M * MOST_SIGMA_M);
             }
             let pull = apply(&information, &guess.from(&placed));
@@ -136,11 +136,13 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
     }
     // Once more where it ended, so that gradient and information are of one place.
     let last = &STAGES[STAGES.len() - 1];
-    let equations = NormalEquations::of(newer, older, &placed, last, variance_m2);
-    if equations.weight < (LEAST_POINTS as f64).max(LEAST_SHARE * equations.tried as f64) {
+    let pairs = pairs(newer, older, &placed, last);
+    let equations = NormalEquations::of(&pairs, variance_m2);
+    let tried = newer.len().div_ceil(last.stride(newer));
+    if equations.weight < (LEAST_POINTS as f64).max(LEAST_SHARE * tried as f64) {
         return Registration::Apart;
     }
-    match fix(&equations, &placed, &information, &guess.from(&placed)) {
+    match fix(&equations, &pairs, &placed, &information, &guess.from(&placed)) {
         Some(fix) => gated(fix, motion),
         None => Registration::Apart,
     }
@@ -192,83 +194,129 @@ fn turned(by_rad: DVec3) -> DMat3 {
     DMat3::from_cols(of(DVec3::X), of(DVec3::Y), of(DVec3::Z))
 }
 
-/// Normal equations of all points that are taken for the same: x, y, z and the turns about the place.
-#[derive(Clone, Debug, Default)]
+/// A point of the newer surface and the one of the older that it is taken for.
+struct Pair {
+    /// The middle of both normals, and what it errs by their being apart.
+    normal: DVec3,
+    normal_error: DVec3,
+    /// From the rover to the newer point.
+    arm_m: DVec3,
+    /// From the newer point to the older surface.
+    across_m: f64,
+    spot: [i32; 2],
+}
+
+impl Stage {
+    /// Of the points of a surface every so-manieth is tried.
+    fn stride(&self, newer: &Surface) -> usize {
+        self.every * newer.len().div_ceil(MOST_POINTS)
+    }
+}
+
+fn pairs(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage) -> Vec<Pair> {
+    let points = newer.columns.places_m().iter().zip(&newer.normals).step_by(stage.stride(newer));
+    let pair = |(&point_m, &normal): (&DVec3, &DVec3)| {
+        let arm_m = placed.turn * point_m;
+        let (here_m, own) = (placed.place_m + arm_m, placed.turn * normal);
+        let (at, apart_m2) = older.columns.nearest(here_m, stage.reach_m)?;
+        let (other_m, other) = (older.columns.places_m()[at], older.normals[at]);
+        let cosine = own.dot(other);
+        let across_m = other.dot(other_m - here_m);
+        let aside_m2 = apart_m2 - across_m * across_m;
+        if cosine.abs() < stage.least_cosine || aside_m2 > stage.aside_m * stage.aside_m {
+            return None;
+        }
+        // Normals have no side: both are taken to look the same way.
+        let own = own * cosine.signum();
+        let normal = (other + own).try_normalize()?;
+        let spot = [other_m.x, other_m.y].map(|t_m| (t_m / SPOT_M).floor() as i32);
+        let across_m = normal.dot(other_m - here_m);
+        // The mean of two normals errs by half of what they are apart.
+        Some(Pair { normal, normal_error: 0.5 * (other - own), arm_m, across_m, spot })
+    };
+    points.filter_map(pair).collect()
+}
+
+impl Pair {
+    /// Geman and McClure's.
+    fn weight(&self, variance_m2: f64) -> f64 {
+        let bend = 1.0 + self.across_m * self.across_m / (variance_m2 * OUTLYING);
+        1.0 / (bend * bend)
+    }
+
+    /// Its weight over what it errs.
+    fn information(&self, variance_m2: f64) -> f64 {
+        self.weight(variance_m2) / (variance_m2 * CORRELATED_POINTS)
+    }
+
+    /// By x, y, z and the turns: of the distance across, for a normal or for what one errs.
+    fn slopes(&self, normal: DVec3) -> Vector<6> {
+        let turn = self.arm_m.cross(normal);
+        [normal.x, normal.y, normal.z, turn.x, turn.y, turn.z]
+    }
+}
+
+/// Normal equations of all pairs: x, y, z and the turns about the place.
 struct NormalEquations {
     information: Matrix<6, 6>,
-    /// What the errors of the normals add to the information.
-    by_normals: Matrix<6, 6>,
     gradient: Vector<6>,
-    tried: usize,
     matched: usize,
     weight: f64,
     weighted_m2: f64,
-    /// Gradients of the points of each spot.
-    by_spot: BTreeMap<[i32; 2], Vector<6>>,
+    variance_m2: f64,
 }
 
 impl NormalEquations {
-    fn of(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage, variance_m2: f64) -> NormalEquations {
-        let mut equations = NormalEquations::default();
-        let stride = stage.every * newer.len().div_ceil(MOST_POINTS);
-        let points = newer.columns.places_m().iter().zip(&newer.normals).step_by(stride);
-        for (&point_m, &normal) in points {
-            equations.tried += 1;
-            let arm_m = placed.turn * point_m;
-            let (here_m, own) = (placed.place_m + arm_m, placed.turn * normal);
-            let Some((at, apart_m2)) = older.columns.nearest(here_m, stage.reach_m) else { continue };
-            let (other_m, other) = (older.columns.places_m()[at], older.normals[at]);
-            let cosine = own.dot(other);
-            let across_m = other.dot(other_m - here_m);
-            let aside_m2 = apart_m2 - across_m * across_m;
-            if cosine.abs() < stage.least_cosine || aside_m2 > stage.aside_m * stage.aside_m {
-                continue;
+    fn of(pairs: &[Pair], variance_m2: f64) -> NormalEquations {
+        let (mut information, mut gradient) = ([[0.0; 6]; 6], [0.0; 6]);
+        let (mut total, mut weighted_m2) = (0.0, 0.0);
+        for pair in pairs {
+            let weight = pair.weight(variance_m2);
+            total += weight;
+            weighted_m2 += weight * pair.across_m * pair.across_m;
+            let (by, slopes) = (pair.information(variance_m2), pair.slopes(pair.normal));
+            for r in 0..6 {
+                gradient[r] += by * slopes[r] * pair.across_m;
             }
-            // Normals have no side: both are taken to look the same way.
-            let own = own * cosine.signum();
-            let Some(middle) = (other + own).try_normalize() else { continue };
-            let spot = [other_m.x, other_m.y].map(|t_m| (t_m / SPOT_M).floor() as i32);
-            let by = equations.take(middle, arm_m, middle.dot(other_m - here_m), variance_m2, spot);
-            // The mean of two normals errs by half of what they are apart.
-            equations.take_off(by, 0.5 * (other - own), arm_m);
+            add_square(&mut information, by, &slopes);
         }
-        equations
+        NormalEquations { information, gradient, matched: pairs.len(), weight: total, weighted_m2, variance_m2 }
     }
 
-    /// Takes in a point; its weight over its variance.
-    fn take(&mut self, normal: DVec3, arm_m: DVec3, across_m: f64, variance_m2: f64, spot: [i32; 2]) -> f64 {
-        let bend = 1.0 + across_m * across_m / (variance_m2 * OUTLYING);
-        let weight = 1.0 / (bend * bend);
-        self.matched += 1;
-        self.weight += weight;
-        self.weighted_m2 += weight * across_m * across_m;
-        let turn = arm_m.cross(normal);
-        let slopes = [normal.x, normal.y, normal.z, turn.x, turn.y, turn.z];
-        let by = weight / (variance_m2 * CORRELATED_POINTS);
-        let pulls = self.by_spot.entry(spot).or_default();
-        for r in 0..6 {
-            pulls[r] += by * slopes[r] * across_m;
-            self.gradient[r] += by * slopes[r] * across_m;
-            for c in 0..6 {
-                self.information[r][c] += by * slopes[r] * slopes[c];
-            }
-        }
-        by
-    }
-
-    /// What the error of a point's normal adds to the information.
-    fn take_off(&mut self, by: f64, error: DVec3, arm_m: DVec3) {
-        let turn = arm_m.cross(error);
-        let slopes = [error.x, error.y, error.z, turn.x, turn.y, turn.z];
-        for r in 0..6 {
-            for c in 0..6 {
-                self.by_normals[r][c] += by * slopes[r] * slopes[c];
-            }
-        }
-    }
-
-    fn variance_m2(&self) -> Option<f64> {
+    fn told_m2(&self) -> Option<f64> {
         (self.matched >= LEAST_POINTS).then(|| WEIGHTED_SHARE * self.weighted_m2 / self.weight)
+    }
+
+    /// What the errors of the normals add to the information.
+    fn by_normals(&self, pairs: &[Pair]) -> Matrix<6, 6> {
+        let mut added = [[0.0; 6]; 6];
+        for pair in pairs {
+            let by = pair.information(self.variance_m2);
+            add_square(&mut added, by, &pair.slopes(pair.normal_error));
+        }
+        added
+    }
+
+    /// The gradient's parts, spot by spot.
+    fn by_spot(&self, pairs: &[Pair]) -> BTreeMap<[i32; 2], Vector<6>> {
+        let mut by_spot: BTreeMap<[i32; 2], Vector<6>> = BTreeMap::new();
+        for pair in pairs {
+            let by = pair.information(self.variance_m2);
+            let (slopes, pulls) = (pair.slopes(pair.normal), by_spot.entry(pair.spot).or_default());
+            for r in 0..6 {
+                pulls[r] += by * slopes[r] * pair.across_m;
+            }
+        }
+        by_spot
+    }
+}
+
+/// Adds by v v'.
+fn add_square(matrix: &mut Matrix<6, 6>, by: f64, v: &Vector<6>) {
+    for r in 0..6 {
+        for c in 0..6 {
+            matrix[r][c] += by * v[r] * v[c];
+        }
     }
 }
 
@@ -293,8 +341,14 @@ const REST: [usize; 3] = [2, 3, 4];
 
 /// Where the points, and of height and tilt the guess, would have the placement, and how surely: what every point errs alone, and what those
 /// of one spot err together (the sandwich of White 1980, by spots).
-fn fix(equations: &NormalEquations, placed: &Placement, guess: &Matrix<6, 6>, to_guess: &Vector<6>) -> Option<Fix> {
-    let errors = &equations.by_normals;
+fn fix(
+    equations: &NormalEquations,
+    pairs: &[Pair],
+    placed: &Placement,
+    guess: &Matrix<6, 6>,
+    to_guess: &Vector<6>,
+) -> Option<Fix> {
+    let errors = equations.by_normals(pairs);
     let mut information: Matrix<6, 6> =
         std::array::from_fn(|r| std::array::from_fn(|c| equations.information[r][c] - NORMALS_SHARE * errors[r][c]));
     let mut towards = equations.gradient;
@@ -306,8 +360,9 @@ fn fix(equations: &NormalEquations, placed: &Placement, guess: &Matrix<6, 6>, to
         towards[k] += guess[k][k] * to_guess[k];
     }
     let mut scores = information;
-    let spots = equations.by_spot.len() as f64;
-    for pull in equations.by_spot.values() {
+    let by_spot = equations.by_spot(pairs);
+    let spots = by_spot.len() as f64;
+    for pull in by_spot.values() {
         for r in 0..6 {
             for c in 0..6 {
                 scores[r][c] += pull[r] * pull[c] * spots / (spots - 1.0).max(1.0);
