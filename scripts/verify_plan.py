@@ -3,7 +3,7 @@
 For each config the first two choices of `marsyard plan CONFIG --hours H` (H: --cpu-minutes on the cores that there are) are generated with as
 many scenes as it says, networks are trained by `train`'s defaults, and all are judged on common scenes of another seed: of the config at the
 study's reference setting, or of mixed.yaml's held-out families. Where the plan stops early because the curve is flat, the first choice is
-also built with --beyond times as many scenes. Intervals of 95 % draw scenes (within their families) and trainings anew, in pairs.
+also built with --beyond times as many scenes. Besides, what is recommended of all four configs for 1 and for 8 CPU hours and 200 GB. Intervals of 95 % draw scenes (within their families) and trainings anew, in pairs.
 
     cargo build --release && python scripts/verify_plan.py --cpu-minutes 20
 
@@ -21,6 +21,9 @@ import study
 import unseen
 
 CONFIGS = ["quickstart", "paper", "mixed"]
+#: What is told of all four configs: CPU hours, and a disk, which is not that of the machine at hand.
+RECOMMENDED, CPU_HOURS, DISK = [*CONFIGS, "mars"], (1, 8), "200GB"
+BOUNDS = {"flat": "more scenes bring nothing", "hours": "the hours", "disk": "the disk"}
 SEEDS = (1, 2, 3)
 
 
@@ -41,9 +44,29 @@ def build(marsyard, name, title, choice, scenes):
     return {"setting": choice["setting"], "scenes": scenes, "generate_cpu_s": cpu["generate"], "train_cpu_s": float(np.mean(cpu["train"]))}, models
 
 
+def plan_of(marsyard, name, cpu_hours, *more):
+    return json.loads(marsyard.run("plan", study.ROOT / "configs" / f"{name}.yaml", "--hours", cpu_hours / marsyard.threads,
+                                   "--cores", marsyard.threads, "--study", study.ROOT / "configs" / "studies" / f"{name}.json", "--json", *more))
+
+
+def recommendations(marsyard):
+    """Rows of the table of what is recommended for more hours."""
+    share = lambda of: f"{100 * of['mean']:.1f} [{100 * of['low']:.1f}, {100 * of['high']:.1f}]"
+    rows = []
+    for name in RECOMMENDED:
+        for hours in CPU_HOURS:
+            study.note(f"plan of {name}: {hours} CPU h")
+            first, *others = plan_of(marsyard, name, hours, "--disk", DISK)["choices"]
+            second = others[0] if others else None
+            minutes = (first["generate_s"] * marsyard.threads + first["train_s"]) / 60
+            rows.append([name, str(hours), first["setting"], f"{first['scenes']:,}", f"{first['rows'] / 1e6:.1f}", f"{first['bytes'] / 1e9:.1f}",
+                         f"{minutes:.0f}", BOUNDS[first["bound"]], share(first["balanced_accuracy"]),
+                         f"{second['setting']}, {second['scenes']:,} scenes: {share(second['balanced_accuracy'])}" if second else ""])
+    return rows
+
+
 def verify(marsyard, name, options):
-    plan = json.loads(marsyard.run("plan", study.ROOT / "configs" / f"{name}.yaml", "--hours", options.cpu_minutes / 60 / options.threads,
-                                   "--cores", options.threads, "--study", study.ROOT / "configs" / "studies" / f"{name}.json", "--json"))
+    plan = plan_of(marsyard, name, options.cpu_minutes / 60)
     reference = next(choice["sets"] for choice in plan["choices"] if choice["setting"] == "reference")
     first, second = plan["choices"][:2]
     builds = [("first", first, first["scenes"]), ("second", second, second["scenes"])]
@@ -92,6 +115,8 @@ def main():
     options = parser.parse_args()
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     results = {name: verify(marsyard, name, options) for name in options.only or CONFIGS}
+    head = ["config", "CPU hours", "recommended", "scenes", "rows, 10^6", "GB", "CPU minutes told", "what ends it", "balanced accuracy, %", "next best"]
+    recommended = study.markdown(head, recommendations(marsyard))
     text = f"""# What `plan --hours` recommends, built
 
 {marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}{"".join(f" --only {name}" for name in options.only or [])}`: {options.threads} cores,
@@ -99,6 +124,12 @@ def main():
 trainings; differences in pairs. Forecasts are the plan's, in parentheses and beside.
 
 {table(results)}
+
+## For 1 and for 8 CPU hours
+
+What `plan CONFIG --hours H --cores {options.threads} --disk {DISK}` says of the shipped configs, H: the CPU hours over the cores.
+
+{recommended}
 """
     study.write_results(options.out, "verify_plan", results, text)
 

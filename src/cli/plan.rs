@@ -70,6 +70,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
         parts_limit: if args.no_parts { Duration::ZERO } else { half },
         most: most(args),
         place: args.out.as_deref(),
+        for_training: false,
         stop: &stop,
     };
     let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));

@@ -60,7 +60,7 @@ pub(crate) mod tests;
 mod totals;
 mod value_hash;
 pub(crate) mod verify;
-mod write;
+pub(crate) mod write;
 pub(crate) mod yards;
 
 pub use crate::plan::{Split, Table};

@@ -67,7 +67,7 @@ impl Default for FastslamParams {
     }
 }
 
-/// Standard deviations of the surrogate's errors.
+/// Standard deviations of the surrogate's errors. `marsyard tradeoff` tells those of a config's own estimates (the setting `surrogate`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema, Validate)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurrogateParams {

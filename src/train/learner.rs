@@ -170,6 +170,8 @@ fn first_network(params: &TrainParams, layout: Layout) -> Network {
 /// Rows as the filter takes them.
 #[derive(Default)]
 struct Share {
+    /// As stored, in the order of learning.
+    stored: Vec<f32>,
     inputs: Vec<f64>,
     targets: Vec<f64>,
     noise: Vec<f64>,
@@ -180,16 +182,23 @@ struct Share {
 impl Share {
     fn fill(&mut self, rows: &Rows, order: &[u32], objective: &Objective, is_shared: bool) {
         let width = rows.width;
+        self.stored.resize(order.len() * width, 0.0);
         self.inputs.resize(order.len() * width, 0.0);
-        let scale = |(out, order): (&mut [f64], &[u32])| {
-            for (out, &row) in out.chunks_exact_mut(width).zip(order) {
-                objective.scaler.scale(rows.row(row as usize), out);
+        let scale = |((inputs, stored), order): ((&mut [f64], &mut [f32]), &[u32])| {
+            // Rows lie anywhere in the window. Fetched in a loop of its own, many of them come from memory at once.
+            for (stored, &row) in stored.chunks_exact_mut(width).zip(order) {
+                stored.copy_from_slice(rows.row(row as usize));
+            }
+            for (input, stored) in inputs.chunks_exact_mut(width).zip(stored.chunks_exact(width)) {
+                objective.scaler.scale(stored, input);
             }
         };
         if is_shared {
-            self.inputs.par_chunks_mut(ROWS_A_TASK * width).zip(order.par_chunks(ROWS_A_TASK)).for_each(scale);
+            let task = ROWS_A_TASK * width;
+            let parts = self.inputs.par_chunks_mut(task).zip(self.stored.par_chunks_mut(task));
+            parts.zip(order.par_chunks(ROWS_A_TASK)).for_each(scale);
         } else {
-            scale((&mut self.inputs, order));
+            scale(((&mut self.inputs, &mut self.stored), order));
         }
         self.targets.clear();
         self.noise.clear();
@@ -203,7 +212,7 @@ impl Share {
 
     /// Leaves those rows that are to be learnt; `first`: rows of the training before them.
     fn select(&mut self, selection: &mut Selection, first: u64) {
-        let Share { inputs, targets, noise, outputs, chosen } = self;
+        let Share { inputs, targets, noise, outputs, chosen, .. } = self;
         let width = inputs.len() / targets.len();
         for (output, target) in outputs.iter_mut().zip(targets.iter()) {
             *output = target - *output;

@@ -49,6 +49,12 @@ impl Rows {
         Rows { width, ..Rows::default() }
     }
 
+    /// Without rows, of another width, with the memory they had.
+    pub(crate) fn clear(&mut self, width: usize) {
+        self.truncate(0);
+        (self.width, self.left_out) = (width, LeftOut::default());
+    }
+
     pub fn len(&self) -> usize {
         self.labels.len()
     }

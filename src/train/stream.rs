@@ -5,6 +5,7 @@
 //! changes when a window is there, never which rows it holds.
 
 use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
 
 use super::TrainError;
 use super::order::{Epoch, WINDOW_GROUPS};
@@ -32,28 +33,50 @@ pub(crate) struct Course {
     pub epochs: u32,
 }
 
+/// Windows in the order of the epochs.
+pub(super) struct Windows {
+    read: ReadAhead<Result<Window, TrainError>>,
+    /// Rows that were learnt, for the room they have.
+    spent: Sender<Rows>,
+}
+
+impl Windows {
+    /// Takes a window that nobody needs any more: a later one is read into its memory.
+    pub(super) fn reuse(&self, window: Window) {
+        // Where nothing is read any more, nobody wants it.
+        _ = self.spent.send(window.rows);
+    }
+}
+
+impl Iterator for Windows {
+    type Item = Result<Window, TrainError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.read.next()
+    }
+}
+
 /// Begins to read; up to `ahead` windows wait to be taken. It goes on until the last epoch ends or nobody takes windows any more.
-pub(super) fn start(sources: Arc<Sources>, course: Course, ahead: usize) -> ReadAhead<Result<Window, TrainError>> {
+pub(super) fn start(sources: Arc<Sources>, course: Course, ahead: usize) -> Windows {
+    let (spent, room) = channel::<Rows>();
     let groups = sources.groups(Split::Train);
     let windows = (course.epoch..course.epochs).flat_map(move |epoch| {
         let order = Epoch::new(course.seed, epoch);
         let shuffled: Vec<Group> = order.groups(groups.len()).into_iter().map(|group| groups[group as usize]).collect();
         let first = if epoch == course.epoch { course.window } else { 0 };
         let windows = shuffled.len().div_ceil(WINDOW_GROUPS) as u32;
-        let sources = Arc::clone(&sources);
         (first..windows).map(move |window| {
             let groups = shuffled.chunks(WINDOW_GROUPS).nth(window as usize).expect("one of the windows");
-            let rows = read_window(&sources, groups)?;
-            Ok(Window { epoch, window, order: order.rows(window, rows.len()), rows })
+            (order, epoch, window, groups.to_vec())
         })
     });
-    ReadAhead::start(ahead, windows)
-}
-
-fn read_window(sources: &Sources, groups: &[Group]) -> Result<Rows, TrainError> {
-    let mut rows = Rows::new(sources.features.len());
-    groups.iter().try_for_each(|&group| sources.read(Split::Train, group, &mut rows))?;
-    Ok(rows)
+    let windows = windows.map(move |(order, epoch, window, groups)| {
+        let mut rows = room.try_recv().unwrap_or_default();
+        rows.clear(sources.features.len());
+        groups.into_iter().try_for_each(|group| sources.read(Split::Train, group, &mut rows))?;
+        Ok(Window { epoch, window, order: order.rows(window, rows.len()), rows })
+    });
+    Windows { read: ReadAhead::start(ahead, windows), spent }
 }
 
 /// Bytes of the widest part of the stream, by the mean size of the row groups.

@@ -175,6 +175,7 @@ fn measure(args: &PlanArgs, setting: &StudySetting, cores: usize, stop: &AtomicB
         parts_limit: Duration::ZERO,
         most: super::most(args),
         place: None,
+        for_training: true,
         stop,
     };
     let estimate = estimate::estimate(&plan, &options).map_err(estimate_failure)?;
@@ -190,6 +191,7 @@ fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {
         writing_cpu_s: sum(&writing),
         bytes_per_scene: estimate.bytes.value / scenes,
         rows_per_scene: estimate.rows.value / scenes,
+        row_cost: estimate.row_cost.unwrap_or_default(),
     }
 }
 

@@ -2,7 +2,8 @@
 //!
 //! In: learning curves of the study; what one scene costs here, of a few that were made on this machine. Out: scenes of a corpus, seconds of wall
 //! for building it on all cores and for training on one, bytes, and the balanced accuracy to be expected, with an interval. The study's
-//! times are scaled by how long this machine takes for the study's scenes. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
+//! times are scaled by how long this machine takes for the study's scenes; a study learns from memory, so what reading rows and judging them takes is
+//! measured here and added. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
 //! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and how often a training goes through its rows (`passes`).
 //! Settings are ranked by what is told of them, the config as written before what is not told apart, then by what is expected no farther than
 //! twice the largest measured size.
@@ -12,16 +13,24 @@ mod passes;
 
 use self::fit::{Fit, Measured};
 use self::passes::Passes;
+use super::estimate::RowCost;
 use super::study::{Study, StudySetting};
 use super::tradeoff::report::Told;
+use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
+use crate::train::order::WINDOW_GROUPS;
+use crate::train::quantiles::SAMPLE_ROWS;
 
 pub(crate) use fit::Expected;
 
 /// More scenes that surely bring less than this are told not to be worth it: half a point of balanced accuracy.
 pub(crate) const FLAT: f64 = 0.005;
 /// Scenes of a study that train and stop as many as one scene of a corpus does: 14 / 20 of it train, 5 / 6 of the study's.
-const STUDY_SCENES: f64 = 0.7 * 6.0 / 5.0;
+const STUDY_SCENES: f64 = SPLITS[0] * 6.0 / 5.0;
+/// Shares of a corpus's scenes that train, stop and test.
+const SPLITS: [f64; 3] = [0.7, 0.15, 0.15];
+/// Windows that are there, or in the making, when training ends: half of the one that is learnt, one that waits, and the one after it.
+const WINDOWS_LEFT: f64 = 2.5;
 /// Settings are ranked up to so many times the largest measured size.
 const RANKED_UP_TO: f64 = 2.0;
 /// A curve is told to be flat where the budget would allow so many times the scenes: the last few scenes of any budget bring little.
@@ -47,6 +56,8 @@ pub(crate) struct Here {
     pub writing_cpu_s: f64,
     pub bytes_per_scene: f64,
     pub rows_per_scene: f64,
+    /// Of reading a row, and of judging it.
+    pub row_cost: RowCost,
 }
 
 /// What ends the number of scenes.
@@ -86,6 +97,10 @@ struct Curve<'s> {
     /// Of learning a row once, and rows to learn of a scene of the study.
     row_cpu_s: f64,
     rows_a_scene: f64,
+    /// Rows of a scene of a corpus, whatever its split, of one of its row groups, and what one takes beside learning.
+    rows_a_corpus_scene: f64,
+    rows_a_group: f64,
+    row_cost: RowCost,
     passes: Passes,
     largest: f64,
 }
@@ -101,7 +116,7 @@ pub(crate) fn choices<'s>(
     let (errors, passes) = (standard_errors(study), Passes::of(study));
     let choices = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
-        let curve = Curve::of(setting, &errors, passes, &here);
+        let curve = Curve::of(setting, &errors, passes, &here, multiple);
         Some((curve.choice(budget, &here, multiple)?, curve))
     });
     let mut ranked: Vec<(u8, f64, Choice)> = choices
@@ -136,7 +151,7 @@ fn standard_errors(study: &Study) -> Vec<f64> {
 }
 
 impl<'s> Curve<'s> {
-    fn of(setting: &'s StudySetting, errors: &[f64], passes: Passes, here: &Here) -> Curve<'s> {
+    fn of(setting: &'s StudySetting, errors: &[f64], passes: Passes, here: &Here, multiple: u64) -> Curve<'s> {
         let measured: Vec<Measured> = setting
             .sizes
             .iter()
@@ -155,15 +170,27 @@ impl<'s> Curve<'s> {
             scene_cpu_s: here.slowness * largest.generate_cpu_s / scenes + here.writing_cpu_s,
             row_cpu_s: here.slowness * largest.train_cpu_s / largest.rows_learnt,
             rows_a_scene: largest.train_rows / scenes,
+            rows_a_corpus_scene: here.rows_per_scene,
+            rows_a_group: (here.rows_per_scene * multiple as f64).min(ROW_GROUP_ROWS as f64),
+            row_cost: here.row_cost,
             passes,
             largest: scenes,
         }
     }
 
-    /// Seconds of wall: building on all cores, and training on one.
+    /// Seconds of wall: building on all cores, and training on one; a second one would read while the first learns.
     fn seconds(&self, scenes: f64, cores: f64) -> (f64, f64) {
         let rows = self.rows_a_scene * STUDY_SCENES * scenes;
-        (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * self.passes.at(rows))
+        let passes = self.passes.at(rows);
+        let [train, validation, test] = SPLITS.map(|share| share * self.rows_a_corpus_scene * scenes);
+        // Beside the passes: samples of the rows to learn, and the windows that were read ahead when training ended. Validation rows are
+        // read for the looks, the calibration and the choice of thresholds, and judged for the last two.
+        let samples = self.row_cost.samples * train.min(SAMPLE_ROWS as f64);
+        let ahead = WINDOWS_LEFT * train.min(WINDOW_GROUPS as f64 * self.rows_a_group);
+        let read = train * passes + ahead + samples + 3.0 * validation + test;
+        let judged = 2.0 * validation + test;
+        let beside_s = self.row_cost.reading_s * read + self.row_cost.judging_s * judged;
+        (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * passes + beside_s)
     }
 
     /// `None` where not even `multiple` scenes are within the budget.
@@ -228,7 +255,13 @@ mod tests {
     use super::*;
     use crate::measure::study::tests::{setting, study};
 
-    const HERE: Here = Here { slowness: 2.0, writing_cpu_s: 0.005, bytes_per_scene: 80_000.0, rows_per_scene: 1700.0 };
+    const HERE: Here = Here {
+        slowness: 2.0,
+        writing_cpu_s: 0.005,
+        bytes_per_scene: 80_000.0,
+        rows_per_scene: 1700.0,
+        row_cost: RowCost { reading_s: 0.0, judging_s: 0.0, samples: 1.0 },
+    };
 
     fn budget(wall_s: f64, disk_bytes: Option<f64>) -> Budget {
         Budget { wall_s, cores: 2.0, disk_bytes }
@@ -263,6 +296,24 @@ mod tests {
         // 128 scenes are learnt in three passes and 2 * 1.28 s.
         let expected = 2.0 * 1.28 * learnt / 128.0 * passes / 3.0;
         assert!((only.train_s - expected).abs() < 1e-6 * expected, "{} {expected}", only.train_s);
+    }
+
+    #[test]
+    fn exact_what_a_training_reads_and_judges_is_told_beside_what_it_learns() {
+        let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+        let train_s = |reading_s, judging_s, samples| {
+            let here = |_: &StudySetting| Here { row_cost: RowCost { reading_s, judging_s, samples }, ..HERE };
+            choices(&study, &budget(20.0, Some(4e6)), here, 50)[0].train_s
+        };
+        let learning_s = train_s(0.0, 0.0, 1.0);
+        // 50 scenes of 1700 rows, fewer than a window's: those to learn are read in three passes, for samples, and ahead of the end in two
+        // windows and a half; of the other splits 3 x 0.15 + 0.15.
+        for samples in [1.0, 2.0] {
+            let reading_s = train_s(1e-6, 0.0, samples) - learning_s;
+            assert!((reading_s - 1e-6 * 85_000.0 * (0.7 * (3.0 + 2.5 + samples) + 0.6)).abs() < 1e-9, "{reading_s}");
+        }
+        let judging_s = train_s(0.0, 1e-6, 1.0) - learning_s;
+        assert!((judging_s - 1e-6 * 85_000.0 * 0.45).abs() < 1e-9, "{judging_s}");
     }
 
     #[test]

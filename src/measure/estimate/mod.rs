@@ -3,6 +3,7 @@
 //! ```text
 //! sample    scenes of every family, on as many threads as the build will have, until the standard error is small
 //! encode    the sampled scenes as a shard, on all threads at once: bytes, and the time of writing them
+//! rows      the same shard read and judged, as a training does it beside learning: what that takes of a row
 //! storage   the same shard put into the place of the build: what that takes
 //! parts     each part that the plan switches on, left out on the same scenes: what it costs
 //! ```
@@ -14,6 +15,7 @@
 mod encode;
 mod part;
 mod parts;
+mod rows;
 mod sample;
 mod storage;
 
@@ -31,6 +33,7 @@ use crate::sweep::PatternError;
 pub(crate) use part::Part;
 pub(crate) use parts::PartCost;
 pub use parts::scene_costs;
+pub(crate) use rows::RowCost;
 pub(crate) use sample::Figure;
 pub(crate) use storage::{Storage, free_bytes};
 
@@ -49,6 +52,8 @@ pub(crate) struct Options<'a> {
     pub most: Duration,
     /// Where the build will write; its storage is measured there.
     pub place: Option<&'a Path>,
+    /// Whether it is to be told what a training takes of a row beside learning it.
+    pub for_training: bool,
     /// When it is raised, what was tried at the place is taken away, and there is no estimate.
     pub stop: &'a AtomicBool,
 }
@@ -101,6 +106,8 @@ pub(crate) struct Estimate {
     /// By family: scenes of it in the plan, and the price of each part that it switches on.
     pub families: Vec<FamilyCost>,
     pub storage: Option<Storage>,
+    /// Where it was asked for, and there are cells to learn.
+    pub row_cost: Option<RowCost>,
 }
 
 #[derive(Clone, Debug)]
@@ -149,7 +156,9 @@ pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, Estim
     if let Some(first) = sample.only_failure() {
         return Err(EstimateError::NoScene { scenes: sample.scenes(), first });
     }
-    let encoded = encode::encode(&plan.corpus_spec(), std::mem::take(&mut sample.outputs), options.threads)?;
+    let spec = plan.corpus_spec();
+    let encoded = encode::encode(&spec, std::mem::take(&mut sample.outputs), options.threads)?;
+    let row_cost = options.for_training.then(|| rows::cost(&spec, &encoded.whole)).transpose()?.flatten();
     let bytes = encoded.bytes(&sample, plan.shards());
     let probed = options.place.map(|place| storage::probe(place, &encoded, plan.shards(), bytes.value, options));
     let storage = probed.transpose()?;
@@ -189,5 +198,6 @@ pub(crate) fn estimate(plan: &Plan, options: &Options) -> Result<Estimate, Estim
         tables: encoded.tables_s(writing_cpu_s * per_scene),
         families,
         storage,
+        row_cost,
     })
 }

@@ -8,6 +8,7 @@ use crate::config::fidelity::SUB_RAYS;
 use crate::plan::{Family, Fidelity, Plan};
 use crate::scene::params::GroundShape;
 use crate::slam::SlamParams;
+use crate::slam::params::SurrogateParams;
 use crate::sweep::sensor::PatternParams;
 
 /// `key=value` in the document's section, or in every family's.
@@ -38,8 +39,12 @@ pub(super) fn fidelity(plan: &Plan, fidelity: Fidelity) -> Vec<String> {
     fidelity.settings().iter().flat_map(set).collect()
 }
 
-/// Every knob of the pipeline and the yard, with what it sets.
-pub(super) fn knobs(written: &Plan, reference: &Plan) -> Vec<(Group, String, Vec<String>)> {
+/// Every knob of the pipeline and the yard, with what it sets; `surrogate`: of the knob of that name.
+pub(super) fn knobs(
+    written: &Plan,
+    reference: &Plan,
+    surrogate: &SurrogateParams,
+) -> Vec<(Group, String, Vec<String>)> {
     let mut knobs: Vec<(Group, String, Vec<String>)> = Vec::new();
     for preset in [Fidelity::Draft, Fidelity::Standard] {
         knobs.push((Group::Presets, preset.name().into(), fidelity(written, preset)));
@@ -65,7 +70,9 @@ pub(super) fn knobs(written: &Plan, reference: &Plan) -> Vec<(Group, String, Vec
         let name = format!("{particles} particle{}", if particles == 1 { "" } else { "s" });
         knobs.push(one(Group::Slam, &name, "slam", &value));
     }
-    for (name, value) in [("surrogate", "{surrogate: {}}"), ("dead_reckoning", "dead_reckoning"), ("truth", "truth")] {
+    let drawn = super::surrogate::written(surrogate);
+    knobs.push(one(Group::Slam, "surrogate", "slam", &drawn));
+    for (name, value) in [("dead_reckoning", "dead_reckoning"), ("truth", "truth")] {
         knobs.push(one(Group::Slam, name, "slam", value));
     }
     for rays in ["1", "7", "19"] {

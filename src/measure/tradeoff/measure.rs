@@ -228,22 +228,28 @@ impl Rerun {
     }
 }
 
-fn pose_error(truth: &Pose, estimate: &Estimate) -> PoseError {
+/// What an estimate errs: x, y, z, metres, and roll, pitch, heading, radians.
+pub(super) fn axis_errors(truth: &Pose, estimate: &Estimate) -> [f64; 6] {
     let pose = &estimate.pose;
     let off_m = pose.position_m - truth.position_m;
     let turned = |a: f64, b: f64| math::wrap_angle(a - b);
-    let error = [
+    [
         off_m.x,
         off_m.y,
         off_m.z,
         turned(pose.roll_rad, truth.roll_rad),
         turned(pose.pitch_rad, truth.pitch_rad),
         turned(pose.yaw_rad, truth.yaw_rad),
-    ];
+    ]
+}
+
+fn pose_error(truth: &Pose, estimate: &Estimate) -> PoseError {
+    let error = axis_errors(truth, estimate);
     let claimed = estimate.covariance.iter().enumerate().all(|(i, row)| row[i] > 0.0);
     let factor = claimed.then(|| matrix::cholesky(&estimate.covariance)).flatten();
     let nees = factor.map(|l| matrix::square(&matrix::half_solve(&l, &error)));
-    PoseError { position_m: off_m.length(), heading_rad: error[5].abs(), nees }
+    let position_m = (estimate.pose.position_m - truth.position_m).length();
+    PoseError { position_m, heading_rad: error[5].abs(), nees }
 }
 
 fn drive_shift(old: &Pose, new: &Pose) -> DriveShift {

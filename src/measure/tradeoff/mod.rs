@@ -1,6 +1,7 @@
 //! A config -> what each choice between speed and accuracy costs, the error it brings, and what it is worth. All of it is measured.
 //!
 //! ```text
+//! surrogate   drawn pose errors as large as the reference's own
 //! settings    a reference, the same with other draws, and alternatives that change one knob (or a preset's)
 //! measure     the same scenes at every setting, interleaved: times, ranges, poses, cells
 //! compare       matched cells: changed labels, shifted features
@@ -36,6 +37,7 @@ mod rounds;
 pub(crate) mod settings;
 mod sizes;
 mod summary;
+mod surrogate;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;
@@ -50,6 +52,7 @@ use crate::corpus::Split;
 use crate::episode::Prepared;
 use crate::parallel::PoolError;
 use crate::plan::Plan;
+use crate::slam::params::SurrogateParams;
 use crate::sweep::PatternError;
 use crate::train::TrainError;
 
@@ -79,6 +82,13 @@ pub(crate) struct Options {
     /// No round is begun that would end later; with neither of the two there is one round.
     pub time: Option<Duration>,
     pub threads: usize,
+}
+
+impl Options {
+    /// Whether the settings of a group are measured.
+    fn wants(&self, group: Group) -> bool {
+        self.only.is_empty() || self.only.contains(&group)
+    }
 }
 
 /// What happens meanwhile.
@@ -120,11 +130,21 @@ pub(crate) fn run(
     tell: &mut (dyn FnMut(Event) + Send),
 ) -> Result<Option<Report>, TradeoffError> {
     let begun = Instant::now();
-    let settings = settings::settings(options)?;
+    let Some(surrogate) = surrogate_of(options, stop)? else { return Ok(None) };
+    let settings = settings::settings(options, &surrogate)?;
     let Some(scenes) = measured(&settings, options, stop, tell)? else { return Ok(None) };
     let Some(report) = rounds::rounds(&settings, &scenes, options, begun, stop, tell)? else { return Ok(None) };
     drop(scenes);
     combine::add(report, options, &settings, stop, tell).map(Some)
+}
+
+/// Pose errors as large as the reference's, where it is asked for them; `None` where `stop` was raised before the end.
+fn surrogate_of(options: &Options, stop: &AtomicBool) -> Result<Option<SurrogateParams>, TradeoffError> {
+    if !options.wants(Group::Slam) {
+        return Ok(Some(SurrogateParams::default()));
+    }
+    let reference = settings::reference(&options.config, &options.sets)?;
+    surrogate::calibrated(&reference, &scenes(&reference, options.scenes), options.threads, stop)
 }
 
 /// The scenes at all settings; `None` where `stop` was raised before the end.

@@ -16,6 +16,7 @@ use super::{Options, TradeoffError};
 use crate::config::{self, ConfigError};
 use crate::plan::{Fidelity, Plan};
 use crate::slam::SlamParams;
+use crate::slam::params::SurrogateParams;
 use crate::train::params::FilterParams;
 
 /// The setting that differs from the reference by its seed alone.
@@ -188,8 +189,8 @@ pub(crate) fn reference(config: &Path, sets: &[String]) -> Result<Plan, ConfigEr
     config::load(config, &sets)
 }
 
-/// The settings that the options ask for.
-pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
+/// The settings that the options ask for; `surrogate`: drawn pose errors as large as the reference's.
+pub(super) fn settings(options: &Options, surrogate: &SurrogateParams) -> Result<Settings, TradeoffError> {
     let written = config::load(&options.config, &options.sets)?;
     let reference_sets = fidelity(&written, Fidelity::Reference);
     let load = |more: &[String]| {
@@ -197,7 +198,7 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
         config::load(&options.config, &sets)
     };
     let reference = reference(&options.config, &options.sets)?;
-    let wanted = |group| options.only.is_empty() || options.only.contains(&group);
+    let wanted = |group| options.wants(group);
     let plan = |plan| Variant::Plan(Box::new(plan));
     let mut list = vec![Setting {
         group: None,
@@ -218,7 +219,9 @@ pub(super) fn settings(options: &Options) -> Result<Settings, TradeoffError> {
         let variant = plan(written.clone());
         list.push(Setting { group: Some(Group::Presets), name: AS_WRITTEN.into(), sets: Vec::new(), variant });
     }
-    for (group, name, knob_sets) in knobs(&written, &reference).into_iter().filter(|(group, ..)| wanted(*group)) {
+    for (group, name, knob_sets) in
+        knobs(&written, &reference, surrogate).into_iter().filter(|(group, ..)| wanted(*group))
+    {
         let is_preset = group == Group::Presets;
         match load(&knob_sets) {
             // A knob that stands there already, or is turned so by another setting: 60 particles are `standard`.

@@ -14,6 +14,7 @@ use crate::corpus::Split;
 use crate::corpus::place::differences;
 use crate::drive::params::ContactSolver;
 use crate::slam::SlamParams;
+use crate::slam::params::SurrogateParams;
 use crate::statistics::Interval;
 use crate::sweep::params::Cast;
 
@@ -33,7 +34,8 @@ fn options(config: &str, sets: &[&str], only: &[Group]) -> Options {
 }
 
 fn all(config: &str, sets: &[&str], only: &[Group]) -> Settings {
-    settings::settings(&options(config, sets, only)).unwrap_or_else(|error| panic!("{error}"))
+    settings::settings(&options(config, sets, only), &SurrogateParams::default())
+        .unwrap_or_else(|error| panic!("{error}"))
 }
 
 fn names(settings: &Settings, group: Group) -> Vec<&str> {
@@ -135,7 +137,8 @@ fn law_what_the_configs_rules_refuse_is_left_out_with_the_rule() {
     let refused: Vec<&str> = settings.refused.iter().map(|refused| refused.name.as_str()).collect();
     assert_eq!(refused, ["raster 0.05 m", "raster 0.1 m", "mesh 0.05 m", "mesh 0.1 m"]);
     assert!(settings.refused[0].reason.contains("10000 x 10000 nodes"), "{:?}", settings.refused[0]);
-    let fault = settings::settings(&options("configs/paper.yaml", &["seed=x"], &[])).unwrap_err();
+    let fault =
+        settings::settings(&options("configs/paper.yaml", &["seed=x"], &[]), &SurrogateParams::default()).unwrap_err();
     assert!(matches!(fault, TradeoffError::Config(_)));
 }
 
@@ -353,7 +356,7 @@ fn exact_the_best_of_each_group_combine_where_they_set_other_keys() {
 fn law_combinations_are_measured_beside_the_reference_and_may_be_recommended() {
     let only = [Group::Cast, Group::Slam];
     let options = Options { combinations: 1, ..options("tests/fixtures/training.yaml", &[], &only) };
-    let settings = settings::settings(&options).unwrap();
+    let settings = settings::settings(&options, &SurrogateParams::default()).unwrap();
     let report = with_gains(&settings, &SMALL, &[("raster 0.1 m", 0.5), ("dead_reckoning", 0.7)]);
     let made = combine::add(report.clone(), &options, &settings, &AtomicBool::new(false), &mut |_| ()).unwrap();
     let own = row(&made, "raster 0.1 m + dead_reckoning");

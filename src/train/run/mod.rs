@@ -198,8 +198,10 @@ impl Training<'_> {
         if self.place.stopped.is_none() {
             let Cursor { epoch, window, .. } = self.place;
             let course = Course { seed: self.setup.params.seed, epoch, window, epochs: self.setup.params.epochs };
-            for window in stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead) {
-                let going_on = self.window(&window?, stop, tell)?;
+            let mut windows = stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead);
+            while let Some(window) = windows.next().transpose()? {
+                let going_on = self.window(&window, stop, tell)?;
+                windows.reuse(window);
                 if self.place.stopped.is_some() {
                     break;
                 }

@@ -95,3 +95,22 @@ fn law_a_reader_that_nobody_listens_to_stops() {
     drop(stream);
     assert_eq!(Arc::strong_count(&sources), 1);
 }
+
+#[test]
+fn equal_windows_read_into_memory_that_was_used_hold_the_same_rows() {
+    let dir = tempfile::tempdir().unwrap();
+    let sources = Arc::new(fixture::sources(&[numbered(&dir, 40)], &fixture::params()).unwrap());
+    let fresh = windows(&sources, course(3), 1);
+    let mut reused = stream::start(sources, course(3), 1);
+    let mut count = 0;
+    while let Some(window) = reused.next().transpose().unwrap() {
+        let expected = &fresh[count];
+        assert_eq!((window.epoch, window.window, &window.order), (expected.epoch, expected.window, &expected.order));
+        assert_eq!(window.rows, expected.rows);
+        count += 1;
+        reused.reuse(window);
+    }
+    assert_eq!(count, fresh.len());
+    // The last window of an epoch is smaller than those before it: memory that was fuller leaves nothing behind.
+    assert!(fresh.iter().any(|window| window.rows.len() < fresh[0].rows.len()));
+}

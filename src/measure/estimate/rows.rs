@@ -1,0 +1,145 @@
+//! The sampled scenes' cells -> what training takes of a row beside learning it: reading it, and judging it.
+//!
+//! Read as training reads it: decoded, checked, laid out row by row in memory that held rows before. Judged: scaled and put through a network of the
+//! default size in f64, as calibration and reports do it. CPU seconds of one thread, by every cell that is there. Not measured: checksums of
+//! files and reading their footers; what reports read and tally of a row beside its features and output.
+
+use bytes::Bytes;
+use parquet::arrow::ProjectionMask;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+
+use super::EstimateError;
+use crate::cells::is_gap;
+use crate::corpus::cells::{CellBatch, LABEL, POINTS};
+use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, Table};
+use crate::measure::clock::thread_cpu_s;
+use crate::random::{Stage, Streams};
+use crate::train::rows::{Rows, Wanted};
+use crate::train::scaling::{moments_of, scaler_of, subtracted};
+use crate::train::source::taken;
+use crate::train::{Network, TrainParams};
+
+/// Rows are read again until this is over: a clock of microseconds and a cold cache are then a few percent.
+const LEAST_S: f64 = 0.05;
+/// Cells that are read at most: what a row takes does not depend on how many there are.
+const MOST_CELLS: usize = 200_000;
+/// Rows that are judged together.
+const CHUNK_ROWS: usize = 1024;
+
+/// CPU seconds of a row.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct RowCost {
+    pub reading_s: f64,
+    pub judging_s: f64,
+    /// How often a training draws a sample of the rows to learn: for the quantiles, and where something is subtracted from an input, or cells
+    /// are left out, for the scaler.
+    pub samples: f64,
+}
+
+/// Of the default training's features and network; `None` where there are no cells, or none that can be learnt.
+pub(super) fn cost(spec: &CorpusSpec, shard: &FinishedShard) -> Result<Option<RowCost>, EstimateError> {
+    let path = Table::Cells.path(shard.receipt.shard);
+    let Some((_, bytes)) = shard.files.iter().find(|(name, _)| *name == path) else { return Ok(None) };
+    let params = TrainParams::default();
+    let columns = spec.features.iter().map(|column| column.name.as_str());
+    let is_taken = taken(&params.features, columns.clone());
+    let features: Vec<String> = columns.clone().filter(|name| is_taken(name)).map(String::from).collect();
+    let seen_alone = columns.clone().any(is_gap) && !features.iter().any(|name| is_gap(name));
+    let wanted = Wanted { features: &features, rule: None, seen_alone };
+    let bytes = Bytes::from(bytes.clone());
+    let mut rows = Rows::new(features.len());
+    // The first time is not counted: a training reads into memory that is its own already.
+    read(&path, &bytes, &wanted, &mut rows)?;
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let (begun, mut cells) = (thread_cpu_s(), 0);
+    while thread_cpu_s() - begun < LEAST_S {
+        rows.clear(features.len());
+        cells += read(&path, &bytes, &wanted, &mut rows)?;
+    }
+    let reading_s = (thread_cpu_s() - begun) / cells as f64;
+    let minus = subtracted(&features, params.neighbours);
+    let samples = if seen_alone || minus.iter().any(Option::is_some) { 2.0 } else { 1.0 };
+    let judging_s = judging_s(&rows, minus, &params) / rows.len() as f64;
+    Ok(Some(RowCost { reading_s, judging_s, samples }))
+}
+
+/// Adds the rows of a file of cells, up to [`MOST_CELLS`]; how many cells were read.
+fn read(name: &str, bytes: &Bytes, wanted: &Wanted, rows: &mut Rows) -> Result<usize, CorpusError> {
+    let refused = |source| CorpusError::Parquet { name: name.to_owned(), source };
+    let builder = ParquetRecordBatchReaderBuilder::try_new(bytes.clone()).map_err(refused)?;
+    let points = wanted.seen_alone.then_some(POINTS);
+    let needed = wanted.features.iter().map(String::as_str).chain([LABEL]).chain(points);
+    let mask = ProjectionMask::columns(builder.parquet_schema(), needed);
+    let reader = builder.with_projection(mask).with_batch_size(MOST_CELLS).build().map_err(refused)?;
+    let mut cells = 0;
+    for batch in reader {
+        let failed = |reason: String| refused(parquet::errors::ParquetError::General(reason));
+        let batch = CellBatch::of(batch.map_err(|error| failed(error.to_string()))?);
+        rows.push(&batch, wanted, 0).map_err(failed)?;
+        cells += batch.rows();
+        if cells >= MOST_CELLS {
+            break;
+        }
+    }
+    Ok(cells)
+}
+
+/// Of all rows.
+fn judging_s(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> f64 {
+    let moments = moments_of(rows, &minus);
+    let (scaler, _) = scaler_of(minus, moments.into_iter(), params.clip);
+    let streams = Streams { seed: 0, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
+    let network = Network::random(params.layout(rows.width), &streams);
+    let (mut scaled, mut outputs) = (vec![0.0; rows.width * CHUNK_ROWS], vec![0.0; CHUNK_ROWS]);
+    let begun = thread_cpu_s();
+    for chunk in rows.features.chunks(rows.width * CHUNK_ROWS) {
+        let count = chunk.len() / rows.width;
+        for (row, scaled) in chunk.chunks_exact(rows.width).zip(scaled.chunks_exact_mut(rows.width)) {
+            scaler.scale(row, scaled);
+        }
+        network.outputs(&scaled[..rows.width * count], &mut outputs[..count]);
+    }
+    thread_cpu_s() - begun
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::config;
+    use crate::corpus::ShardWriter;
+    use crate::episode::{Prepared, Scratch, Unobserved, run_scene};
+
+    fn cost_of(config: &str, sets: &[&str]) -> Option<RowCost> {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let prepared = Prepared::new(config::load(Path::new(config), &sets).unwrap()).unwrap();
+        let spec = prepared.plan.corpus_spec();
+        let mut shard = ShardWriter::new(&spec, 0).unwrap();
+        for scene in 0..u64::from(spec.scenes_per_shard) {
+            shard.push(&run_scene(&prepared, scene, &mut Scratch::default(), &mut Unobserved)).unwrap();
+        }
+        cost(&spec, &shard.finish().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn law_rows_cost_something_and_a_sample_for_the_scaler_where_it_needs_one() {
+        let few = ["scenes=2", "scenes_per_shard=2", "slam=truth"];
+        for (config, samples) in
+            [("configs/quickstart.yaml", 1.0), ("configs/paper.yaml", 2.0), ("configs/holes.yaml", 2.0)]
+        {
+            let told = cost_of(config, &few).unwrap();
+            assert!(told.reading_s > 1e-9 && told.reading_s < 1e-3, "{config}: {told:?}");
+            assert!(told.judging_s > 1e-9 && told.judging_s < 1e-3, "{config}: {told:?}");
+            assert_eq!(told.samples, samples, "{config}");
+        }
+    }
+
+    #[test]
+    fn extreme_a_corpus_without_cells_costs_no_training() {
+        let sets = ["scenes=2", "scenes_per_shard=2", "slam=truth", "tables=[scenes, poses]"];
+        assert_eq!(cost_of("configs/quickstart.yaml", &sets), None);
+    }
+}
