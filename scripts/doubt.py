@@ -3,13 +3,14 @@
 Usage:  cargo build --release
         python scripts/doubt.py [--scenes 140] [--seeds 1,2,3,4,5] [--every 8] [--quick]
 
-Trains on configs/mixed.yaml with all defaults, and judges on one corpus of the held-out families alone (held_out.py), of which every eighth
+Trains on configs/mixed.yaml as `train` does by default and by the Kalman filter, whose covariance is what the variance is of, and judges on one corpus of the held-out families alone (held_out.py), of which every eighth
 cell is taken. Three questions:
 
   Calibration   Expected calibration error (15 bins, points) and logarithmic loss (nats) by family: of the output with the way between its
                 targets undone, of the model's calibration (two numbers, fitted to its validation scenes), and of isotonic regression on the same scenes
                 (scikit-learn). Beside them the model's calibration set right for the share of classes of the family at hand, found from the
                 outputs alone by expectation-maximisation (Saerens, Latinne & Decaestecker 2002).
+                All of it for both trainings.
   Risk          Cells are set aside by how sure of them a network is; what is left is judged by balanced error, mean of the families. Sure by
                 the distance of the output from the threshold, in logits of the way between the targets; by that distance over the root of 1 + c v, v the
                 variance of the logit that the filter's own covariance gives (linearised: J P J'), c chosen on the validation scenes; and the
@@ -47,13 +48,22 @@ def logit(p):
 
 
 class Network:
-    """A run: its network, calibration and the covariance of its weights."""
+    """A run: its network, of one member or several, and its calibration."""
 
     def __init__(self, marsyard, run):
         exported = held_out.network(marsyard, run)
         self.about = exported["about"]
-        self.layers = [(np.array(layer["weights"]), np.array(layer["biases"])) for layer in exported["members"][0]]
-        self.covariance = covariance(run / "filter.safetensors", sum(w.size + b.size for w, b in self.layers))
+        self.members = [[(np.array(layer["weights"]), np.array(layer["biases"])) for layer in member] for member in exported["members"]]
+
+    def judge(self, cells):
+        """Output of each cell: the mean of the members'."""
+        outputs = []
+        for layers in self.members:
+            values = self.inputs(cells)
+            for weights, biases in layers:
+                values = sigmoid(values @ weights.T + biases)
+            outputs.append(values[:, 0])
+        return [np.mean(outputs, axis=0)]
 
     def inputs(self, cells):
         scaler = self.about["scaler"]
@@ -67,6 +77,24 @@ class Network:
         columns = [cells[name].astype(float) for name in self.about["features"]]
         outside = [(column < low) | (column > high) for column, low, high in zip(columns, quantiles[:, 1], quantiles[:, 5])]
         return np.any(outside, axis=0)
+
+    def between(self, outputs):
+        """Where outputs lie between the targets, as the model's calibration takes them."""
+        low, high = self.about["targets"]
+        return logit(np.clip((outputs - low) / (high - low), 0.01, 0.99))
+
+    def probabilities(self, outputs):
+        calibration = self.about["calibration"]
+        return sigmoid(calibration["slope"] * self.between(outputs) + calibration["offset"])
+
+
+class Filtered(Network):
+    """One that the Kalman filter trained, with the covariance of its weights."""
+
+    def __init__(self, marsyard, run):
+        super().__init__(marsyard, run)
+        [self.layers] = self.members
+        self.covariance = covariance(run / "filter.safetensors", sum(w.size + b.size for w, b in self.layers))
 
     def judge(self, cells):
         """Output, and the variance of its logit, of each cell."""
@@ -83,15 +111,6 @@ class Network:
             jacobian = np.concatenate(parts[::-1], axis=1)
             found.append([values[-1][:, 0], np.einsum("ij,ij->i", jacobian @ self.covariance, jacobian)])
         return np.concatenate(found, axis=1)
-
-    def between(self, outputs):
-        """Where outputs lie between the targets, as the model's calibration takes them."""
-        low, high = self.about["targets"]
-        return logit(np.clip((outputs - low) / (high - low), 0.01, 0.99))
-
-    def probabilities(self, outputs):
-        calibration = self.about["calibration"]
-        return sigmoid(calibration["slope"] * self.between(outputs) + calibration["offset"])
 
 
 def covariance(path, weights):
@@ -171,10 +190,14 @@ def balanced_error(cells, outputs, sureness, coverage):
     return ((~called[untraversable]).mean() + called[~untraversable].mean()) / 2
 
 
-def risks(networks, judged, validation, test):
+def distance(network, outputs):
+    """From the threshold, in logits of the way between the targets."""
+    low, high = network.about["targets"]
+    return np.abs(logit(np.clip((outputs - low) / (high - low), TINY, 1 - TINY)))
+
+
+def risks(networks, judged, usual, judged_usual, validation, test):
     """By way and coverage: a judgement of the cells that are left."""
-    distance = lambda network, outputs: np.abs(logit(np.clip(
-        (outputs - network.about["targets"][0]) / (network.about["targets"][1] - network.about["targets"][0]), TINY, 1 - TINY)))
     found, weights = {}, []
     for network, of in zip(networks, judged):
         outputs, variance = of["validation"]
@@ -183,7 +206,10 @@ def risks(networks, judged, validation, test):
         weights.append((WEIGHTS[int(np.argmin(by))], unit))
     ensemble = np.mean([of["test"][0] for of in judged], axis=0)
     for coverage in COVERAGES:
-        counts = {"probability": [], "with the filter's variance": []}
+        counts = {"probability": [], "with the filter's variance": [], "the default's probability": []}
+        for network, of in zip(usual, judged_usual):
+            outputs = of["test"][0]
+            counts["the default's probability"].append(kept_counts(test, outputs, distance(network, outputs), coverage))
         for network, of, (c, unit) in zip(networks, judged, weights):
             outputs, variance = of["test"]
             sure = distance(network, outputs)
@@ -232,7 +258,7 @@ def chart(found, path):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
     figure, axes = plt.subplots(figsize=(7.2, 4.6), dpi=110)
-    for (way, of), colour in zip(found.items(), ["#1f5fa8", "#d97b29", "#3a7d44"]):
+    for (way, of), colour in zip(found.items(), ["#1f5fa8", "#d97b29", "#7a4fa3", "#3a7d44"]):
         means = [judged.mean() for judged in of]
         values = [100 * (1 - value) for value, _ in means]
         low, high = zip(*[100 * (1 - np.percentile(draws, [97.5, 2.5])) for _, draws in means])
@@ -261,7 +287,8 @@ def main():
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     corpus = marsyard.corpus(f"mixed-{scenes}", held_out.CONFIG, [], scenes, held_out.PER_SHARD)
     place = held_out.corpus(marsyard, f"test-{test_scenes}", options.test_seed, test_scenes)
-    networks = [Network(marsyard, marsyard.train(f"mixed-{scenes}", [corpus], seed, study.KALMAN_FILTER)) for seed in seeds]
+    networks = [Filtered(marsyard, marsyard.train(f"mixed-{scenes}", [corpus], seed, study.KALMAN_FILTER)) for seed in seeds]
+    usual = [Network(marsyard, marsyard.train(f"mixed-{scenes}-default", [corpus], seed)) for seed in seeds]
     columns = [*networks[0].about["features"], "points"]
     validation, own = (held_out.read(corpus, columns, [split]) for split in ("validation", "test"))
     of_training = np.isin(own["family_of_scene"][own["scene"]], range(len(held_out.TRAINING)))
@@ -269,19 +296,18 @@ def main():
     own, test = thinned(own, of_training), held_out.read(place, columns)
     test = thinned(test, np.arange(0, len(test["label"]), options.every))
     family = np.array(held_out.TRAINING + held_out.FAMILIES)[test["family_of_scene"][test["scene"]]]
-    judged = []
-    for seed, network in zip(seeds, networks):
-        study.note(f"judged: seed {seed}")
-        judged.append({"validation": network.judge(validation), "own": network.judge(own), "test": network.judge(test)})
+    of_all = lambda network: {"validation": network.judge(validation), "own": network.judge(own), "test": network.judge(test)}
+    judged, judged_usual = [of_all(network) for network in networks], [of_all(network) for network in usual]
 
     calibration, calibration_facts = calibration_table(networks, judged, validation, test, family)
-    found, weights = risks(networks, judged, validation, test)
+    usual_calibration, usual_facts = calibration_table(usual, judged_usual, validation, test, family)
+    found, weights = risks(networks, judged, usual, judged_usual, validation, test)
     variance, variance_facts = variance_table(networks, judged, own, test, test["points"])
     error = lambda judgement: held_out.told((1 - judgement.mean()[0], 1 - judgement.mean()[1]))
     risk_rows = [[way, *[error(judgement) for judgement in of]] for way, of in found.items()]
     plain = found["probability"]
     differences = [[way, *[held_out.told_difference(base.mean(), other.mean()) for base, other in zip(plain, of)]] for way, of in found.items() if of is not plain]
-    aside = [[f"{100 * share:g} %", *doubtful_row(networks, judged, test, share)] for share in (0.005, 0.01, 0.02, 0.05)]
+    aside = [[f"{100 * share:g} %", *doubtful_row(usual, judged_usual, test, share), *doubtful_row(networks, judged, test, share)] for share in (0.005, 0.01, 0.02, 0.05)]
     chart(found, study.ROOT / "docs" / "risk-coverage.png" if not options.quick else options.out / "risk-coverage.png")
     head = [f"{100 * coverage:g} % kept" for coverage in COVERAGES]
     text = "\n\n".join([
@@ -290,20 +316,25 @@ def main():
         f"test: {len(test['label']):,} cells of {test_scenes} scenes of the held-out families, seed {options.test_seed}.",
         "## Calibration",
         "Expected calibration error in points, logarithmic loss in nats; means over the trainings.",
+        "By default:",
+        usual_calibration,
+        "By the Kalman filter:",
         calibration,
         "## Risk against coverage",
-        "Balanced error of the cells that are left, percent, mean of the held-out families, with 95 % intervals over scenes and trainings.",
+        "Balanced error of the cells that are left, percent, mean of the held-out families, with 95 % intervals over scenes and trainings. Where no other is named, "
+        "the networks are the Kalman filter's.",
         study.markdown(["sure by", *head], risk_rows),
         f"Differences to the probability alone, points; c of the variance, chosen on validation scenes: {', '.join(f'{c:g}' for c in weights)}.",
         study.markdown(["sure by", *head], differences),
         "## `--doubtful SHARE`",
-        "Percent of all cells and of the untraversable ones that are doubtful; then of each class what is called wrongly all the same.",
-        study.markdown(["allowed", "doubtful", "of the untraversable", "missed", "false"], aside),
+        "Percent of all cells and of the untraversable ones that are doubtful; then of each class what is called wrongly all the same: by default, "
+        "and by the Kalman filter.",
+        study.markdown(["allowed", *["doubtful", "of the untraversable", "missed", "false"], *["filter: doubtful", "of the untraversable", "missed", "false"]], aside),
         "## What the filter's variance tells",
         "Area under ROC, mean and range over the trainings; 0.5 is nothing.",
         variance]) + "\n"
     results = {
-        "versions": study.versions(marsyard), "calibration": calibration_facts, "variance": variance_facts, "weights_of_variance": weights,
+        "versions": study.versions(marsyard), "calibration": calibration_facts, "calibration_by_default": usual_facts, "variance": variance_facts, "weights_of_variance": weights,
         "risk": {way: [[float(1 - judgement.mean()[0]), *map(float, 1 - np.percentile(judgement.mean()[1], [97.5, 2.5]))] for judgement in of] for way, of in found.items()},
     }
     study.write_results(options.out, "doubt", results, text)
