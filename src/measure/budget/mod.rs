@@ -288,11 +288,11 @@ mod tests {
         let mut study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
         // Two passes beside patience's one at the largest size, and the fewer the more rows.
         for size in &mut study.settings[0].sizes {
-            size.rows_learnt = size.train_rows * (1.0 + 2.0 * (128.0 / size.scenes as f64).sqrt());
+            size.rows_learnt = size.train_rows * (1.0 + 2.0 * math::pow(128.0 / size.scenes as f64, 0.25));
         }
         let only = &choices(&study, &budget(20.0, None), |_| HERE, 50)[0];
         let learnt = 0.84 * only.scenes as f64;
-        let passes = 1.0 + 2.0 * (128.0 / learnt).sqrt();
+        let passes = 1.0 + 2.0 * math::pow(128.0 / learnt, 0.25);
         // 128 scenes are learnt in three passes and 2 * 1.28 s.
         let expected = 2.0 * 1.28 * learnt / 128.0 * passes / 3.0;
         assert!((only.train_s - expected).abs() < 1e-6 * expected, "{} {expected}", only.train_s);
