@@ -3,8 +3,8 @@
 Usage:  cargo build --release
         python scripts/doubt.py [--scenes 140] [--seeds 1,2,3,4,5] [--every 8] [--quick]
 
-Trains on configs/mixed.yaml as `train` does by default and by the Kalman filter, whose covariance is what the variance is of, and judges on one corpus of the held-out families alone (held_out.py), of which every eighth
-cell is taken. Three questions:
+Trains on configs/mixed.yaml as `train` does by default and by the Kalman filter, whose covariance is what the variance is of, and judges on
+one corpus of the held-out families alone (held_out.py), of which every eighth cell is taken. Three questions:
 
   Calibration   Expected calibration error (15 bins, points) and logarithmic loss (nats) by family: of the output with the way between its
                 targets undone, of the model's calibration (two numbers, fitted to its validation scenes), and of isotonic regression on the same scenes
@@ -237,9 +237,7 @@ def variance_table(networks, judged, own, test, points):
     told = {"held-out families from the training's": [], "an input out of range": [], "one point from four and more": [], "wrong calls": []}
     for network, of in zip(networks, judged):
         outputs, variance = of["test"]
-        low, high = network.about["targets"]
-        near = -np.abs(logit(np.clip((outputs - low) / (high - low), TINY, 1 - TINY)))
-        own_near = -np.abs(logit(np.clip((of["own"][0] - low) / (high - low), TINY, 1 - TINY)))
+        near, own_near = -distance(network, outputs), -distance(network, of["own"][0])
         both = np.r_[np.zeros(len(of["own"][1])), np.ones(len(variance))]
         told["held-out families from the training's"].append([roc_auc_score(both, np.r_[of["own"][1], variance]), roc_auc_score(both, np.r_[own_near, near])])
         rare = network.rare(test)

@@ -14,6 +14,7 @@ use crate::corpus::cells::{CellBatch, LABEL, POINTS};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, Table};
 use crate::measure::clock::thread_cpu_s;
 use crate::random::{Stage, Streams};
+use crate::train::memory::outputs;
 use crate::train::rows::{Rows, Wanted};
 use crate::train::scaling::{moments_of, scaler_of, subtracted};
 use crate::train::source::taken;
@@ -23,8 +24,6 @@ use crate::train::{Network, TrainParams};
 const LEAST_S: f64 = 0.05;
 /// Cells that are read at most: what a row takes does not depend on how many there are.
 const MOST_CELLS: usize = 200_000;
-/// Rows that are judged together.
-const CHUNK_ROWS: usize = 1024;
 
 /// CPU seconds of a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,15 +91,8 @@ fn judging_s(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> f6
     let (scaler, _) = scaler_of(minus, moments.into_iter(), params.clip);
     let streams = Streams { seed: 0, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
     let network = Network::random(params.layout(rows.width), &streams);
-    let (mut scaled, mut outputs) = (vec![0.0; rows.width * CHUNK_ROWS], vec![0.0; CHUNK_ROWS]);
     let begun = thread_cpu_s();
-    for chunk in rows.features.chunks(rows.width * CHUNK_ROWS) {
-        let count = chunk.len() / rows.width;
-        for (row, scaled) in chunk.chunks_exact(rows.width).zip(scaled.chunks_exact_mut(rows.width)) {
-            scaler.scale(row, scaled);
-        }
-        network.outputs(&scaled[..rows.width * count], &mut outputs[..count]);
-    }
+    outputs(&scaler, &network, rows);
     thread_cpu_s() - begun
 }
 
