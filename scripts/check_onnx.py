@@ -17,21 +17,7 @@ import numpy as np
 import onnx
 import onnxruntime
 
-
-def by_numpy(model: dict, features: np.ndarray) -> np.ndarray:
-    scaler = model["about"]["scaler"]
-    x = features.astype(np.float64)
-    minus = [x[:, other] if other is not None else np.zeros(len(x)) for other in scaler["minus"]]
-    x = (x - np.stack(minus, axis=1) - scaler["mean"]) / scaler["scale"]
-    x = np.clip(x, -scaler["clip"], scaler["clip"])
-    outputs = []
-    for layers in model["members"]:
-        y = x
-        for layer in layers:
-            with np.errstate(over="ignore"):
-                y = 1.0 / (1.0 + np.exp(-(y @ np.array(layer["weights"]).T + layer["biases"])))
-        outputs.append(y[:, 0])
-    return np.mean(outputs, axis=0)
+import network_json
 
 
 def probabilities_by_numpy(model: dict, outputs: np.ndarray) -> np.ndarray:
@@ -60,7 +46,7 @@ def main() -> int:
         return 1
 
     session = onnxruntime.InferenceSession(args.onnx, providers=["CPUExecutionProvider"])
-    own = by_numpy(model, features)
+    own = network_json.outputs(model, features)
     wanted = {"untraversable": (expected, own)}
     if "calibration" in model["about"]:
         wanted["probability"] = (np.array(model["check"]["probabilities"]), probabilities_by_numpy(model, own))

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""marsyard's network beside other classifiers on equal inputs: few rows and all, on three kinds of yard.
+"""marsyard's networks (the trainer's default, and the Kalman filter's) beside other classifiers on equal inputs: few rows and all, on three kinds of yard.
 
     cargo build --release && cargo build --release --example train_rows
     pip install numpy scipy scikit-learn pyarrow matplotlib lightgbm xgboost catboost torch onnxruntime
@@ -46,7 +46,7 @@ import compare_report
 import study
 from compare_models import CLASSIFIERS
 from compare_rows import Corpus, forms
-from train_rows import Cells
+from train_rows import DEFAULT_NETWORK, NETWORK, Cells
 
 CONFIGS = study.ROOT / "configs"
 
@@ -74,6 +74,10 @@ YARDS = {
 }
 
 
+#: marsyard's networks, and what sets them.
+NETWORKS = {DEFAULT_NETWORK: [], NETWORK: study.KALMAN_FILTER}
+
+
 def folders(marsyard, name, yard):
     """The corpus, and the one that is judged on."""
     corpus = marsyard.corpus(name, CONFIGS / yard.config, [], yard.scenes, yard.per_shard)
@@ -82,9 +86,15 @@ def folders(marsyard, name, yard):
     return corpus, marsyard.corpus(f"{name}-test", CONFIGS / yard.config, [f"seed={yard.test_seed}"], yard.test_scenes, yard.per_shard)
 
 
-def check_network(marsyard, name, place, test_place):
-    """The columns that the trainer takes by default, and what a model of it weighs; its scores by onnxruntime are `evaluate`'s."""
-    run = marsyard.train(f"check-{name}", [place], 1, [*study.KALMAN_FILTER, "epochs=1", "patience=1"])
+def check_networks(marsyard, name, place, test_place):
+    """The columns that the trainer takes by default, and what models of them weigh; their scores by onnxruntime are `evaluate`'s."""
+    checks = {of: check_network(marsyard, f"check-{name}-{k}", sets, place, test_place) for k, (of, sets) in enumerate(NETWORKS.items())}
+    (names,) = {tuple(names) for names, _ in checks.values()}
+    return list(names), {of: check for of, (_, check) in checks.items()}
+
+
+def check_network(marsyard, run_name, sets, place, test_place):
+    run = marsyard.train(run_name, [place], 1, [*sets, "epochs=1", "patience=1"])
     told = marsyard.evaluate(run, test_place, "test")
     onnx = run / "model.onnx"
     if not onnx.exists():
@@ -100,7 +110,7 @@ def check_network(marsyard, name, place, test_place):
     for measure, value in ours.items():
         # A row whose output lies within f32 of the threshold may fall on either side.
         if abs(value - theirs[measure]) > 1e-5:
-            sys.exit(f"{name}: {measure} of {run} is {value} by onnxruntime and {theirs[measure]} by `marsyard evaluate`")
+            sys.exit(f"{run}: {measure} is {value} by onnxruntime and {theirs[measure]} by `marsyard evaluate`")
     return names, {"rows": len(outputs), "differences": {k: abs(ours[k] - theirs[k]) for k in ours}, "bytes": (run / "model.safetensors").stat().st_size}
 
 
@@ -174,12 +184,12 @@ def main():
     for name, yard in YARDS.items():
         if OPTIONS.only in (None, name):
             place, test_place = folders(marsyard, name, yard)
-            names, network = check_network(marsyard, name, place, test_place)
+            names, networks = check_networks(marsyard, name, place, test_place)
             CORPUS = Corpus(name, place, test_place, names, yard)
-            about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"network": network}
+            about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"networks": networks}
             TASK_KEY = [about, OPTIONS.rows]
             trials, runs, chosen = compared(name, [min(OPTIONS.seeds, most) for most in yard.seeds])
-            found = compare_report.summary(runs, chosen, CORPUS.families, network["bytes"])
+            found = compare_report.summary(runs, chosen, CORPUS.families, {of: network["bytes"] for of, network in networks.items()})
             plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": plain}))
     finished = {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}

@@ -3,7 +3,8 @@
 A classifier is a function of `Rows`, a seed and whether the rows are many; it gives a `Fitted`. Those with rounds or passes stop by the
 weighted log loss of the validation rows, which all are given alike. SVM and threshold give scores that are no probabilities.
 
-- network, fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
+- network (default): marsyard's trainer with all defaults.
+- network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
 
@@ -19,7 +20,11 @@ from xgboost import XGBClassifier
 import compare_torch
 from compare_measures import area_under_roc
 from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, tree_parameters
-from train_rows import NETWORK
+from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK
+
+
+def default_network(rows, seed, many):
+    return network(rows, seed, many, DEFAULT)
 
 
 def adam(rows, seed, many):
@@ -112,6 +117,7 @@ def one_threshold(rows, seed, many):
 #: Name: (classifier, seeds of small rows, seeds at full size; 0 = not trained there). Those of one seed draw nothing, or take long; nothing is
 #: gained by more: an interval over scenes is wider than what seeds move at full size.
 CLASSIFIERS = {
+    DEFAULT_NETWORK: (default_network, 5, 3),
     NETWORK: (network, 5, 3),
     "network (Adam)": (adam, 5, 3),
     "TabM": (tabm, 3, 1),

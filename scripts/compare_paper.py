@@ -64,9 +64,9 @@ def tree_parameters(tree):
     return splits_and_leaves(tree.node_count, tree.n_leaves)
 
 
-def network(rows, seed, many):
-    """marsyard's trainer, all defaults."""
-    own = {"seed": seed, "balance": "classes"}
+def network(rows, seed, many, settings=()):
+    """marsyard's trainer, by the Kalman filter of configs/train/ekf.yaml or by other settings."""
+    own = {"seed": seed, "balance": "classes", **dict(settings)}
     (choose, judge), told = train((rows.x, rows.y), (rows.choose_x, rows.choose_y), [rows.choose_x, rows.judge_x], own)
     probabilities = lambda outputs: np.clip((outputs - 0.1) / 0.8, 0, 1)
     judge_us = told["judge_us_a_row"] if len(judge) else None

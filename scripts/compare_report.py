@@ -11,14 +11,14 @@ import numpy as np
 
 import study
 from compare_measures import Bootstrap, interval
-from train_rows import NETWORK
+from train_rows import DEFAULT_NETWORK, NETWORK
 
 SIZES = {False: "small", True: "full"}
 MEANS = ["auc", "log_loss", "calibration_error", "cpu_s", "judge_us", "parameters", "bytes", "train_rows", "rounds"]
 
 
 def summary(runs, chosen, families, network_bytes):
-    """One line a classifier and size: means over the seeds, intervals over scenes, differences to the network of the same size."""
+    """One line a classifier and size: means over the seeds, intervals over scenes, differences to the default network of the same size."""
     bootstrap, lines = Bootstrap(families), []
     for full, size in SIZES.items():
         of = {name: [run for run in runs if run["classifier"] == name and run["full"] == full] for name in chosen}
@@ -28,12 +28,12 @@ def summary(runs, chosen, families, network_bytes):
             for key in MEANS:
                 values = [run[key] for run in of[name] if run.get(key) is not None]
                 line[key] = float(np.mean(values)) if values else None
-            if name == NETWORK:
-                line["bytes"] = network_bytes
+            if name in network_bytes:
+                line["bytes"] = network_bytes[name]
             for rate in ("balanced_accuracy", "missed", "false", "precision", "worst_family", "mean_of_families"):
                 line[rate] = interval(rates[rate])
             line["families"] = {family: interval(of_family) for family, of_family in rates["families"].items()}
-            line["less_network"] = {rate: interval(rates[rate] - resampled[NETWORK][rate]) for rate in ("worst_family", "mean_of_families")}
+            line["less_network"] = {rate: interval(rates[rate] - resampled[DEFAULT_NETWORK][rate]) for rate in ("worst_family", "mean_of_families")}
             line["each_seed"] = [float(bootstrap.rates(run)["balanced_accuracy"][0]) for run in of[name]]
             lines.append(line)
     return lines
@@ -64,14 +64,14 @@ def side_by_side(lines, families):
     word = {"worst_family": "worst family" if families > 1 else "balanced accuracy", "mean_of_families": "mean of families"}
     head = ["balanced accuracy %"]
     for size in SIZES.values():
-        head += [f"{size}: {word[rate]}" for rate in rates] + [f"{size}: less the network's"]
+        head += [f"{size}: {word[rate]}" for rate in rates] + [f"{size}: less the default network's"]
     rows = []
     for name in names:
         row = [name]
         for size in SIZES.values():
             line = by.get((name, size))
             row += [ranged(line[rate]) if line else "-" for rate in rates]
-            row.append(signed(line["less_network"]["worst_family"]) if line and name != NETWORK else "-")
+            row.append(signed(line["less_network"]["worst_family"]) if line and name != DEFAULT_NETWORK else "-")
         rows.append(row)
     return study.markdown(head, rows)
 
@@ -106,13 +106,14 @@ def corpus_part(name, found):
     about, lines = found["about"], found["summary"]
     families = len(lines[0]["families"])
     count = lambda split: f"{about[split]['rows']:,} rows of {about[split]['scenes']} scenes"
-    network = about["network"]
+    rows = next(iter(about["networks"].values()))["rows"]
+    differ = lambda measure: max(network["differences"][measure] for network in about["networks"].values())
     parts = [
         f"## {name}: configs/{about['config']}, {about['scenes']} scenes",
         f"Training: {count('train')} ({about['train']['untraversable']:,} untraversable). Stopping, form and threshold: {count('validation')}. Test: {count('test')} "
         f"({about['test']['untraversable']:,} untraversable), corpus_id {about['test']['corpus_id'][:12]}. {len(about['columns'])} columns: {', '.join(about['columns'])}. "
-        f"A network through onnxruntime, judged by this script on {network['rows']:,} test rows, differs from `marsyard evaluate` by "
-        f"{network['differences']['auc']:.1e} in AUC and {network['differences']['balanced_accuracy']:.1e} in balanced accuracy.",
+        f"Networks through onnxruntime, judged by this script on {rows:,} test rows, differ from `marsyard evaluate` by "
+        f"{differ('auc'):.1e} in AUC and {differ('balanced_accuracy'):.1e} in balanced accuracy at most.",
         side_by_side(lines, families),
     ]
     for size in ("small", "full"):
@@ -149,7 +150,7 @@ def figure(corpora, path):
         for line in found["summary"]:
             full = line["size"] == "full"
             y = names.index(line["classifier"]) + (-0.15 if full else 0.15)
-            colour = "#c2571a" if line["classifier"] == NETWORK else "#4a5a6a"
+            colour = "#c2571a" if line["classifier"] in (DEFAULT_NETWORK, NETWORK) else "#4a5a6a"
             error = {key: 100 * (1 - value) for key, value in line["worst_family"].items()}
             axis.plot([error["high"], error["low"]], [y, y], color=colour, linewidth=1.2, zorder=1)
             axis.scatter([error["value"]], [y], s=24, color=colour, facecolor=colour if full else "white", linewidth=1.1, zorder=2)

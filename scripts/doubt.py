@@ -31,6 +31,7 @@ from sklearn.isotonic import IsotonicRegression
 from sklearn.metrics import roc_auc_score
 
 import held_out
+import network_json
 import study
 
 BINS = 15
@@ -66,10 +67,7 @@ class Network:
         return [np.mean(outputs, axis=0)]
 
     def inputs(self, cells):
-        scaler = self.about["scaler"]
-        raw = np.stack([cells[name] for name in self.about["features"]], axis=1).astype(float)
-        minus = [raw[:, other] if other is not None else np.zeros(len(raw)) for other in scaler["minus"]]
-        return np.clip((raw - np.stack(minus, axis=1) - scaler["mean"]) / scaler["scale"], -scaler["clip"], scaler["clip"])
+        return network_json.inputs(self.about, np.stack([cells[name] for name in self.about["features"]], axis=1))
 
     def rare(self, cells):
         """Cells with an input beyond what all but 0.2 % of the training's rows have."""

@@ -28,6 +28,7 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet as parquet
 
+import network_json
 import study
 
 #: Paper, table 1: of untraversable points missed, of traversable points called untraversable.
@@ -60,24 +61,13 @@ def read(corpus, split, features, family=None):
     return {name: np.asarray(table[name]) for name in names}
 
 
-def member_outputs(layers, x):
-    """Scaled inputs -> the outputs of one member."""
-    for layer in layers:
-        x = 1.0 / (1.0 + np.exp(-(x @ np.array(layer["weights"]).T + np.array(layer["biases"]))))
-    return x[:, 0]
-
-
 def outputs(model, cells):
     """The network's outputs in f64."""
-    scaler = model["about"]["scaler"]
     columns = [cells[name].astype(np.float64) for name in model["about"]["features"]]
     found = np.empty(len(columns[0]))
     for start in range(0, len(found), 100_000):
-        x = np.stack([column[start:start + 100_000] for column in columns], axis=1)
-        minus = [x[:, other] if other is not None else np.zeros(len(x)) for other in scaler["minus"]]
-        x = x - np.stack(minus, axis=1)
-        x = np.clip((x - scaler["mean"]) / scaler["scale"], -scaler["clip"], scaler["clip"])
-        found[start:start + 100_000] = np.mean([member_outputs(layers, x) for layers in model["members"]], axis=0)
+        rows = np.stack([column[start:start + 100_000] for column in columns], axis=1)
+        found[start:start + 100_000] = network_json.outputs(model, rows)
     return found
 
 

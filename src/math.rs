@@ -40,6 +40,8 @@ door! {
     ln_1p = libm::log1p;
     /// Cube root.
     cbrt = libm::cbrt;
+    /// Complementary error function, 1 - erf(x).
+    erfc = libm::erfc;
 }
 
 /// Sine and cosine of an angle in radians: the bits of [`sin`] and [`cos`], with the angle reduced once.

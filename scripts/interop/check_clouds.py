@@ -27,6 +27,9 @@ from PIL import Image
 from plyfile import PlyData, PlyElement
 from pypcd4 import Encoding, PointCloud
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+import network_json
+
 try:
     import open3d
 except ImportError:
@@ -150,20 +153,6 @@ def check_points(name, out, stem, points, labels, intensities):
     return vertices
 
 
-def outputs_by_numpy(about, members, features):
-    scaler = about["scaler"]
-    minus = [features[:, other] if other is not None else np.zeros(len(features)) for other in scaler["minus"]]
-    x = (features - np.stack(minus, axis=1) - np.array(scaler["mean"])) / scaler["scale"]
-    x = np.clip(x, -scaler["clip"], scaler["clip"])
-    outputs = []
-    for layers in members:
-        y = x
-        for layer in layers:
-            y = 1.0 / (1.0 + np.exp(-(y @ np.array(layer["weights"]).T + np.array(layer["biases"]))))
-        outputs.append(y[:, 0])
-    return np.mean(outputs, axis=0)
-
-
 def check_cells(name, out, points, vertices, model):
     """Cells, their first features, outputs and classes, from the points alone; the point's verdict is its cell's."""
     about, size = model["about"], model["about"]["cells"]["size_m"]
@@ -178,7 +167,7 @@ def check_cells(name, out, points, vertices, model):
         cells["height_difference_m"] - (known["max"] - known["min"])).max()
     expect(max(off) < 1e-6, f"{name}: heights are off by {off}")
     features = cells[about["features"]].to_numpy(dtype=np.float64)
-    outputs = outputs_by_numpy(about, model["members"], features)
+    outputs = network_json.outputs(model, features)
     worst = float(np.abs(outputs - cells["output"]).max())
     expect(worst < 1e-6, f"{name}: outputs are off by {worst}")
     classes = np.searchsorted(about["thresholds"], cells["output"].to_numpy(), side="right")

@@ -57,7 +57,8 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     if let Some(rest) = rest {
         let written = rest.to_json();
         let names = |key: &str| written.pointer(key).is_some();
-        let [names_hidden, names_members] = ["/network/hidden", "/network/members"].map(names);
+        let [names_hidden, names_members, names_scores] =
+            ["/network/hidden", "/network/members", "/network/normal_scores"].map(names);
         let names_patience = names("/patience");
         match serde_json::from_value::<TrainParams>(written) {
             Ok(mut params) => {
@@ -67,6 +68,9 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
                 }
                 if !names_members {
                     params.network.members = usual.network.members;
+                }
+                if !names_scores {
+                    params.network.normal_scores = usual.network.normal_scores;
                 }
                 if !names_patience {
                     params.patience = usual.patience;
@@ -149,6 +153,7 @@ mod tests {
             let sets: Vec<String> = sets.iter().map(|set| (*set).to_string()).collect();
             let params = load_train(None, &sets).unwrap();
             assert_eq!(params.network.members, if params.filter.learns_by_batches() { 2 } else { 1 });
+            assert_eq!(params.network.normal_scores, params.filter.learns_by_batches());
             (params.network.hidden, params.patience)
         };
         assert_eq!(of(&[]), (vec![64, 64], 10));
@@ -157,6 +162,8 @@ mod tests {
             let filter = format!("filter.{filter}");
             assert_eq!(of(&[&filter]), (vec![16, 16], 5), "{filter}");
             assert_eq!(of(&[&filter, "network.hidden=[5]", "patience=7"]), (vec![5], 7), "{filter}");
+            let with = [filter, "network.normal_scores=true".to_string()];
+            assert!(load_train(None, &with).unwrap().network.normal_scores);
         }
     }
 

@@ -26,7 +26,7 @@
 //! #         bias: true,
 //! #         members: 1,
 //! #         features: vec!["height_difference_m".into()],
-//! #         scaler: Scaler { minus: vec![None], mean: vec![0.1], scale: vec![0.025], clip: 8.0 },
+//! #         scaler: Scaler { minus: vec![None], mean: vec![0.1], scale: vec![0.025], clip: 8.0, scores: Vec::new() },
 //! #         quantiles: vec![[0.0, 0.0, 0.0, 0.02, 0.5, 1.0, 2.0]],
 //! #         targets: [0.1, 0.9],
 //! #         thresholds: vec![0.5],

@@ -1,8 +1,9 @@
 //! A model -> plain JSON: its metadata, its weights as rows, and rows to check any other program against.
 //!
 //! `members`: one network each, layer by layer from the input on: `weights` has one row a neuron with one number an input, `biases` one
-//! number a neuron. To apply it: (x - mean) / scale, clipped to +-clip, then for each layer 1 / (1 + exp(-(weights x + biases))); the output is
-//! the mean of the members'. Where the model has a
+//! number a neuron. To apply it: a feature less the one that `minus` names is x; (x - mean) / scale, clipped to +-clip, for each feature, then, where the scaler
+//! has `scores`, for each feature its x between two values of `at` in proportion between their `score`, and beyond them the first or the last; then
+//! for each layer 1 / (1 + exp(-(weights x + biases))); the output is the mean of the members'. Where the model has a
 //! calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
 //! 1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
 
@@ -86,12 +87,24 @@ fn check_rows(model: &Model) -> Vec<Vec<f32>> {
 mod tests {
     use super::*;
     use crate::math;
-    use crate::train::model::tests::{ensemble, model};
+    use crate::train::model::tests::{ensemble, model, scored};
+
+    /// Between knots in proportion, beyond them the outermost.
+    fn between(knots: &[(f64, f64)], x: f64) -> f64 {
+        let pair = knots.windows(2).find(|pair| x <= pair[1].0);
+        let (first, last) = (knots[0], knots[knots.len() - 1]);
+        match pair {
+            _ if x <= first.0 => first.1,
+            Some([(a, low), (b, high)]) => low + (high - low) * (x - a) / (b - a),
+            _ => last.1,
+        }
+    }
 
     #[test]
     fn equal_the_json_applied_as_its_documentation_says_and_the_model() {
-        for (members, bias) in [(1, true), (1, false), (3, true)] {
-            let model = ensemble(members, &["a", "b", "c"], &[4, 2], bias);
+        let features = ["a", "b", "c"];
+        let plain = [(1, true), (1, false), (3, true)].map(|(n, bias)| ensemble(n, &features, &[4, 2], bias));
+        for model in plain.into_iter().chain([scored(2, &features, &[4, 2], true)]) {
             let value: serde_json::Value = serde_json::from_str(&json(&model)).unwrap();
             let numbers = |v: &serde_json::Value| -> Vec<f64> {
                 v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -108,7 +121,12 @@ mod tests {
                 let mut x = row.clone();
                 for k in 0..3 {
                     let minus = scaler["minus"][k].as_u64().map_or(0.0, |other| row[other as usize]);
-                    x[k] = ((x[k] - minus - mean[k]) / scale[k]).clamp(-clip, clip);
+                    let value = x[k] - minus;
+                    x[k] = ((value - mean[k]) / scale[k]).clamp(-clip, clip);
+                    if let Some(scores) = scaler["scores"].get(k) {
+                        let knots: Vec<_> = numbers(&scores["at"]).into_iter().zip(numbers(&scores["score"])).collect();
+                        x.push(between(&knots, value));
+                    }
                 }
                 let of_member = |layers: &serde_json::Value| {
                     let mut x = x.clone();
@@ -123,8 +141,8 @@ mod tests {
                     x[0]
                 };
                 let of_members: Vec<f64> = value["members"].as_array().unwrap().iter().map(of_member).collect();
-                assert_eq!(of_members.len(), members);
-                let mean = of_members.iter().sum::<f64>() / members as f64;
+                assert_eq!(of_members.len(), model.about.members);
+                let mean = of_members.iter().sum::<f64>() / of_members.len() as f64;
                 assert!((mean - output).abs() < 1e-14, "{mean} {output}");
                 let (about, [low, high]) = (&value["about"]["calibration"], model.about.targets);
                 let share = ((output - low) / (high - low)).clamp(0.01, 0.99);

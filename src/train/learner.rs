@@ -181,21 +181,21 @@ struct Share {
 
 impl Share {
     fn fill(&mut self, rows: &Rows, order: &[u32], objective: &Objective, is_shared: bool) {
-        let width = rows.width;
+        let (width, width_in) = (rows.width, objective.scaler.inputs());
         self.stored.resize(order.len() * width, 0.0);
-        self.inputs.resize(order.len() * width, 0.0);
+        self.inputs.resize(order.len() * width_in, 0.0);
         let scale = |((inputs, stored), order): ((&mut [f64], &mut [f32]), &[u32])| {
             // Rows lie anywhere in the window. Fetched in a loop of its own, many of them come from memory at once.
             for (stored, &row) in stored.chunks_exact_mut(width).zip(order) {
                 stored.copy_from_slice(rows.row(row as usize));
             }
-            for (input, stored) in inputs.chunks_exact_mut(width).zip(stored.chunks_exact(width)) {
+            for (input, stored) in inputs.chunks_exact_mut(width_in).zip(stored.chunks_exact(width)) {
                 objective.scaler.scale(stored, input);
             }
         };
         if is_shared {
-            let task = ROWS_A_TASK * width;
-            let parts = self.inputs.par_chunks_mut(task).zip(self.stored.par_chunks_mut(task));
+            let parts = self.inputs.par_chunks_mut(ROWS_A_TASK * width_in);
+            let parts = parts.zip(self.stored.par_chunks_mut(ROWS_A_TASK * width));
             parts.zip(order.par_chunks(ROWS_A_TASK)).for_each(scale);
         } else {
             scale(((&mut self.inputs, &mut self.stored), order));

@@ -11,7 +11,7 @@ use super::learner::Learner;
 use super::model::Scaler;
 use super::order::Epoch;
 use super::rows::{Rows, stride};
-use super::scaling::{moments_of, scaler_of, subtracted};
+use super::scaling::{moments_of, scaler_of, scores_of, subtracted};
 use super::stopping::{Look, Stop};
 use super::validation::Objective;
 use super::{Network, TrainError, TrainParams};
@@ -82,7 +82,8 @@ impl Held {
         let validate_every = params.rows_between_looks(train.len() as u64);
         let looked_every = stride(validation.len() as u64, params.filter.look_rows(validate_every)) as usize;
         let validation = validation.thinned(looked_every);
-        let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
+        let scores = scores_of(&train, &minus, params);
+        let (scaler, constant) = scaler_of(minus, moments.into_iter(), scores, params.clip);
         let objective = Objective::new(scaler, params, &counts, corpora);
         Ok(Held { objective, train, validation, looked_every, constant })
     }
@@ -106,8 +107,9 @@ impl Held {
 
 /// The output for each row, scaled so.
 pub(crate) fn outputs(scaler: &Scaler, network: &Network, rows: &Rows) -> Vec<f64> {
-    let mut scaled = vec![0.0; rows.width * rows.len()];
-    for (row, scaled) in scaled.chunks_exact_mut(rows.width.max(1)).enumerate() {
+    let inputs = scaler.inputs();
+    let mut scaled = vec![0.0; inputs * rows.len()];
+    for (row, scaled) in scaled.chunks_exact_mut(inputs.max(1)).enumerate() {
         scaler.scale(rows.row(row), scaled);
     }
     let mut outputs = vec![0.0; rows.len()];

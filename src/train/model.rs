@@ -15,14 +15,14 @@ use serde::{Deserialize, Serialize};
 use super::calibration::Calibration;
 use super::leaks::LearntFrom;
 use super::operating_point::MOST_THRESHOLDS;
-use super::{Layout, Network, OperatingPoint};
+use super::{Layout, Network, NormalScores, OperatingPoint};
 use crate::cells::params::{LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, is_gap};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
 /// Version of the model format; files of every earlier one are read.
-pub const MODEL_FORMAT: u32 = 4;
+pub const MODEL_FORMAT: u32 = 5;
 
 /// Features -> what the network takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,6 +35,9 @@ pub struct Scaler {
     pub scale: Vec<f64>,
     /// Scaled inputs are clipped to [-clip, clip].
     pub clip: f64,
+    /// Of each feature, where the network takes normal scores too: those come behind all scaled features. None in models of formats up to 4.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scores: Vec<NormalScores>,
 }
 
 /// What a model is and was trained on.
@@ -52,13 +55,14 @@ pub struct Model {
 pub struct About {
     /// Version of the model format.
     pub marsyard_model: u32,
+    /// Of the network: the features, and their normal scores where it takes those.
     pub inputs: usize,
     pub hidden: Vec<usize>,
     pub bias: bool,
     /// Networks of these sizes, whose mean is the output.
     #[serde(default = "one_member", skip_serializing_if = "is_one")]
     pub members: usize,
-    /// Names of the inputs, in order.
+    /// Names of the columns, in order.
     pub features: Vec<String>,
     pub scaler: Scaler,
     /// Per feature, of the train split: quantiles 0, 0.1 %, 1 %, 50 %, 99 %, 99.9 %, 1.
@@ -158,13 +162,22 @@ pub enum ModelError {
 }
 
 impl Scaler {
-    /// Scales one row of features.
+    /// Numbers that the network takes of a row.
+    pub(crate) fn inputs(&self) -> usize {
+        self.mean.len() + self.scores.len()
+    }
+
+    /// Scales one row of features; `out`: as many as [`inputs`](Scaler::inputs).
     pub(crate) fn scale(&self, features: &[f32], out: &mut [f64]) {
-        for ((out, &x), minus) in out.iter_mut().zip(features).zip(&self.minus) {
-            *out = f64::from(x) - minus.map_or(0.0, |other| f64::from(features[other]));
+        let (scaled, scores) = out.split_at_mut(features.len());
+        for ((x, &feature), minus) in scaled.iter_mut().zip(features).zip(&self.minus) {
+            *x = f64::from(feature) - minus.map_or(0.0, |other| f64::from(features[other]));
+        }
+        for ((score, of_feature), x) in scores.iter_mut().zip(&self.scores).zip(&*scaled) {
+            *score = of_feature.score(*x);
         }
         // A loop of its own, whose divisions go by lanes.
-        for ((x, mean), scale) in out.iter_mut().zip(&self.mean).zip(&self.scale) {
+        for ((x, mean), scale) in scaled.iter_mut().zip(&self.mean).zip(&self.scale) {
             *x = ((*x - mean) / scale).clamp(-self.clip, self.clip);
         }
     }
@@ -279,11 +292,11 @@ impl Model {
 
     /// The outputs of rows that lie one after another, put after what `out` holds.
     pub(crate) fn outputs(&self, rows: &[f32], out: &mut Vec<f64>) {
-        let inputs = self.about.inputs;
+        let (features, inputs) = (self.about.features.len(), self.about.inputs);
         let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
-        for rows in rows.chunks(inputs * CHUNK_ROWS) {
-            let count = rows.len() / inputs;
-            for (row, scaled) in rows.chunks_exact(inputs).zip(scaled.chunks_exact_mut(inputs)) {
+        for rows in rows.chunks(features * CHUNK_ROWS) {
+            let count = rows.len() / features;
+            for (row, scaled) in rows.chunks_exact(features).zip(scaled.chunks_exact_mut(inputs)) {
                 self.about.scaler.scale(row, scaled);
             }
             let start = out.len();
@@ -315,15 +328,20 @@ impl Model {
         let finite = |values: &[f64]| values.iter().all(|v| v.abs() <= SANE);
         let ascending = |values: &[f64]| values.windows(2).all(|pair| pair[0] <= pair[1]);
         let in_unit = |values: &[f64]| values.iter().all(|v| (0.0..=1.0).contains(v));
-        let Scaler { minus, mean, scale, .. } = &about.scaler;
-        let per_feature = [about.features.len(), minus.len(), mean.len(), scale.len(), about.quantiles.len()];
+        let Scaler { minus, mean, scale, scores, .. } = &about.scaler;
+        let features = about.features.len();
+        let per_feature = [minus.len(), mean.len(), scale.len(), about.quantiles.len()];
         let told =
             Layout { inputs: about.inputs, hidden: about.hidden.clone(), bias: about.bias, members: about.members };
         if *layout != told {
             return Some("its network is not the one that its metadata tells of".into());
         }
-        if let Some(other) = per_feature.iter().find(|&&count| count != about.inputs) {
-            return Some(format!("{} inputs, but features, scaling or quantiles of {other}", about.inputs));
+        if let Some(other) = per_feature.iter().find(|&&count| count != features) {
+            return Some(format!("{features} features, but scaling or quantiles of {other}"));
+        }
+        if !scores.is_empty() && scores.len() != features || about.inputs != about.scaler.inputs() {
+            let (inputs, scores) = (about.inputs, scores.len());
+            return Some(format!("{inputs} inputs, but {features} features and normal scores of {scores}"));
         }
         if self.network.weights.len() != layout.weights() {
             let (there, needed) = (self.network.weights.len(), layout.weights());
@@ -346,6 +364,9 @@ impl Model {
         }
         if !(1e-3..=1e6).contains(&scaler.clip) {
             return Some(format!("inputs are clipped to {}, not to 0.001 to 1e6", scaler.clip));
+        }
+        if let Some(fault) = scores.iter().find_map(|scores| scores.fault(scaler.clip, SANE)) {
+            return Some(fault.into());
         }
         if about.quantiles.iter().any(|q| !finite(q) || !ascending(q)) {
             return Some("quantiles that do not ascend".into());

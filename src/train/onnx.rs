@@ -7,9 +7,9 @@
 //! output is marsyard's own to the rounding of a float: a feature with a large mean and a small spread would lose it in float.
 //! The model's metadata stand in `metadata_props` under `marsyard`.
 
-use super::Model;
 use super::calibration::EDGE;
 use super::network::LayerOf;
+use super::{Model, NormalScores};
 
 /// Element types of `TensorProto`.
 const FLOAT: u64 = 1;
@@ -25,26 +25,28 @@ pub(crate) fn onnx(model: &Model) -> Vec<u8> {
     let mut graph = Graph::default();
     let (about, layout) = (&model.about, &model.network.layout);
     graph.message.text(2, "marsyard");
-    graph.message.message(11, &tensor_type("features", FLOAT, layout.inputs));
+    let features = about.features.len();
+    graph.message.message(11, &tensor_type("features", FLOAT, features));
     graph.message.message(12, &tensor_type("untraversable", FLOAT, 1));
     if about.calibration.is_some() {
         graph.message.message(12, &tensor_type("probability", FLOAT, 1));
     }
 
     graph.node("Cast", &["features"], "exact", &[("to", DOUBLE)]);
-    let relative: Vec<f64> = (0..layout.inputs)
+    let relative: Vec<f64> = (0..features)
         .flat_map(|from| about.scaler.minus.iter().enumerate().map(move |(to, minus)| (from, to, *minus)))
         .map(|(from, to, minus)| f64::from(u8::from(from == to)) - f64::from(u8::from(minus == Some(from))))
         .collect();
-    graph.tensor("relative", &[layout.inputs, layout.inputs], &relative);
+    graph.tensor("relative", &[features, features], &relative);
     graph.node("MatMul", &["exact", "relative"], "related", &[]);
-    graph.tensor("mean", &[layout.inputs], &about.scaler.mean);
-    graph.tensor("scale", &[layout.inputs], &about.scaler.scale);
+    graph.tensor("mean", &[features], &about.scaler.mean);
+    graph.tensor("scale", &[features], &about.scaler.scale);
     graph.tensor("lowest", &[], &[-about.scaler.clip]);
     graph.tensor("highest", &[], &[about.scaler.clip]);
     graph.node("Sub", &["related", "mean"], "centred", &[]);
     graph.node("Div", &["centred", "scale"], "scaled", &[]);
-    graph.node("Clip", &["scaled", "lowest", "highest"], "inputs", &[]);
+    graph.node("Clip", &["scaled", "lowest", "highest"], "clipped", &[]);
+    graph.inputs(&about.scaler.scores);
 
     let outputs: Vec<String> = layout
         .split(&model.network.weights)
@@ -112,10 +114,15 @@ struct Graph {
 impl Graph {
     /// `NodeProto`: inputs (1), outputs (2), name (3), operator (4), whole-number attributes (5).
     fn node(&mut self, operator: &str, inputs: &[&str], output: &str, attributes: &[(&str, u64)]) {
+        self.node_of_many(operator, inputs, &[output], attributes);
+    }
+
+    /// The same with several outputs; named by the first.
+    fn node_of_many(&mut self, operator: &str, inputs: &[&str], outputs: &[&str], attributes: &[(&str, u64)]) {
         let mut node = Message::default();
         inputs.iter().for_each(|input| node.text(1, input));
-        node.text(2, output);
-        node.text(3, output);
+        outputs.iter().for_each(|output| node.text(2, output));
+        node.text(3, outputs[0]);
         node.text(4, operator);
         for (name, value) in attributes {
             // `AttributeProto`: name (1), whole number (3), type (20) INT.
@@ -126,6 +133,39 @@ impl Graph {
             node.message(5, &attribute);
         }
         self.message.message(1, &node);
+    }
+
+    /// What the network takes: `clipped`, and behind it the normal scores of `related` where there are any. A score is that of the first knot and,
+    /// for each part between two, how far the value has come in it times its slope.
+    fn inputs(&mut self, scores: &[NormalScores]) {
+        if scores.is_empty() {
+            return self.node("Identity", &["clipped"], "inputs", &[]);
+        }
+        let names = |what: &str| (0..scores.len()).map(|feature| format!("{what}.{feature}")).collect::<Vec<String>>();
+        let (values, found) = (names("value"), names("score"));
+        let all: Vec<&str> = values.iter().map(String::as_str).collect();
+        self.node_of_many("Split", &["related"], &all, &[("axis", 1)]);
+        for (feature, NormalScores { at, score }) in scores.iter().enumerate() {
+            let named = |what: &str| format!("{what}.{feature}");
+            let slope = |k: usize| (score[k + 1] - score[k]) / (at[k + 1] - at[k]);
+            // A feature that never varied has one knot, and a part without a way.
+            let parts = (at.len() - 1).max(1);
+            let slopes: Vec<f64> = if at.len() > 1 { (0..parts).map(slope).collect() } else { vec![0.0] };
+            self.tensor(&named("from"), &[parts], &at[..parts]);
+            self.tensor(&named("to"), &[parts], &at[at.len() - parts..]);
+            self.tensor(&named("slope"), &[parts, 1], &slopes);
+            self.tensor(&named("first"), &[1], &score[..1]);
+            let steps = [
+                ("Max", [values[feature].clone(), named("from")], named("above")),
+                ("Min", [named("above"), named("to")], named("within")),
+                ("Sub", [named("within"), named("from")], named("way")),
+                ("MatMul", [named("way"), named("slope")], named("gain")),
+                ("Add", [named("gain"), named("first")], found[feature].clone()),
+            ];
+            steps.iter().for_each(|(operator, [a, b], output)| self.node(operator, &[a, b], output, &[]));
+        }
+        let all: Vec<&str> = std::iter::once("clipped").chain(found.iter().map(String::as_str)).collect();
+        self.node("Concat", &all, "inputs", &[("axis", 1)]);
     }
 
     /// A layer of a member on the values of the one before; the name of its own.
@@ -210,7 +250,7 @@ impl Message {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::model::tests::ensemble;
+    use crate::train::model::tests::scored;
 
     #[test]
     fn exact_fields_are_encoded_as_protocol_buffers_says() {
@@ -226,7 +266,7 @@ mod tests {
 
     #[test]
     fn law_the_file_names_its_operators_and_holds_every_weight() {
-        let model = ensemble(2, &["a", "b"], &[3], true);
+        let model = scored(2, &["a", "b"], &[3], true);
         let bytes = onnx(&model);
         let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
         for word in [
@@ -235,6 +275,10 @@ mod tests {
             "Sub",
             "Div",
             "Clip",
+            "Split",
+            "Max",
+            "Min",
+            "Concat",
             "Gemm",
             "Sigmoid",
             "Sum",
@@ -247,5 +291,7 @@ mod tests {
             assert!(holds(word.as_bytes()), "{word}");
         }
         assert!(model.network.weights.iter().all(|weight| holds(&weight.to_le_bytes())));
+        let knots = model.about.scaler.scores.iter().flat_map(|scores| &scores.at);
+        assert!(knots.into_iter().all(|at| holds(&at.to_le_bytes())));
     }
 }

@@ -96,9 +96,10 @@ impl TrainParams {
         }
     }
 
-    /// Layers of a network with so many inputs.
-    pub(crate) fn layout(&self, inputs: usize) -> Layout {
-        let NetworkParams { hidden, bias, members } = &self.network;
+    /// Layers of a network that takes so many features.
+    pub(crate) fn layout(&self, features: usize) -> Layout {
+        let NetworkParams { hidden, bias, members, normal_scores } = &self.network;
+        let inputs = features * if *normal_scores { 2 } else { 1 };
         Layout { inputs, hidden: hidden.clone(), bias: *bias, members: *members }
     }
 
@@ -121,6 +122,11 @@ pub struct NetworkParams {
     /// less than each. Each costs a training's time, which threads share. Kalman filters learn one, and where one is named and this is not, it is 1.
     #[garde(range(min = 1, max = 64))]
     pub members: usize,
+    /// Whether the network takes each feature twice, standardised and as its normal score (the quantile of the standard normal distribution at the
+    /// share of the train split's cells below it), in which cells that lie close together are told apart. Where a Kalman filter is named and this is not,
+    /// it is false: its cost grows with the square of the weights.
+    #[garde(skip)]
+    pub normal_scores: bool,
 }
 
 impl Default for NetworkParams {
@@ -224,8 +230,9 @@ impl FilterParams {
 
     /// The network where a config names none: a Kalman filter's cost grows with the square of the weights, and its network is the paper's.
     pub(crate) fn usual_network(&self) -> NetworkParams {
-        let (hidden, members) = if self.learns_by_batches() { (vec![64, 64], 2) } else { (vec![16, 16], 1) };
-        NetworkParams { hidden, bias: true, members }
+        let normal_scores = self.learns_by_batches();
+        let (hidden, members) = if normal_scores { (vec![64, 64], 2) } else { (vec![16, 16], 1) };
+        NetworkParams { hidden, bias: true, members, normal_scores }
     }
 
     /// Looks without an improvement that end training where a config names no number.

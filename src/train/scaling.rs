@@ -4,28 +4,34 @@
 
 use std::sync::Arc;
 
+use super::normal_scores::MOST_VALUES;
 use super::params::{Balance, Neighbours};
 use super::quantiles::sample;
 use super::rows::Rows;
 use super::source::{Source, Sources};
-use super::{Scaler, TrainError, TrainParams};
+use super::{NormalScores, Scaler, TrainError, TrainParams};
 use crate::cells::{Label, MEAN_HEIGHT, is_neighbour};
 use crate::corpus::stats::Moments;
 
 /// The scaler, and the names of the features that never vary: they get scale 1 and teach nothing.
 ///
 /// What is subtracted from another first has no statistics in the manifest, and those of cells with points alone are not there where a
-/// corpus holds others: they come from a sample of rows.
+/// corpus holds others: they come from a sample of rows, as normal scores do.
 pub(crate) fn scaler(sources: &Sources, params: &TrainParams) -> Result<(Scaler, Vec<String>), TrainError> {
     let minus = subtracted(&sources.features, params.neighbours);
     let mut moments: Vec<Moments> = sources.features.iter().map(|name| merged(&sources.list, name)).collect();
-    if sources.seen_alone || minus.iter().any(Option::is_some) {
-        let sample = moments_of(&sample(sources, params.seed)?, &minus);
-        let is_sampled = |minus: &Option<usize>| sources.seen_alone || minus.is_some();
-        let differences = moments.iter_mut().zip(sample).zip(&minus).filter(|(_, minus)| is_sampled(minus));
-        differences.for_each(|((moments, sample), _)| *moments = sample);
+    let is_sampled = |minus: &Option<usize>| sources.seen_alone || minus.is_some();
+    let sample = match params.network.normal_scores || minus.iter().any(is_sampled) {
+        true => sample(sources, params.seed)?,
+        false => Rows::new(sources.features.len()),
+    };
+    if minus.iter().any(is_sampled) {
+        let differences = moments.iter_mut().zip(moments_of(&sample, &minus)).zip(&minus);
+        let sampled = differences.filter(|(_, minus)| is_sampled(minus));
+        sampled.for_each(|((moments, sample), _)| *moments = sample);
     }
-    let (scaler, constant) = scaler_of(minus, moments.into_iter(), params.clip);
+    let scores = scores_of(&sample, &minus, params);
+    let (scaler, constant) = scaler_of(minus, moments.into_iter(), scores, params.clip);
     Ok((scaler, constant.into_iter().map(|feature| sources.features[feature].clone()).collect()))
 }
 
@@ -48,15 +54,30 @@ pub(crate) fn moments_of(rows: &Rows, minus: &[Option<usize>]) -> Vec<Moments> {
     moments
 }
 
-/// The scaler of inputs with these moments, and which of them never vary.
+/// Normal scores of each feature of rows, less what is subtracted from it, by every so many-th row where they are many; none where the network
+/// takes none.
+pub(crate) fn scores_of(rows: &Rows, minus: &[Option<usize>], params: &TrainParams) -> Vec<NormalScores> {
+    if !params.network.normal_scores {
+        return Vec::new();
+    }
+    let every = rows.len().div_ceil(MOST_VALUES).max(1);
+    let value = |row: &[f32], feature: usize| {
+        f64::from(row[feature]) - minus[feature].map_or(0.0, |other| f64::from(row[other]))
+    };
+    let values = |feature| (0..rows.len()).step_by(every).map(move |row| value(rows.row(row), feature)).collect();
+    (0..rows.width).map(|feature| NormalScores::of_sample(values(feature), params.clip)).collect()
+}
+
+/// The scaler of features with these moments and scores, and which of them never vary.
 pub(crate) fn scaler_of(
     minus: Vec<Option<usize>>,
-    inputs: impl Iterator<Item = Moments>,
+    features: impl Iterator<Item = Moments>,
+    scores: Vec<NormalScores>,
     clip: f64,
 ) -> (Scaler, Vec<usize>) {
-    let mut scaler = Scaler { minus, mean: Vec::new(), scale: Vec::new(), clip };
+    let mut scaler = Scaler { minus, mean: Vec::new(), scale: Vec::new(), clip, scores };
     let mut constant = Vec::new();
-    for (feature, moments) in inputs.enumerate() {
+    for (feature, moments) in features.enumerate() {
         let (mean, variance) = (moments.mean, moments.variance());
         // Rounding leaves a constant column some variance; its range tells.
         let varies = !moments.is_constant() && variance.is_normal();
@@ -149,7 +170,7 @@ mod tests {
     fn exact_inputs_are_standardised_and_end_at_the_clip_that_the_config_names() {
         let mut moments = Moments::default();
         [1.0, 3.0].into_iter().for_each(|x| moments.add(x));
-        let (scaler, constant) = scaler_of(vec![None], std::iter::once(moments), 8.0);
+        let (scaler, constant) = scaler_of(vec![None], std::iter::once(moments), Vec::new(), 8.0);
         assert!(constant.is_empty());
         let scaled = |x: f32| {
             let mut out = [0.0];

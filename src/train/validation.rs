@@ -92,9 +92,10 @@ impl Objective {
 
     fn chunk(&self, network: &NetworkIn, rows: &Rows, chunk: usize) -> ErrorSum {
         let range = chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS);
-        let mut scaled = vec![0.0; rows.width * range.len()];
+        let inputs = self.scaler.inputs();
+        let mut scaled = vec![0.0; inputs * range.len()];
         let mut outputs = vec![0.0; range.len()];
-        for (row, scaled) in range.clone().zip(scaled.chunks_exact_mut(rows.width)) {
+        for (row, scaled) in range.clone().zip(scaled.chunks_exact_mut(inputs)) {
             self.scaler.scale(rows.row(row), scaled);
         }
         network.outputs(&scaled, &mut outputs);

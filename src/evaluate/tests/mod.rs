@@ -18,7 +18,7 @@ use crate::train::{About, Model, OperatingPoint, Scaler};
 fn steps_model() -> Model {
     let mut model = model(&["height_difference_m"], &[1], true);
     model.network.weights = vec![2.0, 0.0, 10.0, -5.0];
-    model.about.scaler = Scaler { minus: vec![None], mean: vec![0.1], scale: vec![0.1], clip: 8.0 };
+    model.about.scaler = Scaler { minus: vec![None], mean: vec![0.1], scale: vec![0.1], clip: 8.0, scores: Vec::new() };
     model
 }
 

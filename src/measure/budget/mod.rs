@@ -183,9 +183,9 @@ impl<'s> Curve<'s> {
         let rows = self.rows_a_scene * STUDY_SCENES * scenes;
         let passes = self.passes.at(rows);
         let [train, validation, test] = SPLITS.map(|share| share * self.rows_a_corpus_scene * scenes);
-        // Beside the passes: samples of the rows to learn, and the windows that were read ahead when training ended. Validation rows are
-        // read for the looks, the calibration and the choice of thresholds, and judged for the last two.
-        let samples = self.row_cost.samples * train.min(SAMPLE_ROWS as f64);
+        // Beside the passes: samples of the rows to learn, for the scaler and for the quantiles, and the windows that were read ahead when
+        // training ended. Validation rows are read for the looks, the calibration and the choice of thresholds, and judged for the last two.
+        let samples = 2.0 * train.min(SAMPLE_ROWS as f64);
         let ahead = WINDOWS_LEFT * train.min(WINDOW_GROUPS as f64 * self.rows_a_group);
         let read = train * passes + ahead + samples + 3.0 * validation + test;
         let judged = 2.0 * validation + test;
@@ -260,7 +260,7 @@ mod tests {
         writing_cpu_s: 0.005,
         bytes_per_scene: 80_000.0,
         rows_per_scene: 1700.0,
-        row_cost: RowCost { reading_s: 0.0, judging_s: 0.0, samples: 1.0 },
+        row_cost: RowCost { reading_s: 0.0, judging_s: 0.0 },
     };
 
     fn budget(wall_s: f64, disk_bytes: Option<f64>) -> Budget {
@@ -301,18 +301,16 @@ mod tests {
     #[test]
     fn exact_what_a_training_reads_and_judges_is_told_beside_what_it_learns() {
         let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
-        let train_s = |reading_s, judging_s, samples| {
-            let here = |_: &StudySetting| Here { row_cost: RowCost { reading_s, judging_s, samples }, ..HERE };
+        let train_s = |reading_s, judging_s| {
+            let here = |_: &StudySetting| Here { row_cost: RowCost { reading_s, judging_s }, ..HERE };
             choices(&study, &budget(20.0, Some(4e6)), here, 50)[0].train_s
         };
-        let learning_s = train_s(0.0, 0.0, 1.0);
-        // 50 scenes of 1700 rows, fewer than a window's: those to learn are read in three passes, for samples, and ahead of the end in two
-        // windows and a half; of the other splits 3 x 0.15 + 0.15.
-        for samples in [1.0, 2.0] {
-            let reading_s = train_s(1e-6, 0.0, samples) - learning_s;
-            assert!((reading_s - 1e-6 * 85_000.0 * (0.7 * (3.0 + 2.5 + samples) + 0.6)).abs() < 1e-6, "{reading_s}");
-        }
-        let judging_s = train_s(0.0, 1e-6, 1.0) - learning_s;
+        let learning_s = train_s(0.0, 0.0);
+        // 50 scenes of 1700 rows, fewer than a window's: those to learn are read in three passes, for two samples, and ahead of the end in
+        // two windows and a half; of the other splits 3 x 0.15 + 0.15.
+        let reading_s = train_s(1e-6, 0.0) - learning_s;
+        assert!((reading_s - 1e-6 * 85_000.0 * (0.7 * (3.0 + 2.5 + 2.0) + 0.6)).abs() < 1e-6, "{reading_s}");
+        let judging_s = train_s(0.0, 1e-6) - learning_s;
         assert!((judging_s - 1e-6 * 85_000.0 * 0.45).abs() < 1e-9, "{judging_s}");
     }
 

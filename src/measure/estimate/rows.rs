@@ -16,7 +16,7 @@ use crate::measure::clock::thread_cpu_s;
 use crate::random::{Stage, Streams};
 use crate::train::memory::outputs;
 use crate::train::rows::{Rows, Wanted};
-use crate::train::scaling::{moments_of, scaler_of, subtracted};
+use crate::train::scaling::{moments_of, scaler_of, scores_of, subtracted};
 use crate::train::source::taken;
 use crate::train::{Network, TrainParams};
 
@@ -30,9 +30,6 @@ const MOST_CELLS: usize = 200_000;
 pub(crate) struct RowCost {
     pub reading_s: f64,
     pub judging_s: f64,
-    /// How often a training draws a sample of the rows to learn: for the quantiles, and where something is subtracted from an input, or cells
-    /// are left out, for the scaler.
-    pub samples: f64,
 }
 
 /// Of the default training's features and network; `None` where there are no cells, or none that can be learnt.
@@ -59,9 +56,8 @@ pub(super) fn cost(spec: &CorpusSpec, shard: &FinishedShard) -> Result<Option<Ro
     }
     let reading_s = (thread_cpu_s() - begun) / cells as f64;
     let minus = subtracted(&features, params.neighbours);
-    let samples = if seen_alone || minus.iter().any(Option::is_some) { 2.0 } else { 1.0 };
     let judging_s = judging_s(&rows, minus, &params) / rows.len() as f64;
-    Ok(Some(RowCost { reading_s, judging_s, samples }))
+    Ok(Some(RowCost { reading_s, judging_s }))
 }
 
 /// Adds the rows of a file of cells, up to [`MOST_CELLS`]; how many cells were read.
@@ -88,7 +84,8 @@ fn read(name: &str, bytes: &Bytes, wanted: &Wanted, rows: &mut Rows) -> Result<u
 /// Of all rows.
 fn judging_s(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> f64 {
     let moments = moments_of(rows, &minus);
-    let (scaler, _) = scaler_of(minus, moments.into_iter(), params.clip);
+    let scores = scores_of(rows, &minus, params);
+    let (scaler, _) = scaler_of(minus, moments.into_iter(), scores, params.clip);
     let streams = Streams { seed: 0, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
     let network = Network::random(params.layout(rows.width), &streams);
     let begun = thread_cpu_s();
@@ -117,15 +114,12 @@ mod tests {
     }
 
     #[test]
-    fn law_rows_cost_something_and_a_sample_for_the_scaler_where_it_needs_one() {
+    fn law_rows_cost_something() {
         let few = ["scenes=2", "scenes_per_shard=2", "slam=truth"];
-        for (config, samples) in
-            [("configs/quickstart.yaml", 1.0), ("configs/paper.yaml", 2.0), ("configs/holes.yaml", 2.0)]
-        {
+        for config in ["configs/quickstart.yaml", "configs/paper.yaml", "configs/holes.yaml"] {
             let told = cost_of(config, &few).unwrap();
             assert!(told.reading_s > 1e-9 && told.reading_s < 1e-3, "{config}: {told:?}");
             assert!(told.judging_s > 1e-9 && told.judging_s < 1e-3, "{config}: {told:?}");
-            assert_eq!(told.samples, samples, "{config}");
         }
     }
 

@@ -29,6 +29,7 @@ pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias
             mean: (0..inputs).map(|k| 0.1 * k as f64).collect(),
             scale: (0..inputs).map(|k| 0.5 + 0.25 * k as f64).collect(),
             clip: 8.0,
+            scores: Vec::new(),
         },
         quantiles: (0..inputs).map(|k| [-3.0, -2.0, -1.0, 0.1 * k as f64, 1.0, 2.0, 3.0]).collect(),
         targets: [0.1, 0.9],
@@ -53,6 +54,18 @@ pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias
     Model { network: Network { layout, weights }, about, sha256: None }
 }
 
+/// The same with normal scores of every feature, between quantiles of some unlike distributions; the first never varied.
+pub(crate) fn scored(members: usize, features: &[&str], hidden: &[usize], bias: bool) -> Model {
+    let mut model = ensemble(members, features, hidden, bias);
+    let sample = |k: usize| (0..500).map(|x| k as f64 * math::exp(0.01 * f64::from(x)) - 3.0).collect();
+    model.about.scaler.scores = (0..features.len()).map(|k| NormalScores::of_sample(sample(k), 8.0)).collect();
+    model.about.inputs *= 2;
+    model.network.layout.inputs *= 2;
+    let weights = model.network.layout.weights();
+    model.network.weights = (0..weights).map(|k| 1.5 * math::sin(1.0 + 0.7 * k as f64)).collect();
+    model
+}
+
 fn small() -> Model {
     model(&["mean_height_m", "height_difference_m", "point_count"], &[4, 2], true)
 }
@@ -61,7 +74,7 @@ fn small() -> Model {
 fn exact_one_neuron_is_the_logistic_of_its_weighted_sum() {
     let mut one = model(&["a"], &[1], true);
     one.network.weights = vec![2.0, 0.5, -3.0, 1.0];
-    one.about.scaler = Scaler { minus: vec![None], mean: vec![1.0], scale: vec![4.0], clip: 8.0 };
+    one.about.scaler = Scaler { minus: vec![None], mean: vec![1.0], scale: vec![4.0], clip: 8.0, scores: Vec::new() };
     let logistic = |x: f64| 1.0 / (1.0 + math::exp(-x));
     let expected = |x: f64| logistic(-3.0 * logistic(2.0 * ((x - 1.0) / 4.0).clamp(-8.0, 8.0) + 0.5) + 1.0);
     for x in [0.0, 1.0, -7.5, 1e30, -1e30, f64::INFINITY] {
@@ -69,7 +82,7 @@ fn exact_one_neuron_is_the_logistic_of_its_weighted_sum() {
     }
     let mut plain = model(&["a"], &[1], false);
     plain.network.weights = vec![2.0, -3.0];
-    plain.about.scaler = Scaler { minus: vec![None], mean: vec![0.0], scale: vec![1.0], clip: 8.0 };
+    plain.about.scaler = Scaler { minus: vec![None], mean: vec![0.0], scale: vec![1.0], clip: 8.0, scores: Vec::new() };
     assert!((plain.output(&[0.25]) - logistic(-3.0 * logistic(0.5))).abs() < 1e-15);
 }
 
@@ -81,7 +94,8 @@ fn exact_an_output_at_a_threshold_is_of_the_class_above_it() {
 
 #[test]
 fn exact_an_input_above_another_is_their_difference_before_it_is_scaled() {
-    let scaler = Scaler { minus: vec![None, Some(0)], mean: vec![1.0, 0.5], scale: vec![2.0, 0.25], clip: 8.0 };
+    let (mean, scale) = (vec![1.0, 0.5], vec![2.0, 0.25]);
+    let scaler = Scaler { minus: vec![None, Some(0)], mean, scale, clip: 8.0, scores: Vec::new() };
     let mut out = [0.0; 2];
     scaler.scale(&[3.0, 4.0], &mut out);
     assert_eq!(out, [1.0, 2.0]);
@@ -92,20 +106,54 @@ fn exact_an_input_above_another_is_their_difference_before_it_is_scaled() {
 }
 
 #[test]
+fn exact_normal_scores_stand_behind_the_scaled_features_and_are_of_differences_too() {
+    let scores = |from: f64| NormalScores { at: vec![from, from + 2.0], score: vec![-1.0, 1.0] };
+    let (mean, scale) = (vec![1.0, 0.5], vec![2.0, 0.25]);
+    let scores = vec![scores(2.0), scores(0.0)];
+    let scaler = Scaler { minus: vec![None, Some(0)], mean, scale, clip: 8.0, scores };
+    assert_eq!(scaler.inputs(), 4);
+    let mut out = [0.0; 4];
+    scaler.scale(&[3.0, 3.5], &mut out);
+    assert_eq!(out, [1.0, 0.0, 0.0, -0.5]);
+    scaler.scale(&[30.0, -1.0], &mut out);
+    assert_eq!(out, [8.0, -8.0, 1.0, -1.0]);
+    scaler.scale(&[f32::NAN, 0.0], &mut out);
+    assert!(out.iter().all(|x| x.is_nan()));
+}
+
+#[test]
+fn extreme_a_network_and_scores_that_do_not_fit_are_refused_by_name() {
+    let changed = |change: &dyn Fn(&mut Model)| {
+        let mut model = scored(1, &["a", "b"], &[3], true);
+        change(&mut model);
+        model.save().unwrap_err().to_string()
+    };
+    let error = changed(&|model| {
+        model.about.scaler.scores.pop();
+    });
+    assert!(error.contains("4 inputs, but 2 features and normal scores of 1"), "{error}");
+    let error = changed(&|model| model.about.scaler.scores.clear());
+    assert!(error.contains("4 inputs, but 2 features and normal scores of 0"), "{error}");
+    let error = changed(&|model| model.about.scaler.scores[1].score[0] = 9.0);
+    assert!(error.contains("do not rise within the clip"), "{error}");
+}
+
+#[test]
 fn equal_rows_together_and_one_by_one() {
-    let model = small();
-    let rows: Vec<f32> = (0..300).map(|k| math::sin(f64::from(k)) as f32 * 5.0).collect();
-    let mut together = Vec::new();
-    model.outputs(&rows, &mut together);
-    let apart: Vec<f64> = rows.chunks_exact(3).map(|row| model.output(row)).collect();
-    assert_eq!(together, apart);
-    assert!(together.iter().all(|y| (0.0..=1.0).contains(y)));
+    for model in [small(), scored(2, &["a", "b", "c"], &[4], true)] {
+        let rows: Vec<f32> = (0..300).map(|k| math::sin(f64::from(k)) as f32 * 5.0).collect();
+        let mut together = Vec::new();
+        model.outputs(&rows, &mut together);
+        let apart: Vec<f64> = rows.chunks_exact(3).map(|row| model.output(row)).collect();
+        assert_eq!(together, apart);
+        assert!(together.iter().all(|y| (0.0..=1.0).contains(y)));
+    }
 }
 
 #[test]
 fn equal_a_model_and_its_file_read_back() {
-    for (members, bias) in [(1, true), (1, false), (3, true)] {
-        let mut original = ensemble(members, &["b", "a"], &[3], bias);
+    let plain = [(1, true), (1, false), (3, true)].map(|(members, bias)| ensemble(members, &["b", "a"], &[3], bias));
+    for mut original in plain.into_iter().chain([scored(2, &["b", "a"], &[3], true)]) {
         original.network.weights[0] = 1.0 / 3.0;
         original.about.thresholds = vec![0.1 + 0.2, 0.7];
         original.about.cells.max_range_m = Some(10.0);
@@ -196,9 +244,9 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
         let error = Model::load(bytes).unwrap_err().to_string();
         assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
     }
-    let newer = small().about.to_json().replace("\"marsyard_model\":4", "\"marsyard_model\":7");
+    let newer = small().about.to_json().replace("\"marsyard_model\":5", "\"marsyard_model\":7");
     let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
-    assert!(error.contains("format 7, this marsyard reads formats 1 to 4"), "{error}");
+    assert!(error.contains("format 7, this marsyard reads formats 1 to 5"), "{error}");
     let whole = small().save().unwrap();
     for end in 0..whole.len() {
         assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");
@@ -234,7 +282,7 @@ fn extreme_contradictions_are_refused_by_name() {
         ("\"size_m\":0.1", "\"size_m\":-1.0", "its cells"),
         ("\"bias\":true", "\"bais\":true", "unknown field"),
         ("[0.5,0.75,1.0]", "[0.5,0.0,1.0]", "scale that is not positive"),
-        ("[0.0,0.1,0.2]", "[0.0,0.1]", "features, scaling or quantiles of 2"),
+        ("[0.0,0.1,0.2]", "[0.0,0.1]", "3 features, but scaling or quantiles of 2"),
     ] {
         let error = changed(from, to);
         assert!(error.contains(word), "{from} -> {to}: {error}");

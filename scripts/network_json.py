@@ -1,0 +1,29 @@
+"""A network as `marsyard export --json` tells it, applied with NumPy in f64: what checks and studies share."""
+
+import numpy as np
+
+
+def inputs(about, rows):
+    """Rows of features -> what the network takes: standardised features and, where the scaler has them, their normal scores."""
+    scaler = about["scaler"]
+    rows = np.asarray(rows, dtype=float)
+    x = rows - np.stack([rows[:, other] if other is not None else np.zeros(len(rows)) for other in scaler["minus"]], axis=1)
+    scores = [np.interp(values, of["at"], of["score"]) for values, of in zip(x.T, scaler.get("scores", []))]
+    scaled = np.clip((x - scaler["mean"]) / scaler["scale"], -scaler["clip"], scaler["clip"])
+    return np.concatenate([scaled, np.stack(scores, axis=1)], axis=1) if scores else scaled
+
+
+def layer(of, x):
+    with np.errstate(over="ignore"):
+        return 1.0 / (1.0 + np.exp(-(x @ np.array(of["weights"]).T + np.array(of["biases"]))))
+
+
+def outputs(model, rows):
+    """The mean of the members' outputs."""
+    found = []
+    for layers in model["members"]:
+        x = inputs(model["about"], rows)
+        for of in layers:
+            x = layer(of, x)
+        found.append(x[:, 0])
+    return np.mean(found, axis=0)

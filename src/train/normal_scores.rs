@@ -1,0 +1,114 @@
+//! A sample of an input's values -> what turns any value into its normal score.
+//!
+//! Most cells lie close together in a standardised input, because a few lie far out, and a small network sees little of what tells them apart.
+//! The score of a value is the quantile of the standard normal distribution at the share of the train split's cells below it: it spreads the cells
+//! evenly, whatever the input's distribution. It goes to the network beside the standardised value, which keeps what is far out apart.
+//!
+//! In: values of one input. Out: at most [`PARTS`] + 1 knots at the quantiles of equal shares, linear between them and constant beyond them, of
+//! mean 0 and variance 1 over the sample. Source: van der Waerden 1952. Deviations: from quantiles, so that a model holds few numbers; equal values share the
+//! middle of their shares; the outermost shares are half a part within 0 and 1, so that their scores are finite.
+
+use serde::{Deserialize, Serialize};
+
+use crate::corpus::stats::Moments;
+use crate::math;
+
+/// Parts of equal shares that the quantiles bound.
+const PARTS: usize = 64;
+/// Values of an input that are sorted, at most: so many tell its quantiles to a tenth of a part.
+pub(crate) const MOST_VALUES: usize = 32_768;
+/// More knots than any input has.
+const MOST_KNOTS: usize = 1024;
+
+/// Value -> score.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NormalScores {
+    /// Values that rise.
+    pub at: Vec<f64>,
+    /// The score of each; values between two have it in proportion, those beyond the outermost have theirs.
+    pub score: Vec<f64>,
+}
+
+impl NormalScores {
+    /// Of a sample, in any order; scores end at `clip`.
+    pub(crate) fn of_sample(mut values: Vec<f64>, clip: f64) -> NormalScores {
+        values.sort_unstable_by(f64::total_cmp);
+        let quantiles = quantiles(&values);
+        let (mut at, mut score) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        for equal in quantiles.chunk_by(|a, b| a == b) {
+            // The middle of the shares that the value has, in parts.
+            let parts = 0.5 * (first + first + equal.len() - 1) as f64;
+            at.push(equal[0]);
+            score.push(normal_quantile(parts.clamp(0.5, PARTS as f64 - 0.5) / PARTS as f64));
+            first += equal.len();
+        }
+        let mut scores = NormalScores { at, score };
+        scores.standardise(&values, clip);
+        scores
+    }
+
+    /// Shifts and stretches the scores to mean 0 and variance 1 over these values; those that never vary have 0.
+    fn standardise(&mut self, values: &[f64], clip: f64) {
+        let mut moments = Moments::default();
+        values.iter().for_each(|&x| moments.add(self.score(x)));
+        let scale = if moments.variance().is_normal() { moments.variance().sqrt() } else { 1.0 };
+        for score in &mut self.score {
+            *score = ((*score - moments.mean) / scale).clamp(-clip, clip);
+        }
+    }
+
+    /// The score of a value; NaN for NaN.
+    #[inline]
+    pub(crate) fn score(&self, x: f64) -> f64 {
+        let NormalScores { at, score } = self;
+        let last = score.len().saturating_sub(1);
+        if last == 0 {
+            return if x.is_nan() { x } else { score.first().copied().unwrap_or(0.0) };
+        }
+        let x = x.clamp(at[0], at[last]);
+        let below = at[1..last].partition_point(|knot| *knot <= x);
+        let (from, to) = (at[below], at[below + 1]);
+        score[below] + (score[below + 1] - score[below]) * ((x - from) / (to - from))
+    }
+
+    /// What contradicts itself in a file.
+    pub(super) fn fault(&self, clip: f64, sane: f64) -> Option<&'static str> {
+        let NormalScores { at, score } = self;
+        if at.len() != score.len() || !(1..=MOST_KNOTS).contains(&at.len()) {
+            return Some("normal scores without a score for each value");
+        }
+        let is_sound = at.iter().all(|x| x.abs() <= sane) && score.iter().all(|score| score.abs() <= clip);
+        let rises = at.is_sorted_by(|a, b| a < b) && score.is_sorted();
+        (!(is_sound && rises)).then_some("normal scores that do not rise within the clip")
+    }
+}
+
+/// The values at the borders of [`PARTS`] parts of a sorted sample.
+fn quantiles(sorted: &[f64]) -> Vec<f64> {
+    let Some(last) = sorted.len().checked_sub(1) else { return vec![0.0] };
+    (0..=PARTS).map(|part| sorted[(part * last + PARTS / 2) / PARTS]).collect()
+}
+
+/// The quantile of the standard normal distribution at a share within 0 and 1, both left out: Newton's iteration from the median, which comes
+/// nearer from one side.
+fn normal_quantile(share: f64) -> f64 {
+    if share > 0.5 {
+        return -normal_quantile(1.0 - share);
+    }
+    let mut z = 0.0;
+    for _ in 0..100 {
+        let below = 0.5 * math::erfc(-z / std::f64::consts::SQRT_2);
+        let density = math::exp(-0.5 * z * z) / (2.0 * std::f64::consts::PI).sqrt();
+        let next = z - (below - share) / density;
+        if next >= z {
+            break;
+        }
+        z = next;
+    }
+    z
+}
+
+#[cfg(test)]
+mod tests;
