@@ -189,9 +189,7 @@ impl Share {
             for (stored, &row) in stored.chunks_exact_mut(width).zip(order) {
                 stored.copy_from_slice(rows.row(row as usize));
             }
-            for (input, stored) in inputs.chunks_exact_mut(width_in).zip(stored.chunks_exact(width)) {
-                objective.scaler.scale(stored, input);
-            }
+            objective.scaler.scale(stored, inputs);
         };
         if is_shared {
             let parts = self.inputs.par_chunks_mut(ROWS_A_TASK * width_in);

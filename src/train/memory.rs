@@ -8,13 +8,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::filter::Counters;
 use super::learner::Learner;
-use super::model::Scaler;
 use super::order::Epoch;
 use super::rows::{Rows, stride};
 use super::scaling::{moments_of, scaler_of, scores_of, subtracted};
 use super::stopping::{Look, Stop};
 use super::validation::Objective;
-use super::{Network, TrainError, TrainParams};
+use super::{Network, Scaler, TrainError, TrainParams};
 
 /// Rows to learn and rows to judge by, and how both are scaled and weighed: by the rows to learn alone.
 pub struct Held {
@@ -107,11 +106,8 @@ impl Held {
 
 /// The output for each row, scaled so.
 pub(crate) fn outputs(scaler: &Scaler, network: &Network, rows: &Rows) -> Vec<f64> {
-    let inputs = scaler.inputs();
-    let mut scaled = vec![0.0; inputs * rows.len()];
-    for (row, scaled) in scaled.chunks_exact_mut(inputs.max(1)).enumerate() {
-        scaler.scale(rows.row(row), scaled);
-    }
+    let mut scaled = vec![0.0; scaler.inputs() * rows.len()];
+    scaler.scale(&rows.features, &mut scaled);
     let mut outputs = vec![0.0; rows.len()];
     network.outputs(&scaled, &mut outputs);
     outputs

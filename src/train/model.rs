@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::calibration::Calibration;
 use super::leaks::LearntFrom;
 use super::operating_point::MOST_THRESHOLDS;
-use super::{Layout, Network, NormalScores, OperatingPoint};
+use super::{Layout, Network, OperatingPoint, Scaler};
 use crate::cells::params::{LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, is_gap};
 use crate::drive::Rover;
@@ -23,22 +23,6 @@ use crate::sweep::Sensor;
 
 /// Version of the model format; files of every earlier one are read.
 pub const MODEL_FORMAT: u32 = 5;
-
-/// Features -> what the network takes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Scaler {
-    /// Per input the number of another that is subtracted from it first: a neighbour's height above the cell's own.
-    pub minus: Vec<Option<usize>>,
-    /// Subtracted, then divided by; from the train split. A feature that never varied has scale 1.
-    pub mean: Vec<f64>,
-    pub scale: Vec<f64>,
-    /// Scaled inputs are clipped to [-clip, clip].
-    pub clip: f64,
-    /// Of each feature, where the network takes normal scores too: those come behind all scaled features. None in models of formats up to 4.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub scores: Vec<NormalScores>,
-}
 
 /// What a model is and was trained on.
 #[derive(Clone, Debug, PartialEq)]
@@ -161,28 +145,6 @@ pub enum ModelError {
     Unreached { share: f64 },
 }
 
-impl Scaler {
-    /// Numbers that the network takes of a row.
-    pub(crate) fn inputs(&self) -> usize {
-        self.mean.len() + self.scores.len()
-    }
-
-    /// Scales one row of features; `out`: as many as [`inputs`](Scaler::inputs).
-    pub(crate) fn scale(&self, features: &[f32], out: &mut [f64]) {
-        let (scaled, scores) = out.split_at_mut(features.len());
-        for ((x, &feature), minus) in scaled.iter_mut().zip(features).zip(&self.minus) {
-            *x = f64::from(feature) - minus.map_or(0.0, |other| f64::from(features[other]));
-        }
-        for ((score, of_feature), x) in scores.iter_mut().zip(&self.scores).zip(&*scaled) {
-            *score = of_feature.score(*x);
-        }
-        // A loop of its own, whose divisions go by lanes.
-        for ((x, mean), scale) in scaled.iter_mut().zip(&self.mean).zip(&self.scale) {
-            *x = ((*x - mean) / scale).clamp(-self.clip, self.clip);
-        }
-    }
-}
-
 /// The greatest weight, scale or mean that a file may hold: far beyond use, and no sum of such products overflows.
 const SANE: f64 = 1e100;
 
@@ -296,9 +258,7 @@ impl Model {
         let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
         for rows in rows.chunks(features * CHUNK_ROWS) {
             let count = rows.len() / features;
-            for (row, scaled) in rows.chunks_exact(features).zip(scaled.chunks_exact_mut(inputs)) {
-                self.about.scaler.scale(row, scaled);
-            }
+            self.about.scaler.scale(rows, &mut scaled);
             let start = out.len();
             out.resize(start + count, 0.0);
             self.network.outputs(&scaled[..inputs * count], &mut out[start..]);

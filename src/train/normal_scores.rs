@@ -60,7 +60,7 @@ impl NormalScores {
     }
 
     /// The score of a value; NaN for NaN.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn score(&self, x: f64) -> f64 {
         let NormalScores { at, score } = self;
         let last = score.len().saturating_sub(1);
@@ -68,7 +68,9 @@ impl NormalScores {
             return if x.is_nan() { x } else { score.first().copied().unwrap_or(0.0) };
         }
         let x = x.clamp(at[0], at[last]);
-        let below = at[1..last].partition_point(|knot| *knot <= x);
+        // By lanes faster than by halves. A NaN is above none.
+        let from_here = at[..last].iter().map(|knot| usize::from(*knot <= x)).sum::<usize>();
+        let below = from_here.saturating_sub(1);
         let (from, to) = (at[below], at[below + 1]);
         score[below] + (score[below + 1] - score[below]) * ((x - from) / (to - from))
     }

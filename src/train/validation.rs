@@ -92,12 +92,9 @@ impl Objective {
 
     fn chunk(&self, network: &NetworkIn, rows: &Rows, chunk: usize) -> ErrorSum {
         let range = chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS);
-        let inputs = self.scaler.inputs();
-        let mut scaled = vec![0.0; inputs * range.len()];
+        let mut scaled = vec![0.0; self.scaler.inputs() * range.len()];
         let mut outputs = vec![0.0; range.len()];
-        for (row, scaled) in range.clone().zip(scaled.chunks_exact_mut(inputs)) {
-            self.scaler.scale(rows.row(row), scaled);
-        }
+        self.scaler.scale(&rows.features[range.start * rows.width..range.end * rows.width], &mut scaled);
         network.outputs(&scaled, &mut outputs);
         let mut sum = ErrorSum::default();
         for (row, output) in range.zip(outputs) {

@@ -18,10 +18,9 @@ use crate::measure::clock::thread_cpu_s;
 use crate::measure::interleave::rotation;
 use crate::parallel;
 use crate::train::memory::{self, Held, outputs};
-use crate::train::model::Scaler;
 use crate::train::params::FilterParams;
 use crate::train::rows::Rows;
-use crate::train::{Network, TrainError, TrainParams};
+use crate::train::{Network, Scaler, TrainError, TrainParams};
 
 /// One training, and what came of it.
 #[derive(Clone, Debug)]

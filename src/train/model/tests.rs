@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math;
-use crate::train::Layout;
+use crate::train::{Layout, NormalScores};
 use crate::train::operating_point::class;
 
 /// A small model whose every number is known: weights are a sine of their number.
