@@ -2,8 +2,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math;
-use crate::train::{Layout, NormalScores};
 use crate::train::operating_point::class;
+use crate::train::{Layout, NormalScores};
 
 /// A small model whose every number is known: weights are a sine of their number.
 pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
