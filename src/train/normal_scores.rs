@@ -89,7 +89,7 @@ impl NormalScores {
 
 /// The values at the borders of [`PARTS`] parts of a sorted sample.
 fn quantiles(sorted: &[f64]) -> Vec<f64> {
-    let Some(last) = sorted.len().checked_sub(1) else { return vec![0.0] };
+    let Some(last) = sorted.len().checked_sub(1) else { return vec![0.0; PARTS + 1] };
     (0..=PARTS).map(|part| sorted[(part * last + PARTS / 2) / PARTS]).collect()
 }
 
