@@ -6,7 +6,7 @@ Usage:  cargo build --release
 Builds configs/quickstart.yaml, configs/paper.yaml and configs/mars.yaml with the paper's columns alone, with `cells.local_height` (with
 the plane), `cells.curvature` and `cells.surroundings`, and with `cells.beams` besides, trains on each with all defaults, and judges on the same test scenes. Balanced accuracy by
 cells, percent; in brackets 95 % of a bootstrap over test scenes, means over the trainings, the same draws for all, so that differences are
-paired; they are to the line above. CPU seconds of this machine, beside other work.
+paired; they are to the line above. Last the same corpora, learnt without normal scores (`network.normal_scores`). CPU seconds of this machine, beside other work.
 
 Needs numpy and pyarrow. Writes columns.json and columns.md into scripts/results.
 """
@@ -29,10 +29,13 @@ AROUND = {
     "surroundings": "{radii_m: [0.2, 0.4]}",
     "beams": "null",
 }
+BEAMS = AROUND | {"beams": "{radii_m: [0.1, 0.2, 0.4]}"}
+#: Of the cells, and of the training.
 WAYS = {
-    "paper's columns": dict.fromkeys(AROUND, "null"),
-    "with the ground around": AROUND,
-    "and the beams": AROUND | {"beams": "{radii_m: [0.1, 0.2, 0.4]}"},
+    "paper's columns": (dict.fromkeys(AROUND, "null"), []),
+    "with the ground around": (AROUND, []),
+    "and the beams": (BEAMS, []),
+    "standardised alone": (BEAMS, ["network.normal_scores=false"]),
 }
 SCENES = {"quickstart": 200, "paper": 200, "mars": 140}
 PER_SHARD = {"quickstart": 10, "paper": 10, "mars": 5}
@@ -66,13 +69,13 @@ def main():
     marsyard, rows, facts = study.Marsyard(options.marsyard, options.work, options.threads), [], {}
     for config, scenes in SCENES.items():
         scenes, judged, drawn = scenes // 4 if options.quick else scenes, {}, None
-        for k, (way, values) in enumerate(WAYS.items()):
-            name, sets = f"{config}-{k}", [f"cells.{key}={value}" for key, value in values.items()]
+        for k, (way, (values, train_sets)) in enumerate(WAYS.items()):
+            name, sets = f"{config}-{list(WAYS.values()).index((values, []))}", [f"cells.{key}={value}" for key, value in values.items()]
             make = lambda: marsyard.corpus(name, study.ROOT / "configs" / f"{config}.yaml", sets, scenes, PER_SHARD[config])
             place, generate_s = timed(marsyard.work, f"generate-{name}", make)
             of, train_s = [], []
             for seed in seeds:
-                run, seconds = timed(marsyard.work, f"train-{name}-{seed}", lambda: marsyard.train(name, [place], seed))
+                run, seconds = timed(marsyard.work, f"train-{config}-{k}-{seed}", lambda: marsyard.train(f"{config}-{k}", [place], seed, train_sets))
                 of.append(test_counts(place, held_out.network(marsyard, run)))
                 train_s.append(seconds)
             if drawn is None:

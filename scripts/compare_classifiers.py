@@ -12,7 +12,7 @@ classifier on the small rows of seed 1, the form of the best balanced accuracy i
 balanced accuracy). Nothing is ever chosen on test rows, which are drawn from all test scenes. How each classifier is set: compare_models.py.
 
 Corpora are configs/paper.yaml; configs/mixed.yaml, judged on another seed's corpus, family by held-out family, led by the worst; configs/mars.yaml.
-Intervals are 95 % of 2000 resamples of the test scenes, of the mean over seeds; the same resamples for all, so that differences to the network
+Intervals are 95 % of 2000 resamples of the test scenes, of the mean over seeds; the same resamples for all, so that differences to the default network
 are paired. Five seeds of paper.yaml's small rows, three of the slow classifiers and of the other corpora; fewer at full size: compare_models.py. CPU seconds and microseconds are of one thread.
 
 Before anything is compared, the measures are held against scikit-learn's, and the scores of a network in onnxruntime, judged by the measures,
@@ -89,8 +89,10 @@ def folders(marsyard, name, yard):
 def check_networks(marsyard, name, place, test_place):
     """The columns that the trainer takes by default, and what models of them weigh; their scores by onnxruntime are `evaluate`'s."""
     checks = {of: check_network(marsyard, f"check-{name}-{k}", sets, place, test_place) for k, (of, sets) in enumerate(NETWORKS.items())}
-    (names,) = {tuple(names) for names, _ in checks.values()}
-    return list(names), {of: check for of, (_, check) in checks.items()}
+    names = checks[DEFAULT_NETWORK][0]
+    if any(other != names for other, _ in checks.values()):
+        sys.exit(f"{name}: the networks take different columns: {[other for other, _ in checks.values()]}")
+    return names, {of: check for of, (_, check) in checks.items()}
 
 
 def check_network(marsyard, run_name, sets, place, test_place):
@@ -193,6 +195,8 @@ def main():
             plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": plain}))
     finished = {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
+    if earlier := [name for name, found in finished.items() if "networks" not in found["about"]]:
+        sys.exit(f"{OPTIONS.work} holds results of an earlier state of this script ({', '.join(earlier)}): give another --work")
     versions = study.versions(marsyard, np, sklearn, lightgbm, xgboost, catboost, torch, onnxruntime)
     results = {"versions": versions, "check_on_scikit_learn": checked, "corpora": finished}
     study.write_results(OPTIONS.out, "compare_classifiers", results, compare_report.tables(results))

@@ -52,22 +52,15 @@ class Network:
     """A run: its network, of one member or several, and its calibration."""
 
     def __init__(self, marsyard, run):
-        exported = held_out.network(marsyard, run)
-        self.about = exported["about"]
-        self.members = [[(np.array(layer["weights"]), np.array(layer["biases"])) for layer in member] for member in exported["members"]]
+        self.exported = held_out.network(marsyard, run)
+        self.about = self.exported["about"]
 
     def judge(self, cells):
-        """Output of each cell: the mean of the members'."""
-        outputs = []
-        for layers in self.members:
-            values = self.inputs(cells)
-            for weights, biases in layers:
-                values = sigmoid(values @ weights.T + biases)
-            outputs.append(values[:, 0])
-        return [np.mean(outputs, axis=0)]
+        """Output of each cell."""
+        return [network_json.outputs(self.exported, self.rows(cells))]
 
-    def inputs(self, cells):
-        return network_json.inputs(self.about, np.stack([cells[name] for name in self.about["features"]], axis=1))
+    def rows(self, cells):
+        return np.stack([cells[name] for name in self.about["features"]], axis=1)
 
     def rare(self, cells):
         """Cells with an input beyond what all but 0.2 % of the training's rows have."""
@@ -91,12 +84,13 @@ class Filtered(Network):
 
     def __init__(self, marsyard, run):
         super().__init__(marsyard, run)
-        [self.layers] = self.members
+        [layers] = self.exported["members"]
+        self.layers = [(np.array(layer["weights"]), np.array(layer["biases"])) for layer in layers]
         self.covariance = covariance(run / "filter.safetensors", sum(w.size + b.size for w, b in self.layers))
 
     def judge(self, cells):
         """Output, and the variance of its logit, of each cell."""
-        x, found = self.inputs(cells), []
+        x, found = network_json.inputs(self.about, self.rows(cells)), []
         for start in range(0, len(x), 20_000):
             values = [x[start:start + 20_000]]
             for weights, biases in self.layers:

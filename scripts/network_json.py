@@ -20,9 +20,9 @@ def layer(of, x):
 
 def outputs(model, rows):
     """The mean of the members' outputs."""
-    found = []
+    scaled, found = inputs(model["about"], rows), []
     for layers in model["members"]:
-        x = inputs(model["about"], rows)
+        x = scaled
         for of in layers:
             x = layer(of, x)
         found.append(x[:, 0])

@@ -26,7 +26,7 @@ FULL = [*LISTED, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"]
 #: What tables call marsyard's networks: of the Kalman filter, and of the trainer's defaults.
 NETWORK, DEFAULT_NETWORK = "network (EKF)", "network (default)"
 #: Settings of the trainer's default.
-DEFAULT = {"filter": "{kronecker: {}}"}
+DEFAULT = {"filter": "{kronecker: {}}", "allow_few_rows": "true"}
 
 
 class Cells:

@@ -190,11 +190,11 @@ mod networks {
     /// let params = config::load_train(None, &["network.hidden=[4]", "epochs=1"].map(String::from))?;
     /// let model = train_network(&corpus, params, &run)?;
     ///
-    /// // Each of two networks side by side: inputs and a bias to each of 4 neurons, 4 and a bias to the output.
-    /// let inputs = model.about.features.len();
-    /// assert_eq!(model.network.weights.len(), 2 * (4 * (inputs + 1) + 5));
+    /// // Each of two networks side by side: features, their normal scores and a bias to each of 4 neurons, 4 and a bias to the output.
+    /// let features = model.about.features.len();
+    /// assert_eq!(model.network.weights.len(), 2 * (4 * (2 * features + 1) + 5));
     /// // An output lies in (0, 1): low is traversable, high untraversable.
-    /// let output = model.output(&vec![0.0; inputs]);
+    /// let output = model.output(&vec![0.0; features]);
     /// assert!(output > 0.0 && output < 1.0);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```

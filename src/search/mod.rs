@@ -39,6 +39,7 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::store::{is_temporary, read_folder};
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
+use crate::train::params::NetworkParams;
 use crate::train::{TrainError, TrainParams, filter, folder};
 
 /// Hidden layers -> a config.
@@ -163,7 +164,12 @@ fn identity(setup: &Setup) -> Json {
     }
     let mut config = json!(setup.params);
     // The widths are those of the networks that are searched.
-    config["network"] = json!({"bias": setup.params.network.bias, "members": setup.params.network.members});
+    let NetworkParams { bias, members, normal_scores, .. } = setup.params.network;
+    config["network"] = json!({"bias": bias, "members": members});
+    if normal_scores {
+        // Earlier searches, of Kalman filters, did not note that they took none.
+        config["network"]["normal_scores"] = true.into();
+    }
     json!({
         "data": setup.data,
         "networks": {"count": setup.networks.len(), "blake3": hasher.finalize().to_hex().to_string()},

@@ -1,11 +1,15 @@
 //! A model -> plain JSON: its metadata, its weights as rows, and rows to check any other program against.
 //!
 //! `members`: one network each, layer by layer from the input on: `weights` has one row a neuron with one number an input, `biases` one
-//! number a neuron. To apply it: a feature less the one that `minus` names is x; (x - mean) / scale, clipped to +-clip, for each feature, then, where the scaler
-//! has `scores`, for each feature its x between two values of `at` in proportion between their `score`, and beyond them the first or the last; then
-//! for each layer 1 / (1 + exp(-(weights x + biases))); the output is the mean of the members'. Where the model has a
-//! calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
-//! 1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
+//! number a neuron. To apply it to a row of features:
+//!
+//! 1. Of each feature the one that `minus` names is subtracted, where it names one: x.
+//! 2. The inputs are (x - mean) / scale of each feature, clipped to +-clip.
+//! 3. Where the scaler has `scores`, as many inputs follow: of each feature its x, unscaled, in proportion between two values of `at` gives a number
+//!    between their `score`; beyond the outermost it is theirs.
+//! 4. For each layer of a member 1 / (1 + exp(-(weights x + biases))); the output is the mean of the members'.
+//! 5. Where the model has a calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
+//!    1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
 
 use serde::Serialize;
 

@@ -2,7 +2,8 @@
 //!
 //! In: [`TrainParams`], a finished corpus (or several). Out: a run folder with a [`Model`]. Source: Hewitt et al. 2017,
 //! "EKF formulation": a sigmoid multilayer perceptron whose weights are the state of an extended Kalman filter (eqs 8-16); Puskorius &
-//! Feldkamp 1991 (decoupled), Bierman 1977 (factored). Deviation: by default larger networks learn by batches (Vyas et al. 2024). Memory does not grow with the corpus. Rows come in an order that is a
+//! Feldkamp 1991 (decoupled), Bierman 1977 (factored). Deviations: by default larger networks learn by batches
+//! (Vyas et al. 2024), and take normal scores of the features beside them ([`NormalScores`]). Memory does not grow with the corpus. Rows come in an order that is a
 //! pure function of (seed, epoch), so that a killed run goes on to the same bits.
 
 mod calibration;

@@ -4,7 +4,7 @@
 //! untraversable. On disk: one `model.safetensors` with the weights, and one metadata key `marsyard` of sorted JSON (the rest of
 //! the struct); the layout of the file stands in `model/file.rs`.
 //!
-//! The output of a row is scaled features, clipped, through the network: f64 throughout. A row of finite features never gives a
+//! The output of a row is scaled features, clipped, and their normal scores where there are any, through the network: f64 throughout. A row of finite features never gives a
 //! NaN, because [`Model::load`] takes finite numbers of sane size only; a NaN feature gives a NaN, which is the caller's to count.
 
 mod file;
@@ -46,7 +46,7 @@ pub struct About {
     /// Networks of these sizes, whose mean is the output.
     #[serde(default = "one_member", skip_serializing_if = "is_one")]
     pub members: usize,
-    /// Names of the columns, in order.
+    /// Names of the features, in order.
     pub features: Vec<String>,
     pub scaler: Scaler,
     /// Per feature, of the train split: quantiles 0, 0.1 %, 1 %, 50 %, 99 %, 99.9 %, 1.

@@ -5,7 +5,7 @@
 //! evenly, whatever the input's distribution. It goes to the network beside the standardised value, which keeps what is far out apart.
 //!
 //! In: values of one input. Out: at most [`PARTS`] + 1 knots at the quantiles of equal shares, linear between them and constant beyond them, of
-//! mean 0 and variance 1 over the sample. Source: van der Waerden 1952. Deviations: from quantiles, so that a model holds few numbers; equal values share the
+//! mean 0 and variance 1 over the sample, before scores end at the clip. Source: van der Waerden 1952. Deviations: from quantiles, so that a model holds few numbers; equal values share the
 //! middle of their shares; the outermost shares are half a part within 0 and 1, so that their scores are finite.
 
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use crate::math;
 
 /// Parts of equal shares that the quantiles bound.
 const PARTS: usize = 64;
-/// Values of an input that are sorted, at most: so many tell its quantiles to a tenth of a part.
+/// Values of an input that are sorted, at most: were cells independent, half as many would tell its median to a quarter of a part.
 pub(crate) const MOST_VALUES: usize = 32_768;
 /// More knots than any input has.
 const MOST_KNOTS: usize = 1024;
@@ -33,6 +33,7 @@ pub struct NormalScores {
 impl NormalScores {
     /// Of a sample, in any order; scores end at `clip`.
     pub(crate) fn of_sample(mut values: Vec<f64>, clip: f64) -> NormalScores {
+        values.retain(|x| x.is_finite());
         values.sort_unstable_by(f64::total_cmp);
         let quantiles = quantiles(&values);
         let (mut at, mut score) = (Vec::new(), Vec::new());
@@ -72,7 +73,9 @@ impl NormalScores {
         let from_here = at[..last].iter().map(|knot| usize::from(*knot <= x)).sum::<usize>();
         let below = from_here.saturating_sub(1);
         let (from, to) = (at[below], at[below + 1]);
-        score[below] + (score[below + 1] - score[below]) * ((x - from) / (to - from))
+        let (low, high) = (score[below], score[below + 1]);
+        // Rounding may go beyond the knots by a digit.
+        (low + (high - low) * ((x - from) / (to - from))).clamp(low, high)
     }
 
     /// What contradicts itself in a file.
@@ -83,7 +86,10 @@ impl NormalScores {
         }
         let is_sound = at.iter().all(|x| x.abs() <= sane) && score.iter().all(|score| score.abs() <= clip);
         let rises = at.is_sorted_by(|a, b| a < b) && score.is_sorted();
-        (!(is_sound && rises)).then_some("normal scores that do not rise within the clip")
+        // Knots of numbers that columns can hold are never so near one another.
+        let slope = |k: usize| (score[k + 1] - score[k]) / (at[k + 1] - at[k]);
+        let is_finite = (0..at.len() - 1).all(|k| slope(k).is_finite());
+        (!(is_sound && rises && is_finite)).then_some("normal scores that do not rise within the clip")
     }
 }
 

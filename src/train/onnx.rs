@@ -1,8 +1,8 @@
-//! A model -> an ONNX file: raw features in, the output in (0, 1) out, scaling and clipping inside the graph.
+//! A model -> an ONNX file: raw features in, the output in (0, 1) out, scaling, clipping and normal scores inside the graph.
 //!
 //! Format: protocol buffers as `onnx.proto` (IR version 8, operator set 13) lays them out; the few messages that a network of this
 //! kind needs are written here by hand, field numbers beside them, so that no code generator has to run. Input `features`: float
-//! [rows, inputs], as the columns hold them; output `untraversable`: float [rows, 1], and where the model has a calibration `probability`:
+//! [rows, features], as the columns hold them; output `untraversable`: float [rows, 1], and where the model has a calibration `probability`:
 //! float [rows, 1]. In between everything is double, so that the
 //! output is marsyard's own to the rounding of a float: a feature with a large mean and a small spread would lose it in float.
 //! The model's metadata stand in `metadata_props` under `marsyard`.
@@ -148,7 +148,7 @@ impl Graph {
         for (feature, NormalScores { at, score }) in scores.iter().enumerate() {
             let named = |what: &str| format!("{what}.{feature}");
             let slope = |k: usize| (score[k + 1] - score[k]) / (at[k + 1] - at[k]);
-            // A feature that never varied has one knot, and a part without a way.
+            // A feature that never varied has one knot, which bounds a part of no width.
             let parts = (at.len() - 1).max(1);
             let slopes: Vec<f64> = if at.len() > 1 { (0..parts).map(slope).collect() } else { vec![0.0] };
             self.tensor(&named("from"), &[parts], &at[..parts]);

@@ -29,7 +29,8 @@ impl Scaler {
         self.mean.len() + self.scores.len()
     }
 
-    /// Scales rows of features that lie one after another; `out` begins with as many numbers a row as [`inputs`](Scaler::inputs).
+    /// Scales rows of features that lie one after another; `out` has room for [`inputs`](Scaler::inputs) numbers a row, and what is behind the last row is left
+    /// alone.
     pub(crate) fn scale(&self, rows: &[f32], out: &mut [f64]) {
         Isa::detect().run(Scale { scaler: self, rows, out });
     }

@@ -115,6 +115,16 @@ fn exact_operating_points_keep_their_promise_on_the_validation_split() {
     }
 }
 
+/// The score of a value: between two knots in proportion, beyond them the outermost.
+fn between(at: &[f64], score: &[f64], x: f64) -> f64 {
+    let above = at.iter().position(|knot| x < *knot).unwrap_or(at.len());
+    match (above.checked_sub(1), score.get(above)) {
+        (None, _) => score[0],
+        (Some(below), None) => score[below],
+        (Some(below), Some(next)) => score[below] + (next - score[below]) * (x - at[below]) / (at[above] - at[below]),
+    }
+}
+
 #[test]
 fn law_export_prints_weights_that_give_the_outputs_beside_them() {
     let yard = trained();
@@ -122,7 +132,8 @@ fn law_export_prints_weights_that_give_the_outputs_beside_them() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let exported: Json = serde_json::from_slice(&output.stdout).expect("JSON");
     let model = Model::read(&yard.path("run/model.safetensors")).expect("a model");
-    assert_eq!(exported["about"]["features"].as_array().map(Vec::len), Some(model.about.inputs));
+    assert_eq!(exported["about"]["features"].as_array().map(Vec::len), Some(model.about.features.len()));
+    assert_eq!(model.about.inputs, 2 * model.about.features.len());
     let numbers = |value: &Json| -> Vec<f64> {
         value.as_array().expect("numbers").iter().map(|x| x.as_f64().expect("a number")).collect()
     };
@@ -134,8 +145,13 @@ fn law_export_prints_weights_that_give_the_outputs_beside_them() {
             (numbers(&scaler["mean"]), numbers(&scaler["scale"]), scaler["clip"].as_f64().expect("a clip"));
         let row = numbers(row);
         let minus = |k: usize| scaler["minus"][k].as_u64().map_or(0.0, |other| row[other as usize]);
-        let inputs: Vec<f64> =
-            (0..row.len()).map(|k| ((row[k] - minus(k) - mean[k]) / scale[k]).clamp(-clip, clip)).collect();
+        let values: Vec<f64> = (0..row.len()).map(|k| row[k] - minus(k)).collect();
+        let scaled = (0..row.len()).map(|k| ((values[k] - mean[k]) / scale[k]).clamp(-clip, clip));
+        let scores = (0..row.len()).map(|k| {
+            let of = &scaler["scores"][k];
+            between(&numbers(&of["at"]), &numbers(&of["score"]), values[k])
+        });
+        let inputs: Vec<f64> = scaled.chain(scores).collect();
         let of_member = |layers: &Json| {
             let mut values = inputs.clone();
             for layer in layers.as_array().expect("layers") {

@@ -81,7 +81,9 @@ fn extreme_no_values_one_value_and_values_that_are_not_finite() {
         assert_eq!([-1e300, 0.0, 7.0, f64::INFINITY].map(|x| scores.score(x)), [0.0; 4]);
         assert!(scores.score(f64::NAN).is_nan());
     }
-    let scores = NormalScores::of_sample(exponential(1000), 2.0);
+    let with_others = [exponential(1000), vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]].concat();
+    let scores = NormalScores::of_sample(with_others, 2.0);
+    assert_eq!(scores, NormalScores::of_sample(exponential(1000), 2.0));
     assert!(scores.score(f64::NAN).is_nan());
     assert_eq!([f64::NEG_INFINITY, f64::INFINITY].map(|x| scores.score(x).abs()), [2.0; 2]);
     // One value in a thousand differs: it lies between the quantiles, and all the same no score is beyond the clip.
@@ -105,6 +107,7 @@ fn extreme_files_of_other_scores_are_refused() {
         (&[0.0, 1.0], &[0.0, 9.0]),
         (&[0.0, 1e101], &[0.0, 1.0]),
         (&[f64::NAN, 1.0], &[0.0, 1.0]),
+        (&[0.0, 5e-324], &[0.0, 1.0]),
         (&[0.0, 1.0], &[0.0, f64::NAN]),
         (&[0.0; 1025], &[0.0; 1025]),
     ] {

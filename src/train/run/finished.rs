@@ -105,7 +105,7 @@ impl Finished {
     /// What a record says; `None` for one of an earlier marsyard, which says nothing of its training.
     fn of(record: State) -> Option<Finished> {
         let State { header, looks, mut snapshots, .. } = record;
-        let summary = serde_json::from_value(header["summary"].clone()).ok()?;
+        let summary = Summary::of(header["summary"].clone())?;
         Some(Finished { summary, looks: Looks::new(looks), best: snapshots.remove("best")? })
     }
 

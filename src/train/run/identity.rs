@@ -8,6 +8,7 @@ use crate::train::TrainError;
 
 /// What runs of an earlier marsyard did not note.
 const SHARDS: &str = "shards_sha256";
+const SCORES: &str = "normal_scores";
 
 /// What must be the same for a run to go on.
 pub(super) fn of(setup: &Setup) -> Json {
@@ -37,9 +38,13 @@ pub(super) fn of(setup: &Setup) -> Json {
     json!({"config": setup.params, "corpora": corpora, "init": init})
 }
 
-/// A run's name for itself: the SHA-256 of what it was begun with.
+/// A run's name for itself: the SHA-256 of what it was begun with, without what earlier runs of the same bits did not note.
 pub(super) fn run_id(identity: &Json) -> String {
     let mut sorted = identity.clone();
+    let network = sorted.pointer_mut("/config/network").and_then(Json::as_object_mut);
+    if let Some(network) = network.filter(|network| network.get(SCORES) == Some(&Json::Bool(false))) {
+        network.remove(SCORES);
+    }
     sorted.sort_all_objects();
     sha256(sorted.to_string().as_bytes())
 }
@@ -48,7 +53,7 @@ pub(super) fn run_id(identity: &Json) -> String {
 pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), TrainError> {
     let differs = |what: &str| TrainError::OtherRun { path: setup.out.display().to_string(), what: what.into() };
     let corpora = as_known(&here["corpora"], &there["corpora"]);
-    let config = with_rows(&there["config"]);
+    let config = as_noted_now(&there["config"]);
     for (there, here, what) in [
         (&config, &here["config"], "the config is another one (its own is in train.yaml)"),
         (&there["corpora"], &corpora, "the corpora, or their weights, are others"),
@@ -61,9 +66,12 @@ pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), Trai
     Ok(())
 }
 
-/// The config; where it is of an earlier marsyard, which learnt every row and did not note it, with that.
-fn with_rows(there: &Json) -> Json {
+/// The config; where it is of an earlier marsyard, with what that did and did not note: it learnt every row, and took no normal scores.
+pub(super) fn as_noted_now(there: &Json) -> Json {
     let mut config = there.clone();
+    if let Some(network) = config.pointer_mut("/network").and_then(Json::as_object_mut) {
+        network.entry(SCORES).or_insert(Json::Bool(false));
+    }
     if let Some(ekf) = config.pointer_mut("/filter/ekf").and_then(Json::as_object_mut) {
         ekf.entry("rows").or_insert_with(|| json!("every"));
     }
@@ -79,4 +87,30 @@ fn as_known(here: &Json, there: &Json) -> Json {
         }
     }
     corpora
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn identity(network: &Json) -> Json {
+        json!({"config": {"network": network, "filter": {"ekf": {"rows": "every"}}}, "corpora": [], "init": null})
+    }
+
+    #[test]
+    fn equal_runs_that_take_no_normal_scores_and_those_that_did_not_know_of_any() {
+        let earlier = identity(&json!({"hidden": [4]}));
+        let none = identity(&json!({"hidden": [4], "normal_scores": false}));
+        let scores = identity(&json!({"hidden": [4], "normal_scores": true}));
+        assert_eq!(run_id(&earlier), run_id(&none));
+        assert_ne!(run_id(&earlier), run_id(&scores));
+        assert_eq!(as_noted_now(&earlier["config"]), none["config"]);
+        assert_eq!(as_noted_now(&scores["config"]), scores["config"]);
+    }
+
+    #[test]
+    fn exact_an_earlier_config_learnt_every_row() {
+        let config = as_noted_now(&json!({"network": {}, "filter": {"ekf": {"batch": 1}}}));
+        assert_eq!(config["filter"]["ekf"], json!({"batch": 1, "rows": "every"}));
+    }
 }

@@ -151,8 +151,11 @@ fn start_from(init: &Init, sources: &Sources, learner: &mut Learner) -> Result<b
         let shape =
             |layout: &Layout| format!("{:?} with bias {}, members {}", layout.sizes(), layout.bias, layout.members);
         let (there, here) = (shape(&init.model.network.layout), shape(&network.layout));
+        let Layout { hidden, bias, members, .. } = &init.model.network.layout;
+        let scores = !init.model.about.scaler.scores.is_empty();
         return refuse(format!(
-            "its layers are {there}, the config's {here}; choose the same with --set network.hidden=... and network.members=..."
+            "its layers are {there}, the config's {here}; choose the same with --set network.hidden={hidden:?} --set network.bias={bias} \
+             --set network.members={members} --set network.normal_scores={scores}"
         ));
     }
     network.weights.clone_from(&init.model.network.weights);

@@ -60,8 +60,14 @@ impl Summary {
             Some(there) if there > u64::from(FORMAT) => {
                 Err(TrainError::Newer { path: run.path().join(folder::SUMMARY).display().to_string(), there })
             }
-            _ => Ok(serde_json::from_value(json).ok()),
+            _ => Ok(Summary::of(json)),
         }
+    }
+
+    /// What a file or a record says; `None` where that is not whole.
+    pub(super) fn of(mut json: Json) -> Option<Summary> {
+        json["config"] = identity::as_noted_now(json.get("config")?);
+        serde_json::from_value(json).ok()
     }
 
     /// What the training was begun with.

@@ -96,7 +96,7 @@ fn extreme_too_few_rows_and_empty_splits_are_refused_with_the_cure() {
     let dir = tempfile::tempdir().unwrap();
     let few = corpus(&dir, "few", &(0..7).map(|shard| circle(shard, 10)).collect::<Vec<_>>());
     let told = fault(&few, &with(&["features=all"]));
-    assert!(told.contains("50 rows to learn for 4481 weights") && told.contains("allow_few_rows"), "{told}");
+    assert!(told.contains("50 rows to learn for 4673 weights") && told.contains("allow_few_rows"), "{told}");
     let bare =
         |shard| circle(shard, 100).into_iter().map(|(_, row)| (Some(Label::Traversable), row)).collect::<Vec<_>>();
     let told = fault(&corpus(&dir, "bare", &(0..7).map(bare).collect::<Vec<_>>()), &params());

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::fixture::{circle, corpus, looks, params, run, setup};
+use super::fixture::{circle, corpus, looks, params, run, setup, with};
 use crate::cells::Label;
 use crate::corpus::Split;
 use crate::train::memory::{Course, Event, Held, Trained, train};
@@ -39,17 +39,21 @@ fn equal_bits_from_memory_and_from_a_corpus_of_one_row_group() {
     let dir = tempfile::tempdir().unwrap();
     let mut shards = vec![Vec::new(); 7];
     (shards[0], shards[3]) = (circle(0, 900), circle(3, 400));
-    let setup = setup(&[corpus(&dir, "a", &shards)], &params(), dir.path().join("run")).unwrap();
-    assert_eq!(setup.sources.groups(Split::Train).len(), 1);
-    let summary = run(&setup).unwrap();
-    let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
-    let held = held(&setup.params);
-    let trained = whole(&setup.params, &held, held.course(&setup.params));
-    assert_eq!(held.objective.scaler, model.about.scaler);
-    assert_eq!(trained.network, model.network);
-    assert_eq!(trained.looks, looks(&setup));
-    assert_eq!((trained.best, trained.stopped), (summary.best, summary.stopped));
-    assert_eq!((trained.rows_learnt, trained.counters), (summary.rows_learnt, summary.counters));
+    let place = corpus(&dir, "a", &shards);
+    for (name, params) in [("run", params()), ("batches", with(&["filter={kronecker: {}}"]))] {
+        let setup = setup(std::slice::from_ref(&place), &params, dir.path().join(name)).unwrap();
+        assert_eq!(setup.sources.groups(Split::Train).len(), 1);
+        let summary = run(&setup).unwrap();
+        let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
+        let held = held(&setup.params);
+        let trained = whole(&setup.params, &held, held.course(&setup.params));
+        assert_eq!(held.objective.scaler, model.about.scaler);
+        assert_eq!(model.about.scaler.scores.len(), if name == "batches" { 3 } else { 0 });
+        assert_eq!(trained.network, model.network);
+        assert_eq!(trained.looks, looks(&setup));
+        assert_eq!((trained.best, trained.stopped), (summary.best, summary.stopped));
+        assert_eq!((trained.rows_learnt, trained.counters), (summary.rows_learnt, summary.counters));
+    }
 }
 
 #[test]

@@ -141,6 +141,25 @@ fn equal_a_training_that_starts_from_a_model_begins_with_its_error() {
 }
 
 #[test]
+fn extreme_a_start_from_a_network_of_other_inputs_is_refused_with_the_settings_that_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = circles(&dir, "a", 300);
+    let batches = |more: &[&str]| with(&[&["filter={kronecker: {}}"], more].concat());
+    let first = setup(std::slice::from_ref(&place), &batches(&[]), dir.path().join("first")).unwrap();
+    run(&first).unwrap();
+    let model = Model::read(&first.out.join(folder::MODEL)).unwrap();
+    assert_eq!((model.about.inputs, model.about.scaler.scores.len()), (6, 3));
+    let init = || Some(crate::train::run::Init { path: "first".into(), model: model.clone(), filter: None });
+    let from = |params: &TrainParams, name: &str| {
+        let setup = setup(std::slice::from_ref(&place), params, dir.path().join(name)).unwrap();
+        run(&Setup { init: init(), ..setup })
+    };
+    let told = from(&batches(&["network.normal_scores=false"]), "other").unwrap_err().to_string();
+    assert!(told.contains("--set network.members=2 --set network.normal_scores=true"), "{told}");
+    from(&batches(&[]), "on").unwrap();
+}
+
+#[test]
 fn equal_weights_of_one_corpus_alone_change_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
