@@ -98,7 +98,7 @@ def tried_forms(trials, names):
     rows = []
     for classifier in dict.fromkeys(run["classifier"] for run in sorted(trials, key=lambda run: run["classifier"])):
         of = {run["form"]: run["validation_balanced_accuracy"] for run in trials if run["classifier"] == classifier}
-        rows.append([classifier, *(study.percent(of[name]) for name in names)])
+        rows.append([classifier, *(study.percent(of.get(name)) for name in names)])
     return study.markdown(["balanced accuracy % on validation rows", *names], rows)
 
 

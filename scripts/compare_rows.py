@@ -1,7 +1,7 @@
 """The rows of compare_classifiers.py: which columns, in which forms, of which scenes. Every classifier is given the same arrays.
 
 A form is a choice of how columns are written before they are standardised by the training rows and cut at 8 standard deviations, as the
-network's own scaling does. Differences are taken here for all, so that nobody has a form that another is not given.
+network's own scaling does; or of whether their normal scores stand beside them, as the default network takes them by itself. Differences are taken here for all, so that nobody has a form that another is not given.
 """
 
 import json
@@ -9,6 +9,7 @@ import pathlib
 
 import numpy as np
 import pyarrow.parquet as pq
+from scipy.stats import norm
 
 from train_rows import NEIGHBOURS, Cells
 
@@ -21,12 +22,15 @@ FORMS = {
     "above the cell, log count": ("neighbours", "count"),
     "above the cell, standard deviation": ("neighbours", "spread"),
     "above the cell, both": ("neighbours", "count", "spread"),
+    "above the cell, normal scores": ("neighbours", "scores"),
 }
+#: Parts of equal shares that the knots of normal scores bound, as the trainer's.
+PARTS = 64
 
 
 def forms(names):
     """The forms that differ for these columns: one without neighbours has none above the cell."""
-    has = {"neighbours": MEAN in names and NEIGHBOURS[0] in names, "count": COUNT in names, "spread": VARIANCE in names}
+    has = {"neighbours": MEAN in names and NEIGHBOURS[0] in names, "count": COUNT in names, "spread": VARIANCE in names, "scores": True}
     found = {}
     for name, parts in FORMS.items():
         kept = tuple(part for part in parts if has[part])
@@ -49,13 +53,29 @@ def written(values, names, parts):
     return values
 
 
+def normal_scores(learn):
+    """By rows to learn: what gives the normal score of each column, in place of its values, of mean 0 and variance 1; src/train/normal_scores.rs."""
+    shares, knots = np.linspace(0, 1, PARTS + 1), []
+    for column in learn.T:
+        quantiles = np.quantile(column, shares)
+        at = np.unique(quantiles)
+        middles = 0.5 * (shares[np.searchsorted(quantiles, at, "left")] + shares[np.searchsorted(quantiles, at, "right") - 1])
+        knots.append((at, norm.ppf(np.clip(middles, 0.5 / PARTS, 1 - 0.5 / PARTS))))
+    scores = lambda values: np.stack([np.interp(column, *of) for column, of in zip(values.T, knots)], axis=1)
+    found = scores(learn)
+    mean, scale = found.mean(axis=0), found.std(axis=0)
+    return lambda values: np.clip((scores(values) - mean) / np.where(scale > 0, scale, 1), -CLIP, CLIP)
+
+
 class Rows:
     """Arrays of one task: standardised inputs and labels to learn, to choose by and to judge."""
 
     def __init__(self, learn, choose, judge, names, parts):
         inputs = written(learn[0], names, parts)
         mean, scale = inputs.mean(axis=0, dtype=float), inputs.std(axis=0, dtype=float)
-        scaled = lambda values: np.clip((values - mean) / np.where(scale > 0, scale, 1), -CLIP, CLIP).astype(np.float32)
+        standardised = lambda values: np.clip((values - mean) / np.where(scale > 0, scale, 1), -CLIP, CLIP)
+        scores = normal_scores(inputs) if "scores" in parts else lambda values: values[:, :0]
+        scaled = lambda values: np.concatenate([standardised(values), scores(values)], axis=1).astype(np.float32)
         self.x, self.y = scaled(inputs), learn[1]
         self.choose_x, self.choose_y = scaled(written(choose[0], names, parts)), choose[1]
         self.judge_x = scaled(written(judge[0], names, parts))

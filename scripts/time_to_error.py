@@ -6,14 +6,15 @@
     python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30] [--seeds 1,2] [--quick]
 
 Everybody gets the same rows of whole training scenes and the same columns (those that `train` takes by default; of paper.yaml the listed ones,
-neighbours as heights above the cell), standardised by these rows and clipped at 8, both classes weighing alike, one thread, and the CPU
+neighbours as heights above the cell), standardised by these rows and clipped at 8, the other networks with their normal scores beside them where their search has it so
+(marsyard's default forms its own), both classes weighing alike, one thread, and the CPU
 seconds of the budget to learn in: user and system time of the learning alone; looks, reading and standardising are not counted. At each
 budget an engine is judged by the look so far that is best on the validation scenes, and what is told is the error of *that* state on the
 test scenes (of mixed.yaml: its held-out families): the weighted mean of (target - output)^2 with targets 0.1 and 0.9, which is what marsyard's
 trainer lowers. Networks have two hidden layers of 16, but for the one that says otherwise; what learns by log loss has its probability p judged as
 0.1 + 0.8 p.
 
-- marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (11,522 weights with 23 columns) and with two of 16-16; and the
+- marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores) and with two of 16-16; and the
   Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
   at by the validation and by the test rows, which changes nothing that is learnt; the time is the first's.
 - sklearn: MLPClassifier, Adam, batches of 200 and 1000.
@@ -21,12 +22,13 @@ trainer lowers. Networks have two hidden layers of 16, but for the one that says
 - torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) on 100,000 rows.
 - LightGBM: 31 leaves, as many trees as the budget holds, of three rates the best for each budget.
 
-Rate, batch and activation of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
+Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
 for longer budgets. The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
 engine and seed, so that an interrupted run goes on.
 """
 
 import argparse
+import copy
 import json
 import os
 import pathlib
@@ -42,6 +44,7 @@ from sklearn.neural_network import MLPClassifier
 
 import study
 from ablation import BEAMS, CURVATURE, OWN, PLANE, SQUARES
+from compare_rows import normal_scores
 from train_rows import LISTED, NEIGHBOURS, Cells, train
 
 torch.set_num_threads(1)
@@ -81,6 +84,13 @@ class Task:
         self.looked = {"validation": (scaled(validation[0]), validation[1]), "test": (scaled(test[0]), test[1])}
         self.class_weights = len(self.labels) / (2 * np.bincount(self.labels, minlength=2))
         self.weights = self.class_weights[self.labels]
+
+    def beside_scores(self):
+        """The same with the normal scores of the columns beside them."""
+        task, scores = copy.copy(self), normal_scores(self.x)
+        wide = lambda x: np.concatenate([x, scores(x)], axis=1, dtype=np.float32)
+        task.x, task.looked = wide(self.x), {split: (wide(x), labels) for split, (x, labels) in self.looked.items()}
+        return task
 
     def error(self, split, outputs):
         labels = self.looked[split][1]
@@ -302,6 +312,8 @@ ENGINES = {
     "torch, L-BFGS": (lbfgs, [(rows, activation) for rows in (20_000, 100_000) for activation in (RELU, TANH)]),
     "LightGBM, best of three rates": (trees, [None]),
 }
+#: Inputs of the networks that are searched.
+INPUTS = ("standardised", "with normal scores")
 KNOWS_ITS_BUDGET = "torch, Adam, one cycle"
 
 
@@ -311,14 +323,21 @@ def best(looks, budget_s):
     return min(within, key=lambda look: look[1]) if within else None
 
 
-def measured(task, name, engine, seed, budgets, kept):
-    """By budget: CPU seconds, error on validation and on test; `kept` holds what was found before."""
-    learn, settings = ENGINES[engine]
+def choices(engine):
+    """What the search tries: inputs and settings."""
+    settings = ENGINES[engine][1]
+    return [(form, setting) for form in (INPUTS if len(settings) > 1 else INPUTS[:1]) for setting in settings]
+
+
+def measured(tasks, name, engine, seed, budgets, kept):
+    """By budget: CPU seconds, error on validation and on test; `tasks` by inputs, `kept` holds what was found before."""
+    learn, tried = ENGINES[engine][0], choices(engine)
     chosen = kept.setdefault("settings", {}).get(f"{name}/{engine}")
     if chosen is None:
-        tried = [min((look[1] for look in learn(task, SEARCH_S, 1, setting)), default=np.inf) if len(settings) > 1 else 0.0 for setting in settings]
-        chosen = kept["settings"][f"{name}/{engine}"] = int(np.argmin(tried))
-    setting = settings[chosen]
+        errors = [min((look[1] for look in learn(tasks[form], SEARCH_S, 1, setting)), default=np.inf) if len(tried) > 1 else 0.0 for form, setting in tried]
+        chosen = kept["settings"][f"{name}/{engine}"] = int(np.argmin(errors))
+    form, setting = tried[chosen]
+    task = tasks[form]
     if engine == KNOWS_ITS_BUDGET:
         return {str(budget): best(learn(task, budget, seed, setting), budget) for budget in budgets}
     looks = learn(task, max(budgets), seed, setting)
@@ -346,7 +365,7 @@ def markdown(about, kept, corpora, budgets, seeds):
             rows.append([engine, *(told(runs, budget) for budget in budgets)])
         text += study.markdown(["learnt by", *(f"{budget} CPU s" for budget in budgets)], rows) + "\n\n"
         settings = {engine: kept["settings"].get(f"{name}/{engine}") for engine, (_, all_of) in ENGINES.items() if len(all_of) > 1}
-        text += "Settings found: " + "; ".join(f"{engine}: {readable(ENGINES[engine][1][k])}" for engine, k in settings.items() if k is not None) + ".\n"
+        text += "Settings found: " + "; ".join(f"{engine}: {', '.join([readable(choices(engine)[k][1]), choices(engine)[k][0]])}" for engine, k in settings.items() if k is not None) + ".\n"
     return text
 
 
@@ -404,6 +423,7 @@ def main():
             runner.run("generate", config, "--out", place, "--threads", options.threads, *(word for key in sizes for word in ("--set", key)))
         manifest = json.loads((place / "manifest.json").read_text())
         task = Task(place, name)
+        tasks = dict(zip(INPUTS, (task, task.beside_scores())))
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
         for seed in seeds:
             for engine in ENGINES:
@@ -411,7 +431,7 @@ def main():
                 if key in kept["runs"] and all(str(budget) in kept["runs"][key] for budget in budgets):
                     continue
                 study.note(key)
-                kept["runs"][key] = measured(task, name, engine, seed, budgets, kept)
+                kept["runs"][key] = measured(tasks, name, engine, seed, budgets, kept)
                 store.write_text(json.dumps(kept))
                 print(key, {budget: run and round(1000 * run[2], 2) for budget, run in kept["runs"][key].items()}, flush=True)
     text = markdown(about, kept, corpora, budgets, seeds)
