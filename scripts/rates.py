@@ -23,8 +23,7 @@ WAYS = {
     "standardised columns alone": ["network.normal_scores=false"],
     "one member": ["network.members=1"],
     "three members": ["network.members=3"],
-    "rate 0.01": ["filter.kronecker.rate=0.01"],
-    "rate 0.02": ["filter.kronecker.rate=0.02"],
+    "at the rate 0.02": ["filter.kronecker.rate=0.02"],
 }
 
 
