@@ -124,7 +124,8 @@ fn equal_bits_after_kills_and_resumes_at_ten_random_moments() {
 #[test]
 fn law_an_interrupted_training_exits_75_and_says_how_to_go_on() {
     let yard = with_corpus();
-    let arguments = ["train", "corpus", "--out", "run", "--set", "epochs=100000", "--set", "patience=100000"];
+    let sets = ["network.hidden=[8]", "epochs=100000", "patience=100000"].map(|set| ["--set", set]);
+    let arguments = [&["train", "corpus", "--out", "run"][..], sets.as_flattened()].concat();
     let child = yard
         .command(arguments)
         .stderr(std::process::Stdio::piped())
