@@ -18,12 +18,12 @@ import study
 
 #: Scenes of mars.yaml have thirty thousand cells, those of the others some thousand.
 STUDIES = {
-    "quickstart": ["--seeds", 3, "--scenes", 96, "--test-scenes", 40],
-    "paper": ["--seeds", 3, "--scenes", 160, "--test-scenes", 60],
-    "mixed": ["--seeds", 3, "--scenes", 144, "--test-scenes", 20],
-    "mars": ["--seeds", 2, "--scenes", 24, "--test-scenes", 24],
+    "quickstart": ["--scenes", 96, "--test-scenes", 40],
+    "paper": ["--scenes", 160, "--test-scenes", 60],
+    "mixed": ["--scenes", 144, "--test-scenes", 20],
+    "mars": ["--scenes", 24, "--test-scenes", 24],
 }
-COMMON = ["--only", "presets,contact,slam,resolution"]
+COMMON = ["--only", "presets,contact,slam,resolution", "--seeds", 3]
 
 
 def page(name, folder, minutes):
@@ -48,7 +48,7 @@ def main():
         study.note(f"tradeoff of {name}.yaml")
         begun, folder = time.monotonic(), options.work / name
         shutil.rmtree(folder, ignore_errors=True)
-        sizes = ["--seeds", 3, "--scenes", 16, "--test-scenes", 6] if options.quick else STUDIES[name]
+        sizes = ["--scenes", 16, "--test-scenes", 6] if options.quick else STUDIES[name]
         marsyard.run("tradeoff", study.ROOT / "configs" / f"{name}.yaml", *COMMON, *sizes, "--threads", options.threads, "--out", folder)
         # The command that is printed is one that a user gives, from the root of the tree.
         pages[name] = page(name, folder, (time.monotonic() - begun) / 60)
