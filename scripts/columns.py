@@ -29,13 +29,17 @@ AROUND = {
     "surroundings": "{radii_m: [0.2, 0.4]}",
     "beams": "null",
 }
-BEAMS = AROUND | {"beams": "{radii_m: [0.1, 0.2, 0.4]}"}
-#: Of the cells, and of the training.
+CELLS = {
+    "listed": dict.fromkeys(AROUND, "null"),
+    "around": AROUND,
+    "beams": AROUND | {"beams": "{radii_m: [0.1, 0.2, 0.4]}"},
+}
+#: What is built, and how the training is set.
 WAYS = {
-    "paper's columns": (dict.fromkeys(AROUND, "null"), []),
-    "with the ground around": (AROUND, []),
-    "and the beams": (BEAMS, []),
-    "standardised alone": (BEAMS, ["network.normal_scores=false"]),
+    "paper's columns": ("listed", []),
+    "with the ground around": ("around", []),
+    "and the beams": ("beams", []),
+    "standardised alone": ("beams", ["network.normal_scores=false"]),
 }
 SCENES = {"quickstart": 200, "paper": 200, "mars": 140}
 PER_SHARD = {"quickstart": 10, "paper": 10, "mars": 5}
@@ -69,8 +73,8 @@ def main():
     marsyard, rows, facts = study.Marsyard(options.marsyard, options.work, options.threads), [], {}
     for config, scenes in SCENES.items():
         scenes, judged, drawn = scenes // 4 if options.quick else scenes, {}, None
-        for k, (way, (values, train_sets)) in enumerate(WAYS.items()):
-            name, sets = f"{config}-{list(WAYS.values()).index((values, []))}", [f"cells.{key}={value}" for key, value in values.items()]
+        for k, (way, (cells, train_sets)) in enumerate(WAYS.items()):
+            name, sets = f"{config}-{cells}", [f"cells.{key}={value}" for key, value in CELLS[cells].items()]
             make = lambda: marsyard.corpus(name, study.ROOT / "configs" / f"{config}.yaml", sets, scenes, PER_SHARD[config])
             place, generate_s = timed(marsyard.work, f"generate-{name}", make)
             of, train_s = [], []

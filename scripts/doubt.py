@@ -33,6 +33,7 @@ from sklearn.metrics import roc_auc_score
 import held_out
 import network_json
 import study
+from transfer import outputs
 
 BINS = 15
 COVERAGES = [1.0, 0.98, 0.95, 0.9, 0.8]
@@ -57,10 +58,7 @@ class Network:
 
     def judge(self, cells):
         """Output of each cell."""
-        return [network_json.outputs(self.exported, self.rows(cells))]
-
-    def rows(self, cells):
-        return np.stack([cells[name] for name in self.about["features"]], axis=1)
+        return [outputs(self.exported, cells)]
 
     def rare(self, cells):
         """Cells with an input beyond what all but 0.2 % of the training's rows have."""
@@ -90,7 +88,7 @@ class Filtered(Network):
 
     def judge(self, cells):
         """Output, and the variance of its logit, of each cell."""
-        x, found = network_json.inputs(self.about, self.rows(cells)), []
+        x, found = network_json.inputs(self.about, np.stack([cells[name] for name in self.about["features"]], axis=1)), []
         for start in range(0, len(x), 20_000):
             values = [x[start:start + 20_000]]
             for weights, biases in self.layers:

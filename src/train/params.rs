@@ -230,9 +230,9 @@ impl FilterParams {
 
     /// The network where a config names none: a Kalman filter's cost grows with the square of the weights, and its network is the paper's.
     pub(crate) fn usual_network(&self) -> NetworkParams {
-        let normal_scores = self.learns_by_batches();
-        let (hidden, members) = if normal_scores { (vec![64, 64], 2) } else { (vec![16, 16], 1) };
-        NetworkParams { hidden, bias: true, members, normal_scores }
+        let by_batches = self.learns_by_batches();
+        let (hidden, members) = if by_batches { (vec![64, 64], 2) } else { (vec![16, 16], 1) };
+        NetworkParams { hidden, bias: true, members, normal_scores: by_batches }
     }
 
     /// Looks without an improvement that end training where a config names no number.

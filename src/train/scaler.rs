@@ -36,6 +36,12 @@ impl Scaler {
     }
 }
 
+/// A feature of a row less the one that is subtracted from it.
+#[inline(always)]
+pub(super) fn less(feature: f32, minus: Option<usize>, row: &[f32]) -> f64 {
+    f64::from(feature) - minus.map_or(0.0, |other| f64::from(row[other]))
+}
+
 struct Scale<'a> {
     scaler: &'a Scaler,
     rows: &'a [f32],
@@ -52,7 +58,7 @@ impl Kernel<f64> for Scale<'_> {
         for (row, out) in self.rows.chunks_exact(features).zip(self.out.chunks_exact_mut(inputs)) {
             let (scaled, of_scores) = out.split_at_mut(features);
             for ((x, &feature), minus) in scaled.iter_mut().zip(row).zip(minus) {
-                *x = f64::from(feature) - minus.map_or(0.0, |other| f64::from(row[other]));
+                *x = less(feature, *minus, row);
             }
             for ((score, of_feature), x) in of_scores.iter_mut().zip(scores).zip(&*scaled) {
                 *score = of_feature.score(*x);

@@ -8,6 +8,7 @@ use super::normal_scores::MOST_VALUES;
 use super::params::{Balance, Neighbours};
 use super::quantiles::sample;
 use super::rows::Rows;
+use super::scaler::less;
 use super::source::{Source, Sources};
 use super::{NormalScores, Scaler, TrainError, TrainParams};
 use crate::cells::{Label, MEAN_HEIGHT, is_neighbour};
@@ -48,7 +49,7 @@ pub(crate) fn moments_of(rows: &Rows, minus: &[Option<usize>]) -> Vec<Moments> {
     for row in 0..rows.len() {
         let row = rows.row(row);
         for ((moments, value), minus) in moments.iter_mut().zip(row).zip(minus) {
-            moments.add(f64::from(*value) - minus.map_or(0.0, |other| f64::from(row[other])));
+            moments.add(less(*value, *minus, row));
         }
     }
     moments
@@ -61,9 +62,7 @@ pub(crate) fn scores_of(rows: &Rows, minus: &[Option<usize>], params: &TrainPara
         return Vec::new();
     }
     let every = rows.len().div_ceil(MOST_VALUES).max(1);
-    let value = |row: &[f32], feature: usize| {
-        f64::from(row[feature]) - minus[feature].map_or(0.0, |other| f64::from(row[other]))
-    };
+    let value = |row: &[f32], feature: usize| less(row[feature], minus[feature], row);
     let values = |feature| (0..rows.len()).step_by(every).map(move |row| value(rows.row(row), feature)).collect();
     (0..rows.width).map(|feature| NormalScores::of_sample(values(feature), params.clip)).collect()
 }
