@@ -68,8 +68,22 @@ class Cells:
         return np.concatenate(drawn)
 
 
-def train(train, validation, judged, settings, trainer=TRAINER, names=None, flags=()):
+def train(train, validation, judged, settings, trainer=TRAINER, names=None):
     """Trains on (values, labels) and stops by others; without the features' names no column is known for a neighbour's height. Returns the outputs for each array of values in `judged`, and what the trainer told."""
+    with tempfile.TemporaryDirectory() as folder:
+        told = run(folder, train, validation, judged, settings, trainer, names)
+        outputs = np.load(f"{folder}/outputs.npy")
+    return np.split(outputs[len(train[0]) + len(validation[0]) :], np.cumsum([len(j) for j in judged])[:-1]), told
+
+
+def looks(train, looked, settings, cpu_s):
+    """What the looks at all of `looked` find while so many CPU seconds are learnt on (values, labels)."""
+    with tempfile.TemporaryDirectory() as folder:
+        return run(folder, train, looked, [], settings, flags=["--look-at-all", "--only-looks-of-s", str(cpu_s)])["looks"]
+
+
+def run(folder, train, validation, judged, settings, trainer=TRAINER, names=None, flags=()):
+    """What the trainer tells; its outputs are outputs.npy in the folder, for all rows in their order."""
     if not pathlib.Path(trainer).is_file():
         raise SystemExit(f"{trainer} is missing: cargo build --release --example train_rows")
     values = np.concatenate([train[0], validation[0], *judged]).astype(np.float32, copy=False)
@@ -77,14 +91,12 @@ def train(train, validation, judged, settings, trainer=TRAINER, names=None, flag
     labels = np.concatenate([train[1], validation[1], np.zeros(len(values) - own, np.int8)])
     roles = np.repeat([0, 1, 2], [len(train[0]), len(validation[0]), len(values) - own]).astype(np.int8)
     columns = {"role": roles, "label": labels} | {name: np.ascontiguousarray(v) for name, v in zip(names or [f"x{i}" for i in range(values.shape[1])], values.T)}
-    with tempfile.TemporaryDirectory() as folder:
-        rows, outputs = f"{folder}/rows.parquet", f"{folder}/outputs.npy"
-        pq.write_table(pa.table(columns), rows, compression="none", use_dictionary=False)
-        if not any(key.startswith("filter") for key in settings):
-            settings = dict(key.split("=", 1) for key in study.KALMAN_FILTER) | settings
-        sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
-        done = subprocess.run([trainer, rows, outputs, *sets, *flags], capture_output=True, text=True)
-        if done.returncode:
-            raise SystemExit(f"{trainer} failed:\n{done.stderr}")
-        outputs = np.load(outputs)
-    return np.split(outputs[own:], np.cumsum([len(j) for j in judged])[:-1]), json.loads(done.stdout)
+    rows = f"{folder}/rows.parquet"
+    pq.write_table(pa.table(columns), rows, compression="none", use_dictionary=False)
+    if not any(key.startswith("filter") for key in settings):
+        settings = dict(key.split("=", 1) for key in study.KALMAN_FILTER) | settings
+    sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+    done = subprocess.run([trainer, rows, f"{folder}/outputs.npy", *sets, *flags], capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{trainer} failed:\n{done.stderr}")
+    return json.loads(done.stdout)

@@ -9,7 +9,7 @@
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use arrow_array::cast::AsArray;
 use arrow_array::types::{Float32Type, Int8Type, Int32Type, Int64Type};
@@ -42,6 +42,9 @@ struct Arguments {
     /// Look at all rows to validate by, not at as many as the trainer's pace allows.
     #[arg(long)]
     look_at_all: bool,
+    /// Learn for so many CPU seconds, looks not counted, and tell the looks until then; no outputs are written.
+    #[arg(long, value_name = "SECONDS")]
+    only_looks_of_s: Option<f64>,
 }
 
 /// A table as it was read.
@@ -64,7 +67,8 @@ fn main() -> Result<(), Fault> {
     let mut looks = Vec::new();
     let begun = thread_cpu_s();
     let (mut learning_s, mut since) = (0.0, begun);
-    let trained = memory::train(&params, &held, held.course(&params), &AtomicBool::new(false), &mut |event| {
+    let is_stopped = AtomicBool::new(false);
+    let trained = memory::train(&params, &held, held.course(&params), &is_stopped, &mut |event| {
         let now = thread_cpu_s();
         match event {
             Event::Rows(_) => learning_s += now - since,
@@ -74,11 +78,20 @@ fn main() -> Result<(), Fault> {
                 line["cpu_s"] = json!(now - begun);
                 line["cpu_learning_s"] = json!(learning_s);
                 looks.push(line);
+                let is_over = arguments.only_looks_of_s.is_some_and(|limit_s| learning_s > limit_s);
+                is_stopped.store(is_over, Ordering::Relaxed);
             }
         }
         since = thread_cpu_s();
-    })?
-    .ok_or("interrupted")?;
+    })?;
+    if let Some(limit_s) = arguments.only_looks_of_s {
+        if trained.is_some() {
+            return Err(format!("the training ended within {limit_s} s: give it more epochs and patience").into());
+        }
+        println!("{:#}", json!({ "looks": looks, "config": params }));
+        return Ok(());
+    }
+    let trained = trained.expect("only the limit above stops it");
     let all = table.all();
     let judging = thread_cpu_s();
     let outputs = held.outputs(&trained.network, &all);

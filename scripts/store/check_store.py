@@ -38,6 +38,8 @@ CONFIG = HERE.parent.parent / "tests" / "fixtures" / "training.yaml"
 BUCKET = "yards"
 KEY, SECRET, TOKEN = "AKIDEXAMPLE4711KEY", "hush/4711+thisMustNeverBeSeen", "hushTokenThatMustNeverBeSeen"
 AZURE_KEY = "aHVzaEF6dXJlS2V5VGhhdE11c3ROZXZlckJlU2Vlbg=="
+#: The corpus holds fewer rows than the default network has weights.
+SMALL = ("--set", "network.hidden=[16,16]", "--set", "epochs=2")
 NOT_COMPARED = {"report.json"}
 
 
@@ -160,7 +162,7 @@ def check_verbs(bench, bucket, local, url, endpoint):
     expect("the stored row is the same, bit for bit" in out, "explain does not compare with the stored row")
     bench.run("preview", url, "--scene", "3", "--out", "seen", env=endpoint)
 
-    quick = ["--set", "epochs=2", "--threads", "2"]
+    quick = [*SMALL, "--threads", "2"]
     bench.run("train", local, *quick, "--out", "run-local")
     bench.run("train", f"{url}:2", *quick, "--out", "run-weighted", env=endpoint)
     bench.run("train", url, *quick, "--out", "run-url", env=endpoint)
@@ -302,7 +304,7 @@ def check_damage(bench, bucket, name, url, endpoint, whole):
     bucket.put(f"{name}/{cells}", bytes(changed))
     out, _ = bench.run("verify", url, env=endpoint, code=1)
     expect("bytes have changed" in out, f"verify finds no damage: {out}")
-    bench.run("train", url, "--out", "run-damaged", "--set", "epochs=1", env=endpoint, code=1)
+    bench.run("train", url, "--out", "run-damaged", *SMALL, env=endpoint, code=1)
     bench.run("verify", url, "--repair", env=endpoint)
     same_files(bucket.files(name), whole, "after a repair")
     bucket.delete(f"{name}/receipts/0000001.json")
@@ -368,7 +370,7 @@ def check_faulty(bench, bucket, proxy, whole, number, model):
     proxy.faults = {kind: 0.04 for kind in kinds}
     bench.run("generate", CONFIG, "--out", url, env=env)
     bench.run("verify", url, env=env)
-    bench.run("train", url, "--set", "epochs=2", "--out", f"run-{name}", env=env)
+    bench.run("train", url, *SMALL, "--out", f"run-{name}", env=env)
     proxy.faults = {}
     same_files(bucket.files(name), whole, "built through faults")
     expect((bench.scratch / f"run-{name}/model.safetensors").read_bytes() == model, "trained through faults: another model")
