@@ -3,7 +3,7 @@
 A classifier is a function of `Rows`, a seed and whether the rows are many; it gives a `Fitted`. Those with rounds or passes stop by the
 weighted log loss of the validation rows, which all are given alike. SVM and threshold give scores that are no probabilities.
 
-- network (default): marsyard's trainer with all defaults.
+- network (default): marsyard's trainer with all defaults, which standardises by itself.
 - network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
@@ -19,12 +19,12 @@ from xgboost import XGBClassifier
 
 import compare_torch
 from compare_measures import area_under_roc
-from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, tree_parameters
+from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, taught, tree_parameters
 from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK
 
 
 def default_network(rows, seed, many):
-    return network(rows, seed, many, DEFAULT)
+    return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT}, rows.names)
 
 
 def adam(rows, seed, many):

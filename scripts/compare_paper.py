@@ -64,10 +64,16 @@ def tree_parameters(tree):
     return splits_and_leaves(tree.node_count, tree.n_leaves)
 
 
-def network(rows, seed, many, settings=()):
-    """marsyard's trainer, by the Kalman filter of configs/train/ekf.yaml or by other settings."""
-    own = {"seed": seed, "balance": "classes", **dict(settings)}
-    (choose, judge), told = train((rows.x, rows.y), (rows.choose_x, rows.choose_y), [rows.choose_x, rows.judge_x], own)
+def network(rows, seed, many):
+    """marsyard's trainer by the Kalman filter of configs/train/ekf.yaml."""
+    return taught([rows.x, rows.choose_x, rows.judge_x], rows, {"seed": seed})
+
+
+def taught(inputs, rows, settings, names=None):
+    """marsyard's trainer on rows to learn, to choose by and to judge."""
+    learn, choose, judge = inputs
+    settings = {"balance": "classes", **settings}
+    (choose, judge), told = train((learn, rows.y), (choose, rows.choose_y), [choose, judge], settings, names=names)
     probabilities = lambda outputs: np.clip((outputs - 0.1) / 0.8, 0, 1)
     judge_us = told["judge_us_a_row"] if len(judge) else None
     return Fitted(probabilities(choose), probabilities(judge), told["cpu_s"], judge_us, told["weights"], None, told["rows_learnt"])

@@ -24,8 +24,8 @@ FORMS = {
     "above the cell, both": ("neighbours", "count", "spread"),
     "above the cell, normal scores": ("neighbours", "scores"),
 }
-#: Parts of equal shares that the knots of normal scores bound, as the trainer's.
-PARTS = 64
+#: Parts of equal shares that the knots of normal scores bound, and the score of a neighbour without points, as the trainer's.
+PARTS, UNSEEN = 64, -3.5
 
 
 def forms(names):
@@ -53,28 +53,42 @@ def written(values, names, parts):
     return values
 
 
-def normal_scores(learn):
-    """By rows to learn: what gives the normal score of each column, in place of its values, of mean 0 and variance 1; src/train/normal_scores.rs."""
+def normal_scores(learn, above):
+    """By rows to learn: what gives the normal score of each column, in place of its values, of mean 0 and variance 1; src/train/normal_scores.rs.
+
+    `above`: the columns of neighbours' heights above the cell, where 0 is a neighbour without points."""
     shares, knots = np.linspace(0, 1, PARTS + 1), []
-    for column in learn.T:
-        quantiles = np.quantile(column, shares)
+    for number, column in enumerate(learn.T):
+        seen = column[column != 0] if number in above else column
+        quantiles = np.quantile(seen, shares)
         at = np.unique(quantiles)
         middles = 0.5 * (shares[np.searchsorted(quantiles, at, "left")] + shares[np.searchsorted(quantiles, at, "right") - 1])
-        knots.append((at, norm.ppf(np.clip(middles, 0.5 / PARTS, 1 - 0.5 / PARTS))))
-    scores = lambda values: np.stack([np.interp(column, *of) for column, of in zip(values.T, knots)], axis=1)
-    found = scores(learn)
-    mean, scale = found.mean(axis=0), found.std(axis=0)
-    return lambda values: np.clip((scores(values) - mean) / np.where(scale > 0, scale, 1), -CLIP, CLIP)
+        found = norm.ppf(np.clip(middles, 0.5 / PARTS, 1 - 0.5 / PARTS))
+        of_seen = np.interp(seen, at, found)
+        knots.append((at, (found - of_seen.mean()) / (of_seen.std() or 1)))
+
+    def scores(values):
+        found = np.stack([np.interp(column, *of) for column, of in zip(values.T, knots)], axis=1).clip(-CLIP, CLIP)
+        for number in above:
+            found[values[:, number] == 0, number] = UNSEEN
+        return found
+
+    return scores
 
 
 class Rows:
-    """Arrays of one task: standardised inputs and labels to learn, to choose by and to judge."""
+    """Arrays of one task: standardised inputs and labels to learn, to choose by and to judge; and the same in `stored` before neighbours are
+    related to the cell and anything is standardised, for marsyard's trainer, which does both."""
 
     def __init__(self, learn, choose, judge, names, parts):
+        unrelated = [part for part in parts if part != "neighbours"]
+        self.stored = [written(values, names, unrelated).astype(np.float32) for values, _ in (learn, choose, judge)]
+        self.neighbours = "above_cell" if "neighbours" in parts else "above_rover"
         inputs = written(learn[0], names, parts)
         mean, scale = inputs.mean(axis=0, dtype=float), inputs.std(axis=0, dtype=float)
         standardised = lambda values: np.clip((values - mean) / np.where(scale > 0, scale, 1), -CLIP, CLIP)
-        scores = normal_scores(inputs) if "scores" in parts else lambda values: values[:, :0]
+        above = [names.index(name) for name in NEIGHBOURS] if "neighbours" in parts else []
+        scores = normal_scores(inputs, above) if "scores" in parts else lambda values: values[:, :0]
         scaled = lambda values: np.concatenate([standardised(values), scores(values)], axis=1).astype(np.float32)
         self.x, self.y = scaled(inputs), learn[1]
         self.choose_x, self.choose_y = scaled(written(choose[0], names, parts)), choose[1]

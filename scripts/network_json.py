@@ -8,9 +8,15 @@ def inputs(about, rows):
     scaler = about["scaler"]
     rows = np.asarray(rows, dtype=float)
     x = rows - np.stack([rows[:, other] if other is not None else np.zeros(len(rows)) for other in scaler["minus"]], axis=1)
-    scores = [np.interp(values, of["at"], of["score"]) for values, of in zip(x.T, scaler.get("scores", []))]
+    scores = [score(values, of) for values, of in zip(x.T, scaler.get("scores", []))]
     scaled = np.clip((x - scaler["mean"]) / scaler["scale"], -scaler["clip"], scaler["clip"])
     return np.concatenate([scaled, np.stack(scores, axis=1)], axis=1) if scores else scaled
+
+
+def score(values, of):
+    """The normal scores of a feature's values; 0 is a neighbour without points where such have a score of their own."""
+    between = np.interp(values, of["at"], of["score"])
+    return np.where(values == 0, of["unseen"], between) if "unseen" in of else between
 
 
 def layer(of, x):

@@ -28,7 +28,6 @@ engine and seed, so that an interrupted run goes on.
 """
 
 import argparse
-import copy
 import json
 import os
 import pathlib
@@ -44,7 +43,7 @@ from sklearn.neural_network import MLPClassifier
 
 import study
 from ablation import BEAMS, CURVATURE, OWN, PLANE, SQUARES
-from compare_rows import normal_scores
+from compare_rows import Rows
 from train_rows import LISTED, NEIGHBOURS, Cells, looks
 
 torch.set_num_threads(1)
@@ -60,37 +59,22 @@ VALIDATION_ROWS, TEST_ROWS = 100_000, 200_000
 
 
 class Task:
-    """Rows to learn, to choose by and to judge by, standardised by the first."""
+    """Rows to learn, to choose by and to judge by, standardised by the first; with their normal scores beside them or without."""
 
-    def __init__(self, corpus, name):
-        columns = COLUMNS[name]
+    def __init__(self, corpus, name, with_scores):
+        self.names = COLUMNS[name]
+        learn, validation, test = (self.drawn(corpus, *of) for of in (("train", 0), ("validation", VALIDATION_ROWS), ("test", TEST_ROWS)))
+        # Rows lie scene after scene.
+        order = np.random.default_rng(9).permutation(len(learn[1]))
+        parts = ["neighbours"] * (NEIGHBOURS[0] in self.names) + ["scores"] * with_scores
+        self.rows = Rows(tuple(part[order] for part in learn), validation, test, self.names, parts)
+        self.x, self.labels, self.class_weights, self.weights = self.rows.x, self.rows.y, self.rows.class_weights, self.rows.weights
+        self.looked = {"validation": (self.rows.choose_x, validation[1]), "test": (self.rows.judge_x, test[1])}
 
-        def draw(split, count):
-            cells = Cells(corpus, split, columns)
-            chosen = cells.whole_scenes(count, np.random.default_rng([5, count]))
-            values = cells.values[chosen].astype(np.float32)
-            if name == "paper":
-                own = columns.index("mean_height_m")
-                for neighbour in NEIGHBOURS:
-                    values[:, columns.index(neighbour)] -= values[:, own]
-            return values, cells.labels[chosen]
-
-        (raw, self.labels), validation, test = draw("train", 0), draw("validation", VALIDATION_ROWS), draw("test", TEST_ROWS)
-        mean, scale = raw.mean(axis=0, dtype=float), raw.std(axis=0, dtype=float)
-        scaled = lambda values: np.clip((values - mean) / np.where(scale > 0, scale, 1), -8, 8).astype(np.float32)
-        # Rows lie scene after scene: everybody but marsyard, which draws an order of its own, gets them shuffled.
-        order = np.random.default_rng(9).permutation(len(raw))
-        self.x, self.labels = scaled(raw)[order], self.labels[order]
-        self.looked = {"validation": (scaled(validation[0]), validation[1]), "test": (scaled(test[0]), test[1])}
-        self.class_weights = len(self.labels) / (2 * np.bincount(self.labels, minlength=2))
-        self.weights = self.class_weights[self.labels]
-
-    def beside_scores(self):
-        """The same with the normal scores of the columns beside them."""
-        task, scores = copy.copy(self), normal_scores(self.x)
-        wide = lambda x: np.concatenate([x, scores(x)], axis=1, dtype=np.float32)
-        task.x, task.looked = wide(self.x), {split: (wide(x), labels) for split, (x, labels) in self.looked.items()}
-        return task
+    def drawn(self, corpus, split, count):
+        cells = Cells(corpus, split, self.names)
+        chosen = cells.whole_scenes(count, np.random.default_rng([5, count]))
+        return cells.values[chosen].astype(np.float32), cells.labels[chosen]
 
     def error(self, split, outputs):
         labels = self.looked[split][1]
@@ -135,8 +119,9 @@ def marsyard(look_rows, **sets):
         settings = {"seed": seed, "patience": 100_000, "epochs": 10_000, "validate_every": look_rows} | sets
         # The same training twice, by which rows it is looked at: looks change nothing that is learnt. The second learns a little longer, to
         # have the looks that the first had.
-        found = {split: looks((task.x, task.labels), task.looked[split], settings, budget_s * more)
-                 for split, more in (("validation", 1.0), ("test", 1.1))}
+        learn, *looked = task.rows.stored
+        found = {split: looks((learn, task.labels), (of_split, task.looked[split][1]), settings, budget_s * more, task.names)
+                 for (split, more), of_split in zip((("validation", 1.0), ("test", 1.1)), looked)}
         told = zip(found["validation"], found["test"])
         return thinned([[a["cpu_learning_s"], a["validation_error"], b["validation_error"]] for a, b in told], budget_s)
 
@@ -419,8 +404,8 @@ def main():
             study.note(f"generate {name}")
             runner.run("generate", config, "--out", place, "--threads", options.threads, *(word for key in sizes for word in ("--set", key)))
         manifest = json.loads((place / "manifest.json").read_text())
-        task = Task(place, name)
-        tasks = dict(zip(INPUTS, (task, task.beside_scores())))
+        tasks = {form: Task(place, name, form != INPUTS[0]) for form in INPUTS}
+        task = tasks[INPUTS[0]]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
         for seed in seeds:
             for engine in ENGINES:

@@ -76,10 +76,10 @@ def train(train, validation, judged, settings, trainer=TRAINER, names=None):
     return np.split(outputs[len(train[0]) + len(validation[0]) :], np.cumsum([len(j) for j in judged])[:-1]), told
 
 
-def looks(train, looked, settings, cpu_s):
+def looks(train, looked, settings, cpu_s, names):
     """What the looks at all of `looked` find while so many CPU seconds are learnt on (values, labels)."""
     with tempfile.TemporaryDirectory() as folder:
-        return run(folder, train, looked, [], settings, flags=["--look-at-all", "--only-looks-of-s", str(cpu_s)])["looks"]
+        return run(folder, train, looked, [], settings, names=names, flags=["--look-at-all", "--only-looks-of-s", str(cpu_s)])["looks"]
 
 
 def run(folder, train, validation, judged, settings, trainer=TRAINER, names=None, flags=()):

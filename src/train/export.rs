@@ -6,7 +6,7 @@
 //! 1. Of each feature the one that `minus` names is subtracted, where it names one: x.
 //! 2. The inputs are (x - mean) / scale of each feature, clipped to +-clip.
 //! 3. Where the scaler has `scores`, as many inputs follow: of each feature its x, unscaled, in proportion between two values of `at` gives a number
-//!    between their `score`; beyond the outermost it is theirs.
+//!    between their `score`; beyond the outermost it is theirs, and where there is `unseen`, an x of exactly 0 has that.
 //! 4. For each layer of a member 1 / (1 + exp(-(weights x + biases))); the output is the mean of the members'.
 //! 5. Where the model has a calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
 //!    1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
@@ -70,9 +70,9 @@ pub(crate) fn json<'a>(model: &'a Model) -> String {
 }
 
 /// One quantile in all features; then each feature at a place of its own between its quantiles, every eighth row ten times as far
-/// out, where inputs are clipped.
+/// out, where inputs are clipped, every fifth with neighbours without points.
 fn check_rows(model: &Model) -> Vec<Vec<f32>> {
-    let quantiles = &model.about.quantiles;
+    let (quantiles, minus) = (&model.about.quantiles, &model.about.scaler.minus);
     let equal = (0..7).map(|k| quantiles.iter().map(|q| q[k] as f32).collect());
     let mixed = (1..=MIXED_ROWS).map(|row| {
         let feature = |(k, q): (usize, &[f64; 7])| {
@@ -82,7 +82,13 @@ fn check_rows(model: &Model) -> Vec<Vec<f32>> {
             let value = q[below] + (q[below + 1] - q[below]) * (place - below as f64);
             (if row % 8 == 0 { 10.0 * value } else { value }) as f32
         };
-        quantiles.iter().enumerate().map(feature).collect()
+        let mut features: Vec<f32> = quantiles.iter().enumerate().map(feature).collect();
+        if row % 5 == 0 {
+            // They stand at the cell's own height.
+            let standing = minus.iter().enumerate().filter_map(|(k, other)| other.map(|other| (k, other)));
+            standing.for_each(|(k, other)| features[k] = features[other]);
+        }
+        features
     });
     equal.chain(mixed).collect()
 }
@@ -129,7 +135,8 @@ mod tests {
                     x[k] = ((value - mean[k]) / scale[k]).clamp(-clip, clip);
                     if let Some(scores) = scaler["scores"].get(k) {
                         let knots: Vec<_> = numbers(&scores["at"]).into_iter().zip(numbers(&scores["score"])).collect();
-                        x.push(between(&knots, value));
+                        let unseen = scores["unseen"].as_f64().filter(|_| value == 0.0);
+                        x.push(unseen.unwrap_or_else(|| between(&knots, value)));
                     }
                 }
                 let of_member = |layers: &serde_json::Value| {
@@ -158,13 +165,15 @@ mod tests {
     }
 
     #[test]
-    fn exact_mixed_rows_stand_at_weyls_places_and_every_eighth_ten_times_as_far() {
+    fn exact_mixed_rows_stand_at_weyls_places_every_eighth_ten_times_as_far_and_every_fifth_without_neighbours() {
         let mut model = model(&["a", "b", "c"], &[4], true);
         // Between these quantiles a value is its place.
         model.about.quantiles = vec![[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]; 3];
         let rows = check_rows(&model);
         for (row, values) in rows[7..].iter().enumerate() {
             for (k, value) in values.iter().enumerate() {
+                // The third feature is a neighbour of the first.
+                let k = if k == 2 && (row + 1) % 5 == 0 { 0 } else { k };
                 let turns = (row as f64 + 1.0) * (k as f64 + 2.0).sqrt() * (5f64.sqrt() - 1.0) / 2.0;
                 let place = 6.0 * (turns - turns.floor()) * if (row + 1) % 8 == 0 { 10.0 } else { 1.0 };
                 assert!((f64::from(*value) - place).abs() < 1e-4, "row {row}, feature {k}: {value} {place}");

@@ -7,6 +7,9 @@
 //! In: values of one input. Out: at most [`PARTS`] + 1 knots at the quantiles of equal shares, linear between them and constant beyond them, of
 //! mean 0 and variance 1 over the sample, before scores end at the clip. Source: van der Waerden 1952. Deviations: from quantiles, so that a model holds few numbers; equal values share the
 //! middle of their shares; the outermost shares are half a part within 0 and 1, so that their scores are finite.
+//!
+//! A neighbour without points stands at the cell's own height in its column, so its height above the cell is 0: amid the heights of level ground,
+//! where a network hardly tells it from them. Its score lies apart, below those of all heights.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +20,8 @@ use crate::math;
 const PARTS: usize = 64;
 /// Values of an input that are sorted, at most: were cells independent, half as many would tell its median to a quarter of a part.
 pub(crate) const MOST_VALUES: usize = 32_768;
+/// The score of a neighbour without points; that of the lowest heights is -2.5.
+const UNSEEN: f64 = -3.5;
 /// More knots than any input has.
 const MOST_KNOTS: usize = 1024;
 
@@ -28,9 +33,18 @@ pub struct NormalScores {
     pub at: Vec<f64>,
     /// The score of each; values between two have it in proportion, those beyond the outermost have theirs.
     pub score: Vec<f64>,
+    /// Of a neighbour's height above the cell: the score of 0, which is that of a neighbour without points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unseen: Option<f64>,
 }
 
 impl NormalScores {
+    /// Of a sample of a neighbour's heights above the cell: of those with points.
+    pub(crate) fn of_heights_above(mut values: Vec<f64>, clip: f64) -> NormalScores {
+        values.retain(|&x| x != 0.0);
+        NormalScores { unseen: Some(UNSEEN.max(-clip)), ..NormalScores::of_sample(values, clip) }
+    }
+
     /// Of a sample, in any order; scores end at `clip`.
     pub(crate) fn of_sample(mut values: Vec<f64>, clip: f64) -> NormalScores {
         values.retain(|x| x.is_finite());
@@ -45,7 +59,7 @@ impl NormalScores {
             score.push(normal_quantile(parts.clamp(0.5, PARTS as f64 - 0.5) / PARTS as f64));
             first += equal.len();
         }
-        let mut scores = NormalScores { at, score };
+        let mut scores = NormalScores { at, score, unseen: None };
         scores.standardise(&values, clip);
         scores
     }
@@ -63,7 +77,15 @@ impl NormalScores {
     /// The score of a value; NaN for NaN.
     #[inline(always)]
     pub(crate) fn score(&self, x: f64) -> f64 {
-        let NormalScores { at, score } = self;
+        match self.unseen {
+            Some(score) if x == 0.0 => score,
+            _ => self.between_knots(x),
+        }
+    }
+
+    #[inline(always)]
+    fn between_knots(&self, x: f64) -> f64 {
+        let NormalScores { at, score, .. } = self;
         let last = score.len().saturating_sub(1);
         if last == 0 {
             return if x.is_nan() { x } else { score.first().copied().unwrap_or(0.0) };
@@ -80,11 +102,12 @@ impl NormalScores {
 
     /// What contradicts itself in a file.
     pub(super) fn fault(&self, clip: f64, sane: f64) -> Option<&'static str> {
-        let NormalScores { at, score } = self;
+        let NormalScores { at, score, unseen } = self;
         if at.len() != score.len() || !(1..=MOST_KNOTS).contains(&at.len()) {
             return Some("normal scores without a score for each value");
         }
-        let is_sound = at.iter().all(|x| x.abs() <= sane) && score.iter().all(|score| score.abs() <= clip);
+        let is_sound =
+            at.iter().all(|x| x.abs() <= sane) && score.iter().chain(unseen).all(|score| score.abs() <= clip);
         let rises = at.is_sorted_by(|a, b| a < b) && score.is_sorted();
         // Knots of numbers that columns can hold are never so near one another.
         let slope = |k: usize| (score[k + 1] - score[k]) / (at[k + 1] - at[k]);

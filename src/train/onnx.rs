@@ -136,7 +136,7 @@ impl Graph {
     }
 
     /// What the network takes: `clipped`, and behind it the normal scores of `related` where there are any. A score is that of the first knot and,
-    /// for each part between two, how far the value has come in it times its slope.
+    /// for each part between two, how far the value has come in it times its slope; that of 0 may be another.
     fn inputs(&mut self, scores: &[NormalScores]) {
         if scores.is_empty() {
             return self.node("Identity", &["clipped"], "inputs", &[]);
@@ -145,7 +145,8 @@ impl Graph {
         let (values, found) = (names("value"), names("score"));
         let all: Vec<&str> = values.iter().map(String::as_str).collect();
         self.node_of_many("Split", &["related"], &all, &[("axis", 1)]);
-        for (feature, NormalScores { at, score }) in scores.iter().enumerate() {
+        self.tensor("nought", &[], &[0.0]);
+        for (feature, NormalScores { at, score, unseen }) in scores.iter().enumerate() {
             let named = |what: &str| format!("{what}.{feature}");
             let slope = |k: usize| (score[k + 1] - score[k]) / (at[k + 1] - at[k]);
             // A feature that never varied has one knot, which bounds a part of no width.
@@ -155,14 +156,20 @@ impl Graph {
             self.tensor(&named("to"), &[parts], &at[at.len() - parts..]);
             self.tensor(&named("slope"), &[parts, 1], &slopes);
             self.tensor(&named("first"), &[1], &score[..1]);
+            let between = if unseen.is_some() { named("between") } else { found[feature].clone() };
             let steps = [
                 ("Max", [values[feature].clone(), named("from")], named("above")),
                 ("Min", [named("above"), named("to")], named("within")),
                 ("Sub", [named("within"), named("from")], named("way")),
                 ("MatMul", [named("way"), named("slope")], named("gain")),
-                ("Add", [named("gain"), named("first")], found[feature].clone()),
+                ("Add", [named("gain"), named("first")], between.clone()),
             ];
             steps.iter().for_each(|(operator, [a, b], output)| self.node(operator, &[a, b], output, &[]));
+            if let Some(unseen) = unseen {
+                self.tensor(&named("unseen"), &[], &[*unseen]);
+                self.node("Equal", &[&values[feature], "nought"], &named("is_unseen"), &[]);
+                self.node("Where", &[&named("is_unseen"), &named("unseen"), &between], &found[feature], &[]);
+            }
         }
         let all: Vec<&str> = std::iter::once("clipped").chain(found.iter().map(String::as_str)).collect();
         self.node("Concat", &all, "inputs", &[("axis", 1)]);
@@ -266,7 +273,7 @@ mod tests {
 
     #[test]
     fn law_the_file_names_its_operators_and_holds_every_weight() {
-        let model = scored(2, &["a", "b"], &[3], true);
+        let model = scored(2, &["a", "b", "c"], &[3], true);
         let bytes = onnx(&model);
         let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
         for word in [
@@ -278,6 +285,8 @@ mod tests {
             "Split",
             "Max",
             "Min",
+            "Equal",
+            "Where",
             "Concat",
             "Gemm",
             "Sigmoid",

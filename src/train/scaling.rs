@@ -64,7 +64,11 @@ pub(crate) fn scores_of(rows: &Rows, minus: &[Option<usize>], params: &TrainPara
     let every = rows.len().div_ceil(MOST_VALUES).max(1);
     let value = |row: &[f32], feature: usize| less(row[feature], minus[feature], row);
     let values = |feature| (0..rows.len()).step_by(every).map(move |row| value(rows.row(row), feature)).collect();
-    (0..rows.width).map(|feature| NormalScores::of_sample(values(feature), params.clip)).collect()
+    let of = |feature: usize| match minus[feature] {
+        None => NormalScores::of_sample(values(feature), params.clip),
+        Some(_) => NormalScores::of_heights_above(values(feature), params.clip),
+    };
+    (0..rows.width).map(of).collect()
 }
 
 /// The scaler of features with these moments and scores, and which of them never vary.

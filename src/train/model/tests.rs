@@ -58,7 +58,11 @@ pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias
 pub(crate) fn scored(members: usize, features: &[&str], hidden: &[usize], bias: bool) -> Model {
     let mut model = ensemble(members, features, hidden, bias);
     let sample = |k: usize| (0..500).map(|x| k as f64 * math::exp(0.01 * f64::from(x)) - 3.0).collect();
-    model.about.scaler.scores = (0..features.len()).map(|k| NormalScores::of_sample(sample(k), 8.0)).collect();
+    let of = |(k, minus): (usize, &Option<usize>)| match minus {
+        None => NormalScores::of_sample(sample(k), 8.0),
+        Some(_) => NormalScores::of_heights_above(sample(k), 8.0),
+    };
+    model.about.scaler.scores = model.about.scaler.minus.iter().enumerate().map(of).collect();
     model.about.inputs *= 2;
     model.network.layout.inputs *= 2;
     let weights = model.network.layout.weights();
@@ -107,9 +111,9 @@ fn exact_an_input_above_another_is_their_difference_before_it_is_scaled() {
 
 #[test]
 fn exact_normal_scores_stand_behind_the_scaled_features_and_are_of_differences_too() {
-    let scores = |from: f64| NormalScores { at: vec![from, from + 2.0], score: vec![-1.0, 1.0] };
+    let scores = |from: f64| NormalScores { at: vec![from, from + 2.0], score: vec![-1.0, 1.0], unseen: None };
     let (mean, scale) = (vec![1.0, 0.5], vec![2.0, 0.25]);
-    let scores = vec![scores(2.0), scores(0.0)];
+    let scores = vec![scores(2.0), NormalScores { unseen: Some(-3.5), ..scores(0.0) }];
     let scaler = Scaler { minus: vec![None, Some(0)], mean, scale, clip: 8.0, scores };
     assert_eq!(scaler.inputs(), 4);
     let mut out = [0.0; 4];
@@ -117,6 +121,9 @@ fn exact_normal_scores_stand_behind_the_scaled_features_and_are_of_differences_t
     assert_eq!(out, [1.0, 0.0, 0.0, -0.5]);
     scaler.scale(&[30.0, -1.0], &mut out);
     assert_eq!(out, [8.0, -8.0, 1.0, -1.0]);
+    // A neighbour at the cell's own height.
+    scaler.scale(&[3.0, 3.0], &mut out);
+    assert_eq!(out, [1.0, -2.0, 0.0, -3.5]);
     scaler.scale(&[f32::NAN, 0.0], &mut out);
     assert!(out.iter().all(|x| x.is_nan()));
 }

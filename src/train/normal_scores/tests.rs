@@ -96,7 +96,9 @@ fn extreme_no_values_one_value_and_values_that_are_not_finite() {
 
 #[test]
 fn extreme_files_of_other_scores_are_refused() {
-    let fault = |at: &[f64], score: &[f64]| NormalScores { at: at.to_vec(), score: score.to_vec() }.fault(8.0, 1e100);
+    let fault = |at: &[f64], score: &[f64]| {
+        NormalScores { at: at.to_vec(), score: score.to_vec(), unseen: None }.fault(8.0, 1e100)
+    };
     assert_eq!(fault(&[0.0, 1.0], &[-1.0, 1.0]), None);
     for (at, score) in [
         (&[0.0, 1.0][..], &[0.0][..]),
@@ -112,6 +114,32 @@ fn extreme_files_of_other_scores_are_refused() {
         (&[0.0; 1025], &[0.0; 1025]),
     ] {
         assert!(fault(at, score).is_some(), "{at:?} {score:?}");
+    }
+}
+
+#[test]
+fn exact_a_neighbour_without_points_has_a_score_of_its_own_and_moves_no_other() {
+    let seen: Vec<f64> = exponential(1000).into_iter().map(|x| x - 1.0).collect();
+    let with_unseen = [vec![0.0; 500], seen.clone(), vec![-0.0; 500]].concat();
+    let (scores, of_seen) = (NormalScores::of_heights_above(with_unseen, 8.0), NormalScores::of_sample(seen, 8.0));
+    assert_eq!((&scores.at, &scores.score), (&of_seen.at, &of_seen.score));
+    assert_eq!([0.0, -0.0].map(|x| scores.score(x)), [-3.5; 2]);
+    // Below that of any height, however low.
+    assert!(scores.score(-1e300) > -3.0);
+    for x in [-0.9, f64::MIN_POSITIVE, -f64::MIN_POSITIVE, 0.1, 1e300] {
+        assert_eq!(scores.score(x), of_seen.score(x), "{x}");
+    }
+    assert!(scores.score(f64::NAN).is_nan());
+    assert_eq!(scores.fault(8.0, 1e100), None);
+}
+
+#[test]
+fn extreme_no_neighbour_with_points_and_a_narrow_clip() {
+    let scores = NormalScores::of_heights_above(vec![0.0; 100], 2.0);
+    assert_eq!([0.0, 1.0, -1e300].map(|x| scores.score(x)), [-2.0, 0.0, 0.0]);
+    assert_eq!(scores.fault(2.0, 1e100), None);
+    for unseen in [-2.5, f64::NAN, f64::INFINITY] {
+        assert!(NormalScores { unseen: Some(unseen), ..scores.clone() }.fault(2.0, 1e100).is_some(), "{unseen}");
     }
 }
 
