@@ -1,4 +1,4 @@
-//! The columns of a row group of `cells` -> the cells of a scan, with the model's inputs, or why one cannot be judged.
+//! The columns of a row group of `cells` -> the cells of its scans, with the model's inputs, or why one cannot be judged.
 
 use super::judge::{Cell, Judge};
 use crate::cells::{HEIGHT_DIFFERENCE, LabelRule};
@@ -9,11 +9,13 @@ use crate::corpus::cells::{
 use crate::corpus::reader::TableFile;
 use crate::train::Model;
 
-/// One scan in the making.
+/// Scans one after another.
 #[derive(Default)]
-pub(super) struct Scan {
-    pub key: Option<(i64, i32)>,
+pub(super) struct Scans {
+    /// Of each scan, scene and number, and how many of the cells are up to its end.
+    pub ends: Vec<((i64, i32), usize)>,
     pub cells: Vec<Cell>,
+    /// One row a cell.
     pub features: Vec<f32>,
 }
 
@@ -54,13 +56,17 @@ impl<'b> Columns<'b> {
         })
     }
 
-    /// Scene and scan of a row.
-    pub(super) fn scan(&self, row: usize) -> (i64, i32) {
-        (self.keys.scenes[row], self.keys.scans[row])
+    /// The scans of those scenes that are wanted; counts what cannot be judged.
+    pub(super) fn scans(&self, wanted_scene: impl Fn(i64) -> bool, judge: &mut Judge) -> Scans {
+        let mut scans = Scans::default();
+        for row in (0..self.points.len()).filter(|&row| wanted_scene(self.keys.scenes[row])) {
+            self.push(row, &mut scans, judge);
+        }
+        scans
     }
 
     /// Adds a row to its scan, or counts why it cannot be judged; a cell without points counts where the model takes such.
-    pub(super) fn push(&self, row: usize, scan: &mut Scan, judge: &mut Judge) {
+    fn push(&self, row: usize, scans: &mut Scans, judge: &mut Judge) {
         if self.seen_alone && self.points[row] == 0 {
             return;
         }
@@ -68,12 +74,12 @@ impl<'b> Columns<'b> {
             judge.unknown_cells += 1;
             return;
         };
-        if !self.features.append_finite(row, &mut scan.features) {
+        if !self.features.append_finite(row, &mut scans.features) {
             judge.not_finite_cells += 1;
             return;
         }
         let truth = self.truth.at(row);
-        scan.cells.push(Cell {
+        scans.cells.push(Cell {
             index: self.keys.index(row),
             label: self.rule.map_or(stored, |rule| rule.label(&truth)),
             points: self.points[row],
@@ -81,5 +87,10 @@ impl<'b> Columns<'b> {
             height_difference_m: self.height_differences_m.map_or(0.0, |values| values[row]),
             truth,
         });
+        let (key, end) = ((self.keys.scenes[row], self.keys.scans[row]), scans.cells.len());
+        match scans.ends.last_mut().filter(|last| last.0 == key) {
+            Some(last) => last.1 = end,
+            None => scans.ends.push((key, end)),
+        }
     }
 }

@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::columns::{self, Columns, Scan};
+use super::columns::{self, Columns, Scans};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
 use super::report::{DataFacts, Report};
 use crate::cells::params::{LabelParams, LocalHeightParams, UnseenParams};
@@ -254,15 +254,13 @@ struct Reader<'a> {
 impl Reader<'_> {
     /// Runs the cells of a split through the judge, those of some families where any is named; also the number of scans.
     fn judge(&self, split: Split, only: &[String], mut judge: Judge) -> Result<(Judge, u64), EvaluateError> {
-        let mut scans = 0;
-        let mut outputs = Vec::new();
+        let mut count = 0;
         for line in self.corpus.lines_of(split) {
             let Some(table) = self.open(line, Table::Cells)? else { continue };
             let family_of = self.families_of_scenes(line)?;
             let poses = self.poses(line)?;
             let wanted_scene =
                 |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
-            let mut scan = Scan::default();
             check_margin(self.labels, &table, &self.corpus.store().place())?;
             let wanted =
                 columns::wanted(&table, self.model, self.labels).map_err(|reason| self.fault(table.name(), reason))?;
@@ -270,18 +268,12 @@ impl Reader<'_> {
                 let cells =
                     CellBatch::read(&table, group, &wanted).map_err(|e| self.refused(table.name(), e.into()))?;
                 let columns = Columns::of(&cells, self.model, self.labels).map_err(|r| self.fault(table.name(), r))?;
-                for row in (0..cells.rows()).filter(|&row| wanted_scene(columns.scan(row).0)) {
-                    let key = columns.scan(row);
-                    if scan.key != Some(key) {
-                        scans += self.finish(&mut scan, &family_of, &poses, &mut judge, &mut outputs);
-                        scan.key = Some(key);
-                    }
-                    columns.push(row, &mut scan, &mut judge);
-                }
+                let scans = columns.scans(wanted_scene, &mut judge);
+                self.add(&scans, &family_of, &poses, &mut judge);
+                count += scans.ends.len() as u64;
             }
-            scans += self.finish(&mut scan, &family_of, &poses, &mut judge, &mut outputs);
         }
-        Ok((judge, scans))
+        Ok((judge, count))
     }
 
     /// A file of the corpus, its bytes checked.
@@ -301,27 +293,27 @@ impl Reader<'_> {
         EvaluateError::Table { place: self.corpus.store().place(), name: name.into(), reason }
     }
 
-    fn finish(
+    /// Hands scans to the judge, one at a time.
+    fn add(
         &self,
-        scan: &mut Scan,
+        scans: &Scans,
         family_of: &BTreeMap<i64, String>,
         poses: &HashMap<kept_poses::Scan, Pose>,
         judge: &mut Judge,
-        outputs: &mut Vec<f64>,
-    ) -> u64 {
-        let Some(key @ (scene, _)) = scan.key.filter(|_| !scan.cells.is_empty()) else { return 0 };
-        outputs.clear();
-        self.model.outputs(&scan.features, outputs);
-        let family = family_of.get(&scene).map_or("", String::as_str);
-        let facts = self.families.iter().find(|facts| facts.name == family);
-        judge.add_scan(family, facts.map_or("", |facts| facts.sensor.as_str()), &scan.cells, outputs);
-        if let Some((pose, facts)) = poses.get(&key).zip(facts) {
-            let grid = CellGrid { size_m: facts.cell_size_m, frame: facts.frame };
-            judge.add_places(&scan.cells, outputs, |index| grid.seen_from_rover_m(index, pose));
+    ) {
+        let outputs = self.model.outputs_in_parallel(&scans.features);
+        let mut start = 0;
+        for &(key @ (scene, _), end) in &scans.ends {
+            let (cells, outputs) = (&scans.cells[start..end], &outputs[start..end]);
+            start = end;
+            let family = family_of.get(&scene).map_or("", String::as_str);
+            let facts = self.families.iter().find(|facts| facts.name == family);
+            judge.add_scan(family, facts.map_or("", |facts| facts.sensor.as_str()), cells, outputs);
+            if let Some((pose, facts)) = poses.get(&key).zip(facts) {
+                let grid = CellGrid { size_m: facts.cell_size_m, frame: facts.frame };
+                judge.add_places(cells, outputs, |index| grid.seen_from_rover_m(index, pose));
+            }
         }
-        scan.cells.clear();
-        scan.features.clear();
-        1
     }
 
     /// Where the rover is believed to stand at each scan; empty where the corpus has no `poses` table.

@@ -124,14 +124,12 @@ impl<'m> ScanJudge<'m> {
         let (cells, known_points) = cells::bin_clouds(&self.cells, &clouds, setup.max_range_m, &mut self.scratch);
         let rows = cells.features.chunks_exact(self.features.len());
         let inputs: Vec<f32> = rows.flat_map(|row| self.inputs.iter().map(|&k| row[k])).collect();
-        let mut outputs = Vec::with_capacity(cells.rows.len());
-        model.outputs(&inputs, &mut outputs);
         let judged = |(output, row): (f64, &CellRow)| {
             // A cell without points is there because beams passed over it.
             let is_told = row.points == 0 || i64::from(row.points) >= i64::from(setup.min_points);
             (is_told && output.is_finite()).then_some(output)
         };
-        let outputs: Vec<Option<f64>> = outputs.into_iter().zip(&cells.rows).map(judged).collect();
+        let outputs: Vec<Option<f64>> = model.outputs(&inputs).into_iter().zip(&cells.rows).map(judged).collect();
         JudgedCells {
             scan: newest.name.clone(),
             known_points,

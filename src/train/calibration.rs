@@ -17,7 +17,6 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::validation::each_group;
@@ -45,9 +44,6 @@ const SHARES: [f64; 6] = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0];
 /// Outputs so near their targets, in shares of the way between them, are as good as those at this distance.
 pub(super) const EDGE: f64 = 0.01;
 
-/// Rows whose outputs are formed together.
-const CHUNK_ROWS: usize = 1024;
-
 /// Newton's steps at most; a fit takes some ten.
 const MOST_STEPS: usize = 100;
 
@@ -56,14 +52,11 @@ impl Calibration {
     pub(super) fn of(model: &Model, sources: &Arc<Sources>) -> Result<Option<Calibration>, TrainError> {
         let mut scores = Scores::new(1.0);
         each_group(Arc::clone(sources), Split::Validation, |rows| {
-            let chunks = rows.features.par_chunks(CHUNK_ROWS * rows.width.max(1));
-            let outputs = chunks.map(|rows| {
-                let mut outputs = Vec::with_capacity(CHUNK_ROWS);
-                model.outputs(rows, &mut outputs);
-                outputs
-            });
-            let outputs: Vec<f64> = outputs.flatten_iter().collect();
-            let judged = rows.labels.iter().zip(outputs).filter(|(_, output)| !output.is_nan());
+            let judged = rows
+                .labels
+                .iter()
+                .zip(model.outputs_in_parallel(&rows.features))
+                .filter(|(_, output)| !output.is_nan());
             judged.for_each(|(label, output)| scores.add(label.is_untraversable(), output));
         })?;
         Ok(Calibration::of_scores(&scores, model.about.targets))

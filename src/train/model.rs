@@ -10,6 +10,7 @@
 mod file;
 
 use garde::Validate;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::calibration::Calibration;
@@ -247,22 +248,23 @@ impl Model {
 
     /// The output for one row of features, in the order of `about.features`.
     pub fn output(&self, features: &[f32]) -> f64 {
-        let mut outputs = Vec::with_capacity(1);
-        self.outputs(features, &mut outputs);
-        outputs.first().copied().unwrap_or(f64::NAN)
+        self.outputs(features).first().copied().unwrap_or(f64::NAN)
     }
 
-    /// The outputs of rows that lie one after another, put after what `out` holds.
-    pub(crate) fn outputs(&self, rows: &[f32], out: &mut Vec<f64>) {
+    /// The outputs of rows that lie one after another.
+    pub(crate) fn outputs(&self, rows: &[f32]) -> Vec<f64> {
         let (features, inputs) = (self.about.features.len(), self.about.inputs);
-        let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
-        for rows in rows.chunks(features * CHUNK_ROWS) {
-            let count = rows.len() / features;
+        let (mut scaled, mut outputs) = (vec![0.0; inputs * CHUNK_ROWS], vec![0.0; rows.len() / features]);
+        for (rows, outputs) in rows.chunks(features * CHUNK_ROWS).zip(outputs.chunks_mut(CHUNK_ROWS)) {
             self.about.scaler.scale(rows, &mut scaled);
-            let start = out.len();
-            out.resize(start + count, 0.0);
-            self.network.outputs(&scaled[..inputs * count], &mut out[start..]);
+            self.network.outputs(&scaled[..inputs * outputs.len()], outputs);
         }
+        outputs
+    }
+
+    /// The same on the threads of rayon's current pool.
+    pub(crate) fn outputs_in_parallel(&self, rows: &[f32]) -> Vec<f64> {
+        rows.par_chunks(self.about.features.len() * CHUNK_ROWS).flat_map_iter(|rows| self.outputs(rows)).collect()
     }
 
     /// How probable it is that a cell of that output is untraversable, as cells occur on the validation scenes; `None` where nothing

@@ -148,9 +148,10 @@ fn extreme_a_network_and_scores_that_do_not_fit_are_refused_by_name() {
 #[test]
 fn equal_rows_together_and_one_by_one() {
     for model in [small(), scored(2, &["a", "b", "c"], &[4], true)] {
-        let rows: Vec<f32> = (0..300).map(|k| math::sin(f64::from(k)) as f32 * 5.0).collect();
-        let mut together = Vec::new();
-        model.outputs(&rows, &mut together);
+        // More than a chunk, and a part of one.
+        let rows: Vec<f32> = (0..4500).map(|k| math::sin(f64::from(k)) as f32 * 5.0).collect();
+        let together = model.outputs(&rows);
+        assert_eq!(together, model.outputs_in_parallel(&rows));
         let apart: Vec<f64> = rows.chunks_exact(3).map(|row| model.output(row)).collect();
         assert_eq!(together, apart);
         assert!(together.iter().all(|y| (0.0..=1.0).contains(y)));
