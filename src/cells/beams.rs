@@ -11,11 +11,15 @@
 //! a fixed height), after the density of Macedo et al. 2000 and Lalonde et al. 2006. Own construction otherwise. Not modelled: beams that
 //! never came back, which real clouds do not tell of; the width of a beam; earlier sweeps of a window.
 
+mod meeting;
+
+use self::meeting::{Block, Meeting};
 use super::params::BeamParams;
 use super::sectors::sort_by_sector;
 use super::squares::Squares;
 use crate::geometry::{CellIndex, DVec2, DVec3};
 use crate::math;
+use crate::wide::{LANES, widest};
 
 /// Of the features of a cell itself: what their columns are called, unit and meaning.
 pub(super) const NAMES: [(&str, &str, &str); 7] = [
@@ -76,6 +80,8 @@ pub(super) struct Beams {
     sensor_height_m: f64,
     of_sweep: Vec<(u32, BeamReturn)>,
     returns: Vec<BeamReturn>,
+    /// The same side by side; what is behind the last return is of no sector.
+    blocks: Vec<Block>,
     first: Vec<u32>,
 }
 
@@ -118,37 +124,30 @@ impl Beams {
     /// Sorts the returns into their sectors.
     pub(super) fn finish(&mut self) {
         sort_by_sector(&self.of_sweep, SECTORS, &mut self.first, &mut self.returns);
+        self.blocks.clear();
+        self.blocks.extend(self.returns.chunks(LANES).map(block));
     }
 
     /// What the beams did that meet a cell of this size at (x, y) in the map, whose plane and highest point have these heights.
     pub(super) fn passage(&self, centre_m: DVec2, size_m: f64, plane_m: f64, top_m: f64) -> Passage {
         let away_m = centre_m - self.sensor_m;
-        let (half_m, ends_within_m) = (0.5 * size_m, ENDS_WITHIN * size_m);
-        let (sensor_m, top_m) = (self.sensor_height_m - plane_m, top_m - plane_m);
+        let half_m = 0.5 * size_m;
         // A sensor over the cell has beams in all directions; over any other place those that look away from it do not meet it.
         let least_foot_m = if away_m.length_squared() > half_m * half_m { 0.0 } else { -half_m };
-        let mut passage = Passage::default();
-        let mut meet = |beam: &BeamReturn| {
-            let foot_m = away_m.dot(beam.towards);
-            if away_m.perp_dot(beam.towards).abs() > half_m || foot_m < least_foot_m {
-                return;
-            }
-            let behind_m = beam.range_m - foot_m;
-            let height_m = sensor_m + beam.slope * beam.range_m;
-            if behind_m > ends_within_m {
-                passage.goes_on(sensor_m + beam.slope * foot_m, top_m);
-                passage.behind = nearer(passage.behind, (behind_m, height_m));
-            } else if behind_m < -ends_within_m {
-                passage.before = nearer(passage.before, (-behind_m, height_m));
-            } else {
-                passage.counts.ended += 1;
-            }
-        };
-        for sectors in self.sectors(away_m, half_m) {
-            let (from, to) = (self.first[sectors.start] as usize, self.first[sectors.end] as usize);
-            self.returns[from..to].iter().for_each(&mut meet);
-        }
-        passage
+        let spans = self.sectors(away_m, half_m).map(|sectors| {
+            let [from, to] = [sectors.start, sectors.end].map(|sector| self.first[sector] as usize);
+            from..to
+        });
+        widest(Meeting {
+            blocks: &self.blocks,
+            spans,
+            away_m,
+            half_m,
+            least_foot_m,
+            ends_within_m: ENDS_WITHIN * size_m,
+            sensor_m: self.sensor_height_m - plane_m,
+            top_m: top_m - plane_m,
+        })
     }
 
     /// Sectors that hold every beam that passes within `half_m` of a place, and some others.
@@ -187,6 +186,16 @@ fn sector(turn: f64) -> usize {
     ((turn * (SECTORS as f64 / 4.0)) as usize).min(SECTORS - 1)
 }
 
+/// Up to [`LANES`] returns side by side.
+fn block(returns: &[BeamReturn]) -> Block {
+    let mut block = Block::default();
+    for (l, beam) in returns.iter().enumerate() {
+        (block.x[l], block.y[l]) = (beam.towards.x, beam.towards.y);
+        (block.range_m[l], block.slope[l]) = (beam.range_m, beam.slope);
+    }
+    block
+}
+
 /// The nearer of two returns (distance, height); of two as near the lower one, whichever came first.
 fn nearer(one: (f64, f64), other: (f64, f64)) -> (f64, f64) {
     if other < one { other } else { one }
@@ -205,13 +214,6 @@ impl Default for Passage {
 }
 
 impl Passage {
-    fn goes_on(&mut self, height_m: f64, top_m: f64) {
-        self.counts.below_top += u32::from(height_m < top_m);
-        self.counts.low += u32::from(height_m < LOW_M);
-        self.counts.high += u32::from(height_m < HIGH_M);
-        self.lowest_m = self.lowest_m.min(height_m);
-    }
-
     /// In the order of [`NAMES`].
     fn features(&self) -> [f64; NAMES.len()] {
         let Passage { counts, lowest_m, behind, before } = *self;

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::cells::fixtures::row_at;
+use crate::wide::every_form;
 
 const SENSOR_M: DVec3 = DVec3::new(3.0, -2.0, 1.5);
 
@@ -122,4 +123,47 @@ fn extreme_returns_at_the_sensor_far_away_and_that_are_no_numbers() {
     let under = beams(&all).passage(SENSOR_M.truncate(), 0.1, 0.0, 2.0);
     assert_eq!((under.counts.ended, under.counts.below_top), (0, 101), "every beam leaves from over the cell");
     assert_eq!(beams(&[]).passage(DVec2::ZERO, 0.1, 0.0, 0.0), Passage::default());
+}
+
+#[test]
+fn equal_passages_in_every_form_and_from_any_place_in_a_block() {
+    let offsets_m: Vec<DVec3> =
+        (0..300).map(|k| f64::from(k)).map(|k| to(0.021 * k, 1.0 + k % 7.0, 0.1 * (k % 13.0))).collect();
+    for skipped in 0..9 {
+        let beams = beams(&offsets_m[skipped..]);
+        let meeting = || Meeting {
+            blocks: &beams.blocks,
+            spans: [skipped..beams.returns.len() - 5, 0..skipped],
+            away_m: DVec2::new(3.0, 0.5),
+            half_m: 0.3,
+            least_foot_m: 0.0,
+            ends_within_m: 0.4,
+            sensor_m: 0.3,
+            top_m: 0.4,
+        };
+        // One return at a time: what is out of the spans is never met.
+        let [first, second] = meeting().spans;
+        let alone: Vec<Passage> =
+            first.chain(second).map(|k| widest(Meeting { spans: [k..k + 1, 0..0], ..meeting() })).collect();
+        let sum = |of: fn(&Counts) -> u32| alone.iter().map(|passage| of(&passage.counts)).sum::<u32>();
+        let nearest = |of: fn(&Passage) -> (f64, f64)| alone.iter().map(of).reduce(nearer).unwrap();
+        let expected = Passage {
+            counts: Counts {
+                ended: sum(|c| c.ended),
+                below_top: sum(|c| c.below_top),
+                low: sum(|c| c.low),
+                high: sum(|c| c.high),
+            },
+            lowest_m: alone.iter().map(|passage| passage.lowest_m).fold(f64::INFINITY, f64::min),
+            behind: nearest(|passage| passage.behind),
+            before: nearest(|passage| passage.before),
+        };
+        assert!(
+            expected.counts.ended > 0 && expected.counts.low > 0 && expected.before.0 < BEFORE_MOST_M,
+            "{expected:?}"
+        );
+        for passage in every_form(meeting) {
+            assert_eq!(passage, expected, "{skipped}");
+        }
+    }
 }
