@@ -361,17 +361,26 @@ def chart(kept, corpora, budgets, seeds, path):
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     figure, axes = plt.subplots(1, len(corpora), figsize=(5.2 * len(corpora) + 2.4, 4.4), squeeze=False, layout="constrained")
     colours = plt.get_cmap("tab20")
     for axis, name in zip(axes[0], corpora):
         for k, engine in enumerate(ENGINES):
             runs = [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]]
-            points = [(budget, np.median([run[str(budget)][2] for run in runs if run.get(str(budget))])) for budget in budgets if any(run.get(str(budget)) for run in runs)]
+            points = [(budget, 1000 * np.median([run[str(budget)][2] for run in runs if run.get(str(budget))])) for budget in budgets if any(run.get(str(budget)) for run in runs)]
             if points:
                 is_own = engine.startswith("marsyard")
                 axis.plot(*zip(*points), marker="o", ms=3, lw=2.2 if is_own else 1.1, ls="--" if engine.startswith("LightGBM") else "-", color=colours(k), label=engine)
-        axis.set(xscale="log", yscale="log", title=f"{name}.yaml", xlabel="CPU seconds of learning", ylabel="weighted error on test scenes")
+        lowest = min(line.get_ydata().min() for line in axis.lines)
+        highest = max(line.get_ydata().max() for line in axis.lines)
+        axis.set(xscale="log", yscale="log", title=f"{name}.yaml", xlabel="CPU seconds of learning", ylabel="weighted error on test scenes, thousandths")
+        # What errs twice as much is cut off: a peer that has hardly begun would squeeze all others together.
+        axis.set_ylim(0.97 * lowest, min(2 * lowest, 1.03 * highest))
+        axis.set_xticks(budgets, map(str, budgets))
+        axis.minorticks_off()
+        axis.yaxis.set_major_locator(MaxNLocator(8))
+        axis.yaxis.set_major_formatter(ScalarFormatter())
         axis.grid(True, which="both", lw=0.3)
     # All corpora have the first one's engines, or fewer.
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
