@@ -124,7 +124,7 @@ def one(task):
         return json.loads(kept.read_text())
     rows = CORPUS.rows(form, seed, 0 if many else OPTIONS.rows)
     if trial:
-        rows.judge_x = rows.judge_x[:0]
+        rows.judge_x, rows.stored[2] = rows.judge_x[:0], rows.stored[2][:0]
     fitted = CLASSIFIERS[classifier][0](rows, seed, many)
     threshold, balanced = measures.best_threshold(rows.choose_y, fitted.choose)
     run = {"corpus": name, "classifier": classifier, "form": form, "seed": seed, "full": many, "train_rows": len(rows.y), "cpu_s": fitted.cpu_s,

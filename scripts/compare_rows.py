@@ -60,6 +60,7 @@ def normal_scores(learn, above):
     shares, knots = np.linspace(0, 1, PARTS + 1), []
     for number, column in enumerate(learn.T):
         seen = column[column != 0] if number in above else column
+        seen = seen if len(seen) else np.zeros(1)
         quantiles = np.quantile(seen, shares)
         at = np.unique(quantiles)
         middles = 0.5 * (shares[np.searchsorted(quantiles, at, "left")] + shares[np.searchsorted(quantiles, at, "right") - 1])

@@ -122,6 +122,7 @@ def marsyard(look_rows, **sets):
         learn, *looked = task.rows.stored
         found = {split: looks((learn, task.labels), (of_split, task.looked[split][1]), settings, budget_s * more, task.names)
                  for (split, more), of_split in zip((("validation", 1.0), ("test", 1.1)), looked)}
+        assert len(found["test"]) >= len(found["validation"]), "the second training was so much slower that looks are missing: run it again"
         told = zip(found["validation"], found["test"])
         return thinned([[a["cpu_learning_s"], a["validation_error"], b["validation_error"]] for a, b in told], budget_s)
 

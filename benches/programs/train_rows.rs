@@ -42,7 +42,7 @@ struct Arguments {
     /// Look at all rows to validate by, not at as many as the trainer's pace allows.
     #[arg(long)]
     look_at_all: bool,
-    /// Learn for so many CPU seconds, looks not counted, and tell the looks until then; no outputs are written.
+    /// Learn for so many CPU seconds, looks not counted, and tell the looks up to the first after that; no outputs are written.
     #[arg(long, value_name = "SECONDS")]
     only_looks_of_s: Option<f64>,
 }

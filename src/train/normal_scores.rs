@@ -9,7 +9,8 @@
 //! middle of their shares; the outermost shares are half a part within 0 and 1, so that their scores are finite.
 //!
 //! A neighbour without points stands at the cell's own height in its column, so its height above the cell is 0: amid the heights of level ground,
-//! where a network hardly tells it from them. Its score lies apart, below those of all heights.
+//! where a network hardly tells it from them. Its score lies apart, below those of usual heights; a neighbour with points at the very same height,
+//! to the last bit, has it too. Quantiles, mean and variance are of the other neighbours.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +21,7 @@ use crate::math;
 const PARTS: usize = 64;
 /// Values of an input that are sorted, at most: were cells independent, half as many would tell its median to a quarter of a part.
 pub(crate) const MOST_VALUES: usize = 32_768;
-/// The score of a neighbour without points; that of the lowest heights is -2.5.
+/// The score of a neighbour without points; that of the lowest heights is some -2.5 where few of them are equal.
 const UNSEEN: f64 = -3.5;
 /// More knots than any input has.
 const MOST_KNOTS: usize = 1024;

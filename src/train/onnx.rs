@@ -145,7 +145,9 @@ impl Graph {
         let (values, found) = (names("value"), names("score"));
         let all: Vec<&str> = values.iter().map(String::as_str).collect();
         self.node_of_many("Split", &["related"], &all, &[("axis", 1)]);
-        self.tensor("nought", &[], &[0.0]);
+        if scores.iter().any(|scores| scores.unseen.is_some()) {
+            self.tensor("nought", &[], &[0.0]);
+        }
         for (feature, NormalScores { at, score, unseen }) in scores.iter().enumerate() {
             let named = |what: &str| format!("{what}.{feature}");
             let slope = |k: usize| (score[k + 1] - score[k]) / (at[k + 1] - at[k]);
