@@ -58,23 +58,28 @@ COLUMNS = {"quickstart": OWN + PLANE + CURVATURE + SQUARES[:8], "paper": LISTED,
 VALIDATION_ROWS, TEST_ROWS = 100_000, 200_000
 
 
+def drawn(corpus, names):
+    """Rows and labels to learn, to choose by and to judge by."""
+
+    def of(split, count):
+        cells = Cells(corpus, split, names)
+        chosen = cells.whole_scenes(count, np.random.default_rng([5, count]))
+        return cells.values[chosen].astype(np.float32), cells.labels[chosen]
+
+    learn, validation, test = of("train", 0), of("validation", VALIDATION_ROWS), of("test", TEST_ROWS)
+    # Rows lie scene after scene.
+    order = np.random.default_rng(9).permutation(len(learn[1]))
+    return tuple(part[order] for part in learn), validation, test
+
+
 class Task:
     """Rows to learn, to choose by and to judge by, standardised by the first; with their normal scores beside them or without."""
 
-    def __init__(self, corpus, name, with_scores):
-        self.names = COLUMNS[name]
-        learn, validation, test = (self.drawn(corpus, *of) for of in (("train", 0), ("validation", VALIDATION_ROWS), ("test", TEST_ROWS)))
-        # Rows lie scene after scene.
-        order = np.random.default_rng(9).permutation(len(learn[1]))
-        parts = ["neighbours"] * (NEIGHBOURS[0] in self.names) + ["scores"] * with_scores
-        self.rows = Rows(tuple(part[order] for part in learn), validation, test, self.names, parts)
+    def __init__(self, splits, names, with_scores):
+        parts = ["neighbours"] * (NEIGHBOURS[0] in names) + ["scores"] * with_scores
+        self.names, self.rows = names, Rows(*splits, names, parts)
         self.x, self.labels, self.class_weights, self.weights = self.rows.x, self.rows.y, self.rows.class_weights, self.rows.weights
-        self.looked = {"validation": (self.rows.choose_x, validation[1]), "test": (self.rows.judge_x, test[1])}
-
-    def drawn(self, corpus, split, count):
-        cells = Cells(corpus, split, self.names)
-        chosen = cells.whole_scenes(count, np.random.default_rng([5, count]))
-        return cells.values[chosen].astype(np.float32), cells.labels[chosen]
+        self.looked = {"validation": (self.rows.choose_x, self.rows.choose_y), "test": (self.rows.judge_x, splits[2][1])}
 
     def error(self, split, outputs):
         labels = self.looked[split][1]
@@ -414,7 +419,8 @@ def main():
             study.note(f"generate {name}")
             runner.run("generate", config, "--out", place, "--threads", options.threads, *(word for key in sizes for word in ("--set", key)))
         manifest = json.loads((place / "manifest.json").read_text())
-        tasks = {form: Task(place, name, form != INPUTS[0]) for form in INPUTS}
+        splits = drawn(place, COLUMNS[name])
+        tasks = {form: Task(splits, COLUMNS[name], form != INPUTS[0]) for form in INPUTS}
         task = tasks[INPUTS[0]]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
         for seed in seeds:
