@@ -115,7 +115,7 @@ fn exact_operating_points_keep_their_promise_on_the_validation_split() {
     }
 }
 
-/// The score of a value: between two knots in proportion, beyond them the outermost.
+/// The score of a seen value: between two knots in proportion, beyond them the outermost.
 fn between(at: &[f64], score: &[f64], x: f64) -> f64 {
     let above = at.iter().position(|knot| x < *knot).unwrap_or(at.len());
     match (above.checked_sub(1), score.get(above)) {
@@ -149,7 +149,8 @@ fn law_export_prints_weights_that_give_the_outputs_beside_them() {
         let scaled = (0..row.len()).map(|k| ((values[k] - mean[k]) / scale[k]).clamp(-clip, clip));
         let scores = (0..row.len()).map(|k| {
             let of = &scaler["scores"][k];
-            between(&numbers(&of["at"]), &numbers(&of["score"]), values[k])
+            let unseen = of["unseen"].as_f64().filter(|_| values[k] == 0.0);
+            unseen.unwrap_or_else(|| between(&numbers(&of["at"]), &numbers(&of["score"]), values[k]))
         });
         let inputs: Vec<f64> = scaled.chain(scores).collect();
         let of_member = |layers: &Json| {
