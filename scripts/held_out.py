@@ -38,14 +38,20 @@ def corpus_of_training(marsyard, name, seed, scenes):
     return marsyard.corpus(name, CONFIG, [f"seed={seed}", *none], scenes, PER_SHARD)
 
 
-def read(place, columns, splits=("train", "validation", "test"), families=TRAINING + FAMILIES):
-    """Columns of the cells with a label, with `label`, and the scene and the family of each as numbers."""
-    table = lambda kind, names: pyarrow.concat_tables(
-        [parquet.read_table(path, columns=names) for split in splits for path in sorted((place / "data" / kind).glob(f"{split}-*.parquet"))])
-    scenes = table("scenes", ["scene_id", "family"])
+def read(place, columns, splits=("train", "validation", "test"), families=TRAINING + FAMILIES, most=None):
+    """Columns of the cells with a label, with `label`, and the scene and the family of each as numbers; no more cells than `most`, shards
+    in their order."""
+    paths = lambda kind: [path for split in splits for path in sorted((place / "data" / kind).glob(f"{split}-*.parquet"))]
+    scenes = pyarrow.concat_tables([parquet.read_table(path, columns=["scene_id", "family"]) for path in paths("scenes")])
     family_of = dict(zip(scenes["scene_id"].to_pylist(), scenes["family"].to_pylist()))
-    cells = table("cells", list(dict.fromkeys(["scene_id", "label", *columns])))
-    cells = cells.filter(pyarrow.compute.is_valid(cells["label"]))
+    shards, cells_read = [], 0
+    for path in paths("cells"):
+        shard = parquet.read_table(path, columns=list(dict.fromkeys(["scene_id", "label", *columns])))
+        shards.append(shard.filter(pyarrow.compute.is_valid(shard["label"])))
+        cells_read += len(shards[-1])
+        if most is not None and cells_read >= most:
+            break
+    cells = pyarrow.concat_tables(shards)[:most]
     ids, scene = np.unique(cells["scene_id"].to_numpy(), return_inverse=True)
     of_scene = np.array([families.index(family_of[scene_id]) for scene_id in ids])
     found = {name: cells[name].to_numpy() for name in ["label", *columns]}

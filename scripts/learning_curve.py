@@ -1,7 +1,7 @@
 """What more scenes teach: the error on each held-out family of configs/mixed.yaml against scenes and CPU seconds, for four learners.
 
 Usage:  cargo build --release
-        python scripts/learning_curve.py [--sizes 70,140,500,2000,8000] [--seeds 1,2,3,4,5] [--test-seed 51] [--quick]
+        python scripts/learning_curve.py [--sizes 70,140,500,2000,8000,32000] [--seeds 1,2,3,4,5] [--test-seed 51] [--quick]
 
 Cuts configs/mixed.yaml to each size and trains on it: the default network; the Kalman filter's (configs/train/ekf.yaml, 16-16 neurons); a network
 of four times the default's weights at the largest size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards
@@ -23,7 +23,7 @@ import study
 from transfer import outputs
 
 OWN_SEED = 52
-#: Of trees: no more cells than this are learnt from, scenes in their order.
+#: Of trees: no more cells than this are learnt from, and no more end their training; scenes in their order.
 MOST_CELLS = 3_000_000
 
 
@@ -54,12 +54,10 @@ class Learners:
         return facts, held_out.counts(self.test, outputs(model, self.test))
 
     def trees(self, corpus, seed):
-        cells = held_out.read(corpus, self.columns, ["train"])
-        cut = {name: column[:MOST_CELLS] for name, column in cells.items()}
-        validation = held_out.read(corpus, self.columns, ["validation"])
+        cells, validation = (held_out.read(corpus, self.columns, [split], most=MOST_CELLS) for split in ("train", "validation"))
         before = study.cpu_s(resource.RUSAGE_SELF)
-        answer = held_out.trees(cut, validation, self.columns, seed)
-        facts = {"train_cpu_s": study.cpu_s(resource.RUSAGE_SELF) - before, "rows_learnt": len(cut["label"])}
+        answer = held_out.trees(cells, validation, self.columns, seed)
+        facts = {"train_cpu_s": study.cpu_s(resource.RUSAGE_SELF) - before, "rows_learnt": len(cells["label"])}
         return facts, held_out.counts(self.test, answer(self.test))
 
 
@@ -77,7 +75,7 @@ def kinds_of_error(judged):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", default="70,140,500,2000,8000")
+    parser.add_argument("--sizes", default="70,140,500,2000,8000,32000")
     parser.add_argument("--seeds", default="1,2,3,4,5")
     parser.add_argument("--wide", default="128,128", help="hidden neurons of the larger network (default 128,128)")
     parser.add_argument("--test-scenes", default=560, type=int, help="of the test corpus (default 560)")
