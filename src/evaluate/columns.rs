@@ -1,6 +1,6 @@
 //! The columns of a row group of `cells` -> the cells of its scans, with the model's inputs, or why one cannot be judged.
 
-use super::judge::{Cell, Judge};
+use super::judge::Cell;
 use crate::cells::{HEIGHT_DIFFERENCE, LabelRule};
 use crate::corpus::cells::{
     CLASS, CellBatch, Features, KEYS, Keys, LABEL, Labels, OBSTACLE_POINTS, POINTS, RANGE_M, TOP_POINTS, TruthColumns,
@@ -17,6 +17,9 @@ pub(super) struct Scans {
     pub cells: Vec<Cell>,
     /// One row a cell.
     pub features: Vec<f32>,
+    /// Cells that cannot be judged: without a known label, and with a feature that is NaN or infinite.
+    pub unknown_cells: u64,
+    pub not_finite_cells: u64,
 }
 
 /// The columns to read of a file; `Err` names one that it lacks.
@@ -57,25 +60,25 @@ impl<'b> Columns<'b> {
     }
 
     /// The scans of those scenes that are wanted; counts what cannot be judged.
-    pub(super) fn scans(&self, wanted_scene: impl Fn(i64) -> bool, judge: &mut Judge) -> Scans {
+    pub(super) fn scans(&self, wanted_scene: impl Fn(i64) -> bool) -> Scans {
         let mut scans = Scans::default();
         for row in (0..self.points.len()).filter(|&row| wanted_scene(self.keys.scenes[row])) {
-            self.push(row, &mut scans, judge);
+            self.push(row, &mut scans);
         }
         scans
     }
 
     /// Adds a row to its scan, or counts why it cannot be judged; a cell without points counts where the model takes such.
-    fn push(&self, row: usize, scans: &mut Scans, judge: &mut Judge) {
+    fn push(&self, row: usize, scans: &mut Scans) {
         if self.seen_alone && self.points[row] == 0 {
             return;
         }
         let Some(stored) = self.labels.at(row) else {
-            judge.unknown_cells += 1;
+            scans.unknown_cells += 1;
             return;
         };
         if !self.features.append_finite(row, &mut scans.features) {
-            judge.not_finite_cells += 1;
+            scans.not_finite_cells += 1;
             return;
         }
         let truth = self.truth.at(row);

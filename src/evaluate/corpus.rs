@@ -4,6 +4,7 @@
 //! missing; those that the model needs may not. Every file's size and sha256 are checked before a row of it is judged.
 
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use super::columns::{self, Columns, Scans};
 use super::judge::{Judge, Threshold, ThresholdOrigin};
@@ -251,29 +252,80 @@ struct Reader<'a> {
     labels: Option<&'a LabelRule>,
 }
 
-impl Reader<'_> {
-    /// Runs the cells of a split through the judge, those of some families where any is named; also the number of scans.
+/// A shard, open.
+struct Shard<'m> {
+    cells: TableFile,
+    /// The columns to read.
+    wanted: Vec<&'m str>,
+    family_of: BTreeMap<i64, String>,
+    poses: HashMap<kept_poses::Scan, Pose>,
+}
+
+/// Of a shard's cells.
+struct RowGroup<'m> {
+    shard: Arc<Shard<'m>>,
+    number: usize,
+}
+
+struct JudgedGroup<'m> {
+    shard: Arc<Shard<'m>>,
+    scans: Scans,
+    outputs: Vec<f64>,
+}
+
+impl<'a> Reader<'a> {
+    /// Runs the cells of a split through the judge, those of some families where any is named; also the number of scans. While a row group
+    /// is judged the next one is read and its outputs are formed.
     fn judge(&self, split: Split, only: &[String], mut judge: Judge) -> Result<(Judge, u64), EvaluateError> {
-        let mut count = 0;
-        for line in self.corpus.lines_of(split) {
-            let Some(table) = self.open(line, Table::Cells)? else { continue };
-            let family_of = self.families_of_scenes(line)?;
-            let poses = self.poses(line)?;
-            let wanted_scene =
-                |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
-            check_margin(self.labels, &table, &self.corpus.store().place())?;
-            let wanted =
-                columns::wanted(&table, self.model, self.labels).map_err(|reason| self.fault(table.name(), reason))?;
-            for group in 0..table.row_groups().len() {
-                let cells =
-                    CellBatch::read(&table, group, &wanted).map_err(|e| self.refused(table.name(), e.into()))?;
-                let columns = Columns::of(&cells, self.model, self.labels).map_err(|r| self.fault(table.name(), r))?;
-                let scans = columns.scans(wanted_scene, &mut judge);
-                self.add(&scans, &family_of, &poses, &mut judge);
-                count += scans.ends.len() as u64;
-            }
+        let mut groups = self.corpus.lines_of(split).flat_map(|line| self.groups(line));
+        let mut read = || groups.next().map(|group| self.judged(&group?, only));
+        let (mut count, mut now) = (0, read().transpose()?);
+        while let Some(group) = now {
+            let (next, ()) = rayon::join(&mut read, || self.add(&group, &mut judge));
+            count += group.scans.ends.len() as u64;
+            now = next.transpose()?;
         }
         Ok((judge, count))
+    }
+
+    /// The row groups of a shard's cells.
+    fn groups(&self, line: &ShardLine) -> Vec<Result<RowGroup<'a>, EvaluateError>> {
+        match self.shard(line) {
+            Err(error) => vec![Err(error)],
+            Ok(None) => Vec::new(),
+            Ok(Some(shard)) => {
+                let shard = Arc::new(shard);
+                let group = |number| Ok(RowGroup { shard: Arc::clone(&shard), number });
+                (0..shard.cells.row_groups().len()).map(group).collect()
+            }
+        }
+    }
+
+    /// `None` where the shard has no cells.
+    fn shard(&self, line: &ShardLine) -> Result<Option<Shard<'a>>, EvaluateError> {
+        let Some(cells) = self.open(line, Table::Cells)? else { return Ok(None) };
+        let family_of = self.families_of_scenes(line)?;
+        let poses = self.poses(line)?;
+        check_margin(self.labels, &cells, &self.corpus.store().place())?;
+        let wanted =
+            columns::wanted(&cells, self.model, self.labels).map_err(|reason| self.fault(cells.name(), reason))?;
+        Ok(Some(Shard { cells, wanted, family_of, poses }))
+    }
+
+    /// The scans of a row group, with the model's outputs.
+    fn judged(
+        &self,
+        RowGroup { shard, number }: &RowGroup<'a>,
+        only: &[String],
+    ) -> Result<JudgedGroup<'a>, EvaluateError> {
+        let Shard { cells: table, wanted, family_of, .. } = &**shard;
+        let wanted_scene =
+            |scene: i64| only.is_empty() || family_of.get(&scene).is_some_and(|family| only.contains(family));
+        let cells = CellBatch::read(table, *number, wanted).map_err(|e| self.refused(table.name(), e.into()))?;
+        let columns = Columns::of(&cells, self.model, self.labels).map_err(|r| self.fault(table.name(), r))?;
+        let scans = columns.scans(wanted_scene);
+        let outputs = self.model.outputs_in_parallel(&scans.features);
+        Ok(JudgedGroup { shard: Arc::clone(shard), scans, outputs })
     }
 
     /// A file of the corpus, its bytes checked.
@@ -294,14 +346,10 @@ impl Reader<'_> {
     }
 
     /// Hands scans to the judge, one at a time.
-    fn add(
-        &self,
-        scans: &Scans,
-        family_of: &BTreeMap<i64, String>,
-        poses: &HashMap<kept_poses::Scan, Pose>,
-        judge: &mut Judge,
-    ) {
-        let outputs = self.model.outputs_in_parallel(&scans.features);
+    fn add(&self, JudgedGroup { shard, scans, outputs }: &JudgedGroup, judge: &mut Judge) {
+        let Shard { family_of, poses, .. } = &**shard;
+        judge.unknown_cells += scans.unknown_cells;
+        judge.not_finite_cells += scans.not_finite_cells;
         let mut start = 0;
         for &(key @ (scene, _), end) in &scans.ends {
             let (cells, outputs) = (&scans.cells[start..end], &outputs[start..end]);

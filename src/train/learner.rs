@@ -35,9 +35,9 @@ pub(super) struct Learner {
     patience: u32,
     /// As [`FilterParams::look_noise`](super::params::FilterParams::look_noise).
     look_noise: f64,
-    /// Rows learnt in one portion, at most; between two portions training may be interrupted.
+    /// Rows that the filter takes at once, at most.
     portion_rows: usize,
-    portion: Share,
+    share: Share,
     /// Whether the threads of the pool share the work.
     is_shared: bool,
     selection: Option<Selection>,
@@ -84,7 +84,7 @@ impl Learner {
             patience: params.patience,
             look_noise: params.filter.look_noise(),
             portion_rows: params.filter.portion_rows(),
-            portion: Share::default(),
+            share: Share::default(),
             is_shared: false,
             selection: Selection::of(&params.filter, params.seed),
         })
@@ -96,27 +96,50 @@ impl Learner {
         self.filter.share_work();
     }
 
-    /// Learns the next portion of an order, from its row `from` on; where that portion ends.
+    /// Learns the next portion of an order, or the next few of them where threads share the work, from its row `from` on; where they end. There
+    /// training may be interrupted.
     pub(super) fn learn(&mut self, rows: &Rows, order: &[u32], from: usize) -> usize {
-        let until_look = self.validate_every - self.learnt.rows % self.validate_every;
-        let end = order.len().min(from - from % self.portion_rows + self.portion_rows);
-        let end = end.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
         let is_shared = self.is_shared && rayon::current_num_threads() > 1;
-        self.portion.fill(rows, &order[from..end], &self.objective, is_shared);
-        let since_look = self.learnt.rows % self.validate_every;
-        let portion = since_look as usize / self.portion_rows;
-        if self.selection.is_some() || portion.is_multiple_of(PORTIONS_A_TRAINING_ERROR) {
+        let ends = self.portions(order.len(), from, is_shared);
+        let end = from + ends[ends.len() - 1];
+        self.share.fill(rows, &order[from..end], &self.objective, is_shared);
+        if self.tells_error(0) {
             let mut sum = ErrorSum::from(self.learnt.train_sum);
-            sum += self.portion.error(&self.objective.network_in(&self.network), is_shared);
+            sum += self.share.error(ends[0], &self.objective.network_in(&self.network), is_shared);
             self.learnt.train_sum = sum.into();
         }
         if let Some(selection) = &mut self.selection {
-            self.portion.select(selection, self.learnt.rows);
+            self.share.select(selection, self.learnt.rows);
+            let Share { inputs, targets, noise, .. } = &self.share;
+            self.filter.learn(&mut self.network, inputs, targets, noise);
+        } else {
+            let Share { inputs, targets, noise, .. } = &self.share;
+            self.filter.learn_portions(&mut self.network, inputs, targets, noise, &ends);
         }
-        let Share { inputs, targets, noise, .. } = &self.portion;
-        self.filter.learn(&mut self.network, inputs, targets, noise);
         self.learnt.rows += (end - from) as u64;
         end
+    }
+
+    /// The ends of the portions that are learnt at once, counted from `from`: up to a look, or to one whose error is told before it is learnt. With
+    /// many at once threads wait for one another less often; one thread alone has them in its cache one by one.
+    fn portions(&self, rows: usize, from: usize, is_shared: bool) -> Vec<usize> {
+        let until_look = self.validate_every - self.learnt.rows % self.validate_every;
+        let most = rows.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
+        let mut ends = Vec::with_capacity(PORTIONS_A_TRAINING_ERROR);
+        let mut end = from;
+        loop {
+            end = most.min(end - end % self.portion_rows + self.portion_rows);
+            ends.push(end - from);
+            if !is_shared || end == most || self.tells_error(end - from) {
+                return ends;
+            }
+        }
+    }
+
+    /// Whether the training error is told of the portion that begins so many rows after what is learnt.
+    fn tells_error(&self, after: usize) -> bool {
+        let since_look = (self.learnt.rows % self.validate_every) as usize + after;
+        self.selection.is_some() || (since_look / self.portion_rows).is_multiple_of(PORTIONS_A_TRAINING_ERROR)
     }
 
     /// Whether it is time to look at the validation split.
@@ -225,16 +248,17 @@ impl Share {
         noise.truncate(chosen.len());
     }
 
-    /// The error before these rows are learnt.
-    fn error(&mut self, network: &NetworkIn, is_shared: bool) -> ErrorSum {
-        let (count, width) = (self.targets.len(), self.inputs.len() / self.targets.len().max(1));
+    /// The error of the first rows before they are learnt.
+    fn error(&mut self, count: usize, network: &NetworkIn, is_shared: bool) -> ErrorSum {
+        let width = self.inputs.len() / self.targets.len().max(1);
+        let inputs = &self.inputs[..count * width];
         self.outputs.resize(count, 0.0);
         let outputs = |(rows, outputs): (&[f64], &mut [f64])| network.outputs(rows, outputs);
         if is_shared {
-            let rows = self.inputs.par_chunks(ROWS_A_TASK * width);
+            let rows = inputs.par_chunks(ROWS_A_TASK * width);
             rows.zip(self.outputs.par_chunks_mut(ROWS_A_TASK)).for_each(outputs);
         } else {
-            outputs((&self.inputs, &mut self.outputs));
+            outputs((inputs, &mut self.outputs));
         }
         let mut sum = ErrorSum::default();
         for ((target, noise), output) in self.targets.iter().zip(&self.noise).zip(&self.outputs) {

@@ -61,6 +61,22 @@ pub trait Filter: Send {
     /// row; rows may be taken together as a mini-batch where the filter says so.
     fn learn(&mut self, network: &mut Network, inputs: &[f64], targets: &[f64], noise: &[f64]);
 
+    /// The same, portion by portion, to the bits of as many calls; `ends`: rows up to the end of each.
+    fn learn_portions(
+        &mut self,
+        network: &mut Network,
+        inputs: &[f64],
+        targets: &[f64],
+        noise: &[f64],
+        ends: &[usize],
+    ) {
+        let (width, mut from) = (network.layout.inputs, 0);
+        for &end in ends {
+            self.learn(network, &inputs[from * width..end * width], &targets[from..end], &noise[from..end]);
+            from = end;
+        }
+    }
+
     /// From here on work may be shared among the threads of the rayon pool that calls, where the filter can; never changes a bit. A task
     /// of a pool that must not wait for its other threads leaves it alone.
     fn share_work(&mut self) {}

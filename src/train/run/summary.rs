@@ -110,7 +110,6 @@ impl Training<'_> {
 /// The network with everything that its use needs.
 pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: Network) -> Result<Model, TrainError> {
     let Setup { params, sources, origin, init, .. } = setup;
-    let quantiles = quantiles::of_train_split(sources, params.seed, &scaler)?;
     let about = About {
         marsyard_model: MODEL_FORMAT,
         inputs: network.layout.inputs,
@@ -119,7 +118,7 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         members: network.layout.members,
         features: sources.features.clone(),
         scaler,
-        quantiles,
+        quantiles: Vec::new(),
         targets: params.targets,
         thresholds: params.thresholds.clone(),
         cells: origin.cells.clone(),
@@ -135,6 +134,8 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         calibration: None,
     };
     let mut model = Model { network, about, sha256: None };
-    model.about.calibration = Calibration::of(&model, sources)?;
+    let of_train = || quantiles::of_train_split(sources, params.seed, &model.about.scaler);
+    let (quantiles, calibration) = rayon::join(of_train, || Calibration::of(&model, sources));
+    (model.about.quantiles, model.about.calibration) = (quantiles?, calibration?);
     Ok(model)
 }

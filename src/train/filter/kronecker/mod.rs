@@ -73,6 +73,27 @@ struct Member {
     begun: u64,
 }
 
+/// Rows that members learn at once, and what is counted of those and of the ones that are none to learn.
+#[derive(Default)]
+struct Portion<'r> {
+    rows: Vec<Row<'r>>,
+    seen: Counters,
+}
+
+impl<'r> Portion<'r> {
+    fn take(&mut self, rows: impl Iterator<Item = ((&'r [f64], &'r f64), &'r f64)>, clip: f64) {
+        for ((inputs, &target), &noise) in rows {
+            let weight = 1.0 / noise;
+            if finite(inputs) && target.is_finite() && weight > 0.0 && weight <= MOST_ROW_WEIGHT {
+                self.seen.take_inputs(inputs, clip);
+                self.rows.push(Row { inputs, target, weight });
+            } else {
+                self.seen.rejected += 1;
+            }
+        }
+    }
+}
+
 /// A member as a state holds it.
 struct Kept {
     counters: Counters,
@@ -203,26 +224,35 @@ impl Member {
 
 impl Filter for Kronecker {
     fn learn(&mut self, network: &mut Network, inputs: &[f64], targets: &[f64], noise: &[f64]) {
-        let mut rows = Vec::with_capacity(targets.len());
-        let mut seen = Counters::default();
-        for ((inputs, &target), &noise) in inputs.chunks_exact(network.layout.inputs).zip(targets).zip(noise) {
-            let weight = 1.0 / noise;
-            if finite(inputs) && target.is_finite() && weight > 0.0 && weight <= MOST_ROW_WEIGHT {
-                seen.take_inputs(inputs, self.clip);
-                rows.push(Row { inputs, target, weight });
-            } else {
-                seen.rejected += 1;
-            }
-        }
+        self.learn_portions(network, inputs, targets, noise, &[targets.len()]);
+    }
+
+    fn learn_portions(
+        &mut self,
+        network: &mut Network,
+        inputs: &[f64],
+        targets: &[f64],
+        noise: &[f64],
+        ends: &[usize],
+    ) {
+        let (width, clip) = (network.layout.inputs, self.clip);
+        let mut portions: Vec<Portion> = ends.iter().map(|_| Portion::default()).collect();
+        each(&mut portions, self.is_shared, |number, portion| {
+            let range = number.checked_sub(1).map_or(0, |before| ends[before])..ends[number];
+            let inputs = inputs[range.start * width..range.end * width].chunks_exact(width);
+            portion.take(inputs.zip(&targets[range.clone()]).zip(&noise[range]), clip);
+        });
         let size = network.weights.len() / self.members.len();
         let mut members: Vec<_> = self.members.iter_mut().zip(network.weights.chunks_exact_mut(size)).collect();
         // Threads take whole members, and parts of one where there are more threads.
         let is_shared = self.is_shared;
         let is_split = is_shared && rayon::current_num_threads() > members.len();
         each(&mut members, is_shared, |_, ((_, member), weights)| {
-            member.counters.clipped += seen.clipped;
-            member.counters.rejected += seen.rejected;
-            member.learn(weights, &rows, is_split);
+            for Portion { rows, seen } in &portions {
+                member.counters.clipped += seen.clipped;
+                member.counters.rejected += seen.rejected;
+                member.learn(weights, rows, is_split);
+            }
         });
     }
 

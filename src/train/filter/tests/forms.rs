@@ -256,3 +256,33 @@ fn law_every_filter_learns_what_it_is_shown() {
         assert!(got < 0.3, "{params:?}: {got}");
     }
 }
+
+#[test]
+fn equal_portions_at_once_are_learnt_as_one_by_one() {
+    let (start, mut inputs, targets, noise) = case(700);
+    // A row that no filter takes, in the second portion.
+    inputs[200 * 8] = f64::INFINITY;
+    let ends = [130, 257, 258, 700];
+    for params in all() {
+        let learnt = |threads: usize, at_once: bool| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let (mut filter, mut network) = (build(&params, &start.layout).unwrap(), start.clone());
+            filter.share_work();
+            pool.install(|| {
+                if at_once {
+                    filter.learn_portions(&mut network, &inputs, &targets, &noise, &ends);
+                    return;
+                }
+                for (from, end) in [0, 130, 257, 258].into_iter().zip(ends) {
+                    filter.learn(&mut network, &inputs[from * 8..end * 8], &targets[from..end], &noise[from..end]);
+                }
+            });
+            (network, filter.counters(), filter.state())
+        };
+        let one_by_one = learnt(1, false);
+        assert!(one_by_one.1.rejected == 1 && one_by_one.0 != start, "{params:?}");
+        for threads in [1, 3] {
+            assert!(learnt(threads, true) == one_by_one, "{params:?}, {threads} threads");
+        }
+    }
+}
