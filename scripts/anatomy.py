@@ -1,7 +1,7 @@
 """Where the errors lie on families held out: the cells that a network gets wrong, by what truly is there.
 
 Usage:  cargo build --release
-        python scripts/anatomy.py [--scenes 1200] [--seeds 1,2] [--test-seed 51] [--quick]
+        python scripts/anatomy.py [--scenes 2000] [--seeds 1,2] [--test-seed 51] [--quick]
 
 Trains the default network on configs/mixed.yaml cut to so many scenes and judges the held-out families, on the corpora and by the runs of
 learning_curve.py where its work folder is given. Untraversable cells are sorted by what made them so, traversable ones by what they hold and
@@ -80,7 +80,7 @@ def by_kind(cells, named, wrong):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", default=1200, type=int)
+    parser.add_argument("--scenes", default=2000, type=int)
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--test-scenes", default=560, type=int, help="of the test corpus (default 560)")
     parser.add_argument("--test-seed", default=51, type=int, help="seed of the test corpus (default 51)")

@@ -3,7 +3,7 @@
 Corpora are configs/mixed.yaml cut to each size; each is trained for a pass by the default and by the Kalman filter, with one thread and two, and
 with no window, one and four read ahead. The report that `train` writes at the end (its test split judged) is part of the run.
 
-    cargo build --release && python scripts/memory.py [--sizes 70,400,1200]
+    cargo build --release && python scripts/memory.py [--sizes 70,500,2000]
 """
 
 import argparse
@@ -32,7 +32,7 @@ def most_megabytes(command):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", default="70,400,1200", help="scenes (default 70,400,1200)")
+    parser.add_argument("--sizes", default="70,500,2000", help="scenes (default 70,500,2000)")
     study.add_arguments(parser, "memory")
     options = parser.parse_args()
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)

@@ -1,4 +1,4 @@
-//! The filter side of `scripts/peers/jax_ekf.py`: CPU time of whole training steps (forward run, gradient, update), one thread.
+//! The filter side of `scripts/peers/ekf_peers.py`: CPU time of whole training steps (forward run, gradient, update), one thread.
 //!
 //! `filter_peer` reads lines `HIDDEN FILTER ROWS` (`16x16 ekf-f32 1000`) and answers each with the CPU seconds that learning ROWS
 //! rows took. The rates of all filters: `cargo bench --bench filter`.
