@@ -97,7 +97,8 @@ def main():
     cells = held_out.read(test, [*columns, *TRUTH])
     called = [(outputs(network, cells) >= 0.5).astype(int) for network in networks]
     study.note("trees")
-    trees = held_out.trees(held_out.read(learnt, columns, ["train"]), held_out.read(learnt, columns, ["validation"]), columns, seeds[0])
+    train, validation = (held_out.read(learnt, columns, [split], most=held_out.MOST_CELLS) for split in ("train", "validation"))
+    trees = held_out.trees(train, validation, columns, seeds[0])
     of_trees = [(trees(cells) >= 0.5).astype(int)]
     parts, results = [], {}
     for label, named in kinds(cells).items():

@@ -21,6 +21,8 @@ TRAINING = ["rock_field", "builders_yard", "orchard", "scrub", "bare_rough", "em
 FAMILIES = ["unseen_pattern", "unseen_density", "unseen_height", "unseen_frame", "unseen_slope", "unseen_kinds", "unseen_holes", "unseen"]
 PER_SHARD = 10
 DRAWS = 1000
+#: Trees learn from no more cells than this, and no more validation cells decide when they stop; scenes in their order.
+MOST_CELLS = 3_000_000
 #: No family may weigh nothing; at this weight none of the scenes of a study is drawn from it.
 NONE = "1e-9"
 

@@ -4,7 +4,7 @@
 //! through [`Judge`]. Out: a [`Report`], as a table for people, as JSON, and as figures. Source: Hewitt et al. 2017, "Results",
 //! table 1 and figures 9 and 13 (A57 to A63 in `docs/paper.md`). Deviation: prevalence, majority baseline, balanced accuracy, MCC
 //! and AUC stand beside accuracy, and one tuned threshold on the height difference stands beside the network, so that no number
-//! looks better than it is. Memory: one row group and a few MB for each family and sensor.
+//! looks better than it is. Memory: two row groups and a few MB for each family and sensor.
 //!
 //! Not here: training, and the drawing of scans (`cloud` and `picture` do that).
 
@@ -15,6 +15,7 @@ mod figures;
 mod judge;
 mod lead;
 mod places;
+mod reading;
 mod reliability;
 mod report;
 mod run_folder;

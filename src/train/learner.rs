@@ -35,9 +35,11 @@ pub(super) struct Learner {
     patience: u32,
     /// As [`FilterParams::look_noise`](super::params::FilterParams::look_noise).
     look_noise: f64,
-    /// Rows that the filter takes at once, at most.
+    /// Rows of a portion, at most: the training error is told, and rows are selected, by portions.
     portion_rows: usize,
-    share: Share,
+    /// Portions that the filter is handed at once, at most, where threads share the work.
+    portions_at_once: usize,
+    handed: HandedRows,
     /// Whether the threads of the pool share the work.
     is_shared: bool,
     selection: Option<Selection>,
@@ -84,7 +86,8 @@ impl Learner {
             patience: params.patience,
             look_noise: params.filter.look_noise(),
             portion_rows: params.filter.portion_rows(),
-            share: Share::default(),
+            portions_at_once: params.filter.portions_at_once(),
+            handed: HandedRows::default(),
             is_shared: false,
             selection: Selection::of(&params.filter, params.seed),
         })
@@ -102,35 +105,36 @@ impl Learner {
         let is_shared = self.is_shared && rayon::current_num_threads() > 1;
         let ends = self.portions(order.len(), from, is_shared);
         let end = from + ends[ends.len() - 1];
-        self.share.fill(rows, &order[from..end], &self.objective, is_shared);
+        self.handed.fill(rows, &order[from..end], &self.objective, is_shared);
         if self.tells_error(0) {
             let mut sum = ErrorSum::from(self.learnt.train_sum);
-            sum += self.share.error(ends[0], &self.objective.network_in(&self.network), is_shared);
+            sum += self.handed.error(ends[0], &self.objective.network_in(&self.network), is_shared);
             self.learnt.train_sum = sum.into();
         }
         if let Some(selection) = &mut self.selection {
-            self.share.select(selection, self.learnt.rows);
-            let Share { inputs, targets, noise, .. } = &self.share;
+            self.handed.select(selection, self.learnt.rows);
+            let HandedRows { inputs, targets, noise, .. } = &self.handed;
             self.filter.learn(&mut self.network, inputs, targets, noise);
         } else {
-            let Share { inputs, targets, noise, .. } = &self.share;
+            let HandedRows { inputs, targets, noise, .. } = &self.handed;
             self.filter.learn_portions(&mut self.network, inputs, targets, noise, &ends);
         }
         self.learnt.rows += (end - from) as u64;
         end
     }
 
-    /// The ends of the portions that are learnt at once, counted from `from`: up to a look, or to one whose error is told before it is learnt. With
-    /// many at once threads wait for one another less often; one thread alone has them in its cache one by one.
+    /// The ends of the portions that are learnt at once, counted from `from`: no farther than to a look, or to a portion whose error is told before
+    /// it is learnt. With many at once threads wait for one another less often; one thread alone has them in its cache one by one.
     fn portions(&self, rows: usize, from: usize, is_shared: bool) -> Vec<usize> {
         let until_look = self.validate_every - self.learnt.rows % self.validate_every;
         let most = rows.min(from + usize::try_from(until_look).unwrap_or(usize::MAX));
-        let mut ends = Vec::with_capacity(PORTIONS_A_TRAINING_ERROR);
+        let at_once = if is_shared { self.portions_at_once } else { 1 };
+        let mut ends = Vec::with_capacity(at_once);
         let mut end = from;
         loop {
             end = most.min(end - end % self.portion_rows + self.portion_rows);
             ends.push(end - from);
-            if !is_shared || end == most || self.tells_error(end - from) {
+            if ends.len() == at_once || end == most || self.tells_error(end - from) {
                 return ends;
             }
         }
@@ -192,7 +196,7 @@ fn first_network(params: &TrainParams, layout: Layout) -> Network {
 
 /// Rows as the filter takes them.
 #[derive(Default)]
-struct Share {
+struct HandedRows {
     /// As stored, in the order of learning.
     stored: Vec<f32>,
     inputs: Vec<f64>,
@@ -202,7 +206,7 @@ struct Share {
     chosen: Vec<usize>,
 }
 
-impl Share {
+impl HandedRows {
     fn fill(&mut self, rows: &Rows, order: &[u32], objective: &Objective, is_shared: bool) {
         let (width, width_in) = (rows.width, objective.scaler.inputs());
         self.stored.resize(order.len() * width, 0.0);
@@ -233,7 +237,7 @@ impl Share {
 
     /// Leaves those rows that are to be learnt; `first`: rows of the training before them.
     fn select(&mut self, selection: &mut Selection, first: u64) {
-        let Share { inputs, targets, noise, outputs, chosen, .. } = self;
+        let HandedRows { inputs, targets, noise, outputs, chosen, .. } = self;
         let width = inputs.len() / targets.len();
         for (output, target) in outputs.iter_mut().zip(targets.iter()) {
             *output = target - *output;

@@ -254,10 +254,15 @@ impl FilterParams {
         if self.learns_by_batches() { (validate_every / 8).clamp(10_000, 50_000) } else { 50_000 }
     }
 
-    /// Rows that the filter is handed at once: two of its largest batches, which threads share; or few, so that the errors by which
-    /// rows are selected are of the network as it nearly is.
+    /// Rows of a portion: two of the largest batches; or few, so that the errors by which rows are selected are of the network as it
+    /// nearly is.
     pub(crate) fn portion_rows(&self) -> usize {
         if self.learns_by_batches() { 1024 } else { 256 }
+    }
+
+    /// Portions that it is handed at once where threads share the work: what learns on one thread is handed them one by one.
+    pub(crate) fn portions_at_once(&self) -> usize {
+        if self.learns_by_batches() { 4 } else { 1 }
     }
 }
 

@@ -282,6 +282,25 @@ fn extreme_damaged_and_foreign_files_are_refused_with_their_names_before_a_row_i
 }
 
 #[test]
+fn law_of_several_damaged_shards_the_first_is_named_and_threads_change_no_report() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let train = Options::of(Split::Train);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| evaluate(&steps_model(), &store, &families(), &train))
+    };
+    let report = on(1).unwrap();
+    assert!(report.data.scans > 5 && on(3).unwrap() == report);
+    for damaged in [vec![4], vec![1, 4]] {
+        damaged.iter().for_each(|shard| store.replace(&Table::Cells.path(*shard), b"short").unwrap());
+        for threads in [1, 3] {
+            let told = on(threads).unwrap_err().to_string();
+            assert!(told.contains(&Table::Cells.path(damaged[0])), "{told}");
+        }
+    }
+}
+
+#[test]
 fn extreme_empty_splits_and_one_class_give_no_numbers_rather_than_wrong_ones() {
     let (_dir, store) = corpus(2, &TABLES, &SCAN);
     let error = evaluate(&steps_model(), &store, &[], &Options::of(Split::Test)).unwrap_err().to_string();

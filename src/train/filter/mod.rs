@@ -61,7 +61,7 @@ pub trait Filter: Send {
     /// row; rows may be taken together as a mini-batch where the filter says so.
     fn learn(&mut self, network: &mut Network, inputs: &[f64], targets: &[f64], noise: &[f64]);
 
-    /// The same, portion by portion, to the bits of as many calls; `ends`: rows up to the end of each.
+    /// Learns portions one after another; gives the same bits as a call of `learn` for each. `ends`: rows up to the end of each.
     fn learn_portions(
         &mut self,
         network: &mut Network,

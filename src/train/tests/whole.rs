@@ -76,6 +76,31 @@ fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
     }
 }
 
+/// 7500 rows to learn, looks at 6000 and at the end: between them portions are learnt several at once where threads share the work.
+#[test]
+fn equal_bits_where_several_portions_are_learnt_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let place = circles(&dir, "a", 1500);
+    let sets =
+        ["filter={kronecker: {rate: 0.02}}", "network.hidden=[8, 8]", "epochs=3", "patience=20", "validate_every=6000"];
+    let one = |threads: usize, stops: &[u64]| {
+        let out = dir.path().join(format!("{threads}-{}", stops.len()));
+        let setup = Setup { resume: true, ..setup(std::slice::from_ref(&place), &with(&sets), out).unwrap() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            stops.iter().for_each(|rows| run_until(&setup, *rows, false));
+            run(&setup)
+        })
+        .unwrap();
+        identity(&setup)
+    };
+    let first = one(1, &[]);
+    assert_eq!(one(3, &[]), first);
+    for threads in [1, 3] {
+        assert_eq!(one(threads, &[1, 1025, 4096, 5000, 6000, 6144, 7500, 9000, 13_000]), first, "{threads} threads");
+    }
+}
+
 #[test]
 fn equal_a_floor_of_one_is_the_exact_filter_and_the_default_learns_fewer_rows() {
     let dir = tempfile::tempdir().unwrap();

@@ -12,6 +12,7 @@
 mod basis;
 mod gradient;
 mod layer;
+mod portion;
 #[cfg(test)]
 mod tests;
 
@@ -19,8 +20,8 @@ use rayon::prelude::*;
 
 use self::gradient::{MicroBatch, Row};
 use self::layer::{KEPT, Layer};
+use self::portion::Portion;
 use super::lanes::Isa;
-use super::linearised::finite;
 use super::state::{Reader, Writer};
 use super::{Counters, Filter, FilterError, FilterState};
 use crate::math;
@@ -36,8 +37,6 @@ const BATCH_SHARE: f64 = 0.005;
 const WARM_UP_STEPS: f64 = 100.0;
 /// How fast the average forgets: it holds the last 1 / (1 + this) of the steps, mostly.
 const DECAY: f64 = 8.0;
-/// The most that a row may weigh: its gradient is finite in f32. A batch whose squares are not is left out whole.
-const MOST_ROW_WEIGHT: f64 = 1e15;
 
 /// Works on each, with its number: by all threads of the pool, or by this one alone.
 fn each<T: Send>(list: &mut [T], is_shared: bool, work: impl Fn(usize, &mut T) + Send + Sync) {
@@ -71,27 +70,6 @@ struct Member {
     averaged: u64,
     /// Rows of the batch that is begun.
     begun: u64,
-}
-
-/// Rows that members learn at once, and what is counted of those and of the ones that are none to learn.
-#[derive(Default)]
-struct Portion<'r> {
-    rows: Vec<Row<'r>>,
-    seen: Counters,
-}
-
-impl<'r> Portion<'r> {
-    fn take(&mut self, rows: impl Iterator<Item = ((&'r [f64], &'r f64), &'r f64)>, clip: f64) {
-        for ((inputs, &target), &noise) in rows {
-            let weight = 1.0 / noise;
-            if finite(inputs) && target.is_finite() && weight > 0.0 && weight <= MOST_ROW_WEIGHT {
-                self.seen.take_inputs(inputs, clip);
-                self.rows.push(Row { inputs, target, weight });
-            } else {
-                self.seen.rejected += 1;
-            }
-        }
-    }
 }
 
 /// A member as a state holds it.
@@ -239,8 +217,8 @@ impl Filter for Kronecker {
         let mut portions: Vec<Portion> = ends.iter().map(|_| Portion::default()).collect();
         each(&mut portions, self.is_shared, |number, portion| {
             let range = number.checked_sub(1).map_or(0, |before| ends[before])..ends[number];
-            let inputs = inputs[range.start * width..range.end * width].chunks_exact(width);
-            portion.take(inputs.zip(&targets[range.clone()]).zip(&noise[range]), clip);
+            let inputs = &inputs[range.start * width..range.end * width];
+            portion.take(inputs, &targets[range.clone()], &noise[range], clip);
         });
         let size = network.weights.len() / self.members.len();
         let mut members: Vec<_> = self.members.iter_mut().zip(network.weights.chunks_exact_mut(size)).collect();
