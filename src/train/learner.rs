@@ -103,7 +103,7 @@ impl Learner {
     /// training may be interrupted.
     pub(super) fn learn(&mut self, rows: &Rows, order: &[u32], from: usize) -> usize {
         let is_shared = self.is_shared && rayon::current_num_threads() > 1;
-        let ends = self.portions(order.len(), from, is_shared);
+        let mut ends = self.portions(order.len(), from, is_shared);
         let end = from + ends[ends.len() - 1];
         self.handed.fill(rows, &order[from..end], &self.objective, is_shared);
         if self.tells_error(0) {
@@ -112,13 +112,12 @@ impl Learner {
             self.learnt.train_sum = sum.into();
         }
         if let Some(selection) = &mut self.selection {
+            // It is of one portion, and leaves fewer rows of that.
             self.handed.select(selection, self.learnt.rows);
-            let HandedRows { inputs, targets, noise, .. } = &self.handed;
-            self.filter.learn(&mut self.network, inputs, targets, noise);
-        } else {
-            let HandedRows { inputs, targets, noise, .. } = &self.handed;
-            self.filter.learn_portions(&mut self.network, inputs, targets, noise, &ends);
+            ends = vec![self.handed.targets.len()];
         }
+        let HandedRows { inputs, targets, noise, .. } = &self.handed;
+        self.filter.learn_portions(&mut self.network, inputs, targets, noise, &ends);
         self.learnt.rows += (end - from) as u64;
         end
     }
