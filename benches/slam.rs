@@ -84,6 +84,7 @@ const NOISE: InstrumentNoise = InstrumentNoise {
     imu_bias_rad: 0.0,
     sun_rad: 0.035,
     odometry_m_per_sqrt_m: 0.05,
+    sideways_m_per_sqrt_m: 0.0,
     heading_rad_per_sqrt_m: 0.035,
 };
 

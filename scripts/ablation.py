@@ -58,7 +58,7 @@ YARDS = {
     # What brought nothing, and is no longer in the config.
     "and brush and range bias and quantisation": ["families.3.scene.vegetation.brush={count: {uniform: [0, 4]}, radius_m: {uniform: [0.3, 1]}, sigma_m: {uniform: [0.1, 0.4]}}",
                                                  "sweep.effects.range_bias_m={uniform: [0, 0.02]}", "sweep.effects.quantisation={}"],
-    "and FastSLAM in place of dead reckoning": ["slam={fastslam: {particles: 60}}"],
+    "and FastSLAM in place of dead reckoning": ["slam={fastslam: {particles: 100}}"],
 }
 LEFT_OUT = list(enumerate(held_out.TRAINING))
 FRAMES = {"estimated pose": [], "fitted plane": ["cells.frame=fitted_plane"]}

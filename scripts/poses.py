@@ -29,7 +29,7 @@ APART = {"paper", "mixed", "mars"}
 LONG = ["scene.extent_m=90", "scene.rocks.count={uniform: [400, 1200]}", "scene.ground.source.random.correlation_length_m={uniform: [10, 30]}",
         "drive.path={planned: {goal_m: 60}}", "drive.stops=120"]
 # What is overridden: mixed.yaml dead-reckons, and is asked here what FastSLAM would bring it.
-SETS = {"mixed": ["slam={fastslam: {particles: 60}}"],
+SETS = {"mixed": ["slam={fastslam: {particles: 100}}"],
         "paper, 10 m": ["drive.path={planned: {goal_m: 10}}", "drive.stops=20"],
         "paper, 60 m": LONG,
         "paper, 60 m, 300 particles": [*LONG, "slam={fastslam: {particles: 300}}"]}
@@ -101,7 +101,7 @@ def written(results):
 `python scripts/poses.py --scenes {results['scenes']}`. Error at the last stop, paired scenes. *Ceiling*: every body that returns 8 beams is a
 landmark with its number, seen without error, 100 particles, and no sweep is laid on another, as in *extracted, known association*. The other rows differ
 from it, or from the config's own filter, in what they name.
-Ratio: mean position error over dead reckoning's. mixed.yaml dead-reckons; here it has 60 particles. *10 m* and *60 m*: drives so long on paper.yaml's
+Ratio: mean position error over dead reckoning's. mixed.yaml dead-reckons; here it has 100 particles. *10 m* and *60 m*: drives so long on paper.yaml's
 ground (60 m: a yard of 90 m with as many rocks an area), a stop each half metre. NEES per degree of freedom: 1 is honest, less means sigmas too large."""]
     for name, config in results["configs"].items():
         low, high = config["band_1"]

@@ -18,7 +18,7 @@ TEST_SEED = 1_000_003
 class Yards:
     """Cells of unseen scenes, by scene."""
 
-    def __init__(self, marsyard, name, sets, columns, scenes=400):
+    def __init__(self, marsyard, name, sets, columns, scenes):
         if name == "mixed":
             self.families, self.numbered = held_out.FAMILIES, held_out.TRAINING + held_out.FAMILIES
             place = held_out.corpus(marsyard, "test-mixed", TEST_SEED, 560, sets)

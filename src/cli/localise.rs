@@ -62,6 +62,9 @@ pub(super) struct LocaliseArgs {
     /// Noise of the driven distance, metres per square root of a metre.
     #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = at_least_0)]
     odometry_m_per_sqrt_m: f64,
+    /// Way aside that wheels slip without telling, metres per square root of a metre.
+    #[arg(long, value_name = "M", default_value_t = 0.02, value_parser = at_least_0)]
+    sideways_m_per_sqrt_m: f64,
     /// Noise of the heading by odometry, degrees per square root of a metre.
     #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
     odometry_deg_per_sqrt_m: f64,
@@ -193,6 +196,7 @@ fn locate(recording: &Recording, args: &LocaliseArgs, start: Pose, slam: SlamPar
         imu_bias_rad: args.imu_bias_deg.to_radians(),
         sun_rad: args.sun_deg.to_radians(),
         odometry_m_per_sqrt_m: args.odometry_m_per_sqrt_m,
+        sideways_m_per_sqrt_m: args.sideways_m_per_sqrt_m,
         heading_rad_per_sqrt_m: args.odometry_deg_per_sqrt_m.to_radians(),
     };
     let translation_m = DVec3::new(args.sensor[0], args.sensor[1], args.sensor[2]);

@@ -26,7 +26,7 @@ impl Fidelity {
             Fidelity::Standard => &[
                 ("sweep.cast", "exact"),
                 ("drive.contact", "gauss_newton"),
-                ("slam", "{fastslam: {particles: 60}}"),
+                ("slam", "{fastslam: {particles: 100}}"),
                 (SUB_RAYS, "7"),
             ],
             Fidelity::Reference => &[

@@ -24,6 +24,7 @@ impl InstrumentNoise {
             imu_bias_rad: bias_deg.to_radians() * std::f64::consts::FRAC_1_SQRT_2,
             sun_rad: if params.sun_deg.is_some() { drawn[Purpose::SunSd].to_radians() } else { 0.0 },
             odometry_m_per_sqrt_m: drawn[Purpose::OdometryDistanceSd],
+            sideways_m_per_sqrt_m: 0.0,
             heading_rad_per_sqrt_m: drawn[Purpose::OdometryHeadingSd].to_radians(),
         }
     }

@@ -10,7 +10,7 @@ pub enum Fidelity {
     /// To see whether a config does what it should, for a quarter of the cost: pose errors are drawn instead of estimated, so that
     /// sweeps that are not kept need not be cast.
     Draft,
-    /// The pose as a filter of 60 particles estimates it.
+    /// The pose as a filter of 100 particles estimates it.
     Standard,
     /// What the others are judged by: 100 particles, and the finest footprints of beams.
     Reference,

@@ -69,16 +69,25 @@ impl Stream {
         widest(Normals(out));
     }
 
-    /// Standard normal draws, one from each of as many equally likely parts of the line: from the middle part up, then from the lowest.
-    pub fn fill_normal_stratified(&self, first_index: u64, out: &mut [f64]) {
-        self.fill_uniform(first_index, out);
+    /// Standard normal vectors in a Latin hypercube (McKay, Beckman & Conover 1979): along each axis one from each of as many equally likely
+    /// parts of the line, the parts in an order of their own. Takes 2 N draws a vector.
+    pub fn fill_normal_hypercube<const N: usize>(&self, first_index: u64, out: &mut [[f64; N]]) {
         let count = out.len();
-        for (k, out) in out.iter_mut().enumerate() {
-            let part = (k + count / 2) % count;
-            // The last draw may be rounded up to 1.
-            *out = ((part as f64 + *out) / count as f64).min(1.0 - f64::EPSILON / 2.0);
-        }
-        widest(Normals(out));
+        let mut draws = vec![0.0; 2 * count];
+        let mut order: Vec<usize> = (0..count).collect();
+        (0..N).for_each(|axis| {
+            self.fill_uniform(first_index + (axis * draws.len()) as u64, &mut draws);
+            let (within, keys) = draws.split_at_mut(count);
+            order.sort_unstable_by(|&a, &b| keys[a].total_cmp(&keys[b]).then(a.cmp(&b)));
+            for (part, within) in within.iter_mut().enumerate() {
+                // The last draw may be rounded up to 1.
+                *within = ((part as f64 + *within) / count as f64).min(1.0 - f64::EPSILON / 2.0);
+            }
+            widest(Normals(within));
+            for (&vector, &normal) in order.iter().zip(&*within) {
+                out[vector][axis] = normal;
+            }
+        });
     }
 
     /// The words of the draws from an index on, two each.
@@ -145,21 +154,36 @@ mod tests {
     }
 
     #[test]
-    fn exact_stratified_draws_come_one_from_each_part() {
+    fn exact_a_hypercubes_draws_come_one_from_each_part_of_each_axis() {
         let stream = streams().open(Purpose::GroundNoise);
         for count in [1, 2, 7, 60] {
-            let mut draws = vec![0.0; count];
-            stream.fill_normal_stratified(3, &mut draws);
-            // The first is of the middle part, or the one above it.
-            let middle = count / 2;
-            let first = draws[0];
-            draws.sort_by(f64::total_cmp);
-            assert_eq!(first, draws[middle]);
-            for (part, draw) in draws.iter().enumerate() {
-                let bound = |k: usize| normal_from_open_unit((k as f64 / count as f64).clamp(1e-300, 1.0 - 1e-16));
-                assert!((bound(part)..=bound(part + 1)).contains(draw), "{part} of {count}: {draw}");
+            let mut vectors = vec![[0.0; 3]; count];
+            stream.fill_normal_hypercube(3, &mut vectors);
+            for axis in 0..3 {
+                let mut draws: Vec<f64> = vectors.iter().map(|vector| vector[axis]).collect();
+                draws.sort_by(f64::total_cmp);
+                for (part, draw) in draws.iter().enumerate() {
+                    let bound = |k: usize| normal_from_open_unit((k as f64 / count as f64).clamp(1e-300, 1.0 - 1e-16));
+                    assert!((bound(part)..=bound(part + 1)).contains(draw), "{part} of {count}: {draw}");
+                }
             }
         }
+    }
+
+    #[test]
+    fn law_the_axes_of_a_hypercube_do_not_go_together() {
+        // Of 200 hypercubes of 60 vectors: the mean correlation of two axes has a standard deviation of 1 / sqrt(59 * 200).
+        let stream = streams().open(Purpose::GroundNoise);
+        let (cubes, count) = (200, 60);
+        let mut sums = [0.0; 3];
+        for cube in 0..cubes {
+            let mut vectors = vec![[0.0; 3]; count];
+            stream.fill_normal_hypercube((cube * 6 * count) as u64, &mut vectors);
+            for (sum, [a, b]) in sums.iter_mut().zip([[0, 1], [0, 2], [1, 2]]) {
+                *sum += vectors.iter().map(|v| v[a] * v[b]).sum::<f64>() / (count * cubes) as f64;
+            }
+        }
+        assert!(sums.iter().all(|sum| sum.abs() < 4.0 / ((count - 1) as f64 * cubes as f64).sqrt()), "{sums:?}");
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Readings and features -> a cloud of particles: FastSLAM 2.0, and dead reckoning as its one-particle case.
 //!
 //! In: control steps, angle readings, a sweep's features and surface. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
-//! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Between sweeps
-//! every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features or a surface. Not
+//! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Deviation: draws
+//! of a Latin hypercube, so that few particles cover what many would. Between sweeps every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features or a surface. Not
 //! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: on a straight
 //! way a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks do tell of it, and the sigma of z is too large.
 
@@ -262,19 +262,10 @@ impl Filter {
             self.ancestry.record(&parents);
         }
         if draws {
-            let mut normals = vec![0.0; 6 * self.particles.len()];
-            let stream = streams.open(Purpose::SlamSample);
-            stream.fill_normal(0, &mut normals);
-            if !self.drew {
-                // What the first heading errs turns the whole map, and only what is drawn here can be found right later. (Where the rover drove
-                // before, this is the part of the heading that x and y do not tell.)
-                let mut headings = vec![0.0; self.particles.len()];
-                stream.fill_normal_stratified(normals.len() as u64, &mut headings);
-                for (normals, heading) in normals.as_chunks_mut::<6>().0.iter_mut().zip(headings) {
-                    normals[YAW] = heading;
-                }
-            }
-            for (particle, normals) in self.particles.iter_mut().zip(normals.as_chunks::<6>().0) {
+            // What a heading errs here turns all that is mapped after it, and only what is drawn can be found right later.
+            let mut normals = vec![[0.0; 6]; self.particles.len()];
+            streams.open(Purpose::SlamSample).fill_normal_hypercube(0, &mut normals);
+            for (particle, normals) in self.particles.iter_mut().zip(&normals) {
                 particle.sample_pose(normals);
             }
             self.drew = true;
@@ -459,6 +450,7 @@ mod tests {
             imu_bias_rad: 0.0,
             sun_rad: 0.03,
             odometry_m_per_sqrt_m: 0.05,
+            sideways_m_per_sqrt_m: 0.0,
             heading_rad_per_sqrt_m: 0.03,
         };
         let params = SlamParams::Fastslam(FastslamParams { particles: 9, ..FastslamParams::default() });

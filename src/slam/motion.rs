@@ -18,24 +18,25 @@ pub(crate) const ROLL: usize = 3;
 pub(crate) const PITCH: usize = 4;
 pub(crate) const YAW: usize = 5;
 
-/// Sideways slip, metres per square root of a metre.
-const LATERAL_M_PER_SQRT_M: f64 = 0.02;
-/// How far the body climbs otherwise than along its pitch, over the change of its slope, metres per radian: on common ground, for its wheels
-/// stand on other ground than its middle, and where a wheel rolls over a stone, which lifts the body as it tilts it. Chosen so that the standard
-/// deviation of z is near its error on the drives of the shipped configs (NEES of z in scripts/poses.py).
+/// How far the body climbs otherwise than along its pitch, over what its slope changes beyond [`SMOOTH_RAD_PER_SQRT_M`], metres per radian: on
+/// rough ground, for its wheels stand on other ground than its middle, and where a wheel rolls over a stone, which lifts the body as it tilts it.
+/// Chosen so that the standard deviation of z is near its error on the drives of the shipped configs (NEES of z in scripts/poses.py).
 const CLIMB_M_PER_RAD: f64 = 0.04;
 const STONE_CLIMB_M_PER_RAD: f64 = 0.15;
+/// Ground whose slope walks no farther is bent, not rough: wheels and middle climb alike.
+const SMOOTH_RAD_PER_SQRT_M: f64 = 4.0 * DEGREE;
 /// Random walk of the ground's slope until readings tell of it, radians per square root of a metre, and the way of readings that it counts for.
-const USUAL_SLOPE_RAD_PER_SQRT_M: f64 = 4.0 * DEGREE;
-const USUAL_SLOPE_WAY_M: f64 = 0.3;
-/// A step whose slope changes by so many times the walk's variance is taken for as rough as it reads; where it changes by so many times
-/// what walk and instrument explain together, a wheel rolls over a stone.
+const USUAL_SLOPE_RAD_PER_SQRT_M: f64 = 3.0 * DEGREE;
+const USUAL_SLOPE_WAY_M: f64 = 0.2;
+/// A step whose slope changes by so many times the walk's variance is taken for as steep as it reads; where it changes by so many times
+/// what walk and instrument explain together, the ground is as rough as that, and a wheel rolls over a stone.
 const STEEP: f64 = 4.0;
+const ROUGH: f64 = 4.0;
 const STONE: f64 = 9.0;
 /// Chi-square of one degree of freedom at 99.9 %: a reading farther off what is believed is left out.
 pub(super) const READING_GATE: f64 = 10.8;
 /// Smoothest and roughest ground that is believed, radians per square root of a metre.
-const SLOPE_BOUNDS_RAD_PER_SQRT_M: [f64; 2] = [1.0 * DEGREE, 30.0 * DEGREE];
+const SLOPE_BOUNDS_RAD_PER_SQRT_M: [f64; 2] = [0.5 * DEGREE, 30.0 * DEGREE];
 /// Wheels stand some so far from the middle: on so much ground a turn of one radian takes them.
 const TURNING_RADIUS_M: f64 = 0.25;
 /// Noise of a turn as a share of it.
@@ -77,13 +78,15 @@ impl Control {
 pub struct MotionNoise {
     /// Of driven distance, metres per square root of a metre.
     pub distance_m_per_sqrt_m: f64,
+    /// Of the way aside, metres per square root of a metre.
+    pub sideways_m_per_sqrt_m: f64,
     /// Of heading, radians per square root of a metre.
     pub heading_rad_per_sqrt_m: f64,
     /// Random walk of the ground's slope, radians per square root of a metre.
     pub slope_rad_per_sqrt_m: f64,
     /// Of the height otherwise than along the pitch, metres per square root of a metre.
     pub climb_m_per_sqrt_m: f64,
-    /// Factor on the covariance that a step adds.
+    /// Factor on what the wheels' part of a step adds to the covariance: way and heading, not slope and climb.
     pub inflation: f64,
 }
 
@@ -91,17 +94,19 @@ impl MotionNoise {
     pub fn new(noise: &InstrumentNoise, inflation: f64) -> MotionNoise {
         MotionNoise {
             distance_m_per_sqrt_m: noise.odometry_m_per_sqrt_m,
+            sideways_m_per_sqrt_m: noise.sideways_m_per_sqrt_m,
             heading_rad_per_sqrt_m: noise.heading_rad_per_sqrt_m,
             slope_rad_per_sqrt_m: USUAL_SLOPE_RAD_PER_SQRT_M,
-            climb_m_per_sqrt_m: CLIMB_M_PER_RAD * USUAL_SLOPE_RAD_PER_SQRT_M,
+            climb_m_per_sqrt_m: 0.0,
             inflation,
         }
     }
 
-    /// Takes the ground's slope to walk by that variance, squared radians a metre, and the body to climb with it.
-    fn set_ground(&mut self, slope_rad2_per_m: f64, climb_m_per_rad: f64) {
+    /// Takes the ground's slope to walk by that variance, squared radians a metre, and the body to climb by what makes it rough.
+    fn set_ground(&mut self, slope_rad2_per_m: f64, rough_rad2_per_m: f64, climb_m_per_rad: f64) {
+        let smooth_rad2_per_m = SMOOTH_RAD_PER_SQRT_M * SMOOTH_RAD_PER_SQRT_M;
         self.slope_rad_per_sqrt_m = slope_rad2_per_m.sqrt();
-        self.climb_m_per_sqrt_m = climb_m_per_rad * self.slope_rad_per_sqrt_m;
+        self.climb_m_per_sqrt_m = climb_m_per_rad * (rough_rad2_per_m - smooth_rad2_per_m).max(0.0).sqrt();
     }
 }
 
@@ -128,7 +133,7 @@ impl GroundSlope {
         variance_rad2: f64,
         noise: &mut MotionNoise,
     ) {
-        let (mut steepest, mut is_stone) = (0.0, false);
+        let (mut steepest, mut is_rough, mut is_stone) = (0.0, false, false);
         self.way_m += distance_m.abs() + TURNING_RADIUS_M * turn_rad.abs();
         self.last_rad = self.last_rad.map(|tilt| turned(tilt, math::sin_cos(turn_rad)));
         if let [Some(roll_rad), Some(pitch_rad)] = angles_rad
@@ -143,11 +148,13 @@ impl GroundSlope {
                 });
                 let most = apart[0].max(apart[1]);
                 if most > READING_GATE * (bounded(f64::INFINITY) * self.way_m + 2.0 * variance_rad2) {
-                    noise.set_ground(self.mean(), CLIMB_M_PER_RAD);
+                    noise.set_ground(self.mean(), self.mean(), CLIMB_M_PER_RAD);
                     return;
                 }
                 steepest = (most - 2.0 * variance_rad2) / self.way_m;
-                is_stone = most > STONE * (self.mean() * self.way_m + 2.0 * variance_rad2);
+                let explained_rad2 = self.mean() * self.way_m + 2.0 * variance_rad2;
+                is_rough = most > ROUGH * explained_rad2;
+                is_stone = most > STONE * explained_rad2;
                 self.sum_rad2 += apart[0] + apart[1] - 4.0 * variance_rad2;
                 self.sum_m += 2.0 * self.way_m;
             }
@@ -155,7 +162,9 @@ impl GroundSlope {
         }
         let mean = self.mean();
         let slope = if steepest > STEEP * mean { bounded(steepest) } else { mean };
-        noise.set_ground(slope, if is_stone { STONE_CLIMB_M_PER_RAD } else { CLIMB_M_PER_RAD });
+        let climb_m_per_rad = if is_stone { STONE_CLIMB_M_PER_RAD } else { CLIMB_M_PER_RAD };
+        // What the instrument's noise makes of a step is no roughness that would lift the body.
+        noise.set_ground(slope, if is_rough { slope } else { mean }, climb_m_per_rad);
     }
 
     /// Of the squared changes a metre.
@@ -222,11 +231,12 @@ impl GaussianPose {
             [row[ROLL], row[PITCH]] = turned(tilt, whole);
         }
         let root = d.abs().sqrt();
-        let variance = |sigma: f64| noise.inflation * sigma * sigma;
-        let along = variance((noise.distance_m_per_sqrt_m * root).max(LEAST_STEP_M));
-        let across = variance(LATERAL_M_PER_SQRT_M * root);
+        let of_wheels = |sigma: f64| noise.inflation * sigma * sigma;
+        let of_ground = |sigma: f64| sigma * sigma;
+        let along = of_wheels((noise.distance_m_per_sqrt_m * root).max(LEAST_STEP_M));
+        let across = of_wheels((noise.sideways_m_per_sqrt_m * root).max(LEAST_STEP_M));
         let way_m = d.abs() + TURNING_RADIUS_M * turn_rad.abs();
-        let slope = variance((noise.slope_rad_per_sqrt_m * way_m.sqrt()).max(LEAST_ANGLE_RAD));
+        let slope = of_ground((noise.slope_rad_per_sqrt_m * way_m.sqrt()).max(LEAST_ANGLE_RAD));
         let yaw_sigma_rad = noise.heading_rad_per_sqrt_m * root + YAW_SHARE * turn_rad.abs();
         let (ahead, aside) = ([cp * cy, cp * sy, -sp], [-sy, cy, 0.0]);
         for r in 0..3 {
@@ -234,7 +244,7 @@ impl GaussianPose {
                 p[r][c] += ahead[r] * ahead[c] * along + aside[r] * aside[c] * across;
             }
         }
-        p[2][2] += variance(noise.climb_m_per_sqrt_m * root);
+        p[2][2] += of_ground(noise.climb_m_per_sqrt_m * root);
         // The slope changes on the way, not at its end: half of what is read after it is in the height already.
         for r in 0..3 {
             p[r][PITCH] += 0.5 * by_pitch[r] * slope;
@@ -245,7 +255,7 @@ impl GaussianPose {
         }
         p[ROLL][ROLL] += slope;
         p[PITCH][PITCH] += slope;
-        p[YAW][YAW] += variance(yaw_sigma_rad.max(LEAST_ANGLE_RAD));
+        p[YAW][YAW] += of_wheels(yaw_sigma_rad.max(LEAST_ANGLE_RAD));
         symmetrise(p);
     }
 
@@ -285,6 +295,7 @@ mod tests {
         imu_bias_rad: 0.0,
         sun_rad: 0.0,
         odometry_m_per_sqrt_m: 0.05,
+        sideways_m_per_sqrt_m: 0.0,
         heading_rad_per_sqrt_m: 0.03,
     };
     const VARIANCE_RAD2: f64 = NOISE.imu_rad * NOISE.imu_rad;
@@ -320,8 +331,20 @@ mod tests {
         let read = ((25.0 * DEGREE * DEGREE - 2.0 * VARIANCE_RAD2) / AHEAD.distance_m).sqrt();
         assert!((steep.slope_rad_per_sqrt_m - read).abs() < 1e-12, "{steep:?}");
         // It tilts by more than ground and instrument explain: a stone, which lifts the body too.
-        assert!((steep.climb_m_per_sqrt_m - STONE_CLIMB_M_PER_RAD * read).abs() < 1e-12, "{steep:?}");
-        assert!((level.climb_m_per_sqrt_m - CLIMB_M_PER_RAD * level.slope_rad_per_sqrt_m).abs() < 1e-15);
+        let rough = (read * read - SMOOTH_RAD_PER_SQRT_M * SMOOTH_RAD_PER_SQRT_M).sqrt();
+        assert!((steep.climb_m_per_sqrt_m - STONE_CLIMB_M_PER_RAD * rough).abs() < 1e-12, "{steep:?}");
+        // What is smooth lifts nothing otherwise than along the pitch.
+        assert_eq!(level.climb_m_per_sqrt_m, 0.0);
+    }
+
+    #[test]
+    fn law_a_step_that_the_instruments_noise_explains_does_not_make_the_ground_rough() {
+        // 1.3 degrees, of two readings with half a degree of noise each, are beyond the walk of smooth ground over 5 cm, not beyond both together.
+        let smooth = vec![(AHEAD, 0.0, 0.0); 40];
+        let [within, beyond] =
+            [1.3, 2.5].map(|pitch_deg| after(&[smooth.clone(), vec![(AHEAD, 0.0, pitch_deg)]].concat()).1);
+        assert!(within.slope_rad_per_sqrt_m > SMOOTH_RAD_PER_SQRT_M && within.climb_m_per_sqrt_m == 0.0, "{within:?}");
+        assert!(beyond.climb_m_per_sqrt_m > 0.0, "{beyond:?}");
     }
 
     #[test]

@@ -55,7 +55,7 @@ pub struct FastslamParams {
 impl Default for FastslamParams {
     fn default() -> Self {
         FastslamParams {
-            particles: 60,
+            particles: 100,
             resample_below: 0.5,
             max_features: 12,
             // 95 % of what the URG-04LX reports: four to five features a sweep where 3.75 m brings two.

@@ -195,7 +195,7 @@ families:
 fn regress_overrides_of_a_family_keep_the_documents_section() {
     let path = Path::new("configs/mixed.yaml");
     let plan = |sets: &[String]| {
-        let sets = [&["slam={fastslam: {particles: 60}}".to_string()], sets].concat();
+        let sets = [&["slam={fastslam: {particles: 100}}".to_string()], sets].concat();
         load(path, &sets).unwrap_or_else(|error| panic!("{}", error.lines()))
     };
     let (written, changed) = (

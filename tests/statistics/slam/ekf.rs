@@ -197,6 +197,7 @@ fn motion_jacobian(pose: &[f64; 6], control: Control) -> [[f64; 6]; 6] {
         belief.mean[i] += by;
         let quiet = MotionNoise {
             distance_m_per_sqrt_m: 0.0,
+            sideways_m_per_sqrt_m: 0.0,
             heading_rad_per_sqrt_m: 0.0,
             slope_rad_per_sqrt_m: 0.0,
             climb_m_per_sqrt_m: 0.0,

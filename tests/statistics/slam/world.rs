@@ -73,6 +73,7 @@ impl Scenario {
             imu_bias_rad: self.imu_bias_rad,
             sun_rad: 2f64.to_radians(),
             odometry_m_per_sqrt_m: 0.05 * self.odometry_factor,
+            sideways_m_per_sqrt_m: if self.bumps { LATERAL_M_PER_SQRT_M } else { 0.0 },
             heading_rad_per_sqrt_m: 2f64.to_radians() * self.odometry_factor,
         }
     }
