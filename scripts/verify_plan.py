@@ -124,7 +124,7 @@ def main():
     recommended = study.markdown(head, recommendations(marsyard))
     text = f"""# What `plan --hours` recommends, built
 
-{marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: {options.threads} cores a config,
+{marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: CPU seconds of all threads,
 {len(SEEDS)} trainings each, judged on common scenes that no build has (mixed.yaml: of its eight held-out families). Intervals: 95 %, over scenes and
 trainings; differences in pairs. Forecasts are the plan's, in parentheses and beside.
 
