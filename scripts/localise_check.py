@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Sets `marsyard localise` beside an EKF-SLAM written here, on a simulated log with known ids; makes the sample logs too.
 
-    python scripts/localise_check.py [--seeds 20] [--check] [--sample]
+    python scripts/localise_check.py [--seeds 100] [--check] [--sample]
 
 A rover drives a circle of 3 m twice among 20 landmarks, level ground: odometry, ranges and bearings with white noise of stated size, a
 feature half way within each fifth step. The reference is the textbook's (Thrun et al. 2005, table 10.1): one Gaussian over pose and map in
@@ -24,7 +24,7 @@ SAMPLE = study.ROOT / "examples" / "logs"
 STEP_M, RADIUS_M, LAPS = 0.1, 3.0, 2
 ODOMETRY, HEADING = 0.05, np.radians(2)  # per square root of a metre
 RANGE, BEARING, REACH_M = 0.05, np.radians(1.5), 4.0
-LATERAL = 0.02  # marsyard's filter allows for as much sideways, per square root of a metre
+LATERAL = 0.02  # what `localise` allows for sideways where it is not told, per square root of a metre
 
 
 def wrap(angle):
@@ -149,7 +149,7 @@ def localise(marsyard, logs, out, *options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--marsyard", default=study.ROOT / "target" / "release" / "marsyard")
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--sample", action="store_true", help="write the logs of seed 1 to examples/logs, and stop")
     arguments = parser.parse_args()

@@ -7,7 +7,7 @@
 Each scene's drive is located by the config's own filter, by dead reckoning, and by the filter with exact features of known landmarks (the
 ceiling) and then one handicap at a time (benches/programs/poses.rs). Judged at the last stop, in paired scenes. NEES is the error squared
 over the stated variance, averaged over scenes: 1 a degree of freedom where the sigmas are honest; the band holds 95 % of such means. --check
-fails where z, roll or pitch of a config's own filter lie outside it. Results go to scripts/results/poses.json and .md.
+fails where z, roll or pitch of a config's own estimate lie outside it. Results go to scripts/results/poses.json and .md.
 """
 
 import argparse
@@ -33,7 +33,9 @@ SETS = {"mixed": ["slam={fastslam: {particles: 100}}"],
         "paper, 10 m": ["drive.path={planned: {goal_m: 10}}", "drive.stops=20"],
         "paper, 60 m": LONG,
         "paper, 60 m, 300 particles": [*LONG, "slam={fastslam: {particles: 300}}"]}
-RECKONED, OWN = "dead_reckoning", "fastslam"
+RECKONED, FILTERED = "dead_reckoning", "fastslam"
+# The estimate of the config as shipped.
+OWN = {"mixed": RECKONED}
 # Rows and columns of the covariance.
 BLOCKS = {"position": [0, 1, 2], "heading": [5], "z": [2], "roll": [3], "pitch": [4]}
 
@@ -137,7 +139,7 @@ def main():
     study.write_results(study.RESULTS, "poses", results, written(results))
     if arguments.check:
         outside = [f"{name} {axis}" for name, config in configs.items() for axis in ["z", "roll", "pitch"]
-                   if not config["band_1"][0] <= config["variants"][OWN]["nees"][axis] <= config["band_1"][1]]
+                   if not config["band_1"][0] <= config["variants"][OWN.get(name, FILTERED)]["nees"][axis] <= config["band_1"][1]]
         if outside:
             sys.exit("outside the band: " + ", ".join(outside))
 
