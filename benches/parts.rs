@@ -56,7 +56,7 @@ const PARTS: [(&str, &[&str], usize); 26] = [
     ("intensity", &["sweep.effects.intensity={}"], EMPTY),
     ("surrogate poses", &["slam={surrogate: {}}"], EMPTY),
     ("dead reckoning", &["slam=dead_reckoning"], EMPTY),
-    ("FastSLAM, 60 particles, among 20 rocks", &["slam={fastslam: {particles: 60}}"], ROCKS),
+    ("FastSLAM, 100 particles, among 20 rocks", &["slam={fastslam: {particles: 100}}"], ROCKS),
     ("local_height", &["cells.local_height={}"], EMPTY),
     ("24 neighbours", &["cells.neighbours=24"], EMPTY),
 ];

@@ -23,7 +23,9 @@ import study
 
 PROGRAM = study.ROOT / "target" / "release" / "examples" / "poses"
 # The shipped configs, and longer drives on paper.yaml's ground with a stop each half metre.
-CONFIGS = ["paper", "mixed", "mars", "quickstart", "paper, 10 m", "paper, 60 m", "paper, 60 m, 300 particles"]
+CONFIGS = ["paper", "mixed", "mars", "quickstart", "quickstart, 1500 scenes", "paper, 10 m", "paper, 60 m", "paper, 60 m, 300 particles"]
+# Of one config more, for a narrower band than that of --scenes.
+SCENES = {"quickstart, 1500 scenes": 1500}
 # Whose handicaps are taken apart too.
 APART = {"paper", "mixed", "mars"}
 LONG = ["scene.extent_m=90", "scene.rocks.count={uniform: [400, 1200]}", "scene.ground.source.random.correlation_length_m={uniform: [10, 30]}",
@@ -42,10 +44,11 @@ BLOCKS = {"position": [0, 1, 2], "heading": [5], "z": [2], "roll": [3], "pitch":
 
 def scenes_of(name, arguments):
     """The lines of the program, kept in the work folder."""
-    kept = arguments.work / f"{name}-{arguments.scenes}.jsonl"
+    scenes = SCENES.get(name, arguments.scenes)
+    kept = arguments.work / f"{name}-{scenes}.jsonl"
     if not kept.exists():
-        study.note(f"{name}: {arguments.scenes} scenes")
-        command = [PROGRAM, study.ROOT / "configs" / f"{name.split(',')[0]}.yaml", "--scenes", str(arguments.scenes),
+        study.note(f"{name}: {scenes} scenes")
+        command = [PROGRAM, study.ROOT / "configs" / f"{name.split(',')[0]}.yaml", "--scenes", str(scenes),
                    *study.overrides(SETS.get(name, []))]
         done = subprocess.run([*command, *([] if name in APART else ["--shipped-only"])], capture_output=True, text=True)
         if done.returncode:

@@ -82,7 +82,6 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
     let own = || own.clone();
     let with = |particles, measurement_inflation| FastslamParams { particles, measurement_inflation, ..own() };
     let inflation = own().measurement_inflation;
-    let few = own().particles;
     let variant = |name, given, params| Variant { name, given, params };
     let (known, unknown) = (true, false);
     let mut all = vec![
@@ -95,7 +94,6 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
     }
     all.extend([
         variant("ceiling", Given::AllExact { known }, with(100, EXACT)),
-        variant("ceiling, few particles", Given::AllExact { known }, with(few, EXACT)),
         variant("ceiling, unknown association", Given::AllExact { known: unknown }, with(100, EXACT)),
         variant("ceiling, noise told as shipped", Given::AllExact { known }, with(100, inflation)),
         variant("ceiling, only what the extractor finds", Given::FoundExact { known }, with(100, EXACT)),

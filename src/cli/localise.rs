@@ -62,7 +62,7 @@ pub(super) struct LocaliseArgs {
     /// Noise of the driven distance, metres per square root of a metre.
     #[arg(long, value_name = "M", default_value_t = 0.05, value_parser = at_least_0)]
     odometry_m_per_sqrt_m: f64,
-    /// Way aside that wheels slip without telling, metres per square root of a metre.
+    /// Sideways slip, which no reading tells of, metres per square root of a metre; 0 where wheels do not slip aside (then 1 mm a step).
     #[arg(long, value_name = "M", default_value_t = 0.02, value_parser = at_least_0)]
     sideways_m_per_sqrt_m: f64,
     /// Noise of the heading by odometry, degrees per square root of a metre.
@@ -87,7 +87,7 @@ pub(super) struct LocaliseArgs {
     /// Factor on the variances of features, against optimism; 1 takes the noise above as it is.
     #[arg(long, value_name = "F", default_value_t = 4.0, value_parser = at_least_0)]
     measurement_inflation: f64,
-    /// Factor on the variances of the motion; some 6 where wheels slip by a constant share.
+    /// Factor on the variances of what wheels tell; some 6 where they slip by a constant share.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = at_least_0)]
     motion_inflation: f64,
     #[arg(long, default_value_t = 0)]

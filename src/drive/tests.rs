@@ -359,6 +359,8 @@ fn exact_the_noise_that_slam_is_told_is_the_noise_drawn() {
     let noise = InstrumentNoise::of(&params.instruments, &drawn);
     assert_eq!(noise.imu_rad, drawn[Purpose::ImuSd].to_radians());
     assert!((0.2..=1.0).contains(&noise.imu_rad.to_degrees()));
+    // Simulated wheels do not slip aside.
+    assert_eq!(noise.sideways_m_per_sqrt_m, 0.0);
     let dark = InstrumentsParams { sun_deg: None, ..params.instruments.clone() };
     assert_eq!(InstrumentNoise::of(&dark, &drawn).sun_rad, 0.0);
 }

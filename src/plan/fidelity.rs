@@ -12,7 +12,7 @@ pub enum Fidelity {
     Draft,
     /// The pose as a filter of 100 particles estimates it.
     Standard,
-    /// What the others are judged by: 100 particles, and the finest footprints of beams.
+    /// What the others are judged by: as `standard`, with the finest footprints of beams where mixed pixels are modelled.
     Reference,
 }
 

@@ -78,6 +78,7 @@ impl Stream {
         (0..N).for_each(|axis| {
             self.fill_uniform(first_index + (axis * draws.len()) as u64, &mut draws);
             let (within, keys) = draws.split_at_mut(count);
+            // Of equal keys the first comes first: the same bytes whatever the sort.
             order.sort_unstable_by(|&a, &b| keys[a].total_cmp(&keys[b]).then(a.cmp(&b)));
             for (part, within) in within.iter_mut().enumerate() {
                 // The last draw may be rounded up to 1.
@@ -168,6 +169,24 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn equal_a_hypercube_and_the_single_draws_that_it_is_made_of() {
+        let stream = streams().open(Purpose::GroundNoise);
+        let (first, count) = (5, 60);
+        let mut vectors = vec![[0.0; 6]; count];
+        stream.fill_normal_hypercube(first, &mut vectors);
+        for axis in 0..6 {
+            let draw = |k: usize| stream.uniform(first + (2 * axis * count + k) as u64);
+            let mut order: Vec<usize> = (0..count).collect();
+            order.sort_by(|&a, &b| draw(count + a).total_cmp(&draw(count + b)));
+            for (part, &vector) in order.iter().enumerate() {
+                let normal = normal_from_open_unit((part as f64 + draw(part)) / count as f64);
+                assert_eq!(vectors[vector][axis].to_bits(), normal.to_bits(), "{axis} {part}");
+            }
+        }
+        stream.fill_normal_hypercube::<6>(first, &mut []);
     }
 
     #[test]

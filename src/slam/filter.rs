@@ -2,7 +2,7 @@
 //!
 //! In: control steps, angle readings, a sweep's features and surface. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
 //! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Deviation: draws
-//! of a Latin hypercube, so that few particles cover what many would. Between sweeps every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features or a surface. Not
+//! of a Latin hypercube, whose margins a hundred particles fill evenly. Between sweeps every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features or a surface. Not
 //! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: on a straight
 //! way a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks do tell of it, and the sigma of z is too large.
 
@@ -262,7 +262,7 @@ impl Filter {
             self.ancestry.record(&parents);
         }
         if draws {
-            // What a heading errs here turns all that is mapped after it, and only what is drawn can be found right later.
+            // What a heading errs here turns all that is mapped after it, and only what is drawn can be found right later: so evenly, not by chance.
             let mut normals = vec![[0.0; 6]; self.particles.len()];
             streams.open(Purpose::SlamSample).fill_normal_hypercube(0, &mut normals);
             for (particle, normals) in self.particles.iter_mut().zip(&normals) {

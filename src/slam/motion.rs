@@ -28,10 +28,11 @@ const SMOOTH_RAD_PER_SQRT_M: f64 = 4.0 * DEGREE;
 /// Random walk of the ground's slope until readings tell of it, radians per square root of a metre, and the way of readings that it counts for.
 const USUAL_SLOPE_RAD_PER_SQRT_M: f64 = 3.0 * DEGREE;
 const USUAL_SLOPE_WAY_M: f64 = 0.2;
-/// A step whose slope changes by so many times the walk's variance is taken for as steep as it reads; where it changes by so many times
-/// what walk and instrument explain together, the ground is as rough as that, and a wheel rolls over a stone.
+/// A step whose slope changes by so many times the walk's variance is taken for as steep as it reads.
 const STEEP: f64 = 4.0;
+/// Where a step changes by so many times what walk and instrument explain together, the ground is as rough as it reads (two standard deviations).
 const ROUGH: f64 = 4.0;
+/// Where it changes by so many times that, a wheel rolls over a stone.
 const STONE: f64 = 9.0;
 /// Chi-square of one degree of freedom at 99.9 %: a reading farther off what is believed is left out.
 pub(super) const READING_GATE: f64 = 10.8;
@@ -163,7 +164,7 @@ impl GroundSlope {
         let mean = self.mean();
         let slope = if steepest > STEEP * mean { bounded(steepest) } else { mean };
         let climb_m_per_rad = if is_stone { STONE_CLIMB_M_PER_RAD } else { CLIMB_M_PER_RAD };
-        // What the instrument's noise makes of a step is no roughness that would lift the body.
+        // Most of what the instrument's noise makes of a step is no roughness that would lift the body.
         noise.set_ground(slope, if is_rough { slope } else { mean }, climb_m_per_rad);
     }
 

@@ -802,8 +802,11 @@ fn dist_surrogate_errors_have_the_stated_sizes_and_truth_has_none() {
 /// A straight step adds its noise along the heading and across it, and none that joins the two.
 #[test]
 fn exact_the_noise_of_a_step_lies_along_the_heading_and_across_it() {
-    let noise = motion::MotionNoise::new(&InstrumentNoise { sideways_m_per_sqrt_m: 0.02, ..NOISE }, 1.0);
-    for yaw_rad in [0.0, 0.6, 2.2, -0.9] {
+    // Aside at least a millimetre a step.
+    for (yaw_rad, sideways_m_per_sqrt_m, aside_m) in
+        [(0.0, 0.02, 0.04), (0.6, 0.02, 0.04), (2.2, 0.0, 1e-3), (-0.9, 0.0, 1e-3)]
+    {
+        let noise = motion::MotionNoise::new(&InstrumentNoise { sideways_m_per_sqrt_m, ..NOISE }, 1.0);
         let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
         belief.mean[motion::YAW] = yaw_rad;
         belief.drive(motion::Control { distance_m: 4.0, turn_rad: 0.0 }, &noise);
@@ -813,10 +816,24 @@ fn exact_the_noise_of_a_step_lies_along_the_heading_and_across_it() {
             (0..2).flat_map(|r| (0..2).map(move |c| (r, c))).map(|(r, c)| a[r] * p[r][c] * b[c]).sum()
         };
         let (ahead, aside) = ([cos, sin], [-sin, cos]);
-        // 0.05 and 0.02 m per square root of a metre, over 4 m.
+        // 0.05 m per square root of a metre, over 4 m.
         assert!((between(ahead, ahead) - 0.05 * 0.05 * 4.0).abs() < 1e-15, "{yaw_rad}");
-        assert!((between(aside, aside) - 0.02 * 0.02 * 4.0).abs() < 1e-15, "{yaw_rad}");
+        assert!((between(aside, aside) - aside_m * aside_m).abs() < 1e-15, "{yaw_rad}");
         assert!(between(ahead, aside).abs() < 1e-15, "{yaw_rad}: {}", between(ahead, aside));
+    }
+}
+
+/// Wheels that are trusted less leave the slope and the height as sure as they are: of those the IMU tells.
+#[test]
+fn exact_the_motions_inflation_is_of_what_wheels_tell_alone() {
+    let [once, inflated] = [1.0, 6.0].map(|inflation| {
+        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+        let noise = motion::MotionNoise::new(&NOISE, inflation);
+        belief.drive(motion::Control { distance_m: 4.0, turn_rad: 0.3 }, &noise);
+        belief.covariance
+    });
+    for (k, factor) in [6.0, 6.0, 1.0, 1.0, 1.0, 6.0].into_iter().enumerate() {
+        assert!(once[k][k] > 0.0 && (inflated[k][k] / once[k][k] - factor).abs() < 1e-12, "{k}");
     }
 }
 

@@ -224,7 +224,7 @@ pub(super) fn settings(options: &Options, surrogate: &SurrogateParams) -> Result
     {
         let is_preset = group == Group::Presets;
         match load(&knob_sets) {
-            // A knob that stands there already, or is turned so by another setting: 100 particles are `standard`.
+            // A knob that stands there already, or is turned so by another setting: 100 particles are the reference's.
             Ok(other) if is_listed(&list, &other) => {}
             Ok(other) => {
                 let sets = if is_preset { knob_sets } else { overridden(&reference_sets, &knob_sets) };

@@ -17,7 +17,7 @@ const STEP_M: f64 = 0.1;
 /// Sideways slip of the true path, and noise of a turn as a share of it.
 const LATERAL_M_PER_SQRT_M: f64 = 0.02;
 const TURN_SHARE: f64 = 0.05;
-/// Relief under a wheel that pitch does not tell of: what the filter makes of slopes that change by some 7 degrees per square root of a metre.
+/// Relief under a wheel that pitch does not tell of: what the filter makes of slopes that change by some 8 degrees per square root of a metre.
 const VERTICAL_M_PER_SQRT_M: f64 = 0.005;
 const STEPS_A_STOP: usize = 5;
 const HALF_VIEW_RAD: f64 = 120.0 / 180.0 * std::f64::consts::PI;
