@@ -123,6 +123,7 @@ def main():
     results = {name: made.get(name) or kept[name] for name in CONFIGS if name in made or name in kept}
     head = ["config", "CPU hours", "recommended", "scenes", "rows, 10^6", "GB", "CPU minutes told", "what ends it", "balanced accuracy, %", "next best"]
     recommended = study.markdown(head, recommendations(marsyard))
+    left_out = "".join(f"\n{name}.yaml was not built." for name in CONFIGS if name not in results)
     text = f"""# What `plan --hours` recommends, built
 
 {marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: CPU seconds of all threads,
@@ -130,7 +131,7 @@ def main():
 trainings; differences in pairs. Forecasts are the plan's, in parentheses and beside.
 
 {table(results)}
-{"".join(f"\n{name}.yaml was not built." for name in CONFIGS if name not in results)}
+{left_out}
 
 ## For 1 and for 8 CPU hours
 
