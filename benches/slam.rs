@@ -85,6 +85,7 @@ const NOISE: InstrumentNoise = InstrumentNoise {
     sun_rad: 0.035,
     odometry_m_per_sqrt_m: 0.05,
     sideways_m_per_sqrt_m: 0.0,
+    slip: 0.0,
     heading_rad_per_sqrt_m: 0.035,
 };
 

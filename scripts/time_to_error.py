@@ -3,7 +3,7 @@
 
     cargo build --release && cargo build --release --example train_rows
     pip install numpy scikit-learn pyarrow torch lightgbm
-    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30] [--seeds 1,2] [--quick]
+    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--quick]
 
 Everybody gets the same rows of whole training scenes and the same columns (those that `train` takes by default; of paper.yaml the listed ones,
 neighbours as heights above the cell), standardised by these rows and clipped at 8, the other networks with their normal scores beside them where their search has it so
@@ -28,7 +28,9 @@ engine and seed, so that an interrupted run goes on.
 """
 
 import argparse
+import concurrent.futures
 import json
+import multiprocessing
 import os
 import pathlib
 import time
@@ -332,6 +334,43 @@ def measured(tasks, name, engine, seed, budgets, kept):
     return {str(budget): best(looks, budget) for budget in budgets}
 
 
+#: Of the corpus in hand: read by the processes that are forked while it is.
+TASKS = {}
+
+
+def one(name, engine, seed, budgets, settings):
+    """In a process of its own: what was measured, and the settings that were found."""
+    kept = {"settings": dict(settings)}
+    return measured(TASKS, name, engine, seed, budgets, kept), kept["settings"]
+
+
+def measure_all(tasks, name, seeds, budgets, kept, store, jobs):
+    """Every engine with every seed that is not kept; of one engine one seed after the other, for the first one's search serves all."""
+    TASKS.clear()
+    TASKS.update(tasks)
+    is_kept = lambda key: key in kept["runs"] and all(str(budget) in kept["runs"][key] for budget in budgets)
+    # Trees take longest: they begin first.
+    left = {engine: [seed for seed in seeds if not is_kept(f"{name}/{engine}/{seed}")] for engine in reversed(ENGINES)}
+    with concurrent.futures.ProcessPoolExecutor(jobs, multiprocessing.get_context("fork")) as pool:
+        begin = lambda engine: pool.submit(one, name, engine, left[engine].pop(0), budgets, kept["settings"])
+        running = {}
+        for engine, of in left.items():
+            if of:
+                seed = of[0]
+                running[begin(engine)] = (engine, seed)
+        while running:
+            for done in concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done:
+                engine, seed = running.pop(done)
+                run, settings = done.result()
+                kept["settings"].update(settings)
+                kept["runs"][f"{name}/{engine}/{seed}"] = run
+                store.write_text(json.dumps(kept))
+                study.note(f"{name}/{engine}/{seed} " + str({budget: look and round(1000 * look[2], 2) for budget, look in run.items()}))
+                if left[engine]:
+                    following = left[engine][0]
+                    running[begin(engine)] = (engine, following)
+
+
 def told(runs, budget):
     found = [1000 * run[str(budget)][2] for run in runs if run.get(str(budget))]
     if not found:
@@ -397,8 +436,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--corpora", default="quickstart,paper,mixed")
     parser.add_argument("--scenes", default=0, type=int, help="of each corpus (default: all of the config's)")
-    parser.add_argument("--budgets", default="1,2,5,10,30")
+    parser.add_argument("--budgets", default="1,2,5,10,30,100")
     parser.add_argument("--seeds", default="1,2")
+    parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1)")
     study.add_arguments(parser, "time_to_error")
     options = parser.parse_args()
     corpora, budgets = options.corpora.split(","), [int(part) for part in options.budgets.split(",")]
@@ -423,15 +463,7 @@ def main():
         tasks = {form: Task(splits, COLUMNS[name], form != INPUTS[0]) for form in INPUTS}
         task = tasks[INPUTS[0]]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
-        for seed in seeds:
-            for engine in ENGINES:
-                key = f"{name}/{engine}/{seed}"
-                if key in kept["runs"] and all(str(budget) in kept["runs"][key] for budget in budgets):
-                    continue
-                study.note(key)
-                kept["runs"][key] = measured(tasks, name, engine, seed, budgets, kept)
-                store.write_text(json.dumps(kept))
-                print(key, {budget: run and round(1000 * run[2], 2) for budget, run in kept["runs"][key].items()}, flush=True)
+        measure_all(tasks, name, seeds, budgets, kept, store, options.jobs)
     text = markdown(about, kept, corpora, budgets, seeds)
     out = options.out
     (out / "time_to_error.json").write_text(json.dumps({"about": about, **kept}, indent=1) + "\n")

@@ -90,6 +90,7 @@ fn slam_s(particles: u32, features: u32) -> f64 {
         sun_rad: 0.02,
         odometry_m_per_sqrt_m: 0.05,
         sideways_m_per_sqrt_m: 0.0,
+        slip: 0.0,
         heading_rad_per_sqrt_m: 0.03,
     };
     let params =

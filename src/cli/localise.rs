@@ -65,6 +65,9 @@ pub(super) struct LocaliseArgs {
     /// Sideways slip, which no reading tells of, metres per square root of a metre; 0 where wheels do not slip aside (then 1 mm a step).
     #[arg(long, value_name = "M", default_value_t = 0.02, value_parser = at_least_0)]
     sideways_m_per_sqrt_m: f64,
+    /// Share of the counted way that wheels slip by (or roll too far), the same all the way: its standard deviation. The filter learns it.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = slip_share)]
+    slip: f64,
     /// Noise of the heading by odometry, degrees per square root of a metre.
     #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
     odometry_deg_per_sqrt_m: f64,
@@ -87,7 +90,7 @@ pub(super) struct LocaliseArgs {
     /// Factor on the variances of features, against optimism; 1 takes the noise above as it is.
     #[arg(long, value_name = "F", default_value_t = 4.0, value_parser = at_least_0)]
     measurement_inflation: f64,
-    /// Factor on the variances of what wheels tell; some 6 where they slip by a constant share.
+    /// Factor on the variances of what wheels tell.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = at_least_0)]
     motion_inflation: f64,
     #[arg(long, default_value_t = 0)]
@@ -102,6 +105,10 @@ fn at_least_0(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
         _ => Err("a number of at least 0 is needed".into()),
     }
+}
+
+fn slip_share(text: &str) -> Result<f64, String> {
+    at_least_0(text).ok().filter(|&value| value <= 0.9).ok_or("a number of 0 to 0.9 is needed".into())
 }
 
 fn bias_deg(text: &str) -> Result<f64, String> {
@@ -197,6 +204,7 @@ fn locate(recording: &Recording, args: &LocaliseArgs, start: Pose, slam: SlamPar
         sun_rad: args.sun_deg.to_radians(),
         odometry_m_per_sqrt_m: args.odometry_m_per_sqrt_m,
         sideways_m_per_sqrt_m: args.sideways_m_per_sqrt_m,
+        slip: args.slip,
         heading_rad_per_sqrt_m: args.odometry_deg_per_sqrt_m.to_radians(),
     };
     let translation_m = DVec3::new(args.sensor[0], args.sensor[1], args.sensor[2]);

@@ -17,7 +17,7 @@ use crate::random::{Drawn, Purpose, Stream, Streams};
 impl InstrumentNoise {
     /// The scene's standard deviations.
     pub fn of(params: &InstrumentsParams, drawn: &Drawn) -> InstrumentNoise {
-        // A bias of that size along an axis that nobody knows.
+        // A bias of that size along an axis that nobody knows; a slip of that size, backwards or forwards.
         let bias_deg = params.imu_bias_deg.as_ref().map_or(0.0, |_| drawn[Purpose::ImuBias].abs());
         InstrumentNoise {
             imu_rad: drawn[Purpose::ImuSd].to_radians(),
@@ -25,6 +25,7 @@ impl InstrumentNoise {
             sun_rad: if params.sun_deg.is_some() { drawn[Purpose::SunSd].to_radians() } else { 0.0 },
             odometry_m_per_sqrt_m: drawn[Purpose::OdometryDistanceSd],
             sideways_m_per_sqrt_m: 0.0,
+            slip: params.slip.as_ref().map_or(0.0, |_| drawn[Purpose::Slip].abs()),
             heading_rad_per_sqrt_m: drawn[Purpose::OdometryHeadingSd].to_radians(),
         }
     }

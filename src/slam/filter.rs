@@ -15,6 +15,7 @@ use super::particle::{
 };
 use super::per_particle::{Chart, Drive, ReadAngle, Refine, TakeFix};
 use super::registration::{Registration, Surface};
+use super::scale::ScaleFactor;
 use super::visibility::Visibility;
 use super::weights::{Genealogy, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};
@@ -89,7 +90,8 @@ impl Filter {
     ) -> Filter {
         let count = params.particles as usize;
         let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
-        let belief = GaussianPose { mean, ..GaussianPose::default() };
+        let scale = ScaleFactor { variance: noise.slip * noise.slip, ..ScaleFactor::default() };
+        let belief = GaussianPose { mean, scale, ..GaussianPose::default() };
         let log_weight = -math::ln(count as f64);
         let particle = Particle { belief, log_weight, ..Particle::default() };
         Filter {
@@ -266,7 +268,7 @@ impl Filter {
             let mut normals = vec![[0.0; 6]; self.particles.len()];
             streams.open(Purpose::SlamSample).fill_normal_hypercube(0, &mut normals);
             for (particle, normals) in self.particles.iter_mut().zip(&normals) {
-                particle.sample_pose(normals);
+                particle.belief.draw(normals);
             }
             self.drew = true;
         }
@@ -451,6 +453,7 @@ mod tests {
             sun_rad: 0.03,
             odometry_m_per_sqrt_m: 0.05,
             sideways_m_per_sqrt_m: 0.0,
+            slip: 0.0,
             heading_rad_per_sqrt_m: 0.03,
         };
         let params = SlamParams::Fastslam(FastslamParams { particles: 9, ..FastslamParams::default() });

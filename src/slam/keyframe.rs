@@ -6,9 +6,8 @@
 //! registration is made once, from the mean of the cloud. A rock's points are in the fix, and their middle is a feature matched after it: taken
 //! for independent, for what a middle errs (which side was seen, how far it was pushed back) is not what the points err.
 
-use super::kalman;
 use super::matrix::{Matrix, Vector, cholesky, half_solve, ln_determinant, product, square, sum, transpose};
-use super::motion::{GaussianPose, YAW};
+use super::motion::YAW;
 use super::particle::Particle;
 use super::registration::{Fix, Motion, Registration, Surface, register};
 use crate::math;
@@ -92,13 +91,11 @@ impl Particle {
     pub(super) fn take_fix(&mut self, fix: &Fix) {
         let (state, slopes) = self.since_keyframe();
         let innovation = fix.innovation(&state);
-        let GaussianPose { mean, covariance } = &mut self.belief;
-        let pull = product(&slopes, covariance);
+        let pull = product(&slopes, &self.belief.covariance);
         let Some(factor) = cholesky(&sum(&product(&pull, &transpose(&slopes)), &fix.covariance)) else { return };
         let distance2 = square(&half_solve(&factor, &innovation));
         self.log_weight -= 0.5 * (distance2 + ln_determinant(&factor));
-        kalman::update((mean, covariance), &slopes, &pull, &factor, &innovation, &fix.covariance);
-        self.belief.wrap();
+        self.belief.measure(&slopes, &pull, &factor, &innovation, &fix.covariance);
     }
 }
 
@@ -106,10 +103,15 @@ impl Particle {
 mod tests {
     use super::*;
     use crate::slam::matrix::diagonal;
+    use crate::slam::motion::GaussianPose;
 
     fn particle(mean: Vector<6>, keyframe: Vector<4>) -> Particle {
         let covariance = diagonal(&[4e-4, 9e-4, 1e-4, 1e-5, 1e-5, 1e-3]);
-        Particle { belief: GaussianPose { mean, covariance }, keyframe, ..Particle::default() }
+        Particle {
+            belief: GaussianPose { mean, covariance, ..GaussianPose::default() },
+            keyframe,
+            ..Particle::default()
+        }
     }
 
     #[test]

@@ -155,6 +155,18 @@ pub(crate) fn cholesky_clamped<const N: usize>(a: &Matrix<N, N>) -> Matrix<N, N>
     l
 }
 
+/// y with L y = b for a factor of [`cholesky_clamped`]: nought where its column is zero, for there b is nought as well.
+pub(crate) fn half_solve_clamped<const N: usize>(l: &Matrix<N, N>, b: &Vector<N>) -> Vector<N> {
+    let mut y = *b;
+    for r in 0..N {
+        for k in 0..r {
+            y[r] -= l[r][k] * y[k];
+        }
+        y[r] = if l[r][r] > 0.0 { y[r] / l[r][r] } else { 0.0 };
+    }
+    y
+}
+
 /// The columns x with L L' x = b, for each column b.
 #[inline(always)]
 pub(crate) fn solve<const N: usize, const C: usize>(l: &Matrix<N, N>, b: &Matrix<N, C>) -> Matrix<N, C> {

@@ -18,8 +18,9 @@
 //!     imu_rad: 0.01,
 //!     imu_bias_rad: 0.0,
 //!     sun_rad: 0.03,
-//!     odometry_m_per_sqrt_m: 0.2,
+//!     odometry_m_per_sqrt_m: 0.02,
 //!     sideways_m_per_sqrt_m: 0.0,
+//!     slip: 0.2,
 //!     heading_rad_per_sqrt_m: 0.03,
 //! };
 //! let landmarks = [(3.0, 1.0), (2.5, -1.5), (4.0, 0.2), (1.5, 2.0), (3.5, 2.2), (4.2, -2.0)];
@@ -70,6 +71,7 @@ pub mod params;
 mod particle;
 mod per_particle;
 mod registration;
+pub mod scale;
 mod tum;
 mod visibility;
 mod weights;

@@ -2,14 +2,16 @@
 //!
 //! In: [`GaussianPose`] and readings. Out: the same belief, later or sharper. State order x, y, z, roll, pitch, yaw; metres,
 //! radians; position relative to the start. Source: Thrun et al. 2005, chapter 5 (velocity motion), on a slope; scalar
-//! Kalman updates. Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with the root of the
+//! Kalman updates. The scale of the odometry is a seventh state ([`ScaleFactor`]). Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with the root of the
 //! distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a
 //! random walk, as rough as roll and pitch read (`GroundSlope`, which needs both).
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
 
-use super::matrix::{Matrix, Vector, symmetrise};
+use super::kalman;
+use super::matrix::{Matrix, Vector, apply, cholesky_clamped, symmetrise};
+use super::scale::ScaleFactor;
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;
 
@@ -51,10 +53,11 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 const MOST_STEP: f64 = 100.0;
 
 /// Mean and covariance of a pose.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaussianPose {
     pub mean: Vector<6>,
     pub covariance: Matrix<6, 6>,
+    pub scale: ScaleFactor,
 }
 
 /// Distance driven and yaw turned in one step.
@@ -196,10 +199,11 @@ impl GaussianPose {
     /// One step of driving. At rest nothing is added.
     #[inline(always)]
     pub fn drive(&mut self, control: Control, noise: &MotionNoise) {
-        let Control { distance_m: d, turn_rad } = control;
-        if d == 0.0 && turn_rad == 0.0 {
+        let Control { distance_m: counted_m, turn_rad } = control;
+        if counted_m == 0.0 && turn_rad == 0.0 {
             return;
         }
+        let d = self.scale.mean * counted_m;
         // A turn leaves the ground's slope where it is, so that what was roll becomes pitch.
         let (half, whole) = (math::sin_cos(0.5 * turn_rad), math::sin_cos(turn_rad));
         let tilt = [self.mean[ROLL], self.mean[PITCH]];
@@ -211,6 +215,7 @@ impl GaussianPose {
         self.mean[2] -= d * sp;
         self.mean[YAW] = math::wrap_angle(self.mean[YAW] + turn_rad);
 
+        let (ahead, aside) = ([cp * cy, cp * sy, -sp], [-sy, cy, 0.0]);
         // F: position by the pitch in the middle of the turn and by the yaw, and roll and pitch by each other.
         let by_pitch = [-d * sp * cy, -d * sp * sy, -d * cp];
         let by_yaw = [-d * cp * sy, d * cp * cy, 0.0];
@@ -223,13 +228,18 @@ impl GaussianPose {
             }
             [p[ROLL][c], p[PITCH][c]] = turned(tilt, whole);
         }
-        for row in p.iter_mut() {
+        let carry = |row: &mut Vector<6>| {
             let (tilt, yaw) = ([row[ROLL], row[PITCH]], row[YAW]);
             let pitch = turned(tilt, half)[1];
             for c in 0..3 {
                 row[c] += by_pitch[c] * pitch + by_yaw[c] * yaw;
             }
             [row[ROLL], row[PITCH]] = turned(tilt, whole);
+        };
+        p.iter_mut().for_each(carry);
+        if self.scale.variance > 0.0 {
+            carry(&mut self.scale.with_pose);
+            self.scale.stretch(p, &ahead.map(|share| counted_m * share));
         }
         let root = d.abs().sqrt();
         let of_wheels = |sigma: f64| noise.inflation * sigma * sigma;
@@ -239,7 +249,6 @@ impl GaussianPose {
         let way_m = d.abs() + TURNING_RADIUS_M * turn_rad.abs();
         let slope = of_ground((noise.slope_rad_per_sqrt_m * way_m.sqrt()).max(LEAST_ANGLE_RAD));
         let yaw_sigma_rad = noise.heading_rad_per_sqrt_m * root + YAW_SHARE * turn_rad.abs();
-        let (ahead, aside) = ([cp * cy, cp * sy, -sp], [-sy, cy, 0.0]);
         for r in 0..3 {
             for c in 0..3 {
                 p[r][c] += ahead[r] * ahead[c] * along + aside[r] * aside[c] * across;
@@ -260,6 +269,34 @@ impl GaussianPose {
         symmetrise(p);
     }
 
+    /// Kalman update by three numbers of slopes `by_pose`; `pull` is H P, and `factor` that of H P H' + the noise.
+    #[inline(always)]
+    pub(super) fn measure(
+        &mut self,
+        by_pose: &Matrix<3, 6>,
+        pull: &Matrix<3, 6>,
+        factor: &Matrix<3, 3>,
+        innovation: &Vector<3>,
+        noise: &Matrix<3, 3>,
+    ) {
+        self.scale.measure(by_pose, pull, factor, innovation);
+        kalman::update((&mut self.mean, &mut self.covariance), by_pose, pull, factor, innovation, noise);
+        self.wrap();
+    }
+
+    /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly, and the scale as well as
+    /// the way to there tells it.
+    pub(super) fn draw(&mut self, normals: &Vector<6>) {
+        let factor = cholesky_clamped(&self.covariance);
+        let step = apply(&factor, normals);
+        for (mean, by) in self.mean.iter_mut().zip(step) {
+            *mean += by;
+        }
+        self.wrap();
+        self.covariance = [[0.0; 6]; 6];
+        self.scale.draw(&factor, normals);
+    }
+
     /// Kalman update by a direct reading of one angle; returns the logarithm of the reading's likelihood.
     #[inline(always)]
     pub(crate) fn read_angle(&mut self, component: usize, reading_rad: f64, variance_rad2: f64) -> f64 {
@@ -267,6 +304,7 @@ impl GaussianPose {
         let spread = p[component][component] + variance_rad2;
         let innovation = math::wrap_angle(reading_rad - self.mean[component]);
         let row = p[component];
+        self.scale.read(component, &row, spread, innovation);
         for r in 0..6 {
             let gain = row[r] / spread;
             self.mean[r] += gain * innovation;
@@ -297,6 +335,7 @@ mod tests {
         sun_rad: 0.0,
         odometry_m_per_sqrt_m: 0.05,
         sideways_m_per_sqrt_m: 0.0,
+        slip: 0.0,
         heading_rad_per_sqrt_m: 0.03,
     };
     const VARIANCE_RAD2: f64 = NOISE.imu_rad * NOISE.imu_rad;

@@ -47,7 +47,8 @@ pub struct FastslamParams {
     /// Factor on the features' measurement covariance; guards against optimism.
     #[garde(custom(within(0.01, 1000.0)))]
     pub measurement_inflation: f64,
-    /// Factor on the variances of what wheels tell (way, sideways slip, heading), not of slope and climb; 6 where systematic slip is simulated.
+    /// Factor on the variances of what wheels tell (way, sideways slip, heading), not of slope and climb. A slip that is
+    /// the same all the way (`drive.instruments.slip`) needs none: the filter learns it.
     #[garde(custom(within(0.01, 1000.0)))]
     pub motion_inflation: f64,
 }

@@ -11,7 +11,7 @@
 use super::associate::{AssociationResult, Candidate, GATE, Pair};
 use super::gating::LandmarkIndex;
 use super::kalman;
-use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, product, sum, transpose};
+use super::matrix::{Matrix, Vector, cholesky, diagonal, product, sum, transpose};
 use super::measurement::{self, Mounting, Polar, SensorView, innovation};
 use super::motion::GaussianPose;
 use super::visibility::Visibility;
@@ -84,12 +84,6 @@ const EXISTENCE_BOUNDS: (f64, f64) = (-2.0, 4.0);
 const EXISTENCE_DELETE: f64 = -1.0;
 /// Landmarks above this are counted as there.
 pub(super) const EXISTENCE_SURE: f64 = 0.8;
-
-impl Default for GaussianPose {
-    fn default() -> Self {
-        GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] }
-    }
-}
 
 impl Clone for Particle {
     fn clone(&self) -> Self {
@@ -189,20 +183,7 @@ impl Particle {
     #[inline(always)]
     fn kalman_update(&mut self, candidate: &Candidate) {
         let Candidate { by_pose, pull, factor, innovation, spread, .. } = candidate;
-        let GaussianPose { mean, covariance } = &mut self.belief;
-        kalman::update((mean, covariance), by_pose, pull, factor, innovation, spread);
-        self.belief.wrap();
-    }
-
-    /// Moves the pose to a draw from its belief (`normals`: six standard normals), after which it is known exactly.
-    pub(super) fn sample_pose(&mut self, normals: &Vector<6>) {
-        let factor = super::matrix::cholesky_clamped(&self.belief.covariance);
-        let step = apply(&factor, normals);
-        for (mean, by) in self.belief.mean.iter_mut().zip(step) {
-            *mean += by;
-        }
-        self.belief.wrap();
-        self.belief.covariance = [[0.0; 6]; 6];
+        self.belief.measure(by_pose, pull, factor, innovation, spread);
     }
 
     /// Updates the landmarks from the pose as it now is: matches, newcomers, what should have been seen.
@@ -298,7 +279,11 @@ mod tests {
                 known: Some(id),
             })
             .collect();
-        Particle { belief: GaussianPose { mean, covariance: covariance(scale) }, landmarks, ..Particle::default() }
+        Particle {
+            belief: GaussianPose { mean, covariance: covariance(scale), ..GaussianPose::default() },
+            landmarks,
+            ..Particle::default()
+        }
     }
 
     fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Feature> {

@@ -16,6 +16,7 @@ const NOISE: InstrumentNoise = InstrumentNoise {
     sun_rad: 0.035,
     odometry_m_per_sqrt_m: 0.05,
     sideways_m_per_sqrt_m: 0.0,
+    slip: 0.0,
     heading_rad_per_sqrt_m: 0.035,
 };
 
@@ -25,6 +26,7 @@ const EXACT: InstrumentNoise = InstrumentNoise {
     sun_rad: 0.0,
     odometry_m_per_sqrt_m: 0.0,
     sideways_m_per_sqrt_m: 0.0,
+    slip: 0.0,
     heading_rad_per_sqrt_m: 0.0,
 };
 
@@ -62,7 +64,7 @@ fn rest(pose: &Pose) -> Reading {
 fn law_a_predicted_step_ends_where_the_arc_ends() {
     let noise = motion::MotionNoise::new(&EXACT, 1.0);
     for (yaw_rad, turn_rad) in [(0.0, 0.1), (0.7, -0.3), (3.0, 0.5), (-2.0, 0.02), (1.0, 0.0)] {
-        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6], ..Default::default() };
         belief.mean[motion::YAW] = yaw_rad;
         belief.drive(motion::Control { distance_m: 2.0, turn_rad }, &noise);
         let end = yaw_rad + turn_rad;
@@ -212,7 +214,7 @@ fn law_the_height_is_as_uncertain_as_the_ground_is_rough() {
 fn exact_a_turn_on_a_slope_leaves_the_slope_where_it_is() {
     let noise = motion::MotionNoise::new(&EXACT, 1.0);
     let slope = 0.05;
-    let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+    let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6], ..Default::default() };
     belief.mean[motion::ROLL] = slope;
     let covariance = [(motion::ROLL, 1e-4), (motion::PITCH, 4e-4)];
     covariance.iter().for_each(|&(angle, variance)| belief.covariance[angle][angle] = variance);
@@ -237,7 +239,7 @@ fn exact_a_steps_covariance_follows_the_differences_of_its_mean() {
     let control = motion::Control { distance_m: 0.3, turn_rad: 0.4 };
     let mean = [0.1, -0.2, 0.3, 0.2, -0.15, 2.0];
     let driven = |mean: [f64; 6]| {
-        let mut belief = motion::GaussianPose { mean, covariance: [[0.0; 6]; 6] };
+        let mut belief = motion::GaussianPose { mean, covariance: [[0.0; 6]; 6], ..Default::default() };
         belief.drive(control, &noise);
         belief.mean
     };
@@ -252,7 +254,7 @@ fn exact_a_steps_covariance_follows_the_differences_of_its_mean() {
         std::array::from_fn(|r| std::array::from_fn(|c| if r == c { 2.0 } else { 1.0 / (1 + r + c) as f64 }));
     // The noise of the step is what a pose that was known has after it.
     let [belief, known] = [start, [[0.0; 6]; 6]].map(|covariance| {
-        let mut belief = motion::GaussianPose { mean, covariance };
+        let mut belief = motion::GaussianPose { mean, covariance, ..Default::default() };
         belief.drive(control, &noise);
         belief
     });
@@ -809,7 +811,7 @@ fn exact_the_noise_of_a_step_lies_along_the_heading_and_across_it() {
         [(0.0, 0.02, 0.04), (0.6, 0.02, 0.04), (2.2, 0.0, 1e-3), (-0.9, 0.0, 1e-3)]
     {
         let noise = motion::MotionNoise::new(&InstrumentNoise { sideways_m_per_sqrt_m, ..NOISE }, 1.0);
-        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6], ..Default::default() };
         belief.mean[motion::YAW] = yaw_rad;
         belief.drive(motion::Control { distance_m: 4.0, turn_rad: 0.0 }, &noise);
         let (sin, cos) = math::sin_cos(yaw_rad);
@@ -829,7 +831,7 @@ fn exact_the_noise_of_a_step_lies_along_the_heading_and_across_it() {
 #[test]
 fn exact_the_motions_inflation_is_of_what_wheels_tell_alone() {
     let [once, inflated] = [1.0, 6.0].map(|inflation| {
-        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6] };
+        let mut belief = motion::GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6], ..Default::default() };
         let noise = motion::MotionNoise::new(&NOISE, inflation);
         belief.drive(motion::Control { distance_m: 4.0, turn_rad: 0.3 }, &noise);
         belief.covariance

@@ -242,6 +242,22 @@ fn dist_slip_of_a_tenth_beats_dead_reckoning_with_inflated_motion() {
     }
 }
 
+/// The same slip, told to the filter as a standard deviation: it is learnt, and what is left errs less than where wheels are trusted less.
+#[test]
+fn dist_slip_that_the_filter_is_told_of_is_learnt() {
+    let untold = Scenario { slip: 0.1, ..Scenario::a() };
+    let inflated = Trial::of(&untold, &FastslamParams { motion_inflation: 6.0, ..params(100) });
+    let learnt = Trial::of(&Scenario { slip_told: 0.1, ..untold }, &params(100));
+    learnt.print("slip, learnt");
+    assert!(learnt.ate_m() <= 0.9 * inflated.ate_m(), "{} {}", learnt.ate_m(), inflated.ate_m());
+    assert!(learnt.better_share() >= 0.95, "{}", learnt.better_share());
+    for step in [50, 100, 125] {
+        let six = learnt.mean_nees::<6>(step, 0);
+        println!("slip, learnt, step {step}: NEES {six:.2}");
+        assert!(six <= 7.6, "step {step}: {six}");
+    }
+}
+
 #[test]
 fn dist_more_particles_lose_fewer_ancestors() {
     let of = |n: u32, known: bool, inflation: f64| {

@@ -11,6 +11,7 @@ const NOISE: InstrumentNoise = InstrumentNoise {
     sun_rad: 0.01,
     odometry_m_per_sqrt_m: 0.1,
     sideways_m_per_sqrt_m: 0.0,
+    slip: 0.0,
     heading_rad_per_sqrt_m: 0.03,
 };
 const SLOPE: f64 = 0.1;

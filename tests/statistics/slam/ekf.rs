@@ -46,7 +46,7 @@ impl EkfSlam {
             }
         }
         let covariance = std::array::from_fn(|r| std::array::from_fn(|c| self.covariance[r][c]));
-        let mut belief = GaussianPose { mean: pose, covariance };
+        let mut belief = GaussianPose { mean: pose, covariance, ..Default::default() };
         belief.drive(control, noise);
         for r in 0..6 {
             self.mean[r] = belief.mean[r];
@@ -193,7 +193,7 @@ impl EkfSlam {
 
 fn motion_jacobian(pose: &[f64; 6], control: Control) -> [[f64; 6]; 6] {
     let moved = |i: usize, by: f64| {
-        let mut belief = GaussianPose { mean: *pose, covariance: [[0.0; 6]; 6] };
+        let mut belief = GaussianPose { mean: *pose, covariance: [[0.0; 6]; 6], ..Default::default() };
         belief.mean[i] += by;
         let quiet = MotionNoise {
             distance_m_per_sqrt_m: 0.0,

@@ -30,6 +30,8 @@ pub struct Scenario {
     pub known: bool,
     /// Share of the odometry's distance that is slip.
     pub slip: f64,
+    /// The standard deviation of that share that the filter is told.
+    pub slip_told: f64,
     pub sun: bool,
     /// Factor on all instrument noise of the simulation and of what the filter is told.
     pub odometry_factor: f64,
@@ -51,6 +53,7 @@ impl Scenario {
             rocks: 60,
             known: false,
             slip: 0.0,
+            slip_told: 0.0,
             sun: true,
             odometry_factor: 1.0,
             imu_bias_rad: 0.0,
@@ -74,6 +77,7 @@ impl Scenario {
             sun_rad: 2f64.to_radians(),
             odometry_m_per_sqrt_m: 0.05 * self.odometry_factor,
             sideways_m_per_sqrt_m: if self.bumps { LATERAL_M_PER_SQRT_M } else { 0.0 },
+            slip: self.slip_told,
             heading_rad_per_sqrt_m: 2f64.to_radians() * self.odometry_factor,
         }
     }
