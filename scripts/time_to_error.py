@@ -24,7 +24,7 @@ trainer lowers. Networks have two hidden layers of 16, but for the one that says
 
 Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
 for longer budgets. The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
-engine and seed, so that an interrupted run goes on.
+engine and seed, so that an interrupted run goes on. --beside KEPT takes in what another machine measured, as tables of their own.
 """
 
 import argparse
@@ -379,21 +379,27 @@ def told(runs, budget):
     return f"{np.median(found):.2f}{spread}"
 
 
-def markdown(about, kept, corpora, budgets, seeds):
+def markdown(about, kept, corpora, seeds):
     text = (f"# What error a CPU second buys\n\n`{about['command']}`, {about['marsyard']}, torch {torch.__version__.split('+')[0]}, LightGBM {lightgbm.__version__}; one thread each. "
             f"Weighted mean squared error on test scenes, thousandths; {'seed ' + str(seeds[0]) if len(seeds) == 1 else 'medians of seeds ' + ', '.join(map(str, seeds)) + ', ranges in brackets'}. What is compared, and how it is "
             "counted, is said at the head of the script. CPU seconds of this machine, beside other work.\n")
     for name in corpora:
         of = about["corpora"][name]
         text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).\n\n"
-        rows = []
-        for engine in ENGINES:
-            runs = [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]]
-            rows.append([engine, *(told(runs, budget) for budget in budgets)])
-        text += study.markdown(["learnt by", *(f"{budget} CPU s" for budget in budgets)], rows) + "\n\n"
+        text += table(kept, name, seeds) + "\n\n"
+        if beside := kept.get("beside"):
+            text += f"{beside['machine']}:\n\n{table(beside, name, seeds)}\n\n"
         settings = {engine: kept["settings"].get(f"{name}/{engine}") for engine, (_, all_of) in ENGINES.items() if len(all_of) > 1}
         text += "Settings found: " + "; ".join(f"{engine}: {', '.join([readable(choices(engine)[k][1]), choices(engine)[k][0]])}" for engine, k in settings.items() if k is not None) + ".\n"
     return text
+
+
+def table(kept, name, seeds):
+    """A row an engine, a column a budget that anybody had."""
+    of = {engine: [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]] for engine in ENGINES}
+    budgets = sorted({int(budget) for runs in of.values() for run in runs for budget in run})
+    rows = [[engine, *(told(runs, budget) for budget in budgets)] for engine, runs in of.items()]
+    return study.markdown(["learnt by", *(f"{budget} CPU s" for budget in budgets)], rows)
 
 
 def readable(setting):
@@ -438,6 +444,7 @@ def main():
     parser.add_argument("--scenes", default=0, type=int, help="of each corpus (default: all of the config's)")
     parser.add_argument("--budgets", default="1,2,5,10,30,100")
     parser.add_argument("--seeds", default="1,2")
+    parser.add_argument("--beside", type=pathlib.Path, help="kept.json of another machine, with `machine`: where and how, in words")
     parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1)")
     study.add_arguments(parser, "time_to_error")
     options = parser.parse_args()
@@ -464,7 +471,9 @@ def main():
         task = tasks[INPUTS[0]]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
         measure_all(tasks, name, seeds, budgets, kept, store, options.jobs)
-    text = markdown(about, kept, corpora, budgets, seeds)
+    if options.beside:
+        kept["beside"] = json.loads(options.beside.read_text())
+    text = markdown(about, kept, corpora, seeds)
     out = options.out
     (out / "time_to_error.json").write_text(json.dumps({"about": about, **kept}, indent=1) + "\n")
     (out / "time_to_error.md").write_text(text)
