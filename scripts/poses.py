@@ -135,9 +135,8 @@ def main():
     parser.add_argument("--check", action="store_true", help="fail where z, roll or pitch lie outside the band")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
-    kept = json.loads((study.RESULTS / "poses.json").read_text())["configs"] if arguments.only else {}
     made = {name: of_config(scenes_of(name, arguments)) for name in arguments.only or CONFIGS}
-    configs = {name: made.get(name) or kept[name] for name in CONFIGS if name in made or name in kept}
+    configs = study.beside_former(made, study.RESULTS / "poses.json", CONFIGS, "configs")
     results = {"scenes": arguments.scenes, "configs": configs}
     study.write_results(study.RESULTS, "poses", results, written(results))
     if arguments.check:

@@ -131,6 +131,13 @@ def markdown(head, rows):
     return "\n".join([line(head), rule, *map(line, rows)])
 
 
+def beside_former(made, former, names, key=None):
+    """What was made now, and of the other names what stands in `former` (JSON, under `key` if one is given), in the order of the names."""
+    kept = json.loads(former.read_text()) if len(made) < len(names) and former.exists() else {}
+    kept = kept.get(key, {}) if key else kept
+    return {name: made[name] if name in made else kept[name] for name in names if name in made or name in kept}
+
+
 def write_results(folder, name, results, text):
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.json").write_text(json.dumps(results, indent=1) + "\n")

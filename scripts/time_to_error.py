@@ -3,7 +3,7 @@
 
     cargo build --release && cargo build --release --example train_rows
     pip install numpy scikit-learn pyarrow torch lightgbm
-    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--quick]
+    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--beside KEPT] [--quick]
 
 Everybody gets the same rows of whole training scenes and the same columns (those that `train` takes by default; of paper.yaml the listed ones,
 neighbours as heights above the cell), standardised by these rows and clipped at 8, the other networks with their normal scores beside them where their search has it so
@@ -339,36 +339,43 @@ TASKS = {}
 
 
 def one(name, engine, seed, budgets, settings):
-    """In a process of its own: what was measured, and the settings that were found."""
-    kept = {"settings": dict(settings)}
+    """In a forked process: what was measured, and the settings that were found."""
+    kept = {"settings": settings}
     return measured(TASKS, name, engine, seed, budgets, kept), kept["settings"]
 
 
 def measure_all(tasks, name, seeds, budgets, kept, store, jobs):
-    """Every engine with every seed that is not kept; of one engine one seed after the other, for the first one's search serves all."""
+    """Every engine with every seed that is not kept; of one engine one seed after the other, for the first one's search serves all. What fails is told
+    when all else is stored."""
     TASKS.clear()
     TASKS.update(tasks)
     is_kept = lambda key: key in kept["runs"] and all(str(budget) in kept["runs"][key] for budget in budgets)
     # Trees take longest: they begin first.
     left = {engine: [seed for seed in seeds if not is_kept(f"{name}/{engine}/{seed}")] for engine in reversed(ENGINES)}
     with concurrent.futures.ProcessPoolExecutor(jobs, multiprocessing.get_context("fork")) as pool:
-        begin = lambda engine: pool.submit(one, name, engine, left[engine].pop(0), budgets, kept["settings"])
-        running = {}
-        for engine, of in left.items():
-            if of:
-                seed = of[0]
-                running[begin(engine)] = (engine, seed)
+        running, failed = {}, []
+
+        def begin_next(engine):
+            if left[engine]:
+                seed = left[engine].pop(0)
+                running[pool.submit(one, name, engine, seed, budgets, dict(kept["settings"]))] = (engine, seed)
+
+        for engine in left:
+            begin_next(engine)
         while running:
             for done in concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done:
                 engine, seed = running.pop(done)
+                if done.exception():
+                    failed.append(f"{name}/{engine}/{seed}: {done.exception()}")
+                    continue
                 run, settings = done.result()
                 kept["settings"].update(settings)
                 kept["runs"][f"{name}/{engine}/{seed}"] = run
                 store.write_text(json.dumps(kept))
                 study.note(f"{name}/{engine}/{seed} " + str({budget: look and round(1000 * look[2], 2) for budget, look in run.items()}))
-                if left[engine]:
-                    following = left[engine][0]
-                    running[begin(engine)] = (engine, following)
+                begin_next(engine)
+    if failed:
+        raise SystemExit("\n".join(failed))
 
 
 def told(runs, budget):
@@ -445,7 +452,7 @@ def main():
     parser.add_argument("--budgets", default="1,2,5,10,30,100")
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--beside", type=pathlib.Path, help="kept.json of another machine, with `machine`: where and how, in words")
-    parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1)")
+    parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1); what memory bounds then learns less in a CPU second")
     study.add_arguments(parser, "time_to_error")
     options = parser.parse_args()
     corpora, budgets = options.corpora.split(","), [int(part) for part in options.budgets.split(",")]
@@ -456,7 +463,8 @@ def main():
     runner = study.Marsyard(options.marsyard, options.work, options.threads)
     store = pathlib.Path(options.work) / "kept.json"
     kept = json.loads(store.read_text()) if store.exists() else {"runs": {}, "settings": {}}
-    asked = [f"--corpora {options.corpora}"] * (options.corpora != parser.get_default("corpora")) + [f"--seeds {options.seeds}"] * (options.seeds != parser.get_default("seeds"))
+    named = {key: getattr(options, key) for key in ("corpora", "budgets", "seeds", "jobs")}
+    asked = [f"--{key} {value}" for key, value in named.items() if value != parser.get_default(key)]
     about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "corpora": {}}
     for name in corpora:
         config = study.ROOT / "configs" / f"{name}.yaml"

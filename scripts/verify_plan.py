@@ -117,10 +117,8 @@ def main():
     parser.add_argument("--only", choices=CONFIGS, action="append", help="one config (repeatable); the rows of the others stay")
     options = parser.parse_args()
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
-    former = options.out / "verify_plan.json"
-    kept = json.loads(former.read_text()) if options.only and former.exists() else {}
     made = {name: verify(marsyard, name, options) for name in options.only or CONFIGS}
-    results = {name: made.get(name) or kept[name] for name in CONFIGS if name in made or name in kept}
+    results = study.beside_former(made, options.out / "verify_plan.json", CONFIGS)
     head = ["config", "CPU hours", "recommended", "scenes", "rows, 10^6", "GB", "CPU minutes told", "what ends it", "balanced accuracy, %", "next best"]
     recommended = study.markdown(head, recommendations(marsyard))
     left_out = "".join(f"\n{name}.yaml was not built." for name in CONFIGS if name not in results)

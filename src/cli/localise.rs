@@ -65,7 +65,8 @@ pub(super) struct LocaliseArgs {
     /// Sideways slip, which no reading tells of, metres per square root of a metre; 0 where wheels do not slip aside (then 1 mm a step).
     #[arg(long, value_name = "M", default_value_t = 0.02, value_parser = at_least_0)]
     sideways_m_per_sqrt_m: f64,
-    /// Share of the counted way that wheels slip by (or roll too far), the same all the way: its standard deviation. The filter learns it.
+    /// Of the counted way a share that is not driven, the same all the way (negative: more is driven): its standard deviation, 0 to 0.9. The filter
+    /// learns the share from features; without them its sigmas alone widen
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = slip_share)]
     slip: f64,
     /// Noise of the heading by odometry, degrees per square root of a metre.
@@ -108,7 +109,7 @@ fn at_least_0(text: &str) -> Result<f64, String> {
 }
 
 fn slip_share(text: &str) -> Result<f64, String> {
-    at_least_0(text).ok().filter(|&value| value <= 0.9).ok_or("a number of 0 to 0.9 is needed".into())
+    at_least_0(text).ok().filter(|&value| value <= slam::MOST_SLIP).ok_or("a number of 0 to 0.9 is needed".into())
 }
 
 fn bias_deg(text: &str) -> Result<f64, String> {
@@ -256,6 +257,7 @@ fn landmarks(located: &Located) -> String {
 fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>) {
     let last = &located.steps[located.steps.len() - 1].estimate;
     let (located_score, reckoned_score) = scores.unzip();
+    let (scale, scale_sigma) = located.odometry_scale;
     if args.json {
         outln!(
             "{:#}",
@@ -264,6 +266,7 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
                 "landmarks": located.landmarks.len(),
                 "skipped": last.skipped,
                 "sigma_optimistic": last.sigma_optimistic,
+                "odometry_scale": { "mean": scale, "sigma": scale_sigma },
                 "score": located_score,
                 "dead_reckoning": reckoned_score,
             })
@@ -276,6 +279,9 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
         located.landmarks.len(),
         last.skipped
     );
+    if args.slip > 0.0 {
+        outln!("{:.1} ± {:.1} % of the counted way was driven", 100.0 * scale, 100.0 * scale_sigma);
+    }
     for (name, score) in [("this drive", located_score), ("dead reckoning", reckoned_score)] {
         let Some(score) = score else { continue };
         let nees =

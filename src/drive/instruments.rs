@@ -15,9 +15,9 @@ use crate::math;
 use crate::random::{Drawn, Purpose, Stream, Streams};
 
 impl InstrumentNoise {
-    /// The scene's standard deviations.
+    /// The scene's standard deviations; of slip that of all scenes, for no rover is told how far its wheels slip today.
     pub fn of(params: &InstrumentsParams, drawn: &Drawn) -> InstrumentNoise {
-        // A bias of that size along an axis that nobody knows; a slip of that size, backwards or forwards.
+        // A bias of that size along an axis that nobody knows.
         let bias_deg = params.imu_bias_deg.as_ref().map_or(0.0, |_| drawn[Purpose::ImuBias].abs());
         InstrumentNoise {
             imu_rad: drawn[Purpose::ImuSd].to_radians(),
@@ -25,10 +25,15 @@ impl InstrumentNoise {
             sun_rad: if params.sun_deg.is_some() { drawn[Purpose::SunSd].to_radians() } else { 0.0 },
             odometry_m_per_sqrt_m: drawn[Purpose::OdometryDistanceSd],
             sideways_m_per_sqrt_m: 0.0,
-            slip: params.slip.as_ref().map_or(0.0, |_| drawn[Purpose::Slip].abs()),
+            slip: params.slip.as_ref().map_or(0.0, |slip| root_mean_square(slip.bounds())),
             heading_rad_per_sqrt_m: drawn[Purpose::OdometryHeadingSd].to_radians(),
         }
     }
+}
+
+/// Of what is uniform between two bounds.
+fn root_mean_square((low, high): (f64, f64)) -> f64 {
+    ((low * low + low * high + high * high) / 3.0).sqrt()
 }
 
 /// The instruments of one scene.

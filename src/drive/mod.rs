@@ -205,7 +205,8 @@ pub struct InstrumentNoise {
     pub odometry_m_per_sqrt_m: f64,
     /// Of the way aside that wheels slip, metres per square root of a metre driven. No reading tells of it, and no simulated wheel does it.
     pub sideways_m_per_sqrt_m: f64,
-    /// Of the share of the counted way that was not driven, the same over the whole drive.
+    /// Of the share of the counted way that is not driven, the same over the whole drive; its mean is taken for 0 (negative: more is driven than
+    /// counted). 0 to 0.9; where a config draws the share, the root mean square of what is uniform between the law's bounds.
     pub slip: f64,
     /// Of heading, radians per square root of a metre driven by the outer wheels (way + |turn| * track / 2).
     pub heading_rad_per_sqrt_m: f64,

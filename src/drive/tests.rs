@@ -361,6 +361,20 @@ fn exact_the_noise_that_slam_is_told_is_the_noise_drawn() {
     assert!((0.2..=1.0).contains(&noise.imu_rad.to_degrees()));
     // Simulated wheels do not slip aside.
     assert_eq!(noise.sideways_m_per_sqrt_m, 0.0);
+    // Of slip no drive is told its own, but what drives have: of one that is always the same its size, of a law from 0 that is uniform its end over
+    // the root of three.
+    let told = |slip: Option<Dist>| {
+        InstrumentNoise::of(&InstrumentsParams { slip, ..params.instruments.clone() }, &drawn).slip
+    };
+    let uniform = |ends| Some(Dist::Law(Law::Uniform(ends)));
+    assert_eq!(told(None), 0.0);
+    for (slip, wanted) in [
+        (Some((-0.1).into()), 0.1),
+        (uniform([0.0, 0.15]), 0.15 / 3f64.sqrt()),
+        (uniform([-0.3, 0.3]), 0.3 / 3f64.sqrt()),
+    ] {
+        assert!((told(slip.clone()) - wanted).abs() < 1e-15, "{slip:?}");
+    }
     let dark = InstrumentsParams { sun_deg: None, ..params.instruments.clone() };
     assert_eq!(InstrumentNoise::of(&dark, &drawn).sun_rad, 0.0);
 }

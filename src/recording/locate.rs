@@ -34,6 +34,8 @@ pub struct Located {
     pub steps: Vec<Step>,
     /// Of the likeliest particle; positions in the map.
     pub landmarks: Vec<Landmark>,
+    /// Mean and standard deviation of the share of the counted way that was driven.
+    pub odometry_scale: (f64, f64),
 }
 
 /// Runs the filter over a recording.
@@ -58,7 +60,7 @@ pub fn locate(recording: &Recording, params: &LocateParams) -> Result<Located, S
     for landmark in &mut landmarks {
         landmark.mean_m = std::array::from_fn(|axis| landmark.mean_m[axis] + start_m[axis]);
     }
-    Ok(Located { steps, landmarks })
+    Ok(Located { steps, landmarks, odometry_scale: filter.odometry_scale() })
 }
 
 /// Readings and observations in one order: a step that ends at each time of either.

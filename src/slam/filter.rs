@@ -90,8 +90,7 @@ impl Filter {
     ) -> Filter {
         let count = params.particles as usize;
         let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
-        let scale = ScaleFactor { variance: noise.slip * noise.slip, ..ScaleFactor::default() };
-        let belief = GaussianPose { mean, scale, ..GaussianPose::default() };
+        let belief = GaussianPose { mean, scale: ScaleFactor::of_slip(noise.slip), ..GaussianPose::default() };
         let log_weight = -math::ln(count as f64);
         let particle = Particle { belief, log_weight, ..Particle::default() };
         Filter {
@@ -130,9 +129,10 @@ impl Filter {
         self.at_sweep = None;
         match Control::of(reading) {
             Some(control) => {
-                self.level_way_m += control.distance_m * math::sin_cos(self.angle(PITCH).0).1;
+                let driven = Control { distance_m: self.scale().0 * control.distance_m, ..control };
+                self.level_way_m += driven.distance_m * math::sin_cos(self.angle(PITCH).0).1;
                 let angles_rad = [reading.roll_rad, reading.pitch_rad];
-                self.ground.take(control, angles_rad, self.imu_variance_rad2, &mut self.motion);
+                self.ground.take(driven, angles_rad, self.imu_variance_rad2, &mut self.motion);
                 in_fours(Drive { particles: &mut self.particles, control, noise: &self.motion });
             }
             None => self.counters.not_finite += 1,
@@ -214,6 +214,21 @@ impl Filter {
         }
         let mean = first / total;
         (math::wrap_angle(reference + mean), (second / total - mean * mean).max(0.0) + own / total)
+    }
+
+    /// Mean and variance of the odometry's scale over the cloud.
+    pub(super) fn scale(&self) -> (f64, f64) {
+        // One that was known from the start is the same for all.
+        if self.particles.iter().all(|p| p.belief.scale.is_known()) {
+            return (self.particles[self.likeliest()].belief.scale.mean, 0.0);
+        }
+        let (mut mean, mut second) = (0.0, 0.0);
+        for (particle, weight) in self.particles.iter().zip(self.weights()) {
+            let scale = &particle.belief.scale;
+            mean += weight * scale.mean;
+            second += weight * (scale.variance + scale.mean * scale.mean);
+        }
+        (mean, (second - mean * mean).max(0.0))
     }
 
     /// A sweep's features, what stands up in it where sweeps are laid on one another, and where it looked. The streams stand at the step.

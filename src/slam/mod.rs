@@ -55,6 +55,9 @@
 //! let off_after_m = (after.pose.position_m.x - 1.0).abs();
 //! assert_eq!(after.matched, 6);
 //! assert!((off_before_m - 0.2).abs() < 0.02 && off_after_m < 0.05, "{off_before_m} {off_after_m}");
+//! // And how much of what the wheels count is driven.
+//! let (scale, sigma) = slam.odometry_scale();
+//! assert!((scale - 1.0 / 1.2).abs() < 3.0 * sigma && sigma < 0.05, "{scale} {sigma}");
 //! # Ok::<(), marsyard::slam::SlamError>(())
 //! ```
 
@@ -159,6 +162,8 @@ pub enum SlamError {
     NoParticles,
     #[error("the start pose holds a value that is not finite")]
     StartNotFinite,
+    #[error("the filter is told of a slip of {slip}: give a share of 0 to {MOST_SLIP}")]
+    Slip { slip: f64 },
     #[error("the method {method} reads no instruments: ask it for its estimate directly")]
     NoFilter { method: &'static str },
 }
@@ -174,6 +179,8 @@ pub struct Slam {
     start_m: DVec3,
 }
 
+/// Wheels that slip by more stand still.
+pub(crate) const MOST_SLIP: f64 = 0.9;
 /// The belief of a pose ends here: 80 degrees.
 const MOST_PITCH_RAD: f64 = 80.0 / 180.0 * std::f64::consts::PI;
 
@@ -198,6 +205,9 @@ impl Slam {
         let attitude = [start.roll_rad, start.pitch_rad, start.yaw_rad];
         if !start.position_m.is_finite() || attitude.iter().any(|a| !a.is_finite()) {
             return Err(SlamError::StartNotFinite);
+        }
+        if !(0.0..=MOST_SLIP).contains(&noise.slip) {
+            return Err(SlamError::Slip { slip: noise.slip });
         }
         upright(start.pitch_rad)?;
         let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor));
@@ -239,6 +249,12 @@ impl Slam {
         self.filter.observe(features, None, visibility, streams);
         upright(self.filter.angle(motion::PITCH).0)?;
         Ok(self.estimate())
+    }
+
+    /// Mean and standard deviation of the share of the counted way that is driven: 1 and 0 where the filter is told of no slip.
+    pub fn odometry_scale(&self) -> (f64, f64) {
+        let (mean, variance) = self.filter.scale();
+        (mean, variance.sqrt())
     }
 
     /// What is believed now.

@@ -1,10 +1,10 @@
 //! Odometry, IMU and sun readings -> a pose's mean and covariance: the filter without features.
 //!
 //! In: [`GaussianPose`] and readings. Out: the same belief, later or sharper. State order x, y, z, roll, pitch, yaw; metres,
-//! radians; position relative to the start. Source: Thrun et al. 2005, chapter 5 (velocity motion), on a slope; scalar
-//! Kalman updates. The scale of the odometry is a seventh state ([`ScaleFactor`]). Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with the root of the
-//! distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a
-//! random walk, as rough as roll and pitch read (`GroundSlope`, which needs both).
+//! radians; position relative to the start; the odometry's scale is a seventh number ([`ScaleFactor`]). Source: Thrun et al. 2005, chapter 5
+//! (velocity motion), on a slope; scalar Kalman updates. Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with
+//! the root of the distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a random
+//! walk, as rough as roll and pitch read (`GroundSlope`, which needs both).
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
@@ -52,7 +52,7 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// A step longer or a turn wider than this is a broken reading.
 const MOST_STEP: f64 = 100.0;
 
-/// Mean and covariance of a pose.
+/// Mean and covariance of a pose, and of the odometry's scale beside it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaussianPose {
     pub mean: Vector<6>,
@@ -237,14 +237,15 @@ impl GaussianPose {
             [row[ROLL], row[PITCH]] = turned(tilt, whole);
         };
         p.iter_mut().for_each(carry);
-        if self.scale.variance > 0.0 {
+        if !self.scale.is_known() {
             carry(&mut self.scale.with_pose);
             self.scale.stretch(p, &ahead.map(|share| counted_m * share));
         }
         let root = d.abs().sqrt();
         let of_wheels = |sigma: f64| noise.inflation * sigma * sigma;
         let of_ground = |sigma: f64| sigma * sigma;
-        let along = of_wheels((noise.distance_m_per_sqrt_m * root).max(LEAST_STEP_M));
+        // The noise is of the counted way, of which a share is driven.
+        let along = of_wheels((self.scale.mean.abs() * noise.distance_m_per_sqrt_m * root).max(LEAST_STEP_M));
         let across = of_wheels((noise.sideways_m_per_sqrt_m * root).max(LEAST_STEP_M));
         let way_m = d.abs() + TURNING_RADIUS_M * turn_rad.abs();
         let slope = of_ground((noise.slope_rad_per_sqrt_m * way_m.sqrt()).max(LEAST_ANGLE_RAD));

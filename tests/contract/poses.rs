@@ -134,6 +134,9 @@ fn extreme_localise_refuses_nonsense_with_file_line_and_cure() {
         (&["localise", "o.csv"][..], "o.csv:3: speed_mps is 'fast'; write a finite number"),
         (&["localise", "absent.csv"], "absent.csv cannot be read"),
         (&["localise", "o.csv", "--range-m=-1"], "a number of at least 0 is needed"),
+        (&["localise", "o.csv", "--slip=0.95"], "a number of 0 to 0.9 is needed"),
+        (&["localise", "o.csv", "--slip=-0.1"], "a number of 0 to 0.9 is needed"),
+        (&["localise", "o.csv", "--slip=nan"], "a number of 0 to 0.9 is needed"),
     ] {
         let output = yard.marsyard(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

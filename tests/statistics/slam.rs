@@ -242,19 +242,22 @@ fn dist_slip_of_a_tenth_beats_dead_reckoning_with_inflated_motion() {
     }
 }
 
-/// The same slip, told to the filter as a standard deviation: it is learnt, and what is left errs less than where wheels are trusted less.
+/// Slip of a share that each drive draws anew, told to the filter as a standard deviation: dead reckoning is honest with it, FastSLAM learns it.
 #[test]
 fn dist_slip_that_the_filter_is_told_of_is_learnt() {
-    let untold = Scenario { slip: 0.1, ..Scenario::a() };
-    let inflated = Trial::of(&untold, &FastslamParams { motion_inflation: 6.0, ..params(100) });
-    let learnt = Trial::of(&Scenario { slip_told: 0.1, ..untold }, &params(100));
-    learnt.print("slip, learnt");
-    assert!(learnt.ate_m() <= 0.9 * inflated.ate_m(), "{} {}", learnt.ate_m(), inflated.ate_m());
-    assert!(learnt.better_share() >= 0.95, "{}", learnt.better_share());
+    let trial = Trial::of(&Scenario { slip_drawn: 0.1, ..Scenario::a() }, &params(100));
+    trial.print("slip, drawn and told");
+    let without = Trial::of(&Scenario::a(), &params(100));
+    without.print("no slip");
+    // Nearly as near as where there is none.
+    assert!(trial.ate_m() <= 1.25 * without.ate_m(), "{} {}", trial.ate_m(), without.ate_m());
+    assert!(trial.better_share() >= 0.9, "{}", trial.better_share());
     for step in [50, 100, 125] {
-        let six = learnt.mean_nees::<6>(step, 0);
+        let six = trial.mean_nees::<6>(step, 0);
         println!("slip, learnt, step {step}: NEES {six:.2}");
-        assert!(six <= 7.6, "step {step}: {six}");
+        // No less sure than it may be, and no surer than without slip.
+        let usual = without.mean_nees::<6>(step, 0);
+        assert!(4.5 <= six && six <= 1.25 * usual, "step {step}: {six} {usual}");
     }
 }
 

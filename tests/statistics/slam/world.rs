@@ -30,8 +30,8 @@ pub struct Scenario {
     pub known: bool,
     /// Share of the odometry's distance that is slip.
     pub slip: f64,
-    /// The standard deviation of that share that the filter is told.
-    pub slip_told: f64,
+    /// What a drive's share differs from that by, drawn from a normal law: its standard deviation, which the filter is told.
+    pub slip_drawn: f64,
     pub sun: bool,
     /// Factor on all instrument noise of the simulation and of what the filter is told.
     pub odometry_factor: f64,
@@ -53,7 +53,7 @@ impl Scenario {
             rocks: 60,
             known: false,
             slip: 0.0,
-            slip_told: 0.0,
+            slip_drawn: 0.0,
             sun: true,
             odometry_factor: 1.0,
             imu_bias_rad: 0.0,
@@ -77,7 +77,7 @@ impl Scenario {
             sun_rad: 2f64.to_radians(),
             odometry_m_per_sqrt_m: 0.05 * self.odometry_factor,
             sideways_m_per_sqrt_m: if self.bumps { LATERAL_M_PER_SQRT_M } else { 0.0 },
-            slip: self.slip_told,
+            slip: self.slip_drawn,
             heading_rad_per_sqrt_m: 2f64.to_radians() * self.odometry_factor,
         }
     }
@@ -148,6 +148,10 @@ pub fn drive_on(seed: u64, scenario: &Scenario, ground: impl Fn(DVec2) -> (f64, 
         move || -> f64 { StandardNormal.sample(&mut noise) }
     };
     let noise = scenario.noise();
+    // From a generator of its own, so that drives are the same but for it.
+    let slip_draw: f64 =
+        StandardNormal.sample(&mut ChaCha8Rng::seed_from_u64(seed.wrapping_mul(104_729).wrapping_add(7)));
+    let slip = scenario.slip + scenario.slip_drawn * slip_draw;
     let steps = (scenario.length_m / STEP_M).round() as usize;
     let rover_from_sensor = mast();
     let turn = scenario.side * STEP_M / RADIUS_M;
@@ -180,7 +184,7 @@ pub fn drive_on(seed: u64, scenario: &Scenario, ground: impl Fn(DVec2) -> (f64, 
         on_slope_m = Some(pose.position_m);
         pose.position_m.z += relief_m;
         let driven_m = (moved_m * moved_m - aside_m * aside_m).max(0.0).sqrt();
-        let slipped_m = driven_m / (1.0 - scenario.slip);
+        let slipped_m = driven_m / (1.0 - slip);
         let yaw_rate = if k == 0 { 0.0 } else { turn };
         let yaw_sigma = noise.heading_rad_per_sqrt_m * driven_m.sqrt() + TURN_SHARE * yaw_rate.abs();
         drive.readings.push(Reading {
