@@ -67,7 +67,7 @@ pub(super) struct LocaliseArgs {
     sideways_m_per_sqrt_m: f64,
     /// Of the counted way a share that is not driven, the same all the way (negative: more is driven): its standard deviation, 0 to 0.9. The filter
     /// learns the share from features; without them its sigmas alone widen
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = slip_share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = |text: &str| of_0_to(slam::MOST_SLIP, text))]
     slip: f64,
     /// Noise of the heading by odometry, degrees per square root of a metre.
     #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
@@ -77,7 +77,7 @@ pub(super) struct LocaliseArgs {
     imu_deg: f64,
     /// Constant bias of roll_rad and of pitch_rad, degrees, up to 45: its standard deviation. It widens z by the way driven, as on a straight
     /// way; on one that comes back to where it was, by too much
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = bias_deg)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = |text: &str| of_0_to(MOST_BIAS_DEG, text))]
     imu_bias_deg: f64,
     /// Noise of yaw_rad, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
@@ -108,13 +108,12 @@ fn at_least_0(text: &str) -> Result<f64, String> {
     }
 }
 
-fn slip_share(text: &str) -> Result<f64, String> {
-    at_least_0(text).ok().filter(|&value| value <= slam::MOST_SLIP).ok_or("a number of 0 to 0.9 is needed".into())
+fn of_0_to(most: f64, text: &str) -> Result<f64, String> {
+    at_least_0(text).ok().filter(|&value| value <= most).ok_or_else(|| format!("a number of 0 to {most} is needed"))
 }
 
-fn bias_deg(text: &str) -> Result<f64, String> {
-    at_least_0(text).ok().filter(|&value| value <= 45.0).ok_or("a number of 0 to 45 is needed".into())
-}
+/// A bias beyond it is no bias of an instrument that stands upright.
+const MOST_BIAS_DEG: f64 = 45.0;
 
 const TRAJECTORY: &str = "trajectory.tum";
 const COVARIANCE: &str = "covariance.csv";

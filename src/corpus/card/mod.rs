@@ -135,8 +135,8 @@ const EXTENDED: &str = "\nMore scenes: `marsyard generate . --set scenes=N`, run
 const LIMITS: &str = "\n## Limits of use\n\n\
     All of it is simulated; no scan of a real place is in it.\n\n\
     - The ground is firm and at rest: no loose soil, overhangs or moving things, and no ground outside the yard.\n\
-    - The rover has no dynamics and does not sink in; wheel slip is noise of its motion, and a constant share of what its odometry counts where the config names one. It drives over what is no taller than a wheel \
-    as if it were not there.\n\
+    - The rover has no dynamics and does not sink in; wheel slip is noise of its motion, and a constant share of what its \
+    odometry counts where the config names one. It drives over what is no taller than a wheel as if it were not there.\n\
     - A sweep is taken at rest, from one point. Dust, crosstalk and several echoes a beam are not simulated, nor are errors of the \
     sensor that are not named above.\n\
     - Labels follow the rule above; no rover was seen to fail. Points lie where the estimated pose puts them, so that some cells at the \
