@@ -3,7 +3,7 @@
 
     cargo build --release && cargo build --release --example train_rows
     pip install numpy scikit-learn pyarrow torch lightgbm
-    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--beside KEPT] [--quick]
+    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--settings RESULTS] [--beside KEPT] [--quick]
 
 Everybody gets the same rows of whole training scenes and the same columns (those that `train` takes by default; of paper.yaml the listed ones,
 neighbours as heights above the cell), standardised by these rows and clipped at 8, the other networks with their normal scores beside them where their search has it so
@@ -23,7 +23,7 @@ trainer lowers. Networks have two hidden layers of 16, but for the one that says
 - LightGBM: 31 leaves, as many trees as the budget holds, of three rates the best for each budget.
 
 Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
-for longer budgets. The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
+for longer budgets (--settings takes those of an earlier run, a quarter of the time saved). The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
 engine and seed, so that an interrupted run goes on. --beside KEPT takes in what another machine measured, as tables of their own.
 """
 
@@ -451,6 +451,7 @@ def main():
     parser.add_argument("--scenes", default=0, type=int, help="of each corpus (default: all of the config's)")
     parser.add_argument("--budgets", default="1,2,5,10,30,100")
     parser.add_argument("--seeds", default="1,2")
+    parser.add_argument("--settings", type=pathlib.Path, help="time_to_error.json of an earlier run, whose settings are taken instead of a search")
     parser.add_argument("--beside", type=pathlib.Path, help="kept.json of another machine, with `machine`: where and how, in words")
     parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1); what memory bounds then learns less in a CPU second")
     study.add_arguments(parser, "time_to_error")
@@ -462,9 +463,10 @@ def main():
         options.work, options.out = options.work / "quick", options.work / "quick"
     runner = study.Marsyard(options.marsyard, options.work, options.threads)
     store = pathlib.Path(options.work) / "kept.json"
-    kept = json.loads(store.read_text()) if store.exists() else {"runs": {}, "settings": {}}
+    kept = json.loads(store.read_text()) if store.exists() else {"runs": {}, "settings": json.loads(options.settings.read_text())["settings"] if options.settings else {}}
     named = {key: getattr(options, key) for key in ("corpora", "budgets", "seeds", "jobs")}
     asked = [f"--{key} {value}" for key, value in named.items() if value != parser.get_default(key)]
+    asked += [f"--settings {options.settings}"] if options.settings else []
     about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "corpora": {}}
     for name in corpora:
         config = study.ROOT / "configs" / f"{name}.yaml"

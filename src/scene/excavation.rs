@@ -10,7 +10,7 @@
 //!
 //! Draws: as landforms, at kinds of their own; depth, rounding and lip have purposes of their own.
 
-use super::landforms::{Footprint, Seen, footprints, ramp};
+use super::landforms::{Disc, Footprint, Seen, footprints, ramp};
 use super::params::{ExcavationParams, FeatureParams};
 use crate::geometry::DVec2;
 use crate::random::{Purpose, Streams};
@@ -77,6 +77,18 @@ fn place_entry(
 }
 
 impl Excavation {
+    /// Where the excavation adds to the ground.
+    pub(super) fn reach(&self) -> Disc {
+        let (Footprint { width_m, .. }, half_rounding_m) = (self.footprint, 0.5 * self.rounding_m);
+        // A lip ends half a width outside the wall's middle, the wall half its rounding.
+        let beyond_wall_m = half_rounding_m.max(0.5 * width_m);
+        match self.kind {
+            Kind::Trench => self.footprint.disc(0.5 * width_m + beyond_wall_m),
+            Kind::Hole => Disc { radius_m: (0.5 * width_m + beyond_wall_m) * (1.0 + 1e-9), ..self.footprint.disc(0.0) },
+            Kind::DropOff => self.footprint.disc(0.5 * width_m + width_m.max(half_rounding_m)),
+        }
+    }
+
     /// What the excavation adds to the ground at a world point.
     pub(super) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let (Seen { from_centre, across_m, past_end_m }, width_m) =
@@ -139,6 +151,22 @@ mod tests {
         let just_below = 0.94 * 0.94 * (3.0 - 2.0 * 0.94);
         assert!((drop_off.height_m(9.94, 10.0) + 0.5 * just_below).abs() < 1e-12);
         assert_eq!((drop_off.height_m(10.6, 10.0), drop_off.height_m(9.5, 13.0)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn exact_beyond_its_reach_an_excavation_adds_nothing() {
+        for kind in [Kind::Trench, Kind::Hole, Kind::DropOff] {
+            for (rounding_m, lip_m) in [(0.1, 0.06), (0.4, 0.0), (3.0, 0.06)] {
+                let form = Excavation { rounding_m, lip_m, ..excavation(kind) };
+                let Disc { centre_m, radius_m } = form.reach();
+                let adds = |&(x_m, y_m): &(f64, f64)| form.height_m(x_m, y_m) != 0.0;
+                let grid = || (0..200).flat_map(|k| (0..200).map(move |l| (0.1 * f64::from(k), 0.1 * f64::from(l))));
+                let farthest_m =
+                    grid().filter(adds).map(|(x, y)| (DVec2::new(x, y) - centre_m).length()).fold(0.0, f64::max);
+                // The disc is wider than what it holds, but no more than twice.
+                assert!(farthest_m <= radius_m && farthest_m >= 0.5 * radius_m, "{kind:?}: {farthest_m} {radius_m}");
+            }
+        }
     }
 
     #[test]

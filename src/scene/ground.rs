@@ -6,12 +6,10 @@
 //! Roughness and landforms are not judged: they are steep on purpose. Nor are files and flat ground, which no second draw
 //! would change.
 
-use std::sync::Arc;
-
 use super::excavation;
 use super::field::RandomField;
 use super::fit::MIN_NODES;
-use super::landforms;
+use super::landforms::{self, Disc};
 use super::params::{FileGround, GroundParams, GroundShape, GroundSource, PolynomialShape, RawShape};
 use super::polynomial::FIT_MARGIN;
 use super::{Ground, Polynomial, Raster, SceneError};
@@ -136,10 +134,13 @@ fn random_shape(field: &RandomField, shape: &GroundShape, extent_m: f64, streams
 
 /// A random field as a raster of the yard.
 fn raster(field: &RandomField, extent_m: f64, spacing_m: f64, noise: &crate::random::Stream) -> Raster {
-    let cells = Raster::cells_of(extent_m, spacing_m);
-    let spacing_m = extent_m / cells as f64;
-    let heights_m = field.cut_out(spacing_m, cells + 1, noise);
-    Raster::new(crate::geometry::DVec2::ZERO, spacing_m, cells + 1, cells + 1, heights_m)
+    let nodes = Raster::cells_of(extent_m, spacing_m) + 1;
+    Raster::of_yard(extent_m, nodes, over_yard(field, extent_m, nodes, noise))
+}
+
+/// A random field's heights at so many nodes along each side of the yard.
+fn over_yard(field: &RandomField, extent_m: f64, nodes: usize, noise: &crate::random::Stream) -> Vec<f64> {
+    field.cut_out(extent_m / (nodes - 1) as f64, nodes, noise)
 }
 
 /// The shape with roughness and landforms on top, where the config names them.
@@ -155,24 +156,55 @@ fn with_details(shape: Ground, params: &GroundParams, extent_m: f64, drawn: &Dra
     };
     let wanted_m = params.roughness.as_ref().map_or(LANDFORM_SPACING_M, |roughness| roughness.spacing_m);
     let spacing_m = wanted_m.min(own_m).max(extent_m / MAX_CELLS as f64);
-    let mut ground = Raster::sampled(extent_m, spacing_m, |x, y| {
-        let formed = landforms.iter().fold(shape.height_m(x, y), |height, landform| height + landform.height_m(x, y));
-        excavations.iter().fold(formed, |height, excavation| height + excavation.height_m(x, y))
-    });
+    let nodes_m = Raster::nodes_m(extent_m, spacing_m);
+    let mut heights_m = heights_on_grid(&shape, &nodes_m);
+    for landform in &landforms {
+        add(&mut heights_m, &nodes_m, landform.reach(), |x, y| landform.height_m(x, y));
+    }
+    for excavation in &excavations {
+        add(&mut heights_m, &nodes_m, excavation.reach(), |x, y| excavation.height_m(x, y));
+    }
     if params.roughness.is_some() {
         let field = RandomField {
             rms_height_m: drawn[Purpose::RoughnessRmsHeight],
             correlation_length_m: drawn[Purpose::RoughnessCorrelationLength],
         };
-        let rough = raster(&field, extent_m, spacing_m, &streams.open(Purpose::RoughnessNoise));
-        let sums = Arc::make_mut(&mut ground.heights_m).iter_mut().zip(&*rough.heights_m);
-        sums.for_each(|(height, rough)| *height += rough);
+        let rough = over_yard(&field, extent_m, nodes_m.len(), &streams.open(Purpose::RoughnessNoise));
+        heights_m.iter_mut().zip(rough).for_each(|(height, rough)| *height += rough);
     }
-    Ground::Raster(ground)
+    Ground::Raster(Raster::of_yard(extent_m, nodes_m.len(), heights_m))
+}
+
+/// A shape's heights at the nodes of a square grid, row by row from the south.
+fn heights_on_grid(shape: &Ground, nodes_m: &[f64]) -> Vec<f64> {
+    match shape {
+        Ground::Polynomial(polynomial) => polynomial.heights_on_grid(nodes_m),
+        Ground::Raster(raster) => {
+            nodes_m.iter().flat_map(|&y| nodes_m.iter().map(move |&x| raster.height_m(x, y))).collect()
+        }
+    }
+}
+
+/// Adds what a form adds, at the nodes that it may reach.
+fn add(heights_m: &mut [f64], nodes_m: &[f64], reach: Disc, height_m: impl Fn(f64, f64) -> f64) {
+    let Disc { centre_m, radius_m } = reach;
+    let reached = |middle_m: f64| {
+        let nodes_below = |limit_m: f64| nodes_m.partition_point(|&node_m| node_m < limit_m);
+        nodes_below(middle_m - radius_m)..nodes_below(middle_m + radius_m)
+    };
+    let cols = reached(centre_m.x);
+    for row in reached(centre_m.y) {
+        let heights_m = &mut heights_m[row * nodes_m.len()..][cols.clone()];
+        for (height, &x_m) in heights_m.iter_mut().zip(&nodes_m[cols.clone()]) {
+            *height += height_m(x_m, nodes_m[row]);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::super::params::{FeatureParams, LandformParams, RandomGround, RoughnessParams};
     use super::*;
     use crate::geometry::DVec2;
@@ -289,7 +321,7 @@ mod tests {
             sum += difference * difference;
             let bank = banked.height_m(x, y) - shape.height_m(x, y);
             raised += usize::from(bank > 0.1);
-            // Within the raster's own sampling: the ridge stands where it stood, a crater added or not.
+            // Disc the raster's own sampling: the ridge stands where it stood, a crater added or not.
             assert!(bank > -1e-3);
         }
         // 1600 correlation areas: the rms scatters by 2 %.

@@ -47,6 +47,13 @@ pub(super) struct Footprint {
     pub half_length_m: f64,
 }
 
+/// The disc outside which a form adds nothing: exactly nought.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Disc {
+    pub centre_m: DVec2,
+    pub radius_m: f64,
+}
+
 /// A world point as a footprint sees it.
 pub(super) struct Seen {
     pub from_centre: DVec2,
@@ -62,6 +69,12 @@ impl Footprint {
         let across_m = self.along.perp_dot(from_centre);
         let past_end_m = self.along.dot(from_centre).abs() - self.half_length_m;
         Seen { from_centre, across_m, past_end_m }
+    }
+
+    /// The disc that holds all that lies no farther than so much from the line.
+    pub(super) fn disc(&self, from_line_m: f64) -> Disc {
+        // No node is left out for the last digit of its distance.
+        Disc { centre_m: self.centre_m, radius_m: (self.half_length_m + from_line_m) * (1.0 + 1e-9) }
     }
 }
 
@@ -129,6 +142,15 @@ pub(super) fn footprints<'a>(
 }
 
 impl Landform {
+    /// Where the landform adds to the ground.
+    pub(super) fn reach(&self) -> Disc {
+        self.footprint.disc(match self.kind {
+            Kind::Ridge | Kind::Ditch => GAUSSIAN_REACH * self.footprint.width_m,
+            // The level beyond a step goes on for ever, and so does what a crater threw out.
+            Kind::Step | Kind::Crater => f64::INFINITY,
+        })
+    }
+
     /// What the landform adds to the ground at a world point.
     pub(super) fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let (Seen { from_centre, across_m, past_end_m }, width_m) =
@@ -180,6 +202,27 @@ mod tests {
         let crater = landform(Kind::Crater, 0.0);
         assert!((crater.height_m(10.0, 11.0) - crater.height_m(10.0, 10.0) - 0.5).abs() < 1e-15);
         assert!((crater.height_m(10.0, 12.0) - 0.5 * CRATER_RIM / 8.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn exact_beyond_its_reach_a_landform_adds_nothing() {
+        for kind in [Kind::Ridge, Kind::Ditch] {
+            let form = landform(kind, 3.0);
+            // A circle around it at all bearings, on which the farthest that it adds to lies: beyond the line's end.
+            let on_circle = |radius_m: f64| {
+                (0..360).map(move |deg| math::sin_cos(f64::from(deg).to_radians())).map(move |(sin, cos)| {
+                    let at = DVec2::splat(10.0) + DVec2::new(cos, sin) * radius_m;
+                    form.height_m(at.x, at.y)
+                })
+            };
+            let Disc { centre_m, radius_m } = form.reach();
+            assert_eq!(centre_m, DVec2::splat(10.0));
+            assert!(
+                on_circle(radius_m).all(|height| height == 0.0)
+                    && on_circle(0.99 * radius_m).any(|height| height != 0.0)
+            );
+        }
+        assert!([Kind::Step, Kind::Crater].iter().all(|&kind| landform(kind, 3.0).reach().radius_m == f64::INFINITY));
     }
 
     #[test]

@@ -79,6 +79,30 @@ impl Polynomial {
         height
     }
 
+    /// [`Self::height_m`] at the nodes of a square grid, row by row from the south, bit for bit: what hangs on a row or on a column alone is
+    /// worked out once.
+    pub(super) fn heights_on_grid(&self, nodes_m: &[f64]) -> Vec<f64> {
+        let nodes = nodes_m.len();
+        // By degree, then by column.
+        let mut along_x = vec![0.0; (self.degree + 1) * nodes];
+        for (col, &x_m) in nodes_m.iter().enumerate() {
+            let p = legendre::values(self.degree, self.local(x_m, 0.0).0);
+            along_x.iter_mut().skip(col).step_by(nodes).zip(p).for_each(|(value, p)| *value = p);
+        }
+        let mut heights_m = vec![0.0; nodes * nodes];
+        for (heights_m, &y_m) in heights_m.chunks_exact_mut(nodes).zip(nodes_m) {
+            let q = legendre::values(self.degree, self.local(0.0, y_m).1);
+            let mut rest = self.coefficients.as_slice();
+            for (i, p) in along_x.chunks_exact(nodes).enumerate() {
+                let (row, next) = rest.split_at(self.degree + 1 - i);
+                let along_y = dot(row, &q);
+                heights_m.iter_mut().zip(p).for_each(|(height, p)| *height += p * along_y);
+                rest = next;
+            }
+        }
+        heights_m
+    }
+
     /// [`Self::height_m`] at several world points, bit for bit.
     ///
     /// Inlined, so that it takes on the instruction set of its caller (see [`crate::wide`]).
@@ -325,6 +349,20 @@ pub(super) mod tests {
                         assert_eq!(alone[l].to_bits(), plain.to_bits(), "degree {degree}");
                     }
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_nodes_of_a_grid_and_points_one_by_one() {
+        let nodes_m = [0.0, 0.05, 3.7, 11.1, 20.0];
+        for degree in 0..=MAX_DEGREE {
+            let poly = sample(degree);
+            let heights_m = poly.heights_on_grid(&nodes_m);
+            assert_eq!(heights_m.len(), 25);
+            for (k, height) in heights_m.iter().enumerate() {
+                let alone = poly.height_m(nodes_m[k % 5], nodes_m[k / 5]);
+                assert_eq!(height.to_bits(), alone.to_bits(), "degree {degree}");
             }
         }
     }

@@ -32,16 +32,26 @@ impl Raster {
         Raster { spacing_m, origin_m, rows, cols, heights_m: heights_m.into() }
     }
 
+    /// The yard [0, extent]^2 with so many nodes a side.
+    pub(super) fn of_yard(extent_m: f64, nodes: usize, heights_m: Vec<f64>) -> Raster {
+        Raster::new(DVec2::ZERO, extent_m / (nodes - 1) as f64, nodes, nodes, heights_m)
+    }
+
     /// The yard [0, extent]^2 sampled at nodes no farther apart than `spacing_m` (an exact part of the extent).
     pub fn sampled(extent_m: f64, spacing_m: f64, height_m: impl Fn(f64, f64) -> f64) -> Raster {
+        let nodes_m = Raster::nodes_m(extent_m, spacing_m);
+        let mut heights_m = Vec::with_capacity(nodes_m.len() * nodes_m.len());
+        for &y_m in &nodes_m {
+            heights_m.extend(nodes_m.iter().map(|&x_m| height_m(x_m, y_m)));
+        }
+        Raster::of_yard(extent_m, nodes_m.len(), heights_m)
+    }
+
+    /// Where the nodes of a yard stand along a side, no farther apart than `spacing_m`.
+    pub(super) fn nodes_m(extent_m: f64, spacing_m: f64) -> Vec<f64> {
         let cells = Raster::cells_of(extent_m, spacing_m);
         let spacing_m = extent_m / cells as f64;
-        let at = |node: usize| if node == cells { extent_m } else { node as f64 * spacing_m };
-        let heights_m = (0..=cells)
-            .flat_map(|row| (0..=cells).map(move |col| (row, col)))
-            .map(|(row, col)| height_m(at(col), at(row)));
-        let heights_m = Arc::new(heights_m.collect());
-        Raster { spacing_m, origin_m: DVec2::ZERO, rows: cells + 1, cols: cells + 1, heights_m }
+        (0..=cells).map(|node| if node == cells { extent_m } else { node as f64 * spacing_m }).collect()
     }
 
     /// The number of cells along a yard whose nodes are no farther apart than asked.
