@@ -34,14 +34,21 @@ pub(super) struct LocaliseArgs {
     /// Features seen (CSV); without it the drive is dead-reckoned.
     #[arg(long, value_name = "CSV")]
     features: Option<PathBuf>,
-    /// Where the rover truly was (CSV): the drive starts at its first row, and errors are told.
+    /// Where the rover truly was (CSV): the drive starts where it says that it began, and errors are told.
     #[arg(long, value_name = "CSV")]
     truth: Option<PathBuf>,
     /// Folder for the results.
     #[arg(long, default_value = "located")]
     out: PathBuf,
-    /// Start x, y (metres) and heading (degrees); default: the truth's first row, or 0,0,0.
-    #[arg(long, value_name = "X,Y,DEG", value_delimiter = ',', num_args = 3, allow_hyphen_values = true)]
+    /// Start x, y (metres) and heading (degrees); default: the truth at the odometry's first time (or its first row), or 0,0,0.
+    #[arg(
+        long,
+        value_name = "X,Y,DEG",
+        value_delimiter = ',',
+        num_args = 3,
+        allow_hyphen_values = true,
+        value_parser = finite
+    )]
     start: Option<Vec<f64>>,
     /// The sensor on the rover, metres: forward, left, up.
     #[arg(
@@ -50,7 +57,8 @@ pub(super) struct LocaliseArgs {
         value_delimiter = ',',
         num_args = 3,
         default_value = "0,0,0",
-        allow_hyphen_values = true
+        allow_hyphen_values = true,
+        value_parser = finite
     )]
     sensor: Vec<f64>,
     /// Particles: recordings are long, and with few of them all descend from one ancestor.
@@ -91,7 +99,7 @@ pub(super) struct LocaliseArgs {
     /// Factor on the variances of features, against optimism; 1 takes the noise above as it is.
     #[arg(long, value_name = "F", default_value_t = 4.0, value_parser = at_least_0)]
     measurement_inflation: f64,
-    /// Factor on the variances of what wheels tell.
+    /// Factor on the variances of what wheels tell, of the filter that reads features; dead reckoning takes them as they are.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = at_least_0)]
     motion_inflation: f64,
     #[arg(long, default_value_t = 0)]
@@ -99,6 +107,10 @@ pub(super) struct LocaliseArgs {
     /// One JSON object instead of text.
     #[arg(long)]
     json: bool,
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| "a finite number is needed".into())
 }
 
 fn at_least_0(text: &str) -> Result<f64, String> {
@@ -129,14 +141,14 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
         Some(path) => Some(read::truth(&path.display().to_string(), &text(path)?).map_err(bad)?),
         None => None,
     };
-    let start = start(args, truth.as_deref());
+    let start = start(args, truth.as_deref(), &recording)?;
     let inputs = [Some(&args.odometry), args.features.as_ref(), args.truth.as_ref()];
     let inputs = inputs.into_iter().flatten().cloned().collect();
     let mut outputs = Outputs::open(&args.out, [TRAJECTORY, COVARIANCE, LANDMARKS], inputs).map_err(corpus_failure)?;
     let reckoned = locate(&recording, args, start, SlamParams::DeadReckoning)?;
     let located = match args.features {
         None => reckoned.clone(),
-        Some(_) => locate(&recording, args, start, SlamParams::Fastslam(fastslam(args)))?,
+        Some(_) => locate(&recording, args, start, SlamParams::Fastslam(fastslam(args, &recording)))?,
     };
     let files = [
         (TRAJECTORY, slam::tum(located.steps.iter().map(|step| (step.time_s, &step.estimate.pose)))),
@@ -177,19 +189,36 @@ fn bad(error: RecordingError) -> Failure {
     Failure::usage(miette::Report::msg(error.to_string()))
 }
 
-fn start(args: &LocaliseArgs, truth: Option<&[read::TruePose]>) -> Pose {
-    match (args.start.as_deref(), truth.and_then(<[_]>::first)) {
+fn start(args: &LocaliseArgs, truth: Option<&[read::TruePose]>, recording: &Recording) -> Result<Pose, Failure> {
+    let begun = recording.readings.first();
+    let begun_at = |truth| begun.and_then(|&(time_s, _)| recording::truth_at(truth, time_s));
+    let of_truth = truth.and_then(|truth| begun_at(truth).or_else(|| truth.first().map(|row| row.pose)));
+    match (args.start.as_deref(), of_truth) {
         (Some(&[x_m, y_m, yaw_deg]), _) => {
-            Pose { position_m: DVec3::new(x_m, y_m, 0.0), yaw_rad: yaw_deg.to_radians(), ..Pose::default() }
+            Ok(Pose { position_m: DVec3::new(x_m, y_m, 0.0), yaw_rad: yaw_deg.to_radians(), ..Pose::default() })
         }
-        (_, Some(first)) => first.pose,
-        _ => Pose::default(),
+        (_, Some(pose)) => Ok(pose),
+        // Believed to be 0, the heading would gate every reading that says otherwise.
+        _ if begun.is_some_and(|(_, reading)| reading.yaw_rad.is_none())
+            && recording.readings.iter().any(|(_, reading)| reading.yaw_rad.is_some()) =>
+        {
+            let help = "give --start X,Y,DEG or --truth, or begin the log at a row that has yaw_rad";
+            let file = args.odometry.display();
+            Err(Failure::usage(miette::miette!(
+                help = help,
+                "{file}: yaw_rad is empty in the first row and told later: the start's heading is unknown"
+            )))
+        }
+        _ => Ok(Pose::default()),
     }
 }
 
-fn fastslam(args: &LocaliseArgs) -> FastslamParams {
+/// Of a recording every feature is taken.
+fn fastslam(args: &LocaliseArgs, recording: &Recording) -> FastslamParams {
+    let most_features = recording.observations.iter().map(|(_, features)| features.len()).max();
     FastslamParams {
         particles: args.particles,
+        max_features: most_features.map_or(1, |most| most.max(1) as u32),
         measurement_inflation: args.measurement_inflation,
         motion_inflation: args.motion_inflation,
         ..FastslamParams::default()

@@ -11,7 +11,7 @@ pub mod read;
 mod score;
 
 pub use locate::{LocateParams, Located, Step, locate};
-pub use score::{Score, score};
+pub use score::{Score, score, truth_at};
 
 use crate::drive::Reading;
 use crate::slam::Feature;

@@ -49,8 +49,9 @@ pub(super) enum AssociationResult {
         slot: usize,
         ln_likelihood: f64,
     },
-    /// Of one of two landmarks; `ln_likelihood` without the density's constant.
+    /// Of one of two landmarks, the likelier and the other; `ln_likelihood` without the density's constant.
     Ambiguous {
+        winner: usize,
         loser: usize,
         ln_likelihood: f64,
     },
@@ -81,8 +82,7 @@ impl Particle {
             };
         }
         let ring = self.ring(&feature.polar, view, noise);
-        // Farther away than this, no landmark can lie within NEW_BEYOND.
-        let reach_m = 1.0 + 5.0 * (ring.moved_m + feature.polar[0] * ring.turned_rad);
+        let reach_m = ring.reach_m(noise[1][1] + noise[2][2], places.most_variance_m2());
         let mut best: Option<(usize, f64)> = None;
         let mut runner_up: Option<(usize, f64)> = None;
         let mut nearest = f64::INFINITY;
@@ -117,10 +117,10 @@ impl Particle {
             }
         }
         match (best, runner_up) {
-            (Some((_, best)), Some((loser, ln))) if best - ln < LN_RATIO => {
+            (Some((slot, best)), Some((loser, ln))) if best - ln < LN_RATIO => {
                 // The mean of the two likelihoods: it is one of them, and neither is known to be it.
                 let ln_likelihood = best + math::ln(0.5 * (1.0 + math::exp(ln - best)));
-                AssociationResult::Ambiguous { loser, ln_likelihood }
+                AssociationResult::Ambiguous { winner: pair[slot].index, loser, ln_likelihood }
             }
             (Some((slot, ln_likelihood)), _) => AssociationResult::Match { slot, ln_likelihood },
             (None, _) if nearest > NEW_BEYOND && !crowded => AssociationResult::New,

@@ -56,6 +56,8 @@ pub(super) struct ScanCounts {
 pub(super) struct Filter {
     particles: Vec<Particle>,
     spare: Vec<Particle>,
+    /// The likeliest before the last resampling, or a child of it: the likeliest as long as all weigh the same.
+    favourite: usize,
     started: bool,
     /// Mixture right after the last sweep, before the draw; until the next step.
     at_sweep: Option<ParticleMoments>,
@@ -96,6 +98,7 @@ impl Filter {
         Filter {
             particles: vec![particle.clone(); count],
             spare: vec![particle; count],
+            favourite: 0,
             started: false,
             at_sweep: None,
             ancestry: Genealogy::new(count),
@@ -264,11 +267,12 @@ impl Filter {
         self.scan.features = features.len() as u32;
         self.scan.matched = count(|a| matches!(a, Association::Matched(_)));
         self.scan.new_landmarks = count(|a| matches!(a, Association::New));
-        self.counters.ambiguous += count(|a| matches!(a, Association::Ambiguous(_)));
+        self.counters.ambiguous += count(|a| matches!(a, Association::Ambiguous(_) | Association::Unclear));
         self.stops_without_match =
             if self.scan.matched > 0 || is_registered { 0 } else { self.stops_without_match + 1 };
 
-        let telling = |p: &Particle| p.associations.iter().any(|a| !matches!(a, Association::Ambiguous(_)));
+        let telling =
+            |p: &Particle| p.associations.iter().any(|a| matches!(a, Association::Matched(_) | Association::New));
         // A keyframe is of particles that know where they stood.
         let draws = surface.is_some() || self.particles.iter().any(telling);
         let thin = mixture.effective_samples < self.resample_below * self.particles.len() as f64;
@@ -349,6 +353,8 @@ impl Filter {
     }
 
     fn descend(&mut self, parents: &[u32]) {
+        let best = self.likeliest() as u32;
+        self.favourite = parents.iter().position(|&parent| parent == best).unwrap_or(0);
         let equal = -math::ln(self.particles.len() as f64);
         for (child, &parent) in self.spare.iter_mut().zip(parents) {
             child.clone_from(&self.particles[parent as usize]);
@@ -358,7 +364,7 @@ impl Filter {
     }
 
     fn likeliest(&self) -> usize {
-        let mut best = 0;
+        let mut best = self.favourite;
         for (i, particle) in self.particles.iter().enumerate() {
             if particle.log_weight > self.particles[best].log_weight {
                 best = i;
@@ -477,6 +483,14 @@ mod tests {
             for (k, particle) in slam.filter.particles.iter_mut().enumerate() {
                 particle.log_weight = -3.0 - k as f64 + if k == likeliest { 20.0 } else { 0.0 };
             }
+            assert_eq!(slam.filter.likeliest(), likeliest);
+            // Its children weigh as much as all others; the first of them is the likeliest still.
+            let parents = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|child: u32| child.max(likeliest as u32));
+            slam.filter.descend(&parents);
+            assert_eq!(slam.filter.likeliest(), 0);
+            let parents = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|child: u32| child.min(likeliest as u32));
+            slam.filter.favourite = likeliest;
+            slam.filter.descend(&parents);
             assert_eq!(slam.filter.likeliest(), likeliest);
         }
     }

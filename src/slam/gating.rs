@@ -20,6 +20,7 @@ const SLACK: f64 = 1.001;
 pub(super) struct LandmarkIndex {
     blocks: Vec<[[f64; LANES]; 3]>,
     near: Vec<u32>,
+    most_variance_m2: f64,
 }
 
 impl LandmarkIndex {
@@ -27,6 +28,7 @@ impl LandmarkIndex {
     #[inline(always)]
     pub(super) fn fill(&mut self, landmarks: &[Landmark]) {
         self.blocks.clear();
+        self.most_variance_m2 = landmarks.iter().map(variance_m2).fold(0.0, f64::max);
         for landmarks in landmarks.chunks(LANES) {
             // Padding entries are NaN, so that no comparison selects them.
             let mut block = [[f64::NAN; LANES]; 3];
@@ -38,6 +40,11 @@ impl LandmarkIndex {
             self.blocks.push(block);
         }
         self.near.resize(LANES * self.blocks.len(), 0);
+    }
+
+    /// The greatest trace of a landmark's covariance.
+    pub(super) fn most_variance_m2(&self) -> f64 {
+        self.most_variance_m2
     }
 
     /// Those within `reach_m` of a place, by number.
@@ -62,6 +69,13 @@ impl LandmarkIndex {
     }
 }
 
+/// The trace of a landmark's covariance.
+#[inline(always)]
+fn variance_m2(landmark: &Landmark) -> f64 {
+    let c = &landmark.covariance_m2;
+    c[0][0] + c[1][1] + c[2][2]
+}
+
 /// What a range says of landmarks, from one belief of the pose.
 pub(super) struct RangeGate {
     pub range_m: f64,
@@ -76,6 +90,23 @@ pub(super) struct RangeGate {
 }
 
 impl RangeGate {
+    /// How far from a feature's place, metres, a landmark can lie that is within [`NEW_BEYOND`] of it; the variances are of the feature's
+    /// two angles together, and the most that any landmark has.
+    ///
+    /// An innovation within the gate is at most sqrt(NEW_BEYOND tr S), taken in metres across the line of sight: range times angle. With r the
+    /// landmark's range, tr S is at most (m + r t)^2 + r^2 n^2 + v: the position and the lever move the line of sight by m, the angles turn it by t,
+    /// those of the feature err by n, its range and the landmark have the variance v. That is no more than
+    /// (sqrt(m^2 + v) + r sqrt(t^2 + n^2))^2, and r no more than the feature's range and the reach itself.
+    #[inline(always)]
+    pub(super) fn reach_m(&self, angles_variance_rad2: f64, landmark_variance_m2: f64) -> f64 {
+        let moved_m = self.moved_m + self.lever_m * self.turned_rad;
+        let sigmas = (SLACK * NEW_BEYOND).sqrt();
+        let by_place_m = sigmas * (moved_m * moved_m + self.variance_m2 + landmark_variance_m2).sqrt();
+        let by_angle_rad = sigmas * (self.turned_rad * self.turned_rad + angles_variance_rad2).sqrt();
+        let shrunk = 1.0 - by_angle_rad;
+        if shrunk > 0.0 { (by_place_m + by_angle_rad * self.range_m) / shrunk } else { f64::INFINITY }
+    }
+
     /// Whether the innovation of the range alone puts a landmark beyond [`NEW_BEYOND`].
     ///
     /// Its variance is h P h' + u C u' + R. Here u is a unit vector, so that u C u' is at most the trace of C; h is -u by the
@@ -89,8 +120,7 @@ impl RangeGate {
         let range_m = square(&apart_m).sqrt();
         let by_angle_m = self.lever_m * (1.0 + self.lever_m / range_m);
         let pose_m = self.moved_m + 3f64.sqrt() * by_angle_m * self.turned_rad;
-        let c = &landmark.covariance_m2;
-        let variance_m2 = pose_m * pose_m + (c[0][0] + c[1][1] + c[2][2]) + self.variance_m2;
+        let variance_m2 = pose_m * pose_m + variance_m2(landmark) + self.variance_m2;
         let innovation_m = self.range_m - range_m;
         innovation_m * innovation_m > SLACK * NEW_BEYOND * variance_m2
     }

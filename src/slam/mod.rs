@@ -162,6 +162,8 @@ pub enum SlamError {
     NoParticles,
     #[error("the start pose holds a value that is not finite")]
     StartNotFinite,
+    #[error("the sensor's place on the rover holds a value that is not finite")]
+    MountNotFinite,
     #[error("the filter is told of a slip of {slip}: give a share of 0 to {MOST_SLIP}")]
     Slip { slip: f64 },
     #[error("the method {method} reads no instruments: ask it for its estimate directly")]
@@ -205,6 +207,9 @@ impl Slam {
         let attitude = [start.roll_rad, start.pitch_rad, start.yaw_rad];
         if !start.position_m.is_finite() || attitude.iter().any(|a| !a.is_finite()) {
             return Err(SlamError::StartNotFinite);
+        }
+        if !rover_from_sensor.translation_m.is_finite() || !rover_from_sensor.rotation.is_finite() {
+            return Err(SlamError::MountNotFinite);
         }
         if !(0.0..=MOST_SLIP).contains(&noise.slip) {
             return Err(SlamError::Slip { slip: noise.slip });

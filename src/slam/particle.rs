@@ -59,8 +59,10 @@ pub struct Landmark {
 pub(super) enum Association {
     Matched(usize),
     New,
-    /// Near a landmark but not near enough, or near two; the less likely of the two.
-    Ambiguous(Option<usize>),
+    /// Near two landmarks: the likelier and the other.
+    Ambiguous([usize; 2]),
+    /// Near a landmark but not near enough.
+    Unclear,
 }
 
 /// One belief of pose and map.
@@ -162,9 +164,9 @@ impl Particle {
                     moved = true;
                     Association::Matched(candidate.index)
                 }
-                AssociationResult::Ambiguous { loser, ln_likelihood } => {
+                AssociationResult::Ambiguous { winner, loser, ln_likelihood } => {
                     self.log_weight += ln_likelihood + LN_DENSITY;
-                    Association::Ambiguous(Some(loser))
+                    Association::Ambiguous([winner, loser])
                 }
                 AssociationResult::New => {
                     self.log_weight += unmatched;
@@ -172,7 +174,7 @@ impl Particle {
                 }
                 AssociationResult::Unclear => {
                     self.log_weight += unmatched;
-                    Association::Ambiguous(None)
+                    Association::Unclear
                 }
             };
             self.associations.push(association);
@@ -207,16 +209,22 @@ impl Particle {
                     landmark.kalman_update(feature, &view, &noise);
                 }
                 Association::New => {
-                    let (mean_m, covariance_m2) = view.locate(&feature.polar, variances);
                     let known = feature.known;
-                    self.landmarks.push(Landmark { mean_m, covariance_m2, existence: EXISTENCE_NEW, known });
+                    // A number may be seen twice at its first sight.
+                    match self.landmarks.iter_mut().find(|l| known.is_some() && l.known == known) {
+                        Some(landmark) => landmark.kalman_update(feature, &view, &noise),
+                        None => {
+                            let (mean_m, covariance_m2) = view.locate(&feature.polar, variances);
+                            self.landmarks.push(Landmark { mean_m, covariance_m2, existence: EXISTENCE_NEW, known });
+                        }
+                    }
                 }
-                Association::Ambiguous(Some(loser)) => {
+                Association::Ambiguous([winner, loser]) => {
                     // One of a pair of doubles fades away; two real neighbours take turns and both stay.
-                    seen[loser] = true;
+                    (seen[winner], seen[loser]) = (true, true);
                     self.landmarks[loser].existence += EXISTENCE_MISSED;
                 }
-                Association::Ambiguous(None) => {}
+                Association::Unclear => {}
             }
         }
         for (landmark, &mut seen) in self.landmarks.iter_mut().zip(seen) {
@@ -373,10 +381,16 @@ mod tests {
 
     #[test]
     fn law_every_feature_adds_one_term_of_comparable_size() {
-        // On the gate a match and a newcomer weigh the same.
-        let matched =
-            -0.5 * (GATE + math::ln(VARIANCES.iter().map(|v| std::f64::consts::TAU * 2.0 * v).product::<f64>()));
-        assert!((ln_unmatched(&VARIANCES) - matched).abs() < 1e-12);
+        // A match on the gate weighs as a newcomer, where the landmark is as uncertain as the feature and the pose is exact.
+        let mut sure = Particle::default();
+        let view = SensorView::new(&sure.belief.mean, &mounting());
+        let (mean_m, covariance_m2) = view.locate(&[3.0, 0.2, -0.1], &VARIANCES);
+        sure.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
+        let on_gate = 3.0 + (2.0 * GATE * (1.0 - 1e-9) * VARIANCES[0]).sqrt();
+        let found = Feature { polar: [on_gate, 0.2, -0.1], points: 9, half_width_m: 0.1, known: None };
+        update_pose(&mut sure, &[found], &VARIANCES);
+        assert_eq!(sure.associations, [Association::Matched(0)]);
+        assert!((sure.log_weight - ln_unmatched(&VARIANCES)).abs() < 1e-6, "{}", sure.log_weight);
         let mut lone = Particle::default();
         let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
         update_pose(&mut lone, &[far, far], &VARIANCES);
@@ -393,7 +407,68 @@ mod tests {
         }
         let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
         update_pose(&mut torn, &[between], &VARIANCES);
-        assert_eq!(torn.associations, vec![Association::Ambiguous(Some(0))]);
+        assert_eq!(torn.associations, vec![Association::Ambiguous([1, 0])]);
+        // Both were seen; the less likely one is believed in less.
+        let seen =
+            SweepObservations { observations: &sighted(&[between]), variances: &VARIANCES, mounting: &mounting() };
+        let everywhere: Vec<DVec3> =
+            (0..360).map(|deg| DVec3::from(measurement::point_m(&[1.0, f64::from(deg).to_radians(), 0.0]))).collect();
+        torn.update_map(&seen, &Visibility::free(10.0, &everywhere), &mut Scratch::default());
+        let existence: Vec<f64> = torn.landmarks.iter().map(|l| l.existence).collect();
+        assert_eq!(existence, [1.0 + EXISTENCE_MISSED, 1.0]);
+    }
+
+    #[test]
+    fn law_a_number_that_is_seen_twice_at_first_sight_is_one_landmark() {
+        let mut lone = Particle::default();
+        let twice = [3.0, 3.02].map(|range_m| Feature {
+            polar: [range_m, 0.1, 0.0],
+            points: 1,
+            half_width_m: 0.0,
+            known: Some(7),
+        });
+        update_pose(&mut lone, &twice, &VARIANCES);
+        let seen = SweepObservations { observations: &sighted(&twice), variances: &VARIANCES, mounting: &mounting() };
+        lone.update_map(&seen, &Visibility::blind(10.0), &mut Scratch::default());
+        let [landmark] = lone.landmarks.as_slice() else { panic!("{} landmarks", lone.landmarks.len()) };
+        let view = SensorView::new(&lone.belief.mean, &mounting());
+        let [range_m, ..] = view.predict(&landmark.mean_m).expect("in view").polar;
+        assert!((range_m - 3.01).abs() < 1e-9, "the mean of both: {range_m}");
+    }
+
+    #[test]
+    fn law_no_landmark_within_the_gate_lies_beyond_the_reach() {
+        let numbers = |from: usize| (from..).map(|i| math::sin(1.7 * (i * i) as f64));
+        let (mut within, mut left_out) = (0, 0);
+        for trial in 0..2000 {
+            let mut draws = numbers(100 * trial);
+            let mut believed = particle([1e-6, 1e-2, 0.3, 1.0][trial % 4]);
+            believed.belief.mean.iter_mut().zip(draws.by_ref()).for_each(|(mean, n)| *mean += 0.3 * n);
+            let variances = VARIANCES.map(|v| v * [0.1, 1.0, 4.0][trial % 3]);
+            let (view, noise) = (SensorView::new(&believed.belief.mean, &mounting()), diagonal(&variances));
+            let mut places = LandmarkIndex::default();
+            places.fill(&believed.landmarks);
+            for index in 0..3 {
+                let at = view.predict(&believed.landmarks[index].mean_m).expect("in view").polar;
+                for _ in 0..10 {
+                    let mut off = || draws.next().expect("no end");
+                    let polar = [(at[0] * (1.0 + 0.3 * off())).max(0.2), at[1] + 0.4 * off(), at[2] + 0.2 * off()];
+                    let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None };
+                    let mut candidate = Candidate::default();
+                    assert!(believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate));
+                    let reach_m = believed
+                        .ring(&polar, &view, &noise)
+                        .reach_m(noise[1][1] + noise[2][2], places.most_variance_m2());
+                    let place = view.in_map(&measurement::point_m(&polar));
+                    let is_reached = places.within(reach_m, &place).contains(&(index as u32));
+                    assert!(is_reached || candidate.distance2 > NEW_BEYOND, "{trial}: {}", candidate.distance2);
+                    within += u32::from(candidate.distance2 <= NEW_BEYOND);
+                    left_out += u32::from(!is_reached);
+                }
+            }
+        }
+        // There is something to leave out, and something to keep.
+        assert!(within > 1000 && left_out > 1000, "{within}, {left_out}");
     }
 
     #[test]

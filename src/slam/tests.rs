@@ -278,6 +278,9 @@ fn extreme_bad_parameters_are_refused() {
     assert_eq!(new(&SlamParams::Truth, &Pose::default()), Err(SlamError::NoFilter { method: "truth" }));
     let nowhere = Pose { position_m: DVec3::new(f64::NAN, 0.0, 0.0), ..Pose::default() };
     assert_eq!(new(&fastslam(1), &nowhere), Err(SlamError::StartNotFinite));
+    let mount = Transform { translation_m: DVec3::new(0.0, f64::INFINITY, 0.0), ..Transform::IDENTITY };
+    let unmounted = Slam::new(&fastslam(1), &NOISE, &Pose::default(), &mount).map(|_| ());
+    assert_eq!(unmounted, Err(SlamError::MountNotFinite));
     let upended = Pose { pitch_rad: 1.5, ..Pose::default() };
     assert!(matches!(new(&fastslam(1), &upended), Err(SlamError::Upended { .. })));
     let mut slam = slam(&fastslam(4), &Pose::default());
