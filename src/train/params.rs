@@ -51,7 +51,7 @@ pub struct TrainParams {
     #[garde(skip)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub validate_every: Option<u64>,
-    /// Looks before training ends in which the validation error does not fall by 1 %; default: of a Kalman filter 5.
+    /// Looks before training ends in which the validation error does not fall by 1 %; default: 10, of a Kalman filter 5.
     #[garde(range(min = 1, max = 100_000))]
     pub patience: u32,
     /// Train even where there are fewer rows than weights.
