@@ -9,7 +9,7 @@ Builds `configs/paper.yaml` (1000 scenes) into the work folder, then runs `marsy
 - `--sample 0.01`: 1 % of the networks, in the rungs that the whole search has. CPU time of its process, scaled to all networks in two ways: by
   their number, and by the sum of their squared weights (a row costs about s^2), for a sample may hold large or small ones by chance.
 - `--sample 0.002 --keep 1`: every network goes on to full training. Spearman's rho says how well the ranks after a rung agree with those
-  after full training; beside it, how much worse than the best is the network that halving (a quarter goes on) would have kept to the end.
+  after full training; beside it, how much worse than the best is the network that halving (a third goes on) would have kept to the end.
 """
 
 import argparse
@@ -90,7 +90,7 @@ python scripts/search_full.py
 
 {rungs}
 
-Rho: Spearman's, of {rank['networks']} networks that all went on to full training. Halving (a quarter goes on) would have kept one with a validation
+Rho: Spearman's, of {rank['networks']} networks that all went on to full training. Halving (a third goes on) would have kept one with a validation
 error of {rank['error_of_the_best_that_halving_keeps']:.4f}; the best of all has {rank['best_error']:.4f}, the median {rank['median_error']:.4f}.
 """
 
