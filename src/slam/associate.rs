@@ -7,7 +7,8 @@
 use super::gating::{LandmarkIndex, RangeGate};
 use super::matrix::{Matrix, Vector, cholesky, half_solve, ln_determinant, product, square, sum, transpose};
 use super::measurement::{Polar, SensorView, innovation};
-use super::particle::{Feature, Observation, Particle};
+use super::observation::{Feature, Observation};
+use super::particle::Particle;
 use crate::math;
 
 /// Chi-square of three degrees of freedom at 99 %.

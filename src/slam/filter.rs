@@ -6,41 +6,27 @@
 //! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: on a straight
 //! way a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks do tell of it, and the sigma of z is too large.
 
+use super::cloud::{Cloud, ParticleMoments};
+use super::ground_slope::GroundSlope;
 use super::keyframe::Keyframe;
-use super::matrix::{Matrix, Vector, square};
-use super::measurement::{Mounting, usable};
-use super::motion::{Control, GaussianPose, GroundSlope, MotionNoise, PITCH, READING_GATE, ROLL, YAW, angle_sigma_rad};
-use super::particle::{
-    Association, EXISTENCE_SURE, Feature, Landmark, Observation, Particle, Scratch, SweepObservations,
-};
-use super::per_particle::{Chart, Drive, ReadAngle, Refine, TakeFix};
+use super::landmark::Landmark;
+use super::matrix::Vector;
+use super::measurement::Mounting;
+use super::motion::{Control, GaussianPose, MotionNoise, PITCH, READING_GATE, ROLL, YAW, angle_sigma_rad};
+use super::observation::{FEATURE_SIGMA, Feature, choose, feature_variances};
+use super::particle::{Association, Particle, Scratch, SweepObservations};
+use super::per_particle::{Drive, ReadAngle, TakeFix, UpdateMap, UpdatePose};
 use super::registration::{Registration, Surface};
 use super::scale::ScaleFactor;
 use super::visibility::Visibility;
-use super::weights::{Genealogy, effective_samples, exponentials, normalise, systematic};
 use super::{Counters, FastslamParams};
 use crate::drive::{InstrumentNoise, Reading};
 use crate::math;
 use crate::random::{Purpose, Streams};
 use crate::wide::in_fours;
 
-/// Base noise of a feature: range, metres; bearing and elevation, radians. Covers the extraction's own errors once inflated.
-const FEATURE_SIGMA: Vector<3> = [0.03, DEGREE, DEGREE];
-/// Least noise of a feature: with less, linearisation errors look like information.
-const LEAST_FEATURE_SIGMA: Vector<3> = [0.01, 0.25 * DEGREE, 0.25 * DEGREE];
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
-/// Features of one sweep stand at least this far apart, metres.
-const FEATURE_SPACING_M: f64 = 0.3;
 /// With fewer of the first particles' lines left, the position sigmas are too small.
 const FEW_ANCESTORS: usize = 3;
-
-/// Mean and covariance of the whole cloud, and how good it is; position relative to the start.
-#[derive(Clone, Debug)]
-pub(super) struct ParticleMoments {
-    pub mean: Vector<6>,
-    pub covariance: Matrix<6, 6>,
-    pub effective_samples: f64,
-}
 
 /// What the last sweep brought; of matches and landmarks, the likeliest particle's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -54,14 +40,10 @@ pub(super) struct ScanCounts {
 /// A cloud of particles.
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
-    particles: Vec<Particle>,
-    spare: Vec<Particle>,
-    /// The likeliest before the last resampling, or a child of it: the likeliest as long as all weigh the same.
-    favourite: usize,
+    cloud: Cloud,
     started: bool,
-    /// Mixture right after the last sweep, before the draw; until the next step.
+    /// The cloud's moments right after the last sweep, before the draw; until the next step.
     at_sweep: Option<ParticleMoments>,
-    ancestry: Genealogy,
     drew: bool,
     scan: ScanCounts,
     counters: Counters,
@@ -90,18 +72,12 @@ impl Filter {
         attitude: Vector<3>,
         mounting: Mounting,
     ) -> Filter {
-        let count = params.particles as usize;
         let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
         let belief = GaussianPose { mean, scale: ScaleFactor::of_slip(noise.slip), ..GaussianPose::default() };
-        let log_weight = -math::ln(count as f64);
-        let particle = Particle { belief, log_weight, ..Particle::default() };
         Filter {
-            particles: vec![particle.clone(); count],
-            spare: vec![particle; count],
-            favourite: 0,
+            cloud: Cloud::new(params.particles as usize, belief),
             started: false,
             at_sweep: None,
-            ancestry: Genealogy::new(count),
             drew: false,
             scan: ScanCounts::default(),
             counters: Counters::default(),
@@ -132,11 +108,11 @@ impl Filter {
         self.at_sweep = None;
         match Control::of(reading) {
             Some(control) => {
-                let driven = Control { distance_m: self.scale().0 * control.distance_m, ..control };
-                self.level_way_m += driven.distance_m * math::sin_cos(self.angle(PITCH).0).1;
+                let driven = Control { distance_m: self.cloud.scale().0 * control.distance_m, ..control };
+                self.level_way_m += driven.distance_m * math::sin_cos(self.cloud.angle(PITCH).0).1;
                 let angles_rad = [reading.roll_rad, reading.pitch_rad];
                 self.ground.take(driven, angles_rad, self.imu_variance_rad2, &mut self.motion);
-                in_fours(Drive { particles: &mut self.particles, control, noise: &self.motion });
+                in_fours(Drive { particles: &mut self.cloud.particles, control, noise: &self.motion });
             }
             None => self.counters.not_finite += 1,
         }
@@ -154,7 +130,7 @@ impl Filter {
         self.started = true;
         // Weights that nothing changed are left as they are, to the bit.
         if is_weighed {
-            self.normalise_weights();
+            self.normalise();
         }
     }
 
@@ -166,7 +142,7 @@ impl Filter {
         }
         if !self.started {
             // Nothing is known of the attitude before the first reading: it is taken as it is.
-            for Particle { belief, .. } in &mut self.particles {
+            for Particle { belief, .. } in &mut self.cloud.particles {
                 belief.mean[component] = math::wrap_angle(angle_rad);
                 belief.covariance[component] = [0.0; 6];
                 belief.covariance.iter_mut().for_each(|row| row[component] = 0.0);
@@ -175,63 +151,23 @@ impl Filter {
             return false;
         }
         // Decided once for all: particles that use a reading and particles that do not could not be compared.
-        let (mean_rad, spread_rad2) = self.angle(component);
+        let (mean_rad, spread_rad2) = self.cloud.angle(component);
         let apart = math::wrap_angle(angle_rad - mean_rad);
         if apart * apart > READING_GATE * (spread_rad2 + variance_rad2) {
             self.counters.gated += 1;
             return false;
         }
-        in_fours(ReadAngle { particles: &mut self.particles, component, angle_rad, variance_rad2 });
+        in_fours(ReadAngle { particles: &mut self.cloud.particles, component, angle_rad, variance_rad2 });
         true
     }
 
-    /// Keeps the log weights normalised, so that none drifts out of range over a long drive.
-    fn normalise_weights(&mut self) {
-        let mut logs: Vec<f64> = self.particles.iter().map(|p| p.log_weight).collect();
-        if !normalise(&mut logs) {
-            self.counters.weight_collapses += 1;
-        }
-        for (particle, log) in self.particles.iter_mut().zip(logs) {
-            particle.log_weight = log;
-        }
+    fn normalise(&mut self) {
+        self.counters.weight_collapses += u32::from(!self.cloud.normalise());
     }
 
-    /// The particles' weights; they sum to 1.
-    pub(super) fn weights(&self) -> Vec<f64> {
-        exponentials(self.particles.iter().map(|p| p.log_weight).collect())
-    }
-
-    /// Mean and variance of one angle over the cloud.
-    pub(super) fn angle(&self, component: usize) -> (f64, f64) {
-        let reference = self.particles[0].belief.mean[component];
-        // Within a step the weights are not normalised, and their logarithms may be large.
-        let most = self.particles[self.likeliest()].log_weight;
-        let weights = exponentials(self.particles.iter().map(|p| p.log_weight - most).collect());
-        let (mut total, mut first, mut second, mut own) = (0.0, 0.0, 0.0, 0.0);
-        for (particle, weight) in self.particles.iter().zip(weights) {
-            let d = math::wrap_angle(particle.belief.mean[component] - reference);
-            total += weight;
-            first += weight * d;
-            second += weight * d * d;
-            own += weight * particle.belief.covariance[component][component];
-        }
-        let mean = first / total;
-        (math::wrap_angle(reference + mean), (second / total - mean * mean).max(0.0) + own / total)
-    }
-
-    /// Mean and variance of the odometry's scale over the cloud.
-    pub(super) fn scale(&self) -> (f64, f64) {
-        // One that was known from the start is the same for all.
-        if self.particles.iter().all(|p| p.belief.scale.is_known()) {
-            return (self.particles[self.likeliest()].belief.scale.mean, 0.0);
-        }
-        let (mut mean, mut second) = (0.0, 0.0);
-        for (particle, weight) in self.particles.iter().zip(self.weights()) {
-            let scale = &particle.belief.scale;
-            mean += weight * scale.mean;
-            second += weight * (scale.variance + scale.mean * scale.mean);
-        }
-        (mean, (second - mean * mean).max(0.0))
+    /// The cloud, as it is.
+    pub(super) fn cloud(&self) -> &Cloud {
+        &self.cloud
     }
 
     /// A sweep's features, what stands up in it where sweeps are laid on one another, and where it looked. The streams stand at the step.
@@ -243,26 +179,26 @@ impl Filter {
         streams: &Streams,
     ) {
         // After a turn the instrument's bias leans another way.
-        let tilt_rad2 = self.angle(ROLL).1.max(self.angle(PITCH).1) + self.imu_bias_variance_rad2;
+        let tilt_rad2 = self.cloud.angle(ROLL).1.max(self.cloud.angle(PITCH).1) + self.imu_bias_variance_rad2;
         // First, so that features are looked for from where the surfaces tell that the rover stands.
         let surface = surface.filter(Surface::is_enough);
         let is_registered = surface.as_ref().is_some_and(|surface| self.register(surface, tilt_rad2));
         if is_registered {
-            self.normalise_weights();
+            self.normalise();
         }
-        let features = self.choose(found);
-        let prior = self.weights();
+        let (features, unusable) = choose(found, self.max_features);
+        self.counters.not_finite += unusable;
+        let prior = self.cloud.weights();
         let mut scratch = Scratch::default();
         let seen =
             SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
-        in_fours(Refine { particles: &mut self.particles, seen, scratch: &mut scratch });
-        self.mean_innovation = self.innovation(&prior);
+        in_fours(UpdatePose { particles: &mut self.cloud.particles, seen, scratch: &mut scratch });
+        self.mean_innovation = self.cloud.innovation(&prior);
         if !features.is_empty() {
-            self.normalise_weights();
+            self.normalise();
         }
-        let mixture = self.mixture();
-        let best = self.likeliest();
-        let kinds = &self.particles[best].associations;
+        let moments = self.cloud.moments();
+        let kinds = &self.cloud.likeliest().associations;
         let count = |is: fn(&Association) -> bool| kinds.iter().filter(|a| is(a)).count() as u32;
         self.scan.features = features.len() as u32;
         self.scan.matched = count(|a| matches!(a, Association::Matched(_)));
@@ -274,40 +210,38 @@ impl Filter {
         let telling =
             |p: &Particle| p.associations.iter().any(|a| matches!(a, Association::Matched(_) | Association::New));
         // A keyframe is of particles that know where they stood.
-        let draws = surface.is_some() || self.particles.iter().any(telling);
-        let thin = mixture.effective_samples < self.resample_below * self.particles.len() as f64;
+        let draws = surface.is_some() || self.cloud.particles.iter().any(telling);
+        let thin = moments.effective_samples < self.resample_below * self.cloud.particles.len() as f64;
         // Without a draw as well: readings alone wear weights thin while no feature is matched.
         if thin {
-            let parents = systematic(&self.weights(), streams.open(Purpose::SlamResample).uniform(0));
-            self.descend(&parents);
-            self.ancestry.record(&parents);
+            self.cloud.resample(streams.open(Purpose::SlamResample).uniform(0));
         }
         if draws {
             // What a heading errs here turns all that is mapped after it, and only what is drawn can be found right later: so evenly, not by chance.
-            let mut normals = vec![[0.0; 6]; self.particles.len()];
+            let mut normals = vec![[0.0; 6]; self.cloud.particles.len()];
             streams.open(Purpose::SlamSample).fill_normal_hypercube(0, &mut normals);
-            for (particle, normals) in self.particles.iter_mut().zip(&normals) {
+            for (particle, normals) in self.cloud.particles.iter_mut().zip(&normals) {
                 particle.belief.draw(normals);
             }
             self.drew = true;
         }
         let seen =
             SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
-        in_fours(Chart { particles: &mut self.particles, seen, visibility, scratch: &mut scratch });
-        let sure = |l: &&Landmark| l.existence >= EXISTENCE_SURE;
-        self.scan.landmarks = self.particles[self.likeliest()].landmarks.iter().filter(sure).count() as u32;
-        self.at_sweep = Some(mixture);
+        in_fours(UpdateMap { particles: &mut self.cloud.particles, seen, visibility, scratch: &mut scratch });
+        let map = &self.cloud.likeliest().landmarks;
+        self.scan.landmarks = map.iter().filter(|landmark| landmark.is_sure()).count() as u32;
+        self.at_sweep = Some(moments);
         if let Some(surface) = surface {
-            self.keyframe = Some(Keyframe::new(surface, tilt_rad2, &mut self.particles));
+            self.keyframe = Some(Keyframe::new(surface, tilt_rad2, &mut self.cloud.particles));
         }
     }
 
     /// Lays a surface on the keyframe's and lets every particle take in where it lies; whether it was found there.
     fn register(&mut self, surface: &Surface, tilt_rad2: f64) -> bool {
         let Some(keyframe) = &self.keyframe else { return false };
-        match keyframe.register(surface, tilt_rad2, &self.particles, &self.weights()) {
+        match keyframe.register(surface, tilt_rad2, &self.cloud.particles, &self.cloud.weights()) {
             Registration::Fixed(fix) => {
-                in_fours(TakeFix { particles: &mut self.particles, fix: &fix });
+                in_fours(TakeFix { particles: &mut self.cloud.particles, fix: &fix });
                 true
             }
             Registration::Apart => false,
@@ -318,97 +252,9 @@ impl Filter {
         }
     }
 
-    /// The usable features: those of most points (the nearer of two), apart from one another, nearest first.
-    fn choose(&mut self, found: &[Feature]) -> Vec<Observation> {
-        let mut order: Vec<Feature> = found.iter().copied().filter(|f| usable(&f.polar)).collect();
-        self.counters.not_finite += (found.len() - order.len()) as u32;
-        order.sort_by(|a, b| b.points.cmp(&a.points).then(a.polar[0].total_cmp(&b.polar[0])));
-        let mut chosen: Vec<Observation> = Vec::with_capacity(self.max_features);
-        for observation in order.into_iter().map(Observation::new) {
-            if chosen.len() == self.max_features {
-                break;
-            }
-            let near = |other: &Observation| {
-                let apart: Vector<3> = std::array::from_fn(|i| observation.point_m[i] - other.point_m[i]);
-                square(&apart) < FEATURE_SPACING_M * FEATURE_SPACING_M
-            };
-            // Known features cannot be doubles of one another.
-            if observation.feature.known.is_some() || !chosen.iter().any(near) {
-                chosen.push(observation);
-            }
-        }
-        chosen.sort_by(|a, b| a.feature.polar[0].total_cmp(&b.feature.polar[0]));
-        chosen
-    }
-
-    /// Normalised innovation squared of a match, averaged with the weights from before the sweep.
-    fn innovation(&self, prior: &[f64]) -> Option<f64> {
-        let (mut sum, mut count) = (0.0, 0.0);
-        for (particle, weight) in self.particles.iter().zip(prior) {
-            let matches = particle.associations.iter().filter(|a| matches!(a, Association::Matched(_))).count();
-            sum += weight * particle.innovation_sum;
-            count += weight * matches as f64;
-        }
-        (count > 0.0).then(|| sum / count)
-    }
-
-    fn descend(&mut self, parents: &[u32]) {
-        let best = self.likeliest() as u32;
-        self.favourite = parents.iter().position(|&parent| parent == best).unwrap_or(0);
-        let equal = -math::ln(self.particles.len() as f64);
-        for (child, &parent) in self.spare.iter_mut().zip(parents) {
-            child.clone_from(&self.particles[parent as usize]);
-            child.log_weight = equal;
-        }
-        std::mem::swap(&mut self.particles, &mut self.spare);
-    }
-
-    fn likeliest(&self) -> usize {
-        let mut best = self.favourite;
-        for (i, particle) in self.particles.iter().enumerate() {
-            if particle.log_weight > self.particles[best].log_weight {
-                best = i;
-            }
-        }
-        best
-    }
-
-    /// Mean and covariance of the cloud as it is, angles as differences to the first particle's.
-    fn mixture(&self) -> ParticleMoments {
-        let weights = self.weights();
-        let reference = self.particles[0].belief.mean;
-        let apart = |mean: &Vector<6>| -> Vector<6> {
-            std::array::from_fn(|i| {
-                let d = mean[i] - reference[i];
-                if i == ROLL || i == YAW { math::wrap_angle(d) } else { d }
-            })
-        };
-        let mut shift = [0.0; 6];
-        for (particle, &weight) in self.particles.iter().zip(&weights) {
-            let d = apart(&particle.belief.mean);
-            for i in 0..6 {
-                shift[i] += weight * d[i];
-            }
-        }
-        let mut covariance = [[0.0; 6]; 6];
-        for (particle, &weight) in self.particles.iter().zip(&weights) {
-            let d = apart(&particle.belief.mean);
-            for r in 0..6 {
-                for c in 0..6 {
-                    let spread = (d[r] - shift[r]) * (d[c] - shift[c]);
-                    covariance[r][c] += weight * (particle.belief.covariance[r][c] + spread);
-                }
-            }
-        }
-        let mut mean: Vector<6> = std::array::from_fn(|i| reference[i] + shift[i]);
-        mean[ROLL] = math::wrap_angle(mean[ROLL]);
-        mean[YAW] = math::wrap_angle(mean[YAW]);
-        ParticleMoments { mean, covariance, effective_samples: effective_samples(&weights) }
-    }
-
     /// The belief now: right after a sweep that of before the draw, whose variance is lower.
     pub(super) fn believed(&self) -> ParticleMoments {
-        let mut moments = self.at_sweep.clone().unwrap_or_else(|| self.mixture());
+        let mut moments = self.at_sweep.clone().unwrap_or_else(|| self.cloud.moments());
         let by_pitch = [0.0, 0.0, -self.level_way_m, 0.0, 1.0, 0.0];
         moments.covariance[ROLL][ROLL] += self.imu_bias_variance_rad2;
         for r in 0..6 {
@@ -436,62 +282,14 @@ impl Filter {
         self.mean_innovation
     }
 
-    pub(super) fn ancestors(&self) -> usize {
-        self.ancestry.distinct()
-    }
-
     /// Too few ancestors are left for the positions' spread to mean much.
     pub(super) fn optimistic(&self) -> bool {
-        self.drew && self.ancestors() < FEW_ANCESTORS
+        self.drew && self.cloud.ancestors() < FEW_ANCESTORS
     }
 
     /// Pose and map of the likeliest particle, relative to the start.
     pub(super) fn best(&self) -> (&Vector<6>, &[Landmark]) {
-        let particle = &self.particles[self.likeliest()];
+        let particle = self.cloud.likeliest();
         (&particle.belief.mean, &particle.landmarks)
-    }
-}
-
-/// What the filter works with for features of a stated noise.
-fn feature_variances(sigmas: &Vector<3>, inflation: f64) -> Vector<3> {
-    std::array::from_fn(|i| {
-        let sigma = (sigmas[i] * inflation.sqrt()).max(LEAST_FEATURE_SIGMA[i]);
-        sigma * sigma
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::drive::InstrumentNoise;
-    use crate::geometry::{Pose, Transform};
-    use crate::slam::{FastslamParams, Slam, SlamParams};
-
-    #[test]
-    fn exact_the_likeliest_particle_is_the_one_of_the_greatest_weight() {
-        let noise = InstrumentNoise {
-            imu_rad: 0.01,
-            imu_bias_rad: 0.0,
-            sun_rad: 0.03,
-            odometry_m_per_sqrt_m: 0.05,
-            sideways_m_per_sqrt_m: 0.0,
-            slip: 0.0,
-            heading_rad_per_sqrt_m: 0.03,
-        };
-        let params = SlamParams::Fastslam(FastslamParams { particles: 9, ..FastslamParams::default() });
-        for likeliest in 0..9 {
-            let mut slam = Slam::new(&params, &noise, &Pose::default(), &Transform::IDENTITY).expect("a filter");
-            for (k, particle) in slam.filter.particles.iter_mut().enumerate() {
-                particle.log_weight = -3.0 - k as f64 + if k == likeliest { 20.0 } else { 0.0 };
-            }
-            assert_eq!(slam.filter.likeliest(), likeliest);
-            // Its children weigh as much as all others; the first of them is the likeliest still.
-            let parents = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|child: u32| child.max(likeliest as u32));
-            slam.filter.descend(&parents);
-            assert_eq!(slam.filter.likeliest(), 0);
-            let parents = [0, 1, 2, 3, 4, 5, 6, 7, 8].map(|child: u32| child.min(likeliest as u32));
-            slam.filter.favourite = likeliest;
-            slam.filter.descend(&parents);
-            assert_eq!(slam.filter.likeliest(), likeliest);
-        }
     }
 }

@@ -8,8 +8,8 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::associate::NEW_BEYOND;
+use super::landmark::Landmark;
 use super::matrix::{Vector, square};
-use super::particle::Landmark;
 use crate::wide::LANES;
 
 /// Covers the rounding of the bounds and of what they bound.

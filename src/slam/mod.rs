@@ -62,14 +62,18 @@
 //! ```
 
 mod associate;
+mod cloud;
 pub mod features;
 mod filter;
 mod gating;
+mod ground_slope;
 mod kalman;
 mod keyframe;
+mod landmark;
 pub mod matrix;
 pub mod measurement;
 pub mod motion;
+mod observation;
 pub mod params;
 mod particle;
 mod per_particle;
@@ -79,8 +83,9 @@ mod tum;
 mod visibility;
 mod weights;
 
+pub use landmark::Landmark;
+pub use observation::Feature;
 pub use params::{FastslamParams, SlamParams, SurrogateParams};
-pub use particle::{Feature, Landmark};
 pub use tum::tum;
 pub use visibility::Visibility;
 
@@ -229,7 +234,7 @@ impl Slam {
     /// One step of the drive: odometry over it, angles after it. The streams are not drawn from.
     pub fn step(&mut self, reading: &Reading, _streams: &Streams) -> Result<(), SlamError> {
         self.filter.step(reading);
-        upright(self.filter.angle(motion::PITCH).0)
+        upright(self.filter.cloud().angle(motion::PITCH).0)
     }
 
     /// The sweep made where the rover stands now; streams at the step.
@@ -240,7 +245,7 @@ impl Slam {
             let surface = self.registers.then(|| sight.surface());
             self.filter.observe(sight.features, surface, &sight.visibility, streams);
         }
-        upright(self.filter.angle(motion::PITCH).0)?;
+        upright(self.filter.cloud().angle(motion::PITCH).0)?;
         Ok(self.estimate())
     }
 
@@ -252,13 +257,13 @@ impl Slam {
         streams: &Streams,
     ) -> Result<Estimate, SlamError> {
         self.filter.observe(features, None, visibility, streams);
-        upright(self.filter.angle(motion::PITCH).0)?;
+        upright(self.filter.cloud().angle(motion::PITCH).0)?;
         Ok(self.estimate())
     }
 
     /// Mean and standard deviation of the share of the counted way that is driven: 1 and 0 where the filter is told of no slip.
     pub fn odometry_scale(&self) -> (f64, f64) {
-        let (mean, variance) = self.filter.scale();
+        let (mean, variance) = self.filter.cloud().scale();
         (mean, variance.sqrt())
     }
 
@@ -300,7 +305,7 @@ impl Slam {
 
     /// How many of the first particles today's descend from.
     pub fn ancestors(&self) -> usize {
-        self.filter.ancestors()
+        self.filter.cloud().ancestors()
     }
 
     /// The likeliest particle's pose and landmarks; their positions are relative to the start's.

@@ -10,49 +10,13 @@
 
 use super::associate::{AssociationResult, Candidate, GATE, Pair};
 use super::gating::LandmarkIndex;
-use super::kalman;
-use super::matrix::{Matrix, Vector, cholesky, diagonal, product, sum, transpose};
-use super::measurement::{self, Mounting, Polar, SensorView, innovation};
+use super::landmark::Landmark;
+use super::matrix::{Vector, diagonal};
+use super::measurement::{Mounting, SensorView};
 use super::motion::GaussianPose;
+use super::observation::Observation;
 use super::visibility::Visibility;
 use crate::math;
-
-/// A thing seen in a sweep, sensor frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Feature {
-    /// Range (metres), bearing and elevation (radians).
-    pub polar: Polar,
-    /// How many points of the sweep lie on it.
-    pub points: u32,
-    /// Half its width across the line of sight, metres.
-    pub half_width_m: f64,
-    /// Which landmark it is, where a test knows; features of sweeps never do.
-    pub known: Option<u32>,
-}
-
-/// A feature that was chosen, with what all particles need of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Observation {
-    pub feature: Feature,
-    /// Its point in the sensor frame.
-    pub point_m: Vector<3>,
-}
-
-impl Observation {
-    pub(super) fn new(feature: Feature) -> Observation {
-        Observation { feature, point_m: measurement::point_m(&feature.polar) }
-    }
-}
-
-/// A mapped feature; position relative to the start.
-#[derive(Clone, Debug)]
-pub struct Landmark {
-    pub mean_m: Vector<3>,
-    pub covariance_m2: Matrix<3, 3>,
-    /// Log-odds of being there at all.
-    pub existence: f64,
-    pub known: Option<u32>,
-}
 
 /// What a particle took a feature for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,14 +42,6 @@ pub(super) struct Particle {
     /// Normalised innovations squared of the current sweep's matches, summed.
     pub innovation_sum: f64,
 }
-
-const EXISTENCE_NEW: f64 = 0.4;
-const EXISTENCE_SEEN: f64 = 0.85;
-const EXISTENCE_MISSED: f64 = -0.4;
-const EXISTENCE_BOUNDS: (f64, f64) = (-2.0, 4.0);
-const EXISTENCE_DELETE: f64 = -1.0;
-/// Landmarks above this are counted as there.
-pub(super) const EXISTENCE_SURE: f64 = 0.8;
 
 impl Clone for Particle {
     fn clone(&self) -> Self {
@@ -204,306 +160,34 @@ impl Particle {
             match *association {
                 Association::Matched(index) => {
                     seen[index] = true;
-                    let landmark = &mut self.landmarks[index];
-                    landmark.existence += EXISTENCE_SEEN;
-                    landmark.kalman_update(feature, &view, &noise);
+                    self.landmarks[index].see();
+                    self.landmarks[index].kalman_update(feature, &view, &noise);
                 }
                 Association::New => {
-                    let known = feature.known;
                     // A number may be seen twice at its first sight.
-                    match self.landmarks.iter_mut().find(|l| known.is_some() && l.known == known) {
+                    let known = feature.known.is_some();
+                    match self.landmarks.iter_mut().find(|landmark| known && landmark.known == feature.known) {
                         Some(landmark) => landmark.kalman_update(feature, &view, &noise),
-                        None => {
-                            let (mean_m, covariance_m2) = view.locate(&feature.polar, variances);
-                            self.landmarks.push(Landmark { mean_m, covariance_m2, existence: EXISTENCE_NEW, known });
-                        }
+                        None => self.landmarks.push(Landmark::new(feature, &view, variances)),
                     }
                 }
                 Association::Ambiguous([winner, loser]) => {
                     // One of a pair of doubles fades away; two real neighbours take turns and both stay.
                     (seen[winner], seen[loser]) = (true, true);
-                    self.landmarks[loser].existence += EXISTENCE_MISSED;
+                    self.landmarks[loser].miss();
                 }
                 Association::Unclear => {}
             }
         }
         for (landmark, &mut seen) in self.landmarks.iter_mut().zip(seen) {
             if !seen && visibility.sees(&view.in_sensor(&landmark.mean_m)) {
-                landmark.existence += EXISTENCE_MISSED;
+                landmark.miss();
             }
-            landmark.existence = landmark.existence.clamp(EXISTENCE_BOUNDS.0, EXISTENCE_BOUNDS.1);
+            landmark.bound_existence();
         }
-        self.landmarks.retain(|l| l.existence >= EXISTENCE_DELETE);
-    }
-}
-
-impl Landmark {
-    /// Kalman update of the landmark from an exact pose.
-    #[inline(always)]
-    fn kalman_update(&mut self, feature: &Feature, view: &SensorView, noise: &Matrix<3, 3>) {
-        let Some(prediction) = view.predict(&self.mean_m) else { return };
-        let hm = &prediction.by_landmark;
-        // A new landmark's covariance is symmetric to rounding only: P H', not H P.
-        let ph = product(&self.covariance_m2, &transpose(hm));
-        let Some(factor) = cholesky(&sum(&product(hm, &ph), noise)) else { return };
-        let innovation = innovation(&feature.polar, &prediction.polar);
-        let belief = (&mut self.mean_m, &mut self.covariance_m2);
-        kalman::update(belief, hm, &transpose(&ph), &factor, &innovation, noise);
+        self.landmarks.retain(Landmark::is_kept);
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::{DVec3, Pose};
-    use crate::slam::associate::NEW_BEYOND;
-    use crate::slam::matrix::{half_solve, ln_determinant, product_across, solve, square};
-    use crate::slam::measurement::Prediction;
-
-    const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
-    const LANDMARKS: [Vector<3>; 3] = [[2.0, 0.5, 0.2], [-1.0, 2.0, 0.1], [1.5, -2.5, 0.4]];
-
-    fn mounting() -> Mounting {
-        Mounting::new(&Pose { position_m: DVec3::new(0.2, 0.0, 0.5), ..Pose::default() }.transform())
-    }
-
-    /// A full-rank covariance: A A' for a fixed A, times `scale`.
-    fn covariance(scale: f64) -> Matrix<6, 6> {
-        let a: Matrix<6, 6> = std::array::from_fn(|r| {
-            std::array::from_fn(|c| if r == c { 0.05 } else { 0.01 * math::sin((6 * r + c) as f64) })
-        });
-        product(&a, &transpose(&a)).map(|row| row.map(|v| scale * v))
-    }
-
-    fn particle(scale: f64) -> Particle {
-        let mean = [0.1, -0.2, 0.05, 0.1, -0.15, 0.7];
-        let landmarks = LANDMARKS
-            .iter()
-            .zip(0..)
-            .map(|(&mean_m, id)| Landmark {
-                mean_m,
-                covariance_m2: diagonal(&[4e-4 * scale, 6e-4 * scale, 3e-4 * scale]),
-                existence: 2.0,
-                known: Some(id),
-            })
-            .collect();
-        Particle {
-            belief: GaussianPose { mean, covariance: covariance(scale), ..GaussianPose::default() },
-            landmarks,
-            ..Particle::default()
-        }
-    }
-
-    fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Feature> {
-        let view = SensorView::new(&particle.belief.mean, &mounting());
-        (0..3)
-            .map(|i| {
-                let polar = view.predict(&LANDMARKS[i]).expect("in view").polar;
-                let polar = std::array::from_fn(|k| polar[k] + off(i, k));
-                Feature { polar, points: 20, half_width_m: 0.1, known: Some(i as u32) }
-            })
-            .collect()
-    }
-
-    /// Lets a particle take in features from this mount.
-    fn update_pose(particle: &mut Particle, features: &[Feature], variances: &Vector<3>) {
-        let seen = SweepObservations { observations: &sighted(features), variances, mounting: &mounting() };
-        particle.update_pose(&seen, &mut Scratch::default());
-    }
-
-    fn sighted(features: &[Feature]) -> Vec<Observation> {
-        features.iter().copied().map(Observation::new).collect()
-    }
-
-    fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {
-        solve(&cholesky(a).expect("positive definite"), &diagonal(&[1.0; 6]))
-    }
-
-    #[test]
-    fn equal_sequential_gain_form_and_stacked_information_form() {
-        // Measurements as predicted: the mean stays, so that one linearisation holds for all three.
-        let mut refined = particle(1.0);
-        let found = features(&refined, |_, _| 0.0);
-        let view = SensorView::new(&refined.belief.mean, &mounting());
-        let mut information = inverse(&refined.belief.covariance);
-        for landmark in &refined.landmarks {
-            let h = view.predict(&landmark.mean_m).expect("in view");
-            let hm = &h.by_landmark;
-            let q = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), &diagonal(&VARIANCES));
-            let l = cholesky(&q).expect("positive definite");
-            information = sum(&information, &product_across(&solve(&l, &h.by_pose), &h.by_pose));
-        }
-        update_pose(&mut refined, &found, &VARIANCES);
-        let want = inverse(&information);
-        for r in 0..6 {
-            for c in 0..6 {
-                let got = refined.belief.covariance[r][c];
-                assert!((got - want[r][c]).abs() < 1e-9 * want[r][r].max(want[c][c]), "({r}, {c}): {got}");
-            }
-        }
-    }
-
-    #[test]
-    fn equal_product_of_weights_and_the_density_of_the_stacked_measurement() {
-        // Everything scaled down to where the model is linear; the tolerance is what is left of its bend.
-        let scale: f64 = 1e-14;
-        let variances = VARIANCES.map(|v| v * scale);
-        let mut refined = particle(scale);
-        let found = features(&refined, |i, k| 0.02 * scale.sqrt() * math::sin((3 * i + k + 1) as f64));
-        let view = SensorView::new(&refined.belief.mean, &mounting());
-        let p = refined.belief.covariance;
-        let predictions: Vec<Prediction> = LANDMARKS.iter().map(|m| view.predict(m).expect("in view")).collect();
-        let mut stacked = [[0.0; 9]; 9];
-        let mut residual = [0.0; 9];
-        for (i, a) in predictions.iter().enumerate() {
-            let nu = innovation(&found[i].polar, &a.polar);
-            for (j, b) in predictions.iter().enumerate() {
-                let mut block = product(&product(&a.by_pose, &p), &transpose(&b.by_pose));
-                if i == j {
-                    let hm = &a.by_landmark;
-                    let own = product(&product(hm, &refined.landmarks[i].covariance_m2), &transpose(hm));
-                    block = sum(&block, &sum(&own, &diagonal(&variances)));
-                }
-                for r in 0..3 {
-                    residual[3 * i + r] = nu[r];
-                    for c in 0..3 {
-                        stacked[3 * i + r][3 * j + c] = block[r][c];
-                    }
-                }
-            }
-        }
-        let l = cholesky(&stacked).expect("positive definite");
-        let want =
-            -0.5 * (square(&half_solve(&l, &residual)) + ln_determinant(&l) + 9.0 * math::ln(std::f64::consts::TAU));
-        update_pose(&mut refined, &found, &variances);
-        assert!((refined.log_weight - want).abs() < 1e-6, "{} {want}", refined.log_weight);
-    }
-
-    #[test]
-    fn law_every_feature_adds_one_term_of_comparable_size() {
-        // A match on the gate weighs as a newcomer, where the landmark is as uncertain as the feature and the pose is exact.
-        let mut sure = Particle::default();
-        let view = SensorView::new(&sure.belief.mean, &mounting());
-        let (mean_m, covariance_m2) = view.locate(&[3.0, 0.2, -0.1], &VARIANCES);
-        sure.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
-        let on_gate = 3.0 + (2.0 * GATE * (1.0 - 1e-9) * VARIANCES[0]).sqrt();
-        let found = Feature { polar: [on_gate, 0.2, -0.1], points: 9, half_width_m: 0.1, known: None };
-        update_pose(&mut sure, &[found], &VARIANCES);
-        assert_eq!(sure.associations, [Association::Matched(0)]);
-        assert!((sure.log_weight - ln_unmatched(&VARIANCES)).abs() < 1e-6, "{}", sure.log_weight);
-        let mut lone = Particle::default();
-        let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
-        update_pose(&mut lone, &[far, far], &VARIANCES);
-        assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
-    }
-
-    #[test]
-    fn law_two_landmarks_of_like_likelihood_are_left_alone() {
-        let mut torn = Particle::default();
-        let view = SensorView::new(&torn.belief.mean, &mounting());
-        for aside in [-0.02, 0.02] {
-            let (mean_m, covariance_m2) = view.locate(&[2.0, aside, 0.0], &VARIANCES);
-            torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
-        }
-        let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
-        update_pose(&mut torn, &[between], &VARIANCES);
-        assert_eq!(torn.associations, vec![Association::Ambiguous([1, 0])]);
-        // Both were seen; the less likely one is believed in less.
-        let seen =
-            SweepObservations { observations: &sighted(&[between]), variances: &VARIANCES, mounting: &mounting() };
-        let everywhere: Vec<DVec3> =
-            (0..360).map(|deg| DVec3::from(measurement::point_m(&[1.0, f64::from(deg).to_radians(), 0.0]))).collect();
-        torn.update_map(&seen, &Visibility::free(10.0, &everywhere), &mut Scratch::default());
-        let existence: Vec<f64> = torn.landmarks.iter().map(|l| l.existence).collect();
-        assert_eq!(existence, [1.0 + EXISTENCE_MISSED, 1.0]);
-    }
-
-    #[test]
-    fn law_a_number_that_is_seen_twice_at_first_sight_is_one_landmark() {
-        let mut lone = Particle::default();
-        let twice = [3.0, 3.02].map(|range_m| Feature {
-            polar: [range_m, 0.1, 0.0],
-            points: 1,
-            half_width_m: 0.0,
-            known: Some(7),
-        });
-        update_pose(&mut lone, &twice, &VARIANCES);
-        let seen = SweepObservations { observations: &sighted(&twice), variances: &VARIANCES, mounting: &mounting() };
-        lone.update_map(&seen, &Visibility::blind(10.0), &mut Scratch::default());
-        let [landmark] = lone.landmarks.as_slice() else { panic!("{} landmarks", lone.landmarks.len()) };
-        let view = SensorView::new(&lone.belief.mean, &mounting());
-        let [range_m, ..] = view.predict(&landmark.mean_m).expect("in view").polar;
-        assert!((range_m - 3.01).abs() < 1e-9, "the mean of both: {range_m}");
-    }
-
-    #[test]
-    fn law_no_landmark_within_the_gate_lies_beyond_the_reach() {
-        let numbers = |from: usize| (from..).map(|i| math::sin(1.7 * (i * i) as f64));
-        let (mut within, mut left_out) = (0, 0);
-        for trial in 0..2000 {
-            let mut draws = numbers(100 * trial);
-            let mut believed = particle([1e-6, 1e-2, 0.3, 1.0][trial % 4]);
-            believed.belief.mean.iter_mut().zip(draws.by_ref()).for_each(|(mean, n)| *mean += 0.3 * n);
-            let variances = VARIANCES.map(|v| v * [0.1, 1.0, 4.0][trial % 3]);
-            let (view, noise) = (SensorView::new(&believed.belief.mean, &mounting()), diagonal(&variances));
-            let mut places = LandmarkIndex::default();
-            places.fill(&believed.landmarks);
-            for index in 0..3 {
-                let at = view.predict(&believed.landmarks[index].mean_m).expect("in view").polar;
-                for _ in 0..10 {
-                    let mut off = || draws.next().expect("no end");
-                    let polar = [(at[0] * (1.0 + 0.3 * off())).max(0.2), at[1] + 0.4 * off(), at[2] + 0.2 * off()];
-                    let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None };
-                    let mut candidate = Candidate::default();
-                    assert!(believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate));
-                    let reach_m = believed
-                        .ring(&polar, &view, &noise)
-                        .reach_m(noise[1][1] + noise[2][2], places.most_variance_m2());
-                    let place = view.in_map(&measurement::point_m(&polar));
-                    let is_reached = places.within(reach_m, &place).contains(&(index as u32));
-                    assert!(is_reached || candidate.distance2 > NEW_BEYOND, "{trial}: {}", candidate.distance2);
-                    within += u32::from(candidate.distance2 <= NEW_BEYOND);
-                    left_out += u32::from(!is_reached);
-                }
-            }
-        }
-        // There is something to leave out, and something to keep.
-        assert!(within > 1000 && left_out > 1000, "{within}, {left_out}");
-    }
-
-    #[test]
-    fn law_a_landmark_that_the_range_rules_out_is_judged_too_far() {
-        let numbers = |from: usize| (from..).map(|i| math::sin(1.7 * (i * i) as f64));
-        let (mut ruled_out, mut judged) = (0, 0);
-        for trial in 0..200 {
-            let mut draws = numbers(1000 * trial);
-            let mut believed = particle([1e-2, 1.0, 10.0][trial % 3]);
-            for (mean, n) in believed.belief.mean.iter_mut().zip(draws.by_ref()) {
-                *mean += 0.5 * n;
-            }
-            let view = SensorView::new(&believed.belief.mean, &mounting());
-            let noise = diagonal(&VARIANCES);
-            for landmark in &mut believed.landmarks {
-                for (mean, n) in landmark.mean_m.iter_mut().zip(draws.by_ref()) {
-                    *mean += n;
-                }
-            }
-            for index in 0..3 {
-                let prediction = view.predict(&believed.landmarks[index].mean_m).expect("in view");
-                for off_m in draws.by_ref().take(20) {
-                    let polar =
-                        [(prediction.polar[0] + 3.0 * off_m).max(0.2), prediction.polar[1], prediction.polar[2]];
-                    let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None };
-                    let mut candidate = Candidate::default();
-                    assert!(believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate));
-                    let far = believed.ring(&polar, &view, &noise).rules_out(&believed.landmarks[index]);
-                    assert!(!far || candidate.distance2 > NEW_BEYOND, "{trial}: {}", candidate.distance2);
-                    ruled_out += u32::from(far);
-                    judged += u32::from(candidate.distance2 > NEW_BEYOND);
-                }
-            }
-        }
-        // Rules out most of what is too far.
-        assert!(2 * ruled_out > judged && judged > 1000, "{ruled_out} of {judged}");
-    }
-}
+mod tests;

@@ -44,14 +44,14 @@ impl Work for ReadAngle<'_> {
     }
 }
 
-/// [`Particle::refine`].
-pub(super) struct Refine<'a> {
+/// [`Particle::update_pose`].
+pub(super) struct UpdatePose<'a> {
     pub particles: &'a mut [Particle],
     pub seen: SweepObservations<'a>,
     pub scratch: &'a mut Scratch,
 }
 
-impl Work for Refine<'_> {
+impl Work for UpdatePose<'_> {
     type Out = ();
     #[inline(always)]
     fn run(self) {
@@ -77,15 +77,15 @@ impl Work for TakeFix<'_> {
     }
 }
 
-/// [`Particle::chart`].
-pub(super) struct Chart<'a> {
+/// [`Particle::update_map`].
+pub(super) struct UpdateMap<'a> {
     pub particles: &'a mut [Particle],
     pub seen: SweepObservations<'a>,
     pub visibility: &'a Visibility<'a>,
     pub scratch: &'a mut Scratch,
 }
 
-impl Work for Chart<'_> {
+impl Work for UpdateMap<'_> {
     type Out = ();
     #[inline(always)]
     fn run(self) {

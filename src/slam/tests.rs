@@ -140,7 +140,7 @@ fn sound(slam: &Slam) {
     }
     assert!(cholesky(&sum(p, &diagonal(&[1e-12; 6]))).is_some(), "not positive semi-definite: {p:?}");
     assert!(estimate.pose.position_m.is_finite());
-    let total: f64 = slam.filter.weights().iter().sum();
+    let total: f64 = slam.filter.cloud().weights().iter().sum();
     assert!((total - 1.0).abs() < 1e-9, "{total}");
     let (_, landmarks) = slam.best();
     assert!(landmarks.iter().all(|l| l.mean_m.iter().chain(l.covariance_m2.iter().flatten()).all(|v| v.is_finite())));

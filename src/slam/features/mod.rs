@@ -13,7 +13,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::measurement::Polar;
-use super::particle::Feature;
+use super::observation::Feature;
 use super::registration::Surface;
 use super::visibility::{Bins, Visibility};
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
