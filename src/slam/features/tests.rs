@@ -162,6 +162,8 @@ fn extreme_sweeps_of_nothing_and_of_nonsense() {
             Returns { pattern: pattern.clone(), range_m: vec![range_m; n], status: vec![status; n], intensity: None };
         let features = extractor.extract(&sweep, 0.1, -0.1).features;
         assert!(features.iter().all(|f| f.polar.iter().all(|v| v.is_finite())), "{range_m} {status:?}");
+        // A bowl of a metre all round is the only one of them that holds points.
+        assert!(features.is_empty() || (range_m, status) == (1.0, Status::Hit), "{range_m} {status:?}");
     }
 }
 

@@ -8,13 +8,15 @@
 //! with known normals: that, and a covariance that lets the points of one spot err together. Not modelled: surfaces that move, like leaves.
 
 mod columns;
+mod equations;
+mod placement;
 mod surface;
 
-use std::collections::BTreeMap;
-
 use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, half_solve, solve, square, sum, symmetrise, transpose};
-use crate::geometry::{DMat3, DVec3};
+use crate::geometry::DVec3;
 use crate::math;
+use equations::{NormalEquations, Pair};
+use placement::Placement;
 pub(crate) use surface::Surface;
 
 /// Fewer points tell no place.
@@ -24,8 +26,6 @@ const MOST_POINTS: usize = 600;
 /// Least standard deviation of a point across its surface, metres: bent surfaces have normals of a neighbourhood.
 const LEAST_SIGMA_M: f64 = 0.02;
 const MOST_SIGMA_M: f64 = 0.1;
-/// So many points tell as much as one that errs alone, beside what [`SPOT_M`] finds; by the NEES of fixes on the shipped configs.
-const CORRELATED_POINTS: f64 = 2.0;
 /// What no number of points takes away: metres, metres, radians.
 const LEAST_FIX: Vector<3> = [4e-3, 4e-3, 2e-3];
 /// Side of a spot, metres: what its points err together is seen in the spread of the spots' pulls.
@@ -36,10 +36,6 @@ const LEAST_INFORMATION: f64 = 0.01;
 const NORMALS_SHARE: f64 = 0.9;
 /// Points that lie on the older surface, over those that were tried, at least; fewer are found on anything.
 const LEAST_SHARE: f64 = 0.2;
-/// Squared distance over variance at which Geman-McClure's weight falls to a quarter.
-const OUTLYING: f64 = 9.0;
-/// Weights lower the mean square of what is normally distributed by this factor.
-const WEIGHTED_SHARE: f64 = 1.363;
 /// Chi-square of three degrees of freedom at 99.9 %: a fix farther off what was reckoned is of other things.
 const GATE: f64 = 16.3;
 /// Least standard deviations of the guess: x, y, z, metres, and the three turns, radians.
@@ -148,64 +144,6 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
     }
 }
 
-/// Where the newer surface lies in the older's axes.
-#[derive(Clone, Copy, Debug)]
-struct Placement {
-    turn: DMat3,
-    place_m: DVec3,
-}
-
-impl Placement {
-    fn of(motion: &Motion) -> Placement {
-        let (sin, cos) = math::sin_cos(motion.mean[2]);
-        let turn = DMat3::from_cols(DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0), DVec3::Z);
-        Placement { turn, place_m: DVec3::new(motion.mean[0], motion.mean[1], motion.climb_m) }
-    }
-
-    /// The shift and the small turn that lead from another placement here.
-    fn from(&self, other: &Placement) -> Vector<6> {
-        let shift = self.place_m - other.place_m;
-        let apart = self.turn * other.turn.transpose();
-        let turn = 0.5
-            * DVec3::new(
-                apart.y_axis.z - apart.z_axis.y,
-                apart.z_axis.x - apart.x_axis.z,
-                apart.x_axis.y - apart.y_axis.x,
-            );
-        [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
-    }
-
-    fn shift(&mut self, step: &Vector<6>) {
-        self.place_m += DVec3::new(step[0], step[1], step[2]);
-        self.turn = turned(DVec3::new(step[3], step[4], step[5])) * self.turn;
-    }
-
-    fn heading_rad(&self) -> f64 {
-        math::atan2(self.turn.x_axis.y, self.turn.x_axis.x)
-    }
-}
-
-/// The rotation about a vector by its length (Rodrigues).
-fn turned(by_rad: DVec3) -> DMat3 {
-    let angle_rad = by_rad.length();
-    let Some(axis) = by_rad.try_normalize() else { return DMat3::IDENTITY };
-    let (sin, cos) = math::sin_cos(angle_rad);
-    let of = |v: DVec3| v * cos + axis.cross(v) * sin + axis * (axis.dot(v) * (1.0 - cos));
-    DMat3::from_cols(of(DVec3::X), of(DVec3::Y), of(DVec3::Z))
-}
-
-/// A point of the newer surface and the one of the older that it is taken for.
-struct Pair {
-    /// The middle of both normals, and what it errs by their being apart.
-    normal: DVec3,
-    normal_error: DVec3,
-    /// From the rover to the newer point.
-    arm_m: DVec3,
-    /// From the newer point to the older surface.
-    across_m: f64,
-    spot: [i32; 2],
-}
-
 impl Stage {
     /// Of the points of a surface every so-manieth is tried.
     fn stride(&self, newer: &Surface) -> usize {
@@ -235,89 +173,6 @@ fn pairs(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage) ->
         Some(Pair { normal, normal_error: 0.5 * (other - own), arm_m, across_m, spot })
     };
     points.filter_map(pair).collect()
-}
-
-impl Pair {
-    /// Geman and McClure's.
-    fn weight(&self, variance_m2: f64) -> f64 {
-        let bend = 1.0 + self.across_m * self.across_m / (variance_m2 * OUTLYING);
-        1.0 / (bend * bend)
-    }
-
-    /// Its weight over what it errs.
-    fn information(&self, variance_m2: f64) -> f64 {
-        self.weight(variance_m2) / (variance_m2 * CORRELATED_POINTS)
-    }
-
-    /// By x, y, z and the turns: of the distance across, for a normal or for what one errs.
-    fn slopes(&self, normal: DVec3) -> Vector<6> {
-        let turn = self.arm_m.cross(normal);
-        [normal.x, normal.y, normal.z, turn.x, turn.y, turn.z]
-    }
-}
-
-/// Normal equations of all pairs: x, y, z and the turns about the place.
-struct NormalEquations {
-    information: Matrix<6, 6>,
-    gradient: Vector<6>,
-    matched: usize,
-    weight: f64,
-    weighted_m2: f64,
-    variance_m2: f64,
-}
-
-impl NormalEquations {
-    fn of(pairs: &[Pair], variance_m2: f64) -> NormalEquations {
-        let (mut information, mut gradient) = ([[0.0; 6]; 6], [0.0; 6]);
-        let (mut total, mut weighted_m2) = (0.0, 0.0);
-        for pair in pairs {
-            let weight = pair.weight(variance_m2);
-            total += weight;
-            weighted_m2 += weight * pair.across_m * pair.across_m;
-            let (by, slopes) = (pair.information(variance_m2), pair.slopes(pair.normal));
-            for r in 0..6 {
-                gradient[r] += by * slopes[r] * pair.across_m;
-            }
-            add_square(&mut information, by, &slopes);
-        }
-        NormalEquations { information, gradient, matched: pairs.len(), weight: total, weighted_m2, variance_m2 }
-    }
-
-    fn told_m2(&self) -> Option<f64> {
-        (self.matched >= LEAST_POINTS).then(|| WEIGHTED_SHARE * self.weighted_m2 / self.weight)
-    }
-
-    /// What the errors of the normals add to the information.
-    fn by_normals(&self, pairs: &[Pair]) -> Matrix<6, 6> {
-        let mut added = [[0.0; 6]; 6];
-        for pair in pairs {
-            let by = pair.information(self.variance_m2);
-            add_square(&mut added, by, &pair.slopes(pair.normal_error));
-        }
-        added
-    }
-
-    /// The gradient's parts, spot by spot.
-    fn by_spot(&self, pairs: &[Pair]) -> BTreeMap<[i32; 2], Vector<6>> {
-        let mut by_spot: BTreeMap<[i32; 2], Vector<6>> = BTreeMap::new();
-        for pair in pairs {
-            let by = pair.information(self.variance_m2);
-            let (slopes, pulls) = (pair.slopes(pair.normal), by_spot.entry(pair.spot).or_default());
-            for r in 0..6 {
-                pulls[r] += by * slopes[r] * pair.across_m;
-            }
-        }
-        by_spot
-    }
-}
-
-/// Adds by v v'.
-fn add_square(matrix: &mut Matrix<6, 6>, by: f64, v: &Vector<6>) {
-    for r in 0..6 {
-        for c in 0..6 {
-            matrix[r][c] += by * v[r] * v[c];
-        }
-    }
 }
 
 /// The inverse of the guess's covariance, with its least standard deviations.
