@@ -145,7 +145,7 @@ impl Drive {
         let (mut scan_s, mut steps_s, mut features, mut landmarks) = (0.0, 0.0, 0, 0);
         for (reading, step) in self.readings.iter().zip(0..) {
             let before = thread_cpu_s();
-            slam.step(reading, &streams(Stage::Slam, step)).expect("upright");
+            slam.step(reading).expect("upright");
             steps_s += thread_cpu_s() - before;
             if step % STEPS_PER_STOP == 0 {
                 let found = &self.stops[(step / STEPS_PER_STOP) as usize];

@@ -123,7 +123,7 @@ fn slam_s(particles: u32, features: u32) -> f64 {
     let mut step = 0;
     shared::seconds(|| {
         let streams = Streams { seed: 1, scene: 0, attempt: 0, stage: Stage::Slam, step };
-        slam.step(&reading, &streams).expect("upright");
+        slam.step(&reading).expect("upright");
         slam.observe_features(&seen, &view, &streams).expect("upright");
         step += 1;
     })

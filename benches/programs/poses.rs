@@ -183,7 +183,7 @@ impl Study<'_> {
         let (mut features, mut matched) = (Vec::new(), Vec::new());
         for (step, reading) in drive.readings[..=last].iter().enumerate() {
             let streams = self.prepared.plan.streams(self.scene, attempts - 1, Stage::Slam).at_step(step as u32);
-            slam.step(reading, &streams)?;
+            slam.step(reading)?;
             let Some(stop) = stops.get(&step) else { continue };
             let estimate = match variant.given {
                 Given::Nothing => continue,

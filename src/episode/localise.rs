@@ -45,7 +45,7 @@ impl<'p> Localiser<'p> {
     pub(super) fn step(&mut self, reading: &Reading, truth: &Pose, streams: &Streams) -> Result<Estimate, SlamError> {
         Ok(match self {
             Localiser::Slam { filter, .. } => {
-                filter.step(reading, streams)?;
+                filter.step(reading)?;
                 filter.estimate()
             }
             Localiser::Surrogate(params) => slam::surrogate(params, truth, streams),

@@ -48,7 +48,7 @@ pub fn locate(recording: &Recording, params: &LocateParams) -> Result<Located, S
     let mut steps = Vec::with_capacity(recording.readings.len());
     for (number, (time_s, reading, features)) in cut(recording).into_iter().enumerate() {
         let streams = Streams { seed: *seed, scene: 0, attempt: 0, stage: Stage::Slam, step: number as u32 };
-        filter.step(&reading, &streams)?;
+        filter.step(&reading)?;
         let estimate = match features.filter(|_| reads_features) {
             Some(features) => filter.observe_features(features, &visibility, &streams)?,
             None => filter.estimate(),

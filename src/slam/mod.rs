@@ -46,10 +46,10 @@
 //! let blind = Visibility::blind(10.0);
 //!
 //! let mut slam = Slam::new(&params, &noise, &Pose::default(), &rover_from_sensor)?;
-//! slam.step(&reading(0.0, 0.0), &streams(0))?;
+//! slam.step(&reading(0.0, 0.0))?;
 //! let first = slam.observe_features(&seen_from(0.0), &blind, &streams(0))?;
 //! assert_eq!((first.matched, first.new_landmarks), (0, 6));
-//! slam.step(&reading(4.0, 0.3), &streams(1))?;
+//! slam.step(&reading(4.0, 0.3))?;
 //! let off_before_m = (slam.estimate().pose.position_m.x - 1.0).abs();
 //! let after = slam.observe_features(&seen_from(1.0), &blind, &streams(1))?;
 //! let off_after_m = (after.pose.position_m.x - 1.0).abs();
@@ -231,8 +231,8 @@ impl Slam {
         self
     }
 
-    /// One step of the drive: odometry over it, angles after it. The streams are not drawn from.
-    pub fn step(&mut self, reading: &Reading, _streams: &Streams) -> Result<(), SlamError> {
+    /// One step of the drive: odometry over it, angles after it. Nothing is drawn.
+    pub fn step(&mut self, reading: &Reading) -> Result<(), SlamError> {
         self.filter.step(reading);
         upright(self.filter.cloud().angle(motion::PITCH).0)
     }
@@ -339,17 +339,13 @@ pub fn surrogate(params: &SurrogateParams, truth: &Pose, streams: &Streams) -> E
         pitch_rad: truth.pitch_rad + pitch,
         yaw_rad: math::wrap_angle(truth.yaw_rad + yaw),
     };
-    Estimate { covariance: matrix::diagonal(&sigmas.map(|s| s * s)), ..truth_estimate(pose) }
+    Estimate { covariance: matrix::diagonal(&sigmas.map(|s| s * s)), ..self::truth(&pose) }
 }
 
 /// The truth itself, sigmas 0.
 pub fn truth(truth: &Pose) -> Estimate {
-    truth_estimate(*truth)
-}
-
-fn truth_estimate(pose: Pose) -> Estimate {
     Estimate {
-        pose,
+        pose: *truth,
         covariance: [[0.0; 6]; 6],
         effective_samples: 1.0,
         features: 0,

@@ -116,13 +116,13 @@ fn drive_among(slam: &mut Slam, start: &Pose, rocks: &[DVec3], steps: u32, seed:
     };
     let view = everywhere(3.6);
     let mut pose = *start;
-    slam.step(&rest(&pose), &streams(0)).expect("upright");
+    slam.step(&rest(&pose)).expect("upright");
     slam.observe_features(&seen(&pose), &view, &streams(0)).expect("upright");
     for k in 1..=steps {
         let (s, c) = math::sin_cos(pose.yaw_rad);
         pose.position_m += 0.1 * DVec3::new(c, s, 0.0);
         let reading = Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&pose) };
-        slam.step(&reading, &streams(k)).expect("upright");
+        slam.step(&reading).expect("upright");
         if k % 5 == 0 {
             slam.observe_features(&seen(&pose), &view, &streams(k)).expect("upright");
             sound(slam);
@@ -184,10 +184,10 @@ fn law_one_seed_one_result() {
         let mut slam = slam(&fastslam(20), &start);
         let view = everywhere(3.6);
         let streams = Streams { seed, ..streams(0) };
-        slam.step(&rest(&start), &streams).expect("upright");
+        slam.step(&rest(&start)).expect("upright");
         for step in 0..4 {
             let moved = Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&start) };
-            slam.step(&moved, &streams.at_step(step)).expect("upright");
+            slam.step(&moved).expect("upright");
             slam.observe_features(&seen(&field(DVec3::ZERO), &start), &view, &streams.at_step(step)).expect("upright");
         }
         let mut hasher = blake3::Hasher::new();
@@ -211,7 +211,7 @@ fn extreme_bad_parameters_are_refused() {
     let upended = Pose { pitch_rad: 1.5, ..Pose::default() };
     assert!(matches!(new(&fastslam(1), &upended), Err(SlamError::Upended { .. })));
     let mut slam = slam(&fastslam(4), &Pose::default());
-    assert!(matches!(slam.step(&rest(&upended), &streams(0)), Err(SlamError::Upended { .. })));
+    assert!(matches!(slam.step(&rest(&upended)), Err(SlamError::Upended { .. })));
 }
 
 #[test]

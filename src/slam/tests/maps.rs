@@ -25,9 +25,9 @@ fn law_a_landmark_is_matched_once_in_a_sweep() {
     let start = Pose::default();
     let view = everywhere(3.6);
     let mut slam = slam(&fastslam(20), &start);
-    slam.step(&rest(&start), &streams(0)).expect("upright");
+    slam.step(&rest(&start)).expect("upright");
     slam.observe_features(&[feature([2.0, 0.0, -0.1])], &view, &streams(0)).expect("upright");
-    slam.step(&rest(&start), &streams(1)).expect("upright");
+    slam.step(&rest(&start)).expect("upright");
     let two = [feature([2.0, 0.078, -0.1]), feature([2.0, -0.078, -0.1])];
     let estimate = slam.observe_features(&two, &view, &streams(1)).expect("upright");
     assert_eq!((estimate.features, estimate.matched), (2, 1));
@@ -73,11 +73,11 @@ fn extreme_a_kidnapped_rover_does_not_match_wrong_landmarks() {
     let rocks = [DVec3::new(2.0, 0.0, 0.2), DVec3::new(2.5, 1.5, 0.2), DVec3::new(1.0, -2.0, 0.2)];
     let mut slam = slam(&fastslam(50), &start);
     for step in 0..4 {
-        slam.step(&rest(&start), &streams(step)).expect("upright");
+        slam.step(&rest(&start)).expect("upright");
         slam.observe_features(&seen(&rocks, &start), &view, &streams(step)).expect("upright");
     }
     let carried = Pose { position_m: DVec3::new(0.0, -2.0, 0.0), ..start };
-    slam.step(&rest(&carried), &streams(9)).expect("upright");
+    slam.step(&rest(&carried)).expect("upright");
     let estimate = slam.observe_features(&seen(&rocks, &carried), &view, &streams(9)).expect("upright");
     assert!(estimate.features >= 2);
     assert_eq!(estimate.matched, 0, "{estimate:?}");
@@ -106,7 +106,7 @@ fn extreme_lost_features_switch_the_mode_and_found_ones_switch_it_back() {
     let mut pose = Pose { position_m: DVec3::new(1.0, 0.0, 0.0), ..start };
     for k in 11..=25u32 {
         pose.position_m.x += 0.1;
-        slam.step(&Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&pose) }, &streams(k)).expect("upright");
+        slam.step(&Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&pose) }).expect("upright");
         if k % 5 == 0 {
             slam.observe_features(&[], &Visibility::blind(0.0), &streams(k)).expect("upright");
         }
@@ -114,7 +114,7 @@ fn extreme_lost_features_switch_the_mode_and_found_ones_switch_it_back() {
     assert_eq!(slam.mode(), Mode::DeadReckoning);
     let lost = slam.estimate();
     assert!(lost.sigmas()[0] > 1.5 * known);
-    slam.step(&rest(&pose), &streams(26)).expect("upright");
+    slam.step(&rest(&pose)).expect("upright");
     let regained = slam.observe_features(&seen(&rocks, &pose), &view, &streams(26)).expect("upright");
     assert_eq!(slam.mode(), Mode::Slam);
     assert!(regained.sigmas()[0] < 0.7 * lost.sigmas()[0]);
@@ -132,10 +132,10 @@ fn extreme_ten_thousand_landmarks() {
             Feature { known: Some(i), ..feature(polar) }
         })
         .collect();
-    slam.step(&rest(&start), &streams(0)).expect("upright");
+    slam.step(&rest(&start)).expect("upright");
     slam.observe_features(&many, &Visibility::blind(0.0), &streams(0)).expect("upright");
     assert_eq!(slam.best().1.len(), 10_000);
-    slam.step(&rest(&start), &streams(1)).expect("upright");
+    slam.step(&rest(&start)).expect("upright");
     slam.observe_features(&[feature([9.0, 0.0, 0.0])], &Visibility::blind(0.0), &streams(1)).expect("upright");
     sound(&slam);
     assert_eq!(slam.estimate().new_landmarks, 1);
@@ -159,7 +159,7 @@ fn law_missing_landmarks_fade_and_hidden_ones_stay() {
     let run = |view: &Visibility| {
         let mut slam = slam(&fastslam(5), &start);
         for step in 0..12 {
-            slam.step(&rest(&start), &streams(step)).expect("upright");
+            slam.step(&rest(&start)).expect("upright");
             let features: &[Feature] = if step < 3 { &rock } else { &[] };
             slam.observe_features(features, view, &streams(step)).expect("upright");
         }

@@ -29,9 +29,9 @@ fn law_a_predicted_step_ends_where_the_arc_ends() {
 fn exact_dead_reckoning_variance_grows_by_the_metre() {
     let start = Pose::default();
     let mut slam = slam(&SlamParams::DeadReckoning, &start);
-    slam.step(&rest(&start), &streams(0)).expect("upright");
-    for k in 1..=40 {
-        slam.step(&Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&start) }, &streams(k)).expect("upright");
+    slam.step(&rest(&start)).expect("upright");
+    for _ in 1..=40 {
+        slam.step(&Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&start) }).expect("upright");
     }
     let estimate = slam.estimate();
     assert!((estimate.pose.position_m.x - 4.0).abs() < 1e-12);
@@ -45,12 +45,12 @@ fn law_the_height_is_as_uncertain_as_the_ground_is_rough() {
     let sigma_z_m = |steps_rad: f64| {
         let start = Pose::default();
         let mut slam = slam(&SlamParams::DeadReckoning, &start);
-        slam.step(&rest(&start), &streams(0)).expect("upright");
+        slam.step(&rest(&start)).expect("upright");
         let mut pitch_rad = 0.0;
         for k in 1..=40 {
             pitch_rad += if k % 4 < 2 { steps_rad } else { -steps_rad };
             let reading = Reading { dt_s: 1.0, speed_mps: 0.1, pitch_rad: Some(pitch_rad), ..rest(&start) };
-            slam.step(&reading, &streams(k)).expect("upright");
+            slam.step(&reading).expect("upright");
         }
         assert_eq!(slam.counters(), Counters::default());
         slam.estimate().sigmas()[2]
@@ -132,9 +132,9 @@ fn exact_a_stated_bias_widens_roll_pitch_and_with_the_way_the_height() {
     let covariance = |imu_bias_rad: f64| {
         let noise = InstrumentNoise { imu_bias_rad, ..NOISE };
         let mut slam = Slam::new(&SlamParams::DeadReckoning, &noise, &start, &mast()).expect("a filter");
-        slam.step(&rest(&start), &streams(0)).expect("upright");
-        for k in 1..=40 {
-            slam.step(&Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&start) }, &streams(k)).expect("upright");
+        slam.step(&rest(&start)).expect("upright");
+        for _ in 1..=40 {
+            slam.step(&Reading { dt_s: 1.0, speed_mps: 0.1, ..rest(&start) }).expect("upright");
         }
         slam.estimate().covariance
     };
@@ -151,8 +151,8 @@ fn exact_readings_at_rest_average_as_a_scalar_kalman_filter_does() {
     let start = Pose::default();
     let mut slam = slam(&fastslam(1), &start);
     let readings = [0.03, -0.01, 0.02, 0.05, 0.01];
-    for (k, yaw) in readings.into_iter().enumerate() {
-        slam.step(&Reading { yaw_rad: Some(yaw), ..rest(&start) }, &streams(k as u32)).expect("upright");
+    for yaw in readings {
+        slam.step(&Reading { yaw_rad: Some(yaw), ..rest(&start) }).expect("upright");
     }
     let estimate = slam.estimate();
     assert!((estimate.pose.yaw_rad - 0.02).abs() < 1e-15, "the mean of the readings");
@@ -205,7 +205,7 @@ fn extreme_one_broken_reading_on_the_way_is_left_out_and_leaves_nothing_behind()
         for step in 0..40 {
             let ahead = Reading { dt_s: 1.0, speed_mps: 0.05, yaw_rad: None, ..rest(&start) };
             let pitch_rad = if broken && step == 20 { Some(0.7) } else { ahead.pitch_rad };
-            slam.step(&Reading { pitch_rad, ..ahead }, &streams(step)).expect("upright");
+            slam.step(&Reading { pitch_rad, ..ahead }).expect("upright");
         }
         slam
     };
@@ -225,10 +225,10 @@ fn extreme_ten_thousand_steps_at_rest_change_nothing() {
     let mut slam = slam(&fastslam(10), &start);
     drive_ahead(&mut slam, &start, &field(DVec3::ZERO), 10);
     let still = Reading { roll_rad: None, pitch_rad: None, yaw_rad: None, ..rest(&start) };
-    slam.step(&still, &streams(50)).expect("upright");
+    slam.step(&still).expect("upright");
     let before = slam.estimate();
     for _ in 0..10_000 {
-        slam.step(&still, &streams(50)).expect("upright");
+        slam.step(&still).expect("upright");
     }
     let after = slam.estimate();
     assert_eq!((before.pose, before.covariance), (after.pose, after.covariance));

@@ -44,14 +44,14 @@ fn streams(step: u32) -> Streams {
 fn at_start(params: FastslamParams, slope: f64) -> Slam {
     let start = stop(0.0, slope);
     let mut slam = Slam::new(&SlamParams::Fastslam(params), &NOISE, &start, &mount()).expect("a filter");
-    slam.step(&reading(0.0, slope), &streams(0)).expect("upright");
+    slam.step(&reading(0.0, slope)).expect("upright");
     slam.observe(&scan(&posts(slope), &tilted(), &start), &streams(0)).expect("upright");
     slam
 }
 
 /// How far the estimate is from the truth along the way after the second sweep.
 fn error_m(mut slam: Slam, slope: f64) -> f64 {
-    slam.step(&reading(TOLD_M, slope), &streams(1)).expect("upright");
+    slam.step(&reading(TOLD_M, slope)).expect("upright");
     let truth = stop(DRIVEN_M, slope);
     let estimate = slam.observe(&scan(&posts(slope), &tilted(), &truth), &streams(1)).expect("upright");
     estimate.pose.position_m.x - truth.position_m.x

@@ -78,7 +78,7 @@ fn dist_extracted_features_beat_dead_reckoning_and_come_near_to_points() {
             let mut errors = Vec::new();
             for (k, truth) in drive.truth.iter().enumerate() {
                 let streams = streams.at_step(k as u32);
-                slam.step(&drive.readings[k], &streams).expect("upright");
+                slam.step(&drive.readings[k]).expect("upright");
                 if let Some(sweep) = &ring.sweeps[k] {
                     let estimate = slam.observe(&sweep.returns, &streams).expect("upright");
                     if !registration {

@@ -57,7 +57,7 @@ pub fn run(method: &SlamParams, drive: &Drive, noise: &InstrumentNoise, seed: u6
     let reckons = matches!(method, SlamParams::DeadReckoning);
     for (k, truth) in drive.truth.iter().enumerate() {
         let streams = streams.at_step(k as u32);
-        slam.step(&drive.readings[k], &streams).expect("upright");
+        slam.step(&drive.readings[k]).expect("upright");
         if let (Some(features), false) = (&drive.features[k], reckons) {
             slam.observe_features(features, &drive.visibility, &streams).expect("upright");
             run.innovations.extend(slam.mean_innovation());
