@@ -1,6 +1,7 @@
 //! EKF-SLAM with known landmarks: one joint Gaussian over pose and map, no particles. The oracle.
 //!
-//! Same models as the filter's (they are the question's data), other algebra: dense joint covariance, stacked updates.
+//! Same models as the filter's (they are the question's data), other algebra: dense joint covariance, stacked updates. Deviation: the slope of its
+//! ground walks as usual, where the filter reads off roll and pitch how far.
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
