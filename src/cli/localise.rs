@@ -10,7 +10,7 @@ use super::Failure;
 use super::output::{errln, outln};
 use super::place::{corpus_failure, fault_words, must_be_local};
 use crate::corpus::outputs::Outputs;
-use crate::drive::InstrumentNoise;
+use crate::drive::{InstrumentNoise, Reading};
 use crate::geometry::{DVec3, Pose, Transform};
 use crate::recording::{self, LocateParams, Located, Recording, RecordingError, Score, Step, read};
 use crate::slam::{self, FastslamParams, SlamParams};
@@ -41,26 +41,11 @@ pub(super) struct LocaliseArgs {
     #[arg(long, default_value = "located")]
     out: PathBuf,
     /// Start x, y (metres) and heading (degrees); default: the truth at the odometry's first time (or its first row), or 0,0,0.
-    #[arg(
-        long,
-        value_name = "X,Y,DEG",
-        value_delimiter = ',',
-        num_args = 3,
-        allow_hyphen_values = true,
-        value_parser = finite
-    )]
-    start: Option<Vec<f64>>,
+    #[arg(long, value_name = "X,Y,DEG", allow_hyphen_values = true, value_parser = three)]
+    start: Option<[f64; 3]>,
     /// The sensor on the rover, metres: forward, left, up.
-    #[arg(
-        long,
-        value_name = "X,Y,Z",
-        value_delimiter = ',',
-        num_args = 3,
-        default_value = "0,0,0",
-        allow_hyphen_values = true,
-        value_parser = finite
-    )]
-    sensor: Vec<f64>,
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", allow_hyphen_values = true, value_parser = three)]
+    sensor: [f64; 3],
     /// Particles: recordings are long, and with few of them all descend from one ancestor.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     particles: u32,
@@ -109,8 +94,11 @@ pub(super) struct LocaliseArgs {
     json: bool,
 }
 
-fn finite(text: &str) -> Result<f64, String> {
-    text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| "a finite number is needed".into())
+fn three(text: &str) -> Result<[f64; 3], String> {
+    let finite = |part: &str| part.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    let values: Option<Vec<f64>> = text.split(',').map(finite).collect();
+    let three = values.and_then(|values| <[f64; 3]>::try_from(values).ok());
+    three.ok_or_else(|| "three finite numbers with commas between are needed".into())
 }
 
 fn at_least_0(text: &str) -> Result<f64, String> {
@@ -193,27 +181,37 @@ fn start(args: &LocaliseArgs, truth: Option<&[read::TruePose]>, recording: &Reco
     let begun = recording.readings.first();
     let begun_at = |truth| begun.and_then(|&(time_s, _)| recording::truth_at(truth, time_s));
     let of_truth = truth.and_then(|truth| begun_at(truth).or_else(|| truth.first().map(|row| row.pose)));
-    match (args.start.as_deref(), of_truth) {
-        (Some(&[x_m, y_m, yaw_deg]), _) => {
-            Ok(Pose { position_m: DVec3::new(x_m, y_m, 0.0), yaw_rad: yaw_deg.to_radians(), ..Pose::default() })
-        }
-        (_, Some(pose)) => Ok(pose),
-        // Believed to be 0, the heading would gate every reading that says otherwise.
-        _ if begun.is_some_and(|(_, reading)| reading.yaw_rad.is_none())
-            && recording.readings.iter().any(|(_, reading)| reading.yaw_rad.is_some()) =>
-        {
-            let help = "give --start X,Y,DEG or --truth, or begin the log at a row that has yaw_rad";
-            let file = args.odometry.display();
-            Err(Failure::usage(miette::miette!(
-                help = help,
-                "{file}: yaw_rad is empty in the first row and told later: the start's heading is unknown"
-            )))
-        }
-        _ => Ok(Pose::default()),
-    }
+    let Some(pose) = of_truth else { return start_without_truth(args, recording) };
+    Ok(told_start(args).unwrap_or(pose))
 }
 
-/// Of a recording every feature is taken.
+fn told_start(args: &LocaliseArgs) -> Option<Pose> {
+    let [x_m, y_m, yaw_deg] = args.start?;
+    Some(Pose { position_m: DVec3::new(x_m, y_m, 0.0), yaw_rad: yaw_deg.to_radians(), ..Pose::default() })
+}
+
+/// Angles that nobody tells are believed to be 0, and readings that say otherwise would be gated.
+fn start_without_truth(args: &LocaliseArgs, recording: &Recording) -> Result<Pose, Failure> {
+    let told = told_start(args);
+    let angles: [(&str, fn(&Reading) -> Option<f64>); 3] =
+        [("roll_rad", |r| r.roll_rad), ("pitch_rad", |r| r.pitch_rad), ("yaw_rad", |r| r.yaw_rad)];
+    for (name, of) in angles {
+        let begins = recording.readings.first().is_some_and(|(_, reading)| of(reading).is_some());
+        let is_told_later = recording.readings.iter().any(|(_, reading)| of(reading).is_some());
+        if is_told_later && !begins && !(name == "yaw_rad" && told.is_some()) {
+            let file = args.odometry.display();
+            let start = if name == "yaw_rad" { ", or --start X,Y,DEG" } else { "" };
+            let help = format!("begin the log at a row that has {name}, or give --truth{start}");
+            return Err(Failure::usage(miette::miette!(
+                help = help,
+                "{file}: {name} is empty in the first row and told later, so that the start's is unknown"
+            )));
+        }
+    }
+    Ok(told.unwrap_or_default())
+}
+
+/// Of a recording as many features of a time are taken as there are, but of those without ids one within 0.3 m.
 fn fastslam(args: &LocaliseArgs, recording: &Recording) -> FastslamParams {
     let most_features = recording.observations.iter().map(|(_, features)| features.len()).max();
     FastslamParams {
@@ -236,7 +234,7 @@ fn locate(recording: &Recording, args: &LocaliseArgs, start: Pose, slam: SlamPar
         slip: args.slip,
         heading_rad_per_sqrt_m: args.odometry_deg_per_sqrt_m.to_radians(),
     };
-    let translation_m = DVec3::new(args.sensor[0], args.sensor[1], args.sensor[2]);
+    let translation_m = DVec3::from(args.sensor);
     let params = LocateParams {
         slam,
         noise,

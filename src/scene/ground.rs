@@ -205,7 +205,7 @@ fn add(heights_m: &mut [f64], nodes_m: &[f64], reach: Disc, height_m: impl Fn(f6
 mod tests {
     use std::sync::Arc;
 
-    use super::super::params::{FeatureParams, LandformParams, RandomGround, RoughnessParams};
+    use super::super::params::{ExcavationParams, FeatureParams, LandformParams, RandomGround, RoughnessParams};
     use super::*;
     use crate::geometry::DVec2;
     use crate::random::Stage;
@@ -321,13 +321,60 @@ mod tests {
             sum += difference * difference;
             let bank = banked.height_m(x, y) - shape.height_m(x, y);
             raised += usize::from(bank > 0.1);
-            // Disc the raster's own sampling: the ridge stands where it stood, a crater added or not.
+            // Within the raster's own sampling: the ridge stands where it stood, a crater added or not.
             assert!(bank > -1e-3);
         }
         // 1600 correlation areas: the rms scatters by 2 %.
         let rms = (sum / raster.heights_m.len() as f64).sqrt();
         assert!((rms / 0.02 - 1.0).abs() < 0.1, "{rms}");
         assert!(raised > 0 && both.height_m(1.0, 1.0).is_finite());
+    }
+
+    #[test]
+    fn equal_nodes_of_forms_added_where_they_reach_and_of_all_forms_everywhere() {
+        let landform = |length_m: Option<f64>| LandformParams {
+            count: 4.0.into(),
+            height_m: 0.3.into(),
+            width_m: crate::random::Dist::Law(crate::random::Law::Uniform([0.3, 3.0])),
+            length_m: length_m.map(Into::into),
+        };
+        let excavated = |length_m: Option<f64>| ExcavationParams {
+            count: 4.0.into(),
+            depth_m: 0.5.into(),
+            width_m: crate::random::Dist::Law(crate::random::Law::Uniform([0.3, 3.0])),
+            length_m: length_m.map(Into::into),
+            rounding_m: crate::random::Dist::Law(crate::random::Law::Uniform([0.05, 1.0])),
+            lip_m: 0.05.into(),
+        };
+        for length_m in [None, Some(4.0)] {
+            let features = vec![
+                FeatureParams::Ridge(landform(length_m)),
+                FeatureParams::Step(landform(length_m)),
+                FeatureParams::Ditch(landform(length_m)),
+                FeatureParams::Crater(landform(None)),
+                FeatureParams::Trench(excavated(length_m)),
+                FeatureParams::Hole(excavated(None)),
+                FeatureParams::DropOff(excavated(length_m)),
+            ];
+            let (formed, dug) = (
+                landforms::place(&features, EXTENT_M, &streams(2)),
+                excavation::place(&features, EXTENT_M, &streams(2)),
+            );
+            assert_eq!((formed.len(), dug.len()), (16, 12));
+            for shape in [polynomial(5), raw(0.25)] {
+                let plain = random_ground(0.2, 8.0, shape);
+                let under = grown(&plain, 2).unwrap();
+                let params = GroundParams { features: features.clone(), ..plain };
+                let Ground::Raster(raster) = grown(&params, 2).unwrap() else { panic!("forms make a raster") };
+                let nodes_m = Raster::nodes_m(EXTENT_M, raster.spacing_m);
+                for (k, height) in raster.heights_m.iter().enumerate() {
+                    let (x, y) = (nodes_m[k % raster.cols], nodes_m[k / raster.cols]);
+                    let formed = formed.iter().fold(under.height_m(x, y), |height, form| height + form.height_m(x, y));
+                    let whole = dug.iter().fold(formed, |height, form| height + form.height_m(x, y));
+                    assert_eq!(height.to_bits(), whole.to_bits(), "at {x}, {y}");
+                }
+            }
+        }
     }
 
     #[test]

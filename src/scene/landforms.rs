@@ -47,7 +47,7 @@ pub(super) struct Footprint {
     pub half_length_m: f64,
 }
 
-/// The disc outside which a form adds nothing: exactly nought.
+/// The disc outside which a form adds nothing: exactly nought, of either sign.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Disc {
     pub centre_m: DVec2,

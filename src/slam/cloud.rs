@@ -25,7 +25,7 @@ pub(super) struct ParticleMoments {
 pub(super) struct Cloud {
     pub particles: Vec<Particle>,
     spare: Vec<Particle>,
-    /// The likeliest before the last resampling, or a child of it: the likeliest as long as all weigh the same.
+    /// Wins where log weights are equal: the first child of the particle that was likeliest before the last resampling; 0 before any.
     favourite: usize,
     ancestry: Genealogy,
 }

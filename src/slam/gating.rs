@@ -90,19 +90,23 @@ pub(super) struct RangeGate {
 }
 
 impl RangeGate {
-    /// How far from a feature's place, metres, a landmark can lie that is within [`NEW_BEYOND`] of it; the variances are of the feature's
-    /// two angles together, and the most that any landmark has.
+    /// How far from a feature's place, metres, to look for landmarks that are within [`NEW_BEYOND`] of it. `angles_variance_rad2`: of the feature's
+    /// two angles, their sum. `landmark_variance_m2`: the greatest trace of a landmark's covariance.
     ///
     /// An innovation within the gate is at most sqrt(NEW_BEYOND tr S), taken in metres across the line of sight: range times angle. With r the
     /// landmark's range, tr S is at most (m + r t)^2 + r^2 n^2 + v: the position and the lever move the line of sight by m, the angles turn it by t,
     /// those of the feature err by n, its range and the landmark have the variance v. That is no more than
-    /// (sqrt(m^2 + v) + r sqrt(t^2 + n^2))^2, and r no more than the feature's range and the reach itself.
+    /// (sqrt(m^2 + v) + r sqrt(t^2 + n^2))^2, and r no more than the feature's range and the reach itself. To first order in the distance over the
+    /// range: a landmark far nearer than the feature may be left out at the end of the gate, where it would have made the feature unclear. What
+    /// lies within the gate of a match is found.
     #[inline(always)]
     pub(super) fn reach_m(&self, angles_variance_rad2: f64, landmark_variance_m2: f64) -> f64 {
-        let moved_m = self.moved_m + self.lever_m * self.turned_rad;
+        // The axes of roll and yaw are not at right angles where the rover pitches.
+        let turned_rad = std::f64::consts::SQRT_2 * self.turned_rad;
+        let moved_m = self.moved_m + self.lever_m * turned_rad;
         let sigmas = (SLACK * NEW_BEYOND).sqrt();
         let by_place_m = sigmas * (moved_m * moved_m + self.variance_m2 + landmark_variance_m2).sqrt();
-        let by_angle_rad = sigmas * (self.turned_rad * self.turned_rad + angles_variance_rad2).sqrt();
+        let by_angle_rad = sigmas * (turned_rad * turned_rad + angles_variance_rad2).sqrt();
         let shrunk = 1.0 - by_angle_rad;
         if shrunk > 0.0 { (by_place_m + by_angle_rad * self.range_m) / shrunk } else { f64::INFINITY }
     }

@@ -165,9 +165,9 @@ pub enum SlamError {
     Upended { pitch_deg: f64 },
     #[error("slam.fastslam.particles is 0: give at least 1")]
     NoParticles,
-    #[error("the start pose holds a value that is not finite")]
+    #[error("the start pose holds a value that is not finite: give finite numbers")]
     StartNotFinite,
-    #[error("the sensor's place on the rover holds a value that is not finite")]
+    #[error("the sensor's place on the rover holds a value that is not finite: give finite numbers")]
     MountNotFinite,
     #[error("the filter is told of a slip of {slip}: give a share of 0 to {MOST_SLIP}")]
     Slip { slip: f64 },

@@ -13,6 +13,7 @@ pub(super) const FEATURE_SIGMA: Vector<3> = [0.03, DEGREE, DEGREE];
 const LEAST_FEATURE_SIGMA: Vector<3> = [0.01, 0.25 * DEGREE, 0.25 * DEGREE];
 /// Features of one sweep stand at least this far apart, metres.
 const FEATURE_SPACING_M: f64 = 0.3;
+
 /// A thing seen in a sweep, sensor frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feature {
@@ -22,7 +23,7 @@ pub struct Feature {
     pub points: u32,
     /// Half its width across the line of sight, metres.
     pub half_width_m: f64,
-    /// Which landmark it is, where a test knows; features of sweeps never do.
+    /// Which landmark it is, where a log tells it; features of sweeps never do.
     pub known: Option<u32>,
 }
 

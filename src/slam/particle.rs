@@ -1,6 +1,6 @@
 //! One particle and one sweep's features -> its refined pose, its weight, its map.
 //!
-//! In: a [`Particle`], [`Feature`]s, the mount. Out: the same particle. Source: Montemerlo et al. 2003, in the gain form of
+//! In: a [`Particle`], [`Observation`]s, the mount. Out: the same particle. Source: Montemerlo et al. 2003, in the gain form of
 //! T. Bailey's fastslam2: the covariance is carried and never inverted (it is singular right after a step), and every
 //! feature of a sweep refines the pose before it is drawn. Deviation: a feature that may be of two landmarks updates neither; those
 //! of association are told in `associate`.

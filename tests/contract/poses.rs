@@ -137,9 +137,83 @@ fn extreme_localise_refuses_nonsense_with_file_line_and_cure() {
         (&["localise", "o.csv", "--slip=0.95"], "a number of 0 to 0.9 is needed"),
         (&["localise", "o.csv", "--slip=-0.1"], "a number of 0 to 0.9 is needed"),
         (&["localise", "o.csv", "--slip=nan"], "a number of 0 to 0.9 is needed"),
+        (&["localise", "o.csv", "--sensor=nan,0,0"], "three finite numbers with commas between are needed"),
+        (&["localise", "o.csv", "--start", "1,0"], "three finite numbers with commas between are needed"),
     ] {
         let output = yard.marsyard(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         assert!(text(&output.stderr).contains(said), "{}", text(&output.stderr));
     }
+}
+
+/// The first line of the trajectory: x, y, z and heading (radians).
+fn first_pose(yard: &Yard, out: &str) -> [f64; 4] {
+    let trajectory = std::fs::read_to_string(yard.path(&format!("{out}/trajectory.tum"))).expect("a file");
+    let values: Vec<f64> =
+        trajectory.lines().next().expect("a line").split(' ').map(|v| v.parse().expect("a number")).collect();
+    // time, x, y, z, and the quaternion x, y, z, w of a level rover.
+    [values[1], values[2], values[3], 2.0 * values[6].atan2(values[7])]
+}
+
+#[test]
+fn law_a_drive_starts_where_the_truth_says_that_the_rover_was_at_the_logs_first_time() {
+    let yard = Yard::new();
+    std::fs::write(yard.path("o.csv"), "time_s,speed_mps,yaw_rate_radps\n2,0,0\n3,1,0\n4,1,0\n").expect("a file");
+    let truth = |name: &str, first_s: f64| {
+        let row = |k: u32| format!("{},{k},0,0.5\n", first_s + f64::from(k));
+        let rows: String = (0..8).map(row).collect();
+        std::fs::write(yard.path(name), format!("time_s,x_m,y_m,yaw_rad\n{rows}")).expect("a file");
+    };
+    // One metre a second from half a second, and from two and a half: the first holds the log's first time.
+    truth("earlier.csv", 0.5);
+    truth("later.csv", 2.5);
+    for (name, x_m) in [("earlier", 1.5), ("later", 0.0)] {
+        let output = yard.marsyard(["localise", "o.csv", "--truth", &format!("{name}.csv"), "--out", name]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let [x, y, z, yaw_rad] = first_pose(&yard, name);
+        assert!(
+            (x - x_m).abs() < 1e-9 && y == 0.0 && z == 0.0 && (yaw_rad - 0.5).abs() < 1e-9,
+            "{name}: {x} {yaw_rad}"
+        );
+    }
+}
+
+#[test]
+fn law_angles_that_are_told_later_and_not_at_the_start_are_refused_unless_somebody_tells_them() {
+    let yard = Yard::new();
+    let log = |name: &str, column: &str| {
+        let text = format!("time_s,speed_mps,yaw_rate_radps,{column}\n0,0,0,\n1,1,0,0.7\n2,1,0,0.7\n");
+        std::fs::write(yard.path(name), text).expect("a file");
+    };
+    log("yaw.csv", "yaw_rad");
+    log("roll.csv", "roll_rad");
+    std::fs::write(yard.path("t.csv"), "time_s,x_m,y_m,yaw_rad\n0,0,0,0.7\n2,2,0,0.7\n").expect("a file");
+    let refused = |arguments: &[&str], cure: &str| {
+        let output = yard.marsyard(arguments);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains("is empty in the first row") && said.contains(cure), "{said}");
+    };
+    refused(&["localise", "yaw.csv"], "--start");
+    refused(&["localise", "roll.csv", "--start=0,0,40"], "--truth");
+    for arguments in [
+        &["localise", "yaw.csv", "--start", "-1,0,40", "--out", "a"][..],
+        &["localise", "yaw.csv", "--truth", "t.csv", "--out", "b"],
+        &["localise", "roll.csv", "--truth", "t.csv", "--out", "c"],
+    ] {
+        let output = yard.marsyard(arguments);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+    }
+}
+
+#[test]
+fn law_all_features_of_a_time_are_mapped() {
+    let yard = Yard::new();
+    std::fs::write(yard.path("o.csv"), "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,0,0\n").expect("a file");
+    let seen: String = (0..40).map(|k| format!("0,{},{},{k}\n", 2 + k, 0.1 * f64::from(k))).collect();
+    std::fs::write(yard.path("f.csv"), format!("time_s,range_m,bearing_rad,id\n{seen}")).expect("a file");
+    let output = yard.marsyard(["localise", "o.csv", "--features", "f.csv", "--out", "a"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let landmarks = std::fs::read_to_string(yard.path("a/landmarks.csv")).expect("a file");
+    assert_eq!(landmarks.lines().count(), 1 + 40, "{landmarks}");
 }
