@@ -193,11 +193,11 @@ fn told_start(args: &LocaliseArgs) -> Option<Pose> {
 /// Angles that nobody tells are believed to be 0, and readings that say otherwise would be gated.
 fn start_without_truth(args: &LocaliseArgs, recording: &Recording) -> Result<Pose, Failure> {
     let told = told_start(args);
-    let angles: [(&str, fn(&Reading) -> Option<f64>); 3] =
-        [("roll_rad", |r| r.roll_rad), ("pitch_rad", |r| r.pitch_rad), ("yaw_rad", |r| r.yaw_rad)];
-    for (name, of) in angles {
-        let begins = recording.readings.first().is_some_and(|(_, reading)| of(reading).is_some());
-        let is_told_later = recording.readings.iter().any(|(_, reading)| of(reading).is_some());
+    let is_told =
+        |reading: &Reading, angle: usize| [reading.roll_rad, reading.pitch_rad, reading.yaw_rad][angle].is_some();
+    for (angle, name) in ["roll_rad", "pitch_rad", "yaw_rad"].into_iter().enumerate() {
+        let begins = recording.readings.first().is_some_and(|(_, reading)| is_told(reading, angle));
+        let is_told_later = recording.readings.iter().any(|(_, reading)| is_told(reading, angle));
         if is_told_later && !begins && !(name == "yaw_rad" && told.is_some()) {
             let file = args.odometry.display();
             let start = if name == "yaw_rad" { ", or --start X,Y,DEG" } else { "" };
