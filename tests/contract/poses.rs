@@ -152,7 +152,7 @@ fn first_pose(yard: &Yard, out: &str) -> [f64; 4] {
     let values: Vec<f64> =
         trajectory.lines().next().expect("a line").split(' ').map(|v| v.parse().expect("a number")).collect();
     // time, x, y, z, and the quaternion x, y, z, w of a level rover.
-    [values[1], values[2], values[3], 2.0 * values[6].atan2(values[7])]
+    [values[1], values[2], values[3], 2.0 * marsyard::math::atan2(values[6], values[7])]
 }
 
 #[test]
