@@ -3,7 +3,7 @@
 
     cargo build --release && cargo build --release --example train_rows
     pip install numpy scikit-learn pyarrow torch lightgbm
-    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--settings RESULTS] [--beside KEPT] [--quick]
+    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--settings RESULTS] [--quick]
 
 Everybody gets the same rows of whole training scenes and the same columns (those that `train` takes by default; of paper.yaml the listed ones,
 neighbours as heights above the cell), standardised by these rows and clipped at 8, the other networks with their normal scores beside them where their search has it so
@@ -24,7 +24,7 @@ trainer lowers. Networks have two hidden layers of 16, but for the one that says
 
 Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
 for longer budgets (--settings takes those of an earlier run, a quarter of the time saved). The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
-engine and seed, so that an interrupted run goes on. --beside KEPT takes in what another machine measured, as tables of their own.
+engine and seed, so that an interrupted run goes on.
 """
 
 import argparse
@@ -394,10 +394,8 @@ def markdown(about, kept, corpora, seeds):
         of = about["corpora"][name]
         text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).\n\n"
         text += table(kept, name, seeds) + "\n\n"
-        if beside := kept.get("beside"):
-            text += f"{beside['machine']}:\n\n{table(beside, name, seeds)}\n\n"
         settings = {engine: kept["settings"].get(f"{name}/{engine}") for engine, (_, all_of) in ENGINES.items() if len(all_of) > 1}
-        text += "Settings found: " + "; ".join(f"{engine}: {', '.join([readable(choices(engine)[k][1]), choices(engine)[k][0]])}" for engine, k in settings.items() if k is not None) + ".\n"
+        text += ("Settings of an earlier search: " if about["settings"] else "Settings found: ") + "; ".join(f"{engine}: {', '.join([readable(choices(engine)[k][1]), choices(engine)[k][0]])}" for engine, k in settings.items() if k is not None) + ".\n"
     return text
 
 
@@ -452,7 +450,6 @@ def main():
     parser.add_argument("--budgets", default="1,2,5,10,30,100")
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--settings", type=pathlib.Path, help="time_to_error.json of an earlier run, whose settings are taken instead of a search")
-    parser.add_argument("--beside", type=pathlib.Path, help="kept.json of another machine, with `machine`: where and how, in words")
     parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1); what memory bounds then learns less in a CPU second")
     study.add_arguments(parser, "time_to_error")
     options = parser.parse_args()
@@ -467,7 +464,7 @@ def main():
     named = {key: getattr(options, key) for key in ("corpora", "budgets", "seeds", "jobs")}
     asked = [f"--{key} {value}" for key, value in named.items() if value != parser.get_default(key)]
     asked += [f"--settings {options.settings}"] if options.settings else []
-    about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "corpora": {}}
+    about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "settings": options.settings and str(options.settings), "corpora": {}}
     for name in corpora:
         config = study.ROOT / "configs" / f"{name}.yaml"
         sizes = [f"scenes={options.scenes}", f"scenes_per_shard={max(1, options.scenes // 20)}"] if options.scenes else []
@@ -481,8 +478,6 @@ def main():
         task = tasks[INPUTS[0]]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
         measure_all(tasks, name, seeds, budgets, kept, store, options.jobs)
-    if options.beside:
-        kept["beside"] = json.loads(options.beside.read_text())
     text = markdown(about, kept, corpora, seeds)
     out = options.out
     (out / "time_to_error.json").write_text(json.dumps({"about": about, **kept}, indent=1) + "\n")
