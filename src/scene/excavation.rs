@@ -84,7 +84,7 @@ impl Excavation {
         let beyond_wall_m = half_rounding_m.max(0.5 * width_m);
         match self.kind {
             Kind::Trench => self.footprint.disc(0.5 * width_m + beyond_wall_m),
-            Kind::Hole => Disc { radius_m: (0.5 * width_m + beyond_wall_m) * (1.0 + 1e-9), ..self.footprint.disc(0.0) },
+            Kind::Hole => Disc::around(self.footprint.centre_m, 0.5 * width_m + beyond_wall_m),
             Kind::DropOff => self.footprint.disc(0.5 * width_m + width_m.max(half_rounding_m)),
         }
     }

@@ -157,7 +157,10 @@ fn with_details(shape: Ground, params: &GroundParams, extent_m: f64, drawn: &Dra
     let wanted_m = params.roughness.as_ref().map_or(LANDFORM_SPACING_M, |roughness| roughness.spacing_m);
     let spacing_m = wanted_m.min(own_m).max(extent_m / MAX_CELLS as f64);
     let nodes_m = Raster::nodes_m(extent_m, spacing_m);
-    let mut heights_m = heights_on_grid(&shape, &nodes_m);
+    let mut heights_m = match &shape {
+        Ground::Polynomial(polynomial) => polynomial.heights_on_grid(&nodes_m),
+        Ground::Raster(raster) => Raster::heights_on_grid(&nodes_m, |x, y| raster.height_m(x, y)),
+    };
     for landform in &landforms {
         add(&mut heights_m, &nodes_m, landform.reach(), |x, y| landform.height_m(x, y));
     }
@@ -173,16 +176,6 @@ fn with_details(shape: Ground, params: &GroundParams, extent_m: f64, drawn: &Dra
         heights_m.iter_mut().zip(rough).for_each(|(height, rough)| *height += rough);
     }
     Ground::Raster(Raster::of_yard(extent_m, nodes_m.len(), heights_m))
-}
-
-/// A shape's heights at the nodes of a square grid, row by row from the south.
-fn heights_on_grid(shape: &Ground, nodes_m: &[f64]) -> Vec<f64> {
-    match shape {
-        Ground::Polynomial(polynomial) => polynomial.heights_on_grid(nodes_m),
-        Ground::Raster(raster) => {
-            nodes_m.iter().flat_map(|&y| nodes_m.iter().map(move |&x| raster.height_m(x, y))).collect()
-        }
-    }
 }
 
 /// Adds what a form adds, at the nodes that it may reach.

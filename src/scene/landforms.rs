@@ -54,6 +54,13 @@ pub(super) struct Disc {
     pub radius_m: f64,
 }
 
+impl Disc {
+    pub(super) fn around(centre_m: DVec2, radius_m: f64) -> Disc {
+        // No node is left out for the last digit of its distance.
+        Disc { centre_m, radius_m: radius_m * (1.0 + 1e-9) }
+    }
+}
+
 /// A world point as a footprint sees it.
 pub(super) struct Seen {
     pub from_centre: DVec2,
@@ -73,8 +80,7 @@ impl Footprint {
 
     /// The disc that holds all that lies no farther than so much from the line.
     pub(super) fn disc(&self, from_line_m: f64) -> Disc {
-        // No node is left out for the last digit of its distance.
-        Disc { centre_m: self.centre_m, radius_m: (self.half_length_m + from_line_m) * (1.0 + 1e-9) }
+        Disc::around(self.centre_m, self.half_length_m + from_line_m)
     }
 }
 

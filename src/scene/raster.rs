@@ -40,11 +40,17 @@ impl Raster {
     /// The yard [0, extent]^2 sampled at nodes no farther apart than `spacing_m` (an exact part of the extent).
     pub fn sampled(extent_m: f64, spacing_m: f64, height_m: impl Fn(f64, f64) -> f64) -> Raster {
         let nodes_m = Raster::nodes_m(extent_m, spacing_m);
+        let heights_m = Raster::heights_on_grid(&nodes_m, height_m);
+        Raster::of_yard(extent_m, nodes_m.len(), heights_m)
+    }
+
+    /// A surface at the nodes of a square grid, row by row from the south.
+    pub(super) fn heights_on_grid(nodes_m: &[f64], height_m: impl Fn(f64, f64) -> f64) -> Vec<f64> {
         let mut heights_m = Vec::with_capacity(nodes_m.len() * nodes_m.len());
-        for &y_m in &nodes_m {
+        for &y_m in nodes_m {
             heights_m.extend(nodes_m.iter().map(|&x_m| height_m(x_m, y_m)));
         }
-        Raster::of_yard(extent_m, nodes_m.len(), heights_m)
+        heights_m
     }
 
     /// Where the nodes of a yard stand along a side, no farther apart than `spacing_m`.

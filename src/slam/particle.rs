@@ -165,8 +165,8 @@ impl Particle {
                 }
                 Association::New => {
                     // A number may be seen twice at its first sight.
-                    let known = feature.known.is_some();
-                    match self.landmarks.iter_mut().find(|landmark| known && landmark.known == feature.known) {
+                    let same = |landmark: &&mut Landmark| landmark.known == feature.known;
+                    match feature.known.and_then(|_| self.landmarks.iter_mut().find(same)) {
                         Some(landmark) => landmark.kalman_update(feature, &view, &noise),
                         None => self.landmarks.push(Landmark::new(feature, &view, variances)),
                     }

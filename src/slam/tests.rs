@@ -131,6 +131,16 @@ fn drive_among(slam: &mut Slam, start: &Pose, rocks: &[DVec3], steps: u32, seed:
     pose
 }
 
+/// A filter that drove ahead among rocks and stands still, and the reading of a step at rest that tells no angle.
+fn driven_and_still() -> (Slam, Reading) {
+    let start = Pose::default();
+    let mut slam = slam(&fastslam(10), &start);
+    drive_ahead(&mut slam, &start, &field(DVec3::ZERO), 10);
+    let still = Reading { roll_rad: None, pitch_rad: None, yaw_rad: None, ..rest(&start) };
+    slam.step(&still).expect("upright");
+    (slam, still)
+}
+
 /// No NaN, covariance symmetric and positive semi-definite to 1e-12, weights that sum to one.
 fn sound(slam: &Slam) {
     let estimate = slam.estimate();

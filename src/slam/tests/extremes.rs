@@ -161,11 +161,7 @@ fn extreme_doubles_in_one_sweep_make_no_second_landmark() {
 
 #[test]
 fn extreme_readings_that_are_no_numbers() {
-    let start = Pose::default();
-    let mut slam = slam(&fastslam(10), &start);
-    drive_ahead(&mut slam, &start, &field(DVec3::ZERO), 10);
-    let still = Reading { roll_rad: None, pitch_rad: None, yaw_rad: None, ..rest(&start) };
-    slam.step(&still).expect("upright");
+    let (mut slam, still) = driven_and_still();
     let (before, mut textbook) = (slam.estimate(), Planar { covariance: [[1e-4; 3]; 3], ..Planar::default() });
     textbook.read_heading(f64::NAN, 0.01);
     slam.step(&Reading { yaw_rad: Some(f64::NAN), ..still }).expect("upright");

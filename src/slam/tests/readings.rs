@@ -62,11 +62,7 @@ fn extreme_plus_and_minus_pi_are_one_heading() {
 
 #[test]
 fn extreme_senseless_readings_are_counted_and_change_nothing() {
-    let start = Pose::default();
-    let mut slam = slam(&fastslam(10), &start);
-    drive_ahead(&mut slam, &start, &field(DVec3::ZERO), 10);
-    let still = Reading { roll_rad: None, pitch_rad: None, yaw_rad: None, ..rest(&start) };
-    slam.step(&still).expect("upright");
+    let (mut slam, still) = driven_and_still();
     let before = slam.estimate();
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for reading in [

@@ -221,11 +221,7 @@ fn extreme_one_broken_reading_on_the_way_is_left_out_and_leaves_nothing_behind()
 
 #[test]
 fn extreme_ten_thousand_steps_at_rest_change_nothing() {
-    let start = Pose::default();
-    let mut slam = slam(&fastslam(10), &start);
-    drive_ahead(&mut slam, &start, &field(DVec3::ZERO), 10);
-    let still = Reading { roll_rad: None, pitch_rad: None, yaw_rad: None, ..rest(&start) };
-    slam.step(&still).expect("upright");
+    let (mut slam, still) = driven_and_still();
     let before = slam.estimate();
     for _ in 0..10_000 {
         slam.step(&still).expect("upright");
