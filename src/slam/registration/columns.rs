@@ -3,6 +3,8 @@
 //! In: places, metres. Out: an index over square columns of [`COLUMN_M`], each with its points one after the other, and the nearest point
 //! within a reach, or all within a radius. The columns span the box around the points; nothing is asked of their order.
 
+use std::ops::{Range, RangeInclusive};
+
 use crate::geometry::DVec3;
 
 /// Side of a column, metres.
@@ -69,8 +71,8 @@ impl Columns {
     pub(super) fn nearest(&self, place_m: DVec3, reach_m: f64) -> Option<(usize, f64)> {
         let (col, row) = self.column_of(place_m)?;
         let (mut best, mut found) = (reach_m * reach_m, None);
-        let mut look = |row: i64, from: i64, to: i64, best: &mut f64| {
-            for at in self.slots(row, from, to) {
+        let mut look = |slots: Range<usize>, best: &mut f64| {
+            for at in slots {
                 let apart = self.places_m[at].distance_squared(place_m);
                 if apart < *best {
                     (*best, found) = (apart, Some(at));
@@ -78,16 +80,9 @@ impl Columns {
             }
         };
         // Its own column first: what lies there leaves little to look at.
-        look(row, col, col, &mut best);
-        let (x, y) = ((place_m.x - self.west_m) / COLUMN_M, (place_m.y - self.south_m) / COLUMN_M);
-        let reach = best.sqrt() / COLUMN_M;
-        for row in (y - reach).floor() as i64..=(y + reach).floor() as i64 {
-            let aside = (row as f64 - y).max(y - row as f64 - 1.0).max(0.0) * COLUMN_M;
-            let rest = best - aside * aside;
-            if rest > 0.0 {
-                let along = rest.sqrt() / COLUMN_M;
-                look(row, (x - along).floor() as i64, (x + along).floor() as i64, &mut best);
-            }
+        look(self.slots(row, col, col), &mut best);
+        for row in self.rows_within(place_m, best) {
+            look(self.slots_within(row, place_m, best), &mut best);
         }
         found.map(|at| (at, best))
     }
@@ -95,18 +90,42 @@ impl Columns {
     /// Hands over every point that is at most `radius_m` from a place.
     #[inline(always)]
     pub(super) fn each_within(&self, place_m: DVec3, radius_m: f64, mut take: impl FnMut(DVec3)) {
-        let Some((col, row)) = self.column_of(place_m) else { return };
-        let reach = (radius_m / COLUMN_M).ceil() as i64;
-        for y in row - reach..=row + reach {
-            for at in self.slots(y, col - reach, col + reach) {
-                if self.places_m[at].distance_squared(place_m) <= radius_m * radius_m {
+        if self.column_of(place_m).is_none() {
+            return;
+        }
+        let radius_m2 = radius_m * radius_m;
+        for row in self.rows_within(place_m, radius_m2) {
+            for at in self.slots_within(row, place_m, radius_m2) {
+                if self.places_m[at].distance_squared(place_m) <= radius_m2 {
                     take(self.places_m[at]);
                 }
             }
         }
     }
 
+    /// The rows that a circle around a place touches.
+    #[inline(always)]
+    fn rows_within(&self, place_m: DVec3, radius_m2: f64) -> RangeInclusive<i64> {
+        let (y, reach) = ((place_m.y - self.south_m) / COLUMN_M, radius_m2.sqrt() / COLUMN_M);
+        (y - reach).floor() as i64..=(y + reach).floor() as i64
+    }
+
+    /// The slots of the points in the columns of a row that the circle touches.
+    #[inline(always)]
+    fn slots_within(&self, row: i64, place_m: DVec3, radius_m2: f64) -> Range<usize> {
+        let (x, y) = ((place_m.x - self.west_m) / COLUMN_M, (place_m.y - self.south_m) / COLUMN_M);
+        let aside = (row as f64 - y).max(y - row as f64 - 1.0).max(0.0) * COLUMN_M;
+        let rest = radius_m2 - aside * aside;
+        if rest > 0.0 {
+            let along = rest.sqrt() / COLUMN_M;
+            self.slots(row, (x - along).floor() as i64, (x + along).floor() as i64)
+        } else {
+            0..0
+        }
+    }
+
     /// The column of a place, which may lie beside the box; `None` for what is no number or far from everything.
+    #[inline(always)]
     fn column_of(&self, place_m: DVec3) -> Option<(i64, i64)> {
         let at = |t_m: f64, from_m: f64| {
             let column = ((t_m - from_m) / COLUMN_M).floor();
@@ -116,7 +135,8 @@ impl Columns {
     }
 
     /// The slots of the points in columns `from` to `to` of a row; none where these lie beside the box.
-    fn slots(&self, row: i64, from: i64, to: i64) -> std::ops::Range<usize> {
+    #[inline(always)]
+    fn slots(&self, row: i64, from: i64, to: i64) -> Range<usize> {
         let (first, last) = (from.max(0), to.min(self.width as i64 - 1));
         if row < 0 || row >= self.rows as i64 || first > last {
             return 0..0;

@@ -20,6 +20,7 @@ const OUTLYING: f64 = 9.0;
 const WEIGHTED_SHARE: f64 = 1.363;
 
 /// A point of the newer surface and the one of the older that it is taken for.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pair {
     /// The middle of both normals, and what it errs by their being apart.
     pub normal: DVec3,

@@ -15,6 +15,7 @@ mod surface;
 use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, half_solve, solve, square, sum, symmetrise, transpose};
 use crate::geometry::DVec3;
 use crate::math;
+use crate::wide::{Work, in_fours};
 use equations::{NormalEquations, Pair};
 use placement::Placement;
 pub(crate) use surface::Surface;
@@ -116,7 +117,8 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
         let reach_m = if k == 0 { reach_m.clamp(LEAST_REACH_M, stage.reach_m) } else { stage.reach_m };
         let stage = Stage { reach_m, ..*stage };
         for _ in 0..stage.steps {
-            let equations = NormalEquations::of(&pairs(newer, older, &placed, &stage), variance_m2);
+            let equations =
+                NormalEquations::of(&Laid { newer, older, placed: &placed, stage: &stage }.pairs(), variance_m2);
             if let Some(told_m2) = equations.told_m2() {
                 variance_m2 = told_m2.clamp(LEAST_SIGMA_M * LEAST_SIGMA_M, MOST_SIGMA_M * MOST_SIGMA_M);
             }
@@ -132,7 +134,7 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
     }
     // Once more where it ended, so that gradient and information are of one place.
     let last = &STAGES[STAGES.len() - 1];
-    let pairs = pairs(newer, older, &placed, last);
+    let pairs = Laid { newer, older, placed: &placed, stage: last }.pairs();
     let equations = NormalEquations::of(&pairs, variance_m2);
     let tried = newer.len().div_ceil(last.stride(newer));
     if equations.weight < (LEAST_POINTS as f64).max(LEAST_SHARE * tried as f64) {
@@ -151,9 +153,23 @@ impl Stage {
     }
 }
 
-fn pairs(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage) -> Vec<Pair> {
-    let points = newer.columns.places_m().iter().zip(&newer.normals).step_by(stage.stride(newer));
-    let pair = |(&point_m, &normal): (&DVec3, &DVec3)| {
+/// Which points of the newer surface, placed, lie on which of the older.
+struct Laid<'a> {
+    newer: &'a Surface,
+    older: &'a Surface,
+    placed: &'a Placement,
+    stage: &'a Stage,
+}
+
+impl Laid<'_> {
+    fn pairs(self) -> Vec<Pair> {
+        in_fours(self)
+    }
+
+    /// The pair of a point and its normal, if there is one.
+    #[inline(always)]
+    fn pair(&self, point_m: DVec3, normal: DVec3) -> Option<Pair> {
+        let Laid { older, placed, stage, .. } = self;
         let arm_m = placed.turn * point_m;
         let (here_m, own) = (placed.place_m + arm_m, placed.turn * normal);
         let (at, apart_m2) = older.columns.nearest(here_m, stage.reach_m)?;
@@ -171,8 +187,23 @@ fn pairs(newer: &Surface, older: &Surface, placed: &Placement, stage: &Stage) ->
         let across_m = normal.dot(other_m - here_m);
         // The mean of two normals errs by half of what they are apart.
         Some(Pair { normal, normal_error: 0.5 * (other - own), arm_m, across_m, spot })
-    };
-    points.filter_map(pair).collect()
+    }
+}
+
+impl Work for Laid<'_> {
+    type Out = Vec<Pair>;
+
+    #[inline(always)]
+    fn run(self) -> Vec<Pair> {
+        let (newer, stride) = (self.newer, self.stage.stride(self.newer));
+        let mut pairs = Vec::with_capacity(newer.len().div_ceil(stride));
+        for k in (0..newer.len()).step_by(stride) {
+            if let Some(pair) = self.pair(newer.columns.places_m()[k], newer.normals[k]) {
+                pairs.push(pair);
+            }
+        }
+        pairs
+    }
 }
 
 /// The inverse of the guess's covariance, with its least standard deviations.

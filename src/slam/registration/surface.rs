@@ -6,6 +6,7 @@
 
 use super::columns::Columns;
 use crate::geometry::DVec3;
+use crate::wide::{Work, in_fours};
 
 /// Points of one cube of this side are taken for one, metres.
 const THIN_M: f64 = 0.04;
@@ -34,12 +35,36 @@ impl Surface {
     /// Of points in any order; those that are not finite, or farther off than a rover's sensor sees, are left out.
     pub(crate) fn of(points_m: impl Iterator<Item = DVec3>) -> Surface {
         let (thinned, _) = Columns::of(&thinned(points_m));
+        let (means_m, normals) = in_fours(Neighbourhoods(&thinned));
+        let (columns, order) = Columns::of(&means_m);
+        Surface { columns, normals: order.iter().map(|&k| normals[k as usize]).collect() }
+    }
+
+    /// Whether it has points enough to be laid on another.
+    pub(crate) fn is_enough(&self) -> bool {
+        self.len() >= super::LEAST_POINTS
+    }
+
+    /// How many points it has.
+    pub(crate) fn len(&self) -> usize {
+        self.normals.len()
+    }
+}
+
+/// Means and normals of the points' neighbourhoods that tell one.
+pub(super) struct Neighbourhoods<'a>(pub(super) &'a Columns);
+
+impl Work for Neighbourhoods<'_> {
+    type Out = (Vec<DVec3>, Vec<DVec3>);
+
+    #[inline(always)]
+    fn run(self) -> (Vec<DVec3>, Vec<DVec3>) {
         let (mut means_m, mut normals) = (Vec::new(), Vec::new());
-        for &place_m in thinned.places_m() {
+        for &place_m in self.0.places_m() {
             let (mut count, mut sum_m) = (0, DVec3::ZERO);
             let (mut squares, mut products) = (DVec3::ZERO, DVec3::ZERO);
             // Relative to the place, so that a sweep far from its origin loses no digits.
-            thinned.each_within(place_m, NEIGHBOURHOOD_M, |near_m| {
+            self.0.each_within(place_m, NEIGHBOURHOOD_M, |near_m| {
                 let d = near_m - place_m;
                 count += 1;
                 sum_m += d;
@@ -57,36 +82,28 @@ impl Surface {
                 normals.push(normal);
             }
         }
-        let (columns, order) = Columns::of(&means_m);
-        Surface { columns, normals: order.iter().map(|&k| normals[k as usize]).collect() }
-    }
-
-    /// Whether it has points enough to be laid on another.
-    pub(crate) fn is_enough(&self) -> bool {
-        self.len() >= super::LEAST_POINTS
-    }
-
-    /// How many points it has.
-    pub(crate) fn len(&self) -> usize {
-        self.normals.len()
+        (means_m, normals)
     }
 }
 
 /// The means of the points of each cube, cube by cube.
 fn thinned(points_m: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
-    let cube = |t_m: f64| (t_m / THIN_M).floor() as i32;
-    let mut by_cube: Vec<([i32; 3], DVec3)> = points_m
+    // A cube's number, south and west first; none lies farther than `FARTHEST_M` from the origin.
+    let along = |t_m: f64| ((t_m / THIN_M).floor() + (1 << 15) as f64) as u64;
+    let cube = |[x_m, y_m, z_m]: [f64; 3]| along(x_m) << 32 | along(y_m) << 16 | along(z_m);
+    let mut by_cube: Vec<(u64, DVec3)> = points_m
         .filter(|point_m| point_m.abs().max_element() < FARTHEST_M)
-        .map(|point_m| (point_m.to_array().map(cube), point_m))
+        .map(|point_m| (cube(point_m.to_array()), point_m))
         .collect();
     // Stable: the points of a cube are added in the order of the sweep.
     by_cube.sort_by_key(|(cube, _)| *cube);
-    let mean = |cube: &[([i32; 3], DVec3)]| cube.iter().map(|(_, p)| *p).sum::<DVec3>() / cube.len() as f64;
+    let mean = |cube: &[(u64, DVec3)]| cube.iter().map(|(_, p)| *p).sum::<DVec3>() / cube.len() as f64;
     by_cube.chunk_by(|a, b| a.0 == b.0).map(mean).collect()
 }
 
 /// The eigenvector of the smallest eigenvalue of a covariance (`squares` its diagonal, `products` xy, xz, yz): the adjugate has the same
 /// eigenvectors and, for that one, the largest eigenvalue, which squaring sets apart. `None` of a point or a line.
+#[inline(always)]
 fn thinnest(squares: DVec3, products: DVec3) -> Option<DVec3> {
     let scale = squares.element_sum().recip();
     let ([xx, yy, zz], [xy, xz, yz]) = ((squares * scale).to_array(), (products * scale).to_array());

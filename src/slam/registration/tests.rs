@@ -4,6 +4,8 @@ use super::*;
 use crate::geometry::DVec2;
 use crate::random::{Purpose, Stage, Streams};
 use crate::slam::matrix::product;
+use crate::wide::every_form;
+use surface::Neighbourhoods;
 
 /// What a sensor at the origin sees of upright posts: the half of each that looks at it, every two centimetres.
 fn posts(places_m: &[DVec2], from_m: DVec2) -> Vec<DVec3> {
@@ -44,6 +46,18 @@ fn fixed(registration: Registration) -> Fix {
         Registration::Fixed(fix) => fix,
         other => panic!("{other:?}"),
     }
+}
+
+#[test]
+fn equal_normals_and_pairs_in_every_form() {
+    let moved = [0.3, -0.1, 0.05];
+    let older = Surface::of(posts(&PLACES, DVec2::ZERO).into_iter());
+    let newer = seen(&posts(&PLACES, DVec2::new(moved[0], moved[1])), &moved);
+    let surfaces = every_form(|| Neighbourhoods(&older.columns));
+    assert!(surfaces[0].1.len() > 100 && surfaces.iter().all(|other| *other == surfaces[0]));
+    let (placed, stage) = (Placement::of(&reckoned([0.28, -0.08, 0.07], [0.05; 3])), &STAGES[0]);
+    let laid = every_form(|| Laid { newer: &newer, older: &older, placed: &placed, stage });
+    assert!(laid[0].len() > 100 && laid.iter().all(|other| *other == laid[0]));
 }
 
 #[test]
