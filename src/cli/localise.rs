@@ -284,13 +284,19 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
     let last = &located.steps[located.steps.len() - 1].estimate;
     let (located_score, reckoned_score) = scores.unzip();
     let (scale, scale_sigma) = located.odometry_scale;
+    let left_out = &located.left_out;
     if args.json {
         outln!(
             "{:#}",
             json!({
                 "steps": located.steps.len(),
                 "landmarks": located.landmarks.len(),
-                "skipped": last.skipped,
+                "left_out": {
+                    "not_finite": left_out.not_finite,
+                    "gated": left_out.gated,
+                    "ambiguous": left_out.ambiguous,
+                    "passed_over": left_out.passed_over,
+                },
                 "sigma_optimistic": last.sigma_optimistic,
                 "odometry_scale": { "mean": scale, "sigma": scale_sigma },
                 "score": located_score,
@@ -299,11 +305,13 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
         );
         return;
     }
+    outln!("{} steps, {} landmarks", located.steps.len(), located.landmarks.len());
     outln!(
-        "{} steps, {} landmarks, {} measurements left out",
-        located.steps.len(),
-        located.landmarks.len(),
-        last.skipped
+        "left out: {} measurements that make no sense, {} too far from what was believed, {} features of two landmarks or of none, {} beside others",
+        left_out.not_finite,
+        left_out.gated,
+        left_out.ambiguous,
+        left_out.passed_over
     );
     if args.slip > 0.0 {
         outln!("{:.1} ± {:.1} % of the counted way was driven", 100.0 * scale, 100.0 * scale_sigma);

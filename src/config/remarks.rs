@@ -6,11 +6,13 @@ use super::error::Fault;
 use super::key_path::KeyPath;
 use crate::drive::rover::Chassis;
 use crate::plan::Family;
+use crate::slam::{FastslamParams, SlamParams};
 
 pub(crate) fn of_family(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
     range_beyond_the_sensor(family, place, remarks);
     wheels_outside_the_outline(family, place, remarks);
     free_height_below_the_rover(family, place, remarks);
+    slip_counted_twice(family, place, remarks);
 }
 
 fn range_beyond_the_sensor(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
@@ -34,6 +36,16 @@ fn free_height_below_the_rover(family: &Family, place: &KeyPath, remarks: &mut V
             format!("a rover fits beneath what hangs {above_m} m high, but the mast of '{}' is {mast_m} m", rover.name);
         let cure = "take cells.overhang.above_m out for a height by the rover's own, or give a larger one";
         remarks.push(Fault::new(place.span("cells.overhang.above_m"), rule).cure(cure));
+    }
+}
+
+fn slip_counted_twice(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
+    let SlamParams::Fastslam(FastslamParams { motion_inflation, .. }) = family.slam else { return };
+    if motion_inflation > 1.0 && family.drive.instruments.slip.is_some() {
+        let rule =
+            format!("the filter learns the wheels' slip, and motion_inflation {motion_inflation} allows for it again");
+        let cure = "take slam.fastslam.motion_inflation out, unless the wheels err by more than drive.instruments says";
+        remarks.push(Fault::new(place.span("slam.fastslam.motion_inflation"), rule).cure(cure));
     }
 }
 

@@ -7,7 +7,7 @@ use super::Recording;
 use crate::drive::{InstrumentNoise, Reading};
 use crate::geometry::{Pose, Transform};
 use crate::random::{Stage, Streams};
-use crate::slam::{Estimate, Feature, Landmark, Slam, SlamError, SlamParams, Visibility};
+use crate::slam::{Counters, Estimate, Feature, Landmark, Slam, SlamError, SlamParams, Visibility};
 
 /// Where the drive starts, and how good the instruments are.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,6 +36,8 @@ pub struct Located {
     pub landmarks: Vec<Landmark>,
     /// Mean and standard deviation of the share of the counted way that was driven.
     pub odometry_scale: (f64, f64),
+    /// What was left out, by cause.
+    pub left_out: Counters,
 }
 
 /// Runs the filter over a recording.
@@ -60,7 +62,7 @@ pub fn locate(recording: &Recording, params: &LocateParams) -> Result<Located, S
     for landmark in &mut landmarks {
         landmark.mean_m = std::array::from_fn(|axis| landmark.mean_m[axis] + start_m[axis]);
     }
-    Ok(Located { steps, landmarks, odometry_scale: filter.odometry_scale() })
+    Ok(Located { steps, landmarks, odometry_scale: filter.odometry_scale(), left_out: filter.counters() })
 }
 
 /// Readings and observations in one order: a step that ends at each time of either.

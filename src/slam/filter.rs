@@ -188,6 +188,7 @@ impl Filter {
         }
         let (features, unusable) = choose(found, self.max_features);
         self.counters.not_finite += unusable;
+        self.counters.passed_over += (found.len() - features.len()) as u32 - unusable;
         let prior = self.cloud.weights();
         let mut scratch = Scratch::default();
         let seen =

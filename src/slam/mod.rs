@@ -145,6 +145,8 @@ pub struct Counters {
     pub gated: u32,
     /// Features that may be of two landmarks, or of none.
     pub ambiguous: u32,
+    /// Features without a number that stood within 0.3 m of one with more points, and those that were more than are taken in.
+    pub passed_over: u32,
     /// Times at which no particle had any weight left, and all were made equal.
     pub weight_collapses: u32,
 }

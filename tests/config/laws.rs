@@ -152,6 +152,15 @@ fn exact_what_is_legal_and_hardly_meant_is_remarked() {
         "{said:?}"
     );
     assert!(said[0].ends_with("give length_m the whole rover, wheels included"), "{said:?}");
+    let slip = "drive.instruments.slip=0.1";
+    assert_eq!(remarks(&[slip]), [""; 0]);
+    let twice = [slip, "slam={fastslam: {motion_inflation: 6}}"];
+    assert_eq!(
+        remarks(&twice),
+        ["--set:1:36: the filter learns the wheels' slip, and motion_inflation 6 allows for it again; \
+          take slam.fastslam.motion_inflation out, unless the wheels err by more than drive.instruments says"]
+    );
+    assert_eq!(remarks(&twice[1..]), [""; 0]);
     assert_eq!(remarks(&["cells.overhang={}"]), [""; 0]);
     let said = remarks(&["cells.overhang={above_m: 0.3}"]);
     assert!(

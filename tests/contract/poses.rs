@@ -217,3 +217,19 @@ fn law_all_features_of_a_time_are_mapped() {
     let landmarks = std::fs::read_to_string(yard.path("a/landmarks.csv")).expect("a file");
     assert_eq!(landmarks.lines().count(), 1 + 40, "{landmarks}");
 }
+
+#[test]
+fn law_features_that_are_passed_over_are_counted() {
+    let yard = Yard::new();
+    std::fs::write(yard.path("o.csv"), "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,0,0\n").expect("a file");
+    // Two metres from one to the next; every second one has another a tenth of a metre behind it.
+    let ranges_m = (1..=8).flat_map(|k| [2.0 * f64::from(k), 2.0 * f64::from(k) + if k % 2 == 0 { 0.1 } else { 1.0 }]);
+    let seen: String = ranges_m.map(|range_m| format!("0,{range_m},0\n")).collect();
+    std::fs::write(yard.path("f.csv"), format!("time_s,range_m,bearing_rad\n{seen}")).expect("a file");
+    let output = yard.marsyard(["localise", "o.csv", "--features", "f.csv", "--json"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let said: Json = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(said["landmarks"], 12, "{said}");
+    let left_out = serde_json::json!({ "not_finite": 0, "gated": 0, "ambiguous": 0, "passed_over": 4 });
+    assert_eq!(said["left_out"], left_out, "{said}");
+}
