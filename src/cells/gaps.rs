@@ -20,6 +20,8 @@ use super::sectors::{sort_by_sector, span};
 use crate::geometry::{DVec2, DVec3};
 use crate::math;
 
+/// Gaps are taken to end there, metres: a stray return far beyond any rover's sensor takes no more work than one at that distance.
+const FARTHEST_M: f64 = 1000.0;
 /// The plane before a gap: how far back it is fitted, and of how many parts of that way the lowest return each.
 const PLANE_M: f64 = 1.0;
 const PLANE_BINS: usize = 20;
@@ -144,17 +146,21 @@ impl BeamColumns {
         Some(before.height_m + share * (behind.height_m - before.height_m))
     }
 
-    /// Calls `visit` for places (x, y) in the map that lie within `around_m` of a long gap, at most `step_m` apart.
-    pub(super) fn each_near_gap(&self, around_m: f64, step_m: f64, mut visit: impl FnMut(f64, f64)) {
+    /// Calls `visit` for places (x, y) in the map that lie within `around_m` of a long gap and `most_m` of the sensor, at most `step_m` apart
+    /// where the gap ends within [`FARTHEST_M`].
+    pub(super) fn each_near_gap(&self, around_m: f64, step_m: f64, most_m: f64, mut visit: impl FnMut(f64, f64)) {
         for sector in 0..self.sectors {
             for gap in &self.gaps[span(&self.first_gap, sector)] {
-                let (from_m, to_m) = ((gap.near_m - around_m).max(0.0), gap.far_m + around_m);
+                let (from_m, to_m) = ((gap.near_m - around_m).max(0.0), (gap.far_m + around_m).min(FARTHEST_M));
                 let across = (to_m * self.sector_rad / step_m).ceil().max(1.0) as usize;
                 let along = ((to_m - from_m) / step_m).ceil().max(1.0) as usize;
                 for share in (0..across).map(|k| (k as f64 + 0.5) / across as f64) {
                     let (sin, cos) = math::sin_cos((sector as f64 + share) * self.sector_rad - PI);
                     for k in 0..=along {
                         let range_m = from_m + (to_m - from_m) * k as f64 / along as f64;
+                        if range_m > most_m {
+                            break;
+                        }
                         visit(self.sensor_m.x + cos * range_m, self.sensor_m.y + sin * range_m);
                     }
                 }
@@ -328,6 +334,23 @@ mod tests {
         let (sin, cos) = math::sin_cos(0.5_f64.to_radians());
         let features = columns.features(5.0 + range_m * cos, 7.0 + range_m * sin, 0.25, SIZE_M, 0.5);
         GAP_COLUMNS.iter().map(|column| column.0).zip(features).collect()
+    }
+
+    #[test]
+    fn extreme_a_gap_without_end_is_visited_as_far_as_is_asked_and_no_farther() {
+        let mut visits = Vec::new();
+        for far_m in [20.0, 1e4, 1e9, 1e300] {
+            let columns = columns(&[(1.0, 0.0), (1.1, 0.0), (1.2, 0.0), (far_m, 0.0)]);
+            assert_eq!(columns.gaps.len(), 1, "{far_m}");
+            let (mut count, mut farthest_m) = (0_usize, 0.0_f64);
+            columns.each_near_gap(0.5, 0.05, 10.0, |x_m, y_m| {
+                count += 1;
+                farthest_m = farthest_m.max(columns.range_m(x_m, y_m));
+            });
+            assert!(farthest_m > 9.9 && farthest_m <= 10.0 + 1e-9, "{far_m}: {farthest_m}");
+            visits.push(count);
+        }
+        assert!(visits.iter().all(|&count| count < 200_000), "{visits:?}");
     }
 
     #[test]

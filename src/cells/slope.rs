@@ -52,7 +52,6 @@ impl GroundPlaces {
         }
     }
 
-    #[allow(unsafe_code)]
     fn steepen_polynomial(&mut self, polynomial: &Polynomial) {
         let padded = self.x_m.len().next_multiple_of(LANES);
         self.x_m.resize(padded, 0.0);

@@ -66,7 +66,8 @@ fn unseen_cells(
     rows: &[CellRow],
 ) -> Vec<(CellIndex, f64)> {
     let mut near = Vec::new();
-    beams.each_near_gap(unseen.around_m, 0.5 * grid.size_m, |x_m, y_m| {
+    let most_m = max_range_m + grid.size_m;
+    beams.each_near_gap(unseen.around_m, 0.5 * grid.size_m, most_m, |x_m, y_m| {
         // Steps are short: a cell comes several times in a row.
         if let Some(index) = grid.cell(x_m, y_m).filter(|index| near.last() != Some(index)) {
             near.push(index);

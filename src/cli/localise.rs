@@ -9,6 +9,7 @@ use serde_json::json;
 use super::Failure;
 use super::output::{errln, outln};
 use super::place::{corpus_failure, fault_words, must_be_local};
+use crate::corpus::limits::FileKind;
 use crate::corpus::outputs::Outputs;
 use crate::drive::{InstrumentNoise, Reading};
 use crate::geometry::{DVec3, Pose, Transform};
@@ -169,8 +170,11 @@ fn recorded(args: &LocaliseArgs) -> Result<Recording, Failure> {
 }
 
 fn text(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path)
-        .map_err(|fault| Failure::usage(miette::miette!("{} cannot be read: {}", path.display(), fault_words(&fault))))
+    let read = FileKind::Trajectory.read_path(path).and_then(|bytes| {
+        String::from_utf8(bytes)
+            .map_err(|fault| std::io::Error::new(std::io::ErrorKind::InvalidData, fault.utf8_error()))
+    });
+    read.map_err(|fault| Failure::usage(miette::miette!("{} cannot be read: {}", path.display(), fault_words(&fault))))
 }
 
 fn bad(error: RecordingError) -> Failure {
@@ -182,17 +186,19 @@ fn start(args: &LocaliseArgs, truth: Option<&[read::TruePose]>, recording: &Reco
     let begun_at = |truth| begun.and_then(|&(time_s, _)| recording::truth_at(truth, time_s));
     let of_truth = truth.and_then(|truth| begun_at(truth).or_else(|| truth.first().map(|row| row.pose)));
     let Some(pose) = of_truth else { return start_without_truth(args, recording) };
-    Ok(told_start(args).unwrap_or(pose))
+    Ok(told_start(args, pose).unwrap_or(pose))
 }
 
-fn told_start(args: &LocaliseArgs) -> Option<Pose> {
+/// Where `--start` stands; its height, roll and pitch are those of `otherwise`.
+fn told_start(args: &LocaliseArgs, otherwise: Pose) -> Option<Pose> {
     let [x_m, y_m, yaw_deg] = args.start?;
-    Some(Pose { position_m: DVec3::new(x_m, y_m, 0.0), yaw_rad: yaw_deg.to_radians(), ..Pose::default() })
+    let position_m = DVec3::new(x_m, y_m, otherwise.position_m.z);
+    Some(Pose { position_m, yaw_rad: yaw_deg.to_radians(), ..otherwise })
 }
 
 /// Angles that nobody tells are believed to be 0, and readings that say otherwise would be gated.
 fn start_without_truth(args: &LocaliseArgs, recording: &Recording) -> Result<Pose, Failure> {
-    let told = told_start(args);
+    let told = told_start(args, Pose::default());
     let is_told =
         |reading: &Reading, angle: usize| [reading.roll_rad, reading.pitch_rad, reading.yaw_rad][angle].is_some();
     for (angle, name) in ["roll_rad", "pitch_rad", "yaw_rad"].into_iter().enumerate() {

@@ -78,7 +78,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     let mut warnings = split_warnings(&plan);
     if let Some(estimate) = &estimate {
         let place = args.out.clone().unwrap_or_else(|| default_out(&plan));
-        warnings.extend(machine_warnings(estimate, args.threads, &place));
+        warnings.extend(machine_warnings(estimate, args, &place));
     }
     if args.json {
         outln!("{:#}", as_json(&plan, estimate.as_ref(), &warnings));
@@ -147,7 +147,7 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
 }
 
 /// What this machine cannot do of what is promised for it: room on its disk, and cores.
-fn machine_warnings(estimate: &Estimate, threads: usize, place: &Path) -> Vec<String> {
+fn machine_warnings(estimate: &Estimate, args: &PlanArgs, place: &Path) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Some(free_bytes) = estimate::free_bytes(place).filter(|&free| estimate.bytes.value > free as f64) {
         warnings.push(format!(
@@ -157,6 +157,7 @@ fn machine_warnings(estimate: &Estimate, threads: usize, place: &Path) -> Vec<St
             si(free_bytes as f64)
         ));
     }
+    let threads = args.threads;
     if threads > estimate.threads {
         warnings.push(format!(
             "{} are asked for and this machine has {}: what is told is measured on those, and more threads make it no faster here; on {threads} \
@@ -167,10 +168,13 @@ fn machine_warnings(estimate: &Estimate, threads: usize, place: &Path) -> Vec<St
         ));
     }
     if !estimate.not_reached.is_empty() {
+        let (within, cure) = match args.sample {
+            Some(scenes) => (format!("among {}", counted(scenes, "scene")), "--sample"),
+            None => (format!("in {}", human(most(args))), "--limit"),
+        };
+        let families = estimate.not_reached.join(", ");
         warnings.push(format!(
-            "no scene of {} was reached in {}: they are taken to be as the others; raise --limit",
-            estimate.not_reached.join(", "),
-            human(MOST)
+            "no scene of {families} was reached {within}: they are taken to be as the others; raise {cure}"
         ));
     }
     warnings

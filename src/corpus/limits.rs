@@ -94,7 +94,7 @@ impl FileKind {
             FileKind::Model => "`model.safetensors`",
             FileKind::Checkpoint => "`checkpoint.safetensors`, `filter.safetensors`",
             FileKind::LabelMap => "`--labels` of `classify`",
-            FileKind::Trajectory => "`--trajectory` of `classify`",
+            FileKind::Trajectory => "`--trajectory` of `classify`, logs that `localise` reads",
             FileKind::Cloud => "clouds that `classify` reads",
             FileKind::Signature => "`*.minisig`, keys of `sign` and `verify`",
             FileKind::Rebuilt => "`rebuilt.json`",

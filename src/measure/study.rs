@@ -170,12 +170,25 @@ impl Study {
                     && (0.0..=1.0).contains(&size.balanced_accuracy.half_width.min(1.0))
                     && size.by_seed.len() == self.seeds as usize
             };
-            let grows = setting.sizes.windows(2).all(|pair| pair[0].scenes < pair[1].scenes);
+            let grows = setting
+                .sizes
+                .windows(2)
+                .all(|pair| pair[0].scenes < pair[1].scenes && pair[0].train_rows < pair[1].train_rows);
             if setting.sizes.len() < 3 || !grows || !setting.sizes.iter().all(is_sound) {
                 return Some(format!(
-                    "setting '{}': a curve needs three sizes or more, ascending in scenes, with times and rows above 0, accuracies in [0, 1] \
+                    "setting '{}': a curve needs three sizes or more, ascending in scenes and rows, with times and rows above 0, accuracies in [0, 1] \
                      and {} trainings each; `marsyard tradeoff` writes such",
                     setting.name, self.seeds
+                ));
+            }
+            let first = &self.settings[0];
+            if setting.sizes.len() != first.sizes.len() {
+                return Some(format!(
+                    "setting '{}' has {} sizes and '{}' {}: all settings of a study are measured at as many",
+                    setting.name,
+                    setting.sizes.len(),
+                    first.name,
+                    first.sizes.len()
                 ));
             }
         }
@@ -250,8 +263,17 @@ pub(crate) mod tests {
             (|s| s.settings.clear(), "no setting"),
             (|s| s.settings[0].sizes.truncate(2), "three sizes"),
             (|s| s.settings[0].sizes[1].scenes = 4, "ascending"),
+            (|s| s.settings[0].sizes[1].train_rows = s.settings[0].sizes[0].train_rows, "ascending in scenes and rows"),
             (|s| s.settings[0].sizes[1].train_cpu_s = f64::NAN, "times and rows above 0"),
             (|s| s.settings[0].sizes[1].by_seed.clear(), "3 trainings each"),
+            (
+                |s| {
+                    let mut other = s.settings[0].clone();
+                    other.sizes.pop();
+                    s.settings.push(other);
+                },
+                "has 3 sizes and 'truth' 4",
+            ),
         ] {
             assert!(broken(change).contains(expected), "{expected}: {}", broken(change));
         }

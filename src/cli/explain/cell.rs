@@ -134,7 +134,7 @@ fn tell_moments(heights_m: &[f64], columns: &[FeatureColumn], features: &[f32]) 
 /// Where a neighbour's height comes from.
 fn neighbour(scan: &ScanOutput, cell: CellIndex, offset: Offset, width: usize) -> String {
     let index = CellIndex { row: cell.row + offset.rows, col: cell.col + offset.cols };
-    match scan.cells.rows.iter().position(|row| row.index == index) {
+    match scan.cells.rows.iter().position(|row| row.index == index && row.points > 0) {
         Some(at) => format!(
             "the mean height of cell {},{} ({}): {:.6e}",
             index.row,

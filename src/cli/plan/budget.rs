@@ -294,7 +294,7 @@ impl Answer<'_> {
         );
         self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
         for (k, choice) in self.choices.iter().take(2).enumerate() {
-            tell_choice(if k == 0 { "build" } else { "next best" }, choice, self.cores);
+            tell_choice(if k == 0 { "build" } else { "next best" }, choice, &self.study.settings[0], self.cores);
         }
         let sets: String =
             self.args.config.sets.iter().chain(&self.sets).map(|set| format!(" --set '{set}'")).collect();
@@ -347,13 +347,13 @@ impl Answer<'_> {
     }
 }
 
-fn tell_choice(title: &str, choice: &Choice, cores: usize) {
+fn tell_choice(title: &str, choice: &Choice, reference: &StudySetting, cores: usize) {
     let time = |seconds: f64| human(Duration::from_secs_f64(seconds));
     outln!(
         "\n{title}: {} scenes at {} ({}): {} rows, {}B, {} to generate on {}, {} to train on one",
         choice.scenes,
         choice.setting.name,
-        told(choice),
+        told(choice, reference),
         si(choice.rows),
         si(choice.bytes),
         time(choice.build_s),
@@ -364,12 +364,13 @@ fn tell_choice(title: &str, choice: &Choice, cores: usize) {
     outln!("  {}", why(choice));
 }
 
-fn told(choice: &Choice) -> &'static str {
+fn told(choice: &Choice, reference: &StudySetting) -> &'static str {
     match choice.setting.told {
         Some(Told::Better) => "better than the reference at equal CPU",
         Some(Told::Worse) => "worse than the reference at equal CPU",
         Some(Told::NotApart | Told::OneSeed) => "not told apart from the reference at equal CPU",
-        None => "the reference",
+        None if choice.setting == reference => "the reference",
+        None => "not compared: no CPU time in common with the reference",
     }
 }
 

@@ -15,7 +15,7 @@ use serde_json::Value as Json;
 
 use super::inspect::{FeatureRange, FeatureReport};
 use super::key_differences::{KeyDifference, key_differences};
-use super::manifest::{Manifest, ShardLine};
+use super::manifest::{Manifest, OtherBuild, ShardLine};
 use super::stats::LabelCounts;
 use super::{Build, Finished, Split, Table, ranges};
 
@@ -99,8 +99,9 @@ pub(crate) struct RowComparison {
     pub tables: BTreeMap<Table, Pair<Option<u64>>>,
     pub labels: BTreeMap<Split, Pair<LabelCounts>>,
     pub features: Vec<FeatureComparison>,
-    /// The programs that wrote shard 0.
+    /// The programs that wrote shard 0, and those that wrote others.
     pub build: Pair<Build>,
+    pub other_builds: Pair<Vec<OtherBuild>>,
 }
 
 /// A feature of the train splits.
@@ -155,6 +156,7 @@ impl RowComparison {
             labels: Split::ALL.map(|split| (split, pair(left, right, |manifest| labels(manifest, split)))).into(),
             features: features(left, right),
             build: pair(left, right, |manifest| manifest.build.clone()),
+            other_builds: pair(left, right, |manifest| manifest.other_builds.clone()),
         }
     }
 
@@ -162,6 +164,7 @@ impl RowComparison {
         !self.corpus_id.differs()
             && !self.failed_scenes.differs()
             && !self.build.differs()
+            && !self.other_builds.differs()
             && !self.manifest_format.differs()
     }
 

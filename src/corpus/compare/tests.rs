@@ -51,6 +51,21 @@ fn exact_shards_of_other_values_are_named() {
 }
 
 #[test]
+fn exact_corpora_of_equal_rows_differ_where_other_programs_wrote_some_of_their_shards() {
+    let spec = spec(8, &[Table::Cells]);
+    let (_dir, store, _) = corpus(&spec);
+    let there = Finished::open(&store).unwrap();
+    let mut other = Finished::open(&store).unwrap();
+    let build = Build { version: "0.0.7".into(), ..other.manifest.build.clone() };
+    other.manifest.other_builds = vec![OtherBuild { shards: "1..3".into(), build }];
+    let plan = json!({});
+    let found = compare(side("a", &plan, "h", &there), side("b", &plan, "h", &other));
+    assert!(!found.is_equal && found.relation == Relation::Same, "{found}");
+    let said = found.to_string();
+    assert!(said.contains("what differs stands below") && said.contains("  A  none\n  B  shards 1..3: 0.0.7"), "{said}");
+}
+
+#[test]
 fn exact_a_plan_is_compared_by_its_keys_alone() {
     let (a, b) = (json!({"seed": 1, "cells": {"size_m": 0.1}}), json!({"seed": 1, "cells": {"size_m": 0.2}}));
     let side = |plan, scene_plan_hash| Side { at: "x", plan, scene_plan_hash, corpus: None };

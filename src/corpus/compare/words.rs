@@ -88,6 +88,15 @@ impl fmt::Display for RowComparison {
         if self.build.differs() {
             writeln!(f, "\nprograms\n  A  {}\n  B  {}", self.build.a, self.build.b)?;
         }
+        if self.other_builds.differs() {
+            writeln!(f, "\nprograms of other shards")?;
+            for (side, others) in [("A", &self.other_builds.a), ("B", &self.other_builds.b)] {
+                if others.is_empty() {
+                    writeln!(f, "  {side}  none")?;
+                }
+                others.iter().try_for_each(|other| writeln!(f, "  {side}  shards {}: {}", other.shards, other.build))?;
+            }
+        }
         let moved: Vec<&FeatureComparison> = self.features.iter().filter(|feature| feature.has_moved()).collect();
         let all = self.features.len();
         if moved.is_empty() {

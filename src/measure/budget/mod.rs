@@ -23,7 +23,7 @@ use crate::train::quantiles::SAMPLE_ROWS;
 
 pub(crate) use fit::Expected;
 
-/// More scenes that surely bring less than this are told not to be worth it: half a point of balanced accuracy.
+/// More scenes that bring no more than this, in a study or surely in a plan, are told to bring nothing: half a point of balanced accuracy.
 pub(crate) const FLAT: f64 = 0.005;
 /// Scenes of a study that train and stop as many as one scene of a corpus does: 14 / 20 of it train, 5 / 6 of the study's.
 const STUDY_SCENES: f64 = SPLITS[0] * 6.0 / 5.0;

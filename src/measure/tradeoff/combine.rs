@@ -110,21 +110,24 @@ pub(super) fn add(
     Ok(report)
 }
 
-/// Seconds of the first measurement over those of the second, of making and of training the reference's scenes.
-fn ratio(first: &Report, second: &Report) -> (f64, f64) {
+/// Seconds of the first measurement over those of the second: of making the reference's scenes, of training on them, and of both.
+fn ratio(first: &Report, second: &Report) -> [f64; 3] {
     let whole = |report: &Report| {
         let reference = report.rows.iter().find(|row| row.group.is_none() && row.name != OTHER_DRAWS)?;
         reference.whole().map(|size| (size.generate_cpu_s, size.train_cpu_s))
     };
-    let (Some(first), Some(second)) = (whole(first), whole(second)) else { return (1.0, 1.0) };
-    (first.0 / second.0, first.1 / second.1)
+    let (Some(first), Some(second)) = (whole(first), whole(second)) else { return [1.0; 3] };
+    [first.0 / second.0, first.1 / second.1, (first.0 + first.1) / (second.0 + second.1)]
 }
 
-fn scaled(mut worth: WorthRow, (making, training): (f64, f64)) -> WorthRow {
+fn scaled(mut worth: WorthRow, [making, training, both]: [f64; 3]) -> WorthRow {
     for size in &mut worth.curve {
         size.generate_cpu_s *= making;
         size.train_cpu_s *= training;
         size.learning_cpu_s *= training;
+    }
+    if let Some(gain) = &mut worth.gain {
+        gain.cpu_s *= both;
     }
     worth
 }

@@ -5,6 +5,7 @@
 //! kinds. Kept: each scene's cells, as the trainer holds them.
 
 use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
@@ -12,10 +13,11 @@ use serde::{Deserialize, Serialize};
 use super::compare::SceneCells;
 use super::measure::inputs;
 use super::{Event, TradeoffError};
+use crate::cells::Label;
 use crate::corpus::Split;
 use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
 use crate::evaluate::Confusion;
-use crate::parallel;
+use crate::parallel::{self, panic_message};
 use crate::plan::{Family, Plan};
 use crate::statistics::scores::Scores;
 use crate::train::rows::Rows;
@@ -34,7 +36,10 @@ pub(crate) struct TestGroup {
     pub held_out: Option<String>,
     pub scenes: u64,
     pub cells: u64,
-    /// Whether classifiers are compared by it.
+    /// Scenes that could not be made, or have no cell with a label.
+    #[serde(default)]
+    pub left_out: u64,
+    /// Whether classifiers are compared by it; not by a family all of whose cells are of one class.
     pub judges: bool,
 }
 
@@ -80,20 +85,26 @@ pub(super) fn make(
         .flat_map(|(k, (_, plan))| train_scenes(plan, &numbers).map(move |id| (k, id)))
         .collect();
     let one_scene = |(group, id): (usize, u64), scratch: &mut Scratch| {
-        let replay = replay_scene(&prepared[group], id, scratch, &mut Unobserved);
-        let mut rows = Rows::new(features.len());
-        if let Ok(replay) = replay {
-            SceneCells::of(&replay.scans, &columns).learn(&mut rows);
-        }
-        Ok::<_, TradeoffError>((group, rows))
+        let rows = AssertUnwindSafe(|| {
+            let mut rows = Rows::new(features.len());
+            // One that cannot be made is counted with those that have no cells.
+            if let Ok(replay) = replay_scene(&prepared[group], id, scratch, &mut Unobserved) {
+                SceneCells::of(&replay.scans, &columns).learn(&mut rows);
+            }
+            (group, rows)
+        });
+        catch_unwind(rows).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })
     };
     let of = wanted.len();
     let made = parallel::map(threads, wanted, stop, one_scene, |done| tell(Event::TestScene { done, of }))?;
     let names: Vec<Option<String>> = plans.into_iter().map(|(name, _)| name).collect();
-    Ok(made.map(|made| {
-        there.made.extend(made);
-        TestScenes::new(&names, features.len(), there.made)
-    }))
+    let Some(made) = made else { return Ok(None) };
+    there.made.extend(made);
+    let test = TestScenes::new(&names, features.len(), there.made);
+    if test.judging().is_empty() {
+        return Err(TradeoffError::OneClass { scenes: test.groups.iter().map(|group| group.scenes).sum() });
+    }
+    Ok(Some(test))
 }
 
 /// The own kinds, then each held-out family, with their names.
@@ -114,13 +125,18 @@ fn train_scenes(plan: &Plan, numbers: &Range<u64>) -> impl Iterator<Item = u64> 
     own.skip(numbers.start as usize).take((numbers.end - numbers.start) as usize)
 }
 
+fn holds_both_classes(labels: &[Label]) -> bool {
+    labels.iter().any(|label| label.is_untraversable()) && labels.iter().any(|label| !label.is_untraversable())
+}
+
 impl TestScenes {
     fn new(names: &[Option<String>], width: usize, made: Vec<(usize, Rows)>) -> TestScenes {
         let mut test = TestScenes { rows: Rows::new(width), ..TestScenes::default() };
         let judges = |name: &Option<String>| name.is_some() || names.len() == 1;
         for (group, name) in names.iter().enumerate() {
             let (first_scene, first_row) = (test.scenes.len(), test.rows.len());
-            for (_, rows) in made.iter().filter(|(of, rows)| *of == group && !rows.is_empty()) {
+            let own = || made.iter().filter(|(of, _)| *of == group);
+            for (_, rows) in own().filter(|(_, rows)| !rows.is_empty()) {
                 let first = test.rows.len();
                 test.rows.features.extend(&rows.features);
                 test.rows.labels.extend(&rows.labels);
@@ -132,7 +148,8 @@ impl TestScenes {
                 held_out: name.clone(),
                 scenes: (test.scenes.len() - first_scene) as u64,
                 cells: (test.rows.len() - first_row) as u64,
-                judges: judges(name),
+                left_out: own().filter(|(_, rows)| rows.is_empty()).count() as u64,
+                judges: judges(name) && holds_both_classes(&test.rows.labels[first_row..]),
             });
         }
         test.made = made;
@@ -187,7 +204,6 @@ impl TestScenes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cells::Label;
 
     fn rows(labels: &[i8]) -> Rows {
         let mut rows = Rows::new(0);
@@ -201,8 +217,15 @@ mod tests {
         let names = [None, Some("unseen".to_owned())];
         let made = vec![(0, rows(&[0, 1])), (0, rows(&[])), (1, rows(&[1, 0, 0])), (1, rows(&[1]))];
         let test = TestScenes::new(&names, 0, made);
-        let facts: Vec<_> = test.groups.iter().map(|group| (group.scenes, group.cells, group.judges)).collect();
-        assert_eq!(facts, [(1, 2, false), (2, 4, true)]);
+        let facts = |test: &TestScenes| -> Vec<_> {
+            test.groups.iter().map(|group| (group.scenes, group.cells, group.left_out, group.judges)).collect()
+        };
+        assert_eq!(facts(&test), [(1, 2, 1, false), (2, 4, 0, true)]);
+        // A family all of whose cells are of one class has no balanced accuracy.
+        let one_class = vec![(0, rows(&[0, 1])), (1, rows(&[0, 0])), (1, rows(&[]))];
+        let one_class = TestScenes::new(&names, 0, one_class);
+        assert_eq!(facts(&one_class), [(1, 2, 0, false), (1, 2, 1, false)]);
+        assert!(one_class.judging().is_empty());
         assert_eq!(test.judging().iter().map(|scenes| (scenes.start, scenes.end)).collect::<Vec<_>>(), [(1, 3)]);
         let verdicts = test.verdicts(&[0.1, 0.9, 0.4, 0.3, 0.6, 0.7]);
         let counts = |scene: usize| {

@@ -121,6 +121,11 @@ pub(crate) enum TradeoffError {
     Threads(#[from] PoolError),
     #[error("no scene could be made at the reference setting; the first said: {reason}")]
     NoScene { reason: String },
+    #[error(
+        "classifiers cannot be judged: none of the {scenes} test scenes' families holds traversable and untraversable cells; put obstacles into the \
+         config's yards, or give more by --test-scenes"
+    )]
+    OneClass { scenes: u64 },
 }
 
 /// Measures; `None` where `stop` was raised before the end.

@@ -46,7 +46,7 @@ fn opening(report: &Report) -> String {
     format!(
         "{}{own}: {} scenes at {} settings, {} thread{}; reference: {reference}\n\
          Worth: the default network trained on an eighth, a quarter, a half and all of the scenes, {} training{} each, judged on {}:\n\
-         {} scenes, {} cells of another seed, made at the reference. CPU: of one thread, making the scenes that train and that stop\n\
+         {} scenes, {} cells of another seed, made at the reference{}. CPU: of one thread, making the scenes that train and that stop\n\
          it, and training; nothing is written. Gain: balanced accuracy on the reference at the largest CPU time that both reach,\n\
          straight between sizes in its logarithm. Intervals: 95 %, bootstrap over test scenes and trainings, in pairs. Errors: CPU of\n\
          the thread per kept scan, median [quartiles] over scenes; range error against the exact surface, before noise{beams}; position and\n\
@@ -63,7 +63,15 @@ fn opening(report: &Report) -> String {
         report.judged_by(),
         judging().map(|group| group.scenes).sum::<u64>(),
         judging().map(|group| group.cells).sum::<u64>(),
+        left_out(judging().map(|group| group.left_out).sum()),
     )
+}
+
+fn left_out(scenes: u64) -> String {
+    match scenes {
+        0 => String::new(),
+        of => format!(" ({of} more could not be made, or have no cells)"),
+    }
 }
 
 fn plural(count: u64) -> &'static str {
@@ -74,6 +82,9 @@ fn closing(report: &Report) -> String {
     let mut out = String::new();
     for refused in &report.refused {
         let _ = writeln!(out, "left out: {}: {}: {}", refused.group.name(), refused.name, refused.reason);
+    }
+    for family in report.test.iter().filter(|group| !group.judges).filter_map(|group| group.held_out.as_ref()) {
+        let _ = writeln!(out, "left out: family {family}: its test scenes hold cells of one class alone");
     }
     out += &ended(report);
     if let Some(floor) = report.noise_floor {

@@ -9,10 +9,8 @@ use super::resample::{Resampled, Resampling, of_group};
 use super::settings::{Settings, Variant};
 use super::sizes::{Chosen, SIZES};
 use crate::evaluate::Confusion;
+use crate::measure::budget::FLAT;
 use crate::statistics::{Interval, median};
-
-/// More scenes that bring at most this much balanced accuracy are told to bring nothing: half a point.
-pub(super) const FLAT: f64 = 0.005;
 
 /// How many trainings there are of a setting at a size, and how many a round brought.
 #[derive(Clone, Copy, Debug)]
