@@ -182,6 +182,11 @@ pub enum Unanswerable {
          again with `cells.labels: {{rover: {{}}}}`"
     )]
     NoMargin { place: String },
+    #[error(
+        "no label of {place} asked how far the ground falls: it has no column 'truth_drop_m', and keeps no heights of the true ground to ask \
+         afterwards; build it again with `cells.labels: {{max_drop_m: 0.2}}`"
+    )]
+    NoDrop { place: String },
     #[error("min_margin_m is a whole rule, by what a rover said of the cell: take the other keys out, or take it out")]
     TwoRules,
 }

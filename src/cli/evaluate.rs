@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::Failure;
 use super::operating_point::PointArgs;
+use super::options::labels_set;
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
 use crate::cells::LabelRule;
@@ -28,7 +29,7 @@ pub(super) struct EvaluateArgs {
     /// validation split of all.
     #[arg(long = "family", value_name = "NAME")]
     families: Vec<String>,
-    /// Labels for another rover, from the truth columns: --labels '{obstacle: {taller_than_m: 0.2}}'.
+    /// Labels for another rover, from the truth columns: --labels taller_than_m=0.2, or '{obstacle: {taller_than_m: 0.2}}'.
     #[arg(long, value_parser = parse_rule, value_name = "RULE")]
     labels: Option<LabelRule>,
     #[command(flatten)]
@@ -52,6 +53,8 @@ enum SplitName {
 }
 
 fn parse_rule(text: &str) -> Result<LabelRule, String> {
+    let set = labels_set(text).map_err(|failure| failure.report.to_string())?;
+    let text = set.strip_prefix("labels=").unwrap_or(&set);
     let rule: LabelRule = serde_saphyr::from_str(text).map_err(|e| e.to_string())?;
     garde::Validate::validate(&rule).map_err(|e| e.to_string())?;
     rule.check_answerable().map_err(|e| e.to_string())?;
@@ -103,6 +106,7 @@ pub(super) fn evaluate_failure(error: EvaluateError) -> Failure {
         error @ (EvaluateError::Model(_)
         | EvaluateError::Family { .. }
         | EvaluateError::Shared { .. }
+        | EvaluateError::Rule(_)
         | EvaluateError::NoFamily { .. }) => Failure::usage(miette::Report::msg(error.to_string())),
         error => Failure::failed(error),
     }

@@ -83,10 +83,10 @@ pub(super) struct LocaliseArgs {
     #[arg(long, value_name = "DEG", default_value_t = 1.0, value_parser = at_least_0)]
     bearing_deg: f64,
     /// Factor on the variances of features, against optimism; 1 takes the noise above as it is.
-    #[arg(long, value_name = "F", default_value_t = 4.0, value_parser = at_least_0)]
+    #[arg(long, value_name = "F", default_value_t = 4.0, value_parser = inflation)]
     measurement_inflation: f64,
     /// Factor on the variances of what wheels tell, of the filter that reads features; dead reckoning takes them as they are.
-    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = at_least_0)]
+    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = inflation)]
     motion_inflation: f64,
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -111,6 +111,12 @@ fn at_least_0(text: &str) -> Result<f64, String> {
 
 fn of_0_to(most: f64, text: &str) -> Result<f64, String> {
     at_least_0(text).ok().filter(|&value| value <= most).ok_or_else(|| format!("a number of 0 to {most} is needed"))
+}
+
+/// The range of the config's keys of these names.
+fn inflation(text: &str) -> Result<f64, String> {
+    let factor = of_0_to(1000.0, text).ok().filter(|&factor| factor >= 0.01);
+    factor.ok_or_else(|| "a number of 0.01 to 1000 is needed".into())
 }
 
 /// A bias beyond it is no bias of an instrument that stands upright.
@@ -145,9 +151,6 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
         (LANDMARKS, landmarks(&located)),
     ]
     .map(|(name, text)| (name.to_string(), text.into_bytes()));
-    outputs.write(&files).map_err(corpus_failure)?;
-    outputs.finish().map_err(corpus_failure)?;
-    files.iter().for_each(|(name, _)| errln!("{}", args.out.join(name).display()));
     let scores = match &truth {
         None => None,
         Some(truth) => Some(scored(&located, truth).zip(scored(&reckoned, truth)).ok_or_else(|| {
@@ -155,6 +158,15 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
             Failure::usage(miette::miette!(help = help, "--truth: it covers no step of the odometry"))
         })?),
     };
+    outputs.write(&files).map_err(corpus_failure)?;
+    outputs.finish().map_err(corpus_failure)?;
+    files.iter().for_each(|(name, _)| errln!("{}", args.out.join(name).display()));
+    if args.slip > 0.0 && args.motion_inflation > 1.0 {
+        errln!(
+            "warning: the filter learns the slip of --slip, and --motion-inflation {} allows for it again: leave the one or the other out",
+            args.motion_inflation
+        );
+    }
     report(args, &located, scores);
     Ok(())
 }
@@ -319,7 +331,7 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
         left_out.ambiguous,
         left_out.passed_over
     );
-    if args.slip > 0.0 {
+    if args.slip > 0.0 && args.features.is_some() {
         outln!("{:.1} ± {:.1} % of the counted way was driven", 100.0 * scale, 100.0 * scale_sigma);
     }
     for (name, score) in [("this drive", located_score), ("dead reckoning", reckoned_score)] {

@@ -56,8 +56,8 @@ pub(super) fn plan_of<'p>(place: &'p Path, sets: &[String]) -> Result<(Plan, Opt
     let (file, corpus) = if is_config(place) { (place.into(), None) } else { (place.join("plan.yaml"), Some(place)) };
     let (plan, remarks) = config::load_with_remarks(&file, sets).map_err(config_failure)?;
     // A corpus was remarked on when it was built.
-    if corpus.is_none() {
-        remarks.iter().for_each(|remark| tracing::warn!("{remark}"));
+    if corpus.is_none() && !file.ends_with("plan.yaml") {
+        remarks.iter().for_each(|remark| tracing::warn!("warning: {remark}"));
     }
     Ok((plan, corpus))
 }

@@ -62,6 +62,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
     if let Some(hours) = args.budget.hours {
         return budget::run(args, &plan, hours, &stop);
     }
+    args.budget.check_unused()?;
     let half = Duration::from_secs_f64(0.5 * args.limit);
     let options = Options {
         threads: args.threads.min(default_threads()),

@@ -113,6 +113,7 @@ pub(super) fn train_failure(error: TrainError) -> Failure {
         | TrainError::OtherRun { .. }
         | TrainError::OtherModel { .. }
         | TrainError::Init { .. }
+        | TrainError::Rule(_)
         | TrainError::Filter(_) => Failure::USAGE,
         _ => Failure::FAILED,
     };

@@ -41,7 +41,8 @@ fn free_height_below_the_rover(family: &Family, place: &KeyPath, remarks: &mut V
 
 fn slip_counted_twice(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
     let SlamParams::Fastslam(FastslamParams { motion_inflation, .. }) = family.slam else { return };
-    if motion_inflation > 1.0 && family.drive.instruments.slip.is_some() {
+    let slips = family.drive.instruments.slip.as_ref().is_some_and(|slip| slip.bounds() != (0.0, 0.0));
+    if motion_inflation > 1.0 && slips {
         let rule =
             format!("the filter learns the wheels' slip, and motion_inflation {motion_inflation} allows for it again");
         let cure = "take slam.fastslam.motion_inflation out, unless the wheels err by more than drive.instruments says";

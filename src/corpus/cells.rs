@@ -57,13 +57,18 @@ pub(crate) fn rule_truth(rule: Option<&LabelRule>) -> &'static [&'static str] {
     }
 }
 
-/// Fails where a rule goes by a margin that no rover measured: the corpus is whole, and cannot answer.
-pub(crate) fn check_margin(rule: Option<&LabelRule>, file: &TableFile, place: &str) -> Result<(), Unanswerable> {
-    let is_asked = rule.is_some_and(|rule| rule.min_margin_m.is_some());
-    if is_asked && file.schema().field_with_name(MARGIN_M).is_err() {
-        return Err(Unanswerable::NoMargin { place: place.to_owned() });
+/// Fails where a rule goes by a margin that no rover measured, or by drops that no label asked for: the corpus is whole, and cannot answer.
+pub(crate) fn check_answers(rule: Option<&LabelRule>, file: &TableFile, place: &str) -> Result<(), Unanswerable> {
+    let lacks = |name: &str| file.schema().field_with_name(name).is_err();
+    match rule {
+        Some(LabelRule { min_margin_m: Some(_), .. }) if lacks(MARGIN_M) => {
+            Err(Unanswerable::NoMargin { place: place.to_owned() })
+        }
+        Some(LabelRule { max_drop_m: Some(_), .. }) if lacks(DROP_M) => {
+            Err(Unanswerable::NoDrop { place: place.to_owned() })
+        }
+        _ => Ok(()),
     }
-    Ok(())
 }
 
 /// The columns to read of a file: those that are needed, and of the others those that it has. `Err` names one that is needed and

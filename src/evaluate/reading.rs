@@ -11,7 +11,7 @@ use super::corpus::{EvaluateError, FamilyFacts};
 use super::judge::Judge;
 use crate::cells::LabelRule;
 use crate::corpus::advice::CellGrid;
-use crate::corpus::cells::{CellBatch, check_margin};
+use crate::corpus::cells::{CellBatch, check_answers};
 use crate::corpus::checked::Refused;
 use crate::corpus::kept_poses::{self, kept_poses};
 use crate::corpus::manifest::ShardLine;
@@ -84,7 +84,7 @@ impl<'a> Reader<'a> {
         let Some(cells) = self.open(line, Table::Cells)? else { return Ok(None) };
         let family_of = self.families_of_scenes(line)?;
         let poses = self.poses(line)?;
-        check_margin(self.labels, &cells, &self.corpus.store().place())?;
+        check_answers(self.labels, &cells, &self.corpus.store().place())?;
         let wanted =
             columns::wanted(&cells, self.model, self.labels).map_err(|reason| self.fault(cells.name(), reason))?;
         Ok(Some(Shard { cells, wanted, family_of, poses }))

@@ -5,10 +5,15 @@
 //! nothing was read). Without the columns of roll and pitch the drive is taken as level. Features: `time_s`, `range_m`, `bearing_rad`,
 //! and where known `elevation_rad` (0 otherwise) and `id`. Truth: `time_s`, `x_m`, `y_m`, `yaw_rad`, and `z_m`, `roll_rad`, `pitch_rad`.
 
+use std::f64::consts::{FRAC_PI_2, TAU};
+
 use super::{Recording, RecordingError};
 use crate::drive::Reading;
 use crate::geometry::{DVec3, Pose};
 use crate::slam::Feature;
+
+/// Ranges above it are no metres.
+const FARTHEST_M: f64 = 1e6;
 
 /// Where the rover truly was at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +39,7 @@ impl Table {
             what: "it is no table of comma-separated values".into(),
             cure: format!("every line needs as many values as the header ({error})"),
         };
-        let header = reader.headers().map_err(fault)?.iter().map(str::to_owned).collect();
+        let header: Vec<String> = reader.headers().map_err(fault)?.iter().map(str::to_owned).collect();
         let mut rows = Vec::new();
         for record in reader.records() {
             let record = record.map_err(fault)?;
@@ -42,6 +47,10 @@ impl Table {
             rows.push((line, record.iter().map(str::to_owned).collect()));
         }
         let table = Table { file: file.into(), header, rows };
+        let twice = |&(k, name): &(usize, &String)| table.header[..k].contains(name);
+        if let Some((_, name)) = table.header.iter().enumerate().find(twice) {
+            return Err(table.fault(Some(1), format!("it names '{name}' twice"), "name each column once"));
+        }
         if table.rows.is_empty() {
             return Err(table.fault(None, "it holds no row", "write a header and at least one row"));
         }
@@ -141,12 +150,27 @@ fn observations(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingErro
     let mut observations: Vec<(f64, Vec<Feature>)> = Vec::new();
     for (row, &time_s) in table.rows.iter().zip(&times_s) {
         let range_m = table.number(row, range)?;
-        if range_m <= 0.0 {
-            return Err(table.fault(
-                Some(row.0),
-                format!("range_m is {range_m}"),
-                "a range is above 0: leave misses out",
-            ));
+        let bearing_rad = table.number(row, bearing)?;
+        let elevation_rad = table.number_if_any(row, elevation)?.unwrap_or(0.0);
+        for (name, value, is_sane, cure) in [
+            ("range_m", range_m, range_m > 0.0, "a range is above 0: leave misses out"),
+            (
+                "range_m",
+                range_m,
+                range_m <= FARTHEST_M,
+                "a range is in metres, and no sensor of a rover sees a thousand kilometres",
+            ),
+            ("bearing_rad", bearing_rad, bearing_rad.abs() <= TAU, "a bearing is in radians, a whole turn at most"),
+            (
+                "elevation_rad",
+                elevation_rad,
+                elevation_rad.abs() < FRAC_PI_2,
+                "an elevation is in radians, below a quarter of a turn",
+            ),
+        ] {
+            if !is_sane {
+                return Err(table.fault(Some(row.0), format!("{name} is {value:?}"), cure));
+            }
         }
         let known = match id.map(|id| row.1[id].as_str()).filter(|text| !text.is_empty()) {
             None => None,
@@ -158,8 +182,7 @@ fn observations(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingErro
                 )
             })?),
         };
-        let polar = [range_m, table.number(row, bearing)?, table.number_if_any(row, elevation)?.unwrap_or(0.0)];
-        let feature = Feature { polar, points: 1, half_width_m: 0.0, known };
+        let feature = Feature { polar: [range_m, bearing_rad, elevation_rad], points: 1, half_width_m: 0.0, known };
         match observations.last_mut() {
             Some((last_s, features)) if *last_s == time_s => features.push(feature),
             _ => observations.push((time_s, vec![feature])),

@@ -161,6 +161,7 @@ fn exact_what_is_legal_and_hardly_meant_is_remarked() {
           take slam.fastslam.motion_inflation out, unless the wheels err by more than drive.instruments says"]
     );
     assert_eq!(remarks(&twice[1..]), [""; 0]);
+    assert_eq!(remarks(&["drive.instruments.slip=0", twice[1]]), [""; 0]);
     assert_eq!(remarks(&["cells.overhang={}"]), [""; 0]);
     let said = remarks(&["cells.overhang={above_m: 0.3}"]);
     assert!(

@@ -53,6 +53,12 @@ fn law_hours_become_a_config_that_is_built() {
     let output = yard.marsyard(["plan", "night.yaml", "--sample", "0"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(text(&output.stdout).starts_with(&format!("night: {scenes} scenes")), "{}", text(&output.stdout));
+    // Fewer shards than give each split one teach nobody; small shards are weighed as they are written.
+    let small =
+        |disk: &str| yard.marsyard(["plan", &config, "--hours", "0.002", "--limit", "1", "--json", "--disk", disk]);
+    let too_small = small("50kB");
+    assert_eq!(too_small.status.code(), Some(2), "{}", text(&too_small.stdout));
+    assert!(text(&too_small.stderr).contains("of disk hold fewer than 7 scenes"), "{}", text(&too_small.stderr));
     // What is there already is nobody's to write over.
     let again = yard.marsyard(plan.iter().chain(&["--write", "night.yaml"]));
     assert_eq!(again.status.code(), Some(2));
@@ -88,6 +94,9 @@ fn law_without_a_study_or_a_sound_budget_the_cure_is_told() {
         (&["--hours", "1", "--study", "none.json"], "none.json"),
         (&["--hours", "1", "--sample", "3"], "cannot be used with"),
         (&["--cores", "2"], "--hours"),
+        // Beside what excludes hours as well.
+        (&["--write", "night.yaml", "--sample", "0"], "give --hours"),
+        (&["--disk", "1GB", "--threads", "1", "--sample", "1", "--no-parts"], "give --hours"),
     ] {
         let output = yard.marsyard(["plan", config.as_str()].iter().chain(extra));
         assert_eq!(output.status.code(), Some(2), "{extra:?}: {}", text(&output.stdout));

@@ -70,6 +70,24 @@ fn law_evaluate_prints_a_report_and_writes_its_figures() {
 
 /// On the validation scenes themselves, counted again cell by cell.
 #[test]
+fn equal_a_rule_in_short_and_as_a_mapping() {
+    let yard = trained();
+    let of = |rule: &str| {
+        let output = yard.marsyard(["evaluate", "run", "corpus", "--json", "--labels", rule]);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        output.stdout
+    };
+    assert_eq!(of("taller_than_m=0.2"), of("{obstacle: {taller_than_m: 0.2}}"));
+    for (rule, cure) in [
+        ("tall", "'tall' is not part of a rule"),
+        ("max_drop_m=0.2", "build it again with `cells.labels: {max_drop_m: 0.2}`"),
+    ] {
+        let (code, said) = told(&yard, &["evaluate", "run", "corpus", "--labels", rule]);
+        assert!(code == Some(2) && said.contains(cure), "{code:?} {said}");
+    }
+}
+
+#[test]
 fn exact_operating_points_keep_their_promise_on_the_validation_split() {
     let yard = trained();
     let report = |arguments: &[&str]| -> Json {

@@ -130,6 +130,21 @@ fn law_localise_beats_dead_reckoning_on_the_sample_and_writes_what_it_says() {
 fn extreme_localise_refuses_nonsense_with_file_line_and_cure() {
     let yard = Yard::new();
     std::fs::write(yard.path("o.csv"), "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,fast,0\n").expect("a file");
+    for (name, rows) in [
+        ("twice.csv", "time_s,speed_mps,yaw_rate_radps,speed_mps\n0,0,0,0\n"),
+        ("still.csv", "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,0,0\n"),
+        ("degrees.csv", "time_s,range_m,bearing_rad\n0,2,-1\n0,2,95\n"),
+        ("up.csv", "time_s,range_m,bearing_rad,elevation_rad\n0,2,0,90\n"),
+        ("far.csv", "time_s,range_m,bearing_rad\n0,1e200,0\n"),
+        ("late.csv", "time_s,x_m,y_m,yaw_rad\n5000,0,0,0\n"),
+    ] {
+        std::fs::write(yard.path(name), rows).expect("a file");
+    }
+    // Nothing is written where there is no score to tell.
+    let late = yard.marsyard(["localise", "still.csv", "--truth", "late.csv", "--out", "nothing"]);
+    assert_eq!(late.status.code(), Some(2));
+    assert!(text(&late.stderr).contains("it covers no step of the odometry"), "{}", text(&late.stderr));
+    assert!(!yard.path("nothing/trajectory.tum").exists());
     for (arguments, said) in [
         (&["localise", "o.csv"][..], "o.csv:3: speed_mps is 'fast'; write a finite number"),
         (&["localise", "absent.csv"], "absent.csv cannot be read"),
@@ -138,6 +153,12 @@ fn extreme_localise_refuses_nonsense_with_file_line_and_cure() {
         (&["localise", "o.csv", "--slip=-0.1"], "a number of 0 to 0.9 is needed"),
         (&["localise", "o.csv", "--slip=nan"], "a number of 0 to 0.9 is needed"),
         (&["localise", "o.csv", "--sensor=nan,0,0"], "three finite numbers with commas between are needed"),
+        (&["localise", "o.csv", "--motion-inflation", "0"], "a number of 0.01 to 1000 is needed"),
+        (&["localise", "o.csv", "--measurement-inflation", "1e308"], "a number of 0.01 to 1000 is needed"),
+        (&["localise", "twice.csv"], "twice.csv:1: it names 'speed_mps' twice"),
+        (&["localise", "still.csv", "--features", "degrees.csv"], "degrees.csv:3: bearing_rad is 95"),
+        (&["localise", "still.csv", "--features", "up.csv"], "up.csv:2: elevation_rad is 90"),
+        (&["localise", "still.csv", "--features", "far.csv"], "far.csv:2: range_m is 1e200; a range is in metres"),
         (&["localise", "o.csv", "--start", "1,0"], "three finite numbers with commas between are needed"),
     ] {
         let output = yard.marsyard(arguments);
@@ -204,6 +225,14 @@ fn law_angles_that_are_told_later_and_not_at_the_start_are_refused_unless_somebo
         let output = yard.marsyard(arguments);
         assert!(output.status.success(), "{}", text(&output.stderr));
     }
+    // The truth's height and tilt stay where the start is told otherwise.
+    std::fs::write(yard.path("s.csv"), "time_s,x_m,y_m,z_m,yaw_rad,roll_rad\n0,5,5,3,0,0.7\n2,7,5,3,0,0.7\n")
+        .expect("a file");
+    let output =
+        yard.marsyard(["localise", "roll.csv", "--truth", "s.csv", "--start", "1,2,0", "--out", "d", "--json"]);
+    let said: Json = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(said["left_out"]["gated"], 0, "{said}");
+    assert_eq!(first_pose(&yard, "d")[..3], [1.0, 2.0, 3.0]);
 }
 
 #[test]

@@ -145,6 +145,7 @@ fn exact_faults_of_a_training_exit_2_with_the_cure() {
         (vec!["train", "corpus", "--set", "filter.ekf.noise.p0_over_r=-1"], "p0_over_r"),
         (vec!["train", "corpus", "--set", "networks.hidden=[3]"], "did you mean 'network'"),
         (vec!["train", "corpus", "--labels", "tall"], "taller_than_wheel=0.15"),
+        (vec!["train", "corpus", "--labels", "max_drop_m=0.2"], "cells.labels: {max_drop_m: 0.2}"),
         (vec!["train", "corpus", "--set", "features={columns: [slope]}"], "no feature 'slope'"),
         (vec!["train", "corpus", "corpus"], "given twice"),
         (vec!["train", "corpus", "--set", "network.hidden=[400, 400]"], "allow_few_rows"),

@@ -50,6 +50,26 @@ pub(super) struct BudgetArgs {
     write: Option<PathBuf>,
 }
 
+impl BudgetArgs {
+    /// Without hours no option of a budget does anything. The parser's `requires` is silent beside an option that excludes hours.
+    pub(super) fn check_unused(&self) -> Result<(), Failure> {
+        let given = [
+            ("--cores", self.cores.is_some()),
+            ("--disk", self.disk.is_some()),
+            ("--study", self.study.is_some()),
+            ("--write", self.write.is_some()),
+        ];
+        match given.iter().find(|(_, is_given)| *is_given) {
+            None => Ok(()),
+            Some((option, _)) => {
+                let help =
+                    "give --hours, without --threads and --sample: --cores says how many cores the build will have";
+                Err(Failure::usage(miette::miette!(help = help, "{option} is of a budget, and none is given")))
+            }
+        }
+    }
+}
+
 fn parse_hours(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(hours) if hours > 0.0 && hours <= 1e5 => Ok(hours),
@@ -108,16 +128,24 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -
     let disk_bytes = asked.disk.or_else(|| estimate::free_bytes(&place).map(|bytes| bytes as f64));
     let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes };
 
-    let measured = |setting: &StudySetting| measure(args, setting, cores, stop);
-    let base = measured(&study.settings[0])?;
+    let measured = |setting: &StudySetting, sets: &[String]| measure(args, setting, sets, cores, stop);
+    let mut base = measured(&study.settings[0], &[])?;
     let first = choices(&study, &budget, |_| base, 1).into_iter().next();
     let first = first.ok_or_else(|| too_little(&budget, &base))?;
-    let chosen = if first.setting == &study.settings[0] { base } else { measured(first.setting)? };
-    let name = first.setting.name.clone();
-    let here = |setting: &StudySetting| if setting.name == name { chosen } else { base };
+    let is_reference = first.setting == &study.settings[0];
+    let mut chosen = if is_reference { base } else { measured(first.setting, &[])? };
     let own = u64::from(plan.scenes_per_shard);
     let per_shard = if first.scenes >= LEAST_SHARDS * own { own } else { (first.scenes / SHARDS).max(1) };
-    let all = choices(&study, &budget, here, per_shard);
+    // Small shards take more bytes a scene.
+    if per_shard != own {
+        let sets = [format!("scenes_per_shard={per_shard}")];
+        base = measured(&study.settings[0], &sets)?;
+        chosen = if is_reference { base } else { measured(first.setting, &sets)? };
+    }
+    let name = first.setting.name.clone();
+    let here = |setting: &StudySetting| if setting.name == name { chosen } else { base };
+    let mut all = choices(&study, &budget, here, per_shard);
+    all.retain(|choice| choice.scenes >= LEAST_SHARDS);
     let Some(best) = all.first() else { return Err(too_little(&budget, &base)) };
 
     let mut sets = best.setting.sets.clone();
@@ -165,8 +193,14 @@ fn telling(args: &PlanArgs, mut sets: Vec<String>) -> Result<Vec<String>, Failur
 }
 
 /// Scenes of a setting, made here.
-fn measure(args: &PlanArgs, setting: &StudySetting, cores: usize, stop: &AtomicBool) -> Result<Here, Failure> {
-    let sets = [args.config.sets.as_slice(), &setting.sets].concat();
+fn measure(
+    args: &PlanArgs,
+    setting: &StudySetting,
+    sets: &[String],
+    cores: usize,
+    stop: &AtomicBool,
+) -> Result<Here, Failure> {
+    let sets = [args.config.sets.as_slice(), &setting.sets, sets].concat();
     let plan = config::load(&args.config.config, &sets).map_err(config_failure)?;
     let options = Options {
         threads: cores.min(default_threads()),
@@ -204,7 +238,14 @@ fn warnings(
 ) -> Result<Vec<String>, Failure> {
     let mut warnings = Vec::new();
     let own = reference(&args.config.config, &args.config.sets).map_err(config_failure)?;
-    if own.scene_plan_hash() != study.scene_plan_hash {
+    if own.name != study.name {
+        warnings.push(format!(
+            "{} was made of another config, '{}': what it says of accuracy is of that; `{}` makes one of this",
+            study_file.display(),
+            study.name,
+            make_study(args)
+        ));
+    } else if own.scene_plan_hash() != study.scene_plan_hash {
         warnings.push(format!(
             "{} was made of another state of this config: what it says of accuracy is of that; `{}` makes a new one",
             study_file.display(),
@@ -268,14 +309,17 @@ fn study_failure(error: &StudyError, args: &PlanArgs) -> Failure {
 }
 
 fn too_little(budget: &Budget, here: &Here) -> Failure {
-    let disk = budget.disk_bytes.filter(|bytes| *bytes < here.bytes_per_scene);
+    let disk = budget.disk_bytes.filter(|bytes| *bytes < LEAST_SHARDS as f64 * here.bytes_per_scene);
     let (what, help) = match disk {
         Some(bytes) => (format!("{}B of disk hold", si(bytes)), "more --disk, or fewer tables"),
         None => {
             (format!("{} are enough for", human(Duration::from_secs_f64(budget.wall_s))), "more --hours or --cores")
         }
     };
-    Failure::usage(miette::miette!(help = help, "{what} no scene of any setting"))
+    Failure::usage(miette::miette!(
+        help = help,
+        "{what} fewer than {LEAST_SHARDS} scenes of any setting, and a corpus that can be trained on has as many shards"
+    ))
 }
 
 impl Answer<'_> {

@@ -62,7 +62,10 @@ fn exact_corpora_of_equal_rows_differ_where_other_programs_wrote_some_of_their_s
     let found = compare(side("a", &plan, "h", &there), side("b", &plan, "h", &other));
     assert!(!found.is_equal && found.relation == Relation::Same, "{found}");
     let said = found.to_string();
-    assert!(said.contains("what differs stands below") && said.contains("  A  none\n  B  shards 1..3: 0.0.7"), "{said}");
+    assert!(
+        said.contains("what differs stands below") && said.contains("  A  none\n  B  shards 1..3: 0.0.7"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -94,7 +94,9 @@ impl fmt::Display for RowComparison {
                 if others.is_empty() {
                     writeln!(f, "  {side}  none")?;
                 }
-                others.iter().try_for_each(|other| writeln!(f, "  {side}  shards {}: {}", other.shards, other.build))?;
+                others
+                    .iter()
+                    .try_for_each(|other| writeln!(f, "  {side}  shards {}: {}", other.shards, other.build))?;
             }
         }
         let moved: Vec<&FeatureComparison> = self.features.iter().filter(|feature| feature.has_moved()).collect();

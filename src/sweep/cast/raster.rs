@@ -193,6 +193,8 @@ impl<'a> RasterCaster<'a> {
     /// of a plane along x and y per cell, and how high above the sensor no node there rises over the plane, at the sensor's place.
     #[inline(always)]
     pub(super) fn sight_around(&self, level: usize, col: f64, row: f64, view: &RasterView) -> [f64; 3] {
+        // One block of the last level is the whole grid.
+        let level = level.min(self.levels.len() - 1);
         let Level { rows, cols, blocks } = &self.levels[level];
         let side = f64::from(2u32 << level);
         let (row, col) = (((row / side) as usize).min(rows - 1), ((col / side) as usize).min(cols - 1));

@@ -2,7 +2,7 @@
 
 use super::{Group, SceneAddress, Sources, at, path};
 use crate::corpus::Split;
-use crate::corpus::cells::{CellBatch, KEYS, LABEL, POINTS, check_margin, projection, rule_truth};
+use crate::corpus::cells::{CellBatch, KEYS, LABEL, POINTS, check_answers, projection, rule_truth};
 use crate::corpus::checked::Refused;
 use crate::corpus::reader::TableFile;
 use crate::train::TrainError;
@@ -39,7 +39,7 @@ impl Sources {
         let points = self.seen_alone.then_some(POINTS);
         let needed = features.chain([LABEL]).chain(points).chain(more.iter().chain(truth).copied());
         let (name, table) = (path(split, facts.shard), of.open_file(split, facts)?);
-        check_margin(self.rule.as_ref(), &table, &of.place())?;
+        check_answers(self.rule.as_ref(), &table, &of.place())?;
         match projection(&table, needed, &[]) {
             Ok(wanted) => Ok(OpenFile { sources: self, source, name, table, wanted }),
             Err(reason) => Err(of.fault(&name, Refused::Other(reason))),
