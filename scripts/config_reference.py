@@ -23,7 +23,7 @@ One YAML file is one corpus; another, optional one says how a network is trained
 `# yaml-language-server: $schema=../schemas/corpus.schema.json`. `configs/` holds examples that explain themselves.
 
 - Unknown keys, wrong types and values outside their range are refused, with file, line, rule and cure, before anything is written.
-- **What a config does not name is not modelled**, costs nothing and leaves no column. `marsyard plan CONFIG` lists what it names.
+- **What a config does not name is not modelled**, costs nothing and leaves no column. `marsyard plan CONFIG` lists the parts that it names, and those that are left out.
 - *number or law*: a constant, as in `0.3`, or a law, as in `{uniform: [0.1, 0.8]}`, that is drawn anew for each scene (for each object
   where the key says so). [Laws](#laws) lists them. All that a law may draw must lie in the key's range.
 - *absent* as a default: the thing is not there. A key in bold must be given.
