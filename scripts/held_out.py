@@ -102,9 +102,11 @@ class Judgement:
 
     def __init__(self, cells, of_trainings, families=FAMILIES, numbered=TRAINING + FAMILIES):
         of_trainings, self.families = np.asarray(of_trainings, dtype=float), families
-        trainings, rng = len(of_trainings), np.random.default_rng(1)
+        trainings = len(of_trainings)
+        # Apart, so that learners of other numbers of trainings have the draws of scenes in common.
+        rng, rng_of_trainings = np.random.default_rng(1), np.random.default_rng([1, trainings])
         self.by_family, self.draws = {}, {}
-        drawn = rng.integers(trainings, size=(DRAWS, trainings))
+        drawn = rng_of_trainings.integers(trainings, size=(DRAWS, trainings))
         for family in families:
             of = of_trainings[:, cells["family_of_scene"] == numbered.index(family)]
             weights = rng.multinomial(of.shape[1], np.full(of.shape[1], 1 / of.shape[1]), size=DRAWS)
