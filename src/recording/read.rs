@@ -152,24 +152,19 @@ fn observations(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingErro
         let range_m = table.number(row, range)?;
         let bearing_rad = table.number(row, bearing)?;
         let elevation_rad = table.number_if_any(row, elevation)?.unwrap_or(0.0);
-        for (name, value, is_sane, cure) in [
-            ("range_m", range_m, range_m > 0.0, "a range is above 0: leave misses out"),
+        for (column, is_sane, cure) in [
+            (Some(range), range_m > 0.0, "a range is above 0: leave misses out"),
             (
-                "range_m",
-                range_m,
+                Some(range),
                 range_m <= FARTHEST_M,
                 "a range is in metres, and no sensor of a rover sees a thousand kilometres",
             ),
-            ("bearing_rad", bearing_rad, bearing_rad.abs() <= TAU, "a bearing is in radians, a whole turn at most"),
-            (
-                "elevation_rad",
-                elevation_rad,
-                elevation_rad.abs() < FRAC_PI_2,
-                "an elevation is in radians, below a quarter of a turn",
-            ),
+            (Some(bearing), bearing_rad.abs() <= TAU, "a bearing is in radians, a whole turn at most"),
+            (elevation, elevation_rad.abs() < FRAC_PI_2, "an elevation is in radians, below a quarter of a turn"),
         ] {
-            if !is_sane {
-                return Err(table.fault(Some(row.0), format!("{name} is {value:?}"), cure));
+            if let Some(column) = column.filter(|_| !is_sane) {
+                let what = format!("{} is {}", table.header[column], row.1[column]);
+                return Err(table.fault(Some(row.0), what, cure));
             }
         }
         let known = match id.map(|id| row.1[id].as_str()).filter(|text| !text.is_empty()) {
