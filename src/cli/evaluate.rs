@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::Failure;
 use super::operating_point::PointArgs;
-use super::options::labels_set;
+use super::options::rule_mapping;
 use super::output::{errln, out};
 use super::place::{self, check_folder, corpus_failure};
 use crate::cells::LabelRule;
@@ -53,9 +53,8 @@ enum SplitName {
 }
 
 fn parse_rule(text: &str) -> Result<LabelRule, String> {
-    let set = labels_set(text).map_err(|failure| failure.report.to_string())?;
-    let text = set.strip_prefix("labels=").unwrap_or(&set);
-    let rule: LabelRule = serde_saphyr::from_str(text).map_err(|e| e.to_string())?;
+    let mapping = rule_mapping(text).map_err(|failure| failure.report.to_string())?;
+    let rule: LabelRule = serde_saphyr::from_str(&mapping).map_err(|e| e.to_string())?;
     garde::Validate::validate(&rule).map_err(|e| e.to_string())?;
     rule.check_answerable().map_err(|e| e.to_string())?;
     Ok(rule)

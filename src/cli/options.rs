@@ -29,10 +29,15 @@ pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
     }
 }
 
-/// `taller_than_m=0.2,max_ground_slope_deg=20` as an override.
+/// A rule of labels as an override.
 pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
+    Ok(format!("labels={}", rule_mapping(rule)?))
+}
+
+/// `taller_than_m=0.2,max_ground_slope_deg=20` as a mapping of YAML; a mapping as it is.
+pub(super) fn rule_mapping(rule: &str) -> Result<String, Failure> {
     if rule.trim_start().starts_with('{') {
-        return Ok(format!("labels={rule}"));
+        return Ok(rule.into());
     }
     let mut parts = Vec::new();
     for part in rule.split(',').map(str::trim) {
@@ -48,7 +53,7 @@ pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
             }
         });
     }
-    Ok(format!("labels={{{}}}", parts.join(", ")))
+    Ok(format!("{{{}}}", parts.join(", ")))
 }
 
 /// The plan of a config file, a plan.yaml or a corpus; and the place of the corpus, if it is one.

@@ -53,10 +53,9 @@ fn law_hours_become_a_config_that_is_built() {
     let output = yard.marsyard(["plan", "night.yaml", "--sample", "0"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(text(&output.stdout).starts_with(&format!("night: {scenes} scenes")), "{}", text(&output.stdout));
-    // Fewer shards than give each split one teach nobody; small shards are weighed as they are written.
-    let small =
-        |disk: &str| yard.marsyard(["plan", &config, "--hours", "0.002", "--limit", "1", "--json", "--disk", disk]);
-    let too_small = small("50kB");
+    // Fewer shards than give each split one teach nobody.
+    let small = ["plan", &config, "--hours", "0.002", "--limit", "1", "--json", "--disk", "50kB"];
+    let too_small = yard.marsyard(small);
     assert_eq!(too_small.status.code(), Some(2), "{}", text(&too_small.stdout));
     assert!(text(&too_small.stderr).contains("of disk hold fewer than 7 scenes"), "{}", text(&too_small.stderr));
     // What is there already is nobody's to write over.

@@ -68,7 +68,6 @@ fn law_evaluate_prints_a_report_and_writes_its_figures() {
     assert!(output.status.success() && text(&output.stdout).contains("missed_untraversable"));
 }
 
-/// On the validation scenes themselves, counted again cell by cell.
 #[test]
 fn equal_a_rule_in_short_and_as_a_mapping() {
     let yard = trained();
@@ -87,6 +86,7 @@ fn equal_a_rule_in_short_and_as_a_mapping() {
     }
 }
 
+/// On the validation scenes themselves, counted again cell by cell.
 #[test]
 fn exact_operating_points_keep_their_promise_on_the_validation_split() {
     let yard = trained();

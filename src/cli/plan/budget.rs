@@ -132,16 +132,15 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -
     let mut base = measured(&study.settings[0], &[])?;
     let first = choices(&study, &budget, |_| base, 1).into_iter().next();
     let first = first.ok_or_else(|| too_little(&budget, &base))?;
-    let is_reference = first.setting == &study.settings[0];
-    let mut chosen = if is_reference { base } else { measured(first.setting, &[])? };
     let own = u64::from(plan.scenes_per_shard);
     let per_shard = if first.scenes >= LEAST_SHARDS * own { own } else { (first.scenes / SHARDS).max(1) };
+    let mut small_shards = Vec::new();
     // Small shards take more bytes a scene.
     if per_shard != own {
-        let sets = [format!("scenes_per_shard={per_shard}")];
-        base = measured(&study.settings[0], &sets)?;
-        chosen = if is_reference { base } else { measured(first.setting, &sets)? };
+        small_shards.push(format!("scenes_per_shard={per_shard}"));
+        base = measured(&study.settings[0], &small_shards)?;
     }
+    let chosen = if first.setting == &study.settings[0] { base } else { measured(first.setting, &small_shards)? };
     let name = first.setting.name.clone();
     let here = |setting: &StudySetting| if setting.name == name { chosen } else { base };
     let mut all = choices(&study, &budget, here, per_shard);
@@ -150,9 +149,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -
 
     let mut sets = best.setting.sets.clone();
     sets.push(format!("scenes={}", best.scenes));
-    if per_shard != own {
-        sets.push(format!("scenes_per_shard={per_shard}"));
-    }
+    sets.extend(small_shards);
     let sets = telling(args, sets)?;
     let warnings = warnings(args, &study, &study_file, cores, best)?;
     let answer = Answer {

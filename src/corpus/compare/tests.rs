@@ -13,6 +13,13 @@ fn range(mean: f64, sd: f64) -> Option<FeatureRange> {
     Some(FeatureRange { name, unit, count: 9, not_finite: 0, mean: Some(mean), sd: Some(sd), min, max, fault: None })
 }
 
+/// A corpus of four shards and the same again, to be changed; the folder lives as long as both.
+fn opened_twice() -> (tempfile::TempDir, Finished, Finished) {
+    let (dir, store, _) = corpus(&spec(8, &[Table::Cells]));
+    let open = || Finished::open(&store).unwrap();
+    (dir, open(), open())
+}
+
 #[test]
 fn exact_a_corpus_equals_itself_and_is_extended_by_more_scenes() {
     let (few, more) = (spec(4, &[Table::Cells]), spec(8, &[Table::Cells]));
@@ -35,10 +42,7 @@ fn exact_a_corpus_equals_itself_and_is_extended_by_more_scenes() {
 
 #[test]
 fn exact_shards_of_other_values_are_named() {
-    let spec = spec(8, &[Table::Cells]);
-    let (_dir, store, _) = corpus(&spec);
-    let there = Finished::open(&store).unwrap();
-    let mut other = Finished::open(&store).unwrap();
+    let (_dir, there, mut other) = opened_twice();
     for shard in [1, 2] {
         other.lines[shard].tables.get_mut(&Table::Cells).unwrap().value_hash = "00".repeat(32);
     }
@@ -52,10 +56,7 @@ fn exact_shards_of_other_values_are_named() {
 
 #[test]
 fn exact_corpora_of_equal_rows_differ_where_other_programs_wrote_some_of_their_shards() {
-    let spec = spec(8, &[Table::Cells]);
-    let (_dir, store, _) = corpus(&spec);
-    let there = Finished::open(&store).unwrap();
-    let mut other = Finished::open(&store).unwrap();
+    let (_dir, there, mut other) = opened_twice();
     let build = Build { version: "0.0.7".into(), ..other.manifest.build.clone() };
     other.manifest.other_builds = vec![OtherBuild { shards: "1..3".into(), build }];
     let plan = json!({});
