@@ -13,7 +13,7 @@ balanced accuracy). Nothing is ever chosen on test rows, which are drawn from al
 
 Corpora are configs/paper.yaml; configs/mixed.yaml, judged on another seed's corpus, family by held-out family, led by the worst; configs/mars.yaml.
 Intervals are 95 % of 2000 resamples of the test scenes, of the mean over seeds; the same resamples for all, so that differences to the default network
-are paired. Five seeds of paper.yaml's small rows, three of the slow classifiers and of the other corpora; fewer at full size: compare_models.py. CPU seconds and microseconds are of one thread.
+are paired. Five seeds each. CPU seconds and microseconds are of one thread.
 
 Before anything is compared, the measures are held against scikit-learn's, and the scores of a network in onnxruntime, judged by the measures,
 against `marsyard evaluate`. What was made lies in the work folder, task by task, and is not made again: give another one after a change.
@@ -63,14 +63,13 @@ class Yard:
     test_scenes: int = 0
     validation_rows: int = 40_000
     test_rows: int = 100_000
-    seeds: tuple = (5, 3)  # of small rows and at full size, at most
 
 
 #: Rows are drawn from all scenes alike: mars has some 49,000 a scene, so that without it there would be too few scenes.
 YARDS = {
     "paper": Yard("paper.yaml", 1000, 50),
-    "mixed": Yard("mixed.yaml", 400, 10, full_rows=300_000, test_seed=99, test_scenes=1000, test_rows=150_000, seeds=(3, 1)),
-    "mars": Yard("mars.yaml", 200, 10, full_rows=300_000, seeds=(3, 1)),
+    "mixed": Yard("mixed.yaml", 400, 10, full_rows=300_000, test_seed=99, test_scenes=1000, test_rows=150_000),
+    "mars": Yard("mars.yaml", 200, 10, full_rows=300_000),
 }
 
 
@@ -153,7 +152,7 @@ def all_of(tasks):
     return runs
 
 
-def compared(name, seeds):
+def compared(name):
     """All runs on a corpus, and the form that each classifier has chosen."""
     # The default network forms normal scores by itself.
     tried = lambda classifier: [form for form, parts in forms(CORPUS.names).items() if classifier != DEFAULT_NETWORK or "scores" not in parts]
@@ -163,8 +162,8 @@ def compared(name, seeds):
     for classifier in CLASSIFIERS:
         tried = sorted((run for run in trials if run["classifier"] == classifier), key=lambda run: order.index(run["form"]))
         chosen[classifier] = max(tried, key=lambda run: run["validation_balanced_accuracy"])["form"]
-    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier, counts in CLASSIFIERS.items()
-                    for seed in range(1, min(counts[1 + many], seeds[many]) + 1)] for many in (False, True))
+    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier, (_, at_full_size) in CLASSIFIERS.items()
+                    if at_full_size or not many for seed in range(1, OPTIONS.seeds + 1)] for many in (False, True))
     return trials, all_of(full + small), chosen
 
 
@@ -173,7 +172,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=YARDS, help="one of the corpora; the others keep what the work folder holds of them")
     parser.add_argument("--rows", type=int, default=20_000, help="small: training rows, at least, in whole scenes (default 20,000)")
-    parser.add_argument("--seeds", type=int, default=5, help="at most so many (default 5)")
+    parser.add_argument("--seeds", type=int, default=5, help="so many (default 5)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     parser.add_argument("--figure", type=pathlib.Path, help="also draw the balanced accuracies here (PNG or SVG)")
     study.add_arguments(parser, "compare_classifiers")
@@ -192,7 +191,7 @@ def main():
             CORPUS = Corpus(name, place, test_place, names, yard)
             about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"networks": networks}
             TASK_KEY = [about, OPTIONS.rows]
-            trials, runs, chosen = compared(name, [min(OPTIONS.seeds, most) for most in yard.seeds])
+            trials, runs, chosen = compared(name)
             found = compare_report.summary(runs, chosen, CORPUS.families, {of: network["bytes"] for of, network in networks.items()})
             plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": plain}))

@@ -114,21 +114,20 @@ def one_threshold(rows, seed, many):
     return fitted(rows, learn, score, lambda model: (3, len(pickle.dumps(model))), probabilities=False)
 
 
-#: Name: (classifier, seeds of small rows, seeds at full size; 0 = not trained there). Those of one seed draw nothing, or take long; nothing is
-#: gained by more: an interval over scenes is wider than what seeds move at full size.
+#: Name: (classifier, whether it learns at full size, too; SVM and KNN would take days of it).
 CLASSIFIERS = {
-    DEFAULT_NETWORK: (default_network, 5, 3),
-    NETWORK: (network, 5, 3),
-    "network (Adam)": (adam, 5, 3),
-    "TabM": (tabm, 3, 1),
-    "LightGBM": (lightgbm, 5, 1),
-    "XGBoost": (xgboost, 5, 1),
-    "CatBoost": (catboost, 5, 1),
-    "HistGradientBoosting": (histogram_boosting, 5, 1),
-    "random forest": (forest, 5, 1),
-    "complex tree": (complex_tree, 5, 1),
-    "logistic regression": (logistic, 5, 1),
-    "fine Gaussian SVM": (fine_svm, 3, 0),
-    "fine KNN": (fine_knn, 5, 0),
-    "one threshold": (one_threshold, 5, 1),
+    DEFAULT_NETWORK: (default_network, True),
+    NETWORK: (network, True),
+    "network (Adam)": (adam, True),
+    "TabM": (tabm, True),
+    "LightGBM": (lightgbm, True),
+    "XGBoost": (xgboost, True),
+    "CatBoost": (catboost, True),
+    "HistGradientBoosting": (histogram_boosting, True),
+    "random forest": (forest, True),
+    "complex tree": (complex_tree, True),
+    "logistic regression": (logistic, True),
+    "fine Gaussian SVM": (fine_svm, False),
+    "fine KNN": (fine_knn, False),
+    "one threshold": (one_threshold, True),
 }
