@@ -45,6 +45,7 @@ COLUMNS = {
     "and the height above a percentile of the ground": OWN + LOCAL + PLANE + SQUARES + BEAMS,
     "and heights above the rover and the neighbours": OWN + NEIGHBOURS + PLANE + SQUARES + BEAMS,
     "and the curvature": OWN + PLANE + SQUARES + BEAMS + CURVATURE,
+    "and pitch, roll and the standard deviations": OWN + PLANE + SQUARES + BEAMS + POSE,
 }
 # The corpora of this part hold what is no longer in the config, too.
 WITH_CURVATURE = ["cells.curvature={radii_m: [0.2, 0.4, 0.8]}"]

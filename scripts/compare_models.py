@@ -5,6 +5,7 @@ weighted log loss of the validation rows, which all are given alike. SVM and thr
 
 - network (default): marsyard's trainer with all defaults, which standardises by itself.
 - network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
+- LightGBM, regularised: small trees of many cells each, as in learning_curve.py and anatomy.py, for yards of other families.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
 
@@ -62,9 +63,18 @@ def histogram_boosting(rows, seed, many):
 
 
 def lightgbm(rows, seed, many):
+    settings = dict(n_estimators=2000, learning_rate=0.1 if many else 0.05, num_leaves=127 if many else 31, subsample=0.8, colsample_bytree=0.8)
+    return light_trees(rows, seed, settings)
+
+
+def lightgbm_regularised(rows, seed, many):
+    settings = dict(n_estimators=400, num_leaves=31, min_child_samples=100, subsample=0.7, colsample_bytree=0.7, reg_lambda=5.0)
+    return light_trees(rows, seed, settings)
+
+
+def light_trees(rows, seed, settings):
     def learn():
-        model = LGBMClassifier(n_estimators=2000, learning_rate=0.1 if many else 0.05, num_leaves=127 if many else 31, subsample=0.8,
-                               subsample_freq=1, colsample_bytree=0.8, random_state=seed, n_jobs=1, verbose=-1)  # fmt: skip
+        model = LGBMClassifier(**settings, subsample_freq=1, random_state=seed, n_jobs=1, verbose=-1)
         stop = early_stopping(30, verbose=False)
         return model.fit(rows.x, rows.y, rows.weights, eval_X=rows.choose_x, eval_y=rows.choose_y, eval_sample_weight=[rows.choose_weights], callbacks=[stop])
 
@@ -121,6 +131,7 @@ CLASSIFIERS = {
     "network (Adam)": (adam, True),
     "TabM": (tabm, True),
     "LightGBM": (lightgbm, True),
+    "LightGBM, regularised": (lightgbm_regularised, True),
     "XGBoost": (xgboost, True),
     "CatBoost": (catboost, True),
     "HistGradientBoosting": (histogram_boosting, True),

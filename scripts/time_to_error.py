@@ -14,12 +14,13 @@ test scenes (of mixed.yaml: its held-out families): the weighted mean of (target
 trainer lowers. Networks have two hidden layers of 16, but for the one that says otherwise; what learns by log loss has its probability p judged as
 0.1 + 0.8 p.
 
-- marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores) and with two of 16-16; and the
-  Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
+- marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores), with two of 16-16, and with one of 12-12 on the columns alone, of less than 600 weights on
+  all three corpora; and the Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
   at by the validation and by the test rows, which changes nothing that is learnt; the time is the first's.
 - sklearn: MLPClassifier, Adam, batches of 200 and 1000.
 - torch, fused Adam: constant rate; and one cycle (OneCycleLR), which knows its budget and is trained anew for each.
-- torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) on 100,000 rows.
+- torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) and SSBroyden (dense, in f64,
+  strong Wolfe; written here from Urbán, Stefanou & Pons 2025, which no library has) on 20,000 or 100,000 rows.
 - LightGBM: 31 leaves, as many trees as the budget holds, of three rates the best for each budget.
 
 Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
@@ -40,6 +41,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS")
 
 import lightgbm
 import numpy as np
+import scipy.optimize
 import torch
 from sklearn.neural_network import MLPClassifier
 
@@ -206,7 +208,7 @@ def torch_network(task, seed, activation):
 
     def outputs(x):
         with torch.no_grad():
-            return network(torch.from_numpy(x)).numpy()[:, 0].astype(float)
+            return network(torch.from_numpy(x).to(network[0].weight.dtype)).numpy()[:, 0].astype(float)
 
     return network, outputs
 
@@ -262,6 +264,67 @@ def lbfgs(task, budget_s, seed, setting):
             return clock.looks
 
 
+def ssbroyden(task, budget_s, seed, setting):
+    rows, activation = setting
+    network, outputs = torch_network(task, seed, activation)
+    network.double()
+    x, target, weight = (part.double() for part in tensors(task, rows))
+    place = lambda at: torch.nn.utils.vector_to_parameters(torch.from_numpy(at), network.parameters())
+    seen = {}
+
+    def loss(at):
+        # Value and slope come together; the line search asks for one and then for the other.
+        if "at" not in seen or not np.array_equal(seen["at"], at):
+            place(at)
+            network.zero_grad()
+            value = (weight * (network(x) - target).square()).mean()
+            value.backward()
+            slope = torch.cat([one.grad.flatten() for one in network.parameters()]).numpy().copy()
+            seen.update(at=at.copy(), value=value.item(), slope=slope)
+        return seen["value"]
+
+    def slope(at):
+        loss(at)
+        return seen["slope"]
+
+    at = torch.nn.utils.parameters_to_vector(network.parameters()).detach().numpy().copy()
+    inverse, before = np.eye(len(at)), None
+    clock = Clock(task, budget_s, outputs)
+    while True:
+        g, value = slope(at), loss(at)
+        step = -inverse @ g
+        length, *_ = scipy.optimize.line_search(loss, slope, at, step, g, value, before)
+        if length is None:
+            # Rounding, or a direction that is none any more: it begins anew.
+            if before is None:
+                return clock.looks
+            inverse, before = np.eye(len(at)), None
+            continue
+        before, moved = value, length * step
+        at = at + moved
+        changed = slope(at) - g
+        if moved @ changed > 0.0:
+            inverse = self_scaled_broyden(inverse, moved, changed, -length * (moved @ g))
+        place(at)
+        if not clock.goes_on():
+            return clock.looks
+
+
+def self_scaled_broyden(inverse, s, y, sbs):
+    """The inverse of the Hessian after a step s that changed the slope by y; sbs: s' B s of before."""
+    hy, ys = inverse @ y, y @ s
+    yhy = y @ hy
+    b, h = sbs / ys, yhy / ys
+    a = max(b * h - 1.0, 1e-12)
+    below = min(1.0, h * (1.0 - np.sqrt(a / (1.0 + a))))
+    theta = max((below - 1.0) / a, min(1.0 / below, (1.0 - b) / b))
+    sigma = 1.0 + a * theta
+    scaled = min(1.0, 1.0 / b)
+    tau = scaled * min(sigma ** (1.0 / (1 - len(s))), 1.0 / theta) if theta > 0 else min(scaled * sigma ** (1.0 / (1 - len(s))), sigma)
+    v = s / ys - hy / yhy
+    return (inverse - np.outer(hy, hy) / yhy + (1.0 - theta) / sigma * yhy * np.outer(v, v)) / tau + np.outer(s, s) / ys
+
+
 def trees(task, budget_s, seed, _):
     """Looks of three trainings, each with the whole budget: which rate is best depends on how long it has."""
     return [look for rate in (0.05, 0.1, 0.2) for look in trees_at(task, budget_s, seed, rate)]
@@ -285,12 +348,14 @@ def trees_at(task, budget_s, seed, rate):
     return [task.look(until[k], outputs(k)) for k in shown if until[k] <= budget_s]
 
 
+SMALL = {"network.hidden": "[12,12]", "network.members": 1, "network.normal_scores": "false"}
 RELU, TANH = torch.nn.ReLU, torch.nn.Tanh
 RATES = [(rate, batch, activation) for rate in (3e-3, 1e-2, 3e-2) for batch in (256, 1024) for activation in (RELU, TANH)]
 #: What learns, and the settings that the search tries.
 ENGINES = {
     "marsyard, default, two of 64-64": (marsyard(250_000, filter="{kronecker: {}}"), [None]),
     "marsyard, default, two of 16-16": (marsyard(500_000, filter="{kronecker: {}}", **{"network.hidden": "[16,16]"}), [None]),
+    "marsyard, default, one of 12-12": (marsyard(500_000, filter="{kronecker: {}}", **SMALL), [None]),
     "marsyard, Kalman filter": (marsyard(100_000, filter="{ekf: {}}"), [None]),
     "marsyard, Kalman, every row": (marsyard(50_000, **{"filter.ekf.rows": "every"}), [None]),
     "sklearn, batch 200": (mlp_classifier(200), [(rate, a) for rate in (1e-3, 3e-3, 1e-2) for a in ("relu", "tanh")]),
@@ -300,7 +365,16 @@ ENGINES = {
     "torch, SOAP": (minibatches("SOAP"), RATES),
     "torch, Muon": (minibatches("Muon"), RATES),
     "torch, L-BFGS": (lbfgs, [(rows, activation) for rows in (20_000, 100_000) for activation in (RELU, TANH)]),
+    "torch, SSBroyden": (ssbroyden, [(rows, activation) for rows in (20_000, 100_000) for activation in (RELU, TANH)]),
     "LightGBM, best of three rates": (trees, [None]),
+}
+#: Networks, neurons of their layers and inputs a column, where an engine does not take what the search finds.
+LAYOUTS = {
+    "marsyard, default, two of 64-64": (2, (64, 64), 2),
+    "marsyard, default, two of 16-16": (2, HIDDEN, 2),
+    "marsyard, default, one of 12-12": (1, (12, 12), 1),
+    "marsyard, Kalman filter": (1, HIDDEN, 1),
+    "marsyard, Kalman, every row": (1, HIDDEN, 1),
 }
 #: Inputs of the networks that are searched.
 INPUTS = ("standardised", "with normal scores")
@@ -378,6 +452,16 @@ def measure_all(tasks, name, seeds, budgets, kept, store, jobs):
         raise SystemExit("\n".join(failed))
 
 
+def weights(engine, columns, chosen):
+    """Of the network that an engine learns; none of trees."""
+    if engine.startswith("LightGBM"):
+        return "-"
+    searched = 1 + INPUTS.index(choices(engine)[chosen or 0][0])
+    networks, hidden, inputs = LAYOUTS.get(engine, (1, HIDDEN, searched))
+    sizes = [inputs * columns, *hidden, 1]
+    return f"{networks * sum((a + 1) * b for a, b in zip(sizes[:-1], sizes[1:])):,}"
+
+
 def told(runs, budget):
     found = [1000 * run[str(budget)][2] for run in runs if run.get(str(budget))]
     if not found:
@@ -393,18 +477,18 @@ def markdown(about, kept, corpora, seeds):
     for name in corpora:
         of = about["corpora"][name]
         text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).\n\n"
-        text += table(kept, name, seeds) + "\n\n"
+        text += table(kept, name, seeds, of["columns"]) + "\n\n"
         settings = {engine: kept["settings"].get(f"{name}/{engine}") for engine, (_, all_of) in ENGINES.items() if len(all_of) > 1}
         text += ("Settings of an earlier search: " if about["settings"] else "Settings found: ") + "; ".join(f"{engine}: {', '.join([readable(choices(engine)[k][1]), choices(engine)[k][0]])}" for engine, k in settings.items() if k is not None) + ".\n"
     return text
 
 
-def table(kept, name, seeds):
+def table(kept, name, seeds, columns):
     """A row an engine, a column a budget that anybody had."""
     of = {engine: [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]] for engine in ENGINES}
     budgets = sorted({int(budget) for runs in of.values() for run in runs for budget in run})
-    rows = [[engine, *(told(runs, budget) for budget in budgets)] for engine, runs in of.items()]
-    return study.markdown(["learnt by", *(f"{budget} CPU s" for budget in budgets)], rows)
+    rows = [[engine, weights(engine, columns, kept["settings"].get(f"{name}/{engine}")), *(told(runs, budget) for budget in budgets)] for engine, runs in of.items()]
+    return study.markdown(["learnt by", "weights", *(f"{budget} CPU s" for budget in budgets)], rows)
 
 
 def readable(setting):

@@ -3,7 +3,7 @@
 For each config the first two choices of `marsyard plan CONFIG --hours H` (H: --cpu-minutes on the cores that there are) are generated with as
 many scenes as it says, networks are trained by `train`'s defaults, and all are judged on common scenes of another seed: of the config at the
 study's reference setting, or of mixed.yaml's held-out families. Where the plan stops early because the curve is flat, the first choice is
-also built with --beyond times as many scenes. Besides, what is recommended of all four configs for 1 and for 8 CPU hours and 200 GB. Intervals of 95 % draw scenes (within their families) and trainings anew, in pairs.
+also built with --beyond times as many scenes; where neither choice is the study's reference, that is built, too. Besides, what is recommended of all four configs for 1 and for 8 CPU hours and 200 GB. Intervals of 95 % draw scenes (within their families) and trainings anew, in pairs.
 
     cargo build --release && python scripts/verify_plan.py --cpu-minutes 20
 
@@ -24,6 +24,7 @@ CONFIGS = ["quickstart", "paper", "mixed", "mars"]
 #: What is told of all four configs: CPU hours, and a disk, which is not that of the machine at hand.
 CPU_HOURS, DISK = (1, 8), "200GB"
 BOUNDS = {"flat": "more scenes bring nothing", "hours": "the hours", "disk": "the disk"}
+TITLES = {"first": "recommended", "second": "second choice", "more": "recommended, more scenes", "reference": "the reference"}
 SEEDS = (1, 2, 3)
 #: A scene of mars.yaml has as many cells as thirteen to twenty-eight of the others; of mixed.yaml eight families judge, some 70 scenes each.
 JUDGED_SCENES = {"quickstart": 400, "paper": 400, "mixed": None, "mars": 100}
@@ -70,16 +71,18 @@ def recommendations(marsyard):
 
 def verify(marsyard, name, options):
     plan = plan_of(marsyard, name, options.cpu_minutes / 60)
-    reference = next(choice["sets"] for choice in plan["choices"] if choice["setting"] == "reference")
+    reference = next(choice for choice in plan["choices"] if choice["setting"] == "reference")
     first, second = plan["choices"][:2]
     builds = [("first", first, first["scenes"]), ("second", second, second["scenes"])]
     if first["bound"] == "flat":
         builds.append(("more", first, min(options.beyond * first["scenes"], first["most_scenes"])))
+    if reference not in (first, second):
+        builds.append(("reference", reference, reference["scenes"]))
     rows, yards, base = [], None, None
     for title, choice, scenes in builds:
         row, models = build(marsyard, name, f"{name}-{title}", choice, scenes)
         if yards is None:
-            yards = unseen.Yards(marsyard, name, reference, models[0]["about"]["features"], JUDGED_SCENES[name])
+            yards = unseen.Yards(marsyard, name, reference["sets"], models[0]["about"]["features"], JUDGED_SCENES[name])
         accuracy = yards.accuracy(models)
         base = accuracy if base is None else base
         low, high = np.percentile(accuracy[1], [2.5, 97.5])
@@ -100,7 +103,7 @@ def table(results):
             forecast = of.get("forecast")
             said = lambda key: f"{of[key]:.0f}" + (f" ({forecast[key]:.0f})" if forecast else "")
             expected = forecast and forecast["accuracy"]
-            rows.append([name, {"first": "recommended", "second": "second choice", "more": "recommended, more scenes"}[of["choice"]],
+            rows.append([name, TITLES[of["choice"]],
                          of["setting"], str(of["scenes"]), said("generate_cpu_s"), said("train_cpu_s"), f"{mean:.2f} [{low:.2f}, {high:.2f}]",
                          f"{100 * expected['mean']:.2f} [{100 * expected['low']:.2f}, {100 * expected['high']:.2f}]" if expected else "",
                          of["against_first"] or ""])

@@ -1,5 +1,6 @@
 //! Checks a config and says what it models, what each part of it costs, and what the whole build will take; or what to build in some hours.
 
+mod answer;
 mod budget;
 mod words;
 

@@ -22,6 +22,7 @@ use crate::evaluate::{Brief, EvaluateError, FamilyFacts, Options, evaluate_into,
 use crate::plan::Plan;
 use crate::train::corpora::{self, CorpusToLearn, unknown_yards};
 use crate::train::filter::{Counters, MOST_WEIGHT};
+use crate::train::generalisation::Generalisation;
 use crate::train::numbered::numbered;
 use crate::train::run::{Init, Summary};
 use crate::train::stopping::Stop;
@@ -297,7 +298,25 @@ fn tell_course(out: &Path, summary: &Summary, progress: &TrainProgress, log: Log
             left_out.not_finite
         );
     }
+    summary.generalisation.iter().for_each(|found| errln!("{}", of_more_scenes(found)));
     guards(&summary.counters).iter().for_each(|note| errln!("{note}"));
+}
+
+/// Whether more scenes would still teach.
+fn of_more_scenes(found: &Generalisation) -> String {
+    let gap = found.gap;
+    let percent = |share: f64| 100.0 * share.clamp(0.0, 1.0);
+    let [low, most, high] = [gap.mean - gap.half_width, gap.mean, gap.upper()].map(percent);
+    let head = "more scenes of these kinds";
+    match (found.is_closed(), low > 0.0) {
+        (true, _) => format!("{head} would bring little ({high:.0} % of the error at most): vary the yards instead"),
+        (false, true) => format!(
+            "{head} would take off up to {most:.0} % of the error ({low:.0} to {high:.0}), for scenes that were learnt are judged so much better"
+        ),
+        (false, false) => {
+            format!("{head}: whether they would bring something cannot be told (up to {high:.0} % of the error)")
+        }
+    }
 }
 
 /// What came of it, last of all: what stands above may have scrolled off.
@@ -307,7 +326,8 @@ fn tell_end(args: &TrainArgs, out: &Path, summary: &Summary, log: LogFormat) {
     let untrained = (best.rows == 0).then_some(UNTRAINED);
     if log == LogFormat::Json {
         untrained.iter().for_each(|note| tracing::warn!(event = "untrained", note));
-        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error);
+        let gap = summary.generalisation.map(|found| found.gap.mean);
+        tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error, generalisation_gap = gap);
         return;
     }
     let corpora = args.corpora.iter().map(|(path, _)| path.display());
@@ -346,6 +366,7 @@ fn guards(counters: &Counters) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::statistics::Interval;
 
     #[test]
     fn exact_corpora_carry_weights_behind_a_colon() {
@@ -365,6 +386,22 @@ mod tests {
         let said = failure.report.downcast::<StoreFault>().expect("still a store's fault");
         assert_eq!((said.kind, said.place.as_str()), ("io", "run"));
         assert!(said.help.is_some_and(|help| help.contains("--resume --out run")));
+    }
+
+    #[test]
+    fn exact_what_more_scenes_would_bring_is_told_as_far_as_it_is_known() {
+        let told = |mean, half_width| {
+            of_more_scenes(&Generalisation { learnt: 0.01, held_back: 0.02, gap: Interval { mean, half_width } })
+        };
+        assert!(
+            told(0.5, 0.2).contains("would take off up to 50 % of the error (30 to 70), for"),
+            "{}",
+            told(0.5, 0.2)
+        );
+        assert!(told(0.02, 0.06).contains("bring little (8 % of the error at most): vary"), "{}", told(0.02, 0.06));
+        assert!(told(-0.2, 0.1).contains("(0 % of the error at most)"), "{}", told(-0.2, 0.1));
+        assert!(told(0.1, 0.3).ends_with("cannot be told (up to 40 % of the error)"), "{}", told(0.1, 0.3));
+        assert!(told(0.1, f64::INFINITY).ends_with("cannot be told (up to 100 % of the error)"));
     }
 
     #[test]

@@ -33,6 +33,9 @@ impl Fault {
     }
 }
 
+/// The name of the source that an override of the command line is.
+pub(crate) const OVERRIDE: &str = "--set";
+
 /// Around what a message quotes from a source; characters of Unicode's private use, which mean nothing.
 const QUOTE: [char; 2] = ['\u{e000}', '\u{e001}'];
 
@@ -79,9 +82,11 @@ pub struct Located {
 }
 
 impl ConfigError {
-    /// In order of place; the same fault found twice (in two families) is listed once.
+    /// Overrides first, since what was set last most often led to the rest; then in order of place. The same fault found twice (in two
+    /// families) is listed once.
     pub(crate) fn new(config: impl Into<String>, sources: &[Source], mut faults: Vec<Fault>) -> ConfigError {
-        faults.sort();
+        let in_a_file = |fault: &Fault| sources[fault.at.source].name != OVERRIDE;
+        faults.sort_by(|a, b| (in_a_file(a), a).cmp(&(in_a_file(b), b)));
         faults.dedup();
         ConfigError {
             config: config.into(),

@@ -7,7 +7,7 @@ use garde::Validate;
 use serde::de::DeserializeOwned;
 
 use super::document::{Document, MAX_FAMILIES};
-use super::error::{ConfigError, Fault, quoted};
+use super::error::{ConfigError, Fault, OVERRIDE, quoted};
 use super::fidelity;
 use super::key_path::KeyPath;
 use super::merge::{merge, set};
@@ -412,7 +412,7 @@ pub(super) fn with_set(root: Node, argument: &str, reader: &mut Reader, kind: Ki
     let source = reader.sources.len();
     let text = std::sync::Arc::new(argument.to_owned());
     let folder = reader.folder(root.span);
-    reader.sources.push(Source { name: "--set".into(), text, folder, is_shown: true });
+    reader.sources.push(Source { name: OVERRIDE.into(), text, folder, is_shown: true });
     let whole = Span { source, start: 0, len: argument.len() };
     let Some((dotted, _)) = argument.split_once('=') else {
         return Err(Fault::new(whole, "an override has the form key=value").cure(example));

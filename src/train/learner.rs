@@ -29,6 +29,8 @@ pub(super) struct Learner {
     pub network: Network,
     pub filter: Box<dyn Filter>,
     pub best: Snapshot,
+    /// The weights at the first look after the first row: what little they know tells how hard a scene is.
+    pub early: Option<Vec<f64>>,
     pub learnt: Learnt,
     /// Rows between two looks.
     pub validate_every: u64,
@@ -78,6 +80,7 @@ impl Learner {
         let network = first_network(params, layout);
         Ok(Learner {
             best: Snapshot { weights: network.weights.clone(), filter: filter.state() },
+            early: None,
             objective,
             network,
             filter,
@@ -169,6 +172,9 @@ impl Learner {
         let is_best = self.learnt.stopping.take(look, self.look_noise);
         if is_best {
             self.best = self.snapshot();
+        }
+        if self.early.is_none() && look.rows > 0 {
+            self.early = Some(self.network.weights.clone());
         }
         (look, is_best)
     }

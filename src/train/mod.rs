@@ -14,6 +14,7 @@ pub(crate) mod error;
 pub(crate) mod export;
 pub mod filter;
 pub(crate) mod folder;
+pub(crate) mod generalisation;
 pub(crate) mod leaks;
 mod learner;
 pub(crate) mod lock;

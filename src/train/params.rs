@@ -48,7 +48,7 @@ pub struct TrainParams {
     pub epochs: u32,
     /// Rows between two looks at the validation split; default: a tenth of a pass over the train split, so that what looks cost and what
     /// `patience` allows are shares of the corpus, however large it is; of small corpora 20,000 rows, but a fifth of a pass at most.
-    #[garde(skip)]
+    #[garde(range(min = 1))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub validate_every: Option<u64>,
     /// Looks before training ends in which the validation error does not fall by 1 %; default: 10, of a Kalman filter 5.

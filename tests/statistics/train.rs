@@ -5,7 +5,9 @@ mod textbook;
 use marsyard::math;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::{Counters, FilterState, build_unchecked};
-use marsyard::train::params::{EkfParams, FilterParams, NoiseParams, Precision, RowsLearnt, Schedule};
+use marsyard::train::params::{
+    DecoupledParams, EkfParams, FilterParams, Groups, KroneckerParams, NoiseParams, Precision, RowsLearnt, Schedule,
+};
 use marsyard::train::{Layout, Network};
 use nalgebra::DMatrix;
 use textbook::Textbook;
@@ -71,7 +73,10 @@ fn grid() -> impl Iterator<Item = Run> {
 impl Run {
     /// The network and its rows, as this case has them.
     fn prepare(&self, size: &Size) -> (Network, Vec<f64>, Vec<f64>) {
-        let mut network = size.network();
+        self.prepare_for(size.network(), size)
+    }
+
+    fn prepare_for(&self, mut network: Network, size: &Size) -> (Network, Vec<f64>, Vec<f64>) {
         let (mut inputs, targets) = size.rows(0, size.updates);
         let last = size.inputs as f64 - 1.0;
         for row in inputs.chunks_mut(size.inputs) {
@@ -89,12 +94,20 @@ impl Run {
         (network, inputs, targets)
     }
 
-    /// Trains a network, looking at its weights on the way.
+    fn noise(&self) -> NoiseParams {
+        NoiseParams { p0_over_r: self.p0, q_over_r: self.q, schedule: Schedule::Constant }
+    }
+
+    /// Trains a network by the filter of all weights.
     fn train(&self, size: &Size, precision: Precision, robust: bool) -> (Counters, bool, FilterState) {
-        let (mut network, inputs, targets) = self.prepare(size);
-        let noise = NoiseParams { p0_over_r: self.p0, q_over_r: self.q, schedule: Schedule::Constant };
-        let params = FilterParams::Ekf(EkfParams { noise, precision, robust, batch: 1, rows: RowsLearnt::Every });
-        let mut filter = build_unchecked(&params, &network.layout, f64::INFINITY);
+        let ekf = EkfParams { noise: self.noise(), precision, robust, batch: 1, rows: RowsLearnt::Every };
+        self.train_by(&FilterParams::Ekf(ekf), size.network(), size)
+    }
+
+    /// Trains a network, looking at its weights on the way.
+    fn train_by(&self, params: &FilterParams, network: Network, size: &Size) -> (Counters, bool, FilterState) {
+        let (mut network, inputs, targets) = self.prepare_for(network, size);
+        let mut filter = build_unchecked(params, &network.layout, f64::INFINITY);
         let mut finite = true;
         for (inputs, targets) in inputs.chunks(50 * size.inputs).zip(targets.chunks(50)) {
             filter.learn(&mut network, inputs, targets, &vec![self.r; targets.len()]);
@@ -109,6 +122,22 @@ impl Run {
         let mut filter = Textbook::new(network.weights.len(), self.p0, self.q);
         let mut rows = inputs.chunks(size.inputs).zip(&targets);
         rows.all(|(row, target)| filter.learn(&mut network, row, *target, self.r))
+    }
+
+    /// Whether weights stay below a million over the same rows, learnt by plain gradient steps of batches of 64.
+    fn descent_holds(&self, size: &Size, rate: f64) -> bool {
+        let (mut network, inputs, targets) = self.prepare(size);
+        let mut gradient = vec![0.0; network.weights.len()];
+        for (inputs, targets) in inputs.chunks(64 * size.inputs).zip(targets.chunks(64)) {
+            let mut step = vec![0.0; gradient.len()];
+            for (row, target) in inputs.chunks(size.inputs).zip(targets) {
+                let output = network.gradient(row, &mut Default::default(), &mut gradient);
+                let share = rate * (target - output) / (self.r * targets.len() as f64);
+                step.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += share * g);
+            }
+            network.weights.iter_mut().zip(&step).for_each(|(w, s)| *w += s);
+        }
+        network.weights.iter().all(|w| w.abs() <= 1e6)
     }
 
     fn name(&self) -> String {
@@ -150,7 +179,7 @@ fn factored_form_holds(size: &Size) -> usize {
     failed
 }
 
-/// The default never holds a weight that is not finite, and says when it rebuilt.
+/// The plain form never holds a weight that is not finite, and says when it rebuilt.
 fn plain_form_is_guarded(size: &Size) {
     for (precision, limit) in [(Precision::F32, 1e5), (Precision::F64, 1e12)] {
         let (mut guarded, mut factored) = (0, 0);
@@ -173,7 +202,7 @@ fn plain_form_is_guarded(size: &Size) {
         }
         row(
             Family::Filters,
-            &format!("the same in the default form, {} weights, {precision:?}", size.network().weights.len()),
+            &format!("the same in the plain form (`ekf`), {} weights, {precision:?}", size.network().weights.len()),
             "the row above",
             &format!(
                 "no weight that is not finite; {guarded} of 200 said that a guard acted, {factored} of them went on factored; none \
@@ -193,6 +222,61 @@ fn extreme_grid_the_factored_form_fails_nowhere() {
 #[test]
 fn extreme_grid_the_plain_form_keeps_weights_finite_and_says_when_it_rebuilt() {
     plain_form_is_guarded(&S87);
+}
+
+#[test]
+fn extreme_grid_by_batches_weights_stay_finite_and_rows_are_counted() {
+    // In the place of P0 and Q stand the rate and the members; R is what a row weighs, the other way round.
+    let rates = [1e-6, 1e-3, 0.005, 0.1, 1.0];
+    let (mut runs, mut rejecting, mut descents) = (0, 0, 0);
+    for (case, r, rate, members) in grid().enumerate().map(|(k, run)| (run.case, run.r, rates[k / 2 % 5], 1 + k % 2)) {
+        let run = Run { case, r, p0: 0.0, q: 0.0 };
+        let layout = Layout { inputs: S87.inputs, hidden: S87.hidden.to_vec(), bias: true, members };
+        let params = FilterParams::Kronecker(KroneckerParams { rate });
+        let (counters, finite, _) = run.train_by(&params, Network::random(layout, &streams()), &S87);
+        let name = format!("{}, R {r:e}, rate {rate}, {members} members", CASES[case]);
+        assert!(finite, "{name}");
+        assert_eq!(counters.updates + counters.rejected, S87.updates as u64, "{name}");
+        // With sane features no row is rejected, whatever it weighs: steps are in units of the gradients' own size.
+        assert!(case == 2 || counters.rejected == 0, "{name}: {counters:?}");
+        runs += 1;
+        rejecting += u32::from(counters.rejected > 0);
+        descents += u32::from(!run.descent_holds(&S87, rate));
+    }
+    assert_eq!(runs, 200);
+    assert!(descents > 0, "the grid does not reach what plain steps cannot bear");
+    row(
+        Family::Filters,
+        "87 weights or two of them, 200 settings of R, rate, members and features by batches (`kronecker`), 4000 rows each",
+        &format!(
+            "gradient steps of batches of 64 at the same rate: {descents} of 200 with a weight beyond 1e6 or no number"
+        ),
+        &format!("no weight that is not finite; {rejecting} of 200 left rows out, and said how many"),
+    );
+}
+
+#[test]
+fn extreme_grid_by_groups_weights_stay_finite_and_rows_are_counted() {
+    let (mut runs, mut rejecting) = (0, 0);
+    for groups in [Groups::Layer, Groups::Node, Groups::InputNode, Groups::Weight] {
+        for precision in [Precision::F32, Precision::F64] {
+            for run in grid() {
+                let params = FilterParams::Decoupled(DecoupledParams { groups, noise: run.noise(), precision });
+                let (counters, finite, _) = run.train_by(&params, S87.network(), &S87);
+                let name = format!("{groups:?}, {precision:?}: {}", run.name());
+                assert!(finite, "{name}");
+                assert_eq!(counters.updates + counters.rejected, S87.updates as u64, "{name}");
+                runs += 1;
+                rejecting += u32::from(counters.rejected > 0);
+            }
+        }
+    }
+    row(
+        Family::Filters,
+        "the 200 settings by layer, node, input and node, and weight (`decoupled`), 87 weights, f32 and f64",
+        "P - K b'P in f32: the rows of 87 weights below",
+        &format!("no weight that is not finite; {rejecting} of {runs} left rows out, and said how many"),
+    );
 }
 
 #[test]
@@ -275,7 +359,7 @@ fn extreme_ten_million_updates_leave_p_positive_definite_in_f64_and_factored() {
         let (counters, least, wrong) = ten_million(precision, robust, 100.0);
         assert!(least > 0.0 && counters.rebuilt == 0 && wrong < 0.01);
         let (textbook_least, asymmetry) = textbook_ten_million(100.0);
-        let form = if robust { "`robust` (U D U')" } else { "default" };
+        let form = if robust { "`robust` (U D U')" } else { "plain" };
         row(
             Family::Filters,
             &format!("ten million updates, {form}, {precision:?}"),
@@ -300,7 +384,7 @@ fn extreme_ten_million_updates_of_a_plain_f32_covariance_are_mended_and_cost_no_
         assert!(counters.rebuilt <= 1 && wrong < 0.01);
         row(
             Family::Filters,
-            &format!("ten million updates, default, F32, P0 / R {p0}"),
+            &format!("ten million updates, plain, F32, P0 / R {p0}"),
             "the rows above",
             &format!(
                 "least eigenvalue {least:.0e}: rebuilt {} times and counted, {:.2} % wrong",

@@ -8,21 +8,18 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args;
-use serde_json::json;
 
+use super::answer::Answer;
 use super::{PlanArgs, estimate_failure};
 use crate::cli::options::{default_out, default_threads, parse_threads};
-use crate::cli::output::{errln, outln};
-use crate::cli::place::{corpus_failure, must_be_local};
-use crate::cli::progress::{counted, human, si};
+use crate::cli::output::outln;
+use crate::cli::place::must_be_local;
+use crate::cli::progress::{human, si};
 use crate::cli::{Failure, config_failure};
 use crate::config;
-use crate::corpus::CorpusError;
-use crate::corpus::store::write_whole;
-use crate::measure::budget::{Bound, Budget, Choice, FLAT, Here, choices};
+use crate::measure::budget::{Budget, Choice, Here, choices};
 use crate::measure::estimate::{self, Estimate, Options};
 use crate::measure::study::{Study, StudyError, StudySetting};
-use crate::measure::tradeoff::report::Told;
 use crate::measure::tradeoff::settings::reference;
 use crate::plan::Plan;
 
@@ -42,6 +39,9 @@ pub(super) struct BudgetArgs {
     /// Disk that the corpus may take, such as 200GB or 1.5TiB; default: what is free where it goes.
     #[arg(long, requires = "hours", value_name = "BYTES", value_parser = parse_bytes)]
     disk: Option<f64>,
+    /// Rows that the corpus may have, all splits together, such as 5e6; default: as many as there is time and room for.
+    #[arg(long, requires = "hours", value_parser = parse_rows)]
+    pub rows: Option<f64>,
     /// The study.json that `marsyard tradeoff` wrote; default: tradeoffs/<name>/study.json, else studies/<name>.json beside the config.
     #[arg(long, requires = "hours", value_name = "FILE")]
     study: Option<PathBuf>,
@@ -56,6 +56,7 @@ impl BudgetArgs {
         let given = [
             ("--cores", self.cores.is_some()),
             ("--disk", self.disk.is_some()),
+            ("--rows", self.rows.is_some()),
             ("--study", self.study.is_some()),
             ("--write", self.write.is_some()),
         ];
@@ -74,6 +75,13 @@ fn parse_hours(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(hours) if hours > 0.0 && hours <= 1e5 => Ok(hours),
         _ => Err(format!("'{text}' is not a number of hours above 0 and up to 100000")),
+    }
+}
+
+fn parse_rows(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rows) if rows >= 1.0 && rows <= 1e15 => Ok(rows.floor()),
+        _ => Err(format!("'{text}' is not a number of rows from 1 to 1e15, such as 5e6")),
     }
 }
 
@@ -98,21 +106,6 @@ fn parse_bytes(text: &str) -> Result<f64, String> {
     }
 }
 
-/// All that an answer is made of.
-struct Answer<'a> {
-    args: &'a PlanArgs,
-    study: &'a Study,
-    study_file: &'a Path,
-    hours: f64,
-    cores: usize,
-    disk_bytes: Option<f64>,
-    /// The best first.
-    choices: &'a [Choice<'a>],
-    /// Overrides of the config that make the first choice.
-    sets: Vec<String>,
-    warnings: Vec<String>,
-}
-
 pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -> Result<(), Failure> {
     let asked = &args.budget;
     if let Some(path) = &asked.write {
@@ -126,7 +119,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -
     let cores = asked.cores.unwrap_or_else(default_threads);
     let place = args.out.clone().unwrap_or_else(|| default_out(plan));
     let disk_bytes = asked.disk.or_else(|| estimate::free_bytes(&place).map(|bytes| bytes as f64));
-    let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes };
+    let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes, rows: asked.rows };
 
     let measured = |setting: &StudySetting, sets: &[String]| measure(args, setting, sets, cores, stop);
     let mut base = measured(&study.settings[0], &[])?;
@@ -154,6 +147,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -
     let warnings = warnings(args, &study, &study_file, cores, best)?;
     let answer = Answer {
         args,
+        plan,
         study: &study,
         study_file: &study_file,
         hours,
@@ -306,10 +300,11 @@ fn study_failure(error: &StudyError, args: &PlanArgs) -> Failure {
 }
 
 fn too_little(budget: &Budget, here: &Here) -> Failure {
-    let disk = budget.disk_bytes.filter(|bytes| *bytes < LEAST_SHARDS as f64 * here.bytes_per_scene);
-    let (what, help) = match disk {
-        Some(bytes) => (format!("{}B of disk hold", si(bytes)), "more --disk, or fewer tables"),
-        None => {
+    let short = |asked: Option<f64>, a_scene: f64| asked.filter(|asked| *asked < LEAST_SHARDS as f64 * a_scene);
+    let (what, help) = match (short(budget.disk_bytes, here.bytes_per_scene), short(budget.rows, here.rows_per_scene)) {
+        (Some(bytes), _) => (format!("{}B of disk hold", si(bytes)), "more --disk, or fewer tables"),
+        (None, Some(rows)) => (format!("{} rows are", si(rows)), "more --rows"),
+        (None, None) => {
             (format!("{} are enough for", human(Duration::from_secs_f64(budget.wall_s))), "more --hours or --cores")
         }
     };
@@ -317,123 +312,6 @@ fn too_little(budget: &Budget, here: &Here) -> Failure {
         help = help,
         "{what} fewer than {LEAST_SHARDS} scenes of any setting, and a corpus that can be trained on has as many shards"
     ))
-}
-
-impl Answer<'_> {
-    fn tell(&self) {
-        let disk = self.disk_bytes.map_or("any disk".into(), |bytes| format!("{}B of disk", si(bytes)));
-        outln!(
-            "{}: {} h on {}, {disk}; by {}: {} up to {} scenes, judged on {} scenes, {}",
-            self.study.name,
-            self.hours,
-            counted(self.cores as u64, "core"),
-            self.study_file.display(),
-            counted(self.study.settings.len() as u64, "setting"),
-            self.study.settings[0].sizes.last().map_or(0, |size| size.scenes),
-            self.study.test_scenes,
-            self.study.judged_by
-        );
-        self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
-        for (k, choice) in self.choices.iter().take(2).enumerate() {
-            tell_choice(if k == 0 { "build" } else { "next best" }, choice, &self.study.settings[0], self.cores);
-        }
-        let sets: String =
-            self.args.config.sets.iter().chain(&self.sets).map(|set| format!(" --set '{set}'")).collect();
-        outln!("\nmarsyard generate {}{sets}", self.args.config.config.display());
-    }
-
-    fn json(&self) -> serde_json::Value {
-        let choice = |choice: &Choice| {
-            json!({
-                "setting": choice.setting.name, "sets": choice.setting.sets, "told": choice.setting.told,
-                "scenes": choice.scenes, "rows": choice.rows, "bytes": choice.bytes,
-                "generate_s": choice.build_s, "train_s": choice.train_s, "bound": choice.bound,
-                "most_scenes": choice.most_scenes, "times_the_largest_measured": choice.beyond,
-                "balanced_accuracy": {
-                    "mean": choice.expected.mean, "low": choice.expected.low, "high": choice.expected.high,
-                },
-                "more_would_bring": {"mean": choice.left.0, "at_most": choice.left.1},
-            })
-        };
-        json!({
-            "name": self.study.name, "study": self.study_file, "judged_by": self.study.judged_by,
-            "hours": self.hours, "cores": self.cores, "disk_bytes": self.disk_bytes, "warnings": self.warnings,
-            "sets": self.sets, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),
-        })
-    }
-
-    fn write(&self, path: &Path) -> Result<(), Failure> {
-        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-        let sets = [self.args.config.sets.as_slice(), &self.sets, &[format!("name={stem}")]].concat();
-        let plan = config::load(&self.args.config.config, &sets).map_err(config_failure)?;
-        let best = &self.choices[0];
-        let text = format!(
-            "# Written by `marsyard plan {} --hours {} --cores {}`, from the study {}.\n\
-             # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.\n# Differs from the config by:{}\n{}",
-            self.args.config.config.display(),
-            self.hours,
-            self.cores,
-            self.study_file.display(),
-            best.setting.name,
-            why(best),
-            self.study.judged_by,
-            expected(best),
-            self.sets.iter().map(|set| format!(" {set}")).collect::<String>(),
-            plan.to_yaml()
-        );
-        let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
-        write_whole(path, text.as_bytes()).map_err(|error| corpus_failure(failed(error)))?;
-        errln!("written: {}; `marsyard generate {0}` builds it", path.display());
-        Ok(())
-    }
-}
-
-fn tell_choice(title: &str, choice: &Choice, reference: &StudySetting, cores: usize) {
-    let time = |seconds: f64| human(Duration::from_secs_f64(seconds));
-    outln!(
-        "\n{title}: {} scenes at {} ({}): {} rows, {}B, {} to generate on {}, {} to train on one",
-        choice.scenes,
-        choice.setting.name,
-        told(choice, reference),
-        si(choice.rows),
-        si(choice.bytes),
-        time(choice.build_s),
-        counted(cores as u64, "core"),
-        time(choice.train_s)
-    );
-    outln!("  expected balanced accuracy: {}", expected(choice));
-    outln!("  {}", why(choice));
-}
-
-fn told(choice: &Choice, reference: &StudySetting) -> &'static str {
-    match choice.setting.told {
-        Some(Told::Better) => "better than the reference at equal CPU",
-        Some(Told::Worse) => "worse than the reference at equal CPU",
-        Some(Told::NotApart | Told::OneSeed) => "not told apart from the reference at equal CPU",
-        None if choice.setting == reference => "the reference",
-        None => "not compared: no CPU time in common with the reference",
-    }
-}
-
-fn expected(choice: &Choice) -> String {
-    let of = choice.expected;
-    format!("{:.1} % ({:.1} to {:.1})", 100.0 * of.mean, 100.0 * of.low, 100.0 * of.high)
-}
-
-/// What ends the number of scenes.
-fn why(choice: &Choice) -> String {
-    match choice.bound {
-        Bound::Hours => "The hours bind: more scenes would take longer.".into(),
-        Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
-        Bound::Flat => format!(
-            "The curve is flat from here: all {} scenes that the budget allows would bring {:.1} points, and no more than {:.1}. Stop here, and \
-             vary the yards instead.",
-            choice.most_scenes,
-            100.0 * choice.left.0,
-            // Told as it was decided.
-            100.0 * choice.left.1.min(FLAT)
-        ),
-    }
 }
 
 #[cfg(test)]
@@ -448,6 +326,7 @@ mod tests {
         for wrong in ["GB", "-1GB", "0", "1XB", "nan", "1e999GB"] {
             assert!(parse_bytes(wrong).is_err(), "{wrong}");
         }
+        assert_eq!((parse_rows("5e6"), parse_rows("0").is_err(), parse_rows("inf").is_err()), (Ok(5e6), true, true));
         assert_eq!((parse_hours("0.5"), parse_hours("0").is_err(), parse_hours("x").is_err()), (Ok(0.5), true, true));
     }
 }

@@ -113,6 +113,19 @@ pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
     absent.map(Part::name).collect()
 }
 
+/// What taught networks most about families held out, in the order of what it brought (docs/training.md).
+const TEACH_MOST: [Part; 3] = [Part::Grass, Part::Landforms, Part::Dropout];
+
+/// How yards that teach no more could be varied.
+pub(super) fn how_to_vary(plan: &Plan) -> String {
+    let absent = absent(plan);
+    let missing: Vec<&str> = TEACH_MOST.map(Part::name).into_iter().filter(|part| absent.contains(part)).collect();
+    match missing.as_slice() {
+        [] => "they have what was found to teach most already, so by families of other kinds".into(),
+        missing => format!("they are without {}, which taught much about other yards", missing.join(", ")),
+    }
+}
+
 /// Which sweeps are written.
 fn kept(keep: Keep) -> String {
     match keep {

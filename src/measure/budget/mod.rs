@@ -18,6 +18,7 @@ use super::study::{Study, StudySetting};
 use super::tradeoff::report::Told;
 use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
+use crate::train::generalisation;
 use crate::train::order::WINDOW_GROUPS;
 use crate::train::quantiles::SAMPLE_ROWS;
 
@@ -45,6 +46,8 @@ pub(crate) struct Budget {
     pub cores: f64,
     /// `None` where nobody can say.
     pub disk_bytes: Option<f64>,
+    /// Of the corpus, all splits together; `None` where as many as there is time for are wanted.
+    pub rows: Option<f64>,
 }
 
 /// What a scene takes here, beside what the study says.
@@ -66,6 +69,7 @@ pub(crate) struct Here {
 pub(crate) enum Bound {
     Hours,
     Disk,
+    Rows,
     /// More scenes bring next to nothing.
     Flat,
 }
@@ -76,7 +80,7 @@ pub(crate) struct Choice<'s> {
     pub setting: &'s StudySetting,
     pub scenes: u64,
     pub bound: Bound,
-    /// What the hours and the disk would allow.
+    /// What hours, disk and rows would allow.
     pub most_scenes: u64,
     pub build_s: f64,
     pub train_s: f64,
@@ -186,9 +190,12 @@ impl<'s> Curve<'s> {
         // Beside the passes: samples of the rows to learn, for the scaler and for the quantiles, and the windows that were read ahead when
         // training ended. Validation rows are read for the looks, the calibration and the choice of thresholds, and judged for the last two.
         let samples = 2.0 * train.min(SAMPLE_ROWS as f64);
+        // What is left to learn is told of some rows of either split.
+        let most = generalisation::rows_judged((train * passes) as u64) as f64;
+        let [of_train, of_validation] = [train, validation].map(|rows| rows.min(most));
         let ahead = WINDOWS_LEFT * train.min(WINDOW_GROUPS as f64 * self.rows_a_group);
-        let read = train * passes + ahead + samples + 3.0 * validation + test;
-        let judged = 2.0 * validation + test;
+        let read = train * passes + ahead + samples + of_train + of_validation + 3.0 * validation + test;
+        let judged = 2.0 * (of_train + of_validation) + 2.0 * validation + test;
         let beside_s = self.row_cost.reading_s * read + self.row_cost.judging_s * judged;
         (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * passes + beside_s)
     }
@@ -201,13 +208,15 @@ impl<'s> Curve<'s> {
         };
         let by_hours = most(fits, multiple);
         let by_disk = budget.disk_bytes.map_or(u64::MAX, |bytes| (bytes / here.bytes_per_scene.max(1.0)) as u64);
-        let most_scenes = by_hours.min(by_disk) / multiple * multiple;
+        let by_rows = budget.rows.map_or(u64::MAX, |rows| (rows / here.rows_per_scene.max(1e-3)) as u64);
+        let most_scenes = by_hours.min(by_disk).min(by_rows) / multiple * multiple;
         if most_scenes == 0 {
             return None;
         }
         let flat = self.flat_from(most_scenes).div_ceil(multiple).max(1) * multiple;
         let (scenes, bound) = match () {
             () if flat.saturating_mul(WORTH_STOPPING) <= most_scenes => (flat, Bound::Flat),
+            () if by_rows < by_hours.min(by_disk) => (most_scenes, Bound::Rows),
             () if by_disk < by_hours => (most_scenes, Bound::Disk),
             () => (most_scenes, Bound::Hours),
         };
@@ -264,7 +273,7 @@ mod tests {
     };
 
     fn budget(wall_s: f64, disk_bytes: Option<f64>) -> Budget {
-        Budget { wall_s, cores: 2.0, disk_bytes }
+        Budget { wall_s, cores: 2.0, disk_bytes, rows: None }
     }
 
     #[test]
@@ -306,12 +315,12 @@ mod tests {
             choices(&study, &budget(20.0, Some(4e6)), here, 50)[0].train_s
         };
         let learning_s = train_s(0.0, 0.0);
-        // 50 scenes of 1700 rows, fewer than a window's: those to learn are read in three passes, for two samples, and ahead of the end in
-        // two windows and a half; of the other splits 3 x 0.15 + 0.15.
+        // 50 scenes of 1700 rows, fewer than a window's: those to learn are read in three passes, for three samples, and ahead of the end in
+        // two windows and a half; of the other splits 4 x 0.15 + 0.15. Judged are twice 0.7, four times 0.15, and those to test.
         let reading_s = train_s(1e-6, 0.0) - learning_s;
-        assert!((reading_s - 1e-6 * 85_000.0 * (0.7 * (3.0 + 2.5 + 2.0) + 0.6)).abs() < 1e-6, "{reading_s}");
+        assert!((reading_s - 1e-6 * 85_000.0 * (0.7 * (3.0 + 2.5 + 3.0) + 0.75)).abs() < 1e-6, "{reading_s}");
         let judging_s = train_s(0.0, 1e-6) - learning_s;
-        assert!((judging_s - 1e-6 * 85_000.0 * 0.45).abs() < 1e-9, "{judging_s}");
+        assert!((judging_s - 1e-6 * 85_000.0 * (1.4 + 0.75)).abs() < 1e-9, "{judging_s}");
     }
 
     #[test]
@@ -322,6 +331,16 @@ mod tests {
         assert_eq!((of[0].scenes, of[0].bound), (600, Bound::Disk));
         assert!(choices(&study, &budget(60.0, Some(1e6)), |_| HERE, 50).is_empty());
         assert!(choices(&study, &budget(0.5, None), |_| HERE, 50).is_empty());
+    }
+
+    #[test]
+    fn exact_the_rows_bind_where_they_are_fewer() {
+        let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+        let of = |rows, disk| choices(&study, &Budget { rows: Some(rows), ..budget(60.0, disk) }, |_| HERE, 50);
+        // 617 scenes of 1700 rows; the disk holds 625.
+        assert_eq!((of(1.05e6, Some(5e7))[0].scenes, of(1.05e6, Some(5e7))[0].bound), (600, Bound::Rows));
+        assert_eq!(of(1.05e9, Some(5e7))[0].bound, Bound::Disk);
+        assert!(of(8e4, None).is_empty());
     }
 
     #[test]

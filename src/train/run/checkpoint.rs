@@ -6,6 +6,7 @@ use serde_json::{Value as Json, json};
 
 use super::{Setup, Training, identity};
 use crate::train::TrainError;
+use crate::train::filter::FilterState;
 use crate::train::folder::{self, RunFolder};
 use crate::train::learner::Learnt;
 use crate::train::looks::{self, Looks};
@@ -24,6 +25,9 @@ pub(super) struct Cursor {
     pub stopped: Option<Stop>,
 }
 
+/// The name of the weights of the first look after the first row.
+const EARLY: &str = "early";
+
 /// What a killed run left.
 pub(super) struct Checkpoint {
     pub place: Cursor,
@@ -31,6 +35,8 @@ pub(super) struct Checkpoint {
     pub looks: Looks,
     pub now: Snapshot,
     pub best: Snapshot,
+    /// The weights of the first look after the first row, where there was one.
+    pub early: Option<Vec<f64>>,
     /// A checksum vouches for it.
     pub checked: bool,
 }
@@ -59,9 +65,10 @@ impl Checkpoint {
         if now.weights.len() != weights || best.weights.len() != weights {
             return Err(bad(format!("it holds {} weights", now.weights.len())));
         }
+        let early = snapshots.remove(EARLY).map(|early| early.weights).filter(|early| early.len() == weights);
         // One of an earlier marsyard holds no looks: what is left of the log must do.
         let looks = if checked { looks } else { looks::read(run.path(), learnt.stopping.looks) };
-        Ok(Some(Checkpoint { place, learnt, looks: Looks::new(looks), now, best, checked }))
+        Ok(Some(Checkpoint { place, learnt, looks: Looks::new(looks), now, best, early, checked }))
     }
 }
 
@@ -69,7 +76,12 @@ impl Training<'_> {
     /// The checkpoint of now, as a file's bytes.
     pub(super) fn checkpoint_bytes(&self) -> Vec<u8> {
         let header = json!({"identity": self.identity, "place": self.place, "learnt": self.learner.learnt});
-        let snapshots = [("now", &self.learner.snapshot()), ("best", &self.learner.best)];
+        let now = self.learner.snapshot();
+        // Nothing goes on from it, so that it needs no memory of the filter.
+        let without_filter = || FilterState { kind: String::new(), arrays: Vec::new() };
+        let early = self.learner.early.clone().map(|weights| Snapshot { weights, filter: without_filter() });
+        let mut snapshots = vec![("now", &now), ("best", &self.learner.best)];
+        snapshots.extend(early.iter().map(|early| (EARLY, early)));
         state::to_bytes(&header, self.looks.lines(), &snapshots)
     }
 }

@@ -272,7 +272,7 @@ impl Training<'_> {
     /// Reverts to the best, and writes everything that is left of a training.
     fn finish(mut self) -> Result<Outcome, TrainError> {
         self.learner.revert();
-        let summary = self.summary();
+        let summary = self.summary()?;
         let run_id = identity::run_id(&self.identity);
         let scaler = self.learner.objective.scaler.clone();
         let model = summary::model_of(self.setup, run_id, scaler, self.learner.network.clone())?;

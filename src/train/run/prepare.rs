@@ -67,7 +67,7 @@ impl<'s> Training<'s> {
             }
             learner.filter.restore(&checkpoint.now.filter)?;
             learner.network.weights = checkpoint.now.weights;
-            (learner.best, learner.learnt) = (checkpoint.best, checkpoint.learnt);
+            (learner.best, learner.early, learner.learnt) = (checkpoint.best, checkpoint.early, checkpoint.learnt);
             (place, looks) = (checkpoint.place, checkpoint.looks);
         }
         run.write_config(&setup.config_yaml)?;

@@ -6,6 +6,8 @@ use serde_json::{Value as Json, json};
 use super::{Setup, Training, identity};
 use crate::train::filter::Counters;
 use crate::train::folder::{self, RunFolder};
+use crate::train::generalisation::{Generalisation, Judged};
+use crate::train::learner::Learner;
 use crate::train::rows::LeftOut;
 use crate::train::stopping::{Look, Stop, Stopping};
 use crate::train::{
@@ -35,6 +37,9 @@ pub struct Summary {
     pub features: Vec<String>,
     pub constant_features: Vec<String>,
     pub filter: String,
+    /// Of the weights kept, on what was learnt and on the validation split; runs of before have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) generalisation: Option<Generalisation>,
     /// Of the filter at its last update; where it started from another run's covariance, that run's included.
     pub counters: Counters,
     pub corpora: Json,
@@ -77,10 +82,22 @@ impl Summary {
 }
 
 impl Training<'_> {
-    pub(super) fn summary(&self) -> Summary {
+    /// Of the weights that are kept.
+    pub(super) fn summary(&self) -> Result<Summary, TrainError> {
         let none = Look { rows: 0, epoch: 0, train_error: None, validation_error: None };
         let Stopping { looks, last, best, .. } = self.learner.learnt.stopping;
-        Summary {
+        let Setup { params, sources, .. } = self.setup;
+        let Learner { objective, network, early, learnt, .. } = &self.learner;
+        let judged = early.as_deref().map(|early| Judged {
+            sources,
+            objective,
+            network,
+            early,
+            learnt: learnt.rows,
+            seed: params.seed,
+        });
+        let generalisation = judged.map(|judged| Generalisation::of(&judged)).transpose()?.flatten();
+        Ok(Summary {
             marsyard_training: FORMAT,
             stopped: self.place.stopped.unwrap_or(Stop::Epochs),
             best: best.unwrap_or(none),
@@ -91,19 +108,20 @@ impl Training<'_> {
             rows_learnt: self.learner.learnt.rows,
             left_out: self.place.left_out,
             left_out_of_validation: self.validation.left_out,
-            class_weights: self.learner.objective.weights.class,
+            class_weights: objective.weights.class,
             weights: self.start.weights,
-            features: self.setup.sources.features.clone(),
+            features: sources.features.clone(),
             constant_features: self.start.constant.clone(),
             filter: self.learner.best.filter.kind.clone(),
+            generalisation,
             counters: self.learner.filter.counters(),
             corpora: self.identity["corpora"].clone(),
-            shared_scenes: self.setup.sources.shared_scenes.clone(),
+            shared_scenes: sources.shared_scenes.clone(),
             init: self.identity["init"].as_str().map(str::to_string),
             run: Some(identity::run_id(&self.identity)),
             model_sha256: None,
-            config: self.setup.params.clone(),
-        }
+            config: params.clone(),
+        })
     }
 }
 

@@ -18,6 +18,9 @@ fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
     let first = fixture::looks(&setup)[0];
     let (begun, best) = (first.validation_error.unwrap(), summary.best.validation_error.unwrap());
     assert!(best < 0.5 * begun, "{begun} -> {best}");
+    // All rows of both splits are few enough to be judged.
+    let found = summary.generalisation.unwrap();
+    assert!((found.held_back - best).abs() < 1e-12 && found.learnt < begun, "{found:?}, {best}");
     let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
     let rows = circle(99, 2000);
     let right = rows

@@ -15,7 +15,12 @@ use crate::train::filter::ukf::{Learnt, SquareRoot};
 
 /// Eqs 11-16 as printed, dense, with a mask for the blocks of groups; `batch` rows at a time.
 fn textbook(rows: usize, p0: f64, q: f64, batch: usize, by: Groups) -> Vec<f64> {
-    let (mut network, inputs, targets, noise) = case(rows);
+    textbook_of(case(rows), p0, q, batch, by)
+}
+
+type Case = (Network, Vec<f64>, Vec<f64>, Vec<f64>);
+
+fn textbook_of((mut network, inputs, targets, noise): Case, p0: f64, q: f64, batch: usize, by: Groups) -> Vec<f64> {
     let s = network.weights.len();
     let mut mask = DMatrix::zeros(s, s);
     for group in groups(&network.layout, by) {
@@ -57,6 +62,35 @@ fn equal_ekf_and_the_dense_textbook_form() {
         let (got, _) = learn(&ekf(10.0, q, Precision::F32, false, batch), 150);
         // 150 steps of f32 rounding (6e-8) on weights of size 1, amplified by the network's bends.
         assert!(furthest(&got, &want) < 2e-4, "f32, batch {batch}: {}", furthest(&got, &want));
+    }
+}
+
+/// One to six rows from each of fifty networks: rounding has had no time to grow along the course of a training.
+#[test]
+fn equal_a_few_updates_and_the_textbook_form_to_the_last_digits() {
+    let (network, inputs, targets, noise) = case(300);
+    let starts = (0..50_usize).map(|k| {
+        let mut network = network.clone();
+        network.weights.iter_mut().zip(normals(200 + k as u64, 87)).for_each(|(w, n)| *w += 0.3 * n);
+        let (from, to) = (6 * k, 6 * k + 1 + k % 6);
+        (network, inputs[8 * from..8 * to].to_vec(), targets[from..to].to_vec(), noise[from..to].to_vec())
+    });
+    // The factored form adds Q every so many rows, which is another filter.
+    let forms = [
+        (ekf(10.0, 1e-4, Precision::F64, false, 1), 1e-4, 1, Groups::One),
+        (ekf(10.0, 1e-4, Precision::F64, false, 3), 1e-4, 3, Groups::One),
+        (ekf(10.0, 0.0, Precision::F64, true, 1), 0.0, 1, Groups::One),
+        (decoupled(Groups::Layer, Precision::F64), 1e-5, 1, Groups::Layer),
+        (decoupled(Groups::Node, Precision::F64), 1e-5, 1, Groups::Node),
+    ];
+    for start in starts {
+        for (params, q, batch, by) in &forms {
+            let want = textbook_of(start.clone(), 10.0, *q, *batch, *by);
+            let (mut network, inputs, targets, noise) = start.clone();
+            build(params, &network.layout).unwrap().learn(&mut network, &inputs, &targets, &noise);
+            let (rows, off) = (targets.len(), furthest(&network.weights, &want));
+            assert!(off < 1e-14, "{params:?}, {rows} rows: {off:e}");
+        }
     }
 }
 

@@ -1,0 +1,183 @@
+//! What a budget is worth, in words, in JSON and as a config.
+//!
+//! In: the choices, the best first, with what they rest on. Out: standard output, and the file of `--write`.
+
+use std::path::Path;
+use std::time::Duration;
+
+use serde_json::json;
+
+use super::{PlanArgs, words};
+use crate::cli::output::{errln, outln};
+use crate::cli::place::corpus_failure;
+use crate::cli::progress::{counted, human, si};
+use crate::cli::{Failure, config_failure};
+use crate::config;
+use crate::corpus::CorpusError;
+use crate::corpus::store::write_whole;
+use crate::measure::budget::{Bound, Choice, FLAT};
+use crate::measure::study::{Study, StudySetting};
+use crate::measure::tradeoff::report::Told;
+use crate::plan::Plan;
+use crate::slam::SlamParams;
+
+/// All that an answer is made of.
+pub(super) struct Answer<'a> {
+    pub args: &'a PlanArgs,
+    pub plan: &'a Plan,
+    pub study: &'a Study,
+    pub study_file: &'a Path,
+    pub hours: f64,
+    pub cores: usize,
+    pub disk_bytes: Option<f64>,
+    /// The best first.
+    pub choices: &'a [Choice<'a>],
+    /// Overrides of the config that make the first choice.
+    pub sets: Vec<String>,
+    pub warnings: Vec<String>,
+}
+
+impl Answer<'_> {
+    pub(super) fn tell(&self) {
+        let disk = self.disk_bytes.map_or("any disk".into(), |bytes| format!("{}B of disk", si(bytes)));
+        let rows = self.args.budget.rows.map_or(String::new(), |rows| format!(", {} rows", si(rows)));
+        outln!(
+            "{}: {} h on {}, {disk}{rows}; by {}: {} up to {} scenes, judged on {} scenes, {}",
+            self.study.name,
+            self.hours,
+            counted(self.cores as u64, "core"),
+            self.study_file.display(),
+            counted(self.study.settings.len() as u64, "setting"),
+            self.study.settings[0].sizes.last().map_or(0, |size| size.scenes),
+            self.study.test_scenes,
+            self.study.judged_by
+        );
+        self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
+        for (k, choice) in self.choices.iter().take(2).enumerate() {
+            self.tell_choice(if k == 0 { "build" } else { "next best" }, choice);
+        }
+        let cheaper = self.poses_as_good();
+        if !cheaper.is_empty() {
+            let of = |(setting, told): &(&StudySetting, Told)| {
+                format!("{} ({})", setting.name, if *told == Told::Better { "better" } else { "not told apart" })
+            };
+            outln!(
+                "\nto a network FastSLAM is not worth its cost here, at equal CPU: {}",
+                cheaper.iter().map(of).collect::<Vec<_>>().join(", ")
+            );
+        }
+        let sets: String =
+            self.args.config.sets.iter().chain(&self.sets).map(|set| format!(" --set '{set}'")).collect();
+        outln!("\nmarsyard generate {}{sets}", self.args.config.config.display());
+    }
+
+    fn tell_choice(&self, title: &str, choice: &Choice) {
+        let time = |seconds: f64| human(Duration::from_secs_f64(seconds));
+        outln!(
+            "\n{title}: {} scenes at {} ({}): {} rows, {}B, {} to generate on {}, {} to train on one",
+            choice.scenes,
+            choice.setting.name,
+            told(choice, &self.study.settings[0]),
+            si(choice.rows),
+            si(choice.bytes),
+            time(choice.build_s),
+            counted(self.cores as u64, "core"),
+            time(choice.train_s)
+        );
+        outln!("  expected balanced accuracy: {}", expected(choice));
+        outln!("  {}", self.why(choice));
+    }
+
+    /// What ends the number of scenes.
+    fn why(&self, choice: &Choice) -> String {
+        match choice.bound {
+            Bound::Hours => "The hours bind: more scenes would take longer.".into(),
+            Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
+            Bound::Rows => "The rows bind: more scenes would have more than --rows.".into(),
+            Bound::Flat => format!(
+                "The curve is flat from here: all {} scenes that the budget allows would bring {:.1} points, and no more than {:.1}. Stop here, and \
+                 vary the yards instead: {}.",
+                choice.most_scenes,
+                100.0 * choice.left.0,
+                // Told as it was decided.
+                100.0 * choice.left.1.min(FLAT),
+                words::how_to_vary(self.plan)
+            ),
+        }
+    }
+
+    /// Where the config has FastSLAM: cheaper estimates of the pose that are not told to be worse at equal CPU.
+    fn poses_as_good(&self) -> Vec<(&StudySetting, Told)> {
+        if !self.plan.families.iter().any(|family| matches!(family.slam, SlamParams::Fastslam(_))) {
+            return Vec::new();
+        }
+        let cheaper = ["slam: dead_reckoning", "slam: surrogate"];
+        let settings = self.study.settings.iter().filter(|setting| cheaper.contains(&setting.name.as_str()));
+        settings
+            .filter_map(|setting| Some((setting, setting.told?)))
+            .filter(|(_, told)| matches!(told, Told::Better | Told::NotApart))
+            .collect()
+    }
+
+    pub(super) fn json(&self) -> serde_json::Value {
+        let choice = |choice: &Choice| {
+            json!({
+                "setting": choice.setting.name, "sets": choice.setting.sets, "told": choice.setting.told,
+                "scenes": choice.scenes, "rows": choice.rows, "bytes": choice.bytes,
+                "generate_s": choice.build_s, "train_s": choice.train_s, "bound": choice.bound,
+                "most_scenes": choice.most_scenes, "times_the_largest_measured": choice.beyond,
+                "balanced_accuracy": {
+                    "mean": choice.expected.mean, "low": choice.expected.low, "high": choice.expected.high,
+                },
+                "more_would_bring": {"mean": choice.left.0, "at_most": choice.left.1},
+            })
+        };
+        json!({
+            "name": self.study.name, "study": self.study_file, "judged_by": self.study.judged_by,
+            "hours": self.hours, "cores": self.cores, "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
+            "warnings": self.warnings, "how_to_vary": words::how_to_vary(self.plan),
+            "poses_as_good_as_fastslam": self.poses_as_good().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
+            "sets": self.sets, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),
+        })
+    }
+
+    pub(super) fn write(&self, path: &Path) -> Result<(), Failure> {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        let sets = [self.args.config.sets.as_slice(), &self.sets, &[format!("name={stem}")]].concat();
+        let plan = config::load(&self.args.config.config, &sets).map_err(config_failure)?;
+        let best = &self.choices[0];
+        let text = format!(
+            "# Written by `marsyard plan {} --hours {} --cores {}`, from the study {}.\n\
+             # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.\n# Differs from the config by:{}\n{}",
+            self.args.config.config.display(),
+            self.hours,
+            self.cores,
+            self.study_file.display(),
+            best.setting.name,
+            self.why(best),
+            self.study.judged_by,
+            expected(best),
+            self.sets.iter().map(|set| format!(" {set}")).collect::<String>(),
+            plan.to_yaml()
+        );
+        let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
+        write_whole(path, text.as_bytes()).map_err(|error| corpus_failure(failed(error)))?;
+        errln!("written: {}; `marsyard generate {0}` builds it", path.display());
+        Ok(())
+    }
+}
+
+fn told(choice: &Choice, reference: &StudySetting) -> &'static str {
+    match choice.setting.told {
+        Some(Told::Better) => "better than the reference at equal CPU",
+        Some(Told::Worse) => "worse than the reference at equal CPU",
+        Some(Told::NotApart | Told::OneSeed) => "not told apart from the reference at equal CPU",
+        None if choice.setting == reference => "the reference",
+        None => "not compared: no CPU time in common with the reference",
+    }
+}
+
+fn expected(choice: &Choice) -> String {
+    let of = choice.expected;
+    format!("{:.1} % ({:.1} to {:.1})", 100.0 * of.mean, 100.0 * of.low, 100.0 * of.high)
+}

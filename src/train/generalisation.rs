@@ -1,0 +1,213 @@
+//! A trained network, scenes that it learnt and scenes held back -> what more scenes of the same kinds could still teach.
+//!
+//! A network knows the scenes that it learnt better than others like them. The more scenes there are, the closer both errors come, for both
+//! tend to the error of endlessly many: one from below, the other from above (Cortes et al. 1993, "Learning curves: asymptotic values and rate of
+//! convergence"). So the share by which the error on learnt scenes is the lower, the generalisation gap, is about the most that more scenes of these
+//! kinds would take off the error. It says nothing of yards of other kinds.
+//!
+//! In: the objective, the weights kept, those of the first look, and both splits; of each whole shards drawn at random, a twentieth as many rows as were
+//! learnt. Out: both weighted mean squared errors, and the gap of a typical scene with its interval of 95 %. Scenes are hard or easy, and a few hard
+//! ones hold most of the error, which moves the means of some hundred scenes more than a gap does. So of each scene the logarithm is taken of
+//! its error over that of the network of the first look, which has seen each of a few scenes once and is no better on those. The gap is of the
+//! difference of these logarithms' means; they scatter like other numbers do.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::order::Epoch;
+use super::validation::Objective;
+use super::{Network, Sources, TrainError};
+use crate::corpus::Split;
+use crate::math;
+use crate::statistics::{Interval, Moments, student};
+
+/// Rows that are judged of a split, to the end of a shard: at least and at most.
+const JUDGED: [u64; 2] = [262_144, 2_000_000];
+/// What is one in so many of the rows that were learnt is little beside learning them.
+const SHARE_OF_LEARNT: u64 = 20;
+/// Added to the errors of a scene before a logarithm is taken: this share of the mean error of the network of the first look.
+const FLOOR: f64 = 0.01;
+/// A gap that is surely below this share of the error is not worth more scenes: about half a point where one cell in fifty is wrong.
+const FLAT: f64 = 0.25;
+
+/// Rows that are judged of each split after so many were learnt, where there are as many.
+pub(crate) fn rows_judged(learnt: u64) -> u64 {
+    (learnt / SHARE_OF_LEARNT).clamp(JUDGED[0], JUDGED[1])
+}
+
+/// How much less a network errs on what it learnt.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Generalisation {
+    /// Weighted mean squared error on scenes that were learnt, and on scenes of the validation split.
+    pub learnt: f64,
+    pub held_back: f64,
+    /// The share by which it is lower on a typical scene that was learnt, were both as hard; negative where it is higher.
+    pub gap: Interval,
+}
+
+/// What is judged.
+pub(super) struct Judged<'j> {
+    pub sources: &'j Arc<Sources>,
+    pub objective: &'j Objective,
+    pub network: &'j Network,
+    /// The weights of the first look.
+    pub early: &'j [f64],
+    /// Rows that were learnt.
+    pub learnt: u64,
+    pub seed: u64,
+}
+
+/// Weighted squared errors of a scene, by the network kept and by that of the first look, and the weight of its rows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Scene {
+    kept: f64,
+    early: f64,
+    weight: f64,
+}
+
+impl Generalisation {
+    /// `None` where the first look is the one that was kept, or an error is not finite or nought.
+    pub(super) fn of(judged: &Judged) -> Result<Option<Generalisation>, TrainError> {
+        if judged.early == judged.network.weights {
+            return Ok(None);
+        }
+        Ok(Generalisation::of_scenes(&judged.scenes(Split::Train)?, &judged.scenes(Split::Validation)?))
+    }
+
+    fn of_scenes(learnt: &[Scene], held_back: &[Scene]) -> Option<Generalisation> {
+        let sum = |of: fn(&Scene) -> f64| learnt.iter().chain(held_back).map(of).sum::<f64>();
+        let floor = FLOOR * sum(|scene| scene.early) / sum(|scene| scene.weight);
+        let [below, above] =
+            [learnt, held_back].map(|scenes| Moments::of(scenes.iter().map(|scene| scene.log_share(floor))));
+        let (below, above) = (below?, above?);
+        let both = math::exp(below.mean - above.mean);
+        if !both.is_finite() || both == 0.0 || floor == 0.0 {
+            return None;
+        }
+        let of_mean =
+            |moments: &Moments, scenes: &[Scene]| moments.variance.map(|variance| variance / scenes.len() as f64);
+        let half_width = match (of_mean(&below, learnt), of_mean(&above, held_back)) {
+            (Some(below), Some(above)) => {
+                let t = student(learnt.len().min(held_back.len()) - 1, 0.95);
+                both * t * (below + above).sqrt()
+            }
+            _ => f64::INFINITY,
+        };
+        let gap = Interval { mean: 1.0 - both, half_width };
+        Some(Generalisation { learnt: error(learnt), held_back: error(held_back), gap })
+    }
+
+    /// Whether more scenes of the same kinds would hardly lower the error.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.gap.upper() <= FLAT
+    }
+}
+
+impl Judged<'_> {
+    fn scenes(&self, split: Split) -> Result<Vec<Scene>, TrainError> {
+        let Judged { sources, objective, network, .. } = *self;
+        let early = Network { layout: network.layout.clone(), weights: self.early.to_vec() };
+        let most = rows_judged(self.learnt);
+        let mut files: Vec<_> = sources.scenes(split).iter().map(|scene| (scene.source, scene.file)).collect();
+        files.dedup();
+        let (mut scenes, mut judged) = (Vec::new(), 0);
+        for file in Epoch::new(self.seed, 0).groups(files.len()) {
+            let (source, file) = files[file as usize];
+            for rows in sources.read_by_scene(split, source, file)? {
+                judged += rows.len() as u64;
+                let (kept, early) = (objective.sum(network, &rows), objective.sum(&early, &rows));
+                scenes.push(Scene { kept: kept.squared, early: early.squared, weight: kept.weight });
+            }
+            if judged >= most {
+                break;
+            }
+        }
+        scenes.retain(|scene| scene.weight > 0.0);
+        Ok(scenes)
+    }
+}
+
+impl Scene {
+    /// Logarithm of the error of the network kept over that of the first look's, both with something added, so that none is nought.
+    fn log_share(&self, floor: f64) -> f64 {
+        let floor = floor * self.weight;
+        math::ln((self.kept + floor) / (self.early + floor))
+    }
+}
+
+/// Of the network kept, over scenes.
+fn error(scenes: &[Scene]) -> f64 {
+    let (squared, weight) = scenes.iter().fold((0.0, 0.0), |sum, scene| (sum.0 + scene.kept, sum.1 + scene.weight));
+    squared / weight
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Purpose, Stage, Streams};
+
+    fn scenes(of: &[[f64; 3]]) -> Vec<Scene> {
+        of.iter().map(|&[kept, early, weight]| Scene { kept, early, weight }).collect()
+    }
+
+    #[test]
+    fn exact_the_gap_of_two_scenes_each_by_hand() {
+        // What is added is 0.01 of early's mean, which is 1: logarithms -1 and -2, and 0 and -1; variances 1/2; t of one degree of freedom is 12.706.
+        let kept = |log: f64| 1.01 * log.exp() - 0.01;
+        let learnt = scenes(&[[kept(-1.0), 1.0, 1.0], [kept(-2.0), 1.0, 1.0]]);
+        let found = Generalisation::of_scenes(&learnt, &scenes(&[[1.0, 1.0, 1.0], [kept(-1.0), 1.0, 1.0]])).unwrap();
+        assert!((found.learnt - 0.5 * (kept(-1.0) + kept(-2.0))).abs() < 1e-15);
+        assert!((found.held_back - 0.5 * (1.0 + kept(-1.0))).abs() < 1e-15);
+        let both = (-1.0_f64).exp();
+        assert!((found.gap.mean - (1.0 - both)).abs() < 1e-14, "{found:?}");
+        let expected = 12.706_204_736 * both * (0.25_f64 + 0.25).sqrt();
+        assert!((found.gap.half_width - expected).abs() < 1e-8, "{} for {expected}", found.gap.half_width);
+    }
+
+    #[test]
+    fn extreme_of_one_scene_nothing_is_sure_and_of_no_error_there_is_no_gap() {
+        let two = scenes(&[[2.0, 4.0, 5.0], [3.0, 4.0, 5.0]]);
+        let one = Generalisation::of_scenes(&scenes(&[[1.0, 4.0, 5.0]]), &two).unwrap();
+        assert_eq!(one.gap.half_width, f64::INFINITY);
+        assert!(!one.is_closed());
+        for (kept, early) in [(0.0, 0.0), (f64::NAN, 1.0), (1.0, f64::INFINITY), (1.0, f64::NAN)] {
+            let of = scenes(&[[kept, early, 5.0], [1.0, early, 5.0]]);
+            assert_eq!(Generalisation::of_scenes(&of, &of), None, "{kept}, {early}");
+        }
+        assert_eq!(Generalisation::of_scenes(&[], &two), None);
+    }
+
+    #[test]
+    fn law_the_interval_holds_the_true_gap_as_often_as_it_says_and_is_narrower_for_the_first_look() {
+        let stream = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 }.open(Purpose::TrainScenes);
+        let mut drawn_so_far = 0;
+        let mut uniform = || {
+            drawn_so_far += 1;
+            stream.uniform(drawn_so_far)
+        };
+        // Scenes are up to ten times as hard as others, which both networks have; each errs by up to a quarter more or less beside it.
+        let mut drawn = |mean: f64, count: usize| {
+            let mut one = |_| {
+                let (weight, hard) = (0.5 + uniform(), 0.1 + 0.9 * uniform());
+                let kept = mean * hard * (0.75 + 0.5 * uniform());
+                Scene { kept: weight * kept, early: weight * 2.0 * hard * (0.75 + 0.5 * uniform()), weight }
+            };
+            (0..count).map(&mut one).collect::<Vec<_>>()
+        };
+        let (rounds, mut held, mut widths) = (2000, 0, [0.0; 2]);
+        for _ in 0..rounds {
+            let (learnt, held_back) = (drawn(0.7, 40), drawn(1.0, 30));
+            let found = Generalisation::of_scenes(&learnt, &held_back).unwrap();
+            held += u32::from((found.gap.mean - 0.3).abs() <= found.gap.half_width);
+            let as_if_alike =
+                |of: &[Scene]| of.iter().map(|scene| Scene { early: scene.weight, ..*scene }).collect::<Vec<_>>();
+            let plain = Generalisation::of_scenes(&as_if_alike(&learnt), &as_if_alike(&held_back)).unwrap();
+            widths = [widths[0] + found.gap.half_width, widths[1] + plain.gap.half_width];
+        }
+        // 0.95 within four standard deviations, and half a point for what is added to the errors.
+        let held = f64::from(held) / f64::from(rounds);
+        assert!((held - 0.95).abs() < 4.0 * (0.95 * 0.05 / f64::from(rounds)).sqrt() + 0.005, "{held}");
+        assert!(widths[0] < 0.5 * widths[1], "{widths:?}");
+    }
+}
