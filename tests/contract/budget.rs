@@ -53,6 +53,17 @@ fn law_hours_become_a_config_that_is_built() {
     let output = yard.marsyard(["plan", "night.yaml", "--sample", "0"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(text(&output.stdout).starts_with(&format!("night: {scenes} scenes")), "{}", text(&output.stdout));
+    // Half the rows, and fewer than teach anybody.
+    let half = format!("{}", figure(best, "rows") / 2.0);
+    let of_rows =
+        |most: &str| yard.marsyard(["plan", &config, "--hours", "0.002", "--limit", "1", "--json", "--rows", most]);
+    let fewer: serde_json::Value = serde_json::from_slice(&of_rows(&half).stdout).expect("JSON on stdout");
+    // Each plan measures the rows of a scene on scenes of its own.
+    assert!(figure(&fewer["choices"][0], "rows") <= 0.55 * figure(best, "rows"), "{fewer}");
+    assert!(fewer["how_to_vary"].as_str().is_some_and(|how| how.contains("grass")), "{fewer}");
+    let too_few = of_rows("3");
+    assert_eq!(too_few.status.code(), Some(2), "{}", text(&too_few.stdout));
+    assert!(text(&too_few.stderr).contains("rows are fewer than 7 scenes"), "{}", text(&too_few.stderr));
     // Fewer shards than give each split one teach nobody.
     let small = ["plan", &config, "--hours", "0.002", "--limit", "1", "--json", "--disk", "50kB"];
     let too_small = yard.marsyard(small);
