@@ -80,7 +80,7 @@ fn parse_hours(text: &str) -> Result<f64, String> {
 
 fn parse_rows(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(rows) if rows >= 1.0 && rows <= 1e15 => Ok(rows.floor()),
+        Ok(rows) if (1.0..=1e15).contains(&rows) => Ok(rows.floor()),
         _ => Err(format!("'{text}' is not a number of rows from 1 to 1e15, such as 5e6")),
     }
 }
