@@ -308,14 +308,14 @@ fn of_more_scenes(found: &Generalisation) -> String {
     let percent = |share: f64| 100.0 * share.clamp(0.0, 1.0);
     let [low, most, high] = [gap.mean - gap.half_width, gap.mean, gap.upper()].map(percent);
     let head = "more scenes of these kinds";
-    match (found.is_closed(), low > 0.0) {
-        (true, _) => format!("{head} would bring little ({high:.0} % of the error at most): vary the yards instead"),
-        (false, true) => format!(
+    if low > 0.0 {
+        format!(
             "{head} would take off up to {most:.0} % of the error ({low:.0} to {high:.0}), for scenes that were learnt are judged so much better"
-        ),
-        (false, false) => {
-            format!("{head}: whether they would bring something cannot be told (up to {high:.0} % of the error)")
-        }
+        )
+    } else if found.is_closed() {
+        format!("{head} would bring little ({high:.0} % of the error at most): vary the yards instead")
+    } else {
+        format!("{head}: whether they would bring something cannot be told (up to {high:.0} % of the error)")
     }
 }
 
@@ -400,6 +400,8 @@ mod tests {
         );
         assert!(told(0.02, 0.06).contains("bring little (8 % of the error at most): vary"), "{}", told(0.02, 0.06));
         assert!(told(-0.2, 0.1).contains("(0 % of the error at most)"), "{}", told(-0.2, 0.1));
+        // Little, and surely not nothing, is told as what it is.
+        assert!(told(0.2, 0.04).contains("up to 20 % of the error (16 to 24)"), "{}", told(0.2, 0.04));
         assert!(told(0.1, 0.3).ends_with("cannot be told (up to 40 % of the error)"), "{}", told(0.1, 0.3));
         assert!(told(0.1, f64::INFINITY).ends_with("cannot be told (up to 100 % of the error)"));
     }

@@ -5,24 +5,26 @@
 //! convergence"). So the share by which the error on learnt scenes is the lower, the generalisation gap, is about the most that more scenes of these
 //! kinds would take off the error. It says nothing of yards of other kinds.
 //!
-//! In: the objective, the weights kept, those of the first look, and both splits; of each whole shards drawn at random, a twentieth as many rows as were
-//! learnt. Out: both weighted mean squared errors, and the gap of a typical scene with its interval of 95 %. Scenes are hard or easy, and a few hard
+//! In: the objective, the weights kept, those of the first look, and both splits; of each whole row groups, a twentieth as many rows as were
+//! learnt, a quarter of a million at least and two million at most. Those of the train split are of the windows that were learnt between the first look and the weights kept, in the
+//! order in which they were; where there is only a window or two, all. Out: both weighted mean squared errors, and the gap of a typical scene with its interval of 95 %. Scenes are hard or easy, and a few hard
 //! ones hold most of the error, which moves the means of some hundred scenes more than a gap does. So of each scene the logarithm is taken of
-//! its error over that of the network of the first look, which has seen each of a few scenes once and is no better on those. The gap is of the
+//! its error over that of the network of the first look, which has seen none of these scenes, or some rows of them once. The gap is of the
 //! difference of these logarithms' means; they scatter like other numbers do.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::order::Epoch;
+use super::order::{Epoch, WINDOW_GROUPS};
 use super::validation::Objective;
 use super::{Network, Sources, TrainError};
 use crate::corpus::Split;
 use crate::math;
 use crate::statistics::{Interval, Moments, student};
 
-/// Rows that are judged of a split, to the end of a shard: at least and at most.
+/// Rows that are judged of a split, to the end of a row group: at least and at most.
 const JUDGED: [u64; 2] = [262_144, 2_000_000];
 /// What is one in so many of the rows that were learnt is little beside learning them.
 const SHARE_OF_LEARNT: u64 = 20;
@@ -53,8 +55,11 @@ pub(super) struct Judged<'j> {
     pub network: &'j Network,
     /// The weights of the first look.
     pub early: &'j [f64],
-    /// Rows that were learnt.
+    /// Rows that were learnt before the first look, before the weights kept, and in all; rows to learn.
+    pub early_rows: u64,
+    pub kept_rows: u64,
     pub learnt: u64,
+    pub train_rows: u64,
     pub seed: u64,
 }
 
@@ -67,12 +72,18 @@ struct Scene {
 }
 
 impl Generalisation {
-    /// `None` where the first look is the one that was kept, or an error is not finite or nought.
+    /// `None` where nothing was learnt between the first look and the weights kept, the first look knows all scenes already, or an error is not finite
+    /// or nought.
     pub(super) fn of(judged: &Judged) -> Result<Option<Generalisation>, TrainError> {
-        if judged.early == judged.network.weights {
+        let groups = judged.sources.groups(Split::Train);
+        let Judged { early_rows, kept_rows, train_rows, .. } = *judged;
+        let windows = learnt_between(early_rows, kept_rows, train_rows, groups.len());
+        if windows.is_empty() {
             return Ok(None);
         }
-        Ok(Generalisation::of_scenes(&judged.scenes(Split::Train)?, &judged.scenes(Split::Validation)?))
+        let learnt = judged.scenes(Split::Train, windows)?;
+        let all = 0..judged.sources.groups(Split::Validation).len();
+        Ok(Generalisation::of_scenes(&learnt, &judged.scenes(Split::Validation, all)?))
     }
 
     fn of_scenes(learnt: &[Scene], held_back: &[Scene]) -> Option<Generalisation> {
@@ -105,26 +116,42 @@ impl Generalisation {
 }
 
 impl Judged<'_> {
-    fn scenes(&self, split: Split) -> Result<Vec<Scene>, TrainError> {
+    /// Of row groups at these places of a random order, as many as are to be judged.
+    fn scenes(&self, split: Split, places: Range<usize>) -> Result<Vec<Scene>, TrainError> {
         let Judged { sources, objective, network, .. } = *self;
         let early = Network { layout: network.layout.clone(), weights: self.early.to_vec() };
-        let most = rows_judged(self.learnt);
-        let mut files: Vec<_> = sources.scenes(split).iter().map(|scene| (scene.source, scene.file)).collect();
-        files.dedup();
+        let groups = sources.groups(split);
         let (mut scenes, mut judged) = (Vec::new(), 0);
-        for file in Epoch::new(self.seed, 0).groups(files.len()) {
-            let (source, file) = files[file as usize];
-            for rows in sources.read_by_scene(split, source, file)? {
+        for &group in &Epoch::new(self.seed, 0).groups(groups.len())[places] {
+            for rows in sources.read_by_scene(split, groups[group as usize])? {
                 judged += rows.len() as u64;
                 let (kept, early) = (objective.sum(network, &rows), objective.sum(&early, &rows));
                 scenes.push(Scene { kept: kept.squared, early: early.squared, weight: kept.weight });
             }
-            if judged >= most {
+            if judged >= rows_judged(self.learnt) {
                 break;
             }
         }
         scenes.retain(|scene| scene.weight > 0.0);
         Ok(scenes)
+    }
+}
+
+/// Places in the first epoch's order of so many row groups that were learnt between two moments, told by the rows learnt before each; of
+/// `train_rows` in all.
+fn learnt_between(first: u64, last: u64, train_rows: u64, groups: usize) -> Range<usize> {
+    if first >= last.min(train_rows) {
+        return 0..0;
+    }
+    let windows = |rows: u64| rows as f64 / train_rows as f64 * groups as f64 / WINDOW_GROUPS as f64;
+    let from = WINDOW_GROUPS * windows(first).ceil() as usize;
+    let is_whole = last >= train_rows;
+    let to = if is_whole { groups } else { WINDOW_GROUPS * windows(last) as usize };
+    match (from < to, is_whole) {
+        (true, _) => from..to,
+        // The rows of a window are mixed: the first look has met some of each scene, once.
+        (false, true) => 0..groups,
+        (false, false) => 0..0,
     }
 }
 
@@ -149,6 +176,19 @@ mod tests {
 
     fn scenes(of: &[[f64; 3]]) -> Vec<Scene> {
         of.iter().map(|&[kept, early, weight]| Scene { kept, early, weight }).collect()
+    }
+
+    #[test]
+    fn exact_windows_learnt_between_the_first_look_and_the_weights_kept_are_judged() {
+        let of = |early_rows, kept_rows, groups| learnt_between(early_rows, kept_rows, 1000, groups);
+        // 100 row groups of ten rows in windows of eight: the first look ends in the second window, the weights kept in the seventh.
+        assert_eq!(of(100, 500, 100), 16..48);
+        assert_eq!(of(100, 5000, 100), 16..100);
+        assert_eq!(of(100, 180, 100), 0..0);
+        assert_eq!(of(200, 1000, 5), 0..5);
+        assert_eq!(of(200, 900, 5), 0..0);
+        assert_eq!(of(500, 500, 100), 0..0);
+        assert_eq!(of(1000, 3000, 100), 0..0);
     }
 
     #[test]

@@ -29,7 +29,8 @@ pub(super) struct Learner {
     pub network: Network,
     pub filter: Box<dyn Filter>,
     pub best: Snapshot,
-    /// The weights at the first look after the first row: what little they know tells how hard a scene is.
+    /// The weights at the first look after the first row: what little they know tells how hard a scene is. A checkpoint of an earlier
+    /// marsyard has none, and no later look takes their place.
     pub early: Option<Vec<f64>>,
     pub learnt: Learnt,
     /// Rows between two looks.
@@ -173,7 +174,7 @@ impl Learner {
         if is_best {
             self.best = self.snapshot();
         }
-        if self.early.is_none() && look.rows > 0 {
+        if self.early.is_none() && (1..=self.validate_every).contains(&look.rows) {
             self.early = Some(self.network.weights.clone());
         }
         (look, is_best)

@@ -1,6 +1,6 @@
 //! Weights and a filter's memory <-> a safetensors file.
 //!
-//! Checkpoints hold two of them (now, and the best so far); `filter.safetensors` in a finished run holds the best, so that another
+//! Checkpoints hold two of them (now, and the best so far) and the weights of the first look; `filter.safetensors` in a finished run holds the best, so that another
 //! training can start from its covariance. One metadata key, `marsyard`, holds what else there is to know, as JSON; the tensor
 //! `looks` holds the looks at the validation split, five words each. A [`checksum`] covers every byte.
 

@@ -68,7 +68,7 @@ fn law_a_training_ends_with_what_matters_in_few_lines() {
     let after = said.lines().skip_while(|line| !line.starts_with("run: ")).count();
     assert!((4..=20).contains(&(after + judged.lines().count())), "{said}{judged}");
     assert!(said.ends_with("run/model.safetensors\n") && said.contains("kept the weights after"), "{said}");
-    assert!(said.contains("more scenes of these kinds"), "{said}");
+    assert!(said.contains("more scenes of these kinds") && said.contains("% of the error"), "{said}");
     assert!(judged.contains("balanced") && judged.contains("all cells"), "{judged}");
     // The rest is one command away.
     let rest = said.lines().find_map(|line| line.strip_prefix("all of it: marsyard ")).expect("a command");

@@ -247,7 +247,7 @@ fn extreme_grid_by_batches_weights_stay_finite_and_rows_are_counted() {
     assert!(descents > 0, "the grid does not reach what plain steps cannot bear");
     row(
         Family::Filters,
-        "87 weights or two of them, 200 settings of R, rate, members and features by batches (`kronecker`), 4000 rows each",
+        "networks of 87 weights, one or two, 200 settings of R, rate, members and features by batches (`kronecker`), 4000 rows each",
         &format!(
             "gradient steps of batches of 64 at the same rate: {descents} of 200 with a weight beyond 1e6 or no number"
         ),
@@ -273,7 +273,7 @@ fn extreme_grid_by_groups_weights_stay_finite_and_rows_are_counted() {
     }
     row(
         Family::Filters,
-        "the 200 settings by layer, node, input and node, and weight (`decoupled`), 87 weights, f32 and f64",
+        "200 settings of R, P0, Q and features by layer, node, input and node, and weight (`decoupled`), 87 weights, f32 and f64",
         "P - K b'P in f32: the rows of 87 weights below",
         &format!("no weight that is not finite; {rejecting} of {runs} left rows out, and said how many"),
     );

@@ -61,8 +61,14 @@ impl Answer<'_> {
             let of = |(setting, told): &(&StudySetting, Told)| {
                 format!("{} ({})", setting.name, if *told == Told::Better { "better" } else { "not told apart" })
             };
+            let is_told = cheaper.iter().any(|(_, told)| *told == Told::Better);
+            let head = if is_told {
+                "to a network FastSLAM is not worth its cost"
+            } else {
+                "nothing shows that FastSLAM is worth its cost to a network"
+            };
             outln!(
-                "\nto a network FastSLAM is not worth its cost here, at equal CPU: {}",
+                "\n{head}, at the CPU seconds of the study: {}",
                 cheaper.iter().map(of).collect::<Vec<_>>().join(", ")
             );
         }
@@ -93,7 +99,7 @@ impl Answer<'_> {
         match choice.bound {
             Bound::Hours => "The hours bind: more scenes would take longer.".into(),
             Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
-            Bound::Rows => "The rows bind: more scenes would have more than --rows.".into(),
+            Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
             Bound::Flat => format!(
                 "The curve is flat from here: all {} scenes that the budget allows would bring {:.1} points, and no more than {:.1}. Stop here, and \
                  vary the yards instead: {}.",
@@ -147,11 +153,13 @@ impl Answer<'_> {
         let plan = config::load(&self.args.config.config, &sets).map_err(config_failure)?;
         let best = &self.choices[0];
         let text = format!(
-            "# Written by `marsyard plan {} --hours {} --cores {}`, from the study {}.\n\
+            "# Written by `marsyard plan {} --hours {} --cores {}{}{}`, from the study {}.\n\
              # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.\n# Differs from the config by:{}\n{}",
             self.args.config.config.display(),
             self.hours,
             self.cores,
+            self.args.budget.disk.map_or(String::new(), |bytes| format!(" --disk {bytes}")),
+            self.args.budget.rows.map_or(String::new(), |rows| format!(" --rows {rows}")),
             self.study_file.display(),
             best.setting.name,
             self.why(best),

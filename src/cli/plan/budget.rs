@@ -38,7 +38,7 @@ pub(super) struct BudgetArgs {
     cores: Option<usize>,
     /// Disk that the corpus may take, such as 200GB or 1.5TiB; default: what is free where it goes.
     #[arg(long, requires = "hours", value_name = "BYTES", value_parser = parse_bytes)]
-    disk: Option<f64>,
+    pub disk: Option<f64>,
     /// Rows that the corpus may have, all splits together, such as 5e6; default: as many as there is time and room for.
     #[arg(long, requires = "hours", value_parser = parse_rows)]
     pub rows: Option<f64>,

@@ -1,5 +1,5 @@
 //! What a killed run goes on from: the place in the stream, what was learnt, the looks, and the weights and
-//! filter's memory of now and the best.
+//! filter's memory of now and the best, and the weights of the first look.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
@@ -62,10 +62,11 @@ impl Checkpoint {
             serde_json::from_value(header["learnt"].clone()).map_err(|error| bad(error.to_string()))?;
         let both = snapshots.remove("now").zip(snapshots.remove("best"));
         let (now, best) = both.ok_or_else(|| bad("it is not whole".into()))?;
-        if now.weights.len() != weights || best.weights.len() != weights {
-            return Err(bad(format!("it holds {} weights", now.weights.len())));
+        let early = snapshots.remove(EARLY).map(|early| early.weights);
+        let sizes = [Some(now.weights.len()), Some(best.weights.len()), early.as_ref().map(Vec::len)];
+        if let Some(other) = sizes.into_iter().flatten().find(|size| *size != weights) {
+            return Err(bad(format!("it holds {other} weights")));
         }
-        let early = snapshots.remove(EARLY).map(|early| early.weights).filter(|early| early.len() == weights);
         // One of an earlier marsyard holds no looks: what is left of the log must do.
         let looks = if checked { looks } else { looks::read(run.path(), learnt.stopping.looks) };
         Ok(Some(Checkpoint { place, learnt, looks: Looks::new(looks), now, best, early, checked }))

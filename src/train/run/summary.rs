@@ -88,12 +88,17 @@ impl Training<'_> {
         let Stopping { looks, last, best, .. } = self.learner.learnt.stopping;
         let Setup { params, sources, .. } = self.setup;
         let Learner { objective, network, early, learnt, .. } = &self.learner;
-        let judged = early.as_deref().map(|early| Judged {
+        // A network that was learnt before may know the scenes already.
+        let early = early.as_deref().filter(|_| self.setup.init.is_none());
+        let judged = early.map(|early| Judged {
             sources,
             objective,
             network,
             early,
+            early_rows: self.learner.validate_every,
+            kept_rows: best.map_or(0, |best| best.rows),
             learnt: learnt.rows,
+            train_rows: self.start.train_rows,
             seed: params.seed,
         });
         let generalisation = judged.map(|judged| Generalisation::of(&judged)).transpose()?.flatten();

@@ -30,19 +30,18 @@ impl Sources {
         Ok(())
     }
 
-    /// The rows of each scene of a file, scenes without rows left out.
-    pub(crate) fn read_by_scene(&self, split: Split, source: u16, file: u32) -> Result<Vec<Rows>, TrainError> {
-        let scenes = self.list[usize::from(source)].files[at(split)][file as usize].scenes.clone();
-        let file = self.open(split, source, file, &KEYS[..1])?;
-        let mut of_scenes: Vec<Rows> = scenes.clone().map(|_| Rows::new(self.features.len())).collect();
-        for group in 0..file.table.row_groups().len() {
-            let cells = file.read(group)?;
-            for (scene, rows) in scenes.clone().zip(&mut of_scenes) {
-                let of_scene = cells.of_scene(scene).map_err(|reason| file.fault(Refused::Other(reason)))?;
-                file.push(&of_scene, rows)?;
-            }
+    /// The rows of a row group scene by scene, scenes without rows left out.
+    pub(crate) fn read_by_scene(&self, split: Split, group: Group) -> Result<Vec<Rows>, TrainError> {
+        let scenes = self.list[usize::from(group.source)].files[at(split)][group.file as usize].scenes.clone();
+        let file = self.open(split, group.source, group.file, &KEYS[..1])?;
+        let cells = file.read(group.group as usize)?;
+        let mut of_scenes = Vec::new();
+        for scene in scenes {
+            let mut rows = Rows::new(self.features.len());
+            let of_scene = cells.of_scene(scene).map_err(|reason| file.fault(Refused::Other(reason)))?;
+            file.push(&of_scene, &mut rows)?;
+            of_scenes.extend((!rows.is_empty()).then_some(rows));
         }
-        of_scenes.retain(|rows| !rows.is_empty());
         Ok(of_scenes)
     }
 

@@ -20,7 +20,7 @@ fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
     assert!(best < 0.5 * begun, "{begun} -> {best}");
     // All rows of both splits are few enough to be judged.
     let found = summary.generalisation.unwrap();
-    assert!((found.held_back - best).abs() < 1e-12 && found.learnt < begun, "{found:?}, {best}");
+    assert!((found.held_back - best).abs() < 1e-12 && found.learnt < 0.6 * begun, "{found:?}, {best}");
     let model = Model::read(&setup.out.join(folder::MODEL)).unwrap();
     let rows = circle(99, 2000);
     let right = rows
