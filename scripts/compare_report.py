@@ -144,8 +144,8 @@ def figure(corpora, path):
 
     plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9, "svg.hashsalt": "marsyard"})
     panels, axes = plt.subplots(1, len(corpora), figsize=(3.6 * len(corpora) + 1.6, 4.2), sharey=True, squeeze=False)
-    first = next(iter(corpora.values()))["summary"]
-    names = list(dict.fromkeys(line["classifier"] for size in ("full", "small") for line in of_size(first, size)))
+    # In the order of the first corpus; what it lacks comes last.
+    names = list(dict.fromkeys(line["classifier"] for found in corpora.values() for size in ("full", "small") for line in of_size(found["summary"], size)))
     for axis, (name, found) in zip(axes[0], corpora.items()):
         for line in found["summary"]:
             full = line["size"] == "full"
