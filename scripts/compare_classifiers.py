@@ -44,7 +44,7 @@ import xgboost
 import compare_measures as measures
 import compare_report
 import study
-from compare_models import CLASSIFIERS
+from compare_models import CLASSIFIERS, SMALL_ALONE
 from compare_rows import Corpus, forms
 from train_rows import DEFAULT_NETWORK, NETWORK, Cells
 
@@ -124,7 +124,7 @@ def one(task):
     rows = CORPUS.rows(form, seed, 0 if many else OPTIONS.rows)
     if trial:
         rows.judge_x, rows.stored[2] = rows.judge_x[:0], rows.stored[2][:0]
-    fitted = CLASSIFIERS[classifier][0](rows, seed, many)
+    fitted = CLASSIFIERS[classifier](rows, seed, many)
     threshold, balanced = measures.best_threshold(rows.choose_y, fitted.choose)
     run = {"corpus": name, "classifier": classifier, "form": form, "seed": seed, "full": many, "train_rows": len(rows.y), "cpu_s": fitted.cpu_s,
            "rounds": fitted.rounds, "threshold": threshold, "validation_balanced_accuracy": balanced}  # fmt: skip
@@ -162,8 +162,8 @@ def compared(name):
     for classifier in CLASSIFIERS:
         tried = sorted((run for run in trials if run["classifier"] == classifier), key=lambda run: order.index(run["form"]))
         chosen[classifier] = max(tried, key=lambda run: run["validation_balanced_accuracy"])["form"]
-    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier, (_, at_full_size) in CLASSIFIERS.items()
-                    if at_full_size or not many for seed in range(1, OPTIONS.seeds + 1)] for many in (False, True))
+    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier in CLASSIFIERS
+                    if not (many and classifier in SMALL_ALONE) for seed in range(1, OPTIONS.seeds + 1)] for many in (False, True))
     return trials, all_of(full + small), chosen
 
 

@@ -5,7 +5,7 @@ weighted log loss of the validation rows, which all are given alike. SVM and thr
 
 - network (default): marsyard's trainer with all defaults, which standardises by itself.
 - network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
-- LightGBM, regularised: small trees of many cells each, as in learning_curve.py and anatomy.py, for yards of other families.
+- LightGBM, regularised: those of held_out.py, which learning_curve.py and anatomy.py learn: small trees of many cells each, for yards of other families.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
 
@@ -21,6 +21,7 @@ from xgboost import XGBClassifier
 import compare_torch
 from compare_measures import area_under_roc
 from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, taught, tree_parameters
+from held_out import TREE_ROUNDS, TREES
 from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK
 
 
@@ -63,18 +64,18 @@ def histogram_boosting(rows, seed, many):
 
 
 def lightgbm(rows, seed, many):
-    settings = dict(n_estimators=2000, learning_rate=0.1 if many else 0.05, num_leaves=127 if many else 31, subsample=0.8, colsample_bytree=0.8)
+    settings = dict(n_estimators=2000, learning_rate=0.1 if many else 0.05, num_leaves=127 if many else 31, subsample=0.8, subsample_freq=1,
+                    colsample_bytree=0.8)
     return light_trees(rows, seed, settings)
 
 
 def lightgbm_regularised(rows, seed, many):
-    settings = dict(n_estimators=400, num_leaves=31, min_child_samples=100, subsample=0.7, colsample_bytree=0.7, reg_lambda=5.0)
-    return light_trees(rows, seed, settings)
+    return light_trees(rows, seed, dict(n_estimators=TREE_ROUNDS, **TREES))
 
 
 def light_trees(rows, seed, settings):
     def learn():
-        model = LGBMClassifier(**settings, subsample_freq=1, random_state=seed, n_jobs=1, verbose=-1)
+        model = LGBMClassifier(**settings, random_state=seed, n_jobs=1, verbose=-1)
         stop = early_stopping(30, verbose=False)
         return model.fit(rows.x, rows.y, rows.weights, eval_X=rows.choose_x, eval_y=rows.choose_y, eval_sample_weight=[rows.choose_weights], callbacks=[stop])
 
@@ -124,21 +125,22 @@ def one_threshold(rows, seed, many):
     return fitted(rows, learn, score, lambda model: (3, len(pickle.dumps(model))), probabilities=False)
 
 
-#: Name: (classifier, whether it learns at full size, too; SVM and KNN would take days of it).
 CLASSIFIERS = {
-    DEFAULT_NETWORK: (default_network, True),
-    NETWORK: (network, True),
-    "network (Adam)": (adam, True),
-    "TabM": (tabm, True),
-    "LightGBM": (lightgbm, True),
-    "LightGBM, regularised": (lightgbm_regularised, True),
-    "XGBoost": (xgboost, True),
-    "CatBoost": (catboost, True),
-    "HistGradientBoosting": (histogram_boosting, True),
-    "random forest": (forest, True),
-    "complex tree": (complex_tree, True),
-    "logistic regression": (logistic, True),
-    "fine Gaussian SVM": (fine_svm, False),
-    "fine KNN": (fine_knn, False),
-    "one threshold": (one_threshold, True),
+    DEFAULT_NETWORK: default_network,
+    NETWORK: network,
+    "network (Adam)": adam,
+    "TabM": tabm,
+    "LightGBM": lightgbm,
+    "LightGBM, regularised": lightgbm_regularised,
+    "XGBoost": xgboost,
+    "CatBoost": catboost,
+    "HistGradientBoosting": histogram_boosting,
+    "random forest": forest,
+    "complex tree": complex_tree,
+    "logistic regression": logistic,
+    "fine Gaussian SVM": fine_svm,
+    "fine KNN": fine_knn,
+    "one threshold": one_threshold,
 }
+#: What learns small rows alone: full size would take it days.
+SMALL_ALONE = {"fine Gaussian SVM", "fine KNN"}

@@ -41,7 +41,7 @@ def by_cell(corpus, form, seed, learnt):
 
 def judged(corpus, classifier, form, seed, learnt):
     rows, held = by_cell(corpus, form, seed, learnt)
-    fitted = CLASSIFIERS[classifier][0](rows, seed, False)
+    fitted = CLASSIFIERS[classifier](rows, seed, False)
     threshold, _ = measures.best_threshold(rows.choose_y, fitted.choose)
     called = fitted.judge >= threshold
     told = {"classifier": classifier, "form": form, "seed": seed}

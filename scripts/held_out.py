@@ -65,6 +65,11 @@ def network(marsyard, run):
     return json.loads(marsyard.run("export", "--json", "-", run))
 
 
+#: Of LightGBM, by the names of its scikit-learn class: small trees of many cells each.
+TREES = dict(num_leaves=31, learning_rate=0.1, min_child_samples=100, subsample=0.7, subsample_freq=1, colsample_bytree=0.7, reg_lambda=5.0)
+TREE_ROUNDS = 400
+
+
 def trees(cells, validation, columns, seed):
     """LightGBM with weights by class, ended by the validation cells; what gives scores to cells."""
     import lightgbm
@@ -74,10 +79,9 @@ def trees(cells, validation, columns, seed):
         weight = np.where(untraversable, (~untraversable).sum() / max(untraversable.sum(), 1), 1.0)
         return dict(data=np.stack([of[name] for name in columns], axis=1).astype(np.float32), label=of["label"], weight=weight)
 
-    settings = dict(objective="binary", num_leaves=31, learning_rate=0.1, min_data_in_leaf=100, feature_fraction=0.7, bagging_fraction=0.7,
-                    bagging_freq=1, lambda_l2=5, num_threads=1, seed=seed, verbose=-1)
+    settings = dict(objective="binary", **TREES, num_threads=1, seed=seed, verbose=-1)
     learnt = lightgbm.Dataset(**table(cells), params=settings)
-    model = lightgbm.train(settings, learnt, 400, valid_sets=[lightgbm.Dataset(**table(validation), reference=learnt)],
+    model = lightgbm.train(settings, learnt, TREE_ROUNDS, valid_sets=[lightgbm.Dataset(**table(validation), reference=learnt)],
                            callbacks=[lightgbm.early_stopping(30, verbose=False)])
     return lambda of: model.predict(np.stack([of[name] for name in columns], axis=1).astype(np.float32), num_threads=1)
 

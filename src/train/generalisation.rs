@@ -6,11 +6,12 @@
 //! kinds would take off the error. It says nothing of yards of other kinds.
 //!
 //! In: the objective, the weights kept, those of the first look, and both splits; of each whole row groups, a twentieth as many rows as were
-//! learnt, a quarter of a million at least and two million at most. Those of the train split are of the windows that were learnt between the first look and the weights kept, in the
-//! order in which they were; where there is only a window or two, all. Out: both weighted mean squared errors, and the gap of a typical scene with its interval of 95 %. Scenes are hard or easy, and a few hard
-//! ones hold most of the error, which moves the means of some hundred scenes more than a gap does. So of each scene the logarithm is taken of
-//! its error over that of the network of the first look, which has seen none of these scenes, or some rows of them once. The gap is of the
-//! difference of these logarithms' means; they scatter like other numbers do.
+//! learnt, a quarter of a million at least and two million at most. Those of the train split are of the windows that were learnt between the
+//! first look and the weights kept, in the order in which they were; where there is only a window or two, all. Out: both weighted mean squared
+//! errors, and the gap of a typical scene with its interval of 95 %. Scenes are hard or easy, and a few hard ones hold most of the error, which
+//! moves the means of some hundred scenes more than a gap does. So of each scene the logarithm is taken of its error over that of the network
+//! of the first look, which has seen none of these scenes, or some rows of them once. The gap is of the difference of these logarithms' means;
+//! they scatter like other numbers do.
 
 use std::ops::Range;
 use std::sync::Arc;

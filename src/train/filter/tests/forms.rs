@@ -75,7 +75,7 @@ fn equal_a_few_updates_and_the_textbook_form_to_the_last_digits() {
         let (from, to) = (6 * k, 6 * k + 1 + k % 6);
         (network, inputs[8 * from..8 * to].to_vec(), targets[from..to].to_vec(), noise[from..to].to_vec())
     });
-    // The factored form adds Q every so many rows, which is another filter.
+    // The factored form adds Q to D and not to P, which is another filter: it is compared without.
     let forms = [
         (ekf(10.0, 1e-4, Precision::F64, false, 1), 1e-4, 1, Groups::One),
         (ekf(10.0, 1e-4, Precision::F64, false, 3), 1e-4, 3, Groups::One),
