@@ -30,7 +30,7 @@ use crate::sweep::sensor::PatternParams;
 ///
 /// A resolved plan (`plan.yaml`) is a config too, and gives the same plan again.
 ///
-/// All faults of a config come at once, each with its place, its rule and a cure.
+/// All faults of a config come at once, those of overrides first, each with its place, its rule and a cure.
 ///
 /// ```
 /// use marsyard::config;
@@ -40,10 +40,10 @@ use crate::sweep::sensor::PatternParams;
 /// let head = "marsyard: 1\nname: yard\nseed: 1\nscenes: 10\nscenes_per_shard: 5\n";
 /// std::fs::write(&path, format!("{head}scene: {{extend_m: 20, rocks: {{count: 5, diameter_m: 0.4}}}}\n"))?;
 /// let error = config::load(&path, &["cells.neighbours=5".into()]).unwrap_err();
-/// let [key, neighbours] = &error.faults[..] else { panic!("{}", error.lines()) };
+/// let [neighbours, key] = &error.faults[..] else { panic!("{}", error.lines()) };
+/// assert_eq!(neighbours.rule, "'cells.neighbours' must be 4, 8 or 24, got 5");
 /// assert_eq!((key.line, key.column), (6, 9));
 /// assert!(key.cure.as_ref().is_some_and(|cure| cure.contains("extent_m")));
-/// assert_eq!(neighbours.rule, "'cells.neighbours' must be 4, 8 or 24, got 5");
 /// // With both mended, the plan: defaults written out, presets read.
 /// std::fs::write(&path, format!("{head}scene: {{extent_m: 20, rocks: {{count: 5, diameter_m: 0.4}}}}\n"))?;
 /// let plan = config::load(&path, &["cells.neighbours=4".into()])?;
