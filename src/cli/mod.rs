@@ -195,7 +195,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     signals::survive_file_size_limits()?;
     cpu::check_environment().map_err(|e| Failure::usage(miette::Report::msg(e)))?;
     match &cli.verb {
-        Verb::Plan(args) => plan::run(args),
+        Verb::Plan(args) => plan::run(args, cli.log),
         Verb::Generate(args) => generate::run(args, cli.log),
         Verb::Status(args) => corpus::status(args),
         Verb::Finalize(args) => corpus::finalize(args),

@@ -20,6 +20,14 @@ pub(super) fn default_out(plan: &Plan) -> PathBuf {
 /// More than any machine has cores for.
 const MOST_THREADS: usize = 4096;
 
+/// A number above 0, of minutes, seconds or points.
+pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number < 1e6 => Ok(number),
+        _ => Err(format!("'{text}' is not a number above 0 and below 1000000")),
+    }
+}
+
 pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("at least one thread is needed".into()),

@@ -2,6 +2,7 @@
 
 mod answer;
 mod budget;
+mod study;
 mod words;
 
 use std::path::{Path, PathBuf};
@@ -11,12 +12,12 @@ use clap::Args;
 use serde_json::json;
 
 use self::words::{absent, parts};
-use super::options::{default_out, default_threads, parse_threads, split_warnings};
+use super::options::{default_out, default_threads, parse_positive, parse_threads, split_warnings};
 use super::output::{out, outln};
 use super::place::corpus_failure;
 use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
-use super::{ConfigArgs, Failure};
+use super::{ConfigArgs, Failure, LogFormat};
 use crate::corpus::Split;
 use crate::corpus::advice::Views;
 use crate::cpu;
@@ -32,7 +33,7 @@ pub(super) struct PlanArgs {
     sample: Option<u64>,
     /// Seconds to measure for: half for the whole build, half for its parts. Where a scene of each family, with each part and without it, takes
     /// longer, up to 30; a scene in hand is finished.
-    #[arg(long, default_value_t = 8.0, value_name = "SECONDS", value_parser = parse_seconds)]
+    #[arg(long, default_value_t = 8.0, value_name = "SECONDS", value_parser = parse_positive)]
     limit: f64,
     /// Leave out what each part costs.
     #[arg(long)]
@@ -50,18 +51,11 @@ pub(super) struct PlanArgs {
     json: bool,
 }
 
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds < 1e6 => Ok(seconds),
-        _ => Err(format!("'{text}' is not a number of seconds above 0")),
-    }
-}
-
-pub(super) fn run(args: &PlanArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let stop = stop_on_signals()?;
     if let Some(hours) = args.budget.hours {
-        return budget::run(args, &plan, hours, &stop);
+        return budget::run(args, &plan, hours, log, &stop);
     }
     args.budget.check_unused()?;
     let half = Duration::from_secs_f64(0.5 * args.limit);

@@ -1,11 +1,12 @@
 //! Measures what each choice between speed and accuracy costs, what error it brings, and what it is worth at equal CPU time.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args;
 
-use super::options::{default_threads, parse_threads};
+use super::options::{default_threads, parse_positive, parse_threads};
 use super::output::{errln, out};
 use super::place::{corpus_failure, inputs, must_be_local};
 use super::progress::TradeoffProgress;
@@ -14,6 +15,7 @@ use super::{ConfigArgs, Failure, LogFormat, config_failure};
 use crate::corpus::Outputs;
 use crate::measure::study::Study;
 use crate::measure::tradeoff::{self, Group, Options, Report, TradeoffError, chart, records, table};
+use crate::plan::Plan;
 
 /// The fewest scenes of which four sizes can train and stop a classifier.
 const LEAST_SCENES: u64 = 8;
@@ -57,18 +59,11 @@ pub(super) struct TradeoffArgs {
     threads: usize,
 }
 
-fn parse_positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number < 1e6 => Ok(number),
-        _ => Err(format!("'{text}' is not a number above 0")),
-    }
-}
-
 pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
     args.out.iter().try_for_each(|out| must_be_local("--out", out))?;
     let plan = args.config.load()?;
-    let out = args.out.clone().unwrap_or_else(|| Path::new("tradeoffs").join(&plan.name));
-    let outputs = Outputs::open(&out, FILES, inputs(&args.config.config)).map_err(corpus_failure)?;
+    let out = args.out.clone().unwrap_or_else(|| default_place(&plan));
+    let outputs = outputs(&out, &args.config.config)?;
     let stop = stop_on_signals()?;
     let options = Options {
         config: args.config.config.clone(),
@@ -82,13 +77,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
         time: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
         threads: args.threads,
     };
-    let mut progress = TradeoffProgress::new(log);
-    let report = tradeoff::run(&options, &stop, &mut |event| progress.take(event));
-    progress.finish();
-    let report = report.map_err(failure)?;
-    let Some(report) = report else {
-        return Err(Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was written")));
-    };
+    let report = measure(&options, log, &stop)?;
     write(&report, outputs)?;
     out!("{}", table::text(&report));
     errln!(
@@ -96,6 +85,16 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
         out.display()
     );
     Ok(())
+}
+
+/// Measures, and shows how far it is.
+pub(super) fn measure(options: &Options, log: LogFormat, stop: &AtomicBool) -> Result<Report, Failure> {
+    let mut progress = TradeoffProgress::new(log);
+    let report = tradeoff::run(options, stop, &mut |event| progress.take(event));
+    progress.finish();
+    report
+        .map_err(failure)?
+        .ok_or_else(|| Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was written")))
 }
 
 fn failure(error: TradeoffError) -> Failure {
@@ -108,7 +107,17 @@ fn failure(error: TradeoffError) -> Failure {
 
 const FILES: [&str; 5] = ["tradeoff.parquet", "tradeoff.json", "tradeoff.md", "tradeoff.svg", "study.json"];
 
-fn write(report: &Report, mut outputs: Outputs) -> Result<(), Failure> {
+/// Where a config's measurement goes, and where `plan --hours` looks for its study.
+pub(super) fn default_place(plan: &Plan) -> PathBuf {
+    Path::new("tradeoffs").join(&plan.name)
+}
+
+/// Takes the place before anything is measured.
+pub(super) fn outputs(place: &Path, config: &Path) -> Result<Outputs, Failure> {
+    Outputs::open(place, FILES, inputs(config)).map_err(corpus_failure)
+}
+
+pub(super) fn write(report: &Report, mut outputs: Outputs) -> Result<(), Failure> {
     let bytes = [
         Some(records::parquet(report).map_err(Failure::failed)?),
         Some(format!("{:#}\n", serde_json::json!(report)).into_bytes()),

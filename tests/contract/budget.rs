@@ -122,3 +122,33 @@ fn law_without_a_study_or_a_sound_budget_the_cure_is_told() {
         assert!(text(&output.stderr).contains(expected), "{}", text(&output.stderr));
     }
 }
+
+#[test]
+fn law_a_study_of_the_config_as_it_stands_is_made_once() {
+    let yard = Yard::new();
+    // Beside the config lies a study of another one.
+    fs::copy(config(), yard.path("yard.yaml")).expect("the config");
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/studies/quickstart.json");
+    fs::create_dir(yard.path("studies")).expect("a folder");
+    fs::copy(shipped, yard.path("studies/training.json")).expect("the study");
+    // A time that pays nothing beyond the least.
+    let plan = ["plan", "yard.yaml", "--hours", "0.002", "--limit", "1", "--json", "--study-minutes", "0.01"];
+    let made = yard.marsyard(plan);
+    let said = text(&made.stderr);
+    assert!(made.status.success(), "{said}");
+    assert!(said.contains("no study of training as it stands"), "{said}");
+    let answer: serde_json::Value = serde_json::from_slice(&made.stdout).expect("JSON on stdout");
+    assert!(!answer["warnings"].to_string().contains("was made"), "{answer}");
+    let file = yard.path("tradeoffs/training/study.json");
+    let written = fs::read_to_string(&file).expect("the study");
+    let study: serde_json::Value = serde_json::from_str(&written).expect("JSON");
+    let largest = &study["settings"][0]["sizes"][3];
+    assert_eq!((largest["scenes"].as_u64(), study["seeds"].as_u64()), (Some(12), Some(3)), "{study}");
+    let names: Vec<String> =
+        study["settings"].as_array().expect("settings").iter().map(|setting| setting["name"].to_string()).collect();
+    assert!(names.iter().any(|name| name.contains("dead_reckoning")), "{names:?}");
+
+    let again = yard.marsyard(plan);
+    assert!(again.status.success() && !text(&again.stderr).contains("no study"), "{}", text(&again.stderr));
+    assert_eq!(fs::read_to_string(&file).expect("the study"), written);
+}

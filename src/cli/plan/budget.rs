@@ -10,17 +10,16 @@ use std::time::Duration;
 use clap::Args;
 
 use super::answer::Answer;
-use super::{PlanArgs, estimate_failure};
-use crate::cli::options::{default_out, default_threads, parse_threads};
+use super::{PlanArgs, estimate_failure, study};
+use crate::cli::options::{default_out, default_threads, parse_positive, parse_threads};
 use crate::cli::output::outln;
 use crate::cli::place::must_be_local;
 use crate::cli::progress::{human, si};
-use crate::cli::{Failure, config_failure};
+use crate::cli::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::measure::budget::{Budget, Choice, Here, choices};
 use crate::measure::estimate::{self, Estimate, Options};
-use crate::measure::study::{Study, StudyError, StudySetting};
-use crate::measure::tradeoff::settings::reference;
+use crate::measure::study::{Study, StudySetting};
 use crate::plan::Plan;
 
 /// From so many shards on each split has one.
@@ -44,7 +43,11 @@ pub(super) struct BudgetArgs {
     pub rows: Option<f64>,
     /// The study.json that `marsyard tradeoff` wrote; default: tradeoffs/<name>/study.json, else studies/<name>.json beside the config.
     #[arg(long, requires = "hours", value_name = "FILE")]
-    study: Option<PathBuf>,
+    pub study: Option<PathBuf>,
+    /// Where there is no study of the config as it stands, make one first, in about so many minutes on all cores: --study-minutes 10. The least,
+    /// of 12 scenes, is made whole.
+    #[arg(long, requires = "hours", value_name = "MINUTES", conflicts_with = "study", value_parser = parse_positive)]
+    pub study_minutes: Option<f64>,
     /// Write the choice as a config; its name is the file's.
     #[arg(long, requires = "hours", value_name = "FILE")]
     write: Option<PathBuf>,
@@ -58,6 +61,7 @@ impl BudgetArgs {
             ("--disk", self.disk.is_some()),
             ("--rows", self.rows.is_some()),
             ("--study", self.study.is_some()),
+            ("--study-minutes", self.study_minutes.is_some()),
             ("--write", self.write.is_some()),
         ];
         match given.iter().find(|(_, is_given)| *is_given) {
@@ -106,16 +110,12 @@ fn parse_bytes(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, stop: &AtomicBool) -> Result<(), Failure> {
+pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop: &AtomicBool) -> Result<(), Failure> {
     let asked = &args.budget;
     if let Some(path) = &asked.write {
         check_new(path, plan)?;
     }
-    let (study_file, study) = match &asked.study {
-        Some(path) => Study::read(path).map(|study| (path.clone(), study)),
-        None => Study::find(&args.config.config, &plan.name),
-    }
-    .map_err(|error| study_failure(&error, args))?;
+    let (study_file, study) = study::of(args, plan, log, stop)?;
     let cores = asked.cores.unwrap_or_else(default_threads);
     let place = args.out.clone().unwrap_or_else(|| default_out(plan));
     let disk_bytes = asked.disk.or_else(|| estimate::free_bytes(&place).map(|bytes| bytes as f64));
@@ -227,29 +227,7 @@ fn warnings(
     cores: usize,
     best: &Choice,
 ) -> Result<Vec<String>, Failure> {
-    let mut warnings = Vec::new();
-    let own = reference(&args.config.config, &args.config.sets).map_err(config_failure)?;
-    if own.name != study.name {
-        warnings.push(format!(
-            "{} was made of another config, '{}': what it says of accuracy is of that; `{}` makes one of this",
-            study_file.display(),
-            study.name,
-            make_study(args)
-        ));
-    } else if own.scene_plan_hash() != study.scene_plan_hash {
-        warnings.push(format!(
-            "{} was made of another state of this config: what it says of accuracy is of that; `{}` makes a new one",
-            study_file.display(),
-            make_study(args)
-        ));
-    }
-    if !study.is_trained_as_now() {
-        warnings.push(format!(
-            "{} was made with another training than the default of `marsyard train` now: hours to train and accuracy are of that; `{}` makes a new one",
-            study_file.display(),
-            make_study(args)
-        ));
-    }
+    let mut warnings = study::doubts(args, study, study_file)?;
     if cores > default_threads() {
         warnings.push(format!(
             "measured on {}: hours are extrapolated to {cores} cores as fast as these, each free",
@@ -282,21 +260,6 @@ fn check_new(path: &Path, plan: &Plan) -> Result<(), Failure> {
         return Err(Failure::usage(miette::miette!(help = help, "--write {}: is there already", path.display())));
     }
     Ok(())
-}
-
-fn make_study(args: &PlanArgs) -> String {
-    let sets: String = args.config.sets.iter().map(|set| format!(" --set '{set}'")).collect();
-    format!("marsyard tradeoff {}{sets} --only presets,slam --scenes 160 --seeds 3", args.config.config.display())
-}
-
-fn study_failure(error: &StudyError, args: &PlanArgs) -> Failure {
-    let help = match error {
-        StudyError::None { .. } => {
-            format!("`{}` makes one in some minutes; --study FILE names another", make_study(args))
-        }
-        StudyError::Unreadable { .. } => format!("`{}` makes one", make_study(args)),
-    };
-    Failure::usage(miette::miette!(help = help, "--hours: {error}"))
 }
 
 fn too_little(budget: &Budget, here: &Here) -> Failure {
