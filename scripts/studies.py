@@ -4,7 +4,7 @@
 one at a time and combined, trained as `train` does it by default, judged on common unseen scenes. Writes the studies to configs/studies,
 the charts to docs/worth-<name>.svg, and the tables to scripts/results/studies.md.
 
-    cargo build --release && python scripts/studies.py            # more than half an hour on 2 cores, mars.yaml most of it
+    cargo build --release && python scripts/studies.py            # half an hour on 2 idle cores, mars.yaml half of it
     python scripts/studies.py --only paper                        # one of them; the tables of the others stay
 """
 

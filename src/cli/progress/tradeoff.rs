@@ -31,13 +31,17 @@ impl TradeoffProgress {
             Event::Scene { done, of } => self.step("scenes", done, of),
             Event::TestScene { done, of } => self.step("test scenes", done, of),
             Event::Training { done, of } => self.step("trainings", done, of),
-            Event::Round { done, half_width } if self.teller.is_json() => {
-                tracing::info!(event = "round", done, half_width);
-            }
             Event::Round { done, half_width } => {
-                let width =
-                    half_width.map_or("not known yet".into(), |width| format!("\u{b1} {:.2} points", 100.0 * width));
-                self.teller.say(&format!("round {done}: the gain that is known least: {width}; another round follows"));
+                // Judging lies behind the last training and is no part of what follows.
+                self.begun = Instant::now();
+                if self.teller.is_json() {
+                    tracing::info!(event = "round", done, half_width);
+                } else {
+                    let width = half_width
+                        .map_or("not known yet".into(), |width| format!("\u{b1} {:.2} points", 100.0 * width));
+                    let words = format!("round {done}: the gain that is known least: {width}; another round follows");
+                    self.teller.say(&words);
+                }
             }
         }
     }
