@@ -77,7 +77,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
         time: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),
         threads: args.threads,
     };
-    let report = measure(&options, log, &stop)?;
+    let report = measure(&options, log, &stop).map_err(failure)?.ok_or_else(interrupted)?;
     write(&report, outputs)?;
     out!("{}", table::text(&report));
     errln!(
@@ -87,17 +87,19 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Measures, and shows how far it is.
-pub(super) fn measure(options: &Options, log: LogFormat, stop: &AtomicBool) -> Result<Report, Failure> {
+/// Measures, and shows how far it is; `None` where it was interrupted.
+pub(super) fn measure(options: &Options, log: LogFormat, stop: &AtomicBool) -> Result<Option<Report>, TradeoffError> {
     let mut progress = TradeoffProgress::new(log);
     let report = tradeoff::run(options, stop, &mut |event| progress.take(event));
     progress.finish();
     report
-        .map_err(failure)?
-        .ok_or_else(|| Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was written")))
 }
 
-fn failure(error: TradeoffError) -> Failure {
+pub(super) fn interrupted() -> Failure {
+    Failure::new(Failure::TRY_AGAIN, miette::miette!("interrupted: nothing was written"))
+}
+
+pub(super) fn failure(error: TradeoffError) -> Failure {
     match error {
         TradeoffError::Config(error) => config_failure(error),
         TradeoffError::Threads(_) => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),

@@ -83,8 +83,9 @@ pub(crate) enum StudyError {
 }
 
 impl Study {
-    /// Of what may be recommended alone. `None` where nothing could be trained.
+    /// Of what may be recommended alone. `None` where the reference has no curve, or nothing could be trained.
     pub(crate) fn of(report: &Report) -> Option<Study> {
+        report.side(Side::Pipeline).next()?.worth.as_ref()?;
         let rows = report.side(Side::Pipeline).filter(|row| row.may_be_recommended);
         let settings = rows.filter_map(|row| {
             let worth = row.worth.as_ref()?;
@@ -154,7 +155,7 @@ impl Study {
     }
 
     /// What makes it of no use.
-    fn fault(&self) -> Option<String> {
+    pub(crate) fn fault(&self) -> Option<String> {
         if self.seeds < 2 {
             return Some("is of one training a size, which has no interval: make it with --seeds 2 or more".into());
         }

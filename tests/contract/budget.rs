@@ -104,6 +104,10 @@ fn law_without_a_study_or_a_sound_budget_the_cure_is_told() {
         (&["--hours", "1", "--study", "none.json"], "none.json"),
         (&["--hours", "1", "--sample", "3"], "cannot be used with"),
         (&["--cores", "2"], "--hours"),
+        (&["--study-minutes", "2"], "--hours"),
+        (&["--hours", "1", "--study-minutes", "0"], "is not a number above 0"),
+        (&["--hours", "1", "--study-minutes", "1", "--study", "some.json"], "cannot be used with"),
+        (&["--hours", "1", "--study-minutes", "0.01", "--set", "scene.rocks.diameter_m=0.02"], "put obstacles into"),
         // Beside what excludes hours as well.
         (&["--write", "night.yaml", "--sample", "0"], "give --hours"),
         (&["--disk", "1GB", "--threads", "1", "--sample", "1", "--no-parts"], "give --hours"),
@@ -136,7 +140,7 @@ fn law_a_study_of_the_config_as_it_stands_is_made_once() {
     let made = yard.marsyard(plan);
     let said = text(&made.stderr);
     assert!(made.status.success(), "{said}");
-    assert!(said.contains("no study of training as it stands"), "{said}");
+    assert!(said.contains("made of another config, 'quickstart'") && said.contains("a study of 12 scenes"), "{said}");
     let answer: serde_json::Value = serde_json::from_slice(&made.stdout).expect("JSON on stdout");
     assert!(!answer["warnings"].to_string().contains("was made"), "{answer}");
     let file = yard.path("tradeoffs/training/study.json");
@@ -149,6 +153,7 @@ fn law_a_study_of_the_config_as_it_stands_is_made_once() {
     assert!(names.iter().any(|name| name.contains("dead_reckoning")), "{names:?}");
 
     let again = yard.marsyard(plan);
-    assert!(again.status.success() && !text(&again.stderr).contains("no study"), "{}", text(&again.stderr));
+    let said = text(&again.stderr);
+    assert!(again.status.success() && said.contains("no other is made") && !said.contains("a study of"), "{said}");
     assert_eq!(fs::read_to_string(&file).expect("the study"), written);
 }

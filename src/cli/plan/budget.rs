@@ -45,7 +45,7 @@ pub(super) struct BudgetArgs {
     #[arg(long, requires = "hours", value_name = "FILE")]
     pub study: Option<PathBuf>,
     /// Where there is no study of the config as it stands, make one first, in about so many minutes on all cores: --study-minutes 10. The least,
-    /// of 12 scenes, is made whole.
+    /// of 12 scenes, is made whole. It lies in tradeoffs/<name>, and replaces one of another state there.
     #[arg(long, requires = "hours", value_name = "MINUTES", conflicts_with = "study", value_parser = parse_positive)]
     pub study_minutes: Option<f64>,
     /// Write the choice as a config; its name is the file's.

@@ -1,8 +1,10 @@
 //! The study that a budget is planned by: the one that is named, the one that is found, or one made here in a stated time.
 //!
-//! Made here: `tradeoff` of presets and pose estimates. A first one of few scenes tells what a scene costs, from the first scene to the last
-//! network judged; the second has as many scenes as the time left pays, and then goes on by rounds of other trainings and test scenes. It is
-//! written where `tradeoff` writes its own, so that it is made once. Where the time does not pay twice the first, that is the study.
+//! Made here: `tradeoff` of presets and pose estimates, on few scenes, then on more. What a measurement takes is a part that grows with its
+//! scenes and a part that does not, for short trainings are as long on any number. The first tells their sum, the second, of four times as
+//! many scenes at most, tells them apart, and the last has what the time left pays, with rounds of other trainings and test scenes until gains
+//! are resolved or the time is over. It is written where `tradeoff` writes its own, so that it is made once. Where the time does not pay twice
+//! the scenes, what was measured is the study.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -15,17 +17,23 @@ use crate::cli::progress::{counted, human};
 use crate::cli::{Failure, LogFormat, config_failure, tradeoff};
 use crate::measure::study::{Study, StudyError};
 use crate::measure::tradeoff::settings::reference;
-use crate::measure::tradeoff::{Group, Options};
+use crate::measure::tradeoff::{Group, Options, TradeoffError};
 use crate::plan::Plan;
 
-/// Scenes of the first measurement; of ten that train an eighth are two, whose sizes are four different ones.
+/// Scenes of the first measurement: ten train, and of these an eighth, a quarter and a half are different numbers.
 const FIRST_SCENES: u64 = 12;
-/// Scenes whose cells are held in memory at every setting: beyond these the time goes into rounds.
-const MOST_SCENES: u64 = 240;
-/// Scenes to learn from for each to judge by.
-const SCENES_PER_TEST_SCENE: u64 = 2;
+/// The second has at most so many times as many.
+const GROWTH: f64 = 4.0;
+/// The share of the time left that a measurement is planned for: judging grows a little faster than scenes do.
+const PLANNED: f64 = 0.9;
+/// Labelled cells of all scenes that train and stop. They are held in memory at every setting: some 4 GB.
+const MOST_CELLS: f64 = 2.5e6;
+/// The fewest scenes to judge by, of each group that judges; else half as many as there are to learn from, all groups together.
+const LEAST_TEST_SCENES: u64 = 6;
 /// An interval needs two; three are what shipped studies have.
 const SEEDS: u64 = 3;
+/// Half-width of gains from which on no further round is worth its time, as a share of balanced accuracy.
+const RESOLVED: f64 = 0.003;
 
 /// The study, and its file.
 pub(super) fn of(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool) -> Result<(PathBuf, Study), Failure> {
@@ -35,10 +43,46 @@ pub(super) fn of(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool
     }
     let found = Study::find(&args.config.config, &plan.name);
     let Some(minutes) = asked.study_minutes else { return found.map_err(|error| failure(&error, args)) };
-    match found {
-        Ok((path, study)) if doubts(args, &study, &path)?.is_empty() => Ok((path, study)),
-        _ => make(args, plan, Duration::from_secs_f64(60.0 * minutes), log, stop),
+    let reason = match found {
+        Ok((path, study)) => match doubts(args, &study, &path)?.into_iter().next() {
+            Some(doubt) => doubt,
+            None => {
+                let file = path.display();
+                say(
+                    log,
+                    &format!(
+                        "{file} is of this config as it stands, and no other is made; move it away to have another"
+                    ),
+                );
+                return Ok((path, study));
+            }
+        },
+        Err(error) => error.to_string(),
+    };
+    say(log, &reason);
+    make(args, plan, Duration::from_secs_f64(60.0 * minutes), log, stop)
+}
+
+fn say(log: LogFormat, words: &str) {
+    match log {
+        LogFormat::Json => tracing::info!(event = "study", words),
+        LogFormat::Text => errln!("{words}"),
     }
+}
+
+/// A measurement that was made.
+#[derive(Clone, Copy, Debug)]
+struct Made {
+    scenes: u64,
+    took_s: f64,
+}
+
+/// One that is to be made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Next {
+    scenes: u64,
+    /// Whether it fills the time.
+    is_last: bool,
 }
 
 fn make(
@@ -51,40 +95,70 @@ fn make(
     let begun = Instant::now();
     let place = tradeoff::default_place(plan);
     let outputs = tradeoff::outputs(&place, &args.config.config)?;
-    let of_scenes = |scenes: u64, time: Option<Duration>| Options {
-        config: args.config.config.clone(),
-        sets: args.config.sets.clone(),
-        scenes,
-        test_scenes: scenes / SCENES_PER_TEST_SCENE,
-        only: vec![Group::Presets, Group::Slam],
-        combinations: 0,
-        seeds: SEEDS,
-        resolve: None,
-        time,
-        threads: default_threads(),
+    let judging = plan.families.iter().filter(|family| family.hold_out).count().max(1) as u64;
+    let mut made = Vec::new();
+    let mut next = Next { scenes: FIRST_SCENES, is_last: false };
+    let (report, study) = loop {
+        let left = time.saturating_sub(begun.elapsed());
+        let options = Options {
+            config: args.config.config.clone(),
+            sets: args.config.sets.clone(),
+            scenes: next.scenes,
+            test_scenes: (next.scenes / (2 * judging)).max(LEAST_TEST_SCENES),
+            only: vec![Group::Presets, Group::Slam],
+            combinations: 0,
+            seeds: SEEDS,
+            resolve: next.is_last.then_some(RESOLVED),
+            time: next.is_last.then_some(left),
+            threads: default_threads(),
+        };
+        let scenes = counted(next.scenes, "scene");
+        say(log, &format!("a study of {scenes}, in the {} that are left", human(left)));
+        let measured_from = Instant::now();
+        let report = tradeoff::measure(&options, log, stop).map_err(|error| measuring_failure(error, args))?;
+        let report = report.ok_or_else(tradeoff::interrupted)?;
+        let study =
+            Study::of(&report).filter(|study| study.fault().is_none()).ok_or_else(|| no_curve(args, &scenes))?;
+        made.push(Made { scenes: next.scenes, took_s: measured_from.elapsed().as_secs_f64() });
+        let left_s = time.saturating_sub(begun.elapsed()).as_secs_f64();
+        match following(&made, left_s, most_scenes(&study)) {
+            Some(more) if !next.is_last => next = more,
+            _ => break (report, study),
+        }
     };
-    errln!(
-        "no study of {} as it stands: one is made in {}; first of {FIRST_SCENES} scenes, which tells what they cost",
-        plan.name,
-        human(time)
-    );
-    let mut report = tradeoff::measure(&of_scenes(FIRST_SCENES, None), log, stop)?;
-    let (first, left) = (begun.elapsed(), time.saturating_sub(begun.elapsed()));
-    let scenes = scenes_in(left, first);
-    if scenes > FIRST_SCENES {
-        errln!("took {}: now {}", human(first), counted(scenes, "scene"));
-        report = tradeoff::measure(&of_scenes(scenes, Some(left)), log, stop)?;
-    }
-    let study = Study::of(&report).ok_or_else(|| no_curve(args, scenes))?;
     tradeoff::write(&report, outputs)?;
-    errln!("written: {0}/study.json, and what it was made from, in {1}", place.display(), human(begun.elapsed()));
+    say(
+        log,
+        &format!("written: {}/study.json, and what it was made from, in {}", place.display(), human(begun.elapsed())),
+    );
     Ok((place.join("study.json"), study))
 }
 
-/// Scenes that a time pays, where the first ones took `first`.
-fn scenes_in(left: Duration, first: Duration) -> u64 {
-    let times = (left.as_secs_f64() / first.as_secs_f64().max(1e-3)) as u64;
-    (FIRST_SCENES * times.max(1)).min(MOST_SCENES)
+/// Scenes whose cells memory holds, as many a scene as those of the reference have.
+fn most_scenes(study: &Study) -> f64 {
+    let largest = &study.settings[0].sizes[study.settings[0].sizes.len() - 1];
+    // Five in six scenes train.
+    let cells_per_scene = 1.2 * largest.train_rows / largest.scenes as f64;
+    MOST_CELLS / cells_per_scene
+}
+
+/// The measurement that the time left pays; none where that is not of twice the scenes.
+fn following(made: &[Made], left_s: f64, most_scenes: f64) -> Option<Next> {
+    let last = made.last()?;
+    let (fixed_s, scene_s) = match made {
+        [.., before, last] => {
+            let rise_s = (last.took_s - before.took_s) / (last.scenes - before.scenes) as f64;
+            // At least a tenth grows with the scenes, whatever the noise of the times says.
+            let scene_s = rise_s.clamp(0.1 * last.took_s / last.scenes as f64, last.took_s / last.scenes as f64);
+            (last.took_s - scene_s * last.scenes as f64, scene_s)
+        }
+        _ => (0.0, last.took_s / last.scenes as f64),
+    };
+    let paid = ((PLANNED * left_s - fixed_s) / scene_s.max(1e-6)).min(most_scenes);
+    let second = GROWTH * last.scenes as f64;
+    let is_last = made.len() > 1 || paid <= second;
+    let scenes = if is_last { paid } else { second };
+    (scenes >= 2.0 * last.scenes as f64).then_some(Next { scenes: scenes as u64, is_last })
 }
 
 /// What speaks against a study: it is of another config, of another state of it, or of another training.
@@ -94,18 +168,18 @@ pub(super) fn doubts(args: &PlanArgs, study: &Study, file: &Path) -> Result<Vec<
     let mut doubts = Vec::new();
     if own.name != study.name {
         doubts.push(format!(
-            "{file} was made of another config, '{}': what it says of accuracy is of that; `{command}` makes one of this",
+            "{file} was made of another config, '{}': what it says of accuracy is of that; --study-minutes 10 makes one of this, and so does `{command}`",
             study.name
         ));
     } else if own.scene_plan_hash() != study.scene_plan_hash {
         doubts.push(format!(
-            "{file} was made of another state of this config: what it says of accuracy is of that; `{command}` makes a new one"
+            "{file} was made of another state of this config: what it says of accuracy is of that; --study-minutes 10 makes a new one, and so does `{command}`"
         ));
     }
     if !study.is_trained_as_now() {
         doubts.push(format!(
             "{file} was made with another training than the default of `marsyard train` now: hours to train and accuracy are of that; \
-             `{command}` makes a new one"
+             --study-minutes 10 makes a new one, and so does `{command}`"
         ));
     }
     Ok(doubts)
@@ -119,18 +193,30 @@ fn command(args: &PlanArgs) -> String {
 fn failure(error: &StudyError, args: &PlanArgs) -> Failure {
     let command = command(args);
     let help = match error {
-        StudyError::None { .. } => format!(
-            "--study-minutes 10 makes one first; `{command}` makes one in its own time; --study FILE names another"
-        ),
+        StudyError::None { .. } => {
+            format!(
+                "--study-minutes 10 makes one first; so does `{command}`, in its own time; --study FILE names another"
+            )
+        }
         StudyError::Unreadable { .. } => format!("`{command}` makes one"),
     };
     Failure::usage(miette::miette!(help = help, "--hours: {error}"))
 }
 
-fn no_curve(args: &PlanArgs, scenes: u64) -> Failure {
+fn measuring_failure(error: TradeoffError, args: &PlanArgs) -> Failure {
+    match error {
+        TradeoffError::OneClass { scenes } => Failure::usage(miette::miette!(
+            help = format!("put obstacles into the config's yards; or `{} --test-scenes 100`", command(args)),
+            "--study-minutes: none of {scenes} scenes' families holds traversable and untraversable cells, so nothing can be judged by them"
+        )),
+        other => tradeoff::failure(other),
+    }
+}
+
+fn no_curve(args: &PlanArgs, scenes: &str) -> Failure {
     Failure::usage(miette::miette!(
-        help = format!("more --study-minutes; or `{}` with more --scenes", command(args)),
-        "--study-minutes: {scenes} scenes have too few cells of both classes for a curve, and nothing was written"
+        help = format!("put obstacles into the config's yards; or `{}` with more --scenes", command(args)),
+        "--study-minutes: of {scenes} some hold no cells to learn, so that the reference has no curve; nothing was written"
     ))
 }
 
@@ -139,10 +225,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn exact_scenes_are_what_the_time_left_pays() {
-        let of =
-            |left_s: f64, first_s: f64| scenes_in(Duration::from_secs_f64(left_s), Duration::from_secs_f64(first_s));
-        // Ten times the first; one and a half of it is not twice; nothing is left; more than memory is asked for.
-        assert_eq!([of(300.0, 30.0), of(45.0, 30.0), of(0.0, 30.0), of(1e5, 1.0)], [120, 12, 12, MOST_SCENES]);
+    fn exact_the_next_measurement_is_what_the_time_left_pays() {
+        let of = |made: &[(u64, f64)], left_s: f64, most: f64| {
+            let made: Vec<Made> = made.iter().map(|&(scenes, took_s)| Made { scenes, took_s }).collect();
+            following(&made, left_s, most).map(|next| (next.scenes, next.is_last))
+        };
+        let first = (12, 30.0);
+        // A second a scene and no fixed part is not known yet: 2.5 s a scene, of nine tenths of the time.
+        assert_eq!(of(&[first], 100.0, 1e6), Some((36, true)));
+        assert_eq!(of(&[first], 60.0, 1e6), None);
+        assert_eq!(of(&[first], 1000.0, 1e6), Some((48, false)));
+        // 48 scenes took 48 s: half a second a scene, and 24 s besides.
+        assert_eq!(of(&[first, (48, 48.0)], 200.0, 1e6), Some((312, true)));
+        assert_eq!(of(&[first, (48, 48.0)], 200.0, 100.0), Some((100, true)));
+        assert_eq!(of(&[first, (48, 48.0)], 60.0, 1e6), None);
+        // Times that fell: a tenth grows all the same. Nothing is left: nothing follows.
+        assert_eq!(of(&[first, (48, 20.0)], 40.0, 1e6), Some((432, true)));
+        assert_eq!(of(&[first], 0.0, 1e6), None);
     }
 }

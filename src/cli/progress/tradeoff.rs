@@ -21,6 +21,7 @@ impl TradeoffProgress {
     pub(in crate::cli) fn take(&mut self, event: Event) {
         match event {
             Event::Start { settings, scenes, trainings } => {
+                self.begun = Instant::now();
                 if self.teller.is_json() {
                     tracing::info!(event = "start", settings, scenes, trainings);
                 } else {
