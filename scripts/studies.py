@@ -26,13 +26,13 @@ STUDIES = {
 COMMON = ["--only", "presets,contact,slam,resolution", "--seeds", 3]
 
 
-def page(name, folder, minutes):
+def page(name, folder, minutes, threads):
     """What `tradeoff` says of worth, of the front and at its end."""
     said = (folder / "tradeoff.md").read_text()
     section = lambda title: "### " + next(part for part in said.split("\n## ") if part.startswith(title)).strip()
     closing = said.rstrip().rsplit("\n\n", 1)[1].replace("\n", "\n\n")
     asked = " ".join(map(str, [*COMMON, *STUDIES[name]]))
-    return "\n\n".join([f"## {name}.yaml", f"`marsyard tradeoff configs/{name}.yaml {asked}`: {minutes:.0f} minutes.",
+    return "\n\n".join([f"## {name}.yaml", f"`marsyard tradeoff configs/{name}.yaml {asked}`: {minutes:.1f} minutes on {threads} threads.",
                         section("What each setting is worth"), section("The front"), closing, ""])
 
 
@@ -51,7 +51,7 @@ def main():
         sizes = ["--scenes", 16, "--test-scenes", 6] if options.quick else STUDIES[name]
         marsyard.run("tradeoff", study.ROOT / "configs" / f"{name}.yaml", *COMMON, *sizes, "--threads", options.threads, "--out", folder)
         # The command that is printed is one that a user gives, from the root of the tree.
-        pages[name] = page(name, folder, (time.monotonic() - begun) / 60)
+        pages[name] = page(name, folder, (time.monotonic() - begun) / 60, options.threads)
         if not options.quick:
             shutil.copyfile(folder / "study.json", study.ROOT / "configs" / "studies" / f"{name}.json")
             shutil.copyfile(folder / "tradeoff.svg", study.ROOT / "docs" / f"worth-{name}.svg")
