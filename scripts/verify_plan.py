@@ -69,6 +69,10 @@ def recommendations(marsyard):
     return rows
 
 
+def study_commit(name):
+    return json.loads((study.ROOT / "configs" / "studies" / f"{name}.json").read_text())["commit"]
+
+
 def verify(marsyard, name, options):
     plan = plan_of(marsyard, name, options.cpu_minutes / 60)
     reference = next(choice for choice in plan["choices"] if choice["setting"] == "reference")
@@ -86,7 +90,7 @@ def verify(marsyard, name, options):
         accuracy = yards.accuracy(models)
         base = accuracy if base is None else base
         low, high = np.percentile(accuracy[1], [2.5, 97.5])
-        row |= {"choice": title, "accuracy": [float(value) for value in (accuracy[0], low, high)], "judged_on": yards.scenes,
+        row |= {"choice": title, "study_commit": study_commit(name), "accuracy": [float(value) for value in (accuracy[0], low, high)], "judged_on": yards.scenes,
                 "against_first": held_out.told_difference(accuracy, base) if title != "first" else None}
         if title != "more":
             row["forecast"] = {"accuracy": choice["balanced_accuracy"], "generate_cpu_s": choice["generate_s"] * options.threads,
@@ -125,6 +129,8 @@ def main():
     head = ["config", "CPU hours", "recommended", "scenes", "rows, 10^6", "GB", "CPU minutes told", "what ends it", "balanced accuracy, %", "next best"]
     recommended = study.markdown(head, recommendations(marsyard))
     left_out = "".join(f"\n{name}.yaml was not built." for name in CONFIGS if name not in results)
+    left_out += "".join(f"\nRows of {name}.yaml are of the study before the one that is stored now." for name, builds in results.items()
+                        if builds[0].get("study_commit") != study_commit(name))
     text = f"""# What `plan --hours` recommends, built
 
 {marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: CPU seconds of all threads,
