@@ -48,9 +48,13 @@ def build(marsyard, name, title, choice, scenes):
     return {"setting": choice["setting"], "scenes": scenes, "generate_cpu_s": cpu["generate"], "train_cpu_s": float(np.mean(cpu["train"]))}, models
 
 
+def study_file(name):
+    return study.ROOT / "configs" / "studies" / f"{name}.json"
+
+
 def plan_of(marsyard, name, cpu_hours, *more):
     return json.loads(marsyard.run("plan", study.ROOT / "configs" / f"{name}.yaml", "--hours", cpu_hours / marsyard.threads,
-                                   "--cores", marsyard.threads, "--study", study.ROOT / "configs" / "studies" / f"{name}.json", "--json", *more))
+                                   "--cores", marsyard.threads, "--study", study_file(name), "--json", *more))
 
 
 def recommendations(marsyard):
@@ -70,7 +74,7 @@ def recommendations(marsyard):
 
 
 def study_commit(name):
-    return json.loads((study.ROOT / "configs" / "studies" / f"{name}.json").read_text())["commit"]
+    return json.loads(study_file(name).read_text())["commit"]
 
 
 def verify(marsyard, name, options):

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::build::{build_failure, interrupted, judge_corpus};
-use super::options::{default_out, default_threads, parse_threads, plan_of, split_warnings};
+use super::options::{default_out, default_threads, parse_threads, plan_of, split_warnings, typed_sets};
 use super::output::errln;
 use super::place::{self, config_file, corpus_failure, inputs};
 use super::progress::{BuildProgress, counted, human, si};
@@ -131,7 +131,7 @@ fn tell_start(plan: &Plan, out: &Path, selected: usize, shards: &[u64], threads:
 
 /// The command that replays one scene, as it would be typed here.
 fn replay_command(config: &ConfigArgs, scene: u64) -> String {
-    let sets: String = config.sets.iter().map(|set| format!(" --set '{set}'")).collect();
+    let sets = typed_sets(&config.sets);
     // Of a corpus its plan: while it is built the corpus itself is refused.
     let file = config_file(&config.config);
     format!("marsyard explain {} --scene {scene}{sets}", file.display())

@@ -20,6 +20,15 @@ pub(super) fn default_out(plan: &Plan) -> PathBuf {
 /// More than any machine has cores for.
 const MOST_THREADS: usize = 4096;
 
+pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) => Err("at least one thread is needed".into()),
+        Ok(threads) if threads > MOST_THREADS => Err(format!("at most {MOST_THREADS} threads are started")),
+        Ok(threads) => Ok(threads),
+        Err(e) => Err(format!("'{text}': {e}")),
+    }
+}
+
 /// A number above 0, of minutes, seconds or points.
 pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -28,13 +37,9 @@ pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
     }
 }
 
-pub(super) fn parse_threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(0) => Err("at least one thread is needed".into()),
-        Ok(threads) if threads > MOST_THREADS => Err(format!("at most {MOST_THREADS} threads are started")),
-        Ok(threads) => Ok(threads),
-        Err(e) => Err(format!("'{text}': {e}")),
-    }
+/// Overrides as they are typed behind a command.
+pub(super) fn typed_sets<'s>(sets: impl IntoIterator<Item = &'s String>) -> String {
+    sets.into_iter().map(|set| format!(" --set '{set}'")).collect()
 }
 
 /// A rule of labels as an override.

@@ -73,6 +73,13 @@ pub(crate) struct StudySize {
     pub by_seed: Vec<f64>,
 }
 
+impl StudySetting {
+    /// All its scenes. A study that was read or made has sizes at every setting.
+    pub(crate) fn largest(&self) -> &StudySize {
+        &self.sizes[self.sizes.len() - 1]
+    }
+}
+
 /// Why there is no study.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum StudyError {

@@ -8,6 +8,7 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::{PlanArgs, words};
+use crate::cli::options::typed_sets;
 use crate::cli::output::{errln, outln};
 use crate::cli::place::corpus_failure;
 use crate::cli::progress::{counted, human, si};
@@ -48,7 +49,7 @@ impl Answer<'_> {
             counted(self.cores as u64, "core"),
             self.study_file.display(),
             counted(self.study.settings.len() as u64, "setting"),
-            self.study.settings[0].sizes.last().map_or(0, |size| size.scenes),
+            self.study.settings[0].largest().scenes,
             self.study.test_scenes,
             self.study.judged_by
         );
@@ -72,8 +73,7 @@ impl Answer<'_> {
                 cheaper.iter().map(of).collect::<Vec<_>>().join(", ")
             );
         }
-        let sets: String =
-            self.args.config.sets.iter().chain(&self.sets).map(|set| format!(" --set '{set}'")).collect();
+        let sets = typed_sets(self.args.config.sets.iter().chain(&self.sets));
         outln!("\nmarsyard generate {}{sets}", self.args.config.config.display());
     }
 

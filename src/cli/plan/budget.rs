@@ -210,7 +210,7 @@ fn measure(
 fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {
     let (writing, making): (Vec<_>, Vec<_>) = estimate.stages.iter().partition(|(stage, _)| *stage == "writing");
     let sum = |stages: &[&(&str, f64)]| stages.iter().map(|(_, cpu_s)| cpu_s).sum::<f64>();
-    let largest = &setting.sizes[setting.sizes.len() - 1];
+    let largest = setting.largest();
     Here {
         slowness: sum(&making) / (largest.generate_cpu_s / largest.scenes as f64),
         writing_cpu_s: sum(&writing),
@@ -235,7 +235,7 @@ fn warnings(
         ));
     }
     if best.beyond > 1.0 {
-        let largest = best.setting.sizes.last().map_or(0, |size| size.scenes);
+        let largest = best.setting.largest().scenes;
         warnings.push(format!(
             "extrapolated: {:.1} times the largest size that the study measured ({largest} scenes that train and stop)",
             best.beyond

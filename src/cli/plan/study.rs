@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use super::PlanArgs;
-use crate::cli::options::default_threads;
+use crate::cli::options::{default_threads, typed_sets};
 use crate::cli::output::errln;
 use crate::cli::progress::{counted, human};
 use crate::cli::{Failure, LogFormat, config_failure, tradeoff};
@@ -123,10 +123,13 @@ fn make(
         let study =
             Study::of(&report).filter(|study| study.fault().is_none()).ok_or_else(|| no_curve(args, &scenes))?;
         made.push(Made { scenes: next.scenes, took_s: measured_from.elapsed().as_secs_f64() });
+        if next.is_last {
+            break (report, study);
+        }
         let left_s = time.saturating_sub(begun.elapsed()).as_secs_f64();
         match following(&made, left_s, most_scenes(&study)) {
-            Some(more) if !next.is_last => next = more,
-            _ => break (report, study),
+            Some(more) => next = more,
+            None => break (report, study),
         }
     };
     tradeoff::write(&report, outputs)?;
@@ -139,7 +142,7 @@ fn make(
 
 /// Scenes whose cells memory holds, as many a scene as those of the reference have.
 fn most_scenes(study: &Study) -> f64 {
-    let largest = &study.settings[0].sizes[study.settings[0].sizes.len() - 1];
+    let largest = study.settings[0].largest();
     // Five in six scenes train.
     let cells_per_scene = 1.2 * largest.train_rows / largest.scenes as f64;
     MOST_CELLS / cells_per_scene
@@ -169,6 +172,7 @@ fn following(made: &[Made], left_s: f64, most_scenes: f64) -> Option<Next> {
 pub(super) fn doubts(args: &PlanArgs, study: &Study, file: &Path) -> Result<Vec<String>, Failure> {
     let own = reference(&args.config.config, &args.config.sets).map_err(config_failure)?;
     let (file, command) = (file.display(), command(args));
+    let cure = format!("--study-minutes 10 makes a new one, and so does `{command}`");
     let mut doubts = Vec::new();
     if own.name != study.name {
         doubts.push(format!(
@@ -177,20 +181,19 @@ pub(super) fn doubts(args: &PlanArgs, study: &Study, file: &Path) -> Result<Vec<
         ));
     } else if own.scene_plan_hash() != study.scene_plan_hash {
         doubts.push(format!(
-            "{file} was made of another state of this config: what it says of accuracy is of that; --study-minutes 10 makes a new one, and so does `{command}`"
+            "{file} was made of another state of this config: what it says of accuracy is of that; {cure}"
         ));
     }
     if !study.is_trained_as_now() {
         doubts.push(format!(
-            "{file} was made with another training than the default of `marsyard train` now: hours to train and accuracy are of that; \
-             --study-minutes 10 makes a new one, and so does `{command}`"
+            "{file} was made with another training than the default of `marsyard train` now: hours to train and accuracy are of that; {cure}"
         ));
     }
     Ok(doubts)
 }
 
 fn command(args: &PlanArgs) -> String {
-    let sets: String = args.config.sets.iter().map(|set| format!(" --set '{set}'")).collect();
+    let sets = typed_sets(&args.config.sets);
     format!("marsyard tradeoff {}{sets} --only presets,slam --scenes 160 --seeds 3", args.config.config.display())
 }
 

@@ -166,7 +166,7 @@ impl<'s> Curve<'s> {
                 standard_error,
             })
             .collect();
-        let largest = &setting.sizes[setting.sizes.len() - 1];
+        let largest = setting.largest();
         let scenes = largest.scenes as f64;
         Curve {
             setting,
