@@ -3,7 +3,7 @@
 Hewitt, Ellery & de Ruiter 2017, "Outdoor tests", train on one scan pattern and judge scans of others without retraining (A66 in docs/paper.md).
 
 Usage:  cargo build --release
-        python scripts/sensor_matrix.py [--scenes 150] [--seeds 1,2,3] [--quick] [--figure docs/sensor-matrix.png]
+        python scripts/sensor_matrix.py [--scenes 160] [--seeds 1,2,3] [--quick] [--figure docs/sensor-matrix.png]
 
 The same yards are built once for every sensor under configs/sensors: the training families of configs/mixed.yaml, with their own rovers,
 drives and draws, and with one sensor in all of them. Then the default network is trained on each sensor's train split, and judged on
@@ -89,7 +89,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     study.add_arguments(parser, "sensor-matrix")
     parser.add_argument("--config", default=study.ROOT / "configs" / "mixed.yaml", type=pathlib.Path)
-    parser.add_argument("--scenes", default=150, type=int, help="yards, the same for each sensor (default 150)")
+    parser.add_argument("--scenes", default=160, type=int, help="yards, the same for each sensor (default 160)")
     parser.add_argument("--seeds", default="1,2,3", help="of the networks (default 1,2,3)")
     parser.add_argument("--no-others", action="store_true", help="leave out the row that is trained on all but the judged sensor")
     parser.add_argument("--figure", type=pathlib.Path, help="draw the matrix into this file (PNG or SVG)")

@@ -3,7 +3,7 @@
 
     cargo build --release && cargo build --release --example train_rows
     pip install numpy scikit-learn pyarrow torch lightgbm
-    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--settings RESULTS] [--quick]
+    python scripts/time_to_error.py [--corpora quickstart,paper,mixed] [--budgets 1,2,5,10,30,100] [--seeds 1,2] [--jobs 1] [--settings RESULTS | --kept RESULTS] [--quick]
 
 Everybody gets the same rows of whole training scenes and the same columns (those that `train` takes by default; of paper.yaml the listed ones,
 neighbours as heights above the cell), standardised by these rows and clipped at 8, the other networks with their normal scores beside them where their search has it so
@@ -11,7 +11,7 @@ neighbours as heights above the cell), standardised by these rows and clipped at
 seconds of the budget to learn in: user and system time of the learning alone; looks, reading and standardising are not counted. At each
 budget an engine is judged by the look so far that is best on the validation scenes, and what is told is the error of *that* state on the
 test scenes (of mixed.yaml: its held-out families): the weighted mean of (target - output)^2 with targets 0.1 and 0.9, which is what marsyard's
-trainer lowers. Networks have two hidden layers of 16, but for the one that says otherwise; what learns by log loss has its probability p judged as
+trainer lowers. Networks have two hidden layers of 16, but for those that say otherwise; what learns by log loss has its probability p judged as
 0.1 + 0.8 p.
 
 - marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores), with two of 16-16, and with one of 12-12 on the columns alone, of less than 600 weights on
@@ -21,15 +21,25 @@ trainer lowers. Networks have two hidden layers of 16, but for the one that says
 - torch, fused Adam: constant rate; and one cycle (OneCycleLR), which knows its budget and is trained anew for each.
 - torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) and SSBroyden (dense, in f64,
   strong Wolfe; written here from Urbán, Stefanou & Pons 2025, which no library has) on 20,000 or 100,000 rows.
-- LightGBM: 31 leaves, as many trees as the budget holds, of three rates the best for each budget.
+- torch, two of 64-64: of the default's size and form, so that the trainer alone differs: two networks that learn the same batches, each as if it were alone, on
+  columns and normal scores; their mean is the output, of an average of the weights that forgets all but the last ninth of the steps. Adam (fused; constant rate or one cycle,
+  which the search finds better), and SOAP.
+- LightGBM, as many trees as the budget holds, of several trainings the best look for each budget: with its defaults (31 leaves), of three rates; and regularised as in
+  held_out.py (100 cells a leaf at least, L2 of 5, seven tenths of rows and columns for each tree), of 31 and 127 leaves and three rates, and of 31 leaves on 300,000 rows
+  (and, of twice as many or more, on a million), of which a second grows more trees. After ten seconds a regularised
+  one ends when its error on validation has not fallen for two thirds of its time, or is twice the best of those before it.
 
 Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
-for longer budgets (--settings takes those of an earlier run, a quarter of the time saved). The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
+for longer budgets (--settings takes those of an earlier run, a quarter of the time saved).
+--kept takes over what an earlier run measured on the same corpora; then the default learns each corpus once more for five seconds, which tells how fast the machine is beside then,
+and is looked at five times as often.
+The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
 engine and seed, so that an interrupted run goes on.
 """
 
 import argparse
 import concurrent.futures
+import copy
 import json
 import multiprocessing
 import os
@@ -42,12 +52,14 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS")
 import lightgbm
 import numpy as np
 import scipy.optimize
+import scipy.special
 import torch
 from sklearn.neural_network import MLPClassifier
 
 import study
 from ablation import BEAMS, CURVATURE, OWN, PLANE, SQUARES
 from compare_rows import Rows
+from held_out import TREES
 from train_rows import LISTED, NEIGHBOURS, Cells, looks
 
 torch.set_num_threads(1)
@@ -56,6 +68,8 @@ HIDDEN = (16, 16)
 #: CPU seconds of learning to the first look, and from one to the next: the first seconds decide most.
 FIRST_LOOK_S, LOOK_FACTOR = 0.1, 1.2
 SEARCH_S = 3.0
+#: What --kept has learn once more, for how long, and rows from look to look: a fifth of those of its own row, whose looks lie half a second apart.
+CALIBRATED, CALIBRATION_S, CALIBRATION_ROWS = "marsyard, default, two of 64-64", 5, 50_000
 #: quickstart.yaml has squares of 0.2 and 0.4 m around, mixed.yaml one of 0.8 m besides, and beams in place of the curvature.
 COLUMNS = {"quickstart": OWN + PLANE + CURVATURE + SQUARES[:8], "paper": LISTED, "mixed": OWN + PLANE + SQUARES + BEAMS}
 #: Rows that are looked at, in whole scenes.
@@ -92,7 +106,13 @@ class Task:
 
     def look(self, cpu_s, outputs_of):
         """CPU seconds of learning, error on validation and on test."""
-        return [round(cpu_s, 4), *(self.error(split, outputs_of(self.looked[split][0])) for split in ("validation", "test"))]
+        return [round(cpu_s, 4), *(self.error(split, outputs_of(x)) for split, (x, _) in self.looked.items())]
+
+    def without_test(self):
+        """For searches, which never look at test scenes."""
+        other = copy.copy(self)
+        other.looked = {"validation": self.looked["validation"]}
+        return other
 
 
 class Clock:
@@ -123,19 +143,20 @@ def thinned(looks, budget_s):
 
 
 def marsyard(look_rows, **sets):
-    def learn(task, budget_s, seed, _):
-        # Patience and epochs that no budget reaches.
-        settings = {"seed": seed, "patience": 100_000, "epochs": 10_000, "validate_every": look_rows} | sets
-        # The same training twice, by which rows it is looked at: looks change nothing that is learnt. The second learns a little longer, to
-        # have the looks that the first had.
-        learn, *looked = task.rows.stored
-        found = {split: looks((learn, task.labels), (of_split, task.looked[split][1]), settings, budget_s * more, task.names)
-                 for (split, more), of_split in zip((("validation", 1.0), ("test", 1.1)), looked)}
-        assert len(found["test"]) >= len(found["validation"]), "the second training was so much slower that looks are missing: run it again"
-        told = zip(found["validation"], found["test"])
-        return thinned([[a["cpu_learning_s"], a["validation_error"], b["validation_error"]] for a, b in told], budget_s)
+    return lambda task, budget_s, seed, _: thinned(marsyard_looks(task, budget_s, seed, look_rows, sets), budget_s)
 
-    return learn
+
+def marsyard_looks(task, budget_s, seed, look_rows, sets):
+    # Patience and epochs that no budget reaches.
+    settings = {"seed": seed, "patience": 100_000, "epochs": 10_000, "validate_every": look_rows} | sets
+    # The same training twice, by which rows it is looked at: looks change nothing that is learnt. The second learns a little longer, to
+    # have the looks that the first had.
+    learn, *looked = task.rows.stored
+    found = {split: looks((learn, task.labels), (of_split, task.looked[split][1]), settings, budget_s * more, task.names)
+             for (split, more), of_split in zip((("validation", 1.0), ("test", 1.1)), looked)}
+    assert len(found["test"]) >= len(found["validation"]), "the second training was so much slower that looks are missing: run it again"
+    told = zip(found["validation"], found["test"])
+    return [[a["cpu_learning_s"], a["validation_error"], b["validation_error"]] for a, b in told]
 
 
 def mlp_classifier(batch):
@@ -200,11 +221,44 @@ OPTIMISERS = {
 }
 
 
+def perceptron(inputs, hidden, activation):
+    sizes = [inputs, *hidden, 1]
+    layers = [part for a, b in zip(sizes[:-1], sizes[1:]) for part in (torch.nn.Linear(a, b), activation())]
+    return torch.nn.Sequential(*layers[:-1], torch.nn.Sigmoid())
+
+
+class Members(torch.nn.Module):
+    """Networks side by side, an output each."""
+
+    def __init__(self, *networks):
+        super().__init__()
+        self.networks = torch.nn.ModuleList(networks)
+
+    def forward(self, x):
+        return torch.cat([network(x) for network in self.networks], dim=1)
+
+
+def torch_members(task, seed, activation):
+    """Of the default's size and form; with what averages their weights after a step. What is looked at is the average."""
+    torch.manual_seed(seed)
+    network = Members(*(perceptron(task.x.shape[1], (64, 64), activation) for _ in range(2)))
+    looked_at, steps = copy.deepcopy(network), [0]
+
+    @torch.no_grad()
+    def average():
+        steps[0] += 1
+        torch._foreach_lerp_(list(looked_at.parameters()), list(network.parameters()), min(1.0, 9 / steps[0]))
+
+    def outputs(x):
+        with torch.no_grad():
+            return looked_at(torch.from_numpy(x)).mean(dim=1).numpy().astype(float)
+
+    return network, outputs, average
+
+
 def torch_network(task, seed, activation):
     torch.manual_seed(seed)
-    sizes = [task.x.shape[1], *HIDDEN, 1]
-    layers = [part for a, b in zip(sizes[:-1], sizes[1:]) for part in (torch.nn.Linear(a, b), activation())]
-    network = torch.nn.Sequential(*layers[:-1], torch.nn.Sigmoid())
+    network = perceptron(task.x.shape[1], HIDDEN, activation)
 
     def outputs(x):
         with torch.no_grad():
@@ -218,27 +272,29 @@ def tensors(task, rows=None):
             torch.from_numpy(task.weights[:rows].astype(np.float32))[:, None])
 
 
-def minibatches(optimiser, one_cycle=False):
+def minibatches(optimiser, one_cycle=False, members=False):
     def learn(task, budget_s, seed, setting):
-        rate, batch, activation = setting
-        network, outputs = torch_network(task, seed, activation)
+        rate, batch, activation, *schedule = setting
+        is_one_cycle = one_cycle or schedule == [ONE_CYCLE]
+        network, outputs, average = torch_members(task, seed, activation) if members else (*torch_network(task, seed, activation), lambda: None)
         optimisers = OPTIMISERS[optimiser](network, rate)
         x, target, weight = tensors(task)
         clock = Clock(task, budget_s, outputs)
         while True:
             for part in torch.randperm(len(x)).split(batch):
-                if one_cycle:
+                if is_one_cycle:
                     # By the share of the budget that is over: a third of the way up, then down to nothing, on a cosine.
                     share = min(1.0, (clock.learnt_s + time.process_time() - clock.since) / budget_s)
                     up, down = min(1.0, share / 0.3), max(0.0, (share - 0.3) / 0.7)
                     for group in optimisers[0].param_groups:
                         group["lr"] = rate * (0.04 + 0.96 * 0.5 * (1 - np.cos(np.pi * up)) if share < 0.3 else 1e-4 + 0.5 * (1 + np.cos(np.pi * down)))
-                loss = (weight[part] * (network(x[part]) - target[part]).square()).mean()
+                loss = (weight[part] * (network(x[part]) - target[part]).square()).mean(dim=0).sum()
                 for one in optimisers:
                     one.zero_grad()
                 loss.backward()
                 for one in optimisers:
                     one.step()
+                average()
                 if not clock.goes_on():
                     return [*clock.looks, task.look(budget_s, outputs)]
 
@@ -325,32 +381,65 @@ def self_scaled_broyden(inverse, s, y, sbs):
     return (inverse - np.outer(hy, hy) / yhy + (1.0 - theta) / sigma * yhy * np.outer(v, v)) / tau + np.outer(s, s) / ys
 
 
-def trees(task, budget_s, seed, _):
-    """Looks of three trainings, each with the whole budget: which rate is best depends on how long it has."""
-    return [look for rate in (0.05, 0.1, 0.2) for look in trees_at(task, budget_s, seed, rate)]
+def trees(settings, ends_early):
+    """Looks of a training for each of the settings, with the whole budget each: which is best depends on how long it has."""
+
+    def learn(task, budget_s, seed, _):
+        looks, data = [], {}
+        for rows, parameters in settings:
+            if 2 * (rows or 0) <= len(task.labels):
+                if rows not in data:
+                    # Binning is preparation, as standardising is.
+                    binning = {"verbose": -1, "num_threads": 1, "feature_pre_filter": False}
+                    data[rows] = lightgbm.Dataset(task.x[:rows], task.labels[:rows], weight=task.weights[:rows], params=binning).construct()
+                looks += trees_at(task, data[rows], budget_s, seed, parameters, looks if ends_early else None)
+        return looks
+
+    return learn
 
 
-def trees_at(task, budget_s, seed, rate):
-    data = lightgbm.Dataset(task.x, task.labels, weight=task.weights, params={"verbose": -1, "num_threads": 1})
-    # Binning is preparation, as standardising is.
-    data.construct()
-    begun, until = time.process_time(), []
+def trees_at(task, data, budget_s, seed, parameters, others):
+    """`others`: looks of earlier trainings, where a training may end early: long past its best, or far behind."""
+    looks, scores = [], {split: np.zeros(len(labels)) for split, (_, labels) in task.looked.items()}
+    shown, learnt_s, since = 0, 0.0, time.process_time()
 
-    def callback(_):
-        until.append(time.process_time() - begun)
-        if until[-1] >= budget_s:
-            raise lightgbm.callback.EarlyStopException(len(until) - 1, [])
+    def over(count):
+        raise lightgbm.callback.EarlyStopException(count - 1, [])
 
-    parameters = {"objective": "binary", "learning_rate": rate, "num_threads": 1, "seed": seed, "verbose": -1, "force_col_wise": True}
-    model = lightgbm.train(parameters, data, num_boost_round=100_000, callbacks=[callback])
-    shown = sorted({min(len(until) - 1, int(1.15**k) - 1) for k in range(90)})
-    outputs = lambda k: lambda x: 0.1 + 0.8 * model.predict(x, num_iteration=k + 1, num_threads=1)
-    return [task.look(until[k], outputs(k)) for k in shown if until[k] <= budget_s]
+    def callback(env):
+        nonlocal shown, learnt_s, since
+        learnt_s += time.process_time() - since
+        count = env.iteration + 1
+        if learnt_s > budget_s:
+            over(count)
+        if count >= shown * 1.15:
+            for split, (x, _) in task.looked.items():
+                scores[split] += env.model.predict(x, start_iteration=shown, num_iteration=count - shown, raw_score=True, num_threads=1)
+            shown = count
+            looks.append([round(learnt_s, 4), *(task.error(split, 0.1 + 0.8 * scipy.special.expit(scores[split])) for split in task.looked)])
+            if others is not None and learnt_s > 10.0:
+                is_past = learnt_s > 3 * best(looks, budget_s)[0]
+                if is_past or looks[-1][1] > 2 * min((look[1] for look in others if look[0] <= learnt_s), default=np.inf):
+                    over(count)
+        since = time.process_time()
+
+    shared = {"objective": "binary", "num_threads": 1, "seed": seed, "verbose": -1, "force_col_wise": True, "feature_pre_filter": False}
+    lightgbm.train(shared | parameters, data, num_boost_round=100_000, callbacks=[callback])
+    return looks
 
 
 SMALL = {"network.hidden": "[12,12]", "network.members": 1, "network.normal_scores": "false"}
 RELU, TANH = torch.nn.ReLU, torch.nn.Tanh
 RATES = [(rate, batch, activation) for rate in (3e-3, 1e-2, 3e-2) for batch in (256, 1024) for activation in (RELU, TANH)]
+ONE_CYCLE = "one cycle"
+#: Of networks of 64-64; Adam's of 16-16 were ReLU on all corpora. Of 0.03 with the other settings that were found the error on validation is higher after three seconds, but
+#: for Adam on paper.yaml (by 2 % lower) and SOAP on mixed.yaml (by 1 %).
+LARGE_RATES = [(rate, batch, activation) for rate in (1e-3, 3e-3, 1e-2) for batch in (256, 1024) for activation in (RELU, TANH)]
+LARGE_ADAM = [(*setting, schedule) for schedule in ("constant", ONE_CYCLE) for setting in LARGE_RATES if setting[2] is RELU]
+#: Rows (none: all) and settings of LightGBM.
+BARE = [(None, {"learning_rate": rate}) for rate in (0.05, 0.1, 0.2)]
+REGULARISED = [(rows, TREES | {"learning_rate": rate, "num_leaves": leaves})
+               for rows, rate, leaves in [(300_000, 0.2, 31), (1_000_000, 0.2, 31), *((None, rate, leaves) for leaves in (31, 127) for rate in (0.2, 0.1, 0.05))]]
 #: What learns, and the settings that the search tries.
 ENGINES = {
     "marsyard, default, two of 64-64": (marsyard(250_000, filter="{kronecker: {}}"), [None]),
@@ -366,8 +455,13 @@ ENGINES = {
     "torch, Muon": (minibatches("Muon"), RATES),
     "torch, L-BFGS": (lbfgs, [(rows, activation) for rows in (20_000, 100_000) for activation in (RELU, TANH)]),
     "torch, SSBroyden": (ssbroyden, [(rows, activation) for rows in (20_000, 100_000) for activation in (RELU, TANH)]),
-    "LightGBM, best of three rates": (trees, [None]),
+    "torch, Adam, two of 64-64": (minibatches("Adam", members=True), LARGE_ADAM),
+    "torch, SOAP, two of 64-64": (minibatches("SOAP", members=True), LARGE_RATES),
+    "LightGBM, defaults": (trees(BARE, ends_early=False), [None]),
+    "LightGBM, regularised": (trees(REGULARISED, ends_early=True), [None]),
 }
+#: They take the default's inputs.
+MEMBERS = ("torch, Adam, two of 64-64", "torch, SOAP, two of 64-64")
 #: Networks, neurons of their layers and inputs a column, where an engine does not take what the search finds.
 LAYOUTS = {
     "marsyard, default, two of 64-64": (2, (64, 64), 2),
@@ -375,10 +469,13 @@ LAYOUTS = {
     "marsyard, default, one of 12-12": (1, (12, 12), 1),
     "marsyard, Kalman filter": (1, HIDDEN, 1),
     "marsyard, Kalman, every row": (1, HIDDEN, 1),
+    **{engine: (2, (64, 64), 2) for engine in MEMBERS},
 }
 #: Inputs of the networks that are searched.
 INPUTS = ("standardised", "with normal scores")
 KNOWS_ITS_BUDGET = "torch, Adam, one cycle"
+#: For each the page says who errs less.
+CLAIMED = ("marsyard, default, two of 64-64", "marsyard, default, two of 16-16", "marsyard, default, one of 12-12")
 
 
 def best(looks, budget_s):
@@ -390,7 +487,8 @@ def best(looks, budget_s):
 def choices(engine):
     """What the search tries: inputs and settings."""
     settings = ENGINES[engine][1]
-    return [(form, setting) for form in (INPUTS if len(settings) > 1 else INPUTS[:1]) for setting in settings]
+    forms = INPUTS[1:] if engine in MEMBERS else INPUTS if len(settings) > 1 else INPUTS[:1]
+    return [(form, setting) for form in forms for setting in settings]
 
 
 def measured(tasks, name, engine, seed, budgets, kept):
@@ -398,11 +496,11 @@ def measured(tasks, name, engine, seed, budgets, kept):
     learn, tried = ENGINES[engine][0], choices(engine)
     chosen = kept.setdefault("settings", {}).get(f"{name}/{engine}")
     if chosen is None:
-        errors = [min((look[1] for look in learn(tasks[form], SEARCH_S, 1, setting)), default=np.inf) if len(tried) > 1 else 0.0 for form, setting in tried]
+        errors = [min((look[1] for look in learn(tasks[form].without_test(), SEARCH_S, 1, setting)), default=np.inf) if len(tried) > 1 else 0.0 for form, setting in tried]
         chosen = kept["settings"][f"{name}/{engine}"] = int(np.argmin(errors))
     form, setting = tried[chosen]
     task = tasks[form]
-    if engine == KNOWS_ITS_BUDGET:
+    if engine == KNOWS_ITS_BUDGET or ONE_CYCLE in (setting or ()):
         return {str(budget): best(learn(task, budget, seed, setting), budget) for budget in budgets}
     looks = learn(task, max(budgets), seed, setting)
     return {str(budget): best(looks, budget) for budget in budgets}
@@ -445,6 +543,7 @@ def measure_all(tasks, name, seeds, budgets, kept, store, jobs):
                 run, settings = done.result()
                 kept["settings"].update(settings)
                 kept["runs"][f"{name}/{engine}/{seed}"] = run
+                kept.setdefault("dates", {})[f"{name}/{engine}/{seed}"] = time.strftime("%Y-%m-%d")
                 store.write_text(json.dumps(kept))
                 study.note(f"{name}/{engine}/{seed} " + str({budget: look and round(1000 * look[2], 2) for budget, look in run.items()}))
                 begin_next(engine)
@@ -473,14 +572,54 @@ def told(runs, budget):
 def markdown(about, kept, corpora, seeds):
     text = (f"# What error a CPU second buys\n\n`{about['command']}`, {about['marsyard']}, torch {torch.__version__.split('+')[0]}, LightGBM {lightgbm.__version__}; one thread each. "
             f"Weighted mean squared error on test scenes, thousandths; {'seed ' + str(seeds[0]) if len(seeds) == 1 else 'medians of seeds ' + ', '.join(map(str, seeds)) + ', ranges in brackets'}. What is compared, and how it is "
-            "counted, is said at the head of the script. CPU seconds of this machine, beside other work.\n")
+            f"counted, is said at the head of the script. CPU seconds of this machine, beside other work.{measured_when(kept)}\n")
     for name in corpora:
         of = about["corpora"][name]
         text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).\n\n"
-        text += table(kept, name, seeds, of["columns"]) + "\n\n"
+        text += table(kept, name, seeds, of["columns"]) + "\n\n" + calibration(kept, name)
+        for engine in CLAIMED:
+            text += f"Less than {engine}, {weights(engine, of['columns'], None)} weights, err at equal CPU (percent by which its error is above theirs):\n\n{ahead_of(kept, name, seeds, engine)}\n\n"
         settings = {engine: kept["settings"].get(f"{name}/{engine}") for engine, (_, all_of) in ENGINES.items() if len(all_of) > 1}
-        text += ("Settings of an earlier search: " if about["settings"] else "Settings found: ") + "; ".join(f"{engine}: {', '.join([readable(choices(engine)[k][1]), choices(engine)[k][0]])}" for engine, k in settings.items() if k is not None) + ".\n"
+        text += ("Settings of an earlier search: " if about["settings"] else "Settings, of rows taken over those that they had: " if "again" in kept else "Settings found: ") + "; ".join(f"{engine}: {', '.join([readable(choices(engine)[k][1]), choices(engine)[k][0]])}" for engine, k in settings.items() if k is not None) + ".\n"
     return text
+
+
+def measured_when(kept):
+    """On which days, where they are several."""
+    of = {}
+    for key, date in kept.get("dates", {}).items():
+        engines = of.setdefault(date, [])
+        if (engine := key.split("/")[1]) not in engines:
+            engines.append(engine)
+    if len(of) < 2:
+        return ""
+    most = max(of, key=lambda date: len(of[date]))
+    return f" Measured on {most}, but for these: " + " ".join(f"on {date} {'; '.join(of[date])}." for date in sorted(of) if date != most)
+
+
+def calibration(kept, name):
+    """What the default found when it learnt once more. Looks after the same rows have all but the same errors (a look ends a batch), so that their CPU seconds can be compared."""
+    if name not in kept.get("again", {}):
+        return ""
+    again = kept["again"][name]
+    former = {budget: look for budget, look in kept["runs"][f"{name}/{CALIBRATED}/{again['seed']}"].items() if int(budget) <= CALIBRATION_S}
+    apart = lambda look, other: max(abs(look[k] / other[k] - 1) for k in (1, 2))
+    nearest = [(look, min(again["looks"], key=lambda other: apart(look, other))) for look in former.values() if look]
+    ratios = [other[0] / look[0] for look, other in nearest if apart(look, other) < 1e-3]
+    errors = [best(thinned(again["looks"], int(budget)), int(budget)) for budget in former]
+    return (f"{CALIBRATED}, once more on {again['date']}, beside other work as the rows of that day, and looked at every {CALIBRATION_ROWS:,} rows in place of 250,000: "
+            f"{', '.join(f'{1000 * look[2]:.2f}' for look in errors)} at {', '.join(former)} CPU s{f'; the same rows took {np.median(ratios):.2f} times the CPU seconds' if ratios else ''}.\n\n")
+
+
+def ahead_of(kept, name, seeds, engine):
+    """By budget: which peers err less than this engine, the least first."""
+    median = lambda other, budget: np.median([run[budget][2] for seed in seeds if (run := kept["runs"].get(f"{name}/{other}/{seed}")) and run.get(budget)] or [np.inf])
+    found = []
+    for budget in kept["runs"][f"{name}/{engine}/{seeds[0]}"]:
+        own = median(engine, budget)
+        ahead = sorted((error, other) for other in ENGINES if not other.startswith("marsyard") and (error := median(other, budget)) < own)
+        found.append(f"- {budget} CPU s: " + ("; ".join(f"{other} {100 * (own / error - 1):.1f}" for error, other in ahead) or "no peer") + ".")
+    return "\n".join(found)
 
 
 def table(kept, name, seeds, columns):
@@ -527,6 +666,13 @@ def chart(kept, corpora, budgets, seeds, path):
     figure.savefig(path, metadata={"Date": None})
 
 
+def begun_with(earlier, settings):
+    """What is measured goes beside it."""
+    if earlier:
+        return {key: earlier[key] for key in ("runs", "settings", "dates") if key in earlier}
+    return {"runs": {}, "settings": json.loads(settings.read_text())["settings"] if settings else {}}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--corpora", default="quickstart,paper,mixed")
@@ -534,6 +680,7 @@ def main():
     parser.add_argument("--budgets", default="1,2,5,10,30,100")
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--settings", type=pathlib.Path, help="time_to_error.json of an earlier run, whose settings are taken instead of a search")
+    parser.add_argument("--kept", type=pathlib.Path, help="time_to_error.json of an earlier run on the same corpora: what it measured is not measured again, its settings are taken")
     parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1); what memory bounds then learns less in a CPU second")
     study.add_arguments(parser, "time_to_error")
     options = parser.parse_args()
@@ -544,10 +691,11 @@ def main():
         options.work, options.out = options.work / "quick", options.work / "quick"
     runner = study.Marsyard(options.marsyard, options.work, options.threads)
     store = pathlib.Path(options.work) / "kept.json"
-    kept = json.loads(store.read_text()) if store.exists() else {"runs": {}, "settings": json.loads(options.settings.read_text())["settings"] if options.settings else {}}
+    earlier = json.loads(options.kept.read_text()) if options.kept else None
+    kept = json.loads(store.read_text()) if store.exists() else begun_with(earlier, options.settings)
     named = {key: getattr(options, key) for key in ("corpora", "budgets", "seeds", "jobs")}
     asked = [f"--{key} {value}" for key, value in named.items() if value != parser.get_default(key)]
-    asked += [f"--settings {options.settings}"] if options.settings else []
+    asked += [f"--{key} {value}" for key in ("settings", "kept") if (value := getattr(options, key))]
     about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "settings": options.settings and str(options.settings), "corpora": {}}
     for name in corpora:
         config = study.ROOT / "configs" / f"{name}.yaml"
@@ -557,11 +705,17 @@ def main():
             study.note(f"generate {name}")
             runner.run("generate", config, "--out", place, "--threads", options.threads, *(word for key in sizes for word in ("--set", key)))
         manifest = json.loads((place / "manifest.json").read_text())
+        if earlier and earlier["about"]["corpora"][name]["corpus_id"] != manifest["corpus_id"]:
+            raise SystemExit(f"{options.kept} was measured on another corpus of {name}.yaml")
         splits = drawn(place, COLUMNS[name])
         tasks = {form: Task(splits, COLUMNS[name], form != INPUTS[0]) for form in INPUTS}
         task = tasks[INPUTS[0]]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
         measure_all(tasks, name, seeds, budgets, kept, store, options.jobs)
+        if earlier and name not in kept.setdefault("again", {}):
+            looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, {"filter": "{kronecker: {}}"})
+            kept["again"][name] = {"seed": seeds[0], "date": time.strftime("%Y-%m-%d"), "looks": looked}
+            store.write_text(json.dumps(kept))
     text = markdown(about, kept, corpora, seeds)
     out = options.out
     (out / "time_to_error.json").write_text(json.dumps({"about": about, **kept}, indent=1) + "\n")

@@ -28,7 +28,7 @@ use crate::train::{Sources, TrainParams, folder, scenes};
 /// All networks learn each row once, one network per thread. The best share of them, and every network that no smaller one
 /// beats, learn more; and so on, until the last rung has all epochs. The run folder holds search.jsonl (a line
 /// for each network and rung, as it is finished), search.json, search.svg and train.yaml: the config of the smallest network
-/// whose validation error is within --margin of the best.
+/// whose validation error is above the best by at most --margin, a share of it.
 #[derive(Debug, Args)]
 #[command(after_help = owner::RULE, after_long_help = format!("Start with:  marsyard search corpora/quickstart\n\
     then:        marsyard train corpora/quickstart --config runs/quickstart-search-1/train.yaml\n\n{}", owner::RULE))]
@@ -48,7 +48,7 @@ pub(super) struct SearchArgs {
     #[arg(long, conflicts_with_all = ["widths", "layers"])]
     full: bool,
     /// Widths of the grid, with commas or blanks between: all combinations of them in each number of layers.
-    #[arg(long, value_delimiter = ',', num_args = 1.., value_name = "NEURONS", default_value = "2,4,8,16,24,32")]
+    #[arg(long, value_delimiter = ',', num_args = 1.., value_name = "NEURONS", default_value = "2,4,8,16,24,32", value_parser = parse_width)]
     widths: Vec<usize>,
     /// Most hidden layers of the grid.
     #[arg(long, default_value_t = DEEPEST)]
@@ -71,8 +71,8 @@ pub(super) struct SearchArgs {
     /// Share of the networks that goes on from each rung; 1 trains all to the end.
     #[arg(long, default_value_t = 0.25, value_name = "SHARE", value_parser = parse_share)]
     keep: f64,
-    /// How far above the best validation error the chosen network's may be, absolute.
-    #[arg(long, default_value_t = 0.005, value_parser = parse_margin)]
+    /// By what share of the best validation error the chosen network's may be above it: 10% or 0.1.
+    #[arg(long, default_value = "10%", value_name = "SHARE", value_parser = parse_margin)]
     margin: f64,
     /// Labels for another rover, as in `marsyard train`.
     #[arg(long, value_name = "RULE")]
@@ -98,11 +98,19 @@ fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
+/// `10%` or `0.1`; none is the best network itself.
 fn parse_margin(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(margin) if (0.0..=1.0).contains(&margin) => Ok(margin),
-        _ => Err(format!("'{text}' is not a difference of errors in [0, 1]")),
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 100.0));
+    match number.trim().parse::<f64>() {
+        Ok(margin) if (0.0..=unit).contains(&margin) => Ok(margin / unit),
+        _ => Err(format!("'{text}' is no share from 0 to 1 of the best error: a tenth above it is 10% or 0.1")),
     }
+}
+
+fn parse_width(text: &str) -> Result<usize, String> {
+    text.trim()
+        .parse()
+        .map_err(|_| format!("'{text}' is no number of neurons: --widths 4,8,16, before or after the corpus"))
 }
 
 /// What networks learn by where there is no config and `--set` names no filter: as configs/train/ekf.yaml has it.
@@ -251,8 +259,8 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[En
     }
     let config = setup.out.join(folder::CONFIG);
     errln!(
-        "> {chosen}: the smallest network within {} of the best validation error{}\nnext: marsyard train {} --config {}",
-        setup.margin,
+        "> {chosen}: the smallest network within {:.1} % of the best validation error{}\nnext: marsyard train {} --config {}",
+        100.0 * setup.margin,
         over_scenes(board),
         args.corpus.display(),
         config.display()

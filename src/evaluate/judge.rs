@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::by_scene::ByScene;
 use super::confusion::Confusion;
 use super::places::Places;
 use super::reliability::{Doubt, Reliability};
@@ -102,6 +103,10 @@ pub struct Judge {
     meaning: Option<(Calibration, [f64; 2])>,
     /// Of all cells.
     pub(super) doubt: Option<Doubt>,
+    /// Whose scans are added; `None` where scans are of no scene.
+    scene: Option<i64>,
+    /// One a threshold.
+    pub(super) by_scene: Vec<ByScene>,
     /// At the first threshold.
     pub(super) by_points: Spread,
     pub(super) by_range: Spread,
@@ -188,12 +193,15 @@ impl Judge {
     /// With at least one threshold of the output; the first is the one for densities.
     pub fn new(thresholds: Vec<Threshold>, height_threshold: Option<Threshold>) -> Judge {
         let tops = vec![MissedTops::default(); thresholds.len()];
+        let by_scene = vec![ByScene::default(); thresholds.len()];
         Judge {
             thresholds,
             height_threshold,
             groups: BTreeMap::new(),
             meaning: None,
             doubt: None,
+            scene: None,
+            by_scene,
             by_points: Spread::default(),
             by_range: Spread::default(),
             by_place: Places::default(),
@@ -209,6 +217,11 @@ impl Judge {
         self.meaning = model.about.calibration.clone().map(|calibration| (calibration, model.about.targets));
         self.doubt = Doubt::of(model, asked);
         self
+    }
+
+    /// The scans that follow are of this scene: what is alike within it is drawn once.
+    pub(super) fn begin_scene(&mut self, scene: i64) {
+        self.scene = Some(scene);
     }
 
     /// Adds one scan: its cells and the output for each. Empty names of family and sensor make no group. A cell whose output is
@@ -255,6 +268,14 @@ impl Judge {
                     self.by_class.entry(class).or_default().add(cell.untraversable(), called, 1);
                 }
             }
+        }
+        for (by_scene, threshold) in self.by_scene.iter_mut().zip(&self.thresholds) {
+            let mut counts = Confusion::default();
+            cells
+                .iter()
+                .zip(outputs)
+                .for_each(|(cell, &output)| counts.add(cell.untraversable(), output >= threshold.value, 1));
+            by_scene.add(self.scene, counts);
         }
         for (tops, threshold) in self.tops.iter_mut().zip(&self.thresholds) {
             tops.add_scan(cells, |k| outputs[k] >= threshold.value);

@@ -8,7 +8,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
-use super::judge::Group;
+use super::judge::{Group, ThresholdOrigin};
 use super::report::{GroupReport, Report};
 use super::table::{percent, thousands};
 
@@ -21,25 +21,33 @@ pub struct FamilySummary {
     pub mean_balanced_accuracy: f64,
     pub worst: String,
     pub worst_balanced_accuracy: f64,
+    /// The family of which the largest share of the untraversable cells is called traversable; empty in reports from before it was told.
+    #[serde(default)]
+    pub most_missed: String,
+    #[serde(default)]
+    pub most_missed_untraversable: f64,
 }
 
 impl FamilySummary {
     /// `None` where there are not two families to compare.
     pub(super) fn of(groups: &[GroupReport]) -> Option<FamilySummary> {
-        let balanced = |group: &GroupReport| {
+        let rates = |group: &GroupReport| {
             let Group::Family(name) = &group.group else { return None };
-            Some((name.clone(), group.network.at.first()?.cells.rates.balanced_accuracy?))
+            let rates = group.network.at.first()?.cells.rates;
+            Some((name.clone(), rates.balanced_accuracy?, rates.missed_untraversable?))
         };
-        let families: Vec<(String, f64)> = groups.iter().filter_map(balanced).collect();
+        let families: Vec<(String, f64, f64)> = groups.iter().filter_map(rates).collect();
         // Of equals the first: the report does not depend on how the minimum is found.
-        let (worst, worst_balanced_accuracy) =
-            families.iter().reduce(|worst, other| if other.1 < worst.1 { other } else { worst })?.clone();
-        let mean_balanced_accuracy = families.iter().map(|(_, share)| share).sum::<f64>() / families.len() as f64;
+        let worst = families.iter().reduce(|worst, other| if other.1 < worst.1 { other } else { worst })?;
+        let most_missed = families.iter().reduce(|most, other| if other.2 > most.2 { other } else { most })?;
+        let mean_balanced_accuracy = families.iter().map(|(_, share, _)| share).sum::<f64>() / families.len() as f64;
         (families.len() > 1).then_some(FamilySummary {
             families: families.len(),
             mean_balanced_accuracy,
-            worst,
-            worst_balanced_accuracy,
+            worst: worst.0.clone(),
+            worst_balanced_accuracy: worst.1,
+            most_missed: most_missed.0.clone(),
+            most_missed_untraversable: most_missed.2,
         })
     }
 }
@@ -50,49 +58,66 @@ pub(super) struct Lead<'a>(pub &'a Report);
 impl Display for Lead<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Lead(report) = self;
-        let Some(at) = report.groups.first().and_then(|all| all.network.at.first()) else { return Ok(()) };
-        let (counts, rates) = (&at.cells.counts, &at.cells.rates);
-        let called = counts.true_untraversable + counts.false_untraversable;
-        let precision = (called > 0).then(|| counts.true_untraversable as f64 / called as f64);
+        let Some(all) = report.groups.first() else { return Ok(()) };
+        // What lies between two thresholds is doubtful: it is neither missed nor a false alarm.
+        let are_asked = report.thresholds.iter().filter(|threshold| threshold.origin != ThresholdOrigin::Validation);
+        let last = are_asked.count().saturating_sub(1);
+        let at = |index: usize| {
+            Some((all.network.at.get(index)?.cells, report.over_scenes.get(index).copied().unwrap_or_default()))
+        };
+        let Some(((low, low_over), (high, high_over))) = at(0).zip(at(last)) else { return Ok(()) };
+        let called = high.counts.true_untraversable + high.counts.false_untraversable;
+        let precision = (called > 0).then(|| high.counts.true_untraversable as f64 / called as f64);
         let of = |part: u64, whole: u64| format!("{} of {}", thousands(part), thousands(whole));
         let lines = [
             (
                 "missed",
-                rates.missed_untraversable,
-                of(counts.missed_untraversable, counts.untraversable()),
+                (low.rates.missed_untraversable, low_over.missed_untraversable),
+                of(low.counts.missed_untraversable, low.counts.untraversable()),
                 "untraversable cells are called traversable: dangerous",
             ),
             (
                 "false",
-                rates.false_untraversable,
-                of(counts.false_untraversable, counts.traversable()),
+                (high.rates.false_untraversable, high_over.false_untraversable),
+                of(high.counts.false_untraversable, high.counts.traversable()),
                 "traversable cells are called untraversable: a detour",
             ),
-            ("precision", precision, of(counts.true_untraversable, called), "cells called untraversable are"),
+            (
+                "precision",
+                (precision, high_over.precision),
+                of(high.counts.true_untraversable, called),
+                "cells called untraversable are",
+            ),
         ];
-        for (name, share, counts, meaning) in lines {
-            writeln!(f, "{name:<9} {:>6} %  {counts} {meaning}", percent(share))?;
+        for (name, (share, over_scenes), counts, meaning) in lines {
+            let [low, high] = over_scenes.unwrap_or_default().map(|bound| percent(Some(bound)));
+            let interval = over_scenes.map_or(String::new(), |_| format!("({low} to {high})"));
+            writeln!(f, "{name:<9} {:>6} %  {interval:<16} {counts} {meaning}", percent(share))?;
         }
         if let Some(doubt) = &report.doubt {
             let [false_alarms, missed] = doubt.wrong_shares().map(percent);
             writeln!(
                 f,
-                "{:<9} {:>6} %  of the cells, with outputs of {:.3} to {:.3}; of the others {missed} % are missed, {false_alarms} % false",
+                "{:<9} {:>6} %  {:<16} of the cells, with outputs of {:.3} to {:.3}; of the others {missed} % are missed, {false_alarms} % false",
                 "doubtful",
                 percent(Some(doubt.share())),
+                "",
                 doubt.between[0],
                 doubt.between[1]
             )?;
         }
-        if let Some(FamilySummary { families, mean_balanced_accuracy, worst, worst_balanced_accuracy }) =
-            &report.families
-        {
-            let [worst_share, mean] =
-                [worst_balanced_accuracy, mean_balanced_accuracy].map(|share| percent(Some(*share)));
+        if let Some(of) = &report.families {
+            let [worst, mean] =
+                [of.worst_balanced_accuracy, of.mean_balanced_accuracy].map(|share| percent(Some(share)));
+            let most_missed = if of.most_missed.is_empty() {
+                String::new()
+            } else {
+                format!("; most missed on {}: {} %", of.most_missed, percent(Some(of.most_missed_untraversable)))
+            };
             writeln!(
                 f,
-                "{:<9} {worst_share:>6} %  balanced accuracy on family {worst}; mean of {families} families {mean} %",
-                "worst"
+                "{:<9} {worst:>6} %  {:<16} balanced accuracy on family {}; mean of {} families {mean} %{most_missed}",
+                "worst", "", of.worst, of.families
             )?;
         }
         Ok(())
@@ -103,7 +128,7 @@ impl Display for Lead<'_> {
 mod tests {
     use super::*;
     use crate::evaluate::Confusion;
-    use crate::evaluate::judge::{Threshold, ThresholdOrigin};
+    use crate::evaluate::judge::Threshold;
     use crate::evaluate::report::{AtThreshold, Judged, Panels};
 
     /// A family of 100 traversable and 100 untraversable cells.
@@ -149,6 +174,7 @@ mod tests {
         // 95, 85 and 85 %: of equals the first.
         assert_eq!((summary.families, summary.worst.as_str()), (3, "b"));
         assert!((summary.worst_balanced_accuracy - 0.85).abs() < 1e-15);
+        assert_eq!((summary.most_missed.as_str(), summary.most_missed_untraversable), ("c", 0.2));
         assert!((summary.mean_balanced_accuracy - (0.95 + 0.85 + 0.85) / 3.0).abs() < 1e-15);
     }
 

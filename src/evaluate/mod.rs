@@ -8,6 +8,7 @@
 //!
 //! Not here: training, and the drawing of scans (`cloud` and `picture` do that).
 
+mod by_scene;
 mod columns;
 mod confusion;
 mod corpus;
@@ -26,6 +27,7 @@ mod tests;
 mod tops;
 
 pub use self::corpus::{EvaluateError, FamilyFacts, Options, evaluate};
+pub use by_scene::OverScenes;
 pub use confusion::{Confusion, FiveRows, Rates, Table1};
 pub use judge::{Cell, Group, Judge, Threshold, ThresholdOrigin};
 pub use lead::FamilySummary;

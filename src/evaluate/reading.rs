@@ -134,6 +134,7 @@ impl<'a> Reader<'a> {
             start = end;
             let family = family_of.get(&scene).map_or("", String::as_str);
             let facts = self.families.iter().find(|facts| facts.name == family);
+            judge.begin_scene(scene);
             judge.add_scan(family, facts.map_or("", |facts| facts.sensor.as_str()), cells, outputs);
             if let Some((pose, facts)) = poses.get(&key).zip(facts) {
                 let grid = CellGrid { size_m: facts.cell_size_m, frame: facts.frame };

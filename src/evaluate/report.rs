@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::by_scene::{ByScene, OverScenes};
 use super::confusion::{Confusion, Rates, Table1};
 use super::figures::figures;
 use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH_TOPS, WITHOUT_TOPS};
@@ -27,6 +28,9 @@ pub struct Report {
     pub auc_method: String,
     /// All cells first, then those with at least 3 points, then by family and by sensor.
     pub groups: Vec<GroupReport>,
+    /// How far the first rates of all cells can be told, at each threshold; empty in reports from before it was told.
+    #[serde(default)]
+    pub over_scenes: Vec<OverScenes>,
     /// Worst and mean of the families, where there is more than one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub families: Option<FamilySummary>,
@@ -179,6 +183,7 @@ impl Report {
                 "by cells, from a histogram of {BINS} equal bins; equal scores and scores of one bin count half; auc_bound is \
                  the most that sharing a bin can change"
             ),
+            over_scenes: judge.by_scene.iter().map(ByScene::report).collect(),
             families: FamilySummary::of(&groups),
             groups,
             doubt: judge.doubt.clone(),

@@ -33,16 +33,15 @@ impl Display for Report {
     }
 }
 
-/// What a report says first: which cells were judged, and how good each classifier is on all of them; with its notes.
+/// What a report says first: which cells were judged, what a user needs to know, how good each classifier is on all of them, and its notes.
 pub(crate) struct Brief<'a>(pub &'a Report);
 
 impl Display for Brief<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Brief(report) = self;
-        writeln!(f, "{}", report.data_line())?;
+        writeln!(f, "{}\n{}", report.data_line(), Lead(report))?;
         rates_head(f)?;
         report.groups.iter().take(1).try_for_each(|group| rates_of(f, group))?;
-        rates_legend(f)?;
         report.notes.iter().try_for_each(|note| writeln!(f, "note: {note}"))
     }
 }
@@ -79,12 +78,15 @@ impl Report {
     fn data_line(&self) -> String {
         let (data, all) = (&self.data, self.groups.first());
         format!(
-            "{}{}: {} cells with {} points in {} scans",
+            "{}{}: {} cells with {} points in {} scans{}",
             data.name,
             if data.split.is_empty() { String::new() } else { format!(", {} split", data.split) },
             thousands(all.map_or(0, |g| g.cells)),
             thousands(all.map_or(0, |g| g.points)),
-            thousands(data.scans)
+            thousands(data.scans),
+            self.over_scenes.first().map_or(String::new(), |over| {
+                format!(" of {} scenes, over which intervals are of 95 %", thousands(over.scenes))
+            })
         )
     }
 
@@ -192,7 +194,8 @@ fn rates_legend(f: &mut Formatter<'_>) -> fmt::Result {
     writeln!(
         f,
         "ECE    = expected calibration error: how far the probabilities are from the shares that came true, in the mean"
-    )
+    )?;
+    writeln!(f, "(validation): the threshold of the best balanced accuracy on the validation scenes")
 }
 
 fn confusion(f: &mut Formatter<'_>, at: &AtThreshold) -> fmt::Result {

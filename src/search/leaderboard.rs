@@ -21,8 +21,10 @@ const KEPT: usize = 1000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Leaderboard {
     pub marsyard_search: u32,
+    /// A share of the best error.
+    #[serde(rename = "margin_share")]
     pub margin: f64,
-    /// The smallest network whose validation error is at most `margin` above the best; `None` where no error is finite.
+    /// The smallest network whose validation error is above the best by at most that share of it; `None` where no error is finite.
     pub chosen: Option<Line>,
     /// Networks that were begun, and how far.
     pub networks: usize,
@@ -175,7 +177,7 @@ mod tests {
     fn exact_the_table_holds_the_best_twenty_and_the_chosen_one() {
         let mut entries: Vec<Entry> = (0..30).map(|k| entry(&[32 - k], 320 - 10 * k, 0.1 + 1e-4 * k as f64)).collect();
         entries.sort_by(Entry::rank);
-        let table = table(&entries, &scenes(&[1.0; 2]), 0.00265);
+        let table = table(&entries, &scenes(&[1.0; 2]), 0.0265);
         assert_eq!(table.lines().count(), 1 + 20 + 1);
         let last = table.lines().last().unwrap();
         assert!(last.starts_with(">    27              6       60           0.10260                      -"), "{last}");
@@ -190,10 +192,10 @@ mod tests {
         };
         let entries = [of(8, [0.01, 0.09]), of(4, [0.0125, 0.0925])];
         let scenes = scenes(&[1.0; 2]);
-        let table = table(&entries, &scenes, 0.01);
+        let table = table(&entries, &scenes, 0.1);
         assert!(table.lines().nth(2).unwrap().contains("0.10500     0.00500 +- 0.00000"), "{table}");
         let rungs = [Rung { rows: 10, networks: 2 }];
-        let board = Leaderboard::of(&rungs, &[entries.to_vec()], &scenes, 0.01, Json::Null);
+        let board = Leaderboard::of(&rungs, &[entries.to_vec()], &scenes, 0.1, Json::Null);
         let chosen = board.chosen.unwrap();
         let (own, above) = (chosen.error.unwrap(), chosen.above_best.unwrap());
         assert!((own.mean - 0.105).abs() < 1e-15 && (above.mean - 0.005).abs() < 1e-15);

@@ -3,7 +3,7 @@
 //! ```text
 //! networks (a grid, or all of up to three layers of up to 32) -> rung 1: all learn each row once, one network per thread
 //!     -> the best share, and every network that no smaller one beats -> rung 2 ... -> the last rung: all epochs, patience
-//!     -> leaderboard; the smallest network within a margin of the best -> train.yaml
+//!     -> leaderboard; the smallest network within a share of the best error -> train.yaml
 //! ```
 //!
 //! Source: Hewitt et al. 2017, "Results": a sweep over all networks of one to three hidden layers of up to 32 neurons. Deviation:

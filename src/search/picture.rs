@@ -58,7 +58,7 @@ pub(crate) fn svg(entries: &[Vec<Entry>], margin: f64) -> Option<String> {
     let steps = Marks::Line(staircase(&best_by_size, x.high()), 1);
     series.push(Series::named("the best of that size or smaller", BLACK, steps).with_opacity(0.6));
     if let Some((entry, at)) = smallest_within(last, margin).and_then(|entry| Some((entry, point(entry)?))) {
-        let name = format!("{}: the smallest within {margin} of the best", shown(&entry.hidden));
+        let name = format!("{}: the smallest within {:.1} % of the best", shown(&entry.hidden), 100.0 * margin);
         series.push(Series::named(name, BLACK, Marks::Rings(vec![at], 8)));
     }
     Some(chart::svg(SIZE, &[Panel { title: String::new(), x, y, series }]))
@@ -90,9 +90,9 @@ mod tests {
         let first =
             vec![entry(&[1], 20, 0.3), entry(&[2, 3], 40, 0.2), entry(&[4], 60, 0.25), entry(&[2, 2, 2], 50, 0.1)];
         let last = vec![first[3].clone(), first[1].clone()];
-        let text = svg(&[first, last], 0.11).unwrap();
+        let text = svg(&[first, last], 1.1).unwrap();
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
-        assert!(text.contains("2-3: the smallest within 0.11 of the best"), "{text}");
+        assert!(text.contains("2-3: the smallest within 110.0 % of the best"), "{text}");
         assert!(text.contains("3 hidden layers") && !text.contains("one hidden layer"));
         // Two left behind, two of the last rung, a ring; and as many legends: 1 + 2 + 1.
         assert_eq!(text.matches("<circle").count(), 5 + 4);

@@ -55,10 +55,10 @@ pub(crate) fn front(entries: &[Entry]) -> Vec<&Entry> {
     front
 }
 
-/// The smallest network whose error is at most `margin` above the lowest.
+/// The smallest network whose error is above the lowest by a share of it of at most `margin`.
 pub(crate) fn smallest_within(entries: &[Entry], margin: f64) -> Option<&Entry> {
     let front = front(entries);
-    let limit = front.last()?.validation_error? + margin;
+    let limit = front.last()?.validation_error? * (1.0 + margin);
     front.into_iter().find(|entry| entry.validation_error.is_some_and(|error| error <= limit))
 }
 
@@ -115,12 +115,12 @@ pub(super) mod tests {
         let entries = [entry(&[8], 80, 0.100), entry(&[4], 40, 0.104), entry(&[2], 20, 0.106), entry(&[5], 41, 0.101)];
         let chosen = |margin| smallest_within(&entries, margin).map(|entry| entry.hidden[0]);
         assert_eq!(chosen(0.0), Some(8));
-        assert_eq!(chosen(0.0015), Some(5));
-        assert_eq!(chosen(0.005), Some(4));
+        assert_eq!(chosen(0.015), Some(5));
+        assert_eq!(chosen(0.05), Some(4));
         assert_eq!(chosen(1.0), Some(2));
         // Of two of one size the better one.
         let twins = [entry(&[3, 2], 40, 0.102), entry(&[2, 3], 40, 0.101), entry(&[9], 90, 0.1)];
-        assert_eq!(smallest_within(&twins, 0.005).map(|entry| &entry.hidden[..]), Some(&[2, 3][..]));
+        assert_eq!(smallest_within(&twins, 0.05).map(|entry| &entry.hidden[..]), Some(&[2, 3][..]));
     }
 
     #[test]

@@ -43,7 +43,7 @@ fn setup(out: &Path, threads: usize) -> Setup {
         networks: grid(&[1, 3, 5], 2),
         rungs: 3,
         keep: 0.4,
-        margin: 0.01,
+        margin: 0.1,
         threads,
         data: json!({"rows": 300}),
         config_of: Box::new(|hidden| format!("{hidden:?}\n")),

@@ -12,7 +12,7 @@ const VALIDATION: Colour = Colour(178, 80, 30);
 /// Points of a curve that a picture can show; more are thinned out evenly.
 const MOST_POINTS: usize = 2000;
 
-/// Training and validation error over the rows learnt, the best look marked. `None` where there is nothing to draw.
+/// Training and validation error over the rows learnt, the look whose weights are kept marked. `None` where there is nothing to draw.
 pub(crate) fn svg(looks: &[Look], best: Option<&Look>) -> Option<String> {
     let step = looks.len().div_ceil(MOST_POINTS).max(1);
     let curve = |of: fn(&Look) -> Option<f64>| -> Vec<Point> {
@@ -30,7 +30,7 @@ pub(crate) fn svg(looks: &[Look], best: Option<&Look>) -> Option<String> {
         Series::named("validation", VALIDATION, Marks::Line(validation, 2)),
     ];
     if let Some((rows, error)) = best {
-        let name = format!("best: {error:.5} after {rows:.0} rows");
+        let name = format!("kept: {error:.5} after {rows:.0} rows");
         series.push(Series::named(name, VALIDATION, Marks::Dots(vec![(rows, error)], 5)));
     }
     let y = Axis::of_values("weighted mean squared error", errors.into_iter());
@@ -52,7 +52,7 @@ mod tests {
         let text = svg(&looks, Some(&looks[1])).unwrap();
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
         assert!(text.matches("<polyline").count() >= 2);
-        assert!(text.contains("best: 0.10000 after 10 rows"), "{text}");
+        assert!(text.contains("kept: 0.10000 after 10 rows"), "{text}");
     }
 
     #[test]

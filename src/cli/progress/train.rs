@@ -124,7 +124,7 @@ impl TrainProgress {
         self.rows = look.rows;
         (self.validation_error, self.best) = (look.validation_error, Some(*best));
         let text = format!(
-            "{:>10} rows  epoch {}  training {}  validation {}  best {}{}{}",
+            "{:>10} rows  epoch {}  training {}  validation {}  kept {}{}{}",
             look.rows,
             look.epoch,
             error(look.train_error),
@@ -216,7 +216,7 @@ impl TrainProgress {
     fn text(&self) -> String {
         let (done, of) = self.of_pass();
         format!(
-            "pass {}: {}/{} rows{}  validation {} best {}",
+            "pass {}: {}/{} rows{}  validation {} kept {}",
             1 + (self.rows.saturating_sub(1)) / self.pass_rows.max(1),
             si(done as f64),
             si(of as f64),
