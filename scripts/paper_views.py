@@ -4,7 +4,7 @@
     python scripts/paper_views.py [--seeds 3] [--scenes 1000]
 
 Three yards: the earlier one, whose rover looked at the nearest of fewer rocks and drove at it; the same noise with the views of paper.yaml;
-paper.yaml. A network learns each (the trainer's defaults) and is judged on the test scenes of all three of another seed, which nobody learnt
+paper.yaml. A network learns each (the Kalman filter's, configs/train/ekf.yaml) and is judged on the test scenes of all three of another seed, which nobody learnt
 from. What scans show is of `marsyard inspect` and of the cells. Needs numpy and pyarrow. Writes paper_views.json and paper_views.md into scripts/results.
 """
 
@@ -104,7 +104,7 @@ def main():
     table = [[name, f"{fact['nearest_m']:.2f}", *(study.percent(fact[key], 1) + " %" for key in shares)] for name, fact in facts.items()]
     text = [
         "# The views of paper.yaml",
-        f"`python scripts/paper_views.py`, {study.versions(marsyard)['marsyard']}; {options.scenes} scenes a yard, networks of all defaults, mean ± standard "
+        f"`python scripts/paper_views.py`, {study.versions(marsyard)['marsyard']}; {options.scenes} scenes a yard, networks of the Kalman filter (configs/train/ekf.yaml), mean ± standard "
         f"deviation over {options.seeds} trainings; judged on the test scenes of seed {JUDGED_SEED}.",
         study.markdown(head, table),
     ]

@@ -326,8 +326,8 @@ def main():
     height_rows = [(f"height, {name} (from {height[name]:.3f} m)", s) for name, s in height_rules.items()]
     text = f"""# Trained in simulation, judged on what was never seen
 
-`python scripts/transfer.py --seeds {','.join(map(str, seeds))}`: the default network, trained on five families of `configs/mixed.yaml`, judged on the
-sixth (another sensor, another ground, all kinds of obstacle together): {len(test['points']):,} cells with {test['points'].sum():,} points, {example['untraversable']:,}
+`python scripts/transfer.py --seeds {','.join(map(str, seeds))}`: the default network, trained on the training families of `configs/mixed.yaml`, judged on its
+held-out family `unseen` (another sensor, another ground, all kinds of obstacle together): {len(test['points']):,} cells with {test['points'].sum():,} points, {example['untraversable']:,}
 untraversable and {example['traversable']:,} traversable ({study.percent(example['untraversable'] / (example['untraversable'] + example['traversable']), 1)} %). Mean ± standard deviation of {len(seeds)} seeds. By points unless a column says cells. Thresholds but
 0.5 are chosen on the validation split, where the unseen family is not. Largest difference of a rate to what `marsyard evaluate`
 says of that family: {max(checked):.1e}.

@@ -21,7 +21,7 @@ pub(crate) struct Rung {
 /// the networks goes on from each to the next.
 ///
 /// One pass is enough to rank networks by: of 69 of the paper's networks that were trained to the end, the ranks after one pass of 20,000
-/// rows agree with the last by Spearman's rho 0.82, those after three passes by 1.00 (`scripts/results/search_full.md`).
+/// rows agree with the last by Spearman's rho 0.78, those after three passes by 1.00 (`scripts/results/search_full.md`).
 pub(crate) fn rungs(networks: usize, rows: u64, epochs: u32, count: usize, keep: f64) -> Vec<Rung> {
     let mut left = networks;
     let mut rungs = Vec::new();
