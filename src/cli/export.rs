@@ -32,6 +32,10 @@ struct To {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<(), Failure> {
+    if args.to.onnx.as_deref().is_some_and(|path| path.as_os_str() == "-") {
+        let help = "name a file: --onnx model.onnx; --json - prints the weights";
+        return Err(Failure::usage(miette::miette!(help = help, "--onnx -: an ONNX file is binary, and not printed")));
+    }
     let model = read_model(&args.model)?;
     let inputs = [model_file(&args.model)];
     let json = args.to.json.as_deref().filter(|path| path.as_os_str() != "-");

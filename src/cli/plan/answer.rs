@@ -57,7 +57,7 @@ impl Answer<'_> {
         for (k, choice) in self.choices.iter().take(2).enumerate() {
             self.tell_choice(if k == 0 { "build" } else { "next best" }, choice);
         }
-        let cheaper = self.poses_as_good();
+        let cheaper = self.poses_not_told_worse();
         if !cheaper.is_empty() {
             let of = |(setting, told): &(&StudySetting, Told)| {
                 format!("{} ({})", setting.name, if *told == Told::Better { "better" } else { "not told apart" })
@@ -113,7 +113,7 @@ impl Answer<'_> {
     }
 
     /// Where the config has FastSLAM: cheaper estimates of the pose that are not told to be worse at equal CPU.
-    fn poses_as_good(&self) -> Vec<(&StudySetting, Told)> {
+    fn poses_not_told_worse(&self) -> Vec<(&StudySetting, Told)> {
         if !self.plan.families.iter().any(|family| matches!(family.slam, SlamParams::Fastslam(_))) {
             return Vec::new();
         }
@@ -142,7 +142,7 @@ impl Answer<'_> {
             "name": self.study.name, "study": self.study_file, "judged_by": self.study.judged_by,
             "hours": self.hours, "cores": self.cores, "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
             "warnings": self.warnings, "how_to_vary": words::how_to_vary(self.plan),
-            "poses_as_good_as_fastslam": self.poses_as_good().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
+            "poses_not_told_worse_than_fastslam": self.poses_not_told_worse().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
             "sets": self.sets, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),
         })
     }

@@ -17,15 +17,20 @@ use crate::cli::place::must_be_local;
 use crate::cli::progress::{human, si};
 use crate::cli::{Failure, LogFormat, config_failure};
 use crate::config;
+use crate::corpus::advice::LEAST_TEST_SCENES;
 use crate::measure::budget::{Budget, Choice, Here, choices};
 use crate::measure::estimate::{self, Estimate, Options};
 use crate::measure::study::{Study, StudySetting};
-use crate::plan::Plan;
+use crate::plan::{Family, Plan};
 
 /// From so many shards on each split has one.
 const LEAST_SHARDS: u64 = 7;
 /// A smaller build is cut into so many: 14 train, 3 validate, 3 test.
 const SHARDS: u64 = 20;
+/// Of a corpus's scenes so many test.
+const TEST_SHARE: f64 = 0.15;
+/// A size is told to be extrapolated from so many times the largest that was measured.
+const EXTRAPOLATED: f64 = 1.05;
 
 #[derive(Debug, Args)]
 pub(super) struct BudgetArgs {
@@ -144,7 +149,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     sets.push(format!("scenes={}", best.scenes));
     sets.extend(small_shards);
     let sets = telling(args, sets)?;
-    let warnings = warnings(args, &study, &study_file, cores, best)?;
+    let warnings = warnings(args, &study, &study_file, plan, cores, best)?;
     let answer = Answer {
         args,
         plan,
@@ -224,6 +229,7 @@ fn warnings(
     args: &PlanArgs,
     study: &Study,
     study_file: &Path,
+    plan: &Plan,
     cores: usize,
     best: &Choice,
 ) -> Result<Vec<String>, Failure> {
@@ -234,14 +240,37 @@ fn warnings(
             super::machine()
         ));
     }
-    if best.beyond > 1.0 {
-        let largest = best.setting.largest().scenes;
+    let measured = |scenes: u64| format!("{scenes} scenes that train and stop");
+    let (smallest, largest) = (best.setting.sizes[0].scenes, best.setting.largest().scenes);
+    if best.beyond > EXTRAPOLATED {
         warnings.push(format!(
-            "extrapolated: {:.1} times the largest size that the study measured ({largest} scenes that train and stop)",
-            best.beyond
+            "extrapolated: {:.1} times the largest size that the study measured ({})",
+            best.beyond,
+            measured(largest)
+        ));
+    } else if best.beyond * (largest as f64) < smallest as f64 {
+        warnings.push(format!(
+            "extrapolated: fewer than the smallest size that the study measured ({})",
+            measured(smallest)
         ));
     }
+    warnings.extend(few_test_scenes(plan, best.scenes));
     Ok(warnings)
+}
+
+/// Whether `evaluate` could tell the held-out families' figures that are promised: so many of the scenes test, by the families' weights.
+fn few_test_scenes(plan: &Plan, scenes: u64) -> Option<String> {
+    let weights: f64 = plan.families.iter().map(|family| family.weight).sum();
+    let expected = |family: &Family| TEST_SHARE * scenes as f64 * family.weight / weights;
+    let held_out: Vec<f64> = plan.families.iter().filter(|family| family.hold_out).map(expected).collect();
+    let few = held_out.iter().filter(|tests| **tests < LEAST_TEST_SCENES as f64);
+    let fewest = few.clone().copied().reduce(f64::min)?;
+    Some(format!(
+        "{} of {} held-out families will have fewer than {LEAST_TEST_SCENES} test scenes (some {fewest:.0} the least): the corpus's own test split will \
+         tell their figures to some points alone",
+        few.count(),
+        held_out.len()
+    ))
 }
 
 /// Refuses to write over a file, and a config that a single file cannot hold.
@@ -280,6 +309,16 @@ fn too_little(budget: &Budget, here: &Here) -> Failure {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn law_held_out_families_with_few_test_scenes_are_told() {
+        let plan = |name: &str| config::load(Path::new("configs").join(name).as_path(), &[]).expect("a shipped config");
+        let mixed = plan("mixed.yaml");
+        assert!(few_test_scenes(&mixed, 100).is_some_and(|told| told.starts_with("8 of 8 held-out families")));
+        assert_eq!(few_test_scenes(&mixed, 1_000_000), None);
+        // None is held out, none is promised.
+        assert_eq!(few_test_scenes(&plan("quickstart.yaml"), 7), None);
+    }
 
     #[test]
     fn exact_bytes_are_read_with_their_units() {

@@ -121,8 +121,11 @@ pub(super) fn how_to_vary(plan: &Plan) -> String {
     let absent = absent(plan);
     let missing: Vec<&str> = TEACH_MOST.map(Part::name).into_iter().filter(|part| absent.contains(part)).collect();
     match missing.as_slice() {
-        [] => "they have what was found to teach most already, so by families of other kinds".into(),
-        missing => format!("they are without {}, which taught much about other yards", missing.join(", ")),
+        [] => "by families of kinds that they are without, such as the ground that the rover will drive on".into(),
+        missing => format!(
+            "they are without {}, which taught most about the families that mixed.yaml holds out",
+            missing.join(", ")
+        ),
     }
 }
 

@@ -26,8 +26,9 @@ const LEAST_UNTRAVERSABLE: f64 = 0.01;
 const MOST_UNTRAVERSABLE: f64 = 0.6;
 /// Share of returns that no cell reads.
 const UNREAD_SHARE: f64 = 0.25;
-/// Share of drives that end before their length or goal.
+/// Share of drives that end before their length or goal; of fewer drives than this it is chance.
 const CUT_SHARE: f64 = 1.0 / 3.0;
+const LEAST_DRIVES: u64 = 5;
 /// Test scenes of a held-out family below which its figure is mostly luck: the standard deviation between scenes is some 5 points, and
 /// 20 scenes bring the standard error to about 1.
 pub(crate) const LEAST_TEST_SCENES: u64 = 20;
@@ -91,8 +92,9 @@ fn no_scene(contents: &[Content]) -> Vec<Advice> {
 
 fn cut_short(contents: &[Content]) -> Vec<Advice> {
     let said = named(contents, |content| {
-        let cut = share(content.cut_short, content.scenes - content.failed);
-        (cut > CUT_SHARE).then(|| percent(cut))
+        let driven = content.scenes - content.failed;
+        let cut = share(content.cut_short, driven);
+        (cut > CUT_SHARE && driven >= LEAST_DRIVES).then(|| format!("{} of {driven}", percent(cut)))
     });
     Vec::from_iter(said.map(|said| Advice {
         finding: format!("drives that end before their length or goal, so that scans repeat one view: {said}"),

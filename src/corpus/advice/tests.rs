@@ -69,8 +69,10 @@ fn exact_each_weakness_is_told_by_its_limit_from_both_sides() {
         let counts = SceneCounts { cut_short, ..SceneCounts::default() };
         SceneOutput { counts, ..scene(&SOUND) }
     };
-    assert!(told(&[cut(true), cut(false)], "end before their length or goal"));
-    assert!(!told(&[cut(true), cut(false), cut(false)], "end before their length or goal"));
+    let cut_of = |count: usize, of: usize| -> Vec<SceneOutput> { (0..of).map(|scene| cut(scene < count)).collect() };
+    assert!(told(&cut_of(2, 5), "end before their length or goal, so that scans repeat one view: 40 % of 5"));
+    assert!(!told(&cut_of(2, 6), "end before their length or goal"));
+    assert!(!told(&cut_of(4, 4), "end before their length or goal"), "four drives are chance");
 
     let unread = |beyond| {
         let mut scene = scene(&SOUND);

@@ -5,8 +5,8 @@
 //! times are scaled by how long this machine takes for the study's scenes; a study learns from memory, so what reading rows and judging them takes is
 //! measured here and added. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
 //! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and how often a training goes through its rows (`passes`).
-//! Settings are ranked by what is told of them, the config as written before what is not told apart, then by what is expected no farther than
-//! twice the largest measured size.
+//! Settings are ranked by what is told of them at equal CPU, unless disk or rows bind, which know no CPU; the config as written before what is
+//! not told apart; then by what is expected no farther than twice the largest measured size.
 
 mod fit;
 mod passes;
@@ -128,7 +128,7 @@ pub(crate) fn choices<'s>(
         .map(|(choice, curve)| {
             let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * curve.largest);
             let rank = match choice.setting.told {
-                Some(Told::Better) => 2,
+                Some(Told::Better) if !matches!(choice.bound, Bound::Disk | Bound::Rows) => 2,
                 _ => u8::from(choice.setting == study.as_written()),
             };
             (rank, curve.fit.expected(ranked_at).mean, choice)
@@ -365,6 +365,17 @@ mod tests {
         let names: Vec<_> =
             choices(&study, &budget(600.0, None), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
         assert_eq!(names, ["better", "reference", "lucky"]);
+    }
+
+    #[test]
+    fn law_what_is_told_at_equal_cpu_ranks_nothing_where_rows_bind() {
+        let study = study(vec![
+            setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+            setting("cheap", Some(Told::Better), (0.04, 1.0), (0.001, 0.01)),
+        ]);
+        let first =
+            |rows| choices(&study, &Budget { rows, ..budget(600.0, None) }, |_| HERE, 10)[0].setting.name.clone();
+        assert_eq!((first(None).as_str(), first(Some(1e5)).as_str()), ("cheap", "reference"));
     }
 
     #[test]
