@@ -149,7 +149,7 @@ def marsyard(look_rows, **sets):
 def marsyard_looks(task, budget_s, seed, look_rows, sets):
     # Patience and epochs that no budget reaches.
     settings = {"seed": seed, "patience": 100_000, "epochs": 10_000, "validate_every": look_rows} | sets
-    # The same training twice, by which rows it is looked at: looks change nothing that is learnt. The second learns a little longer, to
+    # The same training twice, by which rows it is looked at: looks after the same rows change nothing that is learnt. The second learns a little longer, to
     # have the looks that the first had.
     learn, *looked = task.rows.stored
     found = {split: looks((learn, task.labels), (of_split, task.looked[split][1]), settings, budget_s * more, task.names)
@@ -604,8 +604,9 @@ def calibration(kept, name):
     again = kept["again"][name]
     former = {budget: look for budget, look in kept["runs"][f"{name}/{CALIBRATED}/{again['seed']}"].items() if int(budget) <= CALIBRATION_S}
     apart = lambda look, other: max(abs(look[k] / other[k] - 1) for k in (1, 2))
-    nearest = [(look, min(again["looks"], key=lambda other: apart(look, other))) for look in former.values() if look]
-    ratios = [other[0] / look[0] for look, other in nearest if apart(look, other) < 1e-3]
+    after_same_rows = again["looks"][::250_000 // CALIBRATION_ROWS]
+    nearest = [(look, min(after_same_rows, key=lambda other: apart(look, other))) for look in former.values() if look]
+    ratios = [other[0] / look[0] for look, other in nearest if apart(look, other) < 3e-3]
     errors = [best(thinned(again["looks"], int(budget)), int(budget)) for budget in former]
     return (f"{CALIBRATED}, once more on {again['date']}, beside other work as the rows of that day, and looked at every {CALIBRATION_ROWS:,} rows in place of 250,000: "
             f"{', '.join(f'{1000 * look[2]:.2f}' for look in errors)} at {', '.join(former)} CPU s{f'; the same rows took {np.median(ratios):.2f} times the CPU seconds' if ratios else ''}.\n\n")
@@ -644,13 +645,16 @@ def chart(kept, corpora, budgets, seeds, path):
 
     figure, axes = plt.subplots(1, len(corpora), figsize=(5.2 * len(corpora) + 2.4, 4.4), squeeze=False, layout="constrained")
     colours = plt.get_cmap("tab20")
+    # Of the default's size: told from all others at a glance.
+    dark = dict(zip(MEMBERS, ("black", "crimson")))
     for axis, name in zip(axes[0], corpora):
         for k, engine in enumerate(ENGINES):
             runs = [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]]
             points = [(budget, 1000 * np.median([run[str(budget)][2] for run in runs if run.get(str(budget))])) for budget in budgets if any(run.get(str(budget)) for run in runs)]
             if points:
                 is_own = engine.startswith("marsyard")
-                axis.plot(*zip(*points), marker="o", ms=3, lw=2.2 if is_own else 1.1, ls="--" if engine.startswith("LightGBM") else "-", color=colours(k), label=engine)
+                width, dash = 2.2 if is_own else 1.1, "--" if engine.startswith("LightGBM") else ":" if engine in dark else "-"
+                axis.plot(*zip(*points), marker="o", ms=3, lw=1.8 if engine in dark else width, ls=dash, color=dark.get(engine, colours(k)), label=engine)
         lowest = min(line.get_ydata().min() for line in axis.lines)
         highest = max(line.get_ydata().max() for line in axis.lines)
         axis.set(xscale="log", yscale="log", title=f"{name}.yaml", xlabel="CPU seconds of learning", ylabel="weighted error on test scenes, thousandths")
