@@ -2,6 +2,7 @@
 
 use clap::Args;
 
+use super::options::read_share;
 use crate::train::OperatingPoint;
 
 #[derive(Debug, Args)]
@@ -31,9 +32,8 @@ impl PointArgs {
 
 /// `1%` or `0.01`.
 fn parse_share(text: &str) -> Result<f64, String> {
-    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 100.0));
-    match number.trim().parse::<f64>() {
-        Ok(number) if number > 0.0 && number < unit => Ok(number / unit),
+    match read_share(text) {
+        Some(share) if share > 0.0 && share < 1.0 => Ok(share),
         _ => Err(format!("'{text}' is no share above 0 and below 1: one in a hundred is 1% or 0.01")),
     }
 }

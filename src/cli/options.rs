@@ -37,6 +37,12 @@ pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// `1%` or `0.01` as a share; `None` of what is no number.
+pub(super) fn read_share(text: &str) -> Option<f64> {
+    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 100.0));
+    Some(number.trim().parse::<f64>().ok()? / unit)
+}
+
 /// Overrides as they are typed behind a command.
 pub(super) fn typed_sets<'s>(sets: impl IntoIterator<Item = &'s String>) -> String {
     sets.into_iter().map(|set| format!(" --set '{set}'")).collect()

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::options::{default_threads, labels_set, parse_threads};
+use super::options::{default_threads, labels_set, parse_threads, read_share};
 use super::output::{errln, out};
 use super::place::{check_folder, corpus_failure, must_be_local};
 use super::progress::SearchProgress;
@@ -100,9 +100,8 @@ fn parse_share(text: &str) -> Result<f64, String> {
 
 /// `10%` or `0.1`; none is the best network itself.
 fn parse_margin(text: &str) -> Result<f64, String> {
-    let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 100.0));
-    match number.trim().parse::<f64>() {
-        Ok(margin) if (0.0..=unit).contains(&margin) => Ok(margin / unit),
+    match read_share(text) {
+        Some(margin) if (0.0..=1.0).contains(&margin) => Ok(margin),
         _ => Err(format!("'{text}' is no share from 0 to 1 of the best error: a tenth above it is 10% or 0.1")),
     }
 }

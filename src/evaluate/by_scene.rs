@@ -67,11 +67,10 @@ impl ByScene {
     }
 
     fn add_scene(&mut self, counts: Confusion) {
-        let called = counts.true_untraversable + counts.false_untraversable;
         self.scenes += 1;
         self.missed.add(counts.missed_untraversable, counts.untraversable());
         self.false_alarms.add(counts.false_untraversable, counts.traversable());
-        self.precision.add(counts.true_untraversable, called);
+        self.precision.add(counts.true_untraversable, counts.called_untraversable());
     }
 
     pub(super) fn report(&self) -> OverScenes {

@@ -75,7 +75,8 @@ impl AddAssign for Confusion {
     }
 }
 
-fn share(part: u64, whole: u64) -> Option<f64> {
+/// `None` of nothing.
+pub(super) fn share(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
@@ -97,6 +98,10 @@ impl Confusion {
 
     pub(crate) fn untraversable(&self) -> u64 {
         self.missed_untraversable + self.true_untraversable
+    }
+
+    pub(crate) fn called_untraversable(&self) -> u64 {
+        self.true_untraversable + self.false_untraversable
     }
 
     pub(crate) fn total(&self) -> u64 {
@@ -148,7 +153,7 @@ impl Confusion {
 
     pub(crate) fn table_1(&self) -> Table1 {
         let wrong_of_all = share(self.wrong(), self.total());
-        let called_untraversable = self.true_untraversable + self.false_untraversable;
+        let called_untraversable = self.called_untraversable();
         let called_traversable = self.true_traversable + self.missed_untraversable;
         Table1 {
             of_truth: FiveRows {

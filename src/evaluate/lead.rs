@@ -8,6 +8,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
+use super::confusion::share;
 use super::judge::{Group, ThresholdOrigin};
 use super::report::{GroupReport, Report};
 use super::table::{percent, thousands};
@@ -66,8 +67,8 @@ impl Display for Lead<'_> {
             Some((all.network.at.get(index)?.cells, report.over_scenes.get(index).copied().unwrap_or_default()))
         };
         let Some(((low, low_over), (high, high_over))) = at(0).zip(at(last)) else { return Ok(()) };
-        let called = high.counts.true_untraversable + high.counts.false_untraversable;
-        let precision = (called > 0).then(|| high.counts.true_untraversable as f64 / called as f64);
+        let called = high.counts.called_untraversable();
+        let precision = share(high.counts.true_untraversable, called);
         let of = |part: u64, whole: u64| format!("{} of {}", thousands(part), thousands(whole));
         let lines = [
             (
@@ -89,10 +90,10 @@ impl Display for Lead<'_> {
                 "cells called untraversable are",
             ),
         ];
-        for (name, (share, over_scenes), counts, meaning) in lines {
+        for (name, (rate, over_scenes), counts, meaning) in lines {
             let [low, high] = over_scenes.unwrap_or_default().map(|bound| percent(Some(bound)));
             let interval = over_scenes.map_or(String::new(), |_| format!("({low} to {high})"));
-            writeln!(f, "{name:<9} {:>6} %  {interval:<16} {counts} {meaning}", percent(share))?;
+            writeln!(f, "{name:<9} {:>6} %  {interval:<16} {counts} {meaning}", percent(rate))?;
         }
         if let Some(doubt) = &report.doubt {
             let [false_alarms, missed] = doubt.wrong_shares().map(percent);

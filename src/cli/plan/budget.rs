@@ -21,14 +21,12 @@ use crate::corpus::advice::LEAST_TEST_SCENES;
 use crate::measure::budget::{Budget, Choice, Here, choices};
 use crate::measure::estimate::{self, Estimate, Options};
 use crate::measure::study::{Study, StudySetting};
-use crate::plan::{Family, Plan};
+use crate::plan::Plan;
 
 /// From so many shards on each split has one.
 const LEAST_SHARDS: u64 = 7;
 /// A smaller build is cut into so many: 14 train, 3 validate, 3 test.
 const SHARDS: u64 = 20;
-/// Of a corpus's scenes so many test.
-const TEST_SHARE: f64 = 0.15;
 /// A size is told to be extrapolated from so many times the largest that was measured.
 const EXTRAPOLATED: f64 = 1.05;
 
@@ -149,7 +147,9 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     sets.push(format!("scenes={}", best.scenes));
     sets.extend(small_shards);
     let sets = telling(args, sets)?;
-    let warnings = warnings(args, &study, &study_file, plan, cores, best)?;
+    let to_build = Plan { scenes: best.scenes, scenes_per_shard: per_shard as u32, ..plan.clone() };
+    let mut warnings = warnings(args, &study, &study_file, cores, best)?;
+    warnings.extend(few_test_scenes(&to_build));
     let answer = Answer {
         args,
         plan,
@@ -229,7 +229,6 @@ fn warnings(
     args: &PlanArgs,
     study: &Study,
     study_file: &Path,
-    plan: &Plan,
     cores: usize,
     best: &Choice,
 ) -> Result<Vec<String>, Failure> {
@@ -254,21 +253,18 @@ fn warnings(
             measured(smallest)
         ));
     }
-    warnings.extend(few_test_scenes(plan, best.scenes));
     Ok(warnings)
 }
 
-/// Whether `evaluate` could tell the held-out families' figures that are promised: so many of the scenes test, by the families' weights.
-fn few_test_scenes(plan: &Plan, scenes: u64) -> Option<String> {
-    let weights: f64 = plan.families.iter().map(|family| family.weight).sum();
-    let expected = |family: &Family| TEST_SHARE * scenes as f64 * family.weight / weights;
-    let held_out: Vec<f64> = plan.families.iter().filter(|family| family.hold_out).map(expected).collect();
-    let few = held_out.iter().filter(|tests| **tests < LEAST_TEST_SCENES as f64);
-    let fewest = few.clone().copied().reduce(f64::min)?;
+/// Whether `evaluate` could tell the held-out families' figures that are promised.
+fn few_test_scenes(plan: &Plan) -> Option<String> {
+    let families = plan.families.iter().zip(estimate::test_scenes(plan));
+    let held_out: Vec<u64> = families.filter(|(family, _)| family.hold_out).map(|(_, tests)| tests).collect();
+    let fewest = held_out.iter().min().filter(|tests| **tests < LEAST_TEST_SCENES)?;
     Some(format!(
-        "{} of {} held-out families will have fewer than {LEAST_TEST_SCENES} test scenes (some {fewest:.0} the least): the corpus's own test split will \
+        "{} of {} held-out families will have fewer than {LEAST_TEST_SCENES} test scenes ({fewest} the least): the corpus's own test split will \
          tell their figures to some points alone",
-        few.count(),
+        held_out.iter().filter(|tests| **tests < LEAST_TEST_SCENES).count(),
         held_out.len()
     ))
 }
@@ -313,11 +309,11 @@ mod tests {
     #[test]
     fn law_held_out_families_with_few_test_scenes_are_told() {
         let plan = |name: &str| config::load(Path::new("configs").join(name).as_path(), &[]).expect("a shipped config");
-        let mixed = plan("mixed.yaml");
-        assert!(few_test_scenes(&mixed, 100).is_some_and(|told| told.starts_with("8 of 8 held-out families")));
-        assert_eq!(few_test_scenes(&mixed, 1_000_000), None);
+        let of = |name: &str, scenes: u64| few_test_scenes(&Plan { scenes, ..plan(name) });
+        assert!(of("mixed.yaml", 100).is_some_and(|told| told.starts_with("8 of 8 held-out families")));
+        assert_eq!(of("mixed.yaml", 1_000_000), None);
         // None is held out, none is promised.
-        assert_eq!(few_test_scenes(&plan("quickstart.yaml"), 7), None);
+        assert_eq!(of("quickstart.yaml", 7), None);
     }
 
     #[test]

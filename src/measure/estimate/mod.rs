@@ -34,7 +34,7 @@ pub(crate) use part::Part;
 pub(crate) use parts::PartCost;
 pub use parts::scene_costs;
 pub(crate) use rows::RowCost;
-pub(crate) use sample::Figure;
+pub(crate) use sample::{Figure, test_scenes};
 pub(crate) use storage::{Storage, free_bytes};
 
 /// How long, with how many threads, and for which place.

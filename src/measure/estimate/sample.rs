@@ -123,8 +123,8 @@ pub(super) fn run(prepared: &Prepared, clock: &Clock) -> Result<Sample, PoolErro
     Ok(sample)
 }
 
-/// By family: what is known of it before a scene is run.
-fn contents(plan: &Plan) -> Vec<Content> {
+/// Test scenes of each family.
+pub(crate) fn test_scenes(plan: &Plan) -> Vec<u64> {
     let tests = (0..plan.shards()).filter(|&shard| Split::of_shard(shard) == Split::Test);
     let per_shard = u64::from(plan.scenes_per_shard);
     let mut test_scenes = vec![0; plan.families.len()];
@@ -132,7 +132,12 @@ fn contents(plan: &Plan) -> Vec<Content> {
     {
         test_scenes[plan.family_index_of(scene)] += 1;
     }
-    let families = plan.families.iter().zip(test_scenes);
+    test_scenes
+}
+
+/// By family: what is known of it before a scene is run.
+fn contents(plan: &Plan) -> Vec<Content> {
+    let families = plan.families.iter().zip(test_scenes(plan));
     let content = |(family, test_scenes): (&Family, u64)| {
         Content::of(&family.name, family.hold_out, test_scenes).with_grid(Some((&family.cells).into()))
     };
