@@ -41,9 +41,11 @@ impl LocalFolder {
         move |source| CorpusError::Io { place: self.place(), name: name.into(), source }
     }
 
-    /// Refuses a link that leads nowhere: what is made at its end is not what was named.
-    fn is_nothing(&self) -> Result<(), CorpusError> {
-        if fs::symlink_metadata(&self.root).is_err() {
+    /// Refuses a link that leads nowhere: what is made at its end is not what was named. A folder may be there all the same: another build
+    /// of the same corpus may have made it since it was looked for.
+    fn refuse_broken_link(&self) -> Result<(), CorpusError> {
+        let is_link = fs::symlink_metadata(&self.root).is_ok_and(|facts| facts.is_symlink());
+        if !is_link || fs::metadata(&self.root).is_ok() {
             return Ok(());
         }
         let (reason, cure) = ("it is a link to a folder that is not there", "make that folder, or remove the link");
@@ -197,7 +199,7 @@ impl Store for LocalFolder {
 
     fn first_entry(&self) -> Result<Option<String>, CorpusError> {
         let entries = match read_folder(&self.root) {
-            Err(error) if error.kind() == ErrorKind::NotFound => return self.is_nothing().map(|()| None),
+            Err(error) if error.kind() == ErrorKind::NotFound => return self.refuse_broken_link().map(|()| None),
             other => other.map_err(self.failed(""))?,
         };
         let names = entries.map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned()));
@@ -392,6 +394,25 @@ mod tests {
         assert!(store.put("data/a", b"x").is_err() && !store.root.exists(), "what has gone away is not made again");
         fs::write(&store.root, b"a file").unwrap();
         assert!(matches!(store.probe(), Err(CorpusError::Io { .. })));
+    }
+
+    #[test]
+    fn regress_a_folder_that_another_build_makes_meanwhile_is_no_broken_link() {
+        let (dir, store) = folder();
+        store.refuse_broken_link().unwrap();
+        let made = LocalFolder::new(dir.path().join("made"));
+        std::thread::scope(|scope| {
+            let looks = scope.spawn(|| (0..20_000).map(|_| made.first_entry()).collect::<Result<Vec<_>, _>>());
+            while !looks.is_finished() {
+                fs::create_dir(&made.root).unwrap();
+                fs::remove_dir(&made.root).unwrap();
+            }
+            looks.join().unwrap().expect("each look finds nothing or an empty folder");
+        });
+        let link = LocalFolder::new(dir.path().join("link"));
+        std::os::unix::fs::symlink(&made.root, &link.root).unwrap();
+        let broken = link.first_entry().unwrap_err().to_string();
+        assert!(broken.contains("a link to a folder that is not there"), "{broken}");
     }
 
     #[test]
