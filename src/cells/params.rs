@@ -288,9 +288,10 @@ impl OverhangParams {
         OverhangParams { above_m: self.above_m.or(Some(top_m + HEADROOM_M)) }
     }
 
-    /// For people: `what hangs more than 0.8 m over free ground`.
+    /// For people: `what hangs with more than 0.8 m free beneath`, to the millimetre.
     pub fn words(&self) -> String {
-        format!("what hangs with more than {} m free beneath", self.above_m.unwrap_or_default())
+        let above_mm = (1e3 * self.above_m.unwrap_or_default()).round();
+        format!("what hangs with more than {} m free beneath", above_mm / 1e3)
     }
 }
 

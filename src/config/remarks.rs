@@ -1,12 +1,18 @@
-//! What a family's sections say that is legal and hardly meant: told, not refused, since corpora of such configs exist.
+//! What families say that is legal and hardly meant: told, not refused, since corpora of such configs exist.
 //!
-//! In: a checked family and where its keys stand. Out: remarks with place, rule and cure. What cannot be meant is a rule (`rules`).
+//! In: checked families and where their keys stand. Out: remarks with place, rule and cure. What cannot be meant is a rule (`rules`).
 
 use super::error::Fault;
 use super::key_path::KeyPath;
+use crate::cells::params::{LabelParams, ObstacleRule};
 use crate::drive::rover::Chassis;
 use crate::plan::Family;
 use crate::slam::{FastslamParams, SlamParams};
+
+/// What families say only together; `places` in their order.
+pub(crate) fn of_families(families: &[Family], places: &[KeyPath], remarks: &mut Vec<Fault>) {
+    wheels_that_no_column_tells(families, places, remarks);
+}
 
 pub(crate) fn of_family(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
     range_beyond_the_sensor(family, place, remarks);
@@ -25,6 +31,36 @@ fn range_beyond_the_sensor(family: &Family, place: &KeyPath, remarks: &mut Vec<F
         let rule = format!("cells reach to {max_m} m, but '{}' reports nothing beyond {reach_m} m", sensor.name);
         let cure = "take cells.max_range_m out for the sensor's own reach, or give a smaller one";
         remarks.push(Fault::new(place.span("cells.max_range_m"), rule).cure(cure));
+    }
+}
+
+/// Labels go by the wheel, and no column holds it: where training families have several, what stands between them is an obstacle for
+/// no reason that could be learnt.
+fn wheels_that_no_column_tells(families: &[Family], places: &[KeyPath], remarks: &mut Vec<Fault>) {
+    let goes_by_wheel = |family: &Family| {
+        let LabelParams { obstacle, rover, .. } = &family.cells.labels;
+        !family.hold_out && rover.is_none() && *obstacle == ObstacleRule::TallerThanWheel
+    };
+    let wheel_m = |family: &Family| family.drive.rover.wheel_diameter_m;
+    let mut judged = families.iter().zip(places).filter(|(family, _)| goes_by_wheel(family));
+    let Some((first, _)) = judged.next() else { return };
+    if let Some((other, place)) = judged.find(|(family, _)| wheel_m(family) != wheel_m(first)) {
+        let rule = format!(
+            "labels go by the wheel, which is {} m wide in family '{}' and {} m in '{}', and no column tells a network so: what is as high as one \
+             of them and not as the other it cannot learn",
+            wheel_m(first),
+            first.name,
+            wheel_m(other),
+            other.name
+        );
+        let slope = other.cells.labels.max_ground_slope_deg;
+        let slope = slope.map_or(String::new(), |slope_deg| format!(",max_ground_slope_deg={slope_deg}"));
+        let cure = format!(
+            "give all families the rover that the network is for, or train it for that rover's wheel: marsyard train --labels \
+             taller_than_wheel={}{slope}",
+            wheel_m(other)
+        );
+        remarks.push(Fault::new(place.span("drive"), rule).cure(cure));
     }
 }
 

@@ -171,6 +171,27 @@ fn exact_what_is_legal_and_hardly_meant_is_remarked() {
 }
 
 #[test]
+fn law_wheels_that_no_column_tells_are_remarked() {
+    let remarks = |config: &str, sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        load_with_remarks(Path::new(config), &sets).unwrap_or_else(|error| panic!("{}", error.lines())).1
+    };
+    assert_eq!(remarks("configs/broad.yaml", &[]), [""; 0]);
+    let said = remarks("configs/mixed.yaml", &[]);
+    assert_eq!(said.len(), 1, "{said:?}");
+    let told = "the wheel, which is 0.1 m wide in family 'rock_field' and 0.222 m in 'builders_yard', and no column tells a network so";
+    assert!(said[0].starts_with("configs/mixed.yaml:") && said[0].contains(told), "{said:?}");
+    assert!(said[0].ends_with("train --labels taller_than_wheel=0.222,max_ground_slope_deg=45"), "{said:?}");
+    // One height for all is another matter, and so is a family that is only judged by.
+    assert_eq!(remarks("configs/mixed.yaml", &["cells.labels.obstacle={taller_than_m: 0.2}"]), [""; 0]);
+    let families = |hold_out: bool| {
+        let other = format!("{{name: b, weight: 1, hold_out: {hold_out}, drive: {{rover: husky-a200}}}}");
+        remarks("configs/quickstart.yaml", &[&format!("families=[{{name: a, weight: 1}}, {other}]")])
+    };
+    assert_eq!((families(true).len(), families(false).len()), (0, 1));
+}
+
+#[test]
 fn exact_a_plan_holds_the_free_height_that_its_rover_needs_and_other_plans_stay_as_they_were() {
     let above_m =
         |sets: &[&str]| plan(sets).families[0].cells.overhang.map(|overhang| overhang.above_m.expect("resolved"));
