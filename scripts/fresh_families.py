@@ -1,7 +1,7 @@
 """What networks of configs/broad.yaml and configs/mixed.yaml are worth on kinds of yard that no choice was measured on.
 
 Usage:  cargo build --release
-        python scripts/fresh_families.py [--sizes 400,2000] [--seeds 1,2,3] [--quick]
+        python scripts/fresh_families.py [--sizes 400,2000,8000] [--seeds 1,2,3] [--quick]
 
 The held-out families of configs/mixed.yaml have become development data: columns, members, rates and forms of training were chosen by them. Five
 other families (scripts/first_families.yaml: forest floor, gravel quarry, meadow, lava field, farmyard) were judged once by networks of
@@ -9,18 +9,19 @@ mixed.yaml, and what was missed there led to configs/broad.yaml; so these five a
 scripts/fresh_families.yaml were written before any network was judged on them, by somebody who had not seen broad.yaml, and after it no setting and no
 yard of it was moved. They stay fresh as long as this holds. Whoever has changed a thing because of a figure of this study needs other families.
 
-What goes in: both training configs, cut to each size, and the fresh and the first families. A rover's wheel says what is an obstacle, no
+What goes in: both training configs at each of three sizes, the largest with the first seed alone, and the fresh and the first families. A rover's wheel says what is an obstacle, no
 column tells it, and the families have rovers of three wheels; whoever trains knows their own. So a learner *for the wheel* is three of them, whose
 labels are those of the three wheels (`train --labels`, trees by the formula of docs/columns.md), and each family is judged by the one
 of its rover. What is not said to be for the wheel has its corpus's own labels: of broad.yaml those of one rover, of mixed.yaml those of the rover of each
-family. On broad.yaml learn the default network, at the smaller size also the Kalman filter (configs/train/ekf.yaml), and trees (LightGBM, held_out.py) on
-the default's columns. One threshold on the height difference within a cell is chosen on the validation scenes of broad.yaml at the larger size. None of
+family. Beside the default network learn, on broad.yaml, the Kalman filter (configs/train/ekf.yaml; the smallest size) and trees (LightGBM,
+held_out.py; the two smaller) on the default's columns. One threshold on the height difference within a cell is chosen on the validation scenes of
+broad.yaml at the middle size. None of
 them has seen a fresh yard. Beside them stand trees that learnt from other yards of the fresh families, another seed's: what they leave of the
 error is in the columns and labels. All are judged on the same scenes at 0.5; see held_out.py for the intervals.
 
-What comes out: of the network of broad.yaml at the larger size, for the wheel, the rates by fresh family, and what its probabilities and
-`--doubtful 1%` are worth there (doubt.py); of each learner the mean of the families, the worst one, and the paired differences to that network, on
-the fresh families and on the first.
+What comes out: of the network of broad.yaml at the middle size, for the wheel, the rates by fresh family, and what its probabilities and
+`--doubtful 1%` are worth there (doubt.py); of each learner the mean of the families, the worst one, and the paired differences to that network; and
+the same of the networks on the first families.
 
 Needs numpy, pyarrow, pyyaml, lightgbm, scikit-learn and scipy. Writes fresh_families.json and fresh_families.md into scripts/results.
 """
@@ -100,15 +101,14 @@ class Studied:
         self.marsyard, self.seeds, self.learners, self.networks = marsyard, seeds, {}, {}
         self.yards = [Yards(marsyard, name, scenes[name]) for name in scenes]
         self.wheels = sorted({wheel for yards in self.yards for wheel in yards.wheels})
-        small, large = sizes[0], sizes[-1]
+        small, middle, large = sizes
         corpora = {(config.stem, size): marsyard.corpus(f"{config.stem}-{size}", config, [], size, held_out.PER_SHARD)
-                   for config, size in ((BROAD, small), (BROAD, large), (MIXED, large))}
-        self.default = f"broad.yaml, {large} scenes"
-        self.network(self.default, corpora["broad", large])
-        self.network(f"broad.yaml, {small} scenes", corpora["broad", small])
-        self.network(f"broad.yaml, {large} scenes, not for the wheel", corpora["broad", large], for_wheel=False)
-        self.network(f"mixed.yaml, {large} scenes", corpora["mixed", large])
-        self.network(f"mixed.yaml, {large} scenes, not for the wheel", corpora["mixed", large], for_wheel=False)
+                   for config in (BROAD, MIXED) for size in sizes}
+        self.default = f"broad.yaml, {middle} scenes"
+        for config, size in sorted(corpora, key=lambda of: (of[0], of[1] != middle or of[0] == "mixed", of[1])):
+            self.network(f"{config}.yaml, {size} scenes", corpora[config, size], seeds=seeds[:1] if size == large else seeds)
+        for config in ("broad", "mixed"):
+            self.network(f"{config}.yaml, {middle} scenes, not for the wheel", corpora[config, middle], for_wheel=False)
         self.network(f"Kalman filter, broad.yaml, {small} scenes", corpora["broad", small], study.KALMAN_FILTER)
         names = {name: None for of in self.networks.values() for by_wheel in of for network in by_wheel.values() for name in network.about["features"]}
         [first] = {tuple(network.about["features"]) for network in self.networks[self.default][0].values()}
@@ -116,19 +116,18 @@ class Studied:
         for yards in self.yards:
             yards.read([*names, HEIGHT])
         self.trees(f"trees, broad.yaml, {small} scenes", corpora["broad", small], seeds)
-        self.trees(f"trees, broad.yaml, {large} scenes", corpora["broad", large], seeds[:1])
-        validation = held_out.read(corpora["broad", large], [HEIGHT], ["validation"], families_of(corpora["broad", large]))
+        self.trees(f"trees, broad.yaml, {middle} scenes", corpora["broad", middle], seeds[:1])
+        validation = held_out.read(corpora["broad", middle], [HEIGHT], ["validation"], families_of(corpora["broad", middle]))
         self.least_m, _ = best_threshold(validation["label"], validation[HEIGHT].astype(float))
         self.learners["one height threshold"] = [lambda _, cells: 0.5 + cells[HEIGHT].astype(float) - self.least_m]
         fresh = self.yards[0]
         own = marsyard.corpus("fresh-own", fresh.path, [f"seed={OWN_SEED}"], fresh.scenes, held_out.PER_SHARD)
-        self.own = f"trees, {fresh.scenes} other fresh yards"
-        self.learners[self.own] = [lambda _, cells, seed=seed: self.trees_of(own, seed)(cells) for seed in seeds]
+        self.trees(f"trees, {fresh.scenes} other fresh yards", own, seeds, for_wheel=False)
 
-    def network(self, learner, corpus, sets=(), for_wheel=True):
+    def network(self, learner, corpus, sets=(), for_wheel=True, seeds=None):
         """Trains the networks of a learner."""
         of_seeds = []
-        for seed in self.seeds:
+        for seed in seeds or self.seeds:
             by_wheel = {}
             for wheel in self.wheels if for_wheel else [None]:
                 name = f"{learner}-{wheel or 'own labels'}".replace(" ", "-").replace(",", "").replace(".yaml", "")
@@ -139,13 +138,14 @@ class Studied:
         pick = lambda by_wheel, wheel: by_wheel.get(wheel) or by_wheel[None]
         self.learners[learner] = [lambda wheel, cells, of=of: outputs(pick(of, wheel).exported, cells) for of in of_seeds]
 
-    def trees(self, learner, corpus, seeds):
+    def trees(self, learner, corpus, seeds, for_wheel=True):
         models = {}
 
         def scores(wheel, cells, seed):
-            if (wheel, seed) not in models:
-                models[wheel, seed] = self.trees_of(corpus, seed, wheel)
-            return models[wheel, seed](cells)
+            of = (wheel if for_wheel else None, seed)
+            if of not in models:
+                models[of] = self.trees_of(corpus, seed, of[0])
+            return models[of](cells)
 
         self.learners[learner] = [lambda wheel, cells, seed=seed: scores(wheel, cells, seed) for seed in seeds]
 
@@ -187,9 +187,9 @@ def by_family(studied, yards, judged, scores):
     return rows, facts
 
 
-def compared(studied, yards):
-    """All learners on some families: the table, what is told of each, and the network's judgement and scores."""
-    scores = {name: studied.scores(name, yards) for name in studied.learners if name != studied.own or yards is studied.yards[0]}
+def compared(studied, yards, learners):
+    """Learners on some families: the table, what is told of each, and the network's judgement and scores."""
+    scores = {name: studied.scores(name, yards) for name in learners}
     judged = {name: held_out.Judgement(yards.cells, [held_out.counts(yards.cells, one) for one in of], yards.families, yards.families)
               for name, of in scores.items()}
     default, mean, worst = judged[studied.default], held_out.Judgement.mean, held_out.Judgement.worst
@@ -204,19 +204,19 @@ def compared(studied, yards):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--sizes", default="400,2000", help="scenes of the smaller and the larger training corpus (default 400,2000)")
+    parser.add_argument("--sizes", default="400,2000,8000", help="scenes of three training corpora (default 400,2000,8000)")
     parser.add_argument("--seeds", default="1,2,3")
     study.add_arguments(parser, "fresh_families")
     options = parser.parse_args()
     sizes, seeds, scenes = [int(n) for n in options.sizes.split(",")], [int(n) for n in options.seeds.split(",")], {"fresh": 360, "first": 350}
     if options.quick:
-        sizes, seeds, scenes = [70, 140], seeds[:1], {"fresh": 60, "first": 50}
+        sizes, seeds, scenes = [70, 140, 280], seeds[:1], {"fresh": 60, "first": 50}
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     studied = Studied(marsyard, sizes, seeds, scenes)
     fresh, first = studied.yards
-    table, told, default, scores = compared(studied, fresh)
+    table, told, default, scores = compared(studied, fresh, studied.learners)
     rows, facts = by_family(studied, fresh, default, scores)
-    table_of_first, told_of_first, *_ = compared(studied, first)
+    table_of_first, told_of_first, *_ = compared(studied, first, studied.networks)
     head = ["", "wheel", "untraversable", "balanced accuracy", "missed", "false", "calibration error", "log loss, nats", "doubtful at 1 %", "missed", "false"]
     text = f"""# Families of yards that no choice was measured on
 
@@ -224,7 +224,7 @@ def main():
 By cells at 0.5, percent, with 95 % intervals over scenes and trainings; differences in points. No setting may be chosen by these figures.
 Learners are for the wheel of the rover at hand where nothing else is said; what that is, is said at the head of the script.
 
-## The default network, {sizes[-1]} scenes of broad.yaml, {len(seeds)} trainings
+## The default network, {sizes[1]} scenes of broad.yaml, {len(seeds)} trainings
 
 Calibration error in points, of the model's probabilities. Last: what `--doubtful 1%` sets aside, and what is missed and falsely called all the same.
 

@@ -1,10 +1,10 @@
-"""What a choice is worth at equal CPU on five shipped configs, in one command: the studies that `plan --hours` is made from.
+"""What a choice is worth at equal CPU on four shipped configs, in one command: the studies that `plan --hours` is made from.
 
-`marsyard tradeoff` on quickstart.yaml, paper.yaml, mixed.yaml, mars.yaml and broad.yaml: presets, contact solvers, pose estimates and numbers of beams,
+`marsyard tradeoff` on quickstart.yaml, paper.yaml, mixed.yaml and mars.yaml: presets, contact solvers, pose estimates and numbers of beams,
 one at a time and combined, trained as `train` does it by default, judged on common unseen scenes. Writes the studies to configs/studies,
 the charts to docs/worth-<name>.svg, and the tables to scripts/results/studies.md.
 
-    cargo build --release && python scripts/studies.py            # three quarters of an hour on 2 idle cores
+    cargo build --release && python scripts/studies.py            # half an hour on 2 idle cores, mars.yaml half of it
     python scripts/studies.py --only paper                        # one of them; the tables of the others stay
 """
 
@@ -22,7 +22,6 @@ STUDIES = {
     "paper": ["--scenes", 160, "--test-scenes", 60],
     "mixed": ["--scenes", 144, "--test-scenes", 20],
     "mars": ["--scenes", 24, "--test-scenes", 24],
-    "broad": ["--scenes", 144, "--test-scenes", 80],
 }
 COMMON = ["--only", "presets,contact,slam,resolution", "--seeds", 3]
 

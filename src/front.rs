@@ -203,7 +203,7 @@ mod networks {
         let source = Source::open(store.as_ref(), 1.0)?;
         let plan = config::load(&corpus.join(plan_file::NAME), &[]).map_err(TrainNetworkError::Plan)?;
         let learn = CorpusToLearn { place: corpus.display().to_string(), source, plan };
-        let Joined { sources, origin } = corpora::join(vec![learn], &params, None, false)?;
+        let Joined { sources, origin, .. } = corpora::join(vec![learn], &params, None, false)?;
         let setup = Setup {
             config_yaml: config::train_yaml(&params),
             sources,

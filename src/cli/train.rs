@@ -20,7 +20,7 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::{Build, CorpusError, LocalFolder, Split};
 use crate::evaluate::{Brief, EvaluateError, FamilyFacts, Options, evaluate_into, evaluation_folder};
 use crate::plan::Plan;
-use crate::train::corpora::{self, CorpusToLearn, unknown_yards};
+use crate::train::corpora::{self, CorpusToLearn, Joined, unknown_yards};
 use crate::train::filter::{Counters, MOST_WEIGHT};
 use crate::train::generalisation::Generalisation;
 use crate::train::numbered::numbered;
@@ -137,6 +137,9 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
         );
     }
     joined.sources.shared_scenes.iter().for_each(|leak| tracing::warn!("{leak}"));
+    if joined.wheels_m.len() > 1 {
+        tracing::warn!(event = "wheels", "{}", several_wheels(&joined));
+    }
     let setup = Setup {
         config_yaml: config::train_yaml(&params),
         params,
@@ -166,6 +169,18 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
             judged.map_err(goes_on)
         }
     }
+}
+
+/// That labels go by the wheels of several rovers, and what to do about it.
+fn several_wheels(joined: &Joined) -> String {
+    let wheels: Vec<String> = joined.wheels_m.iter().map(|wheel_m| format!("{wheel_m} m")).collect();
+    let slope = joined.origin.cells.labels.max_ground_slope_deg;
+    let slope = slope.map_or(String::new(), |slope_deg| format!(",max_ground_slope_deg={slope_deg}"));
+    format!(
+        "labels go by wheels of {}, and no column tells the network which; for a rover of one of them: --labels taller_than_wheel={}{slope}",
+        wheels.join(", "),
+        joined.wheels_m[0]
+    )
 }
 
 /// A corpus to learn from, with the weight behind it.

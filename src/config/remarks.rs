@@ -4,7 +4,6 @@
 
 use super::error::Fault;
 use super::key_path::KeyPath;
-use crate::cells::params::{LabelParams, ObstacleRule};
 use crate::drive::rover::Chassis;
 use crate::plan::Family;
 use crate::slam::{FastslamParams, SlamParams};
@@ -37,28 +36,23 @@ fn range_beyond_the_sensor(family: &Family, place: &KeyPath, remarks: &mut Vec<F
 /// Labels go by the wheel, and no column holds it: where training families have several, what stands between them is an obstacle for
 /// no reason that could be learnt.
 fn wheels_that_no_column_tells(families: &[Family], places: &[KeyPath], remarks: &mut Vec<Fault>) {
-    let goes_by_wheel = |family: &Family| {
-        let LabelParams { obstacle, rover, .. } = &family.cells.labels;
-        !family.hold_out && rover.is_none() && *obstacle == ObstacleRule::TallerThanWheel
-    };
-    let wheel_m = |family: &Family| family.drive.rover.wheel_diameter_m;
-    let mut judged = families.iter().zip(places).filter(|(family, _)| goes_by_wheel(family));
-    let Some((first, _)) = judged.next() else { return };
-    if let Some((other, place)) = judged.find(|(family, _)| wheel_m(family) != wheel_m(first)) {
+    let mut judged =
+        families.iter().zip(places).filter(|(family, _)| !family.hold_out).filter_map(|(family, place)| {
+            let wheel_m = family.label_wheel_m()?;
+            Some((family, wheel_m, place))
+        });
+    let Some((first, first_m, _)) = judged.next() else { return };
+    if let Some((other, other_m, place)) = judged.find(|(_, wheel_m, _)| *wheel_m != first_m) {
         let rule = format!(
-            "labels go by the wheel, which is {} m wide in family '{}' and {} m in '{}', and no column tells a network so: what is as high as one \
-             of them and not as the other it cannot learn",
-            wheel_m(first),
-            first.name,
-            wheel_m(other),
-            other.name
+            "labels go by the wheel, of {first_m} m in family '{}' and of {other_m} m in '{}', and no column tells a network which: what is as high \
+             as one of them and not as the other it cannot learn",
+            first.name, other.name
         );
         let slope = other.cells.labels.max_ground_slope_deg;
         let slope = slope.map_or(String::new(), |slope_deg| format!(",max_ground_slope_deg={slope_deg}"));
         let cure = format!(
             "give all families the rover that the network is for, or train it for that rover's wheel: marsyard train --labels \
-             taller_than_wheel={}{slope}",
-            wheel_m(other)
+             taller_than_wheel={other_m}{slope}"
         );
         remarks.push(Fault::new(place.span("drive"), rule).cure(cure));
     }

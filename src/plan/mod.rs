@@ -14,6 +14,7 @@ use serde::Serialize;
 use serde_json::Value as Json;
 
 use crate::cells::CellParams;
+use crate::cells::params::{LabelParams, ObstacleRule};
 use crate::drive::DriveParams;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::SceneParams;
@@ -83,6 +84,15 @@ pub struct Family {
     pub sweep: SweepParams,
     pub slam: SlamParams,
     pub cells: CellParams,
+}
+
+impl Family {
+    /// The diameter of the wheel that its labels go by, metres; `None` where they go by another rule.
+    pub fn label_wheel_m(&self) -> Option<f64> {
+        let LabelParams { obstacle, rover, .. } = &self.cells.labels;
+        let by_wheel = rover.is_none() && *obstacle == ObstacleRule::TallerThanWheel;
+        by_wheel.then_some(self.drive.rover.wheel_diameter_m)
+    }
 }
 
 impl Plan {

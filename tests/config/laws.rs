@@ -179,7 +179,7 @@ fn law_wheels_that_no_column_tells_are_remarked() {
     assert_eq!(remarks("configs/broad.yaml", &[]), [""; 0]);
     let said = remarks("configs/mixed.yaml", &[]);
     assert_eq!(said.len(), 1, "{said:?}");
-    let told = "the wheel, which is 0.1 m wide in family 'rock_field' and 0.222 m in 'builders_yard', and no column tells a network so";
+    let told = "the wheel, of 0.1 m in family 'rock_field' and of 0.222 m in 'builders_yard', and no column tells a network which";
     assert!(said[0].starts_with("configs/mixed.yaml:") && said[0].contains(told), "{said:?}");
     assert!(said[0].ends_with("train --labels taller_than_wheel=0.222,max_ground_slope_deg=45"), "{said:?}");
     // One height for all is another matter, and so is a family that is only judged by.

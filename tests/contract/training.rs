@@ -178,6 +178,23 @@ fn law_another_rule_gives_other_labels_and_is_recorded() {
 }
 
 #[test]
+fn law_labels_that_go_by_several_wheels_are_told() {
+    let yard = Yard::new();
+    let families = "families=[{name: a, weight: 1}, {name: b, weight: 1, drive: {rover: husky-a200}}]";
+    yard.generate(&corpus_config(), "corpus", &["--set", families, "--set", "cells.labels.max_ground_slope_deg=45"]);
+    let said = |out: &str, more: &[&str]| {
+        let output = train(&yard, out, more);
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr).to_owned()
+    };
+    let told = "labels go by wheels of 0.1 m, 0.3302 m, and no column tells the network which";
+    let cure = "--labels taller_than_wheel=0.1,max_ground_slope_deg=45";
+    let said_of_both = said("both", &[]);
+    assert!(said_of_both.contains(told) && said_of_both.contains(cure), "{said_of_both}");
+    assert!(!said("one", &["--labels", "taller_than_wheel=0.1,max_ground_slope_deg=45"]).contains("labels go by"));
+}
+
+#[test]
 #[ignore = "builds two corpora of 20 and 400 shards: cargo test --release --test contract memory -- --ignored"]
 fn law_memory_does_not_grow_with_the_corpus() {
     let yard = Yard::new();
