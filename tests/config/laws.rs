@@ -176,7 +176,7 @@ fn law_wheels_that_no_column_tells_are_remarked() {
         let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
         load_with_remarks(Path::new(config), &sets).unwrap_or_else(|error| panic!("{}", error.lines())).1
     };
-    assert_eq!(remarks("configs/broad.yaml", &[]), [""; 0]);
+    assert_eq!(remarks("scripts/broad.yaml", &[]), [""; 0]);
     let said = remarks("configs/mixed.yaml", &[]);
     assert_eq!(said.len(), 1, "{said:?}");
     let told = "the wheel, of 0.1 m in family 'rock_field' and of 0.222 m in 'builders_yard', and no column tells a network which";
