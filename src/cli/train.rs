@@ -20,7 +20,7 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::{Build, CorpusError, LocalFolder, Split};
 use crate::evaluate::{Brief, EvaluateError, FamilyFacts, Options, evaluate_into, evaluation_folder};
 use crate::plan::Plan;
-use crate::train::corpora::{self, CorpusToLearn, Joined, unknown_yards};
+use crate::train::corpora::{self, CorpusToLearn, unknown_yards};
 use crate::train::filter::{Counters, MOST_WEIGHT};
 use crate::train::generalisation::Generalisation;
 use crate::train::numbered::numbered;
@@ -137,8 +137,8 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
         );
     }
     joined.sources.shared_scenes.iter().for_each(|leak| tracing::warn!("{leak}"));
-    if joined.wheels_m.len() > 1 {
-        tracing::warn!(event = "wheels", "{}", several_wheels(&joined));
+    if let Some([rule, cure]) = &joined.several_wheels {
+        tracing::warn!(event = "wheels", "{rule}; {cure}");
     }
     let setup = Setup {
         config_yaml: config::train_yaml(&params),
@@ -165,22 +165,10 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
             run.report(progress.rows_here() == 0, &times(&progress, args)).map_err(train_failure).map_err(goes_on)?;
             tell_course(&setup.out, &summary, &progress, log);
             let judged = evaluate_on_test(args, &setup, &tests, log);
-            tell_end(args, &setup.out, &summary, log);
+            tell_end(args, &setup, &summary, log);
             judged.map_err(goes_on)
         }
     }
-}
-
-/// That labels go by the wheels of several rovers, and what to do about it.
-fn several_wheels(joined: &Joined) -> String {
-    let wheels: Vec<String> = joined.wheels_m.iter().map(|wheel_m| format!("{wheel_m} m")).collect();
-    let slope = joined.origin.cells.labels.max_ground_slope_deg;
-    let slope = slope.map_or(String::new(), |slope_deg| format!(",max_ground_slope_deg={slope_deg}"));
-    format!(
-        "labels go by wheels of {}, and no column tells the network which; for a rover of one of them: --labels taller_than_wheel={}{slope}",
-        wheels.join(", "),
-        joined.wheels_m[0]
-    )
 }
 
 /// A corpus to learn from, with the weight behind it.
@@ -335,7 +323,8 @@ fn of_more_scenes(found: &Generalisation) -> String {
 }
 
 /// What came of it, last of all: what stands above may have scrolled off.
-fn tell_end(args: &TrainArgs, out: &Path, summary: &Summary, log: LogFormat) {
+fn tell_end(args: &TrainArgs, setup: &Setup, summary: &Summary, log: LogFormat) {
+    let out = &setup.out;
     let best = summary.best;
     let error = best.validation_error.unwrap_or(f64::NAN);
     let untrained = (best.rows == 0).then_some(UNTRAINED);
@@ -346,7 +335,10 @@ fn tell_end(args: &TrainArgs, out: &Path, summary: &Summary, log: LogFormat) {
         return;
     }
     let corpora = args.corpora.iter().map(|(path, _)| path.display());
-    corpora.for_each(|corpus| errln!("all of it: marsyard evaluate {} {corpus}", out.display()));
+    // Judged by the corpus's own labels it would be another network's task.
+    let labels = setup.params.labels.as_ref().and_then(|rule| serde_json::to_string(rule).ok());
+    let labels = labels.map_or(String::new(), |rule| format!(" --labels '{rule}'"));
+    corpora.for_each(|corpus| errln!("all of it: marsyard evaluate {} {corpus}{labels}", out.display()));
     untrained.iter().for_each(|note| errln!("warning: {note}"));
     errln!(
         "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",

@@ -108,7 +108,6 @@ impl Loader {
             families: Vec::new(),
             files: Vec::new(),
         };
-        let mut places = Vec::with_capacity(families.len());
         for (i, (mut family, place)) in families.into_iter().enumerate() {
             if let Some(head) = document.families.get(i) {
                 (family.weight, family.hold_out) = (head.weight, head.hold_out);
@@ -116,9 +115,8 @@ impl Loader {
             let file = self.read_height_map(&mut family.scene, &place);
             plan.files.extend(file.filter(|file| !plan.files.contains(file)));
             plan.families.push(family);
-            places.push(place);
         }
-        remarks::of_families(&plan.families, &places, &mut self.remarks);
+        remarks::of_families(&plan.families, &KeyPath { root: &root }, &mut self.remarks);
         Some(plan)
     }
 

@@ -5,12 +5,14 @@
 use super::error::Fault;
 use super::key_path::KeyPath;
 use crate::drive::rover::Chassis;
-use crate::plan::Family;
+use crate::plan::{Family, several_wheels};
 use crate::slam::{FastslamParams, SlamParams};
 
-/// What families say only together; `places` in their order.
-pub(crate) fn of_families(families: &[Family], places: &[KeyPath], remarks: &mut Vec<Fault>) {
-    wheels_that_no_column_tells(families, places, remarks);
+/// What families say only together; `root`: the document.
+pub(crate) fn of_families(families: &[Family], root: &KeyPath, remarks: &mut Vec<Fault>) {
+    if let Some([rule, cure]) = several_wheels(families.iter()) {
+        remarks.push(Fault::new(root.span("families"), rule).cure(cure));
+    }
 }
 
 pub(crate) fn of_family(family: &Family, place: &KeyPath, remarks: &mut Vec<Fault>) {
@@ -30,31 +32,6 @@ fn range_beyond_the_sensor(family: &Family, place: &KeyPath, remarks: &mut Vec<F
         let rule = format!("cells reach to {max_m} m, but '{}' reports nothing beyond {reach_m} m", sensor.name);
         let cure = "take cells.max_range_m out for the sensor's own reach, or give a smaller one";
         remarks.push(Fault::new(place.span("cells.max_range_m"), rule).cure(cure));
-    }
-}
-
-/// Labels go by the wheel, and no column holds it: where training families have several, what stands between them is an obstacle for
-/// no reason that could be learnt.
-fn wheels_that_no_column_tells(families: &[Family], places: &[KeyPath], remarks: &mut Vec<Fault>) {
-    let mut judged =
-        families.iter().zip(places).filter(|(family, _)| !family.hold_out).filter_map(|(family, place)| {
-            let wheel_m = family.label_wheel_m()?;
-            Some((family, wheel_m, place))
-        });
-    let Some((first, first_m, _)) = judged.next() else { return };
-    if let Some((other, other_m, place)) = judged.find(|(_, wheel_m, _)| *wheel_m != first_m) {
-        let rule = format!(
-            "labels go by the wheel, of {first_m} m in family '{}' and of {other_m} m in '{}', and no column tells a network which: what is as high \
-             as one of them and not as the other it cannot learn",
-            first.name, other.name
-        );
-        let slope = other.cells.labels.max_ground_slope_deg;
-        let slope = slope.map_or(String::new(), |slope_deg| format!(",max_ground_slope_deg={slope_deg}"));
-        let cure = format!(
-            "give all families the rover that the network is for, or train it for that rover's wheel: marsyard train --labels \
-             taller_than_wheel={other_m}{slope}"
-        );
-        remarks.push(Fault::new(place.span("drive"), rule).cure(cure));
     }
 }
 

@@ -11,7 +11,7 @@ use super::leaks::{self, Leak};
 use super::run::Origin;
 use super::{About, Model, Source, Sources, TrainError, TrainParams};
 use crate::corpus::{Split, Yards};
-use crate::plan::{Family, Plan};
+use crate::plan::{Plan, several_wheels};
 
 /// A finished corpus to learn from.
 pub(crate) struct CorpusToLearn {
@@ -26,8 +26,8 @@ pub(crate) struct Joined {
     pub sources: Arc<Sources>,
     /// Of the first corpus.
     pub origin: Origin,
-    /// The wheels that labels of the training families go by, metres, ascending; one or none where `params` have a rule of their own.
-    pub wheels_m: Vec<f64>,
+    /// That labels go by several wheels, and what to do about it; `None` where they do not, or `params` have a rule of their own.
+    pub several_wheels: Option<[String; 2]>,
 }
 
 /// Corpora, at least one, as one training's; scenes in two splits are refused, or with `allow_shared` kept in [`Sources::shared_scenes`].
@@ -38,7 +38,7 @@ pub(crate) fn join(
     allow_shared: bool,
 ) -> Result<Joined, TrainError> {
     let (mut list, mut origins, mut scenes) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut frames, mut overhangs_m, mut wheels_m) = (BTreeSet::new(), Vec::new(), Vec::new());
+    let (mut frames, mut overhangs_m, mut families) = (BTreeSet::new(), Vec::new(), Vec::new());
     for CorpusToLearn { place, mut source, plan } in corpora {
         if !source.yards.known() {
             source.yards.yards = plan.yards();
@@ -48,9 +48,8 @@ pub(crate) fn join(
         scenes.push(Scenes { place: place.clone(), yards, rows_hash, shards });
         frames.extend(plan.families.iter().map(|family| family.cells.frame));
         overhangs_m.extend(plan.families.iter().map(|family| family.cells.above_m()));
-        let learnt = plan.families.iter().filter(|family| !family.hold_out && params.labels.is_none());
-        wheels_m.extend(learnt.filter_map(Family::label_wheel_m));
         origins.push((place, Origin::of(&plan.families[0])));
+        families.extend(plan.families);
         list.push(source);
     }
     if let Some((first, others)) = origins.split_first() {
@@ -70,9 +69,8 @@ pub(crate) fn join(
     if overhangs_m.len() > 1 {
         origin.overhangs_m = overhangs_m;
     }
-    wheels_m.sort_by(f64::total_cmp);
-    wheels_m.dedup();
-    Ok(Joined { sources: Arc::new(sources), origin, wheels_m })
+    let several_wheels = several_wheels(families.iter()).filter(|_| params.labels.is_none());
+    Ok(Joined { sources: Arc::new(sources), origin, several_wheels })
 }
 
 /// Features mean the same on the same grid only.

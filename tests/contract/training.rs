@@ -187,11 +187,20 @@ fn law_labels_that_go_by_several_wheels_are_told() {
         assert!(output.status.success(), "{}", text(&output.stderr));
         text(&output.stderr).to_owned()
     };
-    let told = "labels go by wheels of 0.1 m, 0.3302 m, and no column tells the network which";
-    let cure = "--labels taller_than_wheel=0.1,max_ground_slope_deg=45";
-    let said_of_both = said("both", &[]);
-    assert!(said_of_both.contains(told) && said_of_both.contains(cure), "{said_of_both}");
-    assert!(!said("one", &["--labels", "taller_than_wheel=0.1,max_ground_slope_deg=45"]).contains("labels go by"));
+    let (of_both, rule) = (said("both", &[]), "taller_than_wheel=0.1,max_ground_slope_deg=45");
+    let told = "labels go by the wheels of 2 rovers (0.1, 0.3302 m)";
+    assert!(of_both.contains(told) && of_both.contains("train --labels taller_than_wheel="), "{of_both}");
+    let of_one = said("one", &["--labels", rule]);
+    assert!(!of_one.contains("labels go by"), "{of_one}");
+    // What it says to judge by is the rule that was learnt.
+    let [_, labels, _] = of_one.splitn(3, '\'').collect::<Vec<_>>()[..] else { panic!("{of_one}") };
+    assert!(of_one.contains(&format!("marsyard evaluate one corpus --labels '{labels}'")), "{of_one}");
+    let judged = yard.marsyard(["evaluate", "one", "corpus", "--labels", labels, "--json"]);
+    assert!(judged.status.success(), "{}", text(&judged.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&judged.stdout).expect("JSON");
+    let trained = std::fs::read(yard.path("one/evaluation.json")).expect("the training's own report");
+    let trained: serde_json::Value = serde_json::from_slice(&trained).expect("JSON");
+    assert_eq!(report["groups"], trained["groups"]);
 }
 
 #[test]

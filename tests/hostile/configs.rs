@@ -62,6 +62,7 @@ fn shipped(which: usize) -> Vec<u8> {
         "configs/mixed.yaml",
         "tests/fixtures/everything.yaml",
         "tests/fixtures/training.yaml",
+        "configs/holes.yaml",
     ];
     std::fs::read(files[which]).expect("a shipped config")
 }
@@ -108,7 +109,7 @@ proptest! {
     #![proptest_config(cases(120))]
 
     #[test]
-    fn extreme_broken_corpus_configs_give_a_plan_or_faults(which in 0..6usize, edits in edits(TOKENS)) {
+    fn extreme_broken_corpus_configs_give_a_plan_or_faults(which in 0..7usize, edits in edits(TOKENS)) {
         let folder = tempfile::tempdir().expect("a folder");
         let _ = load_text(folder.path(), "corpus.yaml", &apply(&shipped(which), &edits));
     }
@@ -174,7 +175,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 
 #[test]
 fn the_files_that_are_broken_above_are_whole() {
-    for which in 0..6 {
+    for which in 0..7 {
         let folder = tempfile::tempdir().expect("a folder");
         load_text(folder.path(), "corpus.yaml", &shipped(which)).expect("a plan");
     }

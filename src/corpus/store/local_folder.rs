@@ -45,7 +45,8 @@ impl LocalFolder {
     /// of the same corpus may have made it since it was looked for.
     fn refuse_broken_link(&self) -> Result<(), CorpusError> {
         let is_link = fs::symlink_metadata(&self.root).is_ok_and(|facts| facts.is_symlink());
-        if !is_link || fs::metadata(&self.root).is_ok() {
+        let leads_nowhere = || fs::metadata(&self.root).is_err_and(|error| error.kind() == ErrorKind::NotFound);
+        if !is_link || !leads_nowhere() {
             return Ok(());
         }
         let (reason, cure) = ("it is a link to a folder that is not there", "make that folder, or remove the link");
