@@ -17,8 +17,8 @@ judged by the one of its rover. Those that are not for the wheel have their corp
 family, of broad.yaml those of one rover (husky-a200). Beside the default network learn the Kalman filter (configs/train/ekf.yaml) on mixed.yaml at the
 smallest size, and trees (LightGBM, held_out.py) on the default's columns, of mixed.yaml at the smallest size and of broad.yaml at the middle one, this with the first seed
 alone. One threshold on the height difference within a cell is chosen on the validation scenes of mixed.yaml at the middle size. None of them has
-seen a fresh yard. Beside them stand trees that learnt from other yards of the fresh families, another seed's: what they leave of the error is in
-the columns and labels. All are judged on the same scenes at 0.5; see held_out.py for the intervals.
+seen a fresh yard. Beside them stand trees that learnt from other yards of the fresh families, another seed's, with the labels of its rovers: what they leave of the error is
+in the columns, the labels, the wheel that they are not told, and the number of scenes. All are judged on the same scenes at 0.5; see held_out.py for the intervals.
 
 What comes out: of the network of mixed.yaml at the middle size, for the wheel, the rates by fresh family, and what its probabilities and
 `--doubtful 1%` are worth there (doubt.py); of each learner the mean of the families, the worst one, and the paired differences to that network; and
@@ -78,7 +78,7 @@ class Yards:
     """Families to be judged on: their cells, and the wheel of each."""
 
     def __init__(self, marsyard, name, scenes):
-        self.name, self.path = name, HERE / f"{name}_families.yaml"
+        self.path = HERE / f"{name}_families.yaml"
         config = yaml.safe_load(self.path.read_text())
         self.place = marsyard.corpus(f"{name}-{scenes}", self.path, [], scenes, held_out.PER_SHARD)
         self.families = families_of(self.place)
@@ -131,18 +131,17 @@ class Studied:
 
     def network(self, learner, corpus, sets=(), for_wheel=True, seeds=None):
         """Trains the networks of a learner."""
-        of_seeds = []
+        of_seeds = {}
         for seed in seeds or self.seeds:
             by_wheel = {}
             for wheel in self.wheels if for_wheel else [None]:
                 name = f"{learner}-{wheel or 'own labels'}".replace(" ", "-").replace(",", "").replace(".yaml", "")
                 run = self.marsyard.train(name, [corpus], seed, [*sets, *([labels_for(wheel)] if wheel else [])])
                 by_wheel[wheel] = Network(self.marsyard, run)
-            of_seeds.append(by_wheel)
-        self.networks[learner] = of_seeds
+            of_seeds[seed] = by_wheel
+        self.networks[learner] = list(of_seeds.values())
         pick = lambda by_wheel, wheel: by_wheel.get(wheel) or by_wheel[None]
-        self.learners[learner] = {seed: lambda wheel, cells, of=of: outputs(pick(of, wheel).exported, cells)
-                                  for seed, of in zip(seeds or self.seeds, of_seeds)}
+        self.learners[learner] = {seed: lambda wheel, cells, of=of: outputs(pick(of, wheel).exported, cells) for seed, of in of_seeds.items()}
 
     def trees(self, learner, corpus, seeds, for_wheel=True):
         models = {}
