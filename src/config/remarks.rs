@@ -5,12 +5,12 @@
 use super::error::Fault;
 use super::key_path::KeyPath;
 use crate::drive::rover::Chassis;
-use crate::plan::{Family, several_wheels};
+use crate::plan::{Family, unlike_labels};
 use crate::slam::{FastslamParams, SlamParams};
 
 /// What families say only together; `root`: the document.
 pub(crate) fn of_families(families: &[Family], root: &KeyPath, remarks: &mut Vec<Fault>) {
-    if let Some([rule, cure]) = several_wheels(families.iter()) {
+    if let Some([rule, cure]) = unlike_labels(families.iter()) {
         remarks.push(Fault::new(root.span("families"), rule).cure(cure));
     }
 }

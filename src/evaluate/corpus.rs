@@ -165,6 +165,7 @@ pub fn evaluate(
     if options.labels.is_some() {
         notes.push("labels were derived anew from the truth columns by another rule than the corpus's".to_string());
     }
+    notes.extend(model.other_labels(options.labels.as_ref()));
     if judge.not_finite_cells > 0 {
         notes.push(format!("{} cells were left out: a feature is NaN or infinite", judge.not_finite_cells));
     }

@@ -41,6 +41,8 @@
 //! #         calibration: None,
 //! #         frames: Vec::new(),
 //! #         overhangs_m: Vec::new(),
+//! #         reach_m: None,
+//! #         labels: None,
 //! #     };
 //! #     Model { network: Network { layout, weights: vec![1.0, 0.0, 4.0, -2.0] }, about, sha256: None }
 //! # };

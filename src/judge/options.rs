@@ -108,7 +108,7 @@ pub(crate) struct Setup {
 
 impl Setup {
     pub(super) fn of(options: &Options, about: &About) -> Result<Setup, JudgeError> {
-        let max_range_m = options.max_range_m.or(about.cells.max_range_m).unwrap_or(about.sensor.max_range_m);
+        let max_range_m = options.max_range_m.unwrap_or_else(|| about.reaches_m());
         if !(max_range_m > 0.0 && max_range_m.is_finite()) {
             return Err(JudgeError::MaxRange { max_range_m });
         }

@@ -6,6 +6,7 @@
 
 mod card;
 mod fidelity;
+mod labels;
 mod split;
 
 use std::collections::BTreeSet;
@@ -14,7 +15,6 @@ use serde::Serialize;
 use serde_json::Value as Json;
 
 use crate::cells::CellParams;
-use crate::cells::params::{LabelParams, ObstacleRule};
 use crate::drive::DriveParams;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::SceneParams;
@@ -23,6 +23,7 @@ use crate::sweep::SweepParams;
 
 pub use card::CardParams;
 pub use fidelity::Fidelity;
+pub(crate) use labels::unlike_labels;
 pub use split::{Split, Table};
 
 /// The sections of a family, in the order of the flow.
@@ -84,34 +85,6 @@ pub struct Family {
     pub sweep: SweepParams,
     pub slam: SlamParams,
     pub cells: CellParams,
-}
-
-impl Family {
-    /// The diameter of the wheel that its labels go by, metres; `None` where they go by another rule.
-    fn label_wheel_m(&self) -> Option<f64> {
-        let LabelParams { obstacle, rover, .. } = &self.cells.labels;
-        let by_wheel = rover.is_none() && *obstacle == ObstacleRule::TallerThanWheel;
-        by_wheel.then_some(self.drive.rover.wheel_diameter_m)
-    }
-}
-
-/// Says of training families whose labels go by wheels of several sizes what that means, and what to do about it. No column holds the
-/// wheel: what stands between two of them is an obstacle for no reason that could be learnt.
-pub(crate) fn several_wheels<'f>(families: impl Iterator<Item = &'f Family>) -> Option<[String; 2]> {
-    let mut wheels_m: Vec<f64> = families.filter(|family| !family.hold_out).filter_map(Family::label_wheel_m).collect();
-    wheels_m.sort_by(f64::total_cmp);
-    wheels_m.dedup();
-    let [smallest_m, .., largest_m] = wheels_m[..] else { return None };
-    let wheels: Vec<String> = wheels_m.iter().map(f64::to_string).collect();
-    let rule = format!(
-        "labels go by the wheels of {} rovers ({} m), and no column tells a network which: what stands between {smallest_m} and {largest_m} m tall is \
-         an obstacle in some families and none in others",
-        wheels.len(),
-        wheels.join(", ")
-    );
-    let cure = "give all families the rover that the network is for, or train it for that rover's wheel, the other limits of cells.labels behind \
-                commas: marsyard train --labels taller_than_wheel=DIAMETER_M,max_ground_slope_deg=45";
-    Some([rule, cure.into()])
 }
 
 impl Plan {

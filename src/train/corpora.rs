@@ -11,7 +11,7 @@ use super::leaks::{self, Leak};
 use super::run::Origin;
 use super::{About, Model, Source, Sources, TrainError, TrainParams};
 use crate::corpus::{Split, Yards};
-use crate::plan::{Plan, several_wheels};
+use crate::plan::{Family, Plan, unlike_labels};
 
 /// A finished corpus to learn from.
 pub(crate) struct CorpusToLearn {
@@ -26,8 +26,8 @@ pub(crate) struct Joined {
     pub sources: Arc<Sources>,
     /// Of the first corpus.
     pub origin: Origin,
-    /// That labels go by several wheels, and what to do about it; `None` where they do not, or `params` have a rule of their own.
-    pub several_wheels: Option<[String; 2]>,
+    /// That families label by unlike rules, and what to do about it; `None` where they do not, or `params` have a rule of their own.
+    pub unlike_labels: Option<[String; 2]>,
 }
 
 /// Corpora, at least one, as one training's; scenes in two splits are refused, or with `allow_shared` kept in [`Sources::shared_scenes`].
@@ -61,6 +61,10 @@ pub(crate) fn join(
         return Err(TrainError::SharedScenes { leaks: sources.shared_scenes.join("; ") });
     }
     let (_, mut origin) = origins.swap_remove(0);
+    let reach_m = |family: &Family| family.cells.max_range_m.unwrap_or(family.sweep.sensor.max_range_m);
+    let learnt = families.iter().filter(|family| !family.hold_out);
+    let farthest_m = learnt.map(reach_m).fold(f64::NEG_INFINITY, f64::max);
+    origin.reach_m = (farthest_m > reach_m(&families[0])).then_some(farthest_m);
     if frames.len() > 1 {
         origin.frames = frames.into_iter().collect();
     }
@@ -69,8 +73,8 @@ pub(crate) fn join(
     if overhangs_m.len() > 1 {
         origin.overhangs_m = overhangs_m;
     }
-    let several_wheels = several_wheels(families.iter()).filter(|_| params.labels.is_none());
-    Ok(Joined { sources: Arc::new(sources), origin, several_wheels })
+    let unlike_labels = unlike_labels(families.iter()).filter(|_| params.labels.is_none());
+    Ok(Joined { sources: Arc::new(sources), origin, unlike_labels })
 }
 
 /// Features mean the same on the same grid only.

@@ -18,7 +18,7 @@ use super::leaks::LearntFrom;
 use super::operating_point::MOST_THRESHOLDS;
 use super::{Layout, Network, OperatingPoint, Scaler};
 use crate::cells::params::{LocalHeightParams, UnseenParams};
-use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, is_gap};
+use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, LabelRule, is_gap};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
@@ -64,6 +64,12 @@ pub struct About {
     /// Its overhang rule's height, metres (`None`: no rule), and all others that it learnt with, where there are several.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overhangs_m: Vec<Option<f64>>,
+    /// How far the cells of any family that it learnt from reach, metres, where that is farther than the first family's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reach_m: Option<f64>,
+    /// The rule that it learnt labels by; none where it learnt the corpora's own, and in models from before this was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub labels: Option<LabelRule>,
     pub rover: Rover,
     pub sensor: Sensor,
     /// Position and angles of the sensor on the rover: x, y, z in metres, yaw, pitch, roll in degrees.
@@ -80,6 +86,13 @@ pub struct About {
     /// What its outputs meant on the validation scenes; none where these lack a class, and in models of formats 1 and 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
+}
+
+impl About {
+    /// How far the cells that it learnt from reach, metres.
+    pub(crate) fn reaches_m(&self) -> f64 {
+        self.reach_m.or(self.cells.max_range_m).unwrap_or(self.sensor.max_range_m)
+    }
 }
 
 /// What files from before there were several say of members.
@@ -246,6 +259,16 @@ impl Model {
         Some(told)
     }
 
+    /// What to tell where a model that learnt labels by a rule of its own is judged by others (`None`: the corpus's own).
+    pub(crate) fn other_labels(&self, judged_by: Option<&LabelRule>) -> Option<String> {
+        let learnt = self.about.labels.as_ref().filter(|&learnt| judged_by != Some(learnt))?;
+        let rule = serde_json::to_string(learnt).expect("a rule is plain data");
+        let by = if judged_by.is_some() { "another rule" } else { "the corpus's own labels" };
+        Some(format!(
+            "the model learnt labels by {rule} and is judged by {by}: --labels '{rule}' judges it by what it learnt"
+        ))
+    }
+
     /// The output for one row of features, in the order of `about.features`.
     pub fn output(&self, features: &[f32]) -> f64 {
         self.outputs(features).first().copied().unwrap_or(f64::NAN)
@@ -342,6 +365,9 @@ impl Model {
         if about.overhangs_m.iter().flatten().any(|m| !(0.0..=SANE).contains(m)) {
             return Some("an overhang rule whose height is not a number from 0 on".into());
         }
+        if about.reach_m.is_some_and(|m| !(0.0..=SANE).contains(&m)) {
+            return Some("a reach that is not a number from 0 on".into());
+        }
         if !finite(&about.mount) {
             return Some("a mount that is not finite".into());
         }
@@ -350,6 +376,7 @@ impl Model {
         }
         let sections = [
             ("cells", about.cells.validate().err()),
+            ("labels", about.labels.as_ref().and_then(|rule| rule.validate().err())),
             ("rover", about.rover.validate().err()),
             ("sensor", about.sensor.validate().err()),
         ];

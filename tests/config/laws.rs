@@ -192,6 +192,57 @@ fn law_wheels_that_no_column_tells_are_remarked() {
 }
 
 #[test]
+fn law_rules_of_labels_that_no_column_tells_are_remarked_with_what_trains_by_one() {
+    let told = |ours: &str, theirs: &str| {
+        let of = |name: &str, labels: &str| format!("{{name: {name}, weight: 1, cells: {{labels: {{{labels}}}}}}}");
+        let sets = [format!("families=[{}, {}]", of("a", ours), of("b", theirs))];
+        let remarks = load_with_remarks(Path::new("configs/quickstart.yaml"), &sets);
+        let remarks = remarks.unwrap_or_else(|error| panic!("{}", error.lines())).1;
+        assert!(remarks.len() <= 1, "{remarks:?}");
+        remarks.into_iter().next().unwrap_or_default()
+    };
+    let wheel = "obstacle: taller_than_wheel";
+    for [ours, theirs, rule, cure] in [
+        [wheel, wheel, "", ""],
+        ["obstacle: all, max_drop_m: 0.2", "obstacle: all, max_drop_m: 0.2", "", ""],
+        [
+            "obstacle: {taller_than_m: 0.3}, max_ground_slope_deg: 30, max_drop_m: 0.2",
+            "obstacle: {taller_than_m: 0.2}, max_ground_slope_deg: 30, max_drop_m: 0.2",
+            "labels go by 2 heights of obstacles (0.2, 0.3 m), and no column tells a network which: what stands between 0.2 and 0.3 m tall is",
+            "marsyard train --labels taller_than_wheel=DIAMETER_M,max_ground_slope_deg=30,max_drop_m=0.2",
+        ],
+        [
+            "obstacle: {taller_than_m: 0.2}, max_ground_slope_deg: 30",
+            "obstacle: {taller_than_m: 0.2}, max_ground_slope_deg: 20",
+            "labels go by unlike slopes of the ground (20, 30 degrees), and no column tells a network which: what looks the same is",
+            "train by one: marsyard train --labels taller_than_m=0.2,max_ground_slope_deg=DEGREES",
+        ],
+        [
+            "obstacle: all, max_drop_m: 0.2",
+            "obstacle: all, max_drop_m: 0.25",
+            "labels go by unlike drops (0.2, 0.25 m), and no column",
+            "marsyard train --labels all,max_drop_m=METRES",
+        ],
+        [
+            "obstacle: all, min_obstacle_points: 2",
+            "obstacle: all",
+            "labels go by unlike counts of points (1, 2), and no column",
+            "train --labels counts no points",
+        ],
+        [
+            "rover: {max_step_m: 0.05}",
+            "rover: {max_step_m: 0.1}",
+            "labels go by what unlike rovers can cross (cells.labels.rover), and no column",
+            "or build a corpus for each rover",
+        ],
+    ] {
+        let said = told(ours, theirs);
+        assert_eq!(said.is_empty(), rule.is_empty(), "{ours} | {theirs}: {said}");
+        assert!(said.contains(rule) && said.ends_with(cure), "{ours} | {theirs}: {said}");
+    }
+}
+
+#[test]
 fn exact_a_plan_holds_the_free_height_that_its_rover_needs_and_other_plans_stay_as_they_were() {
     let above_m =
         |sets: &[&str]| plan(sets).families[0].cells.overhang.map(|overhang| overhang.above_m.expect("resolved"));

@@ -202,6 +202,8 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         calibration: None,
         frames: Vec::new(),
         overhangs_m: Vec::new(),
+        reach_m: None,
+        labels: None,
     };
     Model { network: Network { layout, weights }, about, sha256: None }
 }

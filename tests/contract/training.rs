@@ -201,6 +201,9 @@ fn law_labels_that_go_by_several_wheels_are_told() {
     let trained = std::fs::read(yard.path("one/evaluation.json")).expect("the training's own report");
     let trained: serde_json::Value = serde_json::from_slice(&trained).expect("JSON");
     assert_eq!(report["groups"], trained["groups"]);
+    let judged = yard.marsyard(["evaluate", "one", "corpus"]);
+    let told = format!("is judged by the corpus's own labels: --labels '{labels}' judges it by what it learnt");
+    assert!(judged.status.success() && text(&judged.stdout).contains(&told), "{}", text(&judged.stdout));
 }
 
 #[test]

@@ -56,7 +56,8 @@ pub(in crate::cli) struct ClassifyArgs {
     #[arg(long, value_name = "DEG")]
     pub(super) sigma_yaw: Option<f64>,
 
-    /// Points farther than this from the sensor (horizontally) are left out, metres. Default: as in training.
+    /// Points farther than this from the sensor (horizontally) are left out, metres. Default: as in training,
+    /// of the family that reaches farthest.
     #[arg(long, value_name = "M")]
     pub(super) max_range: Option<f64>,
     /// Scans (up to this many, each cloud the last of its window) whose points are put together. Default: as in training.

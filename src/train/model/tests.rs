@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::cells::Obstacle;
 use crate::math;
 use crate::train::operating_point::class;
 use crate::train::{Layout, NormalScores};
@@ -50,6 +51,8 @@ pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias
         }),
         frames: Vec::new(),
         overhangs_m: Vec::new(),
+        reach_m: None,
+        labels: None,
     };
     Model { network: Network { layout, weights }, about, sha256: None }
 }
@@ -375,6 +378,37 @@ fn exact_an_overhang_rule_that_a_model_never_learnt_is_told_and_the_file_keeps_a
     model.about.overhangs_m = vec![None, Some(0.6)];
     assert_eq!([None, Some(0.6)].map(|m| model.other_overhang(m)), [None, None]);
     model.about.overhangs_m = vec![Some(-1.0)];
+    assert!(model.fault().is_some());
+}
+
+#[test]
+fn exact_the_rule_of_labels_is_kept_and_another_is_told() {
+    let mut model = model(&["mean_height_m"], &[2], true);
+    let taller = |height_m| LabelRule { obstacle: Obstacle::TallerThanWheel(height_m), ..LabelRule::default() };
+    assert_eq!(model.other_labels(Some(&taller(0.1))), None);
+    model.about.labels = Some(taller(0.2));
+    let again = Model::load(&model.save().unwrap()).unwrap();
+    assert_eq!(again.about.labels, model.about.labels);
+    assert_eq!(again.other_labels(Some(&taller(0.2))), None);
+    let told = again.other_labels(None).unwrap();
+    assert!(
+        told.contains("judged by the corpus's own labels: --labels '{\"obstacle\":{\"taller_than_wheel\":0.2}"),
+        "{told}"
+    );
+    assert!(again.other_labels(Some(&taller(0.1))).unwrap().contains("is judged by another rule"));
+    model.about.labels = Some(taller(-1.0));
+    assert!(model.fault().is_some_and(|fault| fault.starts_with("its labels: ")));
+}
+
+#[test]
+fn exact_a_model_reaches_as_far_as_the_farthest_family_that_it_learnt_from() {
+    let mut model = model(&["mean_height_m"], &[2], true);
+    assert_eq!(model.about.reaches_m(), model.about.sensor.max_range_m);
+    model.about.cells.max_range_m = Some(3.0);
+    assert_eq!(model.about.reaches_m(), 3.0);
+    model.about.reach_m = Some(15.0);
+    assert_eq!(Model::load(&model.save().unwrap()).unwrap().about.reaches_m(), 15.0);
+    model.about.reach_m = Some(-1.0);
     assert!(model.fault().is_some());
 }
 

@@ -59,6 +59,8 @@ pub struct Origin {
     pub frames: Vec<CellFrame>,
     /// As [`About::overhangs_m`](crate::train::About::overhangs_m).
     pub overhangs_m: Vec<Option<f64>>,
+    /// As [`About::reach_m`](crate::train::About::reach_m).
+    pub reach_m: Option<f64>,
     pub rover: Rover,
     pub sensor: Sensor,
     pub mount: [f64; 6],
@@ -74,6 +76,7 @@ impl Origin {
             cells: family.cells.clone(),
             frames: Vec::new(),
             overhangs_m: Vec::new(),
+            reach_m: None,
             mount: family.sweep.mount.as_ref().map_or(own, |mount| mount.middle(own)),
             rover: (**rover).clone(),
             sensor: (*family.sweep.sensor).clone(),

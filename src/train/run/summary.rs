@@ -147,6 +147,8 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         cells: origin.cells.clone(),
         frames: origin.frames.clone(),
         overhangs_m: origin.overhangs_m.clone(),
+        reach_m: origin.reach_m,
+        labels: params.labels.clone(),
         rover: origin.rover.clone(),
         sensor: origin.sensor.clone(),
         mount: origin.mount,

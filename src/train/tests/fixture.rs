@@ -104,6 +104,7 @@ pub(super) fn origin() -> Origin {
     Origin {
         frames: Vec::new(),
         overhangs_m: Vec::new(),
+        reach_m: None,
         cells: CellParams::default(),
         rover: serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).unwrap(),
         sensor: serde_saphyr::from_str::<Sensor>(include_str!("../../../configs/sensors/urg-04lx.yaml")).unwrap(),

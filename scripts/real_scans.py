@@ -1,0 +1,220 @@
+"""What networks that learnt from simulated yards alone are worth on real scans that people have labelled.
+
+Usage:  cargo build --release
+        python scripts/real_scans.py --data FOLDER [--sizes 140,400,2000] [--seeds 1,2,3] [--quick]
+
+FOLDER holds the scans that scripts/real_scans.yaml lists (it says where they come from): KITTI .bin files with their .label files, the height of the
+sensor, and which file of configs/labels says what a small rover can cross. No network, no setting and no yard was chosen by them; whoever
+decides something by a figure of this study needs other scans.
+
+What goes in: corpora of configs/mixed.yaml at each size, at the middle one of scripts/broad.yaml too, and quickstart.yaml and paper.yaml as they stand. Networks by
+default learn them, with the labels as they are and, of the largest corpus, for the wheels of two rovers (`train --labels`); at the middle size the Kalman
+filter (configs/train/ekf.yaml) and trees (LightGBM, held_out.py) too. One threshold on the height difference within a cell is chosen on the validation scenes of the largest corpus.
+
+Each scan is read by `marsyard classify --sensor-height`, as a user without poses would: it fits the ground, levels the scan and bins it. A cell with a
+point that people call an obstacle is untraversable, one whose points they call ground is traversable; points without a label count in
+the features and nowhere else, and cells of none but those are not judged. quickstart.yaml and paper.yaml have other columns and reach less far, so that their networks judge other cells, the nearer ones.
+
+Scans of one place are of one view, a tenth of a second apart. So rates are of all scans of a place together, means are over places, and
+intervals of 95 % come from draws of places and of trainings; paired where learners are compared. Twelve places are few.
+
+What comes out: rates of each place by the default network, its probabilities and what `--doubtful 1%` leaves; and of each learner the mean over places, how it compares
+with the first, and the mean of each kind of place.
+
+Needs numpy, pyarrow, pyyaml, lightgbm, scikit-learn and scipy. Writes real_scans.json and real_scans.md into scripts/results.
+"""
+
+import argparse
+import pathlib
+import shutil
+
+import numpy as np
+import pyarrow.parquet as parquet
+import yaml
+
+import held_out
+import study
+from compare_measures import best_threshold
+from doubt import Network, calibration_error, doubtful_row, log_loss
+from transfer import outputs
+
+HERE = study.ROOT / "scripts"
+CONFIGS = study.ROOT / "configs"
+HEIGHT = "height_difference_m"
+ALLOWED = 0.01
+#: Wheels of the shipped pioneer-3at and husky-a200, metres.
+WHEELS = [0.222, 0.3302]
+DRAWS = 10_000
+
+
+def for_wheel(diameter_m):
+    """The labels of mixed.yaml for a rover with such wheels."""
+    return [f"labels={{obstacle: {{taller_than_wheel: {diameter_m}}}, max_ground_slope_deg: 45}}"]
+
+
+class Places:
+    """Where the scans are from, and what `classify` makes of them for a network's columns."""
+
+    def __init__(self, marsyard, data, quick):
+        self.marsyard, self.data, self.quick = marsyard, data, quick
+        self.list = yaml.safe_load((HERE / "real_scans.yaml").read_text())["places"]
+        self.names = [place["name"] for place in self.list]
+        self.kinds = [place["kind"] for place in self.list]
+        self.scans = [self.scans_of(place) for place in self.list]
+
+    def scans_of(self, place):
+        labelled = lambda scan: scan.with_suffix(".label").exists() or (scan.parents[1] / "labels" / f"{scan.stem}.label").exists()
+        scans = [scan for scan in sorted(self.data.glob(place["scans"])) if labelled(scan)]
+        assert scans, f"{self.data} has no labelled scan {place['scans']}: scripts/real_scans.yaml says where they come from"
+        return scans[:2] if self.quick else scans
+
+    def cells(self, name, run):
+        """The labelled cells as a network of `run` meets them, with the place of each."""
+        found = []
+        for number, (place, scans) in enumerate(zip(self.list, self.scans)):
+            out = self.marsyard.work / "classified" / f"{name}-{place['name']}".replace(" ", "-")
+            if not (out / "cells.parquet").exists():
+                study.note(f"classify {place['name']} for {name}")
+                shutil.rmtree(out, ignore_errors=True)
+                self.marsyard.run("classify", run, *scans, "--sensor-height", place["sensor_height_m"], "--labels", CONFIGS / "labels" / f"{place['labels']}.yaml",
+                                  "--out", out, "--no-pictures")
+            table = parquet.read_table(out / "cells.parquet")
+            table = table.filter(table["label"].is_valid())
+            found.append({column: table[column].to_numpy() for column in table.column_names} | {"place": np.full(len(table), number)})
+        return {column: np.concatenate([of[column] for of in found]) for column in found[0]}
+
+
+class Learner:
+    """Scores of its trainings on its cells."""
+
+    def __init__(self, places, cells, scores):
+        self.cells, self.scores = cells, scores
+        called = lambda of: np.stack([np.bincount(cells["place"][kind], minlength=len(places.names)) for kind in kinds(cells["label"] == 1, of >= 0.5)], axis=1)
+        self.rates = held_out.rates(np.array([called(of) for of in scores], dtype=float))
+        # Apart, so that learners of other numbers of trainings have the draws of places in common.
+        trainings, count = len(scores), len(places.names)
+        drawn = np.random.default_rng(1).integers(count, size=(DRAWS, count))
+        of_trainings = np.random.default_rng([1, trainings]).integers(trainings, size=(DRAWS, trainings))
+        by_training = np.stack([of[drawn].mean(axis=1) for of in self.rates], axis=1)
+        self.draws = np.take_along_axis(by_training, of_trainings[:, :, None], axis=1).mean(axis=1)
+
+    def mean(self, rate=2):
+        """The mean over places of a rate (missed, false, balanced accuracy), and its draws."""
+        return self.rates[:, :, rate].mean(), self.draws[:, rate]
+
+    def of_kind(self, kinds_of_places, kind):
+        return self.rates[:, [of == kind for of in kinds_of_places], 2].mean()
+
+
+def kinds(untraversable, called):
+    return [untraversable & ~called, untraversable & called, ~untraversable & called, ~untraversable & ~called]
+
+
+class Studied:
+    """All learners, by name; the first is the default network of the largest corpus."""
+
+    def __init__(self, marsyard, places, sizes, seeds, shown):
+        self.marsyard, self.places, self.seeds, self.learners, self.cells_of = marsyard, places, seeds, {}, {}
+        corpora = {size: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}
+        small, middle, large = sizes
+        self.networks = self.network(f"mixed.yaml, {large} scenes", corpora[large])
+        for wheel in WHEELS:
+            self.network(f"the same, for a wheel of {wheel} m", corpora[large], for_wheel(wheel))
+        for size in (middle, small):
+            self.network(f"mixed.yaml, {size} scenes", corpora[size])
+        self.network(f"Kalman filter, mixed.yaml, {middle} scenes", corpora[middle], study.KALMAN_FILTER)
+        self.network(f"broad.yaml, {middle} scenes", marsyard.corpus(f"broad-{middle}", HERE / "broad.yaml", [], middle, held_out.PER_SHARD))
+        cells, columns = self.cells_of["mixed.yaml"], self.networks[0].about["features"]
+        trees = [self.trees(corpora[middle], list(columns), seed)(cells) for seed in seeds]
+        self.learners[f"trees, mixed.yaml, {middle} scenes"] = Learner(places, cells, trees)
+        validation = held_out.read(corpora[large], [HEIGHT], ["validation"])
+        self.least_m, _ = best_threshold(validation["label"], validation[HEIGHT].astype(float))
+        self.learners["one height threshold"] = Learner(places, cells, [0.5 + cells[HEIGHT].astype(float) - self.least_m])
+        for config, scenes in shown.items():
+            self.network(f"{config}.yaml, {scenes} scenes", marsyard.corpus(config, CONFIGS / f"{config}.yaml", [], scenes, held_out.PER_SHARD))
+
+    def network(self, learner, corpus, sets=()):
+        """Trains the networks of a learner, and scores the cells of the first one's columns."""
+        name = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in learner)
+        runs = [self.marsyard.train(name, [corpus], seed, sets) for seed in self.seeds]
+        networks = [Network(self.marsyard, run) for run in runs]
+        config = corpus.name.split("-")[0]
+        columns = "mixed.yaml" if config in ("mixed", "broad") else config
+        if columns not in self.cells_of:
+            self.cells_of[columns] = self.places.cells(columns, runs[0])
+        cells = self.cells_of[columns]
+        self.learners[learner] = Learner(self.places, cells, [outputs(network.exported, cells) for network in networks])
+        return networks
+
+    def trees(self, corpus, columns, seed):
+        study.note(f"trees of {corpus.name}, seed {seed}")
+        read = lambda split: held_out.read(corpus, columns, [split], most=held_out.MOST_CELLS)
+        return held_out.trees(read("train"), read("validation"), columns, seed)
+
+
+def by_place(studied, default):
+    """The network's rates, probabilities and doubt at each place: rows of the table, and facts."""
+    rows, facts, cells = [], {}, default.cells
+    for number, (name, scans) in enumerate(zip(studied.places.names, studied.places.scans)):
+        at = cells["place"] == number
+        untraversable, of = cells["label"][at] == 1, [scores[at] for scores in default.scores]
+        probabilities = [network.probabilities(one) for network, one in zip(studied.networks, of)]
+        error, loss = (float(np.mean([measure(p, untraversable) for p in probabilities])) for measure in (calibration_error, log_loss))
+        left = doubtful_row(studied.networks, [{"test": [one]} for one in of], {"label": cells["label"][at]}, ALLOWED)
+        missed, false, balanced = (float(rate) for rate in default.rates[:, number].mean(axis=0))
+        aside, _, missed_left, false_left = left
+        rows.append([name, len(scans), f"{at.sum():,}", f"{100 * untraversable.mean():.1f}", *(f"{100 * rate:.1f}" for rate in (balanced, missed, false)),
+                     f"{100 * error:.2f}", f"{loss:.3f}", aside, missed_left, false_left])
+        facts[name] = {"scans": len(scans), "cells": int(at.sum()), "untraversable_share": float(untraversable.mean()), "balanced_accuracy": balanced,
+                       "missed_untraversable": missed, "false_untraversable": false, "calibration_error": error, "log_loss_nats": loss,
+                       "doubtful_percent": float(aside), "doubtful_missed_percent": float(missed_left), "doubtful_false_percent": float(false_left)}
+    return rows, facts
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", required=True, type=pathlib.Path, help="folder of the scans: scripts/real_scans.yaml says what lies there")
+    parser.add_argument("--sizes", default="140,400,2000", help="scenes of three corpora of mixed.yaml (default 140,400,2000)")
+    parser.add_argument("--seeds", default="1,2,3")
+    study.add_arguments(parser, "real_scans")
+    options = parser.parse_args()
+    sizes, seeds, shown = [int(n) for n in options.sizes.split(",")], [int(n) for n in options.seeds.split(",")], {"quickstart": 1000, "paper": 1000}
+    if options.quick:
+        sizes, seeds, shown = [70, 140, 210], seeds[:1], {"quickstart": 100, "paper": 100}
+    marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
+    places = Places(marsyard, options.data, options.quick)
+    studied = Studied(marsyard, places, sizes, seeds, shown)
+    learners, default = studied.learners, next(iter(studied.learners.values()))
+    rows, facts = by_place(studied, default)
+    groups = list(dict.fromkeys(places.kinds))
+    less = lambda of: "" if of is default or of.cells is not default.cells else held_out.told_difference(of.mean(), default.mean())
+    compared = [[name, len(of.scores), held_out.told(of.mean()), less(of), *(f"{100 * of.mean(rate)[0]:.1f}" for rate in (0, 1)),
+                 *(f"{100 * of.of_kind(places.kinds, kind):.1f}" for kind in groups)] for name, of in learners.items()]
+    head = ["", "scans", "cells", "untraversable", "balanced accuracy", "missed", "false", "calibration error", "log loss, nats", "doubtful at 1 %", "missed", "false"]
+    text = f"""# Networks from simulated yards on real scans
+
+`python scripts/real_scans.py --data FOLDER`, {study.versions(marsyard)['marsyard']}. {sum(map(len, places.scans))} scans of {len(places.list)} places; where they come from is said in scripts/real_scans.yaml, what is measured at the head of
+the script. By cells at 0.5, percent, means of {len(seeds)} trainings. No setting may be chosen by these figures.
+
+## The default network, {sizes[2]} scenes of mixed.yaml
+
+Calibration error in points, of the model's probabilities. Last: what `--doubtful 1%` sets aside, and what is missed and falsely called all the same.
+
+{study.markdown(head, rows)}
+
+## All learners
+
+Means over places with intervals of 95 % over places and trainings; differences to the first row, in points. The height threshold is {studied.least_m:.3f} m. Networks of quickstart.yaml and
+paper.yaml judge nearer cells, as far as they learnt from.
+
+{study.markdown(["", "trainings", "balanced accuracy", "less the first", "missed", "false", *groups], compared)}
+"""
+    results = {"versions": study.versions(marsyard, np), "sizes": sizes, "seeds": seeds, "by_place": facts, "height_threshold_m": studied.least_m,
+               "learners": {name: {"trainings": len(of.scores), "balanced_accuracy": float(of.mean()[0]), "missed_untraversable": float(of.mean(0)[0]),
+                                   "false_untraversable": float(of.mean(1)[0]), "places": dict(zip(places.names, map(float, of.rates[:, :, 2].mean(axis=0))))}
+                            for name, of in learners.items()}}
+    study.write_results(options.out, "real_scans", results, text)
+
+
+if __name__ == "__main__":
+    main()
