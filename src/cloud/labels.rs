@@ -76,6 +76,9 @@ mod tests {
     fn law_shipped_mappings_parse() {
         for text in [
             include_str!("../../configs/labels/semantic-kitti.yaml"),
+            include_str!("../../configs/labels/kitti-360.yaml"),
+            include_str!("../../configs/labels/mcd.yaml"),
+            include_str!("../../configs/labels/rellis-3d.yaml"),
             include_str!("../../configs/labels/marsyard.yaml"),
         ] {
             assert!(!LabelMap::parse("shipped", text).unwrap().labels.is_empty());
