@@ -18,8 +18,8 @@ the features and nowhere else, and cells of none but those are not judged. quick
 Scans of one place are of one view, a tenth of a second apart. So rates are of all scans of a place together, means are over places, and
 intervals of 95 % come from draws of places and of trainings; paired where learners are compared. Twelve places are few.
 
-What comes out: rates of each place by the default network, its probabilities and what `--doubtful 1%` leaves; and of each learner the mean over places, how it compares
-with the first, and the mean of each kind of place.
+What comes out: rates of each place by the default network, its probabilities and what `--doubtful 1%` leaves; what of each thing that people name the first
+training's network calls untraversable; and of each learner the mean over places, how it compares with the first, and the mean of each kind of place.
 
 Needs numpy, pyarrow, pyyaml, lightgbm, scikit-learn and scipy. Writes real_scans.json and real_scans.md into scripts/results.
 """
@@ -42,6 +42,10 @@ HERE = study.ROOT / "scripts"
 CONFIGS = study.ROOT / "configs"
 HEIGHT = "height_difference_m"
 ALLOWED = 0.01
+#: Labels of fewer judged points are not told.
+FEWEST_POINTS = 2000
+#: Types of a PLY's properties.
+PLY = {"double": "<f8", "float": "<f4", "int": "<i4", "char": "i1", "uchar": "u1"}
 #: Wheels of the shipped pioneer-3at and husky-a200, metres.
 WHEELS = [0.222, 0.3302]
 DRAWS = 10_000
@@ -68,11 +72,14 @@ class Places:
         assert scans, f"{self.data} has no labelled scan {place['scans']}: scripts/real_scans.yaml says where they come from"
         return scans[:2] if self.quick else scans
 
+    def classified(self, name, place):
+        return self.marsyard.work / "classified" / f"{name}-{place['name']}".replace(" ", "-")
+
     def cells(self, name, run):
         """The labelled cells as a network of `run` meets them, with the place of each."""
         found = []
         for number, (place, scans) in enumerate(zip(self.list, self.scans)):
-            out = self.marsyard.work / "classified" / f"{name}-{place['name']}".replace(" ", "-")
+            out = self.classified(name, place)
             if not (out / "cells.parquet").exists():
                 study.note(f"classify {place['name']} for {name}")
                 shutil.rmtree(out, ignore_errors=True)
@@ -82,6 +89,37 @@ class Places:
             table = table.filter(table["label"].is_valid())
             found.append({column: table[column].to_numpy() for column in table.column_names} | {"place": np.full(len(table), number)})
         return {column: np.concatenate([of[column] for of in found]) for column in found[0]}
+
+
+    def by_label(self, name):
+        """What of each label's points lies in cells that were called untraversable, where a cell was judged: rows of a table."""
+        rows = []
+        for kind in dict.fromkeys(self.kinds):
+            places = [place for place in self.list if place["kind"] == kind]
+            labels, called = zip(*(of for place in places for of in map(read_labelled, sorted(self.classified(name, place).glob("*-labelled.ply")))))
+            labels, called = np.concatenate(labels), np.concatenate(called)
+            told = names_of_labels(CONFIGS / "labels" / f"{places[0]['labels']}.yaml")
+            counts = sorted(((int((labels == number).sum()), number) for number in np.unique(labels)), reverse=True)
+            rows += [[kind, told[number][0], told[number][1], f"{count:,}", f"{100 * called[labels == number].mean():.1f}"]
+                     for count, number in counts if count >= FEWEST_POINTS and told[number][1] != "ignore"]
+        return rows
+
+
+def read_labelled(path):
+    """Of the points in judged cells: the label that people gave, and whether the cell was called untraversable."""
+    content = path.read_bytes()
+    start = content.index(b"end_header\n") + len(b"end_header\n")
+    head = [line.split() for line in content[:start].decode().splitlines()]
+    [count] = [int(words[2]) for words in head if words[:2] == ["element", "vertex"]]
+    points = np.frombuffer(content, [(words[2], PLY[words[1]]) for words in head if words[0] == "property"], count, start)
+    judged = points["class"] >= 0
+    return points["label"][judged] & 0xFFFF, points["class"][judged] == 1
+
+
+def names_of_labels(path):
+    """Number of a label -> its name, which stands behind it as a comment, and what it means."""
+    lines = [line.partition("#") for line in path.read_text().splitlines() if line.startswith("  ")]
+    return {int(key): (name.strip(), meaning.strip()) for (key, _, meaning), name in ((rule.partition(":"), name) for rule, _, name in lines)}
 
 
 class Learner:
@@ -186,6 +224,7 @@ def main():
     studied = Studied(marsyard, places, sizes, seeds, shown)
     learners, default = studied.learners, next(iter(studied.learners.values()))
     rows, facts = by_place(studied, default)
+    named = places.by_label("mixed.yaml")
     groups = list(dict.fromkeys(places.kinds))
     less = lambda of: "" if of is default or of.cells is not default.cells else held_out.told_difference(of.mean(), default.mean())
     compared = [[name, len(of.scores), held_out.told(of.mean()), less(of), *(f"{100 * of.mean(rate)[0]:.1f}" for rate in (0, 1)),
@@ -202,6 +241,12 @@ Calibration error in points, of the model's probabilities. Last: what `--doubtfu
 
 {study.markdown(head, rows)}
 
+## What people call it
+
+Of the points in cells that were judged, with their label and what it stands for: the share whose cell the network of the first training calls untraversable, percent.
+
+{study.markdown(["", "label", "stands for", "points", "called untraversable"], named)}
+
 ## All learners
 
 Means over places with intervals of 95 % over places and trainings; differences to the first row, in points. The height threshold is {studied.least_m:.3f} m. Networks of quickstart.yaml and
@@ -209,7 +254,7 @@ paper.yaml judge nearer cells, as far as they learnt from.
 
 {study.markdown(["", "trainings", "balanced accuracy", "less the first", "missed", "false", *groups], compared)}
 """
-    results = {"versions": study.versions(marsyard, np), "sizes": sizes, "seeds": seeds, "by_place": facts, "height_threshold_m": studied.least_m,
+    results = {"versions": study.versions(marsyard, np), "sizes": sizes, "seeds": seeds, "by_place": facts, "by_label": named, "height_threshold_m": studied.least_m,
                "learners": {name: {"trainings": len(of.scores), "balanced_accuracy": float(of.mean()[0]), "missed_untraversable": float(of.mean(0)[0]),
                                    "false_untraversable": float(of.mean(1)[0]), "places": dict(zip(places.names, map(float, of.rates[:, :, 2].mean(axis=0))))}
                             for name, of in learners.items()}}
