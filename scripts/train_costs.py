@@ -12,7 +12,7 @@ round; figures are medians of the rounds, with the least and the most. CPU is th
                  looked at but at its ends, so that all that is done once falls out.
   Looks          CPU of learning mixed.yaml: the same difference, with looks as usual and with none between; of what it takes with them they are the share.
 
-Needs nothing but Python, and `taskset`. Writes train_costs.json and train_costs.md into scripts/results.
+Needs numpy and pyarrow (held_out.py does), `taskset` and two cores. Writes train_costs.json and train_costs.md into scripts/results.
 """
 
 import argparse
@@ -101,11 +101,12 @@ def main():
     parser.add_argument("--rounds", default=5, type=int)
     study.add_arguments(parser, "train_costs")
     options = parser.parse_args()
+    assert len(CORES) == 2, "two cores are compared with one: this machine has one"
     rounds, sizes, cut = options.rounds, [70, 500], []
     if options.quick:
         rounds, sizes, cut = 1, [70], ["scenes=100"]
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
-    quickstart = options.work / "corpora" / "quickstart"
+    quickstart = options.work / "corpora" / f"quickstart{'-quick' if options.quick else ''}"
     if not (quickstart / "manifest.json").exists():
         marsyard.run("generate", QUICKSTART, "--out", quickstart, "--threads", options.threads, *study.overrides(cut))
     mixed = {size: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}

@@ -144,6 +144,13 @@ impl LabelRule {
         Label::untraversable_if(obstacle || self.is_steep(truth) || self.is_deep(truth))
     }
 
+    /// Whether it gives every cell the other's label: a wheel is a height.
+    pub fn same_as(&self, other: &LabelRule) -> bool {
+        let height = |rule: &LabelRule| rule.obstacle.taller_than();
+        let rest = |rule: &LabelRule| LabelRule { obstacle: Obstacle::AsBuilt, ..rule.clone() };
+        height(self) == height(other) && rest(self) == rest(other)
+    }
+
     /// Whether the points that were counted as an obstacle's are as many as the rule asks for.
     pub fn has_obstacle_points(&self, truth: &CellTruth) -> bool {
         i64::from(truth.obstacle_points) >= i64::from(self.min_obstacle_points)

@@ -4,7 +4,7 @@
 //! document makes (`slam: truth`) stays; within the same choice, keys it leaves out are filled in. A part of the yard or the
 //! sensor is never switched on: sub-rays are set only where mixed pixels are modelled. The values come from
 //! `marsyard tradeoff configs/paper.yaml` (`scripts/results/tradeoff_paper.md`): casting exactly costs least and errs least in all three,
-//! Gauss-Newton a thirtieth of Nelder-Mead at the same pose. A hundred particles: more gain nothing, fewer save little (`scripts/results/studies.md`).
+//! Gauss-Newton less than a twentieth of Nelder-Mead at the same pose. A hundred particles: more gain nothing, fewer save little (`scripts/results/studies.md`).
 
 use super::reader::Reader;
 use super::tree::{Key, Node, Source, Value};

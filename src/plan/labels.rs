@@ -40,12 +40,20 @@ pub(crate) fn unlike_labels<'f>(families: impl Iterator<Item = &'f Family>) -> O
     if !all.iter().any(Labelling::judged_by_rover) {
         return unlike_limits(&all);
     }
-    let unlike = |one: &Labelling| {
-        one.family.cells.labels.rover != first.cells.labels.rover || one.family.drive.rover != first.drive.rover
+    let judged_by = |family: &'f Family| {
+        let rover = &family.drive.rover;
+        (
+            &family.cells.labels.rover,
+            &rover.chassis,
+            rover.wheel_diameter_m,
+            rover.length_m,
+            rover.width_m,
+            &rover.limits,
+        )
     };
-    all.iter().any(unlike).then(|| {
-        let rule =
-            "labels go by what unlike rovers can cross (cells.labels.rover), and no column tells a network which";
+    all.iter().any(|one| judged_by(one.family) != judged_by(first)).then(|| {
+        let rule = "labels go by what a rover can cross (cells.labels.rover), not by the same rover and rule in all families, and no column tells a \
+                    network which";
         [rule.into(), "give all families one rover and one cells.labels, or build a corpus for each rover".into()]
     })
 }
@@ -95,7 +103,9 @@ fn unlike_limits(all: &[Labelling]) -> Option<[String; 2]> {
         [_] => "all".into(),
         _ => "taller_than_wheel=DIAMETER_M".into(),
     };
-    let limits = slopes_deg.typed("max_ground_slope_deg", "DEGREES") + &drops_m.typed("max_drop_m", "METRES");
+    // Of two corpora one may lack what tells drops: a rule by them would be refused.
+    let drops = if drops_m.0.contains(&None) { String::new() } else { drops_m.typed("max_drop_m", "METRES") };
+    let limits = slopes_deg.typed("max_ground_slope_deg", "DEGREES") + &drops;
     let whose = if heights_m.differ() {
         "give all families the rover that the network is for, or train it for that rover's wheel"
     } else {

@@ -61,10 +61,9 @@ pub(crate) fn join(
         return Err(TrainError::SharedScenes { leaks: sources.shared_scenes.join("; ") });
     }
     let (_, mut origin) = origins.swap_remove(0);
-    let reach_m = |family: &Family| family.cells.max_range_m.unwrap_or(family.sweep.sensor.max_range_m);
-    let learnt = families.iter().filter(|family| !family.hold_out);
-    let farthest_m = learnt.map(reach_m).fold(f64::NEG_INFINITY, f64::max);
-    origin.reach_m = (farthest_m > reach_m(&families[0])).then_some(farthest_m);
+    let learnt = families.iter().filter(|family| !family.hold_out && family.weight > 0.0);
+    let farthest_m = learnt.map(reach_m).max_by(f64::total_cmp);
+    origin.reach_m = farthest_m.filter(|&reach| reach != reach_m(&families[0]));
     if frames.len() > 1 {
         origin.frames = frames.into_iter().collect();
     }
@@ -75,6 +74,12 @@ pub(crate) fn join(
     }
     let unlike_labels = unlike_labels(families.iter()).filter(|_| params.labels.is_none());
     Ok(Joined { sources: Arc::new(sources), origin, unlike_labels })
+}
+
+/// How far a family's cells reach, metres.
+fn reach_m(family: &Family) -> f64 {
+    let sensor_m = family.sweep.sensor.max_range_m;
+    family.cells.max_range_m.map_or(sensor_m, |most_m| most_m.min(sensor_m))
 }
 
 /// Features mean the same on the same grid only.

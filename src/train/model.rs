@@ -64,7 +64,7 @@ pub struct About {
     /// Its overhang rule's height, metres (`None`: no rule), and all others that it learnt with, where there are several.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub overhangs_m: Vec<Option<f64>>,
-    /// How far the cells of any family that it learnt from reach, metres, where that is farther than the first family's.
+    /// How far the cells reach of the family that reaches farthest of those that it learnt from, metres; none where that is the first one's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach_m: Option<f64>,
     /// The rule that it learnt labels by; none where it learnt the corpora's own, and in models from before this was kept.
@@ -261,7 +261,7 @@ impl Model {
 
     /// What to tell where a model that learnt labels by a rule of its own is judged by others (`None`: the corpus's own).
     pub(crate) fn other_labels(&self, judged_by: Option<&LabelRule>) -> Option<String> {
-        let learnt = self.about.labels.as_ref().filter(|&learnt| judged_by != Some(learnt))?;
+        let learnt = self.about.labels.as_ref().filter(|learnt| !judged_by.is_some_and(|rule| rule.same_as(learnt)))?;
         let rule = serde_json::to_string(learnt).expect("a rule is plain data");
         let by = if judged_by.is_some() { "another rule" } else { "the corpus's own labels" };
         Some(format!(
@@ -365,8 +365,8 @@ impl Model {
         if about.overhangs_m.iter().flatten().any(|m| !(0.0..=SANE).contains(m)) {
             return Some("an overhang rule whose height is not a number from 0 on".into());
         }
-        if about.reach_m.is_some_and(|m| !(0.0..=SANE).contains(&m)) {
-            return Some("a reach that is not a number from 0 on".into());
+        if about.reach_m.is_some_and(|m| !(1e-3..=SANE).contains(&m)) {
+            return Some("a reach that is not a number above 0".into());
         }
         if !finite(&about.mount) {
             return Some("a mount that is not finite".into());

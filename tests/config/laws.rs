@@ -232,7 +232,7 @@ fn law_rules_of_labels_that_no_column_tells_are_remarked_with_what_trains_by_one
         [
             "rover: {max_step_m: 0.05}",
             "rover: {max_step_m: 0.1}",
-            "labels go by what unlike rovers can cross (cells.labels.rover), and no column",
+            "labels go by what a rover can cross (cells.labels.rover), not by the same rover and rule in all families, and no column",
             "or build a corpus for each rover",
         ],
     ] {

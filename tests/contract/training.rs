@@ -180,7 +180,8 @@ fn law_another_rule_gives_other_labels_and_is_recorded() {
 #[test]
 fn law_labels_that_go_by_several_wheels_are_told() {
     let yard = Yard::new();
-    let families = "families=[{name: a, weight: 1}, {name: b, weight: 1, drive: {rover: husky-a200}}]";
+    let families = "families=[{name: far, weight: 1, hold_out: true}, {name: a, weight: 1, cells: {max_range_m: 2}}, \
+                    {name: b, weight: 1, cells: {max_range_m: 3}, drive: {rover: husky-a200}}]";
     yard.generate(&corpus_config(), "corpus", &["--set", families, "--set", "cells.labels.max_ground_slope_deg=45"]);
     let said = |out: &str, more: &[&str]| {
         let output = train(&yard, out, more);
@@ -190,6 +191,9 @@ fn law_labels_that_go_by_several_wheels_are_told() {
     let (of_both, rule) = (said("both", &[]), "taller_than_wheel=0.1,max_ground_slope_deg=45");
     let told = "labels go by the wheels of 2 rovers (0.1, 0.3302 m)";
     assert!(of_both.contains(told) && of_both.contains("train --labels taller_than_wheel="), "{of_both}");
+    let exported = yard.marsyard(["export", "--json", "-", "both"]);
+    let exported: serde_json::Value = serde_json::from_slice(&exported.stdout).expect("JSON");
+    assert_eq!(exported["about"]["reach_m"], 3.0, "of b: no scene of the held-out family was learnt");
     let of_one = said("one", &["--labels", rule]);
     assert!(!of_one.contains("labels go by"), "{of_one}");
     // What it says to judge by is the rule that was learnt.

@@ -396,6 +396,8 @@ fn exact_the_rule_of_labels_is_kept_and_another_is_told() {
         "{told}"
     );
     assert!(again.other_labels(Some(&taller(0.1))).unwrap().contains("is judged by another rule"));
+    let as_height = LabelRule { obstacle: Obstacle::TallerThanM(0.2), ..LabelRule::default() };
+    assert_eq!(again.other_labels(Some(&as_height)), None);
     model.about.labels = Some(taller(-1.0));
     assert!(model.fault().is_some_and(|fault| fault.starts_with("its labels: ")));
 }
@@ -408,8 +410,10 @@ fn exact_a_model_reaches_as_far_as_the_farthest_family_that_it_learnt_from() {
     assert_eq!(model.about.reaches_m(), 3.0);
     model.about.reach_m = Some(15.0);
     assert_eq!(Model::load(&model.save().unwrap()).unwrap().about.reaches_m(), 15.0);
-    model.about.reach_m = Some(-1.0);
-    assert!(model.fault().is_some());
+    for wrong_m in [-1.0, 0.0, f64::NAN, 1e100] {
+        model.about.reach_m = Some(wrong_m);
+        assert!(model.fault().is_some_and(|fault| fault.starts_with("a reach that")), "{wrong_m}");
+    }
 }
 
 #[test]
