@@ -365,8 +365,8 @@ impl Model {
         if about.overhangs_m.iter().flatten().any(|m| !(0.0..=SANE).contains(m)) {
             return Some("an overhang rule whose height is not a number from 0 on".into());
         }
-        if about.reach_m.is_some_and(|m| !(1e-3..=SANE).contains(&m)) {
-            return Some("a reach that is not a number above 0".into());
+        if about.reach_m.is_some_and(|m| !(1e-3..=1e6).contains(&m)) {
+            return Some("a reach that is not 1 mm to 1000 km".into());
         }
         if !finite(&about.mount) {
             return Some("a mount that is not finite".into());
