@@ -104,7 +104,7 @@ def main():
     assert len(CORES) == 2, "two cores are compared with one: this machine has one"
     rounds, sizes, cut = options.rounds, [70, 500], []
     if options.quick:
-        rounds, sizes, cut = 1, [70], ["scenes=100"]
+        rounds, sizes, cut = 1, [70], ["scenes=100", "scenes_per_shard=10"]
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     quickstart = options.work / "corpora" / f"quickstart{'-quick' if options.quick else ''}"
     if not (quickstart / "manifest.json").exists():
