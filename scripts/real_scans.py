@@ -38,6 +38,7 @@ import held_out
 import study
 from compare_measures import best_threshold
 from doubt import Network, calibration_error, doubtful_row, log_loss
+from fresh_families import labels_for, wheel_of
 from transfer import outputs
 
 HERE = study.ROOT / "scripts"
@@ -48,14 +49,8 @@ ALLOWED = 0.01
 FEWEST_POINTS = 2000
 #: Types of a PLY's properties.
 PLY = {"double": "<f8", "float": "<f4", "int": "<i4", "char": "i1", "uchar": "u1"}
-#: Wheels of the shipped pioneer-3at and husky-a200, metres.
-WHEELS = [0.222, 0.3302]
+ROVERS = ["pioneer-3at", "husky-a200"]
 DRAWS = 10_000
-
-
-def for_wheel(diameter_m):
-    """The labels of mixed.yaml for a rover with such wheels."""
-    return [f"labels={{obstacle: {{taller_than_wheel: {diameter_m}}}, max_ground_slope_deg: 45}}"]
 
 
 class Places:
@@ -89,11 +84,9 @@ class Places:
                 self.marsyard.run("classify", run, *scans, "--sensor-height", place["sensor_height_m"], "--labels", LABELS / f"{place['labels']}.yaml",
                                   "--out", out, "--no-pictures")
             table = parquet.read_table(out / "cells.parquet")
-            assert len(set(table["scan_id"].to_pylist())) <= len(scans)
             table = table.filter(table["label"].is_valid())
             found.append({column: table[column].to_numpy() for column in table.column_names} | {"place": np.full(len(table), number)})
         return {column: np.concatenate([of[column] for of in found]) for column in found[0]}
-
 
     def by_label(self, name):
         """What of each label's points lies in cells that were called untraversable, where a cell was judged: rows of a table."""
@@ -131,8 +124,8 @@ class Learner:
 
     def __init__(self, places, cells, scores, number):
         self.cells, self.scores = cells, scores
-        called = lambda of: np.stack([np.bincount(cells["place"][kind], minlength=len(places.names)) for kind in kinds(cells["label"] == 1, of >= 0.5)], axis=1)
-        self.rates = held_out.rates(np.array([called(of) for of in scores], dtype=float))
+        by_place = {"label": cells["label"], "scene": cells["place"], "family_of_scene": places.names}
+        self.rates = held_out.rates(np.array([held_out.counts(by_place, of) for of in scores], dtype=float))
         # Places are drawn alike for all learners, and each one's trainings apart: the same seed says nothing of another corpus.
         trainings, count = len(scores), len(places.names)
         drawn = np.random.default_rng(1).integers(count, size=(DRAWS, count))
@@ -148,10 +141,6 @@ class Learner:
         return self.rates[:, [of == kind for of in kinds_of_places], 2].mean()
 
 
-def kinds(untraversable, called):
-    return [untraversable & ~called, untraversable & called, ~untraversable & called, ~untraversable & ~called]
-
-
 class Studied:
     """All learners, by name; the first is the default network of the largest corpus."""
 
@@ -160,8 +149,8 @@ class Studied:
         corpora = {size: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}
         small, middle, large = sizes
         self.networks = self.network(f"mixed.yaml, {large} scenes", corpora[large])
-        for wheel in WHEELS:
-            self.network(f"the same, for a wheel of {wheel} m", corpora[large], for_wheel(wheel))
+        for wheel_m in map(wheel_of, ROVERS):
+            self.network(f"the same, for a wheel of {wheel_m} m", corpora[large], [labels_for(wheel_m)])
         self.of_middle = f"mixed.yaml, {middle} scenes"
         self.network(self.of_middle, corpora[middle])
         self.network(f"mixed.yaml, {small} scenes", corpora[small])

@@ -88,10 +88,15 @@ impl TallerThan {
 impl ObstacleRule {
     /// For a rover with wheels of this diameter.
     pub(super) fn taller_than(self, wheel_diameter_m: f64) -> TallerThan {
+        self.height_m(wheel_diameter_m).map_or(TallerThan::ANY, TallerThan)
+    }
+
+    /// The height that an obstacle must stand taller than, for a rover with wheels of this diameter, metres; `None`: all are.
+    pub(crate) fn height_m(self, wheel_diameter_m: f64) -> Option<f64> {
         match self {
-            ObstacleRule::All => TallerThan::ANY,
-            ObstacleRule::TallerThanWheel => TallerThan(wheel_diameter_m),
-            ObstacleRule::TallerThanM(height_m) => TallerThan(height_m),
+            ObstacleRule::All => None,
+            ObstacleRule::TallerThanWheel => Some(wheel_diameter_m),
+            ObstacleRule::TallerThanM(height_m) => Some(height_m),
         }
     }
 }

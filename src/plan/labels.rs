@@ -7,37 +7,11 @@
 use super::Family;
 use crate::cells::params::ObstacleRule;
 
-/// What a family's labels go by, the sizes of its rover put in.
-struct Labelling<'f> {
-    family: &'f Family,
-    /// Objects taller than this are obstacles, metres; of no meaning where a rover judges.
-    height_m: f64,
-}
-
-impl<'f> Labelling<'f> {
-    fn of(family: &'f Family) -> Labelling<'f> {
-        let height_m = match family.cells.labels.obstacle {
-            ObstacleRule::All => 0.0,
-            ObstacleRule::TallerThanWheel => family.drive.rover.wheel_diameter_m,
-            ObstacleRule::TallerThanM(height_m) => height_m,
-        };
-        Labelling { family, height_m }
-    }
-
-    fn goes_by_wheel(&self) -> bool {
-        self.family.cells.labels.obstacle == ObstacleRule::TallerThanWheel
-    }
-
-    fn judged_by_rover(&self) -> bool {
-        self.family.cells.labels.rover.is_some()
-    }
-}
-
 /// What differs between families that are learnt from, and the cure; `None` where all label alike.
 pub(crate) fn unlike_labels<'f>(families: impl Iterator<Item = &'f Family>) -> Option<[String; 2]> {
-    let all: Vec<Labelling> = families.filter(|family| !family.hold_out).map(Labelling::of).collect();
-    let first = all.first()?.family;
-    if !all.iter().any(Labelling::judged_by_rover) {
+    let all: Vec<&Family> = families.filter(|family| !family.hold_out).collect();
+    let first = all.first()?;
+    if all.iter().all(|family| family.cells.labels.rover.is_none()) {
         return unlike_limits(&all);
     }
     let judged_by = |family: &'f Family| {
@@ -51,7 +25,7 @@ pub(crate) fn unlike_labels<'f>(families: impl Iterator<Item = &'f Family>) -> O
             &rover.limits,
         )
     };
-    all.iter().any(|one| judged_by(one.family) != judged_by(first)).then(|| {
+    all.iter().any(|family| judged_by(family) != judged_by(first)).then(|| {
         let rule = "labels go by what a rover can cross (cells.labels.rover), not by the same rover and rule in all families, and no column tells a \
                     network which";
         [rule.into(), "give all families one rover and one cells.labels, or build a corpus for each rover".into()]
@@ -59,13 +33,16 @@ pub(crate) fn unlike_labels<'f>(families: impl Iterator<Item = &'f Family>) -> O
 }
 
 /// The same of families that no rover judges.
-fn unlike_limits(all: &[Labelling]) -> Option<[String; 2]> {
-    let labels = || all.iter().map(|one| &one.family.cells.labels);
-    let heights_m = Values::of(all.iter().map(|one| Some(one.height_m)));
+fn unlike_limits(all: &[&Family]) -> Option<[String; 2]> {
+    let labels = || all.iter().map(|family| &family.cells.labels);
+    // Where all are obstacles the height is 0.
+    let height_m =
+        |family: &Family| family.cells.labels.obstacle.height_m(family.drive.rover.wheel_diameter_m).unwrap_or(0.0);
+    let heights_m = Values::of(all.iter().map(|family| Some(height_m(family))));
     let slopes_deg = Values::of(labels().map(|labels| labels.max_ground_slope_deg));
     let drops_m = Values::of(labels().map(|labels| labels.max_drop_m));
     let points = Values::of(labels().map(|labels| Some(f64::from(labels.min_obstacle_points))));
-    let go_by_wheel = all.iter().all(Labelling::goes_by_wheel);
+    let go_by_wheel = labels().all(|labels| labels.obstacle == ObstacleRule::TallerThanWheel);
     let count = heights_m.0.len();
     let heights =
         if go_by_wheel { format!("the wheels of {count} rovers") } else { format!("{count} heights of obstacles") };
