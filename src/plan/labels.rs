@@ -9,7 +9,7 @@ use crate::cells::params::ObstacleRule;
 
 /// What differs between families that are learnt from, and the cure; `None` where all label alike.
 pub(crate) fn unlike_labels<'f>(families: impl Iterator<Item = &'f Family>) -> Option<[String; 2]> {
-    let all: Vec<&Family> = families.filter(|family| !family.hold_out).collect();
+    let all: Vec<&Family> = families.filter(|family| family.is_learnt()).collect();
     let first = all.first()?;
     if all.iter().all(|family| family.cells.labels.rover.is_none()) {
         return unlike_limits(&all);

@@ -87,6 +87,13 @@ pub struct Family {
     pub cells: CellParams,
 }
 
+impl Family {
+    /// Whether train shards hold scenes of it.
+    pub(crate) fn is_learnt(&self) -> bool {
+        !self.hold_out && self.weight > 0.0
+    }
+}
+
 impl Plan {
     pub fn shards(&self) -> u64 {
         self.scenes / u64::from(self.scenes_per_shard)

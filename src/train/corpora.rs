@@ -61,7 +61,7 @@ pub(crate) fn join(
         return Err(TrainError::SharedScenes { leaks: sources.shared_scenes.join("; ") });
     }
     let (_, mut origin) = origins.swap_remove(0);
-    let learnt = families.iter().filter(|family| !family.hold_out && family.weight > 0.0);
+    let learnt = families.iter().filter(|family| family.is_learnt());
     let farthest_m = learnt.map(reach_m).max_by(f64::total_cmp);
     origin.reach_m = farthest_m.filter(|&reach| reach != reach_m(&families[0]));
     if frames.len() > 1 {

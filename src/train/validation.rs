@@ -3,7 +3,8 @@
 //! A look takes so many rows as the filter's pace allows ([`FilterParams::look_rows`](super::params::FilterParams::look_rows)), or up to
 //! twice as many: of a split that holds more, every so many-th that can be judged, so that all its scenes have their say, in the same share
 //! of their rows. They are read once and kept, and a look costs the same however large the corpus is. Cells beside one another err alike: what tells a look's error is the scenes. Chunks of rows are taken by all threads; their
-//! sums are added in the order of the rows, so that the number of threads changes no bit. The threads are those of rayon's current pool,
+//! sums are added in the order of the rows, so that the number of threads changes no bit. Where outputs are of f32, rows are scaled once
+//! for all looks, because normal scores cost as much as the network does. The threads are those of rayon's current pool,
 //! which lives as long as a training: `parallel::run` starts and ends threads at each call, and a look at rows in memory takes less than
 //! that.
 
@@ -77,25 +78,36 @@ impl Objective {
 
     /// Adds rows in order.
     pub(crate) fn sum(&self, network: &Network, rows: &Rows) -> ErrorSum {
+        self.sum_of(network, rows, Form::Stored)
+    }
+
+    fn sum_of(&self, network: &Network, rows: &Rows, form: Form) -> ErrorSum {
         let network = self.network_in(network);
-        let chunks = rows.len().div_ceil(CHUNK_ROWS);
-        let parts: Vec<ErrorSum> = (0..chunks).into_par_iter().map(|chunk| self.chunk(&network, rows, chunk)).collect();
+        let chunks = (0..rows.len().div_ceil(CHUNK_ROWS)).into_par_iter();
+        let parts: Vec<ErrorSum> = chunks.map(|chunk| self.chunk(&network, rows, form, chunk)).collect();
         parts.into_iter().fold(ErrorSum::default(), ErrorSum::and)
     }
 
-    /// The same to the bit, on this thread alone.
+    /// The same as [`sum`](Objective::sum) to the bit, on this thread alone.
     pub(crate) fn sum_here(&self, network: &Network, rows: &Rows) -> ErrorSum {
         let network = self.network_in(network);
-        let parts = (0..rows.len().div_ceil(CHUNK_ROWS)).map(|chunk| self.chunk(&network, rows, chunk));
-        parts.fold(ErrorSum::default(), ErrorSum::and)
+        let chunks = 0..rows.len().div_ceil(CHUNK_ROWS);
+        chunks.map(|chunk| self.chunk(&network, rows, Form::Stored, chunk)).fold(ErrorSum::default(), ErrorSum::and)
     }
 
-    fn chunk(&self, network: &NetworkIn, rows: &Rows, chunk: usize) -> ErrorSum {
+    fn chunk(&self, network: &NetworkIn, rows: &Rows, form: Form, chunk: usize) -> ErrorSum {
         let range = chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS);
-        let mut scaled = vec![0.0; self.scaler.inputs() * range.len()];
+        let stored = &rows.features[range.start * rows.width..range.end * rows.width];
         let mut outputs = vec![0.0; range.len()];
-        self.scaler.scale(&rows.features[range.start * rows.width..range.end * rows.width], &mut scaled);
-        network.outputs(&scaled, &mut outputs);
+        match (form, network) {
+            (Form::Scaled, NetworkIn::F32(network)) => network.outputs(stored, &mut outputs),
+            (Form::Scaled, NetworkIn::F64(_)) => unreachable!("rows are scaled for outputs in f32 alone"),
+            (Form::Stored, _) => {
+                let mut scaled = vec![0.0; self.scaler.inputs() * range.len()];
+                self.scaler.scale(stored, &mut scaled);
+                network.outputs(&scaled, &mut outputs);
+            }
+        }
         let mut sum = ErrorSum::default();
         for (row, output) in range.zip(outputs) {
             let label = rows.labels[row];
@@ -105,12 +117,35 @@ impl Objective {
         }
         sum
     }
+
+    /// Rows in f32 as the network takes them.
+    fn scaled(&self, rows: Rows) -> Rows {
+        let inputs = self.scaler.inputs();
+        let mut features = Vec::with_capacity(inputs * rows.len());
+        let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
+        for stored in rows.features.chunks(CHUNK_ROWS * rows.width) {
+            let scaled = &mut scaled[..inputs * (stored.len() / rows.width)];
+            self.scaler.scale(stored, scaled);
+            features.extend(scaled.iter().map(|x| *x as f32));
+        }
+        Rows { width: inputs, features, ..rows }
+    }
+}
+
+/// How the features of rows are held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Form {
+    /// As in the shards.
+    Stored,
+    /// As the network takes them, in f32.
+    Scaled,
 }
 
 /// The rows that decide when training ends.
 pub(crate) struct Validation {
     /// Those that a look takes.
     pub(super) looked_at: Rows,
+    form: Form,
     /// Of the whole split.
     pub rows: u64,
     pub left_out: LeftOut,
@@ -131,12 +166,20 @@ impl Validation {
                 rows += 1;
             }
         })?;
-        Ok(Validation { looked_at, rows, left_out })
+        Ok(Validation { looked_at, form: Form::Stored, rows, left_out })
+    }
+
+    /// For looks by this objective alone: where outputs are of f32, its scaling is done once for all looks, which changes no bit of theirs.
+    pub(crate) fn for_looks_by(self, objective: &Objective) -> Validation {
+        if !objective.is_f32 {
+            return self;
+        }
+        Validation { looked_at: objective.scaled(self.looked_at), form: Form::Scaled, ..self }
     }
 
     /// The error over the rows of a look.
     pub(crate) fn error(&self, objective: &Objective, network: &Network) -> f64 {
-        objective.sum(network, &self.looked_at).mean()
+        objective.sum_of(network, &self.looked_at, self.form).mean()
     }
 }
 

@@ -41,6 +41,23 @@ impl ForwardWeights {
     }
 }
 
+/// Inputs as they come: in f64, or in f32 where they wait for many looks.
+pub(crate) trait AsF32: Copy {
+    fn as_f32(self) -> f32;
+}
+
+impl AsF32 for f64 {
+    fn as_f32(self) -> f32 {
+        self as f32
+    }
+}
+
+impl AsF32 for f32 {
+    fn as_f32(self) -> f32 {
+        self
+    }
+}
+
 /// Some rows on their way through a member.
 #[derive(Debug)]
 pub(crate) struct Values {
@@ -64,10 +81,10 @@ impl Values {
     }
 
     /// Sets the inputs of up to [`MICRO_BATCH_ROWS`] rows; places without one keep what they hold.
-    pub(crate) fn set_rows<'r>(&mut self, rows: impl Iterator<Item = &'r [f64]>) {
+    pub(crate) fn set_rows<'r, T: AsF32 + 'r>(&mut self, rows: impl Iterator<Item = &'r [T]>) {
         for (place, row) in rows.enumerate() {
             let chunks = self.into[0].row_mut(place);
-            chunks.iter_mut().flat_map(AsMut::as_mut).zip(row).for_each(|(value, x)| *value = *x as f32);
+            chunks.iter_mut().flat_map(AsMut::as_mut).zip(row).for_each(|(value, x)| *value = x.as_f32());
         }
     }
 
@@ -172,7 +189,7 @@ impl NetworkF32 {
         NetworkF32 { layout, members }
     }
 
-    fn outputs(&self, rows: &[f64], outputs: &mut [f64]) {
+    pub(crate) fn outputs<T: AsF32>(&self, rows: &[T], outputs: &mut [f64]) {
         let (isa, inputs) = (Isa::detect(), self.layout.inputs);
         let mut values = Values::new(&self.layout);
         let share = 1.0 / self.members.len() as f64;

@@ -53,6 +53,7 @@ impl<'s> Training<'s> {
         }
         let corpora: Vec<f64> = sources.list.iter().map(|source| source.weight).collect();
         let objective = Objective::new(scaler, params, &counts, &corpora);
+        let validation = validation.for_looks_by(&objective);
         let mut learner = Learner::new(params, objective, validate_every)?;
         learner.share_work();
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;

@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
-use super::fixture::{circles, params, sources};
+use super::fixture::{circles, params, sources, with};
 use crate::corpus::Split;
+use crate::random::{Stage, Streams};
+use crate::train::Network;
 use crate::train::rows::{LeftOut, Rows};
-use crate::train::validation::{Validation, each_group};
+use crate::train::scaling::scaler;
+use crate::train::validation::{Objective, Validation, each_group};
 
 #[test]
 fn exact_looks_take_every_so_many_th_row_of_a_split_that_holds_more_and_all_are_counted() {
@@ -26,5 +29,28 @@ fn exact_looks_take_every_so_many_th_row_of_a_split_that_holds_more_and_all_are_
         assert_eq!(validation.looked_at.features, expected.concat());
         let labels: Vec<_> = all.labels.iter().step_by(every).copied().collect();
         assert_eq!(validation.looked_at.labels, labels);
+    }
+}
+
+#[test]
+fn equal_a_look_has_the_same_bits_whether_its_rows_were_scaled_before_or_not() {
+    let dir = tempfile::tempdir().unwrap();
+    // More rows than one partial sum has, and no whole number of them.
+    let places = [circles(&dir, "a", 2_500)];
+    let batches = ["filter={kronecker: {}}", "network.normal_scores=true", "clip=1.5"];
+    for (sets, columns) in [(&batches[..], 6), (&["filter={ekf: {}}"][..], 3)] {
+        let params = with(sets);
+        let sources = Arc::new(sources(&places, &params).unwrap());
+        let stored = Validation::open(&sources, 1 << 40).unwrap();
+        let (scaler, _) = scaler(&sources, &params).unwrap();
+        let objective = Objective::new(scaler, &params, &[[1, 2]], &[1.0]);
+        let streams = Streams { seed: 3, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
+        let network = Network::random(params.layout(3), &streams);
+        let (rows, error) = (stored.looked_at.len(), objective.sum(&network, &stored.looked_at).mean());
+        assert_eq!(stored.error(&objective, &network).to_bits(), error.to_bits());
+        let scaled = stored.for_looks_by(&objective);
+        assert_eq!((scaled.looked_at.width, scaled.looked_at.features.len()), (columns, columns * rows));
+        assert!(error > 0.0);
+        assert_eq!(scaled.error(&objective, &network).to_bits(), error.to_bits(), "{sets:?}");
     }
 }
