@@ -3,7 +3,7 @@
 Usage:  cargo build --release
         python scripts/train_costs.py [--rounds 5] [--quick]          # leave the machine idle
 
-What goes in: quickstart.yaml as it stands, and mixed.yaml cut to 70 and 500 scenes. The rounds are interleaved, and what is compared is compared within a
+What goes in: quickstart.yaml as it stands, and mixed.yaml cut to 70, 140 and 500 scenes. The rounds are interleaved, and what is compared is compared within a
 round; figures are medians of the rounds, with the least and the most. CPU is the user and system time of the whole process.
 
   Threads        A training of quickstart.yaml by default, opening, looks, calibration and the test split included: with `--threads 1` and its process
@@ -102,7 +102,7 @@ def main():
     study.add_arguments(parser, "train_costs")
     options = parser.parse_args()
     assert len(CORES) == 2, "two cores are compared with one: this machine has one"
-    rounds, sizes, cut = options.rounds, [70, 500], []
+    rounds, sizes, cut = options.rounds, [70, 140, 500], []
     if options.quick:
         rounds, sizes, cut = 1, [70], ["scenes=100", "scenes_per_shard=10"]
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)

@@ -1,18 +1,25 @@
 """A whole pipeline of Open3D, SciPy, NumPy and PyArrow against marsyard, on the same yards, in one run.
 
 Usage:  cargo build --release && cargo build --release --example pipeline_peer
-        pip install open3d numpy scipy pyarrow
+        pip install open3d numpy numba scipy pyarrow
         python scripts/peers/whole_pipeline.py [--scenes 60] [--rounds 5] [--out results.json]
 
-The peer makes one scan a yard of `configs/paper.yaml`, as a careful user of those libraries would: the ground's heights by two matrix
-products, convex hulls by SciPy, one mesh, Open3D's RaycastingScene, 682 x 100 rays, Gaussian range noise and gates, points to the map,
-cells by sorting and `bincount` / `reduceat` (no loop over rays or cells), 14 features, labels, Parquet with zstd through PyArrow. It has
-no drive, no SLAM, no random grounds to generate and fit: yards and poses are given. What is the same for all yards (grid, triangles,
-Legendre bases, Open3D's tensors of triangles) is made once and not counted. marsyard does all of its work: random ground and fit, rocks,
-drive and wheel contact, four sweeps a yard, FastSLAM, cells of the last, shards on disk, start of the program.
+There are three peers, on meshes of 0.1 and of 0.05 m. All have the ground's heights by two matrix products, convex hulls by SciPy, Open3D's
+RaycastingScene, 682 x 100 rays, Gaussian range noise and gates, points to the map, 14 features, labels, Parquet with zstd through PyArrow.
 
-CPU seconds, one thread, rounds interleaved; marsyard's per sweep cast (a yard has four), the peer's per scan. Before that, both make
-the same cells: without noise, the peer's against marsyard's.
+  plain            As a careful user of those libraries would write it: one scan a yard of `configs/paper.yaml`, the whole yard as a mesh, cells by
+                   sorting and `bincount` / `reduceat` (no loop over rays or cells).
+  expert           As their expert would: the mesh and the rocks cut to what the sensor reaches, cells by compiled loops of numba.
+  expert, 4 a yard The same with one mesh for the four sweeps that a yard has; cells are of the last sweep, as marsyard's, those on the way are
+                   cast and that is all.
+
+They have no drive, no SLAM, no random grounds to generate and fit: yards and poses are given. What is the same for all yards (grid, triangles,
+Legendre bases, Open3D's tensors of triangles, compiling) is made once and not counted. marsyard does all of its work: random ground and fit,
+rocks, drive and wheel contact, four sweeps a yard, FastSLAM, cells of the last, shards on disk, start of the program: beside `expert, 4 a yard`. With
+true poses it casts the last sweep alone and has no SLAM either: beside `expert`, like work but for the drive and the random ground.
+
+CPU seconds, one thread, rounds interleaved, per sweep cast. Before that, all make the same cells: without noise, the peers' against
+marsyard's.
 """
 
 import argparse
@@ -28,6 +35,7 @@ import subprocess
 import tempfile
 import time
 
+import numba
 import numpy as np
 import open3d as o3d
 import pyarrow as pa
@@ -36,6 +44,7 @@ from scipy.spatial import ConvexHull
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCANS_A_FILE = 50
+SWEEPS_A_YARD = 4
 NEIGHBOURS = [(r, c) for r in (-1, 0, 1) for c in (-1, 0, 1) if (r, c) != (0, 0)]
 NAMES = ["mean_height_m", "height_variance_m2", "height_difference_m", "point_count", "pitch_rad", "roll_rad"]
 NAMES += [f"neighbour_{name}_m" for name in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
@@ -58,38 +67,76 @@ class Yard:
 class Mesh:
     """What all yards share: the grid of the ground and its triangles."""
 
+    sweeps = 1
+
     def __init__(self, spacing_m, yard):
         side = round(yard.extent_m / spacing_m) + 1
-        axis = np.linspace(0.0, yard.extent_m, side)
-        u = (axis - yard.extent_m / 2) / yard.half_m
+        self.axis = np.linspace(0.0, yard.extent_m, side)
+        u = (self.axis - yard.extent_m / 2) / yard.half_m
         self.basis = np.polynomial.legendre.legvander(u, yard.degree) * np.sqrt(2 * np.arange(yard.degree + 1) + 1)
-        y, x = np.meshgrid(axis, axis, indexing="ij")
-        self.vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3).astype(np.float32)
-        sw = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).reshape(-1)
-        two = np.stack([sw, sw + 1, sw + side + 1, sw, sw + side + 1, sw + side], axis=-1)
-        self.triangles = o3d.core.Tensor(two.reshape(-1, 3).astype(np.uint32))
+        self.triangles = {}
+
+    def ground(self, yard, rows, columns):
+        """Corners and triangles of a window of the grid."""
+        y, x = np.meshgrid(self.axis[rows], self.axis[columns], indexing="ij")
+        z = self.basis[rows] @ yard.matrix.T @ self.basis[columns].T
+        corners = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float32)
+        if z.shape not in self.triangles:
+            height, width = z.shape
+            sw = (np.arange(height - 1)[:, None] * width + np.arange(width - 1)).reshape(-1)
+            two = np.stack([sw, sw + 1, sw + width + 1, sw, sw + width + 1, sw + width], axis=-1)
+            self.triangles[z.shape] = o3d.core.Tensor(two.reshape(-1, 3).astype(np.uint32))
+        return o3d.core.Tensor(corners), self.triangles[z.shape]
 
     def scene(self, yard):
         """Open3D's scene; geometry 0 is the ground, 1 the rocks."""
-        vertices = self.vertices.copy()
-        vertices[:, 2] = (self.basis @ yard.matrix.T @ self.basis.T).reshape(-1)
-        scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        scene.add_triangles(o3d.core.Tensor(vertices), self.triangles)
-        if yard.rocks:
-            offsets = np.cumsum([0] + [len(rock) for rock in yard.rocks])
-            triangles = np.concatenate([ConvexHull(rock).simplices + k for rock, k in zip(yard.rocks, offsets)])
-            corners = np.concatenate(yard.rocks).astype(np.float32)
-            scene.add_triangles(o3d.core.Tensor(corners), o3d.core.Tensor(triangles.astype(np.uint32)))
-        return scene
+        return scene_of(self.ground(yard, slice(None), slice(None)), yard.rocks)
+
+    def cells(self, yard, scene, directions, random):
+        return cells_by_sorting(yard, *points(yard, scene, directions, random))
 
 
-def cells(yard, mesh, directions, random):
-    """Rows, columns, labels and 14 features of one scan; noise where there is a generator."""
+class CutMesh(Mesh):
+    """The same of what the sensor reaches, for some sweeps of a yard."""
+
+    def __init__(self, spacing_m, yard, sweeps):
+        super().__init__(spacing_m, yard)
+        self.sweeps = sweeps
+
+    def scene(self, yard):
+        reach_m = yard.sensor_range_m[1]
+        window = [slice(max(np.searchsorted(self.axis, at - reach_m) - 1, 0), np.searchsorted(self.axis, at + reach_m) + 1) for at in yard.sensor[:2]]
+        near = [rock for rock in yard.rocks if np.linalg.norm(rock - yard.sensor, axis=1).min() <= reach_m]
+        return scene_of(self.ground(yard, window[1], window[0]), near)
+
+    def cells(self, yard, scene, directions, random):
+        for _ in range(self.sweeps - 1):
+            cast(yard, scene, directions)
+        return cells_by_loops(yard, *points(yard, scene, directions, random))
+
+
+def scene_of(ground, rocks):
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(*ground)
+    if rocks:
+        offsets = np.cumsum([0] + [len(rock) for rock in rocks])
+        triangles = np.concatenate([ConvexHull(rock).simplices + k for rock, k in zip(rocks, offsets)])
+        corners = np.concatenate(rocks).astype(np.float32)
+        scene.add_triangles(o3d.core.Tensor(corners), o3d.core.Tensor(triangles.astype(np.uint32)))
+    return scene
+
+
+def cast(yard, scene, directions):
     rays = np.empty((len(directions), 6), dtype=np.float32)
     turned = directions @ yard.rotation.T
     rays[:, :3] = yard.sensor
     rays[:, 3:] = turned
-    answer = mesh.scene(yard).cast_rays(o3d.core.Tensor(rays), nthreads=1)
+    return turned, scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)
+
+
+def points(yard, scene, directions, random):
+    """Points of a scan in the map, and which lie on a rock; noise where there is a generator."""
+    turned, answer = cast(yard, scene, directions)
     range_m = answer["t_hit"].numpy().astype(np.float64)
     near_m, far_m = yard.sensor_range_m
     hit = np.flatnonzero(range_m <= far_m)
@@ -102,7 +149,11 @@ def cells(yard, mesh, directions, random):
         range_m, turned, on_rock = range_m[good], turned[good], on_rock[good]
     offset = turned * range_m[:, None]
     good = offset[:, 0] ** 2 + offset[:, 1] ** 2 <= yard.max_range_m**2
-    place, on_rock = offset[good] + yard.sensor, on_rock[good]
+    return offset[good] + yard.sensor, on_rock[good]
+
+
+def cells_by_sorting(yard, place, on_rock):
+    """Rows, columns, labels and 14 features."""
     col, row = (np.floor(place[:, k] / yard.cell_m).astype(np.int64) for k in (0, 1))
     height = place[:, 2] - yard.rover_z_m
     # A dense grid with a border of empty cells.
@@ -130,6 +181,51 @@ def cells(yard, mesh, directions, random):
     return full // cols + first_row, full % cols + first_col, label, [f.astype(np.float32) for f in features]
 
 
+def cells_by_loops(yard, place, on_rock):
+    """The same to the last digits: sums run in another order."""
+    row, col, label, features = binned(place, on_rock, yard.cell_m, yard.rover_z_m, yard.pitch_rad, yard.roll_rad)
+    return row, col, label, list(features)
+
+
+@numba.njit(cache=False)
+def binned(place, on_rock, cell_m, rover_z_m, pitch_rad, roll_rad):
+    first_row, first_col = np.floor(place[:, 1].min() / cell_m) - 1, np.floor(place[:, 0].min() / cell_m) - 1
+    rows = int(np.floor(place[:, 1].max() / cell_m) - first_row) + 2
+    cols = int(np.floor(place[:, 0].max() / cell_m) - first_col) + 2
+    index = np.empty(len(place), np.int64)
+    count, obstacle = np.zeros(rows * cols, np.int64), np.zeros(rows * cols, np.int8)
+    mean, variance = np.zeros(rows * cols), np.zeros(rows * cols)
+    low, high = np.full(rows * cols, np.inf), np.full(rows * cols, -np.inf)
+    for k in range(len(place)):
+        at = int(np.floor(place[k, 1] / cell_m) - first_row) * cols + int(np.floor(place[k, 0] / cell_m) - first_col)
+        height = place[k, 2] - rover_z_m
+        index[k] = at
+        count[at] += 1
+        mean[at] += height
+        low[at], high[at] = min(low[at], height), max(high[at], height)
+        if on_rock[k]:
+            obstacle[at] = 1
+    for at in range(rows * cols):
+        mean[at] = mean[at] / count[at] if count[at] else np.nan
+    for k in range(len(place)):
+        off = place[k, 2] - rover_z_m - mean[index[k]]
+        variance[index[k]] += off * off
+    full = np.flatnonzero(count)
+    features = np.empty((14, len(full)), np.float32)
+    for k in range(len(full)):
+        at = full[k]
+        features[0, k], features[1, k], features[2, k] = mean[at], variance[at] / count[at], high[at] - low[at]
+        features[3, k], features[4, k], features[5, k] = count[at], pitch_rad, roll_rad
+        column = 6
+        for r in (-1, 0, 1):
+            for c in (-1, 0, 1):
+                if r != 0 or c != 0:
+                    beside = mean[at + r * cols + c]
+                    features[column, k] = mean[at] if np.isnan(beside) else beside
+                    column += 1
+    return full // cols + int(first_row), full % cols + int(first_col), obstacle[full], features
+
+
 def table(scene, found):
     row, col, label, features = found
     columns = {
@@ -143,15 +239,15 @@ def table(scene, found):
 
 
 def run_peer(yards, mesh, directions, folder, random):
-    """CPU seconds of one scan of every yard, written to Parquet files."""
+    """CPU seconds a sweep of all yards, the last of each written to Parquet files."""
     begin = time.process_time()
     waiting = []
     for k, yard in enumerate(yards):
-        waiting.append(table(k, cells(yard, mesh, directions, random)))
+        waiting.append(table(k, mesh.cells(yard, mesh.scene(yard), directions, random)))
         if len(waiting) == SCANS_A_FILE or k + 1 == len(yards):
             pq.write_table(pa.concat_tables(waiting), folder / f"{k}.parquet", compression="zstd")
             waiting = []
-    return time.process_time() - begin
+    return (time.process_time() - begin) / (len(yards) * mesh.sweeps)
 
 
 def run_marsyard(binary, scenes, sets, folder):
@@ -172,11 +268,11 @@ def run_marsyard(binary, scenes, sets, folder):
 
 
 def compare(yards, mesh, directions):
-    """The peer's cells without noise against marsyard's: shares and errors."""
+    """A peer's cells without noise against marsyard's: shares and errors."""
     cells_all = same_cells = equal_counts = labels_other = 0
     errors = []
     for yard in yards:
-        row, col, label, features = cells(yard, mesh, directions, None)
+        row, col, label, features = mesh.cells(yard, mesh.scene(yard), directions, None)
         theirs = {key: k for k, key in enumerate(zip(row.tolist(), col.tolist()))}
         ours = {(r, c): k for k, (r, c, _, _) in enumerate(yard.cells)}
         cells_all += len(ours.keys() | theirs.keys())
@@ -216,40 +312,43 @@ def main():
     listed = subprocess.run([arguments.example, str(folder), str(arguments.scenes)], check=True, capture_output=True, text=True)
     yards = [Yard(folder / f"{scene}.json") for scene in listed.stdout.split()]
     directions = np.fromfile(folder / "directions.f64").reshape(-1, 3)
-    meshes = {spacing_m: Mesh(spacing_m, yards[0]) for spacing_m in (0.1, 0.05)}
-    configs = {"paper.yaml": (), "paper.yaml, the paper's own contact solver: nelder_mead": ("drive.contact=nelder_mead",)}
+    kinds = {"plain": (Mesh,), "expert": (CutMesh, 1), f"expert, {SWEEPS_A_YARD} a yard": (CutMesh, SWEEPS_A_YARD)}
+    meshes = {f"{name}, {spacing_m} m": kind(spacing_m, yards[0], *sweeps) for name, (kind, *sweeps) in kinds.items() for spacing_m in (0.1, 0.05)}
+    configs = {"paper.yaml": (), "paper.yaml, the paper's own contact solver: nelder_mead": ("drive.contact=nelder_mead",),
+               "paper.yaml, true poses": ("slam=truth",)}
 
     report = {"yards": len(yards), "rays": len(directions), "rounds": arguments.rounds, "agreement": {}}
-    for spacing_m, mesh in meshes.items():
-        agreement = report["agreement"][f"{spacing_m} m"] = compare(yards, mesh, directions)
+    for peer, mesh in meshes.items():
+        agreement = report["agreement"][peer] = compare(yards, mesh, directions)
         print(
-            f"without noise, mesh of {spacing_m} m: {agreement['in_both']} of {agreement['cells']} cells in both,"
+            f"without noise, {peer}: {agreement['in_both']} of {agreement['cells']} cells in both,"
             f" {agreement['equal_point_counts']} with as many points, {agreement['other_labels']} of another label"
         )
         for name, e in agreement["feature_error_where_counts_are_equal"].items():
             print(f"  {name:22} median {e['median']:.1e}  p99 {e['p99']:.1e}  max {e['max']:.1e}")
 
     random = np.random.default_rng(1)
-    run_peer(yards[:2], meshes[0.1], directions, folder, random)
+    for mesh in meshes.values():
+        run_peer(yards[:2], mesh, directions, folder, random)
     seconds = {name: [] for name in (*meshes, *configs)}
     for _ in range(arguments.rounds):
-        for spacing_m, mesh in meshes.items():
-            seconds[spacing_m].append(run_peer(yards, mesh, directions, folder, random) / len(yards))
+        for peer, mesh in meshes.items():
+            seconds[peer].append(run_peer(yards, mesh, directions, folder, random))
         for name, sets in configs.items():
             cpu_s, rays = run_marsyard(arguments.binary, arguments.scenes, sets, folder)
             seconds[name].append(cpu_s / (rays / len(directions)))
     report["load"] = os.getloadavg()[0]
-    report["cpu_ms"] = {str(name): 1e3 * float(np.median(times)) for name, times in seconds.items()}
+    report["cpu_ms"] = {name: 1e3 * float(np.median(times)) for name, times in seconds.items()}
     report["ratios"] = {}
-    for spacing_m in meshes:
-        print(f"peer, mesh of {spacing_m} m: {report['cpu_ms'][str(spacing_m)]:.1f} ms of CPU a scan")
+    for peer in meshes:
+        print(f"{peer}: {report['cpu_ms'][peer]:.1f} ms of CPU a sweep")
     for name in configs:
-        print(f"marsyard, {name}: {report['cpu_ms'][name]:.2f} ms of CPU a sweep cast, FastSLAM and all")
-        for spacing_m in meshes:
-            ratios = np.array(seconds[spacing_m]) / np.array(seconds[name])
+        print(f"marsyard, {name}: {report['cpu_ms'][name]:.2f} ms of CPU a sweep cast, and all that comes with it")
+        for peer in meshes:
+            ratios = np.array(seconds[peer]) / np.array(seconds[name])
             low, middle, high = (float(q) for q in np.quantile(ratios, (0.1, 0.5, 0.9)))
-            report["ratios"][f"{spacing_m} m over {name}"] = [low, middle, high]
-            print(f"  {middle:5.1f} times less than the peer's scan on {spacing_m} m ({low:.1f} .. {high:.1f})")
+            report["ratios"][f"{peer} over {name}"] = [low, middle, high]
+            print(f"  {middle:5.1f} times less than {peer} ({low:.1f} .. {high:.1f})")
     shutil.rmtree(folder)
     if arguments.out:
         pathlib.Path(arguments.out).write_text(json.dumps(report, indent=1) + os.linesep)
