@@ -78,36 +78,34 @@ impl Objective {
 
     /// Adds rows in order.
     pub(crate) fn sum(&self, network: &Network, rows: &Rows) -> ErrorSum {
-        self.sum_of(network, rows, Form::Stored)
-    }
-
-    fn sum_of(&self, network: &Network, rows: &Rows, form: Form) -> ErrorSum {
         let network = self.network_in(network);
-        let chunks = (0..rows.len().div_ceil(CHUNK_ROWS)).into_par_iter();
-        let parts: Vec<ErrorSum> = chunks.map(|chunk| self.chunk(&network, rows, form, chunk)).collect();
-        parts.into_iter().fold(ErrorSum::default(), ErrorSum::and)
+        self.sum_by(rows, |stored, outputs| self.outputs(&network, stored, outputs))
     }
 
-    /// The same as [`sum`](Objective::sum) to the bit, on this thread alone.
+    /// The same to the bit, on this thread alone.
     pub(crate) fn sum_here(&self, network: &Network, rows: &Rows) -> ErrorSum {
         let network = self.network_in(network);
-        let chunks = 0..rows.len().div_ceil(CHUNK_ROWS);
-        chunks.map(|chunk| self.chunk(&network, rows, Form::Stored, chunk)).fold(ErrorSum::default(), ErrorSum::and)
+        let outputs = |stored: &[f32], outputs: &mut [f64]| self.outputs(&network, stored, outputs);
+        chunks(rows).map(|chunk| self.chunk(rows, chunk, &outputs)).fold(ErrorSum::default(), ErrorSum::and)
     }
 
-    fn chunk(&self, network: &NetworkIn, rows: &Rows, form: Form, chunk: usize) -> ErrorSum {
+    /// Adds rows in order, whose outputs are made of their features.
+    fn sum_by(&self, rows: &Rows, outputs: impl Fn(&[f32], &mut [f64]) + Sync) -> ErrorSum {
+        let parts = chunks(rows).into_par_iter().map(|chunk| self.chunk(rows, chunk, &outputs));
+        parts.collect::<Vec<ErrorSum>>().into_iter().fold(ErrorSum::default(), ErrorSum::and)
+    }
+
+    /// The outputs of rows as they were stored.
+    fn outputs(&self, network: &NetworkIn, stored: &[f32], outputs: &mut [f64]) {
+        let mut scaled = vec![0.0; self.scaler.inputs() * outputs.len()];
+        self.scaler.scale(stored, &mut scaled);
+        network.outputs(&scaled, outputs);
+    }
+
+    fn chunk(&self, rows: &Rows, chunk: usize, outputs_of: &impl Fn(&[f32], &mut [f64])) -> ErrorSum {
         let range = chunk * CHUNK_ROWS..rows.len().min((chunk + 1) * CHUNK_ROWS);
-        let stored = &rows.features[range.start * rows.width..range.end * rows.width];
         let mut outputs = vec![0.0; range.len()];
-        match (form, network) {
-            (Form::Scaled, NetworkIn::F32(network)) => network.outputs(stored, &mut outputs),
-            (Form::Scaled, NetworkIn::F64(_)) => unreachable!("rows are scaled for outputs in f32 alone"),
-            (Form::Stored, _) => {
-                let mut scaled = vec![0.0; self.scaler.inputs() * range.len()];
-                self.scaler.scale(stored, &mut scaled);
-                network.outputs(&scaled, &mut outputs);
-            }
-        }
+        outputs_of(&rows.features[range.start * rows.width..range.end * rows.width], &mut outputs);
         let mut sum = ErrorSum::default();
         for (row, output) in range.zip(outputs) {
             let label = rows.labels[row];
@@ -132,20 +130,29 @@ impl Objective {
     }
 }
 
-/// How the features of rows are held.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Form {
-    /// As in the shards.
-    Stored,
-    /// As the network takes them, in f32.
-    Scaled,
+/// The numbers of a sum's parts.
+fn chunks(rows: &Rows) -> std::ops::Range<usize> {
+    0..rows.len().div_ceil(CHUNK_ROWS)
+}
+
+/// The rows that a look takes.
+#[derive(Debug)]
+pub(crate) enum LookRows {
+    Stored(Rows),
+    /// As the network takes them, in f32: twice the memory with normal scores.
+    Scaled(Rows),
+}
+
+impl LookRows {
+    pub(crate) fn rows(&self) -> &Rows {
+        let (LookRows::Stored(rows) | LookRows::Scaled(rows)) = self;
+        rows
+    }
 }
 
 /// The rows that decide when training ends.
 pub(crate) struct Validation {
-    /// Those that a look takes.
-    pub(super) looked_at: Rows,
-    form: Form,
+    pub(super) looked_at: LookRows,
     /// Of the whole split.
     pub rows: u64,
     pub left_out: LeftOut,
@@ -166,20 +173,28 @@ impl Validation {
                 rows += 1;
             }
         })?;
-        Ok(Validation { looked_at, form: Form::Stored, rows, left_out })
+        Ok(Validation { looked_at: LookRows::Stored(looked_at), rows, left_out })
     }
 
     /// For looks by this objective alone: where outputs are of f32, its scaling is done once for all looks, which changes no bit of theirs.
     pub(crate) fn for_looks_by(self, objective: &Objective) -> Validation {
-        if !objective.is_f32 {
-            return self;
-        }
-        Validation { looked_at: objective.scaled(self.looked_at), form: Form::Scaled, ..self }
+        let looked_at = match self.looked_at {
+            LookRows::Stored(rows) if objective.is_f32 => LookRows::Scaled(objective.scaled(rows)),
+            looked_at => looked_at,
+        };
+        Validation { looked_at, ..self }
     }
 
     /// The error over the rows of a look.
     pub(crate) fn error(&self, objective: &Objective, network: &Network) -> f64 {
-        objective.sum_of(network, &self.looked_at, self.form).mean()
+        let sum = match &self.looked_at {
+            LookRows::Stored(rows) => objective.sum(network, rows),
+            LookRows::Scaled(rows) => {
+                let network = NetworkF32::new(network);
+                objective.sum_by(rows, |scaled, outputs| network.outputs(scaled, outputs))
+            }
+        };
+        sum.mean()
     }
 }
 

@@ -78,7 +78,7 @@ impl<'s> Training<'s> {
             start: Start {
                 train_rows: labelled,
                 validation_rows: validation.rows,
-                look_rows: validation.looked_at.len() as u64,
+                look_rows: validation.looked_at.rows().len() as u64,
                 untraversable_share: untraversable as f64 / labelled as f64,
                 weights: layout.weights(),
                 features: sources.features.clone(),
