@@ -12,7 +12,6 @@ Needs numpy and pyarrow. Writes columns.json and columns.md into scripts/results
 """
 
 import argparse
-import json
 
 import numpy as np
 import pyarrow

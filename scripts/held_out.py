@@ -23,7 +23,7 @@ PER_SHARD = 10
 DRAWS = 1000
 #: Trees learn from no more cells than this, and no more validation cells decide when they stop; scenes in their order.
 MOST_CELLS = 3_000_000
-#: No family may weigh nothing; at this weight none of the scenes of a study is drawn from it.
+#: At this weight none of the scenes of a study is drawn from a family.
 NONE = "1e-9"
 
 

@@ -17,7 +17,6 @@ Needs numpy, pyarrow and lightgbm. Writes holes.json and holes.md into scripts/r
 
 import argparse
 import json
-import pathlib
 
 import numpy as np
 import pyarrow
