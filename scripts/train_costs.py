@@ -1,7 +1,7 @@
 """What a training takes: on one core and on two, with normal scores and without, and what its looks at the validation split cost.
 
 Usage:  cargo build --release
-        python scripts/train_costs.py [--rounds 5] [--quick]          # leave the machine idle
+        python scripts/train_costs.py [--rounds 3] [--quick]          # leave the machine idle
 
 What goes in: quickstart.yaml as it stands, and mixed.yaml cut to 70, 140 and 500 scenes. The rounds are interleaved, and what is compared is compared within a
 round; figures are medians of the rounds, with the least and the most. CPU is the user and system time of the whole process.
@@ -98,7 +98,7 @@ def range_of(values, digits):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", default=5, type=int)
+    parser.add_argument("--rounds", default=3, type=int)
     study.add_arguments(parser, "train_costs")
     options = parser.parse_args()
     assert len(CORES) == 2, "two cores are compared with one: this machine has one"
