@@ -70,20 +70,25 @@ TREES = dict(num_leaves=31, learning_rate=0.1, min_child_samples=100, subsample=
 TREE_ROUNDS = 400
 
 
+def table(cells, columns):
+    """Columns of cells side by side, as trees take them."""
+    return np.stack([cells[name] for name in columns], axis=1).astype(np.float32)
+
+
 def trees(cells, validation, columns, seed):
     """LightGBM with weights by class, ended by the validation cells; what gives scores to cells."""
     import lightgbm
 
-    def table(of):
+    def weighed(of):
         untraversable = of["label"] == 1
         weight = np.where(untraversable, (~untraversable).sum() / max(untraversable.sum(), 1), 1.0)
-        return dict(data=np.stack([of[name] for name in columns], axis=1).astype(np.float32), label=of["label"], weight=weight)
+        return dict(data=table(of, columns), label=of["label"], weight=weight)
 
     settings = dict(objective="binary", **TREES, num_threads=1, seed=seed, verbose=-1)
-    learnt = lightgbm.Dataset(**table(cells), params=settings)
-    model = lightgbm.train(settings, learnt, TREE_ROUNDS, valid_sets=[lightgbm.Dataset(**table(validation), reference=learnt)],
+    learnt = lightgbm.Dataset(**weighed(cells), params=settings)
+    model = lightgbm.train(settings, learnt, TREE_ROUNDS, valid_sets=[lightgbm.Dataset(**weighed(validation), reference=learnt)],
                            callbacks=[lightgbm.early_stopping(30, verbose=False)])
-    return lambda of: model.predict(np.stack([of[name] for name in columns], axis=1).astype(np.float32), num_threads=1)
+    return lambda of: model.predict(table(of, columns), num_threads=1)
 
 
 def counts(cells, scores):

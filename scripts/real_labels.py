@@ -32,7 +32,7 @@ from sklearn.metrics import roc_auc_score
 import held_out
 import study
 from doubt import Network
-from real_scans import Learner, Places
+from real_scans import Learner, Places, default_of, run_name
 from transfer import outputs
 
 ROUNDS = [25, 50, 100, 200, 400]
@@ -46,7 +46,7 @@ class Labelled:
 
     def __init__(self, places, cells, simulated, columns):
         self.kinds, self.spots, self.place, self.label = np.array(places.kinds), np.array(places.spots), cells["place"], cells["label"]
-        self.columns, self.simulated, self.of_simulated = table(cells, columns), table(simulated, columns), simulated["label"]
+        self.columns, self.simulated, self.of_simulated = held_out.table(cells, columns), held_out.table(simulated, columns), simulated["label"]
 
     def same_site(self, place):
         """Places of the site that share nothing with this one."""
@@ -81,10 +81,6 @@ labelled = None
 
 def scores_of(task):
     return labelled.scores(*task)
-
-
-def table(cells, columns):
-    return np.stack([cells[name] for name in columns], axis=1).astype(np.float32)
 
 
 def balanced(labels):
@@ -153,7 +149,7 @@ def main():
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     places = Places(marsyard, options.data, options.quick)
     corpora = {scenes: marsyard.corpus(f"mixed-{scenes}", held_out.CONFIG, [], scenes, held_out.PER_SHARD) for scenes in (few, many)}
-    runs = [marsyard.train(f"mixed.yaml--{many}-scenes", [corpora[many]], seed) for seed in seeds]
+    runs = [marsyard.train(run_name(default_of(many)), [corpora[many]], seed) for seed in seeds]
     networks = [Network(marsyard, run) for run in runs]
     columns = list(networks[0].about["features"])
     cells = places.cells(runs[0].name, runs[0])

@@ -149,6 +149,16 @@ class Learner:
         return self.rates[:, [of == kind for of in kinds_of_places], 2].mean()
 
 
+def default_of(scenes):
+    """The learner by default of so many scenes."""
+    return f"mixed.yaml, {scenes} scenes"
+
+
+def run_name(learner):
+    """What its run folders are named by."""
+    return "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in learner)
+
+
 class Studied:
     """All learners, by name; the first is the default network of the largest corpus."""
 
@@ -156,16 +166,16 @@ class Studied:
         self.marsyard, self.places, self.seeds, self.learners, self.cells = marsyard, places, seeds, {}, None
         corpora = {size: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}
         small, middle, large = sizes
-        self.networks = self.network(f"mixed.yaml, {large} scenes", corpora[large])
+        self.networks = self.network(default_of(large), corpora[large])
         for higher_m in WRONG_BY_M:
             cells = places.cells(self.classifier, marsyard.work / "runs" / self.classifier, higher_m)
             self.learn(f"the same, sensors said {abs(higher_m)} m {'higher' if higher_m > 0 else 'lower'}",
                        [outputs(network.exported, cells) for network in self.networks], cells)
         for wheel_m in map(wheel_of, ROVERS):
             self.network(f"the same, for a wheel of {wheel_m} m", corpora[large], [labels_for(wheel_m)])
-        self.of_middle = f"mixed.yaml, {middle} scenes"
+        self.of_middle = default_of(middle)
         self.network(self.of_middle, corpora[middle])
-        self.network(f"mixed.yaml, {small} scenes", corpora[small])
+        self.network(default_of(small), corpora[small])
         self.network(f"Kalman filter, mixed.yaml, {middle} scenes", corpora[middle], study.KALMAN_FILTER)
         self.network(f"broad.yaml, {middle} scenes", marsyard.corpus(f"broad-{middle}", HERE / "broad.yaml", [], middle, held_out.PER_SHARD))
         columns = self.networks[0].about["features"]
@@ -179,8 +189,7 @@ class Studied:
 
     def network(self, learner, corpus, sets=()):
         """Trains the networks of a learner, and scores the cells; the first network's `classify` makes these, all take the same columns."""
-        name = "".join(letter if letter.isalnum() or letter in "-." else "-" for letter in learner)
-        runs = [self.marsyard.train(name, [corpus], seed, sets) for seed in self.seeds]
+        runs = [self.marsyard.train(run_name(learner), [corpus], seed, sets) for seed in self.seeds]
         networks = [Network(self.marsyard, run) for run in runs]
         if self.cells is None:
             self.classifier = runs[0].name

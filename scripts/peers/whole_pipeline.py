@@ -333,7 +333,8 @@ def main():
                "paper.yaml, true poses": ("slam=truth",)}
 
     report = {"yards": len(yards), "rays": len(directions), "rounds": arguments.rounds, "agreement": {}}
-    for peer, mesh in list(meshes.items())[:4]:  # of four sweeps the last makes the same cells
+    # Of four sweeps the last makes the cells that one makes.
+    for peer, mesh in ((peer, mesh) for peer, mesh in meshes.items() if mesh.sweeps == 1):
         agreement = report["agreement"][peer] = compare(yards, mesh, directions)
         print(
             f"without noise, {peer}: {agreement['in_both']} of {agreement['cells']} cells in both,"

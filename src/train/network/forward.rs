@@ -41,23 +41,6 @@ impl ForwardWeights {
     }
 }
 
-/// Inputs as they come: in f64, or in f32 where they wait for many looks.
-pub(crate) trait AsF32: Copy {
-    fn as_f32(self) -> f32;
-}
-
-impl AsF32 for f64 {
-    fn as_f32(self) -> f32 {
-        self as f32
-    }
-}
-
-impl AsF32 for f32 {
-    fn as_f32(self) -> f32 {
-        self
-    }
-}
-
 /// Some rows on their way through a member.
 #[derive(Debug)]
 pub(crate) struct Values {
@@ -80,11 +63,11 @@ impl Values {
         Values { into: layout.layers().map(values).collect(), outputs: Matrix::zeros(1, MICRO_BATCH_ROWS) }
     }
 
-    /// Sets the inputs of up to [`MICRO_BATCH_ROWS`] rows; places without one keep what they hold.
-    pub(crate) fn set_rows<'r, T: AsF32 + 'r>(&mut self, rows: impl Iterator<Item = &'r [T]>) {
+    /// Sets the inputs of up to [`MICRO_BATCH_ROWS`] rows, of f64 or of f32; places without one keep what they hold.
+    pub(crate) fn set_rows<'r, T: Copy + Into<f64> + 'r>(&mut self, rows: impl Iterator<Item = &'r [T]>) {
         for (place, row) in rows.enumerate() {
             let chunks = self.into[0].row_mut(place);
-            chunks.iter_mut().flat_map(AsMut::as_mut).zip(row).for_each(|(value, x)| *value = x.as_f32());
+            chunks.iter_mut().flat_map(AsMut::as_mut).zip(row).for_each(|(value, x)| *value = (*x).into() as f32);
         }
     }
 
@@ -189,7 +172,7 @@ impl NetworkF32 {
         NetworkF32 { layout, members }
     }
 
-    pub(crate) fn outputs<T: AsF32>(&self, rows: &[T], outputs: &mut [f64]) {
+    pub(crate) fn outputs<T: Copy + Into<f64>>(&self, rows: &[T], outputs: &mut [f64]) {
         let (isa, inputs) = (Isa::detect(), self.layout.inputs);
         let mut values = Values::new(&self.layout);
         let share = 1.0 / self.members.len() as f64;
