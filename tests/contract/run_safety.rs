@@ -37,8 +37,8 @@ fn trained(yard: &Yard, out: &str, extra: &[&str]) {
 
 /// A training that goes on for minutes, in the folder `run`, and has its first checkpoint.
 fn long(yard: &Yard, extra: &[&str]) -> Child {
-    let begun = begin(yard, &[&LONG, extra].concat());
-    wait_for("checkpoint", || yard.path(CHECKPOINT).exists());
+    let mut begun = begin(yard, &[&LONG, extra].concat());
+    wait_for(&mut begun, "checkpoint", || yard.path(CHECKPOINT).exists());
     begun
 }
 
@@ -81,8 +81,8 @@ fn equal_bits_after_a_log_that_was_damaged_in_six_ways() {
     // Slow enough to be interrupted, and to the bits of one that was not.
     let sets = ["--set", "network.hidden=[12, 12]", "--set", "epochs=8", "--set", "filter={ekf: {precision: f64}}"];
     trained(&yard, "whole", &sets);
-    let child = begin(&yard, &sets);
-    wait_for("looks", || std::fs::read(yard.path("run/training.jsonl")).is_ok_and(|log| log.len() > 900));
+    let mut child = begin(&yard, &sets);
+    wait_for(&mut child, "looks", || std::fs::read(yard.path("run/training.jsonl")).is_ok_and(|log| log.len() > 900));
     stopped(child, "-TERM");
     let log = std::fs::read(yard.path("run/training.jsonl")).expect("a log");
     let half = log[..log.len() / 2].to_vec();
@@ -231,11 +231,11 @@ fn law_one_training_writes_in_a_folder_and_others_are_told_at_once() {
     }
     // The kernel ends a lock with its holder, and readers never ask for one.
     killed(first);
-    let again = begin(&yard, &[&LONG[..], &["--resume"]].concat());
+    let mut again = begin(&yard, &[&LONG[..], &["--resume"]].concat());
     let log = yard.path("run/training.jsonl");
     let length = || std::fs::metadata(&log).map_or(0, |facts| facts.len());
     let before = length();
-    wait_for("look", || length() > before);
+    wait_for(&mut again, "look", || length() > before);
     stopped(again, "-TERM");
 }
 
@@ -385,8 +385,8 @@ fn law_one_search_writes_in_a_folder() {
     let yard = with_corpus();
     let arguments = ["--out", "run", "--resume", "--epochs", "100000", "--set", "patience=100000"];
     let mut command = yard.command(SEARCH.iter().chain(&arguments));
-    let first = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the binary starts");
-    wait_for("journal", || yard.path("run/search.jsonl").exists());
+    let mut first = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the binary starts");
+    wait_for(&mut first, "journal", || yard.path("run/search.jsonl").exists());
     let output = yard.marsyard(SEARCH.iter().chain(&arguments));
     killed(first);
     assert_eq!(output.status.code(), Some(75), "{}", told(&output));

@@ -109,9 +109,9 @@ fn law_an_interrupted_search_exits_75_and_says_how_to_go_on() {
     let long = ["--out", "run", "--epochs", "1000000", "--set", "patience=100000"];
     let mut command = yard.command(QUICK.iter().chain(&long));
     command.stderr(std::process::Stdio::piped()).stdout(std::process::Stdio::null());
-    let child = command.spawn().expect("the binary starts");
+    let mut child = command.spawn().expect("the binary starts");
     let journal = yard.path("run/search.jsonl");
-    wait_for("journal", || journal.exists());
+    wait_for(&mut child, "journal", || journal.exists());
     let output = stopped(child, "-INT");
     assert!(text(&output.stderr).contains("--resume --out run"), "{}", text(&output.stderr));
 }

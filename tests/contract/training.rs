@@ -127,14 +127,14 @@ fn law_an_interrupted_training_exits_75_and_says_how_to_go_on() {
     let yard = with_corpus();
     let sets = ["network.hidden=[8]", "epochs=100000", "patience=100000"].map(|set| ["--set", set]);
     let arguments = [&["train", "corpus", "--out", "run"][..], sets.as_flattened()].concat();
-    let child = yard
+    let mut child = yard
         .command(arguments)
         .stderr(std::process::Stdio::piped())
         .stdout(std::process::Stdio::null())
         .spawn()
         .expect("the binary starts");
     let checkpoint = yard.path("run/checkpoint.safetensors");
-    wait_for("checkpoint", || checkpoint.exists());
+    wait_for(&mut child, "checkpoint", || checkpoint.exists());
     let output = stopped(child, "-INT");
     assert!(text(&output.stderr).contains("--resume --out run"), "{}", text(&output.stderr));
 }

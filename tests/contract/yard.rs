@@ -1,6 +1,7 @@
 //! A scratch folder, a config in it, and the binary.
 
 use std::collections::BTreeMap;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
 
@@ -100,13 +101,22 @@ impl Yard {
     }
 }
 
-/// Waits until something is there, a minute at most.
-pub fn wait_for(what: &str, is_there: impl Fn() -> bool) {
-    let waited = (0..6000).any(|_| {
+/// Waits until something of a running process is there, ten minutes at most; one that ended is told with what it said.
+pub fn wait_for(child: &mut Child, what: &str, is_there: impl Fn() -> bool) {
+    for _ in 0..60_000 {
+        if is_there() {
+            return;
+        }
+        if let Some(status) = child.try_wait().expect("a child to wait for") {
+            let mut said = String::new();
+            if let Some(mut stderr) = child.stderr.take() {
+                stderr.read_to_string(&mut said).expect("what it said");
+            }
+            assert!(is_there(), "no {what}, and {status}: {said}");
+        }
         std::thread::sleep(std::time::Duration::from_millis(10));
-        is_there()
-    });
-    assert!(waited, "no {what} within a minute");
+    }
+    panic!("no {what} within ten minutes");
 }
 
 /// Sends a signal that asks a process to stop, and waits for what it says; it must ask to be run again.
