@@ -16,6 +16,7 @@ use crate::judge::{JudgeError, ScanJudge};
 pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
     must_be_local("--out", &args.out)?;
     let model = read_model(&args.model)?;
+    load::check_clouds(args)?;
     let mut judge = ScanJudge::new(&model, load::options(args, &model)?).map_err(failure)?;
     let poses = load::poses(args)?;
     poses.iter().try_for_each(|pose| judge.check_pose(pose)).map_err(failure)?;

@@ -104,6 +104,7 @@ pub(super) fn evaluate_failure(error: EvaluateError) -> Failure {
         EvaluateError::Corpus(error) => corpus_failure(error),
         error @ (EvaluateError::Model(_)
         | EvaluateError::Family { .. }
+        | EvaluateError::EmptyFamilies { .. }
         | EvaluateError::Shared { .. }
         | EvaluateError::Rule(_)
         | EvaluateError::NoFamily { .. }) => Failure::usage(miette::Report::msg(error.to_string())),
@@ -116,6 +117,10 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let model = read_model(&args.model)?;
     let open = |out: &PathBuf| Outputs::open(out, [Report::FILE], vec![model_file(&args.model)]);
     let outputs = args.out.as_ref().map(open).transpose().map_err(corpus_failure)?;
+    let point = args.point.chosen();
+    // A point that the model has none of is told where it is judged.
+    let thresholds = model.thresholds(&point).unwrap_or_default();
+    args.point.remarks(&model, &thresholds).iter().for_each(|remark| errln!("warning: {remark}"));
     let plan = place::finished_plan(&args.corpus)?;
     let split = match args.split {
         SplitName::Train => Split::Train,
@@ -124,7 +129,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     };
     let options = Options {
         labels: args.labels.clone(),
-        point: args.point.chosen(),
+        point,
         only_families: args.families.clone(),
         allow_shared_scenes: args.allow_shared_scenes,
         yards: plan.yards(),

@@ -31,7 +31,7 @@ mod train;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 use crate::config;
 use crate::corpus::owner::RULE;
@@ -180,7 +180,7 @@ pub fn main() -> ExitCode {
         eprintln!("{:?}", failure.report);
         return ExitCode::from(failure.code);
     }
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&command().get_matches()).unwrap_or_else(|error| error.exit());
     log::start(cli.log);
     match run(&cli) {
         Ok(()) => ExitCode::SUCCESS,
@@ -189,6 +189,15 @@ pub fn main() -> ExitCode {
             ExitCode::from(failure.code)
         }
     }
+}
+
+/// Negative numbers are values, and it is their option that says which it takes.
+fn command() -> clap::Command {
+    let taken = |arg: clap::Arg| {
+        let takes_values = arg.get_action().takes_values() && !arg.is_positional();
+        if takes_values && !arg.is_allow_hyphen_values_set() { arg.allow_negative_numbers(true) } else { arg }
+    };
+    Cli::command().mut_subcommands(|verb| verb.mut_args(taken))
 }
 
 fn run(cli: &Cli) -> Result<(), Failure> {
@@ -217,12 +226,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
             Ok(())
         }
         Verb::Completions { shell } => {
-            clap_complete::generate(
-                *shell,
-                &mut <Cli as clap::CommandFactory>::command(),
-                "marsyard",
-                &mut std::io::stdout(),
-            );
+            clap_complete::generate(*shell, &mut command(), "marsyard", &mut std::io::stdout());
             Ok(())
         }
     }

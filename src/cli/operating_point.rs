@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::options::read_share;
-use crate::train::OperatingPoint;
+use crate::train::{Model, OperatingPoint};
 
 #[derive(Debug, Args)]
 pub(super) struct PointArgs {
@@ -15,7 +15,7 @@ pub(super) struct PointArgs {
     miss_at_most: Option<f64>,
     /// Two thresholds, and doubtful between them: on the scenes that stopped the training at most this share of each class is called
     /// wrongly and not doubtful: 1%.
-    #[arg(long, value_name = "SHARE", value_parser = parse_share)]
+    #[arg(long, value_name = "SHARE", value_parser = parse_doubtful)]
     doubtful: Option<f64>,
 }
 
@@ -28,6 +28,28 @@ impl PointArgs {
             (None, None) => OperatingPoint::Thresholds(self.thresholds.clone()),
         }
     }
+
+    /// What whoever asked for these must know of the thresholds that the model gives for them.
+    pub(super) fn remarks(&self, model: &Model, thresholds: &[f64]) -> Vec<String> {
+        let mut remarks = Vec::new();
+        if self.doubtful.is_some() && thresholds.len() == 1 {
+            remarks.push(
+                "no cell is doubtful: one threshold keeps both shares on the model's validation scenes".to_string(),
+            );
+        }
+        let cells = model.about.calibration.as_ref().map_or([u64::MAX; 2], |calibration| calibration.cells);
+        let asked = [self.doubtful, self.miss_at_most.or(self.doubtful)];
+        for ((share, cells), class) in asked.into_iter().zip(cells).zip(["traversable", "untraversable"]) {
+            if let Some(share) = share.filter(|share| share * (cells as f64) < 1.0) {
+                remarks.push(format!(
+                    "{} % of the {cells} {class} cells of the model's validation scenes are less than one: none of them is called wrongly, and how \
+                     many of a million would be they cannot tell",
+                    100.0 * share
+                ));
+            }
+        }
+        remarks
+    }
 }
 
 /// `1%` or `0.01`.
@@ -35,6 +57,16 @@ fn parse_share(text: &str) -> Result<f64, String> {
     match read_share(text) {
         Some(share) if share > 0.0 && share < 1.0 => Ok(share),
         _ => Err(format!("'{text}' is no share above 0 and below 1: one in a hundred is 1% or 0.01")),
+    }
+}
+
+/// The same of two thresholds: from a half on either alone keeps both shares.
+fn parse_doubtful(text: &str) -> Result<f64, String> {
+    match parse_share(text)? {
+        share if share < 0.5 => Ok(share),
+        _ => Err(format!(
+            "'{text}' of each class called wrongly is no better than a coin: take less than 50%, such as 1%"
+        )),
     }
 }
 
@@ -47,6 +79,8 @@ mod tests {
         assert_eq!((parse_share("1%"), parse_share("0.01"), parse_share(" 2.5 %")), (Ok(0.01), Ok(0.01), Ok(0.025)));
         for wrong in ["0", "0%", "1", "100%", "-1%", "nan", "inf", "5", "", "%", "1 percent"] {
             assert!(parse_share(wrong).unwrap_err().contains("1% or 0.01"), "{wrong}");
+            assert!(parse_doubtful(wrong).unwrap_err().contains("1% or 0.01"), "{wrong}");
         }
+        assert!(parse_doubtful("60%").unwrap_err().contains("less than 50%") && parse_doubtful("49%") == Ok(0.49));
     }
 }

@@ -21,7 +21,8 @@ use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown
 use crate::search::over_scenes::ValidationScenes;
 use crate::search::{Entry, Leaderboard, Outcome, Setup, journal, leaderboard, search};
 use crate::train::memory::Held;
-use crate::train::{Sources, TrainParams, folder, scenes};
+use crate::train::rows::only_class;
+use crate::train::{Sources, TrainError, TrainParams, folder, scenes};
 
 /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
 ///
@@ -47,7 +48,7 @@ pub(super) struct SearchArgs {
     /// the first network is trained.
     #[arg(long, conflicts_with_all = ["widths", "layers"])]
     full: bool,
-    /// Widths of the grid, with commas or blanks between: all combinations of them in each number of layers.
+    /// Widths of the grid, with commas between, or behind the corpus with blanks: all combinations of them in each number of layers.
     #[arg(long, value_delimiter = ',', num_args = 1.., value_name = "NEURONS", default_value = "2,4,8,16,24,32", value_parser = parse_width)]
     widths: Vec<usize>,
     /// Most hidden layers of the grid.
@@ -57,10 +58,10 @@ pub(super) struct SearchArgs {
     #[arg(long, default_value_t = 1.0, value_name = "SHARE", value_parser = parse_share)]
     sample: f64,
     /// Rows to learn, of at least a hundred scenes drawn from the train split.
-    #[arg(long, default_value_t = 20_000)]
+    #[arg(long, default_value_t = 20_000, value_parser = parse_rows)]
     rows: usize,
     /// Rows to judge by, of at least a hundred scenes drawn from the validation split.
-    #[arg(long, default_value_t = 10_000)]
+    #[arg(long, default_value_t = 10_000, value_parser = parse_rows)]
     validation_rows: usize,
     /// Passes over the rows in the last rung, at most.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
@@ -109,7 +110,14 @@ fn parse_margin(text: &str) -> Result<f64, String> {
 fn parse_width(text: &str) -> Result<usize, String> {
     text.trim()
         .parse()
-        .map_err(|_| format!("'{text}' is no number of neurons: --widths 4,8,16, before or after the corpus"))
+        .map_err(|_| format!("'{text}' is no number of neurons: --widths 4,8,16, or --widths 4 8 16 behind the corpus"))
+}
+
+fn parse_rows(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(rows) if rows > 0 => Ok(rows),
+        _ => Err(format!("'{text}' is no number of rows from 1 on")),
+    }
 }
 
 /// What networks learn by where there is no config and `--set` names no filter: as configs/train/ekf.yaml has it.
@@ -177,6 +185,9 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     data["features"] = json!(sources.features);
     let draw = |split, rows| scenes::draw(&sources, split, rows, params.seed).map_err(train_failure);
     let train = draw(Split::Train, args.rows)?;
+    if let (Some(label), false) = (only_class(train.rows.counts()), params.allow_one_class) {
+        return Err(train_failure(TrainError::OneClass { rows: train.rows.len() as u64, label }));
+    }
     let validation = draw(Split::Validation, args.validation_rows)?;
     let mut progress = SearchProgress::new(&out, &name, (&train, &validation), args.threads, log);
     let to_train = params.clone();

@@ -92,6 +92,10 @@ pub enum EvaluateError {
         "{place}: the {split} split holds no cell with a known label; build at least 7 shards, or choose another `--split`"
     )]
     EmptySplit { place: String, split: &'static str },
+    #[error(
+        "{place}: the {split} split holds no cell with a known label of {families}; choose another `--split` or `--family`"
+    )]
+    EmptyFamilies { place: String, split: &'static str, families: String },
     #[error("family '{family}': {source}")]
     Family { family: String, source: ModelError },
     #[error("the corpus has no family '{family}'; it has {known}")]
@@ -151,7 +155,11 @@ pub fn evaluate(
     let judge = Judge::new(thresholds, height_threshold).with_probabilities(model, &options.point);
     let (judge, scans) = reader.judge(options.split, &options.only_families, judge)?;
     if judge.groups.is_empty() {
-        return Err(EvaluateError::EmptySplit { place: store.place(), split: options.split.name() });
+        let (place, split, families) = (store.place(), options.split.name(), options.only_families.join(", "));
+        return Err(match families.as_str() {
+            "" => EvaluateError::EmptySplit { place, split },
+            _ => EvaluateError::EmptyFamilies { place, split, families },
+        });
     }
     if !options.only_families.is_empty() {
         notes.push(format!("judged on the scenes of {} alone", options.only_families.join(", ")));

@@ -52,6 +52,11 @@ pub enum ThresholdOrigin {
     Validation,
 }
 
+/// How many of a report's thresholds are asked for: they come first.
+pub(super) fn asked(thresholds: &[Threshold]) -> usize {
+    thresholds.iter().filter(|threshold| threshold.origin != ThresholdOrigin::Validation).count()
+}
+
 /// A part of the cells that is judged on its own.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -82,8 +82,10 @@ impl Reliability {
 /// What is doubtful, and how the calls on the rest fare.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Doubt {
-    /// Of each class, the share that may be called wrongly on the validation scenes of the model.
-    pub allowed_share: f64,
+    /// Of each class, the share that may be called wrongly on the validation scenes of the model; none where thresholds are given by their
+    /// values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub allowed_share: Option<f64>,
     /// Outputs from the first on and below the second are doubtful; equal ones leave no doubt.
     pub between: [f64; 2],
     /// Traversable and untraversable cells.
@@ -97,10 +99,15 @@ pub struct Doubt {
 const ALLOWED_SHARE: f64 = 0.01;
 
 impl Doubt {
-    /// As a model's validation scenes tell; `None` for a model that knows nothing of them.
+    /// Between the thresholds that are asked for; of a single one, as the model's validation scenes tell, and `None` for a model that
+    /// knows nothing of them.
     pub(super) fn of(model: &Model, asked: &OperatingPoint) -> Option<Doubt> {
-        let allowed_share = if let OperatingPoint::Doubtful(share) = asked { *share } else { ALLOWED_SHARE };
-        let thresholds = model.thresholds(&OperatingPoint::Doubtful(allowed_share)).ok()?;
+        let own = model.thresholds(asked).ok()?;
+        let (allowed_share, thresholds) = match asked {
+            OperatingPoint::Doubtful(share) => (Some(*share), own),
+            _ if own.len() > 1 => (None, own),
+            _ => (Some(ALLOWED_SHARE), model.thresholds(&OperatingPoint::Doubtful(ALLOWED_SHARE)).ok()?),
+        };
         let between = [*thresholds.first()?, *thresholds.last()?];
         Some(Doubt { allowed_share, between, cells: [0; 2], doubtful: [0; 2], wrong: [0; 2] })
     }
@@ -164,7 +171,7 @@ mod tests {
     #[test]
     fn exact_doubtful_cells_are_no_mistakes() {
         let mut doubt =
-            Doubt { allowed_share: 0.1, between: [0.4, 0.6], cells: [0; 2], doubtful: [0; 2], wrong: [0; 2] };
+            Doubt { allowed_share: Some(0.1), between: [0.4, 0.6], cells: [0; 2], doubtful: [0; 2], wrong: [0; 2] };
         assert_eq!((doubt.share(), doubt.wrong_shares()), (0.0, [None; 2]));
         for (untraversable, output) in
             [(false, 0.1), (false, 0.4), (true, 0.39), (true, 0.5), (true, 0.9), (false, 0.6)]

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::by_scene::{ByScene, OverScenes};
 use super::confusion::{Confusion, Rates, Table1};
 use super::figures::figures;
-use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH_TOPS, WITHOUT_TOPS};
+use super::judge::{CM_PER_M, Counts, Group, Judge, Panel, Tally, Threshold, WITH_TOPS, WITHOUT_TOPS, asked};
 use super::lead::FamilySummary;
 use super::places::PlacesReport;
 use super::reliability::{Doubt, ReliabilityReport};
@@ -65,8 +65,12 @@ pub struct ModelFacts {
     pub members: usize,
     pub weights: usize,
     pub trained_on: Vec<String>,
+    /// Of the first family that it learnt from.
     pub sensor: String,
     pub rover: String,
+    /// Whether it learnt from more than one kind of yard; not told in reports from before it was.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub several_yards: bool,
     /// Of the model's file, as `sha256sum` says it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
@@ -184,7 +188,7 @@ impl Report {
                  the most that sharing a bin can change"
             ),
             over_scenes: judge.by_scene.iter().map(ByScene::report).collect(),
-            families: FamilySummary::of(&groups),
+            families: FamilySummary::of(&groups, asked(&judge.thresholds)),
             groups,
             doubt: judge.doubt.clone(),
             points_per_cell: SpreadReport::of(&judge.by_points, &POINT_BORDERS, 1.0),
@@ -216,6 +220,7 @@ impl ModelFacts {
             trained_on: about.corpus_names.clone(),
             sensor: about.sensor.name.clone(),
             rover: about.rover.name.clone(),
+            several_yards: about.learnt_from.iter().map(|of| of.yards.yards.len()).sum::<usize>() > 1,
             sha256: model.sha256.clone(),
         }
     }

@@ -52,7 +52,7 @@ impl Report {
         let hidden: Vec<String> = model.hidden.iter().map(usize::to_string).collect();
         writeln!(
             f,
-            "model   {}{}, {} inputs, {} weights; trained on {} ({} on {})",
+            "model   {}{}, {} inputs, {} weights; trained on {} ({}{} on {})",
             model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", &digits[..digits.len().min(12)])),
             if model.members > 1 {
                 format!("mean of {} networks of {}", model.members, hidden.join("-"))
@@ -62,6 +62,7 @@ impl Report {
             model.features.len(),
             thousands(model.weights as u64),
             model.trained_on.join(", "),
+            if model.several_yards { "several kinds of yard, the first with " } else { "" },
             model.sensor,
             model.rover
         )?;
@@ -140,7 +141,7 @@ impl Report {
 fn rates_head(f: &mut Formatter<'_>) -> fmt::Result {
     writeln!(
         f,
-        "{:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>6} {:>8} {:>8}",
+        "{:<40} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>6} {:>8} {:>8}",
         "by cells, percent",
         "untraversable",
         "majority",
@@ -172,7 +173,7 @@ fn rates_of(f: &mut Formatter<'_>, group: &GroupReport) -> fmt::Result {
             let r = &at.cells.rates;
             writeln!(
                 f,
-                "{label:<38} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>6} {:>8} {:>8}",
+                "{label:<40} {:>13} {:>9} {:>9} {:>9} {:>7} {:>7} {:>6} {:>8} {:>8}",
                 percent(r.prevalence),
                 percent(r.majority_baseline),
                 percent(r.accuracy),

@@ -44,6 +44,16 @@ impl std::ops::AddAssign for LeftOut {
     }
 }
 
+/// What all rows are, where they are of one class.
+pub(crate) fn only_class(counts: [u64; 2]) -> Option<&'static str> {
+    match counts {
+        [0, 0] => None,
+        [_, 0] => Some("traversable"),
+        [0, _] => Some("untraversable"),
+        _ => None,
+    }
+}
+
 impl Rows {
     pub fn new(width: usize) -> Rows {
         Rows { width, ..Rows::default() }
@@ -61,6 +71,12 @@ impl Rows {
 
     pub fn is_empty(&self) -> bool {
         self.labels.is_empty()
+    }
+
+    /// Rows of each class.
+    pub(crate) fn counts(&self) -> [u64; 2] {
+        let untraversable = self.labels.iter().filter(|label| **label == Label::Untraversable).count();
+        [self.len() - untraversable, untraversable].map(|count| count as u64)
     }
 
     /// Keeps the first rows.

@@ -71,7 +71,7 @@ pub(in crate::cli) struct ClassifyArgs {
     #[arg(long, value_name = "L,W,H", value_parser = three, num_args = 0..=1, require_equals = true)]
     pub(super) self_filter: Option<Option<[f64; 3]>>,
     /// Cells of fewer points are not judged: they are unknown in all that is written.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub(super) min_points: u32,
     #[command(flatten)]
     pub(super) point: PointArgs,

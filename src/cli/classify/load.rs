@@ -20,8 +20,20 @@ fn read_file(path: &Path, kind: FileKind) -> Result<Vec<u8>, Failure> {
     if address::is_url(path) {
         return place::read(path, kind);
     }
+    kind.read_path(path).map_err(|source| unreadable(path, source))
+}
+
+/// Says what is wrong with a cloud's name before anything is judged.
+pub(super) fn check_clouds(args: &ClassifyArgs) -> Result<(), Failure> {
+    let local = args.clouds.iter().filter(|path| !address::is_url(path));
+    local
+        .into_iter()
+        .try_for_each(|path| std::fs::metadata(path).map(|_| ()).map_err(|source| unreadable(path, source)))
+}
+
+fn unreadable(path: &Path, source: std::io::Error) -> Failure {
     let wrong = |source| usage(CloudError::Io { file: path.display().to_string(), source });
-    kind.read_path(path).map_err(|source| place::named_failure(path, source, wrong))
+    place::named_failure(path, source, wrong)
 }
 
 fn read_text(path: &Path, kind: FileKind) -> Result<String, Failure> {

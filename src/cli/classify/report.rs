@@ -22,6 +22,7 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, judge: &ScanJudge) {
     if let Some(told) = model.other_overhang(setup.overhang_m) {
         errln!("warning: {told}");
     }
+    args.point.remarks(model, judge.thresholds()).iter().for_each(|remark| errln!("warning: {remark}"));
     let Sigmas { xy_m, z_m, tilt_rad, yaw_rad } = setup.sigmas;
     if args.json {
         let sigmas = json!({ "xy_m": xy_m, "z_m": z_m, "tilt_rad": tilt_rad, "yaw_rad": yaw_rad });
@@ -165,6 +166,9 @@ pub(super) fn scan(args: &ClassifyArgs, judged: &JudgedScan) {
     );
 }
 
+/// Of fewer cells a feature is not told.
+const LEAST_TOLD: f64 = 0.001;
+
 /// Per feature, how much of the scans the model never saw the like of.
 pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
     if args.json {
@@ -180,9 +184,17 @@ pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
         outln!("{}", json!({ "outside_training_range": features }));
         return;
     }
+    let is_told = |f: &&Outside| [f.below, f.above, f.rare].iter().any(|share| *share >= LEAST_TOLD);
+    let told: Vec<&Outside> = found.iter().filter(is_told).collect();
+    let others = found.len() - told.len();
+    if told.is_empty() {
+        outln!("\ncells outside the training range: under {} % of them, by each feature", 100.0 * LEAST_TOLD);
+        return;
+    }
+    let width = told.iter().map(|f| f.feature.len()).max().unwrap_or_default().max("feature".len()) + 2;
     outln!("\ncells outside the training range");
     outln!(
-        "  {:<24}{:>12}{:>12}{:>9}{:>9}{:>22}",
+        "  {:<width$}{:>12}{:>12}{:>9}{:>9}{:>22}",
         "feature",
         "least",
         "greatest",
@@ -190,9 +202,9 @@ pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
         "above",
         "outside 0.1..99.9 %"
     );
-    for f in found {
+    for f in told {
         outln!(
-            "  {:<24}{:>12.4}{:>12.4}{:>8.1}%{:>8.1}%{:>21.1}%",
+            "  {:<width$}{:>12.4}{:>12.4}{:>8.1}%{:>8.1}%{:>21.1}%",
             f.feature,
             f.least,
             f.greatest,
@@ -200,6 +212,9 @@ pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
             100.0 * f.above,
             100.0 * f.rare
         );
+    }
+    if others > 0 {
+        outln!("  {others} other features: under {} % of the cells", 100.0 * LEAST_TOLD);
     }
     for f in found.iter().filter(|f| f.below + f.above > 0.1) {
         errln!(

@@ -11,7 +11,7 @@ use crate::corpus::Split;
 use crate::train::folder::{self, RunFolder};
 use crate::train::learner::Learner;
 use crate::train::looks::Looks;
-use crate::train::rows::LeftOut;
+use crate::train::rows::{LeftOut, only_class};
 use crate::train::scaling::scaler;
 use crate::train::validation::{Objective, Validation, each_group};
 use crate::train::{Layout, Sources, TrainError, state, stream};
@@ -41,9 +41,8 @@ impl<'s> Training<'s> {
             return Err(TrainError::FewRows { rows: labelled, weights: layout.weights_of_member() });
         }
         let untraversable: u64 = counts.iter().map(|of| of[1]).sum();
-        let label =
-            [(0, "traversable"), (labelled, "untraversable")].into_iter().find(|(all, _)| *all == untraversable);
-        if let (Some((_, label)), false) = (label, params.allow_one_class) {
+        let label = only_class([labelled - untraversable, untraversable]);
+        if let (Some(label), false) = (label, params.allow_one_class) {
             return Err(TrainError::OneClass { rows: labelled, label });
         }
         let (mut scaler, constant) = scaler(sources, params)?;
