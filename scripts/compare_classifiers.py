@@ -73,8 +73,9 @@ YARDS = {
 }
 
 
-#: marsyard's networks, and what sets them.
-NETWORKS = {DEFAULT_NETWORK: [], NETWORK: study.KALMAN_FILTER}
+#: marsyard's networks, and what sets them; both take normal scores, as the default does and as the Kalman filter's form is found to.
+SCORES = "normal scores"
+NETWORKS = {DEFAULT_NETWORK: [], NETWORK: [*study.KALMAN_FILTER, "network.normal_scores=true"]}
 
 
 def folders(marsyard, name, yard):
@@ -192,7 +193,8 @@ def main():
             about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"networks": networks}
             TASK_KEY = [about, OPTIONS.rows]
             trials, runs, chosen = compared(name)
-            found = compare_report.summary(runs, chosen, CORPUS.families, {of: network["bytes"] for of, network in networks.items()})
+            weighed = {of: network["bytes"] for of, network in networks.items() if of == DEFAULT_NETWORK or SCORES in chosen[of]}
+            found = compare_report.summary(runs, chosen, CORPUS.families, weighed)
             plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": plain}))
     finished = {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}

@@ -47,8 +47,8 @@ pub(super) struct LocaliseArgs {
     /// The sensor on the rover, metres: forward, left, up.
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", allow_hyphen_values = true, value_parser = three)]
     sensor: [f64; 3],
-    /// Particles: recordings are long, and with few of them all descend from one ancestor.
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// Particles: recordings are long, and with few of them all descend from one ancestor, and sigmas are too small.
+    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     particles: u32,
     /// Leave the ids out: the filter finds out which landmark each feature is.
     #[arg(long)]
@@ -324,17 +324,21 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
         return;
     }
     outln!("{} steps, {} landmarks", located.steps.len(), located.landmarks.len());
+    // Without features the drive is dead reckoning itself, and of what is left out readings alone can be.
+    let has_features = args.features.is_some();
+    let of_features = format!(
+        ", {} too far from what was believed, {} features of two landmarks or of none, {} beside others",
+        left_out.gated, left_out.ambiguous, left_out.passed_over
+    );
     outln!(
-        "left out: {} measurements that make no sense, {} too far from what was believed, {} features of two landmarks or of none, {} beside others",
+        "left out: {} measurements that make no sense{}",
         left_out.not_finite,
-        left_out.gated,
-        left_out.ambiguous,
-        left_out.passed_over
+        if has_features { of_features.as_str() } else { "" }
     );
     if args.slip > 0.0 && args.features.is_some() {
         outln!("{:.1} ± {:.1} % of the counted way was driven", 100.0 * scale, 100.0 * scale_sigma);
     }
-    for (name, score) in [("this drive", located_score), ("dead reckoning", reckoned_score)] {
+    for (name, score) in [("this drive", located_score.filter(|_| has_features)), ("dead reckoning", reckoned_score)] {
         let Some(score) = score else { continue };
         let nees =
             score.nees.map_or("none (a covariance has no inverse)".into(), |nees| format!("{nees:.2} (3 is honest)"));

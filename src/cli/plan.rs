@@ -221,6 +221,11 @@ fn tell_cost(estimate: &Estimate) {
         error(&estimate.wall_s),
         human(Duration::from_secs_f64(estimate.cpu_s.value))
     );
+    if estimate.rows.standard_error.is_infinite() {
+        outln!(
+            "  \u{b1} ?: of no family two scenes were measured, which would tell an error; raise --sample or --limit"
+        );
+    }
     let needed = si(estimate.needed_bytes_per_s());
     match &estimate.storage {
         None => outln!("storage: must take {needed}B/s, or it holds the build up; --out PLACE measures it"),
@@ -252,7 +257,10 @@ fn threads_s(estimate: &Estimate) -> f64 {
 
 /// One standard error of the sample.
 fn error(figure: &Figure) -> String {
-    format!("\u{b1} {:.1} %", 100.0 * figure.relative_error())
+    match 100.0 * figure.relative_error() {
+        percent if percent.is_finite() => format!("\u{b1} {percent:.1} %"),
+        _ => "\u{b1} ?".into(),
+    }
 }
 
 fn as_json(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) -> serde_json::Value {

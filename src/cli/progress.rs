@@ -128,7 +128,7 @@ pub(super) fn si(value: f64) -> String {
         v if v >= 1e3 => (value / 1e3, " k"),
         _ => (value, ""),
     };
-    let digits = if scaled.abs() >= 100.0 {
+    let digits = if scaled.abs() >= 100.0 || unit.is_empty() && scaled.fract() == 0.0 {
         0
     } else if scaled.abs() >= 10.0 {
         1

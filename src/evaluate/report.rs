@@ -68,9 +68,6 @@ pub struct ModelFacts {
     /// Of the first family that it learnt from.
     pub sensor: String,
     pub rover: String,
-    /// Whether it learnt from more than one kind of yard; not told in reports from before it was.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub several_yards: bool,
     /// Of the model's file, as `sha256sum` says it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
@@ -220,7 +217,6 @@ impl ModelFacts {
             trained_on: about.corpus_names.clone(),
             sensor: about.sensor.name.clone(),
             rover: about.rover.name.clone(),
-            several_yards: about.learnt_from.iter().map(|of| of.yards.yards.len()).sum::<usize>() > 1,
             sha256: model.sha256.clone(),
         }
     }

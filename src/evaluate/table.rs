@@ -52,7 +52,7 @@ impl Report {
         let hidden: Vec<String> = model.hidden.iter().map(usize::to_string).collect();
         writeln!(
             f,
-            "model   {}{}, {} inputs, {} weights; trained on {} ({}{} on {})",
+            "model   {}{}, {} inputs, {} weights; trained on {} (its first family: {} on {})",
             model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", &digits[..digits.len().min(12)])),
             if model.members > 1 {
                 format!("mean of {} networks of {}", model.members, hidden.join("-"))
@@ -62,12 +62,12 @@ impl Report {
             model.features.len(),
             thousands(model.weights as u64),
             model.trained_on.join(", "),
-            if model.several_yards { "several kinds of yard, the first with " } else { "" },
             model.sensor,
             model.rover
         )?;
         writeln!(f, "data    {}", self.data_line())?;
-        writeln!(f, "labels  {}", data.labels)?;
+        // As a config writes a rule.
+        writeln!(f, "labels  {}", data.labels.replace('"', "").replace(':', ": ").replace(',', ", "))?;
         if data.unknown_cells + data.not_finite_cells > 0 {
             let (unknown, odd) = (thousands(data.unknown_cells), thousands(data.not_finite_cells));
             writeln!(f, "        left out: {unknown} cells of unknown label, {odd} with values that are not finite")?;

@@ -61,6 +61,12 @@ fn law_hours_become_a_config_that_is_built() {
     // Each plan measures the rows of a scene on scenes of its own.
     assert!(figure(&fewer["choices"][0], "rows") <= 0.55 * figure(best, "rows"), "{fewer}");
     assert!(fewer["how_to_vary"].as_str().is_some_and(|how| how.contains("grass")), "{fewer}");
+    // However few they are: the config's own number of scenes is no multiple of most numbers of scenes a shard.
+    for share in [0.9, 0.7, 0.45, 0.3] {
+        let asked = format!("{}", figure(best, "rows") * share);
+        let of_share = of_rows(&asked);
+        assert!(of_share.status.success(), "{asked} rows: {}", text(&of_share.stderr));
+    }
     let too_few = of_rows("3");
     assert_eq!(too_few.status.code(), Some(2), "{}", text(&too_few.stdout));
     assert!(text(&too_few.stderr).contains("rows are fewer than 7 scenes"), "{}", text(&too_few.stderr));

@@ -127,7 +127,12 @@ fn exact_faults_of_a_search_exit_2_with_the_cure() {
         (vec!["search", "corpus", "--sample", "1e-9"], "give a larger share"),
         (vec!["search", "corpus", "--set", "networks.hidden=[3]"], "did you mean 'network'"),
         (vec!["search", "corpus", "--rows", "50"], "allow_few_rows"),
-        (vec!["search", "corpus", "--rows", "0"], "no row to learn"),
+        (vec!["search", "corpus", "--rows", "0"], "'0' is no number of rows from 1 on"),
+        (vec!["search", "--widths", "4", "16", "corpus"], "--widths 4 8 16 behind the corpus"),
+        (
+            vec!["search", "corpus", "--labels", "taller_than_m=50"],
+            "are traversable: a network could only learn to say so",
+        ),
         (vec!["search", "corpus", "--out", "begun"], "--resume"),
         (
             vec!["search", "corpus", "--widths", "2,3,6", "--layers", "2", "--out", "begun", "--resume"],

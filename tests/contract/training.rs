@@ -207,7 +207,36 @@ fn law_labels_that_go_by_several_wheels_are_told() {
     assert_eq!(report["groups"], trained["groups"]);
     let judged = yard.marsyard(["evaluate", "one", "corpus"]);
     let told = format!("is judged by the corpus's own labels: --labels '{labels}' judges it by what it learnt");
-    assert!(judged.status.success() && text(&judged.stdout).contains(&told), "{}", text(&judged.stdout));
+    let said = text(&judged.stdout);
+    assert!(judged.status.success() && said.contains(&told), "{said}");
+    assert!(said.contains("(its first family: tiny on kapvik)"), "{said}");
+    // Two thresholds leave what lies between them in doubt, for the families as for all.
+    let lead = |point: &str| {
+        let judged = yard.marsyard(["evaluate", "one", "corpus", "--threshold", point]);
+        assert!(judged.status.success(), "{}", text(&judged.stderr));
+        let said = text(&judged.stdout);
+        ["doubtful ", "worst "]
+            .map(|name| said.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{said}")).to_owned())
+    };
+    let [doubtful, worst] = lead("0.3,0.6");
+    assert!(doubtful.contains("with outputs of 0.300 to 0.600"), "{doubtful}");
+    assert!(worst.contains(", what is doubtful not counted as wrong; mean of 2 families"), "{worst}");
+    assert!(!lead("0.3")[1].contains("doubtful"));
+    // A family that is held out is in the test split alone.
+    let judged =
+        yard.marsyard(["evaluate", "one", "corpus", "--split", "train", "--family", "far", "--allow-shared-scenes"]);
+    let said = text(&judged.stderr);
+    assert!(judged.status.code() == Some(2) && said.contains("no cell with a known label of far"), "{said}");
+}
+
+#[test]
+fn law_of_one_class_nothing_is_told_of_more_scenes() {
+    let yard = Yard::new();
+    yard.generate(&corpus_config(), "corpus", &[]);
+    let bare = ["--labels", "taller_than_m=50", "--set", "allow_one_class=true", "--set", "epochs=2"];
+    let output = train(&yard, "one", &bare);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(!text(&output.stderr).contains("more scenes"), "{}", text(&output.stderr));
 }
 
 #[test]

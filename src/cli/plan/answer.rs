@@ -91,24 +91,26 @@ impl Answer<'_> {
             time(choice.train_s)
         );
         outln!("  expected balanced accuracy: {}", expected(choice));
-        outln!("  {}", self.why(choice));
+        let best = &self.choices[0];
+        if choice.setting == best.setting {
+            outln!("  {}", self.why(choice));
+        } else {
+            outln!("  {}", ends(choice));
+            if choice.expected.mean > best.expected.mean {
+                outln!(
+                    "  Ranked behind all the same: what nothing tells apart at equal CPU does not take the place of the config as written."
+                );
+            }
+        }
     }
 
-    /// What ends the number of scenes.
+    /// What ends the number of scenes, and what to do instead where more of them bring little.
     fn why(&self, choice: &Choice) -> String {
         match choice.bound {
-            Bound::Hours => "The hours bind: more scenes would take longer.".into(),
-            Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
-            Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
-            Bound::Flat => format!(
-                "The curve is flat from here: all {} scenes that the budget allows would bring {:.1} points, and no more than {:.1}. Stop here, and \
-                 vary the yards instead: {}.",
-                choice.most_scenes,
-                100.0 * choice.left.0,
-                // Told as it was decided.
-                100.0 * choice.left.1.min(FLAT),
-                words::how_to_vary(self.plan)
-            ),
+            Bound::Flat => {
+                format!("{} Stop here, and vary the yards instead: {}.", ends(choice), words::how_to_vary(self.plan))
+            }
+            _ => ends(choice),
         }
     }
 
@@ -172,6 +174,21 @@ impl Answer<'_> {
         write_whole(path, text.as_bytes()).map_err(|error| corpus_failure(failed(error)))?;
         errln!("written: {}; `marsyard generate {0}` builds it", path.display());
         Ok(())
+    }
+}
+
+/// What ends the number of scenes.
+fn ends(choice: &Choice) -> String {
+    match choice.bound {
+        Bound::Hours => "The hours bind: more scenes would take longer.".into(),
+        Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
+        Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
+        Bound::Flat => format!(
+            "The curve is flat from here on for this budget: all {} scenes that it allows would bring {:.1} points, and surely less than {:.1}.",
+            choice.most_scenes,
+            100.0 * choice.left.0,
+            100.0 * FLAT
+        ),
     }
 }
 

@@ -101,11 +101,13 @@ fn parse_bytes(text: &str) -> Result<f64, String> {
         "mb" => 1e6,
         "gb" => 1e9,
         "tb" => 1e12,
+        "pb" => 1e15,
         "kib" => 1024.0,
         "mib" => 1024.0 * 1024.0,
         "gib" => 1024.0 * 1024.0 * 1024.0,
         "tib" => 1024.0 * 1024.0 * 1024.0 * 1024.0,
-        _ => return Err(format!("'{unit}' is no unit of bytes: MB, GB, TB, MiB, GiB or TiB")),
+        "pib" => 1024.0 * 1024.0 * 1024.0 * 1024.0 * 1024.0,
+        _ => return Err(format!("'{unit}' is no unit of bytes: MB, GB, TB, PB, MiB, GiB, TiB or PiB")),
     };
     match number.trim().parse::<f64>() {
         Ok(count) if count > 0.0 && (count * scale).is_finite() => Ok(count * scale),
@@ -130,13 +132,15 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let first = first.ok_or_else(|| too_little(&budget, &base))?;
     let own = u64::from(plan.scenes_per_shard);
     let per_shard = if first.scenes >= LEAST_SHARDS * own { own } else { (first.scenes / SHARDS).max(1) };
-    let mut small_shards = Vec::new();
+    let small_shards = Vec::from_iter((per_shard != own).then(|| format!("scenes_per_shard={per_shard}")));
+    // The config's own number of scenes may be no multiple of these.
+    let scenes = (first.scenes / per_shard).max(LEAST_SHARDS) * per_shard;
+    let as_built = [small_shards.as_slice(), &[format!("scenes={scenes}")]].concat();
     // Small shards take more bytes a scene.
     if per_shard != own {
-        small_shards.push(format!("scenes_per_shard={per_shard}"));
-        base = measured(&study.settings[0], &small_shards)?;
+        base = measured(&study.settings[0], &as_built)?;
     }
-    let chosen = if first.setting == &study.settings[0] { base } else { measured(first.setting, &small_shards)? };
+    let chosen = if first.setting == &study.settings[0] { base } else { measured(first.setting, &as_built)? };
     let name = first.setting.name.clone();
     let here = |setting: &StudySetting| if setting.name == name { chosen } else { base };
     let mut all = choices(&study, &budget, here, per_shard);

@@ -119,7 +119,11 @@ const TEACH_MOST: [Part; 2] = [Part::Grass, Part::Landforms];
 /// How yards that teach no more could be varied.
 pub(super) fn how_to_vary(plan: &Plan) -> String {
     let absent = absent(plan);
-    let missing: Vec<&str> = TEACH_MOST.map(Part::name).into_iter().filter(|part| absent.contains(part)).collect();
+    // Where rocks lie as on a planet, nothing grows.
+    let is_bare =
+        plan.families.iter().any(|family| family.scene.rocks.as_ref().is_some_and(|rocks| rocks.golombek.is_some()));
+    let could_be = |part: &Part| absent.contains(&part.name()) && !(is_bare && *part == Part::Grass);
+    let missing: Vec<&str> = TEACH_MOST.into_iter().filter(could_be).map(Part::name).collect();
     match missing.as_slice() {
         [] => "by families of kinds that they are without, such as the ground that the rover will drive on".into(),
         missing => format!(

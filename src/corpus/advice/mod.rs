@@ -61,7 +61,7 @@ impl fmt::Display for Advice {
 
 /// What makes a corpus weak; `contents` by family.
 pub(crate) fn advise(contents: &[Content]) -> Vec<Advice> {
-    let advisers = [no_scene, cut_short, one_view, balance, sparse, unread, held_out_scenes, held_out_ranges];
+    let advisers = [no_scene, no_cell, cut_short, one_view, balance, sparse, unread, held_out_scenes, held_out_ranges];
     advisers.into_iter().flat_map(|adviser| adviser(contents)).collect()
 }
 
@@ -88,6 +88,17 @@ fn no_scene(contents: &[Content]) -> Vec<Advice> {
         cure: format!("the first: {}", content.first_failure.as_deref().unwrap_or("no reason was given")),
     });
     advice.collect()
+}
+
+fn no_cell(contents: &[Content]) -> Vec<Advice> {
+    let said = named(contents, |content| {
+        let scenes = content.scenes - content.failed;
+        (content.cells() == 0).then(|| format!("none in {scenes} of its scenes"))
+    });
+    Vec::from_iter(said.map(|said| Advice {
+        finding: format!("no cell at all, so nothing can be learnt: {said}"),
+        cure: "raise cells.max_range_m beyond where the lowest beams meet the ground, or aim lower (sweep.mount.pitch_deg)".into(),
+    }))
 }
 
 fn cut_short(contents: &[Content]) -> Vec<Advice> {

@@ -144,8 +144,10 @@ impl fmt::Display for Views {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "what {} kept scans show of obstacles:", self.scans)?;
         bars(f, "bearing of the nearest, degrees (0 ahead, left positive)", &self.nearest_bearings, false, |bin| {
-            let middle = SECTOR_DEG * bin as f64 - 180.0;
-            format!("{:.0} to {:.0}", middle - 0.5 * SECTOR_DEG, middle + 0.5 * SECTOR_DEG)
+            let to = SECTOR_DEG * (bin as f64 + 0.5) - 180.0;
+            // The first sector lies behind, on both sides of 180 degrees.
+            let from = if bin == 0 { 360.0 } else { 0.0 } + to - SECTOR_DEG;
+            format!("{from:.0} to {to:.0}")
         })?;
         bars(f, "range of the nearest, m", &self.nearest_ranges, true, |bin| match bin + 1 {
             RANGE_BINS => format!("over {:.1}", RANGE_STEP_M * bin as f64),

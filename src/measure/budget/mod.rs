@@ -5,8 +5,9 @@
 //! times are scaled by how long this machine takes for the study's scenes; a study learns from memory, so what reading rows and judging them takes is
 //! measured here and added. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
 //! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and how often a training goes through its rows (`passes`).
-//! Settings are ranked by what is told of them at equal CPU, unless disk or rows bind, which know no CPU; the config as written before what is
-//! not told apart; then by what is expected no farther than twice the largest measured size.
+//! Settings are ranked by what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
+//! as written and are expected to be no worse. The config as written comes before what is not told apart; then by what is expected no farther than
+//! twice the largest measured size.
 
 mod fit;
 mod passes;
@@ -123,15 +124,27 @@ pub(crate) fn choices<'s>(
         let curve = Curve::of(setting, &errors, passes, &here, multiple);
         Some((curve.choice(budget, &here, multiple)?, curve))
     });
-    let mut ranked: Vec<(u8, f64, Choice)> = choices
-        .filter(|(choice, _)| choice.setting.told != Some(Told::Worse))
+    let expected: Vec<(f64, Choice)> = choices
         .map(|(choice, curve)| {
             let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * curve.largest);
+            (curve.fit.expected(ranked_at).mean, choice)
+        })
+        .collect();
+    let written = expected.iter().find(|(_, choice)| choice.setting == study.as_written());
+    let written = written.map(|(mean, choice)| (*mean, choice.build_s + choice.train_s));
+    let is_no_dearer = |mean: f64, choice: &Choice| {
+        written.is_none_or(|(other, seconds)| mean >= other && choice.build_s + choice.train_s <= seconds)
+    };
+    let mut ranked: Vec<(u8, f64, Choice)> = expected
+        .into_iter()
+        .filter(|(_, choice)| choice.setting.told != Some(Told::Worse))
+        .map(|(mean, choice)| {
+            let is_cpu_bound = !matches!(choice.bound, Bound::Disk | Bound::Rows);
             let rank = match choice.setting.told {
-                Some(Told::Better) if !matches!(choice.bound, Bound::Disk | Bound::Rows) => 2,
+                Some(Told::Better) if is_cpu_bound || is_no_dearer(mean, &choice) => 2,
                 _ => u8::from(choice.setting == study.as_written()),
             };
-            (rank, curve.fit.expected(ranked_at).mean, choice)
+            (rank, mean, choice)
         })
         .collect();
     ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));

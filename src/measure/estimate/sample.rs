@@ -29,7 +29,7 @@ const LONG: Duration = Duration::from_millis(500);
 const KEPT_SCENES: usize = 64;
 const KEPT_ROWS: u64 = 2_000_000;
 
-/// A value and its standard error.
+/// A value and its standard error, which is infinite where nothing tells it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Figure {
     pub value: f64,
@@ -198,16 +198,16 @@ fn strata(plan: &Plan) -> Vec<Stratum> {
 }
 
 impl Stratum {
-    /// Zeros where too few scenes were measured to tell.
-    fn mean_and_variance(&self, value: impl Fn(&SceneCost) -> f64) -> (f64, f64) {
+    /// The variance is `None` where too few scenes were measured to tell; the mean of none is nought.
+    fn mean_and_variance(&self, value: impl Fn(&SceneCost) -> f64) -> (f64, Option<f64>) {
         let moments = Moments::of(self.measured.iter().map(&value));
-        moments.map_or((0.0, 0.0), |moments| (moments.mean, moments.variance.unwrap_or(0.0)))
+        moments.map_or((0.0, None), |moments| (moments.mean, moments.variance))
     }
 
     /// Variance that one more scene takes off the total's.
     fn gain(&self, value: impl Fn(&SceneCost) -> f64) -> f64 {
         let count = self.begun.max(1) as f64;
-        self.scenes * self.scenes * self.mean_and_variance(value).1 / (count * (count + 1.0))
+        self.scenes * self.scenes * self.mean_and_variance(value).1.unwrap_or(0.0) / (count * (count + 1.0))
     }
 }
 
@@ -232,17 +232,25 @@ impl Sample {
         unseen.map(|stratum| plan.families[stratum.family].name.clone()).collect()
     }
 
-    /// Sum over all scenes of the plan; a family of which no scene was run is taken to be as the others.
+    /// Sum over all scenes of the plan; a family of which no scene was run is taken to be as the others, and one of which a single scene was, to
+    /// spread about its mean as they do. Where no family has two, nothing tells the standard error.
     pub(super) fn total(&self, value: impl Fn(&SceneCost) -> f64) -> Figure {
         let mut figure = Figure::default();
         let mut variance = 0.0;
+        let relative = |stratum: &Stratum| {
+            let (mean, spread) = stratum.mean_and_variance(&value);
+            Some(if mean == 0.0 { 0.0 } else { spread? / (mean * mean) })
+        };
+        let usual = Moments::of(self.strata.iter().filter_map(relative)).map_or(f64::INFINITY, |moments| moments.mean);
         for stratum in self.strata.iter().filter(|stratum| !stratum.measured.is_empty()) {
             let (mean, spread) = stratum.mean_and_variance(&value);
             let count = stratum.measured.len() as f64;
             figure.value += stratum.scenes * mean;
             // A family that was run to its last scene is known.
-            let left = (1.0 - count / stratum.scenes).max(0.0);
-            variance += stratum.scenes * stratum.scenes * spread / count * left;
+            if count < stratum.scenes {
+                let spread = spread.unwrap_or(usual * mean * mean);
+                variance += stratum.scenes * stratum.scenes * spread / count * (1.0 - count / stratum.scenes);
+            }
         }
         let scenes = |is_measured: bool| {
             let strata = self.strata.iter().filter(|stratum| stratum.measured.is_empty() != is_measured);
@@ -334,6 +342,15 @@ mod tests {
         let strata = vec![stratum(10.0, &[1.0, 3.0]), stratum(5.0, &[])];
         let half_seen = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
         assert_eq!(half_seen.total(|cost| cost.whole.cpu).value, 15.0 * 2.0);
+        // A family of which one scene was run spreads as the others do, and a single scene tells nothing.
+        let strata = vec![stratum(10.0, &[1.0, 3.0]), stratum(20.0, &[4.0])];
+        let once = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
+        let variance: f64 = 100.0 * 2.0 / 2.0 * 0.8 + 400.0 * (0.5 * 16.0) * 0.95;
+        assert!((once.total(|cost| cost.whole.cpu).standard_error - variance.sqrt()).abs() < 1e-12);
+        let strata = vec![stratum(10.0, &[1.0])];
+        let single = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
+        let figure = single.total(|cost| cost.whole.cpu);
+        assert!(figure.value == 10.0 && figure.standard_error == f64::INFINITY && figure.relative_error() > ENOUGH);
         // A family run to its last scene leaves nothing open.
         let whole =
             Sample { strata: vec![stratum(2.0, &[1.0, 3.0])], contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
