@@ -18,6 +18,8 @@ use crate::train::{Model, ModelError, OperatingPoint, leaks};
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilyFacts {
     pub name: String,
+    /// In the test split alone, so that nobody learns from it.
+    pub hold_out: bool,
     pub sensor: String,
     pub cell_size_m: f64,
     pub local_height: Option<LocalHeightParams>,
@@ -53,6 +55,7 @@ impl FamilyFacts {
     pub(crate) fn of(plan: &Plan) -> Vec<FamilyFacts> {
         let facts = |family: &Family| FamilyFacts {
             name: family.name.clone(),
+            hold_out: family.hold_out,
             sensor: family.sweep.sensor.name.clone(),
             cell_size_m: family.cells.size_m,
             local_height: family.cells.local_height.clone(),
@@ -183,6 +186,7 @@ pub fn evaluate(
         split: options.split.name().into(),
         labels: rule_text(families, options.labels.as_ref()),
         scans,
+        held_out: families.iter().filter(|family| family.hold_out).map(|family| family.name.clone()).collect(),
         ..DataFacts::default()
     };
     Ok(Report::new(model, &judge, data, notes))

@@ -114,14 +114,16 @@ impl Display for Lead<'_> {
             let most_missed = if of.most_missed.is_empty() {
                 String::new()
             } else {
-                format!("; most missed on {}: {} %", of.most_missed, percent(Some(of.most_missed_untraversable)))
+                let (family, missed) = (&of.most_missed, percent(Some(of.most_missed_untraversable)));
+                format!("; most missed on {family}{}: {missed} %", report.data.mark(family))
             };
             writeln!(
                 f,
-                "{:<9} {worst:>6} %  {:<16} balanced accuracy on family {}{}; mean of {} families {mean} %{most_missed}",
+                "{:<9} {worst:>6} %  {:<16} balanced accuracy on family {}{}{}; mean of {} families {mean} %{most_missed}",
                 "worst",
                 "",
                 of.worst,
+                report.data.mark(&of.worst),
                 if last > 0 { ", what is doubtful not counted as wrong" } else { "" },
                 of.families
             )?;

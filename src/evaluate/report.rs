@@ -84,6 +84,16 @@ pub struct DataFacts {
     pub scans: u64,
     pub unknown_cells: u64,
     pub not_finite_cells: u64,
+    /// Families that the corpus holds out; not told in reports from before it was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held_out: Vec<String>,
+}
+
+impl DataFacts {
+    /// What stands behind the name of a family that is held out.
+    pub(super) fn mark(&self, family: &str) -> &'static str {
+        if self.held_out.iter().any(|name| name == family) { ", held out" } else { "" }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use super::judge::{Group, Threshold, ThresholdOrigin};
 use super::lead::Lead;
-use super::report::{AtThreshold, GroupReport, Judged, Report, SpreadReport};
+use super::report::{AtThreshold, DataFacts, GroupReport, Judged, Report, SpreadReport};
 use super::spread::Bin;
 
 impl Display for Report {
@@ -41,7 +41,7 @@ impl Display for Brief<'_> {
         let Brief(report) = self;
         writeln!(f, "{}\n{}", report.data_line(), Lead(report))?;
         rates_head(f)?;
-        report.groups.iter().take(1).try_for_each(|group| rates_of(f, group))?;
+        report.groups.iter().take(1).try_for_each(|group| rates_of(f, group, &report.data))?;
         report.notes.iter().try_for_each(|note| writeln!(f, "note: {note}"))
     }
 }
@@ -94,7 +94,7 @@ impl Report {
     /// One line for each group, classifier and threshold.
     fn rates(&self, f: &mut Formatter<'_>) -> fmt::Result {
         rates_head(f)?;
-        self.groups.iter().try_for_each(|group| rates_of(f, group))?;
+        self.groups.iter().try_for_each(|group| rates_of(f, group, &self.data))?;
         rates_legend(f)
     }
 
@@ -156,11 +156,11 @@ fn rates_head(f: &mut Formatter<'_>) -> fmt::Result {
 }
 
 /// A line for each classifier and threshold.
-fn rates_of(f: &mut Formatter<'_>, group: &GroupReport) -> fmt::Result {
+fn rates_of(f: &mut Formatter<'_>, group: &GroupReport, data: &DataFacts) -> fmt::Result {
     let title = match &group.group {
         Group::All => "all cells".to_string(),
         Group::Points(points) => format!("cells of {points} points or more"),
-        Group::Family(name) => format!("family {name}"),
+        Group::Family(name) => format!("family {name}{}", data.mark(name)),
         Group::Sensor(name) => format!("sensor {name}"),
     };
     writeln!(f, "{title} ({})", thousands(group.cells))?;

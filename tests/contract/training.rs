@@ -222,6 +222,7 @@ fn law_labels_that_go_by_several_wheels_are_told() {
     assert!(doubtful.contains("with outputs of 0.300 to 0.600"), "{doubtful}");
     assert!(worst.contains(", what is doubtful not counted as wrong; mean of 2 families"), "{worst}");
     assert!(!lead("0.3")[1].contains("doubtful"));
+    assert!(said.contains("\nfamily far, held out (") && said.contains("\nfamily b ("), "{said}");
     // A family that is held out is in the test split alone.
     let judged =
         yard.marsyard(["evaluate", "one", "corpus", "--split", "train", "--family", "far", "--allow-shared-scenes"]);

@@ -112,6 +112,7 @@ fn corpus(scenes: u64, tables: &[Table], known: &[Known]) -> (tempfile::TempDir,
 fn families() -> Vec<FamilyFacts> {
     let facts = |name: &str, sensor: &str| FamilyFacts {
         name: name.into(),
+        hold_out: false,
         sensor: sensor.into(),
         cell_size_m: 0.1,
         local_height: None,
