@@ -73,7 +73,7 @@ YARDS = {
 }
 
 
-#: marsyard's networks, and what sets them; both take normal scores, as the default does and as the Kalman filter's form is found to.
+#: marsyard's networks, and what sets them. Both take normal scores: the default by itself, the Kalman filter because its best form has them.
 SCORES = "normal scores"
 NETWORKS = {DEFAULT_NETWORK: [], NETWORK: [*study.KALMAN_FILTER, "network.normal_scores=true"]}
 
@@ -193,6 +193,7 @@ def main():
             about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"networks": networks}
             TASK_KEY = [about, OPTIONS.rows]
             trials, runs, chosen = compared(name)
+            # A file of marsyard's is weighed only where it takes the form that the table tells of.
             weighed = {of: network["bytes"] for of, network in networks.items() if of == DEFAULT_NETWORK or SCORES in chosen[of]}
             found = compare_report.summary(runs, chosen, CORPUS.families, weighed)
             plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]

@@ -57,7 +57,8 @@ def one_round(marsyard, config, sets, threads, scratch):
     said = {key: estimate[key]["value"] for key in took}
     return {"load": load, "plan_cpu_s": plan_cpu, "plan_wall_s": plan_wall, "scenes_measured": estimate["scenes_measured"],
             "said": said, "took": took, "ratio": {key: said[key] / took[key] for key in took},
-            "standard_error": {key: estimate[key]["standard_error"] / max(said[key], 1e-9) for key in took}}
+            # Where no family had two scenes there is none.
+            "standard_error": {key: (error := estimate[key]["standard_error"]) and error / max(said[key], 1e-9) for key in took}}
 
 
 def table(results):

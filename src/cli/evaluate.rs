@@ -118,7 +118,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<(), Failure> {
     let open = |out: &PathBuf| Outputs::open(out, [Report::FILE], vec![model_file(&args.model)]);
     let outputs = args.out.as_ref().map(open).transpose().map_err(corpus_failure)?;
     let point = args.point.chosen();
-    // A point that the model has none of is told where it is judged.
+    // A point that the model cannot keep is refused by `evaluate` below.
     let thresholds = model.thresholds(&point).unwrap_or_default();
     args.point.remarks(&model, &thresholds).iter().for_each(|remark| errln!("warning: {remark}"));
     let plan = place::finished_plan(&args.corpus)?;

@@ -23,8 +23,8 @@ pub(super) struct ExportArgs {
 #[derive(Debug, Args)]
 #[group(required = true, multiple = true)]
 struct To {
-    /// Write an ONNX file: float features as the columns hold them in; out the output and, of a calibrated model, its
-    /// probability. Scaling and clipping are in the graph.
+    /// Write an ONNX file: its input is float features as the columns hold them; its outputs are that of the network and, of a
+    /// calibrated model, the probability. Scaling and clipping are in the graph.
     #[arg(long, value_name = "FILE")]
     onnx: Option<PathBuf>,
     /// Write metadata, weights and rows to check against as JSON; `-` prints it.

@@ -324,7 +324,7 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
         return;
     }
     outln!("{} steps, {} landmarks", located.steps.len(), located.landmarks.len());
-    // Without features the drive is dead reckoning itself, and of what is left out readings alone can be.
+    // Without features the drive is dead reckoning itself, and only readings can be left out.
     let has_features = args.features.is_some();
     let of_features = format!(
         ", {} too far from what was believed, {} features of two landmarks or of none, {} beside others",
@@ -335,7 +335,7 @@ fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Score, Score)>
         left_out.not_finite,
         if has_features { of_features.as_str() } else { "" }
     );
-    if args.slip > 0.0 && args.features.is_some() {
+    if args.slip > 0.0 && has_features {
         outln!("{:.1} ± {:.1} % of the counted way was driven", 100.0 * scale, 100.0 * scale_sigma);
     }
     for (name, score) in [("this drive", located_score.filter(|_| has_features)), ("dead reckoning", reckoned_score)] {

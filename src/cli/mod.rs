@@ -28,6 +28,7 @@ mod signals;
 mod tradeoff;
 mod train;
 
+use std::any::TypeId;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -191,13 +192,16 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Negative numbers are values, and it is their option that says which it takes.
+/// Without more said, the parser takes -1 for an option and tells a wrong cure; here an option of one number refuses it with a reason of its own.
 fn command() -> clap::Command {
-    let taken = |arg: clap::Arg| {
-        let takes_values = arg.get_action().takes_values() && !arg.is_positional();
-        if takes_values && !arg.is_allow_hyphen_values_set() { arg.allow_negative_numbers(true) } else { arg }
+    let numbers =
+        [TypeId::of::<f64>(), TypeId::of::<u8>(), TypeId::of::<u32>(), TypeId::of::<u64>(), TypeId::of::<usize>()];
+    let told = move |arg: clap::Arg| {
+        let takes_value = arg.get_action().takes_values() && !arg.is_positional() && arg.get_num_args().is_none();
+        let is_number = numbers.iter().any(|number| arg.get_value_parser().type_id() == *number);
+        if takes_value && is_number { arg.allow_hyphen_values(true) } else { arg }
     };
-    Cli::command().mut_subcommands(|verb| verb.mut_args(taken))
+    Cli::command().mut_subcommands(|verb| verb.mut_args(told))
 }
 
 fn run(cli: &Cli) -> Result<(), Failure> {

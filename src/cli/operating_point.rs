@@ -29,9 +29,12 @@ impl PointArgs {
         }
     }
 
-    /// What whoever asked for these must know of the thresholds that the model gives for them.
+    /// What whoever asked for these must know of the thresholds that the model gives for them; nothing where it has none.
     pub(super) fn remarks(&self, model: &Model, thresholds: &[f64]) -> Vec<String> {
         let mut remarks = Vec::new();
+        if thresholds.is_empty() {
+            return remarks;
+        }
         if self.doubtful.is_some() && thresholds.len() == 1 {
             remarks.push(
                 "no cell is doubtful: one threshold keeps both shares on the model's validation scenes".to_string(),
@@ -42,9 +45,10 @@ impl PointArgs {
         for ((share, cells), class) in asked.into_iter().zip(cells).zip(["traversable", "untraversable"]) {
             if let Some(share) = share.filter(|share| share * (cells as f64) < 1.0) {
                 remarks.push(format!(
-                    "{} % of the {cells} {class} cells of the model's validation scenes are less than one: none of them is called wrongly, and how \
-                     many of a million would be they cannot tell",
-                    100.0 * share
+                    "{} % of the {cells} {class} cells of the model's validation scenes is less than one cell: none of them is called wrongly, and \
+                     they are too few to promise so small a share",
+                    // Without what a product of binary fractions leaves at its end.
+                    (1e10 * share).round() / 1e8
                 ));
             }
         }
@@ -60,7 +64,7 @@ fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// The same of two thresholds: from a half on either alone keeps both shares.
+/// A share of each class that may be called wrongly by two thresholds; a coin calls half of each wrongly.
 fn parse_doubtful(text: &str) -> Result<f64, String> {
     match parse_share(text)? {
         share if share < 0.5 => Ok(share),

@@ -221,10 +221,8 @@ fn tell_cost(estimate: &Estimate) {
         error(&estimate.wall_s),
         human(Duration::from_secs_f64(estimate.cpu_s.value))
     );
-    if estimate.rows.standard_error.is_infinite() {
-        outln!(
-            "  \u{b1} ?: of no family two scenes were measured, which would tell an error; raise --sample or --limit"
-        );
+    if [&estimate.rows, &estimate.bytes, &estimate.wall_s].iter().any(|figure| !figure.relative_error().is_finite()) {
+        outln!("  \u{b1} ?: no family had two measured scenes, so no error can be told; raise --sample or --limit");
     }
     let needed = si(estimate.needed_bytes_per_s());
     match &estimate.storage {

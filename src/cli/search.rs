@@ -22,7 +22,7 @@ use crate::search::over_scenes::ValidationScenes;
 use crate::search::{Entry, Leaderboard, Outcome, Setup, journal, leaderboard, search};
 use crate::train::memory::Held;
 use crate::train::rows::only_class;
-use crate::train::{Sources, TrainError, TrainParams, folder, scenes};
+use crate::train::{Sources, TrainParams, folder, scenes};
 
 /// Train many networks a little, the better ones longer; say how small one may be, and write the config that trains it.
 ///
@@ -186,7 +186,12 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
     let draw = |split, rows| scenes::draw(&sources, split, rows, params.seed).map_err(train_failure);
     let train = draw(Split::Train, args.rows)?;
     if let (Some(label), false) = (only_class(train.rows.counts()), params.allow_one_class) {
-        return Err(train_failure(TrainError::OneClass { rows: train.rows.len() as u64, label }));
+        let help = "draw more with --rows, build scenes with both (`marsyard inspect` says what is weak), choose other --labels, or --set allow_one_class=true";
+        let rows = train.rows.len();
+        return Err(Failure::usage(miette::miette!(
+            help = help,
+            "all {rows} rows to learn that were drawn are {label}: a network could only learn to say so"
+        )));
     }
     let validation = draw(Split::Validation, args.validation_rows)?;
     let mut progress = SearchProgress::new(&out, &name, (&train, &validation), args.threads, log);

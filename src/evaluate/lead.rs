@@ -2,7 +2,7 @@
 //! is worst.
 //!
 //! By cells. What lies between the first and the last of the thresholds that are asked for is doubtful, and neither missed nor a false alarm,
-//! in all lines alike. A family is judged by its balanced accuracy, which its share of untraversable cells does not move; families without
+//! in all lines alike; of a single one the line of what is doubtful has two of its own. A family is judged by its balanced accuracy, which its share of untraversable cells does not move; families without
 //! cells of both classes have none and are left out of worst and mean.
 
 use std::fmt::{self, Display, Formatter};

@@ -92,7 +92,7 @@ pub struct DataFacts {
 impl DataFacts {
     /// What stands behind the name of a family that is held out.
     pub(super) fn mark(&self, family: &str) -> &'static str {
-        if self.held_out.iter().any(|name| name == family) { ", held out" } else { "" }
+        if self.held_out.iter().any(|name| name == family) { " (held out)" } else { "" }
     }
 }
 

@@ -52,7 +52,7 @@ impl Report {
         let hidden: Vec<String> = model.hidden.iter().map(usize::to_string).collect();
         writeln!(
             f,
-            "model   {}{}, {} inputs, {} weights; trained on {} (its first family: {} on {})",
+            "model   {}{}, {} inputs, {} weights; trained on {} (its first family has {} on {})",
             model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", &digits[..digits.len().min(12)])),
             if model.members > 1 {
                 format!("mean of {} networks of {}", model.members, hidden.join("-"))
@@ -66,8 +66,7 @@ impl Report {
             model.rover
         )?;
         writeln!(f, "data    {}", self.data_line())?;
-        // As a config writes a rule.
-        writeln!(f, "labels  {}", data.labels.replace('"', "").replace(':', ": ").replace(',', ", "))?;
+        writeln!(f, "labels  {}", data.labels)?;
         if data.unknown_cells + data.not_finite_cells > 0 {
             let (unknown, odd) = (thousands(data.unknown_cells), thousands(data.not_finite_cells));
             writeln!(f, "        left out: {unknown} cells of unknown label, {odd} with values that are not finite")?;

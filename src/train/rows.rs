@@ -44,7 +44,7 @@ impl std::ops::AddAssign for LeftOut {
     }
 }
 
-/// What all rows are, where they are of one class.
+/// What all rows are, where they are of one class. `counts`: traversable and untraversable rows.
 pub(crate) fn only_class(counts: [u64; 2]) -> Option<&'static str> {
     match counts {
         [0, 0] => None,

@@ -327,8 +327,9 @@ fn law_classify_says_what_is_wrong_and_exits_2() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
         assert!(flat.contains(needle), "{arguments:?}: {said}");
     }
-    // A name that is wrong is told before anything of the model.
-    let output = yard.marsyard(["classify", "plain.safetensors", "none.csv", place]);
+    // A name that is wrong, though it is the last, is told before anything is judged.
+    let output = yard.marsyard(["classify", "plain.safetensors", "c.csv", "none.csv", place]);
+    assert!(output.status.code() == Some(2) && text(&output.stderr).contains("none.csv"), "{}", text(&output.stderr));
     assert_eq!(text(&output.stdout), "");
 }
 

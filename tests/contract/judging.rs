@@ -73,16 +73,21 @@ fn exact_what_is_asked_of_an_operating_point_and_cannot_be_had_is_told() {
     let yard = trained();
     for (arguments, code, cure) in [
         (&["--doubtful", "49%"][..], 0, "no cell is doubtful: one threshold keeps both shares"),
-        (&["--miss-at-most", "0.0001%"], 0, "untraversable cells of the model's validation scenes are less than one"),
+        (
+            &["--miss-at-most", "0.0001%"],
+            0,
+            "untraversable cells of the model's validation scenes is less than one cell",
+        ),
         (&["--doubtful", "60%"], 2, "take less than 50%"),
         (&["--threshold", "-1"], 2, "rising numbers within 0 and 1"),
-        (&["--miss-at-most", "-1"], 2, "is no share above 0 and below 1"),
+        (&["--miss-at-most", "-1%"], 2, "is no share above 0 and below 1"),
+        (&["--threshold", "-0.1,0.2"], 2, "rising numbers within 0 and 1"),
     ] {
         let (status, said) = told(&yard, &[&["evaluate", "run", "corpus"], arguments].concat());
         assert!(status == Some(code) && said.contains(cure), "{arguments:?}: {status:?} {said}");
     }
     let (_, said) = told(&yard, &["evaluate", "run", "corpus", "--miss-at-most", "10%"]);
-    assert!(!said.contains("less than one"), "{said}");
+    assert!(!said.contains("less than one cell"), "{said}");
 }
 
 #[test]

@@ -83,8 +83,11 @@ fn law_parts_that_were_not_resolved_are_one_line_and_never_infinite() {
     // One scene tells no error, and is not told to have none.
     let output = Yard::new().marsyard(["plan", config.as_str(), "--sample", "1", "--no-parts"]);
     let words = text(&output.stdout);
-    assert!(output.status.success() && words.contains("of no family two scenes were measured"), "{words}");
+    assert!(output.status.success() && words.contains("no family had two measured scenes"), "{words}");
     assert!(!words.contains("inf") && !words.contains("\u{b1} 0.0 %"), "{words}");
+    // Nor do families of which none was run.
+    let output = Yard::new().marsyard(["plan", &shipped("configs/mixed.yaml"), "--sample", "3", "--no-parts"]);
+    assert!(text(&output.stdout).contains("rows of cells (\u{b1} ?)"), "{}", text(&output.stdout));
 }
 
 #[test]
@@ -113,6 +116,7 @@ fn equal_plan_and_inspect_show_the_same_views_and_say_where_one_bearing_rules() 
         for part in [
             "what 28 kept scans show of obstacles:",
             "bearing of the nearest, degrees (0 ahead, left positive)",
+            "   165 to -165 ",
             "range of the nearest, m",
             "obstacles in view",
             "advice: scans whose nearest obstacle stands in the same sector of 30 degrees: ",

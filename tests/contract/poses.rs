@@ -99,6 +99,17 @@ fn score(yard: &Yard, extra: &[&str]) -> Json {
 }
 
 #[test]
+fn law_without_features_the_drive_is_told_once() {
+    let yard = Yard::new();
+    let file = |name: &str| logs().join(name).display().to_string();
+    let output = yard.marsyard(["localise", &file("odometry.csv"), "--truth", &file("truth.csv"), "--out", "a"]);
+    let said = text(&output.stdout);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(said.contains("\ndead reckoning: ATE ") && !said.contains("this drive"), "{said}");
+    assert!(said.contains("measurements that make no sense\n"), "{said}");
+}
+
+#[test]
 fn law_localise_beats_dead_reckoning_on_the_sample_and_writes_what_it_says() {
     let yard = Yard::new();
     let known = score(&yard, &["--out", "a", "--particles", "100"]);

@@ -108,11 +108,14 @@ pub fn wait_for(child: &mut Child, what: &str, is_there: impl Fn() -> bool) {
             return;
         }
         if let Some(status) = child.try_wait().expect("a child to wait for") {
+            if is_there() {
+                return;
+            }
             let mut said = String::new();
             if let Some(mut stderr) = child.stderr.take() {
                 stderr.read_to_string(&mut said).expect("what it said");
             }
-            assert!(is_there(), "no {what}, and {status}: {said}");
+            panic!("no {what}, and {status}: {said}");
         }
         std::thread::sleep(std::time::Duration::from_millis(10));
     }

@@ -25,10 +25,8 @@ fn read_file(path: &Path, kind: FileKind) -> Result<Vec<u8>, Failure> {
 
 /// Says what is wrong with a cloud's name before anything is judged.
 pub(super) fn check_clouds(args: &ClassifyArgs) -> Result<(), Failure> {
-    let local = args.clouds.iter().filter(|path| !address::is_url(path));
-    local
-        .into_iter()
-        .try_for_each(|path| std::fs::metadata(path).map(|_| ()).map_err(|source| unreadable(path, source)))
+    let mut local = args.clouds.iter().filter(|path| !address::is_url(path));
+    local.try_for_each(|path| std::fs::metadata(path).map(|_| ()).map_err(|source| unreadable(path, source)))
 }
 
 fn unreadable(path: &Path, source: std::io::Error) -> Failure {

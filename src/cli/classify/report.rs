@@ -4,6 +4,7 @@ use serde_json::json;
 
 use super::args::ClassifyArgs;
 use crate::cli::output::{errln, out, outln};
+use crate::cli::progress::counted;
 use crate::corpus::stats::PointCounts;
 use crate::evaluate::Report;
 use crate::judge::{Frame, JudgedScan, Outside, ScanJudge, Setup, Sigmas, class_names, scale};
@@ -166,8 +167,8 @@ pub(super) fn scan(args: &ClassifyArgs, judged: &JudgedScan) {
     );
 }
 
-/// Of fewer cells a feature is not told.
-const LEAST_TOLD: f64 = 0.001;
+/// A feature within its training range is listed where so many cells lie beyond all but 0.2 % of the training's.
+const LEAST_RARE_SHARE: f64 = 0.01;
 
 /// Per feature, how much of the scans the model never saw the like of.
 pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
@@ -184,11 +185,11 @@ pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
         outln!("{}", json!({ "outside_training_range": features }));
         return;
     }
-    let is_told = |f: &&Outside| [f.below, f.above, f.rare].iter().any(|share| *share >= LEAST_TOLD);
+    let is_told = |f: &&Outside| f.below + f.above > 0.0 || f.rare >= LEAST_RARE_SHARE;
     let told: Vec<&Outside> = found.iter().filter(is_told).collect();
-    let others = found.len() - told.len();
+    let others = counted((found.len() - told.len()) as u64, "feature");
     if told.is_empty() {
-        outln!("\ncells outside the training range: under {} % of them, by each feature", 100.0 * LEAST_TOLD);
+        outln!("\nno cell lies outside the training range of any feature");
         return;
     }
     let width = told.iter().map(|f| f.feature.len()).max().unwrap_or_default().max("feature".len()) + 2;
@@ -202,7 +203,7 @@ pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
         "above",
         "outside 0.1..99.9 %"
     );
-    for f in told {
+    for f in &told {
         outln!(
             "  {:<width$}{:>12.4}{:>12.4}{:>8.1}%{:>8.1}%{:>21.1}%",
             f.feature,
@@ -213,8 +214,8 @@ pub(super) fn ranges(args: &ClassifyArgs, found: &[Outside]) {
             100.0 * f.rare
         );
     }
-    if others > 0 {
-        outln!("  {others} other features: under {} % of the cells", 100.0 * LEAST_TOLD);
+    if told.len() < found.len() {
+        outln!("  {others} more: no cell outside, and under {} % outside 0.1..99.9 %", 100.0 * LEAST_RARE_SHARE);
     }
     for f in found.iter().filter(|f| f.below + f.above > 0.1) {
         errln!(

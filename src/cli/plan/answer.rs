@@ -96,9 +96,10 @@ impl Answer<'_> {
             outln!("  {}", self.why(choice));
         } else {
             outln!("  {}", ends(choice));
-            if choice.expected.mean > best.expected.mean {
+            let is_apart = !matches!(choice.setting.told, Some(Told::NotApart | Told::OneSeed));
+            if best.setting == self.study.as_written() && !is_apart && choice.expected.mean > best.expected.mean {
                 outln!(
-                    "  Ranked behind all the same: what nothing tells apart at equal CPU does not take the place of the config as written."
+                    "  It is expected to be better, but the study does not tell the two apart at equal CPU, so the config as written comes first."
                 );
             }
         }
@@ -184,10 +185,11 @@ fn ends(choice: &Choice) -> String {
         Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
         Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
         Bound::Flat => format!(
-            "The curve is flat from here on for this budget: all {} scenes that it allows would bring {:.1} points, and surely less than {:.1}.",
+            "The curve is flat from here on: the {} scenes that the budget allows would bring {:.1} points more, and by every believed law {:.1} at most.",
             choice.most_scenes,
             100.0 * choice.left.0,
-            100.0 * FLAT
+            // Told as it was decided.
+            100.0 * choice.left.1.min(FLAT)
         ),
     }
 }

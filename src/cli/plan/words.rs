@@ -119,9 +119,9 @@ const TEACH_MOST: [Part; 2] = [Part::Grass, Part::Landforms];
 /// How yards that teach no more could be varied.
 pub(super) fn how_to_vary(plan: &Plan) -> String {
     let absent = absent(plan);
-    // Where rocks lie as on a planet, nothing grows.
+    // Where all rocks lie as on a planet, nothing grows.
     let is_bare =
-        plan.families.iter().any(|family| family.scene.rocks.as_ref().is_some_and(|rocks| rocks.golombek.is_some()));
+        plan.families.iter().all(|family| family.scene.rocks.as_ref().is_some_and(|rocks| rocks.golombek.is_some()));
     let could_be = |part: &Part| absent.contains(&part.name()) && !(is_bare && *part == Part::Grass);
     let missing: Vec<&str> = TEACH_MOST.into_iter().filter(could_be).map(Part::name).collect();
     match missing.as_slice() {
@@ -177,6 +177,16 @@ fn say(dist: &Dist) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn exact_grass_is_advised_where_it_could_grow() {
+        let advised = |name: &str| {
+            let config = std::path::Path::new("configs").join(name);
+            how_to_vary(&crate::config::load(&config, &[]).expect("a shipped config"))
+        };
+        assert!(advised("paper.yaml").contains("without grass, landforms"));
+        assert!(!advised("mars.yaml").contains("grass"));
+    }
 
     #[test]
     fn exact_laws_in_words() {

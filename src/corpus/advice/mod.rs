@@ -92,11 +92,10 @@ fn no_scene(contents: &[Content]) -> Vec<Advice> {
 
 fn no_cell(contents: &[Content]) -> Vec<Advice> {
     let said = named(contents, |content| {
-        let scenes = content.scenes - content.failed;
-        (content.cells() == 0).then(|| format!("none in {scenes} of its scenes"))
+        (content.cells() == 0).then(|| format!("none in all {} scenes", content.scenes - content.failed))
     });
     Vec::from_iter(said.map(|said| Advice {
-        finding: format!("no cell at all, so nothing can be learnt: {said}"),
+        finding: format!("scenes without any cell, of which nothing can be learnt: {said}"),
         cure: "raise cells.max_range_m beyond where the lowest beams meet the ground, or aim lower (sweep.mount.pitch_deg)".into(),
     }))
 }

@@ -50,8 +50,13 @@ fn exact_each_weakness_is_told_by_its_limit_from_both_sides() {
     let cells = |traversable, untraversable| {
         scene(&[(traversable, 5, 2.5, Label::Traversable), (untraversable, 5, 2.5, Label::Untraversable)])
     };
-    assert!(told(&[scene(&[])], "no cell at all, so nothing can be learnt: none in 1 of its scenes"));
-    assert!(!told(&[scene(&[]), cells(50, 0)], "no cell at all"));
+    assert!(told(
+        &[scene(&[]), scene(&[])],
+        "scenes without any cell, of which nothing can be learnt: none in all 2 scenes"
+    ));
+    assert!(!told(&[scene(&[]), cells(50, 0)], "without any cell"));
+    let families = [content_of("bare", false, 0, &[scene(&[])]), content_of("full", false, 0, &[cells(50, 50)])];
+    assert!(findings(&families).iter().any(|finding| finding.contains("learnt: bare none in all 1 scenes;")));
     assert!(told(&[cells(50, 0)], "no untraversable cell: none of 50"));
     assert!(told(&[cells(999, 1)], "hardly an untraversable cell: 0.10 %"));
     assert!(!told(&[cells(99, 1)], "untraversable cell"));

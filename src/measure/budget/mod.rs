@@ -37,6 +37,8 @@ const WINDOWS_LEFT: f64 = 2.5;
 const RANKED_UP_TO: f64 = 2.0;
 /// A curve is told to be flat where the budget would allow so many times the scenes: the last few scenes of any budget bring little.
 const WORTH_STOPPING: u64 = 2;
+/// Seconds that were measured at two moments are the same up to this.
+const SAME_SECONDS: f64 = 1.05;
 /// Steps in the logarithm of the scenes at which a curve is looked through for where it is flat.
 const STEPS: u32 = 200;
 
@@ -81,8 +83,9 @@ pub(crate) struct Choice<'s> {
     pub setting: &'s StudySetting,
     pub scenes: u64,
     pub bound: Bound,
-    /// What hours, disk and rows would allow.
+    /// What hours, disk and rows would allow, and whether disk or rows, which know no CPU, allow less than the hours.
     pub most_scenes: u64,
+    pub is_capped: bool,
     pub build_s: f64,
     pub train_s: f64,
     pub bytes: f64,
@@ -133,15 +136,15 @@ pub(crate) fn choices<'s>(
     let written = expected.iter().find(|(_, choice)| choice.setting == study.as_written());
     let written = written.map(|(mean, choice)| (*mean, choice.build_s + choice.train_s));
     let is_no_dearer = |mean: f64, choice: &Choice| {
-        written.is_none_or(|(other, seconds)| mean >= other && choice.build_s + choice.train_s <= seconds)
+        let within = |seconds: f64| choice.build_s + choice.train_s <= SAME_SECONDS * seconds;
+        written.is_none_or(|(other, seconds)| mean >= other && within(seconds))
     };
     let mut ranked: Vec<(u8, f64, Choice)> = expected
         .into_iter()
         .filter(|(_, choice)| choice.setting.told != Some(Told::Worse))
         .map(|(mean, choice)| {
-            let is_cpu_bound = !matches!(choice.bound, Bound::Disk | Bound::Rows);
             let rank = match choice.setting.told {
-                Some(Told::Better) if is_cpu_bound || is_no_dearer(mean, &choice) => 2,
+                Some(Told::Better) if !choice.is_capped || is_no_dearer(mean, &choice) => 2,
                 _ => u8::from(choice.setting == study.as_written()),
             };
             (rank, mean, choice)
@@ -240,6 +243,7 @@ impl<'s> Curve<'s> {
             scenes,
             bound,
             most_scenes,
+            is_capped: by_disk.min(by_rows) < by_hours,
             build_s,
             train_s,
             bytes: here.bytes_per_scene * scenes as f64,
@@ -381,14 +385,20 @@ mod tests {
     }
 
     #[test]
-    fn law_what_is_told_at_equal_cpu_ranks_nothing_where_rows_bind() {
-        let study = study(vec![
-            setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
-            setting("cheap", Some(Told::Better), (0.04, 1.0), (0.001, 0.01)),
-        ]);
-        let first =
-            |rows| choices(&study, &Budget { rows, ..budget(600.0, None) }, |_| HERE, 10)[0].setting.name.clone();
-        assert_eq!((first(None).as_str(), first(Some(1e5)).as_str()), ("cheap", "reference"));
+    fn law_where_rows_bind_better_at_equal_cpu_comes_first_only_if_it_is_no_worse_and_no_dearer() {
+        let first = |error: f64, scene_cpu_s: f64, rows: Option<f64>| {
+            let study = study(vec![
+                setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+                setting("other", Some(Told::Better), (error, 1.0), (scene_cpu_s, 0.01)),
+            ]);
+            choices(&study, &Budget { rows, ..budget(600.0, None) }, |_| HERE, 10)[0].setting.name.clone()
+        };
+        for (error, scene_cpu_s) in [(0.04, 0.001), (0.02, 0.001), (0.02, 0.05)] {
+            assert_eq!(first(error, scene_cpu_s, None), "other");
+        }
+        assert_eq!(first(0.04, 0.001, Some(1e5)), "reference");
+        assert_eq!(first(0.02, 0.05, Some(1e5)), "reference");
+        assert_eq!(first(0.02, 0.001, Some(1e5)), "other");
     }
 
     #[test]

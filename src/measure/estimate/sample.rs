@@ -232,14 +232,15 @@ impl Sample {
         unseen.map(|stratum| plan.families[stratum.family].name.clone()).collect()
     }
 
-    /// Sum over all scenes of the plan; a family of which no scene was run is taken to be as the others, and one of which a single scene was, to
-    /// spread about its mean as they do. Where no family has two, nothing tells the standard error.
+    /// Sum over all scenes of the plan. A family of which no scene was run is taken to be as the others; one of which a single scene was run is taken
+    /// to spread about its mean as they do. Where no family has two scenes, nothing tells the standard error.
     pub(super) fn total(&self, value: impl Fn(&SceneCost) -> f64) -> Figure {
         let mut figure = Figure::default();
         let mut variance = 0.0;
         let relative = |stratum: &Stratum| {
             let (mean, spread) = stratum.mean_and_variance(&value);
-            Some(if mean == 0.0 { 0.0 } else { spread? / (mean * mean) })
+            let spread = spread?;
+            Some(if mean == 0.0 { 0.0 } else { spread / (mean * mean) })
         };
         let usual = Moments::of(self.strata.iter().filter_map(relative)).map_or(f64::INFINITY, |moments| moments.mean);
         for stratum in self.strata.iter().filter(|stratum| !stratum.measured.is_empty()) {
@@ -248,7 +249,9 @@ impl Sample {
             figure.value += stratum.scenes * mean;
             // A family that was run to its last scene is known.
             if count < stratum.scenes {
-                let spread = spread.unwrap_or(usual * mean * mean);
+                // Nought times infinity would be no number.
+                let as_others = || if usual.is_finite() { usual * mean * mean } else { f64::INFINITY };
+                let spread = spread.unwrap_or_else(as_others);
                 variance += stratum.scenes * stratum.scenes * spread / count * (1.0 - count / stratum.scenes);
             }
         }
@@ -347,10 +350,14 @@ mod tests {
         let once = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
         let variance: f64 = 100.0 * 2.0 / 2.0 * 0.8 + 400.0 * (0.5 * 16.0) * 0.95;
         assert!((once.total(|cost| cost.whole.cpu).standard_error - variance.sqrt()).abs() < 1e-12);
-        let strata = vec![stratum(10.0, &[1.0])];
-        let single = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
-        let figure = single.total(|cost| cost.whole.cpu);
-        assert!(figure.value == 10.0 && figure.standard_error == f64::INFINITY && figure.relative_error() > ENOUGH);
+        for (others, value) in [(vec![], 10.0), (vec![stratum(5.0, &[])], 15.0), (vec![stratum(5.0, &[0.0])], 10.0)] {
+            let strata = std::iter::once(stratum(10.0, &[1.0])).chain(others).collect();
+            let single = Sample { strata, contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };
+            let figure = single.total(|cost| cost.whole.cpu);
+            assert!(
+                figure.value == value && figure.standard_error == f64::INFINITY && figure.relative_error() > ENOUGH
+            );
+        }
         // A family run to its last scene leaves nothing open.
         let whole =
             Sample { strata: vec![stratum(2.0, &[1.0, 3.0])], contents: Vec::new(), outputs: Vec::new(), kept_rows: 0 };

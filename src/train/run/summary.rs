@@ -88,7 +88,7 @@ impl Training<'_> {
         let Stopping { looks, last, best, .. } = self.learner.learnt.stopping;
         let Setup { params, sources, .. } = self.setup;
         let Learner { objective, network, early, learnt, .. } = &self.learner;
-        // A network that was learnt before may know the scenes already, and of one class there is nothing to be told apart.
+        // A network that was learnt before may know the scenes already, and one class alone tells no error that more scenes could lower.
         let early = early.as_deref().filter(|_| self.setup.init.is_none() && !self.start.one_class);
         let judged = early.map(|early| Judged {
             sources,
