@@ -1,9 +1,12 @@
 """What each ingredient of configs/mixed.yaml brings on families that training never had: left out one by one.
 
 Usage:  cargo build --release
-        python scripts/ablation.py [--scenes 140] [--seeds 1,2,3] [--only columns|yards|families|frames] [--quick]
+        cargo build --release --example train_rows
+        python scripts/ablation.py [--scenes 140] [--seeds 1,2,3] [--only columns|forms|yards|families|frames] [--quick]
 
 - columns: left out of what the network learns, from one corpus;
+- forms: heights above other percentiles of the ground around in place of the plane fitted to it; and the count's logarithm or the standard deviation of the heights in place
+  of what is stored, of rows in memory, beside the same rows as they are stored;
 - yards: parts of the yards and of the measuring, left out of a corpus each;
 - families: each family of training is left out of a corpus, whose networks are judged on the held-out families and on the one left out;
 - frames: networks of cells in the estimated pose's frame and in that of a fitted plane, each judged on the same scenes in both.
@@ -17,8 +20,12 @@ Needs numpy and pyarrow. Writes ablation.json and ablation.md into scripts/resul
 import argparse
 import json
 
+import numpy as np
+
 import held_out
 import study
+from compare_rows import written
+from train_rows import DEFAULT, Cells, train
 from transfer import outputs
 
 CURVATURE = [f"curvature_{which}_{cm}cm_m" for cm in (20, 40, 80) for which in ("least", "most")]
@@ -49,6 +56,11 @@ COLUMNS = {
 }
 # The corpora of this part hold what is no longer in the config, too.
 WITH_CURVATURE = ["cells.curvature={radii_m: [0.2, 0.4, 0.8]}"]
+# What the height of a cell is told above, in place of the plane fitted to the ground around.
+GROUND = {f"above the {percentile}th percentile within {radius_m} m": [f"cells.local_height={{radius_m: {radius_m}, percentile: {percentile}, plane: true}}"]
+          for percentile, radius_m in ((10, 1), (50, 1), (10, 0.5), (10, 2))}
+# How columns are written before they are standardised.
+FORMS = {"as stored": (), "log of the count": ("count",), "standard deviation": ("spread",), "both": ("count", "spread")}
 # Overrides of the config for the training scenes.
 YARDS = {
     "no roughness": ["scene.ground.roughness=null"],
@@ -64,7 +76,7 @@ YARDS = {
 LEFT_OUT = list(enumerate(held_out.TRAINING))
 FRAMES = {"estimated pose": [], "fitted plane": ["cells.frame=fitted_plane"]}
 TEST_SEED = 51
-PARTS = ["columns", "yards", "families", "frames"]
+PARTS = ["columns", "forms", "yards", "families", "frames"]
 
 
 class Study:
@@ -79,7 +91,9 @@ class Study:
         if name not in self.read:
             make = {"held out": lambda: held_out.corpus(self.marsyard, "test", TEST_SEED, self.test_scenes, WITH_CURVATURE),
                     "fitted plane": lambda: held_out.corpus(self.marsyard, "test-plane", TEST_SEED, self.test_scenes, FRAMES["fitted plane"]),
-                    "training": lambda: held_out.corpus_of_training(self.marsyard, "test-training", TEST_SEED, self.test_scenes)}
+                    "training": lambda: held_out.corpus_of_training(self.marsyard, "test-training", TEST_SEED, self.test_scenes),
+                    **{ground: lambda ground=ground, sets=sets: held_out.corpus(self.marsyard, folder("test " + ground), TEST_SEED, self.test_scenes, sets)
+                       for ground, sets in GROUND.items()}}
             self.read[name] = held_out.read(make[name](), OWN + LOCAL + NEIGHBOURS + POSE + PLANE + SQUARES + BEAMS + CURVATURE * (name == "held out"))
         return self.read[name]
 
@@ -90,20 +104,35 @@ class Study:
             counts.append(held_out.counts(cells, outputs(model, cells)))
         return held_out.Judgement(cells, counts, families)
 
+    def in_memory(self, parts):
+        """Networks of the default's columns, written in a form."""
+        names, cells, counts = OWN + PLANE + SQUARES + BEAMS, self.test("held out"), []
+        of = lambda split: (lambda rows: (written(rows.values, names, parts), rows.labels))(Cells(self.whole, split, names))
+        learnt, stopped_by, judged = of("train"), of("validation"), written(np.stack([cells[name] for name in names], axis=1), names, parts)
+        for seed in self.seeds:
+            study.note(f"train in memory, {', '.join(parts) or 'as stored'}, seed {seed}")
+            [scores], _ = train(learnt, stopped_by, [judged], {"seed": seed, **DEFAULT}, names=names)
+            counts.append(held_out.counts(cells, scores))
+        return held_out.Judgement(cells, counts)
+
     def all_of_it(self):
         return self.judged("all of it", self.whole)
 
     def without(self, name, sets):
-        return self.marsyard.corpus(name.replace(" ", "-"), held_out.CONFIG, sets, self.scenes, held_out.PER_SHARD)
+        return self.marsyard.corpus(folder(name), held_out.CONFIG, sets, self.scenes, held_out.PER_SHARD)
 
 
-def table(whole, judged):
+def folder(name):
+    return name.replace(" ", "-")
+
+
+def table(whole, judged, of_whole="all of it"):
     """By name: worst family and mean, their differences to the whole, and all families."""
     head = ["", "worst family", "difference", "mean of families", "difference", *held_out.FAMILIES]
     difference = lambda of, part: "" if of is whole else held_out.told_difference(part(of), part(whole))
     row = lambda name, of: [name, held_out.told(of.worst()), difference(of, held_out.Judgement.worst), held_out.told(of.mean()),
                             difference(of, held_out.Judgement.mean), *(f"{100 * of.balanced(family)[0]:.1f}" for family in held_out.FAMILIES)]
-    return study.markdown(head, [row(name, of) for name, of in {"all of it": whole, **judged}.items()])
+    return study.markdown(head, [row(name, of) for name, of in {of_whole: whole, **judged}.items()])
 
 
 def columns(of):
@@ -111,6 +140,16 @@ def columns(of):
     whole = of.without("with curvature", WITH_CURVATURE)
     judged = {name: of.judged(name, whole, [sets(taken)]) for name, taken in COLUMNS.items()}
     return "## Columns\n\n" + table(of.all_of_it(), judged), judged
+
+
+def forms(of):
+    learnt = f"features={{columns: [{', '.join(OWN + LOCAL + SQUARES + BEAMS)}]}}"
+    grounds = {name: of.judged(name, of.without(name, sets), [learnt], test=name) for name, sets in GROUND.items()}
+    stored, *others = (of.in_memory(parts) for parts in FORMS.values())
+    first, *names = FORMS
+    written_so = dict(zip(names, others))
+    text = ("## Forms\n\n" + table(of.all_of_it(), grounds) + "\n\nOf the same rows in memory:\n\n" + table(stored, written_so, first))
+    return text, {**grounds, first: stored, **written_so}
 
 
 def yards(of):
@@ -155,7 +194,7 @@ def main():
     seeds, scenes, test_scenes = [int(n) for n in options.seeds.split(",")], options.scenes, options.test_scenes
     if options.quick:
         seeds, scenes, test_scenes = [1], 70, 70
-        for ingredients in (COLUMNS, YARDS):
+        for ingredients in (COLUMNS, YARDS, GROUND):
             for name in list(ingredients)[1:]:
                 del ingredients[name]
         del LEFT_OUT[1:]
@@ -165,7 +204,7 @@ def main():
     parts = json.loads(kept.read_text())["parts"] if options.only and kept.exists() else {}
     for part in [options.only] if options.only else PARTS:
         told = f"{study.versions(marsyard)['marsyard']}; {scenes} scenes, {len(seeds)} trainings each by the default trainer."
-        text, judged = {"columns": columns, "yards": yards, "families": families, "frames": frames}[part](of)
+        text, judged = {"columns": columns, "forms": forms, "yards": yards, "families": families, "frames": frames}[part](of)
         head, rest = text.split("\n\n", 1)
         parts[part] = {"text": f"{head}\n\n{told}\n\n{rest}", "rates": {name: one.facts() for name, one in judged.items()}}
     title = "\n\n".join([
