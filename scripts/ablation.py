@@ -60,7 +60,8 @@ WITH_CURVATURE = ["cells.curvature={radii_m: [0.2, 0.4, 0.8]}"]
 GROUND = {f"above the {percentile}th percentile within {radius_m} m": [f"cells.local_height={{radius_m: {radius_m}, percentile: {percentile}, plane: true}}"]
           for percentile, radius_m in ((10, 1), (50, 1), (10, 0.5), (10, 2))}
 # How columns are written before they are standardised.
-FORMS = {"as stored": (), "log of the count": ("count",), "standard deviation": ("spread",), "both": ("count", "spread")}
+STORED = "as stored"
+FORMS = {STORED: (), "log of the count": ("count",), "standard deviation": ("spread",), "both": ("count", "spread")}
 # Overrides of the config for the training scenes.
 YARDS = {
     "no roughness": ["scene.ground.roughness=null"],
@@ -91,10 +92,9 @@ class Study:
         if name not in self.read:
             make = {"held out": lambda: held_out.corpus(self.marsyard, "test", TEST_SEED, self.test_scenes, WITH_CURVATURE),
                     "fitted plane": lambda: held_out.corpus(self.marsyard, "test-plane", TEST_SEED, self.test_scenes, FRAMES["fitted plane"]),
-                    "training": lambda: held_out.corpus_of_training(self.marsyard, "test-training", TEST_SEED, self.test_scenes),
-                    **{ground: lambda ground=ground, sets=sets: held_out.corpus(self.marsyard, folder("test " + ground), TEST_SEED, self.test_scenes, sets)
-                       for ground, sets in GROUND.items()}}
-            self.read[name] = held_out.read(make[name](), OWN + LOCAL + NEIGHBOURS + POSE + PLANE + SQUARES + BEAMS + CURVATURE * (name == "held out"))
+                    "training": lambda: held_out.corpus_of_training(self.marsyard, "test-training", TEST_SEED, self.test_scenes)}
+            of_ground = lambda: held_out.corpus(self.marsyard, folder("test " + name), TEST_SEED, self.test_scenes, GROUND[name])
+            self.read[name] = held_out.read(make.get(name, of_ground)(), OWN + LOCAL + NEIGHBOURS + POSE + PLANE + SQUARES + BEAMS + CURVATURE * (name == "held out"))
         return self.read[name]
 
     def judged(self, name, corpus, sets=(), test="held out", families=held_out.FAMILIES):
@@ -110,7 +110,7 @@ class Study:
         of = lambda split: (lambda rows: (written(rows.values, names, parts), rows.labels))(Cells(self.whole, split, names))
         learnt, stopped_by, judged = of("train"), of("validation"), written(np.stack([cells[name] for name in names], axis=1), names, parts)
         for seed in self.seeds:
-            study.note(f"train in memory, {', '.join(parts) or 'as stored'}, seed {seed}")
+            study.note(f"train in memory, {', '.join(parts) or STORED}, seed {seed}")
             [scores], _ = train(learnt, stopped_by, [judged], {"seed": seed, **DEFAULT}, names=names)
             counts.append(held_out.counts(cells, scores))
         return held_out.Judgement(cells, counts)
@@ -145,11 +145,10 @@ def columns(of):
 def forms(of):
     learnt = f"features={{columns: [{', '.join(OWN + LOCAL + SQUARES + BEAMS)}]}}"
     grounds = {name: of.judged(name, of.without(name, sets), [learnt], test=name) for name, sets in GROUND.items()}
-    stored, *others = (of.in_memory(parts) for parts in FORMS.values())
-    first, *names = FORMS
-    written_so = dict(zip(names, others))
-    text = ("## Forms\n\n" + table(of.all_of_it(), grounds) + "\n\nOf the same rows in memory:\n\n" + table(stored, written_so, first))
-    return text, {**grounds, first: stored, **written_so}
+    in_memory = {name: of.in_memory(parts) for name, parts in FORMS.items()}
+    stored = in_memory.pop(STORED)
+    text = "## Forms\n\n" + table(of.all_of_it(), grounds) + "\n\nOf the same rows in memory:\n\n" + table(stored, in_memory, STORED)
+    return text, {**grounds, STORED: stored, **in_memory}
 
 
 def yards(of):

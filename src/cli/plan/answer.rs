@@ -96,8 +96,8 @@ impl Answer<'_> {
             outln!("  {}", self.why(choice));
         } else {
             outln!("  {}", ends(choice));
-            let is_apart = !matches!(choice.setting.told, Some(Told::NotApart | Told::OneSeed));
-            if best.setting == self.study.as_written() && !is_apart && choice.expected.mean > best.expected.mean {
+            let is_untold = matches!(choice.setting.told, Some(Told::NotApart | Told::OneSeed));
+            if best.setting == self.study.as_written() && is_untold && choice.expected.mean > best.expected.mean {
                 outln!(
                     "  It is expected to be better, but the study does not tell the two apart at equal CPU, so the config as written comes first."
                 );

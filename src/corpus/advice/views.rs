@@ -146,8 +146,8 @@ impl fmt::Display for Views {
         bars(f, "bearing of the nearest, degrees (0 ahead, left positive)", &self.nearest_bearings, false, |bin| {
             let to = SECTOR_DEG * (bin as f64 + 0.5) - 180.0;
             // The first sector lies behind, on both sides of 180 degrees.
-            let from = if bin == 0 { 360.0 } else { 0.0 } + to - SECTOR_DEG;
-            format!("{from:.0} to {to:.0}")
+            let turn = if bin == 0 { 360.0 } else { 0.0 };
+            format!("{:.0} to {to:.0}", turn + to - SECTOR_DEG)
         })?;
         bars(f, "range of the nearest, m", &self.nearest_ranges, true, |bin| match bin + 1 {
             RANGE_BINS => format!("over {:.1}", RANGE_STEP_M * bin as f64),
