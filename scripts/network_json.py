@@ -19,17 +19,21 @@ def score(values, of):
     return np.where(values == 0, of["unseen"], between) if "unseen" in of else between
 
 
-def layer(of, x):
+def layer(of, x, is_rectified=False):
+    sums = x @ np.array(of["weights"]).T + np.array(of["biases"])
     with np.errstate(over="ignore"):
-        return 1.0 / (1.0 + np.exp(-(x @ np.array(of["weights"]).T + np.array(of["biases"]))))
+        return np.maximum(sums, 0.0) if is_rectified else 1.0 / (1.0 + np.exp(-sums))
 
 
 def outputs(model, rows):
     """The mean of the members' outputs."""
     scaled, found = inputs(model["about"], rows), []
-    for layers in model["members"]:
+    activation = model["about"].get("activation")
+    for number, layers in enumerate(model["members"]):
+        is_rectified = activation == "relu" or activation == "both" and number % 2 == 1
         x = scaled
-        for of in layers:
-            x = layer(of, x)
+        for of in layers[:-1]:
+            x = layer(of, x, is_rectified)
+        x = layer(layers[-1], x)
         found.append(x[:, 0])
     return np.mean(found, axis=0)

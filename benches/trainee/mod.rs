@@ -6,7 +6,7 @@ use marsyard::train::filter::build;
 use marsyard::train::params::{
     BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, NoiseParams, Precision, RowsLearnt, UkfParams,
 };
-use marsyard::train::{Filter, Layout, Network};
+use marsyard::train::{Activation, Filter, Layout, Network};
 
 const INPUTS: usize = 14;
 /// Rows that are gone through again and again.
@@ -69,8 +69,13 @@ pub struct Rows {
 impl Trainee {
     pub fn new(hidden: &str, filter: &str) -> Result<Trainee, String> {
         let sizes: Result<Vec<usize>, _> = hidden.split('x').map(str::parse).collect();
-        let layout =
-            Layout { inputs: INPUTS, hidden: sizes.map_err(|e| format!("{hidden}: {e}"))?, bias: true, members: 1 };
+        let layout = Layout {
+            inputs: INPUTS,
+            hidden: sizes.map_err(|e| format!("{hidden}: {e}"))?,
+            bias: true,
+            members: 1,
+            activation: Activation::Logistic,
+        };
         let params = settings(filter).ok_or_else(|| format!("{filter}: one of {FILTERS:?}"))?;
         let filter = build(&params, &layout, f64::INFINITY).map_err(|e| e.to_string())?;
         let streams = Streams { seed: 1, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };

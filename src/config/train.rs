@@ -11,7 +11,7 @@ use super::shape::{self, Schema};
 use super::tree::{Source, Span, Value};
 use super::write::yaml;
 use crate::cells::{LabelRule, Unanswerable};
-use crate::train::TrainParams;
+use crate::train::{Activation, TrainParams};
 
 /// Reads and checks a training config; without a path, the defaults. `sets` are overrides like `network.hidden=[8]`.
 pub fn load_train(path: Option<&Path>, sets: &[String]) -> Result<TrainParams, ConfigError> {
@@ -111,6 +111,22 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
                 .cure("take it out: the filter has one network then"),
         );
     }
+    let activation = params.network.activation;
+    if activation != Activation::Logistic && !params.filter.learns_by_batches() {
+        let rule = format!(
+            "'network.activation: {}' goes with 'filter.kronecker' only: steps of the other filters are measured with logistic neurons alone",
+            activation.name()
+        );
+        let at = Fault::new(place.span("network.activation"), rule);
+        faults.push(at.also(place.span("filter"), "this filter learns logistic neurons").cure("take it out"));
+    } else if activation == Activation::Both && params.network.members < 2 {
+        let rule = "'network.activation: both' needs 2 members or more: the first is logistic, the second rectified";
+        let at = Fault::new(place.span("network.activation"), rule);
+        faults.push(
+            at.also(place.span("network.members"), "one network")
+                .cure("write activation: logistic or relu, or members: 2"),
+        );
+    }
     let answer = params.labels.as_ref().map_or(Ok(()), LabelRule::check_answerable);
     if let Err(said @ Unanswerable::TwoRules) = &answer {
         faults.push(Fault::new(place.span("labels.min_margin_m"), said.to_string()));
@@ -196,6 +212,13 @@ mod tests {
         let told = faults("filter: {ekf: {}}\nnetwork: {members: 3}", &[]);
         let part = "train.yaml:2:20: 'network.members' above 1 goes with 'filter.kronecker' only";
         assert!(told.contains(part) && told.contains("take it out"), "{part} in:\n{told}");
+        let told = faults("filter: {ekf: {}}\nnetwork: {activation: relu}", &[]);
+        let part = "train.yaml:2:23: 'network.activation: relu' goes with 'filter.kronecker' only";
+        assert!(told.contains(part) && told.contains("take it out"), "{part} in:\n{told}");
+        let told = faults("network: {activation: both, members: 1}", &[]);
+        let part = "train.yaml:1:23: 'network.activation: both' needs 2 members or more";
+        assert!(told.contains(part) && told.contains("or members: 2"), "{part} in:\n{told}");
+        assert!(faults("network: {activation: both}", &[]).starts_with("fine"));
         assert!(faults("filter: ekf", &[]).contains("write {ekf: {}} for its defaults"));
         let told = faults("labels: {obstacle: taller_than_wheel}", &[]);
         for part in [

@@ -13,7 +13,7 @@ use super::spread::{Bin, Spread};
 use super::tops::MissedTops;
 use crate::scene::Class;
 use crate::statistics::scores::{BINS, RocPoint};
-use crate::train::Model;
+use crate::train::{Activation, Model};
 
 /// How good a model is on some cells. No time, host or path: equal models and cells give equal reports.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,6 +63,9 @@ pub struct ModelFacts {
     /// Networks of these layers, whose mean judges; 1 in reports from before there were several.
     #[serde(default = "crate::train::one_member")]
     pub members: usize,
+    /// Of hidden neurons; logistic in reports from before there were others.
+    #[serde(default)]
+    pub activation: Activation,
     pub weights: usize,
     pub trained_on: Vec<String>,
     /// Of the first family that it learnt from.
@@ -223,6 +226,7 @@ impl ModelFacts {
             hidden: about.hidden.clone(),
             bias: about.bias,
             members: about.members,
+            activation: about.activation,
             weights: model.network.weights.len(),
             trained_on: about.corpus_names.clone(),
             sensor: about.sensor.name.clone(),

@@ -6,6 +6,7 @@ use super::judge::{Group, Threshold, ThresholdOrigin};
 use super::lead::Lead;
 use super::report::{AtThreshold, DataFacts, GroupReport, Judged, Report, SpreadReport};
 use super::spread::Bin;
+use crate::train::Activation;
 
 impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
@@ -55,9 +56,9 @@ impl Report {
             "model   {}{}, {} inputs, {} weights; trained on {} (its first family has {} on {})",
             model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", &digits[..digits.len().min(12)])),
             if model.members > 1 {
-                format!("mean of {} networks of {}", model.members, hidden.join("-"))
+                format!("mean of {} networks of {}{}", model.members, hidden.join("-"), of_neurons(model.activation))
             } else {
-                format!("{} network", hidden.join("-"))
+                format!("{} network{}", hidden.join("-"), of_neurons(model.activation))
             },
             model.features.len(),
             thousands(model.weights as u64),
@@ -289,6 +290,14 @@ fn spread(
         plain(report.rho_wrong),
         plain(report.rho_false_untraversable)
     )
+}
+
+fn of_neurons(activation: Activation) -> &'static str {
+    match activation {
+        Activation::Logistic => "",
+        Activation::Relu => " of rectified neurons",
+        Activation::Both => ", every second of rectified neurons",
+    }
 }
 
 fn whole_bin(bin: &Bin) -> String {

@@ -13,18 +13,19 @@
 //! # use std::path::Path;
 //! # use marsyard::episode::{Prepared, Scratch, Unobserved, run_scene};
 //! # use marsyard::geometry::Pose;
-//! # use marsyard::train::{About, Layout, MODEL_FORMAT, Model, Network, Scaler};
+//! # use marsyard::train::{About, Activation, Layout, MODEL_FORMAT, Model, Network, Scaler};
 //! # let plan = marsyard::config::load(Path::new("configs/quickstart.yaml"), &["cells.size_m=0.2".into()])?;
 //! # let prepared = Prepared::new(plan)?.keeping_points();
 //! # let model = {
 //! #     // One neuron: untraversable from 0.1 m between a cell's lowest and highest point.
-//! #     let (family, layout) = (&prepared.plan.families[0], Layout { inputs: 1, hidden: vec![1], bias: true, members: 1 });
+//! #     let (family, layout) = (&prepared.plan.families[0], Layout { inputs: 1, hidden: vec![1], bias: true, members: 1, activation: Activation::Logistic });
 //! #     let about = About {
 //! #         marsyard_model: MODEL_FORMAT,
 //! #         inputs: 1,
 //! #         hidden: vec![1],
 //! #         bias: true,
 //! #         members: 1,
+//! #         activation: Activation::Logistic,
 //! #         features: vec!["height_difference_m".into()],
 //! #         scaler: Scaler { minus: vec![None], mean: vec![0.1], scale: vec![0.025], clip: 8.0, scores: Vec::new() },
 //! #         quantiles: vec![[0.0, 0.0, 0.0, 0.02, 0.5, 1.0, 2.0]],

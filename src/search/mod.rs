@@ -40,7 +40,7 @@ use crate::corpus::store::{is_temporary, read_folder};
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
 use crate::train::params::NetworkParams;
-use crate::train::{TrainError, TrainParams, filter, folder};
+use crate::train::{Activation, TrainError, TrainParams, filter, folder};
 
 /// Hidden layers -> a config.
 pub(crate) type ConfigOf = dyn Fn(&[usize]) -> String + Sync;
@@ -164,11 +164,14 @@ fn identity(setup: &Setup) -> Json {
     }
     let mut config = json!(setup.params);
     // The widths are those of the networks that are searched.
-    let NetworkParams { bias, members, normal_scores, .. } = setup.params.network;
+    let NetworkParams { bias, members, activation, normal_scores, .. } = setup.params.network;
     config["network"] = json!({"bias": bias, "members": members});
     if normal_scores {
         // Earlier searches, of Kalman filters, did not note that they took none.
         config["network"]["normal_scores"] = true.into();
+    }
+    if activation != Activation::Logistic {
+        config["network"]["activation"] = json!(activation);
     }
     json!({
         "data": setup.data,

@@ -7,7 +7,8 @@
 //! 2. The inputs are (x - mean) / scale of each feature, clipped to +-clip.
 //! 3. Where the scaler has `scores`, as many inputs follow: of each feature its x, unscaled, in proportion between two values of `at` gives a number
 //!    between their `score`; beyond the outermost it is theirs, and where there is `unseen`, an x of exactly 0 has that.
-//! 4. For each layer of a member 1 / (1 + exp(-(weights x + biases))); the output is the mean of the members'.
+//! 4. For each layer of a member 1 / (1 + exp(-(weights x + biases))); where `about.activation` is `relu`, or `both` and the member the second,
+//!    the fourth and so on, max(0, weights x + biases) for each layer but the last. The output is the mean of the members'.
 //! 5. Where the model has a calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
 //!    1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
 
@@ -97,7 +98,8 @@ fn check_rows(model: &Model) -> Vec<Vec<f32>> {
 mod tests {
     use super::*;
     use crate::math;
-    use crate::train::model::tests::{ensemble, model, scored};
+    use crate::train::Activation;
+    use crate::train::model::tests::{ensemble, model, scored, with_neurons};
 
     /// Between knots in proportion, beyond them the outermost.
     fn between(knots: &[(f64, f64)], x: f64) -> f64 {
@@ -114,7 +116,9 @@ mod tests {
     fn equal_the_json_applied_as_its_documentation_says_and_the_model() {
         let features = ["a", "b", "c"];
         let plain = [(1, true), (1, false), (3, true)].map(|(n, bias)| ensemble(n, &features, &[4, 2], bias));
-        for model in plain.into_iter().chain([scored(2, &features, &[4, 2], true)]) {
+        let scored = scored(2, &features, &[4, 2], true);
+        let rectified = [Activation::Relu, Activation::Both].map(|activation| with_neurons(activation, scored.clone()));
+        for model in plain.into_iter().chain([scored]).chain(rectified) {
             let value: serde_json::Value = serde_json::from_str(&json(&model)).unwrap();
             let numbers = |v: &serde_json::Value| -> Vec<f64> {
                 v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -139,19 +143,24 @@ mod tests {
                         x.push(unseen.unwrap_or_else(|| between(&knots, value)));
                     }
                 }
-                let of_member = |layers: &serde_json::Value| {
+                let activation = value["about"]["activation"].as_str();
+                let of_member = |(member, layers): (usize, &serde_json::Value)| {
+                    let is_rectified = activation == Some("relu") || activation == Some("both") && member % 2 == 1;
                     let mut x = x.clone();
-                    for layer in layers.as_array().unwrap() {
+                    let layers = layers.as_array().unwrap();
+                    for (number, layer) in layers.iter().enumerate() {
                         let sums = layer["weights"].as_array().unwrap().iter().zip(numbers(&layer["biases"]));
                         let neuron = |(w, bias): (&serde_json::Value, f64)| {
                             let sum: f64 = numbers(w).iter().zip(&x).map(|(w, x)| w * x).sum::<f64>() + bias;
-                            1.0 / (1.0 + math::exp(-sum))
+                            let logistic = 1.0 / (1.0 + math::exp(-sum));
+                            if is_rectified && number + 1 < layers.len() { sum.max(0.0) } else { logistic }
                         };
                         x = sums.map(neuron).collect();
                     }
                     x[0]
                 };
-                let of_members: Vec<f64> = value["members"].as_array().unwrap().iter().map(of_member).collect();
+                let of_members: Vec<f64> =
+                    value["members"].as_array().unwrap().iter().enumerate().map(of_member).collect();
                 assert_eq!(of_members.len(), model.about.members);
                 let mean = of_members.iter().sum::<f64>() / of_members.len() as f64;
                 assert!((mean - output).abs() < 1e-14, "{mean} {output}");

@@ -48,7 +48,7 @@ pub use error::TrainError;
 pub use filter::Filter;
 pub(crate) use model::one_member;
 pub use model::{About, MODEL_FORMAT, Model, ModelError};
-pub use network::{Layout, Network};
+pub use network::{Activation, Layout, Network};
 pub use normal_scores::NormalScores;
 pub use operating_point::OperatingPoint;
 pub use params::{FeatureSet, TrainParams};

@@ -16,14 +16,14 @@ use serde::{Deserialize, Serialize};
 use super::calibration::Calibration;
 use super::leaks::LearntFrom;
 use super::operating_point::MOST_THRESHOLDS;
-use super::{Layout, Network, OperatingPoint, Scaler};
+use super::{Activation, Layout, Network, OperatingPoint, Scaler};
 use crate::cells::params::{LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, CellParams, LOCAL_HEIGHT, LabelRule, is_gap};
 use crate::drive::Rover;
 use crate::sweep::Sensor;
 
 /// Version of the model format; files of every earlier one are read.
-pub const MODEL_FORMAT: u32 = 5;
+pub const MODEL_FORMAT: u32 = 6;
 
 /// What a model is and was trained on.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +47,9 @@ pub struct About {
     /// Networks of these sizes, whose mean is the output.
     #[serde(default = "one_member", skip_serializing_if = "is_one")]
     pub members: usize,
+    /// What hidden neurons make of their sums; logistic in models from before it was kept.
+    #[serde(default, skip_serializing_if = "is_logistic")]
+    pub activation: Activation,
     /// Names of the features, in order.
     pub features: Vec<String>,
     pub scaler: Scaler,
@@ -89,6 +92,12 @@ pub struct About {
 }
 
 impl About {
+    /// Of the network.
+    pub(crate) fn layout(&self) -> Layout {
+        let About { inputs, bias, members, activation, .. } = *self;
+        Layout { inputs, hidden: self.hidden.clone(), bias, members, activation }
+    }
+
     /// How far the cells that it learnt from reach, metres.
     pub(crate) fn reaches_m(&self) -> f64 {
         self.reach_m.or(self.cells.max_range_m).unwrap_or(self.sensor.max_range_m)
@@ -103,6 +112,11 @@ pub(crate) fn one_member() -> usize {
 #[allow(clippy::trivially_copy_pass_by_ref)] // serde hands over a reference.
 fn is_one(members: &usize) -> bool {
     *members == 1
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde hands over a reference.
+fn is_logistic(activation: &Activation) -> bool {
+    *activation == Activation::Logistic
 }
 
 /// Why a model cannot be used.
@@ -161,6 +175,9 @@ pub enum ModelError {
 
 /// The greatest weight, scale or mean that a file may hold: far beyond use, and no sum of such products overflows.
 const SANE: f64 = 1e100;
+
+/// The same of weights where neurons have no bounds: nor does a product of such, layer by layer, of the deepest and widest network.
+const SANE_RECTIFIED: f64 = 1e25;
 
 /// Rows that are scaled at a time.
 const CHUNK_ROWS: usize = 1024;
@@ -316,9 +333,7 @@ impl Model {
         let Scaler { minus, mean, scale, scores, .. } = &about.scaler;
         let features = about.features.len();
         let per_feature = [minus.len(), mean.len(), scale.len(), about.quantiles.len()];
-        let told =
-            Layout { inputs: about.inputs, hidden: about.hidden.clone(), bias: about.bias, members: about.members };
-        if *layout != told {
+        if *layout != about.layout() {
             return Some("its network is not the one that its metadata tells of".into());
         }
         if let Some(other) = per_feature.iter().find(|&&count| count != features) {
@@ -332,7 +347,8 @@ impl Model {
             let (there, needed) = (self.network.weights.len(), layout.weights());
             return Some(format!("{there} weights where its layers need {needed}"));
         }
-        if let Some(at) = self.network.weights.iter().position(|w| w.abs() > SANE || w.is_nan()) {
+        let sane = if layout.activation == Activation::Logistic { SANE } else { SANE_RECTIFIED };
+        if let Some(at) = self.network.weights.iter().position(|w| w.abs() > sane || w.is_nan()) {
             return Some(format!("weight {at} is {}", self.network.weights[at]));
         }
         let mut names: Vec<&String> = about.features.iter().collect();

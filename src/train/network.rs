@@ -1,15 +1,49 @@
 //! Scaled features -> one output in (0, 1), and its gradient by the weights.
 //!
 //! Source: Hewitt et al. 2017, eqs 1 and 2: logistic neurons, linear input layer. Deviations: a bias per neuron, unless switched
-//! off (the paper's eq. 2 prints none); several members of one shape, whose mean is the output (Hansen & Salamon 1990). Of f64; `forward` is the same of f32. The gradient is exact, by reverse mode. A row's output has the same bits alone
+//! off (the paper's eq. 2 prints none); rectified hidden neurons, where asked for; several members of one shape, whose mean is the output (Hansen & Salamon 1990). Of f64; `forward` is the same of f32. The gradient is exact, by reverse mode. A row's output has the same bits alone
 //! and among others, on every CPU: sums run in the order of the inputs, bias first, with fused multiply-adds.
 
 pub(crate) mod forward;
 pub(crate) mod matrix;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use super::filter::lanes::{Isa, Kernel, Real, Simd};
 use crate::math;
 use crate::random::{Purpose, Streams};
+
+/// What hidden neurons make of their sums; the output's is always logistic.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Activation {
+    /// 1 / (1 + exp(-x)), the paper's (eq. 1).
+    #[default]
+    Logistic,
+    /// max(0, x).
+    Relu,
+    /// Members take turns: the first is logistic, the second rectified.
+    Both,
+}
+
+impl Activation {
+    /// As configs name it.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Activation::Logistic => "logistic",
+            Activation::Relu => "relu",
+            Activation::Both => "both",
+        }
+    }
+}
+
+/// What one layer's neurons make of their sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Neuron {
+    Logistic,
+    Rectified,
+}
 
 /// Sizes of the layers; the output layer is one neuron.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,6 +54,7 @@ pub struct Layout {
     pub bias: bool,
     /// Networks of these sizes; the output is their mean.
     pub members: usize,
+    pub activation: Activation,
 }
 
 /// Layer sizes and weights. Order of the weights: member by member; within a member layer by layer from the input on; within a layer
@@ -49,6 +84,21 @@ impl Layout {
     /// Number of weights, s, of all members.
     pub fn weights(&self) -> usize {
         self.members * self.weights_of_member()
+    }
+
+    /// What the hidden neurons of a member are.
+    pub(crate) fn hidden_neuron(&self, member: usize) -> Neuron {
+        match self.activation {
+            Activation::Logistic => Neuron::Logistic,
+            Activation::Relu => Neuron::Rectified,
+            Activation::Both if member.is_multiple_of(2) => Neuron::Logistic,
+            Activation::Both => Neuron::Rectified,
+        }
+    }
+
+    /// What the neurons of each layer of a member are, from the first hidden one on.
+    pub(crate) fn neurons(&self, member: usize) -> impl Iterator<Item = Neuron> + use<> {
+        std::iter::repeat_n(self.hidden_neuron(member), self.hidden.len()).chain([Neuron::Logistic])
     }
 
     /// With what names of a member's arrays begin: nothing where there is one.
@@ -114,15 +164,45 @@ pub(crate) fn logistic<const N: usize>(x: &[f64; N]) -> [f64; N] {
     values
 }
 
+impl Neuron {
+    /// The values of several neurons from their sums; NaN stays.
+    #[inline(always)]
+    pub(crate) fn values<const N: usize>(self, sums: &[f64; N]) -> [f64; N] {
+        match self {
+            Neuron::Logistic => logistic(sums), // Eq. (1)
+            Neuron::Rectified => sums.map(|sum| if sum < 0.0 { 0.0 } else { sum }),
+        }
+    }
+
+    /// d value / d sum, of the value.
+    #[inline(always)]
+    fn slope(self, value: f64) -> f64 {
+        match self {
+            Neuron::Logistic => value * (1.0 - value),
+            Neuron::Rectified => f64::from(u8::from(value > 0.0)),
+        }
+    }
+
+    /// Initial weights of a layer lie within this: of rectified neurons so that values keep their variance from layer to layer (He et al. 2015).
+    fn initial_bound(self, inputs: usize) -> f64 {
+        match self {
+            Neuron::Logistic => 1.5 / ((inputs + 1) as f64).sqrt(),
+            Neuron::Rectified => (6.0 / (inputs + 1) as f64).sqrt(),
+        }
+    }
+}
+
 impl Network {
-    /// Weights uniform in +-1.5 / sqrt(fan-in + 1), each drawn at its own address.
+    /// Weights uniform within a bound that goes by the fan-in and the neurons, each drawn at its own address.
     pub fn random(layout: Layout, streams: &Streams) -> Network {
         let mut weights = vec![0.0; layout.weights()];
         streams.open(Purpose::InitialWeights).fill_uniform(0, &mut weights);
         let mut rest = &mut weights[..];
-        for (inputs, neurons) in (0..layout.members).flat_map(|_| layout.layers()) {
+        for ((inputs, neurons), neuron) in
+            (0..layout.members).flat_map(|member| layout.layers().zip(layout.neurons(member)))
+        {
             let (layer, after) = rest.split_at_mut(layout.weights_of_layer(inputs, neurons));
-            let bound = 1.5 / ((inputs + 1) as f64).sqrt();
+            let bound = neuron.initial_bound(inputs);
             for w in layer {
                 *w = bound * (2.0 * *w - 1.0);
             }
@@ -151,9 +231,9 @@ impl Network {
     ///
     /// ```
     /// use marsyard::train::network::Activations;
-    /// use marsyard::train::{Layout, Network};
+    /// use marsyard::train::{Activation, Layout, Network};
     ///
-    /// let layout = Layout { inputs: 2, hidden: Vec::new(), bias: true, members: 1 };
+    /// let layout = Layout { inputs: 2, hidden: Vec::new(), bias: true, members: 1, activation: Activation::Logistic };
     /// let network = Network { layout, weights: vec![0.5, -1.0, 0.25] };
     /// let mut gradient = [0.0; 3];
     /// let output = network.gradient(&[2.0, 1.0], &mut Activations::default(), &mut gradient);
@@ -186,30 +266,30 @@ impl Kernel<f64> for Forward<'_> {
         let Forward { network: Network { layout, weights }, inputs, tape } = self;
         let size = layout.weights_of_member();
         let outputs =
-            (0..layout.members).map(|member| forward(layout, &weights[member * size..][..size], inputs, tape));
+            (0..layout.members).map(|member| forward(layout, member, &weights[member * size..][..size], inputs, tape));
         outputs.sum::<f64>() / layout.members as f64
     }
 }
 
 /// The output of one member; the tape holds its values.
 #[inline(always)]
-fn forward(layout: &Layout, weights: &[f64], inputs: &[f64], tape: &mut Activations) -> f64 {
+fn forward(layout: &Layout, member: usize, weights: &[f64], inputs: &[f64], tape: &mut Activations) -> f64 {
     let nodes = layout.inputs + layout.hidden.iter().sum::<usize>() + 1;
     tape.values.resize(nodes, 0.0);
     tape.values[..layout.inputs].copy_from_slice(inputs);
     let mut rest = weights;
     let mut first = 0;
-    for (count, neurons) in layout.layers() {
+    for ((count, neurons), neuron) in layout.layers().zip(layout.neurons(member)) {
         let (before, after) = tape.values[first..].split_at_mut(count);
         let stride = count + usize::from(layout.bias);
         let (own, others) = rest.split_at(stride * neurons);
         let several = CHAINS * (neurons / CHAINS);
         let (together, alone) = after[..neurons].split_at_mut(several);
         for (k, values) in together.as_chunks_mut::<CHAINS>().0.iter_mut().enumerate() {
-            *values = side_by_side(&own[k * CHAINS * stride..], before, layout.bias);
+            *values = neuron.values(&side_by_side(&own[k * CHAINS * stride..], before, layout.bias));
         }
         for (k, value) in alone.iter_mut().enumerate() {
-            [*value] = side_by_side(&own[(several + k) * stride..], before, layout.bias);
+            [*value] = neuron.values(&side_by_side(&own[(several + k) * stride..], before, layout.bias));
         }
         rest = others;
         first += count;
@@ -220,7 +300,7 @@ fn forward(layout: &Layout, weights: &[f64], inputs: &[f64], tape: &mut Activati
 /// Neurons whose sums run side by side: each is a chain, and waits for itself.
 const CHAINS: usize = 8;
 
-/// `N` neurons, whose weights follow one another in `rows`, on the values of the layer before.
+/// The sums of `N` neurons, whose weights follow one another in `rows`, of the values of the layer before.
 #[inline(always)]
 fn side_by_side<const N: usize>(rows: &[f64], before: &[f64], bias: bool) -> [f64; N] {
     let (count, stride) = (before.len(), before.len() + usize::from(bias));
@@ -236,7 +316,7 @@ fn side_by_side<const N: usize>(rows: &[f64], before: &[f64], bias: bool) -> [f6
             sums[n] = rows[n][i].mul_add(*x, sums[n]); // Eq. (2)
         }
     }
-    logistic(&sums) // Eq. (1)
+    sums
 }
 
 struct Gradient<'a> {
@@ -256,8 +336,8 @@ impl Kernel<f64> for Gradient<'_> {
         let mut sum = 0.0;
         for member in 0..layout.members {
             let own = member * size..(member + 1) * size;
-            sum += forward(layout, &weights[own.clone()], inputs, tape);
-            backward(layout, &weights[own.clone()], tape, &mut gradient[own]);
+            sum += forward(layout, member, &weights[own.clone()], inputs, tape);
+            backward(layout, member, &weights[own.clone()], tape, &mut gradient[own]);
         }
         sum / layout.members as f64
     }
@@ -265,13 +345,14 @@ impl Kernel<f64> for Gradient<'_> {
 
 /// The gradient of the members' mean by the weights of the one whose values are on the tape.
 #[inline(always)]
-fn backward(layout: &Layout, weights: &[f64], tape: &mut Activations, gradient: &mut [f64]) {
+fn backward(layout: &Layout, member: usize, weights: &[f64], tape: &mut Activations, gradient: &mut [f64]) {
     let Activations { values, slopes, slopes_before } = tape;
     slopes.clear();
     slopes.push(1.0 / layout.members as f64);
     let mut last = values.len() - 1;
     let mut end = weights.len();
-    for (count, neurons) in layout.layers().rev() {
+    let layers: Vec<_> = layout.layers().zip(layout.neurons(member)).collect();
+    for ((count, neurons), neuron) in layers.into_iter().rev() {
         let stride = count + usize::from(layout.bias);
         let start = end - stride * neurons;
         let nodes = &values[last..last + neurons];
@@ -280,7 +361,7 @@ fn backward(layout: &Layout, weights: &[f64], tape: &mut Activations, gradient: 
         slopes_before.resize(count, 0.0);
         let rows = weights[start..end].chunks_exact(stride).zip(gradient[start..end].chunks_exact_mut(stride));
         for ((row, out), (value, slope)) in rows.zip(nodes.iter().zip(slopes.iter())) {
-            let delta = slope * (value * (1.0 - value));
+            let delta = slope * neuron.slope(*value);
             for (o, x) in out.iter_mut().zip(before) {
                 *o = delta * x;
             }
@@ -321,18 +402,18 @@ impl Kernel<f64> for NetworkBatch<'_> {
             }
             let mut sums = Lane::default();
             let mut rest = &weights[..];
-            for _ in 0..layout.members {
-                for (layer, (count, neurons)) in layout.layers().enumerate() {
+            for member in 0..layout.members {
+                for (layer, ((count, neurons), neuron)) in layout.layers().zip(layout.neurons(member)).enumerate() {
                     let before = if layer == 0 { &inputs[..count] } else { &values[..count] };
                     let stride = count + usize::from(layout.bias);
                     let (own, others) = rest.split_at(stride * neurons);
                     let several = ABREAST * (neurons / ABREAST);
                     let (together, alone) = next[..neurons].split_at_mut(several);
                     for (k, out) in together.as_chunks_mut::<ABREAST>().0.iter_mut().enumerate() {
-                        abreast::<V, ABREAST>(&own[k * ABREAST * stride..], before, layout.bias, out);
+                        abreast::<V, ABREAST>(&own[k * ABREAST * stride..], before, (layout.bias, neuron), out);
                     }
                     for (k, out) in alone.as_chunks_mut::<1>().0.iter_mut().enumerate() {
-                        abreast::<V, 1>(&own[(several + k) * stride..], before, layout.bias, out);
+                        abreast::<V, 1>(&own[(several + k) * stride..], before, (layout.bias, neuron), out);
                     }
                     rest = others;
                     std::mem::swap(&mut values, &mut next);
@@ -352,7 +433,7 @@ const ABREAST: usize = 8;
 fn abreast<V: Simd<f64>, const N: usize>(
     weights: &[f64],
     before: &[<f64 as Real>::Chunk],
-    bias: bool,
+    (bias, neuron): (bool, Neuron),
     out: &mut [<f64 as Real>::Chunk; N],
 ) {
     let (count, stride) = (before.len(), before.len() + usize::from(bias));
@@ -367,7 +448,7 @@ fn abreast<V: Simd<f64>, const N: usize>(
     for n in 0..N {
         sums[n].store(&mut out[n]);
         let lanes: &mut [f64; f64::LANES] = out[n].as_mut().try_into().expect("a chunk has its lanes");
-        *lanes = logistic(lanes); // Eq. (1)
+        *lanes = neuron.values(lanes);
     }
 }
 

@@ -8,7 +8,7 @@
 //! The model's metadata stand in `metadata_props` under `marsyard`.
 
 use super::calibration::EDGE;
-use super::network::LayerOf;
+use super::network::{LayerOf, Neuron};
 use super::{Model, NormalScores};
 
 /// Element types of `TensorProto`.
@@ -53,7 +53,8 @@ pub(crate) fn onnx(model: &Model) -> Vec<u8> {
         .into_iter()
         .enumerate()
         .map(|(member, layers)| {
-            layers.into_iter().enumerate().fold("inputs".to_string(), |before: String, (number, layer)| {
+            let layers = layers.into_iter().zip(layout.neurons(member)).enumerate();
+            layers.fold("inputs".to_string(), |before: String, (number, layer)| {
                 graph.layer(&before, layer, &format!("{member}.{number}"))
             })
         })
@@ -178,14 +179,18 @@ impl Graph {
     }
 
     /// A layer of a member on the values of the one before; the name of its own.
-    fn layer(&mut self, before: &str, layer: LayerOf, number: &str) -> String {
+    fn layer(&mut self, before: &str, (layer, neuron): (LayerOf, Neuron), number: &str) -> String {
         let names = ["weights", "bias", "sum", "values"].map(|what| format!("{what}{number}"));
         let [weights, bias, sum, values] = &names;
         let (of_neurons, biases): (Vec<_>, Vec<_>) = layer.rows().unzip();
         self.tensor(weights, &[layer.neurons, layer.inputs], &of_neurons.concat());
         self.tensor(bias, &[layer.neurons], &biases);
         self.node("Gemm", &[before, weights, bias], sum, &[("transB", 1)]);
-        self.node("Sigmoid", &[sum], values, &[]);
+        let operator = match neuron {
+            Neuron::Logistic => "Sigmoid",
+            Neuron::Rectified => "Relu",
+        };
+        self.node(operator, &[sum], values, &[]);
         values.clone()
     }
 
@@ -259,7 +264,8 @@ impl Message {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::model::tests::scored;
+    use crate::train::Activation;
+    use crate::train::model::tests::{scored, with_neurons};
 
     #[test]
     fn exact_fields_are_encoded_as_protocol_buffers_says() {
@@ -275,7 +281,7 @@ mod tests {
 
     #[test]
     fn law_the_file_names_its_operators_and_holds_every_weight() {
-        let model = scored(2, &["a", "b", "c"], &[3], true);
+        let model = with_neurons(Activation::Both, scored(2, &["a", "b", "c"], &[3], true));
         let bytes = onnx(&model);
         let holds = |part: &[u8]| bytes.windows(part.len()).any(|window| window == part);
         for word in [
@@ -292,6 +298,7 @@ mod tests {
             "Concat",
             "Gemm",
             "Sigmoid",
+            "Relu",
             "Sum",
             "features",
             "untraversable",

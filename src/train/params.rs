@@ -4,7 +4,7 @@ use garde::Validate;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Layout;
+use super::{Activation, Layout};
 use crate::cells::LabelRule;
 use crate::random::within;
 
@@ -98,9 +98,9 @@ impl TrainParams {
 
     /// Layers of a network that takes so many features.
     pub(crate) fn layout(&self, features: usize) -> Layout {
-        let NetworkParams { hidden, bias, members, normal_scores } = &self.network;
+        let NetworkParams { hidden, bias, members, activation, normal_scores } = &self.network;
         let inputs = features * if *normal_scores { 2 } else { 1 };
-        Layout { inputs, hidden: hidden.clone(), bias: *bias, members: *members }
+        Layout { inputs, hidden: hidden.clone(), bias: *bias, members: *members, activation: *activation }
     }
 
     /// Rows between two looks at the validation split, of so many rows to learn.
@@ -122,6 +122,9 @@ pub struct NetworkParams {
     /// less than each. Each costs a training's time, which threads share. Kalman filters learn one, and where one is named and this is not, it is 1.
     #[garde(range(min = 1, max = 64))]
     pub members: usize,
+    /// What hidden neurons make of their sums; the output is logistic. Kalman filters learn logistic neurons.
+    #[garde(skip)]
+    pub activation: Activation,
     /// Whether the network takes each feature twice, standardised and as its normal score (the quantile of the standard normal distribution at the
     /// share of the train split's cells below it), in which cells that lie close together are told apart. Where a Kalman filter is named and this is not,
     /// it is false: its cost grows with the square of the weights.
@@ -232,7 +235,7 @@ impl FilterParams {
     pub(crate) fn usual_network(&self) -> NetworkParams {
         let by_batches = self.learns_by_batches();
         let (hidden, members) = if by_batches { (vec![64, 64], 2) } else { (vec![16, 16], 1) };
-        NetworkParams { hidden, bias: true, members, normal_scores: by_batches }
+        NetworkParams { hidden, bias: true, members, activation: Activation::Logistic, normal_scores: by_batches }
     }
 
     /// Looks without an improvement that end training where a config names no number.

@@ -8,7 +8,7 @@ use marsyard::episode::{self, Prepared, Replay, ScanPoints, Unobserved, replay_s
 use marsyard::geometry::DVec3;
 use marsyard::judge::{self, PoseSource, ScanJudge};
 use marsyard::sweep::Sensor;
-use marsyard::train::{About, Layout, MODEL_FORMAT, Model, Network, Scaler};
+use marsyard::train::{About, Activation, Layout, MODEL_FORMAT, Model, Network, Scaler};
 
 use crate::yard::{Yard, text};
 
@@ -166,7 +166,7 @@ fn extreme_sweeps_without_ground_have_no_cells_and_their_points_are_counted() {
 fn model(prepared: &Prepared, features: &[&str]) -> Model {
     let family = &prepared.plan.families[0];
     let inputs = features.len();
-    let layout = Layout { inputs, hidden: vec![1], bias: true, members: 1 };
+    let layout = Layout { inputs, hidden: vec![1], bias: true, members: 1, activation: Activation::Logistic };
     let mut weights = vec![0.0; layout.weights()];
     weights[features.iter().position(|name| *name == "height_difference_m").expect("a feature")] = 40.0;
     weights[inputs] = -4.0;
@@ -180,6 +180,7 @@ fn model(prepared: &Prepared, features: &[&str]) -> Model {
         hidden: vec![1],
         bias: true,
         members: 1,
+        activation: Activation::Logistic,
         features: features.iter().map(|name| name.to_string()).collect(),
         scaler: Scaler {
             minus: vec![None; inputs],

@@ -6,9 +6,10 @@ use marsyard::math;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::{Counters, FilterState, build_unchecked};
 use marsyard::train::params::{
-    DecoupledParams, EkfParams, FilterParams, Groups, KroneckerParams, NoiseParams, Precision, RowsLearnt, Schedule,
+    BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, KroneckerParams, NoiseParams, Precision,
+    RowsLearnt, Schedule, UkfParams,
 };
-use marsyard::train::{Layout, Network};
+use marsyard::train::{Activation, Layout, Network};
 use nalgebra::DMatrix;
 use textbook::Textbook;
 
@@ -28,7 +29,13 @@ impl Size {
     fn network(&self) -> Network {
         let streams = streams();
         let network = Network::random(
-            Layout { inputs: self.inputs, hidden: self.hidden.to_vec(), bias: true, members: 1 },
+            Layout {
+                inputs: self.inputs,
+                hidden: self.hidden.to_vec(),
+                bias: true,
+                members: 1,
+                activation: Activation::Logistic,
+            },
             &streams,
         );
         assert!([87, 529].contains(&network.weights.len()));
@@ -48,6 +55,9 @@ impl Size {
 fn streams() -> Streams {
     Streams { seed: 11, scene: 0, attempt: 0, stage: Stage::Train, step: 0 }
 }
+
+/// Of what learns by gradients.
+const RATES: [f64; 5] = [1e-6, 1e-3, 0.005, 0.1, 1.0];
 
 /// What the features or the weights suffer.
 const CASES: [&str; 4] = ["standardised", "one constant, one twice", "scales 1e-8 to 1e8", "saturated weights"];
@@ -227,32 +237,74 @@ fn extreme_grid_the_plain_form_keeps_weights_finite_and_says_when_it_rebuilt() {
 #[test]
 fn extreme_grid_by_batches_weights_stay_finite_and_rows_are_counted() {
     // In the place of P0 and Q stand the rate and the members; R is what a row weighs, the other way round.
-    let rates = [1e-6, 1e-3, 0.005, 0.1, 1.0];
-    let (mut runs, mut rejecting, mut descents) = (0, 0, 0);
-    for (case, r, rate, members) in grid().enumerate().map(|(k, run)| (run.case, run.r, rates[k / 2 % 5], 1 + k % 2)) {
-        let run = Run { case, r, p0: 0.0, q: 0.0 };
-        let layout = Layout { inputs: S87.inputs, hidden: S87.hidden.to_vec(), bias: true, members };
-        let params = FilterParams::Kronecker(KroneckerParams { rate });
-        let (counters, finite, _) = run.train_by(&params, Network::random(layout, &streams()), &S87);
-        let name = format!("{}, R {r:e}, rate {rate}, {members} members", CASES[case]);
-        assert!(finite, "{name}");
-        assert_eq!(counters.updates + counters.rejected, S87.updates as u64, "{name}");
-        // With sane features no row is rejected, whatever it weighs: steps are in units of the gradients' own size.
-        assert!(case == 2 || counters.rejected == 0, "{name}: {counters:?}");
-        runs += 1;
-        rejecting += u32::from(counters.rejected > 0);
-        descents += u32::from(!run.descent_holds(&S87, rate));
+    let by_members = [
+        ("logistic neurons", [Activation::Logistic; 2]),
+        ("rectified neurons, of two networks in the second", [Activation::Relu, Activation::Both]),
+    ];
+    for (neurons, activations) in by_members {
+        let (mut runs, mut rejecting, mut descents) = (0, 0, 0);
+        for (k, Run { case, r, .. }) in grid().enumerate() {
+            let (rate, members, activation) = (RATES[k / 2 % 5], 1 + k % 2, activations[k % 2]);
+            let run = Run { case, r, p0: 0.0, q: 0.0 };
+            let layout = Layout { members, activation, ..S87.network().layout };
+            let params = FilterParams::Kronecker(KroneckerParams { rate });
+            let (counters, finite, _) = run.train_by(&params, Network::random(layout, &streams()), &S87);
+            let name = format!("{}, R {r:e}, rate {rate}, {members} members, {activation:?}", CASES[case]);
+            assert!(finite, "{name}");
+            assert_eq!(counters.updates + counters.rejected, S87.updates as u64, "{name}");
+            // With sane features no row is rejected, whatever it weighs: steps are in units of the gradients' own size.
+            assert!(case == 2 || counters.rejected == 0, "{name}: {counters:?}");
+            runs += 1;
+            rejecting += u32::from(counters.rejected > 0);
+            descents += u32::from(!run.descent_holds(&S87, rate));
+        }
+        assert_eq!(runs, 200);
+        assert!(descents > 0, "the grid does not reach what plain steps cannot bear");
+        row(
+            Family::Filters,
+            &format!(
+                "networks of 87 weights, one or two, of {neurons}, 200 settings of R, rate, members and features by batches \
+                 (`kronecker`), 4000 rows each"
+            ),
+            &format!(
+                "gradient steps of batches of 64 at the same rate, logistic neurons: {descents} of 200 with a weight beyond 1e6 or no \
+                 number"
+            ),
+            &format!("no weight that is not finite; {rejecting} of 200 left rows out, and said how many"),
+        );
     }
-    assert_eq!(runs, 200);
-    assert!(descents > 0, "the grid does not reach what plain steps cannot bear");
-    row(
-        Family::Filters,
-        "networks of 87 weights, one or two, 200 settings of R, rate, members and features by batches (`kronecker`), 4000 rows each",
-        &format!(
-            "gradient steps of batches of 64 at the same rate: {descents} of 200 with a weight beyond 1e6 or no number"
-        ),
-        &format!("no weight that is not finite; {rejecting} of 200 left rows out, and said how many"),
-    );
+}
+
+#[test]
+fn extreme_grid_by_gradient_steps_and_unscented_weights_stay_finite_and_rows_are_counted() {
+    // An unscented update costs as many passes through the network as it has twice weights: fewer rows.
+    let few = Size { updates: 200, ..S87 };
+    let by_steps = |k: usize, _: &Run| FilterParams::Backprop(BackpropParams { rate: RATES[k / 2 % 5] });
+    let unscented = |_: usize, run: &Run| FilterParams::Ukf(UkfParams { noise: run.noise(), ..UkfParams::default() });
+    type Form<'a> = (&'a str, &'a Size, &'a dyn Fn(usize, &Run) -> FilterParams);
+    let forms: [Form; 2] =
+        [("R, rate and features (`backprop`)", &S87, &by_steps), ("R, P0, Q and features (`ukf`)", &few, &unscented)];
+    for (form, size, params) in forms {
+        let (mut runs, mut rejecting, mut falling) = (0, 0, 0);
+        for (k, run) in grid().enumerate() {
+            let (counters, finite, _) = run.train_by(&params(k, &run), size.network(), size);
+            let name = format!("{form}: {}, rate {}", run.name(), RATES[k / 2 % 5]);
+            assert!(finite, "{name}");
+            assert_eq!(counters.updates + counters.rejected, size.updates as u64, "{name}");
+            runs += 1;
+            rejecting += u32::from(counters.rejected > 0);
+            falling += u32::from(!run.textbook_holds(size));
+        }
+        assert_eq!(runs, 200);
+        row(
+            Family::Filters,
+            &format!("87 weights, 200 settings of {form}, {} rows each", size.updates),
+            &format!(
+                "P - K b'P in f32 of the EKF on the same rows: {falling} of 200 with S below R or a weight that is no number"
+            ),
+            &format!("no weight that is not finite; {rejecting} of 200 left rows out, and said how many"),
+        );
+    }
 }
 
 #[test]

@@ -32,10 +32,11 @@ pub(super) fn groups(layout: &Layout, by: Groups) -> Vec<Vec<u32>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::train::Activation;
 
     #[test]
     fn exact_groups_of_a_small_network() {
-        let layout = Layout { inputs: 2, hidden: vec![2], bias: true, members: 1 };
+        let layout = Layout { inputs: 2, hidden: vec![2], bias: true, members: 1, activation: Activation::Logistic };
         assert_eq!(groups(&layout, Groups::Node), [vec![0, 1, 2], vec![3, 4, 5], vec![6, 7, 8]]);
         let by_input = groups(&layout, Groups::InputNode);
         assert_eq!(by_input, [vec![0, 3], vec![1, 4], vec![2, 5], vec![6], vec![7], vec![8]]);
@@ -45,7 +46,7 @@ mod tests {
     #[test]
     fn law_each_weight_is_in_one_group() {
         for bias in [false, true] {
-            let layout = Layout { inputs: 5, hidden: vec![4, 3], bias, members: 1 };
+            let layout = Layout { inputs: 5, hidden: vec![4, 3], bias, members: 1, activation: Activation::Logistic };
             for by in [Groups::One, Groups::Layer, Groups::Node, Groups::InputNode, Groups::Weight] {
                 let mut weights = groups(&layout, by).concat();
                 weights.sort_unstable();

@@ -7,11 +7,11 @@
 //! use marsyard::random::{Stage, Streams};
 //! use marsyard::train::filter::build;
 //! use marsyard::train::params::{EkfParams, FilterParams};
-//! use marsyard::train::{Layout, Network};
+//! use marsyard::train::{Activation, Layout, Network};
 //!
 //! // Inputs x and y in [-1, 1]; a cell is untraversable, target 0.9, where x > y.
 //! let streams = Streams { seed: 1, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-//! let layout = Layout { inputs: 2, hidden: vec![3], bias: true, members: 1 };
+//! let layout = Layout { inputs: 2, hidden: vec![3], bias: true, members: 1, activation: Activation::Logistic };
 //! let mut network = Network::random(layout.clone(), &streams);
 //! let rows: Vec<f64> = (0..800).map(|k| f64::from(k * 7919 % 2001) / 1000.0 - 1.0).collect();
 //! let targets: Vec<f64> = rows.chunks(2).map(|row| if row[0] > row[1] { 0.9 } else { 0.1 }).collect();

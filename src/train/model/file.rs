@@ -3,7 +3,7 @@
 //! One tensor a layer, `layers.0` from the input on, or of several members `members.0.layers.0`: F64, shape [neurons, inputs] or, with
 //! biases, [neurons, inputs + 1] with the bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys, and a [`checksum`] of the whole file.
 //! Equal models give equal bytes. Files of format 1 have no checksum, and do not name their run; files of formats 1 and 2 have no calibration, and
-//! files of formats 1 to 3 have one member, and files of formats 1 to 4 no normal scores.
+//! files of formats 1 to 3 have one member, files of formats 1 to 4 no normal scores, and files of formats 1 to 5 logistic neurons alone.
 //!
 //! Loading trusts nothing: sizes are checked against the bytes that are there before anything is made of that size.
 
@@ -129,8 +129,7 @@ fn layer_name(layout: &Layout, member: usize, layer: usize) -> String {
 /// The weights, once the tensors are exactly those that the metadata tells of.
 fn network(about: &About, tensors: &SafeTensors) -> Result<Network, ModelError> {
     let contradiction = |reason: String| ModelError::Contradiction { reason };
-    let layout =
-        Layout { inputs: about.inputs, hidden: about.hidden.clone(), bias: about.bias, members: about.members };
+    let layout = about.layout();
     let sizes = layout.sizes();
     let layers = sizes.len() - 1;
     if layout.members == 0 || layers.checked_mul(layout.members) != Some(tensors.len()) {

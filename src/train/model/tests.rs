@@ -4,7 +4,7 @@ use super::*;
 use crate::cells::Obstacle;
 use crate::math;
 use crate::train::operating_point::class;
-use crate::train::{Layout, NormalScores};
+use crate::train::{Activation, Layout, NormalScores};
 
 /// A small model whose every number is known: weights are a sine of their number.
 pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
@@ -13,7 +13,8 @@ pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
 
 /// The same of several members.
 pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias: bool) -> Model {
-    let layout = Layout { inputs: features.len(), hidden: hidden.to_vec(), bias, members };
+    let layout =
+        Layout { inputs: features.len(), hidden: hidden.to_vec(), bias, members, activation: Activation::Logistic };
     let weights = (0..layout.weights()).map(|k| 1.5 * math::sin(1.0 + 0.7 * k as f64)).collect();
     let rover: Rover = serde_saphyr::from_str(include_str!("../../../configs/rovers/kapvik.yaml")).unwrap();
     let sensor: Sensor = serde_saphyr::from_str(include_str!("../../../configs/sensors/urg-04lx.yaml")).unwrap();
@@ -24,6 +25,7 @@ pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias
         hidden: hidden.to_vec(),
         bias,
         members,
+        activation: Activation::Logistic,
         features: features.iter().map(|name| name.to_string()).collect(),
         scaler: Scaler {
             minus: (0..inputs).map(|k| (k == 2).then_some(0)).collect(),
@@ -70,6 +72,12 @@ pub(crate) fn scored(members: usize, features: &[&str], hidden: &[usize], bias: 
     model.network.layout.inputs *= 2;
     let weights = model.network.layout.weights();
     model.network.weights = (0..weights).map(|k| 1.5 * math::sin(1.0 + 0.7 * k as f64)).collect();
+    model
+}
+
+/// The same network with other hidden neurons.
+pub(crate) fn with_neurons(activation: Activation, mut model: Model) -> Model {
+    (model.about.activation, model.network.layout.activation) = (activation, activation);
     model
 }
 
@@ -150,7 +158,8 @@ fn extreme_a_network_and_scores_that_do_not_fit_are_refused_by_name() {
 
 #[test]
 fn equal_rows_together_and_one_by_one() {
-    for model in [small(), scored(2, &["a", "b", "c"], &[4], true)] {
+    let scored = scored(2, &["a", "b", "c"], &[4], true);
+    for model in [small(), with_neurons(Activation::Both, scored.clone()), scored] {
         // More than a chunk, and a part of one.
         let rows: Vec<f32> = (0..4500).map(|k| math::sin(f64::from(k)) as f32 * 5.0).collect();
         let together = model.outputs(&rows);
@@ -164,7 +173,12 @@ fn equal_rows_together_and_one_by_one() {
 #[test]
 fn equal_a_model_and_its_file_read_back() {
     let plain = [(1, true), (1, false), (3, true)].map(|(members, bias)| ensemble(members, &["b", "a"], &[3], bias));
-    for mut original in plain.into_iter().chain([scored(2, &["b", "a"], &[3], true)]) {
+    let others = [
+        scored(2, &["b", "a"], &[3], true),
+        with_neurons(Activation::Both, ensemble(2, &["b", "a"], &[3], true)),
+        with_neurons(Activation::Relu, small()),
+    ];
+    for mut original in plain.into_iter().chain(others) {
         original.network.weights[0] = 1.0 / 3.0;
         original.about.thresholds = vec![0.1 + 0.2, 0.7];
         original.about.cells.max_range_m = Some(10.0);
@@ -255,9 +269,9 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
         let error = Model::load(bytes).unwrap_err().to_string();
         assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
     }
-    let newer = small().about.to_json().replace("\"marsyard_model\":5", "\"marsyard_model\":7");
+    let newer = small().about.to_json().replace("\"marsyard_model\":6", "\"marsyard_model\":7");
     let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
-    assert!(error.contains("format 7, this marsyard reads formats 1 to 5"), "{error}");
+    assert!(error.contains("format 7, this marsyard reads formats 1 to 6"), "{error}");
     let whole = small().save().unwrap();
     for end in 0..whole.len() {
         assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");
@@ -357,6 +371,13 @@ fn extreme_a_weight_beyond_reason_is_a_fault_that_names_it() {
         let fault = model.fault().expect("a fault");
         assert!(fault.starts_with("weight 3 is "), "{fault}");
     }
+    // Of neurons without a bound less is beyond reason; what is not leaves the deepest of networks a number.
+    let mut deep = with_neurons(Activation::Relu, model(&["a", "b"], &[2; 8], true));
+    deep.network.weights.fill(1e25);
+    assert_eq!(deep.fault(), None);
+    assert!(!deep.output(&[1e30, -1e30]).is_nan());
+    deep.network.weights[3] = 1e26;
+    assert!(deep.fault().is_some_and(|fault| fault.starts_with("weight 3 is ")));
 }
 
 #[test]

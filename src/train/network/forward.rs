@@ -5,33 +5,37 @@
 //! output as a sum of chunks whose lanes are added as a tree: a row has the same values among any others.
 
 use super::matrix::{Matrix, times, times_transposed};
-use super::{Layout, Network};
+use super::{Layout, Network, Neuron};
 use crate::math;
 use crate::train::filter::lanes::{Isa, Kernel, Real, Simd};
 
 /// Rows that go through a network together.
 pub(crate) const MICRO_BATCH_ROWS: usize = 64;
 
-/// The weights of a member, as rows meet them: [inputs + 1, neurons] of each hidden layer, and [1, inputs + 1] of the output.
+/// A member, as rows meet it.
 #[derive(Debug)]
-pub(crate) struct ForwardWeights(Vec<Matrix>);
+pub(crate) struct ForwardWeights {
+    /// [inputs + 1, neurons] of each hidden layer, and [1, inputs + 1] of the output.
+    layers: Vec<Matrix>,
+    /// Of the hidden layers.
+    neuron: Neuron,
+}
 
 impl ForwardWeights {
-    pub(crate) fn new(layout: &Layout) -> ForwardWeights {
+    pub(crate) fn new(layout: &Layout, member: usize) -> ForwardWeights {
         let bias = usize::from(layout.bias);
         let last = layout.hidden.len();
         let size = |(layer, (inputs, neurons))| {
             if layer == last { (neurons, inputs + bias) } else { (inputs + bias, neurons) }
         };
-        ForwardWeights(
-            layout.layers().enumerate().map(size).map(|(rows, columns)| Matrix::zeros(rows, columns)).collect(),
-        )
+        let layers = layout.layers().enumerate().map(size).map(|(rows, columns)| Matrix::zeros(rows, columns));
+        ForwardWeights { layers: layers.collect(), neuron: layout.hidden_neuron(member) }
     }
 
     /// To the weights of each layer, [neurons, inputs + 1].
     pub(crate) fn set<'m>(&mut self, layers: impl Iterator<Item = &'m Matrix>, isa: Isa) {
-        let last = self.0.len() - 1;
-        for (number, (own, layer)) in self.0.iter_mut().zip(layers).enumerate() {
+        let last = self.layers.len() - 1;
+        for (number, (own, layer)) in self.layers.iter_mut().zip(layers).enumerate() {
             if number == last {
                 own.copy(layer);
             } else {
@@ -73,31 +77,37 @@ impl Values {
 
     /// All layers, one after another.
     pub(crate) fn run(&mut self, weights: &ForwardWeights, isa: Isa) {
-        let (output, hidden) = weights.0.split_last().expect("a network has an output");
-        for (layer, weights) in hidden.iter().enumerate() {
+        let (output, hidden) = weights.layers.split_last().expect("a network has an output");
+        for (layer, of_layer) in hidden.iter().enumerate() {
             let (before, after) = self.into.split_at_mut(layer + 1);
-            times(&before[layer], weights, &mut after[0], isa);
-            isa.run(Logistic { values: &mut after[0], neurons: weights.columns });
+            times(&before[layer], of_layer, &mut after[0], isa);
+            let (values, neurons) = (&mut after[0], of_layer.columns);
+            match weights.neuron {
+                Neuron::Logistic => isa.run(Activate { values, neurons, by: logistic }),
+                Neuron::Rectified => isa.run(Activate { values, neurons, by: rectified }),
+            }
         }
         times_transposed(output, &self.into[hidden.len()], &mut self.outputs, isa);
-        isa.run(Logistic { values: &mut self.outputs, neurons: MICRO_BATCH_ROWS });
+        isa.run(Activate { values: &mut self.outputs, neurons: MICRO_BATCH_ROWS, by: logistic });
     }
 }
 
-/// The first columns of `values` become their logistic function; what lies behind them in their last chunk a 1 for the bias, where it has a
+const LANES: usize = <f32 as Real>::LANES;
+
+/// The first columns of `values` become what neurons make of them; what lies behind them in their last chunk a 1 for the bias, where it has a
 /// column, and noughts.
-struct Logistic<'a> {
+struct Activate<'a, F> {
     values: &'a mut Matrix,
     neurons: usize,
+    by: F,
 }
 
-impl Kernel<f32> for Logistic<'_> {
+impl<F: Fn(&[f32; LANES]) -> [f32; LANES]> Kernel<f32> for Activate<'_, F> {
     type Out = ();
 
     #[inline(always)]
     fn run<V: Simd<f32>>(self) {
-        const LANES: usize = <f32 as Real>::LANES;
-        let Logistic { values, neurons } = self;
+        let Activate { values, neurons, by } = self;
         let is_biased = values.columns > neurons;
         let (whole, left) = (neurons / LANES, neurons % LANES);
         let mut behind = [0.0; LANES];
@@ -106,13 +116,13 @@ impl Kernel<f32> for Logistic<'_> {
             let row = values.row_mut(row);
             for chunk in &mut row[..whole] {
                 for lanes in chunk.as_mut().as_chunks_mut::<LANES>().0 {
-                    *lanes = logistic(lanes); // Eq. (1)
+                    *lanes = by(lanes);
                 }
             }
             // A chunk of the bias alone is as it was.
             if left > 0 {
                 for lanes in row[whole].as_mut().as_chunks_mut::<LANES>().0 {
-                    let own = logistic(lanes);
+                    let own = by(lanes);
                     *lanes = behind;
                     lanes[..left].copy_from_slice(&own[..left]);
                 }
@@ -121,11 +131,17 @@ impl Kernel<f32> for Logistic<'_> {
     }
 }
 
-/// The logistic function of several numbers; NaN for NaN.
+/// The logistic function (eq. 1) of several numbers; NaN for NaN.
 #[inline(always)]
-fn logistic<const N: usize>(x: &[f32; N]) -> [f32; N] {
+fn logistic(x: &[f32; LANES]) -> [f32; LANES] {
     let powers = math::exp_lanes_f32(&x.map(|x| -x));
     powers.map(|power| 1.0 / (1.0 + power))
+}
+
+/// Nought where a number is negative; NaN for NaN.
+#[inline(always)]
+fn rectified(x: &[f32; LANES]) -> [f32; LANES] {
+    x.map(|x| if x < 0.0 { 0.0 } else { x })
 }
 
 /// A network in the precision that rows go through it in.
@@ -157,18 +173,18 @@ impl NetworkF32 {
         let layout = network.layout.clone();
         let bias = usize::from(layout.bias);
         let mut weights = network.weights.iter().map(|w| *w as f32);
-        let mut member = || {
+        let mut member = |number| {
             let layer = |(inputs, neurons)| {
                 let mut layer = Matrix::zeros(neurons, inputs + bias);
                 layer.fill(&mut weights);
                 layer
             };
             let layers: Vec<_> = layout.layers().map(layer).collect();
-            let mut weights = ForwardWeights::new(&layout);
+            let mut weights = ForwardWeights::new(&layout, number);
             weights.set(layers.iter(), Isa::detect());
             weights
         };
-        let members = (0..layout.members).map(|_| member()).collect();
+        let members = (0..layout.members).map(&mut member).collect();
         NetworkF32 { layout, members }
     }
 

@@ -148,14 +148,17 @@ fn start_from(init: &Init, sources: &Sources, learner: &mut Learner) -> Result<b
         return refuse(format!("its inputs are {there}, these are {here}; choose the same with --set features=..."));
     }
     if init.model.network.layout != network.layout {
-        let shape =
-            |layout: &Layout| format!("{:?} with bias {}, members {}", layout.sizes(), layout.bias, layout.members);
+        let shape = |layout: &Layout| {
+            let Layout { bias, members, activation, .. } = layout;
+            format!("{:?} with bias {bias}, members {members}, activation {}", layout.sizes(), activation.name())
+        };
         let (there, here) = (shape(&init.model.network.layout), shape(&network.layout));
-        let Layout { hidden, bias, members, .. } = &init.model.network.layout;
+        let Layout { hidden, bias, members, activation, .. } = &init.model.network.layout;
+        let activation = activation.name();
         let scores = !init.model.about.scaler.scores.is_empty();
         return refuse(format!(
             "its layers are {there}, the config's {here}; choose the same with --set network.hidden={hidden:?} --set network.bias={bias} \
-             --set network.members={members} --set network.normal_scores={scores}"
+             --set network.members={members} --set network.activation={activation} --set network.normal_scores={scores}"
         ));
     }
     network.weights.clone_from(&init.model.network.weights);

@@ -139,6 +139,7 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
         hidden: network.layout.hidden.clone(),
         bias: network.layout.bias,
         members: network.layout.members,
+        activation: network.layout.activation,
         features: sources.features.clone(),
         scaler,
         quantiles: Vec::new(),

@@ -5,7 +5,7 @@ use crate::train::Network;
 use crate::train::filter::build;
 use crate::train::network::Activations;
 use crate::train::params::EkfParams;
-use crate::train::{Layout, TrainParams};
+use crate::train::{Activation, Layout, TrainParams};
 
 fn selection(full_error: f64, floor: f64, seed: u64) -> Selection {
     let rows = RowsLearnt::ByError(ByErrorParams { full_error, floor });
@@ -39,7 +39,7 @@ fn extreme_errors_that_are_no_number_are_handed_on_and_floors_of_one_choose_all(
 
 #[test]
 fn dist_gradient_and_information_have_the_expectation_of_every_row() {
-    let layout = Layout { inputs: 2, hidden: vec![3], bias: true, members: 1 };
+    let layout = Layout { inputs: 2, hidden: vec![3], bias: true, members: 1, activation: Activation::Logistic };
     let streams = Streams { seed: 3, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
     let network = Network::random(layout, &streams);
     let (rows, size, seeds) = (60, network.weights.len(), 4000_u32);

@@ -6,7 +6,7 @@ use super::fixture::{self, circle, circles, corpus, identity, params, run, run_u
 use crate::cells::Label;
 use crate::train::operating_point::class;
 use crate::train::stopping::Stop;
-use crate::train::{Model, Setup, TrainParams, folder};
+use crate::train::{Activation, Model, Setup, TrainParams, folder};
 
 #[test]
 fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
@@ -38,11 +38,18 @@ fn by_batches() -> TrainParams {
     with(&["filter={kronecker: {rate: 0.02}}", "network.hidden=[8, 8]", "epochs=4", "patience=20"])
 }
 
+/// By batches, the second member of rectified neurons.
+fn with_both() -> TrainParams {
+    let mut params = by_batches();
+    (params.network.members, params.network.activation) = (2, Activation::Both);
+    params
+}
+
 #[test]
 fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    for (filter, params) in [("ekf", params()), ("kronecker", by_batches())] {
+    for (filter, params) in [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both())] {
         let one = |name: &str, ahead: usize, threads: usize| {
             let out = dir.path().join(format!("{filter}-{name}"));
             let setup = Setup { ahead, ..setup(std::slice::from_ref(&place), &params, out).unwrap() };
@@ -61,7 +68,7 @@ fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
 fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    for (filter, params) in [("ekf", params()), ("kronecker", by_batches())] {
+    for (filter, params) in [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both())] {
         let of =
             |name: String| setup(std::slice::from_ref(&place), &params, dir.path().join(filter).join(name)).unwrap();
         let whole = of("whole".into());
@@ -183,7 +190,10 @@ fn extreme_a_start_from_a_network_of_other_inputs_is_refused_with_the_settings_t
         run(&Setup { init: init(), ..setup })
     };
     let told = from(&batches(&["network.normal_scores=false"]), "other").unwrap_err().to_string();
-    assert!(told.contains("--set network.members=2 --set network.normal_scores=true"), "{told}");
+    assert!(
+        told.contains("--set network.members=2 --set network.activation=logistic --set network.normal_scores=true"),
+        "{told}"
+    );
     from(&batches(&[]), "on").unwrap();
 }
 

@@ -1,10 +1,11 @@
 //! Rows and weights -> the gradient of half their weighted squared error, layer by layer.
 //!
 //! Micro-batches are computed apart, by as many threads as there are, and added in their order: the number of threads changes no bit. All is
-//! of f32 but the error and its slope. Same network as [`Network`](crate::train::Network): logistic neurons, a bias as an input that is 1.
+//! of f32 but the error and its slope. Same network as [`Network`](crate::train::Network), its bias an input that is 1.
 
 use crate::train::Layout;
 use crate::train::filter::lanes::Isa;
+use crate::train::network::Neuron;
 use crate::train::network::forward::{ForwardWeights, MICRO_BATCH_ROWS, Values};
 use crate::train::network::matrix::{Matrix, times, transposed_times};
 
@@ -15,9 +16,11 @@ pub(super) struct Row<'a> {
     pub weight: f64,
 }
 
-/// Some rows on their way through the network and back.
+/// Some rows on their way through a member and back.
 pub(super) struct MicroBatch {
     values: Values,
+    /// Of the hidden layers.
+    neuron: Neuron,
     /// d error / d sum of each neuron, by layer: [rows, neurons].
     slopes: Vec<Matrix>,
     /// The gradient by layer: [neurons, inputs + 1].
@@ -25,10 +28,11 @@ pub(super) struct MicroBatch {
 }
 
 impl MicroBatch {
-    pub(super) fn new(layout: &Layout) -> MicroBatch {
+    pub(super) fn new(layout: &Layout, member: usize) -> MicroBatch {
         let bias = usize::from(layout.bias);
         MicroBatch {
             values: Values::new(layout),
+            neuron: layout.hidden_neuron(member),
             slopes: layout.layers().map(|(_, neurons)| Matrix::zeros(MICRO_BATCH_ROWS, neurons)).collect(),
             gradients: layout.layers().map(|(inputs, neurons)| Matrix::zeros(neurons, inputs + bias)).collect(),
         }
@@ -37,7 +41,7 @@ impl MicroBatch {
     /// The gradient of up to [`MICRO_BATCH_ROWS`] rows at these weights, one matrix a layer, [neurons, inputs + 1]; `forward`: the same
     /// weights, as rows meet them.
     pub(super) fn run(&mut self, weights: &[&Matrix], forward: &ForwardWeights, rows: &[Row], isa: Isa) {
-        let MicroBatch { values, slopes, gradients } = self;
+        let MicroBatch { values, neuron, slopes, gradients } = self;
         values.set_rows(rows.iter().map(|row| row.inputs));
         values.run(forward, isa);
         let last = weights.len() - 1;
@@ -53,9 +57,16 @@ impl MicroBatch {
             let (before, from) = slopes.split_at_mut(layer);
             transposed_times(&from[0], &values.into[layer], &mut gradients[layer], isa);
             if let Some(slopes) = before.last_mut() {
-                // Behind the last neuron values are 1 and nought, which leaves nothing there.
                 times(&from[0], weights[layer], slopes, isa);
-                slopes.change_by(&values.into[layer], isa, |slope, y| slope * (y * (1.0 - y)));
+                let values = &values.into[layer];
+                match neuron {
+                    // Behind the last neuron values are 1 and nought, which leaves nothing there.
+                    Neuron::Logistic => slopes.change_by(values, isa, |slope, y| slope * (y * (1.0 - y))),
+                    Neuron::Rectified => {
+                        slopes.change_by(values, isa, |slope, y| if y > 0.0 { slope } else { 0.0 });
+                        slopes.zero_padding();
+                    }
+                }
             }
         }
     }

@@ -83,21 +83,21 @@ struct Kept {
 
 impl Kronecker {
     pub(super) fn new(params: &KroneckerParams, layout: &Layout, clip: f64) -> Kronecker {
-        let member = |number| (layout.member_name(number), Member::new(params, layout));
+        let member = |number| (layout.member_name(number), Member::new(params, layout, number));
         Kronecker { clip, is_shared: false, members: (0..layout.members).map(member).collect() }
     }
 }
 
 impl Member {
-    fn new(params: &KroneckerParams, layout: &Layout) -> Member {
+    fn new(params: &KroneckerParams, layout: &Layout, number: usize) -> Member {
         let bias = usize::from(layout.bias);
         let micro_batches = BATCH_ROWS[1].div_ceil(MICRO_BATCH_ROWS as u64);
         Member {
             rate: params.rate,
             isa: Isa::detect(),
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
-            forward: ForwardWeights::new(layout),
-            micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout)).collect(),
+            forward: ForwardWeights::new(layout, number),
+            micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout, number)).collect(),
             counters: Counters::default(),
             steps: 0,
             averaged: 0,

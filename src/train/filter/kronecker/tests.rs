@@ -13,7 +13,7 @@ use crate::train::network::Activations;
 use crate::train::network::forward::ForwardWeights;
 use crate::train::network::matrix::{Matrix, times, times_transposed, transposed_times};
 use crate::train::params::{FilterParams, KroneckerParams};
-use crate::train::{Layout, Network};
+use crate::train::{Activation, Layout, Network};
 
 fn normals(seed: u64, count: usize) -> Vec<f64> {
     let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 2 };
@@ -32,9 +32,18 @@ fn network(inputs: usize, hidden: &[usize], bias: bool) -> Network {
     ensemble(1, inputs, hidden, bias)
 }
 
+/// Its hidden neurons are rectified.
+fn rectified(inputs: usize, hidden: &[usize], bias: bool) -> Network {
+    let layout = Layout { activation: Activation::Relu, ..network(inputs, hidden, bias).layout };
+    Network::random(layout, &Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 })
+}
+
 fn ensemble(members: usize, inputs: usize, hidden: &[usize], bias: bool) -> Network {
     let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias, members }, &streams)
+    Network::random(
+        Layout { inputs, hidden: hidden.to_vec(), bias, members, activation: Activation::Logistic },
+        &streams,
+    )
 }
 
 /// The largest difference of a matrix from what a formula says of each place.
@@ -67,8 +76,11 @@ fn equal_products_and_their_sums_written_out_on_every_instruction_set() {
 
 #[test]
 fn equal_bits_of_gradients_bases_and_steps_on_every_instruction_set() {
-    for (hidden, bias) in [(&[64, 64][..], true), (&[15], true), (&[64, 7], false), (&[], true)] {
-        let (inputs, network) = (23, network(23, hidden, bias));
+    let shapes = [(&[64, 64][..], true), (&[15], true), (&[64, 7], false), (&[], true)];
+    for (network, hidden, bias) in shapes.into_iter().flat_map(|(hidden, bias)| {
+        [network(23, hidden, bias), rectified(23, hidden, bias)].map(|network| (network, hidden, bias))
+    }) {
+        let inputs = 23;
         let values = normals(5, 64 * inputs);
         let row = |(k, inputs)| Row { inputs, target: 0.1 + 0.8 * (k % 2) as f64, weight: 1.0 + k as f64 };
         let rows: Vec<Row> = values.chunks(inputs).enumerate().map(row).collect();
@@ -78,7 +90,7 @@ fn equal_bits_of_gradients_bases_and_steps_on_every_instruction_set() {
             let mut layers: Vec<Layer> = layout.layers().map(|(i, n)| Layer::new(n, i + usize::from(bias))).collect();
             let mut weights = network.weights.iter().map(|w| *w as f32);
             layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
-            let (mut forward, mut micro_batch) = (ForwardWeights::new(layout), MicroBatch::new(layout));
+            let (mut forward, mut micro_batch) = (ForwardWeights::new(layout, 0), MicroBatch::new(layout, 0));
             // Whole micro-batches, and some whose last places are of rows before.
             for (steps, count) in [64, 37, 64, 1].into_iter().enumerate() {
                 let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
@@ -149,9 +161,11 @@ fn extreme_a_basis_stays_orthonormal_whatever_the_covariance() {
 
 #[test]
 fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
-    for (hidden, bias) in [(&[6, 4][..], true), (&[64, 64], true), (&[5], false), (&[], true)] {
-        let (inputs, count) = (23, 37);
-        let network = network(inputs, hidden, bias);
+    let shapes = [(&[6, 4][..], true), (&[64, 64], true), (&[15, 17], true), (&[5], false), (&[], true)];
+    let (inputs, count) = (23, 37);
+    for (network, hidden, bias) in shapes.into_iter().flat_map(|(hidden, bias)| {
+        [network(inputs, hidden, bias), rectified(inputs, hidden, bias)].map(|network| (network, hidden, bias))
+    }) {
         let values = normals(11, inputs * count);
         let target = |k: usize| if k.is_multiple_of(3) { 0.9 } else { 0.1 };
         let weight = |k: usize| 0.5 + k as f64;
@@ -162,9 +176,9 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let mut weights = network.weights.iter().map(|w| *w as f32);
         layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
         let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
-        let mut forward = ForwardWeights::new(&network.layout);
+        let mut forward = ForwardWeights::new(&network.layout, 0);
         forward.set(of.iter().copied(), Isa::detect());
-        let mut micro_batch = MicroBatch::new(&network.layout);
+        let mut micro_batch = MicroBatch::new(&network.layout, 0);
         // More rows first: what they leave behind must not count.
         let more: Vec<Row> = rows.iter().chain(&rows).map(|row| Row { ..*row }).take(64).collect();
         micro_batch.run(&of, &forward, &more, Isa::detect());
@@ -178,7 +192,10 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let most = wanted.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let found: Vec<f64> = micro_batch.gradients.iter().flat_map(Matrix::values).map(f64::from).collect();
         let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(off < 2e-6 * most, "{hidden:?}: {off} of {most}");
+        assert!(off < 2e-6 * most, "{hidden:?}, {:?}: {off} of {most}", network.layout.activation);
+        // What lies behind the last column stays nought.
+        let padded = |m: &Matrix| m.padded().filter(|x| **x != 0.0).count();
+        assert!(micro_batch.gradients.iter().all(|m| padded(m) == m.values().filter(|x| *x != 0.0).count()));
     }
 }
 
@@ -268,10 +285,16 @@ fn learnt_by(
     (network, filter.counters(), filter.state())
 }
 
+/// Members of 16-16 neurons, logistic and rectified by turns.
+fn of_both(members: usize) -> Network {
+    let layout = Layout { activation: Activation::Both, ..ensemble(members, 8, &[16, 16], true).layout };
+    Network::random(layout, &Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 })
+}
+
 #[test]
 fn equal_any_number_of_threads_learns_the_same_bits() {
     let one = learnt(4000, 256, 1, false);
-    let three = || ensemble(3, 8, &[16, 16], true);
+    let three = || of_both(3);
     let of_three = learnt_by(three(), 4000, 256, 1, true);
     for threads in [2, 3, 8] {
         assert!(learnt(4000, 256, threads, false) == one, "{threads} threads");
@@ -281,10 +304,11 @@ fn equal_any_number_of_threads_learns_the_same_bits() {
 
 #[test]
 fn equal_a_member_learns_among_others_what_it_learns_alone() {
-    let start = ensemble(3, 8, &[16, 16], true);
+    let start = of_both(3);
     let size = start.weights.len() / 3;
+    let activation = |member: usize| if member == 1 { Activation::Relu } else { Activation::Logistic };
     let alone = |member: usize| Network {
-        layout: Layout { members: 1, ..start.layout.clone() },
+        layout: Layout { members: 1, activation: activation(member), ..start.layout.clone() },
         weights: start.weights[member * size..][..size].to_vec(),
     };
     let (together, counters, state) = learnt_by(start.clone(), 4000, 256, 2, false);
@@ -344,8 +368,11 @@ fn law_a_problem_is_learnt_and_rows_of_huge_weight_leave_all_finite() {
         let is_off = |(x, y): (&[f64], &f64)| (x[0] * x[1] + x[2] > 0.3) != (*y > 0.5);
         inputs.chunks(8).zip(&outputs).filter(|&row| is_off(row)).count()
     };
+    let (by_rectified, ..) = learnt_by(rectified(8, &[16, 16], true), 40_000, 256, 1, false);
     let (learnt_well, counters, _) = learnt(40_000, 256, 1, false);
-    assert!(wrong(&learnt_well) < 50, "{} of 1000 wrong", wrong(&learnt_well));
+    for network in [&learnt_well, &by_rectified] {
+        assert!(wrong(network) < 50, "{} of 1000 wrong", wrong(network));
+    }
     assert_eq!(counters, Counters { updates: 40_000, ..Counters::default() });
     let (bent, counters, _) = learnt(10_000, 256, 1, true);
     assert!(bent.weights.iter().all(|w| w.is_finite()));

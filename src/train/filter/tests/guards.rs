@@ -26,7 +26,7 @@ fn equal_restored_filters_go_on_to_the_same_bits() {
 fn extreme_states_of_other_filters_and_sizes_are_refused() {
     let (network, ..) = case(1);
     let state = |params: &FilterParams, layout: &Layout| build(params, layout).unwrap().state();
-    let small = Layout { inputs: 3, hidden: vec![2], bias: true, members: 1 };
+    let small = Layout { inputs: 3, hidden: vec![2], bias: true, members: 1, activation: Activation::Logistic };
     let all = all();
     for (k, params) in all.iter().enumerate() {
         let mut filter = build(params, &network.layout).unwrap();
@@ -186,7 +186,8 @@ fn extreme_covariance_that_is_spoilt_twice_goes_on_factored() {
 #[test]
 fn extreme_settings_are_refused_with_the_reason() {
     let refusal = |params: &FilterParams, hidden: &[usize]| {
-        let layout = Layout { inputs: 14, hidden: hidden.to_vec(), bias: true, members: 1 };
+        let layout =
+            Layout { inputs: 14, hidden: hidden.to_vec(), bias: true, members: 1, activation: Activation::Logistic };
         build(params, &layout).err().map(|e| e.to_string()).unwrap_or_default()
     };
     assert!(refusal(&ekf(1e6, 0.0, Precision::F32, false, 1), &[4]).contains("robust"));
@@ -204,7 +205,8 @@ fn extreme_settings_are_refused_with_the_reason() {
 /// n weights of one group take n (n + 1) / 2 numbers; in f64 8 bytes each, in f32 4.
 #[test]
 fn exact_what_a_covariance_takes_is_what_it_is_refused_for() {
-    let layout = |hidden| Layout { inputs: 14, hidden: vec![hidden], bias: true, members: 1 };
+    let layout =
+        |hidden| Layout { inputs: 14, hidden: vec![hidden], bias: true, members: 1, activation: Activation::Logistic };
     let decoupled = |groups, precision| {
         FilterParams::Decoupled(DecoupledParams { groups, precision, ..DecoupledParams::default() })
     };

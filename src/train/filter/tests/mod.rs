@@ -6,7 +6,7 @@ mod guards;
 use super::{Counters, Filter, FilterError};
 use crate::random::{Purpose, Stage, Stream, Streams};
 use crate::train::params::*;
-use crate::train::{Layout, Network};
+use crate::train::{Activation, Layout, Network};
 
 fn stream(seed: u64) -> Stream {
     Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 1 }.open(Purpose::InitialWeights)
@@ -20,7 +20,10 @@ fn normals(seed: u64, count: usize) -> Vec<f64> {
 
 fn network(inputs: usize, hidden: &[usize]) -> Network {
     let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias: true, members: 1 }, &streams)
+    Network::random(
+        Layout { inputs, hidden: hidden.to_vec(), bias: true, members: 1, activation: Activation::Logistic },
+        &streams,
+    )
 }
 
 /// A network of 87 weights, as small as has two hidden layers of some use, and rows that it can learn.
