@@ -21,7 +21,7 @@ trainer lowers. Networks have two hidden layers of 16, but for those that say ot
 - torch, fused Adam: constant rate; and one cycle (OneCycleLR), which knows its budget and is trained anew for each.
 - torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) and SSBroyden (dense, in f64,
   strong Wolfe; written here from Urbán, Stefanou & Pons 2025, which no library has) on 20,000 or 100,000 rows.
-- sklearn and torch, less than 600 weights: a network of the same sizes on the same inputs, of what erred least among those of 16-16.
+- sklearn (batch 1000) and torch (Adam with one cycle, SOAP), less than 600 weights: a network of the same sizes on the same inputs.
 - torch, two of 64-64: of the default's size and form, so that the trainer alone differs: two networks that learn the same batches, each as if it were alone, on
   columns and normal scores; their mean is the output, of an average of the weights that forgets all but the last ninth of the steps. Adam (fused; constant rate or one cycle,
   which the search finds better), and SOAP.
@@ -359,9 +359,10 @@ def chart(kept, corpora, budgets, seeds, path):
 
 
 def begun_with(earlier, settings):
-    """What is measured goes beside it."""
+    """What is measured goes beside it; what no engine has any more is left out."""
     if earlier:
-        return {key: earlier[key] for key in ("runs", "settings", "dates", "again") if key in earlier}
+        by_engine = {key: {of: found for of, found in earlier.get(key, {}).items() if of.split("/")[1] in ENGINES} for key in ("runs", "settings", "dates")}
+        return by_engine | {"again": earlier.get("again", {})}
     return {"runs": {}, "settings": json.loads(settings.read_text())["settings"] if settings else {}}
 
 
@@ -404,11 +405,12 @@ def main():
         task = tasks[INPUTS[0]]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes)))}
         measure_all(tasks, name, seeds, budgets, kept, store, options.jobs)
-        again, today = kept.setdefault("again", {}).setdefault(name, []), time.strftime("%Y-%m-%d")
-        if earlier and not any(of["date"] == today for of in again):
-            looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, {"filter": "{kronecker: {}}"})
-            again.append({"seed": seeds[0], "date": today, "looks": looked})
-            store.write_text(json.dumps(kept))
+        if earlier:
+            again, today = kept.setdefault("again", {}).setdefault(name, []), time.strftime("%Y-%m-%d")
+            if not any(of["date"] == today for of in again):
+                looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, {"filter": "{kronecker: {}}"})
+                again.append({"seed": seeds[0], "date": today, "looks": looked})
+                store.write_text(json.dumps(kept))
     text = markdown(about, kept, corpora, seeds)
     out = options.out
     (out / "time_to_error.json").write_text(json.dumps({"about": about, **kept}, indent=1) + "\n")

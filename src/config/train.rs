@@ -118,7 +118,10 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
             activation.name()
         );
         let at = Fault::new(place.span("network.activation"), rule);
-        faults.push(at.also(place.span("filter"), "this filter learns logistic neurons").cure("take it out"));
+        faults.push(
+            at.also(place.span("filter"), "this filter learns logistic neurons")
+                .cure("take it out, or write filter: {kronecker: {}}"),
+        );
     } else if activation == Activation::Both && params.network.members < 2 {
         let rule = "'network.activation: both' needs 2 members or more: the first is logistic, the second rectified";
         let at = Fault::new(place.span("network.activation"), rule);

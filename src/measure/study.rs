@@ -12,7 +12,7 @@ use super::tradeoff::Report;
 use super::tradeoff::report::Told;
 use super::tradeoff::settings::Side;
 use crate::statistics::Interval;
-use crate::train::TrainParams;
+use crate::train::{TrainParams, as_noted_now};
 
 /// Version of the file's format.
 const FORMAT: u32 = 2;
@@ -124,9 +124,9 @@ impl Study {
         })
     }
 
-    /// Whether its networks were trained as `train` does it by default now.
+    /// Whether its networks were trained as `train` does it by default now; what an earlier marsyard did not note, it did not do.
     pub(crate) fn is_trained_as_now(&self) -> bool {
-        self.training == usual_training()
+        as_noted_now(&self.training) == usual_training()
     }
 
     /// The config as it is written; where it is the reference itself, that.

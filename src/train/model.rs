@@ -176,8 +176,10 @@ pub enum ModelError {
 /// The greatest weight, scale or mean that a file may hold: far beyond use, and no sum of such products overflows.
 const SANE: f64 = 1e100;
 
-/// The same of weights where neurons have no bounds: nor does a product of such, layer by layer, of the deepest and widest network.
-const SANE_RECTIFIED: f64 = 1e25;
+/// The same of weights where neurons have no bounds, and the most hidden layers of such: nor does a product of them, layer by layer, of the widest network that a
+/// file may hold.
+const SANE_RECTIFIED: f64 = 1e20;
+const MOST_RECTIFIED_LAYERS: usize = 8;
 
 /// Rows that are scaled at a time.
 const CHUNK_ROWS: usize = 1024;
@@ -347,7 +349,14 @@ impl Model {
             let (there, needed) = (self.network.weights.len(), layout.weights());
             return Some(format!("{there} weights where its layers need {needed}"));
         }
-        let sane = if layout.activation == Activation::Logistic { SANE } else { SANE_RECTIFIED };
+        let is_rectified = layout.activation != Activation::Logistic;
+        if is_rectified && layout.hidden.len() > MOST_RECTIFIED_LAYERS {
+            let (there, most) = (layout.hidden.len(), MOST_RECTIFIED_LAYERS);
+            return Some(format!(
+                "{there} hidden layers of rectified neurons, more than the {most} that a config may have"
+            ));
+        }
+        let sane = if is_rectified { SANE_RECTIFIED } else { SANE };
         if let Some(at) = self.network.weights.iter().position(|w| w.abs() > sane || w.is_nan()) {
             return Some(format!("weight {at} is {}", self.network.weights[at]));
         }

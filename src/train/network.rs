@@ -6,44 +6,12 @@
 
 pub(crate) mod forward;
 pub(crate) mod matrix;
+mod neuron;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
+pub use self::neuron::Activation;
+pub(crate) use self::neuron::Neuron;
 use super::filter::lanes::{Isa, Kernel, Real, Simd};
-use crate::math;
 use crate::random::{Purpose, Streams};
-
-/// What hidden neurons make of their sums; the output's is always logistic.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Activation {
-    /// 1 / (1 + exp(-x)), the paper's (eq. 1).
-    #[default]
-    Logistic,
-    /// max(0, x).
-    Relu,
-    /// Members take turns: the first is logistic, the second rectified.
-    Both,
-}
-
-impl Activation {
-    /// As configs name it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Activation::Logistic => "logistic",
-            Activation::Relu => "relu",
-            Activation::Both => "both",
-        }
-    }
-}
-
-/// What one layer's neurons make of their sums.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Neuron {
-    Logistic,
-    Rectified,
-}
 
 /// Sizes of the layers; the output layer is one neuron.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -147,48 +115,6 @@ impl<'w> LayerOf<'w> {
     pub(crate) fn rows(self) -> impl Iterator<Item = (&'w [f64], f64)> {
         let row = self.weights.len() / self.neurons;
         self.weights.chunks_exact(row).map(move |w| (&w[..self.inputs], w.get(self.inputs).copied().unwrap_or(0.0)))
-    }
-}
-
-/// The logistic function (eq. 1) of several numbers; 0 or 1 where exp overflows or vanishes, NaN for NaN.
-#[inline(always)]
-pub(crate) fn logistic<const N: usize>(x: &[f64; N]) -> [f64; N] {
-    let mut values = *x;
-    for value in &mut values {
-        *value = -*value;
-    }
-    values = math::exp_lanes(&values);
-    for value in &mut values {
-        *value = 1.0 / (1.0 + *value);
-    }
-    values
-}
-
-impl Neuron {
-    /// The values of several neurons from their sums; NaN stays.
-    #[inline(always)]
-    pub(crate) fn values<const N: usize>(self, sums: &[f64; N]) -> [f64; N] {
-        match self {
-            Neuron::Logistic => logistic(sums), // Eq. (1)
-            Neuron::Rectified => sums.map(|sum| if sum < 0.0 { 0.0 } else { sum }),
-        }
-    }
-
-    /// d value / d sum, of the value.
-    #[inline(always)]
-    fn slope(self, value: f64) -> f64 {
-        match self {
-            Neuron::Logistic => value * (1.0 - value),
-            Neuron::Rectified => f64::from(u8::from(value > 0.0)),
-        }
-    }
-
-    /// Initial weights of a layer lie within this: of rectified neurons so that values keep their variance from layer to layer (He et al. 2015).
-    fn initial_bound(self, inputs: usize) -> f64 {
-        match self {
-            Neuron::Logistic => 1.5 / ((inputs + 1) as f64).sqrt(),
-            Neuron::Rectified => (6.0 / (inputs + 1) as f64).sqrt(),
-        }
     }
 }
 
@@ -351,8 +277,8 @@ fn backward(layout: &Layout, member: usize, weights: &[f64], tape: &mut Activati
     slopes.push(1.0 / layout.members as f64);
     let mut last = values.len() - 1;
     let mut end = weights.len();
-    let layers: Vec<_> = layout.layers().zip(layout.neurons(member)).collect();
-    for ((count, neurons), neuron) in layers.into_iter().rev() {
+    let mut neuron = Neuron::Logistic;
+    for (count, neurons) in layout.layers().rev() {
         let stride = count + usize::from(layout.bias);
         let start = end - stride * neurons;
         let nodes = &values[last..last + neurons];
@@ -373,6 +299,7 @@ fn backward(layout: &Layout, member: usize, weights: &[f64], tape: &mut Activati
             }
         }
         std::mem::swap(slopes, slopes_before);
+        neuron = layout.hidden_neuron(member);
         last -= count;
         end = start;
     }

@@ -11,8 +11,8 @@ use crate::episode::{ScanOutput, SceneOutput};
 use crate::geometry::CellIndex;
 use crate::plan::CardParams;
 use crate::scene::Class;
-use crate::train::model::tests::model;
-use crate::train::{About, Model, OperatingPoint, Scaler};
+use crate::train::model::tests::{model, with_neurons};
+use crate::train::{About, Activation, Model, OperatingPoint, Scaler};
 
 /// Calls a cell untraversable from a height difference of 0.1 m on.
 fn steps_model() -> Model {
@@ -345,6 +345,19 @@ fn law_reports_are_read_back_and_show_every_figure() {
     assert!(figures::figures(&plain).iter().all(|(name, _)| *name != "reliability.svg"));
     assert!(!plain.to_string().contains("doubtful") && report.to_string().contains("doubtful"));
     assert!(figures.iter().all(|(_, svg)| svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>")));
+}
+
+#[test]
+fn exact_neurons_that_are_not_logistic_are_told_and_reports_from_before_had_none() {
+    let (_dir, store) = corpus(7, &TABLES, &SCAN);
+    let of = |model: &Model| evaluate(model, &store, &families(), &Options::of(Split::Test)).unwrap();
+    assert!(of(&steps_model()).to_string().contains(" 1 network, 1 inputs, 4 weights"));
+    let rectified = of(&with_neurons(Activation::Relu, steps_model()));
+    assert!(rectified.to_string().contains(" 1 network of rectified neurons, 1 inputs, 4 weights"), "{rectified}");
+    let mut json: serde_json::Value = serde_json::from_str(&rectified.to_json()).unwrap();
+    assert_eq!(json["model"].as_object_mut().unwrap().remove("activation").unwrap(), "relu");
+    let before: Report = serde_json::from_value(json).unwrap();
+    assert_eq!(before.model.activation, Activation::Logistic);
 }
 
 /// The value of an attribute of an SVG element.

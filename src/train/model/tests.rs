@@ -255,10 +255,10 @@ fn with_metadata(text: Option<&str>) -> Vec<u8> {
     safetensors::serialize(tensors.tensors(), metadata).unwrap()
 }
 
-/// The metadata of a model of format 1.
-fn unchecked() -> String {
+/// The metadata of a model of format 1; that had logistic neurons alone, but of others it has no checksum either.
+fn unchecked(activation: Activation) -> String {
     let mut about = small().about;
-    (about.marsyard_model, about.run) = (1, None);
+    (about.marsyard_model, about.run, about.activation) = (1, None, activation);
     about.to_json()
 }
 
@@ -280,7 +280,7 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
 
 #[test]
 fn extreme_contradictions_are_refused_by_name() {
-    let json = unchecked();
+    let json = unchecked(Activation::Logistic);
     let changed = |from: &str, to: &str| {
         assert!(json.contains(from), "{from} in {json}");
         Model::load(&with_metadata(Some(&json.replace(from, to)))).unwrap_err().to_string()
@@ -330,8 +330,9 @@ proptest! {
     fn extreme_changed_files_are_refused_or_still_models(
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         x in prop::array::uniform3(any::<f32>()),
+        activation in prop::sample::select(vec![Activation::Logistic, Activation::Relu]),
     ) {
-        let mut bytes = with_metadata(Some(&unchecked()));
+        let mut bytes = with_metadata(Some(&unchecked(activation)));
         for (at, value) in changes {
             let at = at.index(bytes.len());
             bytes[at] = value;
@@ -344,9 +345,13 @@ proptest! {
 
     /// Numbers in the metadata swapped for hostile ones: refused, or sane.
     #[test]
-    fn extreme_hostile_numbers_in_the_metadata_never_panic(at in any::<prop::sample::Index>(), pick in 0usize..8) {
+    fn extreme_hostile_numbers_in_the_metadata_never_panic(
+        at in any::<prop::sample::Index>(),
+        pick in 0usize..8,
+        activation in prop::sample::select(vec![Activation::Logistic, Activation::Relu]),
+    ) {
         let hostile = ["1e308", "-1e308", "1e-320", "18446744073709551615", "-1", "[]", "null", "0"][pick];
-        let json = unchecked();
+        let json = unchecked(activation);
         let starts: Vec<usize> = json
             .char_indices()
             .filter(|(i, c)| c.is_ascii_digit() && json[..*i].ends_with([':', '[', ',']))
@@ -371,13 +376,19 @@ fn extreme_a_weight_beyond_reason_is_a_fault_that_names_it() {
         let fault = model.fault().expect("a fault");
         assert!(fault.starts_with("weight 3 is "), "{fault}");
     }
-    // Of neurons without a bound less is beyond reason; what is not leaves the deepest of networks a number.
-    let mut deep = with_neurons(Activation::Relu, model(&["a", "b"], &[2; 8], true));
-    deep.network.weights.fill(1e25);
-    assert_eq!(deep.fault(), None);
-    assert!(!deep.output(&[1e30, -1e30]).is_nan());
-    deep.network.weights[3] = 1e26;
-    assert!(deep.fault().is_some_and(|fault| fault.starts_with("weight 3 is ")));
+    // Of neurons without a bound less is beyond reason; what is not leaves the deepest of networks a number, where sums of both signs meet.
+    let deep = |layers: usize, size: f64| {
+        let mut deep = with_neurons(Activation::Relu, model(&["a", "b"], &vec![2; layers], true));
+        deep.network.weights.fill(size);
+        let last = deep.network.weights.len() - 2;
+        deep.network.weights[last] = -size;
+        deep
+    };
+    assert_eq!(deep(8, 1e20).fault(), None);
+    assert!(!deep(8, 1e20).output(&[1e30, 1e30]).is_nan());
+    assert!(deep(8, 1e100).output(&[1e30, 1e30]).is_nan());
+    assert!(deep(8, 1.1e20).fault().is_some_and(|fault| fault.starts_with("weight 0 is ")));
+    assert!(deep(9, 1.0).fault().is_some_and(|fault| fault.starts_with("9 hidden layers of rectified neurons")));
 }
 
 #[test]

@@ -18,7 +18,7 @@ pub(crate) struct ForwardWeights {
     /// [inputs + 1, neurons] of each hidden layer, and [1, inputs + 1] of the output.
     layers: Vec<Matrix>,
     /// Of the hidden layers.
-    neuron: Neuron,
+    pub(crate) neuron: Neuron,
 }
 
 impl ForwardWeights {
@@ -173,7 +173,7 @@ impl NetworkF32 {
         let layout = network.layout.clone();
         let bias = usize::from(layout.bias);
         let mut weights = network.weights.iter().map(|w| *w as f32);
-        let mut member = |number| {
+        let member = |number| {
             let layer = |(inputs, neurons)| {
                 let mut layer = Matrix::zeros(neurons, inputs + bias);
                 layer.fill(&mut weights);
@@ -184,7 +184,7 @@ impl NetworkF32 {
             weights.set(layers.iter(), Isa::detect());
             weights
         };
-        let members = (0..layout.members).map(&mut member).collect();
+        let members = (0..layout.members).map(member).collect();
         NetworkF32 { layout, members }
     }
 

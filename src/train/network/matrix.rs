@@ -79,6 +79,12 @@ impl Matrix {
         isa.run(Change { chunks: &mut self.chunks, change });
     }
 
+    /// The same by the element of another matrix of the size, or of one with more columns.
+    pub(crate) fn change_by(&mut self, other: &Matrix, isa: Isa, change: impl Fn(f32, f32) -> f32) {
+        assert!(self.rows == other.rows && self.width <= other.width);
+        isa.run(ChangeBy { matrix: self, other, change });
+    }
+
     /// Makes what lies behind the last column nought again.
     pub(crate) fn zero_padding(&mut self) {
         let left = self.columns % LANES;
@@ -86,12 +92,6 @@ impl Matrix {
             let last = self.chunks.chunks_exact_mut(self.width).filter_map(<[Chunk]>::last_mut);
             last.for_each(|chunk| chunk.as_mut()[left..].fill(0.0));
         }
-    }
-
-    /// The same by the element of another matrix of the size, or of one with more columns.
-    pub(crate) fn change_by(&mut self, other: &Matrix, isa: Isa, change: impl Fn(f32, f32) -> f32) {
-        assert!(self.rows == other.rows && self.width <= other.width);
-        isa.run(ChangeBy { matrix: self, other, change });
     }
 
     /// `self` becomes a share of itself and the rest of another: (1 - share) self + share other.

@@ -1,7 +1,9 @@
 //! The network against hand arithmetic, central differences and itself.
 
+use super::neuron::logistic;
 use super::*;
 use crate::extremes::{Family, row};
+use crate::math;
 use crate::random::Stage;
 
 fn network(inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
@@ -9,17 +11,12 @@ fn network(inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
 }
 
 fn ensemble(members: usize, inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
-    let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(
-        Layout { inputs, hidden: hidden.to_vec(), bias, members, activation: Activation::Logistic },
-        &streams,
-    )
+    drawn(Activation::Logistic, members, inputs, hidden, bias, seed)
 }
 
-/// Members whose hidden neurons are rectified, in all or in every second one.
-fn rectified(activation: Activation, members: usize, inputs: usize, hidden: &[usize], bias: bool) -> Network {
-    let layout = Layout { activation, ..ensemble(members, inputs, hidden, bias, 3).layout };
-    Network::random(layout, &Streams { seed: 3, scene: 0, attempt: 0, stage: Stage::Train, step: 0 })
+fn drawn(activation: Activation, members: usize, inputs: usize, hidden: &[usize], bias: bool, seed: u64) -> Network {
+    let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
+    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias, members, activation }, &streams)
 }
 
 fn rows(count: usize, inputs: usize) -> Vec<f64> {
@@ -71,7 +68,7 @@ fn exact_gradients_equal_central_differences() {
         .into_iter()
         .flat_map(|a| shapes.map(|shape| (a, shape)))
     {
-        let mut network = rectified(activation, members, 14, hidden, bias);
+        let mut network = drawn(activation, members, 14, hidden, bias, 3);
         let input = rows(1, 14);
         let mut tape = Activations::default();
         let mut gradient = vec![f64::NAN; network.weights.len()];
@@ -96,8 +93,7 @@ fn exact_gradients_equal_central_differences() {
 #[test]
 fn equal_rows_alone_and_among_others_to_the_bit() {
     for (count, members) in [(0, 1), (1, 1), (7, 1), (8, 2), (9, 1), (50, 3)] {
-        for network in [ensemble(members, 5, &[6, 3], true, 1), rectified(Activation::Both, members, 5, &[9, 3], true)]
-        {
+        for network in [ensemble(members, 5, &[6, 3], true, 1), drawn(Activation::Both, members, 5, &[9, 3], true, 3)] {
             let rows = rows(count, 5);
             let mut outputs = vec![0.0; count];
             network.outputs(&rows, &mut outputs);
@@ -128,7 +124,7 @@ fn equal_an_ensemble_and_the_mean_of_its_members_alone() {
 
 #[test]
 fn equal_a_network_of_both_and_the_mean_of_a_logistic_and_a_rectified_one() {
-    let both = rectified(Activation::Both, 3, 5, &[6, 3], true);
+    let both = drawn(Activation::Both, 3, 5, &[6, 3], true, 3);
     let size = both.weights.len() / 3;
     let kinds = [Activation::Logistic, Activation::Relu, Activation::Logistic];
     let alone = |(member, activation): (usize, Activation)| Network {
@@ -142,15 +138,15 @@ fn equal_a_network_of_both_and_the_mean_of_a_logistic_and_a_rectified_one() {
         assert!((both.output(row, &mut tape) - mean).abs() < 1e-15);
     }
     assert_eq!(
-        rectified(Activation::Both, 1, 5, &[6], true).weights,
-        rectified(Activation::Logistic, 1, 5, &[6], true).weights
+        drawn(Activation::Both, 1, 5, &[6], true, 3).weights,
+        drawn(Activation::Logistic, 1, 5, &[6], true, 3).weights
     );
 }
 
 #[test]
 fn equal_instruction_sets_give_the_same_bits() {
     instruction_sets_give_the_same_bits(&network(14, &[16, 9], true, 1));
-    instruction_sets_give_the_same_bits(&rectified(Activation::Relu, 2, 14, &[16, 9], true));
+    instruction_sets_give_the_same_bits(&drawn(Activation::Relu, 2, 14, &[16, 9], true, 3));
 }
 
 fn instruction_sets_give_the_same_bits(network: &Network) {
@@ -200,7 +196,7 @@ fn extreme_arguments_saturate_without_nan() {
 fn law_initial_weights_fill_their_interval_layer_by_layer() {
     let network = network(15, &[200, 3], false, 9);
     let (first, second) = network.weights.split_at(15 * 200);
-    let he = rectified(Activation::Relu, 1, 15, &[200, 3], false);
+    let he = drawn(Activation::Relu, 1, 15, &[200, 3], false, 3);
     let (of_inputs, of_values) = he.weights.split_at(15 * 200);
     for (layer, bound) in [
         (first, 1.5 / 4.0),
@@ -241,7 +237,7 @@ fn equal_outputs_in_f32_and_in_f64_and_of_rows_alone_and_among_others() {
         (1, 4, &[], true),
         (1, 16, &[32, 5], false),
     ] {
-        let both = rectified(Activation::Both, members, inputs, hidden, bias);
+        let both = drawn(Activation::Both, members, inputs, hidden, bias, 3);
         for network in [ensemble(members, inputs, hidden, bias, 7), both] {
             let rows = rows(150, inputs);
             let [mut exact, mut outputs] = [(); 2].map(|()| vec![0.0; 150]);

@@ -4,11 +4,12 @@ use serde_json::{Value as Json, json};
 
 use super::Setup;
 use crate::corpus::sha256;
-use crate::train::TrainError;
+use crate::train::{Activation, TrainError};
 
 /// What runs of an earlier marsyard did not note.
 const SHARDS: &str = "shards_sha256";
 const SCORES: &str = "normal_scores";
+const ACTIVATION: &str = "activation";
 
 /// What must be the same for a run to go on.
 pub(super) fn of(setup: &Setup) -> Json {
@@ -42,8 +43,12 @@ pub(super) fn of(setup: &Setup) -> Json {
 pub(super) fn run_id(identity: &Json) -> String {
     let mut sorted = identity.clone();
     let network = sorted.pointer_mut("/config/network").and_then(Json::as_object_mut);
-    if let Some(network) = network.filter(|network| network.get(SCORES) == Some(&Json::Bool(false))) {
-        network.remove(SCORES);
+    if let Some(network) = network {
+        for (key, silent) in [(SCORES, json!(false)), (ACTIVATION, json!(Activation::Logistic))] {
+            if network.get(key) == Some(&silent) {
+                network.remove(key);
+            }
+        }
     }
     sorted.sort_all_objects();
     sha256(sorted.to_string().as_bytes())
@@ -66,11 +71,12 @@ pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), Trai
     Ok(())
 }
 
-/// The config; where it is of an earlier marsyard, with what that did and did not note: it learnt every row, and took no normal scores.
-pub(super) fn as_noted_now(there: &Json) -> Json {
+/// The config; where it is of an earlier marsyard, with what that did and did not note: it learnt every row, took no normal scores, and had logistic neurons.
+pub(crate) fn as_noted_now(there: &Json) -> Json {
     let mut config = there.clone();
     if let Some(network) = config.pointer_mut("/network").and_then(Json::as_object_mut) {
         network.entry(SCORES).or_insert(Json::Bool(false));
+        network.entry(ACTIVATION).or_insert_with(|| json!(Activation::Logistic));
     }
     if let Some(ekf) = config.pointer_mut("/filter/ekf").and_then(Json::as_object_mut) {
         ekf.entry("rows").or_insert_with(|| json!("every"));
@@ -98,12 +104,14 @@ mod tests {
     }
 
     #[test]
-    fn equal_runs_that_take_no_normal_scores_and_those_that_did_not_know_of_any() {
+    fn equal_runs_of_logistic_neurons_without_normal_scores_and_those_that_did_not_know_of_others() {
         let earlier = identity(&json!({"hidden": [4]}));
-        let none = identity(&json!({"hidden": [4], "normal_scores": false}));
-        let scores = identity(&json!({"hidden": [4], "normal_scores": true}));
+        let none = identity(&json!({"hidden": [4], "normal_scores": false, "activation": "logistic"}));
+        let scores = identity(&json!({"hidden": [4], "normal_scores": true, "activation": "logistic"}));
+        let rectified = identity(&json!({"hidden": [4], "normal_scores": false, "activation": "relu"}));
         assert_eq!(run_id(&earlier), run_id(&none));
         assert_ne!(run_id(&earlier), run_id(&scores));
+        assert_ne!(run_id(&earlier), run_id(&rectified));
         assert_eq!(as_noted_now(&earlier["config"]), none["config"]);
         assert_eq!(as_noted_now(&scores["config"]), scores["config"]);
     }

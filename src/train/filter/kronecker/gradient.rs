@@ -19,8 +19,6 @@ pub(super) struct Row<'a> {
 /// Some rows on their way through a member and back.
 pub(super) struct MicroBatch {
     values: Values,
-    /// Of the hidden layers.
-    neuron: Neuron,
     /// d error / d sum of each neuron, by layer: [rows, neurons].
     slopes: Vec<Matrix>,
     /// The gradient by layer: [neurons, inputs + 1].
@@ -28,11 +26,10 @@ pub(super) struct MicroBatch {
 }
 
 impl MicroBatch {
-    pub(super) fn new(layout: &Layout, member: usize) -> MicroBatch {
+    pub(super) fn new(layout: &Layout) -> MicroBatch {
         let bias = usize::from(layout.bias);
         MicroBatch {
             values: Values::new(layout),
-            neuron: layout.hidden_neuron(member),
             slopes: layout.layers().map(|(_, neurons)| Matrix::zeros(MICRO_BATCH_ROWS, neurons)).collect(),
             gradients: layout.layers().map(|(inputs, neurons)| Matrix::zeros(neurons, inputs + bias)).collect(),
         }
@@ -41,7 +38,7 @@ impl MicroBatch {
     /// The gradient of up to [`MICRO_BATCH_ROWS`] rows at these weights, one matrix a layer, [neurons, inputs + 1]; `forward`: the same
     /// weights, as rows meet them.
     pub(super) fn run(&mut self, weights: &[&Matrix], forward: &ForwardWeights, rows: &[Row], isa: Isa) {
-        let MicroBatch { values, neuron, slopes, gradients } = self;
+        let MicroBatch { values, slopes, gradients } = self;
         values.set_rows(rows.iter().map(|row| row.inputs));
         values.run(forward, isa);
         let last = weights.len() - 1;
@@ -59,7 +56,7 @@ impl MicroBatch {
             if let Some(slopes) = before.last_mut() {
                 times(&from[0], weights[layer], slopes, isa);
                 let values = &values.into[layer];
-                match neuron {
+                match forward.neuron {
                     // Behind the last neuron values are 1 and nought, which leaves nothing there.
                     Neuron::Logistic => slopes.change_by(values, isa, |slope, y| slope * (y * (1.0 - y))),
                     Neuron::Rectified => {

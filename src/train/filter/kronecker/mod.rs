@@ -97,7 +97,7 @@ impl Member {
             isa: Isa::detect(),
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
             forward: ForwardWeights::new(layout, number),
-            micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout, number)).collect(),
+            micro_batches: (0..micro_batches).map(|_| MicroBatch::new(layout)).collect(),
             counters: Counters::default(),
             steps: 0,
             averaged: 0,

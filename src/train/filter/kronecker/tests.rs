@@ -29,21 +29,16 @@ fn matrix(seed: u64, rows: usize, columns: usize) -> Matrix {
 }
 
 fn network(inputs: usize, hidden: &[usize], bias: bool) -> Network {
-    ensemble(1, inputs, hidden, bias)
+    drawn(Activation::Logistic, 1, inputs, hidden, bias)
 }
 
-/// Its hidden neurons are rectified.
 fn rectified(inputs: usize, hidden: &[usize], bias: bool) -> Network {
-    let layout = Layout { activation: Activation::Relu, ..network(inputs, hidden, bias).layout };
-    Network::random(layout, &Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 })
+    drawn(Activation::Relu, 1, inputs, hidden, bias)
 }
 
-fn ensemble(members: usize, inputs: usize, hidden: &[usize], bias: bool) -> Network {
+fn drawn(activation: Activation, members: usize, inputs: usize, hidden: &[usize], bias: bool) -> Network {
     let streams = Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    Network::random(
-        Layout { inputs, hidden: hidden.to_vec(), bias, members, activation: Activation::Logistic },
-        &streams,
-    )
+    Network::random(Layout { inputs, hidden: hidden.to_vec(), bias, members, activation }, &streams)
 }
 
 /// The largest difference of a matrix from what a formula says of each place.
@@ -90,7 +85,7 @@ fn equal_bits_of_gradients_bases_and_steps_on_every_instruction_set() {
             let mut layers: Vec<Layer> = layout.layers().map(|(i, n)| Layer::new(n, i + usize::from(bias))).collect();
             let mut weights = network.weights.iter().map(|w| *w as f32);
             layers.iter_mut().for_each(|layer| layer.weights.fill(&mut weights));
-            let (mut forward, mut micro_batch) = (ForwardWeights::new(layout, 0), MicroBatch::new(layout, 0));
+            let (mut forward, mut micro_batch) = (ForwardWeights::new(layout, 0), MicroBatch::new(layout));
             // Whole micro-batches, and some whose last places are of rows before.
             for (steps, count) in [64, 37, 64, 1].into_iter().enumerate() {
                 let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
@@ -178,7 +173,7 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
         let mut forward = ForwardWeights::new(&network.layout, 0);
         forward.set(of.iter().copied(), Isa::detect());
-        let mut micro_batch = MicroBatch::new(&network.layout, 0);
+        let mut micro_batch = MicroBatch::new(&network.layout);
         // More rows first: what they leave behind must not count.
         let more: Vec<Row> = rows.iter().chain(&rows).map(|row| Row { ..*row }).take(64).collect();
         micro_batch.run(&of, &forward, &more, Isa::detect());
@@ -287,8 +282,7 @@ fn learnt_by(
 
 /// Members of 16-16 neurons, logistic and rectified by turns.
 fn of_both(members: usize) -> Network {
-    let layout = Layout { activation: Activation::Both, ..ensemble(members, 8, &[16, 16], true).layout };
-    Network::random(layout, &Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 })
+    drawn(Activation::Both, members, 8, &[16, 16], true)
 }
 
 #[test]
