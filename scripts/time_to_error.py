@@ -307,7 +307,8 @@ def ahead_of(kept, name, seeds, engine):
     for budget in kept["runs"][f"{name}/{engine}/{seeds[0]}"]:
         own = median(engine, budget)
         ahead = sorted((error, other) for other in ENGINES if not other.startswith("marsyard") and (error := median(other, budget)) < own)
-        found.append(f"- {budget} CPU s: " + ("; ".join(f"{other} {100 * (own / error - 1):.1f}" for error, other in ahead) or "no peer") + ".")
+        told = "; ".join(f"{other} {100 * (own / error - 1):.1f}" for error, other in ahead) or "no peer"
+        found.append(f"- {budget} CPU s: {told if np.isfinite(own) else 'it had no look by then'}.")
     return "\n".join(found)
 
 
