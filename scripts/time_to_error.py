@@ -151,6 +151,7 @@ ENGINES = {
     "LightGBM, defaults": (trees(BARE, ends_early=False), [None]),
     "LightGBM, regularised": (trees(REGULARISED, ends_early=True), [None]),
 }
+#: They take the default's inputs.
 MEMBERS = ("torch, Adam, two of 64-64", "torch, SOAP, two of 64-64")
 #: Of one small network each, as marsyard's.
 SMALL = tuple(engine for engine in ENGINES if engine.endswith("less than 600 weights"))
