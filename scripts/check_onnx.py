@@ -20,12 +20,6 @@ import onnxruntime
 import network_json
 
 
-def probabilities_by_numpy(model: dict, outputs: np.ndarray) -> np.ndarray:
-    calibration, (low, high) = model["about"]["calibration"], model["about"]["targets"]
-    share = np.clip((outputs - low) / (high - low), 0.01, 0.99)
-    return 1.0 / (1.0 + np.exp(-(calibration["slope"] * np.log(share / (1.0 - share)) + calibration["offset"])))
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("onnx")
@@ -49,7 +43,7 @@ def main() -> int:
     own = network_json.outputs(model, features)
     wanted = {"untraversable": (expected, own)}
     if "calibration" in model["about"]:
-        wanted["probability"] = (np.array(model["check"]["probabilities"]), probabilities_by_numpy(model, own))
+        wanted["probability"] = (np.array(model["check"]["probabilities"]), network_json.probabilities(model["about"], own))
     failed = [output.name for output in session.get_outputs()] != list(wanted)
     for output, (expected, own) in wanted.items():
         together = session.run([output], {"features": features})[0][:, 0]

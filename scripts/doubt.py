@@ -68,13 +68,10 @@ class Network:
         return np.any(outside, axis=0)
 
     def between(self, outputs):
-        """Where outputs lie between the targets, as the model's calibration takes them."""
-        low, high = self.about["targets"]
-        return logit(np.clip((outputs - low) / (high - low), 0.01, 0.99))
+        return network_json.place(self.about, outputs)
 
     def probabilities(self, outputs):
-        calibration = self.about["calibration"]
-        return sigmoid(calibration["slope"] * self.between(outputs) + calibration["offset"])
+        return network_json.probabilities(self.about, outputs)
 
 
 class Filtered(Network):

@@ -25,6 +25,19 @@ def layer(of, x, is_rectified=False):
         return np.maximum(sums, 0.0) if is_rectified else 1.0 / (1.0 + np.exp(-sums))
 
 
+def place(about, outputs):
+    """The logit of where outputs lie between the targets, as the calibration takes them."""
+    (low, high), edge = about["targets"], about["calibration"].get("edge", 0.01)
+    share = np.clip((outputs - low) / (high - low), edge, 1 - edge)
+    return np.log(share / (1 - share))
+
+
+def probabilities(about, outputs):
+    """That cells of these outputs are untraversable."""
+    calibration = about["calibration"]
+    return 1 / (1 + np.exp(-(calibration["slope"] * place(about, outputs) + calibration["offset"])))
+
+
 def outputs(model, rows):
     """The mean of the members' outputs."""
     scaled, found = inputs(model["about"], rows), []

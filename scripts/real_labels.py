@@ -27,12 +27,11 @@ import pathlib
 import lightgbm
 import numpy as np
 import sklearn
-from sklearn.metrics import roc_auc_score
 
 import held_out
 import study
 from doubt import Network
-from real_scans import Learner, Places, default_of, run_name
+from real_scans import AREA, BALANCED, Learner, Places, default_of, run_name
 from transfer import outputs
 
 ROUNDS = [25, 50, 100, 200, 400]
@@ -93,17 +92,15 @@ class Judged:
     """A learner's figures at each site where it judges: those of all places, or of the sites with several."""
 
     def __init__(self, places, cells, scores, number, sites, rounds=None):
-        self.rounds, self.learners, self.areas = rounds, {}, {}
+        self.rounds, self.learners = rounds, {}
         for site in sites:
             judged = [place for place, kind in enumerate(places.kinds) if kind == site]
             self.learners[site] = Learner(places, cells, scores, number, judged)
-            area = lambda of, at: roc_auc_score(cells["label"][at], of[at])
-            self.areas[site] = float(np.mean([area(of, cells["place"] == place) for place in judged for of in scores]))
 
     def facts(self):
         return {"rounds": self.rounds, "sites": {site: {"balanced_accuracy": float(learner.mean()[0]), "missed_untraversable": float(learner.mean(0)[0]),
-                                                        "false_untraversable": float(learner.mean(1)[0]), "area": self.areas[site],
-                                                        "places": [float(rate) for rate in learner.rates[:, learner.judged, 2].mean(axis=0)]}
+                                                        "false_untraversable": float(learner.mean(1)[0]), "area": float(learner.mean(AREA)[0]),
+                                                        "places": [float(rate) for rate in learner.rates[:, learner.judged, BALANCED].mean(axis=0)]}
                                                  for site, learner in self.learners.items()}}
 
 
@@ -174,7 +171,7 @@ def main():
         row = [name, of.rounds or ""]
         for site in made.several:
             learner, base = of.learners[site], first.learners[site]
-            row += [held_out.told(learner.mean()), "" if of is first else held_out.told_difference(learner.mean(), base.mean()), f"{100 * of.areas[site]:.1f}"]
+            row += [held_out.told(learner.mean()), "" if of is first else held_out.told_difference(learner.mean(), base.mean()), f"{100 * learner.mean(AREA)[0]:.1f}"]
         rows.append(row + [f"{100 * of.learners[site].mean()[0]:.1f}" if site in of.learners else "" for site in made.sites if site not in made.several])
     head = ["learnt from", "rounds", *(title for site in made.several for title in (site, "less the first", "area")), *(site for site in made.sites if site not in made.several)]
     text = f"""# People's labels of real scans beside simulated yards

@@ -8,7 +8,8 @@ sensor, and which file of configs/labels says what a small rover can cross. No n
 decides something by a figure of this study needs other scans.
 
 What goes in: corpora of configs/mixed.yaml at each size, and at the middle one of scripts/broad.yaml. Networks by default learn them, with the labels as they are
-and, of the largest corpus, for the wheels of two rovers (`train --labels`); those of the largest judge a second and a third time, with the sensors said to stand 0.1 m lower and higher than elsewhere in this study, by which some other cells are judged; at the middle size the Kalman filter (configs/train/ekf.yaml) and
+and, of the largest corpus, for the wheels of two rovers (`train --labels`), and by the logarithmic loss in place of the squared one, with logistic neurons and with every second
+member of rectified ones; those of the largest judge a second and a third time, with the sensors said to stand 0.1 m lower and higher than elsewhere in this study, by which some other cells are judged; at the middle size the Kalman filter (configs/train/ekf.yaml) and
 trees (LightGBM, held_out.py) too. One threshold on the height difference within a cell is chosen on the validation scenes of the largest corpus.
 
 Each scan is read by `marsyard classify --sensor-height`, as a user without poses would: it fits the ground, levels the scan and bins it. A cell with a
@@ -18,6 +19,8 @@ the features and nowhere else, and cells of none but those are not judged.
 Scans of a place see nearly the same (of the streets: five scans of some 90 m), so rates are of all scans of a place together, and means are over places. Intervals of 95 %
 come from draws of places and of trainings, with the same draws of places for all learners, and of both recordings where a spot was recorded twice: they say how places
 of these kinds differ, not what another site has, for all of them are of four sites. Three trainings make them somewhat too narrow.
+
+The area under the ROC curve is of each place's cells by their output, and log loss of their calibrated probabilities, in nats; means over places.
 
 What comes out: rates of each place by the default network, its probabilities and what `--doubtful 1%` leaves; what share of the points of each label, such as wall or grass,
 lies in cells that the network of the first training calls untraversable; and of each learner the mean over places and of each site, with differences to the
@@ -33,6 +36,8 @@ import shutil
 import numpy as np
 import pyarrow.parquet as parquet
 import yaml
+
+from sklearn.metrics import roc_auc_score
 
 import held_out
 import study
@@ -53,6 +58,9 @@ ROVERS = ["pioneer-3at", "husky-a200"]
 #: What the stated height of a sensor may be off by.
 WRONG_BY_M = [-0.1, 0.1]
 DRAWS = 10_000
+LOGARITHMIC = ["filter.kronecker.loss=logarithmic"]
+#: Places of the measures of a learner at a place: its rates, and the area under its curve.
+BALANCED, AREA = 2, 3
 
 
 class Places:
@@ -132,7 +140,12 @@ class Learner:
         self.cells, self.scores = cells, scores
         self.judged = list(range(len(places.names))) if judged is None else judged
         by_place = {"label": cells["label"], "scene": cells["place"], "family_of_scene": places.names}
-        self.rates = held_out.rates(np.array([held_out.counts(by_place, of) for of in scores], dtype=float))
+        rates = held_out.rates(np.array([held_out.counts(by_place, of) for of in scores], dtype=float))
+        areas = np.full((len(scores), len(places.names), 1), np.nan)
+        for place in self.judged:
+            at = cells["place"] == place
+            areas[:, place, 0] = [roc_auc_score(cells["label"][at], of[at]) for of in scores]
+        self.rates = np.concatenate([rates, areas], axis=2)
         # Spots are drawn alike for all learners, with all that was recorded there, and each learner's trainings apart: the same seed says nothing of
         # another corpus.
         spots, spot_of = np.unique([places.spots[place] for place in self.judged], return_inverse=True)
@@ -141,12 +154,12 @@ class Learner:
         by_training = np.einsum("dp,tpr->dtr", drawn / drawn.sum(axis=1, keepdims=True), self.rates[:, self.judged])
         self.draws = np.take_along_axis(by_training, of_trainings[:, :, None], axis=1).mean(axis=1)
 
-    def mean(self, rate=2):
-        """The mean over places of a rate (missed, false, balanced accuracy), and its draws."""
+    def mean(self, rate=BALANCED):
+        """The mean over places of a rate (missed, false, balanced accuracy, area under the curve), and its draws."""
         return self.rates[:, self.judged, rate].mean(), self.draws[:, rate]
 
-    def of_kind(self, kinds_of_places, kind):
-        return self.rates[:, [of == kind for of in kinds_of_places], 2].mean()
+    def of_kind(self, kinds_of_places, kind, rate=BALANCED):
+        return self.rates[:, [of == kind for of in kinds_of_places], rate].mean()
 
 
 def default_of(scenes):
@@ -164,6 +177,7 @@ class Studied:
 
     def __init__(self, marsyard, places, sizes, seeds):
         self.marsyard, self.places, self.seeds, self.learners, self.cells = marsyard, places, seeds, {}, None
+        self.losses = {}
         corpora = {size: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}
         small, middle, large = sizes
         self.networks = self.network(default_of(large), corpora[large])
@@ -173,8 +187,11 @@ class Studied:
                        [outputs(network.exported, cells) for network in self.networks], cells)
         for wheel_m in map(wheel_of, ROVERS):
             self.network(f"the same, for a wheel of {wheel_m} m", corpora[large], [labels_for(wheel_m)])
+        self.network("the same, logarithmic loss", corpora[large], LOGARITHMIC)
+        self.network("the same, logarithmic loss, one rectified", corpora[large], [*LOGARITHMIC, "network.activation=both"])
         self.of_middle = default_of(middle)
         self.network(self.of_middle, corpora[middle])
+        self.network(f"{self.of_middle}, logarithmic loss", corpora[middle], LOGARITHMIC)
         self.network(default_of(small), corpora[small])
         self.network(f"Kalman filter, mixed.yaml, {middle} scenes", corpora[middle], study.KALMAN_FILTER)
         self.network(f"broad.yaml, {middle} scenes", marsyard.corpus(f"broad-{middle}", HERE / "broad.yaml", [], middle, held_out.PER_SHARD))
@@ -194,7 +211,11 @@ class Studied:
         if self.cells is None:
             self.classifier = runs[0].name
             self.cells = self.places.cells(self.classifier, runs[0])
-        self.learn(learner, [outputs(network.exported, self.cells) for network in networks])
+        scores = [outputs(network.exported, self.cells) for network in networks]
+        self.learn(learner, scores)
+        at, untraversable = self.cells["place"], self.cells["label"] == 1
+        of_places = lambda p: np.mean([log_loss(p[at == place], untraversable[at == place]) for place in range(len(self.places.names))])
+        self.losses[learner] = float(np.mean([of_places(network.probabilities(of)) for network, of in zip(networks, scores)]))
         return networks
 
     def trees(self, corpus, columns, seed):
@@ -212,7 +233,7 @@ def by_place(studied, default):
         probabilities = [network.probabilities(one) for network, one in zip(studied.networks, of)]
         error, loss = (float(np.mean([measure(p, untraversable) for p in probabilities])) for measure in (calibration_error, log_loss))
         left = doubtful_row(studied.networks, [{"test": [one]} for one in of], {"label": cells["label"][at]}, ALLOWED)
-        missed, false, balanced = (float(rate) for rate in default.rates[:, number].mean(axis=0))
+        missed, false, balanced = (float(rate) for rate in default.rates[:, number, :3].mean(axis=0))
         aside, _, missed_left, false_left = left
         rows.append([name, len(scans), f"{at.sum():,}", f"{100 * untraversable.mean():.1f}", *(f"{100 * rate:.1f}" for rate in (balanced, missed, false)),
                      f"{100 * error:.2f}", f"{loss:.3f}", aside, missed_left, false_left])
@@ -244,6 +265,9 @@ def main():
     compared = [[name, len(of.scores), held_out.told(of.mean()), less(of, default), less(of, middle), *(f"{100 * of.mean(rate)[0]:.1f}" for rate in (0, 1)),
                  *(f"{100 * of.of_kind(places.kinds, kind):.1f}" for kind in groups)] for name, of in learners.items()]
     head = ["", "scans", "cells", "untraversable", "balanced accuracy", "missed", "false", "calibration error", "log loss, nats", "doubtful at 1 %", "missed", "false"]
+    areas = [[name, held_out.told(of.mean(AREA)), "" if of is default else held_out.told_difference(of.mean(AREA), default.mean(AREA)),
+              f"{studied.losses[name]:.3f}" if name in studied.losses else "", *(f"{100 * of.of_kind(places.kinds, kind, AREA):.1f}" for kind in groups)]
+             for name, of in learners.items()]
     text = f"""# Networks from simulated yards on real scans
 
 `python scripts/real_scans.py --data FOLDER`, {study.versions(marsyard)['marsyard']}. {sum(map(len, places.scans))} scans of {len(places.list)} places; where they come from is said in scripts/real_scans.yaml, what is measured at the head of
@@ -266,10 +290,15 @@ Of the points in cells that were judged, with their label and what it stands for
 Means over places with intervals of 95 % over places (both recordings of a spot together) and trainings; differences in points. The height threshold is {studied.least_m:.3f} m.
 
 {study.markdown(["", "trainings", "balanced accuracy", "less the first", f"less {sizes[1]} scenes", "missed", "false", *groups], compared)}
+
+Of the same: the area under the ROC curve, percent, which knows no threshold, and the log loss of the model's probabilities, nats.
+
+{study.markdown(["", "area", "less the first", "log loss", *groups], areas)}
 """
     results = {"versions": study.versions(marsyard, np), "sizes": sizes, "seeds": seeds, "by_place": facts, "by_label": named, "height_threshold_m": studied.least_m,
                "learners": {name: {"trainings": len(of.scores), "balanced_accuracy": float(of.mean()[0]), "missed_untraversable": float(of.mean(0)[0]),
-                                   "false_untraversable": float(of.mean(1)[0]), "places": dict(zip(places.names, map(float, of.rates[:, :, 2].mean(axis=0))))}
+                                   "false_untraversable": float(of.mean(1)[0]), "area": float(of.mean(AREA)[0]), "log_loss_nats": studied.losses.get(name),
+                                   "areas": dict(zip(places.names, map(float, of.rates[:, :, AREA].mean(axis=0)))), "places": dict(zip(places.names, map(float, of.rates[:, :, BALANCED].mean(axis=0))))}
                             for name, of in learners.items()}}
     study.write_results(options.out, "real_scans", results, text)
 

@@ -59,7 +59,7 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
         let names = |key: &str| written.pointer(key).is_some();
         let [names_hidden, names_members, names_scores] =
             ["/network/hidden", "/network/members", "/network/normal_scores"].map(names);
-        let names_patience = names("/patience");
+        let [names_patience, names_targets] = ["/patience", "/targets"].map(names);
         match serde_json::from_value::<TrainParams>(written) {
             Ok(mut params) => {
                 let usual = TrainParams::usual_of(params.filter.clone());
@@ -74,6 +74,9 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
                 }
                 if !names_patience {
                     params.patience = usual.patience;
+                }
+                if !names_targets {
+                    params.targets = usual.targets;
                 }
                 let place = KeyPath { root: &root };
                 faults.extend(value_faults(&params, &place, "", Kind::Train));
@@ -183,6 +186,16 @@ mod tests {
     }
 
     #[test]
+    fn exact_the_logarithmic_loss_brings_its_targets_unless_others_are_named() {
+        let targets = |sets: &[&str]| {
+            load_train(None, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap().targets
+        };
+        assert_eq!(targets(&["filter.kronecker.rate=0.01"]), [0.1, 0.9]);
+        assert_eq!(targets(&["filter={kronecker: {loss: logarithmic}}"]), [0.0, 1.0]);
+        assert_eq!(targets(&["filter.kronecker.loss=logarithmic", "targets=[0.05, 0.95]"]), [0.05, 0.95]);
+    }
+
+    #[test]
     fn equal_a_resolved_config_and_what_it_is_read_to() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("train.yaml");
@@ -222,6 +235,7 @@ mod tests {
         let part = "train.yaml:1:23: 'network.activation: both' needs 2 members or more";
         assert!(told.contains(part) && told.contains("or members: 2"), "{part} in:\n{told}");
         assert!(faults("network: {activation: both}", &[]).starts_with("fine"));
+        assert!(faults("filter: {ekf: {loss: logarithmic}}", &[]).contains("unknown key 'loss'"));
         assert!(faults("filter: ekf", &[]).contains("write {ekf: {}} for its defaults"));
         let told = faults("labels: {obstacle: taller_than_wheel}", &[]);
         for part in [

@@ -39,8 +39,7 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::store::{is_temporary, read_folder};
 use crate::corpus::{LocalFolder, Store};
 use crate::train::memory::Held;
-use crate::train::params::NetworkParams;
-use crate::train::{Activation, TrainError, TrainParams, filter, folder};
+use crate::train::{TrainError, TrainParams, filter, folder, leave_unnoted};
 
 /// Hidden layers -> a config.
 pub(crate) type ConfigOf = dyn Fn(&[usize]) -> String + Sync;
@@ -163,15 +162,10 @@ fn identity(setup: &Setup) -> Json {
         hasher.update(networks::shown(hidden).as_bytes()).update(b"\n");
     }
     let mut config = json!(setup.params);
+    leave_unnoted(&mut config);
     // The widths are those of the networks that are searched.
-    let NetworkParams { bias, members, activation, normal_scores, .. } = setup.params.network;
-    config["network"] = json!({"bias": bias, "members": members});
-    if normal_scores {
-        // Earlier searches, of Kalman filters, did not note that they took none.
-        config["network"]["normal_scores"] = true.into();
-    }
-    if activation != Activation::Logistic {
-        config["network"]["activation"] = json!(activation);
+    if let Some(network) = config["network"].as_object_mut() {
+        network.remove("hidden");
     }
     json!({
         "data": setup.data,

@@ -2,7 +2,7 @@
 //! thresholds are worth.
 //!
 //! A network that learns targets t0 and t1 with both classes weighed alike gives no probability: its output is near t0 + (t1 - t0) p, p as
-//! if both classes were as frequent. Two numbers set both right: with q = (output - t0) / (t1 - t0), kept within [`EDGE`, 1 - `EDGE`],
+//! if both classes were as frequent. Two numbers set both right: with q = (output - t0) / (t1 - t0), kept within [edge, 1 - edge] ([`Loss::edge`]),
 //!
 //! ```text
 //! logit P(untraversable) = slope * logit q + offset
@@ -19,6 +19,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::params::Loss;
 use super::validation::each_group;
 use super::{Model, Sources, TrainError};
 use crate::corpus::Split;
@@ -31,6 +32,9 @@ use crate::statistics::scores::Scores;
 pub struct Calibration {
     pub slope: f64,
     pub offset: f64,
+    /// How near to a target an output tells something yet, in shares of the way between them; in models from before it was kept, that of a squared loss.
+    #[serde(default = "edge_of_squared", skip_serializing_if = "is_edge_of_squared")]
+    pub edge: f64,
     /// Traversable and untraversable cells that it was fitted to.
     pub cells: [u64; 2],
     /// Rising thresholds of the output; for each, the share of the untraversable cells below it, which are missed, and of the traversable
@@ -41,15 +45,12 @@ pub struct Calibration {
 /// Shares of a class that a curve has a threshold for, in each decade from 1e-4 on, up to one half.
 const SHARES: [f64; 6] = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0];
 
-/// Outputs so near their targets, in shares of the way between them, are as good as those at this distance.
-pub(super) const EDGE: f64 = 0.01;
-
 /// Newton's steps at most; a fit takes some ten.
 const MOST_STEPS: usize = 100;
 
 impl Calibration {
-    /// Of a model on the validation scenes of what it was trained on; `None` where they lack a class.
-    pub(super) fn of(model: &Model, sources: &Arc<Sources>) -> Result<Option<Calibration>, TrainError> {
+    /// Of a model that learnt by a loss, on the validation scenes of what it was trained on; `None` where they lack a class.
+    pub(super) fn of(model: &Model, loss: Loss, sources: &Arc<Sources>) -> Result<Option<Calibration>, TrainError> {
         let mut scores = Scores::new(1.0);
         each_group(Arc::clone(sources), Split::Validation, |rows| {
             let judged = rows
@@ -59,22 +60,23 @@ impl Calibration {
                 .filter(|(_, output)| !output.is_nan());
             judged.for_each(|(label, output)| scores.add(label.is_untraversable(), output));
         })?;
-        Ok(Calibration::of_scores(&scores, model.about.targets))
+        Ok(Calibration::of_scores(&scores, model.about.targets, loss.edge()))
     }
 
-    fn of_scores(scores: &Scores, targets: [f64; 2]) -> Option<Calibration> {
+    fn of_scores(scores: &Scores, targets: [f64; 2], edge: f64) -> Option<Calibration> {
         let cells = scores.totals();
         if cells.contains(&0) {
             return None;
         }
-        let bins: Vec<Bin> = scores.bins().map(|(output, cells)| Bin { x: place(output, targets), cells }).collect();
+        let bin = |(output, cells)| Bin { x: place(output, targets, edge), cells };
+        let bins: Vec<Bin> = scores.bins().map(bin).collect();
         let [slope, offset] = fit(&bins, cells);
-        Some(Calibration { slope, offset, cells, curve: curve(scores) })
+        Some(Calibration { slope, offset, edge, cells, curve: curve(scores) })
     }
 
     /// The probability that a cell of that output is untraversable; NaN for NaN.
     pub(crate) fn probability(&self, output: f64, targets: [f64; 2]) -> f64 {
-        sigmoid(self.slope * place(output, targets) + self.offset)
+        sigmoid(self.slope * place(output, targets, self.edge) + self.offset)
     }
 
     /// The highest threshold of the curve that misses at most that share of the untraversable cells.
@@ -100,20 +102,34 @@ impl Calibration {
         if ![self.slope, self.offset].iter().all(|number| number.abs() <= MOST) {
             return Some(format!("a calibration of slope {} and offset {}", self.slope, self.offset));
         }
+        if !(LEAST_EDGE..0.5).contains(&self.edge) {
+            return Some(format!("a calibration with an edge of {}, not of {LEAST_EDGE} to 0.5", self.edge));
+        }
         let sound =
             self.curve.len() <= MOST_POINTS && self.curve.iter().all(in_unit) && self.curve.windows(2).all(rising);
         (!sound).then(|| "thresholds of the validation scenes that do not rise within 0 and 1".into())
     }
 }
 
-/// Beyond any slope or offset that a fit gives: Platt's targets keep it below the logarithm of the number of cells, over that of `EDGE`.
+/// Beyond any slope or offset that a fit gives: Platt's targets keep it below the logarithm of the number of cells, over that of the edge.
 const MOST: f64 = 1e6;
+/// Less than any loss has, and enough for a logit that is finite.
+const LEAST_EDGE: f64 = 1e-9;
 /// More than a curve has.
 const MOST_POINTS: usize = 256;
 
+fn edge_of_squared() -> f64 {
+    Loss::Squared.edge()
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // serde hands over a reference.
+fn is_edge_of_squared(edge: &f64) -> bool {
+    *edge == edge_of_squared()
+}
+
 /// The logit of where an output lies between its targets.
-fn place(output: f64, [low, high]: [f64; 2]) -> f64 {
-    let share = ((output - low) / (high - low)).clamp(EDGE, 1.0 - EDGE);
+fn place(output: f64, [low, high]: [f64; 2], edge: f64) -> f64 {
+    let share = ((output - low) / (high - low)).clamp(edge, 1.0 - edge);
     math::ln(share / (1.0 - share))
 }
 
@@ -129,15 +145,15 @@ struct Bin {
 }
 
 /// Platt's loss at a slope and an offset, its gradient, and its second derivatives (slope, both, offset).
-struct Loss {
+struct LogLoss {
     value: f64,
     gradient: [f64; 2],
     curvature: [f64; 3],
 }
 
-impl Loss {
-    fn at(bins: &[Bin], targets: [f64; 2], [slope, offset]: [f64; 2]) -> Loss {
-        let mut loss = Loss { value: 0.0, gradient: [0.0; 2], curvature: [0.0; 3] };
+impl LogLoss {
+    fn at(bins: &[Bin], targets: [f64; 2], [slope, offset]: [f64; 2]) -> LogLoss {
+        let mut loss = LogLoss { value: 0.0, gradient: [0.0; 2], curvature: [0.0; 3] };
         for Bin { x, cells } in bins {
             let z = slope * x + offset;
             let p = sigmoid(z);
@@ -163,7 +179,7 @@ fn fit(bins: &[Bin], [traversable, untraversable]: [u64; 2]) -> [f64; 2] {
     let (low, high) = (traversable as f64, untraversable as f64);
     let targets = [1.0 / (low + 2.0), (high + 1.0) / (high + 2.0)];
     let mut at = [0.0, math::ln((high + 1.0) / (low + 1.0))];
-    let mut loss = Loss::at(bins, targets, at);
+    let mut loss = LogLoss::at(bins, targets, at);
     for _ in 0..MOST_STEPS {
         // A ridge: where all cells are of one place, no slope is better than another.
         let [a, b, c] = loss.curvature;
@@ -175,7 +191,7 @@ fn fit(bins: &[Bin], [traversable, untraversable]: [u64; 2]) -> [f64; 2] {
         let lengths = std::iter::successors(Some(1.0), |length| Some(0.5 * length)).take(HALVINGS);
         let downhill = lengths.map(|length: f64| {
             let there = [at[0] + length * step[0], at[1] + length * step[1]];
-            let found = Loss::at(bins, targets, there);
+            let found = LogLoss::at(bins, targets, there);
             (found.value < loss.value + ARMIJO * length * descent).then_some((there, found))
         });
         // No step is downhill: the least loss that the arithmetic can tell.

@@ -9,7 +9,7 @@
 //!    between their `score`; beyond the outermost it is theirs, and where there is `unseen`, an x of exactly 0 has that.
 //! 4. For each layer of a member 1 / (1 + exp(-(weights x + biases))); where `about.activation` is `relu`, or `both` and the member the second,
 //!    the fourth and so on, max(0, weights x + biases) for each layer but the last. The output is the mean of the members'.
-//! 5. Where the model has a calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [0.01, 0.99], gives the probability
+//! 5. Where the model has a calibration, q = (output - t0) / (t1 - t0) by its targets, kept within [e, 1 - e], e its `edge` or 0.01, gives the probability
 //!    1 / (1 + exp(-(slope ln(q / (1 - q)) + offset))).
 
 use serde::Serialize;
@@ -165,7 +165,8 @@ mod tests {
                 let mean = of_members.iter().sum::<f64>() / of_members.len() as f64;
                 assert!((mean - output).abs() < 1e-14, "{mean} {output}");
                 let (about, [low, high]) = (&value["about"]["calibration"], model.about.targets);
-                let share = ((output - low) / (high - low)).clamp(0.01, 0.99);
+                let edge = about["edge"].as_f64().unwrap_or(0.01);
+                let share = ((output - low) / (high - low)).clamp(edge, 1.0 - edge);
                 let [slope, offset] = ["slope", "offset"].map(|name| about[name].as_f64().unwrap());
                 let logit = slope * math::ln(share / (1.0 - share)) + offset;
                 assert!((1.0 / (1.0 + math::exp(-logit)) - probability).abs() < 1e-14, "{probability}");

@@ -52,7 +52,7 @@ pub use network::{Activation, Layout, Network};
 pub use normal_scores::NormalScores;
 pub use operating_point::OperatingPoint;
 pub use params::{FeatureSet, TrainParams};
-pub(crate) use run::as_noted_now;
 pub use run::{Event, Outcome, Setup, Tell, train};
+pub(crate) use run::{as_noted_now, leave_unnoted};
 pub use scaler::Scaler;
 pub use source::{Source, Sources};

@@ -23,7 +23,7 @@ use crate::drive::Rover;
 use crate::sweep::Sensor;
 
 /// Version of the model format; files of every earlier one are read.
-pub const MODEL_FORMAT: u32 = 6;
+pub const MODEL_FORMAT: u32 = 7;
 
 /// What a model is and was trained on.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,6 @@
 //! output is marsyard's own to the rounding of a float: a feature with a large mean and a small spread would lose it in float.
 //! The model's metadata stand in `metadata_props` under `marsyard`.
 
-use super::calibration::EDGE;
 use super::network::{LayerOf, Neuron};
 use super::{Model, NormalScores};
 
@@ -68,8 +67,8 @@ pub(crate) fn onnx(model: &Model) -> Vec<u8> {
         let numbers = [
             ("target", low),
             ("span", high - low),
-            ("edge", EDGE),
-            ("other_edge", 1.0 - EDGE),
+            ("edge", calibration.edge),
+            ("other_edge", 1.0 - calibration.edge),
             ("one", 1.0),
             ("slope", calibration.slope),
             ("offset", calibration.offset),

@@ -65,7 +65,7 @@ mod tests {
         let mut about = model(&["a"], &[2], true).about;
         // Threshold, missed, false alarms.
         let curve = vec![[0.1, 0.0, 0.9], [0.3, 0.01, 0.2], [0.5, 0.05, 0.04], [0.6, 0.2, 0.01], [0.9, 1.0, 0.0]];
-        about.calibration = Some(Calibration { slope: 1.0, offset: 0.0, cells: [100, 100], curve });
+        about.calibration = Some(Calibration { slope: 1.0, offset: 0.0, edge: 0.01, cells: [100, 100], curve });
         about
     }
 

@@ -28,7 +28,7 @@ pub struct TrainParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelRule>,
-    /// Outputs for traversable and untraversable.
+    /// Outputs for traversable and untraversable; default: [0.1, 0.9], where the loss is logarithmic [0, 1], by which the output is a probability.
     #[garde(inner(custom(within(0.0, 1.0))))]
     pub targets: [f64; 2],
     /// Ascending borders between classes of the output.
@@ -86,11 +86,12 @@ impl Default for TrainParams {
 }
 
 impl TrainParams {
-    /// By a filter, with the network and the patience that are usual for it.
+    /// By a filter, with the network, the targets and the patience that are usual for it.
     pub(crate) fn usual_of(filter: FilterParams) -> TrainParams {
         TrainParams {
             network: filter.usual_network(),
             patience: filter.usual_patience(),
+            targets: filter.loss().usual_targets(),
             filter,
             ..TrainParams::default()
         }
@@ -231,6 +232,16 @@ impl FilterParams {
         }
     }
 
+    /// What it lowers.
+    pub(crate) fn loss(&self) -> Loss {
+        match self {
+            FilterParams::Kronecker(params) => params.loss,
+            FilterParams::Ekf(_) | FilterParams::Decoupled(_) | FilterParams::Backprop(_) | FilterParams::Ukf(_) => {
+                Loss::Squared
+            }
+        }
+    }
+
     /// The network where a config names none: a Kalman filter's cost grows with the square of the weights, and its network is the paper's.
     pub(crate) fn usual_network(&self) -> NetworkParams {
         let by_batches = self.learns_by_batches();
@@ -275,11 +286,52 @@ pub struct KroneckerParams {
     /// Size of a step, each direction in units of its gradients' root mean square.
     #[garde(custom(within(1e-6, 1.0)))]
     pub rate: f64,
+    /// What steps lower.
+    #[garde(skip)]
+    pub loss: Loss,
 }
 
 impl Default for KroneckerParams {
     fn default() -> Self {
-        KroneckerParams { rate: 0.005 }
+        KroneckerParams { rate: 0.005, loss: Loss::Squared }
+    }
+}
+
+/// What an output costs; with either, a row's least is where the output is what the label is on average.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Loss {
+    /// Half of (target - output)^2, as the Kalman filters have it.
+    Squared,
+    /// -t ln output - (1 - t) ln(1 - output) of a target t: what is surely right or wrong is told apart down to the smallest shares.
+    Logarithmic,
+}
+
+impl Loss {
+    /// Outputs for both classes where a config names none.
+    fn usual_targets(self) -> [f64; 2] {
+        match self {
+            Loss::Squared => [0.1, 0.9],
+            Loss::Logarithmic => [0.0, 1.0],
+        }
+    }
+
+    /// d (weight * loss) / d sum of the output neuron, of the output.
+    #[inline]
+    pub(crate) fn slope(self, weight: f64, output: f64, target: f64) -> f64 {
+        match self {
+            Loss::Squared => weight * (output - target) * output * (1.0 - output),
+            Loss::Logarithmic => weight * (output - target),
+        }
+    }
+
+    /// Outputs nearer to their targets than this, in shares of the way between these, tell no more than one at this distance: a squared error that
+    /// small teaches nothing.
+    pub(crate) fn edge(self) -> f64 {
+        match self {
+            Loss::Squared => 0.01,
+            Loss::Logarithmic => 1e-4,
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use marsyard::math;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::{Counters, FilterState, build_unchecked};
 use marsyard::train::params::{
-    BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, KroneckerParams, NoiseParams, Precision,
+    BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, KroneckerParams, Loss, NoiseParams, Precision,
     RowsLearnt, Schedule, UkfParams,
 };
 use marsyard::train::{Activation, Layout, Network};
@@ -238,18 +238,23 @@ fn extreme_grid_the_plain_form_keeps_weights_finite_and_says_when_it_rebuilt() {
 fn extreme_grid_by_batches_weights_stay_finite_and_rows_are_counted() {
     // In the place of P0 and Q stand the rate and the members; R is what a row weighs, the other way round.
     let by_members = [
-        ("logistic neurons", [Activation::Logistic; 2]),
-        ("rectified neurons, of two networks in the second", [Activation::Relu, Activation::Both]),
+        ("logistic neurons", [Activation::Logistic; 2], Loss::Squared),
+        ("rectified neurons, of two networks in the second", [Activation::Relu, Activation::Both], Loss::Squared),
+        (
+            "logistic neurons, of two networks one of rectified, by the logarithmic loss",
+            [Activation::Logistic, Activation::Both],
+            Loss::Logarithmic,
+        ),
     ];
-    for (neurons, activations) in by_members {
+    for (neurons, activations, loss) in by_members {
         let (mut runs, mut rejecting, mut descents) = (0, 0, 0);
         for (k, Run { case, r, .. }) in grid().enumerate() {
             let (rate, members, activation) = (RATES[k / 2 % 5], 1 + k % 2, activations[k % 2]);
             let run = Run { case, r, p0: 0.0, q: 0.0 };
             let layout = Layout { members, activation, ..S87.network().layout };
-            let params = FilterParams::Kronecker(KroneckerParams { rate });
+            let params = FilterParams::Kronecker(KroneckerParams { rate, loss });
             let (counters, finite, _) = run.train_by(&params, Network::random(layout, &streams()), &S87);
-            let name = format!("{}, R {r:e}, rate {rate}, {members} members, {activation:?}", CASES[case]);
+            let name = format!("{}, R {r:e}, rate {rate}, {members} members, {activation:?}, {loss:?}", CASES[case]);
             assert!(finite, "{name}");
             assert_eq!(counters.updates + counters.rejected, S87.updates as u64, "{name}");
             // With sane features no row is rejected, whatever it weighs: steps are in units of the gradients' own size.

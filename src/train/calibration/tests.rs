@@ -2,6 +2,7 @@ use super::*;
 use crate::random::{Purpose, Stage, Streams};
 
 const TARGETS: [f64; 2] = [0.1, 0.9];
+const EDGE: f64 = 0.01;
 
 fn of(cells: impl IntoIterator<Item = (f64, [u64; 2])>) -> Option<Calibration> {
     let mut scores = Scores::new(1.0);
@@ -10,7 +11,7 @@ fn of(cells: impl IntoIterator<Item = (f64, [u64; 2])>) -> Option<Calibration> {
             (0..count).for_each(|_| scores.add(class, output));
         }
     }
-    Calibration::of_scores(&scores, TARGETS)
+    Calibration::of_scores(&scores, TARGETS, EDGE)
 }
 
 #[test]
@@ -39,14 +40,14 @@ fn statistics_a_logistic_law_is_found_again_within_its_standard_errors() {
         let mut scores = Scores::new(1.0);
         for k in 0..4000 {
             let output = 0.12 + 0.76 * random.uniform(2 * k);
-            let x = place(output, TARGETS);
+            let x = place(output, TARGETS, EDGE);
             let p = sigmoid(slope * x + offset);
             scores.add(random.uniform(2 * k + 1) < p, output);
             for (sum, term) in information.iter_mut().zip([x * x, x, 1.0]) {
                 *sum += p * (1.0 - p) * term;
             }
         }
-        let found = Calibration::of_scores(&scores, TARGETS).unwrap();
+        let found = Calibration::of_scores(&scores, TARGETS, EDGE).unwrap();
         let [a, b, c] = information;
         let determinant = a * c - b * b;
         let sigmas = [(c / determinant).sqrt(), (a / determinant).sqrt()];

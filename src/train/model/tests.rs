@@ -48,6 +48,7 @@ pub(crate) fn ensemble(members: usize, features: &[&str], hidden: &[usize], bias
         calibration: Some(Calibration {
             slope: 1.5,
             offset: -0.75,
+            edge: 1e-4,
             cells: [900, 100],
             curve: vec![[0.25, 0.01, 0.2], [0.5, 0.05, 0.03], [0.75, 0.3, 0.005]],
         }),
@@ -269,9 +270,9 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
         let error = Model::load(bytes).unwrap_err().to_string();
         assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
     }
-    let newer = small().about.to_json().replace("\"marsyard_model\":6", "\"marsyard_model\":7");
+    let newer = small().about.to_json().replace("\"marsyard_model\":7", "\"marsyard_model\":8");
     let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
-    assert!(error.contains("format 7, this marsyard reads formats 1 to 6"), "{error}");
+    assert!(error.contains("format 8, this marsyard reads formats 1 to 7"), "{error}");
     let whole = small().save().unwrap();
     for end in 0..whole.len() {
         assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");

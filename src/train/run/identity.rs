@@ -4,12 +4,14 @@ use serde_json::{Value as Json, json};
 
 use super::Setup;
 use crate::corpus::sha256;
+use crate::train::params::Loss;
 use crate::train::{Activation, TrainError};
 
 /// What runs of an earlier marsyard did not note.
 const SHARDS: &str = "shards_sha256";
 const SCORES: &str = "normal_scores";
 const ACTIVATION: &str = "activation";
+const LOSS: &str = "loss";
 
 /// What must be the same for a run to go on.
 pub(super) fn of(setup: &Setup) -> Json {
@@ -42,16 +44,33 @@ pub(super) fn of(setup: &Setup) -> Json {
 /// A run's name for itself: the SHA-256 of what it was begun with, without what earlier runs of the same bits did not note.
 pub(super) fn run_id(identity: &Json) -> String {
     let mut sorted = identity.clone();
-    let network = sorted.pointer_mut("/config/network").and_then(Json::as_object_mut);
-    if let Some(network) = network {
-        for (key, silent) in [(SCORES, json!(false)), (ACTIVATION, json!(Activation::Logistic))] {
-            if network.get(key) == Some(&silent) {
-                network.remove(key);
-            }
-        }
+    if let Some(config) = sorted.get_mut("config") {
+        leave_unnoted(config);
     }
     sorted.sort_all_objects();
     sha256(sorted.to_string().as_bytes())
+}
+
+/// What earlier runs did not note, where it stands in a config, and what it was of theirs.
+fn silent() -> [(&'static str, &'static str, Json); 3] {
+    [
+        ("/network", SCORES, json!(false)),
+        ("/network", ACTIVATION, json!(Activation::Logistic)),
+        ("/filter/kronecker", LOSS, json!(Loss::Squared)),
+    ]
+}
+
+fn part_of<'c>(config: &'c mut Json, place: &str) -> Option<&'c mut serde_json::Map<String, Json>> {
+    config.pointer_mut(place).and_then(Json::as_object_mut)
+}
+
+/// Takes out of a config what earlier runs of the same bits did not note.
+pub(crate) fn leave_unnoted(config: &mut Json) {
+    for (place, key, silent) in silent() {
+        if let Some(part) = part_of(config, place).filter(|part| part.get(key) == Some(&silent)) {
+            part.remove(key);
+        }
+    }
 }
 
 /// Refuses to go on with a run that was begun otherwise, and says in what.
@@ -71,12 +90,14 @@ pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), Trai
     Ok(())
 }
 
-/// The config; where it is of an earlier marsyard, with what that did and did not note: it learnt every row, took no normal scores, and had logistic neurons.
+/// The config; where it is of an earlier marsyard, with what that did and did not note: it learnt every row, took no normal scores, had logistic
+/// neurons, and lowered the squared error.
 pub(crate) fn as_noted_now(there: &Json) -> Json {
     let mut config = there.clone();
-    if let Some(network) = config.pointer_mut("/network").and_then(Json::as_object_mut) {
-        network.entry(SCORES).or_insert(Json::Bool(false));
-        network.entry(ACTIVATION).or_insert_with(|| json!(Activation::Logistic));
+    for (place, key, was) in silent() {
+        if let Some(part) = part_of(&mut config, place) {
+            part.entry(key).or_insert(was);
+        }
     }
     if let Some(ekf) = config.pointer_mut("/filter/ekf").and_then(Json::as_object_mut) {
         ekf.entry("rows").or_insert_with(|| json!("every"));
@@ -114,6 +135,21 @@ mod tests {
         assert_ne!(run_id(&earlier), run_id(&rectified));
         assert_eq!(as_noted_now(&earlier["config"]), none["config"]);
         assert_eq!(as_noted_now(&scores["config"]), scores["config"]);
+    }
+
+    #[test]
+    fn equal_runs_of_batches_by_squares_and_those_that_knew_no_other_loss() {
+        let of = |kronecker: Json| json!({"config": {"network": {"hidden": [4]}, "filter": {"kronecker": kronecker}}});
+        let [earlier, squares, logarithms] = [
+            json!({"rate": 0.005}),
+            json!({"rate": 0.005, "loss": "squared"}),
+            json!({"rate": 0.005, "loss": "logarithmic"}),
+        ]
+        .map(of);
+        assert_eq!(run_id(&earlier), run_id(&squares));
+        assert_ne!(run_id(&earlier), run_id(&logarithms));
+        assert_eq!(as_noted_now(&earlier["config"])["filter"], squares["config"]["filter"]);
+        assert_eq!(as_noted_now(&logarithms["config"])["filter"], logarithms["config"]["filter"]);
     }
 
     #[test]

@@ -19,7 +19,7 @@ use serde_json::Value as Json;
 
 use self::checkpoint::Cursor;
 use self::finished::Finished;
-pub(crate) use self::identity::as_noted_now;
+pub(crate) use self::identity::{as_noted_now, leave_unnoted};
 pub(crate) use self::summary::Summary;
 use super::filter::Counters;
 use super::folder::{self, RunFolder};

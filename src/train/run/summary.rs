@@ -162,7 +162,7 @@ pub(super) fn model_of(setup: &Setup, run_id: String, scaler: Scaler, network: N
     let mut model = Model { network, about, sha256: None };
     // They read different splits, and neither needs the other: two threads read at once.
     let of_train = || quantiles::of_train_split(sources, params.seed, &model.about.scaler);
-    let (quantiles, calibration) = rayon::join(of_train, || Calibration::of(&model, sources));
+    let (quantiles, calibration) = rayon::join(of_train, || Calibration::of(&model, params.filter.loss(), sources));
     (model.about.quantiles, model.about.calibration) = (quantiles?, calibration?);
     Ok(model)
 }

@@ -45,11 +45,18 @@ fn with_both() -> TrainParams {
     params
 }
 
+/// By batches, a probability.
+fn by_logarithms() -> TrainParams {
+    with(&["filter={kronecker: {rate: 0.02, loss: logarithmic}}", "network.hidden=[8, 8]", "epochs=4", "patience=20"])
+}
+
 #[test]
 fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    for (filter, params) in [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both())] {
+    for (filter, params) in
+        [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both()), ("logarithmic", by_logarithms())]
+    {
         let one = |name: &str, ahead: usize, threads: usize| {
             let out = dir.path().join(format!("{filter}-{name}"));
             let setup = Setup { ahead, ..setup(std::slice::from_ref(&place), &params, out).unwrap() };
@@ -68,7 +75,9 @@ fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
 fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    for (filter, params) in [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both())] {
+    for (filter, params) in
+        [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both()), ("logarithmic", by_logarithms())]
+    {
         let of =
             |name: String| setup(std::slice::from_ref(&place), &params, dir.path().join(filter).join(name)).unwrap();
         let whole = of("whole".into());

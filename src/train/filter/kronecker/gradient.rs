@@ -1,13 +1,14 @@
-//! Rows and weights -> the gradient of half their weighted squared error, layer by layer.
+//! Rows and weights -> the gradient of their weighted loss, layer by layer.
 //!
 //! Micro-batches are computed apart, by as many threads as there are, and added in their order: the number of threads changes no bit. All is
-//! of f32 but the error and its slope. Same network as [`Network`](crate::train::Network), its bias an input that is 1.
+//! of f32 but the slope of the loss. Same network as [`Network`](crate::train::Network), its bias an input that is 1.
 
 use crate::train::Layout;
 use crate::train::filter::lanes::Isa;
 use crate::train::network::Neuron;
 use crate::train::network::forward::{ForwardWeights, MICRO_BATCH_ROWS, Values};
 use crate::train::network::matrix::{Matrix, times, transposed_times};
+use crate::train::params::Loss;
 
 /// A row to learn: its scaled inputs, its target, and 1 / R.
 pub(super) struct Row<'a> {
@@ -19,7 +20,7 @@ pub(super) struct Row<'a> {
 /// Some rows on their way through a member and back.
 pub(super) struct MicroBatch {
     values: Values,
-    /// d error / d sum of each neuron, by layer: [rows, neurons].
+    /// d loss / d sum of each neuron, by layer: [rows, neurons].
     slopes: Vec<Matrix>,
     /// The gradient by layer: [neurons, inputs + 1].
     pub gradients: Vec<Matrix>,
@@ -37,7 +38,7 @@ impl MicroBatch {
 
     /// The gradient of up to [`MICRO_BATCH_ROWS`] rows at these weights, one matrix a layer, [neurons, inputs + 1]; `forward`: the same
     /// weights, as rows meet them.
-    pub(super) fn run(&mut self, weights: &[&Matrix], forward: &ForwardWeights, rows: &[Row], isa: Isa) {
+    pub(super) fn run(&mut self, weights: &[&Matrix], forward: &ForwardWeights, rows: &[Row], loss: Loss, isa: Isa) {
         let MicroBatch { values, slopes, gradients } = self;
         values.set_rows(rows.iter().map(|row| row.inputs));
         values.run(forward, isa);
@@ -46,7 +47,7 @@ impl MicroBatch {
             // Places without a row teach nothing.
             let slope = rows.get(place).map_or(0.0, |row| {
                 let y = f64::from(values.outputs.get(0, place));
-                row.weight * (y - row.target) * y * (1.0 - y)
+                loss.slope(row.weight, y, row.target)
             });
             slopes[last].set(place, 0, slope as f32);
         }

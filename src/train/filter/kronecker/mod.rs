@@ -26,7 +26,7 @@ use super::state::{Reader, Writer};
 use super::{Counters, Filter, FilterError, FilterState};
 use crate::math;
 use crate::train::network::forward::{ForwardWeights, MICRO_BATCH_ROWS};
-use crate::train::params::KroneckerParams;
+use crate::train::params::{KroneckerParams, Loss};
 use crate::train::{Layout, Network};
 
 const KIND: &str = "kronecker-f32";
@@ -59,6 +59,7 @@ pub(super) struct Kronecker {
 /// One network of several, which learns as if it were alone.
 struct Member {
     rate: f64,
+    loss: Loss,
     isa: Isa,
     layers: Vec<Layer>,
     /// Their weights, as rows meet them.
@@ -94,6 +95,7 @@ impl Member {
         let micro_batches = BATCH_ROWS[1].div_ceil(MICRO_BATCH_ROWS as u64);
         Member {
             rate: params.rate,
+            loss: params.loss,
             isa: Isa::detect(),
             layers: layout.layers().map(|(inputs, neurons)| Layer::new(neurons, inputs + bias)).collect(),
             forward: ForwardWeights::new(layout, number),
@@ -136,12 +138,14 @@ impl Member {
 
     /// Adds the gradient of rows that fit into the batch.
     fn gather(&mut self, rows: &[Row], is_shared: bool) {
-        let Member { layers, forward, micro_batches, isa, .. } = self;
+        let Member { layers, forward, micro_batches, loss, isa, .. } = self;
         let weights: Vec<_> = layers.iter().map(|layer| &layer.weights).collect();
         forward.set(weights.iter().copied(), *isa);
         let micro_batches = &mut micro_batches[..rows.len().div_ceil(MICRO_BATCH_ROWS)];
         let parts: Vec<_> = rows.chunks(MICRO_BATCH_ROWS).collect();
-        each(micro_batches, is_shared, |number, micro_batch| micro_batch.run(&weights, forward, parts[number], *isa));
+        each(micro_batches, is_shared, |number, micro_batch| {
+            micro_batch.run(&weights, forward, parts[number], *loss, *isa)
+        });
         for micro_batch in micro_batches {
             layers.iter_mut().zip(&micro_batch.gradients).for_each(|(layer, gradient)| {
                 layer.gradient.change_by(gradient, *isa, |x, y| x + y);

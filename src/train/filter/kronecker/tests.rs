@@ -12,7 +12,7 @@ use crate::train::filter::{Counters, FilterState, build};
 use crate::train::network::Activations;
 use crate::train::network::forward::ForwardWeights;
 use crate::train::network::matrix::{Matrix, times, times_transposed, transposed_times};
-use crate::train::params::{FilterParams, KroneckerParams};
+use crate::train::params::{FilterParams, KroneckerParams, Loss};
 use crate::train::{Activation, Layout, Network};
 
 fn normals(seed: u64, count: usize) -> Vec<f64> {
@@ -90,7 +90,7 @@ fn equal_bits_of_gradients_bases_and_steps_on_every_instruction_set() {
             for (steps, count) in [64, 37, 64, 1].into_iter().enumerate() {
                 let of: Vec<&Matrix> = layers.iter().map(|layer| &layer.weights).collect();
                 forward.set(of.iter().copied(), isa);
-                micro_batch.run(&of, &forward, &rows[64 - count..], isa);
+                micro_batch.run(&of, &forward, &rows[64 - count..], Loss::Squared, isa);
                 for (layer, gradient) in layers.iter_mut().zip(&micro_batch.gradients) {
                     layer.gradient.change_by(gradient, isa, |x, y| x + y);
                     // Bases are turned at each step.
@@ -158,8 +158,10 @@ fn extreme_a_basis_stays_orthonormal_whatever_the_covariance() {
 fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
     let shapes = [(&[6, 4][..], true), (&[64, 64], true), (&[15, 17], true), (&[5], false), (&[], true)];
     let (inputs, count) = (23, 37);
-    for (network, hidden, bias) in shapes.into_iter().flat_map(|(hidden, bias)| {
-        [network(inputs, hidden, bias), rectified(inputs, hidden, bias)].map(|network| (network, hidden, bias))
+    for (network, hidden, bias, loss) in shapes.into_iter().flat_map(|(hidden, bias)| {
+        let [logistic, rectified] = [network(inputs, hidden, bias), rectified(inputs, hidden, bias)];
+        [(logistic.clone(), Loss::Squared), (logistic, Loss::Logarithmic), (rectified, Loss::Squared)]
+            .map(|(network, loss)| (network, hidden, bias, loss))
     }) {
         let values = normals(11, inputs * count);
         let target = |k: usize| if k.is_multiple_of(3) { 0.9 } else { 0.1 };
@@ -176,18 +178,24 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
         let mut micro_batch = MicroBatch::new(&network.layout);
         // More rows first: what they leave behind must not count.
         let more: Vec<Row> = rows.iter().chain(&rows).map(|row| Row { ..*row }).take(64).collect();
-        micro_batch.run(&of, &forward, &more, Isa::detect());
-        micro_batch.run(&of, &forward, &rows, Isa::detect());
+        micro_batch.run(&of, &forward, &more, loss, Isa::detect());
+        micro_batch.run(&of, &forward, &rows, loss, Isa::detect());
         let mut wanted = vec![0.0; network.weights.len()];
         let (mut slopes, mut tape) = (wanted.clone(), Activations::default());
         for (k, inputs) in values.chunks(inputs).enumerate() {
             let output = network.gradient(inputs, &mut tape, &mut slopes);
-            wanted.iter_mut().zip(&slopes).for_each(|(sum, slope)| *sum += weight(k) * (output - target(k)) * slope);
+            let off = output - target(k);
+            let by_output = match loss {
+                Loss::Squared => off,
+                // d/dy of -t ln y - (1 - t) ln(1 - y).
+                Loss::Logarithmic => off / (output * (1.0 - output)),
+            };
+            wanted.iter_mut().zip(&slopes).for_each(|(sum, slope)| *sum += weight(k) * by_output * slope);
         }
         let most = wanted.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let found: Vec<f64> = micro_batch.gradients.iter().flat_map(Matrix::values).map(f64::from).collect();
         let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(off < 2e-6 * most, "{hidden:?}, {:?}: {off} of {most}", network.layout.activation);
+        assert!(off < 2e-6 * most, "{hidden:?}, {:?}, {loss:?}: {off} of {most}", network.layout.activation);
         // What lies behind the last column stays nought.
         let padded = |m: &Matrix| m.padded().filter(|x| **x != 0.0).count();
         assert!(micro_batch.gradients.iter().all(|m| padded(m) == m.values().filter(|x| *x != 0.0).count()));
@@ -235,7 +243,14 @@ fn extreme_a_batch_whose_squares_are_not_finite_is_left_out_whole() {
     let mut start = network(8, &[4], true);
     // Neurons that are not saturated, whatever the inputs: then the first layer's gradient is too large, the last one's is not.
     start.weights[..9 * 4].fill(0.0);
-    let fresh = || build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &start.layout, 1e6).unwrap();
+    let fresh = || {
+        build(
+            &FilterParams::Kronecker(KroneckerParams { rate: 0.02, ..KroneckerParams::default() }),
+            &start.layout,
+            1e6,
+        )
+        .unwrap()
+    };
     let (mut filter, mut network) = (fresh(), start.clone());
     filter.learn(&mut network, &[1e6; 64 * 8], &[0.9; 64], &[1e-15; 64]);
     assert_eq!(filter.counters(), Counters { rejected: 64, clipped: 64, ..Counters::default() });
@@ -268,7 +283,12 @@ fn learnt_by(
         inputs.iter_mut().step_by(97).for_each(|x| *x = 8.0);
         noise.iter_mut().step_by(31).for_each(|noise| *noise = 1e-12);
     }
-    let mut filter = build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &network.layout, 8.0).unwrap();
+    let mut filter = build(
+        &FilterParams::Kronecker(KroneckerParams { rate: 0.02, ..KroneckerParams::default() }),
+        &network.layout,
+        8.0,
+    )
+    .unwrap();
     filter.share_work();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| {
@@ -283,6 +303,29 @@ fn learnt_by(
 /// Members of 16-16 neurons, logistic and rectified by turns.
 fn of_both(members: usize) -> Network {
     drawn(Activation::Both, members, 8, &[16, 16], true)
+}
+
+#[test]
+fn exact_by_either_loss_outputs_are_the_shares_of_the_labels_however_small() {
+    // Four kinds of rows, told apart by an input each, and the share of each that is untraversable.
+    let shares = [0.001, 0.02, 0.5, 0.995];
+    let furthest_logit = |loss| {
+        let mut network = network(4, &[8], true);
+        let params = FilterParams::Kronecker(KroneckerParams { rate: 0.02, loss });
+        let mut filter = build(&params, &network.layout, 8.0).unwrap();
+        let kinds: Vec<Vec<f64>> =
+            (0..4).map(|kind| (0..4).map(|k| f64::from(u8::from(k == kind))).collect()).collect();
+        for _ in 0..400 {
+            let rows = kinds.concat().repeat(64);
+            filter.learn(&mut network, &rows, &shares.repeat(64), &[1.0; 256]);
+        }
+        let logit = |p: f64| math::ln(p / (1.0 - p));
+        let mut tape = Activations::default();
+        let off = |(kind, share): (&Vec<f64>, &f64)| (logit(network.output(kind, &mut tape)) - logit(*share)).abs();
+        kinds.iter().zip(&shares).map(off).fold(0.0, f64::max)
+    };
+    let [logarithmic, squared] = [Loss::Logarithmic, Loss::Squared].map(furthest_logit);
+    assert!(logarithmic < 0.005 && squared < 0.1, "{logarithmic} {squared}");
 }
 
 #[test]
@@ -314,7 +357,14 @@ fn equal_a_member_learns_among_others_what_it_learns_alone() {
         }
     }
     // And goes on from its state.
-    let fresh = || build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &start.layout, 8.0).unwrap();
+    let fresh = || {
+        build(
+            &FilterParams::Kronecker(KroneckerParams { rate: 0.02, ..KroneckerParams::default() }),
+            &start.layout,
+            8.0,
+        )
+        .unwrap()
+    };
     let (mut one, mut other) = (fresh(), fresh());
     one.restore(&state).unwrap();
     other.restore(&one.state()).unwrap();
@@ -328,7 +378,12 @@ fn equal_a_member_learns_among_others_what_it_learns_alone() {
 #[test]
 fn law_another_training_starts_at_the_average_and_averages_its_own_steps() {
     let (before, _, state) = learnt(20_000, 256, 1, false);
-    let mut filter = build(&FilterParams::Kronecker(KroneckerParams { rate: 0.02 }), &before.layout, 8.0).unwrap();
+    let mut filter = build(
+        &FilterParams::Kronecker(KroneckerParams { rate: 0.02, ..KroneckerParams::default() }),
+        &before.layout,
+        8.0,
+    )
+    .unwrap();
     // Another corpus: all of it untraversable. 30 batches of 64 rows.
     let inputs = normals(3, 30 * 64 * 8);
     let moved = |filter: &mut dyn crate::train::Filter| {
