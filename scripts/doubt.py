@@ -67,9 +67,6 @@ class Network:
         outside = [(column < low) | (column > high) for column, low, high in zip(columns, quantiles[:, 1], quantiles[:, 5])]
         return np.any(outside, axis=0)
 
-    def between(self, outputs):
-        return network_json.place(self.about, outputs)
-
     def probabilities(self, outputs):
         return network_json.probabilities(self.about, outputs)
 
@@ -123,9 +120,13 @@ def calibration_error(probabilities, untraversable):
     return np.abs(sums(probabilities) - sums(untraversable)).sum() / len(bins)
 
 
+def log_losses(probabilities, untraversable):
+    """Of each cell, nats."""
+    return -np.log(np.clip(np.where(untraversable, probabilities, 1 - probabilities), TINY, 1))
+
+
 def log_loss(probabilities, untraversable):
-    of_truth = np.where(untraversable, probabilities, 1 - probabilities)
-    return -np.log(np.clip(of_truth, TINY, 1)).mean()
+    return log_losses(probabilities, untraversable).mean()
 
 
 def shifted(probabilities, share):

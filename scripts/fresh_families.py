@@ -49,6 +49,8 @@ HEIGHT = "height_difference_m"
 TRUTH = ["truth_class", "truth_protrusion_m", "truth_obstacle_points", "truth_slope_rad"]
 STEEP_DEG = 45
 ALLOWED = 0.01
+#: Of the families to be judged on, by the name of their config.
+SCENES = {"fresh": 360, "first": 350}
 
 
 def families_of(place):
@@ -213,7 +215,7 @@ def main():
     parser.add_argument("--seeds", default="1,2,3")
     study.add_arguments(parser, "fresh_families")
     options = parser.parse_args()
-    sizes, seeds, scenes = [int(n) for n in options.sizes.split(",")], [int(n) for n in options.seeds.split(",")], {"fresh": 360, "first": 350}
+    sizes, seeds, scenes = [int(n) for n in options.sizes.split(",")], [int(n) for n in options.seeds.split(",")], SCENES
     if options.quick:
         sizes, seeds, scenes = [70, 140, 280], seeds[:1], {"fresh": 60, "first": 50}
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)

@@ -106,22 +106,27 @@ def rates(of):
     return np.stack([missed, false, 1 - (missed + false) / 2], axis=-1)
 
 
+def drawn_trainings(by_training, seed):
+    """[draws, trainings, ...] -> for each draw the mean over trainings that are drawn anew."""
+    drawn = np.random.default_rng(seed).integers(by_training.shape[1], size=by_training.shape[:2])
+    return np.take_along_axis(by_training, drawn.reshape(*drawn.shape, *[1] * (by_training.ndim - 2)), axis=1).mean(axis=1)
+
+
 class Judgement:
     """Counts of some trainings of one learner, [trainings, scenes, 4] -> rates by family, means over trainings, and their draws."""
 
     def __init__(self, cells, of_trainings, families=FAMILIES, numbered=TRAINING + FAMILIES):
         of_trainings, self.families = np.asarray(of_trainings, dtype=float), families
         trainings = len(of_trainings)
-        # Apart, so that learners of other numbers of trainings have the draws of scenes in common.
-        rng, rng_of_trainings = np.random.default_rng(1), np.random.default_rng([1, trainings])
+        rng = np.random.default_rng(1)
         self.by_family, self.draws = {}, {}
-        drawn = rng_of_trainings.integers(trainings, size=(DRAWS, trainings))
         for family in families:
             of = of_trainings[:, cells["family_of_scene"] == numbered.index(family)]
             weights = rng.multinomial(of.shape[1], np.full(of.shape[1], 1 / of.shape[1]), size=DRAWS)
             self.by_family[family] = rates(of.sum(axis=1)).mean(axis=0)
             by_training = rates(np.einsum("ds,tsk->dtk", weights, of))
-            self.draws[family] = np.take_along_axis(by_training, drawn[:, :, None], axis=1).mean(axis=1)
+            # By a seed of their own, so that learners of other numbers of trainings have the draws of scenes in common.
+            self.draws[family] = drawn_trainings(by_training, [1, trainings])
 
     def balanced(self, family):
         return self.by_family[family][2], self.draws[family][:, 2]

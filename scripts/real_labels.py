@@ -31,7 +31,7 @@ import sklearn
 import held_out
 import study
 from doubt import Network
-from real_scans import AREA, BALANCED, Learner, Places, default_of, run_name
+from real_scans import AREA, BALANCED, FALSE, MISSED, Learner, Places, default_of, run_name
 from transfer import outputs
 
 ROUNDS = [25, 50, 100, 200, 400]
@@ -98,9 +98,9 @@ class Judged:
             self.learners[site] = Learner(places, cells, scores, number, judged)
 
     def facts(self):
-        return {"rounds": self.rounds, "sites": {site: {"balanced_accuracy": float(learner.mean()[0]), "missed_untraversable": float(learner.mean(0)[0]),
-                                                        "false_untraversable": float(learner.mean(1)[0]), "area": float(learner.mean(AREA)[0]),
-                                                        "places": [float(rate) for rate in learner.rates[:, learner.judged, BALANCED].mean(axis=0)]}
+        return {"rounds": self.rounds, "sites": {site: {"balanced_accuracy": float(learner.mean()[0]), "missed_untraversable": float(learner.mean(MISSED)[0]),
+                                                        "false_untraversable": float(learner.mean(FALSE)[0]), "area": float(learner.mean(AREA)[0]),
+                                                        "places": [float(rate) for rate in learner.measures[:, learner.judged, BALANCED].mean(axis=0)]}
                                                  for site, learner in self.learners.items()}}
 
 

@@ -36,7 +36,6 @@ import shutil
 import numpy as np
 import pyarrow.parquet as parquet
 import yaml
-
 from sklearn.metrics import roc_auc_score
 
 import held_out
@@ -59,8 +58,8 @@ ROVERS = ["pioneer-3at", "husky-a200"]
 WRONG_BY_M = [-0.1, 0.1]
 DRAWS = 10_000
 LOGARITHMIC = ["filter.kronecker.loss=logarithmic"]
-#: Places of the measures of a learner at a place: its rates, and the area under its curve.
-BALANCED, AREA = 2, 3
+#: Where each measure of a learner at a place stands.
+MISSED, FALSE, BALANCED, AREA = range(4)
 
 
 class Places:
@@ -145,21 +144,20 @@ class Learner:
         for place in self.judged:
             at = cells["place"] == place
             areas[:, place, 0] = [roc_auc_score(cells["label"][at], of[at]) for of in scores]
-        self.rates = np.concatenate([rates, areas], axis=2)
+        self.measures = np.concatenate([rates, areas], axis=2)
         # Spots are drawn alike for all learners, with all that was recorded there, and each learner's trainings apart: the same seed says nothing of
         # another corpus.
         spots, spot_of = np.unique([places.spots[place] for place in self.judged], return_inverse=True)
         drawn = np.random.default_rng(1).multinomial(len(spots), np.full(len(spots), 1 / len(spots)), size=DRAWS)[:, spot_of]
-        of_trainings = np.random.default_rng([1, number]).integers(len(scores), size=(DRAWS, len(scores)))
-        by_training = np.einsum("dp,tpr->dtr", drawn / drawn.sum(axis=1, keepdims=True), self.rates[:, self.judged])
-        self.draws = np.take_along_axis(by_training, of_trainings[:, :, None], axis=1).mean(axis=1)
+        by_training = np.einsum("dp,tpr->dtr", drawn / drawn.sum(axis=1, keepdims=True), self.measures[:, self.judged])
+        self.draws = held_out.drawn_trainings(by_training, [1, number])
 
-    def mean(self, rate=BALANCED):
-        """The mean over places of a rate (missed, false, balanced accuracy, area under the curve), and its draws."""
-        return self.rates[:, self.judged, rate].mean(), self.draws[:, rate]
+    def mean(self, measure=BALANCED):
+        """The mean over places of a measure, and its draws."""
+        return self.measures[:, self.judged, measure].mean(), self.draws[:, measure]
 
-    def of_kind(self, kinds_of_places, kind, rate=BALANCED):
-        return self.rates[:, [of == kind for of in kinds_of_places], rate].mean()
+    def of_kind(self, kinds_of_places, kind, measure=BALANCED):
+        return self.measures[:, [of == kind for of in kinds_of_places], measure].mean()
 
 
 def default_of(scenes):
@@ -177,7 +175,7 @@ class Studied:
 
     def __init__(self, marsyard, places, sizes, seeds):
         self.marsyard, self.places, self.seeds, self.learners, self.cells = marsyard, places, seeds, {}, None
-        self.losses = {}
+        self.log_losses = {}
         corpora = {size: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}
         small, middle, large = sizes
         self.networks = self.network(default_of(large), corpora[large])
@@ -211,11 +209,12 @@ class Studied:
         if self.cells is None:
             self.classifier = runs[0].name
             self.cells = self.places.cells(self.classifier, runs[0])
+        # Log losses are of the cells of the stated heights alone.
         scores = [outputs(network.exported, self.cells) for network in networks]
         self.learn(learner, scores)
         at, untraversable = self.cells["place"], self.cells["label"] == 1
         of_places = lambda p: np.mean([log_loss(p[at == place], untraversable[at == place]) for place in range(len(self.places.names))])
-        self.losses[learner] = float(np.mean([of_places(network.probabilities(of)) for network, of in zip(networks, scores)]))
+        self.log_losses[learner] = float(np.mean([of_places(network.probabilities(of)) for network, of in zip(networks, scores)]))
         return networks
 
     def trees(self, corpus, columns, seed):
@@ -233,7 +232,7 @@ def by_place(studied, default):
         probabilities = [network.probabilities(one) for network, one in zip(studied.networks, of)]
         error, loss = (float(np.mean([measure(p, untraversable) for p in probabilities])) for measure in (calibration_error, log_loss))
         left = doubtful_row(studied.networks, [{"test": [one]} for one in of], {"label": cells["label"][at]}, ALLOWED)
-        missed, false, balanced = (float(rate) for rate in default.rates[:, number, :3].mean(axis=0))
+        missed, false, balanced = (float(rate) for rate in default.measures[:, number, :AREA].mean(axis=0))
         aside, _, missed_left, false_left = left
         rows.append([name, len(scans), f"{at.sum():,}", f"{100 * untraversable.mean():.1f}", *(f"{100 * rate:.1f}" for rate in (balanced, missed, false)),
                      f"{100 * error:.2f}", f"{loss:.3f}", aside, missed_left, false_left])
@@ -262,11 +261,11 @@ def main():
     groups = list(dict.fromkeys(places.kinds))
     middle = learners[studied.of_middle]
     less = lambda of, other: "" if of is other else held_out.told_difference(of.mean(), other.mean())
-    compared = [[name, len(of.scores), held_out.told(of.mean()), less(of, default), less(of, middle), *(f"{100 * of.mean(rate)[0]:.1f}" for rate in (0, 1)),
+    compared = [[name, len(of.scores), held_out.told(of.mean()), less(of, default), less(of, middle), *(f"{100 * of.mean(rate)[0]:.1f}" for rate in (MISSED, FALSE)),
                  *(f"{100 * of.of_kind(places.kinds, kind):.1f}" for kind in groups)] for name, of in learners.items()]
     head = ["", "scans", "cells", "untraversable", "balanced accuracy", "missed", "false", "calibration error", "log loss, nats", "doubtful at 1 %", "missed", "false"]
     areas = [[name, held_out.told(of.mean(AREA)), "" if of is default else held_out.told_difference(of.mean(AREA), default.mean(AREA)),
-              f"{studied.losses[name]:.3f}" if name in studied.losses else "", *(f"{100 * of.of_kind(places.kinds, kind, AREA):.1f}" for kind in groups)]
+              f"{studied.log_losses[name]:.3f}" if name in studied.log_losses else "", *(f"{100 * of.of_kind(places.kinds, kind, AREA):.1f}" for kind in groups)]
              for name, of in learners.items()]
     text = f"""# Networks from simulated yards on real scans
 
@@ -296,9 +295,9 @@ Of the same: the area under the ROC curve, percent, which knows no threshold, an
 {study.markdown(["", "area", "less the first", "log loss", *groups], areas)}
 """
     results = {"versions": study.versions(marsyard, np), "sizes": sizes, "seeds": seeds, "by_place": facts, "by_label": named, "height_threshold_m": studied.least_m,
-               "learners": {name: {"trainings": len(of.scores), "balanced_accuracy": float(of.mean()[0]), "missed_untraversable": float(of.mean(0)[0]),
-                                   "false_untraversable": float(of.mean(1)[0]), "area": float(of.mean(AREA)[0]), "log_loss_nats": studied.losses.get(name),
-                                   "areas": dict(zip(places.names, map(float, of.rates[:, :, AREA].mean(axis=0)))), "places": dict(zip(places.names, map(float, of.rates[:, :, BALANCED].mean(axis=0))))}
+               "learners": {name: {"trainings": len(of.scores), "balanced_accuracy": float(of.mean()[0]), "missed_untraversable": float(of.mean(MISSED)[0]),
+                                   "false_untraversable": float(of.mean(FALSE)[0]), "area": float(of.mean(AREA)[0]), "log_loss_nats": studied.log_losses.get(name),
+                                   "areas": dict(zip(places.names, map(float, of.measures[:, :, AREA].mean(axis=0)))), "places": dict(zip(places.names, map(float, of.measures[:, :, BALANCED].mean(axis=0))))}
                             for name, of in learners.items()}}
     study.write_results(options.out, "real_scans", results, text)
 

@@ -100,7 +100,10 @@ fn rules(params: &TrainParams, place: &KeyPath, faults: &mut Vec<Fault>) {
     let [low, high] = params.targets;
     if low >= high {
         let rule = format!("'targets' must rise, from traversable to untraversable, got [{low}, {high}]");
-        faults.push(Fault::new(place.span("targets"), rule).cure("the paper's are [0.1, 0.9]"));
+        faults.push(
+            Fault::new(place.span("targets"), rule)
+                .cure("the paper's are [0.1, 0.9], those of the logarithmic loss [0, 1]"),
+        );
     }
     if params.thresholds.windows(2).any(|pair| pair[0] >= pair[1]) {
         let rule = "'thresholds' must rise: each is the border between two classes";

@@ -57,7 +57,8 @@ impl Reliability {
         bin.untraversable += u64::from(untraversable);
         bin.probability += probability;
         let of_truth = if untraversable { probability } else { 1.0 - probability };
-        self.log_loss -= math::ln(of_truth);
+        // A probability that rounds to 1 leaves nothing for the other class: such a cell costs 700 nats, and the sum stays a number.
+        self.log_loss -= math::ln(of_truth.max(f64::MIN_POSITIVE));
         self.squared += (1.0 - of_truth) * (1.0 - of_truth);
     }
 
@@ -166,6 +167,14 @@ mod tests {
         assert!((report.log_loss - 0.5 * math::ln(2.0)).abs() < 1e-15);
         let shares: Vec<(u64, f64)> = report.bins.iter().map(|bin| (bin.cells, bin.untraversable_share)).collect();
         assert_eq!(shares, [(1, 0.0), (2, 0.5), (1, 1.0)]);
+    }
+
+    #[test]
+    fn extreme_a_sure_cell_that_is_the_other_class_costs_a_number() {
+        let mut reliability = Reliability::default();
+        reliability.add(false, 1.0);
+        reliability.add(true, 0.0);
+        assert!(reliability.report().unwrap().log_loss == -math::ln(f64::MIN_POSITIVE));
     }
 
     #[test]

@@ -165,7 +165,7 @@ fn identity(setup: &Setup) -> Json {
     leave_unnoted(&mut config);
     // The widths are those of the networks that are searched.
     if let Some(network) = config["network"].as_object_mut() {
-        network.remove("hidden");
+        network.shift_remove("hidden");
     }
     json!({
         "data": setup.data,

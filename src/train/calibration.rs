@@ -19,9 +19,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::params::Loss;
 use super::validation::each_group;
-use super::{Model, Sources, TrainError};
+use super::{Loss, Model, Sources, TrainError};
 use crate::corpus::Split;
 use crate::math;
 use crate::statistics::scores::Scores;
@@ -32,8 +31,8 @@ use crate::statistics::scores::Scores;
 pub struct Calibration {
     pub slope: f64,
     pub offset: f64,
-    /// How near to a target an output tells something yet, in shares of the way between them; in models from before it was kept, that of a squared loss.
-    #[serde(default = "edge_of_squared", skip_serializing_if = "is_edge_of_squared")]
+    /// How near to a target an output tells something yet, in shares of the way between them; 0.01 where it is not named.
+    #[serde(default = "unnamed_edge", skip_serializing_if = "is_unnamed_edge")]
     pub edge: f64,
     /// Traversable and untraversable cells that it was fitted to.
     pub cells: [u64; 2],
@@ -60,7 +59,7 @@ impl Calibration {
                 .filter(|(_, output)| !output.is_nan());
             judged.for_each(|(label, output)| scores.add(label.is_untraversable(), output));
         })?;
-        Ok(Calibration::of_scores(&scores, model.about.targets, loss.edge()))
+        Ok(Calibration::of_scores(&scores, model.about.targets, loss.edge(model.about.targets)))
     }
 
     fn of_scores(scores: &Scores, targets: [f64; 2], edge: f64) -> Option<Calibration> {
@@ -118,13 +117,14 @@ const LEAST_EDGE: f64 = 1e-9;
 /// More than a curve has.
 const MOST_POINTS: usize = 256;
 
-fn edge_of_squared() -> f64 {
-    Loss::Squared.edge()
+/// What files mean that name no edge: all of formats 3 to 6.
+fn unnamed_edge() -> f64 {
+    0.01
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref)] // serde hands over a reference.
-fn is_edge_of_squared(edge: &f64) -> bool {
-    *edge == edge_of_squared()
+fn is_unnamed_edge(edge: &f64) -> bool {
+    *edge == unnamed_edge()
 }
 
 /// The logit of where an output lies between its targets.

@@ -118,7 +118,8 @@ mod tests {
         let plain = [(1, true), (1, false), (3, true)].map(|(n, bias)| ensemble(n, &features, &[4, 2], bias));
         let scored = scored(2, &features, &[4, 2], true);
         let rectified = [Activation::Relu, Activation::Both].map(|activation| with_neurons(activation, scored.clone()));
-        for model in plain.into_iter().chain([scored]).chain(rectified) {
+        for (number, mut model) in plain.into_iter().chain([scored]).chain(rectified).enumerate() {
+            model.about.calibration.as_mut().unwrap().edge = [0.01, 1e-4][number % 2];
             let value: serde_json::Value = serde_json::from_str(&json(&model)).unwrap();
             let numbers = |v: &serde_json::Value| -> Vec<f64> {
                 v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -165,6 +166,7 @@ mod tests {
                 let mean = of_members.iter().sum::<f64>() / of_members.len() as f64;
                 assert!((mean - output).abs() < 1e-14, "{mean} {output}");
                 let (about, [low, high]) = (&value["about"]["calibration"], model.about.targets);
+                assert_eq!(about["edge"].is_null(), number % 2 == 0);
                 let edge = about["edge"].as_f64().unwrap_or(0.01);
                 let share = ((output - low) / (high - low)).clamp(edge, 1.0 - edge);
                 let [slope, offset] = ["slope", "offset"].map(|name| about[name].as_f64().unwrap());

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use marsyard::corpus::{Table, sha256};
-use marsyard::train::Model;
+use marsyard::train::{MODEL_FORMAT, Model};
 use serde_json::Value as Json;
 
 use crate::door::mend;
@@ -306,13 +306,14 @@ fn extreme_model_files_that_are_none_are_named_by_every_verb() {
     let key = b"\\\"marsyard_model\\\":";
     let digit = whole.windows(key.len()).position(|part| part == key).expect("its format") + key.len();
     let mut bytes = whole.clone();
-    bytes[digit] = b'7';
+    bytes[digit] = b'0' + (MODEL_FORMAT + 1) as u8;
+    let newer = format!("a model of format {}", MODEL_FORMAT + 1);
     std::fs::write(yard.path("newer.safetensors"), &bytes).expect("a file");
     std::fs::write(yard.path("cloud.csv"), "x,y,z\n1,2,0\n").expect("a file");
     for (file, says) in [
         ("cut.safetensors", "give the `model.safetensors` of a run folder"),
         ("foreign.safetensors", "give the `model.safetensors` of a run folder"),
-        ("newer.safetensors", "a model of format 7"),
+        ("newer.safetensors", &newer),
         ("none.safetensors", "none.safetensors"),
     ] {
         for arguments in [

@@ -6,10 +6,10 @@ use marsyard::math;
 use marsyard::random::{Purpose, Stage, Streams};
 use marsyard::train::filter::{Counters, FilterState, build_unchecked};
 use marsyard::train::params::{
-    BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, KroneckerParams, Loss, NoiseParams, Precision,
+    BackpropParams, DecoupledParams, EkfParams, FilterParams, Groups, KroneckerParams, NoiseParams, Precision,
     RowsLearnt, Schedule, UkfParams,
 };
-use marsyard::train::{Activation, Layout, Network};
+use marsyard::train::{Activation, Layout, Loss, Network};
 use nalgebra::DMatrix;
 use textbook::Textbook;
 

@@ -62,6 +62,19 @@ fn statistics_a_logistic_law_is_found_again_within_its_standard_errors() {
 }
 
 #[test]
+fn exact_of_probabilities_the_edge_is_what_the_targets_of_platt_leave() {
+    let ([no, yes], edge) = ([0.0, 1.0], 1e-4);
+    let mut scores = Scores::new(1.0);
+    // Outputs that are exactly 0 and 1 stand at the edge.
+    (0..5000).for_each(|_| [false, true].into_iter().for_each(|class| scores.add(class, f64::from(u8::from(class)))));
+    let found = Calibration::of_scores(&scores, [no, yes], edge).unwrap();
+    assert_eq!((found.edge, found.fault()), (edge, None));
+    assert!((found.slope - math::ln(5001.0) / math::ln(9999.0)).abs() < 1e-9 && found.offset.abs() < 1e-9, "{found:?}");
+    assert_eq!(found.probability(0.0, [no, yes]), found.probability(0.5 * edge, [no, yes]));
+    assert!(found.probability(2.0 * edge, [no, yes]) > found.probability(edge, [no, yes]));
+}
+
+#[test]
 fn extreme_classes_apart_one_place_and_many_cells_give_finite_numbers() {
     // Apart: Platt's targets are the probabilities, 51/52 at the one edge and 1/52 at the other.
     let apart = of([(0.0, [50, 0]), (1.0, [0, 50])]).unwrap();

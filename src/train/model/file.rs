@@ -3,8 +3,8 @@
 //! One tensor a layer, `layers.0` from the input on, or of several members `members.0.layers.0`: F64, shape [neurons, inputs] or, with
 //! biases, [neurons, inputs + 1] with the bias last in each row. One metadata key, `marsyard`: [`About`] as JSON with sorted keys, and a [`checksum`] of the whole file.
 //! Equal models give equal bytes. Files of format 1 have no checksum, and do not name their run; files of formats 1 and 2 have no calibration, and
-//! files of formats 1 to 3 have one member, files of formats 1 to 4 no normal scores, files of formats 1 to 5 logistic neurons alone, and files of formats 1 to 6
-//! were learnt by a squared loss.
+//! files of formats 1 to 3 have one member, files of formats 1 to 4 no normal scores, files of formats 1 to 5 logistic neurons alone, and in files of formats
+//! 1 to 6 no calibration names its edge.
 //!
 //! Loading trusts nothing: sizes are checked against the bytes that are there before anything is made of that size.
 

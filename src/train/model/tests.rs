@@ -179,8 +179,9 @@ fn equal_a_model_and_its_file_read_back() {
         with_neurons(Activation::Both, ensemble(2, &["b", "a"], &[3], true)),
         with_neurons(Activation::Relu, small()),
     ];
-    for mut original in plain.into_iter().chain(others) {
+    for (number, mut original) in plain.into_iter().chain(others).enumerate() {
         original.network.weights[0] = 1.0 / 3.0;
+        original.about.calibration.as_mut().unwrap().edge = [0.01, 1e-4][number % 2];
         original.about.thresholds = vec![0.1 + 0.2, 0.7];
         original.about.cells.max_range_m = Some(10.0);
         let bytes = original.save().unwrap();
@@ -270,9 +271,11 @@ fn extreme_foreign_files_are_refused_with_the_cure() {
         let error = Model::load(bytes).unwrap_err().to_string();
         assert!(error.contains("not a marsyard model") && error.contains("model.safetensors"), "{error}");
     }
-    let newer = small().about.to_json().replace("\"marsyard_model\":7", "\"marsyard_model\":8");
+    let format = |version: u32| format!("\"marsyard_model\":{version}");
+    let newer = small().about.to_json().replace(&format(MODEL_FORMAT), &format(MODEL_FORMAT + 1));
     let error = Model::load(&with_metadata(Some(&newer))).unwrap_err().to_string();
-    assert!(error.contains("format 8, this marsyard reads formats 1 to 7"), "{error}");
+    let says = format!("format {}, this marsyard reads formats 1 to {MODEL_FORMAT}", MODEL_FORMAT + 1);
+    assert!(error.contains(&says), "{error}");
     let whole = small().save().unwrap();
     for end in 0..whole.len() {
         assert!(Model::load(&whole[..end]).is_err(), "cut at {end}");
@@ -303,6 +306,8 @@ fn extreme_contradictions_are_refused_by_name() {
         ("\"thresholds\":[0.5]", "\"thresholds\":[]", "thresholds"),
         ("\"thresholds\":[0.5]", "\"thresholds\":[0.5,0.2]", "thresholds"),
         ("\"slope\":1.5", "\"slope\":1e300", "a calibration of slope"),
+        ("\"edge\":0.0001", "\"edge\":0.0", "an edge of 0"),
+        ("\"edge\":0.0001", "\"edge\":0.5", "an edge of 0.5"),
         ("[0.5,0.05,0.03]", "[0.5,0.005,0.03]", "thresholds of the validation scenes"),
         ("\"point_count\"", "\"mean_height_m\"", "named twice"),
         ("\"size_m\":0.1", "\"size_m\":-1.0", "its cells"),

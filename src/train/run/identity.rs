@@ -4,8 +4,7 @@ use serde_json::{Value as Json, json};
 
 use super::Setup;
 use crate::corpus::sha256;
-use crate::train::params::Loss;
-use crate::train::{Activation, TrainError};
+use crate::train::{Activation, Loss, TrainError};
 
 /// What runs of an earlier marsyard did not note.
 const SHARDS: &str = "shards_sha256";
@@ -52,7 +51,7 @@ pub(super) fn run_id(identity: &Json) -> String {
 }
 
 /// What earlier runs did not note, where it stands in a config, and what it was of theirs.
-fn silent() -> [(&'static str, &'static str, Json); 3] {
+fn unnoted() -> [(&'static str, &'static str, Json); 3] {
     [
         ("/network", SCORES, json!(false)),
         ("/network", ACTIVATION, json!(Activation::Logistic)),
@@ -66,9 +65,9 @@ fn part_of<'c>(config: &'c mut Json, place: &str) -> Option<&'c mut serde_json::
 
 /// Takes out of a config what earlier runs of the same bits did not note.
 pub(crate) fn leave_unnoted(config: &mut Json) {
-    for (place, key, silent) in silent() {
-        if let Some(part) = part_of(config, place).filter(|part| part.get(key) == Some(&silent)) {
-            part.remove(key);
+    for (place, key, was) in unnoted() {
+        if let Some(part) = part_of(config, place).filter(|part| part.get(key) == Some(&was)) {
+            part.shift_remove(key);
         }
     }
 }
@@ -94,7 +93,7 @@ pub(super) fn check(setup: &Setup, there: &Json, here: &Json) -> Result<(), Trai
 /// neurons, and lowered the squared error.
 pub(crate) fn as_noted_now(there: &Json) -> Json {
     let mut config = there.clone();
-    for (place, key, was) in silent() {
+    for (place, key, was) in unnoted() {
         if let Some(part) = part_of(&mut config, place) {
             part.entry(key).or_insert(was);
         }

@@ -56,6 +56,14 @@ impl<'s> Training<'s> {
         let mut learner = Learner::new(params, objective, validate_every)?;
         learner.share_work();
         let covariance = setup.init.as_ref().map(|init| start_from(init, sources, &mut learner)).transpose()?;
+        if let Some([low, high]) =
+            setup.init.as_ref().map(|init| init.model.about.targets).filter(|of| *of != params.targets)
+        {
+            tell(Event::Note(&format!(
+                "the network it starts from learnt the targets {low} and {high}, this training has {} and {}; --set targets=[{low},{high}] keeps them",
+                params.targets[0], params.targets[1]
+            )));
+        }
         let mut run = match begun {
             Some(run) => run,
             None => begin(setup)?,

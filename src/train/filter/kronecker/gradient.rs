@@ -3,12 +3,11 @@
 //! Micro-batches are computed apart, by as many threads as there are, and added in their order: the number of threads changes no bit. All is
 //! of f32 but the slope of the loss. Same network as [`Network`](crate::train::Network), its bias an input that is 1.
 
-use crate::train::Layout;
 use crate::train::filter::lanes::Isa;
 use crate::train::network::Neuron;
 use crate::train::network::forward::{ForwardWeights, MICRO_BATCH_ROWS, Values};
 use crate::train::network::matrix::{Matrix, times, transposed_times};
-use crate::train::params::Loss;
+use crate::train::{Layout, Loss};
 
 /// A row to learn: its scaled inputs, its target, and 1 / R.
 pub(super) struct Row<'a> {

@@ -26,8 +26,8 @@ use super::state::{Reader, Writer};
 use super::{Counters, Filter, FilterError, FilterState};
 use crate::math;
 use crate::train::network::forward::{ForwardWeights, MICRO_BATCH_ROWS};
-use crate::train::params::{KroneckerParams, Loss};
-use crate::train::{Layout, Network};
+use crate::train::params::KroneckerParams;
+use crate::train::{Layout, Loss, Network};
 
 const KIND: &str = "kronecker-f32";
 /// Rows of the first batches, and of the last; between them a batch holds this share of the rows that were learnt before it.

@@ -12,8 +12,8 @@ use crate::train::filter::{Counters, FilterState, build};
 use crate::train::network::Activations;
 use crate::train::network::forward::ForwardWeights;
 use crate::train::network::matrix::{Matrix, times, times_transposed, transposed_times};
-use crate::train::params::{FilterParams, KroneckerParams, Loss};
-use crate::train::{Activation, Layout, Network};
+use crate::train::params::{FilterParams, KroneckerParams};
+use crate::train::{Activation, Layout, Loss, Network};
 
 fn normals(seed: u64, count: usize) -> Vec<f64> {
     let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Train, step: 2 };
@@ -160,8 +160,11 @@ fn equal_the_gradient_of_rows_and_the_sum_of_the_networks_own() {
     let (inputs, count) = (23, 37);
     for (network, hidden, bias, loss) in shapes.into_iter().flat_map(|(hidden, bias)| {
         let [logistic, rectified] = [network(inputs, hidden, bias), rectified(inputs, hidden, bias)];
-        [(logistic.clone(), Loss::Squared), (logistic, Loss::Logarithmic), (rectified, Loss::Squared)]
-            .map(|(network, loss)| (network, hidden, bias, loss))
+        let losses = [Loss::Squared, Loss::Logarithmic];
+        losses
+            .into_iter()
+            .flat_map(move |loss| [(logistic.clone(), loss), (rectified.clone(), loss)])
+            .map(move |(network, loss)| (network, hidden, bias, loss))
     }) {
         let values = normals(11, inputs * count);
         let target = |k: usize| if k.is_multiple_of(3) { 0.9 } else { 0.1 };
@@ -306,8 +309,8 @@ fn of_both(members: usize) -> Network {
 }
 
 #[test]
-fn exact_by_either_loss_outputs_are_the_shares_of_the_labels_however_small() {
-    // Four kinds of rows, told apart by an input each, and the share of each that is untraversable.
+fn exact_by_either_loss_outputs_are_the_targets_of_like_rows_however_small() {
+    // Four kinds of rows, told apart by an input each; the target of each stands for the mean of its labels.
     let shares = [0.001, 0.02, 0.5, 0.995];
     let furthest_logit = |loss| {
         let mut network = network(4, &[8], true);
