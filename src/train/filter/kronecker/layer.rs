@@ -3,6 +3,8 @@
 //! G (neurons x inputs) is the mean gradient of a batch. Its covariance over batches is taken as a Kronecker product of E[G G'] (between
 //! neurons) and E[G' G] (between inputs), whose eigenvectors are A and B. In the basis A, B the elements of a gradient are nearly uncorrelated, so
 //! each is divided by its own root mean square there: with M the running mean of G, the step is -rate A ((A' M B) / sqrt(E[(A' G B)^2])) B'.
+//! Deviation: the quotient is bounded. While the bases stand it is 1 at most (Cauchy-Schwarz, for both means forget alike); where they turn, a direction may be
+//! left with the squares of another one, of which no gradient ever had a part.
 
 use super::basis::turn_to_eigenvectors;
 use crate::train::filter::lanes::Isa;
@@ -14,6 +16,9 @@ pub(super) const KEPT: f64 = 0.95;
 const TURN_EVERY: u64 = 10;
 /// What is added to a root mean square: gradients far below it are noise of rounding.
 const LEAST_ROOT: f32 = 1e-10;
+
+/// The most that a mean is in units of its root mean square: far above what turns of the bases leave where gradients have parts everywhere.
+const MOST_QUOTIENT: f32 = 100.0;
 
 pub(super) struct Layer {
     pub weights: Matrix,
@@ -105,7 +110,10 @@ impl Layer {
         times_transposed(half, &self.input_basis, turned, isa);
         // Running means from nought are `seen` too small.
         let size = rate / seen;
-        turned.change_by(squares, isa, |x, square| x * (size / ((square / seen).sqrt() + LEAST_ROOT)));
+        let most = rate * MOST_QUOTIENT;
+        turned.change_by(squares, isa, |x, square| {
+            (x * (size / ((square / seen).sqrt() + LEAST_ROOT))).clamp(-most, most)
+        });
         times(turned, &self.input_basis, half, isa);
         transposed_times(&self.neuron_basis, half, turned, isa);
         self.weights.change_by(turned, isa, |w, step| w - step);

@@ -237,6 +237,25 @@ fn equal_steps_and_their_formula_in_f64() {
 }
 
 #[test]
+fn extreme_a_direction_that_lost_its_squares_moves_by_a_bounded_step() {
+    let mut layer = Layer::new(3, 4);
+    for steps in 0..10 {
+        layer.gradient.fill(normals(steps, 12).into_iter().map(|x| 1e12 * x as f32));
+        layer.step(1, steps, 0.005, 1.0 - 0.95_f32.powi(steps as i32 + 1), Isa::detect());
+    }
+    // As a turn may leave it: a mean, and no squares.
+    layer
+        .arrays_mut()
+        .into_iter()
+        .filter(|(name, _)| *name == "squares")
+        .for_each(|(_, squares)| squares.fill(std::iter::repeat_n(0.0, 12)));
+    let before = layer.weights.clone();
+    layer.step(1, 11, 0.005, 0.4, Isa::detect());
+    let moved = furthest(&layer.weights, |i, j| f64::from(before.get(i, j)));
+    assert!(moved > 0.005 && moved < 0.005 * 100.0 * 12.0_f64.sqrt(), "{moved}");
+}
+
+#[test]
 fn extreme_a_batch_whose_squares_are_not_finite_is_left_out_whole() {
     let mut layer = Layer::new(2, 3);
     for (x, is_sound) in [(1e18, true), (1e19, false), (f32::INFINITY, false), (f32::NAN, false)] {
