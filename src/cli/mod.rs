@@ -104,8 +104,8 @@ enum Verb {
     /// Judge real scans: labelled clouds, cells, meshes, pictures and cost maps; with labels, Table 1.
     #[command(after_help = RULE)]
     Classify(Box<classify::ClassifyArgs>),
-    /// Run the filter of corpora on one's own recording: odometry and range-bearing features as CSV -> trajectory, covariances, map; with
-    /// a truth, how far off they are.
+    /// Run the filter of corpora on one's own recording: odometry, and features or sweeps of a LiDAR, as CSV -> trajectory, covariances,
+    /// map; with a truth, how far off they are.
     #[command(after_help = localise::FILES)]
     Localise(Box<localise::LocaliseArgs>),
     /// Measure what each choice between speed and accuracy costs, and the error it brings: a table, Parquet, a chart.

@@ -37,6 +37,26 @@ pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Finite numbers, between commas.
+pub(super) fn parse_three(text: &str) -> Result<[f64; 3], String> {
+    numbers(text, "three")
+}
+
+pub(super) fn parse_six(text: &str) -> Result<[f64; 6], String> {
+    numbers(text, "six")
+}
+
+/// As many finite numbers, between commas; `count`: the number of them as a word.
+fn numbers<const N: usize>(text: &str, count: &str) -> Result<[f64; N], String> {
+    let values: Vec<f64> = text
+        .split(',')
+        .map(|value| value.trim().parse::<f64>().map_err(|e| format!("'{value}': {e}")))
+        .collect::<Result<_, _>>()?;
+    let numbers: [f64; N] =
+        values.try_into().map_err(|v: Vec<f64>| format!("{} numbers, {count} are needed", v.len()))?;
+    if numbers.iter().all(|v| v.is_finite()) { Ok(numbers) } else { Err("a number is not finite".into()) }
+}
+
 /// `1%` or `0.01` as a share; `None` of what is no number.
 pub(super) fn read_share(text: &str) -> Option<f64> {
     let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 100.0));

@@ -95,7 +95,7 @@ impl FileKind {
             FileKind::Checkpoint => "`checkpoint.safetensors`, `filter.safetensors`",
             FileKind::LabelMap => "`--labels` of `classify`",
             FileKind::Trajectory => "`--trajectory` of `classify`, logs that `localise` reads",
-            FileKind::Cloud => "clouds that `classify` reads",
+            FileKind::Cloud => "clouds that `classify` and `localise` read",
             FileKind::Signature => "`*.minisig`, keys of `sign` and `verify`",
             FileKind::Rebuilt => "`rebuilt.json`",
             FileKind::Ledger => "`marsyard.sha256` in folders of results",

@@ -1,4 +1,4 @@
-//! The rover's own outline and a scan's place -> which points are returns of the rover itself: `classify --self-filter`.
+//! The rover's own outline and a scan's place -> which points are returns of the rover itself: `--self-filter` of `classify` and `localise`.
 //!
 //! In: points as the cloud has them, where they were taken, the rover's length, width and height. Out: a mark a point. The box stands on the
 //! wheels' contact plane around the rover's origin, [`MARGIN_M`] wider on every side, in the rover's frame: that of the pose, or, where the ground
@@ -32,14 +32,14 @@ impl OwnBody {
     pub(super) fn marks(&self, points_m: &[DVec3], setup: &Setup, pose: &ScanPose) -> Vec<bool> {
         let rover_from_point = rover_from_map(setup, pose)
             * if setup.frame == Frame::Map { Transform::IDENTITY } else { pose.map_from_sensor };
-        let (half_length_m, half_width_m) = (0.5 * self.length_m + MARGIN_M, 0.5 * self.width_m + MARGIN_M);
-        let within = |point_m: &DVec3| {
-            let at_m = rover_from_point.point(*point_m);
-            at_m.x.abs() <= half_length_m
-                && at_m.y.abs() <= half_width_m
-                && (-MARGIN_M..=self.height_m + MARGIN_M).contains(&at_m.z)
-        };
-        points_m.iter().map(within).collect()
+        points_m.iter().map(|&point_m| self.holds(rover_from_point.point(point_m))).collect()
+    }
+
+    /// Whether a point of the rover's frame is a return of the rover itself.
+    pub(crate) fn holds(&self, at_m: DVec3) -> bool {
+        at_m.x.abs() <= 0.5 * self.length_m + MARGIN_M
+            && at_m.y.abs() <= 0.5 * self.width_m + MARGIN_M
+            && (-MARGIN_M..=self.height_m + MARGIN_M).contains(&at_m.z)
     }
 }
 

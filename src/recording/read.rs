@@ -3,11 +3,12 @@
 //! In: text with a header that names its columns, in any order; lines that begin with `#` are skipped. Out: [`Recording`], [`TruePose`]s.
 //! Odometry: `time_s`, `speed_mps`, `yaw_rate_radps`, and where there are such instruments `roll_rad`, `pitch_rad`, `yaw_rad` (empty where
 //! nothing was read). Without the columns of roll and pitch the drive is taken as level. Features: `time_s`, `range_m`, `bearing_rad`,
-//! and where known `elevation_rad` (0 otherwise) and `id`. Truth: `time_s`, `x_m`, `y_m`, `yaw_rad`, and `z_m`, `roll_rad`, `pitch_rad`.
+//! and where known `elevation_rad` (0 otherwise) and `id`. Sweeps: `time_s`, `file`. Truth: `time_s`, `x_m`, `y_m`, `yaw_rad`, and `z_m`, `roll_rad`, `pitch_rad`.
 
+use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::{Recording, RecordingError};
+use super::{Observation, Recording, RecordingError, SightLog};
 use crate::drive::Reading;
 use crate::geometry::{DVec3, Pose};
 use crate::slam::Feature;
@@ -106,12 +107,22 @@ impl Table {
 
 impl Recording {
     /// A recording of the texts of its files, each with the name that errors call it by.
-    pub fn read(odometry: (&str, &str), features: Option<(&str, &str)>) -> Result<Recording, RecordingError> {
+    pub fn read(odometry: (&str, &str), sights: Option<SightLog>) -> Result<Recording, RecordingError> {
         let readings = readings(&Table::read(odometry.0, odometry.1)?)?;
         let (first_s, last_s) = (readings[0].0, readings[readings.len() - 1].0);
-        let Some((file, text)) = features else { return Ok(Recording { readings, observations: Vec::new() }) };
-        let table = Table::read(file, text)?;
-        let observations = observations(&table)?;
+        let (table, observations): (Table, Vec<(f64, Observation)>) = match sights {
+            None => return Ok(Recording { readings, observations: Vec::new() }),
+            Some(SightLog::Features { file, text }) => {
+                let table = Table::read(file, text)?;
+                let seen = features(&table)?;
+                (table, seen.into_iter().map(|(time_s, seen)| (time_s, Observation::Features(seen))).collect())
+            }
+            Some(SightLog::Sweeps { file, text }) => {
+                let table = Table::read(file, text)?;
+                let seen = sweeps(&table)?;
+                (table, seen)
+            }
+        };
         if let Some((time_s, _)) = observations.iter().find(|(time_s, _)| !(first_s..=last_s).contains(time_s)) {
             let what = format!("time_s {time_s} lies outside the odometry, which goes from {first_s} to {last_s}");
             return Err(table.fault(None, what, "bring both logs to one clock, and cut them to the same stretch"));
@@ -143,7 +154,7 @@ fn readings(table: &Table) -> Result<Vec<(f64, Reading)>, RecordingError> {
     Ok(readings)
 }
 
-fn observations(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
+fn features(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
     let times_s = table.times_s(false)?;
     let (range, bearing) = (table.needed("range_m")?, table.needed("bearing_rad")?);
     let (elevation, id) = (table.column("elevation_rad"), table.column("id"));
@@ -186,6 +197,25 @@ fn observations(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingErro
     Ok(observations)
 }
 
+fn sweeps(table: &Table) -> Result<Vec<(f64, Observation)>, RecordingError> {
+    let times_s = table.times_s(true)?;
+    let file = table.needed("file")?;
+    let mut line_of = BTreeMap::new();
+    let mut sweeps = Vec::with_capacity(times_s.len());
+    for ((line, row), time_s) in table.rows.iter().zip(times_s) {
+        let (name, line) = (row[file].clone(), *line);
+        if name.is_empty() {
+            return Err(table.fault(Some(line), "file is empty", "name the file of the sweep's points"));
+        }
+        if let Some(first) = line_of.insert(name.clone(), line) {
+            let what = format!("file {name} stands in line {first} already");
+            return Err(table.fault(Some(line), what, "name each sweep's own file"));
+        }
+        sweeps.push((time_s, Observation::Sweep { file: name, line }));
+    }
+    Ok(sweeps)
+}
+
 /// The truth of a drive.
 pub fn truth(file: &str, text: &str) -> Result<Vec<TruePose>, RecordingError> {
     let table = Table::read(file, text)?;
@@ -208,22 +238,45 @@ mod tests {
     const ODOMETRY: &str = "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,0.5,0.1\n2.5,0.4,0\n";
 
     fn error(odometry: &str, features: &str) -> String {
-        Recording::read(("o.csv", odometry), Some(("f.csv", features))).expect_err("nonsense").to_string()
+        let features = SightLog::Features { file: "f.csv", text: features };
+        Recording::read(("o.csv", odometry), Some(features)).expect_err("nonsense").to_string()
     }
 
     #[test]
     fn exact_columns_in_any_order_and_empty_values_are_no_readings() {
         let odometry = "# a comment\nyaw_rad, speed_mps ,time_s,yaw_rate_radps\n0.1,0,0,0\n,0.5,1,0.2\n";
         let features = "id,time_s,range_m,bearing_rad\n7,1,2.5,-0.5\n,1,3,0.25\n";
-        let recording = Recording::read(("o", odometry), Some(("f", features))).expect("a recording");
+        let features = SightLog::Features { file: "f", text: features };
+        let recording = Recording::read(("o", odometry), Some(features)).expect("a recording");
         let [(_, first), (time_s, second)] = recording.readings[..] else { panic!("two readings") };
         assert_eq!((first.dt_s, first.yaw_rad, first.roll_rad), (0.0, Some(0.1), Some(0.0)));
         assert_eq!((time_s, second.dt_s, second.speed_mps, second.yaw_rad), (1.0, 1.0, 0.5, None));
-        let [(1.0, ref seen)] = recording.observations[..] else { panic!("one observation") };
+        let [(1.0, Observation::Features(ref seen))] = recording.observations[..] else { panic!("one observation") };
         assert_eq!(
             seen.iter().map(|f| (f.polar, f.known)).collect::<Vec<_>>(),
             [([2.5, -0.5, 0.0], Some(7)), ([3.0, 0.25, 0.0], None)]
         );
+    }
+
+    #[test]
+    fn exact_sweeps_are_named_in_order_of_time_one_a_time() {
+        let read = |text: &str| {
+            let sweeps = SightLog::Sweeps { file: "s.csv", text };
+            Recording::read(("o.csv", ODOMETRY), Some(sweeps)).map(|recording| recording.observations)
+        };
+        let sweep = |time_s: f64, file: &str, line: u64| (time_s, Observation::Sweep { file: file.into(), line });
+        let told = read("# a comment\nfile,time_s,note\nscans/a.bin,0.5,\n\"b, c.ply\",2,x\n");
+        assert_eq!(told, Ok(vec![sweep(0.5, "scans/a.bin", 3), sweep(2.0, "b, c.ply", 4)]));
+        for (text, said) in [
+            ("time_s,file\n1,a.bin\n1,b.bin\n", "s.csv:3: time_s goes from 1 to 1; sort the rows by time, one a time"),
+            ("time_s,file\n1,\n", "s.csv:2: file is empty; name the file"),
+            ("time_s,file\n1,a.bin\n2,a.bin\n", "s.csv:3: file a.bin stands in line 2 already; name each sweep's own"),
+            ("time_s,name\n1,a.bin\n", "s.csv:1: it has no column 'file'; the header names: time_s, name"),
+            ("time_s,file\n3,a.bin\n", "s.csv: time_s 3 lies outside the odometry, which goes from 0 to 2.5"),
+        ] {
+            let error = read(text).expect_err("nonsense").to_string();
+            assert!(error.starts_with(said), "{error}");
+        }
     }
 
     #[test]

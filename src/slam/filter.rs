@@ -274,6 +274,11 @@ impl Filter {
         self.counters
     }
 
+    /// Whether the last stop's features or surface were found in the map.
+    pub(super) fn found_again(&self) -> bool {
+        self.drew && self.stops_without_match == 0
+    }
+
     /// Found nothing again for more than two stops.
     pub(super) fn lost(&self) -> bool {
         self.stops_without_match > 2 || !self.drew

@@ -300,6 +300,11 @@ impl Slam {
         if self.filter.lost() { Mode::DeadReckoning } else { Mode::Slam }
     }
 
+    /// Whether the last stop corrected the pose: a feature was matched, or a surface found again.
+    pub fn found_again(&self) -> bool {
+        self.filter.found_again()
+    }
+
     /// Mean normalised innovation squared of the last sweep's matches (3 when all is as modelled).
     pub fn mean_innovation(&self) -> Option<f64> {
         self.filter.mean_innovation()

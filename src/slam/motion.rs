@@ -61,7 +61,7 @@ impl Control {
     }
 
     /// The way that the wheels roll: a turn takes them along as well.
-    pub(super) fn rolled_m(&self) -> f64 {
+    pub(crate) fn rolled_m(&self) -> f64 {
         self.distance_m.abs() + TURNING_RADIUS_M * self.turn_rad.abs()
     }
 }

@@ -34,6 +34,8 @@ mod scans;
 mod search;
 /// What files hold that are not the user's config is in no message.
 mod secrets;
+/// Recordings of sweeps: points alone are located as whole sweeps are.
+mod sweeps;
 /// Speed against accuracy: what the verb writes and refuses.
 mod tradeoff;
 /// Training: the same bits after any kill; faults with their cures.

@@ -163,14 +163,14 @@ fn extreme_localise_refuses_nonsense_with_file_line_and_cure() {
         (&["localise", "o.csv", "--slip=0.95"], "a number of 0 to 0.9 is needed"),
         (&["localise", "o.csv", "--slip=-0.1"], "a number of 0 to 0.9 is needed"),
         (&["localise", "o.csv", "--slip=nan"], "a number of 0 to 0.9 is needed"),
-        (&["localise", "o.csv", "--sensor=nan,0,0"], "three finite numbers with commas between are needed"),
+        (&["localise", "o.csv", "--sensor=nan,0,0"], "a number is not finite"),
         (&["localise", "o.csv", "--motion-inflation", "0"], "a number of 0.01 to 1000 is needed"),
         (&["localise", "o.csv", "--measurement-inflation", "1e308"], "a number of 0.01 to 1000 is needed"),
         (&["localise", "twice.csv"], "twice.csv:1: it names 'speed_mps' twice"),
         (&["localise", "still.csv", "--features", "degrees.csv"], "degrees.csv:3: bearing_rad is 95"),
         (&["localise", "still.csv", "--features", "up.csv"], "up.csv:2: elevation_rad is 90"),
         (&["localise", "still.csv", "--features", "far.csv"], "far.csv:2: range_m is 1e200; a range is in metres"),
-        (&["localise", "o.csv", "--start", "1,0"], "three finite numbers with commas between are needed"),
+        (&["localise", "o.csv", "--start", "1,0"], "2 numbers, three are needed"),
     ] {
         let output = yard.marsyard(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");

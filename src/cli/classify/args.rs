@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args, ValueEnum};
 
 use crate::cli::operating_point::PointArgs;
+use crate::cli::options::{parse_six, parse_three};
 
 /// Where each scan was taken must be known: --pose, --trajectory or --sensor-height.
 #[derive(Debug, Args)]
@@ -22,7 +23,7 @@ pub(in crate::cli) struct ClassifyArgs {
 
     /// Pose in the map: x, y, z in metres, roll, pitch (nose down positive), yaw in degrees; z is that of the wheels' contact plane.
     /// Once for all clouds, or once for each.
-    #[arg(long, value_name = "X,Y,Z,ROLL,PITCH,YAW", value_parser = six, allow_hyphen_values = true, group = "place")]
+    #[arg(long, value_name = "X,Y,Z,ROLL,PITCH,YAW", value_parser = parse_six, allow_hyphen_values = true, group = "place")]
     pub(super) pose: Vec<[f64; 6]>,
     /// Poses from a TUM file: matched by time where the clouds are named by their times, else in order.
     #[arg(long, value_name = "FILE", group = "place")]
@@ -40,7 +41,7 @@ pub(in crate::cli) struct ClassifyArgs {
     #[arg(long, value_enum, default_value = "sensor")]
     pub(super) frame: Frame,
     /// Where the sensor sits on the rover: x, y, z in metres, yaw, pitch, roll in degrees. Default: as in the model's training.
-    #[arg(long, value_name = "X,Y,Z,YAW,PITCH,ROLL", value_parser = six, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z,YAW,PITCH,ROLL", value_parser = parse_six, allow_hyphen_values = true)]
     pub(super) mount: Option<[f64; 6]>,
 
     /// Standard deviation of the pose's x and y, metres. Default of all four: what the model saw in training (median), or 0.
@@ -68,7 +69,7 @@ pub(in crate::cli) struct ClassifyArgs {
     pub(super) overhang: Option<f64>,
     /// Returns of the rover itself are left out: points within its outline and 0.1 m around, on the wheels' contact plane and up to the
     /// sensor. Length, width and height in metres; default: of the model's rover, as high as its sensor.
-    #[arg(long, value_name = "L,W,H", value_parser = three, num_args = 0..=1, require_equals = true)]
+    #[arg(long, value_name = "L,W,H", value_parser = parse_three, num_args = 0..=1, require_equals = true)]
     pub(super) self_filter: Option<Option<[f64; 3]>>,
     /// Cells of fewer points are not judged: they are unknown in all that is written.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
@@ -104,23 +105,4 @@ pub(super) enum Frame {
     Sensor,
     /// The frame of the poses.
     Map,
-}
-
-fn six(text: &str) -> Result<[f64; 6], String> {
-    numbers(text, "six")
-}
-
-fn three(text: &str) -> Result<[f64; 3], String> {
-    numbers(text, "three")
-}
-
-/// As many finite numbers, between commas; `count`: the number of them as a word.
-fn numbers<const N: usize>(text: &str, count: &str) -> Result<[f64; N], String> {
-    let values: Vec<f64> = text
-        .split(',')
-        .map(|value| value.trim().parse::<f64>().map_err(|e| format!("'{value}': {e}")))
-        .collect::<Result<_, _>>()?;
-    let numbers: [f64; N] =
-        values.try_into().map_err(|v: Vec<f64>| format!("{} numbers, {count} are needed", v.len()))?;
-    if numbers.iter().all(|v| v.is_finite()) { Ok(numbers) } else { Err("a number is not finite".into()) }
 }
