@@ -393,23 +393,39 @@ fn law_the_front_is_what_no_other_beats() {
     assert_eq!(on_front.last().unwrap().1.balanced_accuracy.mean, best);
 }
 
-#[test]
-fn law_rounds_go_on_until_what_matters_is_resolved_and_narrow_it() {
-    let report = |resolve| {
-        let options = Options { resolve, ..options("tests/fixtures/training.yaml", &[], &[Group::Cast]) };
-        run(&options, &AtomicBool::new(false), &mut |_| ()).unwrap().unwrap()
+/// A report of a run that is stopped after `most` rounds unless it ends before, and the half-widths of the rounds that another followed.
+fn rounds_until(resolve: Option<f64>, most: u64) -> (Report, Vec<Option<f64>>) {
+    let options = Options { resolve, ..options("tests/fixtures/training.yaml", &[], &[Group::Cast]) };
+    let (stop, mut widths) = (AtomicBool::new(false), Vec::new());
+    let told = &mut |event: Event| {
+        if let Event::Round { done, half_width } = event {
+            widths.push(half_width);
+            stop.store(done >= most, std::sync::atomic::Ordering::Relaxed);
+        }
     };
-    let once = report(None);
-    let first = once.widest.clone().unwrap();
+    let report = run(&options, &stop, told).unwrap().unwrap();
+    (report, widths)
+}
+
+#[test]
+fn law_rounds_go_on_until_what_matters_is_resolved() {
+    let (once, followed) = rounds_until(None, u64::MAX);
+    let first = once.widest.clone().unwrap().half_width.unwrap();
     assert_eq!((once.rounds, once.seeds, once.test[0].scenes, once.ended), (1, 2, 6, Ended::Once));
-    let more = report(Some(0.7 * first.half_width.unwrap()));
-    assert!(more.rounds > 1 && more.ended == Ended::Resolved, "{} {:?}", more.rounds, more.ended);
-    assert!(more.widest.as_ref().is_none_or(|widest| widest.half_width <= first.half_width.map(|width| 0.7 * width)));
-    assert_eq!((more.seeds, more.test[0].scenes), (2 * more.rounds, 6 * more.rounds));
-    let trainings = |report: &Report| row(report, "reference").whole().unwrap().by_seed.len() as u64;
-    assert_eq!((trainings(&once), trainings(&more)), (2, more.seeds));
+    assert!(followed.is_empty());
+    // Gains are at equal CPU seconds, which no two runs have, so that a run is held to its own half-widths.
+    let limit = 0.7 * first;
+    let (more, followed) = rounds_until(Some(limit), u64::MAX);
+    assert_eq!((more.ended, followed.len() as u64), (Ended::Resolved, more.rounds - 1));
+    assert!(followed.iter().all(|width| width.is_none_or(|width| width > limit)), "{followed:?}");
+    assert!(more.widest.as_ref().is_none_or(|widest| widest.half_width.is_some_and(|width| width <= limit)));
     let said = table::text(&more);
-    assert!(said.contains("rounds, ") && said.contains("resolved; "), "{said}");
+    assert!(said.contains(" trainings a size: resolved; "), "{said}");
+    // Each round trains and tests as much as the first.
+    let (three, _) = rounds_until(Some(1e-9), 3);
+    assert_eq!((three.rounds, three.seeds, three.test[0].scenes, three.ended), (3, 6, 18, Ended::Interrupted));
+    let trainings = |report: &Report| row(report, "reference").whole().unwrap().by_seed.len();
+    assert_eq!((trainings(&once), trainings(&three)), (2, 6));
 }
 
 #[test]
