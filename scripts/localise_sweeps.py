@@ -7,8 +7,9 @@ FOLDER/mcd holds ninety sweeps of the sequence kth_day_06 of MCD (Nguyen et al. 
 past trunks, walls and people: from the example data of the public repository donceykong/OSM-BKI the files velodyne/*.bin, pose_inW.csv and
 hhs_calib.yaml. The truth is the data set's (continuous-time, against a survey's map). The recording has no wheels: odometry is made of the
 truth, per seed with noise of ODOMETRY, as speed and yaw rate from sweep to sweep, with roll and pitch and without a heading: real sweeps, simulated
-instruments. The defaults of --feature-range-m and --sweep-spacing-m were chosen by this recording, so that it is no independent test of them. The peer is KISS-ICP (Vizzo et al. 2023), as installed but without deskewing, since the files have no
-times of points; it reads the sweeps alone, in the sensor's own frame, and is laid on the truth at the first sweep, as is everything here.
+instruments. The defaults of --feature-range-m and --sweep-spacing-m were chosen by this recording, so that it is no independent test of
+them. The peer is KISS-ICP (Vizzo et al. 2023), as installed but without deskewing, since the files have no times of points; it reads the
+sweeps alone, in the sensor's own frame, and is laid on the truth at the first sweep, as is everything here.
 
 ATE and NEES are of x, y (and yaw) over all sweeps, from `localise --json` and for the peer computed here. Needs numpy, scipy, pyyaml and
 kiss-icp. Writes localise_sweeps.json and .md into scripts/results.
@@ -27,6 +28,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import study
+from localise_check import wrap
 
 # Standard deviations: metres and degrees per square root of a metre, degrees of roll and pitch.
 ODOMETRY = {"0.05 m, 2 deg": (0.05, 2.0), "0.1 m, 5 deg": (0.1, 5.0)}
@@ -60,10 +62,6 @@ def truth(folder):
 def angles(poses):
     """Roll, pitch and yaw as marsyard has them: radians, yaw about z first."""
     return Rotation.from_matrix(poses[:, :3, :3]).as_euler("ZYX")[:, ::-1]
-
-
-def wrap(angle):
-    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def record(folder, times, files, poses, noise, seed):

@@ -220,7 +220,7 @@ fn locate(
         noise,
         feature_sigmas: [args.range_m, bearing_rad, bearing_rad],
         start,
-        rover_from_sensor: rover_from_sensor(args),
+        rover_from_sensor: *reader.rover_from_sensor,
         sweep_spacing_m: args.sweep_spacing_m,
         seed: args.seed,
     };

@@ -25,7 +25,7 @@ pub(super) struct SweepsRead {
 /// Reads sweeps where their list names them.
 pub(super) struct SweepReader<'a> {
     args: &'a LocaliseArgs,
-    rover_from_sensor: &'a Transform,
+    pub(super) rover_from_sensor: &'a Transform,
     pub(super) read: SweepsRead,
 }
 
@@ -69,8 +69,9 @@ fn path(args: &LocaliseArgs, name: &str) -> PathBuf {
 
 /// The files of all sweeps. What is missing, or of no format that is read, is told before anything is located.
 pub(super) fn files(args: &LocaliseArgs, recording: &Recording) -> Result<Vec<PathBuf>, Failure> {
+    let Some(list) = &args.sweeps else { return Ok(Vec::new()) };
     let mut files = Vec::new();
-    for (list, (name, line)) in args.sweeps.iter().flat_map(|list| named(recording).map(move |of| (list, of))) {
+    for (name, line) in named(recording) {
         let path = path(args, name);
         let fault = |what: &str, cure: &str| {
             let place = format!("{}:{line}", list.display());
