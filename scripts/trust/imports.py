@@ -1,6 +1,6 @@
 """What a binary takes from the C library whose last bits differ between machines: nothing.
 
-    python scripts/trust/imports.py target/release/marsyard target/debug/marsyard
+    python scripts/trust/imports.py target/release/marsyard [OTHER BINARY ...]
 
 Needs nm, from binutils. Exit 1 with every transcendental function that is found.
 """
