@@ -9,9 +9,10 @@ use std::path::Path;
 pub(super) use args::LocaliseArgs;
 use sweeps::SweepReader;
 
-use super::Failure;
 use super::output::errln;
 use super::place::{corpus_failure, fault_words, must_be_local};
+use super::progress::LocaliseProgress;
+use super::{Failure, LogFormat};
 use crate::corpus::limits::FileKind;
 use crate::corpus::outputs::Outputs;
 use crate::drive::rover::Mount;
@@ -43,7 +44,7 @@ const COVARIANCE: &str = "covariance.csv";
 const LANDMARKS: &str = "landmarks.csv";
 const SWEEPS: &str = "sweeps.tum";
 
-pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
+pub(super) fn run(args: &LocaliseArgs, log: LogFormat) -> Result<(), Failure> {
     must_be_local("--out", &args.out)?;
     let mut recording = recorded(args)?;
     if args.unknown_ids {
@@ -58,12 +59,19 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
     let inputs = inputs.into_iter().flatten().cloned().chain(sweeps::files(args, &recording)?).collect();
     let names = [TRAJECTORY, COVARIANCE, LANDMARKS].into_iter().chain(args.sweeps.as_ref().map(|_| SWEEPS));
     let mut outputs = Outputs::open(&args.out, names, inputs).map_err(corpus_failure)?;
-    let rover_from_sensor = rover_from_sensor(args);
-    let mut reader = SweepReader::new(args, &rover_from_sensor);
-    let reckoned = locate(&recording, args, start, SlamParams::DeadReckoning, &mut reader)?;
+    let reckoning = params(args, start);
+    let mut reader = SweepReader::new(args, reckoning.rover_from_sensor);
+    let reckoned = recording::locate(&recording, &reckoning, |name| reader.returns(name), |_, _| {})?;
     let located = match args.features.as_ref().or(args.sweeps.as_ref()) {
         None => reckoned.clone(),
-        Some(_) => locate(&recording, args, start, SlamParams::Fastslam(fastslam(args, &recording)), &mut reader)?,
+        Some(_) => {
+            let params = LocateParams { slam: SlamParams::Fastslam(fastslam(args, &recording)), ..reckoning };
+            let mut progress = LocaliseProgress::new(log);
+            let each_step = |done, of| progress.take(done, of);
+            let located = recording::locate(&recording, &params, |name| reader.returns(name), each_step);
+            progress.finish();
+            located?
+        }
     };
     let at_sweeps = located.sweep_steps.iter().map(|&step| &located.steps[step]);
     let files: Vec<(String, Vec<u8>)> = [
@@ -83,6 +91,9 @@ pub(super) fn run(args: &LocaliseArgs) -> Result<(), Failure> {
         })?),
     };
     outputs.write(&files).map_err(corpus_failure)?;
+    if args.sweeps.is_none() {
+        outputs.withdraw(SWEEPS).map_err(corpus_failure)?;
+    }
     outputs.finish().map_err(corpus_failure)?;
     files.iter().for_each(|(name, _)| errln!("{}", args.out.join(name).display()));
     if args.slip > 0.0 && args.motion_inflation > 1.0 {
@@ -198,13 +209,8 @@ fn fastslam(args: &LocaliseArgs, recording: &Recording) -> FastslamParams {
     }
 }
 
-fn locate(
-    recording: &Recording,
-    args: &LocaliseArgs,
-    start: Pose,
-    slam: SlamParams,
-    reader: &mut SweepReader,
-) -> Result<Located, Failure> {
+/// Of dead reckoning.
+fn params(args: &LocaliseArgs, start: Pose) -> LocateParams {
     let bearing_rad = args.bearing_deg.to_radians();
     let noise = InstrumentNoise {
         imu_rad: args.imu_deg.to_radians(),
@@ -215,16 +221,15 @@ fn locate(
         slip: args.slip,
         heading_rad_per_sqrt_m: args.odometry_deg_per_sqrt_m.to_radians(),
     };
-    let params = LocateParams {
-        slam,
+    LocateParams {
+        slam: SlamParams::DeadReckoning,
         noise,
         feature_sigmas: [args.range_m, bearing_rad, bearing_rad],
         start,
-        rover_from_sensor: *reader.rover_from_sensor,
+        rover_from_sensor: rover_from_sensor(args),
         sweep_spacing_m: args.sweep_spacing_m,
         seed: args.seed,
-    };
-    recording::locate(recording, &params, |name| reader.returns(name))
+    }
 }
 
 fn scored(located: &Located, truth: &[read::TruePose]) -> Option<Score> {

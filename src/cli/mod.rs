@@ -223,7 +223,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Verb::Search(args) => search::run(args, cli.log),
         Verb::Export(args) => export::run(args),
         Verb::Classify(args) => classify::run(args),
-        Verb::Localise(args) => localise::run(args),
+        Verb::Localise(args) => localise::run(args, cli.log),
         Verb::Tradeoff(args) => tradeoff::run(args, cli.log),
         Verb::Schema(args) => {
             schema::run(args);

@@ -5,6 +5,7 @@
 //! most stands first.
 
 mod build;
+mod localise;
 mod search;
 mod tradeoff;
 mod train;
@@ -15,6 +16,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 pub(super) use self::build::BuildProgress;
+pub(super) use self::localise::LocaliseProgress;
 pub(super) use self::search::SearchProgress;
 pub(super) use self::tradeoff::TradeoffProgress;
 pub(super) use self::train::TrainProgress;

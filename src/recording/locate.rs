@@ -1,7 +1,7 @@
 //! A recording and what is known of its instruments -> a pose at each time, and a map.
 //!
-//! In: a [`Recording`], [`LocateParams`], and how to come by the returns of a sweep. Out: [`Located`]. An observation between two readings cuts the
-//! step: the reading's speed and yaw rate hold over both parts, its angles belong to the end. Frames and units as in [`crate::recording`].
+//! In: a [`Recording`], [`LocateParams`], how to come by the returns of a sweep, and whom to tell of each step. Out: [`Located`]. An observation
+//! between two readings cuts the step: the reading's speed and yaw rate hold over both parts, its angles belong to the end. Frames and units as in [`crate::recording`].
 
 use super::{Observation, Recording};
 use crate::drive::{InstrumentNoise, Reading};
@@ -50,11 +50,13 @@ pub struct Located {
     pub left_out: Counters,
 }
 
-/// Runs the filter over a recording. `returns_of`: the returns of the sweep in a file; dead reckoning asks for none.
+/// Runs the filter over a recording. `returns_of`: the returns of the sweep in a file; dead reckoning asks for none. `each_step` is told how many
+/// steps are done, and of how many.
 pub fn locate<E: From<SlamError>>(
     recording: &Recording,
     params: &LocateParams,
     mut returns_of: impl FnMut(&str) -> Result<Returns, E>,
+    mut each_step: impl FnMut(usize, usize),
 ) -> Result<Located, E> {
     let LocateParams { slam, noise, feature_sigmas, start, rover_from_sensor, sweep_spacing_m, seed } = params;
     let mut filter = Slam::new(slam, noise, start, rover_from_sensor)?.with_feature_sigmas(feature_sigmas);
@@ -63,7 +65,9 @@ pub fn locate<E: From<SlamError>>(
     let reads_sights = matches!(slam, SlamParams::Fastslam(_));
     let (mut steps, mut sweep_steps) = (Vec::with_capacity(recording.readings.len()), Vec::new());
     let (mut sweeps_read, mut sweeps_found_again, mut rolled_m) = (0, 0, f64::INFINITY);
-    for (number, (time_s, reading, observation)) in cut(recording).into_iter().enumerate() {
+    let cut = cut(recording);
+    let of = cut.len();
+    for (number, (time_s, reading, observation)) in cut.into_iter().enumerate() {
         let streams = Streams { seed: *seed, scene: 0, attempt: 0, stage: Stage::Slam, step: number as u32 };
         filter.step(&reading)?;
         rolled_m += Control::of(&reading).map_or(0.0, |control| control.rolled_m());
@@ -81,6 +85,7 @@ pub fn locate<E: From<SlamError>>(
             Some(Observation::Sweep { .. }) | None => filter.estimate(),
         };
         steps.push(Step { time_s, estimate });
+        each_step(number + 1, of);
     }
     let start_m = start.position_m.to_array();
     let mut landmarks = filter.best().1.to_vec();
@@ -147,12 +152,15 @@ mod tests {
         let read = |slam: SlamParams, sweep_spacing_m: f64| {
             let params = LocateParams { slam, sweep_spacing_m, ..params() };
             let mut names = Vec::new();
-            let located = locate::<SlamError>(&recording, &params, |name| {
+            let returns_of = |name: &str| {
                 names.push(name.to_owned());
                 Ok(crate::recording::returns_of_points(&[], |_| false).returns)
-            });
+            };
+            let mut told = Vec::new();
+            let located = locate::<SlamError>(&recording, &params, returns_of, |done, of| told.push((done, of)));
             let located = located.expect("a drive");
             assert_eq!((located.sweeps_read, located.sweep_steps.len()), (names.len(), 11));
+            assert!(told.into_iter().eq((1..=11).map(|done| (done, 11))));
             assert_eq!(located.sweeps_found_again, 0, "there is nothing in them");
             names
         };

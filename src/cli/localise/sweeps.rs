@@ -25,12 +25,12 @@ pub(super) struct SweepsRead {
 /// Reads sweeps where their list names them.
 pub(super) struct SweepReader<'a> {
     args: &'a LocaliseArgs,
-    pub(super) rover_from_sensor: &'a Transform,
+    rover_from_sensor: Transform,
     pub(super) read: SweepsRead,
 }
 
 impl<'a> SweepReader<'a> {
-    pub(super) fn new(args: &'a LocaliseArgs, rover_from_sensor: &'a Transform) -> SweepReader<'a> {
+    pub(super) fn new(args: &'a LocaliseArgs, rover_from_sensor: Transform) -> SweepReader<'a> {
         SweepReader { args, rover_from_sensor, read: SweepsRead::default() }
     }
 
