@@ -6,19 +6,21 @@ use std::path::Path;
 use garde::Validate;
 use serde::de::DeserializeOwned;
 
-use super::document::{Document, MAX_FAMILIES};
-use super::error::{ConfigError, Fault, OVERRIDE, quoted};
+use super::document::Document;
+use super::error::{ConfigError, Fault};
+use super::families::{family_trees, few_families, without_sections};
 use super::fidelity;
+use super::form::Schema;
 use super::key_path::KeyPath;
-use super::merge::{merge, set};
+use super::overrides::with_set;
 use super::presets;
 use super::reader::Reader;
 use super::remarks;
 use super::rules;
 use super::schema::{Kind, schema};
-use super::shape::{self, Schema};
-use super::tree::{self, Key, Node, Source, Span, Value};
-use crate::plan::SECTIONS;
+use super::shape;
+use super::tree::{Node, Source, Span, Value};
+use super::values::value_faults;
 use crate::plan::{Family, Plan, PlanFile};
 use crate::preset::Preset;
 use crate::scene::SceneParams;
@@ -347,144 +349,4 @@ pub(super) fn without(node: &Node, faults: &[Fault]) -> Option<Node> {
         leaf => leaf.clone(),
     };
     Some(Node { span: node.span, value, whole: node.whole })
-}
-
-/// What a type's own rules say of a value.
-pub(super) fn value_faults<T: Validate<Context = ()>>(
-    value: &T,
-    place: &KeyPath,
-    section: &str,
-    kind: Kind,
-) -> Vec<Fault> {
-    let Err(report) = value.validate() else { return Vec::new() };
-    let mut faults = Vec::new();
-    for (path, error) in report.iter() {
-        let joint = if section.is_empty() || path.is_empty() { "" } else { "." };
-        let found = place.find(&format!("{section}{joint}{path}"));
-        let said = plain(error.message(), found.value);
-        let joint =
-            if said.starts_with("must") || said.starts_with("needs") || said.starts_with("may") { "" } else { ":" };
-        let fault = Fault::new(found.span, format!("'{}'{joint} {said}", found.dotted));
-        let schema = Schema::of(schema(kind));
-        faults.push(match shape::meaning_of_law(schema, &said).or_else(|| described(schema, &found.dotted)) {
-            Some(meaning) => fault.cure(meaning),
-            None => fault,
-        });
-    }
-    faults
-}
-
-/// A range rule in words, with the value that broke it.
-fn plain(message: &str, value: Option<String>) -> String {
-    let got = value.map_or(String::new(), |value| format!(", got {}", quoted(&value)));
-    for (said, meant) in [
-        ("length is lower than ", "needs at least this many entries: "),
-        ("length is greater than ", "may have at most this many entries: "),
-        ("lower than ", "must be at least "),
-        ("greater than ", "must be at most "),
-    ] {
-        if let Some(limit) = message.strip_prefix(said) {
-            return format!("{meant}{limit}{got}");
-        }
-    }
-    // What the file gave stands last.
-    match message.split_once(", got ") {
-        Some((rule, got)) => format!("{rule}, got {}", quoted(got)),
-        None => message.to_owned(),
-    }
-}
-
-/// What the schema says that a key means.
-fn described(schema: Schema<'static>, dotted: &str) -> Option<String> {
-    let mut here = schema;
-    for step in dotted.split(['.', '[']) {
-        here = if step.ends_with(']') { here.item()? } else { here.child(step)? };
-    }
-    shape::meaning(here, dotted)
-}
-
-/// A `--set key=value` laid over the document.
-pub(super) fn with_set(root: Node, argument: &str, reader: &mut Reader, kind: Kind) -> Result<Node, Fault> {
-    let example = match kind {
-        #[cfg(feature = "train")]
-        Kind::Train => "for example: network.hidden=[8]",
-        _ => "for example: scene.rocks.count=5",
-    };
-    let source = reader.sources.len();
-    let text = std::sync::Arc::new(argument.to_owned());
-    let folder = reader.folder(root.span);
-    reader.sources.push(Source { name: OVERRIDE.into(), text, folder, is_shown: true });
-    let whole = Span { source, start: 0, len: argument.len() };
-    let Some((dotted, _)) = argument.split_once('=') else {
-        return Err(Fault::new(whole, "an override has the form key=value").cure(example));
-    };
-    let mut path = Vec::new();
-    let mut start = 0;
-    for name in dotted.split('.') {
-        path.push(Key { name: name.trim().to_owned(), span: Span { source, start, len: name.len() } });
-        start += name.len() + 1;
-    }
-    if path.iter().any(|key| key.name.is_empty()) {
-        return Err(Fault::new(whole, "the key of an override has an empty part").cure(example));
-    }
-    let value = tree::parse(source, argument, dotted.len() + 1)?;
-    set(Some(root), &path, value, Some(Schema::of(schema(kind))))
-}
-
-/// The document's keys outside the sections, families included.
-fn without_sections(root: &Node) -> Node {
-    let kept = root.entries().iter().filter(|(key, _)| !SECTIONS.contains(&key.name.as_str()));
-    let head = |(key, node): &(Key, Node)| match &node.value {
-        Value::Seq(families) if key.name == "families" => {
-            let bare = |family: &Node| match &family.value {
-                Value::Map(_) => without_sections(family),
-                _ => family.clone(),
-            };
-            (key.clone(), Node::new(node.span, Value::Seq(families.iter().map(bare).collect())))
-        }
-        _ => (key.clone(), node.clone()),
-    };
-    Node::new(root.span, Value::Map(kept.map(head).collect()))
-}
-
-/// Refuses more families than are held, before any of them is laid over the document's sections.
-fn few_families(root: &Node) -> Result<(), Fault> {
-    match root.get("families") {
-        Some(Node { span, value: Value::Seq(families), .. }) if families.len() > MAX_FAMILIES => {
-            let rule = format!("'families' may have at most {MAX_FAMILIES} entries, got {}", families.len());
-            Err(Fault::new(*span, rule).cure("let a law vary what the families differ in, or make several corpora"))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Name and sections of each family, its overrides laid over the document's; one named `default` where there is none.
-fn family_trees(root: &Node) -> Vec<(String, Node)> {
-    let written = match root.get("families").map(|node| &node.value) {
-        Some(Value::Seq(families)) => families.iter().filter(|family| matches!(family.value, Value::Map(_))).collect(),
-        _ => Vec::new(),
-    };
-    if written.is_empty() {
-        return vec![("default".into(), sections_of(root, None))];
-    }
-    let name = |family: &Node| match family.get("name").map(|node| &node.value) {
-        Some(Value::Text(name)) => name.clone(),
-        _ => "?".into(),
-    };
-    written.into_iter().map(|family| (name(family), sections_of(root, Some(family)))).collect()
-}
-
-fn sections_of(root: &Node, family: Option<&Node>) -> Node {
-    let mut sections = Vec::new();
-    for name in SECTIONS {
-        let entry = |node: &Node| node.entries().iter().find(|(key, _)| key.name == name).cloned();
-        let merged = match (entry(root), family.and_then(entry)) {
-            (Some((key, base)), Some((_, over))) => {
-                Some((key, merge(base, over, Schema::of(schema(Kind::Corpus)).child(name))))
-            }
-            (base, over) => over.or(base),
-        };
-        sections.extend(merged);
-    }
-    Node::new(family.unwrap_or(root).span, Value::Map(sections))
 }

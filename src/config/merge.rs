@@ -3,7 +3,7 @@
 //! A choice (`source: {random: ...}`) with another variant replaces the old one; with the same variant it is merged.
 
 use super::error::Fault;
-use super::shape::{Form, Schema, required};
+use super::form::{Form, Schema, required};
 use super::tree::{Key, Node, Span, Value};
 
 /// `over` laid over `base`.

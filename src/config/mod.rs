@@ -2,15 +2,19 @@
 //!
 //! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
 //! fault, its place and its cure. The way: text -> tree (`tree`) -> presets written out (`presets`) -> overrides laid over
-//! (`merge`) -> what `fidelity` sets laid under (`fidelity`) -> shape checked against the schema (`shape`, `schema`) -> types and their own rules -> rules between keys
-//! (`rules`), and remarks on what is legal and hardly meant (`remarks`). Nothing is written, and nothing but the files that the config names is read.
+//! (`overrides`, `merge`) -> what `fidelity` sets laid under (`fidelity`) -> each family's sections (`families`) -> shape checked against the schema
+//! (`shape`, `form`, `schema`) -> types and their own rules (`values`) -> rules between keys (`rules`), and remarks on what is legal and hardly meant (`remarks`). Nothing is written, and nothing but the files that the config names is read.
 
 pub(crate) mod document;
 pub(crate) mod error;
+mod families;
 pub(crate) mod fidelity;
+mod form;
 mod key_path;
 mod load;
 mod merge;
+mod names;
+mod overrides;
 mod presets;
 mod reader;
 mod remarks;
@@ -21,6 +25,7 @@ mod shape;
 #[cfg(feature = "train")]
 mod train;
 mod tree;
+mod values;
 mod write;
 
 pub use error::{ConfigError, Located};

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::error::Fault;
+use super::names::{did_you_mean, listed};
 use super::reader::Reader;
-use super::shape::{did_you_mean, listed};
 use super::tree::{Key, Node, Source, Value};
 use crate::drive::DriveParams;
 use crate::sweep::SweepParams;

@@ -11,8 +11,8 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value as Json, json};
 
 use super::document::Document;
+use super::form::{Form, Schema};
 use super::presets::shipped;
-use super::shape::{Form, Schema};
 use crate::cells::CellParams;
 use crate::drive::{DriveParams, Rover};
 use crate::plan::SECTIONS;

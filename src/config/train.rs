@@ -3,12 +3,15 @@
 use std::path::Path;
 
 use super::error::{ConfigError, Fault, quoted};
+use super::form::Schema;
 use super::key_path::KeyPath;
-use super::load::{value_faults, with_set, without};
+use super::load::without;
+use super::overrides::with_set;
 use super::reader::Reader;
 use super::schema::{Kind, schema};
-use super::shape::{self, Schema};
+use super::shape;
 use super::tree::{Source, Span, Value};
+use super::values::value_faults;
 use super::write::yaml;
 use crate::cells::{LabelRule, Unanswerable};
 use crate::train::{Activation, TrainParams};

@@ -1,0 +1,129 @@
+use super::*;
+use crate::measure::study::tests::{setting, study};
+
+const HERE: Here = Here {
+    slowness: 2.0,
+    writing_cpu_s: 0.005,
+    bytes_per_scene: 80_000.0,
+    rows_per_scene: 1700.0,
+    row_cost: RowCost { reading_s: 0.0, judging_s: 0.0 },
+};
+
+fn budget(wall_s: f64, disk_bytes: Option<f64>) -> Budget {
+    Budget { wall_s, cores: 2.0, disk_bytes, rows: None }
+}
+
+#[test]
+fn exact_the_hours_are_used_up_to_the_last_shard() {
+    // A steep curve: of half the scenes that the budget allows twice as many would still bring a point.
+    let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+    let of = choices(&study, &budget(20.0, None), |_| HERE, 50);
+    let [only] = of.as_slice() else { panic!("one") };
+    // A scene: 2 * 0.02 + 0.005 s on two cores; learning one: 2 * 0.01 s, 0.84 of a scene each.
+    let scene_s = 0.045 / 2.0 + 0.84 * 0.02;
+    assert_eq!((only.scenes, only.bound), ((20.0 / scene_s / 50.0) as u64 * 50, Bound::Hours));
+    assert!((only.build_s - 0.0225 * only.scenes as f64).abs() < 1e-9);
+    assert!((only.train_s - 0.0168 * only.scenes as f64).abs() < 1e-6 * only.train_s);
+    assert_eq!((only.bytes, only.rows), (8e4 * only.scenes as f64, 1700.0 * only.scenes as f64));
+    assert!((only.expected.mean - (0.95 - 4.0 / (0.84 * only.scenes as f64))).abs() < 5e-3, "{only:?}");
+    assert!(only.beyond > 1.0 && only.left == (0.0, 0.0));
+}
+
+#[test]
+fn exact_a_training_on_more_rows_takes_fewer_passes() {
+    let mut study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+    // Two passes beside patience's one at the largest size, and the fewer the more rows.
+    for size in &mut study.settings[0].sizes {
+        size.rows_learnt = size.train_rows * (1.0 + 2.0 * math::pow(128.0 / size.scenes as f64, 0.25));
+    }
+    let only = &choices(&study, &budget(20.0, None), |_| HERE, 50)[0];
+    let learnt = 0.84 * only.scenes as f64;
+    let passes = 1.0 + 2.0 * math::pow(128.0 / learnt, 0.25);
+    // 128 scenes are learnt in three passes and 2 * 1.28 s.
+    let expected = 2.0 * 1.28 * learnt / 128.0 * passes / 3.0;
+    assert!((only.train_s - expected).abs() < 1e-6 * expected, "{} {expected}", only.train_s);
+}
+
+#[test]
+fn exact_what_a_training_reads_and_judges_is_told_beside_what_it_learns() {
+    let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+    let train_s = |reading_s, judging_s| {
+        let here = |_: &StudySetting| Here { row_cost: RowCost { reading_s, judging_s }, ..HERE };
+        choices(&study, &budget(20.0, Some(4e6)), here, 50)[0].train_s
+    };
+    let learning_s = train_s(0.0, 0.0);
+    // 50 scenes of 1700 rows, fewer than a window's: those to learn are read in three passes, for three samples, and ahead of the end in
+    // two windows and a half; of the other splits 4 x 0.15 + 0.15. Judged are twice 0.7, four times 0.15, and those to test.
+    let reading_s = train_s(1e-6, 0.0) - learning_s;
+    assert!((reading_s - 1e-6 * 85_000.0 * (0.7 * (3.0 + 2.5 + 3.0) + 0.75)).abs() < 1e-6, "{reading_s}");
+    let judging_s = train_s(0.0, 1e-6) - learning_s;
+    assert!((judging_s - 1e-6 * 85_000.0 * (1.4 + 0.75)).abs() < 1e-9, "{judging_s}");
+}
+
+#[test]
+fn exact_the_disk_binds_where_it_is_smaller() {
+    let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+    let of = choices(&study, &budget(60.0, Some(5e7)), |_| HERE, 50);
+    // 625 scenes of 80 kB.
+    assert_eq!((of[0].scenes, of[0].bound), (600, Bound::Disk));
+    assert!(choices(&study, &budget(60.0, Some(1e6)), |_| HERE, 50).is_empty());
+    assert!(choices(&study, &budget(0.5, None), |_| HERE, 50).is_empty());
+}
+
+#[test]
+fn exact_the_rows_bind_where_they_are_fewer() {
+    let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
+    let of = |rows, disk| choices(&study, &Budget { rows: Some(rows), ..budget(60.0, disk) }, |_| HERE, 50);
+    // 617 scenes of 1700 rows; the disk holds 625.
+    assert_eq!((of(1.05e6, Some(5e7))[0].scenes, of(1.05e6, Some(5e7))[0].bound), (600, Bound::Rows));
+    assert_eq!(of(1.05e9, Some(5e7))[0].bound, Bound::Disk);
+    assert!(of(8e4, None).is_empty());
+}
+
+#[test]
+fn law_a_flat_curve_ends_the_scenes_long_before_the_hours() {
+    let study = study(vec![setting("flat", None, (0.03, 0.1), (0.02, 0.01))]);
+    let of = &choices(&study, &budget(8.0 * 3600.0, None), |_| HERE, 50)[0];
+    assert_eq!(of.bound, Bound::Flat);
+    assert!(of.scenes < 5000 && of.most_scenes > 500_000, "{of:?}");
+    assert!(of.left.0 <= of.left.1 && of.left.1 <= FLAT);
+    // Never better than the floor and the interval allow.
+    assert!(of.expected.high < 0.97 + 0.01, "{of:?}");
+}
+
+#[test]
+fn law_what_is_told_better_comes_first_and_what_is_worse_never() {
+    let study = study(vec![
+        setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+        setting("better", Some(Told::Better), (0.032, 1.0), (0.01, 0.01)),
+        setting("lucky", Some(Told::NotApart), (0.01, 1.0), (0.02, 0.01)),
+        setting("worse", Some(Told::Worse), (0.001, 1.0), (0.02, 0.01)),
+    ]);
+    let names: Vec<_> =
+        choices(&study, &budget(600.0, None), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
+    assert_eq!(names, ["better", "reference", "lucky"]);
+}
+
+#[test]
+fn law_where_rows_bind_better_at_equal_cpu_comes_first_only_if_it_is_no_worse_and_no_dearer() {
+    let first = |error: f64, scene_cpu_s: f64, rows: Option<f64>| {
+        let study = study(vec![
+            setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+            setting("other", Some(Told::Better), (error, 1.0), (scene_cpu_s, 0.01)),
+        ]);
+        choices(&study, &Budget { rows, ..budget(600.0, None) }, |_| HERE, 10)[0].setting.name.clone()
+    };
+    for (error, scene_cpu_s) in [(0.04, 0.001), (0.02, 0.001), (0.02, 0.05)] {
+        assert_eq!(first(error, scene_cpu_s, None), "other");
+    }
+    assert_eq!(first(0.04, 0.001, Some(1e5)), "reference");
+    assert_eq!(first(0.02, 0.05, Some(1e5)), "reference");
+    assert_eq!(first(0.02, 0.001, Some(1e5)), "other");
+}
+
+#[test]
+fn exact_a_bound_is_found_by_halving() {
+    assert_eq!(most(|scenes| scenes <= 1234.0, 50), 1200);
+    assert_eq!(most(|_| false, 50), 0);
+    assert_eq!(most(|_| true, 50), 1_000_000_000);
+}
