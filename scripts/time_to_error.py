@@ -11,11 +11,11 @@ neighbours as heights above the cell), standardised by these rows and clipped at
 seconds of the budget to learn in: user and system time of the learning alone; looks, reading and standardising are not counted. At each
 budget an engine is judged by the look so far that is best on the validation scenes, and what is told is the error of *that* state on the
 test scenes (of mixed.yaml: its held-out families): the weighted mean of (target - output)^2 with targets 0.1 and 0.9, which is what marsyard's
-trainer lowers. Networks have two hidden layers of 16, but for those that say otherwise; what learns by log loss has its probability p judged as
+trainer lowers by default. Networks have two hidden layers of 16, but for those that say otherwise; what learns by log loss has its probability p judged as
 0.1 + 0.8 p.
 
 - marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores), with two of 16-16, with two of 64-64 of which one has
-  rectified neurons (`network.activation: both`), and with one network of less than 600 weights, logistic or rectified as the search finds; and the Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
+  rectified neurons (`network.activation: both`), by the logarithmic loss with and without these, and with one network of less than 600 weights, logistic or rectified as the search finds; and the Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
   at by the validation and by the test rows, which changes nothing that is learnt; the time is the first's.
 - sklearn: MLPClassifier, Adam, batches of 200 and 1000.
 - torch, fused Adam: constant rate; and one cycle (OneCycleLR), which knows its budget and is trained anew for each.
@@ -34,7 +34,7 @@ Rate, batch, activation and inputs of each network are the best by validation er
 for longer budgets (--settings takes those of an earlier run, a quarter of the time saved).
 --kept takes over what an earlier run measured on the same corpora; then the default learns each corpus once more for five seconds, which tells how fast the machine is beside then,
 and is looked at five times as often.
-The spread is the range over the seeds. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
+The spread is the range over the seeds; a seed more may be of fewer budgets (--budgets), which the page says. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
 engine and seed, so that an interrupted run goes on.
 """
 
@@ -127,11 +127,14 @@ LARGE_ADAM = [(*setting, schedule) for schedule in ("constant", ONE_CYCLE) for s
 BARE = [(None, {"learning_rate": rate}) for rate in (0.05, 0.1, 0.2)]
 REGULARISED = [(rows, TREES | {"learning_rate": rate, "num_leaves": leaves})
                for rows, rate, leaves in [(300_000, 0.2, 31), (1_000_000, 0.2, 31), *((None, rate, leaves) for leaves in (31, 127) for rate in (0.2, 0.1, 0.05))]]
+LOGARITHMIC = "{kronecker: {loss: logarithmic}}"
 #: What learns, and the settings that the search tries.
 ENGINES = {
     "marsyard, default, two of 64-64": (marsyard(250_000, filter="{kronecker: {}}"), [None]),
     "marsyard, default, two of 16-16": (marsyard(500_000, filter="{kronecker: {}}", **{"network.hidden": "[16,16]"}), [None]),
     "marsyard, one rectified, two of 64-64": (marsyard(250_000, filter="{kronecker: {}}", **{"network.activation": "both"}), [None]),
+    "marsyard, logarithmic, two of 64-64": (marsyard(250_000, filter=LOGARITHMIC), [None]),
+    "marsyard, logarithmic, one rectified, two of 64-64": (marsyard(250_000, filter=LOGARITHMIC, **{"network.activation": "both"}), [None]),
     "marsyard, less than 600 weights": (marsyard(250_000, less_than_600, filter="{kronecker: {}}", **{"network.members": 1}), ["logistic", "relu"]),
     "marsyard, Kalman filter": (marsyard(100_000, filter="{ekf: {}}"), [None]),
     "marsyard, Kalman, every row": (marsyard(50_000, **{"filter.ekf.rows": "every"}), [None]),
@@ -160,6 +163,8 @@ LAYOUTS = {
     "marsyard, default, two of 64-64": (2, (64, 64), 2),
     "marsyard, default, two of 16-16": (2, HIDDEN, 2),
     "marsyard, one rectified, two of 64-64": (2, (64, 64), 2),
+    "marsyard, logarithmic, two of 64-64": (2, (64, 64), 2),
+    "marsyard, logarithmic, one rectified, two of 64-64": (2, (64, 64), 2),
     "marsyard, Kalman filter": (1, HIDDEN, 1),
     "marsyard, Kalman, every row": (1, HIDDEN, 1),
     **{engine: (2, (64, 64), 2) for engine in MEMBERS},
@@ -249,20 +254,22 @@ def weights(engine, columns, chosen):
 
 
 def told(runs, budget):
-    found = [1000 * run[str(budget)][2] for run in runs if run.get(str(budget))]
+    """The median of those that had a look by then, and their range; how many they are, where others had none."""
+    learnt = [run[str(budget)] for run in runs.values() if str(budget) in run]
+    found = [1000 * look[2] for look in learnt if look]
     if not found:
         return "-"
     spread = f" ({min(found):.2f} to {max(found):.2f})" if len(found) > 1 else ""
-    return f"{np.median(found):.2f}{spread}"
+    return f"{np.median(found):.2f}{spread}{f' ({len(found)} of {len(learnt)})' if len(found) < len(learnt) else ''}"
 
 
 def markdown(about, kept, corpora, seeds):
     text = (f"# What error a CPU second buys\n\n`{about['command']}`, {about['marsyard']}, torch {torch.__version__.split('+')[0]}, LightGBM {lightgbm.__version__}; one thread each. "
             f"Weighted mean squared error on test scenes, thousandths; {'seed ' + str(seeds[0]) if len(seeds) == 1 else 'medians of seeds ' + ', '.join(map(str, seeds)) + ', ranges in brackets'}. What is compared, and how it is "
-            f"counted, is said at the head of the script. CPU seconds of this machine, beside other work.{measured_when(kept)}\n")
+            f"counted, is said at the head of the script. CPU seconds of this machine, beside other work.\n")
     for name in corpora:
         of = about["corpora"][name]
-        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).\n\n"
+        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).{measured_when(kept, name, seeds)}{fewer_seeds(kept, name, seeds)}\n\n"
         text += table(kept, name, seeds, of["columns"]) + "\n\n" + calibration(kept, name)
         for engine in CLAIMED:
             text += f"Less than {engine}, {weights(engine, of['columns'], None)} weights, err at equal CPU (percent by which its error is above theirs):\n\n{ahead_of(kept, name, seeds, engine)}\n\n"
@@ -271,17 +278,44 @@ def markdown(about, kept, corpora, seeds):
     return text
 
 
-def measured_when(kept):
-    """On which days, where they are several."""
-    of = {}
-    for key, date in kept.get("dates", {}).items():
-        engines = of.setdefault(date, [])
-        if (engine := key.split("/")[1]) not in engines:
-            engines.append(engine)
-    if len(of) < 2:
-        return ""
-    most = max(of, key=lambda date: len(of[date]))
-    return f" Measured on {most}, but for these: " + " ".join(f"on {date} {'; '.join(of[date])}." for date in sorted(of) if date != most)
+def measured_when(kept, name, seeds):
+    """By seed the day on which most was measured, and what is of another."""
+    told = []
+    for seed in seeds:
+        of = {}
+        for engine in ENGINES:
+            if date := kept.get("dates", {}).get(f"{name}/{engine}/{seed}"):
+                of.setdefault(date, []).append(engine)
+        if of:
+            most = max(of, key=lambda date: len(of[date]))
+            others = "".join(f"; but on {date}: {', '.join(repr(engine) for engine in of[date])}" for date in sorted(of) if date != most)
+            told.append(f"Seed {seed} was measured on {most}{others}.")
+    return "".join(f" {of}" for of in told)
+
+
+def of_corpus(kept, name, seeds):
+    """By engine: what was measured, by seed."""
+    return {engine: {seed: run for seed in seeds if (run := kept["runs"].get(f"{name}/{engine}/{seed}"))} for engine in ENGINES}
+
+
+def budgets_of(runs):
+    """Those that anybody had."""
+    return sorted({int(budget) for of in runs.values() for run in of.values() for budget in run})
+
+
+def fewer_seeds(kept, name, seeds):
+    """At which budgets not all engines learnt with all seeds."""
+    runs, told = of_corpus(kept, name, seeds), []
+    for budget in budgets_of(runs):
+        of = {}
+        for engine, by_seed in runs.items():
+            of.setdefault(tuple(seed for seed, run in by_seed.items() if str(budget) in run), []).append(engine)
+        most = max(of, key=lambda having: len(of[having]))
+        if set(of) != {tuple(seeds)}:
+            seeds_of = lambda having: f"seed{'s' * (len(having) > 1)} {', '.join(map(str, having))}" if having else "no seed"
+            others = "".join(f"; of {seeds_of(having)}: {', '.join(map(repr, engines))}" for having, engines in of.items() if having != most)
+            told.append(f" At {budget} CPU s rows are of {seeds_of(most)}{' alone' * (most != tuple(seeds))}{others}.")
+    return "".join(told)
 
 
 def calibration(kept, name):
@@ -302,21 +336,27 @@ def calibrated(kept, name, again):
 
 
 def ahead_of(kept, name, seeds, engine):
-    """By budget: which peers err less than this engine, the least first."""
-    median = lambda other, budget: np.median([run[budget][2] for seed in seeds if (run := kept["runs"].get(f"{name}/{other}/{seed}")) and run.get(budget)] or [np.inf])
-    found = []
-    for budget in kept["runs"][f"{name}/{engine}/{seeds[0]}"]:
-        own = median(engine, budget)
-        ahead = sorted((error, other) for other in ENGINES if not other.startswith("marsyard") and (error := median(other, budget)) < own)
-        told = "; ".join(f"{other} {100 * (own / error - 1):.1f}" for error, other in ahead) or "no peer"
-        found.append(f"- {budget} CPU s: {told if np.isfinite(own) else 'it had no look by then'}.")
+    """By budget: which peers err less than this engine, the least first; medians over the seeds with which both had a look."""
+    runs, found = of_corpus(kept, name, seeds), []
+    errors = lambda other, budget: {seed: run[str(budget)][2] for seed, run in runs[other].items() if run.get(str(budget))}
+    for budget in budgets_of({engine: runs[engine]}):
+        own, peers = errors(engine, budget), []
+        for other in ENGINES:
+            common = own.keys() & errors(other, budget).keys()
+            if not other.startswith("marsyard") and common:
+                of_own, of_other = (np.median([errors(which, budget)[seed] for seed in common]) for which in (engine, other))
+                peers.append((of_own / of_other, other))
+        told = "; ".join(f"{other} {100 * (ratio - 1):.1f}" for ratio, other in sorted(peers, reverse=True) if ratio > 1) or "no peer"
+        asked = sum(str(budget) in run for run in runs[engine].values())
+        lacking = f" (in {asked - len(own)} of {asked} trainings it had no look by then, which are left out)" if own and len(own) < asked else ""
+        found.append(f"- {budget} CPU s{lacking}: {told if own else 'it had no look by then'}.")
     return "\n".join(found)
 
 
 def table(kept, name, seeds, columns):
     """A row an engine, a column a budget that anybody had."""
-    of = {engine: [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]] for engine in ENGINES}
-    budgets = sorted({int(budget) for runs in of.values() for run in runs for budget in run})
+    of = of_corpus(kept, name, seeds)
+    budgets = budgets_of(of)
     rows = [[engine, weights(engine, columns, kept["settings"].get(f"{name}/{engine}")), *(told(runs, budget) for budget in budgets)] for engine, runs in of.items()]
     return study.markdown(["learnt by", "weights", *(f"{budget} CPU s" for budget in budgets)], rows)
 
@@ -326,7 +366,7 @@ def readable(setting):
     return ", ".join(part.__name__ if isinstance(part, type) else f"{part:g}" if not isinstance(part, str) else part for part in parts)
 
 
-def chart(kept, corpora, budgets, seeds, path):
+def chart(kept, corpora, seeds, path):
     import matplotlib
 
     matplotlib.use("Agg")
@@ -334,17 +374,19 @@ def chart(kept, corpora, budgets, seeds, path):
     from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     figure, axes = plt.subplots(1, len(corpora), figsize=(5.2 * len(corpora) + 2.4, 4.4), squeeze=False, layout="constrained")
-    colours = plt.get_cmap("tab20")
+    colours = [*plt.get_cmap("tab20").colors, *plt.get_cmap("tab20b").colors[::4]]
     # Of the default's size: told from all others at a glance.
     dark = dict(zip(MEMBERS, ("black", "crimson")))
     for axis, name in zip(axes[0], corpora):
-        for k, engine in enumerate(ENGINES):
-            runs = [kept["runs"][key] for seed in seeds if (key := f"{name}/{engine}/{seed}") in kept["runs"]]
-            points = [(budget, 1000 * np.median([run[str(budget)][2] for run in runs if run.get(str(budget))])) for budget in budgets if any(run.get(str(budget)) for run in runs)]
+        of = of_corpus(kept, name, seeds)
+        budgets = budgets_of(of)
+        for k, (engine, runs) in enumerate(of.items()):
+            looks = {budget: [1000 * run[str(budget)][2] for run in runs.values() if run.get(str(budget))] for budget in budgets}
+            points = [(budget, np.median(errors)) for budget, errors in looks.items() if errors]
             if points:
                 is_own = engine.startswith("marsyard")
                 width, dash = 2.2 if is_own else 1.1, "--" if engine.startswith("LightGBM") else ":" if engine in dark else "-"
-                axis.plot(*zip(*points), marker="o", ms=3, lw=1.8 if engine in dark else width, ls=dash, color=dark.get(engine, colours(k)), label=engine)
+                axis.plot(*zip(*points), marker="o", ms=3, lw=1.8 if engine in dark else width, ls=dash, color=dark.get(engine, colours[k]), label=engine)
         lowest = min(line.get_ydata().min() for line in axis.lines)
         highest = max(line.get_ydata().max() for line in axis.lines)
         axis.set(xscale="log", yscale="log", title=f"{name}.yaml", xlabel="CPU seconds of learning", ylabel="weighted error on test scenes, thousandths")
@@ -417,7 +459,7 @@ def main():
     out = options.out
     (out / "time_to_error.json").write_text(json.dumps({"about": about, **kept}, indent=1) + "\n")
     (out / "time_to_error.md").write_text(text)
-    chart(kept, corpora, budgets, seeds, out / "time_to_error.svg")
+    chart(kept, corpora, seeds, out / "time_to_error.svg")
     print(text)
 
 

@@ -77,9 +77,9 @@ def train(train, validation, judged, settings, trainer=TRAINER, names=None):
 
 
 def looks(train, looked, settings, cpu_s, names):
-    """What the looks at all of `looked` find while so many CPU seconds are learnt on (values, labels)."""
+    """What the looks at all of `looked` find while so many CPU seconds are learnt on (values, labels), and the resolved config."""
     with tempfile.TemporaryDirectory() as folder:
-        return run(folder, train, looked, [], settings, names=names, flags=["--look-at-all", "--only-looks-of-s", str(cpu_s)])["looks"]
+        return run(folder, train, looked, [], settings, names=names, flags=["--look-at-all", "--only-looks-of-s", str(cpu_s)])
 
 
 def run(folder, train, validation, judged, settings, trainer=TRAINER, names=None, flags=()):
