@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Cargo.lock against deny.toml: the licence and the origin of every crate that is linked on x86-64 Linux.
+"""Cargo.lock against deny.toml: the licence and the origin of every crate that is linked on x86-64 Linux; and whether builds with and without
+object-stores ask for the same features of the crates that both have, so that these are compiled once.
 
     python scripts/check_dependencies.py
 
@@ -64,6 +65,23 @@ def check_itself():
         assert satisfied(expression, {"MIT", "ISC", "Apache-2.0 WITH LLVM-exception"}) == answer, expression
 
 
+def features(*more):
+    """By crate, the features that a build asks for."""
+    command = ["cargo", "tree", "--locked", "--edges", "normal,build", "--prefix", "none", "--format", "{p}|{f}", *more]
+    lines = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.splitlines()
+    asked = {}
+    for crate, of in (line.removesuffix(" (*)").split("|") for line in lines if line and not line.startswith("marsyard ")):
+        # The same crate may stand there twice, for the program and for what runs at build time.
+        asked.setdefault(crate, set()).add(of)
+    return asked
+
+
+def compiled_twice():
+    plain, stores = features(), features("--features", "object-stores")
+    return [f"{crate}: object-stores asks for {sorted(stores[crate])}, a plain build for {sorted(plain[crate])}; name the missing features in Cargo.toml"
+            for crate in sorted(plain) if crate in stores and plain[crate] != stores[crate]]
+
+
 def main():
     check_itself()
     rules = tomllib.loads((ROOT / "deny.toml").read_text())
@@ -83,6 +101,7 @@ def main():
         if source and not source.startswith("registry+"):
             faults.append(f"{name}: from {source}; take it from the registry")
         faults += [f"{name}: needs any version of {d['name']}" for d in crate["dependencies"] if source is None and d["req"] == "*"]
+    faults += compiled_twice()
     print("\n".join(faults) or f"ok  {len(crates)} crates")
     sys.exit(1 if faults else 0)
 

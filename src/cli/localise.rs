@@ -59,7 +59,7 @@ pub(super) fn run(args: &LocaliseArgs, log: LogFormat) -> Result<(), Failure> {
     let inputs = inputs.into_iter().flatten().cloned().chain(sweeps::files(args, &recording)?).collect();
     let names = [TRAJECTORY, COVARIANCE, LANDMARKS].into_iter().chain(args.sweeps.as_ref().map(|_| SWEEPS));
     let mut outputs = Outputs::open(&args.out, names, inputs).map_err(corpus_failure)?;
-    let reckoning = params(args, start);
+    let reckoning = dead_reckoning_params(args, start);
     let mut reader = SweepReader::new(args, reckoning.rover_from_sensor);
     let reckoned = recording::locate(&recording, &reckoning, |name| reader.returns(name), |_, _| {})?;
     let located = match args.features.as_ref().or(args.sweeps.as_ref()) {
@@ -91,9 +91,6 @@ pub(super) fn run(args: &LocaliseArgs, log: LogFormat) -> Result<(), Failure> {
         })?),
     };
     outputs.write(&files).map_err(corpus_failure)?;
-    if args.sweeps.is_none() {
-        outputs.withdraw(SWEEPS).map_err(corpus_failure)?;
-    }
     outputs.finish().map_err(corpus_failure)?;
     files.iter().for_each(|(name, _)| errln!("{}", args.out.join(name).display()));
     if args.slip > 0.0 && args.motion_inflation > 1.0 {
@@ -101,6 +98,10 @@ pub(super) fn run(args: &LocaliseArgs, log: LogFormat) -> Result<(), Failure> {
             "warning: the filter learns the slip of --slip, and --motion-inflation {} allows for it again: leave the one or the other out",
             args.motion_inflation
         );
+    }
+    let of_sweeps = args.out.join(SWEEPS);
+    if args.sweeps.is_none() && of_sweeps.exists() {
+        errln!("warning: {} was there before, and is of another run: this one read no sweeps", of_sweeps.display());
     }
     if args.sweeps.is_some() && located.sweeps_found_again == 0 {
         errln!(
@@ -209,8 +210,8 @@ fn fastslam(args: &LocaliseArgs, recording: &Recording) -> FastslamParams {
     }
 }
 
-/// Of dead reckoning.
-fn params(args: &LocaliseArgs, start: Pose) -> LocateParams {
+/// The filter's differ in `slam` alone.
+fn dead_reckoning_params(args: &LocaliseArgs, start: Pose) -> LocateParams {
     let bearing_rad = args.bearing_deg.to_radians();
     let noise = InstrumentNoise {
         imu_rad: args.imu_deg.to_radians(),

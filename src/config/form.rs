@@ -116,7 +116,7 @@ impl<'s> Schema<'s> {
     }
 
     /// What the key itself means, where its type says more than its name.
-    pub(super) fn own_description(self) -> Option<&'s str> {
+    fn own_description(self) -> Option<&'s str> {
         self.part["description"].as_str()
     }
 }

@@ -3,7 +3,8 @@
 //! In: a path and `--set` overrides. Out: a plan with presets, files and families resolved, or a [`ConfigError`] with every
 //! fault, its place and its cure. The way: text -> tree (`tree`) -> presets written out (`presets`) -> overrides laid over
 //! (`overrides`, `merge`) -> what `fidelity` sets laid under (`fidelity`) -> each family's sections (`families`) -> shape checked against the schema
-//! (`shape`, `form`, `schema`) -> types and their own rules (`values`) -> rules between keys (`rules`), and remarks on what is legal and hardly meant (`remarks`). Nothing is written, and nothing but the files that the config names is read.
+//! (`shape`, `form`, `schema`) -> types and their own rules (`values`) -> rules between keys (`rules`), and remarks on what is legal and hardly meant (`remarks`); who mistypes a name is told
+//! which one was likely meant (`names`). Nothing is written, and nothing but the files that the config names is read.
 
 pub(crate) mod document;
 pub(crate) mod error;

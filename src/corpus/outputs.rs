@@ -159,18 +159,6 @@ impl Outputs {
         files.iter().try_for_each(|(name, bytes)| self.store.replace(name, bytes))
     }
 
-    /// Takes away what an earlier command wrote under a name and this one does not write, so that all files there are of one run. What
-    /// somebody changed since, or marsyard did not write, stays.
-    pub(crate) fn withdraw(&mut self, name: &str) -> Result<(), CorpusError> {
-        let (_held, _) = self.hold()?;
-        if self.store.size(name)?.is_none() || self.check(name).is_err() {
-            return Ok(());
-        }
-        self.store.remove(name)?;
-        self.ledger.0.remove(name);
-        self.store.replace(LEDGER, self.ledger.text().as_bytes())
-    }
-
     /// Leaves one line in the ledger for each file written, and nothing of what a killed command left.
     pub(crate) fn finish(mut self) -> Result<(), CorpusError> {
         let _held = self.hold()?;
@@ -208,28 +196,6 @@ mod tests {
         let expected = [("a", b"1"), ("b", b"2"), ("both", b"2")];
         let hashes = expected.map(|(name, bytes)| (name.to_string(), vec![sha256(bytes)]));
         assert!(ledger == Ledger(BTreeMap::from(hashes)), "{}", ledger.text());
-    }
-
-    #[test]
-    fn law_only_what_marsyard_wrote_is_withdrawn() {
-        let dir = tempfile::tempdir().unwrap();
-        let file = |name: &str| (name.to_string(), name.as_bytes().to_vec());
-        let open = || Outputs::open(dir.path(), ["a"], Vec::new()).unwrap();
-        let mut earlier = open();
-        earlier.write(&[file("a"), file("b"), file("changed")]).unwrap();
-        earlier.finish().unwrap();
-        std::fs::write(dir.path().join("changed"), b"theirs").unwrap();
-        std::fs::write(dir.path().join("foreign"), b"theirs").unwrap();
-        let mut later = open();
-        later.write(&[file("a")]).unwrap();
-        for name in ["b", "changed", "foreign", "absent"] {
-            later.withdraw(name).unwrap();
-        }
-        later.finish().unwrap();
-        let there = ["a", "b", "changed", "foreign"].map(|name| dir.path().join(name).exists());
-        assert_eq!(there, [true, false, true, true]);
-        let ledger = open().ledger;
-        assert_eq!(ledger.0.keys().collect::<Vec<_>>(), ["a", "changed"]);
     }
 
     #[test]

@@ -65,9 +65,9 @@ pub fn locate<E: From<SlamError>>(
     let reads_sights = matches!(slam, SlamParams::Fastslam(_));
     let (mut steps, mut sweep_steps) = (Vec::with_capacity(recording.readings.len()), Vec::new());
     let (mut sweeps_read, mut sweeps_found_again, mut rolled_m) = (0, 0, f64::INFINITY);
-    let cut = cut(recording);
-    let of = cut.len();
-    for (number, (time_s, reading, observation)) in cut.into_iter().enumerate() {
+    let parts = cut(recording);
+    let all = parts.len();
+    for (number, (time_s, reading, observation)) in parts.into_iter().enumerate() {
         let streams = Streams { seed: *seed, scene: 0, attempt: 0, stage: Stage::Slam, step: number as u32 };
         filter.step(&reading)?;
         rolled_m += Control::of(&reading).map_or(0.0, |control| control.rolled_m());
@@ -85,7 +85,7 @@ pub fn locate<E: From<SlamError>>(
             Some(Observation::Sweep { .. }) | None => filter.estimate(),
         };
         steps.push(Step { time_s, estimate });
-        each_step(number + 1, of);
+        each_step(number + 1, all);
     }
     let start_m = start.position_m.to_array();
     let mut landmarks = filter.best().1.to_vec();

@@ -206,6 +206,7 @@ impl TrainParams {
         }
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -16,7 +16,8 @@ impl LocaliseProgress {
         LocaliseProgress { teller: Teller::new(log), started: Instant::now() }
     }
 
-    /// `done` of `of` steps are located; from 1.
+    /// Tells that `done` steps, one at least, of `of` are located. What is left is told by the mean of the steps so far; where all are done
+    /// nothing is said beyond a terminal, for most drives take less than the time between two lines.
     pub(in crate::cli) fn take(&mut self, done: usize, of: usize) {
         let elapsed = self.started.elapsed();
         let left = elapsed.mul_f64((of - done) as f64 / done as f64);
