@@ -253,7 +253,7 @@ def weights(engine, columns, chosen):
     return f"{networks * sum((a + 1) * b for a, b in zip(sizes[:-1], sizes[1:])):,}"
 
 
-def told(runs, budget):
+def median_and_range(runs, budget):
     """The median of those that had a look by then, and their range; how many they are, where others had none."""
     learnt = [run[str(budget)] for run in runs.values() if str(budget) in run]
     found = [1000 * look[2] for look in learnt if look]
@@ -357,7 +357,7 @@ def table(kept, name, seeds, columns):
     """A row an engine, a column a budget that anybody had."""
     of = of_corpus(kept, name, seeds)
     budgets = budgets_of(of)
-    rows = [[engine, weights(engine, columns, kept["settings"].get(f"{name}/{engine}")), *(told(runs, budget) for budget in budgets)] for engine, runs in of.items()]
+    rows = [[engine, weights(engine, columns, kept["settings"].get(f"{name}/{engine}")), *(median_and_range(runs, budget) for budget in budgets)] for engine, runs in of.items()]
     return study.markdown(["learnt by", "weights", *(f"{budget} CPU s" for budget in budgets)], rows)
 
 
