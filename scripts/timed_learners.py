@@ -2,8 +2,8 @@
 
 In: a task (time_to_error.py): rows to learn, `look` and `error` to look by; a budget in CPU seconds of learning; a seed; a setting of rate, batch,
 activation and schedule. Out: looks, each of CPU seconds so far, error on validation and on test; looking, reading and binning are not counted.
-SOAP is written from Vyas et al. 2024 and SSBroyden from Urbán, Stefanou & Pons 2025: no library has them. Not here: which settings are tried,
-what is told of them, and the page: time_to_error.py.
+SOAP is written from Vyas et al. 2024 and SSBroyden from Urbán, Stefanou & Pons 2025: no library has them. Not here: which settings are tried
+(timed_engines.py), on which rows (time_to_error.py), and the page (timed_report.py).
 
 Needs numpy, scipy, scikit-learn, torch and lightgbm.
 """
