@@ -116,6 +116,13 @@ def families(place, split):
     return {scene: of for table in tables for scene, of in zip(table["scene_id"].to_pylist(), table["family"].to_pylist())}
 
 
+def judged(place, test_place, scenes):
+    """Which rows of test scenes judge: where the test split has families that training never had, those of these alone."""
+    family, learnt = families(test_place, "test"), set(families(place, "train").values())
+    unseen = [scene for scene, of in family.items() if of not in learnt]
+    return np.isin(scenes, unseen) if unseen else np.ones(len(scenes), bool)
+
+
 class Corpus:
     """The splits of a corpus in memory; test rows may come from a corpus of another seed."""
 
@@ -125,10 +132,8 @@ class Corpus:
         self.validation = Cells(place, "validation", names, sizes.validation_rows)
         self.test = Cells(test_place, "test", names, sizes.test_rows)
         self.manifest = json.loads(pathlib.Path(test_place, "manifest.json").read_text())
-        family, learnt = families(test_place, "test"), set(families(place, "train").values())
-        held_out = [scene for scene, of in family.items() if of not in learnt]
-        if held_out:  # what is judged are the families that training never has
-            self.test.keep(np.isin(self.test.scenes, held_out))
+        self.test.keep(judged(place, test_place, self.test.scenes))
+        family = families(test_place, "test")
         self.scenes, self.scene = np.unique(self.test.scenes, return_inverse=True)
         self.families = [family[scene] for scene in self.scenes.tolist()]
 

@@ -28,7 +28,7 @@ def markdown(about, kept, corpora, seeds):
             f"counted, is said at the head of the script. CPU seconds of this machine, beside other work.\n")
     for name in corpora:
         of = about["corpora"][name]
-        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).{measured_when(kept, name, seeds)}{fewer_seeds(kept, name, seeds)}\n\n"
+        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['test_rows']:,} to judge, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).{measured_when(kept, name, seeds)}{fewer_seeds(kept, name, seeds)}\n\n"
         text += table(kept, name, seeds, of["columns"]) + "\n\n" + calibration(kept, name)
         for engine in CLAIMED:
             text += f"Less than {engine}, {ENGINES[engine].weights(of['columns'], None)} weights, err at equal CPU (percent by which its error is above theirs):\n\n{ahead_of(kept, name, seeds, engine)}\n\n"
