@@ -80,6 +80,8 @@ fn law_parts_that_were_not_resolved_are_one_line_and_never_infinite() {
     assert!(!words.contains("inf"), "{words}");
     let unresolved = |line: &&str| line.contains("ms each: ") || line.contains("without an error: ");
     assert!(words.lines().filter(unresolved).count() <= 1, "{words}");
+    // A part that was not resolved is named all the same.
+    assert!(words.contains("range_noise"), "{words}");
     // One scene tells no error, and is not told to have none.
     let output = Yard::new().marsyard(["plan", config.as_str(), "--sample", "1", "--no-parts"]);
     let words = text(&output.stdout);

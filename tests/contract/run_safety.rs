@@ -124,6 +124,7 @@ fn equal_bits_after_kills_at_random_moments_and_nothing_temporary_stays() {
     let yard = with_corpus();
     trained(&yard, "whole", &[]);
     let mut draw = 20_170_601_u64;
+    let mut killed_in_time = 0;
     for kill in 0.. {
         draw = draw.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let mut child = begin(&yard, &["--resume"]);
@@ -132,7 +133,9 @@ fn equal_bits_after_kills_at_random_moments_and_nothing_temporary_stays() {
             break;
         }
         killed(child);
+        killed_in_time += 1;
     }
+    assert!(killed_in_time > 0, "a training that is over before the first kill proves nothing");
     trained(&yard, "run", &["--resume"]);
     assert_same(&promised(&yard, "whole"), &promised(&yard, "run"));
 }

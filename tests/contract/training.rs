@@ -70,6 +70,16 @@ fn law_a_training_ends_with_what_matters_in_few_lines() {
     assert!(said.ends_with("run/model.safetensors\n") && said.contains("kept the weights after"), "{said}");
     assert!(said.contains("more scenes of these kinds") && said.contains("% of the error"), "{said}");
     assert!(judged.contains("balanced") && judged.contains("all cells"), "{judged}");
+    let counts = |start: &str| -> [usize; 2] {
+        let line = judged.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {judged}"));
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let of = words.iter().position(|word| *word == "of").expect("so many of so many");
+        [of - 1, of + 1].map(|at| words[at].parse().expect("a count"))
+    };
+    let [missed, untraversable] = counts("missed ");
+    let [false_alarms, _] = counts("false ");
+    assert_eq!(counts("precision "), [untraversable - missed, untraversable - missed + false_alarms]);
+    assert!(judged.lines().any(|line| line.starts_with("doubtful ")), "{judged}");
     // The rest is one command away.
     let rest = said.lines().find_map(|line| line.strip_prefix("all of it: marsyard ")).expect("a command");
     let rest = text(&yard.marsyard(rest.split(' ')).stdout);
