@@ -3,7 +3,7 @@
 
     cargo build --release && cargo build --release --example train_rows
     pip install numpy scipy scikit-learn pyarrow matplotlib lightgbm xgboost catboost torch onnxruntime
-    python scripts/compare_classifiers.py [--only paper|mixed|mars] [--quick]
+    python scripts/compare_classifiers.py [--only paper|mixed|mars] [--kept RESULTS] [--quick]
 
 Everybody is given the same: the columns that `marsyard train` takes by default, read off a model of it; the same training rows (small: whole
 scenes of about 20,000 rows, other scenes for each seed; full: all, of mixed and mars some 300,000 drawn from all scenes), class weights, standardised and cut at 8; the same validation rows,
@@ -18,6 +18,9 @@ are paired. Five seeds each. CPU seconds and microseconds are of one thread.
 Before anything is compared, the measures are held against scikit-learn's, and the scores of a network in onnxruntime, judged by the measures,
 against `marsyard evaluate`. What was made lies in the work folder, task by task, and is not made again: give another one after a change.
 
+--kept takes over what an earlier run measured of classifiers: those that it lacks are run, and the default network again, whose accuracies must be the earlier ones to the last
+digit (else trainer or corpora are others). CPU seconds are then of two days.
+
 Writes compare_classifiers.json and compare_classifiers.md into scripts/results; --figure draws the balanced accuracies.
 """
 
@@ -29,6 +32,7 @@ import multiprocessing
 import os
 import pathlib
 import sys
+import time
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
@@ -44,7 +48,7 @@ import xgboost
 import compare_measures as measures
 import compare_report
 import study
-from compare_models import CLASSIFIERS, SMALL_ALONE
+from compare_models import CLASSIFIERS, OWN_SCORES, SMALL_ALONE
 from compare_rows import Corpus, forms
 from train_rows import DEFAULT_NETWORK, NETWORK, Cells
 
@@ -153,25 +157,34 @@ def all_of(tasks):
     return runs
 
 
-def compared(name):
+def compared(name, classifiers):
     """All runs on a corpus, and the form that each classifier has chosen."""
-    # The default network forms normal scores by itself.
-    tried = lambda classifier: [form for form, parts in forms(CORPUS.names).items() if classifier != DEFAULT_NETWORK or "scores" not in parts]
-    trials = all_of([(name, classifier, form, 1, False, True) for classifier in CLASSIFIERS for form in tried(classifier)])
+    tried = lambda classifier: [form for form, parts in forms(CORPUS.names).items() if classifier not in OWN_SCORES or "scores" not in parts]
+    trials = all_of([(name, classifier, form, 1, False, True) for classifier in classifiers for form in tried(classifier)])
     order = list(forms(CORPUS.names))
     chosen = {}
-    for classifier in CLASSIFIERS:
+    for classifier in classifiers:
         tried = sorted((run for run in trials if run["classifier"] == classifier), key=lambda run: order.index(run["form"]))
         chosen[classifier] = max(tried, key=lambda run: run["validation_balanced_accuracy"])["form"]
-    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier in CLASSIFIERS
+    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier in classifiers
                     if not (many and classifier in SMALL_ALONE) for seed in range(1, OPTIONS.seeds + 1)] for many in (False, True))
     return trials, all_of(full + small), chosen
+
+
+def kept_beside(kept, found):
+    """What an earlier run measured of the classifiers that this one did not run, before what this one measured."""
+    ran = {line["classifier"] for line in found["summary"]}
+    accuracies = lambda of: {line["size"]: line["balanced_accuracy"]["value"] for line in of["summary"] if line["classifier"] == DEFAULT_NETWORK}
+    if accuracies(kept) != accuracies(found):
+        sys.exit(f"{OPTIONS.kept}: the default network had {accuracies(kept)}, and has {accuracies(found)}: trainer or corpus is another")
+    return {key: [of for of in kept[key] if of["classifier"] not in ran] + found[key] for key in ("summary", "trials", "runs")}
 
 
 def main():
     global OPTIONS, CORPUS, TASK_KEY
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=YARDS, help="one of the corpora; the others keep what the work folder holds of them")
+    parser.add_argument("--kept", type=pathlib.Path, help="compare_classifiers.json of an earlier run: what classifiers it has are not run again, but for the default network")
     parser.add_argument("--rows", type=int, default=20_000, help="small: training rows, at least, in whole scenes (default 20,000)")
     parser.add_argument("--seeds", type=int, default=5, help="so many (default 5)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
@@ -184,6 +197,7 @@ def main():
             yard.scenes, yard.test_scenes, yard.validation_rows, yard.test_rows, yard.full_rows = 40, 140 if yard.test_seed else 0, 5000, 10_000, 20_000
             yard.per_shard = 5
     checked = measures.check_on_scikit_learn()
+    kept = json.loads(OPTIONS.kept.read_text())["corpora"] if OPTIONS.kept else {}
     marsyard = study.Marsyard(OPTIONS.marsyard, OPTIONS.work, OPTIONS.threads)
     for name, yard in YARDS.items():
         if OPTIONS.only in (None, name):
@@ -192,17 +206,24 @@ def main():
             CORPUS = Corpus(name, place, test_place, names, yard)
             about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"networks": networks}
             TASK_KEY = [about, OPTIONS.rows]
-            trials, runs, chosen = compared(name)
+            measured = {line["classifier"] for line in kept[name]["summary"]} if name in kept else set()
+            trials, runs, chosen = compared(name, [of for of in CLASSIFIERS if of == DEFAULT_NETWORK or of not in measured])
             # A file of marsyard's is weighed only where it takes the form that the table tells of.
-            weighed = {of: network["bytes"] for of, network in networks.items() if of == DEFAULT_NETWORK or SCORES in chosen[of]}
+            weighed = {of: network["bytes"] for of, network in networks.items() if of == DEFAULT_NETWORK or SCORES in chosen.get(of, "")}
             found = compare_report.summary(runs, chosen, CORPUS.families, weighed)
             plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]
-            (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": plain}))
+            of_name = {"summary": found, "trials": trials, "runs": plain}
+            if name in kept:
+                of_name = kept_beside(kept[name], of_name)
+            (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, **of_name}))
     finished = {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
     if earlier := [name for name, found in finished.items() if "networks" not in found["about"]]:
         sys.exit(f"{OPTIONS.work} holds results of an earlier state of this script ({', '.join(earlier)}): give another --work")
     versions = study.versions(marsyard, np, sklearn, lightgbm, xgboost, catboost, torch, onnxruntime)
     results = {"versions": versions, "check_on_scikit_learn": checked, "corpora": finished}
+    if kept:
+        measured = {line["classifier"] for found in kept.values() for line in found["summary"]}
+        results["added"] = {"classifiers": [of for of in CLASSIFIERS if of not in measured], "date": time.strftime("%Y-%m-%d")}
     study.write_results(OPTIONS.out, "compare_classifiers", results, compare_report.tables(results))
     if OPTIONS.figure:
         compare_report.figure(finished, OPTIONS.figure)

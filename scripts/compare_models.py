@@ -3,8 +3,9 @@
 A classifier is a function of `Rows`, a seed and whether the rows are many; it gives a `Fitted`. Those with rounds or passes stop by the
 weighted log loss of the validation rows, which all are given alike. SVM and threshold give scores that are no probabilities.
 
-- network (default): marsyard's trainer with all defaults, which standardises by itself.
+- network (default): marsyard's trainer with all defaults, which standardises by itself; network (logarithmic): the same by the logarithmic loss.
 - network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
+- network (Adam): of the Kalman filter's size; of the default's size are two networks of 64-64 rectified neurons that learn the same batches (compare_torch.py).
 - LightGBM, regularised: those of held_out.py, which learning_curve.py and anatomy.py learn: small trees of many cells each, for yards of other families.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
@@ -29,8 +30,21 @@ def default_network(rows, seed, many):
     return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT}, rows.names)
 
 
+def logarithmic_network(rows, seed, many):
+    return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT, "filter": "{kronecker: {loss: logarithmic}}"}, rows.names)
+
+
 def adam(rows, seed, many):
-    learn = lambda: compare_torch.learn(lambda: compare_torch.mlp(rows.x.shape[1]), rows, seed, many, rate=0.03, one_cycle=True)
+    return one_cycle(lambda: compare_torch.mlp(rows.x.shape[1]), rows, seed, many, 0.03)
+
+
+def adam_of_64(rows, seed, many):
+    # The rate that time_to_error.py finds for it on each of its corpora.
+    return one_cycle(lambda: compare_torch.Members(rows.x.shape[1]), rows, seed, many, 0.01)
+
+
+def one_cycle(make, rows, seed, many, rate):
+    learn = lambda: compare_torch.learn(make, rows, seed, many, rate, one_cycle=True)
     return fitted(rows, learn, compare_torch.probability, compare_torch.size, rounds=lambda model: model.best_pass)
 
 
@@ -125,10 +139,15 @@ def one_threshold(rows, seed, many):
     return fitted(rows, learn, score, lambda model: (3, len(pickle.dumps(model))), probabilities=False)
 
 
+LOGARITHMIC_NETWORK = "network (logarithmic)"
+#: What forms normal scores by itself: forms that have them are not tried.
+OWN_SCORES = {DEFAULT_NETWORK, LOGARITHMIC_NETWORK}
 CLASSIFIERS = {
     DEFAULT_NETWORK: default_network,
     NETWORK: network,
+    LOGARITHMIC_NETWORK: logarithmic_network,
     "network (Adam)": adam,
+    "two of 64-64 (Adam)": adam_of_64,
     "TabM": tabm,
     "LightGBM": lightgbm,
     "LightGBM, regularised": lightgbm_regularised,

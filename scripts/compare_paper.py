@@ -74,7 +74,8 @@ def taught(inputs, rows, settings, names=None):
     learn, choose, judge = inputs
     settings = {"balance": "classes", **settings}
     (choose, judge), told = train((learn, rows.y), (choose, rows.choose_y), [choose, judge], settings, names=names)
-    probabilities = lambda outputs: np.clip((outputs - 0.1) / 0.8, 0, 1)
+    low, high = told["config"]["targets"]
+    probabilities = lambda outputs: np.clip((outputs - low) / (high - low), 0, 1)
     judge_us = told["judge_us_a_row"] if len(judge) else None
     return Fitted(probabilities(choose), probabilities(judge), told["cpu_s"], judge_us, told["weights"], None, told["rows_learnt"])
 

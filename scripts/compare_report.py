@@ -125,11 +125,13 @@ def corpus_part(name, found):
 
 def tables(results):
     versions = ", ".join(version if version.startswith(name) else f"{name} {version}" for name, version in results["versions"].items())
+    added = results.get("added")
+    later = f" Measured later, on {added['date']} (`--kept`): {', '.join(added['classifiers'])}." if added else ""
     head = [
         "# Classifiers on equal inputs",
         "`python scripts/compare_classifiers.py`, whose head says what is equal and how it is chosen. In brackets: 95 % of 2000 resamples of the test scenes, of the "
         "mean over seeds. Calibration error (15 bins of equal mass) and log loss are of a world of equal classes, as all were trained for. Times are CPU time of one "
-        f"thread on a machine with other work. {versions}. The measures differ from scikit-learn's by at most {max(results['check_on_scikit_learn'].values()):.0e}.",
+        f"thread on a machine with other work.{later} {versions}. The measures differ from scikit-learn's by at most {max(results['check_on_scikit_learn'].values()):.0e}.",
     ]
     return "\n\n".join(head + [part for name, found in results["corpora"].items() for part in corpus_part(name, found)]) + "\n"
 
