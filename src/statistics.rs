@@ -101,6 +101,10 @@ impl Interval {
 
 /// The t that a Student variable stays within, both sides taken together, with this probability.
 pub(crate) fn student(freedom: usize, probability: f64) -> f64 {
+    assert!(
+        freedom > 0 && probability < 1.0,
+        "no bound holds a Student variable of {freedom} degrees at {probability}"
+    );
     let (mut low, mut high) = (0.0, 1.0);
     while within(high, freedom) < probability {
         high *= 2.0;

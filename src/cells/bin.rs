@@ -110,7 +110,7 @@ pub fn bin(
     points.clear();
     points.seen_obstacles.resize(scene.obstacles.len(), false);
     for scan in window {
-        let placer = CellAssigner::of_sensor(grid, max_range_m, scan.map_from_sensor);
+        let assigner = CellAssigner::of_sensor(grid, max_range_m, scan.map_from_sensor);
         let rover_z_m = kept.estimate.pose.position_m.z;
         let returns = &scan.sweep.returns;
         let status: &[Status] = match above_m {
@@ -124,7 +124,7 @@ pub fn bin(
                 status
             }
         };
-        points.add_sweep(Scan { scan, status, placer: &placer, rover_z_m, intensity }, &mut cells);
+        points.add_sweep(Scan { scan, status, assigner: &assigner, rover_z_m, intensity }, &mut cells);
     }
     points.grounds.steepen(&scene.ground);
     let is_seen = |index: usize| points.seen_obstacles[index];
@@ -174,10 +174,10 @@ pub fn bin_clouds(
     let intensity = kept.intensity.is_some();
     points.clear();
     for cloud in window {
-        let placer = CellAssigner::of_sensor(grid, max_range_m, cloud.map_from_sensor);
+        let assigner = CellAssigner::of_sensor(grid, max_range_m, cloud.map_from_sensor);
         let hanging = above_m.map_or(&[][..], |above_m| overhangs.of_cloud(above_m, cloud));
         cells.leave_out_hanging(hanging);
-        points.add_cloud(cloud, hanging, &placer, kept.estimate.pose.position_m.z, intensity, &mut cells);
+        points.add_cloud(cloud, hanging, &assigner, kept.estimate.pose.position_m.z, intensity, &mut cells);
     }
     verdicts.clear();
     verdicts.push(Verdict::OBSTACLE);

@@ -5,7 +5,7 @@
 
 use super::CellRow;
 
-/// Places a cell, at most.
+/// A table is built where it has no more places than this for each cell.
 const MOST_PLACES_A_CELL: usize = 64;
 
 /// Rows and columns from the first to the last that are within `margin` of a cell.

@@ -7,7 +7,7 @@
 use crate::geometry::CellIndex;
 use crate::wide::{Work, widest};
 
-/// The map pays up to a word a point, and always up to `FREE_WORDS`.
+/// The map of bits is used where it needs no more than this many words for each point, and always up to `FREE_WORDS`.
 const WORDS_A_POINT: i64 = 1;
 const FREE_WORDS: i64 = 1 << 12;
 /// A place in the map is a `u32`.

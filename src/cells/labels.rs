@@ -24,7 +24,7 @@ pub(super) struct Verdict {
 impl Verdict {
     /// An obstacle of which nothing else is known.
     pub(super) const OBSTACLE: Verdict = Verdict { untraversable: true, class: Class::Ground, protrusion_m: 0.0 };
-    /// Of an obstacle that no point was returned by: its body is not asked for, and nothing reads it.
+    /// Of an obstacle without a return: its body is not worked out, and no point refers to this entry.
     const NOT_SEEN: Verdict = Verdict { protrusion_m: f64::NEG_INFINITY, untraversable: false, ..Verdict::OBSTACLE };
 }
 

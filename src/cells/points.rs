@@ -48,7 +48,7 @@ pub(super) struct Scan<'a> {
     pub scan: &'a WindowScan<'a>,
     /// Of its slots: those that are no hit any more are left out.
     pub status: &'a [Status],
-    pub placer: &'a CellAssigner,
+    pub assigner: &'a CellAssigner,
     /// The kept sweep's rover.
     pub rover_z_m: f64,
     /// Whether the kept sweep has intensities.
@@ -76,7 +76,7 @@ impl Points {
         &mut self,
         cloud: &WindowCloud,
         hanging: &[bool],
-        placer: &CellAssigner,
+        assigner: &CellAssigner,
         rover_z_m: f64,
         intensity: bool,
         counts: &mut Cells,
@@ -86,7 +86,7 @@ impl Points {
                 continue;
             }
             counts.points_in += 1;
-            let placed = if cloud.in_map { placer.place_in_map(point_m) } else { placer.place_point(point_m) };
+            let placed = if cloud.in_map { assigner.place_in_map(point_m) } else { assigner.place_point(point_m) };
             let Some(cell) = count_dropped(placed.cell, counts) else { continue };
             self.cells.push(cell);
             self.heights_m.push(placed.point_m.z - rover_z_m);
@@ -108,7 +108,7 @@ impl Points {
     /// Appends the points of up to `LANES` slots with a range.
     #[inline(always)]
     fn add_block(&mut self, slots: &[u32], scan: &Scan, counts: &mut Cells) {
-        let Scan { scan: WindowScan { sweep, world_from_sensor, .. }, placer, .. } = *scan;
+        let Scan { scan: WindowScan { sweep, world_from_sensor, .. }, assigner, .. } = *scan;
         let slot = |lane: usize| slots[lane.min(slots.len() - 1)] as usize;
         let (mut measured, mut true_m) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for lane in 0..LANES {
@@ -123,7 +123,7 @@ impl Points {
         let [mut z_m, mut distances_m, mut ground_x_m, mut ground_y_m] = [[0.0; LANES]; 4];
         let ([mut rows, mut cols], mut on_grid) = ([[0; LANES]; 2], [false; LANES]);
         for lane in 0..LANES {
-            let located = placer.locate(DVec3::new(measured[0][lane], measured[1][lane], measured[2][lane]));
+            let located = assigner.locate(DVec3::new(measured[0][lane], measured[1][lane], measured[2][lane]));
             (z_m[lane], distances_m[lane]) = (located.point_m.z, located.distance_m);
             (rows[lane], cols[lane]) = (located.index.row, located.index.col);
             on_grid[lane] = located.on_grid;
@@ -131,8 +131,9 @@ impl Points {
             (ground_x_m[lane], ground_y_m[lane]) = (truly_m.x, truly_m.y);
         }
         counts.points_in += slots.len() as u64;
-        let cell =
-            |lane: usize| placer.cell(distances_m[lane], CellIndex { row: rows[lane], col: cols[lane] }, on_grid[lane]);
+        let cell = |lane: usize| {
+            assigner.cell(distances_m[lane], CellIndex { row: rows[lane], col: cols[lane] }, on_grid[lane])
+        };
         let of_ground = |&slot: &u32| sweep.truth[slot as usize].object == Hit::GROUND;
         if slots.len() == LANES
             && slots.iter().all(of_ground)

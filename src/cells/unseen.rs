@@ -148,7 +148,7 @@ impl SeenCells<'_> {
         }
         if let Some(of_beams) = &params.beams {
             let Scratch { squares, beams, passages, .. } = self.scratch;
-            // The line over the cell is all that there is of its highest point.
+            // A cell without points has no highest one: the height of the beam that passed over it stands in for it.
             let plane_m = height_m - f64::from(own[FIRST_NEIGHBOUR + offsets.len() + 1]);
             let passage = beams.passage((x_m, y_m).into(), grid.size_m, plane_m, height_m);
             for value in passages.of(of_beams, grid.size_m, squares, index, &passage) {

@@ -57,8 +57,9 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         let mut columns = 0;
         for (column, value) in values().enumerate() {
             columns = column + 1;
-            if let Some(k) = wanted.iter().position(|&w| w == Some(column)) {
-                row[k] = value.parse().map_err(|_| malformed(number, no_number(value)))?;
+            // One column may be asked for twice, as intensity and as label.
+            for (place, _) in row.iter_mut().zip(wanted).filter(|(_, wanted)| *wanted == Some(column)) {
+                *place = value.parse().map_err(|_| malformed(number, no_number(value)))?;
             }
         }
         if columns <= places.last() {

@@ -2,7 +2,8 @@
 //!
 //! A cloud is matched by time where its file's name (without its ending) is a number that is a time of the trajectory to within a
 //! tolerance: seconds, or whole nanoseconds. Where no name is, and there are as many lines as clouds, the lines are taken in
-//! order. Nothing else is guessed.
+//! order. A whole number that is filled up with noughts in front, as in `000010.bin`, is the number of a frame and no time. Nothing
+//! else is guessed.
 
 use super::CloudError;
 use crate::geometry::{DMat3, DVec3, Pose, Transform};
@@ -77,6 +78,10 @@ pub fn match_clouds(
 
 /// The pose nearest to the time that a name tells.
 fn at_time(poses: &[Stamped], stem: &str, tolerance_s: f64) -> Option<Pose> {
+    let is_frame_number = stem.len() > 1 && stem.starts_with('0') && stem.bytes().all(|byte| byte.is_ascii_digit());
+    if is_frame_number {
+        return None;
+    }
     let time: f64 = stem.parse().ok()?;
     let nearest = |time_s: f64| {
         let off = |stamped: &&Stamped| (stamped.0 - time_s).abs();
@@ -121,6 +126,9 @@ mod tests {
         assert_eq!(x(&["100.21", "99.99"]).unwrap(), [3.0, 1.0]);
         assert_eq!(x(&["100100000000"]).unwrap(), [2.0]);
         assert_eq!(x(&["a", "b", "c"]).unwrap(), [1.0, 2.0, 3.0]);
+        // Frame 100 of a KITTI drive is not the scan at 100 seconds.
+        assert_eq!(x(&["000100", "000101", "000102"]).unwrap(), [1.0, 2.0, 3.0]);
+        assert!(x(&["000100"]).is_err());
         assert!(x(&["a", "b"]).is_err() && x(&["100.05"]).is_err() && x(&["100.0", "b", "c"]).is_err());
     }
 

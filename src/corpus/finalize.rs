@@ -8,7 +8,8 @@
 use super::finished::{self, Listed};
 use super::limits::FileKind;
 use super::manifest::{self, Merge};
-use super::place::{Place, survey};
+use super::place::Place;
+use super::status::survey;
 use super::{CorpusError, CorpusSpec, Manifest, Receipt, Store, card, croissant, owner, plan_file, ranges, sha256};
 
 /// What whoever asks for a merge knows beside the plan.

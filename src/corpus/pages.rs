@@ -20,7 +20,7 @@ use parquet::file::serialized_reader::SerializedPageReader;
 
 /// Bytes that a row group of a file of this size may become: a whole group of the widest table of all misses, or 32 times the file.
 fn most_bytes(file_bytes: u64) -> u64 {
-    (96 << 20) + 32 * file_bytes
+    file_bytes.saturating_mul(32).saturating_add(96 << 20)
 }
 
 /// Whether the file holds a flat table of types that marsyard writes.

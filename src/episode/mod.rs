@@ -74,7 +74,10 @@ pub struct Replay {
     pub rover_from_sensor: Transform,
     pub poses: Vec<PoseRow>,
     pub scans: Vec<ScanOutput>,
+    /// Drives tried.
     pub attempts: u32,
+    /// The one of them that this is, from 0: the last that came to an end.
+    pub attempt: u32,
 }
 
 impl Prepared {
@@ -176,23 +179,23 @@ pub fn replay_scene(
     observer.end(Stage::Scene, |hasher| scene.hash_into(hasher));
 
     // The last attempt that came to an end is written, also where a later one failed.
-    let mut finished: Option<(Drawn, Drive)> = None;
+    let mut finished: Option<(u32, Drawn, Drive)> = None;
     let mut failed: Option<Box<FailedScene>> = None;
     let mut attempts = 0;
     while attempts < family.drive.attempts
-        && !finished.as_ref().is_some_and(|(_, run)| run.scans.iter().any(has_both_classes))
+        && !finished.as_ref().is_some_and(|(_, _, run)| run.scans.iter().any(has_both_classes))
     {
         let drawn = draw_attempt(plan, family, scene_id, attempts, &scene_drawn);
         let address = (scene_id, attempts);
         let attempt = Attempt { prepared, family_index, address, scene: &scene, drawn: &drawn, scratch, observer };
         match attempt.run() {
-            Ok(run) => finished = Some((drawn, run)),
+            Ok(run) => finished = Some((attempts, drawn, run)),
             Err(reason) => failed = Some(Box::new(FailedScene { reason, drawn, attempts: attempts + 1 })),
         }
         attempts += 1;
     }
     match (finished, failed) {
-        (Some((drawn, run)), _) => Ok(Replay {
+        (Some((attempt, drawn, run)), _) => Ok(Replay {
             family: family_index,
             drawn,
             scene,
@@ -201,6 +204,7 @@ pub fn replay_scene(
             poses: run.poses,
             scans: run.scans,
             attempts,
+            attempt,
         }),
         (None, Some(failed)) => Err(failed),
         (None, None) => unreachable!("config asks for at least one attempt"),

@@ -11,7 +11,7 @@ use crate::sweep::Sweep;
 pub struct SceneOutput {
     pub scene_id: u64,
     pub family: String,
-    /// Drives tried; the last one is the one written.
+    /// Drives tried; the last of them that came to an end is written.
     pub attempts: u32,
     /// Why the scene failed; a failed scene has no scans.
     pub error: Option<String>,

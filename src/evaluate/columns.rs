@@ -1,6 +1,6 @@
 //! The columns of a row group of `cells` -> the cells of its scans, with the model's inputs, or why one cannot be judged.
 
-use super::judge::Cell;
+use super::cell::Cell;
 use crate::cells::{HEIGHT_DIFFERENCE, LabelRule};
 use crate::corpus::cells::{
     CLASS, CellBatch, Features, KEYS, Keys, LABEL, Labels, OBSTACLE_POINTS, POINTS, RANGE_M, TOP_POINTS, TruthColumns,

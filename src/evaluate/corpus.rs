@@ -5,9 +5,10 @@
 
 use std::collections::BTreeMap;
 
-use super::judge::{Judge, Threshold, ThresholdOrigin};
+use super::judge::Judge;
 use super::reading::Reader;
 use super::report::{DataFacts, Report};
+use super::threshold::{Threshold, ThresholdOrigin};
 use crate::cells::params::{LabelParams, LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, LabelRule, Unanswerable};
 use crate::corpus::{CorpusError, Finished, Split, Store};

@@ -7,96 +7,18 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
 use super::by_scene::ByScene;
+use super::cell::Cell;
 use super::confusion::Confusion;
 use super::places::Places;
 use super::reliability::{Doubt, Reliability};
 use super::spread::Spread;
+use super::tally::{Panel, Tally};
+use super::threshold::{Group, Threshold};
 use super::tops::MissedTops;
-use crate::cells::{CellTruth, Label};
 use crate::geometry::{CellIndex, DVec2};
 use crate::scene::Class;
-use crate::statistics::scores::Scores;
 use crate::train::{Calibration, Model, OperatingPoint};
-
-/// A cell with a known label.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cell {
-    pub index: CellIndex,
-    pub label: Label,
-    /// Points in the cell.
-    pub points: i32,
-    pub range_m: f32,
-    pub height_difference_m: f32,
-    /// What is known of it: points of obstacles and on tops (0 where nobody knows), and the class.
-    pub truth: CellTruth,
-}
-
-/// Outputs from `value` on are called untraversable.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Threshold {
-    pub value: f64,
-    pub origin: ThresholdOrigin,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ThresholdOrigin {
-    /// The model's own.
-    Model,
-    /// Asked for by the user.
-    Given,
-    /// The best balanced accuracy by cells on the validation split.
-    Validation,
-}
-
-/// How many of a report's thresholds are asked for: they come first.
-pub(super) fn asked(thresholds: &[Threshold]) -> usize {
-    thresholds.iter().filter(|threshold| threshold.origin != ThresholdOrigin::Validation).count()
-}
-
-/// A part of the cells that is judged on its own.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Group {
-    All,
-    /// Cells with at least so many points.
-    Points(u32),
-    Family(String),
-    Sensor(String),
-}
-
-/// Counts at one threshold, in three weighings, with and without tops.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Counts {
-    pub cells: [Confusion; 2],
-    pub points: [Confusion; 2],
-    pub own_points: [Confusion; 2],
-}
-
-/// Index of the counts with tops, and without.
-pub(super) const WITH_TOPS: usize = 0;
-pub(super) const WITHOUT_TOPS: usize = 1;
-
-/// One classifier in one group.
-#[derive(Clone, Debug)]
-pub(super) struct Panel {
-    pub scores: Scores,
-    pub at: Vec<Counts>,
-}
-
-/// A group's cells by the network, and by the height difference alone.
-#[derive(Clone, Debug)]
-pub(super) struct Tally {
-    pub cells: u64,
-    pub points: u64,
-    pub network: Panel,
-    pub height: Panel,
-    /// Of the probabilities, where the model gives any.
-    pub reliability: Reliability,
-}
 
 /// Gathers scans.
 #[derive(Clone, Debug)]
@@ -130,69 +52,6 @@ const HEIGHT_REACH_M: f64 = 4.0;
 
 /// Cells of so few points are where most errors are; the rest is judged apart.
 const WELL_SEEN_POINTS: u32 = 3;
-
-impl Cell {
-    /// Untraversable points and those of them on tops, by their own truth. A rule other than the corpus's may call a cell
-    /// untraversable for what the corpus did not count: then all its points are.
-    fn own_truth(&self) -> (u64, u64) {
-        let points = self.points.max(0);
-        let CellTruth { obstacle_points, top_points, .. } = self.truth;
-        let of_obstacle = if obstacle_points > 0 { obstacle_points.min(points) } else { points };
-        if !self.untraversable() {
-            return (0, 0);
-        }
-        (of_obstacle as u64, top_points.clamp(0, of_obstacle) as u64)
-    }
-
-    pub(super) fn untraversable(&self) -> bool {
-        self.label.is_untraversable()
-    }
-
-    /// Whether it holds points of an obstacle's flat top.
-    pub(super) fn is_top(&self) -> bool {
-        self.untraversable() && self.truth.top_points > 0
-    }
-
-    /// A cell of which nothing else is known.
-    #[cfg(test)]
-    pub(super) fn bare(row: i32, col: i32, untraversable: bool) -> Cell {
-        Cell {
-            index: CellIndex { row, col },
-            label: Label::untraversable_if(untraversable),
-            points: 0,
-            range_m: 0.0,
-            height_difference_m: 0.0,
-            truth: CellTruth::default(),
-        }
-    }
-}
-
-impl Counts {
-    fn add(&mut self, cell: &Cell, called: bool) {
-        let points = cell.points.max(0) as u64;
-        let (own, tops) = cell.own_truth();
-        for (k, tops) in [(WITH_TOPS, 0), (WITHOUT_TOPS, tops)] {
-            let only_tops = tops > 0 && tops == own;
-            self.cells[k].add(cell.untraversable(), called, u64::from(!only_tops));
-            self.points[k].add(cell.untraversable(), called, points - tops);
-            self.own_points[k].add(true, called, own - tops);
-            self.own_points[k].add(false, called, points - own);
-        }
-    }
-}
-
-impl Panel {
-    fn new(reach: f64, thresholds: usize) -> Panel {
-        Panel { scores: Scores::new(reach), at: vec![Counts::default(); thresholds] }
-    }
-
-    fn add(&mut self, cell: &Cell, score: f64, thresholds: &[Threshold]) {
-        self.scores.add(cell.untraversable(), score);
-        for (counts, threshold) in self.at.iter_mut().zip(thresholds) {
-            counts.add(cell, score >= threshold.value);
-        }
-    }
-}
 
 impl Judge {
     /// With at least one threshold of the output; the first is the one for densities.

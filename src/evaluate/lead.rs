@@ -10,9 +10,9 @@ use std::fmt::{self, Display, Formatter};
 use serde::{Deserialize, Serialize};
 
 use super::confusion::share;
-use super::judge::{Group, asked};
 use super::report::{GroupReport, Report};
 use super::table::{percent, thousands};
+use super::threshold::{Group, asked};
 
 /// The families of a report as one: a network is worth what it is on the worst of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -136,8 +136,8 @@ impl Display for Lead<'_> {
 mod tests {
     use super::*;
     use crate::evaluate::Confusion;
-    use crate::evaluate::judge::{Threshold, ThresholdOrigin};
     use crate::evaluate::report::{AtThreshold, Judged, Panels};
+    use crate::evaluate::threshold::{Threshold, ThresholdOrigin};
 
     /// A family of 100 traversable and 100 untraversable cells.
     fn family(name: &str, false_untraversable: u64, missed_untraversable: u64) -> GroupReport {

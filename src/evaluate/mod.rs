@@ -9,6 +9,7 @@
 //! Not here: training, and the drawing of scans (`cloud` and `picture` do that).
 
 mod by_scene;
+mod cell;
 mod columns;
 mod confusion;
 mod corpus;
@@ -22,14 +23,17 @@ mod report;
 mod run_folder;
 mod spread;
 mod table;
+mod tally;
 #[cfg(test)]
 mod tests;
+mod threshold;
 mod tops;
 
 pub use self::corpus::{EvaluateError, FamilyFacts, Options, evaluate};
 pub use by_scene::OverScenes;
+pub use cell::Cell;
 pub use confusion::{Confusion, FiveRows, Rates, Table1};
-pub use judge::{Cell, Group, Judge, Threshold, ThresholdOrigin};
+pub use judge::Judge;
 pub use lead::FamilySummary;
 pub use places::{PlacesReport, Square};
 pub use reliability::{Doubt, ReliabilityBin, ReliabilityReport};
@@ -37,6 +41,7 @@ pub use report::{AtThreshold, ClassReport, DataFacts, GroupReport, Judged, Model
 pub(crate) use run_folder::{evaluate_into, evaluation_folder};
 pub use spread::Bin;
 pub(crate) use table::Brief;
+pub use threshold::{Group, Threshold, ThresholdOrigin};
 pub use tops::MissedTops;
 
 pub use crate::statistics::scores::RocPoint;

@@ -2,10 +2,10 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::judge::{Group, Threshold, ThresholdOrigin};
 use super::lead::Lead;
 use super::report::{AtThreshold, DataFacts, GroupReport, Judged, Report, SpreadReport};
 use super::spread::Bin;
+use super::threshold::{Group, Threshold, ThresholdOrigin};
 use crate::train::Activation;
 
 impl Display for Report {
@@ -54,7 +54,7 @@ impl Report {
         writeln!(
             f,
             "model   {}{}, {} inputs, {} weights; trained on {} (its first family has {} on {})",
-            model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", &digits[..digits.len().min(12)])),
+            model.sha256.as_ref().map_or(String::new(), |digits| format!("{}: ", digits.get(..12).unwrap_or(digits))),
             if model.members > 1 {
                 format!("mean of {} networks of {}{}", model.members, hidden.join("-"), of_neurons(model.activation))
             } else {

@@ -38,7 +38,8 @@ pub(crate) fn cost_map(judged: &JudgedCells, image: &str, shown: Shown) -> Resul
     let rows = &judged.cells.rows;
     let extent = |of: fn(&crate::cells::CellRow) -> i32| {
         let (least, most) = rows.iter().map(of).fold((i32::MAX, i32::MIN), |(a, b), v| (a.min(v), b.max(v)));
-        (least, (i64::from(most) - i64::from(least) + 1).max(0) as u64)
+        // Of no cells the map is one unknown pixel, which map servers load, unlike a picture without pixels.
+        if rows.is_empty() { (0, 1) } else { (least, (i64::from(most) - i64::from(least) + 1) as u64) }
     };
     let ((south, height), (west, width)) = (extent(|row| row.index.row), extent(|row| row.index.col));
     if height.checked_mul(width).is_none_or(|pixels| pixels > MOST_PIXELS) {

@@ -25,12 +25,12 @@ pub struct LabelledPoint {
 pub(crate) fn labelled(
     cloud: &Cloud,
     hanging: &[bool],
-    placer: &CellAssigner,
+    assigner: &CellAssigner,
     in_map: bool,
     judged: &JudgedCells,
 ) -> Vec<LabelledPoint> {
     let point = |(i, &p): (usize, &DVec3)| {
-        let placed = if in_map { placer.place_in_map(p) } else { placer.place_point(p) };
+        let placed = if in_map { assigner.place_in_map(p) } else { assigner.place_point(p) };
         let cell = placed.cell.ok().filter(|_| hanging.get(i) != Some(&true));
         let row = cell.and_then(|cell| judged.find(cell));
         LabelledPoint {
@@ -54,8 +54,18 @@ fn colour(shade: Option<f64>) -> [u8; 3] {
     shade.map_or(UNKNOWN, |share| std::array::from_fn(|i| (LIGHT[i] + (DARK[i] - LIGHT[i]) * share).round() as u8))
 }
 
+/// Whether all labels are written as i32, which every reader takes; else as f64, which holds each to the last digit.
+fn has_short_labels(points: &[LabelledPoint]) -> bool {
+    points.iter().all(|point| i32::try_from(point.label).is_ok())
+}
+
+fn put_label(bytes: &mut Vec<u8>, label: i64, is_short: bool) {
+    if is_short { bytes.extend((label as i32).to_le_bytes()) } else { bytes.extend((label as f64).to_le_bytes()) }
+}
+
 /// PLY, coordinates in f64.
 pub(crate) fn ply(points: &[LabelledPoint], title: &str) -> Vec<u8> {
+    let is_short = has_short_labels(points);
     let mut bytes = ply_header(
         title,
         &[(
@@ -66,7 +76,7 @@ pub(crate) fn ply(points: &[LabelledPoint], title: &str) -> Vec<u8> {
                 "double y",
                 "double z",
                 "float intensity",
-                "int label",
+                if is_short { "int label" } else { "double label" },
                 "float output",
                 "char class",
                 "uchar red",
@@ -78,7 +88,7 @@ pub(crate) fn ply(points: &[LabelledPoint], title: &str) -> Vec<u8> {
     for point in points {
         point.point_m.to_array().iter().for_each(|value| bytes.extend(value.to_le_bytes()));
         bytes.extend(point.intensity.to_le_bytes());
-        bytes.extend((point.label as i32).to_le_bytes());
+        put_label(&mut bytes, point.label, is_short);
         bytes.extend(point.output.to_le_bytes());
         bytes.extend(point.class.to_le_bytes());
         bytes.extend(colour(point.shade));
@@ -113,9 +123,11 @@ pub(crate) fn pcd(points: &[LabelledPoint], sensor_m: DVec3) -> Vec<u8> {
     };
     let is_single = points.iter().all(is_near);
     let size = if is_single { 4 } else { 8 };
+    let is_short = has_short_labels(points);
+    let (label_size, label_type) = if is_short { (4, 'I') } else { (8, 'F') };
     let mut bytes = format!(
         "# .PCD v0.7 - Point Cloud Data file format\n# frame map, metres; the sensor was at {} {} {}\nVERSION 0.7\n\
-         FIELDS x y z intensity label output class rgb\nSIZE {size} {size} {size} 4 4 4 1 4\nTYPE F F F F I F I U\n\
+         FIELDS x y z intensity label output class rgb\nSIZE {size} {size} {size} 4 {label_size} 4 1 4\nTYPE F F F F {label_type} F I U\n\
          COUNT 1 1 1 1 1 1 1 1\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA binary\n",
         sensor_m.x, sensor_m.y, sensor_m.z
     )
@@ -125,7 +137,7 @@ pub(crate) fn pcd(points: &[LabelledPoint], sensor_m: DVec3) -> Vec<u8> {
             if is_single { bytes.extend((value as f32).to_le_bytes()) } else { bytes.extend(value.to_le_bytes()) }
         }
         bytes.extend(point.intensity.to_le_bytes());
-        bytes.extend((point.label as i32).to_le_bytes());
+        put_label(&mut bytes, point.label, is_short);
         bytes.extend(point.output.to_le_bytes());
         bytes.extend(point.class.to_le_bytes());
         let [red, green, blue] = colour(point.shade);

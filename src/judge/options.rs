@@ -4,8 +4,8 @@
 //! median of what the model saw. Units: metres, radians.
 
 use super::{JudgeError, OwnBody};
-use crate::cells::CellFrame;
 use crate::cells::frame::Sigmas;
+use crate::cells::{CellFrame, CellRow};
 use crate::cloud::LabelMap;
 use crate::drive::rover::Mount;
 use crate::train::{About, OperatingPoint};
@@ -107,6 +107,11 @@ pub(crate) struct Setup {
 }
 
 impl Setup {
+    /// A cell without points is there because beams passed over it.
+    pub(super) fn has_points_enough(&self, row: &CellRow) -> bool {
+        row.points == 0 || i64::from(row.points) >= i64::from(self.min_points)
+    }
+
     pub(super) fn of(options: &Options, about: &About) -> Result<Setup, JudgeError> {
         let max_range_m = options.max_range_m.unwrap_or_else(|| about.reaches_m());
         if !(max_range_m > 0.0 && max_range_m.is_finite()) {

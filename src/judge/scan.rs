@@ -111,10 +111,10 @@ impl JudgedScan {
     /// The points of the scan in the map, each with what was said of its cell, in the cloud's order.
     pub fn labelled_points(&self) -> Vec<LabelledPoint> {
         let Setup { max_range_m, frame, overhang_m, .. } = self.setup;
-        let placer = CellAssigner::of_sensor(self.cells.grid, max_range_m, self.scan.pose.map_from_sensor);
+        let assigner = CellAssigner::of_sensor(self.cells.grid, max_range_m, self.scan.pose.map_from_sensor);
         let mut overhangs = Overhangs::default();
         let hanging = overhang_m.map_or(&[][..], |m| overhangs.of_cloud(m, &self.scan.as_cloud(frame, false)));
-        export::labelled(&self.scan.cloud, hanging, &placer, frame == Frame::Map, &self.cells)
+        export::labelled(&self.scan.cloud, hanging, &assigner, frame == Frame::Map, &self.cells)
     }
 
     /// These points as a PLY file.

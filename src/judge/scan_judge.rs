@@ -35,6 +35,8 @@ pub struct ScanJudge<'m> {
     window: VecDeque<Arc<PlacedScan>>,
     scratch: cells::Scratch,
     scores: Judge,
+    /// Labelled cells that had too few points to be judged.
+    sparse_cells: u64,
     scans: u64,
 }
 
@@ -67,6 +69,7 @@ impl<'m> ScanJudge<'m> {
             window: VecDeque::new(),
             scratch: cells::Scratch::default(),
             scores,
+            sparse_cells: 0,
             scans: 0,
         })
     }
@@ -124,11 +127,8 @@ impl<'m> ScanJudge<'m> {
         let (cells, known_points) = cells::bin_clouds(&self.cells, &clouds, setup.max_range_m, &mut self.scratch);
         let rows = cells.features.chunks_exact(self.features.len());
         let inputs: Vec<f32> = rows.flat_map(|row| self.inputs.iter().map(|&k| row[k])).collect();
-        let judged = |(output, row): (f64, &CellRow)| {
-            // A cell without points is there because beams passed over it.
-            let is_told = row.points == 0 || i64::from(row.points) >= i64::from(setup.min_points);
-            (is_told && output.is_finite()).then_some(output)
-        };
+        let judged =
+            |(output, row): (f64, &CellRow)| (setup.has_points_enough(row) && output.is_finite()).then_some(output);
         let outputs: Vec<Option<f64>> = model.outputs(&inputs).into_iter().zip(&cells.rows).map(judged).collect();
         JudgedCells {
             scan: newest.name.clone(),
@@ -148,7 +148,13 @@ impl<'m> ScanJudge<'m> {
     fn add_scores(&mut self, judged: &JudgedCells) {
         let height_difference = self.features.iter().position(|column| column.name == HEIGHT_DIFFERENCE);
         let (cells, outputs) = judged.scored(height_difference);
-        self.scores.unknown_cells += (judged.cells.rows.len() - cells.len()) as u64;
+        let unlabelled = judged.cells.rows.iter().filter(|row| row.label.is_none()).count();
+        let without_output = judged.cells.rows.len() - unlabelled - cells.len();
+        let is_sparse = |row: &&CellRow| row.label.is_some() && !self.setup.has_points_enough(row);
+        let sparse = judged.cells.rows.iter().filter(is_sparse).count();
+        self.scores.unknown_cells += unlabelled as u64;
+        self.scores.not_finite_cells += (without_output - sparse) as u64;
+        self.sparse_cells += sparse as u64;
         self.scores.add_scan("", "", &cells, &outputs);
     }
 
@@ -192,7 +198,10 @@ impl<'m> ScanJudge<'m> {
             notes.push(format!("windows of {window} scans overlap: their points are counted once a window"));
         }
         if min_points > 1 {
-            notes.push(format!("cells of fewer than {min_points} points were not judged and are left out"));
+            let sparse = self.sparse_cells;
+            notes.push(format!(
+                "{sparse} labelled cells of fewer than {min_points} points were not judged and are left out"
+            ));
         }
         Some(Report::new(self.model, &self.scores, data, notes))
     }

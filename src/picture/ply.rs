@@ -18,7 +18,7 @@ use crate::sweep::Status;
 pub(crate) fn labelled_cloud(view: &View) -> Vec<u8> {
     let sweep = view.sweep;
     let grid = GridSpec { size_m: view.cell_size_m };
-    let placer = CellAssigner::of_sensor(grid, f64::INFINITY, view.map_from_sensor);
+    let assigner = CellAssigner::of_sensor(grid, f64::INFINITY, view.map_from_sensor);
     let mut body = Vec::new();
     let mut points = 0;
     for (slot, &direction) in sweep.returns.pattern.directions.iter().enumerate() {
@@ -26,7 +26,7 @@ pub(crate) fn labelled_cloud(view: &View) -> Vec<u8> {
             continue;
         }
         points += 1;
-        let placed = placer.place(direction, sweep.returns.range_m[slot]);
+        let placed = assigner.place(direction, sweep.returns.range_m[slot]);
         let cell = placed.cell.ok().filter(|_| view.hanging.get(slot) != Some(&true));
         let row = cell.and_then(|cell| view.cells.rows.binary_search_by_key(&cell, |r| r.index).ok());
         let label = row.and_then(|r| view.cells.rows[r].label).map_or(-1, Label::number);

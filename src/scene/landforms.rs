@@ -16,7 +16,7 @@ use crate::geometry::DVec2;
 use crate::math;
 use crate::random::{Dist, Purpose, Streams};
 
-/// Depth of a crater's floor below the plain and height of its rim above it, as shares of the depth from rim to floor.
+/// Height of a crater's rim above the plain, as a share of the depth from rim to floor; the floor lies below the plain by the rest of it.
 const CRATER_RIM: f64 = 0.18;
 /// Beyond 2.1 widths a Gaussian four standard deviations wide has fallen to exp(-35).
 const GAUSSIAN_REACH: f64 = 2.1;
@@ -47,7 +47,7 @@ pub(super) struct Footprint {
     pub half_length_m: f64,
 }
 
-/// The disc outside which a form adds nothing: exactly nought, of either sign.
+/// The disc outside which a form adds nothing: exactly zero, +0 or -0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Disc {
     pub centre_m: DVec2,

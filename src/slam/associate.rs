@@ -13,7 +13,8 @@ use crate::math;
 
 /// Chi-square of three degrees of freedom at 99 %.
 pub(super) const GATE: f64 = 11.34;
-/// A feature is new beyond this distance squared from every landmark; between the two nothing is said.
+/// A feature is new beyond this distance squared from every landmark; between the two gates
+/// it neither matches a landmark nor starts one.
 pub(super) const NEW_BEYOND: f64 = 25.0;
 /// Two landmarks are told apart from this ratio of likelihoods on.
 const LN_RATIO: f64 = 1.098_612_288_668_109_8;
@@ -144,7 +145,7 @@ impl Particle {
     }
 
     /// Judges a landmark; false where it cannot be judged, or where the range's part of the distance squared, which is a sum of
-    /// squares, is beyond `limit` by itself: that saves most of those two arc tangents.
+    /// squares, is beyond `limit` by itself: most landmarks need no arc tangents then.
     #[inline(always)]
     pub(super) fn judge(
         &self,

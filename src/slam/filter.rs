@@ -2,9 +2,10 @@
 //!
 //! In: control steps, angle readings, a sweep's features and surface. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
 //! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Deviation: draws
-//! of a Latin hypercube, whose margins a hundred particles fill evenly. Between sweeps every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features or a surface. Not
-//! estimated: the constant bias of roll and pitch; what it leaves in the pose is considered (Schmidt 1966) in what is believed: on a straight
-//! way a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks do tell of it, and the sigma of z is too large.
+//! of a Latin hypercube, whose margins a hundred particles fill evenly. Between sweeps every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had features or a surface. The
+//! constant bias of roll and pitch is not a state: what it does to the pose is added to the covariance that is told (a consider filter, Schmidt
+//! 1966), because on a straight drive a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks would
+//! observe the bias, and the sigma of z is too large.
 
 use super::cloud::{Cloud, ParticleMoments};
 use super::ground_slope::GroundSlope;
@@ -210,7 +211,7 @@ impl Filter {
 
         let telling =
             |p: &Particle| p.associations.iter().any(|a| matches!(a, Association::Matched(_) | Association::New));
-        // A keyframe is of particles that know where they stood.
+        // A keyframe needs particles whose poses were drawn.
         let draws = surface.is_some() || self.cloud.particles.iter().any(telling);
         let thin = moments.effective_samples < self.resample_below * self.cloud.particles.len() as f64;
         // Without a draw as well: readings alone wear weights thin while no feature is matched.
@@ -218,7 +219,8 @@ impl Filter {
             self.cloud.resample(streams.open(Purpose::SlamResample).uniform(0));
         }
         if draws {
-            // What a heading errs here turns all that is mapped after it, and only what is drawn can be found right later: so evenly, not by chance.
+            // An error of the heading here turns all that is mapped after it, and later stops can only choose among the headings that were
+            // drawn: a Latin hypercube covers them evenly.
             let mut normals = vec![[0.0; 6]; self.cloud.particles.len()];
             streams.open(Purpose::SlamSample).fill_normal_hypercube(0, &mut normals);
             for (particle, normals) in self.cloud.particles.iter_mut().zip(&normals) {

@@ -2,8 +2,8 @@
 //!
 //! In: [`Control`]s and the angles read after them, radians, both or nothing is learnt. Out: the ground's part of a [`MotionNoise`]. To the filter
 //! the slope is a random walk over the way that the wheels roll. Its variance is a mean over the way so far; where one step changes the angles by
-//! far more, that step is as rough as it reads: else the reading would be gated, and the way after it be reckoned with a slope that is none any
-//! more. A change that the roughest ground does not explain (by some 20 degrees in 5 cm) is a broken reading, of which nothing is kept. Own
+//! far more, that step is as rough as it reads: else the reading would be gated, and the way after it be predicted with an
+//! outdated slope. A change that the roughest ground does not explain (by some 20 degrees in 5 cm) is a broken reading, of which nothing is kept. Own
 //! construction. Not modelled: ground that is rough in one direction alone.
 
 use super::motion::{Control, DEGREE, MotionNoise, READING_GATE, turned_tilt};

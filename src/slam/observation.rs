@@ -1,7 +1,8 @@
 //! The features of a sweep -> those that are taken in, and how far they err.
 //!
 //! In: [`Feature`]s of the extractor or of one's own front end, sensor frame; metres, radians. Out: [`Observation`]s, and the variances that the
-//! filter works with. Own choice: features of many points first, apart from one another, because two beside each other are taken for one another.
+//! filter works with. Own choice: features of many points first, and apart from one another, because
+//! association easily confuses two that are close.
 
 use super::matrix::{Vector, square};
 use super::measurement::{self, Polar, usable};

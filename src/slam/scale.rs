@@ -34,13 +34,13 @@ impl ScaleFactor {
         ScaleFactor { variance: slip * slip, ..ScaleFactor::default() }
     }
 
-    /// Nothing is learnt any more, or was unsure from the start.
+    /// Whether the scale is known exactly: it was from the start, or rounding left nothing to learn.
     #[inline(always)]
     pub(super) fn is_known(&self) -> bool {
         self.variance == 0.0
     }
 
-    /// Takes what was learnt off the variance. What rounding leaves of none is none, and has nothing in common with the pose.
+    /// Takes what was learnt off the variance. Where rounding leaves none or less, the scale is known, and uncorrelated with the pose.
     #[inline(always)]
     fn learn(&mut self, variance: f64) {
         self.variance -= variance;

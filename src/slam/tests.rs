@@ -11,7 +11,9 @@ use super::matrix::{cholesky, diagonal, sum};
 use super::*;
 use crate::drive::{InstrumentNoise, Reading};
 use crate::extremes::{Family, row};
-use crate::random::Stage;
+use crate::geometry::{DVec3, Pose, Transform};
+use crate::math;
+use crate::random::{Stage, Streams};
 
 const NOISE: InstrumentNoise = InstrumentNoise {
     imu_rad: 0.0087,

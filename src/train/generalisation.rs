@@ -27,7 +27,7 @@ use crate::statistics::{Interval, Moments, student};
 
 /// Rows that are judged of a split, to the end of a row group: at least and at most.
 const JUDGED: [u64; 2] = [262_144, 2_000_000];
-/// What is one in so many of the rows that were learnt is little beside learning them.
+/// One in so many of the rows that were learnt is judged: that costs little beside learning them.
 const SHARE_OF_LEARNT: u64 = 20;
 /// Added to the errors of a scene before a logarithm is taken: this share of the mean error of the network of the first look.
 const FLOOR: f64 = 0.01;

@@ -1,7 +1,7 @@
 //! Rows in an order -> a network that learns them, the best one so far, and when to stop.
 //!
 //! What a training from shards and one from memory share. In: rows, and the order to learn them in. Portions end where a look at the
-//! validation split is due, so a place in the order says all of how it is gone on with.
+//! validation split is due, so that a position in the order is all that a resumed training needs to know of it.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -20,7 +20,7 @@ pub struct Held {
     pub train: Rows,
     pub validation: Rows,
     pub objective: Objective,
-    /// Of the rows to judge by that were given, every so many-th is judged by.
+    /// Stride by which the given rows to judge by were thinned.
     pub looked_every: usize,
     /// Features that never vary in the rows to learn.
     pub constant: Vec<usize>,

@@ -12,6 +12,7 @@ pub(crate) mod corpora;
 pub(crate) mod curves;
 pub(crate) mod error;
 pub(crate) mod export;
+pub(crate) mod feature_choice;
 pub mod filter;
 pub(crate) mod folder;
 pub(crate) mod generalisation;

@@ -4,26 +4,19 @@
 //! off (the paper's eq. 2 prints none); rectified hidden neurons, where asked for; several members of one shape, whose mean is the output (Hansen & Salamon 1990). Of f64; `forward` is the same of f32. The gradient is exact, by reverse mode. A row's output has the same bits alone
 //! and among others, on every CPU: sums run in the order of the inputs, bias first, with fused multiply-adds.
 
+mod batch;
 pub(crate) mod forward;
+mod layout;
 pub(crate) mod matrix;
 mod neuron;
 
+use self::batch::NetworkBatch;
+pub(crate) use self::layout::LayerOf;
+pub use self::layout::Layout;
 pub use self::neuron::Activation;
 pub(crate) use self::neuron::Neuron;
-use super::filter::lanes::{Isa, Kernel, Real, Simd};
+use super::filter::lanes::{Isa, Kernel, Simd};
 use crate::random::{Purpose, Streams};
-
-/// Sizes of the layers; the output layer is one neuron.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Layout {
-    pub inputs: usize,
-    /// Neurons of each hidden layer, from the input on.
-    pub hidden: Vec<usize>,
-    pub bias: bool,
-    /// Networks of these sizes; the output is their mean.
-    pub members: usize,
-    pub activation: Activation,
-}
 
 /// Layer sizes and weights. Order of the weights: member by member; within a member layer by layer from the input on; within a layer
 /// neuron by neuron; within a neuron its inputs in order, then its bias.
@@ -41,81 +34,6 @@ pub struct Activations {
     /// d output / d value of the nodes of a layer, and of the layer before it.
     slopes: Vec<f64>,
     slopes_before: Vec<f64>,
-}
-
-impl Layout {
-    /// Layer sizes of a member with input and output: [inputs, hidden..., 1].
-    pub(crate) fn sizes(&self) -> Vec<usize> {
-        std::iter::once(self.inputs).chain(self.hidden.iter().copied()).chain([1]).collect()
-    }
-
-    /// Number of weights, s, of all members.
-    pub fn weights(&self) -> usize {
-        self.members * self.weights_of_member()
-    }
-
-    /// What the hidden neurons of a member are.
-    pub(crate) fn hidden_neuron(&self, member: usize) -> Neuron {
-        match self.activation {
-            Activation::Logistic => Neuron::Logistic,
-            Activation::Relu => Neuron::Rectified,
-            Activation::Both if member.is_multiple_of(2) => Neuron::Logistic,
-            Activation::Both => Neuron::Rectified,
-        }
-    }
-
-    /// What the neurons of each layer of a member are, from the first hidden one on.
-    pub(crate) fn neurons(&self, member: usize) -> impl Iterator<Item = Neuron> + use<> {
-        std::iter::repeat_n(self.hidden_neuron(member), self.hidden.len()).chain([Neuron::Logistic])
-    }
-
-    /// With what names of a member's arrays begin: nothing where there is one.
-    pub(crate) fn member_name(&self, member: usize) -> String {
-        if self.members > 1 { format!("members.{member}.") } else { String::new() }
-    }
-
-    /// Of one member.
-    pub(crate) fn weights_of_member(&self) -> usize {
-        self.layers().map(|(inputs, neurons)| self.weights_of_layer(inputs, neurons)).sum()
-    }
-
-    fn weights_of_layer(&self, inputs: usize, neurons: usize) -> usize {
-        (inputs + usize::from(self.bias)) * neurons
-    }
-
-    /// The weights of each layer: member by member, from the input on; with its inputs and neurons.
-    pub(crate) fn split<'w>(&self, weights: &'w [f64]) -> Vec<Vec<LayerOf<'w>>> {
-        let mut rest = weights;
-        let mut layer = |(inputs, neurons)| {
-            let (own, after) = rest.split_at(self.weights_of_layer(inputs, neurons));
-            rest = after;
-            LayerOf { inputs, neurons, weights: own }
-        };
-        (0..self.members).map(|_| self.layers().map(&mut layer).collect()).collect()
-    }
-
-    /// Inputs and neurons of each layer of a member.
-    pub(crate) fn layers(&self) -> impl DoubleEndedIterator<Item = (usize, usize)> + '_ {
-        let size = |layer: usize| if layer == 0 { self.inputs } else { self.hidden[layer - 1] };
-        let neurons = |layer: usize| self.hidden.get(layer).copied().unwrap_or(1);
-        (0..=self.hidden.len()).map(move |layer| (size(layer), neurons(layer)))
-    }
-}
-
-/// A layer of a member: one row a neuron, its inputs in order, then its bias.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LayerOf<'w> {
-    pub inputs: usize,
-    pub neurons: usize,
-    pub weights: &'w [f64],
-}
-
-impl<'w> LayerOf<'w> {
-    /// Weights and bias of each neuron; a bias of 0 where it has none.
-    pub(crate) fn rows(self) -> impl Iterator<Item = (&'w [f64], f64)> {
-        let row = self.weights.len() / self.neurons;
-        self.weights.chunks_exact(row).map(move |w| (&w[..self.inputs], w.get(self.inputs).copied().unwrap_or(0.0)))
-    }
 }
 
 impl Network {
@@ -302,80 +220,6 @@ fn backward(layout: &Layout, member: usize, weights: &[f64], tape: &mut Activati
         neuron = layout.hidden_neuron(member);
         last -= count;
         end = start;
-    }
-}
-
-struct NetworkBatch<'a> {
-    network: &'a Network,
-    rows: &'a [f64],
-    outputs: &'a mut [f64],
-}
-
-impl Kernel<f64> for NetworkBatch<'_> {
-    type Out = ();
-
-    /// Rows stand in the lanes.
-    #[inline(always)]
-    fn run<V: Simd<f64>>(self) {
-        type Lane = <f64 as Real>::Chunk;
-        let NetworkBatch { network: Network { layout, weights }, rows, outputs } = self;
-        let widest = layout.hidden.iter().copied().max().unwrap_or(0).max(layout.inputs).max(1);
-        let [mut inputs, mut values, mut next] = [(); 3].map(|()| vec![Lane::default(); widest]);
-        for (rows, outputs) in rows.chunks(f64::LANES * layout.inputs.max(1)).zip(outputs.chunks_mut(f64::LANES)) {
-            for (lane, row) in rows.chunks_exact(layout.inputs.max(1)).enumerate() {
-                for (value, x) in inputs.iter_mut().zip(row) {
-                    value.as_mut()[lane] = *x;
-                }
-            }
-            let mut sums = Lane::default();
-            let mut rest = &weights[..];
-            for member in 0..layout.members {
-                for (layer, ((count, neurons), neuron)) in layout.layers().zip(layout.neurons(member)).enumerate() {
-                    let before = if layer == 0 { &inputs[..count] } else { &values[..count] };
-                    let stride = count + usize::from(layout.bias);
-                    let (own, others) = rest.split_at(stride * neurons);
-                    let several = ABREAST * (neurons / ABREAST);
-                    let (together, alone) = next[..neurons].split_at_mut(several);
-                    for (k, out) in together.as_chunks_mut::<ABREAST>().0.iter_mut().enumerate() {
-                        abreast::<V, ABREAST>(&own[k * ABREAST * stride..], before, (layout.bias, neuron), out);
-                    }
-                    for (k, out) in alone.as_chunks_mut::<1>().0.iter_mut().enumerate() {
-                        abreast::<V, 1>(&own[(several + k) * stride..], before, (layout.bias, neuron), out);
-                    }
-                    rest = others;
-                    std::mem::swap(&mut values, &mut next);
-                }
-                sums.as_mut().iter_mut().zip(values[0].as_ref()).for_each(|(sum, output)| *sum += output);
-            }
-            outputs.iter_mut().zip(sums.as_ref()).for_each(|(mean, sum)| *mean = sum / layout.members as f64);
-        }
-    }
-}
-
-/// Neurons whose sums run side by side where rows stand in the lanes: each is a chain, and waits for itself.
-const ABREAST: usize = 8;
-
-/// `N` neurons, whose weights follow one another in `weights`, on the values of the layer before, a row in each lane.
-#[inline(always)]
-fn abreast<V: Simd<f64>, const N: usize>(
-    weights: &[f64],
-    before: &[<f64 as Real>::Chunk],
-    (bias, neuron): (bool, Neuron),
-    out: &mut [<f64 as Real>::Chunk; N],
-) {
-    let (count, stride) = (before.len(), before.len() + usize::from(bias));
-    let own: [&[f64]; N] = std::array::from_fn(|n| &weights[n * stride..][..stride]);
-    let mut sums: [V; N] = std::array::from_fn(|n| V::splat(if bias { own[n][count] } else { 0.0 }));
-    for (i, x) in before.iter().enumerate() {
-        let x = V::load(x);
-        for n in 0..N {
-            sums[n] = V::splat(own[n][i]).mul_add(x, sums[n]); // Eq. (2)
-        }
-    }
-    for n in 0..N {
-        sums[n].store(&mut out[n]);
-        let lanes: &mut [f64; f64::LANES] = out[n].as_mut().try_into().expect("a chunk has its lanes");
-        *lanes = neuron.values(lanes);
     }
 }
 

@@ -5,7 +5,8 @@
 //! Heights are taken off a plane through the cell first, so that slopes leave the bounds narrow; each wheel's height lies within those of
 //! all nodes that it may touch on its way, wherever a turn against the plane carries it: first for a small turn, whose boxes are small, and
 //! where the heights found allow a larger one, for that. Added to it: what the links' arms make of a turn (theta squared over two), and
-//! the wheel's own radius. Frames: map, metres. Not modelled here: what is open is the solver's.
+//! the wheel's own radius. Frames: map, metres. Headings that the bounds leave open are for the contact solver
+//! to decide.
 
 use super::lattice::Lattice;
 use super::outlines::Outlines;

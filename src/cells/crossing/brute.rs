@@ -1,14 +1,16 @@
 //! Brute force: the definitions node by node and heading by heading, bodies at many points, the contact solver itself.
 
+use super::lattice::Lattice;
+use super::params::Limits;
 use super::tests::{SIZE_M, draws, judged, kapvik, least};
 use super::*;
 use crate::drive::params::ContactSolver;
 use crate::drive::{GroundContact, Rover};
-use crate::geometry::DVec3;
+use crate::geometry::{DVec2, DVec3};
 use crate::math;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::polynomial::term_count;
-use crate::scene::{Class, Convex, Polynomial, Raster, Shape};
+use crate::scene::{Class, Convex, Ground, Polynomial, Raster, Shape};
 
 const SPACING_M: f64 = 0.05;
 

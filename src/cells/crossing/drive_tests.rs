@@ -4,15 +4,17 @@
 //! cell whose heading every cell on the way allows. The rover is set down by the contact solver every 1.7 cm of the way, between the
 //! middles too. Out: how many drives break a limit, which, and by how much. `docs/labels.md` states what was found.
 
+use super::params::Limits;
 use super::tests::{SIZE_M, draws};
 use super::*;
 use crate::cells::fixtures::row_at;
 use crate::drive::params::ContactSolver;
 use crate::drive::{GroundContact, clearance_m};
+use crate::geometry::DVec2;
 use crate::math;
 use crate::random::Stream;
 use crate::scene::polynomial::term_count;
-use crate::scene::{Class, Convex, Polynomial, Raster, Shape};
+use crate::scene::{Class, Convex, Ground, Polynomial, Raster, Shape};
 
 /// The rover stands this far apart along its way: no part of a cell.
 const STEP_M: f64 = 0.017;

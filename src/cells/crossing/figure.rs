@@ -2,10 +2,11 @@
 
 use std::fmt::Write;
 
+use super::params::Limits;
 use super::tests::{SIZE_M, judged};
 use super::*;
 use crate::geometry::DVec3;
-use crate::scene::{Class, Convex, Raster, Shape};
+use crate::scene::{Class, Convex, Ground, Raster, Shape};
 
 /// Rewrites the file instead: `MARSYARD_WRITE_FIGURES=1 cargo test --release --lib crossing::figure`.
 const WRITE: &str = "MARSYARD_WRITE_FIGURES";

@@ -129,7 +129,7 @@ impl Line<'_> {
     /// The gap whose near lip is the line's first node.
     fn crossing(&self, scene: &Scene, placement: &Placement, limits: &Limits, reach: usize) -> Option<Crossing> {
         let top_m = self.height_m(0)?;
-        // The next node is a lip as good.
+        // The last node before the fall is the lip.
         if self.height_m(1)? >= top_m {
             return None;
         }

@@ -1,11 +1,12 @@
 //! The truth of the pose: closed forms from both sides, bounds against the solver, turned yards, extremes.
 
+use super::params::Limits;
 use super::tests::{draws, kapvik};
 use super::*;
 use crate::cells::fixtures::row_at;
-use crate::geometry::DVec3;
+use crate::geometry::{DVec2, DVec3};
 use crate::math;
-use crate::scene::{Class, Convex, Polynomial, Raster, Shape};
+use crate::scene::{Class, Convex, Ground, Polynomial, Raster, Shape};
 
 const SIZE_M: f64 = 0.1;
 

@@ -1,12 +1,15 @@
 //! Closed forms at the limits from both sides, and laws of turned yards.
 
+use super::kernel::{Demands, Run};
+use super::lattice::Lattice;
+use super::params::Limits;
 use super::*;
 use crate::cells::fixtures::row_at;
 use crate::cells::level::level;
-use crate::geometry::{DVec3, Pose};
+use crate::geometry::{DVec2, DVec3, Pose};
 use crate::math;
 use crate::random::{Purpose, Stage, Stream, Streams};
-use crate::scene::{Class, Convex, Polynomial, Raster, Shape};
+use crate::scene::{Class, Convex, Ground, Polynomial, Raster, Shape};
 
 pub(super) const SIZE_M: f64 = 0.1;
 /// What stands beyond every closed form here.

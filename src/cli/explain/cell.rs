@@ -29,12 +29,12 @@ struct Point {
 }
 
 fn points_in(points: &ScanPoints, cell: CellIndex) -> Vec<Point> {
-    let placer = CellAssigner::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
+    let assigner = CellAssigner::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
     let sweep = &points.sweep;
     let hits = (0..sweep.returns.status.len()).filter(|&slot| sweep.returns.status[slot] == Status::Hit);
     hits.filter(|&slot| !points.hangs(slot))
         .filter_map(|slot| {
-            let placed = placer.place(sweep.returns.pattern.directions[slot], sweep.returns.range_m[slot]);
+            let placed = assigner.place(sweep.returns.pattern.directions[slot], sweep.returns.range_m[slot]);
             let truth = &sweep.truth[slot];
             (placed.cell == Ok(cell)).then_some(Point {
                 slot,

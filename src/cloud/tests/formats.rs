@@ -63,6 +63,10 @@ fn exact_the_label_column_can_be_named() {
     let text = b"x,y,z,label,truth_class\n1,2,3,7,1\n";
     let named = |name: &str| read("a.csv", text, None, &Options { label_field: Some(name.into()) });
     assert_eq!(named("truth_class").unwrap().labels, Some(vec![1]));
+    // The intensity may be asked for as the label, and is both then.
+    let text = b"x,y,z,intensity\n1,2,3,40\n";
+    let both = read("a.csv", text, None, &Options { label_field: Some("intensity".into()) }).unwrap();
+    assert_eq!((both.labels, both.intensity), (Some(vec![40]), Some(vec![40.0])));
     assert!(named("other").unwrap_err().to_string().contains("no label column 'other'"));
 }
 

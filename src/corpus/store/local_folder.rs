@@ -191,7 +191,9 @@ impl Store for LocalFolder {
 
     fn append(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
         let append = |path: PathBuf| {
-            let mut file = File::options().append(true).open(path)?;
+            // A link or a pipe that stands in the file's place is not followed.
+            let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
+            let mut file = File::options().append(true).custom_flags(flags.bits() as i32).open(path)?;
             file.write_all(bytes)?;
             file.sync_data()
         };

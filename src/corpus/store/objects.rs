@@ -99,16 +99,16 @@ fn altered(again: bool) -> Fault {
 }
 
 /// Takes one more name of a listing, as long as they are not too many and do not take too long. `furthest`: the most that ever came.
-fn count_name(names: &mut usize, furthest: &mut usize, patience: &Backoff) -> Result<(), Fault> {
+fn count_name(names: &mut usize, furthest: &mut usize, backoff: &Backoff) -> Result<(), Fault> {
     *names += 1;
     if *names > MOST_NAMES {
         return Err(Fault::Lasting(format!("more than {MOST_NAMES} names are listed there; no corpus has so many")));
     }
     if *names > *furthest {
         *furthest = *names;
-        patience.made_progress(NAME_BYTES);
+        backoff.made_progress(NAME_BYTES);
     }
-    if patience.is_over() {
+    if backoff.is_over() {
         return Err(Fault::Passing(format!("only {names} names came in all that time")));
     }
     Ok(())
@@ -143,9 +143,9 @@ impl ObjectFolder {
             source: std::io::Error::other(format!("cannot start threads for the network: {error}")),
         })?;
         runtime.block_on(async {
-            let patience = Backoff::new(self.limits, name);
+            let backoff = Backoff::new(self.limits, name);
             loop {
-                let why = match attempt(&patience).await {
+                let why = match attempt(&backoff).await {
                     Ok(value) => return Ok(Ok(value)),
                     Err(Fault::Passing(why)) => why,
                     Err(Fault::Refused { reason, cure }) => {
@@ -160,11 +160,11 @@ impl ObjectFolder {
                     }
                     Err(other) => return Ok(Err(other)),
                 };
-                let Some(pause) = patience.pause() else {
+                let Some(pause) = backoff.pause() else {
                     let patience_s = self.limits.patience.as_secs_f64();
                     return Err(CorpusError::Unreachable { place: self.place(), name: name.into(), why, patience_s });
                 };
-                if patience.tries() == TELL_FROM_TRY {
+                if backoff.tries() == TELL_FROM_TRY {
                     tracing::warn!("{}/{name}: {why}; trying on", self.place());
                 }
                 tokio::time::sleep(pause).await;
@@ -189,7 +189,7 @@ impl ObjectFolder {
     fn fetch(&self, name: &str, part: Part) -> Result<Vec<u8>, CorpusError> {
         let path = self.path(name)?;
         let mut coming = ResumableRead::default();
-        self.done(name, async |patience| self.take_in(&path, part, &mut coming, patience).await)?;
+        self.done(name, async |backoff| self.take_in(&path, part, &mut coming, backoff).await)?;
         Ok(coming.received)
     }
 
@@ -199,7 +199,7 @@ impl ObjectFolder {
         path: &Path,
         part: Part,
         coming: &mut ResumableRead,
-        patience: &Backoff,
+        backoff: &Backoff,
     ) -> Result<(), Fault> {
         if coming.same.is_none() {
             // Nothing would tell whether the rest is of the same object.
@@ -234,10 +234,10 @@ impl ObjectFolder {
                 return Err(Fault::Lasting("the store sends more than it announced".into()));
             }
             if coming.received.len() > coming.furthest {
-                patience.made_progress(coming.received.len() - coming.furthest);
+                backoff.made_progress(coming.received.len() - coming.furthest);
                 coming.furthest = coming.received.len();
             }
-            if patience.is_over() {
+            if backoff.is_over() && first + (coming.received.len() as u64) < end {
                 return Err(Fault::Passing(format!("only {} bytes came in all that time", coming.furthest)));
             }
         }
@@ -248,7 +248,7 @@ impl ObjectFolder {
     }
 
     /// Puts the bytes, and makes sure that it is they that are stored.
-    async fn put_once(&self, path: &Path, bytes: &Bytes, mode: PutMode, patience: &Backoff) -> Result<(), Fault> {
+    async fn put_once(&self, path: &Path, bytes: &Bytes, mode: PutMode, backoff: &Backoff) -> Result<(), Fault> {
         let limit = self.limits.silence + Duration::from_secs_f64(bytes.len() as f64 / SLOWEST);
         let payload = PutPayload::from_bytes(bytes.clone());
         let options = PutOptions { mode, ..PutOptions::default() };
@@ -258,7 +258,7 @@ impl ObjectFolder {
             None => {
                 let mut there = ResumableRead::default();
                 let part = Part::Whole { most: bytes.len() as u64 };
-                match self.take_in(path, part, &mut there, patience).await {
+                match self.take_in(path, part, &mut there, backoff).await {
                     // What is longer is other bytes too.
                     Err(Fault::TooLong(_)) => false,
                     other => {
@@ -277,12 +277,12 @@ impl ObjectFolder {
         let bytes = Bytes::copy_from_slice(bytes);
         let mode = if create { PutMode::Create } else { PutMode::Overwrite };
         let (mut is_first, mut is_altered) = (true, false);
-        let there = self.done(name, async |patience| {
+        let there = self.done(name, async |backoff| {
             if std::mem::take(&mut is_first) {
-                patience.made_progress(bytes.len());
+                backoff.made_progress(bytes.len());
             }
-            match self.put_once(&path, &bytes, mode.clone(), patience).await {
-                Err(Fault::Taken) if create => self.what_is_there(&path, &bytes, patience).await.map(Some),
+            match self.put_once(&path, &bytes, mode.clone(), backoff).await {
+                Err(Fault::Taken) if create => self.what_is_there(&path, &bytes, backoff).await.map(Some),
                 Err(Fault::Taken) => Err(Fault::Passing("another writer is at it".into())),
                 Err(Fault::Altered) => {
                     if create || is_altered {
@@ -298,10 +298,10 @@ impl ObjectFolder {
     }
 
     /// The object that a create-only put found: by another writer, or by a try of ours whose answer was lost.
-    async fn what_is_there(&self, path: &Path, bytes: &Bytes, patience: &Backoff) -> Result<Vec<u8>, Fault> {
+    async fn what_is_there(&self, path: &Path, bytes: &Bytes, backoff: &Backoff) -> Result<Vec<u8>, Fault> {
         let mut there = ResumableRead::default();
         let part = Part::Whole { most: bytes.len() as u64 + OTHERS_MORE };
-        match self.take_in(path, part, &mut there, patience).await {
+        match self.take_in(path, part, &mut there, backoff).await {
             Ok(()) => Ok(there.received),
             // A conflict also says so while the other writer is not done.
             Err(Fault::NotFound) => Err(Fault::Passing("another writer is at it".into())),
@@ -340,14 +340,14 @@ impl Store for ObjectFolder {
     fn list(&self, folder: &str) -> Result<Vec<(String, u64)>, CorpusError> {
         let path = self.path(folder)?;
         let mut furthest = 0;
-        let mut files = self.done(folder, async |patience| {
+        let mut files = self.done(folder, async |backoff| {
             let mut files = Vec::new();
             let mut pages = self.client.list(Some(&path));
             let mut names = 0;
             while let Some(object) =
                 inspected_client::attempt(self.limits.silence, MAX_ANSWER_BYTES, pages.try_next()).await?
             {
-                count_name(&mut names, &mut furthest, patience)?;
+                count_name(&mut names, &mut furthest, backoff)?;
                 let (whole, root): (&str, &str) = (object.location.as_ref(), path.as_ref());
                 let below = whole.strip_prefix(root).and_then(|rest| rest.strip_prefix('/'));
                 if let Some(name) = below.filter(|name| !name.contains('/')) {
@@ -364,13 +364,13 @@ impl Store for ObjectFolder {
         let bad = |_| CorpusError::BadName { name: self.prefix.clone() };
         let root = if self.prefix.is_empty() { None } else { Some(Path::parse(&self.prefix).map_err(bad)?) };
         let mut furthest = 0;
-        self.done("", async |patience| {
+        self.done("", async |backoff| {
             let mut objects = self.client.list(root.as_ref());
             let mut names = 0;
             while let Some(object) =
                 inspected_client::attempt(self.limits.silence, MAX_ANSWER_BYTES, objects.try_next()).await?
             {
-                count_name(&mut names, &mut furthest, patience)?;
+                count_name(&mut names, &mut furthest, backoff)?;
                 let whole: &str = object.location.as_ref();
                 let below = whole.strip_prefix(&self.prefix).unwrap_or(whole).trim_start_matches('/');
                 let first = below.split('/').next().unwrap_or_default();
@@ -428,10 +428,10 @@ mod tests {
 
     #[test]
     fn exact_a_listing_ends_behind_the_most_names() {
-        let patience = Backoff::new(Limits::of_environment(), "data");
+        let backoff = Backoff::new(Limits::of_environment(), "data");
         let (mut names, mut furthest) = (MOST_NAMES - 1, MOST_NAMES - 1);
-        count_name(&mut names, &mut furthest, &patience).expect("as many as may be");
-        let fault = count_name(&mut names, &mut furthest, &patience).expect_err("one too many");
+        count_name(&mut names, &mut furthest, &backoff).expect("as many as may be");
+        let fault = count_name(&mut names, &mut furthest, &backoff).expect_err("one too many");
         assert!(matches!(&fault, Fault::Lasting(why) if why.contains("no corpus has so many")), "{fault:?}");
     }
 }

@@ -31,13 +31,13 @@ impl Row {
     /// One row a slot, in firing order.
     pub(crate) fn of_scan(scene_id: i64, scan_id: i32, points: &ScanPoints) -> Vec<Row> {
         let sweep = &points.sweep;
-        let placer = CellAssigner::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
+        let assigner = CellAssigner::of_sensor(points.grid, points.max_range_m, points.map_from_sensor);
         let is_obstacle =
             |object: i32| usize::try_from(object).ok().and_then(|id| points.obstacles.get(id)) == Some(&true);
         let row = |slot: usize| {
             let range_m = (sweep.returns.status[slot] == Status::Hit).then(|| sweep.returns.range_m[slot]);
             let direction = sweep.returns.pattern.directions[slot];
-            let placed = range_m.map(|range_m| placer.place(direction, range_m));
+            let placed = range_m.map(|range_m| assigner.place(direction, range_m));
             Row {
                 scene_id,
                 scan_id,

@@ -5,7 +5,7 @@ use std::fs;
 use super::fixture::{corpus, spec, write_shard};
 use crate::cells::Label;
 use crate::corpus::advice::{Content, advise};
-use crate::corpus::place::difference;
+use crate::corpus::plan_difference::difference;
 use crate::corpus::{
     CorpusError, LocalFolder, Manifest, Place, ShardWriter, Split, Store, Table, finalize, inspect, status, verify,
 };

@@ -30,12 +30,12 @@ fn golden_rates_are_scikit_learns() {
         [0.6445950449950005, 0.5949982128473102, 0.21877061130620093],
     ];
     let judge = judge_many();
-    let all = &judge.groups[&judge::Group::All];
+    let all = &judge.groups[&Group::All];
     for ((counts, (_, expected, rates)), points) in all.network.at.iter().zip(golden).zip(by_points) {
-        let c = counts.cells[judge::WITH_TOPS];
+        let c = counts.cells[tally::WITH_TOPS];
         let found = [c.true_traversable, c.false_untraversable, c.missed_untraversable, c.true_untraversable];
         assert_eq!(found, expected);
-        for (counts, expected) in [(c, rates), (counts.points[judge::WITH_TOPS], points)] {
+        for (counts, expected) in [(c, rates), (counts.points[tally::WITH_TOPS], points)] {
             let r = counts.rates();
             for (found, expected) in [r.accuracy, r.balanced_accuracy, r.mcc].into_iter().zip(expected) {
                 assert!((found.unwrap() - expected).abs() < 1e-14, "{found:?} {expected}");
@@ -71,10 +71,10 @@ fn extreme_cells_with_a_nan_output_are_counted_and_left_out() {
     let bare = Cell::bare(0, 0, false);
     let cells = [Cell { points: 1, range_m: f32::NAN, ..bare }, Cell { points: 2, ..bare }];
     judge.add_scan("", "", &cells, &[f64::NAN, 0.25]);
-    assert_eq!((judge.not_finite_cells, judge.groups[&judge::Group::All].cells), (1, 1));
+    assert_eq!((judge.not_finite_cells, judge.groups[&Group::All].cells), (1, 1));
     judge.add_scan("", "", &cells[..1], &[f64::NAN]);
     judge.add_scan("", "", &[], &[]);
-    assert_eq!((judge.not_finite_cells, judge.groups[&judge::Group::All].cells), (2, 1));
+    assert_eq!((judge.not_finite_cells, judge.groups[&Group::All].cells), (2, 1));
 }
 
 fn judge_at(thresholds: &[f64]) -> Judge {

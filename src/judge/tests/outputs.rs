@@ -141,8 +141,8 @@ fn equal_labelled_clouds_read_back_in_the_map_frame() {
         DVec3::new(3.0, 3.0, 3.0),
     ];
     let cloud = Cloud { points_m: there.map(in_sensor).to_vec(), labels: Some(vec![4, 5, 6, 7]), ..Cloud::default() };
-    let placer = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, turn);
-    let points = export::labelled(&cloud, &[], &placer, false, &ell);
+    let assigner = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, turn);
+    let points = export::labelled(&cloud, &[], &assigner, false, &ell);
     assert_eq!(points.iter().map(|p| p.class).collect::<Vec<_>>(), [0, 1, -1, -1]);
     let options = |field: &str| Options { label_field: Some(field.into()) };
     for (name, bytes, grain_m) in [
@@ -159,15 +159,33 @@ fn equal_labelled_clouds_read_back_in_the_map_frame() {
 }
 
 #[test]
+fn extreme_labels_beyond_32_bits_come_back_and_no_cells_make_a_map_of_one_unknown_pixel() {
+    let ell = ell();
+    let assigner = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, Transform::IDENTITY);
+    let labels = vec![i64::from(u32::MAX), 1 << 40];
+    let cloud = Cloud { points_m: vec![DVec3::ONE, DVec3::Y], labels: Some(labels.clone()), ..Cloud::default() };
+    let points = export::labelled(&cloud, &[], &assigner, true, &ell);
+    for (name, bytes) in [("a.ply", export::ply(&points, "")), ("a.pcd", export::pcd(&points, DVec3::ZERO))] {
+        let back = read(name, &bytes, None, &Options { label_field: Some("label".into()) }).unwrap();
+        assert_eq!(back.labels, Some(labels.clone()), "{name}");
+    }
+    let mut empty = ell;
+    empty.cells.rows.clear();
+    let map = cost_map(&empty, "a.pgm", Shown::Class).unwrap();
+    assert_eq!(map.pgm, b"P5\n1 1\n255\n\x80");
+    assert!(map.yaml.contains("origin: [0.0, 0.0, 0.0]"), "{}", map.yaml);
+}
+
+#[test]
 fn equal_far_coordinates_come_back_from_ply_and_pcd() {
     let far =
         [DVec3::new(445_000.123_456_789, 5_030_000.987_654_321, 1_234.5), DVec3::new(445_001.0, 5_030_001.0, 1_234.0)];
     let near = [DVec3::new(3.123_456_789, -999.1, 0.5), DVec3::new(0.1, 0.2, 0.3)];
-    let placer = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, Transform::IDENTITY);
+    let assigner = CellAssigner::of_sensor(GridSpec { size_m: 0.5 }, 50.0, Transform::IDENTITY);
     let ell = ell();
     for (there, size, most_m) in [(far, "SIZE 8 8 8 4 4 4 1 4\n", 1e-9), (near, "SIZE 4 4 4 4 4 4 1 4\n", 1e-3)] {
         let cloud = Cloud { points_m: there.to_vec(), ..Cloud::default() };
-        let points = export::labelled(&cloud, &[], &placer, true, &ell);
+        let points = export::labelled(&cloud, &[], &assigner, true, &ell);
         let pcd = export::pcd(&points, DVec3::new(-5.0, 10.0, 2.5));
         let head = String::from_utf8_lossy(&pcd);
         assert!(head.contains(size) && head.contains("VIEWPOINT 0 0 0 1 0 0 0\n"), "{head}");

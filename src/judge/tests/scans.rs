@@ -87,6 +87,16 @@ fn exact_scores_count_the_cells_that_have_a_label_and_a_judgement() {
     let report = judge.report("two scans".into(), "m.yaml").unwrap();
     assert_eq!((report.groups[0].cells, report.data.unknown_cells, report.data.scans), (4, 2, 2));
     assert!(report.data.labels.contains("by m.yaml: a cell with at least 1 "), "{}", report.data.labels);
+    // Cells that were not judged are no cells of unknown label.
+    let labels = LabelMap::parse("m.yaml", "labels: {1: traversable, 2: untraversable, 0: ignore}").unwrap();
+    let mut strict = ScanJudge::new(&model, Options { labels: Some(labels), min_points: 2, ..in_map() }).unwrap();
+    let points = [[1.05, 0.05, 0.0], [1.06, 0.05, 0.0], [2.05, 0.05, 0.0], [3.05, 0.05, 0.0]];
+    let labelled = Cloud { labels: Some(vec![1, 1, 2, 0]), ..cloud(&points) };
+    strict.scan("a scan", labelled, Some(&Pose::default())).unwrap();
+    let report = strict.report("a scan".into(), "m.yaml").unwrap();
+    assert_eq!((report.groups[0].cells, report.data.unknown_cells, report.data.not_finite_cells), (1, 1, 0));
+    let told = "1 labelled cells of fewer than 2 points were not judged";
+    assert!(report.notes.iter().any(|note| note.contains(told)), "{:?}", report.notes);
     let without = ScanJudge::new(&model, in_map()).unwrap();
     assert!(without.report(String::new(), "").is_none());
 }

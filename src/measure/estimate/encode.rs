@@ -4,7 +4,7 @@
 //! the same shard at once, as in a build; the time for other rows is taken in proportion to their bytes.
 
 use super::EstimateError;
-use super::sample::{Figure, Sample};
+use super::strata::{Figure, Sample};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, ShardWriter, Table};
 use crate::episode::SceneOutput;
 use crate::measure::clock::{Seconds, thread_cpu_s};

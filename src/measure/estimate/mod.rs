@@ -18,6 +18,7 @@ mod parts;
 mod rows;
 mod sample;
 mod storage;
+mod strata;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -34,8 +35,9 @@ pub(crate) use part::Part;
 pub(crate) use parts::PartCost;
 pub use parts::scene_costs;
 pub(crate) use rows::RowCost;
-pub(crate) use sample::{Figure, test_scenes};
+pub(crate) use sample::test_scenes;
 pub(crate) use storage::{Storage, free_bytes};
+pub(crate) use strata::Figure;
 
 /// How long, with how many threads, and for which place.
 #[derive(Clone, Debug)]

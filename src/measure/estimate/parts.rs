@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::part::Part;
-use super::sample::Sample;
+use super::strata::Sample;
 use super::{Clock, EstimateError, FamilyCost};
 use crate::episode::{Prepared, Scratch, run_scene};
 use crate::measure::clock::Costs;

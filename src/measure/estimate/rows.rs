@@ -14,10 +14,10 @@ use crate::corpus::cells::{CellBatch, LABEL, POINTS};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, Table};
 use crate::measure::clock::thread_cpu_s;
 use crate::random::{Stage, Streams};
+use crate::train::feature_choice::taken;
 use crate::train::memory::outputs;
 use crate::train::rows::{Rows, Wanted};
 use crate::train::scaling::{moments_of, scaler_of, scores_of, subtracted};
-use crate::train::source::taken;
 use crate::train::{Network, TrainParams};
 
 /// Rows are read again until this is over: a clock of microseconds and a cold cache are then a few percent.

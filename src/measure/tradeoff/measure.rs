@@ -20,8 +20,8 @@ use crate::parallel::{self, panic_message};
 use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};
 use crate::sweep::params::Cast;
+use crate::train::feature_choice::taken;
 use crate::train::params::FeatureSet;
-use crate::train::source::taken;
 
 /// How far an estimate is from the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,7 +104,7 @@ pub(super) fn cpu_s(made: &Result<SceneMeasurement, Failed>) -> f64 {
 /// A scene just made.
 struct Rerun {
     costs: Costs,
-    attempts: u32,
+    attempt: u32,
     cells: SceneCells,
     /// Truth and estimate at each kept scan.
     poses: Vec<(Pose, Estimate)>,
@@ -176,7 +176,7 @@ fn scene_everywhere(
         let at_reference = all[0].as_ref().ok().zip(reference.as_ref().ok());
         all.push(other.as_mut().map_err(|failed| failed.clone()).map(|it| {
             let cells = std::mem::take(&mut it.cells);
-            let same_attempt = at_reference.filter(|(_, reference)| it.attempts == reference.attempts);
+            let same_attempt = at_reference.filter(|(_, reference)| it.attempt == reference.attempt);
             let against = same_attempt.map(|(made, reference)| it.against(reference, &made.cells, &cells));
             let ranges = at_reference.and_then(|(_, reference)| reference.range_errors(&prepared[0], plan));
             it.made(cells, against, ranges)
@@ -190,7 +190,7 @@ impl Rerun {
         let kept = replay.poses.iter().filter(|pose| pose.scan_id.is_some());
         Rerun {
             costs,
-            attempts: replay.attempts,
+            attempt: replay.attempt,
             cells: SceneCells::of(&replay.scans, columns),
             poses: kept.map(|pose| (pose.truth, pose.estimate.clone())).collect(),
             family: replay.family,

@@ -24,6 +24,7 @@ mod compare;
 mod curve;
 mod filters;
 mod front;
+mod grid;
 mod judging;
 mod knobs;
 mod learning;
@@ -41,6 +42,7 @@ mod surrogate;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;
+mod words;
 mod worth;
 
 use std::path::PathBuf;

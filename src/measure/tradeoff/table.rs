@@ -3,16 +3,10 @@
 use std::fmt::Write;
 
 use super::front::front;
+use super::grid::Grid;
 use super::report::{CurveRow, Ended, Recommendation, Report, Row, Told};
 use super::settings::{OTHER_DRAWS, Side};
-use crate::statistics::{Interval, Spread};
-
-/// Headings, and rows that may be a heading of their own (one cell).
-struct Grid {
-    title: String,
-    head: Vec<&'static str>,
-    rows: Vec<Vec<String>>,
-}
+use super::words::{figures, percent, plural, points, shown, spread};
 
 /// For a terminal.
 pub(crate) fn text(report: &Report) -> String {
@@ -72,10 +66,6 @@ fn left_out(scenes: u64) -> String {
         0 => String::new(),
         of => format!(" ({of} more could not be made, or have no cells)"),
     }
-}
-
-fn plural(count: u64) -> &'static str {
-    if count == 1 { "" } else { "s" }
 }
 
 fn closing(report: &Report) -> String {
@@ -299,102 +289,5 @@ fn stages(rows: &[&Row]) -> Grid {
         title: "By stage: milliseconds of CPU a kept scan; of wall, all threads busy; beams cast".into(),
         rows: rows.collect(),
         head,
-    }
-}
-
-fn shown<T>(value: Option<T>, say: impl FnOnce(T) -> String) -> String {
-    value.map_or("-".into(), say)
-}
-
-fn spread(spread: Spread) -> String {
-    format!("{} [{}, {}]", figures(spread.median), figures(spread.lower_quartile), figures(spread.upper_quartile))
-}
-
-/// A gain in points of balanced accuracy.
-fn points(gain: &Interval) -> String {
-    with_half_width(format!("{:+.2}", 100.0 * gain.mean), gain)
-}
-
-fn percent(accuracy: &Interval) -> String {
-    with_half_width(format!("{:.2}", 100.0 * accuracy.mean), accuracy)
-}
-
-/// Of one training there is no interval.
-fn with_half_width(mean: String, of: &Interval) -> String {
-    if of.half_width.is_finite() { format!("{mean} ± {:.2}", 100.0 * of.half_width) } else { mean }
-}
-
-/// Three significant figures.
-fn figures(value: f64) -> String {
-    match value.abs() {
-        0.0 => "0".into(),
-        size if !(1e-3..1e5).contains(&size) => format!("{value:.1e}"),
-        size if size >= 100.0 => format!("{value:.0}"),
-        size if size >= 10.0 => format!("{value:.1}"),
-        size if size >= 1.0 => format!("{value:.2}"),
-        size if size >= 0.1 => format!("{value:.3}"),
-        size if size >= 0.01 => format!("{value:.4}"),
-        _ => format!("{value:.5}"),
-    }
-}
-
-impl Grid {
-    /// Columns aligned; the first to the left, the others to the right. Headings stand at the foot of their lines.
-    fn align(&self, out: &mut String) {
-        let words: Vec<Vec<&str>> = self.head.iter().map(|head| head.split('\n').collect()).collect();
-        let lines = words.iter().map(Vec::len).max().unwrap_or(0);
-        let head_line = |line: usize| -> Vec<String> {
-            let word = |words: &Vec<&str>| match (line + words.len()).checked_sub(lines) {
-                Some(k) => words[k].to_owned(),
-                None => String::new(),
-            };
-            words.iter().map(word).collect()
-        };
-        let heads: Vec<Vec<String>> = (0..lines).map(head_line).collect();
-        let all = || heads.iter().chain(&self.rows);
-        let width = |column: usize| all().map(|row| row[column].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..self.head.len()).map(width).collect();
-        for row in all() {
-            let cells = row.iter().zip(&widths).enumerate();
-            let padded = cells.map(
-                |(k, (cell, &width))| {
-                    if k == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
-                },
-            );
-            let line = padded.collect::<Vec<_>>().join("  ");
-            let _ = writeln!(out, "{}", line.trim_end());
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn exact_numbers_have_three_figures() {
-        for (value, expected) in [
-            (0.0, "0"),
-            (1234.4, "1234"),
-            (12.34, "12.3"),
-            (-1.234, "-1.23"),
-            (0.1234, "0.123"),
-            (0.01234, "0.0123"),
-            (0.001234, "0.00123"),
-            (1.5e-9, "1.5e-9"),
-        ] {
-            assert_eq!(figures(value), expected);
-        }
-        assert_eq!(points(&Interval { mean: 0.0123, half_width: 0.004 }), "+1.23 ± 0.40");
-        assert_eq!(percent(&Interval { mean: 0.9712, half_width: f64::INFINITY }), "97.12");
-    }
-
-    #[test]
-    fn exact_columns_are_aligned() {
-        let rows = vec![vec!["a".into(), "1".into()], vec!["long".into(), "22.5".into()]];
-        let grid = Grid { title: String::new(), head: vec!["name", "of\ntwo"], rows };
-        let mut out = String::new();
-        grid.align(&mut out);
-        assert_eq!(out, "        of\nname   two\na        1\nlong  22.5\n");
     }
 }

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::config::load;
 use crate::corpus::Split;
-use crate::corpus::place::differences;
+use crate::corpus::plan_difference::differences;
 use crate::drive::params::ContactSolver;
 use crate::slam::SlamParams;
 use crate::slam::params::SurrogateParams;

@@ -79,7 +79,7 @@ impl Columns {
                 }
             }
         };
-        // Its own column first: what lies there leaves little to look at.
+        // Its own column first: a close point there shrinks the radius that is searched.
         look(self.slots(row, col, col), &mut best);
         for row in self.rows_within(place_m, best) {
             look(self.slots_within(row, place_m, best), &mut best);

@@ -12,7 +12,7 @@ use super::LEAST_POINTS;
 use crate::geometry::DVec3;
 use crate::slam::matrix::{Matrix, Vector};
 
-/// So many points tell as much as one that errs alone, beside what the spots find; by the NEES of fixes on the shipped configs.
+/// Variance inflation for points that err together, beyond what the spread of the spots finds; by the NEES of fixes on the shipped configs.
 const CORRELATED_POINTS: f64 = 2.0;
 /// Squared distance over variance at which Geman-McClure's weight falls to a quarter.
 const OUTLYING: f64 = 9.0;
@@ -22,7 +22,7 @@ const WEIGHTED_SHARE: f64 = 1.363;
 /// A point of the newer surface and the one of the older that it is taken for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pair {
-    /// The middle of both normals, and what it errs by their being apart.
+    /// The mean of both normals, and half of their difference as its error.
     pub normal: DVec3,
     pub normal_error: DVec3,
     /// From the rover to the newer point.
@@ -39,7 +39,7 @@ impl Pair {
         1.0 / (bend * bend)
     }
 
-    /// Its weight over what it errs.
+    /// Its weight divided by its variance.
     fn information(&self, variance_m2: f64) -> f64 {
         self.weight(variance_m2) / (variance_m2 * CORRELATED_POINTS)
     }

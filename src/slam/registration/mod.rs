@@ -33,7 +33,8 @@ const LEAST_FIX: Vector<3> = [4e-3, 4e-3, 2e-3];
 const SPOT_M: f64 = 0.4;
 /// Information that no point gives, a place known to ten metres: numbers stay finite along a wall.
 const LEAST_INFORMATION: f64 = 0.01;
-/// So much of what the errors of normals add to the information is taken off: all but what the estimate itself errs.
+/// Normals that err seem to tell of directions that no surface tells of, as along a wall. This share of what they add to the information is
+/// taken off; the rest is what the estimate of that sum may err by.
 const NORMALS_SHARE: f64 = 0.9;
 /// Points that lie on the older surface, over those that were tried, at least; fewer are found on anything.
 const LEAST_SHARE: f64 = 0.2;
@@ -51,7 +52,7 @@ struct Stage {
     aside_m: f64,
     /// Cosine between the normals at least.
     least_cosine: f64,
-    /// Of the newer surface's points every so-manieth, after [`MOST_POINTS`].
+    /// Stride over the newer surface's points, once they are no more than [`MOST_POINTS`].
     every: usize,
     steps: usize,
 }

@@ -92,7 +92,7 @@ fn thinned(points_m: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
     let along = |t_m: f64| ((t_m / THIN_M).floor() + (1 << 15) as f64) as u64;
     let cube = |[x_m, y_m, z_m]: [f64; 3]| along(x_m) << 32 | along(y_m) << 16 | along(z_m);
     let mut by_cube: Vec<(u64, DVec3)> = points_m
-        .filter(|point_m| point_m.abs().max_element() < FARTHEST_M)
+        .filter(|point_m| point_m.is_finite() && point_m.abs().max_element() < FARTHEST_M)
         .map(|point_m| (cube(point_m.to_array()), point_m))
         .collect();
     // Stable: the points of a cube are added in the order of the sweep.

@@ -1,6 +1,7 @@
 //! What instruments read, and readings that make no sense.
 
 use super::*;
+use crate::random::Purpose;
 
 #[test]
 fn law_the_attitude_comes_from_the_first_readings_not_from_the_start() {

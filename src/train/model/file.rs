@@ -9,6 +9,7 @@
 //! Loading trusts nothing: sizes are checked against the bytes that are there before anything is made of that size.
 
 use std::collections::HashMap;
+use std::io::Read;
 use std::path::Path;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -83,7 +84,11 @@ impl Model {
             let reason = format!("{length} bytes are more than the {MAX_BYTES} that a model may have");
             return Err(ModelError::NotAModel { reason });
         }
-        Model::load(&std::fs::read(path).map_err(failed)?)
+        // It may grow while it is read.
+        let mut bytes = Vec::with_capacity(length as usize);
+        let file = std::fs::File::open(path).map_err(failed)?;
+        file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(failed)?;
+        Model::load(&bytes)
     }
 }
 

@@ -1,10 +1,12 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::cells::Obstacle;
+use crate::cells::{CellFrame, CellParams, LabelRule, Obstacle};
+use crate::drive::Rover;
 use crate::math;
+use crate::sweep::Sensor;
 use crate::train::operating_point::class;
-use crate::train::{Activation, Layout, NormalScores};
+use crate::train::{Activation, Calibration, Layout, NormalScores, Scaler};
 
 /// A small model whose every number is known: weights are a sine of their number.
 pub(crate) fn model(features: &[&str], hidden: &[usize], bias: bool) -> Model {
@@ -305,6 +307,7 @@ fn extreme_contradictions_are_refused_by_name() {
         ("\"targets\":[0.1,0.9]", "\"targets\":[0.9,0.1]", "targets"),
         ("\"thresholds\":[0.5]", "\"thresholds\":[]", "thresholds"),
         ("\"thresholds\":[0.5]", "\"thresholds\":[0.5,0.2]", "thresholds"),
+        ("\"thresholds\":[0.5]", "\"thresholds\":[0.5,0.5]", "thresholds [0.5, 0.5] are not 1 to 16 rising numbers"),
         ("\"slope\":1.5", "\"slope\":1e300", "a calibration of slope"),
         ("\"edge\":0.0001", "\"edge\":0.0", "an edge of 0"),
         ("\"edge\":0.0001", "\"edge\":0.5", "an edge of 0.5"),

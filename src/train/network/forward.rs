@@ -12,7 +12,7 @@ use crate::train::filter::lanes::{Isa, Kernel, Real, Simd};
 /// Rows that go through a network together.
 pub(crate) const MICRO_BATCH_ROWS: usize = 64;
 
-/// A member, as rows meet it.
+/// The weights of one member, laid out for the forward pass of many rows.
 #[derive(Debug)]
 pub(crate) struct ForwardWeights {
     /// [inputs + 1, neurons] of each hidden layer, and [1, inputs + 1] of the output.

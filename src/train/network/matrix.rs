@@ -180,8 +180,9 @@ impl Kernel<f32> for Transpose<'_> {
     }
 }
 
-/// `out` becomes `a b` in the chunks of columns that both have: where `out` has other columns than `b`, those in the last of these chunks become
-/// nought or what `b` has there, for the caller to mend, and those beyond stay.
+/// `out` becomes `a b`, worked out in whole chunks of columns, as many as both `b` and `out` have. Where they have different numbers of columns,
+/// the columns of the last chunk beyond the smaller number hold zeros or products of what `b` has there, which the caller overwrites; columns beyond
+/// that chunk stay as they were.
 pub(crate) fn times(a: &Matrix, b: &Matrix, out: &mut Matrix, isa: Isa) {
     assert!(a.columns <= b.rows && a.rows == out.rows);
     isa.run(Times { a, b, out, is_transposed: false });

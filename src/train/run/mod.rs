@@ -240,6 +240,7 @@ impl Training<'_> {
                 self.look(tell)?;
                 if self.learner.is_over() {
                     self.place.stopped = Some(Stop::Patience);
+                    self.place.left_out += window.rows.left_out;
                     return Ok(true);
                 }
                 let (last, cost) = self.checkpoint;

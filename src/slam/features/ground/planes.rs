@@ -212,8 +212,8 @@ impl Planes {
     }
 }
 
-/// The sum over rows of values by the window and a power of y. One sum at a time: of several in one loop, the compiler puts
-/// together what does not belong together.
+/// The sum over rows of values by the window and a power of y. One sum at a time: several in one loop
+/// are vectorised across the sums, which is slower.
 #[inline(always)]
 fn sum_along_y<const POWER: usize>(taps: &[FilterTap], values: &[f64], width: usize) -> [f64; LANES] {
     let mut sum = [0.0; LANES];

@@ -35,7 +35,7 @@ const BATCH_ROWS: [u64; 2] = [64, 512];
 const BATCH_SHARE: f64 = 0.005;
 /// Steps in which the rate rises to what it is: the covariances know little yet.
 const WARM_UP_STEPS: f64 = 100.0;
-/// How fast the average forgets: it holds the last 1 / (1 + this) of the steps, mostly.
+/// The exponent by which the average forgets: its weight lies mostly on the last 1 / (1 + this) of the steps.
 const DECAY: f64 = 8.0;
 
 /// Works on each, with its number: by all threads of the pool, or by this one alone.
@@ -126,10 +126,7 @@ impl Member {
 
     /// Rows of the batch that is begun, when it is whole.
     fn batch(&self) -> u64 {
-        let learnt = self.counters.updates - self.begun;
-        let [first, last] = BATCH_ROWS;
-        let rows = ((BATCH_SHARE * learnt as f64) as u64).clamp(first, last);
-        rows - rows % first
+        batch_after(self.counters.updates - self.begun)
     }
 
     fn is_fresh(&self) -> bool {
@@ -194,6 +191,10 @@ impl Member {
     fn read(&self, name: &str, reader: &Reader) -> Result<Kept, FilterError> {
         let counters = Counters::load(name, reader)?;
         let place = reader.counts(&format!("{name}place"), 3)?;
+        let (begun, updates) = (place[2], counters.updates);
+        if begun > updates || begun > batch_after(updates - begun) {
+            return Err(FilterError::OutOfRange(format!("a batch of {begun} rows is begun after {updates} rows")));
+        }
         let mut arrays = Vec::new();
         for (number, layer) in self.layers.iter().enumerate() {
             for (array, of) in layer.arrays() {
@@ -202,6 +203,13 @@ impl Member {
         }
         Ok(Kept { counters, place, arrays })
     }
+}
+
+/// Rows of the batch that follows so many.
+fn batch_after(learnt: u64) -> u64 {
+    let [first, last] = BATCH_ROWS;
+    let rows = ((BATCH_SHARE * learnt as f64) as u64).clamp(first, last);
+    rows - rows % first
 }
 
 impl Filter for Kronecker {

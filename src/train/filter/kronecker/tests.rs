@@ -398,6 +398,20 @@ fn equal_a_member_learns_among_others_what_it_learns_alone() {
 }
 
 #[test]
+fn extreme_a_state_with_more_rows_begun_than_a_batch_holds_is_refused() {
+    let (network, counters, state) = learnt(20_000, 256, 1, false);
+    let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &network.layout, 8.0).unwrap();
+    filter.restore(&state).unwrap();
+    for begun in [u64::MAX, counters.updates + 1, 513] {
+        let mut spoilt = state.clone();
+        let place = spoilt.arrays.iter_mut().find(|array| array.0.ends_with("place")).expect("a place");
+        place.3[16..24].copy_from_slice(&begun.to_le_bytes());
+        let error = filter.restore(&spoilt).unwrap_err();
+        assert!(error.to_string().contains(&format!("a batch of {begun} rows is begun")), "{error}");
+    }
+}
+
+#[test]
 fn law_another_training_starts_at_the_average_and_averages_its_own_steps() {
     let (before, _, state) = learnt(20_000, 256, 1, false);
     let mut filter = build(
