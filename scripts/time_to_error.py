@@ -15,14 +15,14 @@ trainer lowers by default. Networks have two hidden layers of 16, but for those 
 0.1 + 0.8 p.
 
 - marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores), with two of 16-16, with two of 64-64 of which one has
-  rectified neurons (`network.activation: both`), by the logarithmic loss with none, one and both of them rectified (the last as Adam of that size has it, so that the trainer alone differs), and with one network of less than 600 weights, logistic or rectified as the search finds; and the Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
+  rectified neurons (`network.activation: both`) or both (`relu`: as Adam of that size has them on all three corpora, so that the trainer alone differs), by the logarithmic loss with none and one of them rectified, and with one network of less than 600 weights, logistic or rectified as the search finds; and the Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
   at by the validation and by the test rows, which changes nothing that is learnt; the time is the first's.
 - sklearn: MLPClassifier, Adam, batches of 200 and 1000.
 - torch, fused Adam: constant rate; and one cycle (OneCycleLR), which knows its budget and is trained anew for each.
 - torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) and SSBroyden (dense, in f64,
   strong Wolfe; written here from Urbán, Stefanou & Pons 2025, which no library has) on 20,000 or 100,000 rows.
 - sklearn (batch 1000) and torch (Adam with one cycle, SOAP), less than 600 weights: a network of the same sizes on the same inputs.
-- torch, two of 64-64: of the default's size and form (neurons as the search finds, loss logarithmic): two networks that learn the same batches, each as if it were alone, on
+- torch, two of 64-64: of the default's size, form and loss, neurons as the search finds: two networks that learn the same batches, each as if it were alone, on
   columns and normal scores; their mean is the output, of an average of the weights that forgets all but the last ninth of the steps. Adam (fused; constant rate or one cycle,
   which the search finds better), and SOAP.
 - LightGBM, as many trees as the budget holds, of several trainings the best look for each budget: with its defaults (31 leaves), of three rates; and regularised as in

@@ -84,7 +84,7 @@ def marsyard_looks(task, budget_s, seed, look_rows, sets):
     # have the looks that the first had. A search has no test rows.
     learn, *looked = task.rows.stored
     told = {split: looks((learn, task.labels), (of_split, task.looked[split][1]), settings, budget_s * more, task.names)
-             for (split, more), of_split in zip((("validation", 1.0), ("test", 1.3)), looked) if split in task.looked}
+             for (split, more), of_split in zip((("validation", 1.0), ("test", 1.6)), looked) if split in task.looked}
     found = {split: of["looks"] for split, of in told.items()}
     assert all(len(of) >= len(found["validation"]) for of in found.values()), "the second training was so much slower that looks are missing: run it again"
     first = [look["cpu_learning_s"] for look in found["validation"]]
