@@ -18,8 +18,8 @@ are paired. Five seeds each. CPU seconds and microseconds are of one thread.
 Before anything is compared, the measures are held against scikit-learn's, and the scores of a network in onnxruntime, judged by the measures,
 against `marsyard evaluate`. What was made lies in the work folder, task by task, and is not made again: give another one after a change.
 
---kept takes over what an earlier run measured of classifiers: those that it lacks are run, and the default network again, whose accuracies must be the earlier ones to the last
-digit (else trainer or corpora are others). CPU seconds are then of two days.
+--kept takes over what an earlier run measured of classifiers: those that it lacks are run, and the default network again, whose accuracies, by seed and by family, must be the earlier
+ones to the last digit (else trainer or corpora are others). CPU seconds are then of two days, and libraries of the earlier.
 
 Writes compare_classifiers.json and compare_classifiers.md into scripts/results; --figure draws the balanced accuracies.
 """
@@ -174,7 +174,7 @@ def compared(name, classifiers):
 def kept_beside(kept, found):
     """What an earlier run measured of the classifiers that this one did not run, before what this one measured."""
     ran = {line["classifier"] for line in found["summary"]}
-    accuracies = lambda of: {line["size"]: line["balanced_accuracy"]["value"] for line in of["summary"] if line["classifier"] == DEFAULT_NETWORK}
+    accuracies = lambda of: {line["size"]: (line["each_seed"], line["families"]) for line in of["summary"] if line["classifier"] == DEFAULT_NETWORK}
     if accuracies(kept) != accuracies(found):
         sys.exit(f"{OPTIONS.kept}: the default network had {accuracies(kept)}, and has {accuracies(found)}: trainer or corpus is another")
     return {key: [of for of in kept[key] if of["classifier"] not in ran] + found[key] for key in ("summary", "trials", "runs")}
@@ -197,7 +197,8 @@ def main():
             yard.scenes, yard.test_scenes, yard.validation_rows, yard.test_rows, yard.full_rows = 40, 140 if yard.test_seed else 0, 5000, 10_000, 20_000
             yard.per_shard = 5
     checked = measures.check_on_scikit_learn()
-    kept = json.loads(OPTIONS.kept.read_text())["corpora"] if OPTIONS.kept else {}
+    earlier = json.loads(OPTIONS.kept.read_text()) if OPTIONS.kept else {}
+    kept = earlier.get("corpora", {})
     marsyard = study.Marsyard(OPTIONS.marsyard, OPTIONS.work, OPTIONS.threads)
     for name, yard in YARDS.items():
         if OPTIONS.only in (None, name):
@@ -216,14 +217,16 @@ def main():
             if name in kept:
                 of_name = kept_beside(kept[name], of_name)
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, **of_name}))
-    finished = {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
+    finished = kept | {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
     if earlier := [name for name, found in finished.items() if "networks" not in found["about"]]:
         sys.exit(f"{OPTIONS.work} holds results of an earlier state of this script ({', '.join(earlier)}): give another --work")
     versions = study.versions(marsyard, np, sklearn, lightgbm, xgboost, catboost, torch, onnxruntime)
     results = {"versions": versions, "check_on_scikit_learn": checked, "corpora": finished}
     if kept:
         measured = {line["classifier"] for found in kept.values() for line in found["summary"]}
-        results["added"] = {"classifiers": [of for of in CLASSIFIERS if of not in measured], "date": time.strftime("%Y-%m-%d")}
+        again = [DEFAULT_NETWORK, *(of for of in CLASSIFIERS if of not in measured)]
+        results["versions"] = earlier["versions"]
+        results["added"] = [*earlier.get("added", []), {"classifiers": again, "date": time.strftime("%Y-%m-%d")}]
     study.write_results(OPTIONS.out, "compare_classifiers", results, compare_report.tables(results))
     if OPTIONS.figure:
         compare_report.figure(finished, OPTIONS.figure)

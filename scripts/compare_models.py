@@ -5,7 +5,7 @@ weighted log loss of the validation rows, which all are given alike. SVM and thr
 
 - network (default): marsyard's trainer with all defaults, which standardises by itself; network (logarithmic): the same by the logarithmic loss.
 - network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
-- network (Adam): of the Kalman filter's size; of the default's size are two networks of 64-64 rectified neurons that learn the same batches (compare_torch.py).
+- network (Adam): of the Kalman filter's size. At the default's size Adam is in time_to_error.py.
 - LightGBM, regularised: those of held_out.py, which learning_curve.py and anatomy.py learn: small trees of many cells each, for yards of other families.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
@@ -35,16 +35,7 @@ def logarithmic_network(rows, seed, many):
 
 
 def adam(rows, seed, many):
-    return one_cycle(lambda: compare_torch.mlp(rows.x.shape[1]), rows, seed, many, 0.03)
-
-
-def adam_of_64(rows, seed, many):
-    # The rate that time_to_error.py finds for it on each of its corpora.
-    return one_cycle(lambda: compare_torch.Members(rows.x.shape[1]), rows, seed, many, 0.01)
-
-
-def one_cycle(make, rows, seed, many, rate):
-    learn = lambda: compare_torch.learn(make, rows, seed, many, rate, one_cycle=True)
+    learn = lambda: compare_torch.learn(lambda: compare_torch.mlp(rows.x.shape[1]), rows, seed, many, rate=0.03, one_cycle=True)
     return fitted(rows, learn, compare_torch.probability, compare_torch.size, rounds=lambda model: model.best_pass)
 
 
@@ -147,7 +138,6 @@ CLASSIFIERS = {
     NETWORK: network,
     LOGARITHMIC_NETWORK: logarithmic_network,
     "network (Adam)": adam,
-    "two of 64-64 (Adam)": adam_of_64,
     "TabM": tabm,
     "LightGBM": lightgbm,
     "LightGBM, regularised": lightgbm_regularised,

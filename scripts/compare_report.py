@@ -125,8 +125,7 @@ def corpus_part(name, found):
 
 def tables(results):
     versions = ", ".join(version if version.startswith(name) else f"{name} {version}" for name, version in results["versions"].items())
-    added = results.get("added")
-    later = f" Measured later, on {added['date']} (`--kept`): {', '.join(added['classifiers'])}." if added else ""
+    later = "".join(f" Measured on {of['date']} (`--kept`): {', '.join(of['classifiers'])}; the others before." for of in results.get("added", []))
     head = [
         "# Classifiers on equal inputs",
         "`python scripts/compare_classifiers.py`, whose head says what is equal and how it is chosen. In brackets: 95 % of 2000 resamples of the test scenes, of the "

@@ -1,4 +1,4 @@
-"""Networks in PyTorch for compare_classifiers.py: of the shapes of marsyard's own, learnt by Adam, and TabM (Gorishniy et al. 2025) from scratch.
+"""Two networks in PyTorch for compare_classifiers.py: marsyard's own shape learnt by Adam, and TabM (Gorishniy et al. 2025) from scratch.
 
 Both learn the class-weighted log loss in batches, look at the validation rows after each pass and keep the best pass.
 """
@@ -17,19 +17,6 @@ def mlp(inputs, hidden=(16, 16)):
     sizes = [inputs, *hidden]
     layers = [part for a, b in zip(sizes[:-1], sizes[1:]) for part in (nn.Linear(a, b), nn.Sigmoid())]
     return nn.Sequential(*layers, nn.Linear(sizes[-1], 1))
-
-
-class Members(nn.Module):
-    """Networks that learn the same batches, each as if it were alone; their probabilities are averaged."""
-
-    def __init__(self, inputs, hidden=(64, 64), members=2):
-        super().__init__()
-        sizes = [inputs, *hidden]
-        layers = lambda: [part for a, b in zip(sizes[:-1], sizes[1:]) for part in (nn.Linear(a, b), nn.ReLU())]
-        self.members = nn.ModuleList(nn.Sequential(*layers(), nn.Linear(sizes[-1], 1)) for _ in range(members))
-
-    def forward(self, x):
-        return torch.cat([member(x) for member in self.members], dim=1)
 
 
 class Adapted(nn.Module):

@@ -50,7 +50,9 @@ import time
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS"):
     os.environ[variable] = "1"
 
+import lightgbm
 import numpy as np
+import torch
 
 import study
 from ablation import BEAMS, CURVATURE, OWN, PLANE, SQUARES
@@ -172,7 +174,7 @@ def begun_with(earlier, settings):
     """What is measured goes beside it; what no engine has any more is left out."""
     if earlier:
         by_engine = {key: {of: found for of, found in earlier.get(key, {}).items() if of.split("/")[1] in ENGINES} for key in ("runs", "settings", "dates")}
-        return by_engine | {"again": earlier.get("again", {})}
+        return by_engine | {"again": earlier.get("again", {}), "judged_by": earlier["judged_by"]}
     return {"runs": {}, "settings": json.loads(settings.read_text())["settings"] if settings else {}}
 
 
@@ -199,7 +201,8 @@ def main():
     named = {key: getattr(options, key) for key in ("corpora", "budgets", "seeds", "jobs")}
     asked = [f"--{key} {value}" for key, value in named.items() if value != parser.get_default(key)]
     asked += [f"--{key} {value}" for key in ("settings", "kept") if (value := getattr(options, key))]
-    about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "settings": options.settings and str(options.settings), "seeds": seeds, "corpora": {}}
+    about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "torch": torch.__version__.split("+")[0], "lightgbm": lightgbm.__version__,
+             "settings": options.settings and str(options.settings), "seeds": seeds, "corpora": {}}
     for name in corpora:
         config = study.ROOT / "configs" / f"{name}.yaml"
         sizes = [f"scenes={options.scenes}", f"scenes_per_shard={max(1, options.scenes // 20)}"] if options.scenes else []
@@ -208,9 +211,10 @@ def main():
             study.note(f"generate {name}")
             runner.run("generate", config, "--out", place, "--threads", options.threads, *(word for key in sizes for word in ("--set", key)))
         manifest = json.loads((place / "manifest.json").read_text())
-        if earlier and earlier["about"]["corpora"][name]["corpus_id"] != manifest["corpus_id"]:
-            raise SystemExit(f"{options.kept} was measured on another corpus of {name}.yaml")
         splits = drawn(place, name)
+        judged_by = [manifest["corpus_id"], len(splits[2][1])]
+        if kept.setdefault("judged_by", {}).setdefault(name, judged_by) != judged_by:
+            raise SystemExit(f"{options.kept or store} holds errors of {name}.yaml on other rows than these: give another --work, and no --kept")
         tasks = {form: Task(splits, COLUMNS[name], form == WITH_SCORES) for form in (STANDARDISED, WITH_SCORES)}
         task = tasks[STANDARDISED]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes))), "test_rows": len(splits[2][1])}

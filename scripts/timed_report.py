@@ -10,9 +10,7 @@ import json
 import pathlib
 import sys
 
-import lightgbm
 import numpy as np
-import torch
 
 import study
 from timed_engines import CLAIMED, ENGINES, MEMBERS, readable
@@ -23,12 +21,12 @@ CALIBRATED, CALIBRATION_S, CALIBRATION_ROWS = "marsyard, default, two of 64-64",
 
 
 def markdown(about, kept, corpora, seeds):
-    text = (f"# What error a CPU second buys\n\n`{about['command']}`, {about['marsyard']}, torch {torch.__version__.split('+')[0]}, LightGBM {lightgbm.__version__}; one thread each. "
+    text = (f"# What error a CPU second buys\n\n`{about['command']}`, {about['marsyard']}, torch {about['torch']}, LightGBM {about['lightgbm']}; one thread each. "
             f"Weighted mean squared error on test scenes, thousandths; {'seed ' + str(seeds[0]) if len(seeds) == 1 else 'medians of seeds ' + ', '.join(map(str, seeds)) + ', ranges in brackets'}. What is compared, and how it is "
             f"counted, is said at the head of the script. CPU seconds of this machine, beside other work.\n")
     for name in corpora:
         of = about["corpora"][name]
-        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['test_rows']:,} to judge, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).{measured_when(kept, name, seeds)}{fewer_seeds(kept, name, seeds)}\n\n"
+        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['test_rows']:,} rows to judge, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).{measured_when(kept, name, seeds)}{fewer_seeds(kept, name, seeds)}\n\n"
         text += table(kept, name, seeds, of["columns"]) + "\n\n" + calibration(kept, name)
         for engine in CLAIMED:
             text += f"Less than {engine}, {ENGINES[engine].weights(of['columns'], None)} weights, err at equal CPU (percent by which its error is above theirs):\n\n{ahead_of(kept, name, seeds, engine)}\n\n"

@@ -31,7 +31,7 @@ const STEEPEST: f64 = 1.0;
 /// How far before a gap the ground below a thing is looked for, and how far behind it a wall.
 const RISE_M: f64 = 0.5;
 const WALL_M: f64 = 0.3;
-/// Lengths that have no end within sight are written as this.
+/// Lengths that have no end within sight are written as this, and longer ones are cut to it.
 const LONGEST_M: f64 = 10.0;
 
 /// One return.

@@ -2,7 +2,7 @@
 //!
 //! A cloud is matched by time where its file's name (without its ending) is a number that is a time of the trajectory to within a
 //! tolerance: seconds, or whole nanoseconds. Where no name is, and there are as many lines as clouds, the lines are taken in
-//! order. A whole number that is filled up with noughts in front, as in `000010.bin`, is the number of a frame and no time. Nothing
+//! order. Whole numbers of one width, of which one at least is filled up with zeros (`000010.bin`), are numbers of frames and no times. Nothing
 //! else is guessed.
 
 use super::CloudError;
@@ -57,7 +57,9 @@ pub fn match_clouds(
     stems: &[String],
     tolerance_s: f64,
 ) -> Result<Vec<Pose>, CloudError> {
-    let by_time: Vec<Option<Pose>> = stems.iter().map(|stem| at_time(poses, stem, tolerance_s)).collect();
+    let are_frames = are_frame_numbers(stems);
+    let pose_of = |stem: &String| if are_frames { None } else { at_time(poses, stem, tolerance_s) };
+    let by_time: Vec<Option<Pose>> = stems.iter().map(pose_of).collect();
     if by_time.iter().all(Option::is_none) && poses.len() == stems.len() {
         return Ok(poses.iter().map(|(_, pose)| *pose).collect());
     }
@@ -66,8 +68,13 @@ pub fn match_clouds(
             file: file.into(),
             cloud: stem.clone(),
             reason: format!(
-                "its name is no time of the trajectory to within {tolerance_s} s; name clouds by their times, widen \
-                 --time-tolerance, or give as many lines ({}) as clouds ({})",
+                "its name is {}; name clouds by their times{}, or give as many lines ({}) as clouds ({})",
+                if are_frames {
+                    "the number of a frame".to_string()
+                } else {
+                    format!("no time of the trajectory to within {tolerance_s} s")
+                },
+                if are_frames { "" } else { ", widen --time-tolerance" },
                 poses.len(),
                 stems.len()
             ),
@@ -76,18 +83,29 @@ pub fn match_clouds(
     by_time.into_iter().zip(stems).map(found).collect()
 }
 
+/// Most digits of a frame's number; more are nanoseconds.
+const MOST_FRAME_DIGITS: usize = 12;
+/// Fewest digits of a time in nanoseconds: ten milliseconds. Numbers of frames have fewer.
+const LEAST_NANOSECOND_DIGITS: usize = 8;
+
+/// Whether names are numbers of frames, as KITTI has them: whole numbers of one width, of which one at least is filled up with zeros.
+fn are_frame_numbers(stems: &[String]) -> bool {
+    let width = stems.first().map_or(0, String::len);
+    let is_whole = |stem: &String| stem.len() == width && stem.bytes().all(|byte| byte.is_ascii_digit());
+    (2..=MOST_FRAME_DIGITS).contains(&width)
+        && stems.iter().all(is_whole)
+        && stems.iter().any(|stem| stem.starts_with('0'))
+}
+
 /// The pose nearest to the time that a name tells.
 fn at_time(poses: &[Stamped], stem: &str, tolerance_s: f64) -> Option<Pose> {
-    let is_frame_number = stem.len() > 1 && stem.starts_with('0') && stem.bytes().all(|byte| byte.is_ascii_digit());
-    if is_frame_number {
-        return None;
-    }
     let time: f64 = stem.parse().ok()?;
+    let is_long = stem.len() >= LEAST_NANOSECOND_DIGITS && stem.bytes().all(|byte| byte.is_ascii_digit());
     let nearest = |time_s: f64| {
         let off = |stamped: &&Stamped| (stamped.0 - time_s).abs();
         poses.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|stamped| off(stamped) <= tolerance_s)
     };
-    nearest(time).or_else(|| nearest(time * 1e-9).filter(|_| !stem.contains('.'))).map(|(_, pose)| *pose)
+    nearest(time).or_else(|| nearest(time * 1e-9).filter(|_| is_long)).map(|(_, pose)| *pose)
 }
 
 #[cfg(test)]
@@ -126,9 +144,13 @@ mod tests {
         assert_eq!(x(&["100.21", "99.99"]).unwrap(), [3.0, 1.0]);
         assert_eq!(x(&["100100000000"]).unwrap(), [2.0]);
         assert_eq!(x(&["a", "b", "c"]).unwrap(), [1.0, 2.0, 3.0]);
-        // Frame 100 of a KITTI drive is not the scan at 100 seconds.
-        assert_eq!(x(&["000100", "000101", "000102"]).unwrap(), [1.0, 2.0, 3.0]);
-        assert!(x(&["000100"]).is_err());
+        // Frame 100 of a KITTI drive is not the scan at 100 seconds; frames before it make the names of one width.
+        assert_eq!(x(&["000100", "000101", "100102"]).unwrap(), [1.0, 2.0, 3.0]);
+        assert!(x(&["000100"]).unwrap_err().to_string().contains("the number of a frame"));
+        // Nor is a short whole number so many nanoseconds, which the start of any drive is near to.
+        let start = parse("a.tum", "0.0 7 0 0 0 0 0 1\n").unwrap();
+        assert!(match_clouds("a.tum", &start, &stems(&["1500", "1501"]), 0.02).is_err());
+        assert!(match_clouds("a.tum", &start, &stems(&["10000000", "0"]), 0.02).is_ok());
         assert!(x(&["a", "b"]).is_err() && x(&["100.05"]).is_err() && x(&["100.0", "b", "c"]).is_err());
     }
 

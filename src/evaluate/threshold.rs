@@ -1,6 +1,6 @@
 //! This module names the thresholds of a report and the groups of cells that are judged on their own.
 //!
-//! Thresholds go into `judge`, and groups come out of it; both stand in a report's JSON under the names that they have here.
+//! Thresholds go into `judge`, and groups come out of it; both stand in a report's JSON, in snake case.
 
 use serde::{Deserialize, Serialize};
 

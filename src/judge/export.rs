@@ -54,7 +54,7 @@ fn colour(shade: Option<f64>) -> [u8; 3] {
     shade.map_or(UNKNOWN, |share| std::array::from_fn(|i| (LIGHT[i] + (DARK[i] - LIGHT[i]) * share).round() as u8))
 }
 
-/// Whether all labels are written as i32, which every reader takes; else as f64, which holds each to the last digit.
+/// Whether all labels are written as i32, which every reader takes; else as f64, which holds whole numbers up to 2^53.
 fn has_short_labels(points: &[LabelledPoint]) -> bool {
     points.iter().all(|point| i32::try_from(point.label).is_ok())
 }

@@ -200,7 +200,7 @@ impl<'m> ScanJudge<'m> {
         if min_points > 1 {
             let sparse = self.sparse_cells;
             notes.push(format!(
-                "{sparse} labelled cells of fewer than {min_points} points were not judged and are left out"
+                "labelled cells of fewer than {min_points} points were not judged and are left out: {sparse}"
             ));
         }
         Some(Report::new(self.model, &self.scores, data, notes))

@@ -1,8 +1,8 @@
 //! White noise -> a random rough surface: a Gaussian field of Gaussian autocovariance h^2 exp(-r^2 / cl^2).
 //!
 //! In: rms height h, correlation length cl, a stream of noise. Out: heights at the nodes of a square grid, a cut-out of a
-//! periodic field at least twice as wide as the cut-out, and wider by four correlation lengths, so that opposite
-//! edges of the cut-out are uncorrelated.
+//! periodic field at least twice as wide as the cut-out, and wider by four correlation lengths, so that its
+//! edges are not correlated across the period.
 //! Source: Garcia & Stoll, PRL 52, 1798 (1984): white noise convolved with exp(-2 r^2 / cl^2) through the FFT. Deviations,
 //! both without effect where cl spans three cells or more: the filter is the root of the *sampled* autocovariance's spectrum,
 //! so that the law is right at any cl, down to white noise; and noise is drawn on a grid of cl / 3 to cl / 6 only and

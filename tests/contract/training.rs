@@ -74,7 +74,7 @@ fn law_a_training_ends_with_what_matters_in_few_lines() {
         let line = judged.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {judged}"));
         let words: Vec<&str> = line.split_whitespace().collect();
         let of = words.iter().position(|word| *word == "of").expect("so many of so many");
-        [of - 1, of + 1].map(|at| words[at].parse().expect("a count"))
+        [of - 1, of + 1].map(|at| words[at].replace(',', "").parse().expect("a count"))
     };
     let [missed, untraversable] = counts("missed ");
     let [false_alarms, _] = counts("false ");

@@ -25,7 +25,8 @@ pub(in crate::cli) struct ClassifyArgs {
     /// Once for all clouds, or once for each.
     #[arg(long, value_name = "X,Y,Z,ROLL,PITCH,YAW", value_parser = parse_six, allow_hyphen_values = true, group = "place")]
     pub(super) pose: Vec<[f64; 6]>,
-    /// Poses from a TUM file: matched by time where the clouds are named by their times, else in order.
+    /// Poses from a TUM file: matched by time where the clouds are named by their times (seconds, or whole nanoseconds), else in order, as are numbers of
+    /// frames such as 000010.bin.
     #[arg(long, value_name = "FILE", group = "place")]
     pub(super) trajectory: Option<PathBuf>,
     /// No pose: the sensor's height above the ground, metres; the ground is fitted and taken for level.

@@ -191,12 +191,13 @@ impl Store for LocalFolder {
 
     fn append(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
         let append = |path: PathBuf| {
-            // A link or a pipe that stands in the file's place is not followed.
+            // Nor is a link followed that took the file's place since.
             let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
             let mut file = File::options().append(true).custom_flags(flags.bits() as i32).open(path)?;
             file.write_all(bytes)?;
             file.sync_data()
         };
+        drop(self.opened(name)?);
         append(self.path(name)?).map_err(self.failed(name))
     }
 

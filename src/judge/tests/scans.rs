@@ -95,7 +95,7 @@ fn exact_scores_count_the_cells_that_have_a_label_and_a_judgement() {
     strict.scan("a scan", labelled, Some(&Pose::default())).unwrap();
     let report = strict.report("a scan".into(), "m.yaml").unwrap();
     assert_eq!((report.groups[0].cells, report.data.unknown_cells, report.data.not_finite_cells), (1, 1, 0));
-    let told = "1 labelled cells of fewer than 2 points were not judged";
+    let told = "labelled cells of fewer than 2 points were not judged and are left out: 1";
     assert!(report.notes.iter().any(|note| note.contains(told)), "{:?}", report.notes);
     let without = ScanJudge::new(&model, in_map()).unwrap();
     assert!(without.report(String::new(), "").is_none());

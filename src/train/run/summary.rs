@@ -29,7 +29,7 @@ pub struct Summary {
     pub validation_rows: u64,
     /// Learnt or left out by `filter.ekf.rows`, rows of later epochs counted again; those learnt are `counters.updates`.
     pub rows_learnt: u64,
-    /// In all epochs.
+    /// In all epochs; the window in which patience ended a training counts whole.
     pub left_out: LeftOut,
     pub left_out_of_validation: LeftOut,
     pub class_weights: [f64; 2],

@@ -402,7 +402,7 @@ fn extreme_a_state_with_more_rows_begun_than_a_batch_holds_is_refused() {
     let (network, counters, state) = learnt(20_000, 256, 1, false);
     let mut filter = build(&FilterParams::Kronecker(KroneckerParams::default()), &network.layout, 8.0).unwrap();
     filter.restore(&state).unwrap();
-    for begun in [u64::MAX, counters.updates + 1, 513] {
+    for begun in [u64::MAX, counters.updates + 1, 65] {
         let mut spoilt = state.clone();
         let place = spoilt.arrays.iter_mut().find(|array| array.0.ends_with("place")).expect("a place");
         place.3[16..24].copy_from_slice(&begun.to_le_bytes());
