@@ -15,7 +15,7 @@ use crate::random::{Drawn, Purpose, Stage, Stream, Streams};
 use crate::scene::params::HeightLaw;
 use crate::scene::params::SceneParams;
 use crate::scene::{Body, Class, Cylinder, Ground, Obstacle, Patch, Raster, Scene, Shape, Volume};
-use crate::slam::Estimate;
+use crate::slam::{Estimate, truth};
 use crate::sweep::{Pattern, Returns, Status, Sweep, TrueReturn};
 
 /// A plane that rises by `slope` a metre along x.
@@ -86,17 +86,7 @@ fn estimate_at(pose: Pose) -> Estimate {
     for (i, row) in covariance.iter_mut().enumerate() {
         row[i] = ((i + 1) * (i + 1)) as f64;
     }
-    Estimate {
-        pose,
-        covariance,
-        effective_samples: 1.0,
-        features: 0,
-        matched: 0,
-        new_landmarks: 0,
-        landmarks: 0,
-        skipped: 0,
-        sigma_optimistic: false,
-    }
+    Estimate { covariance, ..truth(&pose) }
 }
 
 /// A scan of a sensor that sits where `mount` says.

@@ -10,7 +10,7 @@ use crate::math;
 use crate::random::{Purpose, Stage, Streams};
 use crate::scene::params::HeightLaw;
 use crate::scene::{Class, Convex, Cylinder, Ground, Patch, Polynomial, Shape, Volume};
-use crate::slam::Estimate;
+use crate::slam;
 use crate::sweep::params::Cast;
 use crate::sweep::{Caster, Hit, Pattern, Returns, Status, TrueReturn};
 
@@ -141,17 +141,7 @@ fn with_view_in(frame: CellFrame, claim: impl FnOnce(&View, &Caster)) {
     let rover_from_sensor = Transform { translation_m: DVec3::new(0.2, 0.0, 0.6), ..Transform::IDENTITY };
     let world_from_sensor = stand(0.05 * 59.0).transform() * rover_from_sensor;
     let sweep = sweep_from(&caster, &world_from_sensor, &scene);
-    let estimate = Estimate {
-        pose: estimates[59],
-        covariance: [[0.0; 6]; 6],
-        effective_samples: 1.0,
-        features: 0,
-        matched: 0,
-        new_landmarks: 0,
-        landmarks: 0,
-        skipped: 0,
-        sigma_optimistic: false,
-    };
+    let estimate = slam::truth(&estimates[59]);
     let ScanPose { estimate, map_from_sensor } =
         ScanPose::of_sweep(frame, &sweep.returns, &estimate, &rover_from_sensor).expect("ground");
     let scan = WindowScan { sweep: &sweep, estimate: &estimate, map_from_sensor, world_from_sensor };

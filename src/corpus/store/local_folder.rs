@@ -11,7 +11,7 @@
 //! writes; and a plain build is to do without the crate. Each call of this one was made to fail, and each write cut off by a loss of
 //! power, in turn (`docs/evidence.md`).
 
-use std::fs::{self, File, Permissions};
+use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::os::unix::fs::{FileTypeExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -55,6 +55,11 @@ impl LocalFolder {
 
     /// A file, opened without waiting: for a pipe, whose writer may never come, as for all else that is no file, it is refused.
     fn opened(&self, name: &str) -> Result<File, CorpusError> {
+        self.opened_by(name, File::options().read(true))
+    }
+
+    /// The same, opened for what the options say.
+    fn opened_by(&self, name: &str, options: &mut OpenOptions) -> Result<File, CorpusError> {
         let path = self.path(name)?;
         let not_a_file = |what| CorpusError::NotAFile { place: self.place(), name: name.into(), what };
         let facts = fs::symlink_metadata(&path).map_err(self.failed(name))?;
@@ -62,8 +67,7 @@ impl LocalFolder {
         refused(&facts)?;
         // It may have been replaced since.
         let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
-        let mut options = File::options();
-        let file = options.read(true).custom_flags(flags.bits() as i32).open(&path).map_err(self.failed(name))?;
+        let file = options.custom_flags(flags.bits() as i32).open(&path).map_err(self.failed(name))?;
         refused(&file.metadata().map_err(self.failed(name))?)?;
         Ok(file)
     }
@@ -190,15 +194,8 @@ impl Store for LocalFolder {
     }
 
     fn append(&self, name: &str, bytes: &[u8]) -> Result<(), CorpusError> {
-        let append = |path: PathBuf| {
-            // Nor is a link followed that took the file's place since.
-            let flags = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
-            let mut file = File::options().append(true).custom_flags(flags.bits() as i32).open(path)?;
-            file.write_all(bytes)?;
-            file.sync_data()
-        };
-        drop(self.opened(name)?);
-        append(self.path(name)?).map_err(self.failed(name))
+        let mut file = self.opened_by(name, File::options().append(true))?;
+        file.write_all(bytes).and_then(|()| file.sync_data()).map_err(self.failed(name))
     }
 
     fn first_entry(&self) -> Result<Option<String>, CorpusError> {

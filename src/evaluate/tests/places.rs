@@ -4,7 +4,7 @@ use super::*;
 use crate::episode::PoseRow;
 use crate::evaluate::{PlacesReport, Square};
 use crate::geometry::{DVec3, Pose};
-use crate::slam::Estimate;
+use crate::slam;
 
 /// The corpus of two scans of one row of cells, seen by a rover 2.05 m to the north of it that looks north: (1.02, 2.1).
 fn posed(yaw_rad: f64) -> (tempfile::TempDir, LocalFolder) {
@@ -14,17 +14,7 @@ fn posed(yaw_rad: f64) -> (tempfile::TempDir, LocalFolder) {
     let store = LocalFolder::new(dir.path().join("known"));
     Place::open(&store, &spec).unwrap();
     let pose = Pose { position_m: DVec3::new(1.02, 2.1, 0.3), yaw_rad, ..Pose::default() };
-    let estimate = Estimate {
-        pose,
-        covariance: [[0.0; 6]; 6],
-        effective_samples: 1.0,
-        features: 0,
-        matched: 0,
-        new_landmarks: 0,
-        landmarks: 0,
-        skipped: 0,
-        sigma_optimistic: false,
-    };
+    let estimate = slam::truth(&pose);
     let row = |step: u32, scan_id: Option<u32>| {
         let (estimate, time_s) = (estimate.clone(), f64::from(step));
         PoseRow { step, time_s, stop: scan_id.is_some(), scan_id, truth: Pose::default(), estimate }
