@@ -12,14 +12,14 @@ classifier on the small rows of seed 1, the form of the best balanced accuracy i
 balanced accuracy). Nothing is ever chosen on test rows, which are drawn from all test scenes. How each classifier is set: compare_models.py.
 
 Corpora are configs/paper.yaml; configs/mixed.yaml, judged on another seed's corpus, family by held-out family, led by the worst; configs/mars.yaml.
-Intervals are 95 % of 2000 resamples of the test scenes, of the mean over seeds; the same resamples for all, so that differences to the default network
-are paired. Five seeds each. CPU seconds and microseconds are of one thread.
+Intervals are 95 % of 2000 resamples of the test scenes and of the seeds, which stand for other rows to learn (small) and other trainings; the same resamples for all, so that
+differences to the default network are paired. Five seeds each; so few make intervals somewhat too narrow. CPU seconds and microseconds are of one thread.
 
 Before anything is compared, the measures are held against scikit-learn's, and the scores of a network in onnxruntime, judged by the measures,
 against `marsyard evaluate`. What was made lies in the work folder, task by task, and is not made again: give another one after a change.
 
---kept takes over what an earlier run measured of classifiers: those that it lacks are run, and the default network again, whose accuracies, by seed and by family, must be the earlier
-ones to the last digit (else trainer or corpora are others). CPU seconds are then of two days, and libraries of the earlier.
+--kept takes over what an earlier run measured of classifiers: those that it lacks are run, and the default network again, whose counts by seed and by scene must be the earlier
+ones (else trainer or corpora are others). CPU seconds are then of two days, and libraries of the earlier.
 
 Writes compare_classifiers.json and compare_classifiers.md into scripts/results; --figure draws the balanced accuracies.
 """
@@ -50,7 +50,7 @@ import compare_report
 import study
 from compare_models import CLASSIFIERS, OWN_SCORES, SMALL_ALONE
 from compare_rows import Corpus, forms
-from train_rows import DEFAULT_NETWORK, NETWORK, Cells
+from train_rows import DEFAULT_NETWORK, NETWORK, SQUARED_NETWORK, Cells
 
 CONFIGS = study.ROOT / "configs"
 
@@ -77,9 +77,9 @@ YARDS = {
 }
 
 
-#: marsyard's networks, and what sets them. Both take normal scores: the default by itself, the Kalman filter because its best form has them.
+#: marsyard's networks, and what sets them. All take normal scores: those by batches by themselves, the Kalman filter because its best form has them.
 SCORES = "normal scores"
-NETWORKS = {DEFAULT_NETWORK: [], NETWORK: [*study.KALMAN_FILTER, "network.normal_scores=true"]}
+NETWORKS = {DEFAULT_NETWORK: [], SQUARED_NETWORK: study.SQUARED, NETWORK: [*study.KALMAN_FILTER, "network.normal_scores=true"]}
 
 
 def folders(marsyard, name, yard):
@@ -171,13 +171,24 @@ def compared(name, classifiers):
     return trials, all_of(full + small), chosen
 
 
-def kept_beside(kept, found):
+def told(run):
+    """A run as results keep it: counts of the test scenes as a line each, from which all rates and intervals follow."""
+    return run if isinstance(run["scenes"]["tp"], str) else run | {"scenes": {kind: " ".join(map(str, of)) for kind, of in run["scenes"].items()}}
+
+
+def counted(run):
+    """The same with counts as numbers."""
+    return run | {"scenes": {kind: [int(count) for count in of.split()] for kind, of in run["scenes"].items()}}
+
+
+def kept_beside(kept, trials, runs, chosen):
     """What an earlier run measured of the classifiers that this one did not run, before what this one measured."""
-    ran = {line["classifier"] for line in found["summary"]}
-    accuracies = lambda of: {line["size"]: (line["each_seed"], line["families"]) for line in of["summary"] if line["classifier"] == DEFAULT_NETWORK}
-    if accuracies(kept) != accuracies(found):
-        sys.exit(f"{OPTIONS.kept}: the default network had {accuracies(kept)}, and has {accuracies(found)}: trainer or corpus is another")
-    return {key: [of for of in kept[key] if of["classifier"] not in ran] + found[key] for key in ("summary", "trials", "runs")}
+    earlier = [counted(run) for run in kept["runs"]]
+    of_default = lambda of: {(run["full"], run["seed"]): run["scenes"] for run in of if run["classifier"] == DEFAULT_NETWORK}
+    if of_default(earlier) != of_default(runs):
+        sys.exit(f"{OPTIONS.kept}: the default network called other cells untraversable then: trainer or corpus is another")
+    lacking = lambda of: [one for one in of if one["classifier"] not in chosen]
+    return lacking(kept["trials"]) + trials, lacking(earlier) + runs, {line["classifier"]: line["form"] for line in kept["summary"]} | chosen
 
 
 def main():
@@ -210,13 +221,12 @@ def main():
             measured = {line["classifier"] for line in kept[name]["summary"]} if name in kept else set()
             trials, runs, chosen = compared(name, [of for of in CLASSIFIERS if of == DEFAULT_NETWORK or of not in measured])
             # A file of marsyard's is weighed only where it takes the form that the table tells of.
-            weighed = {of: network["bytes"] for of, network in networks.items() if of == DEFAULT_NETWORK or SCORES in chosen.get(of, "")}
-            found = compare_report.summary(runs, chosen, CORPUS.families, weighed)
-            plain = [{key: value for key, value in run.items() if key != "scenes"} for run in runs]
-            of_name = {"summary": found, "trials": trials, "runs": plain}
+            weighed = {of: network["bytes"] for of, network in networks.items() if of in OWN_SCORES or SCORES in chosen.get(of, "")}
             if name in kept:
-                of_name = kept_beside(kept[name], of_name)
-            (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, **of_name}))
+                trials, runs, chosen = kept_beside(kept[name], trials, runs, chosen)
+                weighed = {line["classifier"]: line["bytes"] for line in kept[name]["summary"] if line["classifier"] in networks} | weighed
+            found = compare_report.summary(runs, chosen, CORPUS.families, weighed)
+            (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": [told(run) for run in runs]}))
     finished = kept | {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
     if earlier := [name for name, found in finished.items() if "networks" not in found["about"]]:
         sys.exit(f"{OPTIONS.work} holds results of an earlier state of this script ({', '.join(earlier)}): give another --work")

@@ -1,4 +1,4 @@
-"""What is said of a classifier's scores: rates, area under ROC, calibration, and intervals over scenes.
+"""What is said of a classifier's scores: rates, area under ROC, calibration, and intervals over scenes and trainings.
 
 Calibration error and log loss are of a world in which both classes are equally frequent, as all classifiers were told by class weights:
 each row weighs so much that both classes sum to one half. No classifier may be surer than 99.9 %, so that one row cannot decide a log loss.
@@ -64,9 +64,9 @@ def rates(counts):
 
 
 class Bootstrap:
-    """Resamples of the test scenes, within each family; the same for all classifiers, so that differences are paired."""
+    """Resamples of the test scenes, within each family, and of the seeds, by which rows to learn and trainings are drawn; the same for all classifiers, so that differences are paired."""
 
-    def __init__(self, families):
+    def __init__(self, families, seeds):
         rng = np.random.default_rng(7)
         families = np.array(families)
         self.members = {name: np.flatnonzero(families == name) for name in sorted(set(families))}
@@ -75,13 +75,17 @@ class Bootstrap:
         for members in self.members.values():
             drawn = rng.multinomial(len(members), np.full(len(members), 1 / len(members)), RESAMPLES)
             self.times[1:, members] = drawn
+        self.seeds, self.shares = sorted(seeds), np.full((RESAMPLES + 1, len(seeds)), 1 / len(seeds))
+        self.shares[1:] = rng.multinomial(len(seeds), self.shares[0], RESAMPLES) / len(seeds)
 
     def rates(self, run, members=slice(None)):
         return rates({kind: self.times[:, members] @ np.array(run["scenes"][kind], float)[members] for kind in COUNTS})
 
     def by_seed(self, runs):
-        """Of runs of one classifier: each rate, averaged over the seeds, for every resample; balanced accuracy by family, too."""
-        mean = lambda tables: {rate: np.mean([table[rate] for table in tables], axis=0) for rate in tables[0]}
+        """Of runs of one classifier, one a seed: each rate, averaged over the seeds, for every resample; balanced accuracy by family, too."""
+        runs = sorted(runs, key=lambda run: run["seed"])
+        assert [run["seed"] for run in runs] == self.seeds, "each seed once"
+        mean = lambda tables: {rate: sum(share * table[rate] for share, table in zip(self.shares.T, tables)) for rate in tables[0]}
         found = mean([self.rates(run) for run in runs])
         found["families"] = {name: mean([self.rates(run, members) for run in runs])["balanced_accuracy"] for name, members in self.members.items()}
         of_families = np.array(list(found["families"].values()))

@@ -3,7 +3,7 @@
 A classifier is a function of `Rows`, a seed and whether the rows are many; it gives a `Fitted`. Those with rounds or passes stop by the
 weighted log loss of the validation rows, which all are given alike. SVM and threshold give scores that are no probabilities.
 
-- network (default): marsyard's trainer with all defaults, which standardises by itself; network (logarithmic): the same by the logarithmic loss.
+- network (default): marsyard's trainer with all defaults, which standardises by itself; network (squared): the same by the squared error.
 - network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
 - network (Adam): of the Kalman filter's size. At the default's size Adam is in time_to_error.py.
 - LightGBM, regularised: those of held_out.py, which learning_curve.py and anatomy.py learn: small trees of many cells each, for yards of other families.
@@ -23,15 +23,15 @@ import compare_torch
 from compare_measures import area_under_roc
 from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, taught, tree_parameters
 from held_out import TREE_ROUNDS, TREES
-from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK
+from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK, SQUARED_NETWORK
 
 
 def default_network(rows, seed, many):
     return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT}, rows.names)
 
 
-def logarithmic_network(rows, seed, many):
-    return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT, "filter": "{kronecker: {loss: logarithmic}}"}, rows.names)
+def squared_network(rows, seed, many):
+    return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT, "filter": "{kronecker: {loss: squared}}"}, rows.names)
 
 
 def adam(rows, seed, many):
@@ -130,13 +130,12 @@ def one_threshold(rows, seed, many):
     return fitted(rows, learn, score, lambda model: (3, len(pickle.dumps(model))), probabilities=False)
 
 
-LOGARITHMIC_NETWORK = "network (logarithmic)"
 #: What forms normal scores by itself: forms that have them are not tried.
-OWN_SCORES = {DEFAULT_NETWORK, LOGARITHMIC_NETWORK}
+OWN_SCORES = {DEFAULT_NETWORK, SQUARED_NETWORK}
 CLASSIFIERS = {
     DEFAULT_NETWORK: default_network,
     NETWORK: network,
-    LOGARITHMIC_NETWORK: logarithmic_network,
+    SQUARED_NETWORK: squared_network,
     "network (Adam)": adam,
     "TabM": tabm,
     "LightGBM": lightgbm,

@@ -11,15 +11,15 @@ import numpy as np
 
 import study
 from compare_measures import Bootstrap, interval
-from train_rows import DEFAULT_NETWORK, NETWORK
+from train_rows import DEFAULT_NETWORK, NETWORK, SQUARED_NETWORK
 
 SIZES = {False: "small", True: "full"}
 MEANS = ["auc", "log_loss", "calibration_error", "cpu_s", "judge_us", "parameters", "bytes", "train_rows", "rounds"]
 
 
 def summary(runs, chosen, families, network_bytes):
-    """One line a classifier and size: means over the seeds, intervals over scenes, differences to the default network of the same size."""
-    bootstrap, lines = Bootstrap(families), []
+    """One line a classifier and size: means over the seeds, intervals over scenes and seeds, differences to the default network of the same size."""
+    bootstrap, lines = Bootstrap(families, {run["seed"] for run in runs}), []
     for full, size in SIZES.items():
         of = {name: [run for run in runs if run["classifier"] == name and run["full"] == full] for name in chosen}
         resampled = {name: bootstrap.by_seed(found) for name, found in of.items() if found}
@@ -128,7 +128,7 @@ def tables(results):
     later = "".join(f" Measured on {of['date']} (`--kept`): {', '.join(of['classifiers'])}; the others before." for of in results.get("added", []))
     head = [
         "# Classifiers on equal inputs",
-        "`python scripts/compare_classifiers.py`, whose head says what is equal and how it is chosen. In brackets: 95 % of 2000 resamples of the test scenes, of the "
+        "`python scripts/compare_classifiers.py`, whose head says what is equal and how it is chosen. In brackets: 95 % of 2000 resamples of the test scenes and of the seeds, of the "
         "mean over seeds. Calibration error (15 bins of equal mass) and log loss are of a world of equal classes, as all were trained for. Times are CPU time of one "
         f"thread on a machine with other work.{later} {versions}. The measures differ from scikit-learn's by at most {max(results['check_on_scikit_learn'].values()):.0e}.",
     ]
@@ -151,7 +151,7 @@ def figure(corpora, path):
         for line in found["summary"]:
             full = line["size"] == "full"
             y = names.index(line["classifier"]) + (-0.15 if full else 0.15)
-            colour = "#c2571a" if line["classifier"] in (DEFAULT_NETWORK, NETWORK) else "#4a5a6a"
+            colour = "#c2571a" if line["classifier"] in (DEFAULT_NETWORK, NETWORK, SQUARED_NETWORK) else "#4a5a6a"
             error = {key: 100 * (1 - value) for key, value in line["worst_family"].items()}
             axis.plot([error["high"], error["low"]], [y, y], color=colour, linewidth=1.2, zorder=1)
             axis.scatter([error["value"]], [y], s=24, color=colour, facecolor=colour if full else "white", linewidth=1.1, zorder=2)

@@ -3,7 +3,7 @@
 Usage:  cargo build --release
         python scripts/losses.py [--sizes 400,2000] [--seeds 1,2,3] [--quick]
 
-Cuts configs/mixed.yaml to each size and trains on it by default and with the losses and neurons of WAYS; at the first size there are trees
+Cuts configs/mixed.yaml to each size and trains on it with the losses and neurons of WAYS; at the first size there are trees
 (LightGBM, held_out.py) too. All are judged on the held-out families of mixed.yaml (one corpus of them alone, of another seed), on six
 families by which no setting was chosen (scripts/fresh_families.yaml), and on five that are farther off (scripts/first_families.yaml), by the
 labels that these corpora have, and by 1500 cells a scene at most, drawn: cells beside one another err alike. Means over families of
@@ -14,7 +14,7 @@ labels that these corpora have, and by 1500 cells a scene at most, drawn: cells 
   false at 1 %        of the traversable cells, called untraversable at the highest threshold that misses at most 1 % of the family's untraversable
                       cells, over all its scenes
 
-with differences to the default of the same size. Intervals of 95 % come from draws of the scenes of each family and of trainings; the same
+with differences to the squared error of the same size. Intervals of 95 % come from draws of the scenes of each family and of trainings; the same
 draws of scenes for all. Three trainings make them somewhat too narrow, and thresholds at 1 % are not drawn anew. Outputs stand in bins of equal numbers of
 cells for the area: pairs in the same bin count half. Trees learn three million cells at most.
 
@@ -35,13 +35,12 @@ from fresh_families import SCENES, Yards
 from real_scans import run_name
 from transfer import outputs
 
-LOGARITHMIC = "filter.kronecker.loss=logarithmic"
 BOTH = "network.activation=both"
 WAYS = {
-    "squared loss (default)": [],
-    "squared, one of two rectified": [BOTH],
-    "logarithmic loss": [LOGARITHMIC],
-    "logarithmic, one of two rectified": [LOGARITHMIC, BOTH],
+    "squared error": study.SQUARED,
+    "squared, one of two rectified": [*study.SQUARED, BOTH],
+    "logarithmic loss (default)": [],
+    "logarithmic, one of two rectified": [BOTH],
 }
 BALANCED, AREA, LOSS, FALSE = range(4)
 NAMES = ("balanced_accuracy", "area", "log_loss_nats", "false_at_1_percent_missed")
@@ -136,22 +135,22 @@ def main():
     for ground in grounds(marsyard, columns, options.quick):
         rows, cells = [], ground.cells
         for size in sizes:
-            default = None
+            first = None
             for number, way in enumerate(WAYS):
                 of = [(network, outputs(network.exported, cells)) for network in networks[size, way]]
                 learner = Learner([ground.judged(scores, network.probabilities(scores)) for network, scores in of], number)
-                default = default or learner
-                rows.append([size, way, f"{rows_learnt[size, way] / 1e6:.2f}", *row(learner, None if learner is default else default)])
+                first = first or learner
+                rows.append([size, way, f"{rows_learnt[size, way] / 1e6:.2f}", *row(learner, None if learner is first else first)])
                 facts[f"{ground.name}, {size} scenes, {way}"] = learner.facts()
                 study.note(f"{ground.name}: {size} scenes, {way}")
             if corpora[size] is first:
                 learner = Learner([ground.judged(of(cells)) for of in trees], len(WAYS))
-                rows.append([size, "trees", "", *row(learner, default, has_loss=False)])
+                rows.append([size, "trees", "", *row(learner, first, has_loss=False)])
                 facts[f"{ground.name}, {size} scenes, trees"] = {name: of for name, of in learner.facts().items() if name != NAMES[LOSS]}
         tables.append(f"## {ground.name}\n\n{len(cells['family_of_scene'])} scenes, {len(cells['label']):,} cells.\n\n{study.markdown(HEAD, rows)}\n")
     text = f"""# The logarithmic loss beside the squared one
 
-`python scripts/losses.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} trainings each. Means over families; differences to the default of the same size, with
+`python scripts/losses.py`, {study.versions(marsyard)['marsyard']}; {len(seeds)} trainings each. Means over families; differences to the squared error of the same size, with
 95 % intervals over scenes and trainings. What is measured is said at the head of the script.
 
 """ + "\n".join(tables)
@@ -163,8 +162,8 @@ HEAD = ["scenes", "learnt by", "million rows learnt", "balanced accuracy", "diff
         "difference, points"]
 
 
-def row(learner, default, has_loss=True):
-    differs = lambda *measure: "-" if default is None else learner.less(default, *measure)
+def row(learner, first, has_loss=True):
+    differs = lambda *measure: "-" if first is None else learner.less(first, *measure)
     loss = [learner.told(LOSS, 1, 4), differs(LOSS, 1000, 1)] if has_loss else ["", ""]
     return [learner.told(BALANCED), differs(BALANCED), learner.told(AREA, 100, 2), differs(AREA, 100, 3), *loss, learner.told(FALSE), differs(FALSE)]
 

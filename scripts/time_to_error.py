@@ -11,18 +11,18 @@ neighbours as heights above the cell), standardised by these rows and clipped at
 seconds of the budget to learn in: user and system time of the learning alone; looks, reading and standardising are not counted. At each
 budget an engine is judged by the look so far that is best on the validation scenes, and what is told is the error of *that* state on the
 test scenes (of mixed.yaml: those of its held-out families): the weighted mean of (target - output)^2 with targets 0.1 and 0.9, which is what marsyard's
-trainer lowers by default. Networks have two hidden layers of 16, but for those that say otherwise; what learns by log loss has its probability p judged as
+trainer lowers by the squared error, and PyTorch's networks too. Networks have two hidden layers of 16, but for those that say otherwise; what learns by log loss, as marsyard's default, scikit-learn and LightGBM do, has its probability p judged as
 0.1 + 0.8 p.
 
-- marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores), with two of 16-16, with two of 64-64 of which one has
-  rectified neurons (`network.activation: both`) or both (`relu`: as Adam of that size has them on all three corpora, so that the trainer alone differs), by the logarithmic loss with none and one of them rectified, and with one network of less than 600 weights, logistic or rectified as the search finds; and the Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
+- marsyard: the default filter (Kronecker-factored, batches) with the default's two networks of 64-64 neurons (columns and their normal scores), and with one of the two rectified (`network.activation: both`); by the squared error (*squared*) the same two,
+  both rectified (`relu`: as Adam of that size has them on all three corpora, so that the trainer alone differs), two of 16-16, and one network of less than 600 weights, logistic or rectified as the search finds; and the Kalman filter with rows by their error, and exact (`rows: every`); all go on after their patience ends. Each is trained twice, looked
   at by the validation and by the test rows, which changes nothing that is learnt; the time is the first's.
 - sklearn: MLPClassifier, Adam, batches of 200 and 1000.
 - torch, fused Adam: constant rate; and one cycle (OneCycleLR), which knows its budget and is trained anew for each.
 - torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) and SSBroyden (dense, in f64,
   strong Wolfe; written here from Urbán, Stefanou & Pons 2025, which no library has) on 20,000 or 100,000 rows.
 - sklearn (batch 1000) and torch (Adam with one cycle, SOAP), less than 600 weights: a network of the same sizes on the same inputs.
-- torch, two of 64-64: of the default's size, form and loss, neurons as the search finds: two networks that learn the same batches, each as if it were alone, on
+- torch, two of 64-64: of the default's size and form, by the squared error, neurons as the search finds: two networks that learn the same batches, each as if it were alone, on
   columns and normal scores; their mean is the output, of an average of the weights that forgets all but the last ninth of the steps. Adam (fused; constant rate or one cycle,
   which the search finds better), and SOAP.
 - LightGBM, as many trees as the budget holds, of several trainings the best look for each budget: with its defaults (31 leaves), of three rates; and regularised as in
@@ -32,7 +32,7 @@ trainer lowers by default. Networks have two hidden layers of 16, but for those 
 
 What learns is in timed_engines.py, how in timed_learners.py, the page in timed_report.py. Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
 for longer budgets (--settings takes those of an earlier run, a quarter of the time saved).
---kept takes over what an earlier run measured on the same corpora; then the default learns each corpus once more for five seconds, which tells how fast the machine is beside then,
+--kept takes over what an earlier run measured on the same corpora; then two of 64-64 by the squared error learn each corpus once more for five seconds, which tells how fast the machine is beside then,
 and is looked at five times as often.
 The spread is the range over the seeds; a seed more may be of fewer budgets (--budgets), which the page says. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
 engine and seed, so that an interrupted run goes on.

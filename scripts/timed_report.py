@@ -17,7 +17,7 @@ from timed_engines import CLAIMED, ENGINES, MEMBERS, readable
 from timed_learners import best, thinned
 
 #: What --kept has learn once more, for how long, and rows from look to look: a fifth of those of its own row, whose looks lie half a second apart.
-CALIBRATED, CALIBRATION_S, CALIBRATION_ROWS = "marsyard, default, two of 64-64", 5, 50_000
+CALIBRATED, CALIBRATION_S, CALIBRATION_ROWS = "marsyard, squared, two of 64-64", 5, 50_000
 
 
 def markdown(about, kept, corpora, seeds):
@@ -94,7 +94,7 @@ def fewer_seeds(kept, name, seeds):
 
 
 def calibration(kept, name):
-    """What the default found when it learnt once more, by day."""
+    """What one engine found when it learnt once more, by day."""
     return "".join(calibrated(kept, name, again) for again in kept.get("again", {}).get(name, []))
 
 

@@ -23,8 +23,8 @@ TRAINER = ROOT / "target" / "release" / "examples" / "train_rows"
 NEIGHBOURS = [f"neighbour_{place}_m" for place in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
 LISTED = ["mean_height_m", "height_variance_m2", "height_difference_m", "point_count", "pitch_rad", "roll_rad", *NEIGHBOURS]
 FULL = [*LISTED, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"]
-#: What tables call marsyard's networks: of the Kalman filter, and of the trainer's defaults.
-NETWORK, DEFAULT_NETWORK = "network (EKF)", "network (default)"
+#: What tables call marsyard's networks: of the Kalman filter, of the trainer's defaults, and the same by the squared error.
+NETWORK, DEFAULT_NETWORK, SQUARED_NETWORK = "network (EKF)", "network (default)", "network (squared)"
 #: Settings of the trainer's default.
 DEFAULT = {"filter": "{kronecker: {}}", "allow_few_rows": "true"}
 

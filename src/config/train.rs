@@ -192,13 +192,16 @@ mod tests {
     }
 
     #[test]
-    fn exact_the_logarithmic_loss_brings_its_targets_unless_others_are_named() {
+    fn exact_a_loss_brings_its_targets_unless_others_are_named() {
         let targets = |sets: &[&str]| {
             load_train(None, &sets.iter().map(ToString::to_string).collect::<Vec<_>>()).unwrap().targets
         };
-        assert_eq!(targets(&["filter.kronecker.rate=0.01"]), [0.1, 0.9]);
-        assert_eq!(targets(&["filter={kronecker: {loss: logarithmic}}"]), [0.0, 1.0]);
-        assert_eq!(targets(&["filter.kronecker.loss=logarithmic", "targets=[0.05, 0.95]"]), [0.05, 0.95]);
+        assert_eq!(targets(&["filter.kronecker.rate=0.01"]), [0.0, 1.0]);
+        assert_eq!(targets(&["filter={kronecker: {loss: squared}}"]), [0.1, 0.9]);
+        assert_eq!(targets(&["filter.ekf={}"]), [0.1, 0.9]);
+        for loss in ["squared", "logarithmic"] {
+            assert_eq!(targets(&[&format!("filter.kronecker.loss={loss}"), "targets=[0.05, 0.95]"]), [0.05, 0.95]);
+        }
     }
 
     #[test]

@@ -35,8 +35,8 @@ pub struct TrainParams {
     #[garde(dive)]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub labels: Option<LabelRule>,
-    /// Outputs for traversable and untraversable; default: [0.1, 0.9], where the loss is logarithmic [0, 1], by which the output is a probability (where `balance` is `classes`, as if both
-    /// classes were as frequent).
+    /// Outputs for traversable and untraversable; default: [0, 1] of the logarithmic loss, by which the output is a probability (where `balance` is `classes`, as if both
+    /// classes were as frequent); [0.1, 0.9] of the squared error and of Kalman filters.
     #[garde(inner(custom(within(0.0, 1.0))))]
     pub targets: [f64; 2],
     /// Ascending borders between classes of the output.
@@ -79,7 +79,7 @@ impl Default for TrainParams {
             features: FeatureSet::Full,
             neighbours: Neighbours::AboveCell,
             labels: None,
-            targets: [0.1, 0.9],
+            targets: FilterParams::default().loss().usual_targets(),
             thresholds: vec![0.5],
             balance: Balance::Classes,
             stop_by: StopBy::AsLearnt,

@@ -35,7 +35,7 @@ fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
 
 /// A training by batches, with looks that fall into them.
 fn by_batches() -> TrainParams {
-    with(&["filter={kronecker: {rate: 0.02}}", "network.hidden=[8, 8]", "epochs=4", "patience=20"])
+    with(&["filter={kronecker: {rate: 0.02, loss: squared}}", "network.hidden=[8, 8]", "epochs=4", "patience=20"])
 }
 
 /// By batches, the second member of rectified neurons.
