@@ -92,7 +92,7 @@ def folders(marsyard, name, yard):
 
 def check_networks(marsyard, name, place, test_place):
     """The columns that the trainer takes by default, and what models of them weigh; their scores by onnxruntime are `evaluate`'s."""
-    checks = {of: check_network(marsyard, f"check-{name}-{k}", sets, place, test_place) for k, (of, sets) in enumerate(NETWORKS.items())}
+    checks = {of: check_network(marsyard, f"check-{name}-{''.join(filter(str.isalpha, of))}", sets, place, test_place) for of, sets in NETWORKS.items()}
     names = checks[DEFAULT_NETWORK][0]
     if any(other != names for other, _ in checks.values()):
         sys.exit(f"{name}: the networks take different columns: {[other for other, _ in checks.values()]}")
@@ -181,6 +181,10 @@ def counted(run):
     return run | {"scenes": {kind: [int(count) for count in of.split()] for kind, of in run["scenes"].items()}}
 
 
+def is_of_earlier_state(found):
+    return set(found["about"].get("networks", ())) != set(NETWORKS) or any("scenes" not in run for run in found["runs"])
+
+
 def kept_beside(kept, trials, runs, chosen):
     """What an earlier run measured of the classifiers that this one did not run, before what this one measured."""
     earlier = [counted(run) for run in kept["runs"]]
@@ -210,6 +214,8 @@ def main():
     checked = measures.check_on_scikit_learn()
     earlier = json.loads(OPTIONS.kept.read_text()) if OPTIONS.kept else {}
     kept = earlier.get("corpora", {})
+    if any(map(is_of_earlier_state, kept.values())):
+        sys.exit(f"{OPTIONS.kept} is of an earlier state of this script, of other networks or without counts by scene: run all anew")
     marsyard = study.Marsyard(OPTIONS.marsyard, OPTIONS.work, OPTIONS.threads)
     for name, yard in YARDS.items():
         if OPTIONS.only in (None, name):
@@ -228,8 +234,8 @@ def main():
             found = compare_report.summary(runs, chosen, CORPUS.families, weighed)
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": [told(run) for run in runs]}))
     finished = kept | {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
-    if earlier := [name for name, found in finished.items() if "networks" not in found["about"]]:
-        sys.exit(f"{OPTIONS.work} holds results of an earlier state of this script ({', '.join(earlier)}): give another --work")
+    if former := [name for name, found in finished.items() if is_of_earlier_state(found)]:
+        sys.exit(f"{OPTIONS.work} holds results of an earlier state of this script ({', '.join(former)}): give another --work")
     versions = study.versions(marsyard, np, sklearn, lightgbm, xgboost, catboost, torch, onnxruntime)
     results = {"versions": versions, "check_on_scikit_learn": checked, "corpora": finished}
     if kept:

@@ -135,17 +135,17 @@ def main():
     for ground in grounds(marsyard, columns, options.quick):
         rows, cells = [], ground.cells
         for size in sizes:
-            first = None
+            squared = None
             for number, way in enumerate(WAYS):
                 of = [(network, outputs(network.exported, cells)) for network in networks[size, way]]
                 learner = Learner([ground.judged(scores, network.probabilities(scores)) for network, scores in of], number)
-                first = first or learner
-                rows.append([size, way, f"{rows_learnt[size, way] / 1e6:.2f}", *row(learner, None if learner is first else first)])
+                squared = squared or learner
+                rows.append([size, way, f"{rows_learnt[size, way] / 1e6:.2f}", *row(learner, None if learner is squared else squared)])
                 facts[f"{ground.name}, {size} scenes, {way}"] = learner.facts()
                 study.note(f"{ground.name}: {size} scenes, {way}")
             if corpora[size] is first:
                 learner = Learner([ground.judged(of(cells)) for of in trees], len(WAYS))
-                rows.append([size, "trees", "", *row(learner, first, has_loss=False)])
+                rows.append([size, "trees", "", *row(learner, squared, has_loss=False)])
                 facts[f"{ground.name}, {size} scenes, trees"] = {name: of for name, of in learner.facts().items() if name != NAMES[LOSS]}
         tables.append(f"## {ground.name}\n\n{len(cells['family_of_scene'])} scenes, {len(cells['label']):,} cells.\n\n{study.markdown(HEAD, rows)}\n")
     text = f"""# The logarithmic loss beside the squared one
@@ -162,8 +162,8 @@ HEAD = ["scenes", "learnt by", "million rows learnt", "balanced accuracy", "diff
         "difference, points"]
 
 
-def row(learner, first, has_loss=True):
-    differs = lambda *measure: "-" if first is None else learner.less(first, *measure)
+def row(learner, squared, has_loss=True):
+    differs = lambda *measure: "-" if squared is None else learner.less(squared, *measure)
     loss = [learner.told(LOSS, 1, 4), differs(LOSS, 1000, 1)] if has_loss else ["", ""]
     return [learner.told(BALANCED), differs(BALANCED), learner.told(AREA, 100, 2), differs(AREA, 100, 3), *loss, learner.told(FALSE), differs(FALSE)]
 

@@ -222,7 +222,7 @@ def main():
         if earlier:
             again, today = kept.setdefault("again", {}).setdefault(name, []), time.strftime("%Y-%m-%d")
             if not any(of["date"] == today for of in again):
-                looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, {"filter": "{kronecker: {}}"})
+                looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, {"filter": "{kronecker: {loss: squared}}"})
                 again.append({"seed": seeds[0], "date": today, "looks": looked})
                 store.write_text(json.dumps(kept))
     text = markdown(about, kept, corpora, seeds)

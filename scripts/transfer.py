@@ -3,7 +3,7 @@
 Usage:  cargo build --release
         python scripts/transfer.py [--seeds 1,2,3,4,5] [--corpus FOLDER] [--variants base,listed,...] [--quick]
 
-Trains the default network on the training families of configs/mixed.yaml and judges it on the family that is held out: another
+Trains the Kalman filter's network on the training families of configs/mixed.yaml and judges it on the family that is held out: another
 sensor, another ground, all kinds of obstacle together. Rates are by points, each with its cell's label (the paper's reading), and by
 cells; for all cells and for those of three points or more; with and without the points on flat tops. Beside the network stands one
 height-difference threshold. Every threshold but 0.5 is chosen on the validation split, which holds none of the unseen family:
@@ -326,7 +326,7 @@ def main():
     height_rows = [(f"height, {name} (from {height[name]:.3f} m)", s) for name, s in height_rules.items()]
     text = f"""# Trained in simulation, judged on what was never seen
 
-`python scripts/transfer.py --seeds {','.join(map(str, seeds))}`: the default network, trained on the training families of `configs/mixed.yaml`, judged on its
+`python scripts/transfer.py --seeds {','.join(map(str, seeds))}`: the Kalman filter's network, trained on the training families of `configs/mixed.yaml`, judged on its
 held-out family `unseen` (another sensor, another ground, all kinds of obstacle together): {len(test['points']):,} cells with {test['points'].sum():,} points, {example['untraversable']:,}
 untraversable and {example['traversable']:,} traversable ({study.percent(example['untraversable'] / (example['untraversable'] + example['traversable']), 1)} %). Mean ± standard deviation of {len(seeds)} seeds. By points unless a column says cells. Thresholds but
 0.5 are chosen on the validation split, where the unseen family is not. Largest difference of a rate to what `marsyard evaluate`
