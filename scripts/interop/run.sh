@@ -21,9 +21,9 @@ trap 'rm -rf "$scratch"' EXIT
 "$marsyard" train "$corpus" --set epochs=1 --out "$scratch/run" > /dev/null
 "$marsyard" export "$scratch/run" --onnx "$scratch/model.onnx" --json "$scratch/model.json"
 "$python" "$here/../check_onnx.py" "$scratch/model.onnx" "$scratch/model.json" --tolerance 1e-6
-"$marsyard" train "$corpus" --set epochs=1 --set network.activation=both --set 'filter={kronecker: {loss: logarithmic}}' --out "$scratch/logarithmic" > /dev/null
-"$marsyard" export "$scratch/logarithmic" --onnx "$scratch/logarithmic.onnx" --json "$scratch/logarithmic.json"
-"$python" "$here/../check_onnx.py" "$scratch/logarithmic.onnx" "$scratch/logarithmic.json" --tolerance 1e-6
+"$marsyard" train "$corpus" --set epochs=1 --set network.activation=both --set filter.kronecker.loss=squared --out "$scratch/squared" > /dev/null
+"$marsyard" export "$scratch/squared" --onnx "$scratch/squared.onnx" --json "$scratch/squared.json"
+"$python" "$here/../check_onnx.py" "$scratch/squared.onnx" "$scratch/squared.json" --tolerance 1e-6
 "$python" "$here/check_clouds.py" "$marsyard" "$scratch/run/model.safetensors"
 "$python" "$here/../scale_out/check_kubernetes.py" "$marsyard"
 "$python" "$here/../store/check_store.py" "$stores"
