@@ -25,7 +25,7 @@ import numpy as np
 import held_out
 import study
 from compare_rows import written
-from train_rows import DEFAULT, Cells, train
+from train_rows import DEFAULT, SQUARED, Cells, train
 from transfer import outputs
 
 CURVATURE = [f"curvature_{which}_{cm}cm_m" for cm in (20, 40, 80) for which in ("least", "most")]
@@ -111,7 +111,7 @@ class Study:
         learnt, stopped_by, judged = of("train"), of("validation"), written(np.stack([cells[name] for name in names], axis=1), names, parts)
         for seed in self.seeds:
             study.note(f"train in memory, {', '.join(parts) or STORED}, seed {seed}")
-            [scores], _ = train(learnt, stopped_by, [judged], {"seed": seed, **DEFAULT, "filter": "{kronecker: {loss: squared}}"}, names=names)
+            [scores], _ = train(learnt, stopped_by, [judged], {"seed": seed, **DEFAULT, **SQUARED}, names=names)
             counts.append(held_out.counts(cells, scores))
         return held_out.Judgement(cells, counts)
 

@@ -173,7 +173,7 @@ def compared(name, classifiers):
 
 def told(run):
     """A run as results keep it: counts of the test scenes as a line each, from which all rates and intervals follow."""
-    return run if isinstance(run["scenes"]["tp"], str) else run | {"scenes": {kind: " ".join(map(str, of)) for kind, of in run["scenes"].items()}}
+    return run | {"scenes": {kind: " ".join(map(str, of)) for kind, of in run["scenes"].items()}}
 
 
 def counted(run):
@@ -182,6 +182,7 @@ def counted(run):
 
 
 def is_of_earlier_state(found):
+    """Whether results of a corpus are of other networks, or without counts by scene."""
     return set(found["about"].get("networks", ())) != set(NETWORKS) or any("scenes" not in run for run in found["runs"])
 
 

@@ -23,15 +23,12 @@ import compare_torch
 from compare_measures import area_under_roc
 from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, taught, tree_parameters
 from held_out import TREE_ROUNDS, TREES
-from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK, SQUARED_NETWORK
+from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK, SQUARED, SQUARED_NETWORK
 
 
-def default_network(rows, seed, many):
-    return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT}, rows.names)
-
-
-def squared_network(rows, seed, many):
-    return taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT, "filter": "{kronecker: {loss: squared}}"}, rows.names)
+def by_default(but=()):
+    """marsyard's default, but for some settings."""
+    return lambda rows, seed, many: taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT, **dict(but)}, rows.names)
 
 
 def adam(rows, seed, many):
@@ -133,9 +130,9 @@ def one_threshold(rows, seed, many):
 #: What forms normal scores by itself: forms that have them are not tried.
 OWN_SCORES = {DEFAULT_NETWORK, SQUARED_NETWORK}
 CLASSIFIERS = {
-    DEFAULT_NETWORK: default_network,
+    DEFAULT_NETWORK: by_default(),
     NETWORK: network,
-    SQUARED_NETWORK: squared_network,
+    SQUARED_NETWORK: by_default(SQUARED),
     "network (Adam)": adam,
     "TabM": tabm,
     "LightGBM": lightgbm,

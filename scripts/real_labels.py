@@ -31,7 +31,7 @@ import sklearn
 import held_out
 import study
 from doubt import Network
-from real_scans import AREA, BALANCED, FALSE, MISSED, Learner, Places, run_name
+from real_scans import AREA, BALANCED, BY_SQUARES, FALSE, MISSED, Learner, Places, run_name
 from transfer import outputs
 
 ROUNDS = [25, 50, 100, 200, 400]
@@ -146,7 +146,7 @@ def main():
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     places = Places(marsyard, options.data, options.quick)
     corpora = {scenes: marsyard.corpus(f"mixed-{scenes}", held_out.CONFIG, [], scenes, held_out.PER_SHARD) for scenes in (few, many)}
-    runs = [marsyard.train(run_name("the same, squared error"), [corpora[many]], seed, study.SQUARED) for seed in seeds]
+    runs = [marsyard.train(run_name(BY_SQUARES), [corpora[many]], seed, study.SQUARED) for seed in seeds]
     networks = [Network(marsyard, run) for run in runs]
     columns = list(networks[0].about["features"])
     cells = places.cells(runs[0].name, runs[0])

@@ -60,7 +60,7 @@ from compare_rows import Rows, judged
 from timed_engines import ENGINES, STANDARDISED, WITH_SCORES
 from timed_learners import ONE_CYCLE, TARGETS, best, marsyard_looks
 from timed_report import CALIBRATION_ROWS, CALIBRATION_S, chart, markdown
-from train_rows import LISTED, NEIGHBOURS, Cells
+from train_rows import LISTED, NEIGHBOURS, SQUARED, Cells
 
 SEARCH_S = 3.0
 #: quickstart.yaml has squares of 0.2 and 0.4 m around, mixed.yaml one of 0.8 m besides, and beams in place of the curvature.
@@ -222,7 +222,7 @@ def main():
         if earlier:
             again, today = kept.setdefault("again", {}).setdefault(name, []), time.strftime("%Y-%m-%d")
             if not any(of["date"] == today for of in again):
-                looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, {"filter": "{kronecker: {loss: squared}}"})
+                looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, SQUARED)
                 again.append({"seed": seeds[0], "date": today, "looks": looked})
                 store.write_text(json.dumps(kept))
     text = markdown(about, kept, corpora, seeds)

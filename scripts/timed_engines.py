@@ -10,6 +10,7 @@ import torch
 
 from held_out import TREES
 from timed_learners import HIDDEN, ONE_CYCLE, lbfgs, marsyard, minibatches, mlp_classifier, ssbroyden, trees
+from train_rows import SQUARED
 
 #: Inputs that a network may have.
 STANDARDISED, WITH_SCORES = "standardised", "with normal scores"
@@ -50,9 +51,9 @@ class Engine:
         return f"{self.networks * sum((a + 1) * b for a, b in zip(sizes[:-1], sizes[1:])):,}"
 
 
-def of_marsyard(look_rows, hidden=LARGE, networks=2, loss="logarithmic", **overrides):
-    """By its default filter, which forms normal scores, and the default's loss or another."""
-    return Engine(marsyard(look_rows, **{"filter": f"{{kronecker: {{loss: {loss}}}}}", **overrides}), hidden=hidden, networks=networks, has_own_scores=True)
+def of_marsyard(look_rows, hidden=LARGE, networks=2, **overrides):
+    """By its default filter, which forms normal scores."""
+    return Engine(marsyard(look_rows, **{"filter": "{kronecker: {}}", **overrides}), hidden=hidden, networks=networks, has_own_scores=True)
 
 
 RELU, TANH = torch.nn.ReLU, torch.nn.Tanh
@@ -71,17 +72,16 @@ ROWS = [(rows, activation) for rows in (20_000, 100_000) for activation in (RELU
 BARE = [(None, {"learning_rate": rate}) for rate in (0.05, 0.1, 0.2)]
 REGULARISED = [(rows, TREES | {"learning_rate": rate, "num_leaves": leaves})
                for rows, rate, leaves in [(300_000, 0.2, 31), (1_000_000, 0.2, 31), *((None, rate, leaves) for leaves in (31, 127) for rate in (0.2, 0.1, 0.05))]]
-SQUARED = "squared"
 EITHER = (STANDARDISED, WITH_SCORES)
 #: What learns.
 ENGINES = {
     "marsyard, default, two of 64-64": of_marsyard(250_000),
     "marsyard, one rectified, two of 64-64": of_marsyard(250_000, **{"network.activation": "both"}),
-    "marsyard, squared, two of 64-64": of_marsyard(250_000, loss=SQUARED),
-    "marsyard, squared, two of 16-16": of_marsyard(500_000, HIDDEN, loss=SQUARED, **{"network.hidden": "[16,16]"}),
-    "marsyard, squared, one rectified, two of 64-64": of_marsyard(250_000, loss=SQUARED, **{"network.activation": "both"}),
-    "marsyard, squared, rectified, two of 64-64": of_marsyard(250_000, loss=SQUARED, **{"network.activation": "relu"}),
-    "marsyard, squared, less than 600 weights": Engine(marsyard(250_000, less_than_600, filter="{kronecker: {loss: squared}}", **{"network.members": 1}), ["logistic", "relu"], hidden=less_than_600, has_own_scores=True),
+    "marsyard, squared, two of 64-64": of_marsyard(250_000, **SQUARED),
+    "marsyard, squared, two of 16-16": of_marsyard(500_000, HIDDEN, **SQUARED, **{"network.hidden": "[16,16]"}),
+    "marsyard, squared, one rectified, two of 64-64": of_marsyard(250_000, **SQUARED, **{"network.activation": "both"}),
+    "marsyard, squared, rectified, two of 64-64": of_marsyard(250_000, **SQUARED, **{"network.activation": "relu"}),
+    "marsyard, squared, less than 600 weights": Engine(marsyard(250_000, less_than_600, **SQUARED, **{"network.members": 1}), ["logistic", "relu"], hidden=less_than_600, has_own_scores=True),
     "marsyard, Kalman filter": Engine(marsyard(100_000, filter="{ekf: {}}")),
     "marsyard, Kalman, every row": Engine(marsyard(50_000, **{"filter.ekf.rows": "every"})),
     "sklearn, batch 200": Engine(mlp_classifier(200), RATES_OF_200, EITHER),

@@ -25,8 +25,16 @@ LISTED = ["mean_height_m", "height_variance_m2", "height_difference_m", "point_c
 FULL = [*LISTED, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"]
 #: What tables call marsyard's networks: of the Kalman filter, of the trainer's defaults, and the same by the squared error.
 NETWORK, DEFAULT_NETWORK, SQUARED_NETWORK = "network (EKF)", "network (default)", "network (squared)"
-#: Settings of the trainer's default.
+
+
+def settings_of(sets):
+    """`key=value` each -> a value by key."""
+    return dict(key.split("=", 1) for key in sets)
+
+
+#: Settings of the trainer's default, and what makes it learn by the squared error.
 DEFAULT = {"filter": "{kronecker: {}}", "allow_few_rows": "true"}
+SQUARED = settings_of(study.SQUARED)
 
 
 class Cells:
@@ -94,7 +102,7 @@ def run(folder, train, validation, judged, settings, trainer=TRAINER, names=None
     rows = f"{folder}/rows.parquet"
     pq.write_table(pa.table(columns), rows, compression="none", use_dictionary=False)
     if not any(key.startswith("filter") for key in settings):
-        settings = dict(key.split("=", 1) for key in study.KALMAN_FILTER) | settings
+        settings = settings_of(study.KALMAN_FILTER) | settings
     sets = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
     done = subprocess.run([trainer, rows, f"{folder}/outputs.npy", *sets, *flags], capture_output=True, text=True)
     if done.returncode:

@@ -34,29 +34,29 @@ fn law_a_learnable_problem_is_learnt_and_its_files_are_there() {
 }
 
 /// A training by batches, with looks that fall into them.
-fn by_batches() -> TrainParams {
-    with(&["filter={kronecker: {rate: 0.02, loss: squared}}", "network.hidden=[8, 8]", "epochs=4", "patience=20"])
+fn by_batches(loss: &str) -> TrainParams {
+    let filter = format!("filter={{kronecker: {{rate: 0.02, loss: {loss}}}}}");
+    with(&[&filter, "network.hidden=[8, 8]", "epochs=4", "patience=20"])
 }
 
 /// By batches, the second member of rectified neurons.
 fn with_both() -> TrainParams {
-    let mut params = by_batches();
+    let mut params = by_batches("squared");
     (params.network.members, params.network.activation) = (2, Activation::Both);
     params
 }
 
-/// By batches, a probability.
-fn by_logarithms() -> TrainParams {
-    with(&["filter={kronecker: {rate: 0.02, loss: logarithmic}}", "network.hidden=[8, 8]", "epochs=4", "patience=20"])
+/// What learns in unlike ways, by name.
+fn of_filters() -> [(&'static str, TrainParams); 4] {
+    let [squared, logarithmic] = ["squared", "logarithmic"].map(by_batches);
+    [("ekf", params()), ("squared", squared), ("rectified", with_both()), ("logarithmic", logarithmic)]
 }
 
 #[test]
 fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    for (filter, params) in
-        [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both()), ("logarithmic", by_logarithms())]
-    {
+    for (filter, params) in of_filters() {
         let one = |name: &str, ahead: usize, threads: usize| {
             let out = dir.path().join(format!("{filter}-{name}"));
             let setup = Setup { ahead, ..setup(std::slice::from_ref(&place), &params, out).unwrap() };
@@ -75,9 +75,7 @@ fn equal_runs_have_the_same_bits_for_any_prefetch_and_thread_number() {
 fn equal_bits_after_interruptions_and_crashes_at_ten_moments() {
     let dir = tempfile::tempdir().unwrap();
     let place = circles(&dir, "a", 300);
-    for (filter, params) in
-        [("ekf", params()), ("kronecker", by_batches()), ("rectified", with_both()), ("logarithmic", by_logarithms())]
-    {
+    for (filter, params) in of_filters() {
         let of =
             |name: String| setup(std::slice::from_ref(&place), &params, dir.path().join(filter).join(name)).unwrap();
         let whole = of("whole".into());
