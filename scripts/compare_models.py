@@ -5,7 +5,8 @@ weighted log loss of the validation rows, which all are given alike. SVM and thr
 
 - network (default): marsyard's trainer with all defaults, which standardises by itself; network (squared): the same by the squared error.
 - network (EKF), fine Gaussian SVM, fine KNN, complex tree: compare_paper.py.
-- network (Adam): of the Kalman filter's size. At the default's size Adam is in time_to_error.py.
+- network (Adam): PyTorch's, of the Kalman filter's size and neurons; two of 64-64 (Adam): of the default's size, rectified, at the rate that
+  time_to_error.py's search finds for it.
 - LightGBM, regularised: those of held_out.py, which learning_curve.py and anatomy.py learn: small trees of many cells each, for yards of other families.
 - one threshold: the column and direction of the largest area under ROC on the training rows.
 """
@@ -17,12 +18,14 @@ from catboost import CatBoostClassifier
 from lightgbm import LGBMClassifier, early_stopping
 from sklearn.ensemble import HistGradientBoostingClassifier, RandomForestClassifier
 from sklearn.linear_model import LogisticRegression
+from torch import nn
 from xgboost import XGBClassifier
 
 import compare_torch
 from compare_measures import area_under_roc
 from compare_paper import complex_tree, fine_knn, fine_svm, fitted, network, pickled, probability, splits_and_leaves, taught, tree_parameters
 from held_out import TREE_ROUNDS, TREES
+from timed_learners import Members
 from train_rows import DEFAULT, DEFAULT_NETWORK, NETWORK, SQUARED, SQUARED_NETWORK
 
 
@@ -31,9 +34,22 @@ def by_default(but=()):
     return lambda rows, seed, many: taught(rows.stored, rows, {"seed": seed, "neighbours": rows.neighbours, **DEFAULT, **dict(but)}, rows.names)
 
 
-def adam(rows, seed, many):
-    learn = lambda: compare_torch.learn(lambda: compare_torch.mlp(rows.x.shape[1]), rows, seed, many, rate=0.03, one_cycle=True)
-    return fitted(rows, learn, compare_torch.probability, compare_torch.size, rounds=lambda model: model.best_pass)
+def adam(make, rate):
+    """By one cycle; `make`: a network for so many inputs."""
+
+    def learner(rows, seed, many):
+        learn = lambda: compare_torch.learn(lambda: make(rows.x.shape[1]), rows, seed, many, rate, one_cycle=True)
+        return fitted(rows, learn, compare_torch.probability, compare_torch.size, rounds=lambda model: model.best_pass)
+
+    return learner
+
+
+def kalman_sized(inputs):
+    return compare_torch.mlp(inputs, (16, 16), nn.Sigmoid)
+
+
+def default_sized(inputs):
+    return Members(*(compare_torch.mlp(inputs, (64, 64), nn.ReLU) for _ in range(2)))
 
 
 def tabm(rows, seed, many):
@@ -133,7 +149,8 @@ CLASSIFIERS = {
     DEFAULT_NETWORK: by_default(),
     NETWORK: network,
     SQUARED_NETWORK: by_default(SQUARED),
-    "network (Adam)": adam,
+    "network (Adam)": adam(kalman_sized, rate=0.03),
+    "two of 64-64 (Adam)": adam(default_sized, rate=0.01),
     "TabM": tabm,
     "LightGBM": lightgbm,
     "LightGBM, regularised": lightgbm_regularised,

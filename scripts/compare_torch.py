@@ -1,4 +1,4 @@
-"""Two networks in PyTorch for compare_classifiers.py: marsyard's own shape learnt by Adam, and TabM (Gorishniy et al. 2025) from scratch.
+"""Networks in PyTorch for compare_classifiers.py: marsyard's own shapes learnt by Adam, and TabM (Gorishniy et al. 2025) from scratch.
 
 Both learn the class-weighted log loss in batches, look at the validation rows after each pass and keep the best pass.
 """
@@ -12,10 +12,10 @@ from torch import nn
 torch.set_num_threads(1)
 
 
-def mlp(inputs, hidden=(16, 16)):
-    """Logistic neurons, as marsyard's."""
+def mlp(inputs, hidden, activation):
+    """One output, the logit of the probability."""
     sizes = [inputs, *hidden]
-    layers = [part for a, b in zip(sizes[:-1], sizes[1:]) for part in (nn.Linear(a, b), nn.Sigmoid())]
+    layers = [part for a, b in zip(sizes[:-1], sizes[1:]) for part in (nn.Linear(a, b), activation())]
     return nn.Sequential(*layers, nn.Linear(sizes[-1], 1))
 
 
