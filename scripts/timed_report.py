@@ -140,6 +140,7 @@ def chart(kept, corpora, seeds, path):
     import matplotlib.pyplot as plt
     from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
+    plt.rcParams["svg.hashsalt"] = "marsyard"
     figure, axes = plt.subplots(1, len(corpora), figsize=(5.2 * len(corpora) + 2.4, 4.4), squeeze=False, layout="constrained")
     colours = [*plt.get_cmap("tab20").colors, *plt.get_cmap("tab20b").colors[::4]]
     # Of the default's size: told from all others at a glance.

@@ -113,7 +113,7 @@ pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
     absent.map(Part::name).collect()
 }
 
-/// What taught networks most about mixed.yaml's families held out, in the mean of them and on the worst (docs/training.md).
+/// What taught networks most about mixed.yaml's families held out, in the mean of them and on the worst (docs/accuracy.md).
 const TEACH_MOST: [Part; 2] = [Part::Grass, Part::Landforms];
 
 /// How yards that teach no more could be varied.
