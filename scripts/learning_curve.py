@@ -1,7 +1,7 @@
 """What more scenes teach: the error on each held-out family of configs/mixed.yaml against scenes and CPU seconds, for four learners.
 
 Usage:  cargo build --release
-        python scripts/learning_curve.py [--sizes 70,140,500,2000,8000,32000] [--seeds 1,2,3,4,5] [--test-seed 51] [--quick]
+        python scripts/learning_curve.py [--sizes 70,140,500,2000,8000,32000] [--seeds 1,2,3,4,5] [--test-seed 51] [--squared] [--quick]
 
 Cuts configs/mixed.yaml to each size and trains on it: the default network; the Kalman filter's (configs/train/ekf.yaml, 16-16 neurons); a network
 of four times the default's weights at the largest size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards
@@ -9,7 +9,8 @@ that are judged and not the trainer; of these two the first seed alone, of the K
 yards, of a third seed: what is left of their error is in the columns and labels, and no variety of other yards takes it away. All are judged
 on one corpus of the held-out families alone, of another seed; see held_out.py for the intervals.
 
-Needs numpy, pyarrow and lightgbm. Writes learning_curve.json and learning_curve.md into scripts/results.
+Needs numpy, pyarrow and lightgbm. Writes learning_curve.json and learning_curve.md into scripts/results; with --squared, by which the networks learn by the
+squared error, learning_curve_squared.json and learning_curve_squared.md.
 """
 
 import argparse
@@ -82,6 +83,7 @@ def main():
     parser.add_argument("--wide", default="128,128", help="hidden neurons of the larger network (default 128,128)")
     parser.add_argument("--test-scenes", default=560, type=int, help="of the test corpus (default 560)")
     parser.add_argument("--test-seed", default=51, type=int, help="seed of the test corpus (default 51); give another work folder with it")
+    parser.add_argument("--squared", action="store_true", help="learn the networks by the squared error")
     study.add_arguments(parser, "learning_curve")
     options = parser.parse_args()
     sizes, seeds = [int(n) for n in options.sizes.split(",")], [int(n) for n in options.seeds.split(",")]
@@ -103,12 +105,13 @@ def main():
         study.note(f"{learner}, {size} scenes: judged")
         found.append({"learner": learner, "size": size, "facts": [facts for facts, _ in of], "counts": [counted for _, counted in of]})
 
+    loss, mark = (study.SQUARED, "squared-") if options.squared else ([], "")
     for size in sizes:
-        learn("network", size, seeds if size <= MOST_SCENES_OF_ALL_SEEDS else seeds[:2], lambda seed: learners.network(str(size), corpora[size], seed))
+        learn("network", size, seeds if size <= MOST_SCENES_OF_ALL_SEEDS else seeds[:2], lambda seed: learners.network(f"{mark}{size}", corpora[size], seed, loss))
     for size in (size for size in sizes if size <= MOST_SCENES_OF_ALL_SEEDS):
         learn("Kalman filter", size, seeds[:2], lambda seed: learners.network(f"ekf-{size}", corpora[size], seed, study.KALMAN_FILTER))
-    wide = [f"network.hidden=[{options.wide}]"]
-    learn("larger network", sizes[-2], seeds[:1], lambda seed: learners.network(f"wide-{sizes[-2]}", corpora[sizes[-2]], seed, wide))
+    wide = [*loss, f"network.hidden=[{options.wide}]"]
+    learn("larger network", sizes[-2], seeds[:1], lambda seed: learners.network(f"{mark}wide-{sizes[-2]}", corpora[sizes[-2]], seed, wide))
     for size in (size for size in sizes if size <= MOST_SCENES_OF_TREES):
         learn("trees", size, seeds[:1], lambda seed: learners.trees(corpora[size], seed))
     learn("trees, own yards", test_scenes, seeds[:1], lambda seed: learners.trees(own, seed))
@@ -121,9 +124,10 @@ def main():
     networks = [of for of in found if of["learner"] == "network"]
     steps = [[f"{one['size']} to {other['size']} scenes", held_out.told_difference(other["judged"].worst(), one["judged"].worst()),
               held_out.told_difference(other["judged"].mean(), one["judged"].mean())] for one, other in zip(networks, networks[1:])]
+    command = " ".join(["python scripts/learning_curve.py", *(["--sizes", options.sizes] if options.sizes != parser.get_default("sizes") else []), *(["--squared"] if options.squared else [])])
     text = "\n\n".join([
         "# What more scenes teach about yards of other families",
-        f"`python scripts/learning_curve.py`, {study.versions(marsyard)['marsyard']}; networks by the default, {len(seeds)} trainings each, {len(seeds[:2])} of more than {MOST_SCENES_OF_ALL_SEEDS} scenes and of the Kalman filter (up to as many scenes), one of the others; trees of {MOST_SCENES_OF_TREES} scenes at most, which hold all rows that they take. Balanced accuracy by cells, percent, "
+        f"`{command}`, {study.versions(marsyard)['marsyard']}; networks by {'the squared error' if options.squared else 'default'}, {len(seeds)} trainings each, {len(seeds[:2])} of more than {MOST_SCENES_OF_ALL_SEEDS} scenes and of the Kalman filter (up to as many scenes), one of the others; trees of {MOST_SCENES_OF_TREES} scenes at most, which hold all rows that they take. Balanced accuracy by cells, percent, "
         f"with 95 % intervals over scenes and trainings. Test: {test_scenes} scenes of the held-out families alone, seed {options.test_seed}. CPU seconds "
         "of this machine, beside other work.",
         study.markdown(head, [row(first(of), of, of["judged"]) for of in found]),
@@ -133,7 +137,7 @@ def main():
         kinds_of_error(networks[-1]["judged"])]) + "\n"
     runs = [{"learner": of["learner"], "size": of["size"], "facts": of["facts"], "families": of["judged"].facts()} for of in found]
     results = {"versions": study.versions(marsyard), "generate_cpu_s": generate_s, "test_seed": options.test_seed, "runs": runs}
-    study.write_results(options.out, "learning_curve", results, text)
+    study.write_results(options.out, "learning_curve_squared" if options.squared else "learning_curve", results, text)
 
 
 if __name__ == "__main__":
