@@ -1,6 +1,6 @@
 """Networks in PyTorch for compare_classifiers.py: marsyard's own shapes learnt by Adam, and TabM (Gorishniy et al. 2025) from scratch.
 
-Both learn the class-weighted log loss in batches, look at the validation rows after each pass and keep the best pass.
+All learn the class-weighted log loss in batches, look at the validation rows after each pass and keep the best pass.
 """
 
 import io
@@ -9,14 +9,14 @@ import numpy as np
 import torch
 from torch import nn
 
+from timed_learners import perceptron
+
 torch.set_num_threads(1)
 
 
 def mlp(inputs, hidden, activation):
     """One output, the logit of the probability."""
-    sizes = [inputs, *hidden]
-    layers = [part for a, b in zip(sizes[:-1], sizes[1:]) for part in (nn.Linear(a, b), activation())]
-    return nn.Sequential(*layers, nn.Linear(sizes[-1], 1))
+    return perceptron(inputs, hidden, activation)[:-1]
 
 
 class Adapted(nn.Module):

@@ -5,8 +5,8 @@ Usage:  cargo build --release
 
 Cuts configs/mixed.yaml to each size and trains on it: the default network; the Kalman filter's (configs/train/ekf.yaml, 16-16 neurons); a network
 of four times the default's weights at the largest size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards
-that are judged and not the trainer; of these two the first seed alone, of the Kalman filter and of more than 8000 scenes the first two, and of no more scenes trees than hold the rows that they take. Beside them stand trees that learnt from the held-out families' own
-yards, of a third seed: what is left of their error is in the columns and labels, and no variety of other yards takes it away. All are judged
+that are judged and not the trainer. Of these two the first seed alone, of the Kalman filter and of more than 8000 scenes the first two. Trees learn no more scenes
+than hold the rows that they take. Beside them stand trees that learnt from the held-out families' own yards, of a third seed: what is left of their error is in the columns and labels, and no variety of other yards takes it away. All are judged
 on one corpus of the held-out families alone, of another seed; see held_out.py for the intervals.
 
 Needs numpy, pyarrow and lightgbm. Writes learning_curve.json and learning_curve.md into scripts/results; with --squared, by which the networks learn by the
@@ -124,10 +124,9 @@ def main():
     networks = [of for of in found if of["learner"] == "network"]
     steps = [[f"{one['size']} to {other['size']} scenes", held_out.told_difference(other["judged"].worst(), one["judged"].worst()),
               held_out.told_difference(other["judged"].mean(), one["judged"].mean())] for one, other in zip(networks, networks[1:])]
-    command = " ".join(["python scripts/learning_curve.py", *(["--sizes", options.sizes] if options.sizes != parser.get_default("sizes") else []), *(["--squared"] if options.squared else [])])
     text = "\n\n".join([
         "# What more scenes teach about yards of other families",
-        f"`{command}`, {study.versions(marsyard)['marsyard']}; networks by {'the squared error' if options.squared else 'default'}, {len(seeds)} trainings each, {len(seeds[:2])} of more than {MOST_SCENES_OF_ALL_SEEDS} scenes and of the Kalman filter (up to as many scenes), one of the others; trees of {MOST_SCENES_OF_TREES} scenes at most, which hold all rows that they take. Balanced accuracy by cells, percent, "
+        f"`{study.command('learning_curve', parser, options, ('sizes', 'seeds', 'wide', 'test-scenes', 'test-seed', 'squared'))}`, {study.versions(marsyard)['marsyard']}; networks by {'the squared error' if options.squared else 'default'}, {len(seeds)} trainings each, {len(seeds[:2])} of more than {MOST_SCENES_OF_ALL_SEEDS} scenes and of the Kalman filter (up to as many scenes), one of the others; trees of {MOST_SCENES_OF_TREES} scenes at most, which hold all rows that they take. Balanced accuracy by cells, percent, "
         f"with 95 % intervals over scenes and trainings. Test: {test_scenes} scenes of the held-out families alone, seed {options.test_seed}. CPU seconds "
         "of this machine, beside other work.",
         study.markdown(head, [row(first(of), of, of["judged"]) for of in found]),
@@ -137,7 +136,7 @@ def main():
         kinds_of_error(networks[-1]["judged"])]) + "\n"
     runs = [{"learner": of["learner"], "size": of["size"], "facts": of["facts"], "families": of["judged"].facts()} for of in found]
     results = {"versions": study.versions(marsyard), "generate_cpu_s": generate_s, "test_seed": options.test_seed, "runs": runs}
-    study.write_results(options.out, "learning_curve_squared" if options.squared else "learning_curve", results, text)
+    study.write_results(options.out, f"learning_curve{'_squared' if options.squared else ''}", results, text)
 
 
 if __name__ == "__main__":

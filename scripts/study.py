@@ -96,6 +96,16 @@ def add_arguments(parser, work):
     parser.add_argument("--quick", action="store_true", help="small corpora and one seed: whether it runs, not what is true")
 
 
+def command(script, parser, options, keys):
+    """The command that a page names: the script with those of the options that were given another value than their default."""
+    words = ["python", f"scripts/{script}.py"]
+    for key in keys:
+        value = getattr(options, key.replace("-", "_"))
+        if value != parser.get_default(key.replace("-", "_")):
+            words += [f"--{key}"] if value is True else [f"--{key}", str(value)]
+    return " ".join(words)
+
+
 def versions(marsyard, *packages):
     found = {"python": platform.python_version(), "marsyard": marsyard.version()}
     found.update({package.__name__: package.__version__ for package in packages})

@@ -198,10 +198,8 @@ def main():
     store = pathlib.Path(options.work) / "kept.json"
     earlier = json.loads(options.kept.read_text()) if options.kept else None
     kept = json.loads(store.read_text()) if store.exists() else begun_with(earlier, options.settings)
-    named = {key: getattr(options, key) for key in ("corpora", "budgets", "seeds", "jobs")}
-    asked = [f"--{key} {value}" for key, value in named.items() if value != parser.get_default(key)]
-    asked += [f"--{key} {value}" for key in ("settings", "kept") if (value := getattr(options, key))]
-    about = {"command": " ".join(["python scripts/time_to_error.py", *asked]), "marsyard": runner.version(), "torch": torch.__version__.split("+")[0], "lightgbm": lightgbm.__version__,
+    command = study.command("time_to_error", parser, options, ("corpora", "budgets", "seeds", "jobs", "settings", "kept"))
+    about = {"command": command, "marsyard": runner.version(), "torch": torch.__version__.split("+")[0], "lightgbm": lightgbm.__version__,
              "settings": options.settings and str(options.settings), "seeds": seeds, "corpora": {}}
     for name in corpora:
         config = study.ROOT / "configs" / f"{name}.yaml"
