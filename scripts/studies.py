@@ -1,7 +1,7 @@
 """What a choice is worth at equal CPU on four shipped configs, in one command: the studies that `plan --hours` is made from.
 
 `marsyard tradeoff` on quickstart.yaml, paper.yaml, mixed.yaml and mars.yaml: presets, contact solvers, pose estimates and numbers of beams,
-one at a time and combined, trained as `train` does it by default, judged on common unseen scenes. Writes the studies to configs/studies,
+one at a time and combined, and what is recommended alone on up to eight times the scenes, trained as `train` does it by default, judged on common unseen scenes. Writes the studies to configs/studies,
 the charts to docs/worth-<name>.svg, and the tables to scripts/results/studies.md.
 
     cargo build --release && python scripts/studies.py            # half an hour on 2 idle cores, mars.yaml half of it
@@ -27,13 +27,13 @@ COMMON = ["--only", "presets,contact,slam,resolution", "--seeds", 3]
 
 
 def page(name, folder, minutes, threads):
-    """What `tradeoff` says of worth, of the front and at its end."""
+    """What `tradeoff` says of worth, of the longer curve, of the front and at its end."""
     said = (folder / "tradeoff.md").read_text()
     section = lambda title: "### " + next(part for part in said.split("\n## ") if part.startswith(title)).strip()
     closing = said.rstrip().rsplit("\n\n", 1)[1].replace("\n", "\n\n")
     asked = " ".join(map(str, [*COMMON, *STUDIES[name]]))
     return "\n\n".join([f"## {name}.yaml", f"`marsyard tradeoff configs/{name}.yaml {asked}`: {minutes:.1f} minutes on {threads} threads.",
-                        section("What each setting is worth"), section("The front"), closing, ""])
+                        section("What each setting is worth"), section("Farther"), section("The front"), closing, ""])
 
 
 def main():

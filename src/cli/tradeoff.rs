@@ -39,6 +39,10 @@ pub(super) struct TradeoffArgs {
     /// The most promising combinations of knobs to measure beside single ones: of each group the setting that gained most may take part.
     #[arg(long, default_value_t = 4, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(0..=100))]
     combinations: u64,
+    /// Measure the recommended setting of the pipeline alone on so many times the scenes as well, so that `plan --hours` knows where its curve
+    /// ends: at twice the scenes, four times and so on. As much memory a scene as one setting takes; 1 leaves it out.
+    #[arg(long, default_value_t = 8, value_name = "TIMES", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    farther: u64,
     /// Trainings of each classifier at each size, with other first weights, orders of the rows and, at the smaller sizes, scenes.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
@@ -72,6 +76,7 @@ pub(super) fn run(args: &TradeoffArgs, log: LogFormat) -> Result<(), Failure> {
         test_scenes: args.test_scenes,
         only: args.only.clone(),
         combinations: args.combinations as usize,
+        farther: args.farther,
         seeds: args.seeds,
         resolve: args.resolve.map(|points| 0.01 * points),
         time: args.minutes.map(|minutes| Duration::from_secs_f64(60.0 * minutes)),

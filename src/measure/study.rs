@@ -53,7 +53,7 @@ pub(crate) struct StudySetting {
     pub sets: Vec<String>,
     /// Against the reference at equal CPU; `None` for the reference, and where no cost is common.
     pub told: Option<Told>,
-    /// Ascending in scenes.
+    /// Ascending in scenes: those that all settings have, and of what was recommended more.
     pub sizes: Vec<StudySize>,
 }
 
@@ -74,7 +74,7 @@ pub(crate) struct StudySize {
 }
 
 impl StudySetting {
-    /// All its scenes. A study that was read or made has sizes at every setting.
+    /// The most scenes that it was measured at. A study that was read or made has sizes at every setting.
     pub(crate) fn largest(&self) -> &StudySize {
         &self.sizes[self.sizes.len() - 1]
     }
@@ -96,7 +96,7 @@ impl Study {
         let rows = report.side(Side::Pipeline).filter(|row| row.may_be_recommended);
         let settings = rows.filter_map(|row| {
             let worth = row.worth.as_ref()?;
-            let sizes = worth.curve.iter().map(|size| StudySize {
+            let sizes = worth.curve.iter().chain(&worth.farther).map(|size| StudySize {
                 scenes: size.scenes,
                 generate_cpu_s: size.generate_cpu_s,
                 train_cpu_s: size.train_cpu_s,
@@ -190,13 +190,11 @@ impl Study {
                 ));
             }
             let first = &self.settings[0];
-            if setting.sizes.len() != first.sizes.len() {
+            let other = setting.sizes.iter().zip(&first.sizes).find(|(own, other)| own.scenes != other.scenes);
+            if let Some((own, other)) = other {
                 return Some(format!(
-                    "setting '{}' has {} sizes and '{}' {}: all settings of a study are measured at as many",
-                    setting.name,
-                    setting.sizes.len(),
-                    first.name,
-                    first.sizes.len()
+                    "setting '{}' has a size of {} scenes where '{}' has one of {}: all settings of a study are measured at the same, some at more",
+                    setting.name, own.scenes, first.name, other.scenes
                 ));
             }
         }

@@ -12,7 +12,8 @@ fn config() -> String {
 /// A study of the fixture, where `tradeoff` puts it.
 fn with_study() -> Yard {
     let yard = Yard::new();
-    let quick = ["--scenes", "8", "--test-scenes", "4", "--seeds", "2", "--only", "cast", "--threads", "2"];
+    let quick =
+        ["--scenes", "8", "--test-scenes", "4", "--seeds", "2", "--only", "cast", "--farther", "2", "--threads", "2"];
     let output = yard.marsyard(["tradeoff", config().as_str()].iter().chain(&quick));
     assert!(output.status.success(), "{}", text(&output.stderr));
     yard

@@ -348,7 +348,8 @@ fn regress_results_replace_no_file_of_another_and_no_input() {
 fn regress_tradeoff_looks_at_its_folder_before_it_measures() {
     let yard = Yard::new();
     let config = training();
-    let tradeoff = ["tradeoff", &config, "--scenes", "8", "--seeds", "1", "--only", "batch", "--out", "project"];
+    let tradeoff =
+        ["tradeoff", &config, "--scenes", "8", "--seeds", "1", "--only", "batch", "--farther", "1", "--out", "project"];
     lay(&yard, &[("project/tradeoff.md", "mine")]);
     refused(&yard, &tradeoff, &["project holds tradeoff.md, which marsyard did not write"]);
     fs::remove_file(yard.path("project/tradeoff.md")).expect("a file");

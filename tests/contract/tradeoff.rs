@@ -11,7 +11,20 @@ fn config() -> String {
 #[test]
 fn law_tradeoff_writes_its_files_and_recommends() {
     let yard = Yard::new();
-    let quick = ["--scenes", "8", "--test-scenes", "4", "--seeds", "2", "--only", "cast,batch", "--threads", "2"];
+    let quick = [
+        "--scenes",
+        "8",
+        "--test-scenes",
+        "4",
+        "--seeds",
+        "2",
+        "--only",
+        "cast,batch",
+        "--farther",
+        "2",
+        "--threads",
+        "2",
+    ];
     let output = yard.marsyard(["tradeoff", config().as_str()].iter().chain(&quick));
     assert!(output.status.success(), "{}", text(&output.stderr));
     let (told, talk) = (text(&output.stdout), text(&output.stderr));
@@ -28,6 +41,9 @@ fn law_tradeoff_writes_its_files_and_recommends() {
     let rows = json["rows"].as_array().expect("rows");
     assert_eq!(rows.len(), 8 + 3);
     assert!(rows.iter().all(|row| row["worth"]["curve"].as_array().map(Vec::len) == Some(4)));
+    let followed = rows.iter().filter_map(|row| row["worth"]["farther"].as_array());
+    assert_eq!(followed.map(Vec::len).collect::<Vec<_>>(), [1], "16 scenes beside 8, 4 and 2 of them");
+    assert!(told.contains(" alone, on more scenes"), "{told}");
     assert_eq!(json["test"][0]["scenes"], 4);
     // No path, host or time of day.
     let folder = yard.path("").display().to_string();
@@ -37,7 +53,20 @@ fn law_tradeoff_writes_its_files_and_recommends() {
 #[test]
 fn law_rounds_end_by_what_was_asked_and_say_so() {
     let yard = Yard::new();
-    let quick = ["--scenes", "8", "--test-scenes", "4", "--seeds", "2", "--only", "contact", "--threads", "2"];
+    let quick = [
+        "--scenes",
+        "8",
+        "--test-scenes",
+        "4",
+        "--seeds",
+        "2",
+        "--only",
+        "contact",
+        "--farther",
+        "1",
+        "--threads",
+        "2",
+    ];
     // No second round fits in a thousandth of a minute.
     for (extra, words) in [
         (&["--resolve", "99"][..], "1 round, 2 trainings a size: resolved; "),
@@ -59,6 +88,7 @@ fn law_tradeoff_refuses_what_it_cannot_measure() {
         (&["--minutes", "soon"], "not a number above 0"),
         (&["--scenes", "3"], "8..=100000"),
         (&["--test-scenes", "1"], "2..=100000"),
+        (&["--farther", "0"], "1..=1000"),
         (&["--set", "slam.fastslam.particels=3"], "particles"),
     ] {
         let output = yard.marsyard(["tradeoff", config().as_str()].iter().chain(extra));

@@ -16,7 +16,7 @@ use crate::cli::{Failure, config_failure};
 use crate::config;
 use crate::corpus::CorpusError;
 use crate::corpus::store::write_whole;
-use crate::measure::budget::{Bound, Choice, FLAT};
+use crate::measure::budget::{Bound, Choice, FLAT_TWICE};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::report::Told;
 use crate::plan::Plan;
@@ -49,7 +49,7 @@ impl Answer<'_> {
             counted(self.cores as u64, "core"),
             self.study_file.display(),
             counted(self.study.settings.len() as u64, "setting"),
-            self.study.settings[0].largest().scenes,
+            self.study.settings.iter().map(|setting| setting.largest().scenes).max().unwrap_or(0),
             self.study.test_scenes,
             self.study.judged_by
         );
@@ -138,6 +138,7 @@ impl Answer<'_> {
                 "balanced_accuracy": {
                     "mean": choice.expected.mean, "low": choice.expected.low, "high": choice.expected.high,
                 },
+                "twice_would_bring": {"mean": choice.twice.0, "at_most": choice.twice.1},
                 "more_would_bring": {"mean": choice.left.0, "at_most": choice.left.1},
             })
         };
@@ -185,11 +186,13 @@ fn ends(choice: &Choice) -> String {
         Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
         Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
         Bound::Flat => format!(
-            "The curve is flat from here on: the {} scenes that the budget allows would bring {:.1} points more, and by every believed law {:.1} at most.",
+            "The curve is flat from here on: twice as many scenes would bring {:.2} points, and by every believed law {:.2} at most; the {} that the budget allows {:.1}, and {:.1} at most.",
+            100.0 * choice.twice.0,
+            // Told as it was decided.
+            100.0 * choice.twice.1.min(FLAT_TWICE),
             choice.most_scenes,
             100.0 * choice.left.0,
-            // Told as it was decided.
-            100.0 * choice.left.1.min(FLAT)
+            100.0 * choice.left.1
         ),
     }
 }

@@ -110,6 +110,7 @@ fn make(
             test_scenes: (next.scenes / (2 * judging)).max(LEAST_TEST_SCENES),
             only: vec![Group::Presets, Group::Slam],
             combinations: 0,
+            farther: 1,
             seeds: SEEDS,
             resolve: next.is_last.then_some(RESOLVED),
             time: next.is_last.then_some(left),

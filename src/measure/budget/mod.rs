@@ -6,36 +6,41 @@
 //! measured here and added. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
 //! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and how often a training goes through its rows (`passes`).
 //! Settings are ranked by what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
-//! as written and are expected to be no worse. The config as written comes before what is not told apart; then by what is expected no farther than
-//! twice the largest measured size.
+//! as written and are expected to be no worse. The config as written comes before what is not told apart; then what the study followed to more scenes
+//! than the others, for it was the most accurate at equal CPU; then by what is expected no farther than twice the largest size that all have.
 
 mod fit;
 mod passes;
 
+use std::ops::Range;
+
 use self::fit::{Fit, Measured};
 use self::passes::Passes;
 use super::estimate::RowCost;
-use super::study::{Study, StudySetting};
+use super::study::{Study, StudySetting, StudySize};
 use super::tradeoff::report::Told;
 use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
+use crate::statistics::Moments;
 use crate::train::generalisation;
 use crate::train::order::WINDOW_GROUPS;
 use crate::train::quantiles::SAMPLE_ROWS;
 
 pub(crate) use fit::Expected;
 
-/// More scenes that bring no more than this, in a study or surely in a plan, are told to bring nothing: half a point of balanced accuracy.
+/// More scenes of a study that bring no more than this are told to bring nothing: half a point of balanced accuracy.
 pub(crate) const FLAT: f64 = 0.005;
+/// Twice the scenes of a plan, and so twice its hours, that bring no more than this are told to bring nothing: a tenth of a point.
+pub(crate) const FLAT_TWICE: f64 = 0.001;
 /// Scenes of a study that train and stop as many as one scene of a corpus does: 14 / 20 of it train, 5 / 6 of the study's.
 const STUDY_SCENES: f64 = SPLITS[0] * 6.0 / 5.0;
 /// Shares of a corpus's scenes that train, stop and test.
 const SPLITS: [f64; 3] = [0.7, 0.15, 0.15];
 /// Windows that are there, or in the making, when training ends: half of the one that is learnt, one that waits, and the one after it.
 const WINDOWS_LEFT: f64 = 2.5;
-/// Settings are ranked up to so many times the largest measured size.
+/// Settings are ranked up to so many times the largest size that all of them were measured at.
 const RANKED_UP_TO: f64 = 2.0;
-/// A curve is told to be flat where the budget would allow so many times the scenes: the last few scenes of any budget bring little.
+/// A curve is told to be flat where the budget would allow so many times the scenes.
 const WORTH_STOPPING: u64 = 2;
 /// Seconds that were measured at two moments are the same up to this.
 const SAME_SECONDS: f64 = 1.05;
@@ -91,7 +96,8 @@ pub(crate) struct Choice<'s> {
     pub bytes: f64,
     pub rows: f64,
     pub expected: Expected,
-    /// What `most_scenes` would bring beyond `scenes`: expected, and at most.
+    /// What twice as many scenes would bring, and what `most_scenes`: expected, and at most.
+    pub twice: (f64, f64),
     pub left: (f64, f64),
     /// Scenes over the scenes of the largest measured size; above 1 the curve is extrapolated.
     pub beyond: f64,
@@ -122,14 +128,16 @@ pub(crate) fn choices<'s>(
     multiple: u64,
 ) -> Vec<Choice<'s>> {
     let (errors, passes) = (standard_errors(study), Passes::of(study));
+    let of_all = sizes_of_all(study);
+    let common = study.settings.first().map_or(0.0, |setting| setting.sizes[of_all - 1].scenes as f64);
     let choices = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
         let curve = Curve::of(setting, &errors, passes, &here, multiple);
-        Some((curve.choice(budget, &here, multiple)?, curve))
+        Some((curve.choice(budget, &here, common, multiple)?, curve))
     });
     let expected: Vec<(f64, Choice)> = choices
         .map(|(choice, curve)| {
-            let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * curve.largest);
+            let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * common);
             (curve.fit.expected(ranked_at).mean, choice)
         })
         .collect();
@@ -150,24 +158,33 @@ pub(crate) fn choices<'s>(
             (rank, mean, choice)
         })
         .collect();
-    ranked.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
+    let followed_to = |choice: &Choice| choice.setting.largest().scenes;
+    ranked.sort_by(|(a, mean, one), (b, other_mean, other)| {
+        b.cmp(a).then(followed_to(other).cmp(&followed_to(one))).then(other_mean.total_cmp(mean))
+    });
     ranked.into_iter().map(|(_, _, choice)| choice).collect()
 }
 
-/// Of the mean over trainings, by size: pooled over the settings, for a few trainings alone say little of their own spread.
+/// How many sizes every setting has.
+fn sizes_of_all(study: &Study) -> usize {
+    study.settings.iter().map(|setting| setting.sizes.len()).min().unwrap_or(0)
+}
+
+/// Of the mean over trainings, by size: pooled over the settings, for a few trainings alone say little of their own spread; and over all sizes
+/// that one setting alone has.
 fn standard_errors(study: &Study) -> Vec<f64> {
-    let sizes = study.settings.iter().map(|setting| setting.sizes.len()).min().unwrap_or(0);
-    let pooled = |size: usize| {
-        let variances = study.settings.iter().filter_map(|setting| {
-            crate::statistics::Moments::of(setting.sizes[size].by_seed.iter().copied())
-                .and_then(|moments| moments.variance)
-        });
-        let variances: Vec<f64> = variances.collect();
+    let (of_all, most) =
+        (sizes_of_all(study), study.settings.iter().map(|setting| setting.sizes.len()).max().unwrap_or(0));
+    let pooled = |sizes: Range<usize>| {
+        let measured = study.settings.iter().flat_map(|setting| setting.sizes.iter().take(sizes.end).skip(sizes.start));
+        let variance = |size: &StudySize| Moments::of(size.by_seed.iter().copied())?.variance;
+        let variances: Vec<f64> = measured.filter_map(variance).collect();
         let mean = variances.iter().sum::<f64>() / variances.len().max(1) as f64;
         // Trainings that agree to the last digit are no reason to divide by zero.
         (mean / study.seeds as f64).sqrt().max(1e-5)
     };
-    (0..sizes).map(pooled).collect()
+    let farther = pooled(of_all..most);
+    (0..of_all).map(|size| pooled(size..size + 1)).chain((of_all..most).map(|_| farther)).collect()
 }
 
 impl<'s> Curve<'s> {
@@ -216,8 +233,8 @@ impl<'s> Curve<'s> {
         (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * passes + beside_s)
     }
 
-    /// `None` where not even `multiple` scenes are within the budget.
-    fn choice(&self, budget: &Budget, here: &Here, multiple: u64) -> Option<Choice<'s>> {
+    /// `None` where not even `multiple` scenes are within the budget; `common`: scenes of the largest size that all settings have.
+    fn choice(&self, budget: &Budget, here: &Here, common: f64, multiple: u64) -> Option<Choice<'s>> {
         let fits = |scenes: f64| {
             let (build_s, train_s) = self.seconds(scenes, budget.cores);
             build_s + train_s <= budget.wall_s
@@ -229,7 +246,7 @@ impl<'s> Curve<'s> {
         if most_scenes == 0 {
             return None;
         }
-        let flat = self.flat_from(most_scenes).div_ceil(multiple).max(1) * multiple;
+        let flat = self.flat_from(common, most_scenes).div_ceil(multiple).max(1) * multiple;
         let (scenes, bound) = match () {
             () if flat.saturating_mul(WORTH_STOPPING) <= most_scenes => (flat, Bound::Flat),
             () if by_rows < by_hours.min(by_disk) => (most_scenes, Bound::Rows),
@@ -249,19 +266,21 @@ impl<'s> Curve<'s> {
             bytes: here.bytes_per_scene * scenes as f64,
             rows: here.rows_per_scene * scenes as f64,
             expected: self.fit.expected(study_scenes(scenes)),
+            twice: self.fit.gain(study_scenes(scenes), 2.0 * study_scenes(scenes)),
             left: self.fit.gain(study_scenes(scenes), study_scenes(most_scenes)),
             beyond: study_scenes(scenes) / self.largest,
         })
     }
 
-    /// The fewest scenes, none fewer than were measured, from which on all that the budget allows bring at most [`FLAT`] by any believed law.
-    fn flat_from(&self, most_scenes: u64) -> u64 {
-        let (first, last) = (self.largest / STUDY_SCENES, most_scenes as f64);
+    /// The fewest scenes, none fewer than all settings were measured at, from which on twice as many bring at most [`FLAT_TWICE`] by any believed
+    /// law; `most_scenes` where there are none.
+    fn flat_from(&self, common: f64, most_scenes: u64) -> u64 {
+        let (first, last) = (common / STUDY_SCENES, most_scenes as f64);
         if first >= last {
             return most_scenes;
         }
         let at = |step: u32| first * math::pow(last / first, f64::from(step) / f64::from(STEPS));
-        let is_flat = |scenes: &f64| self.fit.gain(STUDY_SCENES * scenes, STUDY_SCENES * last).1 <= FLAT;
+        let is_flat = |scenes: &f64| self.fit.gain(STUDY_SCENES * scenes, 2.0 * STUDY_SCENES * scenes).1 <= FLAT_TWICE;
         (0..=STEPS).map(at).find(is_flat).map_or(most_scenes, |scenes| scenes.ceil() as u64)
     }
 }

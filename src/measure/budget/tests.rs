@@ -1,5 +1,6 @@
 use super::*;
 use crate::measure::study::tests::{setting, study};
+use crate::statistics::Interval;
 
 const HERE: Here = Here {
     slowness: 2.0,
@@ -86,7 +87,10 @@ fn law_a_flat_curve_ends_the_scenes_long_before_the_hours() {
     let of = &choices(&study, &budget(8.0 * 3600.0, None), |_| HERE, 50)[0];
     assert_eq!(of.bound, Bound::Flat);
     assert!(of.scenes < 5000 && of.most_scenes > 500_000, "{of:?}");
-    assert!(of.left.0 <= of.left.1 && of.left.1 <= FLAT);
+    assert!(of.twice.0 <= of.twice.1 && of.twice.1 <= FLAT_TWICE && of.twice.1 <= of.left.1, "{of:?}");
+    // Where it is flat the budget does not say.
+    let of_days = &choices(&study, &budget(80.0 * 3600.0, None), |_| HERE, 50)[0];
+    assert!(of_days.scenes.abs_diff(of.scenes) <= of.scenes / 20, "{} {}", of_days.scenes, of.scenes);
     // Never better than the floor and the interval allow.
     assert!(of.expected.high < 0.97 + 0.01, "{of:?}");
 }
@@ -102,6 +106,41 @@ fn law_what_is_told_better_comes_first_and_what_is_worse_never() {
     let names: Vec<_> =
         choices(&study, &budget(600.0, None), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
     assert_eq!(names, ["better", "reference", "lucky"]);
+}
+
+#[test]
+fn law_a_setting_that_was_followed_to_more_scenes_is_told_by_them_and_comes_first_among_its_like() {
+    let better = |name: &str, floor: f64| setting(name, Some(Told::Better), (floor, 1.0), (0.02, 0.01));
+    let mut study = study(vec![
+        setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+        better("lucky", 0.019),
+        better("followed", 0.02),
+    ]);
+    let small =
+        Vec::from_iter(choices(&study, &budget(3600.0, None), |_| HERE, 10).iter().map(|of| of.setting.name.clone()));
+    assert_eq!(small, ["lucky", "followed", "reference"]);
+    // What the larger sizes tell: nothing is gained beyond 256 scenes.
+    let last = study.settings[2].largest().clone();
+    for scenes in [256, 512, 1024] {
+        let times = scenes as f64 / last.scenes as f64;
+        let mean = 1.0 - 0.02 - 1.0 / 256.0;
+        study.settings[2].sizes.push(StudySize {
+            scenes,
+            generate_cpu_s: times * last.generate_cpu_s,
+            train_cpu_s: times * last.train_cpu_s,
+            train_rows: times * last.train_rows,
+            rows_learnt: times * last.rows_learnt,
+            balanced_accuracy: Interval { mean, half_width: 0.002 },
+            by_seed: vec![mean - 2e-4, mean, mean + 2e-4],
+        });
+    }
+    assert_eq!(study.fault(), None);
+    let of = choices(&study, &budget(3600.0, None), |_| HERE, 10);
+    let names: Vec<&str> = of.iter().map(|of| of.setting.name.as_str()).collect();
+    assert_eq!(names, ["followed", "lucky", "reference"]);
+    assert!(of[0].expected.mean < 1.0 - 0.02 - 0.7 / 256.0, "{:?}", of[0]);
+    assert!(of[0].expected.high - of[0].expected.low < of[1].expected.high - of[1].expected.low, "{of:?}");
+    assert!((of[0].beyond - STUDY_SCENES * of[0].scenes as f64 / 1024.0).abs() < 1e-12);
 }
 
 #[test]

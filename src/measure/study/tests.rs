@@ -67,10 +67,10 @@ fn law_what_no_measurement_gives_is_refused_with_the_reason() {
         (
             |s| {
                 let mut other = s.settings[0].clone();
-                other.sizes.pop();
+                other.sizes[1].scenes = 33;
                 s.settings.push(other);
             },
-            "has 3 sizes and 'truth' 4",
+            "a size of 33 scenes where 'truth' has one of 32",
         ),
     ] {
         assert!(broken(change).contains(expected), "{expected}: {}", broken(change));

@@ -2,7 +2,7 @@
 //!
 //! One panel for the pipeline and one for the trainer. CPU time of making the scenes and of training grows to the right, in its logarithm;
 //! the balanced error grows upwards, so that better is to the lower left. The reference is drawn thick, with the intervals of its sizes;
-//! a setting has the colour of its knob and stands out where it is told apart from the reference. The broad band is the front of the
+//! a setting has the colour of its knob and stands out where it is told apart from the reference; what is recommended goes on to more scenes. The broad band is the front of the
 //! pipeline's settings, the ring what is recommended.
 
 use super::front::front;
@@ -47,8 +47,9 @@ pub(crate) fn svg(report: &Report) -> Option<String> {
     (!panels.is_empty()).then(|| chart::svg(PANEL, &panels))
 }
 
-fn sizes(row: &Row) -> &[CurveRow] {
-    row.worth.as_ref().map_or(&[], |worth| &worth.curve)
+/// Those at which all settings are compared, and those beyond.
+fn sizes(row: &Row) -> impl DoubleEndedIterator<Item = &CurveRow> {
+    row.worth.iter().flat_map(|worth| worth.curve.iter().chain(&worth.farther))
 }
 
 fn error(size: &CurveRow) -> f64 {
@@ -73,7 +74,7 @@ fn panel(
             Some(100.0 * size.balanced_accuracy.half_width).filter(|width| width.is_finite()).unwrap_or(0.0);
         (size.cpu_s(), (error(size) - half_width).max(0.3 * error(size)), error(size) + half_width)
     };
-    let intervals: Vec<_> = sizes(reference).iter().map(interval).collect();
+    let intervals: Vec<_> = sizes(reference).map(interval).collect();
     let ends = intervals.iter().flat_map(|&(_, low, high)| [low, high]);
     let errors: Vec<f64> = all().map(error).chain(ends).collect();
     let costs = || all().map(CurveRow::cpu_s);
@@ -98,22 +99,18 @@ fn panel(
         let told = row.gain().map(|gain| gain.told);
         let is_apart = matches!(told, Some(Told::Better | Told::Worse));
         let opacity = if is_apart { 1.0 } else { 0.45 };
-        let line = Marks::Line(sizes(row).iter().map(at).collect(), if is_apart { 2 } else { 1 });
+        let line = Marks::Line(sizes(row).map(at).collect(), if is_apart { 2 } else { 1 });
         let name = row.group.map_or(OTHER_DRAWS, Group::name);
         let is_first = !named.contains(&name);
         named.extend(is_first.then_some(name));
         let curve = if is_first { Series::named(name, colour(row), line) } else { Series::unnamed(colour(row), line) };
         series.push(curve.with_opacity(opacity));
-        let dots = Marks::Dots(sizes(row).iter().map(at).collect(), 3);
+        let dots = Marks::Dots(sizes(row).map(at).collect(), 3);
         series.push(Series::unnamed(colour(row), dots).with_opacity(opacity));
     }
     series.push(Series::unnamed(BLACK, Marks::Intervals(intervals)).with_opacity(0.6));
-    series.push(Series::named(
-        reference.name.clone(),
-        BLACK,
-        Marks::Line(sizes(reference).iter().map(at).collect(), 3),
-    ));
-    series.push(Series::unnamed(BLACK, Marks::Dots(sizes(reference).iter().map(at).collect(), 4)));
+    series.push(Series::named(reference.name.clone(), BLACK, Marks::Line(sizes(reference).map(at).collect(), 3)));
+    series.push(Series::unnamed(BLACK, Marks::Dots(sizes(reference).map(at).collect(), 4)));
     let chosen = recommended.map(|of| (of.cpu_s, 100.0 * (1.0 - of.balanced_accuracy.mean)));
     if let (Some(of), Some(point)) = (recommended, chosen) {
         let name = format!("recommended: {}, {} scenes", of.name, of.scenes);
@@ -128,7 +125,7 @@ fn panel(
 fn names(rows: &[&Row], errors: &[f64]) -> Vec<(Point, i32, String)> {
     let is_told = |row: &&&Row| row.gain().is_some_and(|gain| matches!(gain.told, Told::Better | Told::Worse));
     let mut ends: Vec<(Point, String)> =
-        rows.iter().filter(is_told).filter_map(|row| Some((at(sizes(row).last()?), row.name.clone()))).collect();
+        rows.iter().filter(is_told).filter_map(|row| Some((at(sizes(row).next_back()?), row.name.clone()))).collect();
     ends.sort_by(|a, b| a.0.1.total_cmp(&b.0.1));
     let span = errors.iter().copied().fold(0.0, f64::max) - errors.iter().copied().fold(f64::INFINITY, f64::min);
     let pixel = span.max(1e-9) / f64::from(PANEL.1);

@@ -62,6 +62,7 @@ mod tests {
             pipeline: None,
             worth: Some(WorthRow {
                 curve: [5, 10, 20, 40].map(size).into(),
+                farther: Vec::new(),
                 at_reference_cpu: Some(within),
                 gain,
                 flat_from,

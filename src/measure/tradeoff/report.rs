@@ -180,6 +180,9 @@ pub(crate) struct ShiftRow {
 pub(crate) struct WorthRow {
     /// By size, ascending.
     pub curve: Vec<CurveRow>,
+    /// Of the recommended pipeline, sizes beyond those at which settings are compared; told in the seconds of those.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub farther: Vec<CurveRow>,
     /// Mean balanced accuracy for the CPU time of the reference's largest size; at the own largest size where that costs less. `None` where
     /// the smallest size costs more.
     pub at_reference_cpu: Option<f64>,
@@ -296,7 +299,7 @@ impl Report {
             }
             if let Some(worth) = &mut row.worth {
                 (worth.gain, worth.at_reference_cpu) = (None, None);
-                for size in &mut worth.curve {
+                for size in worth.curve.iter_mut().chain(&mut worth.farther) {
                     (size.generate_cpu_s, size.train_cpu_s, size.learning_cpu_s) = (0.0, 0.0, 0.0);
                 }
             }

@@ -143,6 +143,7 @@ fn grids(report: &Report) -> Vec<Grid> {
     if !filters.is_empty() {
         grids.push(worths(report, "The trainer, on the reference's cells, at equal CPU", &filters));
     }
+    grids.extend(farther(&pipelines));
     grids.push(curves(&[pipelines, filters].concat()));
     grids.push(front_grid(report));
     grids.push(errors("What each setting costs, and the error it brings", &matched));
@@ -215,6 +216,24 @@ fn curves(rows: &[&Row]) -> Grid {
         rows: rows.collect(),
         head: vec!["setting", "an eighth", "a quarter", "half", "all"],
     }
+}
+
+/// The longer curve of what is recommended, from the last size that it has in common with the others on.
+fn farther(rows: &[&Row]) -> Option<Grid> {
+    let row = rows.iter().find(|row| row.worth.as_ref().is_some_and(|worth| !worth.farther.is_empty()))?;
+    let worth = row.worth.as_ref()?;
+    let cells = |size: &CurveRow| {
+        vec![
+            size.scenes.to_string(),
+            format!("{} + {}", figures(size.generate_cpu_s), figures(size.train_cpu_s)),
+            percent(&size.balanced_accuracy),
+        ]
+    };
+    Some(Grid {
+        title: format!("Farther: {} alone, on more scenes", row.label()),
+        rows: worth.curve.last().into_iter().chain(&worth.farther).map(cells).collect(),
+        head: vec!["scenes", "CPU s\ngenerate + train", "balanced\naccuracy, %"],
+    })
 }
 
 fn front_grid(report: &Report) -> Grid {

@@ -7,12 +7,14 @@ use std::sync::atomic::AtomicBool;
 use super::report::{CurveRow, Ended, GainRow, PipelineRow, Report, Row, Told};
 use super::settings::{Settings, Side, Variant};
 use super::{
-    Event, Group, Options, TradeoffError, chart, combine, front, judging, records, run, scenes, settings, table,
+    Event, Group, Options, TradeoffError, chart, combine, farther, front, judging, recommend, records, run, scenes,
+    settings, table,
 };
 use crate::config::load;
 use crate::corpus::Split;
 use crate::corpus::plan_difference::differences;
 use crate::drive::params::ContactSolver;
+use crate::measure::study::Study;
 use crate::slam::SlamParams;
 use crate::slam::params::SurrogateParams;
 use crate::statistics::Interval;
@@ -26,6 +28,7 @@ fn options(config: &str, sets: &[&str], only: &[Group]) -> Options {
         only: only.to_vec(),
         test_scenes: 6,
         combinations: 0,
+        farther: 1,
         seeds: 2,
         resolve: None,
         time: None,
@@ -373,6 +376,51 @@ fn law_combinations_are_measured_beside_the_reference_and_may_be_recommended() {
     // A stop meanwhile leaves what there is.
     let stopped = combine::add(report.clone(), &options, &settings, &AtomicBool::new(true), &mut |_| ()).unwrap();
     assert!(stopped == Report { ended: Ended::Interrupted, ..report });
+}
+
+#[test]
+fn law_what_is_recommended_is_followed_to_more_scenes() {
+    let only = [Group::Cast, Group::Slam];
+    let options = Options { farther: 3, ..options("tests/fixtures/training.yaml", &[], &only) };
+    let settings = settings::settings(&options, &SurrogateParams::default()).unwrap();
+    let mut report = with_gains(&settings, &SMALL, &[("raster 0.1 m", 0.5), ("dead_reckoning", 0.7)]);
+    report.recommended_pipeline = recommend::recommend(&report.rows, Side::Pipeline);
+    let followed = |threads, is_stopped| {
+        let options = Options { threads, ..options.clone() };
+        farther::add(report.clone(), &options, &settings, &AtomicBool::new(is_stopped), &mut |_| ()).unwrap()
+    };
+    let made = followed(2, false);
+    let named = &made.recommended_pipeline.as_ref().unwrap().name;
+    for row in &made.rows {
+        let (worth, is_named) = (row.worth.as_ref().unwrap(), row.label() == *named);
+        // Of 24 scenes an eighth is no more than what there is.
+        let scenes: Vec<u64> = worth.farther.iter().map(|size| size.scenes).collect();
+        assert_eq!(scenes, if is_named { vec![12, 24] } else { vec![] }, "{}", row.name);
+        let sound = |size: &CurveRow| size.by_seed.len() == 2 && size.cpu_s() > 0.0 && size.train_rows > 0.0;
+        assert!(worth.farther.iter().all(sound));
+        // In the first measurement's seconds scenes cost what they cost there: of those that all are as dear half as many take half as long.
+        let per_scene = |size: &CurveRow| size.generate_cpu_s / size.scenes as f64;
+        let there = per_scene(worth.curve.last().unwrap());
+        assert!(worth.farther.iter().all(|size| (0.5..2.0).contains(&(per_scene(size) / there))), "{worth:?}");
+    }
+    // The same for any number of threads, and nothing else is changed.
+    assert!(followed(1, false).timeless() == made.timeless());
+    let mut without = made.clone();
+    without.rows.iter_mut().filter_map(|row| row.worth.as_mut()).for_each(|worth| worth.farther.clear());
+    assert!(without == report);
+    // All of it is told, drawn and kept, and a study has the longer curve of that setting.
+    assert!(table::markdown(&made).contains(&format!("Farther: {named} alone")));
+    assert!(chart::svg(&made).unwrap() != chart::svg(&report).unwrap());
+    let json = serde_json::to_string(&made).unwrap();
+    assert!(serde_json::from_str::<Report>(&json).unwrap() == made);
+    let study = Study::of(&made).unwrap();
+    let sizes = |name: &str| study.settings.iter().find(|setting| setting.name == name).unwrap().sizes.len();
+    assert_eq!((study.fault(), sizes(named), sizes("reference")), (None, 6, 4));
+    // A stop meanwhile leaves what there is; once the scenes are as many, nothing follows.
+    let stopped = followed(2, true);
+    assert!(stopped == Report { ended: Ended::Interrupted, ..report.clone() });
+    let once = Options { farther: 1, ..options.clone() };
+    assert!(farther::add(report.clone(), &once, &settings, &AtomicBool::new(false), &mut |_| ()).unwrap() == report);
 }
 
 #[test]

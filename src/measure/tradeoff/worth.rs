@@ -57,6 +57,7 @@ pub(super) fn worth(
                     .zip(&trainings[k].as_ref().expect("it has sizes")[..])
                     .map(|(size, of)| size.row(of, test, &resampling))
                     .collect(),
+                farther: Vec::new(),
                 at_reference_cpu,
                 gain: equal.map(|equal| GainRow {
                     cpu_s: equal.cpu_s,
