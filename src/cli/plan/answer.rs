@@ -185,6 +185,7 @@ fn ends(choice: &Choice) -> String {
         Bound::Hours => "The hours bind: more scenes would take longer.".into(),
         Bound::Disk => "The disk binds: it holds no more scenes, though the hours would make them.".into(),
         Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
+        Bound::SameTime => "As many scenes as take the time of the first choice.".into(),
         Bound::Flat => format!(
             "The curve is flat from here on: twice as many scenes would bring {:.2} points, and by every believed law {:.2} at most; the {} that the budget allows {:.1}, and {:.1} at most.",
             100.0 * choice.twice.0,

@@ -5,20 +5,19 @@
 //! times are scaled by how long this machine takes for the study's scenes; a study learns from memory, so what reading rows and judging them takes is
 //! measured here and added. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
 //! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`fit`), and how often a training goes through its rows (`passes`).
-//! Settings are ranked by what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
-//! as written and are expected to be no worse. The config as written comes before what is not told apart; then what the study followed to more scenes
-//! than the others, for it was the most accurate at equal CPU; then by what is expected no farther than twice the largest size that all have.
+//! In which order settings come: `ranking`.
 
 mod fit;
 mod passes;
+mod ranking;
 
 use std::ops::Range;
 
 use self::fit::{Fit, Measured};
 use self::passes::Passes;
+use self::ranking::{Candidate, ranked};
 use super::estimate::RowCost;
 use super::study::{Study, StudySetting, StudySize};
-use super::tradeoff::report::Told;
 use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
 use crate::statistics::Moments;
@@ -30,8 +29,8 @@ pub(crate) use fit::Expected;
 
 /// More scenes of a study that bring no more than this are told to bring nothing: half a point of balanced accuracy.
 pub(crate) const FLAT: f64 = 0.005;
-/// Twice the scenes of a plan, and so twice its hours, that bring no more than this are told to bring nothing: a tenth of a point.
-pub(crate) const FLAT_TWICE: f64 = 0.001;
+/// Twice the scenes of a plan, and so twice its hours, that bring no more than this are told to bring nothing: a twentieth of a point.
+pub(crate) const FLAT_TWICE: f64 = 0.0005;
 /// Scenes of a study that train and stop as many as one scene of a corpus does: 14 / 20 of it train, 5 / 6 of the study's.
 const STUDY_SCENES: f64 = SPLITS[0] * 6.0 / 5.0;
 /// Shares of a corpus's scenes that train, stop and test.
@@ -42,8 +41,6 @@ const WINDOWS_LEFT: f64 = 2.5;
 const RANKED_UP_TO: f64 = 2.0;
 /// A curve is told to be flat where the budget would allow so many times the scenes.
 const WORTH_STOPPING: u64 = 2;
-/// Seconds that were measured at two moments are the same up to this.
-const SAME_SECONDS: f64 = 1.05;
 /// Steps in the logarithm of the scenes at which a curve is looked through for where it is flat.
 const STEPS: u32 = 200;
 
@@ -80,6 +77,8 @@ pub(crate) enum Bound {
     Rows,
     /// More scenes bring next to nothing.
     Flat,
+    /// The first choice, whose curve is flat, takes no longer.
+    SameTime,
 }
 
 /// A setting, and how many scenes of it.
@@ -103,6 +102,13 @@ pub(crate) struct Choice<'s> {
     pub beyond: f64,
 }
 
+impl Choice<'_> {
+    /// Building and training.
+    fn seconds(&self) -> f64 {
+        self.build_s + self.train_s
+    }
+}
+
 /// A setting's curve and costs.
 struct Curve<'s> {
     setting: &'s StudySetting,
@@ -120,7 +126,7 @@ struct Curve<'s> {
 }
 
 /// The settings of a study that can be built within the budget, the best first. `here` says what each costs on this machine; scenes are
-/// whole multiples of `multiple`.
+/// whole multiples of `multiple`. Where the first ends before the budget because its curve is flat, the others have the time that it takes.
 pub(crate) fn choices<'s>(
     study: &'s Study,
     budget: &Budget,
@@ -130,39 +136,21 @@ pub(crate) fn choices<'s>(
     let (errors, passes) = (standard_errors(study), Passes::of(study));
     let of_all = sizes_of_all(study);
     let common = study.settings.first().map_or(0.0, |setting| setting.sizes[of_all - 1].scenes as f64);
-    let choices = study.settings.iter().filter_map(|setting| {
+    let candidates = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
         let curve = Curve::of(setting, &errors, passes, &here, multiple);
-        Some((curve.choice(budget, &here, common, multiple)?, curve))
+        let choice = curve.choice(budget, &here, common, multiple)?;
+        let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * common);
+        Some(Candidate { ranked_by: curve.fit.expected(ranked_at).mean, choice, curve, here })
     });
-    let expected: Vec<(f64, Choice)> = choices
-        .map(|(choice, curve)| {
-            let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * common);
-            (curve.fit.expected(ranked_at).mean, choice)
-        })
-        .collect();
-    let written = expected.iter().find(|(_, choice)| choice.setting == study.as_written());
-    let written = written.map(|(mean, choice)| (*mean, choice.build_s + choice.train_s));
-    let is_no_dearer = |mean: f64, choice: &Choice| {
-        let within = |seconds: f64| choice.build_s + choice.train_s <= SAME_SECONDS * seconds;
-        written.is_none_or(|(other, seconds)| mean >= other && within(seconds))
-    };
-    let mut ranked: Vec<(u8, f64, Choice)> = expected
-        .into_iter()
-        .filter(|(_, choice)| choice.setting.told != Some(Told::Worse))
-        .map(|(mean, choice)| {
-            let rank = match choice.setting.told {
-                Some(Told::Better) if !choice.is_capped || is_no_dearer(mean, &choice) => 2,
-                _ => u8::from(choice.setting == study.as_written()),
-            };
-            (rank, mean, choice)
-        })
-        .collect();
-    let followed_to = |choice: &Choice| choice.setting.largest().scenes;
-    ranked.sort_by(|(a, mean, one), (b, other_mean, other)| {
-        b.cmp(a).then(followed_to(other).cmp(&followed_to(one))).then(other_mean.total_cmp(mean))
-    });
-    ranked.into_iter().map(|(_, _, choice)| choice).collect()
+    let mut ranked = ranked(candidates.collect(), study);
+    if let Some((first, others)) = ranked.split_first_mut()
+        && first.choice.bound == Bound::Flat
+    {
+        let time = Budget { wall_s: first.choice.seconds(), ..*budget };
+        others.iter_mut().for_each(|other| other.cut_to(&time, common, multiple));
+    }
+    ranked.into_iter().map(|candidate| candidate.choice).collect()
 }
 
 /// How many sizes every setting has.
@@ -171,7 +159,8 @@ fn sizes_of_all(study: &Study) -> usize {
 }
 
 /// Of the mean over trainings, by size: pooled over the settings, for a few trainings alone say little of their own spread; and over all sizes
-/// that one setting alone has.
+/// that one setting alone has. No size is known better than a larger one: where all trainings hold the same scenes, as they do at the last size of
+/// a measurement, their spread tells nothing of the draw of the scenes.
 fn standard_errors(study: &Study) -> Vec<f64> {
     let (of_all, most) =
         (sizes_of_all(study), study.settings.iter().map(|setting| setting.sizes.len()).max().unwrap_or(0));
@@ -184,7 +173,12 @@ fn standard_errors(study: &Study) -> Vec<f64> {
         (mean / study.seeds as f64).sqrt().max(1e-5)
     };
     let farther = pooled(of_all..most);
-    (0..of_all).map(|size| pooled(size..size + 1)).chain((of_all..most).map(|_| farther)).collect()
+    let mut errors: Vec<f64> = (0..of_all).map(|size| pooled(size..size + 1)).collect();
+    errors.resize(most, farther);
+    for size in (1..most).rev() {
+        errors[size - 1] = errors[size - 1].max(errors[size]);
+    }
+    errors
 }
 
 impl<'s> Curve<'s> {

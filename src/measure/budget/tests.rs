@@ -1,5 +1,6 @@
 use super::*;
 use crate::measure::study::tests::{setting, study};
+use crate::measure::tradeoff::report::Told;
 use crate::statistics::Interval;
 
 const HERE: Here = Here {
@@ -141,6 +142,52 @@ fn law_a_setting_that_was_followed_to_more_scenes_is_told_by_them_and_comes_firs
     assert!(of[0].expected.mean < 1.0 - 0.02 - 0.7 / 256.0, "{:?}", of[0]);
     assert!(of[0].expected.high - of[0].expected.low < of[1].expected.high - of[1].expected.low, "{of:?}");
     assert!((of[0].beyond - STUDY_SCENES * of[0].scenes as f64 / 1024.0).abs() < 1e-12);
+}
+
+#[test]
+fn exact_the_next_choices_have_the_time_of_the_first_where_its_curve_is_flat() {
+    let study = study(vec![
+        setting("reference", None, (0.03, 0.1), (0.02, 0.01)),
+        setting("dear", Some(Told::NotApart), (0.02, 4.0), (0.2, 0.01)),
+        setting("cheap and flat", Some(Told::NotApart), (0.021, 0.05), (0.001, 0.001)),
+    ]);
+    let of = choices(&study, &budget(8.0 * 3600.0, None), |_| HERE, 10);
+    assert_eq!((of[0].setting.name.as_str(), of[0].bound), ("reference", Bound::Flat));
+    let seconds = |choice: &Choice| choice.build_s + choice.train_s;
+    for other in &of[1..] {
+        let ten_more = seconds(other) * (1.0 + 10.0 / other.scenes as f64);
+        let is_full = other.bound == Bound::SameTime && ten_more > seconds(&of[0]);
+        assert!(seconds(other) <= seconds(&of[0]) && (is_full || other.bound == Bound::Flat), "{other:?}");
+    }
+    assert_eq!(of[1..].iter().filter(|other| other.bound == Bound::SameTime).count(), 1, "{of:?}");
+    // Where the hours bind, all have the hours.
+    let of = choices(&study, &budget(0.5, None), |_| HERE, 1);
+    assert!(of.iter().all(|choice| choice.bound == Bound::Hours), "{of:?}");
+}
+
+#[test]
+fn exact_no_size_is_known_better_than_a_larger_one() {
+    let mut study = study(vec![setting("one", None, (0.03, 1.0), (0.02, 0.01)); 2]);
+    let spreads = [4e-3, 1e-3, 2e-3, 3e-3];
+    for setting in &mut study.settings {
+        for (size, spread) in setting.sizes.iter_mut().zip(spreads) {
+            size.by_seed = [-1.0, 0.0, 1.0].map(|step| size.balanced_accuracy.mean + spread * step).into();
+        }
+    }
+    // Of one setting alone two sizes more, whose spreads are pooled.
+    for (scenes, spread) in [(256, 1e-3), (512, 7e-3)] {
+        let by_seed = [-1.0, 0.0, 1.0].map(|step| 0.95 + spread * step).into();
+        let last = study.settings[1].largest().clone();
+        study.settings[1].sizes.push(StudySize { scenes, by_seed, ..last });
+    }
+    let expected = [5e-3; 6].map(|spread: f64| spread / 3.0_f64.sqrt());
+    let errors = standard_errors(&study);
+    assert!(errors.iter().zip(expected).all(|(error, expected)| (error - expected).abs() < 1e-12), "{errors:?}");
+    study.settings[1].sizes.truncate(4);
+    let errors = standard_errors(&study);
+    for (error, spread) in errors.iter().zip([4e-3, 3e-3, 3e-3, 3e-3]) {
+        assert!((error - spread / 3.0_f64.sqrt()).abs() < 1e-12, "{errors:?}");
+    }
 }
 
 #[test]
