@@ -188,9 +188,9 @@ fn ends(choice: &Choice) -> String {
         Bound::SameTime => "As many scenes as take the time of the first choice.".into(),
         Bound::Flat => format!(
             "The curve is flat from here on: twice as many scenes would bring {:.2} points, and by every believed law {:.2} at most; the {} that the budget allows {:.1}, and {:.1} at most.",
-            100.0 * choice.twice.0,
             // Told as it was decided.
-            100.0 * choice.twice.1.min(FLAT_TWICE),
+            100.0 * choice.twice.0.min(FLAT_TWICE.0),
+            100.0 * choice.twice.1.min(FLAT_TWICE.1),
             choice.most_scenes,
             100.0 * choice.left.0,
             100.0 * choice.left.1

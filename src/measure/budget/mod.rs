@@ -29,8 +29,9 @@ pub(crate) use fit::Expected;
 
 /// More scenes of a study that bring no more than this are told to bring nothing: half a point of balanced accuracy.
 pub(crate) const FLAT: f64 = 0.005;
-/// Twice the scenes of a plan, and so twice its hours, that bring no more than this are told to bring nothing: a twentieth of a point.
-pub(crate) const FLAT_TWICE: f64 = 0.0005;
+/// Twice the scenes of a plan, and so twice its hours, are told to bring nothing where they are expected to bring no more than a twentieth of a point,
+/// and by any believed law no more than a tenth.
+pub(crate) const FLAT_TWICE: (f64, f64) = (0.0005, 0.001);
 /// Scenes of a study that train and stop as many as one scene of a corpus does: 14 / 20 of it train, 5 / 6 of the study's.
 const STUDY_SCENES: f64 = SPLITS[0] * 6.0 / 5.0;
 /// Shares of a corpus's scenes that train, stop and test.
@@ -266,15 +267,18 @@ impl<'s> Curve<'s> {
         })
     }
 
-    /// The fewest scenes, none fewer than all settings were measured at, from which on twice as many bring at most [`FLAT_TWICE`] by any believed
-    /// law; `most_scenes` where there are none.
+    /// The fewest scenes, none fewer than all settings were measured at, from which on twice as many bring at most [`FLAT_TWICE`]; `most_scenes` where
+    /// there are none.
     fn flat_from(&self, common: f64, most_scenes: u64) -> u64 {
         let (first, last) = (common / STUDY_SCENES, most_scenes as f64);
         if first >= last {
             return most_scenes;
         }
         let at = |step: u32| first * math::pow(last / first, f64::from(step) / f64::from(STEPS));
-        let is_flat = |scenes: &f64| self.fit.gain(STUDY_SCENES * scenes, 2.0 * STUDY_SCENES * scenes).1 <= FLAT_TWICE;
+        let is_flat = |scenes: &f64| {
+            let (expected, most) = self.fit.gain(STUDY_SCENES * scenes, 2.0 * STUDY_SCENES * scenes);
+            expected <= FLAT_TWICE.0 && most <= FLAT_TWICE.1
+        };
         (0..=STEPS).map(at).find(is_flat).map_or(most_scenes, |scenes| scenes.ceil() as u64)
     }
 }

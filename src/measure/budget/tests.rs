@@ -88,7 +88,8 @@ fn law_a_flat_curve_ends_the_scenes_long_before_the_hours() {
     let of = &choices(&study, &budget(8.0 * 3600.0, None), |_| HERE, 50)[0];
     assert_eq!(of.bound, Bound::Flat);
     assert!(of.scenes < 5000 && of.most_scenes > 500_000, "{of:?}");
-    assert!(of.twice.0 <= of.twice.1 && of.twice.1 <= FLAT_TWICE && of.twice.1 <= of.left.1, "{of:?}");
+    assert!(of.twice.0 <= FLAT_TWICE.0 && of.twice.1 <= FLAT_TWICE.1, "{of:?}");
+    assert!(of.twice.0 <= of.twice.1 && of.twice.1 <= of.left.1, "{of:?}");
     // Where it is flat the budget does not say.
     let of_days = &choices(&study, &budget(80.0 * 3600.0, None), |_| HERE, 50)[0];
     assert!(of_days.scenes.abs_diff(of.scenes) <= of.scenes / 20, "{} {}", of_days.scenes, of.scenes);
