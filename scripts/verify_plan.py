@@ -30,13 +30,13 @@ SEEDS = (1, 2, 3)
 JUDGED_SCENES = {"quickstart": 400, "paper": 400, "mixed": None, "mars": 100}
 
 
-def build(marsyard, name, title, choice, scenes):
+def build(marsyard, name, title, choice, shards, scenes):
     """A corpus of a choice and its networks, with the CPU seconds of both."""
     kept = marsyard.work / f"{title}.json"
     place = marsyard.work / "corpora" / title
     if not kept.exists():
         study.note(f"{title}: {scenes} scenes")
-        sets = study.overrides([*choice["sets"], f"scenes={scenes}"])
+        sets = study.overrides([*choice["sets"], *shards, f"scenes={scenes}"])
         cpu = {"generate": marsyard.cpu_s("generate", study.ROOT / "configs" / f"{name}.yaml", "--out", place,
                                           "--threads", marsyard.threads, *sets), "train": []}
         for seed in SEEDS:
@@ -81,6 +81,8 @@ def verify(marsyard, name, options):
     plan = plan_of(marsyard, name, options.cpu_minutes / 60)
     reference = next(choice for choice in plan["choices"] if choice["setting"] == "reference")
     first, second = plan["choices"][:2]
+    # Of few scenes shards are smaller than the config's.
+    shards = [one for one in plan["sets"] if one.startswith("scenes_per_shard=")]
     builds = [("first", first, first["scenes"]), ("second", second, second["scenes"])]
     if first["bound"] == "flat":
         builds.append(("more", first, min(options.beyond * first["scenes"], first["most_scenes"])))
@@ -88,7 +90,7 @@ def verify(marsyard, name, options):
         builds.append(("reference", reference, reference["scenes"]))
     rows, yards, base = [], None, None
     for title, choice, scenes in builds:
-        row, models = build(marsyard, name, f"{name}-{title}", choice, scenes)
+        row, models = build(marsyard, name, f"{name}-{title}", choice, shards, scenes)
         if yards is None:
             yards = unseen.Yards(marsyard, name, reference["sets"], models[0]["about"]["features"], JUDGED_SCENES[name])
         accuracy = yards.accuracy(models)

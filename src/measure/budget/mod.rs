@@ -88,9 +88,8 @@ pub(crate) struct Choice<'s> {
     pub setting: &'s StudySetting,
     pub scenes: u64,
     pub bound: Bound,
-    /// What hours, disk and rows would allow, and whether disk or rows, which know no CPU, allow less than the hours.
+    /// What hours, disk and rows would allow.
     pub most_scenes: u64,
-    pub is_capped: bool,
     pub build_s: f64,
     pub train_s: f64,
     pub bytes: f64,
@@ -255,7 +254,6 @@ impl<'s> Curve<'s> {
             scenes,
             bound,
             most_scenes,
-            is_capped: by_disk.min(by_rows) < by_hours,
             build_s,
             train_s,
             bytes: here.bytes_per_scene * scenes as f64,

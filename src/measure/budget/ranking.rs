@@ -38,8 +38,9 @@ pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> V
     let is_no_dearer = |Candidate { choice, ranked_by, .. }: &Candidate| {
         written.is_none_or(|(other, of_other)| *ranked_by >= other && choice.seconds() <= SAME_SECONDS * of_other)
     };
+    let is_capped = |choice: &Choice| matches!(choice.bound, Bound::Disk | Bound::Rows);
     let rank = |candidate: &Candidate| match candidate.choice.setting.told {
-        Some(Told::Better) if !candidate.choice.is_capped || is_no_dearer(candidate) => 2,
+        Some(Told::Better) if !is_capped(&candidate.choice) || is_no_dearer(candidate) => 2,
         _ => u8::from(candidate.choice.setting == study.as_written()),
     };
     let followed_to = |candidate: &Candidate| candidate.choice.setting.largest().scenes;
