@@ -39,8 +39,8 @@ pub(super) struct TradeoffArgs {
     /// The most promising combinations of knobs to measure beside single ones: of each group the setting that gained most may take part.
     #[arg(long, default_value_t = 4, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(0..=100))]
     combinations: u64,
-    /// Measure the recommended setting of the pipeline alone on so many times the scenes as well, so that `plan --hours` knows where its curve
-    /// ends: at twice the scenes, four times and so on. As much memory a scene as one setting takes; 1 leaves it out.
+    /// Measure what is told better of the pipeline, three settings at most, and the reference on so many times the scenes as well, so that `plan
+    /// --hours` knows where curves end, and what is better there too. As much memory a scene as so many settings take; 1 leaves it out.
     #[arg(long, default_value_t = 8, value_name = "TIMES", value_parser = clap::value_parser!(u64).range(1..=1000))]
     farther: u64,
     /// Trainings of each classifier at each size, with other first weights, orders of the rows and, at the smaller sizes, scenes.

@@ -105,7 +105,8 @@ impl Study {
                 balanced_accuracy: size.balanced_accuracy,
                 by_seed: size.by_seed.clone(),
             });
-            let told = worth.gain.as_ref().map(|gain| gain.told);
+            // Where they were followed to more scenes, what is told there: plans are of more.
+            let told = worth.farther_gain.as_ref().or(worth.gain.as_ref()).map(|gain| gain.told);
             Some(StudySetting { name: row.label(), sets: row.sets.clone(), told, sizes: sizes.collect() })
         });
         let settings: Vec<StudySetting> = settings.collect();

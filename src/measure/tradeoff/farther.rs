@@ -1,78 +1,91 @@
-//! The recommended setting of the pipeline -> its learning curve on more scenes than settings are compared at.
+//! The settings of the pipeline that are told better, and the reference -> their learning curves on more scenes than settings are compared at.
 //!
-//! Every setting makes the scenes that settings are compared at, so they are few, and where a curve ends cannot be told of them. So what is
-//! recommended is measured once more, alone: on so many times the scenes, trained at the sizes of them that lie beyond the first measurement, with the seeds of all
-//! rounds, and judged on the same test scenes. Its costs are told in the first measurement's seconds, by what a scene and a learnt row of it
-//! took in either.
+//! Every setting makes the scenes that settings are compared at, so they are few, and where a curve ends cannot be told of them; nor whether what is
+//! cheaper and better there stays so. So what is recommended, and what else is told better, is measured once more beside the reference: on so
+//! many times the scenes, trained at the sizes of them that lie beyond the first measurement, with the seeds of all rounds, and judged on the same test
+//! scenes. What it gains is told again, at the largest CPU time that both reach there. Costs are told in the first measurement's seconds, by
+//! what a scene and a learnt row of the setting took in either.
 
 use std::sync::atomic::AtomicBool;
 
 use super::judging::{self, TestScenes};
-use super::report::{CurveRow, Ended, Report, Row};
+use super::report::{CurveRow, Ended, Report, Row, Told, WorthRow};
 use super::settings::{Setting, Settings, Side, Variant};
 use super::worth::{Seeds, worth};
 use super::{Event, Options, TradeoffError, learning, measured};
 use crate::config;
 
+/// Settings that are measured beside the reference, at most.
+const MOST_FOLLOWED: usize = 3;
+
 /// The report with the longer curve; as it was where none is asked for or nothing is recommended, or where `stop` was raised meanwhile.
 pub(super) fn add(
     mut report: Report,
     options: &Options,
-    settings: &Settings,
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),
 ) -> Result<Report, TradeoffError> {
-    let Some(place) = recommended(&report) else { return Ok(report) };
-    if options.farther < 2 || report.ended == Ended::Interrupted {
+    let places = followed(&report);
+    if options.farther < 2 || report.ended == Ended::Interrupted || places.is_empty() {
         return Ok(report);
     }
-    let row = &report.rows[place];
-    let plan = config::load(&options.config, &[options.sets.as_slice(), &row.sets].concat())?;
-    let setting = Setting {
-        group: row.group,
-        name: row.name.clone(),
-        sets: row.sets.clone(),
-        variant: Variant::Plan(Box::new(plan)),
-    };
-    let alone = Settings { list: vec![setting], refused: Vec::new() };
+    let list = places.iter().map(|place| setting(&report.rows[*place], options)).collect::<Result<Vec<_>, _>>()?;
+    let settings = Settings { list, refused: Vec::new() };
     let at_once =
         Options { scenes: options.farther * options.scenes, seeds: report.seeds, time: None, ..options.clone() };
-    match curve(&alone, settings, &at_once, options.test_scenes * report.rounds, stop, tell)? {
-        Some(sizes) => {
-            let worth = report.rows[place].worth.as_mut().expect("it is recommended by its worth");
-            worth.farther = beyond(&worth.curve, sizes);
+    let Some(worths) = worths(&settings, &at_once, options.test_scenes * report.rounds, stop, tell)? else {
+        return Ok(Report { ended: Ended::Interrupted, ..report });
+    };
+    for (place, made) in places.into_iter().zip(worths) {
+        if let Some((worth, made)) = report.rows[place].worth.as_mut().zip(made) {
+            worth.farther = beyond(&worth.curve, made.curve);
+            worth.farther_gain = made.gain;
         }
-        None => report.ended = Ended::Interrupted,
     }
     Ok(report)
 }
 
-/// The row of what is recommended.
-fn recommended(report: &Report) -> Option<usize> {
-    let of = report.recommended_pipeline.as_ref()?;
-    let is_it = |row: &Row| row.side == Side::Pipeline && row.label() == of.name && row.sets == of.sets;
-    report.rows.iter().position(is_it)
+/// Rows: the reference, then what is recommended and what else is told better, the most accurate for the reference's CPU time first; none where
+/// nothing is recommended.
+fn followed(report: &Report) -> Vec<usize> {
+    let Some(of) = &report.recommended_pipeline else { return Vec::new() };
+    let rows = || report.rows.iter().enumerate().filter(|(_, row)| row.side == Side::Pipeline);
+    let is_it = |row: &Row| row.label() == of.name && row.sets == of.sets;
+    let is_told = |row: &Row| row.may_be_recommended && row.gain().is_some_and(|gain| gain.told == Told::Better);
+    let within = |place: &usize| report.rows[*place].worth.as_ref().and_then(|worth| worth.at_reference_cpu);
+    let mut others: Vec<usize> =
+        rows().filter(|(_, row)| is_told(row) && !is_it(row)).map(|(place, _)| place).collect();
+    others.sort_by(|a, b| within(b).unwrap_or(0.0).total_cmp(&within(a).unwrap_or(0.0)));
+    let recommended = rows().filter(|(place, row)| *place > 0 && is_it(row)).map(|(place, _)| place);
+    std::iter::once(0).chain(recommended).chain(others).take(1 + MOST_FOLLOWED).collect()
 }
 
-/// The curve of one setting, at the four sizes of its own scenes; `None` where `stop` was raised, or a size has no cells to learn.
-fn curve(
-    alone: &Settings,
+/// What made a row.
+fn setting(row: &Row, options: &Options) -> Result<Setting, TradeoffError> {
+    let plan = config::load(&options.config, &[options.sets.as_slice(), &row.sets].concat())?;
+    let variant = Variant::Plan(Box::new(plan));
+    Ok(Setting { group: row.group, name: row.name.clone(), sets: row.sets.clone(), variant })
+}
+
+/// What the settings are worth at the four sizes of these scenes, against the first; `None` where `stop` was raised.
+fn worths(
     settings: &Settings,
     options: &Options,
     test_scenes: u64,
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),
-) -> Result<Option<Vec<CurveRow>>, TradeoffError> {
-    let Some(scenes) = measured(alone, options, stop, tell)? else { return Ok(None) };
+) -> Result<Option<Vec<Option<WorthRow>>>, TradeoffError> {
+    let Some(scenes) = measured(settings, options, stop, tell)? else { return Ok(None) };
     let (none, threads) = (TestScenes::default(), options.threads);
     let Some(test) = judging::make(settings.reference(), none, 0..test_scenes, threads, stop, tell)? else {
         return Ok(None);
     };
     let seeds = options.seeds as usize;
-    let Some(mut trainings) = learning::learn(alone, &scenes, 0..seeds, options, stop, tell)? else { return Ok(None) };
+    let Some(mut trainings) = learning::learn(settings, &scenes, 0..seeds, options, stop, tell)? else {
+        return Ok(None);
+    };
     learning::judge(&mut trainings, &test, threads)?;
-    let (worths, _) = worth(alone, &scenes, &test, &trainings, Seeds { all: seeds, per_round: seeds });
-    Ok(worths.into_iter().next().flatten().map(|worth| worth.curve))
+    Ok(Some(worth(settings, &scenes, &test, &trainings, Seeds { all: seeds, per_round: seeds }).0))
 }
 
 /// The sizes beyond those of the first measurement, in its seconds.

@@ -10,7 +10,7 @@
 //! rounds      more trainings and test scenes until what matters is resolved or the time is over
 //! combine     the most promising combinations of knobs, measured likewise
 //! worth       learning curves over CPU time (curve), gains at equal CPU with intervals over scenes and trainings (resample)
-//! farther     the recommended setting alone, on many times the scenes
+//! farther     what is told better, and the reference, on many times the scenes
 //! recommend   what is told to be better, and from where on more scenes bring nothing
 //! summary     one row a setting: a report  ->  table, records (Parquet), chart (SVG), JSON
 //! ```
@@ -79,7 +79,7 @@ pub(crate) struct Options {
     pub only: Vec<Group>,
     /// Combinations of knobs that are measured beside single ones, at most.
     pub combinations: usize,
-    /// Times the scenes on which the recommended setting is measured alone; 1 = it is not.
+    /// Times the scenes on which what is told better, and the reference, are measured again; 1 = they are not.
     pub farther: u64,
     /// Trainings of each classifier in a round; from 2 on there is an interval.
     pub seeds: u64,
@@ -147,7 +147,7 @@ pub(crate) fn run(
     let Some(report) = rounds::rounds(&settings, &scenes, options, begun, stop, tell)? else { return Ok(None) };
     drop(scenes);
     let report = combine::add(report, options, &settings, stop, tell)?;
-    farther::add(report, options, &settings, stop, tell).map(Some)
+    farther::add(report, options, stop, tell).map(Some)
 }
 
 /// Pose errors as large as the reference's, where it is asked for them; `None` where `stop` was raised before the end.

@@ -63,6 +63,7 @@ mod tests {
             worth: Some(WorthRow {
                 curve: [5, 10, 20, 40].map(size).into(),
                 farther: Vec::new(),
+                farther_gain: None,
                 at_reference_cpu: Some(within),
                 gain,
                 flat_from,

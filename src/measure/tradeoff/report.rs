@@ -180,9 +180,12 @@ pub(crate) struct ShiftRow {
 pub(crate) struct WorthRow {
     /// By size, ascending.
     pub curve: Vec<CurveRow>,
-    /// Of the recommended pipeline, sizes beyond those at which settings are compared; told in the seconds of those.
+    /// Of the reference, what is recommended and what else is told better, sizes beyond those at which settings are compared; told in the seconds of those.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub farther: Vec<CurveRow>,
+    /// Against the reference at the largest CPU time that both reach on those scenes, in their own seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub farther_gain: Option<GainRow>,
     /// Mean balanced accuracy for the CPU time of the reference's largest size; at the own largest size where that costs less. `None` where
     /// the smallest size costs more.
     pub at_reference_cpu: Option<f64>,
@@ -298,7 +301,7 @@ impl Report {
                 pipeline.stages.clear();
             }
             if let Some(worth) = &mut row.worth {
-                (worth.gain, worth.at_reference_cpu) = (None, None);
+                (worth.gain, worth.at_reference_cpu, worth.farther_gain) = (None, None, None);
                 for size in worth.curve.iter_mut().chain(&mut worth.farther) {
                     (size.generate_cpu_s, size.train_cpu_s, size.learning_cpu_s) = (0.0, 0.0, 0.0);
                 }

@@ -193,15 +193,21 @@ fn worths(report: &Report, title: &str, rows: &[&Row]) -> Grid {
 
 /// What the gain tells, in words.
 fn told(row: &Row) -> String {
-    let word = match row.gain().map(|gain| gain.told) {
+    let word = match row.gain() {
         None if row.group.is_none() => "",
         None => "no CPU time in common",
-        Some(Told::Better) => "better",
-        Some(Told::Worse) => "worse",
-        Some(Told::NotApart) => "not told apart",
-        Some(Told::OneSeed) => "one training",
+        Some(gain) => told_in_words(gain.told),
     };
     word.to_owned()
+}
+
+fn told_in_words(told: Told) -> &'static str {
+    match told {
+        Told::Better => "better",
+        Told::Worse => "worse",
+        Told::NotApart => "not told apart",
+        Told::OneSeed => "one training",
+    }
 }
 
 fn curves(rows: &[&Row]) -> Grid {
@@ -218,22 +224,38 @@ fn curves(rows: &[&Row]) -> Grid {
     }
 }
 
-/// The longer curve of what is recommended, from the last size that it has in common with the others on.
+/// The longer curves, from the last size that they have in common with the others on.
 fn farther(rows: &[&Row]) -> Option<Grid> {
-    let row = rows.iter().find(|row| row.worth.as_ref().is_some_and(|worth| !worth.farther.is_empty()))?;
-    let worth = row.worth.as_ref()?;
-    let cells = |size: &CurveRow| {
-        vec![
-            size.scenes.to_string(),
-            format!("{} + {}", figures(size.generate_cpu_s), figures(size.train_cpu_s)),
-            percent(&size.balanced_accuracy),
-        ]
-    };
-    Some(Grid {
-        title: format!("Farther: {} alone, on more scenes", row.label()),
-        rows: worth.curve.last().into_iter().chain(&worth.farther).map(cells).collect(),
-        head: vec!["scenes", "CPU s\ngenerate + train", "balanced\naccuracy, %"],
-    })
+    let followed =
+        rows.iter().filter_map(|row| Some((row, row.worth.as_ref().filter(|worth| !worth.farther.is_empty())?)));
+    let sizes = followed.flat_map(|(row, worth)| {
+        let gain = worth.farther_gain.as_ref();
+        let most = worth.farther.last().map(|size| size.scenes);
+        worth.curve.last().into_iter().chain(&worth.farther).map(move |size| {
+            let gain = gain.filter(|_| Some(size.scenes) == most);
+            vec![
+                row.label(),
+                size.scenes.to_string(),
+                format!("{} + {}", figures(size.generate_cpu_s), figures(size.train_cpu_s)),
+                percent(&size.balanced_accuracy),
+                shown(gain, |gain| format!("{}, {}", gain.scenes, gain.reference_scenes)),
+                shown(gain, |gain| points(&gain.balanced_accuracy)),
+                gain.map_or(String::new(), |gain| told_in_words(gain.told).to_owned()),
+            ]
+        })
+    });
+    let rows: Vec<Vec<String>> = sizes.collect();
+    let head = vec![
+        "setting",
+        "scenes",
+        "CPU s\ngenerate + train",
+        "balanced\naccuracy, %",
+        "at equal CPU,\nreference's",
+        "gain,\npoints",
+        "told",
+    ];
+    let title = "Farther: what is told better, and the reference, on more scenes".into();
+    (!rows.is_empty()).then_some(Grid { title, rows, head })
 }
 
 fn front_grid(report: &Report) -> Grid {

@@ -387,12 +387,16 @@ fn law_what_is_recommended_is_followed_to_more_scenes() {
     report.recommended_pipeline = recommend::recommend(&report.rows, Side::Pipeline);
     let followed = |threads, is_stopped| {
         let options = Options { threads, ..options.clone() };
-        farther::add(report.clone(), &options, &settings, &AtomicBool::new(is_stopped), &mut |_| ()).unwrap()
+        farther::add(report.clone(), &options, &AtomicBool::new(is_stopped), &mut |_| ()).unwrap()
     };
     let made = followed(2, false);
+    // Both are told better, and one of them is recommended.
+    let followed_names = ["reference", "cast: raster 0.1 m", "slam: dead_reckoning"];
     let named = &made.recommended_pipeline.as_ref().unwrap().name;
+    assert!(followed_names[1..].contains(&named.as_str()), "{named}");
     for row in &made.rows {
-        let (worth, is_named) = (row.worth.as_ref().unwrap(), row.label() == *named);
+        let (worth, is_named) =
+            (row.worth.as_ref().unwrap(), [named.as_str(), "reference"].contains(&row.label().as_str()));
         // Of 24 scenes an eighth is no more than what there is.
         let scenes: Vec<u64> = worth.farther.iter().map(|size| size.scenes).collect();
         assert_eq!(scenes, if is_named { vec![12, 24] } else { vec![] }, "{}", row.name);
@@ -406,21 +410,28 @@ fn law_what_is_recommended_is_followed_to_more_scenes() {
     // The same for any number of threads, and nothing else is changed.
     assert!(followed(1, false).timeless() == made.timeless());
     let mut without = made.clone();
-    without.rows.iter_mut().filter_map(|row| row.worth.as_mut()).for_each(|worth| worth.farther.clear());
+    for worth in without.rows.iter_mut().filter_map(|row| row.worth.as_mut()) {
+        worth.farther.clear();
+        worth.farther_gain = None;
+    }
     assert!(without == report);
     // All of it is told, drawn and kept, and a study has the longer curve of that setting.
-    assert!(table::markdown(&made).contains(&format!("Farther: {named} alone")));
+    let told = |row: &Row| row.worth.as_ref().unwrap().farther_gain.as_ref().map(|gain| gain.told);
+    assert!(made.rows.iter().all(|row| told(row).is_some() == followed_names[1..].contains(&row.label().as_str())));
+    assert!(table::markdown(&made).contains("Farther: what is told better, and the reference, on more scenes"));
     assert!(chart::svg(&made).unwrap() != chart::svg(&report).unwrap());
     let json = serde_json::to_string(&made).unwrap();
     assert!(serde_json::from_str::<Report>(&json).unwrap() == made);
     let study = Study::of(&made).unwrap();
     let sizes = |name: &str| study.settings.iter().find(|setting| setting.name == name).unwrap().sizes.len();
-    assert_eq!((study.fault(), sizes(named), sizes("reference")), (None, 6, 4));
+    assert_eq!((study.fault(), sizes(named), sizes("reference"), sizes("cast: mesh 0.1 m")), (None, 6, 6, 4));
+    let kept = study.settings.iter().find(|setting| setting.name == *named).unwrap().told;
+    assert_eq!(kept, told(row(&made, named.split(": ").last().unwrap())));
     // A stop meanwhile leaves what there is; once the scenes are as many, nothing follows.
     let stopped = followed(2, true);
     assert!(stopped == Report { ended: Ended::Interrupted, ..report.clone() });
     let once = Options { farther: 1, ..options.clone() };
-    assert!(farther::add(report.clone(), &once, &settings, &AtomicBool::new(false), &mut |_| ()).unwrap() == report);
+    assert!(farther::add(report.clone(), &once, &AtomicBool::new(false), &mut |_| ()).unwrap() == report);
 }
 
 #[test]

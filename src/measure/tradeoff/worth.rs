@@ -58,6 +58,7 @@ pub(super) fn worth(
                     .map(|(size, of)| size.row(of, test, &resampling))
                     .collect(),
                 farther: Vec::new(),
+                farther_gain: None,
                 at_reference_cpu,
                 gain: equal.map(|equal| GainRow {
                     cpu_s: equal.cpu_s,
