@@ -19,7 +19,7 @@ import study
 #: Scenes of mars.yaml have thirty thousand cells, those of the others some thousand. Curves of paper.yaml and mixed.yaml end late.
 STUDIES = {
     "quickstart": ["--scenes", 96, "--test-scenes", 40],
-    "paper": ["--scenes", 160, "--test-scenes", 60, "--farther", 32],
+    "paper": ["--scenes", 160, "--test-scenes", 60, "--farther", 16],
     "mixed": ["--scenes", 144, "--test-scenes", 20, "--farther", 32],
     "mars": ["--scenes", 24, "--test-scenes", 24],
 }

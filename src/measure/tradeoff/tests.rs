@@ -395,8 +395,7 @@ fn law_what_is_recommended_is_followed_to_more_scenes() {
     let named = &made.recommended_pipeline.as_ref().unwrap().name;
     assert!(followed_names[1..].contains(&named.as_str()), "{named}");
     for row in &made.rows {
-        let (worth, is_named) =
-            (row.worth.as_ref().unwrap(), [named.as_str(), "reference"].contains(&row.label().as_str()));
+        let (worth, is_named) = (row.worth.as_ref().unwrap(), followed_names.contains(&row.label().as_str()));
         // Of 24 scenes an eighth is no more than what there is.
         let scenes: Vec<u64> = worth.farther.iter().map(|size| size.scenes).collect();
         assert_eq!(scenes, if is_named { vec![12, 24] } else { vec![] }, "{}", row.name);
