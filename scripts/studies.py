@@ -1,10 +1,10 @@
 """What a choice is worth at equal CPU on four shipped configs, in one command: the studies that `plan --hours` is made from.
 
 `marsyard tradeoff` on quickstart.yaml, paper.yaml, mixed.yaml and mars.yaml: presets, contact solvers, pose estimates and numbers of beams,
-one at a time and combined, and what is recommended alone on up to eight times the scenes, trained as `train` does it by default, judged on common unseen scenes. Writes the studies to configs/studies,
+one at a time and combined, what is told better and the reference on 8 to 32 times the scenes, trained as `train` does it by default, judged on common unseen scenes. Writes the studies to configs/studies,
 the charts to docs/worth-<name>.svg, and the tables to scripts/results/studies.md.
 
-    cargo build --release && python scripts/studies.py            # half an hour on 2 idle cores, mars.yaml half of it
+    cargo build --release && python scripts/studies.py            # some 40 minutes on 2 idle cores
     python scripts/studies.py --only paper                        # one of them; the tables of the others stay
 """
 

@@ -39,8 +39,9 @@ pub(super) struct TradeoffArgs {
     /// The most promising combinations of knobs to measure beside single ones: of each group the setting that gained most may take part.
     #[arg(long, default_value_t = 4, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(0..=100))]
     combinations: u64,
-    /// Measure what is told better of the pipeline, three settings at most, and the reference on so many times the scenes as well, so that `plan
-    /// --hours` knows where curves end, and what is better there too. As much memory a scene as so many settings take; 1 leaves it out.
+    /// Measure what is recommended or told better of the pipeline, three settings at most, and the reference on so many times the scenes as well, so
+    /// that `plan --hours` knows where curves end, and what is better there too. It takes the time and the memory of up to four settings times
+    /// that, and --minutes does not bound it; 1 leaves it out.
     #[arg(long, default_value_t = 8, value_name = "TIMES", value_parser = clap::value_parser!(u64).range(1..=1000))]
     farther: u64,
     /// Trainings of each classifier at each size, with other first weights, orders of the rows and, at the smaller sizes, scenes.

@@ -51,9 +51,9 @@ pub(crate) struct StudySetting {
     pub name: String,
     /// Overrides of the config.
     pub sets: Vec<String>,
-    /// Against the reference at equal CPU; `None` for the reference, and where no cost is common.
+    /// Against the reference at equal CPU, on the most scenes that both were measured at; `None` for the reference, and where no cost is common.
     pub told: Option<Told>,
-    /// Ascending in scenes: those that all settings have, and of what was recommended more.
+    /// Ascending in scenes: those at which all settings are compared, and of some more.
     pub sizes: Vec<StudySize>,
 }
 
@@ -105,9 +105,7 @@ impl Study {
                 balanced_accuracy: size.balanced_accuracy,
                 by_seed: size.by_seed.clone(),
             });
-            // Where they were followed to more scenes, what is told there: plans are of more.
-            let told = worth.farther_gain.as_ref().or(worth.gain.as_ref()).map(|gain| gain.told);
-            Some(StudySetting { name: row.label(), sets: row.sets.clone(), told, sizes: sizes.collect() })
+            Some(StudySetting { name: row.label(), sets: row.sets.clone(), told: row.told(), sizes: sizes.collect() })
         });
         let settings: Vec<StudySetting> = settings.collect();
         (!settings.is_empty()).then(|| Study {

@@ -43,7 +43,7 @@ impl Answer<'_> {
         let disk = self.disk_bytes.map_or("any disk".into(), |bytes| format!("{}B of disk", si(bytes)));
         let rows = self.args.budget.rows.map_or(String::new(), |rows| format!(", {} rows", si(rows)));
         outln!(
-            "{}: {} h on {}, {disk}{rows}; by {}: {} up to {} scenes, judged on {} scenes, {}",
+            "{}: {} h on {}, {disk}{rows}; by {}: {}, the farthest up to {} scenes, judged on {} scenes, {}",
             self.study.name,
             self.hours,
             counted(self.cores as u64, "core"),

@@ -18,6 +18,7 @@ use self::passes::Passes;
 use self::ranking::{Candidate, ranked};
 use super::estimate::RowCost;
 use super::study::{Study, StudySetting, StudySize};
+use super::tradeoff::sizes::SIZES;
 use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
 use crate::statistics::Moments;
@@ -126,7 +127,8 @@ struct Curve<'s> {
 }
 
 /// The settings of a study that can be built within the budget, the best first. `here` says what each costs on this machine; scenes are
-/// whole multiples of `multiple`. Where the first ends before the budget because its curve is flat, the others have the time that it takes.
+/// whole multiples of `multiple`. Where the first ends before the budget because its curve is flat, the others have the time that it takes, if
+/// that pays any scenes of theirs.
 pub(crate) fn choices<'s>(
     study: &'s Study,
     budget: &Budget,
@@ -134,8 +136,8 @@ pub(crate) fn choices<'s>(
     multiple: u64,
 ) -> Vec<Choice<'s>> {
     let (errors, passes) = (standard_errors(study), Passes::of(study));
-    let of_all = sizes_of_all(study);
-    let common = study.settings.first().map_or(0.0, |setting| setting.sizes[of_all - 1].scenes as f64);
+    let compared = compared_sizes(study);
+    let common = study.settings.first().map_or(0.0, |setting| setting.sizes[compared - 1].scenes as f64);
     let candidates = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
         let curve = Curve::of(setting, &errors, passes, &here, multiple);
@@ -153,17 +155,17 @@ pub(crate) fn choices<'s>(
     ranked.into_iter().map(|candidate| candidate.choice).collect()
 }
 
-/// How many sizes every setting has.
-fn sizes_of_all(study: &Study) -> usize {
-    study.settings.iter().map(|setting| setting.sizes.len()).min().unwrap_or(0)
+/// At how many sizes settings are compared; those that were followed to more scenes have more.
+fn compared_sizes(study: &Study) -> usize {
+    study.settings.iter().map(|setting| setting.sizes.len().min(SIZES.len())).min().unwrap_or(0)
 }
 
 /// Of the mean over trainings, by size: pooled over the settings, for a few trainings alone say little of their own spread; and over all sizes
-/// that one setting alone has. No size is known better than a larger one: where all trainings hold the same scenes, as they do at the last size of
+/// beyond those at which settings are compared. No size is known better than a larger one: where all trainings hold the same scenes, as they do at the last size of
 /// a measurement, their spread tells nothing of the draw of the scenes.
 fn standard_errors(study: &Study) -> Vec<f64> {
-    let (of_all, most) =
-        (sizes_of_all(study), study.settings.iter().map(|setting| setting.sizes.len()).max().unwrap_or(0));
+    let (compared, most) =
+        (compared_sizes(study), study.settings.iter().map(|setting| setting.sizes.len()).max().unwrap_or(0));
     let pooled = |sizes: Range<usize>| {
         let measured = study.settings.iter().flat_map(|setting| setting.sizes.iter().take(sizes.end).skip(sizes.start));
         let variance = |size: &StudySize| Moments::of(size.by_seed.iter().copied())?.variance;
@@ -172,8 +174,8 @@ fn standard_errors(study: &Study) -> Vec<f64> {
         // Trainings that agree to the last digit are no reason to divide by zero.
         (mean / study.seeds as f64).sqrt().max(1e-5)
     };
-    let farther = pooled(of_all..most);
-    let mut errors: Vec<f64> = (0..of_all).map(|size| pooled(size..size + 1)).collect();
+    let farther = pooled(compared..most);
+    let mut errors: Vec<f64> = (0..compared).map(|size| pooled(size..size + 1)).collect();
     errors.resize(most, farther);
     for size in (1..most).rev() {
         errors[size - 1] = errors[size - 1].max(errors[size]);

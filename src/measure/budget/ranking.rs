@@ -1,12 +1,12 @@
 //! Settings that could be built -> their order, the best first.
 //!
 //! By what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
-//! as written and are expected to be no worse. The config as written comes before what is not told apart; then what the study followed to more
-//! scenes than the others, for it was the most accurate at equal CPU; then by what is expected no farther than twice the largest size that
-//! all have. Left out: what is told to be worse.
+//! as written and are expected to be no worse. Where settings were followed to more scenes, what is told better of the others was not put to that
+//! test and ranks nothing. The config as written comes before what is not told apart; then what is expected no farther than twice the
+//! largest size that all have decides. Left out: what is told to be worse.
 
-use super::{Bound, Budget, Choice, Curve, Here};
-use crate::measure::study::Study;
+use super::{Bound, Budget, Choice, Curve, Here, STUDY_SCENES, compared_sizes};
+use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::report::Told;
 
 /// Seconds that were measured at two moments are the same up to this.
@@ -26,7 +26,9 @@ impl Candidate<'_> {
     pub(super) fn cut_to(&mut self, time: &Budget, common: f64, multiple: u64) {
         if let Some(choice) = self.curve.choice(time, &self.here, common, multiple) {
             let bound = if choice.bound == Bound::Hours { Bound::SameTime } else { choice.bound };
-            self.choice = Choice { bound, ..choice };
+            let most_scenes = self.choice.most_scenes;
+            let [from, to] = [choice.scenes, most_scenes].map(|scenes| STUDY_SCENES * scenes as f64);
+            self.choice = Choice { bound, most_scenes, left: self.curve.fit.gain(from, to), ..choice };
         }
     }
 }
@@ -39,15 +41,18 @@ pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> V
         written.is_none_or(|(other, of_other)| *ranked_by >= other && choice.seconds() <= SAME_SECONDS * of_other)
     };
     let is_capped = |choice: &Choice| matches!(choice.bound, Bound::Disk | Bound::Rows);
+    let is_followed = |setting: &StudySetting| setting.sizes.len() > compared_sizes(study);
+    let is_put_to_test = |setting: &StudySetting| is_followed(setting) || !study.settings.iter().any(is_followed);
     let rank = |candidate: &Candidate| match candidate.choice.setting.told {
-        Some(Told::Better) if !is_capped(&candidate.choice) || is_no_dearer(candidate) => 2,
+        Some(Told::Better)
+            if is_put_to_test(candidate.choice.setting)
+                && (!is_capped(&candidate.choice) || is_no_dearer(candidate)) =>
+        {
+            2
+        }
         _ => u8::from(candidate.choice.setting == study.as_written()),
     };
-    let followed_to = |candidate: &Candidate| candidate.choice.setting.largest().scenes;
     candidates.retain(|candidate| candidate.choice.setting.told != Some(Told::Worse));
-    candidates.sort_by(|a, b| {
-        let by_rank = rank(b).cmp(&rank(a)).then(followed_to(b).cmp(&followed_to(a)));
-        by_rank.then(b.ranked_by.total_cmp(&a.ranked_by))
-    });
+    candidates.sort_by(|a, b| rank(b).cmp(&rank(a)).then(b.ranked_by.total_cmp(&a.ranked_by)));
     candidates
 }

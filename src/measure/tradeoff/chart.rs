@@ -2,7 +2,7 @@
 //!
 //! One panel for the pipeline and one for the trainer. CPU time of making the scenes and of training grows to the right, in its logarithm;
 //! the balanced error grows upwards, so that better is to the lower left. The reference is drawn thick, with the intervals of its sizes;
-//! a setting has the colour of its knob and stands out where it is told apart from the reference; what is recommended goes on to more scenes. The broad band is the front of the
+//! a setting has the colour of its knob and stands out where it is told apart from the reference; what was followed to more scenes goes on to them. The broad band is the front of the
 //! pipeline's settings, the ring what is recommended.
 
 use super::front::front;

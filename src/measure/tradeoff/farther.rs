@@ -3,22 +3,22 @@
 //! Every setting makes the scenes that settings are compared at, so they are few, and where a curve ends cannot be told of them; nor whether what is
 //! cheaper and better there stays so. So what is recommended, and what else is told better, is measured once more beside the reference: on so
 //! many times the scenes, trained at the sizes of them that lie beyond the first measurement, with the seeds of all rounds, and judged on the same test
-//! scenes. What it gains is told again, at the largest CPU time that both reach there. Costs are told in the first measurement's seconds, by
+//! scenes. What it gains is told again, at the largest CPU time that both reach there, and what is recommended goes by that. Costs are told in the first measurement's seconds, by
 //! what a scene and a learnt row of the setting took in either.
 
 use std::sync::atomic::AtomicBool;
 
 use super::judging::{self, TestScenes};
-use super::report::{CurveRow, Ended, Report, Row, Told, WorthRow};
+use super::report::{CurveRow, Ended, GainRow, Report, Row, Told, WorthRow};
 use super::settings::{Setting, Settings, Side, Variant};
 use super::worth::{Seeds, worth};
-use super::{Event, Options, TradeoffError, learning, measured};
+use super::{Event, Options, TradeoffError, learning, measured, recommend};
 use crate::config;
 
 /// Settings that are measured beside the reference, at most.
 const MOST_FOLLOWED: usize = 3;
 
-/// The report with the longer curve; as it was where none is asked for or nothing is recommended, or where `stop` was raised meanwhile.
+/// The report with the longer curves; as it was where none are asked for, or where `stop` was raised meanwhile.
 pub(super) fn add(
     mut report: Report,
     options: &Options,
@@ -39,9 +39,12 @@ pub(super) fn add(
     for (place, made) in places.into_iter().zip(worths) {
         if let Some((worth, made)) = report.rows[place].worth.as_mut().zip(made) {
             worth.farther = beyond(&worth.curve, made.curve);
-            worth.farther_gain = made.gain;
+            // The floor of fewer scenes is higher than that of these, and no other draws of these were measured.
+            let told = |gain: &GainRow| Told::of(&gain.balanced_accuracy, report.noise_floor);
+            worth.farther_gain = made.gain.map(|gain| GainRow { told: told(&gain), ..gain });
         }
     }
+    report.recommended_pipeline = recommend::recommend(&report.rows, Side::Pipeline);
     Ok(report)
 }
 
@@ -104,4 +107,44 @@ fn beyond(first: &[CurveRow], sizes: Vec<CurveRow>) -> Vec<CurveRow> {
         ..size
     };
     farther.map(in_its_seconds).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::statistics::Interval;
+
+    fn size(scenes: u64, generate_cpu_s: f64, rows_learnt: f64, train_cpu_s: f64) -> CurveRow {
+        CurveRow {
+            scenes,
+            train_rows: 1.0,
+            rows_learnt,
+            generate_cpu_s,
+            train_cpu_s,
+            learning_cpu_s: 0.5 * train_cpu_s,
+            balanced_accuracy: Interval { mean: 0.9, half_width: 0.01 },
+            by_seed: vec![0.9; 2],
+            own: None,
+            worst: None,
+            missed: None,
+        }
+    }
+
+    #[test]
+    fn exact_sizes_beyond_are_told_in_the_seconds_of_the_first_measurement() {
+        let first = [size(4, 4.0, 50.0, 5.0), size(8, 8.0, 100.0, 10.0)];
+        // A scene takes twice as long there, and a learnt row three times. The first size is what there is, and one scene more.
+        let sizes = vec![size(9, 18.0, 110.0, 33.0), size(12, 24.0, 200.0, 60.0), size(24, 60.0, 400.0, 90.0)];
+        let expected = [size(12, 12.0, 200.0, 20.0), size(24, 30.0, 400.0, 30.0)];
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-12 * b;
+        let found = beyond(&first, sizes);
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(&expected) {
+            assert_eq!((found.scenes, found.rows_learnt), (expected.scenes, expected.rows_learnt));
+            assert!(close(found.generate_cpu_s, expected.generate_cpu_s), "{found:?}");
+            assert!(close(found.train_cpu_s, expected.train_cpu_s), "{found:?}");
+            assert!(close(found.learning_cpu_s, expected.learning_cpu_s), "{found:?}");
+        }
+        assert!(beyond(&first, Vec::new()).is_empty());
+    }
 }

@@ -38,7 +38,7 @@ pub(crate) mod report;
 mod resample;
 mod rounds;
 pub(crate) mod settings;
-mod sizes;
+pub(crate) mod sizes;
 mod summary;
 mod surrogate;
 pub(crate) mod table;

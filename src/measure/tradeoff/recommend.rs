@@ -11,11 +11,13 @@ use super::settings::Side;
 pub(super) fn recommend(rows: &[Row], side: Side) -> Option<Recommendation> {
     let own = || rows.iter().filter(|row| row.side == side && row.worth.is_some());
     let allowed = || own().filter(|row| row.may_be_recommended);
-    let told = |row: &Row| row.worth.as_ref().and_then(|worth| worth.gain.as_ref()).map(|gain| gain.told);
     let within = |row: &Row| row.worth.as_ref().and_then(|worth| worth.at_reference_cpu).unwrap_or(0.0);
-    let better = allowed().filter(|row| told(row) == Some(Told::Better));
+    // Where some were followed to more scenes, what is told better of the others was not put to that test.
+    let is_followed = |row: &Row| row.worth.as_ref().is_some_and(|worth| !worth.farther.is_empty());
+    let are_followed = own().any(is_followed);
+    let better = allowed().filter(|row| row.told() == Some(Told::Better) && (is_followed(row) || !are_followed));
     let best = better.max_by(|a, b| within(a).total_cmp(&within(b)));
-    let written = || allowed().find(|row| row.is_as_written() && told(row) != Some(Told::Worse));
+    let written = || allowed().find(|row| row.is_as_written() && row.told() != Some(Told::Worse));
     let row = best.or_else(written).or_else(|| own().next())?;
     let worth = row.worth.as_ref()?;
     let size = worth.curve.iter().find(|size| worth.flat_from.is_some_and(|flat| size.scenes >= flat));
@@ -95,5 +97,15 @@ mod tests {
         let worse = row("as written", Some(Told::Worse), 0.9, None);
         assert_eq!(recommended(&[reference, worse]), ("reference".into(), 40, false));
         assert!(recommend(&all, Side::Trainer).is_none());
+        // On more scenes the one is not told apart, and the other was not followed to them.
+        let mut followed = all.clone();
+        for place in [0, 2] {
+            let worth = followed[place].worth.as_mut().unwrap();
+            worth.farther = worth.curve[3..].to_vec();
+            worth.farther_gain = worth.gain.as_ref().map(|gain| GainRow { told: Told::NotApart, ..gain.clone() });
+        }
+        assert_eq!(recommended(&followed), ("reference".into(), 40, false));
+        followed[2].worth.as_mut().unwrap().farther_gain.as_mut().unwrap().told = Told::Better;
+        assert_eq!(recommended(&followed), ("presets: two".into(), 10, true));
     }
 }

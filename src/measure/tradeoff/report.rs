@@ -261,6 +261,12 @@ impl Row {
         self.worth.as_ref()?.curve.last()
     }
 
+    /// What is told of it against the reference: on more scenes where it was followed to them, else where all settings are compared.
+    pub(crate) fn told(&self) -> Option<Told> {
+        let worth = self.worth.as_ref()?;
+        worth.farther_gain.as_ref().or(worth.gain.as_ref()).map(|gain| gain.told)
+    }
+
     pub(super) fn gain(&self) -> Option<&GainRow> {
         self.worth.as_ref()?.gain.as_ref()
     }

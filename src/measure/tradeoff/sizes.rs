@@ -6,7 +6,7 @@
 //! draw of scenes does too. At the whole all seeds hold the same scenes. All settings share the scenes of a seed: common random numbers.
 
 /// Shares of the scenes, as 1 / n.
-pub(super) const SIZES: [usize; 4] = [8, 4, 2, 1];
+pub(crate) const SIZES: [usize; 4] = [8, 4, 2, 1];
 
 /// What a scene is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
