@@ -23,6 +23,7 @@ pub(crate) mod chart;
 mod combine;
 mod compare;
 mod curve;
+mod curve_grids;
 mod farther;
 mod filters;
 mod front;

@@ -3,6 +3,7 @@
 //! In: counts, shares, spreads and intervals. Out: text of three significant figures, of points or of percent, with the interval behind
 //! the mean where there is one.
 
+use super::report::Told;
 use crate::statistics::{Interval, Spread};
 
 pub(super) fn plural(count: u64) -> &'static str {
@@ -42,6 +43,15 @@ pub(super) fn figures(value: f64) -> String {
         size if size >= 0.1 => format!("{value:.3}"),
         size if size >= 0.01 => format!("{value:.4}"),
         _ => format!("{value:.5}"),
+    }
+}
+
+pub(super) fn told_in_words(told: Told) -> &'static str {
+    match told {
+        Told::Better => "better",
+        Told::Worse => "worse",
+        Told::NotApart => "not told apart",
+        Told::OneSeed => "one training",
     }
 }
 
