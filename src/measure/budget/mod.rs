@@ -174,9 +174,9 @@ fn standard_errors(study: &Study) -> Vec<f64> {
         // Trainings that agree to the last digit are no reason to divide by zero.
         (mean / study.seeds as f64).sqrt().max(1e-5)
     };
-    let farther = pooled(compared..most);
+    let beyond = pooled(compared..most);
     let mut errors: Vec<f64> = (0..compared).map(|size| pooled(size..size + 1)).collect();
-    errors.resize(most, farther);
+    errors.resize(most, beyond);
     for size in (1..most).rev() {
         errors[size - 1] = errors[size - 1].max(errors[size]);
     }

@@ -10,11 +10,10 @@
 //! chosen by the same test scenes that judge the whole, so a combination's own gain, and not the sum, is what is told.
 
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
 
 use super::report::{Ended, Report, Row, Told, WorthRow};
 use super::settings::{self, AS_WRITTEN, Group, OTHER_DRAWS, Setting, Settings, Side, Variant};
-use super::{Event, Options, TradeoffError, measured, recommend, rounds};
+use super::{Event, Options, TradeoffError, recommend, rounds};
 use crate::config;
 
 /// Settings that turn the knobs of several, the most promising first.
@@ -87,20 +86,9 @@ pub(super) fn add(
     }
     let kept = |setting: &&Setting| setting.group.is_none() && matches!(setting.variant, Variant::Plan(_));
     let list: Vec<Setting> = settings.list.iter().filter(kept).cloned().chain(found).collect();
-    let again = Settings { list, refused: Vec::new() };
-    // All rounds at once.
-    let at_once = Options {
-        seeds: report.seeds,
-        test_scenes: options.test_scenes * report.rounds,
-        resolve: None,
-        time: None,
-        ..options.clone()
+    let Some(made) = rounds::again(list, &report, options, stop, tell)? else {
+        return Ok(Report { ended: Ended::Interrupted, ..report });
     };
-    let made = match measured(&again, &at_once, stop, tell)? {
-        Some(scenes) => rounds::rounds(&again, &scenes, &at_once, Instant::now(), stop, tell)?,
-        None => None,
-    };
-    let Some(made) = made else { return Ok(Report { ended: Ended::Interrupted, ..report }) };
     let ratio = ratio(&report, &made);
     let own = made.rows.into_iter().filter(|row| row.group == Some(Group::Combinations));
     let own: Vec<Row> = own.map(|row| Row { worth: row.worth.map(|worth| scaled(worth, ratio)), ..row }).collect();
@@ -121,11 +109,7 @@ fn ratio(first: &Report, second: &Report) -> [f64; 3] {
 }
 
 fn scaled(mut worth: WorthRow, [making, training, both]: [f64; 3]) -> WorthRow {
-    for size in &mut worth.curve {
-        size.generate_cpu_s *= making;
-        size.train_cpu_s *= training;
-        size.learning_cpu_s *= training;
-    }
+    worth.curve.iter_mut().for_each(|size| size.scale_cpu_s(making, training));
     if let Some(gain) = &mut worth.gain {
         gain.cpu_s *= both;
     }

@@ -8,11 +8,9 @@
 
 use std::sync::atomic::AtomicBool;
 
-use super::judging::{self, TestScenes};
-use super::report::{CurveRow, Ended, GainRow, Report, Row, Told, WorthRow};
-use super::settings::{Setting, Settings, Side, Variant};
-use super::worth::{Seeds, worth};
-use super::{Event, Options, TradeoffError, learning, measured, recommend};
+use super::report::{CurveRow, Ended, GainRow, Report, Row, Told};
+use super::settings::{Setting, Side, Variant};
+use super::{Event, Options, TradeoffError, recommend, rounds};
 use crate::config;
 
 /// Settings that are measured beside the reference, at most.
@@ -25,19 +23,17 @@ pub(super) fn add(
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),
 ) -> Result<Report, TradeoffError> {
-    let places = followed(&report);
+    let places = followed(&report.rows);
     if options.farther < 2 || report.ended == Ended::Interrupted || places.is_empty() {
         return Ok(report);
     }
     let list = places.iter().map(|place| setting(&report.rows[*place], options)).collect::<Result<Vec<_>, _>>()?;
-    let settings = Settings { list, refused: Vec::new() };
-    let at_once =
-        Options { scenes: options.farther * options.scenes, seeds: report.seeds, time: None, ..options.clone() };
-    let Some(worths) = worths(&settings, &at_once, options.test_scenes * report.rounds, stop, tell)? else {
+    let more = Options { scenes: options.farther * options.scenes, ..options.clone() };
+    let Some(made) = rounds::again(list, &report, &more, stop, tell)? else {
         return Ok(Report { ended: Ended::Interrupted, ..report });
     };
-    for (place, made) in places.into_iter().zip(worths) {
-        if let Some((worth, made)) = report.rows[place].worth.as_mut().zip(made) {
+    for (place, made) in places.into_iter().zip(made.rows) {
+        if let Some((worth, made)) = report.rows[place].worth.as_mut().zip(made.worth) {
             worth.farther = beyond(&worth.curve, made.curve);
             // The floor of fewer scenes is higher than that of these, and no other draws of these were measured.
             let told = |gain: &GainRow| Told::of(&gain.balanced_accuracy, report.noise_floor);
@@ -48,19 +44,17 @@ pub(super) fn add(
     Ok(report)
 }
 
-/// Rows: the reference, then what is recommended and what else is told better, the most accurate for the reference's CPU time first; none where
-/// nothing is recommended.
-fn followed(report: &Report) -> Vec<usize> {
-    let Some(of) = &report.recommended_pipeline else { return Vec::new() };
-    let rows = || report.rows.iter().enumerate().filter(|(_, row)| row.side == Side::Pipeline);
-    let is_it = |row: &Row| row.label() == of.name && row.sets == of.sets;
-    let is_told = |row: &Row| row.may_be_recommended && row.gain().is_some_and(|gain| gain.told == Told::Better);
-    let within = |place: &usize| report.rows[*place].worth.as_ref().and_then(|worth| worth.at_reference_cpu);
-    let mut others: Vec<usize> =
-        rows().filter(|(_, row)| is_told(row) && !is_it(row)).map(|(place, _)| place).collect();
-    others.sort_by(|a, b| within(b).unwrap_or(0.0).total_cmp(&within(a).unwrap_or(0.0)));
-    let recommended = rows().filter(|(place, row)| *place > 0 && is_it(row)).map(|(place, _)| place);
-    std::iter::once(0).chain(recommended).chain(others).take(1 + MOST_FOLLOWED).collect()
+/// Rows: the reference, then what is recommended and what else is told better, the best first; none where nothing is recommended.
+fn followed(rows: &[Row]) -> Vec<usize> {
+    let Some(recommended) = recommend::place(rows, Side::Pipeline) else { return Vec::new() };
+    let mut places = vec![0];
+    for place in std::iter::once(recommended).chain(recommend::better(rows, Side::Pipeline)) {
+        if !places.contains(&place) {
+            places.push(place);
+        }
+    }
+    places.truncate(1 + MOST_FOLLOWED);
+    places
 }
 
 /// What made a row.
@@ -68,27 +62,6 @@ fn setting(row: &Row, options: &Options) -> Result<Setting, TradeoffError> {
     let plan = config::load(&options.config, &[options.sets.as_slice(), &row.sets].concat())?;
     let variant = Variant::Plan(Box::new(plan));
     Ok(Setting { group: row.group, name: row.name.clone(), sets: row.sets.clone(), variant })
-}
-
-/// What the settings are worth at the four sizes of these scenes, against the first; `None` where `stop` was raised.
-fn worths(
-    settings: &Settings,
-    options: &Options,
-    test_scenes: u64,
-    stop: &AtomicBool,
-    tell: &mut (dyn FnMut(Event) + Send),
-) -> Result<Option<Vec<Option<WorthRow>>>, TradeoffError> {
-    let Some(scenes) = measured(settings, options, stop, tell)? else { return Ok(None) };
-    let (none, threads) = (TestScenes::default(), options.threads);
-    let Some(test) = judging::make(settings.reference(), none, 0..test_scenes, threads, stop, tell)? else {
-        return Ok(None);
-    };
-    let seeds = options.seeds as usize;
-    let Some(mut trainings) = learning::learn(settings, &scenes, 0..seeds, options, stop, tell)? else {
-        return Ok(None);
-    };
-    learning::judge(&mut trainings, &test, threads)?;
-    Ok(Some(worth(settings, &scenes, &test, &trainings, Seeds { all: seeds, per_round: seeds }).0))
 }
 
 /// The sizes beyond those of the first measurement, in its seconds.
@@ -99,14 +72,9 @@ fn beyond(first: &[CurveRow], sizes: Vec<CurveRow>) -> Vec<CurveRow> {
     let (making, training) = (a_scene(last) / a_scene(next), a_row(last) / a_row(next));
     // The part of them that is as many as there were is one more for an uneven number.
     let most = last.scenes * 3 / 2;
-    let farther = sizes.into_iter().filter(|size| size.scenes >= most);
-    let in_its_seconds = |size: CurveRow| CurveRow {
-        generate_cpu_s: making * size.generate_cpu_s,
-        train_cpu_s: training * size.train_cpu_s,
-        learning_cpu_s: training * size.learning_cpu_s,
-        ..size
-    };
-    farther.map(in_its_seconds).collect()
+    let mut farther: Vec<CurveRow> = sizes.into_iter().filter(|size| size.scenes >= most).collect();
+    farther.iter_mut().for_each(|size| size.scale_cpu_s(making, training));
+    farther
 }
 
 #[cfg(test)]

@@ -7,25 +7,41 @@
 use super::report::{Recommendation, Row, Told};
 use super::settings::Side;
 
-/// `None` where nothing of a side could be measured.
-pub(super) fn recommend(rows: &[Row], side: Side) -> Option<Recommendation> {
-    let own = || rows.iter().filter(|row| row.side == side && row.worth.is_some());
-    let allowed = || own().filter(|row| row.may_be_recommended);
-    let within = |row: &Row| row.worth.as_ref().and_then(|worth| worth.at_reference_cpu).unwrap_or(0.0);
+/// Places of the rows of a side that may be recommended and are told to be better, the most accurate for the reference's CPU time first.
+pub(super) fn better(rows: &[Row], side: Side) -> Vec<usize> {
+    let within = |place: &usize| rows[*place].worth.as_ref().and_then(|worth| worth.at_reference_cpu).unwrap_or(0.0);
     // Where some were followed to more scenes, what is told better of the others was not put to that test.
     let is_followed = |row: &Row| row.worth.as_ref().is_some_and(|worth| !worth.farther.is_empty());
-    let are_followed = own().any(is_followed);
-    let better = allowed().filter(|row| row.told() == Some(Told::Better) && (is_followed(row) || !are_followed));
-    let best = better.max_by(|a, b| within(a).total_cmp(&within(b)));
-    let written = || allowed().find(|row| row.is_as_written() && row.told() != Some(Told::Worse));
-    let row = best.or_else(written).or_else(|| own().next())?;
+    let are_followed = rows.iter().any(|row| row.side == side && is_followed(row));
+    let is_better = |place: &usize| {
+        let row = &rows[*place];
+        let is_told = row.may_be_recommended && row.told() == Some(Told::Better);
+        row.side == side && is_told && (is_followed(row) || !are_followed)
+    };
+    let mut places: Vec<usize> = (0..rows.len()).filter(is_better).collect();
+    places.sort_by(|a, b| within(a).total_cmp(&within(b)));
+    places.reverse();
+    places
+}
+
+/// The row that is recommended; `None` where nothing of a side could be measured.
+pub(super) fn place(rows: &[Row], side: Side) -> Option<usize> {
+    let is_measured = |row: &Row| row.side == side && row.worth.is_some();
+    let is_written = |row: &Row| row.may_be_recommended && row.is_as_written() && row.told() != Some(Told::Worse);
+    let written = || rows.iter().position(|row| is_measured(row) && is_written(row));
+    better(rows, side).first().copied().or_else(written).or_else(|| rows.iter().position(is_measured))
+}
+
+/// `None` where nothing of a side could be measured.
+pub(super) fn recommend(rows: &[Row], side: Side) -> Option<Recommendation> {
+    let row = &rows[place(rows, side)?];
     let worth = row.worth.as_ref()?;
     let size = worth.curve.iter().find(|size| worth.flat_from.is_some_and(|flat| size.scenes >= flat));
     let size = size.or(worth.curve.last())?;
     Some(Recommendation {
         name: row.label(),
         sets: row.sets.clone(),
-        is_told_better: best.is_some(),
+        is_told_better: !better(rows, side).is_empty(),
         scenes: size.scenes,
         cpu_s: size.cpu_s(),
         balanced_accuracy: size.balanced_accuracy,

@@ -277,6 +277,13 @@ impl CurveRow {
     pub(crate) fn cpu_s(&self) -> f64 {
         self.generate_cpu_s + self.train_cpu_s
     }
+
+    /// Tells seconds of making scenes, and of training, in those of another measurement.
+    pub(super) fn scale_cpu_s(&mut self, making: f64, training: f64) {
+        self.generate_cpu_s *= making;
+        self.train_cpu_s *= training;
+        self.learning_cpu_s *= training;
+    }
 }
 
 impl Report {

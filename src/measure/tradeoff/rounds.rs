@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use super::judging::{self, TestScenes};
 use super::measure::Measured;
 use super::report::{Ended, Report, Row, Told, Widest};
-use super::settings::Settings;
-use super::{Event, Options, TradeoffError, learning, summary};
+use super::settings::{Setting, Settings};
+use super::{Event, Options, TradeoffError, learning, measured, summary};
 
 /// When to go on.
 #[derive(Clone, Copy, Debug)]
@@ -84,6 +84,29 @@ pub(super) fn rounds(
     }
     debug_assert!(stop.load(Ordering::Relaxed));
     Ok(report.map(|report| Report { ended: Ended::Interrupted, ..report }))
+}
+
+/// Settings, the reference first, measured anew with the seeds and the test scenes of all rounds of a report at once; `None` where `stop` was raised
+/// before the end.
+pub(super) fn again(
+    list: Vec<Setting>,
+    report: &Report,
+    options: &Options,
+    stop: &AtomicBool,
+    tell: &mut (dyn FnMut(Event) + Send),
+) -> Result<Option<Report>, TradeoffError> {
+    let settings = Settings { list, refused: Vec::new() };
+    let at_once = Options {
+        seeds: report.seeds,
+        test_scenes: options.test_scenes * report.rounds,
+        resolve: None,
+        time: None,
+        ..options.clone()
+    };
+    match measured(&settings, &at_once, stop, tell)? {
+        Some(scenes) => rounds(&settings, &scenes, &at_once, Instant::now(), stop, tell),
+        None => Ok(None),
+    }
 }
 
 #[cfg(test)]
