@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use crate::tradeoff::measured;
 use crate::yard::{Yard, text};
 
 fn config() -> String {
@@ -12,10 +13,7 @@ fn config() -> String {
 /// A study of the fixture, where `tradeoff` puts it.
 fn with_study() -> Yard {
     let yard = Yard::new();
-    let quick =
-        ["--scenes", "8", "--test-scenes", "4", "--seeds", "2", "--only", "cast", "--farther", "2", "--threads", "2"];
-    let output = yard.marsyard(["tradeoff", config().as_str()].iter().chain(&quick));
-    assert!(output.status.success(), "{}", text(&output.stderr));
+    measured(&yard, "cast", "2", &[]);
     yard
 }
 
