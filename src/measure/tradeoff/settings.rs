@@ -258,3 +258,6 @@ pub(super) fn overridden(base: &[String], over: &[String]) -> Vec<String> {
 pub(super) fn key(set: &str) -> &str {
     set.split('=').next().unwrap_or_default()
 }
+
+#[cfg(test)]
+pub(super) mod tests;
