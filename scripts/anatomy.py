@@ -3,8 +3,8 @@
 Usage:  cargo build --release
         python scripts/anatomy.py [--scenes 2000] [--seeds 1,2] [--test-seed 51] [--quick]
 
-Trains the default network, by the squared error, on configs/mixed.yaml cut to so many scenes and judges the held-out families, on the corpora and by the runs of
-learning_curve.py --squared where its work folder is given. Untraversable cells are sorted by what made them so, traversable ones by what they hold and
+Trains the default network on configs/mixed.yaml cut to so many scenes and judges the held-out families, on the corpora and by the runs of
+learning_curve.py where its work folder is given. Untraversable cells are sorted by what made them so, traversable ones by what they hold and
 what stands beside them. Each family weighs alike: shares are means over the families, and the last column adds up to the mean of what is missed,
 and of what is called an obstacle falsely. Beside the network stand trees (LightGBM) on the same columns: what both get wrong is in the
 columns and labels, what the trees alone get right is the network's.
@@ -92,7 +92,7 @@ def main():
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     learnt = marsyard.corpus(f"mixed-{scenes}", held_out.CONFIG, [], scenes, held_out.PER_SHARD)
     test = held_out.corpus(marsyard, "test", options.test_seed, test_scenes)
-    networks = [held_out.network(marsyard, marsyard.train(f"squared-{scenes}", [learnt], seed, study.SQUARED)) for seed in seeds]
+    networks = [held_out.network(marsyard, marsyard.train(str(scenes), [learnt], seed)) for seed in seeds]
     columns = networks[0]["about"]["features"]
     cells = held_out.read(test, [*columns, *TRUTH])
     called = [(outputs(network, cells) >= 0.5).astype(int) for network in networks]
@@ -114,7 +114,7 @@ def main():
         results[title] = {"network": network, "trees": others}
     text = "\n\n".join([
         "# Where the errors lie on families held out",
-        f"`python scripts/anatomy.py`, {study.versions(marsyard)['marsyard']}; {scenes} scenes of mixed.yaml, {len(seeds)} trainings by the squared error; {test_scenes} scenes of the held-out "
+        f"`python scripts/anatomy.py`, {study.versions(marsyard)['marsyard']}; {scenes} scenes of mixed.yaml, {len(seeds)} trainings; {test_scenes} scenes of the held-out "
         f"families, seed {options.test_seed}; means over the eight families. The first kind that fits counts.", *parts]) + "\n"
     study.write_results(options.out, "anatomy", {"versions": study.versions(marsyard), "kinds": results}, text)
 

@@ -3,7 +3,7 @@
 Usage:  cargo build --release
         python scripts/rates.py [--sizes 140,400,1200] [--seeds 1,2,3] [--quick]
 
-Cuts configs/mixed.yaml to each size and trains on it by default, but by the squared error, and with one thing changed at a time. All are judged on
+Cuts configs/mixed.yaml to each size and trains on it by default, and with one thing changed at a time. All are judged on
 one corpus of the held-out families alone, of another seed; see held_out.py for the intervals. Differences are to the first way,
 by the same draws of scenes and trainings. CPU seconds of this machine, beside other work.
 
@@ -42,7 +42,7 @@ def main():
     for size in sizes:
         corpus, first = marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD), None
         for number, (way, sets) in enumerate(WAYS.items()):
-            of = [learners.network(f"{size}-{number}", corpus, seed, [*study.SQUARED, *sets]) for seed in seeds]
+            of = [learners.network(f"{size}-{number}", corpus, seed, sets) for seed in seeds]
             judged = held_out.Judgement(learners.test, [counted for _, counted in of])
             first = first or judged
             seconds = np.mean([fact["train_cpu_s"] for fact, _ in of])
@@ -53,7 +53,7 @@ def main():
     head = ["scenes", "trained", "CPU s, train", "mean of families", "worst family", "less all of it, mean", "less all of it, worst"]
     text = f"""# Normal scores, members and rates
 
-`python scripts/rates.py`; {len(seeds)} trainings each, by the squared error. Balanced accuracy by cells on the held-out families of mixed.yaml, percent, with 95 % intervals over scenes
+`python scripts/rates.py`; {len(seeds)} trainings each. Balanced accuracy by cells on the held-out families of mixed.yaml, percent, with 95 % intervals over scenes
 and trainings; differences in points. CPU seconds of this machine, beside other work.
 
 {study.markdown(head, rows)}
