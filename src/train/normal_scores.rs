@@ -14,6 +14,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::filter::lanes::{Chunk64, Real, Simd};
 use crate::corpus::stats::Moments;
 use crate::math;
 
@@ -37,6 +38,70 @@ pub struct NormalScores {
     /// Of a neighbour's height above the cell: the score of 0, which is that of a neighbour without points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unseen: Option<f64>,
+}
+
+/// Knots as scores are found by them: where a value lies between them, and what is worked out of the knots on either side. In chunks all knots but the
+/// last, behind them infinity: the last of each chunk tells which chunk, that chunk where in it.
+pub(super) struct Knots {
+    ends: [f64; 2],
+    lasts: Vec<Chunk64>,
+    chunks: Vec<Chunk64>,
+    segments: Vec<Segment>,
+    unseen: Option<f64>,
+}
+
+/// From one knot to the next.
+struct Segment {
+    from: f64,
+    width: f64,
+    low: f64,
+    rise: f64,
+    high: f64,
+}
+
+impl Knots {
+    /// The score of a value; NaN for NaN.
+    #[inline(always)]
+    pub(super) fn score<V: Simd<f64>>(&self, x: f64) -> f64 {
+        if let Some(score) = self.unseen
+            && x == 0.0
+        {
+            return score;
+        }
+        let x = limited(x, self.ends);
+        // A NaN is above none.
+        let segment = &self.segments[self.count_up_to::<V>(x).saturating_sub(1)];
+        let Segment { from, width, low, rise, high } = *segment;
+        // Rounding may go beyond the knots by a digit.
+        limited(low + rise * ((x - from) / width), [low, high])
+    }
+
+    /// How many knots are at most a value.
+    #[inline(always)]
+    fn count_up_to<V: Simd<f64>>(&self, x: f64) -> usize {
+        let mut whole = 0;
+        for lasts in &self.lasts {
+            whole += V::load(lasts).count_up_to(x);
+        }
+        let chunk = whole.min(self.chunks.len() - 1);
+        f64::LANES * chunk + V::load(&self.chunks[chunk]).count_up_to(x)
+    }
+}
+
+/// A number within bounds; NaN stays. Unlike `clamp` it asks nothing of the bounds, for which a loop would not go by lanes.
+#[inline(always)]
+pub(super) fn limited(x: f64, [least, most]: [f64; 2]) -> f64 {
+    let x = if x < least { least } else { x };
+    if x > most { most } else { x }
+}
+
+/// Numbers in chunks, behind them infinity; one chunk at least.
+fn chunks_of(numbers: &[f64]) -> Vec<Chunk64> {
+    let mut chunks = vec![Chunk64::splat(f64::INFINITY); numbers.len().div_ceil(f64::LANES).max(1)];
+    for (chunk, few) in chunks.iter_mut().zip(numbers.chunks(f64::LANES)) {
+        chunk.as_mut()[..few.len()].copy_from_slice(few);
+    }
+    chunks
 }
 
 impl NormalScores {
@@ -67,8 +132,8 @@ impl NormalScores {
 
     /// Shifts and stretches the scores to mean 0 and variance 1 over these values; those that never vary have 0.
     fn standardise(&mut self, values: &[f64], clip: f64) {
-        let mut moments = Moments::default();
-        values.iter().for_each(|&x| moments.add(self.score(x)));
+        let (knots, mut moments) = (self.knots(), Moments::default());
+        values.iter().for_each(|&x| moments.add(knots.score::<Chunk64>(x)));
         let scale = if moments.variance().is_normal() { moments.variance().sqrt() } else { 1.0 };
         for score in &mut self.score {
             *score = ((*score - moments.mean) / scale).clamp(-clip, clip);
@@ -76,29 +141,26 @@ impl NormalScores {
     }
 
     /// The score of a value; NaN for NaN.
-    #[inline(always)]
+    #[cfg(test)]
     pub(crate) fn score(&self, x: f64) -> f64 {
-        match self.unseen {
-            Some(score) if x == 0.0 => score,
-            _ => self.between_knots(x),
-        }
+        self.knots().score::<Chunk64>(x)
     }
 
-    #[inline(always)]
-    fn between_knots(&self, x: f64) -> f64 {
-        let NormalScores { at, score, .. } = self;
-        let last = score.len().saturating_sub(1);
-        if last == 0 {
-            return if x.is_nan() { x } else { score.first().copied().unwrap_or(0.0) };
-        }
-        let x = x.clamp(at[0], at[last]);
-        // By lanes faster than by halves. A NaN is above none.
-        let from_here = at[..last].iter().map(|knot| usize::from(*knot <= x)).sum::<usize>();
-        let below = from_here.saturating_sub(1);
-        let (from, to) = (at[below], at[below + 1]);
-        let (low, high) = (score[below], score[below + 1]);
-        // Rounding may go beyond the knots by a digit.
-        (low + (high - low) * ((x - from) / (to - from))).clamp(low, high)
+    /// What scores are found by.
+    pub(super) fn knots(&self) -> Knots {
+        let NormalScores { at, score, unseen } = self;
+        let segment = |k: usize, next: usize| Segment {
+            from: at[k],
+            width: if next > k { at[next] - at[k] } else { 1.0 },
+            low: score[k],
+            rise: score[next] - score[k],
+            high: score[next],
+        };
+        let last = at.len() - 1;
+        let segments = (0..last.max(1)).map(|k| segment(k, (k + 1).min(last))).collect();
+        let chunks = chunks_of(&at[..last]);
+        let lasts: Vec<f64> = chunks.iter().map(|chunk| chunk.as_ref()[f64::LANES - 1]).collect();
+        Knots { ends: [at[0], at[last]], lasts: chunks_of(&lasts), chunks, segments, unseen: *unseen }
     }
 
     /// What contradicts itself in a file.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::NormalScores;
 use super::filter::lanes::{Isa, Kernel, Simd};
+use super::normal_scores::{Knots, limited};
 
 /// How features are scaled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,17 +56,18 @@ impl Kernel<f64> for Scale<'_> {
     fn run<V: Simd<f64>>(self) {
         let Scaler { minus, mean, scale, clip, scores } = self.scaler;
         let (features, inputs) = (mean.len(), self.scaler.inputs());
+        let knots: Vec<Knots> = scores.iter().map(NormalScores::knots).collect();
         for (row, out) in self.rows.chunks_exact(features).zip(self.out.chunks_exact_mut(inputs)) {
             let (scaled, of_scores) = out.split_at_mut(features);
             for ((x, &feature), minus) in scaled.iter_mut().zip(row).zip(minus) {
                 *x = less(feature, *minus, row);
             }
-            for ((score, of_feature), x) in of_scores.iter_mut().zip(scores).zip(&*scaled) {
-                *score = of_feature.score(*x);
+            for ((score, knots), x) in of_scores.iter_mut().zip(&knots).zip(&*scaled) {
+                *score = knots.score::<V>(*x);
             }
             // A loop of its own, whose divisions go by lanes.
             for ((x, mean), scale) in scaled.iter_mut().zip(mean).zip(scale) {
-                *x = ((*x - mean) / scale).clamp(-clip, *clip);
+                *x = limited((*x - mean) / scale, [-clip, *clip]);
             }
         }
     }

@@ -224,8 +224,9 @@ impl<'s> Curve<'s> {
         let [of_train, of_validation] = [train, validation].map(|rows| rows.min(most));
         let ahead = WINDOWS_LEFT * train.min(WINDOW_GROUPS as f64 * self.rows_a_group);
         let read = train * passes + ahead + samples + of_train + of_validation + 3.0 * validation + test;
-        let judged = 2.0 * (of_train + of_validation) + 2.0 * validation + test;
-        let beside_s = self.row_cost.reading_s * read + self.row_cost.judging_s * judged;
+        let RowCost { reading_s, judging_s, looking_s } = self.row_cost;
+        let beside_s =
+            reading_s * read + judging_s * (2.0 * validation + test) + looking_s * 2.0 * (of_train + of_validation);
         (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * passes + beside_s)
     }
 

@@ -1,8 +1,8 @@
 //! The sampled scenes' cells -> what training takes of a row beside learning it: reading it, and judging it.
 //!
 //! Read as training reads it: decoded, checked, laid out row by row in memory that held rows before. Judged: scaled and put through a network of the
-//! default size in f64, as calibration and reports do it. CPU seconds of one thread, by every cell that is there. Not measured: checksums of
-//! files and reading their footers; what reports read and tally of a row beside its features and output.
+//! default size: in f64, as calibration and reports do it, and in f32, as what is left to learn is told. CPU seconds of one thread, by every cell that is there.
+//! Not measured: checksums of files and reading their footers; what reports read and tally of a row beside its features and output.
 
 use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
@@ -18,6 +18,7 @@ use crate::train::feature_choice::taken;
 use crate::train::memory::outputs;
 use crate::train::rows::{Rows, Wanted};
 use crate::train::scaling::{moments_of, scaler_of, scores_of, subtracted};
+use crate::train::validation::Objective;
 use crate::train::{Network, TrainParams};
 
 /// Rows are read again until this is over: a clock of microseconds and a cold cache are then a few percent.
@@ -29,7 +30,10 @@ const MOST_CELLS: usize = 200_000;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RowCost {
     pub reading_s: f64,
+    /// In f64.
     pub judging_s: f64,
+    /// In f32.
+    pub looking_s: f64,
 }
 
 /// Of the default training's features and network; `None` where there are no cells, or none that can be learnt.
@@ -56,8 +60,8 @@ pub(super) fn cost(spec: &CorpusSpec, shard: &FinishedShard) -> Result<Option<Ro
     }
     let reading_s = (thread_cpu_s() - begun) / cells as f64;
     let minus = subtracted(&features, params.neighbours);
-    let judging_s = judging_s(&rows, minus, &params) / rows.len() as f64;
-    Ok(Some(RowCost { reading_s, judging_s }))
+    let [judging_s, looking_s] = judging_s(&rows, minus, &params).map(|all_s| all_s / rows.len() as f64);
+    Ok(Some(RowCost { reading_s, judging_s, looking_s }))
 }
 
 /// Adds the rows of a file of cells, up to [`MOST_CELLS`]; how many cells were read.
@@ -81,16 +85,19 @@ fn read(name: &str, bytes: &Bytes, wanted: &Wanted, rows: &mut Rows) -> Result<u
     Ok(cells)
 }
 
-/// Of all rows.
-fn judging_s(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> f64 {
+/// Of all rows, in f64 and in f32.
+fn judging_s(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> [f64; 2] {
     let moments = moments_of(rows, &minus);
     let scores = scores_of(rows, &minus, params);
     let (scaler, _) = scaler_of(minus, moments.into_iter(), scores, params.clip);
     let streams = Streams { seed: 0, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
     let network = Network::random(params.layout(rows.width), &streams);
-    let begun = thread_cpu_s();
-    outputs(&scaler, &network, rows);
-    thread_cpu_s() - begun
+    let objective = Objective::new(scaler, params, &[[1; 2]], &[1.0]);
+    let begun_s = thread_cpu_s();
+    outputs(&objective.scaler, &network, rows);
+    let between_s = thread_cpu_s();
+    objective.sum_here(&network, rows);
+    [between_s - begun_s, thread_cpu_s() - between_s]
 }
 
 #[cfg(test)]
@@ -120,6 +127,7 @@ mod tests {
             let told = cost_of(config, &few).unwrap();
             assert!(told.reading_s > 1e-9 && told.reading_s < 1e-3, "{config}: {told:?}");
             assert!(told.judging_s > 1e-9 && told.judging_s < 1e-3, "{config}: {told:?}");
+            assert!(told.looking_s > 1e-9 && told.looking_s < 1e-3, "{config}: {told:?}");
         }
     }
 

@@ -2,6 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math;
+use crate::train::filter::lanes::{Isa, Kernel};
 
 #[test]
 fn exact_quantiles_of_the_normal_distribution_as_scipy_has_them() {
@@ -155,5 +156,50 @@ proptest! {
         let (low, high) = (a.min(b), a.max(b));
         prop_assert!(scores.score(low) <= scores.score(high));
         prop_assert!(scores.score(low).abs() <= 8.0 && scores.score(high).abs() <= 8.0);
+    }
+}
+
+struct ScoresOf<'a> {
+    scores: &'a NormalScores,
+    values: &'a [f64],
+}
+
+impl Kernel<f64> for ScoresOf<'_> {
+    type Out = Vec<u64>;
+
+    #[inline(always)]
+    fn run<V: Simd<f64>>(self) -> Vec<u64> {
+        let knots = self.scores.knots();
+        self.values.iter().map(|x| knots.score::<V>(*x).to_bits()).collect()
+    }
+}
+
+#[test]
+fn equal_scores_for_any_number_of_knots_in_all_forms_and_by_a_search_from_the_first() {
+    for count in [1, 2, 3, 8, 9, 10, 64, 65, 66, 129, 513, MOST_KNOTS] {
+        let at: Vec<f64> = (0..count).map(|k| f64::from(k as u32) * 0.37 - 5.0).collect();
+        let score = at.iter().map(|x| x.cbrt()).collect();
+        let scores = NormalScores { at, score, unseen: (count % 2 == 0).then_some(-3.5) };
+        let last = count - 1;
+        let between = scores.at.iter().flat_map(|x| [*x, x + 0.1, x.next_up(), x.next_down()]);
+        let ends = [0.0, -0.0, f64::MIN, f64::MAX, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e-310];
+        let values: Vec<f64> = between.chain(ends).collect();
+        let expected = values.iter().map(|&x| {
+            let (at, score) = (&scores.at, &scores.score);
+            if scores.unseen.is_some() && x == 0.0 {
+                return -3.5;
+            }
+            if last == 0 || x.is_nan() {
+                return if x.is_nan() { x } else { score[0] };
+            }
+            let x = x.clamp(at[0], at[last]);
+            let below = (1..last).filter(|&k| at[k] <= x).count();
+            let share = (x - at[below]) / (at[below + 1] - at[below]);
+            (score[below] + (score[below + 1] - score[below]) * share).clamp(score[below], score[below + 1])
+        });
+        let expected: Vec<u64> = expected.map(f64::to_bits).collect();
+        for isa in Isa::available() {
+            assert_eq!(isa.run(ScoresOf { scores: &scores, values: &values }), expected, "{isa:?}, {count} knots");
+        }
     }
 }

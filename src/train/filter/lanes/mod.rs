@@ -54,6 +54,8 @@ pub(crate) trait Simd<T: Real>: Copy {
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
     /// Sum of the lanes: upper half onto lower half until one is left.
     fn sum(self) -> T;
+    /// How many lanes hold at most `x`, where none is less than the one before it; none for NaN.
+    fn count_up_to(self, x: T) -> usize;
     /// Sums of four, each as [`Simd::sum`] has it.
     #[inline(always)]
     fn sums(four: [Self; 4]) -> [T; 4] {
@@ -178,9 +180,16 @@ macro_rules! portable {
                 }
                 self.0[0]
             }
+            #[inline(always)]
+            fn count_up_to(self, x: $real) -> usize {
+                self.0.iter().map(|own| usize::from(*own <= x)).sum()
+            }
         }
     };
 }
 
 portable!(Chunk32, f32, 16, "F32", Pair32, Wide32);
 portable!(Chunk64, f64, 8, "F64", Pair64, Wide64);
+
+#[cfg(test)]
+mod tests;

@@ -20,7 +20,7 @@ pub(super) unsafe fn avx2<T: Real, K: Kernel<T>>(kernel: K) -> K::Out {
 
 macro_rules! wide {
     ($wide:ident, $register:ident, $chunk:ident, $real:ident, $splat:ident, $mul:ident, $fma:ident, $fnma:ident,
-     |$x:ident| $sum:expr) => {
+     |$x:ident| $sum:expr, |$own:ident, $bound:ident| $mask:expr) => {
         /// A chunk in one register. Made and used in [`avx512`] alone.
         #[derive(Clone, Copy)]
         pub(crate) struct $wide($register);
@@ -63,13 +63,19 @@ macro_rules! wide {
                 let $x = self.0;
                 unsafe { $sum }
             }
+            #[inline(always)]
+            fn count_up_to(self, x: $real) -> usize {
+                // Lanes rise: those that hold at most `x` come first.
+                let ($own, $bound) = (self.0, Self::splat(x).0);
+                unsafe { $mask }.trailing_ones() as usize
+            }
         }
     };
 }
 
 macro_rules! pair {
     ($pair:ident, $register:ident, $chunk:ident, $real:ident, $splat:ident, $mul:ident, $fma:ident, $fnma:ident,
-     |$lo:ident, $hi:ident| $sum:expr) => {
+     |$lo:ident, $hi:ident| $sum:expr, |$own:ident, $bound:ident| $mask:expr) => {
         /// A chunk in two registers. Made and used in [`avx2`] alone.
         #[derive(Clone, Copy)]
         #[repr(C)]
@@ -112,24 +118,67 @@ macro_rules! pair {
                 let ($lo, $hi) = (self.0, self.1);
                 unsafe { $sum }
             }
+            #[inline(always)]
+            fn count_up_to(self, x: $real) -> usize {
+                // As of one register; the upper half has the upper bits.
+                let ($own, $bound) = (self.0, Self::splat(x).0);
+                let low = unsafe { $mask };
+                let $own = self.1;
+                let high = unsafe { $mask };
+                (low | high << ($real::LANES / 2)).trailing_ones() as usize
+            }
         }
     };
 }
 
-wide!(Wide32, __m512, Chunk32, f32, _mm512_set1_ps, _mm512_mul_ps, _mm512_fmadd_ps, _mm512_fnmadd_ps, |x| sum32(
-    _mm512_castps512_ps256(x),
-    _mm512_extractf32x8_ps::<1>(x)
-));
-wide!(Wide64, __m512d, Chunk64, f64, _mm512_set1_pd, _mm512_mul_pd, _mm512_fmadd_pd, _mm512_fnmadd_pd, |x| sum64(
-    _mm512_castpd512_pd256(x),
-    _mm512_extractf64x4_pd::<1>(x)
-));
-pair!(Pair32, __m256, Chunk32, f32, _mm256_set1_ps, _mm256_mul_ps, _mm256_fmadd_ps, _mm256_fnmadd_ps, |lo, hi| {
-    sum32(lo, hi)
-});
-pair!(Pair64, __m256d, Chunk64, f64, _mm256_set1_pd, _mm256_mul_pd, _mm256_fmadd_pd, _mm256_fnmadd_pd, |lo, hi| {
-    sum64(lo, hi)
-});
+wide!(
+    Wide32,
+    __m512,
+    Chunk32,
+    f32,
+    _mm512_set1_ps,
+    _mm512_mul_ps,
+    _mm512_fmadd_ps,
+    _mm512_fnmadd_ps,
+    |x| sum32(_mm512_castps512_ps256(x), _mm512_extractf32x8_ps::<1>(x)),
+    |own, bound| _mm512_cmp_ps_mask::<_CMP_LE_OQ>(own, bound)
+);
+wide!(
+    Wide64,
+    __m512d,
+    Chunk64,
+    f64,
+    _mm512_set1_pd,
+    _mm512_mul_pd,
+    _mm512_fmadd_pd,
+    _mm512_fnmadd_pd,
+    |x| sum64(_mm512_castpd512_pd256(x), _mm512_extractf64x4_pd::<1>(x)),
+    |own, bound| _mm512_cmp_pd_mask::<_CMP_LE_OQ>(own, bound)
+);
+pair!(
+    Pair32,
+    __m256,
+    Chunk32,
+    f32,
+    _mm256_set1_ps,
+    _mm256_mul_ps,
+    _mm256_fmadd_ps,
+    _mm256_fnmadd_ps,
+    |lo, hi| sum32(lo, hi),
+    |own, bound| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(own, bound))
+);
+pair!(
+    Pair64,
+    __m256d,
+    Chunk64,
+    f64,
+    _mm256_set1_pd,
+    _mm256_mul_pd,
+    _mm256_fmadd_pd,
+    _mm256_fnmadd_pd,
+    |lo, hi| sum64(lo, hi),
+    |own, bound| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(own, bound))
+);
 
 /// # Safety
 /// As the kernel that calls it.
