@@ -31,7 +31,7 @@ const MOST_KNOTS: usize = 1024;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NormalScores {
-    /// Values that rise.
+    /// Values that rise, one at least.
     pub at: Vec<f64>,
     /// The score of each; values between two have it in proportion, those beyond the outermost have theirs.
     pub score: Vec<f64>,
@@ -76,7 +76,7 @@ impl Knots {
         limited(low + rise * ((x - from) / width), [low, high])
     }
 
-    /// How many knots are at most a value.
+    /// How many knots, the last left out, are at most a value.
     #[inline(always)]
     fn count_up_to<V: Simd<f64>>(&self, x: f64) -> usize {
         let mut whole = 0;

@@ -4,7 +4,7 @@
 //! twice as many: of a split that holds more, every so many-th that can be judged, so that all its scenes have their say, in the same share
 //! of their rows. They are read once and kept, and a look costs the same however large the corpus is. Cells beside one another err alike: what tells a look's error is the scenes. Chunks of rows are taken by all threads; their
 //! sums are added in the order of the rows, so that the number of threads changes no bit. Where outputs are of f32, rows are scaled once
-//! for all looks, because normal scores cost as much as the network does. The threads are those of rayon's current pool,
+//! for all looks, because scaling costs about as much as the network's pass in f32. The threads are those of rayon's current pool,
 //! which lives as long as a training: `parallel::run` starts and ends threads at each call, and a look at rows in memory takes less than
 //! that.
 

@@ -224,9 +224,9 @@ impl<'s> Curve<'s> {
         let [of_train, of_validation] = [train, validation].map(|rows| rows.min(most));
         let ahead = WINDOWS_LEFT * train.min(WINDOW_GROUPS as f64 * self.rows_a_group);
         let read = train * passes + ahead + samples + of_train + of_validation + 3.0 * validation + test;
-        let RowCost { reading_s, judging_s, looking_s } = self.row_cost;
+        let RowCost { reading_s, judging_s, judging_f32_s } = self.row_cost;
         let beside_s =
-            reading_s * read + judging_s * (2.0 * validation + test) + looking_s * 2.0 * (of_train + of_validation);
+            reading_s * read + judging_s * (2.0 * validation + test) + judging_f32_s * 2.0 * (of_train + of_validation);
         (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * passes + beside_s)
     }
 

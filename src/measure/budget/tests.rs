@@ -8,7 +8,7 @@ const HERE: Here = Here {
     writing_cpu_s: 0.005,
     bytes_per_scene: 80_000.0,
     rows_per_scene: 1700.0,
-    row_cost: RowCost { reading_s: 0.0, judging_s: 0.0, looking_s: 0.0 },
+    row_cost: RowCost { reading_s: 0.0, judging_s: 0.0, judging_f32_s: 0.0 },
 };
 
 fn budget(wall_s: f64, disk_bytes: Option<f64>) -> Budget {
@@ -49,8 +49,8 @@ fn exact_a_training_on_more_rows_takes_fewer_passes() {
 #[test]
 fn exact_what_a_training_reads_and_judges_is_told_beside_what_it_learns() {
     let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
-    let train_s = |reading_s, judging_s, looking_s| {
-        let here = |_: &StudySetting| Here { row_cost: RowCost { reading_s, judging_s, looking_s }, ..HERE };
+    let train_s = |reading_s, judging_s, judging_f32_s| {
+        let here = |_: &StudySetting| Here { row_cost: RowCost { reading_s, judging_s, judging_f32_s }, ..HERE };
         choices(&study, &budget(20.0, Some(4e6)), here, 50)[0].train_s
     };
     let learning_s = train_s(0.0, 0.0, 0.0);
@@ -60,8 +60,8 @@ fn exact_what_a_training_reads_and_judges_is_told_beside_what_it_learns() {
     assert!((reading_s - 1e-6 * 85_000.0 * (0.7 * (3.0 + 2.5 + 3.0) + 0.75)).abs() < 1e-6, "{reading_s}");
     let judging_s = train_s(0.0, 1e-6, 0.0) - learning_s;
     assert!((judging_s - 1e-6 * 85_000.0 * 0.45).abs() < 1e-9, "{judging_s}");
-    let looking_s = train_s(0.0, 0.0, 1e-6) - learning_s;
-    assert!((looking_s - 1e-6 * 85_000.0 * 2.0 * 0.85).abs() < 1e-9, "{looking_s}");
+    let judging_f32_s = train_s(0.0, 0.0, 1e-6) - learning_s;
+    assert!((judging_f32_s - 1e-6 * 85_000.0 * 2.0 * 0.85).abs() < 1e-9, "{judging_f32_s}");
 }
 
 #[test]

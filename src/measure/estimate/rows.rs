@@ -33,7 +33,7 @@ pub(crate) struct RowCost {
     /// In f64.
     pub judging_s: f64,
     /// In f32.
-    pub looking_s: f64,
+    pub judging_f32_s: f64,
 }
 
 /// Of the default training's features and network; `None` where there are no cells, or none that can be learnt.
@@ -60,8 +60,8 @@ pub(super) fn cost(spec: &CorpusSpec, shard: &FinishedShard) -> Result<Option<Ro
     }
     let reading_s = (thread_cpu_s() - begun) / cells as f64;
     let minus = subtracted(&features, params.neighbours);
-    let [judging_s, looking_s] = judging_s(&rows, minus, &params).map(|all_s| all_s / rows.len() as f64);
-    Ok(Some(RowCost { reading_s, judging_s, looking_s }))
+    let [judging_s, judging_f32_s] = judging(&rows, minus, &params).map(|all_s| all_s / rows.len() as f64);
+    Ok(Some(RowCost { reading_s, judging_s, judging_f32_s }))
 }
 
 /// Adds the rows of a file of cells, up to [`MOST_CELLS`]; how many cells were read.
@@ -86,7 +86,7 @@ fn read(name: &str, bytes: &Bytes, wanted: &Wanted, rows: &mut Rows) -> Result<u
 }
 
 /// Of all rows, in f64 and in f32.
-fn judging_s(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> [f64; 2] {
+fn judging(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> [f64; 2] {
     let moments = moments_of(rows, &minus);
     let scores = scores_of(rows, &minus, params);
     let (scaler, _) = scaler_of(minus, moments.into_iter(), scores, params.clip);
@@ -127,7 +127,7 @@ mod tests {
             let told = cost_of(config, &few).unwrap();
             assert!(told.reading_s > 1e-9 && told.reading_s < 1e-3, "{config}: {told:?}");
             assert!(told.judging_s > 1e-9 && told.judging_s < 1e-3, "{config}: {told:?}");
-            assert!(told.looking_s > 1e-9 && told.looking_s < 1e-3, "{config}: {told:?}");
+            assert!(told.judging_f32_s > 1e-9 && told.judging_f32_s < 1e-3, "{config}: {told:?}");
         }
     }
 

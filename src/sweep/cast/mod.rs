@@ -43,6 +43,7 @@ mod origin;
 mod packets;
 mod planes;
 mod polynomial;
+mod pyramid;
 mod raster;
 mod sectors;
 mod series;

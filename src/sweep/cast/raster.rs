@@ -10,15 +10,10 @@
 use std::borrow::Cow;
 
 use super::cell::{Axis, CellRay};
-use super::newton::{larger, smaller};
+use super::newton::larger;
+use super::pyramid::{Block, Level, levels};
 use crate::geometry::DVec3;
 use crate::scene::Raster;
-
-/// Margin of the blocks' bounds: above the rounding of heights of a kilometre.
-const MARGIN_M: f64 = 1e-12;
-
-/// The highest level whose blocks know the ground around them.
-pub(super) const AROUND_LEVELS: usize = 6;
 
 /// A raster ground, ready to be cast at.
 pub(super) struct RasterCaster<'a> {
@@ -27,25 +22,6 @@ pub(super) struct RasterCaster<'a> {
     yard: [[f64; 2]; 2],
     /// Blocks of 2 x 2 cells first; each further level halves both sides, up to one block.
     levels: Vec<Level>,
-}
-
-struct Level {
-    rows: usize,
-    cols: usize,
-    blocks: Vec<Block>,
-}
-
-/// The plane height + east * (x - x0) + north * (y - y0) from the block's south-west corner, x and y in cells, and where the
-/// ground lies from it.
-#[derive(Clone, Copy)]
-struct Block {
-    height: f64,
-    east: f64,
-    north: f64,
-    low: f64,
-    high: f64,
-    /// As `high`, for the block and half its side around it.
-    high_around: f64,
 }
 
 /// A sensor over the grid: what all its rays share.
@@ -88,14 +64,7 @@ pub(super) struct MarchStack(Vec<Visit>);
 
 impl<'a> RasterCaster<'a> {
     pub(super) fn new(raster: Cow<'a, Raster>, extent_m: f64) -> RasterCaster<'a> {
-        let mut levels = Vec::new();
-        let (mut rows, mut cols, mut side) = (raster.rows - 1, raster.cols - 1, 1);
-        while rows > 1 || cols > 1 || side == 1 {
-            (rows, cols, side) = (rows.div_ceil(2), cols.div_ceil(2), 2 * side);
-            let places = (0..rows).flat_map(|row| (0..cols).map(move |col| (row * side, col * side)));
-            let blocks = places.map(|(row, col)| block(&raster, row, col, side)).collect();
-            levels.push(Level { rows, cols, blocks });
-        }
+        let levels = levels(&raster);
         let per_m = 1.0 / raster.spacing_m;
         let side = |from_m: f64, nodes: usize| {
             [(-from_m * per_m).max(0.0), ((extent_m - from_m) * per_m).min((nodes - 1) as f64)]
@@ -211,46 +180,6 @@ impl<'a> RasterCaster<'a> {
         let heights = &self.raster.heights_m[row * cols + col..row * cols + col + cols + 2];
         [heights[0], heights[1], heights[cols], heights[cols + 1]]
     }
-}
-
-/// The plane of a block through three of its corners, and the bounds of all its nodes.
-fn block(raster: &Raster, row: usize, col: usize, side: usize) -> Block {
-    let (last_row, last_col) = ((row + side).min(raster.rows - 1), (col + side).min(raster.cols - 1));
-    let node = |row: usize, col: usize| raster.heights_m[row * raster.cols + col];
-    let (height, rows, cols) = (node(row, col), (last_row - row) as f64, (last_col - col) as f64);
-    let east = 0.5 * (node(row, last_col) - height + node(last_row, last_col) - node(last_row, col)) / cols;
-    let north = 0.5 * (node(last_row, col) - height + node(last_row, last_col) - node(row, last_col)) / rows;
-    let (low, high) = above_plane(raster, (row, col), [height, east, north], [row, last_row], [col, last_col]);
-    let margin = MARGIN_M * (1.0 + height.abs());
-    let mut block = Block { height, east, north, low: low - margin, high: high + margin, high_around: f64::INFINITY };
-    if side <= 1 << AROUND_LEVELS {
-        let around =
-            |from: usize, last: usize, nodes: usize| [from.saturating_sub(side / 2), (last + side / 2).min(nodes - 1)];
-        let (rows, cols) = (around(row, last_row, raster.rows), around(col, last_col, raster.cols));
-        block.high_around = above_plane(raster, (row, col), [height, east, north], rows, cols).1 + margin;
-    }
-    block
-}
-
-/// How far the nodes of [first, last] rows and columns lie below (or on) and above (or on) a plane through node (row, col).
-fn above_plane(
-    raster: &Raster,
-    (row, col): (usize, usize),
-    [height, east, north]: [f64; 3],
-    rows: [usize; 2],
-    cols: [usize; 2],
-) -> (f64, f64) {
-    let (mut low, mut high) = (0.0, 0.0);
-    for r in rows[0]..=rows[1] {
-        let along = height + north * (r as f64 - row as f64) - east * (col as f64 - cols[0] as f64);
-        let heights = &raster.heights_m[r * raster.cols + cols[0]..=r * raster.cols + cols[1]];
-        for (c, h) in heights.iter().enumerate() {
-            let above = h - (along + east * c as f64);
-            low = smaller(low, above);
-            high = larger(high, above);
-        }
-    }
-    (low, high)
 }
 
 /// Cuts a visit down to where the ray may meet the block's ground; false where it cannot.

@@ -9,8 +9,10 @@
 
 use super::diamond_angle::{at_turn, turn_of};
 use super::newton::larger;
-use super::raster::{AROUND_LEVELS, RasterCaster, RasterView};
+use super::pyramid::AROUND_LEVELS;
+use super::raster::{RasterCaster, RasterView};
 use crate::geometry::{DVec2, DVec3};
+use crate::wide::{self, Work};
 
 /// Sectors of the turn.
 const SECTORS: usize = 256;
@@ -63,12 +65,7 @@ impl SlopeBounds {
             .collect();
         let count = rings.len();
         let stride = (count + 1).next_power_of_two();
-        let mut upper = vec![f32::INFINITY; SECTORS * stride];
-        for (ray, sector) in rays.iter().zip(upper.chunks_exact_mut(stride)) {
-            for (slope, ring) in sector.iter_mut().zip(&rings) {
-                *slope = steepest_sight(ground, &view, ray, ring);
-            }
-        }
+        let upper = wide::widest(SteepestSights { ground, view: &view, rays: &rays, rings: &rings, stride });
         let mut reached = upper.clone();
         for sector in reached.chunks_exact_mut(stride) {
             let mut most = f32::NEG_INFINITY;
@@ -144,6 +141,30 @@ fn borders(last_m: f64, cell_m: f64, half_sector: f64) -> Vec<f64> {
         borders_m.push(border_m);
     }
     borders_m
+}
+
+/// The upper bounds of all bins, by sector; infinities behind a sector's rings.
+struct SteepestSights<'a> {
+    ground: &'a RasterCaster<'a>,
+    view: &'a RasterView,
+    rays: &'a [SectorRay],
+    rings: &'a [DistanceBand],
+    stride: usize,
+}
+
+impl Work for SteepestSights<'_> {
+    type Out = Vec<f32>;
+
+    #[inline(always)]
+    fn run(self) -> Vec<f32> {
+        let mut upper = vec![f32::INFINITY; SECTORS * self.stride];
+        for (ray, sector) in self.rays.iter().zip(upper.chunks_exact_mut(self.stride)) {
+            for (slope, ring) in sector.iter_mut().zip(self.rings) {
+                *slope = steepest_sight(self.ground, self.view, ray, ring);
+            }
+        }
+        upper
+    }
 }
 
 /// Upper bound of (h - z) / d over one bin.

@@ -36,6 +36,7 @@ pub(in crate::measure::tradeoff) fn all(config: &str, sets: &[&str], only: &[Gro
 fn names(settings: &Settings, group: Group) -> Vec<&str> {
     settings.list.iter().filter(|s| s.group == Some(group)).map(|s| s.name.as_str()).collect()
 }
+
 #[test]
 fn exact_the_papers_config_has_every_knob_but_the_references_own_values() {
     let settings = all("configs/paper.yaml", &[], &[]);
