@@ -21,7 +21,7 @@ use super::light::{DropoutModel, IntensityModel, gain};
 use super::params::Effects;
 use super::range_error::{ApplyRangeErrors, MarkStatus, RangeError};
 use super::ranging::Echo;
-use super::returns::LastFace;
+use super::returns::{LastFace, add_cosines};
 use super::vegetation::{BLOCK, Draws, Rays, Vegetation};
 use super::{Pattern, Returns, Status, Sweep, SweepError, SweepParams, TrueReturn};
 use crate::geometry::{DVec3, Transform};
@@ -247,8 +247,7 @@ impl Setting<'_> {
         cos.clear();
         gain_per_m2.clear();
         if self.error.oblique() || effects.dropout.is_some() || effects.intensity.is_some() {
-            let seen = truth.iter().zip(&*directions);
-            cos.extend(seen.map(|(ret, &d)| ret.cos_incidence(self.caster, self.origin_m, d)));
+            add_cosines(self.caster, self.origin_m, directions, truth, cos);
             gain_per_m2.extend(truth.iter().zip(&*cos).map(|(ret, &c)| gain(c, ret.range_m)));
         }
     }

@@ -5,7 +5,8 @@
 use super::TrueReturn;
 use super::cast::{Caster, Hit};
 use crate::geometry::DVec3;
-use crate::scene::{Class, Obstacle, Plane, Shape};
+use crate::scene::{Class, Ground, Obstacle, Plane, Polynomial, Shape};
+use crate::wide::{LANES, Work, widest};
 
 /// Mean |cos| of the incidence on leaves that face all ways alike.
 const LEAF_COS_INCIDENCE: f64 = 0.5;
@@ -45,13 +46,17 @@ impl TrueReturn {
         self.class.is_some_and(|class| class >= Class::Grass)
     }
 
+    /// Whether the ground sent the light back, and no foliage on it.
+    fn is_on_ground(&self) -> bool {
+        self.object == Hit::GROUND && !self.is_foliage()
+    }
+
     /// Cosine of the angle between the ray and the surface's normal, in [0, 1]; 0 where nothing was met.
     pub(super) fn cos_incidence(&self, caster: &Caster, origin_m: DVec3, direction: DVec3) -> f64 {
         if self.is_foliage() {
             LEAF_COS_INCIDENCE
         } else if self.is_hit() {
-            let normal = caster.normal_at(self.object, origin_m + direction * self.range_m);
-            normal.dot(direction).abs().min(1.0)
+            cos_between(caster.normal_at(self.object, origin_m + direction * self.range_m), direction)
         } else {
             0.0
         }
@@ -90,4 +95,65 @@ impl TrueReturn {
         // Of the planes, those that lie nearer than the rim hold the point's own.
         near_top || upward()
     }
+}
+
+/// Adds the cosines of incidence of returns along directions from one origin. On a polynomial ground the slopes of several are worked out at once.
+pub(super) fn add_cosines(
+    caster: &Caster,
+    origin_m: DVec3,
+    directions: &[DVec3],
+    returns: &[TrueReturn],
+    cosines: &mut Vec<f64>,
+) {
+    let first = cosines.len();
+    let Ground::Polynomial(ground) = &caster.scene().ground else {
+        let seen = returns.iter().zip(directions);
+        cosines.extend(seen.map(|(ret, &direction)| ret.cos_incidence(caster, origin_m, direction)));
+        return;
+    };
+    let beside_ground = |(ret, &direction): (&TrueReturn, &DVec3)| {
+        if ret.is_on_ground() { 0.0 } else { ret.cos_incidence(caster, origin_m, direction) }
+    };
+    cosines.extend(returns.iter().zip(directions).map(beside_ground));
+    widest(OnPolynomial { ground, origin_m, directions, returns, cosines: &mut cosines[first..] });
+}
+
+/// Cosines of the returns on the ground; others stay.
+struct OnPolynomial<'a> {
+    ground: &'a Polynomial,
+    origin_m: DVec3,
+    directions: &'a [DVec3],
+    returns: &'a [TrueReturn],
+    cosines: &'a mut [f64],
+}
+
+impl Work for OnPolynomial<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let OnPolynomial { ground, origin_m, directions, returns, cosines } = self;
+        let (mut places, mut count) = ([0; LANES], 0);
+        let [mut x_m, mut y_m] = [[0.0; LANES]; 2];
+        for (place, (ret, &direction)) in returns.iter().zip(directions).enumerate() {
+            if ret.is_on_ground() {
+                let point_m = origin_m + direction * ret.range_m;
+                (places[count], x_m[count], y_m[count]) = (place, point_m.x, point_m.y);
+                count += 1;
+            }
+            if count == LANES || place + 1 == returns.len() {
+                let [_, along_x, along_y] = ground.heights_and_gradients(&x_m, &y_m);
+                for lane in 0..count {
+                    let normal = DVec3::new(-along_x[lane], -along_y[lane], 1.0).normalize();
+                    cosines[places[lane]] = cos_between(normal, directions[places[lane]]);
+                }
+                count = 0;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn cos_between(normal: DVec3, direction: DVec3) -> f64 {
+    normal.dot(direction).abs().min(1.0)
 }
