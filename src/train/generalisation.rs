@@ -82,9 +82,11 @@ impl Generalisation {
         if windows.is_empty() {
             return Ok(None);
         }
-        let learnt = judged.scenes(Split::Train, windows)?;
         let all = 0..judged.sources.groups(Split::Validation).len();
-        Ok(Generalisation::of_scenes(&learnt, &judged.scenes(Split::Validation, all)?))
+        // Scenes of one split are read while those of the other are judged.
+        let (learnt, held_back) =
+            rayon::join(|| judged.scenes(Split::Train, windows), || judged.scenes(Split::Validation, all));
+        Ok(Generalisation::of_scenes(&learnt?, &held_back?))
     }
 
     fn of_scenes(learnt: &[Scene], held_back: &[Scene]) -> Option<Generalisation> {

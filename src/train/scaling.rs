@@ -4,6 +4,8 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::normal_scores::MOST_VALUES;
 use super::params::{Balance, Neighbours};
 use super::quantiles::sample;
@@ -68,7 +70,7 @@ pub(crate) fn scores_of(rows: &Rows, minus: &[Option<usize>], params: &TrainPara
         None => NormalScores::of_sample(values(feature), params.clip),
         Some(_) => NormalScores::of_heights_above(values(feature), params.clip),
     };
-    (0..rows.width).map(of).collect()
+    (0..rows.width).into_par_iter().map(of).collect()
 }
 
 /// The scaler of features with these moments and scores, and which of them never vary.

@@ -119,13 +119,17 @@ impl Objective {
     /// Rows in f32 as the network takes them.
     fn scaled(&self, rows: Rows) -> Rows {
         let inputs = self.scaler.inputs();
-        let mut features = Vec::with_capacity(inputs * rows.len());
-        let mut scaled = vec![0.0; inputs * CHUNK_ROWS];
-        for stored in rows.features.chunks(CHUNK_ROWS * rows.width) {
-            let scaled = &mut scaled[..inputs * (stored.len() / rows.width)];
-            self.scaler.scale(stored, scaled);
-            features.extend(scaled.iter().map(|x| *x as f32));
-        }
+        let mut features = vec![0.0; inputs * rows.len()];
+        let chunks =
+            features.par_chunks_mut(inputs * CHUNK_ROWS).zip(rows.features.par_chunks(rows.width * CHUNK_ROWS));
+        chunks.for_each_init(
+            || vec![0.0; inputs * CHUNK_ROWS],
+            |scaled, (features, stored)| {
+                let scaled = &mut scaled[..features.len()];
+                self.scaler.scale(stored, scaled);
+                features.iter_mut().zip(scaled).for_each(|(feature, x)| *feature = *x as f32);
+            },
+        );
         Rows { width: inputs, features, ..rows }
     }
 }

@@ -195,14 +195,17 @@ struct Training<'s> {
 
 impl Training<'_> {
     fn learn(mut self, stop: &AtomicBool, tell: Tell) -> Result<Outcome, TrainError> {
+        // The first window is read while the network is looked at as it is before the first row.
+        let windows = self.place.stopped.is_none().then(|| {
+            let Cursor { epoch, window, .. } = self.place;
+            let course = Course { seed: self.setup.params.seed, epoch, window, epochs: self.setup.params.epochs };
+            stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead)
+        });
         if self.learner.learnt.stopping.looks == 0 {
             self.look(tell)?;
             self.save(tell)?;
         }
-        if self.place.stopped.is_none() {
-            let Cursor { epoch, window, .. } = self.place;
-            let course = Course { seed: self.setup.params.seed, epoch, window, epochs: self.setup.params.epochs };
-            let mut windows = stream::start(Arc::clone(&self.setup.sources), course, self.setup.ahead);
+        if let Some(mut windows) = windows {
             while let Some(window) = windows.next().transpose()? {
                 let going_on = self.window(&window, stop, tell)?;
                 windows.reuse(window);

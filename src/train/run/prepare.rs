@@ -28,7 +28,10 @@ impl<'s> Training<'s> {
         let counts = class_counts(sources)?;
         let labelled: u64 = counts.iter().flatten().sum();
         let validate_every = params.rows_between_looks(labelled);
-        let validation = Validation::open(sources, params.filter.look_rows(validate_every))?;
+        // They read different splits, and neither needs the other.
+        let look_rows = params.filter.look_rows(validate_every);
+        let (validation, scaled) = rayon::join(|| Validation::open(sources, look_rows), || scaler(sources, params));
+        let validation = validation?;
         if labelled == 0 {
             let unlabelled = sources.list.iter().map(|source| source.labels(Split::Train).unknown).sum();
             return Err(no_rows(sources, Split::Train, LeftOut { unlabelled, ..LeftOut::default() }));
@@ -45,7 +48,7 @@ impl<'s> Training<'s> {
         if let (Some(label), false) = (label, params.allow_one_class) {
             return Err(TrainError::OneClass { rows: labelled, label });
         }
-        let (mut scaler, constant) = scaler(sources, params)?;
+        let (mut scaler, constant) = scaled?;
         if let Some(init) = &setup.init {
             // Its weights mean what they mean behind its own scaling.
             scaler.clone_from(&init.model.about.scaler);
