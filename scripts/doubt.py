@@ -14,7 +14,7 @@ one corpus of the held-out families alone (held_out.py), of which every eighth c
   Risk          Cells are set aside by how sure of them a network is; what is left is judged by balanced error, mean of the families. Sure by
                 the distance of the output from the threshold, in logits of the way between the targets; by that distance over the root of 1 + c v, v the
                 variance of the logit that the filter's own covariance gives (linearised: J P J'), c chosen on the validation scenes; and the
-                distance of the mean of all trainings' outputs, an ensemble.
+                distance of the mean of all trainings' outputs, an ensemble: of those by the Kalman filter, and of those by default.
   Variance      Is v higher where the network knows less? Area under ROC for telling held-out families from the training's own test scenes, cells with
                 an input beyond the training's 0.1 and 99.9 % from others, cells of one point from cells of four and more, and wrong calls from right
                 ones, beside what the distance from the threshold tells; 0.5 is nothing.
@@ -39,6 +39,8 @@ BINS = 15
 COVERAGES = [1.0, 0.98, 0.95, 0.9, 0.8]
 WEIGHTS = [0.0, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0]
 TINY = 1e-6
+#: Ways to be sure: of one default network, and of several.
+BY_DEFAULT, OF_DEFAULTS = "the default's probability", "ensemble of {} defaults"
 
 
 def sigmoid(x):
@@ -192,18 +194,20 @@ def risks(networks, judged, usual, judged_usual, validation, test):
         unit = np.median(variance)
         by = [balanced_error(validation, outputs, distance(network, outputs) / np.sqrt(1 + c * variance / unit), 0.9) for c in WEIGHTS]
         weights.append((WEIGHTS[int(np.argmin(by))], unit))
-    ensemble = np.mean([of["test"][0] for of in judged], axis=0)
+    trained = {f"ensemble of {len(networks)}": (networks, judged), OF_DEFAULTS.format(len(usual)): (usual, judged_usual)}
+    ensembles = {way: (of[0], np.mean([one["test"][0] for one in told], axis=0)) for way, (of, told) in trained.items()}
     for coverage in COVERAGES:
-        counts = {"probability": [], "with the filter's variance": [], "the default's probability": []}
+        counts = {"probability": [], "with the filter's variance": [], BY_DEFAULT: []}
         for network, of in zip(usual, judged_usual):
             outputs = of["test"][0]
-            counts["the default's probability"].append(kept_counts(test, outputs, distance(network, outputs), coverage))
+            counts[BY_DEFAULT].append(kept_counts(test, outputs, distance(network, outputs), coverage))
         for network, of, (c, unit) in zip(networks, judged, weights):
             outputs, variance = of["test"]
             sure = distance(network, outputs)
             counts["probability"].append(kept_counts(test, outputs, sure, coverage))
             counts["with the filter's variance"].append(kept_counts(test, outputs, sure / np.sqrt(1 + c * variance / unit), coverage))
-        counts[f"ensemble of {len(networks)}"] = [kept_counts(test, ensemble, distance(networks[0], ensemble), coverage)]
+        for way, (network, outputs) in ensembles.items():
+            counts[way] = [kept_counts(test, outputs, distance(network, outputs), coverage)]
         for way, of in counts.items():
             found.setdefault(way, []).append(held_out.Judgement(test, of))
     return found, [c for c, _ in weights]
@@ -244,7 +248,7 @@ def chart(found, path):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
     figure, axes = plt.subplots(figsize=(7.2, 4.6), dpi=110)
-    for (way, of), colour in zip(found.items(), ["#1f5fa8", "#d97b29", "#7a4fa3", "#3a7d44"]):
+    for (way, of), colour in zip(found.items(), ["#1f5fa8", "#d97b29", "#7a4fa3", "#3a7d44", "#b0413e"]):
         means = [judged.mean() for judged in of]
         values = [100 * (1 - value) for value, _ in means]
         low, high = zip(*[100 * (1 - np.percentile(draws, [97.5, 2.5])) for _, draws in means])
@@ -292,7 +296,10 @@ def main():
     error = lambda judgement: held_out.told((1 - judgement.mean()[0], 1 - judgement.mean()[1]))
     risk_rows = [[way, *[error(judgement) for judgement in of]] for way, of in found.items()]
     plain = found["probability"]
-    differences = [[way, *[held_out.told_difference(base.mean(), other.mean()) for base, other in zip(plain, of)]] for way, of in found.items() if of is not plain]
+    less = lambda of, base: [held_out.told_difference(one.mean(), other.mean()) for one, other in zip(base, of)]
+    differences = [[way, *less(of, plain)] for way, of in found.items() if of is not plain]
+    of_defaults = OF_DEFAULTS.format(len(seeds))
+    differences.append([f"{of_defaults}, less {BY_DEFAULT}", *less(found[of_defaults], found[BY_DEFAULT])])
     aside = [[f"{100 * share:g} %", *doubtful_row(usual, judged_usual, test, share), *doubtful_row(networks, judged, test, share)] for share in (0.005, 0.01, 0.02, 0.05)]
     chart(found, study.ROOT / "docs" / "risk-coverage.png" if not options.quick else options.out / "risk-coverage.png")
     head = [f"{100 * coverage:g} % kept" for coverage in COVERAGES]

@@ -16,9 +16,9 @@ use super::validation::{ErrorSum, Objective};
 use super::{Layout, Network, TrainError, TrainParams};
 use crate::random::{Stage, Streams};
 
-/// Of the portions between two looks, the first and every fourth after it tell the training error: it drives nothing, and is a forward
+/// Of the portions between two looks, the first and every eighth after it tell the training error: it drives nothing, and is a forward
 /// pass of its own.
-const PORTIONS_A_TRAINING_ERROR: usize = 4;
+const PORTIONS_A_TRAINING_ERROR: usize = 8;
 
 /// Rows of a portion that a thread takes at a time.
 const ROWS_A_TASK: usize = 128;
