@@ -47,12 +47,9 @@ mod corpora {
     use std::path::Path;
     use std::sync::atomic::AtomicBool;
 
-    use crate::build::{CorpusBuildError, Generate, Generated, generate};
+    use crate::build::{CorpusBuildError, Generate, Generated, KEEP_FREE_BYTES, generate};
     use crate::corpus::{CorpusError, Finished, address};
     use crate::plan::Plan;
-
-    /// Left free on the disk, as `marsyard generate` does where nobody says otherwise.
-    const KEEP_FREE_BYTES: u64 = 100_000_000;
 
     /// Why a corpus was not built.
     #[derive(Debug, thiserror::Error)]

@@ -94,6 +94,10 @@ mod finite_or_null {
 }
 
 impl Interval {
+    pub(crate) fn lower(&self) -> f64 {
+        self.mean - self.half_width
+    }
+
     pub(crate) fn upper(&self) -> f64 {
         self.mean + self.half_width
     }

@@ -14,6 +14,9 @@ use crate::corpus::{self, Known, Manifest, Place, Selection, Store, address, ran
 use crate::episode::Prepared;
 use crate::plan::Plan;
 
+/// Left free on the disk where nobody says otherwise.
+pub(crate) const KEEP_FREE_BYTES: u64 = 100_000_000;
+
 /// How a corpus is built.
 #[derive(Clone, Copy, Debug)]
 pub struct Generate<'a> {

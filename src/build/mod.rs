@@ -20,8 +20,8 @@ mod tally;
 
 pub(crate) use corpus::CorpusBuild;
 pub use corpus::{CorpusBuildError, CorpusEvent};
-pub(crate) use generate::selected_shards;
 pub use generate::{Generate, Generated, Whole, generate};
+pub(crate) use generate::{KEEP_FREE_BYTES, selected_shards};
 pub(crate) use rebuild::{Compared, Share, compare_again};
 pub use shards::BuildError;
 pub(crate) use shards::Outcome;

@@ -13,7 +13,7 @@ use super::place::{self, config_file, corpus_failure, inputs};
 use super::progress::{BuildProgress, counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat};
-use crate::build::{self, CorpusEvent, Generate, Generated, Tally, Whole};
+use crate::build::{self, CorpusEvent, Generate, Generated, KEEP_FREE_BYTES, Tally, Whole};
 use crate::corpus::{Selection, owner, ranges};
 use crate::plan::Plan;
 
@@ -40,7 +40,7 @@ pub(super) struct GenerateArgs {
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads)]
     threads: usize,
     /// Megabytes that are to stay free on the disk; a build that would take more stops before it does.
-    #[arg(long, value_name = "MB", default_value_t = 100)]
+    #[arg(long, value_name = "MB", default_value_t = KEEP_FREE_BYTES / 1_000_000)]
     keep_free_mb: u64,
     /// Add a line of JSON to FILE for each scene of a whole shard, with the hashes of its stages' f64 results: what the f32 columns of two
     /// builds would hide.

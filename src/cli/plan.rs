@@ -6,6 +6,7 @@ mod study;
 mod words;
 
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use clap::Args;
@@ -13,13 +14,13 @@ use serde_json::json;
 
 use self::words::{absent, parts};
 use super::options::{default_out, default_threads, parse_positive, parse_threads, split_warnings};
-use super::output::{out, outln};
+use super::output::{errln, out, outln};
 use super::place::corpus_failure;
 use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat};
-use crate::corpus::Split;
 use crate::corpus::advice::Views;
+use crate::corpus::{Split, Table};
 use crate::cpu;
 use crate::measure::estimate::{self, Estimate, EstimateError, FamilyCost, Figure, Options};
 use crate::plan::Plan;
@@ -69,12 +70,11 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
         for_training: false,
         stop: &stop,
     };
-    let measured = (args.sample != Some(0)).then(|| estimate::estimate(&plan, &options));
-    let estimate = measured.transpose().map_err(estimate_failure)?;
+    let estimate = (args.sample != Some(0)).then(|| measured(&plan, &options)).transpose()?;
     let mut warnings = split_warnings(&plan);
     if let Some(estimate) = &estimate {
         let place = args.out.clone().unwrap_or_else(|| default_out(&plan));
-        warnings.extend(machine_warnings(estimate, args, &place));
+        warnings.extend(machine_warnings(estimate, &plan, args, &place));
     }
     if args.json {
         outln!("{:#}", as_json(&plan, estimate.as_ref(), &warnings));
@@ -92,6 +92,21 @@ fn most(args: &PlanArgs) -> Duration {
         Some(_) => Duration::MAX,
         None => MOST.max(Duration::from_secs_f64(args.limit)),
     }
+}
+
+/// What some scenes tell; where one of them takes longer than a plan may, it is said what is waited for.
+fn measured(plan: &Plan, options: &Options) -> Result<Estimate, Failure> {
+    let (done, is_done) = channel::<()>();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            if is_done.recv_timeout(options.most) == Err(RecvTimeoutError::Timeout) {
+                errln!("a scene takes long here: none is begun any more, and those in hand are waited for");
+            }
+        });
+        let estimate = estimate::estimate(plan, options).map_err(estimate_failure);
+        drop(done);
+        estimate
+    })
 }
 
 /// What a failed or interrupted estimate is to the user.
@@ -119,10 +134,9 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
         let sets: Vec<String> = fidelity.settings().iter().map(|(key, value)| format!("{key}: {value}")).collect();
         outln!("fidelity {}: {}; what the config names itself wins", fidelity.name(), sets.join(", "));
     }
-    let total: f64 = plan.families.iter().map(|f| f.weight).sum();
     for (k, family) in plan.families.iter().enumerate() {
         let held = if family.hold_out { ", held out for the test split" } else { "" };
-        outln!("\nfamily {} ({:.0} %{held})", family.name, 100.0 * family.weight / total);
+        outln!("\nfamily {} ({:.1} % of the scenes{held})", family.name, 100.0 * plan.expected_share(k));
         for (part, detail) in parts(plan, k) {
             outln!("  {part:<14} {detail}");
         }
@@ -143,11 +157,12 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
 }
 
 /// What this machine cannot do of what is promised for it: room on its disk, and cores.
-fn machine_warnings(estimate: &Estimate, args: &PlanArgs, place: &Path) -> Vec<String> {
+fn machine_warnings(estimate: &Estimate, plan: &Plan, args: &PlanArgs, place: &Path) -> Vec<String> {
     let mut warnings = Vec::new();
     if let Some(free_bytes) = estimate::free_bytes(place).filter(|&free| estimate.bytes.value > free as f64) {
+        let points = if plan.tables.contains(&Table::Points) { "leave out the points table, " } else { "" };
         warnings.push(format!(
-            "the build takes {}B and {} has {}B free: lower scenes, leave out the points table, or take another --out",
+            "the build takes {}B and {} has {}B free: lower scenes, {points}or take another --out",
             si(estimate.bytes.value),
             place.display(),
             si(free_bytes as f64)
@@ -178,11 +193,13 @@ fn machine_warnings(estimate: &Estimate, args: &PlanArgs, place: &Path) -> Vec<S
 
 fn tell_parts(cost: &FamilyCost) {
     let Some(scene_s) = cost.scene_s else { return };
-    outln!("  what each part costs: CPU ms a scene, less those of the same scenes without it");
+    outln!("  what each part costs: CPU ms a scene, less those of the same scenes without it, \u{b1} a standard error");
     outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
     let (told, lost): (Vec<_>, Vec<_>) = cost.parts.iter().copied().partition(|(_, price)| price.is_told_apart());
     for (part, price) in &told {
-        outln!("    {:<14} {:>9.2} \u{b1} {:.2}", part.name(), 1e3 * price.cpu_s, 1e3 * price.standard_error_s);
+        let saves = if price.cpu_s < 0.0 { "  saves: what comes behind it has less to do" } else { "" };
+        let (cost_ms, error_ms) = (1e3 * price.cpu_s, 1e3 * price.standard_error_s);
+        outln!("    {:<14} {cost_ms:>9.2} \u{b1} {error_ms:.2}{saves}", part.name());
     }
     let names = |of: &[(estimate::Part, estimate::PartCost)]| {
         of.iter().map(|(part, _)| part.name()).collect::<Vec<_>>().join(", ")
@@ -192,7 +209,9 @@ fn tell_parts(cost: &FamilyCost) {
     if let Some(bound_s) = measured.iter().map(|(_, price)| price.most_s()).reduce(f64::max) {
         outln!("    not told apart from nothing, below {:.2} ms each: {}", 1e3 * bound_s, names(&measured));
     }
-    if !once.is_empty() {
+    if once.len() == cost.parts.len() {
+        outln!("    its parts were measured on one scene alone, so without an error: raise --limit");
+    } else if !once.is_empty() {
         outln!("    measured on one scene alone, so without an error: {}", names(&once));
     }
 }

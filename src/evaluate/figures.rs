@@ -1,7 +1,7 @@
 //! A report -> figures as SVG text: confusion matrix (figure 9), error against density and range and by place (figure 13), ROC,
 //! reliability.
 
-use super::places::{PlacesReport, Square};
+use super::places::{FEWEST_CELLS, PlacesReport, Square};
 use super::report::{Report, SpreadReport};
 use super::spread::Bin;
 use super::table::thousands;
@@ -86,9 +86,6 @@ fn spread(report: &SpreadReport, title: &str, axis: &str, label: impl Fn(&Bin) -
         ],
     }
 }
-
-/// A square of fewer cells of a class has no rate.
-const FEWEST_CELLS: u64 = 20;
 
 /// Shades of a map, the lightest first: up to which value, in its unit.
 const RATES: [f64; 7] = [0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];

@@ -3,7 +3,8 @@
 //! In: cells of a scan, whether each is called untraversable, and where the rover is believed to stand in their map. Out: squares, seen from
 //! above, in the rover's level frame: metres ahead and to the left. Source: Hewitt et al. 2017, figure 13: density beside wrong cells. Deviation:
 //! the paper shows one scan; these are all scans of a split upon each other, so that what depends on the place alone stands out.
-//! Squares are as fine as a picture of some forty of them across shows; no cell counts that lies farther than 64 m off.
+//! Squares are as fine as a picture of some forty of them across shows, or as most untraversable cells need to lie in squares that have a rate of
+//! them; no cell counts that lies farther than 64 m off.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -14,8 +15,11 @@ use crate::geometry::DVec2;
 /// Side of a square as cells are gathered.
 const FINEST_M: f64 = 0.25;
 const FARTHEST_M: f64 = 64.0;
-/// Squares from the rover to the farthest cell, at most.
+/// Squares from the rover to the farthest cell, at most; and at least, where coarser ones have rates that finer ones lack.
 const MOST_SQUARES: f64 = 20.0;
+const LEAST_SQUARES: f64 = 8.0;
+/// A square of fewer cells of a class has no rate.
+pub(super) const FEWEST_CELLS: u64 = 20;
 
 /// A square by its number ahead and to the left; the rover stands in the corner of four.
 type Index = [i32; 2];
@@ -60,16 +64,15 @@ impl Places {
     /// `None` where no cell has a place.
     pub(super) fn report(&self) -> Option<PlacesReport> {
         let farthest = self.squares.keys().flatten().map(|&k| if k < 0 { -k } else { k + 1 }).max()?;
+        let across = |merged: i32| f64::from(farthest) / f64::from(merged);
         let mut merged = 1;
-        while f64::from(farthest) > MOST_SQUARES * f64::from(merged) {
+        while across(merged) > MOST_SQUARES {
             merged *= 2;
         }
-        let mut squares: BTreeMap<Index, (Confusion, u64)> = BTreeMap::new();
-        for (square, &(cells, points)) in &self.squares {
-            let (sum, points_so_far) = squares.entry(square.map(|k| k.div_euclid(merged))).or_default();
-            *sum += cells;
-            *points_so_far += points;
-        }
+        let coarser = std::iter::successors(Some(merged), |merged| Some(2 * merged));
+        let mut coarser = coarser.take_while(|merged| across(*merged) >= LEAST_SQUARES);
+        merged = coarser.find(|merged| have_rates(&self.merged(*merged))).unwrap_or(merged);
+        let squares = self.merged(merged);
         let square_m = f64::from(merged) * FINEST_M;
         let square = |(&[ahead, left], &(cells, points)): (&Index, &(Confusion, u64))| Square {
             ahead_m: f64::from(ahead) * square_m,
@@ -79,6 +82,24 @@ impl Places {
         };
         Some(PlacesReport { square_m, squares: squares.iter().map(square).collect() })
     }
+
+    /// In squares so many times as wide.
+    fn merged(&self, times: i32) -> BTreeMap<Index, (Confusion, u64)> {
+        let mut squares: BTreeMap<Index, (Confusion, u64)> = BTreeMap::new();
+        for (square, &(cells, points)) in &self.squares {
+            let (sum, points_so_far) = squares.entry(square.map(|k| k.div_euclid(times))).or_default();
+            *sum += cells;
+            *points_so_far += points;
+        }
+        squares
+    }
+}
+
+/// Whether half of the untraversable cells lie in squares that have a rate of them.
+fn have_rates(squares: &BTreeMap<Index, (Confusion, u64)>) -> bool {
+    let cells = || squares.values().map(|(cells, _)| cells.untraversable());
+    let with_rate: u64 = cells().filter(|cells| *cells >= FEWEST_CELLS).sum();
+    2 * with_rate >= cells().sum()
 }
 
 impl PlacesReport {
@@ -129,5 +150,16 @@ mod tests {
             assert!(report.squares.iter().all(|square| (square.ahead_m / square_m).fract() == 0.0));
         }
         assert_eq!(Places::default().report(), None);
+    }
+
+    #[test]
+    fn law_squares_are_as_wide_as_most_untraversable_cells_need_for_a_rate() {
+        for (a_square, square_m) in [(40, 0.25), (10, 0.5), (1, 0.25)] {
+            let mut places = Places::default();
+            for k in 0..19 * a_square {
+                places.add(DVec2::new(0.25 * f64::from(k % 19) + 0.1, 0.1), 1, true, true);
+            }
+            assert_eq!(places.report().unwrap().square_m, square_m, "{a_square}");
+        }
     }
 }

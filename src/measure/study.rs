@@ -15,7 +15,9 @@ use crate::statistics::Interval;
 use crate::train::{TrainParams, as_noted_now};
 
 /// Version of the file's format.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
+/// The oldest that is read: its settings do not say what they gain.
+const OLDEST: u32 = 2;
 
 /// The file `study.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,6 +55,9 @@ pub(crate) struct StudySetting {
     pub sets: Vec<String>,
     /// Against the reference at equal CPU, on the most scenes that both were measured at; `None` for the reference, and where no cost is common.
     pub told: Option<Told>,
+    /// By how much, as a share; `None` where nothing is told, and in files of format 2.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<Interval>,
     /// Ascending in scenes: those at which all settings are compared, and of some more.
     pub sizes: Vec<StudySize>,
 }
@@ -105,7 +110,9 @@ impl Study {
                 balanced_accuracy: size.balanced_accuracy,
                 by_seed: size.by_seed.clone(),
             });
-            Some(StudySetting { name: row.label(), sets: row.sets.clone(), told: row.told(), sizes: sizes.collect() })
+            let gain = row.last_gain().map(|gain| gain.balanced_accuracy);
+            let (name, sets) = (row.label(), row.sets.clone());
+            Some(StudySetting { name, sets, told: row.told(), gain, sizes: sizes.collect() })
         });
         let settings: Vec<StudySetting> = settings.collect();
         (!settings.is_empty()).then(|| Study {
@@ -150,8 +157,10 @@ impl Study {
         let is_none = |error: serde_json::Error| unreadable(format!("is no study: {error}"));
         // The version first: what another one lacks is no fault of the file.
         let version = serde_json::from_str::<Version>(&text).map_err(is_none)?.marsyard_study;
-        if version != FORMAT {
-            return Err(unreadable(format!("is a study of format {version}, and this program reads {FORMAT}")));
+        if !(OLDEST..=FORMAT).contains(&version) {
+            return Err(unreadable(format!(
+                "is a study of format {version}, and this program reads {OLDEST} to {FORMAT}"
+            )));
         }
         let study: Study = serde_json::from_str(&text).map_err(is_none)?;
         match study.fault() {

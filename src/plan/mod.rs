@@ -128,6 +128,19 @@ impl Plan {
         open().next_back().expect("checked: at least one family is not held out").0
     }
 
+    /// The share of the scenes that is expected of a family, by its place: of the test shards by weight, of the others by the weights of those that are
+    /// not held out.
+    pub(crate) fn expected_share(&self, family: usize) -> f64 {
+        let test = (0..self.shards()).filter(|&shard| Split::of_shard(shard) == Split::Test).count() as f64;
+        let test = test / self.shards() as f64;
+        let share = |test: bool| {
+            let open = |family: &&Family| test || !family.hold_out;
+            let total: f64 = self.families.iter().filter(open).map(|family| family.weight).sum();
+            Some(&self.families[family]).filter(open).map_or(0.0, |family| family.weight / total)
+        };
+        test * share(true) + (1.0 - test) * share(false)
+    }
+
     /// Hash of the plan without `name` and `scenes`: the same for a corpus and the same corpus with more scenes. Nor does
     /// `fidelity` enter, a word for values that are all written out, nor `card`, which is about the corpus and not of its rows.
     ///
@@ -198,4 +211,27 @@ impl Plan {
 /// The hash of a kind of yard: scenes of equal number and kind stand on the same ground, whatever drives and scans them.
 pub(crate) fn yard_kind(seed: u64, scene_section: &Json) -> String {
     blake3::hash(serde_json::json!({"seed": seed, "scene": scene_section}).to_string().as_bytes()).to_hex().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::config;
+
+    #[test]
+    fn statistics_families_have_the_share_of_scenes_that_is_expected_of_them() {
+        let scenes = 40_000;
+        let plan =
+            config::load(Path::new("configs/mixed.yaml"), &[format!("scenes={scenes}")]).expect("a shipped config");
+        let mut counts = vec![0u32; plan.families.len()];
+        (0..scenes).for_each(|scene| counts[plan.family_index_of(scene)] += 1);
+        let expected: Vec<f64> = (0..counts.len()).map(|family| plan.expected_share(family)).collect();
+        assert!((expected.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        for (count, share) in counts.into_iter().zip(expected) {
+            // Five standard deviations of a binomial, of fifteen families.
+            let bound = 5.0 * (share * (1.0 - share) / scenes as f64).sqrt();
+            assert!((f64::from(count) / scenes as f64 - share).abs() < bound, "{count} for {share}");
+        }
+    }
 }

@@ -7,14 +7,16 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use super::budget::{TOLD, extrapolated};
 use super::{PlanArgs, words};
-use crate::cli::options::typed_sets;
+use crate::cli::options::{default_out, typed_sets};
 use crate::cli::output::{errln, outln};
 use crate::cli::place::corpus_failure;
 use crate::cli::progress::{counted, human, si};
 use crate::cli::{Failure, config_failure};
 use crate::config;
 use crate::corpus::CorpusError;
+use crate::corpus::advice::Advice;
 use crate::corpus::store::write_whole;
 use crate::measure::budget::{Bound, Choice, FLAT_TWICE};
 use crate::measure::study::{Study, StudySetting};
@@ -36,6 +38,8 @@ pub(super) struct Answer<'a> {
     /// Overrides of the config that make the first choice.
     pub sets: Vec<String>,
     pub warnings: Vec<String>,
+    /// What makes a corpus of the first choice weak, by the scenes that were made for the answer.
+    pub advice: Vec<Advice>,
 }
 
 impl Answer<'_> {
@@ -54,7 +58,7 @@ impl Answer<'_> {
             self.study.judged_by
         );
         self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
-        for (k, choice) in self.choices.iter().take(2).enumerate() {
+        for (k, choice) in self.choices.iter().take(TOLD).enumerate() {
             self.tell_choice(if k == 0 { "build" } else { "next best" }, choice);
         }
         let cheaper = self.poses_not_told_worse();
@@ -73,8 +77,15 @@ impl Answer<'_> {
                 cheaper.iter().map(of).collect::<Vec<_>>().join(", ")
             );
         }
+        if !self.advice.is_empty() {
+            let lines: Vec<String> = self.advice.iter().map(Advice::to_string).collect();
+            outln!("\n{}", lines.join("\n"));
+        }
         let sets = typed_sets(self.args.config.sets.iter().chain(&self.sets));
-        outln!("\nmarsyard generate {}{sets}", self.args.config.config.display());
+        let out = self.args.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
+        let place = self.args.out.clone().unwrap_or_else(|| default_out(self.plan));
+        outln!("\nmarsyard generate {}{sets}{out}", self.args.config.config.display());
+        outln!("marsyard train {}", place.display());
     }
 
     fn tell_choice(&self, title: &str, choice: &Choice) {
@@ -83,7 +94,7 @@ impl Answer<'_> {
             "\n{title}: {} scenes at {} ({}): {} rows, {}B, {} to generate on {}, {} to train on one",
             choice.scenes,
             choice.setting.name,
-            told(choice, &self.study.settings[0]),
+            told(choice.setting, &self.study.settings[0]),
             si(choice.rows),
             si(choice.bytes),
             time(choice.build_s),
@@ -91,18 +102,9 @@ impl Answer<'_> {
             time(choice.train_s)
         );
         outln!("  expected balanced accuracy: {}", expected(choice));
-        let best = &self.choices[0];
-        if choice.setting == best.setting {
-            outln!("  {}", self.why(choice));
-        } else {
-            outln!("  {}", ends(choice));
-            let is_untold = matches!(choice.setting.told, Some(Told::NotApart | Told::OneSeed));
-            if best.setting == self.study.as_written() && is_untold && choice.expected.mean > best.expected.mean {
-                outln!(
-                    "  It is expected to be better, but the study does not tell the two apart at equal CPU, so the config as written comes first."
-                );
-            }
-        }
+        extrapolated(choice).iter().for_each(|doubt| outln!("  {doubt}"));
+        let is_best = choice.setting == self.choices[0].setting;
+        outln!("  {}", if is_best { self.why(choice) } else { ends(choice) });
     }
 
     /// What ends the number of scenes, and what to do instead where more of them bring little.
@@ -132,7 +134,7 @@ impl Answer<'_> {
         let choice = |choice: &Choice| {
             json!({
                 "setting": choice.setting.name, "sets": choice.setting.sets, "told": choice.setting.told,
-                "scenes": choice.scenes, "rows": choice.rows, "bytes": choice.bytes,
+                "gain_at_equal_cpu": choice.setting.gain, "scenes": choice.scenes, "rows": choice.rows, "bytes": choice.bytes,
                 "generate_s": choice.build_s, "train_s": choice.train_s, "bound": choice.bound,
                 "most_scenes": choice.most_scenes, "times_the_largest_measured": choice.beyond,
                 "balanced_accuracy": {
@@ -145,7 +147,7 @@ impl Answer<'_> {
         json!({
             "name": self.study.name, "study": self.study_file, "judged_by": self.study.judged_by,
             "hours": self.hours, "cores": self.cores, "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
-            "warnings": self.warnings, "how_to_vary": words::how_to_vary(self.plan),
+            "warnings": self.warnings, "advice": self.advice, "how_to_vary": words::how_to_vary(self.plan),
             "poses_not_told_worse_than_fastslam": self.poses_not_told_worse().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
             "sets": self.sets, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),
         })
@@ -198,14 +200,19 @@ fn ends(choice: &Choice) -> String {
     }
 }
 
-fn told(choice: &Choice, reference: &StudySetting) -> &'static str {
-    match choice.setting.told {
-        Some(Told::Better) => "better than the reference at equal CPU",
-        Some(Told::Worse) => "worse than the reference at equal CPU",
-        Some(Told::NotApart | Told::OneSeed) => "not told apart from the reference at equal CPU",
-        None if choice.setting == reference => "the reference",
-        None => "not compared: no CPU time in common with the reference",
-    }
+fn told(setting: &StudySetting, reference: &StudySetting) -> String {
+    let word = match setting.told {
+        Some(Told::Better) => "better than the reference",
+        Some(Told::Worse) => "worse than the reference",
+        Some(Told::NotApart | Told::OneSeed) => "not told apart from the reference",
+        None if setting == reference => return "the reference".into(),
+        None => return "not compared: no CPU time in common with the reference".into(),
+    };
+    let gain = setting.gain.filter(|gain| gain.half_width.is_finite());
+    let by = gain.map_or(String::new(), |gain| {
+        format!(": {:+.2} \u{b1} {:.2} points", 100.0 * gain.mean, 100.0 * gain.half_width)
+    });
+    format!("{word} at equal CPU{by}")
 }
 
 fn expected(choice: &Choice) -> String {

@@ -113,8 +113,9 @@ pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
     absent.map(Part::name).collect()
 }
 
-/// What taught networks most about mixed.yaml's families held out, in the mean of them and on the worst (docs/accuracy.md).
-const TEACH_MOST: [Part; 2] = [Part::Grass, Part::Landforms];
+/// What taught networks most about mixed.yaml's families held out, in the mean of them and on the worst (docs/accuracy.md), and its key.
+const TEACH_MOST: [(Part, &str); 2] =
+    [(Part::Grass, "scene.vegetation.grass"), (Part::Landforms, "scene.ground.features")];
 
 /// How yards that teach no more could be varied.
 pub(super) fn how_to_vary(plan: &Plan) -> String {
@@ -122,13 +123,14 @@ pub(super) fn how_to_vary(plan: &Plan) -> String {
     // Where all rocks lie as on a planet, nothing grows.
     let is_bare =
         plan.families.iter().all(|family| family.scene.rocks.as_ref().is_some_and(|rocks| rocks.golombek.is_some()));
-    let could_be = |part: &Part| absent.contains(&part.name()) && !(is_bare && *part == Part::Grass);
-    let missing: Vec<&str> = TEACH_MOST.into_iter().filter(could_be).map(Part::name).collect();
+    let could_be = |(part, _): &(Part, &str)| absent.contains(&part.name()) && !(is_bare && *part == Part::Grass);
+    let missing: Vec<String> =
+        TEACH_MOST.into_iter().filter(could_be).map(|(part, key)| format!("{} ({key})", part.name())).collect();
     match missing.as_slice() {
-        [] => "by families of kinds that they are without, such as the ground that the rover will drive on".into(),
+        [] => "add `families` whose scene.ground, rocks or vegetation differ from these, such as those of the ground that the rover will drive on".into(),
         missing => format!(
             "they are without {}, which taught most about the families that mixed.yaml holds out",
-            missing.join(", ")
+            missing.join(" and ")
         ),
     }
 }
@@ -184,7 +186,7 @@ mod tests {
             let config = std::path::Path::new("configs").join(name);
             how_to_vary(&crate::config::load(&config, &[]).expect("a shipped config"))
         };
-        assert!(advised("paper.yaml").contains("without grass, landforms"));
+        assert!(advised("paper.yaml").contains("without grass (scene.vegetation.grass) and landforms"));
         assert!(!advised("mars.yaml").contains("grass"));
     }
 

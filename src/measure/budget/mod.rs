@@ -39,6 +39,10 @@ const STUDY_SCENES: f64 = SPLITS[0] * 6.0 / 5.0;
 const SPLITS: [f64; 3] = [0.7, 0.15, 0.15];
 /// Windows that are there, or in the making, when training ends: half of the one that is learnt, one that waits, and the one after it.
 const WINDOWS_LEFT: f64 = 2.5;
+/// A corpus may take so many times the bytes that are forecast: a part of a disk is not planned for.
+pub(crate) const DISK_MARGIN: f64 = 1.05;
+/// Nobody is told that a curve is flat beyond so many times the most scenes that it was measured at.
+const FLAT_UP_TO: f64 = 32.0;
 /// Settings are ranked up to so many times the largest size that all of them were measured at.
 const RANKED_UP_TO: f64 = 2.0;
 /// A curve is told to be flat where the budget would allow so many times the scenes.
@@ -237,7 +241,8 @@ impl<'s> Curve<'s> {
             build_s + train_s <= budget.wall_s
         };
         let by_hours = most(fits, multiple);
-        let by_disk = budget.disk_bytes.map_or(u64::MAX, |bytes| (bytes / here.bytes_per_scene.max(1.0)) as u64);
+        let by_disk =
+            budget.disk_bytes.map_or(u64::MAX, |bytes| (bytes / (DISK_MARGIN * here.bytes_per_scene.max(1.0))) as u64);
         let by_rows = budget.rows.map_or(u64::MAX, |rows| (rows / here.rows_per_scene.max(1e-3)) as u64);
         let most_scenes = by_hours.min(by_disk).min(by_rows) / multiple * multiple;
         if most_scenes == 0 {
@@ -269,10 +274,10 @@ impl<'s> Curve<'s> {
     }
 
     /// The fewest scenes, none fewer than all settings were measured at, from which on twice as many bring at most [`FLAT_TWICE`]; `most_scenes` where
-    /// there are none.
+    /// there are none up to [`FLAT_UP_TO`].
     fn flat_from(&self, common: f64, most_scenes: u64) -> u64 {
-        let (first, last) = (common / STUDY_SCENES, most_scenes as f64);
-        if first >= last {
+        let (first, last) = (common / STUDY_SCENES, (most_scenes as f64).min(FLAT_UP_TO * self.largest / STUDY_SCENES));
+        if first > last {
             return most_scenes;
         }
         let at = |step: u32| first * math::pow(last / first, f64::from(step) / f64::from(STEPS));

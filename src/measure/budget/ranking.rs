@@ -2,10 +2,13 @@
 //!
 //! By what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
 //! as written and are expected to be no worse. Where settings were followed to more scenes, what is told better of the others was not put to that
-//! test and ranks nothing. The config as written comes before what is not told apart; then what is expected no farther than twice the
-//! largest size that all have decides. Left out: what is told to be worse.
+//! test and ranks nothing. The config as written comes before what is not told apart. Of that the cheapest scenes come first, of settings which at
+//! worst lose no more than half a point at equal CPU: of what is expected of them the luckiest would be the highest. Then, and among what is told
+//! better, what is expected no farther than twice the largest size that all have decides. Left out: what is told to be worse.
 
-use super::{Bound, Budget, Choice, Curve, Here, STUDY_SCENES, compared_sizes};
+use std::cmp::Ordering;
+
+use super::{Bound, Budget, Choice, Curve, FLAT, Here, STUDY_SCENES, compared_sizes};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::report::Told;
 
@@ -22,6 +25,17 @@ pub(super) struct Candidate<'s> {
 }
 
 impl Candidate<'_> {
+    /// As the study has it, for all of them alike.
+    fn scene_cpu_s(&self) -> f64 {
+        let largest = self.choice.setting.largest();
+        largest.generate_cpu_s / largest.scenes as f64
+    }
+
+    /// Whether the study tells that it loses no more than half a point.
+    fn loses_little(&self) -> bool {
+        self.choice.setting.gain.is_some_and(|gain| gain.lower() >= -FLAT)
+    }
+
     /// As many scenes as the time of another choice pays; as it was where that pays none.
     pub(super) fn cut_to(&mut self, time: &Budget, common: f64, multiple: u64) {
         if let Some(choice) = self.curve.choice(time, &self.here, common, multiple) {
@@ -53,6 +67,13 @@ pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> V
         _ => u8::from(candidate.choice.setting == study.as_written()),
     };
     candidates.retain(|candidate| candidate.choice.setting.told != Some(Told::Worse));
-    candidates.sort_by(|a, b| rank(b).cmp(&rank(a)).then(b.ranked_by.total_cmp(&a.ranked_by)));
+    let by_cost = |a: &Candidate, b: &Candidate| match (a.loses_little(), b.loses_little()) {
+        (true, true) => a.scene_cpu_s().total_cmp(&b.scene_cpu_s()),
+        (a, b) => b.cmp(&a),
+    };
+    candidates.sort_by(|a, b| {
+        let of_rank = if rank(a) == 0 && rank(b) == 0 { by_cost(a, b) } else { Ordering::Equal };
+        rank(b).cmp(&rank(a)).then(of_rank).then(b.ranked_by.total_cmp(&a.ranked_by))
+    });
     candidates
 }

@@ -6,12 +6,15 @@
 //! pipeline's settings, the ring what is recommended.
 
 use super::front::front;
-use super::report::{CurveRow, Recommendation, Report, Row, Told};
+use super::report::{CurveRow, Recommendation, Report, Row, Told, WorthRow};
 use super::settings::{Group, OTHER_DRAWS, Side};
 use crate::chart::{self, Axis, Colour, Marks, Panel, Point, Series};
 use crate::math;
 
 const PANEL: (u32, u32) = (920, 600);
+/// Pixels between a point and its name, and between two names.
+const CLEAR_PX: f64 = 12.0;
+const LINE_PX: f64 = 15.0;
 const BLACK: Colour = Colour(0, 0, 0);
 const GREY: Colour = Colour(150, 150, 150);
 /// One colour a knob, told apart by people who see few.
@@ -47,9 +50,8 @@ pub(crate) fn svg(report: &Report) -> Option<String> {
     (!panels.is_empty()).then(|| chart::svg(PANEL, &panels))
 }
 
-/// Those at which all settings are compared, and those beyond.
 fn sizes(row: &Row) -> impl DoubleEndedIterator<Item = &CurveRow> {
-    row.worth.iter().flat_map(|worth| worth.curve.iter().chain(&worth.farther))
+    row.worth.iter().flat_map(WorthRow::sizes)
 }
 
 fn error(size: &CurveRow) -> f64 {
@@ -113,7 +115,7 @@ fn panel(
     series.push(Series::unnamed(BLACK, Marks::Dots(sizes(reference).map(at).collect(), 4)));
     let chosen = recommended.map(|of| (of.cpu_s, 100.0 * (1.0 - of.balanced_accuracy.mean)));
     if let (Some(of), Some(point)) = (recommended, chosen) {
-        let name = format!("recommended: {}, {} scenes", of.name, of.scenes);
+        let name = format!("recommended: {} (how many scenes of it: plan --hours)", of.name);
         series.push(Series::named(name, BLACK, Marks::Rings(vec![point], 10)));
     }
     let y = Axis::of_values(format!("balanced error on {judged_by}, %"), errors.iter().copied());
@@ -121,19 +123,24 @@ fn panel(
     Panel { title, x: Axis::logarithmic("CPU time of generating and training, s", cost_range), y, series }
 }
 
-/// Names of the settings that are told apart, at their last points; those that would stand on another's are moved up.
+/// Names of the settings that are told apart, at their last points: of those that are better below them, of those that are worse above, clear of
+/// the reference between them. Those that would stand on another's are moved on.
 fn names(rows: &[&Row], errors: &[f64]) -> Vec<(Point, i32, String)> {
-    let is_told = |row: &&&Row| row.gain().is_some_and(|gain| matches!(gain.told, Told::Better | Told::Worse));
-    let mut ends: Vec<(Point, String)> =
-        rows.iter().filter(is_told).filter_map(|row| Some((at(sizes(row).next_back()?), row.name.clone()))).collect();
-    ends.sort_by(|a, b| a.0.1.total_cmp(&b.0.1));
     let span = errors.iter().copied().fold(0.0, f64::max) - errors.iter().copied().fold(f64::INFINITY, f64::min);
     let pixel = span.max(1e-9) / f64::from(PANEL.1);
-    let mut above = f64::NEG_INFINITY;
-    let moved = ends.into_iter().map(|(point, name)| {
-        let at = point.1.max(above + 15.0 * pixel);
-        above = at;
-        (point, ((at - point.1) / pixel) as i32, name)
-    });
-    moved.collect()
+    let of = |told: Told, away: f64| {
+        let is_told = |row: &&&Row| row.gain().is_some_and(|gain| gain.told == told);
+        let end = |row: &&Row| Some((at(sizes(row).next_back()?), row.name.clone()));
+        let mut ends: Vec<(Point, String)> = rows.iter().filter(is_told).filter_map(end).collect();
+        ends.sort_by(|a, b| (away * a.0.1).total_cmp(&(away * b.0.1)));
+        let mut last = f64::NEG_INFINITY;
+        let moved = ends.into_iter().map(move |(point, name)| {
+            let own = away * point.1 / pixel;
+            let at = (own + CLEAR_PX).max(last + LINE_PX);
+            last = at;
+            (point, (away * (at - own)) as i32, name)
+        });
+        moved.collect::<Vec<_>>()
+    };
+    [of(Told::Better, -1.0), of(Told::Worse, 1.0)].concat()
 }

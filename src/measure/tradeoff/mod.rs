@@ -11,7 +11,7 @@
 //! combine     the most promising combinations of knobs, measured likewise
 //! worth       learning curves over CPU time (curve), gains at equal CPU with intervals over scenes and trainings (resample)
 //! farther     what is told better, and the reference, on many times the scenes
-//! recommend   what is told to be better, and from where on more scenes bring nothing
+//! recommend   what is told to be better
 //! summary     one row a setting: a report  ->  table, records (Parquet), chart (SVG), JSON
 //! ```
 //!
@@ -126,6 +126,11 @@ pub(crate) enum TradeoffError {
     Panic { message: String },
     #[error(transparent)]
     Threads(#[from] PoolError),
+    #[error(
+        "there is no setting to measure: of {groups} the config has nothing that could be turned, or all of it stands so already; leave --only out, or \
+         name other groups"
+    )]
+    NoSetting { groups: String },
     #[error("no scene could be made at the reference setting; the first said: {reason}")]
     NoScene { reason: String },
     #[error(
@@ -144,6 +149,10 @@ pub(crate) fn run(
     let begun = Instant::now();
     let Some(surrogate) = surrogate_of(options, stop)? else { return Ok(None) };
     let settings = settings::settings(options, &surrogate)?;
+    if !options.only.is_empty() && settings.list.iter().all(|setting| setting.group.is_none()) {
+        let groups: Vec<&str> = options.only.iter().map(|group| group.name()).collect();
+        return Err(TradeoffError::NoSetting { groups: groups.join(", ") });
+    }
     let Some(scenes) = measured(&settings, options, stop, tell)? else { return Ok(None) };
     let Some(report) = rounds::rounds(&settings, &scenes, options, begun, stop, tell)? else { return Ok(None) };
     drop(scenes);

@@ -1,8 +1,8 @@
-//! Gains at equal CPU -> which setting to build with, and how many scenes of it.
+//! Gains at equal CPU -> which setting to build with.
 //!
 //! Recommended is what is told to be better than the reference, and of several the one that is most accurate for the reference's CPU time.
-//! Where nothing is, the config as it is written stays, if it is not told to be worse. Of the setting's sizes the first is taken from which on
-//! more scenes bring next to nothing, else the largest. Other yards are not recommended, nor poses that no rover knows.
+//! Where nothing is, the config as it is written stays, if it is not told to be worse. What it is worth is told of the most scenes that it was
+//! measured at; how many to build is a matter of hours, and of `plan`. Other yards are not recommended, nor poses that no rover knows.
 
 use super::report::{Recommendation, Row, Told};
 use super::settings::Side;
@@ -35,9 +35,7 @@ pub(super) fn place(rows: &[Row], side: Side) -> Option<usize> {
 /// `None` where nothing of a side could be measured.
 pub(super) fn recommend(rows: &[Row], side: Side) -> Option<Recommendation> {
     let row = &rows[place(rows, side)?];
-    let worth = row.worth.as_ref()?;
-    let size = worth.curve.iter().find(|size| worth.flat_from.is_some_and(|flat| size.scenes >= flat));
-    let size = size.or(worth.curve.last())?;
+    let size = row.worth.as_ref()?.sizes().next_back()?;
     Some(Recommendation {
         name: row.label(),
         sets: row.sets.clone(),
@@ -55,7 +53,7 @@ mod tests {
     use crate::measure::tradeoff::settings::Group;
     use crate::statistics::Interval;
 
-    fn row(name: &str, told: Option<Told>, within: f64, flat_from: Option<u64>) -> Row {
+    fn row(name: &str, told: Option<Told>, within: f64) -> Row {
         let balanced_accuracy = Interval { mean: within, half_width: 0.01 };
         let gain = told.map(|told| GainRow { cpu_s: 1.0, scenes: 9, reference_scenes: 3, balanced_accuracy, told });
         let size = |scenes: u64| CurveRow {
@@ -84,7 +82,7 @@ mod tests {
                 farther_gain: None,
                 at_reference_cpu: Some(within),
                 gain,
-                flat_from,
+                flat_from: None,
             }),
         }
     }
@@ -95,33 +93,33 @@ mod tests {
     }
 
     #[test]
-    fn exact_the_most_accurate_of_what_is_told_better_is_recommended_where_its_curve_is_flat() {
-        let reference = row("reference", None, 0.95, None);
+    fn exact_the_most_accurate_of_what_is_told_better_is_recommended_with_its_largest_size() {
+        let reference = row("reference", None, 0.95);
         let all = [
             reference.clone(),
-            row("one", Some(Told::Better), 0.96, None),
-            row("two", Some(Told::Better), 0.97, Some(10)),
-            row("lucky", Some(Told::NotApart), 0.99, None),
-            row("truth", Some(Told::Better), 0.99, None),
+            row("one", Some(Told::Better), 0.96),
+            row("two", Some(Told::Better), 0.97),
+            row("lucky", Some(Told::NotApart), 0.99),
+            row("truth", Some(Told::Better), 0.99),
         ];
-        assert_eq!(recommended(&all), ("presets: two".into(), 10, true));
-        let written = row("as written", Some(Told::NotApart), 0.94, None);
+        assert_eq!(recommended(&all), ("presets: two".into(), 40, true));
+        let written = row("as written", Some(Told::NotApart), 0.94);
         assert_eq!(
             recommended(&[reference.clone(), all[3].clone(), written]),
             ("presets: as written".into(), 40, false)
         );
-        let worse = row("as written", Some(Told::Worse), 0.9, None);
+        let worse = row("as written", Some(Told::Worse), 0.9);
         assert_eq!(recommended(&[reference, worse]), ("reference".into(), 40, false));
         assert!(recommend(&all, Side::Trainer).is_none());
         // On more scenes the one is not told apart, and the other was not followed to them.
         let mut followed = all.clone();
         for place in [0, 2] {
             let worth = followed[place].worth.as_mut().unwrap();
-            worth.farther = worth.curve[3..].to_vec();
+            worth.farther = vec![CurveRow { scenes: 320, ..worth.curve[3].clone() }];
             worth.farther_gain = worth.gain.as_ref().map(|gain| GainRow { told: Told::NotApart, ..gain.clone() });
         }
-        assert_eq!(recommended(&followed), ("reference".into(), 40, false));
+        assert_eq!(recommended(&followed), ("reference".into(), 320, false));
         followed[2].worth.as_mut().unwrap().farther_gain.as_mut().unwrap().told = Told::Better;
-        assert_eq!(recommended(&followed), ("presets: two".into(), 10, true));
+        assert_eq!(recommended(&followed), ("presets: two".into(), 320, true));
     }
 }

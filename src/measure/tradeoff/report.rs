@@ -68,7 +68,7 @@ pub(crate) struct Widest {
     pub half_width: Option<f64>,
 }
 
-/// The setting to build with, and how many scenes of it.
+/// The setting to build with, and what it was worth on the most scenes that it was measured at.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Recommendation {
     pub name: String,
@@ -261,14 +261,26 @@ impl Row {
         self.worth.as_ref()?.curve.last()
     }
 
-    /// What is told of it against the reference: on more scenes where it was followed to them, else where all settings are compared.
+    /// What is told of it against the reference, by its last gain.
     pub(crate) fn told(&self) -> Option<Told> {
+        self.last_gain().map(|gain| gain.told)
+    }
+
+    /// Its gain on the most scenes that it and the reference were measured at.
+    pub(crate) fn last_gain(&self) -> Option<&GainRow> {
         let worth = self.worth.as_ref()?;
-        worth.farther_gain.as_ref().or(worth.gain.as_ref()).map(|gain| gain.told)
+        worth.farther_gain.as_ref().or(worth.gain.as_ref())
     }
 
     pub(super) fn gain(&self) -> Option<&GainRow> {
         self.worth.as_ref()?.gain.as_ref()
+    }
+}
+
+impl WorthRow {
+    /// Those at which all settings are compared, and those beyond.
+    pub(super) fn sizes(&self) -> impl DoubleEndedIterator<Item = &CurveRow> {
+        self.curve.iter().chain(&self.farther)
     }
 }
 

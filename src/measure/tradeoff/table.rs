@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::curve_grids::{curves, farther, front_grid};
 use super::grid::Grid;
-use super::report::{Ended, Recommendation, Report, Row};
+use super::report::{Ended, Recommendation, Report, Row, Told};
 use super::settings::{OTHER_DRAWS, Side};
 use super::words::{figures, percent, plural, points, shown, spread, told_in_words};
 
@@ -91,9 +91,14 @@ fn closing(report: &Report) -> String {
             figures(ratio)
         );
     }
-    for (what, of) in [("pipeline", &report.recommended_pipeline), ("filter", &report.recommended_filter)] {
+    let sides = [
+        (Side::Pipeline, "pipeline", &report.recommended_pipeline),
+        (Side::Trainer, "filter", &report.recommended_filter),
+    ];
+    for (side, what, of) in sides {
         if let Some(of) = of {
-            out += &recommended(what, of);
+            let rows: Vec<&Row> = report.side(side).collect();
+            out += &recommended(what, of, &rows);
         }
     }
     out
@@ -117,19 +122,23 @@ fn ended(report: &Report) -> String {
     format!("{} round{}, {} trainings a size: {why}; {widest}\n", report.rounds, plural(report.rounds), report.seeds)
 }
 
-fn recommended(what: &str, of: &Recommendation) -> String {
-    let why = if of.is_told_better {
-        "better than the reference at equal CPU"
-    } else {
-        "nothing is told apart from the reference for the better"
+fn recommended(what: &str, of: &Recommendation, rows: &[&Row]) -> String {
+    let is_better_at_first =
+        |row: &&Row| row.may_be_recommended && row.gain().is_some_and(|gain| gain.told == Told::Better);
+    let why = match () {
+        () if of.is_told_better => "better than the reference at equal CPU",
+        () if rows.iter().any(is_better_at_first) => {
+            "what is told better above is not so on the most scenes, or was not followed to them"
+        }
+        () => "nothing is told apart from the reference for the better",
     };
     let sets = if of.sets.is_empty() { "the config as written".to_owned() } else { of.sets.join(" ") };
     format!(
-        "recommended {what}: {} ({why}): {} scenes, {} s CPU, balanced accuracy {} %: {sets}\n",
+        "recommended {what}: {} ({why}): balanced accuracy {} % of {} scenes, the most that it was measured at, in {} s CPU: {sets}\n",
         of.name,
+        percent(&of.balanced_accuracy),
         of.scenes,
         figures(of.cpu_s),
-        percent(&of.balanced_accuracy),
     )
 }
 
