@@ -19,6 +19,7 @@ use super::place::corpus_failure;
 use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat};
+use crate::build::KEEP_FREE_BYTES;
 use crate::corpus::advice::Views;
 use crate::corpus::{Split, Table};
 use crate::cpu;
@@ -87,6 +88,9 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
 /// A plan takes no longer, whatever it is asked, unless it is given longer, or a number of scenes.
 const MOST: Duration = Duration::from_secs(30);
 
+/// What writing the sampled scenes takes, and the last of them, before anybody is told that they are waited for.
+const GRACE: Duration = Duration::from_secs(3);
+
 fn most(args: &PlanArgs) -> Duration {
     match args.sample {
         Some(_) => Duration::MAX,
@@ -99,8 +103,8 @@ fn measured(plan: &Plan, options: &Options) -> Result<Estimate, Failure> {
     let (done, is_done) = channel::<()>();
     std::thread::scope(|scope| {
         scope.spawn(move || {
-            if is_done.recv_timeout(options.most) == Err(RecvTimeoutError::Timeout) {
-                errln!("a scene takes long here: none is begun any more, and those in hand are waited for");
+            if is_done.recv_timeout(options.most.saturating_add(GRACE)) == Err(RecvTimeoutError::Timeout) {
+                errln!("the time is over: no scene is begun any more, and those in hand are waited for");
             }
         });
         let estimate = estimate::estimate(plan, options).map_err(estimate_failure);
@@ -156,13 +160,18 @@ fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
     }
 }
 
+/// What a build may take of the disk: `generate` leaves some free.
+fn free_bytes(place: &Path) -> Option<u64> {
+    estimate::free_bytes(place).map(|bytes| bytes.saturating_sub(KEEP_FREE_BYTES))
+}
+
 /// What this machine cannot do of what is promised for it: room on its disk, and cores.
 fn machine_warnings(estimate: &Estimate, plan: &Plan, args: &PlanArgs, place: &Path) -> Vec<String> {
     let mut warnings = Vec::new();
-    if let Some(free_bytes) = estimate::free_bytes(place).filter(|&free| estimate.bytes.value > free as f64) {
+    if let Some(free_bytes) = free_bytes(place).filter(|&free| estimate.bytes.value > free as f64) {
         let points = if plan.tables.contains(&Table::Points) { "leave out the points table, " } else { "" };
         warnings.push(format!(
-            "the build takes {}B and {} has {}B free: lower scenes, {points}or take another --out",
+            "the build takes {}B and {} has {}B for it: lower scenes, {points}or take another --out",
             si(estimate.bytes.value),
             place.display(),
             si(free_bytes as f64)
@@ -197,7 +206,7 @@ fn tell_parts(cost: &FamilyCost) {
     outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
     let (told, lost): (Vec<_>, Vec<_>) = cost.parts.iter().copied().partition(|(_, price)| price.is_told_apart());
     for (part, price) in &told {
-        let saves = if price.cpu_s < 0.0 { "  saves: what comes behind it has less to do" } else { "" };
+        let saves = if price.cpu_s < 0.0 { "  saves more behind it than it costs" } else { "" };
         let (cost_ms, error_ms) = (1e3 * price.cpu_s, 1e3 * price.standard_error_s);
         outln!("    {:<14} {cost_ms:>9.2} \u{b1} {error_ms:.2}{saves}", part.name());
     }
@@ -209,7 +218,7 @@ fn tell_parts(cost: &FamilyCost) {
     if let Some(bound_s) = measured.iter().map(|(_, price)| price.most_s()).reduce(f64::max) {
         outln!("    not told apart from nothing, below {:.2} ms each: {}", 1e3 * bound_s, names(&measured));
     }
-    if once.len() == cost.parts.len() {
+    if !once.is_empty() && once.len() == cost.parts.len() {
         outln!("    its parts were measured on one scene alone, so without an error: raise --limit");
     } else if !once.is_empty() {
         outln!("    measured on one scene alone, so without an error: {}", names(&once));

@@ -108,6 +108,7 @@ pub(super) fn interrupted() -> Failure {
 pub(super) fn failure(error: TradeoffError) -> Failure {
     match error {
         TradeoffError::Config(error) => config_failure(error),
+        TradeoffError::NoSetting { .. } => Failure::usage(miette::Report::msg(error.to_string())),
         TradeoffError::Threads(_) => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
         other => Failure::failed(other),
     }

@@ -3,8 +3,8 @@
 //! In: cells of a scan, whether each is called untraversable, and where the rover is believed to stand in their map. Out: squares, seen from
 //! above, in the rover's level frame: metres ahead and to the left. Source: Hewitt et al. 2017, figure 13: density beside wrong cells. Deviation:
 //! the paper shows one scan; these are all scans of a split upon each other, so that what depends on the place alone stands out.
-//! Squares are as fine as a picture of some forty of them across shows, or as most untraversable cells need to lie in squares that have a rate of
-//! them; no cell counts that lies farther than 64 m off.
+//! Squares are as fine as a picture of some forty of them across shows, or up to 16 across where only coarser ones hold enough untraversable cells for
+//! a rate of them; no cell counts that lies farther than 64 m off.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -18,16 +18,21 @@ const FARTHEST_M: f64 = 64.0;
 /// Squares from the rover to the farthest cell, at most; and at least, where coarser ones have rates that finer ones lack.
 const MOST_SQUARES: f64 = 20.0;
 const LEAST_SQUARES: f64 = 8.0;
+/// Share of the untraversable cells in squares that have a rate of them, from which on squares are fine enough.
+const ENOUGH_RATED: f64 = 0.5;
 /// A square of fewer cells of a class has no rate.
 pub(super) const FEWEST_CELLS: u64 = 20;
 
 /// A square by its number ahead and to the left; the rover stands in the corner of four.
 type Index = [i32; 2];
 
+/// Counts of the cells of each square, and their points.
+type Squares = BTreeMap<Index, (Confusion, u64)>;
+
 /// Gathers cells.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
-    squares: BTreeMap<Index, (Confusion, u64)>,
+    squares: Squares,
 }
 
 /// What is known of the cells by place.
@@ -65,14 +70,23 @@ impl Places {
     pub(super) fn report(&self) -> Option<PlacesReport> {
         let farthest = self.squares.keys().flatten().map(|&k| if k < 0 { -k } else { k + 1 }).max()?;
         let across = |merged: i32| f64::from(farthest) / f64::from(merged);
-        let mut merged = 1;
-        while across(merged) > MOST_SQUARES {
-            merged *= 2;
+        let mut finest = 1;
+        while across(finest) > MOST_SQUARES {
+            finest *= 2;
         }
-        let coarser = std::iter::successors(Some(merged), |merged| Some(2 * merged));
-        let mut coarser = coarser.take_while(|merged| across(*merged) >= LEAST_SQUARES);
-        merged = coarser.find(|merged| have_rates(&self.merged(*merged))).unwrap_or(merged);
-        let squares = self.merged(merged);
+        let coarser = std::iter::successors(Some(finest), |merged| Some(2 * merged));
+        let mut best: Option<(i32, f64, Squares)> = None;
+        for merged in coarser.take_while(|merged| *merged == finest || across(*merged) >= LEAST_SQUARES) {
+            let squares = self.merged(merged);
+            let rated = rated_share(&squares);
+            if best.as_ref().is_none_or(|best| rated > best.1) {
+                best = Some((merged, rated, squares));
+            }
+            if rated >= ENOUGH_RATED {
+                break;
+            }
+        }
+        let (merged, _, squares) = best?;
         let square_m = f64::from(merged) * FINEST_M;
         let square = |(&[ahead, left], &(cells, points)): (&Index, &(Confusion, u64))| Square {
             ahead_m: f64::from(ahead) * square_m,
@@ -84,8 +98,8 @@ impl Places {
     }
 
     /// In squares so many times as wide.
-    fn merged(&self, times: i32) -> BTreeMap<Index, (Confusion, u64)> {
-        let mut squares: BTreeMap<Index, (Confusion, u64)> = BTreeMap::new();
+    fn merged(&self, times: i32) -> Squares {
+        let mut squares = Squares::new();
         for (square, &(cells, points)) in &self.squares {
             let (sum, points_so_far) = squares.entry(square.map(|k| k.div_euclid(times))).or_default();
             *sum += cells;
@@ -95,11 +109,14 @@ impl Places {
     }
 }
 
-/// Whether half of the untraversable cells lie in squares that have a rate of them.
-fn have_rates(squares: &BTreeMap<Index, (Confusion, u64)>) -> bool {
+/// The share of the untraversable cells that lie in squares which have a rate of them; all of none.
+fn rated_share(squares: &Squares) -> f64 {
     let cells = || squares.values().map(|(cells, _)| cells.untraversable());
     let with_rate: u64 = cells().filter(|cells| *cells >= FEWEST_CELLS).sum();
-    2 * with_rate >= cells().sum()
+    match cells().sum::<u64>() {
+        0 => 1.0,
+        all => with_rate as f64 / all as f64,
+    }
 }
 
 impl PlacesReport {

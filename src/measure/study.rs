@@ -83,6 +83,12 @@ impl StudySetting {
     pub(crate) fn largest(&self) -> &StudySize {
         &self.sizes[self.sizes.len() - 1]
     }
+
+    /// CPU seconds of making a scene.
+    pub(crate) fn scene_cpu_s(&self) -> f64 {
+        let largest = self.largest();
+        largest.generate_cpu_s / largest.scenes as f64
+    }
 }
 
 /// Why there is no study.

@@ -35,6 +35,8 @@ pub(super) struct Answer<'a> {
     pub disk_bytes: Option<f64>,
     /// The best first.
     pub choices: &'a [Choice<'a>],
+    /// Names of the settings that scenes were made of here; others have rows and bytes of the reference.
+    pub measured_here: Vec<String>,
     /// Overrides of the config that make the first choice.
     pub sets: Vec<String>,
     pub warnings: Vec<String>,
@@ -82,10 +84,10 @@ impl Answer<'_> {
             outln!("\n{}", lines.join("\n"));
         }
         let sets = typed_sets(self.args.config.sets.iter().chain(&self.sets));
-        let out = self.args.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
+        let out = self.args.out.as_ref().map_or(String::new(), |out| format!(" --out '{}'", out.display()));
         let place = self.args.out.clone().unwrap_or_else(|| default_out(self.plan));
         outln!("\nmarsyard generate {}{sets}{out}", self.args.config.config.display());
-        outln!("marsyard train {}", place.display());
+        outln!("marsyard train '{}'", place.display());
     }
 
     fn tell_choice(&self, title: &str, choice: &Choice) {
@@ -103,8 +105,19 @@ impl Answer<'_> {
         );
         outln!("  expected balanced accuracy: {}", expected(choice));
         extrapolated(choice).iter().for_each(|doubt| outln!("  {doubt}"));
-        let is_best = choice.setting == self.choices[0].setting;
-        outln!("  {}", if is_best { self.why(choice) } else { ends(choice) });
+        let best = &self.choices[0];
+        if choice.setting == best.setting {
+            outln!("  {}", self.why(choice));
+            return;
+        }
+        outln!("  {}", ends(choice));
+        if best.setting == self.study.as_written() && choice.expected.mean > best.expected.mean {
+            let why = match choice.setting.told {
+                Some(Told::Better) => "the study did not follow it to more scenes, or CPU time does not bind",
+                _ => "the study does not tell the two apart at equal CPU",
+            };
+            outln!("  Its curve promises more, but {why}: the config as written comes first.");
+        }
     }
 
     /// What ends the number of scenes, and what to do instead where more of them bring little.
@@ -134,7 +147,8 @@ impl Answer<'_> {
         let choice = |choice: &Choice| {
             json!({
                 "setting": choice.setting.name, "sets": choice.setting.sets, "told": choice.setting.told,
-                "gain_at_equal_cpu": choice.setting.gain, "scenes": choice.scenes, "rows": choice.rows, "bytes": choice.bytes,
+                "gain_at_equal_cpu": choice.setting.gain, "measured_here": self.measured_here.contains(&choice.setting.name),
+                "scenes": choice.scenes, "rows": choice.rows, "bytes": choice.bytes,
                 "generate_s": choice.build_s, "train_s": choice.train_s, "bound": choice.bound,
                 "most_scenes": choice.most_scenes, "times_the_largest_measured": choice.beyond,
                 "balanced_accuracy": {
@@ -189,7 +203,7 @@ fn ends(choice: &Choice) -> String {
         Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
         Bound::SameTime => "As many scenes as take the time of the first choice.".into(),
         Bound::Flat => format!(
-            "The curve is flat from here on: twice as many scenes would bring {:.2} points, and by every believed law {:.2} at most; the {} that the budget allows {:.1}, and {:.1} at most.",
+            "The curve is flat from here on: twice as many scenes would bring {:.2} points, and by every believed law {:.2} at most; the {} that the budget allows {:.2}, and {:.2} at most.",
             // Told as it was decided.
             100.0 * choice.twice.0.min(FLAT_TWICE.0),
             100.0 * choice.twice.1.min(FLAT_TWICE.1),

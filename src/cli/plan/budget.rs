@@ -13,11 +13,10 @@ use clap::Args;
 
 use super::answer::Answer;
 use super::{PlanArgs, study};
-use crate::build::KEEP_FREE_BYTES;
 use crate::cli::options::{default_out, default_threads, parse_positive, parse_threads};
 use crate::cli::output::outln;
 use crate::cli::place::must_be_local;
-use crate::cli::progress::{human, si};
+use crate::cli::progress::si;
 use crate::cli::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::advice::{self, Content};
@@ -130,9 +129,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let (study_file, study) = study::of(args, plan, log, stop)?;
     let cores = asked.cores.unwrap_or_else(default_threads);
     let place = args.out.clone().unwrap_or_else(|| default_out(plan));
-    // `generate` builds nothing that would leave less free.
-    let free_bytes = || estimate::free_bytes(&place).map(|bytes| bytes.saturating_sub(KEEP_FREE_BYTES) as f64);
-    let disk_bytes = asked.disk.or_else(free_bytes);
+    let disk_bytes = asked.disk.or_else(|| super::free_bytes(&place).map(|bytes| bytes as f64));
     let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes, rows: asked.rows };
 
     let begun = Instant::now();
@@ -141,7 +138,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let reference = &study.settings[0];
     let mut base = measured(reference, &[])?;
     let first = choices(&study, &budget, |_| base.here, 1).into_iter().next();
-    let first = first.ok_or_else(|| too_little(&budget, &base.here))?;
+    let first = first.ok_or_else(|| too_little(args, &budget, &base.here))?;
     let own = u64::from(plan.scenes_per_shard);
     let per_shard = if first.scenes >= LEAST_SHARDS * own { own } else { (first.scenes / SHARDS).max(1) };
     let small_shards = Vec::from_iter((per_shard != own).then(|| format!("scenes_per_shard={per_shard}")));
@@ -149,7 +146,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let scenes = (first.scenes / per_shard).max(LEAST_SHARDS) * per_shard;
     let as_built = [small_shards.as_slice(), &[format!("scenes={scenes}")]].concat();
     // Small shards take more bytes a scene.
-    if per_shard != own {
+    if per_shard != own && !left().is_zero() {
         base = measured(reference, &as_built)?;
     }
     // What is told is told by scenes of its own; once it is measured, another may be told.
@@ -167,14 +164,16 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
             _ => break all,
         }
     };
-    let Some(best) = all.first() else { return Err(too_little(&budget, &base_here)) };
+    let Some(best) = all.first() else { return Err(too_little(args, &budget, &base_here)) };
 
     let mut sets = best.setting.sets.clone();
     sets.push(format!("scenes={}", best.scenes));
     sets.extend(small_shards);
     let sets = telling(args, sets)?;
     let to_build = Plan { scenes: best.scenes, scenes_per_shard: per_shard as u32, ..plan.clone() };
-    let mut contents = known.remove(best.setting.name.as_str()).map(|known| known.contents).unwrap_or_default();
+    let measured_here: Vec<String> = known.keys().map(|name| (*name).to_owned()).collect();
+    let of_best = known.remove(best.setting.name.as_str()).or_else(|| known.remove(reference.name.as_str()));
+    let mut contents = of_best.map(|known| known.contents).unwrap_or_default();
     for (content, test_scenes) in contents.iter_mut().zip(estimate::test_scenes(&to_build)) {
         content.test_scenes = test_scenes;
     }
@@ -188,6 +187,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
         cores,
         disk_bytes,
         choices: &all,
+        measured_here,
         sets,
         warnings,
         advice: advice::advise(&contents),
@@ -218,7 +218,7 @@ fn telling(args: &PlanArgs, mut sets: Vec<String>) -> Result<Vec<String>, Failur
     Ok(sets)
 }
 
-/// What some scenes of a setting tell, made here.
+/// What is told by some scenes of a setting that were made here.
 struct Made {
     here: Here,
     contents: Vec<Content>,
@@ -251,9 +251,8 @@ fn measure(
 fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {
     let (writing, making): (Vec<_>, Vec<_>) = estimate.stages.iter().partition(|(stage, _)| *stage == "writing");
     let sum = |stages: &[&(&str, f64)]| stages.iter().map(|(_, cpu_s)| cpu_s).sum::<f64>();
-    let largest = setting.largest();
     Here {
-        slowness: sum(&making) / (largest.generate_cpu_s / largest.scenes as f64),
+        slowness: sum(&making) / setting.scene_cpu_s(),
         writing_cpu_s: sum(&writing),
         bytes_per_scene: estimate.bytes.value / scenes,
         rows_per_scene: estimate.rows.value / scenes,
@@ -321,23 +320,24 @@ fn check_new(path: &Path, plan: &Plan) -> Result<(), Failure> {
     Ok(())
 }
 
-fn too_little(budget: &Budget, here: &Here) -> Failure {
+fn too_little(args: &PlanArgs, budget: &Budget, here: &Here) -> Failure {
     let short = |asked: Option<f64>, a_scene: f64| asked.filter(|asked| *asked < LEAST_SHARDS as f64 * a_scene);
     let least = LEAST_SHARDS as f64;
     let bytes_of_scene = DISK_MARGIN * here.bytes_per_scene;
     let (what, help) = match (short(budget.disk_bytes, bytes_of_scene), short(budget.rows, here.rows_per_scene)) {
         (Some(bytes), _) => (
             format!("{}B of disk hold", si(bytes)),
-            format!("{LEAST_SHARDS} scenes take some {}B: more --disk, or fewer tables", si(least * bytes_of_scene)),
+            format!(
+                "{LEAST_SHARDS} scenes take some {}B: {}, or fewer tables",
+                si(least * bytes_of_scene),
+                if args.budget.disk.is_some() { "more --disk" } else { "free some, or take another --out" }
+            ),
         ),
         (None, Some(rows)) => (
-            format!("{} rows are", si(rows)),
+            format!("{} rows hold", si(rows)),
             format!("{LEAST_SHARDS} scenes have some {} rows: more --rows", si(least * here.rows_per_scene)),
         ),
-        (None, None) => (
-            format!("{} are enough for", human(Duration::from_secs_f64(budget.wall_s))),
-            "more --hours or --cores".into(),
-        ),
+        (None, None) => (format!("{} h are enough for", budget.wall_s / 3600.0), "more --hours or --cores".into()),
     };
     Failure::usage(miette::miette!(
         help = help,

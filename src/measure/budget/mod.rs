@@ -204,7 +204,7 @@ impl<'s> Curve<'s> {
         Curve {
             setting,
             fit: Fit::of(&measured, &largest.balanced_accuracy),
-            scene_cpu_s: here.slowness * largest.generate_cpu_s / scenes + here.writing_cpu_s,
+            scene_cpu_s: here.slowness * setting.scene_cpu_s() + here.writing_cpu_s,
             row_cpu_s: here.slowness * largest.train_cpu_s / largest.rows_learnt,
             rows_a_scene: largest.train_rows / scenes,
             rows_a_corpus_scene: here.rows_per_scene,

@@ -2,11 +2,10 @@
 //!
 //! By what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
 //! as written and are expected to be no worse. Where settings were followed to more scenes, what is told better of the others was not put to that
-//! test and ranks nothing. The config as written comes before what is not told apart. Of that the cheapest scenes come first, of settings which at
-//! worst lose no more than half a point at equal CPU: of what is expected of them the luckiest would be the highest. Then, and among what is told
-//! better, what is expected no farther than twice the largest size that all have decides. Left out: what is told to be worse.
-
-use std::cmp::Ordering;
+//! test and ranks nothing. The config as written comes before the rest. Of that the cheapest scenes come first, of settings which lose no more than half
+//! a point at equal CPU at the lower end of the interval: where a curve is flat they are there soonest, and of what curves promise the luckiest
+//! would be the highest. Then, where disk or rows bind, and among what is told better, what is expected no farther than twice the largest size that
+//! all have decides. Left out: what is told to be worse.
 
 use super::{Bound, Budget, Choice, Curve, FLAT, Here, STUDY_SCENES, compared_sizes};
 use crate::measure::study::{Study, StudySetting};
@@ -25,15 +24,11 @@ pub(super) struct Candidate<'s> {
 }
 
 impl Candidate<'_> {
-    /// As the study has it, for all of them alike.
-    fn scene_cpu_s(&self) -> f64 {
-        let largest = self.choice.setting.largest();
-        largest.generate_cpu_s / largest.scenes as f64
-    }
-
-    /// Whether the study tells that it loses no more than half a point.
-    fn loses_little(&self) -> bool {
-        self.choice.setting.gain.is_some_and(|gain| gain.lower() >= -FLAT)
+    /// CPU time of a scene, as the study has it, where the setting loses no more than half a point and CPU time is what binds.
+    fn cheap_s(&self) -> Option<f64> {
+        let setting = self.choice.setting;
+        let loses_little = setting.gain.is_some_and(|gain| gain.lower() >= -FLAT);
+        (loses_little && !is_capped(&self.choice)).then(|| setting.scene_cpu_s())
     }
 
     /// As many scenes as the time of another choice pays; as it was where that pays none.
@@ -47,6 +42,11 @@ impl Candidate<'_> {
     }
 }
 
+/// Whether what ends the scenes knows no CPU time.
+fn is_capped(choice: &Choice) -> bool {
+    matches!(choice.bound, Bound::Disk | Bound::Rows)
+}
+
 /// Without what is told to be worse, the best first.
 pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> Vec<Candidate<'s>> {
     let written = candidates.iter().find(|candidate| candidate.choice.setting == study.as_written());
@@ -54,7 +54,6 @@ pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> V
     let is_no_dearer = |Candidate { choice, ranked_by, .. }: &Candidate| {
         written.is_none_or(|(other, of_other)| *ranked_by >= other && choice.seconds() <= SAME_SECONDS * of_other)
     };
-    let is_capped = |choice: &Choice| matches!(choice.bound, Bound::Disk | Bound::Rows);
     let is_followed = |setting: &StudySetting| setting.sizes.len() > compared_sizes(study);
     let is_put_to_test = |setting: &StudySetting| is_followed(setting) || !study.settings.iter().any(is_followed);
     let rank = |candidate: &Candidate| match candidate.choice.setting.told {
@@ -67,13 +66,10 @@ pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> V
         _ => u8::from(candidate.choice.setting == study.as_written()),
     };
     candidates.retain(|candidate| candidate.choice.setting.told != Some(Told::Worse));
-    let by_cost = |a: &Candidate, b: &Candidate| match (a.loses_little(), b.loses_little()) {
-        (true, true) => a.scene_cpu_s().total_cmp(&b.scene_cpu_s()),
-        (a, b) => b.cmp(&a),
-    };
+    let cost = |candidate: &Candidate| candidate.cheap_s().filter(|_| rank(candidate) == 0).unwrap_or(f64::INFINITY);
     candidates.sort_by(|a, b| {
-        let of_rank = if rank(a) == 0 && rank(b) == 0 { by_cost(a, b) } else { Ordering::Equal };
-        rank(b).cmp(&rank(a)).then(of_rank).then(b.ranked_by.total_cmp(&a.ranked_by))
+        let by_rank = rank(b).cmp(&rank(a));
+        by_rank.then(cost(a).total_cmp(&cost(b))).then(b.ranked_by.total_cmp(&a.ranked_by))
     });
     candidates
 }

@@ -128,6 +128,10 @@ fn law_of_what_is_not_told_apart_the_cheapest_comes_next_that_loses_little_at_wo
     let names: Vec<_> =
         choices(&study, &budget(600.0, None), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
     assert_eq!(names, ["reference", "cheap", "lucky", "nothing is known", "cheaper, and hardly known"]);
+    // Where the disk binds CPU time buys nothing: what is expected decides.
+    let names: Vec<_> =
+        choices(&study, &budget(600.0, Some(5e7)), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
+    assert_eq!(names, ["reference", "lucky", "nothing is known", "cheaper, and hardly known", "cheap"]);
 }
 
 #[test]

@@ -98,8 +98,7 @@ fn panel(
     }
     let mut named = Vec::new();
     for row in rows.iter().skip(1) {
-        let told = row.gain().map(|gain| gain.told);
-        let is_apart = matches!(told, Some(Told::Better | Told::Worse));
+        let is_apart = matches!(row.told(), Some(Told::Better | Told::Worse));
         let opacity = if is_apart { 1.0 } else { 0.45 };
         let line = Marks::Line(sizes(row).map(at).collect(), if is_apart { 2 } else { 1 });
         let name = row.group.map_or(OTHER_DRAWS, Group::name);
@@ -123,13 +122,13 @@ fn panel(
     Panel { title, x: Axis::logarithmic("CPU time of generating and training, s", cost_range), y, series }
 }
 
-/// Names of the settings that are told apart, at their last points: of those that are better below them, of those that are worse above, clear of
-/// the reference between them. Those that would stand on another's are moved on.
+/// Names of the settings that are told apart, at their last points: of those that are better below these, of those that are worse above, away from the
+/// reference. Those that would stand on another's are moved on.
 fn names(rows: &[&Row], errors: &[f64]) -> Vec<(Point, i32, String)> {
     let span = errors.iter().copied().fold(0.0, f64::max) - errors.iter().copied().fold(f64::INFINITY, f64::min);
     let pixel = span.max(1e-9) / f64::from(PANEL.1);
     let of = |told: Told, away: f64| {
-        let is_told = |row: &&&Row| row.gain().is_some_and(|gain| gain.told == told);
+        let is_told = |row: &&&Row| row.told() == Some(told);
         let end = |row: &&Row| Some((at(sizes(row).next_back()?), row.name.clone()));
         let mut ends: Vec<(Point, String)> = rows.iter().filter(is_told).filter_map(end).collect();
         ends.sort_by(|a, b| (away * a.0.1).total_cmp(&(away * b.0.1)));

@@ -1,6 +1,7 @@
 //! Learning curves of all settings -> the sizes of which no other is both cheaper and more accurate: the Pareto front.
 //!
-//! Sizes beyond those at which all settings are compared are among them. Of means, so that a lucky setting may stand on it; what is told apart is told elsewhere. Other yards are not on it, nor poses that no
+//! Sizes beyond those at which all settings are compared are among them.
+//! Of means, so that a lucky setting may stand on it; what is told apart is told elsewhere. Other yards are not on it, nor poses that no
 //! rover knows.
 
 use super::report::{CurveRow, Report, Row};

@@ -302,7 +302,7 @@ fn law_the_front_is_what_no_other_beats() {
     let all: Vec<_> = SMALL
         .side(Side::Pipeline)
         .filter(|row| row.may_be_recommended)
-        .flat_map(|row| &row.worth.as_ref().unwrap().curve)
+        .flat_map(|row| row.worth.as_ref().unwrap().sizes())
         .collect();
     for (row, size) in &on_front {
         let beats = |other: &&&CurveRow| {

@@ -28,14 +28,14 @@ impl<'s> Training<'s> {
         let counts = class_counts(sources)?;
         let labelled: u64 = counts.iter().flatten().sum();
         let validate_every = params.rows_between_looks(labelled);
-        // They read different splits, and neither needs the other.
-        let look_rows = params.filter.look_rows(validate_every);
-        let (validation, scaled) = rayon::join(|| Validation::open(sources, look_rows), || scaler(sources, params));
-        let validation = validation?;
         if labelled == 0 {
             let unlabelled = sources.list.iter().map(|source| source.labels(Split::Train).unknown).sum();
             return Err(no_rows(sources, Split::Train, LeftOut { unlabelled, ..LeftOut::default() }));
         }
+        // They read different splits, and neither needs the other.
+        let look_rows = params.filter.look_rows(validate_every);
+        let (validation, scaled) = rayon::join(|| Validation::open(sources, look_rows), || scaler(sources, params));
+        let validation = validation?;
         if validation.rows == 0 {
             return Err(no_rows(sources, Split::Validation, validation.left_out));
         }
