@@ -194,7 +194,7 @@ def risks(networks, judged, usual, judged_usual, validation, test):
         unit = np.median(variance)
         by = [balanced_error(validation, outputs, distance(network, outputs) / np.sqrt(1 + c * variance / unit), 0.9) for c in WEIGHTS]
         weights.append((WEIGHTS[int(np.argmin(by))], unit))
-    trained = {f"ensemble of {len(networks)}": (networks, judged), OF_DEFAULTS.format(len(usual)): (usual, judged_usual)}
+    trained = {f"ensemble of {len(networks)} Kalman filters": (networks, judged), OF_DEFAULTS.format(len(usual)): (usual, judged_usual)}
     ensembles = {way: (of[0], np.mean([one["test"][0] for one in told], axis=0)) for way, (of, told) in trained.items()}
     for coverage in COVERAGES:
         counts = {"probability": [], "with the filter's variance": [], BY_DEFAULT: []}
