@@ -1,4 +1,4 @@
-//! A plan, and what is there of it -> the bytes that more of its shards will take.
+//! A plan, and what is there of it -> the bytes that more of its shards will surely take.
 //!
 //! By the shards that are there; where there are none, by a few scenes of the plan, written into memory as a shard of half of them and
 //! one of all: bytes = fixed + scenes x slope. Of what `measure::estimate` measures this is the one figure that a build asks for, without
@@ -17,8 +17,10 @@ const SAMPLE_FROM_SCENES: u64 = 200;
 /// Scenes of that look, and the time after which no other is begun.
 const SAMPLE: u64 = 4;
 const SAMPLE_LIMIT: Duration = Duration::from_secs(10);
+/// So few scenes may have so many times the bytes of others. What would fit is not refused for them: each shard is checked before it is written.
+const SAMPLE_MAY_EXCEED: f64 = 1.5;
 
-/// Bytes of so many more shards; `None` for a build too short to be worth a look.
+/// Bytes of so many more shards, at least where none is there; `None` for a build too short to be worth a look.
 pub(super) fn bytes(
     prepared: &Prepared,
     spec: &CorpusSpec,
@@ -36,7 +38,7 @@ pub(super) fn bytes(
     Ok(Some(per_shard.saturating_mul(shards)))
 }
 
-/// Bytes of a shard, by scenes that lie evenly over the plan; zero where the build is asked to stop before the first.
+/// Bytes of a shard at least, by scenes that lie evenly over the plan; zero where the build is asked to stop before the first.
 fn sampled(prepared: &Prepared, spec: &CorpusSpec, stop: &AtomicBool) -> Result<u64, BuildError<CorpusError>> {
     let (begun, mut scratch, mut outputs) = (Instant::now(), Scratch::default(), Vec::new());
     for number in 0..SAMPLE.min(spec.scenes) {
@@ -50,7 +52,7 @@ fn sampled(prepared: &Prepared, spec: &CorpusSpec, stop: &AtomicBool) -> Result<
     let (few, all) = (outputs.len().div_ceil(2), outputs.len());
     let few = (few as f64, shard_bytes(spec, &outputs[..few]).map_err(BuildError::Write)? as f64);
     let all = (all as f64, shard_bytes(spec, &outputs).map_err(BuildError::Write)? as f64);
-    Ok(extrapolated(few, all, f64::from(spec.scenes_per_shard)) as u64)
+    Ok((extrapolated(few, all, f64::from(spec.scenes_per_shard)) / SAMPLE_MAY_EXCEED) as u64)
 }
 
 /// Bytes of a shard of these scenes alone.
