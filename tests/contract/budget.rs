@@ -70,7 +70,7 @@ fn law_hours_become_a_config_that_is_built() {
     assert!(small["sets"].to_string().contains("\"scenes_per_shard=3\""), "{small}");
     let too_few = of_rows("3");
     assert_eq!(too_few.status.code(), Some(2), "{}", text(&too_few.stdout));
-    assert!(text(&too_few.stderr).contains("rows are fewer than 7 scenes"), "{}", text(&too_few.stderr));
+    assert!(text(&too_few.stderr).contains("rows hold fewer than 7 scenes"), "{}", text(&too_few.stderr));
     // Fewer shards than give each split one teach nobody.
     let small = ["plan", &config, "--hours", "0.002", "--limit", "1", "--json", "--disk", "50kB"];
     let too_small = yard.marsyard(small);

@@ -87,5 +87,5 @@ fn law_groups_of_which_the_config_has_nothing_are_refused_before_anything_is_mea
     let output = yard.marsyard(["tradeoff", &config(), "--only", "sub_rays"]);
     assert_eq!(output.status.code(), Some(2), "{}", text(&output.stdout));
     let said = text(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(said.contains("of sub_rays the config has nothing that could be turned"), "{said}");
+    assert!(said.contains("of sub_rays the config has nothing that"), "{said}");
 }
