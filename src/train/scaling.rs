@@ -2,6 +2,7 @@
 //!
 //! Statistics are those of the train split alone, merged over the corpora in their order.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -33,7 +34,8 @@ pub(crate) fn scaler(sources: &Sources, params: &TrainParams) -> Result<(Scaler,
         let sampled = differences.filter(|(_, minus)| is_sampled(minus));
         sampled.for_each(|((moments, sample), _)| *moments = sample);
     }
-    let scores = scores_of(&sample, &minus, params);
+    let score = |feature| score_of(&sample, &minus, params, feature);
+    let scores = scored(&sample, params).into_par_iter().map(score).collect();
     let (scaler, constant) = scaler_of(minus, moments.into_iter(), scores, params.clip);
     Ok((scaler, constant.into_iter().map(|feature| sources.features[feature].clone()).collect()))
 }
@@ -57,20 +59,26 @@ pub(crate) fn moments_of(rows: &Rows, minus: &[Option<usize>]) -> Vec<Moments> {
     moments
 }
 
-/// Normal scores of each feature of rows, less what is subtracted from it, by every so many-th row where they are many; none where the network
-/// takes none.
+/// Normal scores of each feature of rows, less what is subtracted from it; none where the network takes none. On this thread alone: trainings in memory
+/// are tasks of a schedule, which wait for no other.
 pub(crate) fn scores_of(rows: &Rows, minus: &[Option<usize>], params: &TrainParams) -> Vec<NormalScores> {
-    if !params.network.normal_scores {
-        return Vec::new();
-    }
+    scored(rows, params).map(|feature| score_of(rows, minus, params, feature)).collect()
+}
+
+/// The features that have normal scores.
+fn scored(rows: &Rows, params: &TrainParams) -> Range<usize> {
+    if params.network.normal_scores { 0..rows.width } else { 0..0 }
+}
+
+/// By every so many-th row where they are many.
+fn score_of(rows: &Rows, minus: &[Option<usize>], params: &TrainParams, feature: usize) -> NormalScores {
     let every = rows.len().div_ceil(MOST_VALUES).max(1);
-    let value = |row: &[f32], feature: usize| less(row[feature], minus[feature], row);
-    let values = |feature| (0..rows.len()).step_by(every).map(move |row| value(rows.row(row), feature)).collect();
-    let of = |feature: usize| match minus[feature] {
-        None => NormalScores::of_sample(values(feature), params.clip),
-        Some(_) => NormalScores::of_heights_above(values(feature), params.clip),
-    };
-    (0..rows.width).into_par_iter().map(of).collect()
+    let value = |row: &[f32]| less(row[feature], minus[feature], row);
+    let values = (0..rows.len()).step_by(every).map(|row| value(rows.row(row))).collect();
+    match minus[feature] {
+        None => NormalScores::of_sample(values, params.clip),
+        Some(_) => NormalScores::of_heights_above(values, params.clip),
+    }
 }
 
 /// The scaler of features with these moments and scores, and which of them never vary.
