@@ -251,7 +251,7 @@ fn law_of_one_class_nothing_is_told_of_more_scenes() {
 }
 
 #[test]
-#[ignore = "builds two corpora of 20 and 400 shards: cargo test --release --test contract memory -- --ignored"]
+#[ignore = "builds two corpora of 200 and 800 shards: cargo test --release --test contract memory -- --ignored"]
 fn law_memory_does_not_grow_with_the_corpus() {
     let yard = Yard::new();
     let peak_kb = |name: &str, scenes: &str, epochs: &str| {
@@ -262,6 +262,8 @@ fn law_memory_does_not_grow_with_the_corpus() {
         let mut child = command.stdout(std::process::Stdio::null()).spawn().expect("the binary starts");
         yard.peak_kb(&mut child)
     };
-    let (small, large) = (peak_kb("small", "40", "20"), peak_kb("large", "800", "1"));
-    assert!(large < 1.1 * small, "{small} kB for 20 shards, {large} kB for 400");
+    // A training that is over at once is not looked at when it holds most.
+    let (small, large) = (peak_kb("small", "400", "4"), peak_kb("large", "1600", "1"));
+    eprintln!("resident: {small} kB for 200 shards, {large} kB for 800");
+    assert!(large < 1.15 * small, "{small} kB for 200 shards, {large} kB for 800");
 }
