@@ -53,6 +53,13 @@ pub(super) struct PlanArgs {
     json: bool,
 }
 
+impl PlanArgs {
+    /// Where the build goes.
+    fn place(&self, plan: &Plan) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| default_out(plan))
+    }
+}
+
 pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let stop = stop_on_signals()?;
@@ -74,8 +81,7 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
     let estimate = (args.sample != Some(0)).then(|| measured(&plan, &options)).transpose()?;
     let mut warnings = split_warnings(&plan);
     if let Some(estimate) = &estimate {
-        let place = args.out.clone().unwrap_or_else(|| default_out(&plan));
-        warnings.extend(machine_warnings(estimate, &plan, args, &place));
+        warnings.extend(machine_warnings(estimate, &plan, args));
     }
     if args.json {
         outln!("{:#}", as_json(&plan, estimate.as_ref(), &warnings));
@@ -166,9 +172,9 @@ fn free_bytes(place: &Path) -> Option<u64> {
 }
 
 /// What this machine cannot do of what is promised for it: room on its disk, and cores.
-fn machine_warnings(estimate: &Estimate, plan: &Plan, args: &PlanArgs, place: &Path) -> Vec<String> {
-    let mut warnings = Vec::new();
-    if let Some(free_bytes) = free_bytes(place).filter(|&free| estimate.bytes.value > free as f64) {
+fn machine_warnings(estimate: &Estimate, plan: &Plan, args: &PlanArgs) -> Vec<String> {
+    let (mut warnings, place) = (Vec::new(), args.place(plan));
+    if let Some(free_bytes) = free_bytes(&place).filter(|&free| estimate.bytes.value > free as f64) {
         let points = if plan.tables.contains(&Table::Points) { "leave out the points table, " } else { "" };
         warnings.push(format!(
             "the build takes {}B and {} has {}B for it: lower scenes, {points}or take another --out",

@@ -265,5 +265,5 @@ fn law_memory_does_not_grow_with_the_corpus() {
     // A training that is over at once is not looked at when it holds most.
     let (small, large) = (peak_kb("small", "400", "4"), peak_kb("large", "1600", "1"));
     eprintln!("resident: {small} kB for 200 shards, {large} kB for 800");
-    assert!(large < 1.15 * small, "{small} kB for 200 shards, {large} kB for 800");
+    assert!(large < 1.1 * small, "{small} kB for 200 shards, {large} kB for 800");
 }

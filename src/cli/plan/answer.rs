@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::budget::{TOLD, extrapolated};
 use super::{PlanArgs, words};
-use crate::cli::options::{default_out, typed_sets};
+use crate::cli::options::typed_sets;
 use crate::cli::output::{errln, outln};
 use crate::cli::place::corpus_failure;
 use crate::cli::progress::{counted, human, si};
@@ -20,6 +20,7 @@ use crate::corpus::advice::Advice;
 use crate::corpus::store::write_whole;
 use crate::measure::budget::{Bound, Choice, FLAT_TWICE};
 use crate::measure::study::{Study, StudySetting};
+use crate::measure::tradeoff::points;
 use crate::measure::tradeoff::report::Told;
 use crate::plan::Plan;
 use crate::slam::SlamParams;
@@ -85,9 +86,8 @@ impl Answer<'_> {
         }
         let sets = typed_sets(self.args.config.sets.iter().chain(&self.sets));
         let out = self.args.out.as_ref().map_or(String::new(), |out| format!(" --out '{}'", out.display()));
-        let place = self.args.out.clone().unwrap_or_else(|| default_out(self.plan));
         outln!("\nmarsyard generate {}{sets}{out}", self.args.config.config.display());
-        outln!("marsyard train '{}'", place.display());
+        outln!("marsyard train '{}'", self.args.place(self.plan).display());
     }
 
     fn tell_choice(&self, title: &str, choice: &Choice) {
@@ -222,10 +222,7 @@ fn told(setting: &StudySetting, reference: &StudySetting) -> String {
         None if setting == reference => return "the reference".into(),
         None => return "not compared: no CPU time in common with the reference".into(),
     };
-    let gain = setting.gain.filter(|gain| gain.half_width.is_finite());
-    let by = gain.map_or(String::new(), |gain| {
-        format!(": {:+.2} \u{b1} {:.2} points", 100.0 * gain.mean, 100.0 * gain.half_width)
-    });
+    let by = setting.gain.map_or(String::new(), |gain| format!(": {} points", points(&gain)));
     format!("{word} at equal CPU{by}")
 }
 

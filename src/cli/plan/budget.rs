@@ -13,7 +13,7 @@ use clap::Args;
 
 use super::answer::Answer;
 use super::{PlanArgs, study};
-use crate::cli::options::{default_out, default_threads, parse_positive, parse_threads};
+use crate::cli::options::{default_threads, parse_positive, parse_threads};
 use crate::cli::output::outln;
 use crate::cli::place::must_be_local;
 use crate::cli::progress::si;
@@ -128,8 +128,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     }
     let (study_file, study) = study::of(args, plan, log, stop)?;
     let cores = asked.cores.unwrap_or_else(default_threads);
-    let place = args.out.clone().unwrap_or_else(|| default_out(plan));
-    let disk_bytes = asked.disk.or_else(|| super::free_bytes(&place).map(|bytes| bytes as f64));
+    let disk_bytes = asked.disk.or_else(|| super::free_bytes(&args.place(plan)).map(|bytes| bytes as f64));
     let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes, rows: asked.rows };
 
     let begun = Instant::now();

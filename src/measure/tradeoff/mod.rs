@@ -65,6 +65,7 @@ use measure::Measured;
 pub(crate) use report::Report;
 pub(crate) use settings::Group;
 use settings::Settings;
+pub(crate) use words::points;
 
 /// What is measured, and how.
 #[derive(Clone, Debug)]

@@ -19,7 +19,7 @@ pub(super) fn spread(spread: Spread) -> String {
 }
 
 /// A gain in points of balanced accuracy.
-pub(super) fn points(gain: &Interval) -> String {
+pub(crate) fn points(gain: &Interval) -> String {
     with_half_width(format!("{:+.2}", 100.0 * gain.mean), gain)
 }
 
