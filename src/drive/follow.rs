@@ -10,6 +10,7 @@ use super::guide::PathFollower;
 use super::motion::{MotionNoise, advance};
 use super::yard::{Yard, body};
 use super::{DriveError, Rover};
+use crate::math;
 
 const MAX_STEPS: usize = 200_000;
 
@@ -56,11 +57,14 @@ pub(super) fn follow(
 
 impl DrivenPath {
     /// At most `count` steps, ascending: the start, then wherever the rover has come an even share of its way, to the last step; one alone
-    /// is the last step.
-    pub(super) fn stops(&self, count: u32) -> Vec<usize> {
+    /// is the last step. A step that turns counts as its turn, so many metres a radian, where that is more than the way that it leads on.
+    pub(super) fn stops(&self, count: u32, turn_as_way_m_per_rad: f64) -> Vec<usize> {
         let mut way_m = vec![0.0];
         for pair in self.stances.windows(2) {
-            way_m.push(way_m[way_m.len() - 1] + (pair[1].pose.position_m - pair[0].pose.position_m).length());
+            let [before, after] = [pair[0].pose, pair[1].pose];
+            let led_m = (after.position_m - before.position_m).length();
+            let turn_rad = math::wrap_angle(after.yaw_rad - before.yaw_rad).abs();
+            way_m.push(way_m[way_m.len() - 1] + led_m.max(turn_as_way_m_per_rad * turn_rad));
         }
         let last = self.stances.len() - 1;
         let shares = count - 1;

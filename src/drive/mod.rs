@@ -103,7 +103,7 @@ pub fn drive(params: &DriveParams, scene: &Scene, drawn: &Drawn, streams: &Strea
     let (start, guide) = path::begin(params, &yard, &footing, drawn, streams)?;
     let bumps = motion::MotionNoise::new(params, drawn, streams);
     let travel = follow::follow(&params.rover, &yard, &footing, start, guide, &bumps)?;
-    let stops = travel.stops(params.stops);
+    let stops = travel.stops(params.stops, params.turn_as_way_m_per_rad);
     let readings = instruments::Instruments::new(params, drawn, streams).read(&travel, &stops);
     Ok(DriveLog {
         truth: travel.stances.iter().map(|stance| stance.pose).collect(),

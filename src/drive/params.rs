@@ -23,6 +23,11 @@ pub struct DriveParams {
     /// Places at which the rover stands and sweeps, evenly spread from the start to the path's end; 1 = the end alone.
     #[garde(range(min = 1, max = 10_000))]
     pub stops: u32,
+    /// Where stops are spread, a radian of a turn counts as so many metres of way: a rover that turns in place then sweeps in the middle of
+    /// the turn too, and what it sees can be laid on the sweep before. 1 does well; 0, the default = the way alone.
+    #[garde(custom(within(0.0, 100.0)))]
+    #[serde(skip_serializing_if = "is_zero")]
+    pub turn_as_way_m_per_rad: f64,
     /// Which sweeps are written; all of them feed slam.
     #[garde(skip)]
     pub keep: Keep,
@@ -58,6 +63,10 @@ pub struct DriveParams {
     pub instruments: InstrumentsParams,
 }
 
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
 impl Default for DriveParams {
     fn default() -> Self {
         DriveParams {
@@ -65,6 +74,7 @@ impl Default for DriveParams {
             start: StartParams::default(),
             path: PathParams::TowardObstacle(LengthParams { length_m: Dist::Constant(2.0) }),
             stops: 4,
+            turn_as_way_m_per_rad: 0.0,
             keep: Keep::Last,
             attempts: 1,
             speed_mps: None,

@@ -283,6 +283,29 @@ fn exact_stops_are_evenly_spread_from_the_start_to_the_end() {
     assert_eq!(driven(&params, &scene, 1).stops, (0..=40).collect::<Vec<_>>(), "no more stops than poses");
 }
 
+#[test]
+fn law_a_turn_in_place_counts_as_way_where_stops_are_asked_to() {
+    // Two metres, half a turn, two metres back.
+    let mut params = params(pioneer(), waypoints(&[[9.0, 10.0], [11.0, 10.0], [9.0, 10.0]]));
+    params.stops = 4;
+    let pi = std::f64::consts::PI;
+    for (turn_as_way_m_per_rad, wanted) in [
+        (0.0, [(9.0, 0.0), (9.0 + 4.0 / 3.0, 0.0), (9.0 + 4.0 / 3.0, pi), (9.0, pi)]),
+        // 7.14 m in all: a third of it lies 0.38 into the turn, two thirds 2.76.
+        (1.0, [(9.0, 0.0), (11.0, 0.38), (11.0, 2.76), (9.0, pi)]),
+    ] {
+        params.turn_as_way_m_per_rad = turn_as_way_m_per_rad;
+        let log = driven(&params, &plane(20.0, 0.0, DVec2::ZERO), 4);
+        assert_eq!(log.stops.len(), wanted.len());
+        for (&stop, (want_m, want_rad)) in log.stops.iter().zip(wanted) {
+            let (x_m, turned_rad) = (log.truth[stop].position_m.x, log.truth[stop].yaw_rad.abs());
+            // A control step leads on by 5 cm, or turns by some degrees.
+            assert!((x_m - want_m).abs() < 0.06, "{turn_as_way_m_per_rad}: at {x_m} for {want_m}");
+            assert!((turned_rad - want_rad).abs() < 0.2, "{turn_as_way_m_per_rad}: {turned_rad} for {want_rad}");
+        }
+    }
+}
+
 /// Columns of a reading that one switch may change.
 fn without(readings: &[Reading], columns: &[usize]) -> Vec<[Option<u64>; 6]> {
     let bits = |r: &Reading| {
