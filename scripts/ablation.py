@@ -11,7 +11,7 @@ Usage:  cargo build --release
 - families: each family of training is left out of a corpus, whose networks are judged on the held-out families and on the one left out;
 - frames: networks of cells in the estimated pose's frame and in that of a fitted plane, each judged on the same scenes in both.
 
-All networks have the default settings, but learn by the squared error. Differences to "all of it" are paired; for the intervals see held_out.py. A corpus without a part
+All networks have the default settings. Differences to "all of it" are paired; for the intervals see held_out.py. A corpus without a part
 holds, beside that part, for one draw of the training scenes.
 
 Needs numpy and pyarrow. Writes ablation.json and ablation.md into scripts/results; of `--only` the other parts' tables are left as they are.
@@ -25,7 +25,7 @@ import numpy as np
 import held_out
 import study
 from compare_rows import written
-from train_rows import DEFAULT, SQUARED, Cells, train
+from train_rows import DEFAULT, Cells, train
 from transfer import outputs
 
 CURVATURE = [f"curvature_{which}_{cm}cm_m" for cm in (20, 40, 80) for which in ("least", "most")]
@@ -100,7 +100,7 @@ class Study:
     def judged(self, name, corpus, sets=(), test="held out", families=held_out.FAMILIES):
         cells, counts = self.test(test), []
         for seed in self.seeds:
-            model = held_out.network(self.marsyard, self.marsyard.train(name, [corpus], seed, [*study.SQUARED, *sets]))
+            model = held_out.network(self.marsyard, self.marsyard.train(name, [corpus], seed, sets))
             counts.append(held_out.counts(cells, outputs(model, cells)))
         return held_out.Judgement(cells, counts, families)
 
@@ -111,7 +111,7 @@ class Study:
         learnt, stopped_by, judged = of("train"), of("validation"), written(np.stack([cells[name] for name in names], axis=1), names, parts)
         for seed in self.seeds:
             study.note(f"train in memory, {', '.join(parts) or STORED}, seed {seed}")
-            [scores], _ = train(learnt, stopped_by, [judged], {"seed": seed, **DEFAULT, **SQUARED}, names=names)
+            [scores], _ = train(learnt, stopped_by, [judged], {"seed": seed, **DEFAULT}, names=names)
             counts.append(held_out.counts(cells, scores))
         return held_out.Judgement(cells, counts)
 
@@ -202,7 +202,7 @@ def main():
     kept = options.out / "ablation.json"
     parts = json.loads(kept.read_text())["parts"] if options.only and kept.exists() else {}
     for part in [options.only] if options.only else PARTS:
-        told = f"{study.versions(marsyard)['marsyard']}; {scenes} scenes, {len(seeds)} trainings each by the default trainer with the squared error."
+        told = f"{study.versions(marsyard)['marsyard']}; {scenes} scenes, {len(seeds)} trainings each by default."
         text, judged = {"columns": columns, "forms": forms, "yards": yards, "families": families, "frames": frames}[part](of)
         head, rest = text.split("\n\n", 1)
         parts[part] = {"text": f"{head}\n\n{told}\n\n{rest}", "rates": {name: one.facts() for name, one in judged.items()}}

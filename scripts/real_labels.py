@@ -5,7 +5,7 @@ Usage:  cargo build --release
 
 FOLDER, the scans, their cells and how places are judged: as of real_scans.py, whose work folder it takes with what lies there.
 
-What goes in: the default network, by the squared error, of 2000 scenes of configs/mixed.yaml and trees (LightGBM, as held_out.py has them) of 400, which saw no label of a person; and trees of
+What goes in: the default network of 2000 scenes of configs/mixed.yaml and trees (LightGBM, as held_out.py has them) of 400, which saw no label of a person; and trees of
 people's labels: of the other sites; of 1, 2, 4 and all other places of the same site, drawn by chance for each place that is judged; and of
 all of these with simulated cells, half of the weight each. Every place, and in it both classes, weigh the same, as the measure has it. No judged place is among those that
 are learnt, nor is another recording of its spot, nor a stretch of the street beside it: others are 44 m away at least, and cells reach 15 m.
@@ -31,7 +31,7 @@ import sklearn
 import held_out
 import study
 from doubt import Network
-from real_scans import AREA, BALANCED, BY_SQUARES, FALSE, MISSED, Learner, Places, run_name
+from real_scans import AREA, BALANCED, FALSE, MISSED, Learner, Places, default_of, run_name
 from transfer import outputs
 
 ROUNDS = [25, 50, 100, 200, 400]
@@ -146,7 +146,7 @@ def main():
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     places = Places(marsyard, options.data, options.quick)
     corpora = {scenes: marsyard.corpus(f"mixed-{scenes}", held_out.CONFIG, [], scenes, held_out.PER_SHARD) for scenes in (few, many)}
-    runs = [marsyard.train(run_name(BY_SQUARES), [corpora[many]], seed, study.SQUARED) for seed in seeds]
+    runs = [marsyard.train(run_name(default_of(many)), [corpora[many]], seed) for seed in seeds]
     networks = [Network(marsyard, run) for run in runs]
     columns = list(networks[0].about["features"])
     cells = places.cells(runs[0].name, runs[0])
@@ -176,7 +176,7 @@ def main():
     head = ["learnt from", "rounds", *(title for site in made.several for title in (site, "less the first", "area")), *(site for site in made.sites if site not in made.several)]
     text = f"""# People's labels of real scans beside simulated yards
 
-`python scripts/real_labels.py --data FOLDER`, {marsyard.version()}. {len(seeds)} trainings each, the network's by the squared error; balanced accuracy at 0.5 and area under the ROC curve, percent, means over places; intervals of 95 %
+`python scripts/real_labels.py --data FOLDER`, {marsyard.version()}. {len(seeds)} trainings each; balanced accuracy at 0.5 and area under the ROC curve, percent, means over places; intervals of 95 %
 over spots and trainings, differences in points. What is compared, and how, stands at the head of the script. Trees of labels have up to {MOST_OF_PLACE:,} cells of a place, and the rounds that err least on what
 is judged.
 

@@ -57,8 +57,6 @@ ROVERS = ["pioneer-3at", "husky-a200"]
 #: What the stated height of a sensor may be off by.
 WRONG_BY_M = [-0.1, 0.1]
 DRAWS = 10_000
-#: The learner of the largest corpus by the squared error, whose runs real_labels.py takes.
-BY_SQUARES = "the same, squared error"
 #: Where each measure of a learner at a place stands.
 MISSED, FALSE, BALANCED, AREA = range(4)
 
@@ -162,7 +160,7 @@ class Learner:
 
 
 def default_of(scenes):
-    """The learner by default of so many scenes."""
+    """The learner by default of so many scenes; real_labels.py takes its runs."""
     return f"mixed.yaml, {scenes} scenes"
 
 
@@ -186,7 +184,7 @@ class Studied:
                        [outputs(network.exported, cells) for network in self.networks], cells)
         for wheel_m in map(wheel_of, ROVERS):
             self.network(f"the same, for a wheel of {wheel_m} m", corpora[large], [labels_for(wheel_m)])
-        self.network(BY_SQUARES, corpora[large], study.SQUARED)
+        self.network("the same, squared error", corpora[large], study.SQUARED)
         self.network("the same, one of two rectified", corpora[large], ["network.activation=both"])
         self.of_middle = default_of(middle)
         self.network(self.of_middle, corpora[middle])
