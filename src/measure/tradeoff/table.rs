@@ -42,8 +42,8 @@ fn opening(report: &Report) -> String {
          Worth: the default network trained on an eighth, a quarter, a half and all of the scenes, {} training{} each, judged on {}:\n\
          {} scenes, {} cells of another seed, made at the reference{}. CPU: of one thread, making the scenes that train and that stop\n\
          it, and training; nothing is written. Gain: balanced accuracy on the reference at the largest CPU time that both reach,\n\
-         straight between sizes in its logarithm. Intervals: 95 %, bootstrap over test scenes and trainings, in pairs. Errors: CPU of\n\
-         the thread per kept scan, median [quartiles] over scenes; range error against the exact surface, before noise{beams}; position and\n\
+         straight between sizes in its logarithm. {}.\n\
+         Errors: CPU of the thread per kept scan, median [quartiles] over scenes; range error against the exact surface, before noise{beams}; position and\n\
          heading of the estimate, median [quartiles] over scans; NEES: its mean; drive moved: the true pose against the reference's, at\n\
          most; cells other: only here or only at the reference; labels other: of those at both; shift: root mean square, in the\n\
          reference's standard deviations.\n",
@@ -58,7 +58,15 @@ fn opening(report: &Report) -> String {
         judging().map(|group| group.scenes).sum::<u64>(),
         judging().map(|group| group.cells).sum::<u64>(),
         left_out(judging().map(|group| group.left_out).sum()),
+        intervals(report.seeds),
     )
+}
+
+fn intervals(seeds: u64) -> &'static str {
+    match seeds {
+        1 => "One training has no interval, and nothing is told apart by it: ask for two or more (--seeds 2)",
+        _ => "Intervals: 95 %, bootstrap over test scenes and trainings, in pairs",
+    }
 }
 
 fn left_out(scenes: u64) -> String {
