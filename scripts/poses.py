@@ -22,7 +22,7 @@ from scipy.stats import chi2
 import study
 
 PROGRAM = study.ROOT / "target" / "release" / "examples" / "poses"
-# The shipped configs, and longer drives on paper.yaml's ground with a stop each half metre.
+# The shipped configs, and longer drives on paper.yaml's ground with two stops a metre of way.
 CONFIGS = ["paper", "mixed", "mars", "quickstart", "quickstart, 1500 scenes", "holes", "paper, 10 m", "paper, 60 m", "paper, 60 m, 300 particles"]
 # Of one config more, for a narrower band than that of --scenes.
 SCENES = {"quickstart, 1500 scenes": 1500}
@@ -111,7 +111,7 @@ landmark with its number, seen without error, 100 particles, and no sweep is lai
 from it, or from the config's own filter, in what they name.
 Ratio: mean position error over dead reckoning's. mixed.yaml and holes.yaml dead-reckon; here they have 100 particles, which gain
 nothing on holes.yaml, for its drives have one stop. *10 m* and *60 m*: drives so long on paper.yaml's
-ground (60 m: a yard of 90 m with as many rocks an area), a stop each half metre. NEES per degree of freedom: 1 is honest, less means sigmas too large."""]
+ground (60 m: a yard of 90 m with as many rocks an area), two stops a metre of way. NEES per degree of freedom: 1 is honest, less means sigmas too large."""]
     for name, config in results["configs"].items():
         low, high = config["band_1"]
         rows = []

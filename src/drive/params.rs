@@ -23,9 +23,9 @@ pub struct DriveParams {
     /// Places at which the rover stands and sweeps, evenly spread from the start to the path's end; 1 = the end alone.
     #[garde(range(min = 1, max = 10_000))]
     pub stops: u32,
-    /// Where stops are spread, a radian of a turn counts as so many metres of way: a rover that turns in place then sweeps in the middle of
-    /// the turn too, and what it sees can be laid on the sweep before. 1 does well; 0, the default = the way alone.
-    #[garde(custom(within(0.0, 100.0)))]
+    /// Where stops are spread, a radian of a turn counts as so many metres of way: a rover that turns in place then sweeps on the way round,
+    /// and what it sees can be laid on the sweep before. 0.5 to 1.5 do well; 0, the default = the way alone.
+    #[garde(custom(within(0.0, 10.0)))]
     #[serde(skip_serializing_if = "is_zero")]
     pub turn_as_way_m_per_rad: f64,
     /// Which sweeps are written; all of them feed slam.

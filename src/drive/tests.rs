@@ -2,15 +2,17 @@
 
 use garde::Validate;
 
+use super::contact::ContactPose;
 use super::fixtures::{ROVERS, driven, hills, kapvik, params, pioneer, plane, posts, rover, streams};
+use super::follow::DrivenPath;
 use super::params::{
     ArcParams, ControlNoise, DriveParams, InstrumentsParams, LengthParams, PathParams, PlannedParams, RandomWalkParams,
     StartParams, WaypointsParams,
 };
 use super::rover::{Chassis, RigidChassis};
 use super::yard::{Yard, body};
-use super::{DriveError, DriveLog, InstrumentNoise, Reading, drive};
-use crate::geometry::{DVec2, DVec3};
+use super::{Contact, DriveError, DriveLog, InstrumentNoise, Reading, drive};
+use crate::geometry::{DVec2, DVec3, Pose};
 use crate::math;
 use crate::random::{Dist, Drawn, Law, Purpose};
 use crate::scene::Scene;
@@ -281,6 +283,40 @@ fn exact_stops_are_evenly_spread_from_the_start_to_the_end() {
     }
     params.stops = 1000;
     assert_eq!(driven(&params, &scene, 1).stops, (0..=40).collect::<Vec<_>>(), "no more stops than poses");
+}
+
+#[test]
+fn exact_of_a_step_that_leads_on_and_turns_the_larger_counts() {
+    /// The stops of a way of steps, each so many metres ahead and turned by so many radians.
+    fn stops(steps: &[(f64, f64)], count: u32, turn_as_way_m_per_rad: f64) -> Vec<usize> {
+        let mut pose = Pose { yaw_rad: 3.0, ..Pose::default() };
+        let stance = |pose| ContactPose { pose, contact: Contact::default() };
+        let mut stances = vec![stance(pose)];
+        for &(ahead_m, turn_rad) in steps {
+            pose.position_m.x += ahead_m;
+            pose.yaw_rad = math::wrap_angle(pose.yaw_rad + turn_rad);
+            stances.push(stance(pose));
+        }
+        DrivenPath { stances, durations_s: Vec::new(), cut_short: false }.stops(count, turn_as_way_m_per_rad)
+    }
+    // Through the half turn, where the yaw changes its sign, a turn is as small as it is.
+    let turns = [(0.0, 0.1); 8];
+    assert_eq!(stops(&turns, 3, 1.0), [0, 4, 8]);
+    assert_eq!(stops(&turns, 3, 0.0), [0, 8], "of no way there are no parts");
+    // 0.2 m, and a turn of 0.2 radians beside it: at 1 m a radian it adds nothing, at 2 it is 0.4 m.
+    let both = [(0.2, 0.0), (0.2, 0.0), (0.2, 0.2), (0.2, 0.2)];
+    for (turn_as_way_m_per_rad, middle) in [(0.0, 2), (1.0, 2), (2.0, 3)] {
+        assert_eq!(stops(&both, 3, turn_as_way_m_per_rad), [0, middle, 4], "{turn_as_way_m_per_rad}");
+    }
+}
+
+#[test]
+fn exact_plans_of_before_and_plans_that_count_no_turns_are_written_alike() {
+    let written = |turn_as_way_m_per_rad: f64| {
+        serde_json::to_value(DriveParams { turn_as_way_m_per_rad, ..DriveParams::default() }).expect("plain data")
+    };
+    assert!(written(0.0).get("turn_as_way_m_per_rad").is_none());
+    assert_eq!(written(1.0)["turn_as_way_m_per_rad"], 1.0);
 }
 
 #[test]

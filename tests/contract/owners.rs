@@ -354,6 +354,8 @@ fn regress_tradeoff_looks_at_its_folder_before_it_measures() {
     refused(&yard, &tradeoff, &["project holds tradeoff.md, which marsyard did not write"]);
     fs::remove_file(yard.path("project/tradeoff.md")).expect("a file");
     succeeds(&yard, &tradeoff);
+    let told = fs::read_to_string(yard.path("project/tradeoff.md")).expect("a page");
+    assert!(told.contains("One training has no interval") && told.contains("(--seeds 2)"), "{told}");
     lay(&yard, &[("project/tradeoff.md", "mine")]);
     refused(&yard, &tradeoff, &["project holds tradeoff.md, which was changed since marsyard wrote it"]);
 }

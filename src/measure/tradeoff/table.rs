@@ -43,10 +43,10 @@ fn opening(report: &Report) -> String {
          {} scenes, {} cells of another seed, made at the reference{}. CPU: of one thread, making the scenes that train and that stop\n\
          it, and training; nothing is written. Gain: balanced accuracy on the reference at the largest CPU time that both reach,\n\
          straight between sizes in its logarithm. {}.\n\
-         Errors: CPU of the thread per kept scan, median [quartiles] over scenes; range error against the exact surface, before noise{beams}; position and\n\
-         heading of the estimate, median [quartiles] over scans; NEES: its mean; drive moved: the true pose against the reference's, at\n\
-         most; cells other: only here or only at the reference; labels other: of those at both; shift: root mean square, in the\n\
-         reference's standard deviations.\n",
+         Errors: CPU of the thread per kept scan, median [quartiles] over scenes; range error against the exact surface, before\n\
+         noise{beams}; position and heading of the estimate, median [quartiles] over scans; NEES: its mean; drive moved: the true\n\
+         pose against the reference's, at most; cells other: only here or only at the reference; labels other: of those at both;\n\
+         shift: root mean square, in the reference's standard deviations.\n",
         report.name,
         report.scenes,
         report.rows.iter().filter(|row| row.pipeline.is_some()).count(),
