@@ -14,7 +14,7 @@ What goes in: mixed.yaml and broad.yaml at each of three sizes, the largest with
 wheel says what is an obstacle, no column tells it, and the families have rovers of three wheels; whoever trains knows their own. So a learner *for the
 wheel* is three of them, whose labels are those of the three wheels (`train --labels`; of trees, by the formula of docs/columns.md), and each family is
 judged by the one of its rover. Those that are not for the wheel have their corpus's own labels: of mixed.yaml those of the rover of each
-family, of broad.yaml those of one rover (husky-a200). All networks learn by the squared error. Beside the default one learn the Kalman filter (configs/train/ekf.yaml) on mixed.yaml at the
+family, of broad.yaml those of one rover (husky-a200). Beside the default network learn the Kalman filter (configs/train/ekf.yaml) on mixed.yaml at the
 smallest size, and trees (LightGBM, held_out.py) on the default's columns, of mixed.yaml at the smallest size and of broad.yaml at the middle one, this with the first seed
 alone. One threshold on the height difference within a cell is chosen on the validation scenes of mixed.yaml at the middle size. None of them has
 seen a fresh yard. Beside them stand trees that learnt from other yards of the fresh families, another seed's, with the labels of its rovers: what they leave of the error is
@@ -131,7 +131,7 @@ class Studied:
         own = marsyard.corpus(f"fresh-own-{fresh.scenes}", fresh.path, [f"seed={OWN_SEED}"], fresh.scenes, held_out.PER_SHARD)
         self.trees(f"trees, {fresh.scenes} other fresh yards", own, seeds, for_wheel=False)
 
-    def network(self, learner, corpus, sets=study.SQUARED, for_wheel=True, seeds=None):
+    def network(self, learner, corpus, sets=(), for_wheel=True, seeds=None):
         """Trains the networks of a learner."""
         of_seeds = {}
         for seed in seeds or self.seeds:
@@ -232,7 +232,7 @@ By cells at 0.5, percent, with 95 % intervals over scenes and trainings; differe
 Networks and trees of mixed.yaml and broad.yaml are for the wheel of the rover at hand where nothing else is said; what that is, is said at the head of the script. Intervals
 of learners with one training are over scenes alone. One thing was decided by these figures: that broad.yaml is not shipped.
 
-## The network by the squared error, {sizes[1]} scenes of mixed.yaml, {len(seeds)} trainings
+## The default network, {sizes[1]} scenes of mixed.yaml, {len(seeds)} trainings
 
 Calibration error in points, of the model's probabilities. Last: what `--doubtful 1%` sets aside, and what is missed and falsely called all the same.
 
