@@ -15,7 +15,7 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "scripts" / "results"
-#: The default's network by the squared error, which was the default before the logarithmic loss: what studies that were not repeated since ask for.
+#: The default's network by the squared error, which was the default before the logarithmic loss.
 SQUARED = ["filter.kronecker.loss=squared"]
 #: What configs/train/ekf.yaml sets: the Kalman filter and its network of 16-16 neurons.
 KALMAN_FILTER = ["filter={ekf: {}}", "network.hidden=[16,16]", "patience=5"]

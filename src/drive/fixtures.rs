@@ -1,6 +1,6 @@
 //! Rovers, yards and draws for this stage's tests.
 
-use super::params::{DriveParams, PathParams};
+use super::params::{DriveParams, LengthParams, PathParams, WaypointsParams};
 use super::{DriveLog, Rover, drive};
 use crate::geometry::{DVec2, DVec3};
 use crate::preset::Preset;
@@ -28,6 +28,14 @@ pub(super) fn pioneer() -> Rover {
 
 pub(super) fn streams(seed: u64) -> Streams {
     Streams { seed, scene: 0, attempt: 0, stage: Stage::Drive, step: 0 }
+}
+
+pub(super) fn straight(length_m: f64) -> PathParams {
+    PathParams::Straight(LengthParams { length_m: length_m.into() })
+}
+
+pub(super) fn waypoints(points_m: &[[f64; 2]]) -> PathParams {
+    PathParams::Waypoints(WaypointsParams { points_m: points_m.to_vec() })
 }
 
 /// A yard on the plane z = corner + slope . (x, y).

@@ -73,6 +73,8 @@ mod rolled;
 mod route;
 pub mod rover;
 mod start;
+#[cfg(test)]
+mod stops_tests;
 mod surface;
 #[cfg(test)]
 mod tests;

@@ -1,9 +1,9 @@
 //! Drives over bodies (`drive.over_bodies`): closed forms on a slab, ways around what a rover cannot cross, limits kept all along.
 
-use super::fixtures::{ROVERS, driven, hills, kapvik, params, plane, posts, raster, rover, rubble, streams};
-use super::params::{
-    ContactSolver, DriveParams, LengthParams, PathParams, PlannedParams, RandomWalkParams, WaypointsParams,
+use super::fixtures::{
+    ROVERS, driven, hills, kapvik, params, plane, posts, raster, rover, rubble, straight, streams, waypoints,
 };
+use super::params::{ContactSolver, DriveParams, PathParams, PlannedParams, RandomWalkParams};
 use super::rolled::Rolling;
 use super::surface::Surface;
 use super::yard::{Yard, body};
@@ -18,7 +18,7 @@ fn over_bodies(rover: Rover, path: PathParams) -> DriveParams {
 }
 
 fn between(from: [f64; 2], to: [f64; 2]) -> PathParams {
-    PathParams::Waypoints(WaypointsParams { points_m: vec![from, to] })
+    waypoints(&[from, to])
 }
 
 fn with_box(scene: Scene, at: [f64; 2], half: [f64; 2], height_m: f64) -> Scene {
@@ -134,7 +134,7 @@ fn law_a_planned_way_goes_over_what_a_rover_climbs_and_round_what_it_does_not() 
         let way = super::route::around(&yard, DVec2::new(8.0, 10.0), DVec2::new(12.0, 10.0), rover.turning_radius_m());
         let points: Vec<[f64; 2]> = way.expect("there is a way round").into_iter().map(Into::into).collect();
         assert_eq!(points.len() > 2, is_barred, "{name}: {points:?}");
-        let path = PathParams::Waypoints(WaypointsParams { points_m: points });
+        let path = waypoints(&points);
         let log = driven(&over_bodies(rover, path), scene, 1);
         assert!(!log.cut_short && (widest_m(&log) > 1.5) == is_barred, "{name}: {}", widest_m(&log));
     }
@@ -168,7 +168,7 @@ fn law_every_stand_of_a_drive_over_bodies_keeps_the_limits_and_feels_the_stones(
         turn_deg: Dist::Law(Law::Uniform([-90.0, 90.0])),
     });
     let planned = PathParams::Planned(PlannedParams { goal_m: 3.0.into(), clearance_m: 0.0 });
-    let straight = PathParams::Straight(LengthParams { length_m: 4.0.into() });
+    let straight = straight(4.0);
     let (mut stands, mut turned) = (0, 0);
     for seed in 0..6 {
         let scene = strewn(seed);

@@ -25,9 +25,8 @@ struct Drive {
 impl Drive {
     fn of(scene: u64) -> Drive {
         let paper = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml");
-        let stops = ["drive.stops=20", "drive.turn_as_way_m_per_rad=0"];
-        let sets = ["slam=truth", "drive.path={planned: {goal_m: 10}}"].into_iter().chain(stops);
-        let sets: Vec<String> = sets.map(String::from).collect();
+        let path = "drive.path={planned: {goal_m: 10}}";
+        let sets = ["slam=truth", path, "drive.stops=20", "drive.turn_as_way_m_per_rad=0"].map(String::from);
         let prepared = Prepared::new(config::load(&paper, &sets).expect("a plan")).expect("beams");
         let replay = replay_scene(&prepared, scene, &mut Scratch::default(), &mut Unobserved).expect("a drive");
         let noise = InstrumentNoise::of(&prepared.plan.families[replay.family].drive.instruments, &replay.drawn);
