@@ -37,6 +37,8 @@ SETS = {"mixed": ["slam={fastslam: {particles: 100}}"],
         "paper, 60 m": LONG,
         "paper, 60 m, 300 particles": [*LONG, "slam={fastslam: {particles: 300}}"]}
 RECKONED, FILTERED = "dead_reckoning", "fastslam"
+# Whose errors are split into those along the way and those across it.
+WAYS = [RECKONED, FILTERED, "fastslam, features alone", "fastslam, registration alone"]
 # The estimate of the config as shipped.
 OWN = {"mixed": RECKONED, "holes": RECKONED}
 # Rows and columns of the covariance.
@@ -72,6 +74,21 @@ def nees(errors, covariances, block):
     return float(np.mean([e[block] @ np.linalg.solve(c[inside], e[block]) for e, c in zip(errors, covariances)])) / len(block)
 
 
+def on_the_way(scenes, errors):
+    """Of errors at the end, in the plane: along the line from the start, as a share of it with its standard error, and across; root mean squares in metres.
+    Scenes whose drive came back to where it began have no such line."""
+    line = np.array([[*np.subtract(s["end_m"], s["start_m"])[:2]] for s in scenes])
+    long_m = np.linalg.norm(line, axis=1)
+    goes = long_m > 0
+    ahead = line[goes] / long_m[goes, None]
+    plane, long_m = errors[goes, :2], long_m[goes]
+    along = np.sum(plane * ahead, axis=1)
+    across = ahead[:, 0] * plane[:, 1] - ahead[:, 1] * plane[:, 0]
+    share = float(along @ long_m / (long_m @ long_m))
+    return {"share": share, "share_error": float(np.std(along - share * long_m) / np.linalg.norm(long_m)),
+            "along_rms_m": float(np.sqrt(np.mean(along ** 2))), "across_rms_m": float(np.sqrt(np.mean(across ** 2)))}
+
+
 def judged(scenes):
     """Per variant: errors beside dead reckoning's of the same scenes, and NEES."""
     errors = {name: np.array([s["variants"][name]["error"] for s in scenes]) for name in scenes[0]["variants"]}
@@ -87,6 +104,7 @@ def judged(scenes):
             "better_share": float(np.mean(off_m[name] < off_m[RECKONED])),
             "heading_rms_deg": float(np.degrees(np.sqrt(np.mean(error[:, 5] ** 2)))),
             "z_rms_m": float(np.sqrt(np.mean(error[:, 2] ** 2))),
+            "on_the_way": on_the_way(scenes, error),
             "features": float(np.mean([v["features"] or 0 for v in of])),
             "matched": float(np.mean([v["matched"] or 0 for v in of])),
             "nees": {block: nees(error, covariances, axes) for block, axes in BLOCKS.items()},
@@ -127,6 +145,15 @@ ground (60 m: a yard of 90 m with as many rocks an area), two stops a metre of w
 sweep. The band of 95 %: {low:.2f} to {high:.2f} for one number, {config['band_3'][0]:.2f} to {config['band_3'][1]:.2f} for position.
 
 {study.markdown(head, rows)}""")
+    rows = [[name, variant, f"{1000 * w['share']:+.1f} ± {1000 * w['share_error']:.1f}", f"{w['along_rms_m']:.3f}", f"{w['across_rms_m']:.3f}"]
+            for name, config in results["configs"].items() for variant in WAYS
+            if (v := config["variants"].get(variant)) and (w := v.get("on_the_way"))]
+    parts.append(f"""## Along the way and across it
+
+Errors at the end, along the line from the start and across it: what is told too far (+) or too short, in thousandths of the line, with its standard error,
+and root mean squares.
+
+{study.markdown(["drives", "variant", "too far, thousandths", "along, rms m", "across, rms m"], rows)}""")
     return "\n\n".join(parts) + "\n"
 
 

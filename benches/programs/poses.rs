@@ -88,6 +88,7 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
         variant("dead_reckoning", Given::Nothing, FastslamParams { particles: 1, ..FastslamParams::default() }),
         variant("fastslam", Given::Sweep, own()),
         variant("fastslam, features alone", Given::Sweep, FastslamParams { registration: false, ..own() }),
+        variant("fastslam, registration alone", Given::Sweep, FastslamParams { max_features: 0, ..own() }),
     ];
     if shipped_only {
         return all;

@@ -20,6 +20,8 @@ use crate::sweep::{Returns, Status};
 /// Width of a column. Wide enough that beams beside a trunk speak for the crown behind it: measured on orchards, 0.5 degrees leave half of
 /// the crowns' cells standing that 4 degrees take away, and walls, boxes and rocks keep theirs at either.
 const COLUMN_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
+/// In a whole turn.
+const COLUMNS: u32 = 90;
 /// Other returns that must have passed beneath.
 const WITNESSES: usize = 2;
 
@@ -112,5 +114,6 @@ impl Overhangs {
 }
 
 fn column(place_m: DVec3) -> u32 {
-    ((math::atan2(place_m.y, place_m.x) + std::f64::consts::PI) / COLUMN_RAD) as u32
+    // What lies straight behind is in the first column, on whichever side of the half turn it is read.
+    ((math::atan2(place_m.y, place_m.x) + std::f64::consts::PI) / COLUMN_RAD) as u32 % COLUMNS
 }

@@ -35,6 +35,16 @@ fn over(slope: f64, x_m: f64, height_m: f64) -> DVec3 {
 }
 
 #[test]
+fn exact_straight_behind_is_one_column_on_both_sides_of_the_half_turn() {
+    // The half turn read as such (y = 0), and as its opposite (y = -0).
+    for [crown_y_m, ground_y_m] in [[0.0, 0.0], [0.0, -0.0], [-0.0, 0.0]] {
+        let crown = DVec3::new(-2.0, crown_y_m, 1.5);
+        let ground = [2.5, 3.0].map(|x_m: f64| DVec3::new(-x_m, ground_y_m, -SENSOR_M));
+        assert_eq!(hanging(ABOVE_M, &[crown, ground[0], ground[1]]), [true, false, false], "{crown_y_m} {ground_y_m}");
+    }
+}
+
+#[test]
 fn exact_a_slab_leaves_a_nanometre_above_the_limit_and_stays_as_much_below() {
     for slope in [0.0, math::tan(20f64.to_radians()), -math::tan(20f64.to_radians())] {
         for (off_m, expected) in [(1e-9, true), (-1e-9, false)] {

@@ -33,7 +33,7 @@ pub(crate) fn definitions<'a>() -> Vec<Definition<Row<'a>>> {
     vec![
         define("scene_id", "1", Key, "Number of the scene in the corpus.", Extract::number(|r| r.scene.scene_id as i64)),
         define("family", "1", Info, "Family of the config that the scene belongs to.", Extract::text(|r| &r.scene.family)),
-        define("attempts", "1", Info, "Drives tried in this scene; the last one is written.", Extract::number(|r| r.scene.attempts as i32)),
+        define("attempts", "1", Info, "Drives tried in this scene; the last that came to its end is written.", Extract::number(|r| r.scene.attempts as i32)),
         define("status", "1", Info, "ok, or failed (then no scan of the scene is written).", Extract::text(|r| if r.scene.error.is_some() { "failed" } else { "ok" })),
         define("error", "1", Info, "Why the scene failed; null where it did not.", Extract::text_or_null(|r| r.scene.error.as_deref())),
         define("both_classes", "1", Info, "A kept scan holds traversable and untraversable cells.", Extract::flag(|r| r.both_classes)),

@@ -5,18 +5,19 @@
 //! Memory: the cells that classifiers learn of every scene at every setting, some 80 bytes a cell; for `configs/paper.yaml` 3 MB a scene.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::compare::{Change, SceneCells, compare};
 use super::ranges::{RangeErrors, range_errors};
 use super::{Event, TradeoffError};
 use crate::cells::{Label, feature_columns};
-use crate::episode::{FailedScene, Prepared, Replay, Scratch, Unobserved, replay_scene};
+use crate::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use crate::geometry::{Pose, Transform};
 use crate::math;
 use crate::measure::clock::Costs;
 use crate::measure::interleave::rotated;
 use crate::parallel::{self, panic_message};
+use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};
 use crate::sweep::params::Cast;
@@ -54,9 +55,8 @@ pub(super) struct SceneMeasurement {
 }
 
 /// A scene that could not be made at a setting; the time for it is spent all the same.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Failed {
-    pub reason: String,
     pub cpu_s: f64,
 }
 
@@ -86,7 +86,7 @@ pub(super) struct Comparison {
     pub drive: Vec<DriveShift>,
 }
 
-/// All scenes, each at all settings; a setting at which a scene failed has the reason.
+/// All scenes, each at all settings; a setting at which a scene failed has what was spent on it.
 pub(super) struct Measured {
     /// The features that the classifier sees.
     pub features: Vec<String>,
@@ -134,12 +134,30 @@ pub(super) fn measure(
     };
     let of = scenes.len();
     let made = parallel::map(threads, numbered, stop, one_scene, |done| tell(Event::Scene { done, of }))?;
-    let Some(scenes) = made else { return Ok(None) };
-    let failed = |made: &AtAll| made[0].as_ref().err().map(|failed| failed.reason.clone());
-    match scenes.iter().map(failed).collect::<Option<Vec<String>>>() {
-        Some(reasons) => Err(TradeoffError::NoScene { reason: reasons.into_iter().next().unwrap_or_default() }),
-        None => Ok(Some(Measured { features, scenes })),
+    Ok(made.map(|scenes| Measured { features, scenes }))
+}
+
+/// Makes scenes of the reference until one comes to its end, so that a config of which none does is refused before all settings are tried on all of
+/// them. Nothing is found where `stop` was raised.
+pub(super) fn refuse_if_none_can_be_made(
+    reference: &Plan,
+    scenes: &[u64],
+    stop: &AtomicBool,
+) -> Result<(), TradeoffError> {
+    let prepared = Prepared::new(reference.clone())?;
+    let mut scratch = Scratch::default();
+    let mut first = None;
+    for &scene in scenes {
+        if stop.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let made = AssertUnwindSafe(|| replay_scene(&prepared, scene, &mut scratch, &mut Unobserved).map(drop));
+        match catch_unwind(made).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })? {
+            Ok(()) => return Ok(()),
+            Err(failed) => first = first.or_else(|| Some(failed.to_string())),
+        }
     }
+    first.map_or(Ok(()), |reason| Err(TradeoffError::NoScene { scenes: scenes.len(), reason }))
 }
 
 /// The classifier's inputs: names, and positions among the feature columns.
@@ -163,18 +181,18 @@ fn scene_everywhere(
         let mut costs = Costs::start();
         let replay = replay_scene(&prepared[k], scene_id, scratch, &mut costs);
         let costs = costs.finish();
-        let failed = |failed: Box<FailedScene>| Failed { reason: failed.to_string(), cpu_s: costs.whole.cpu };
-        replay.map(|replay| Rerun::of(replay, costs, columns, k == 0)).map_err(failed)
+        let failed = Failed { cpu_s: costs.whole.cpu };
+        replay.map(|replay| Rerun::of(replay, costs, columns, k == 0)).map_err(|_| failed)
     });
     let (reference, others) = reruns.split_first_mut().expect("there is a reference");
-    let mut all = vec![reference.as_mut().map_err(|failed| failed.clone()).map(|it| {
+    let mut all = vec![reference.as_mut().map_err(|failed| *failed).map(|it| {
         let cells = std::mem::take(&mut it.cells);
         let against = it.against_itself(&cells);
         it.made(cells, Some(against), None)
     })];
     for (other, plan) in others.iter_mut().zip(&prepared[1..]) {
         let at_reference = all[0].as_ref().ok().zip(reference.as_ref().ok());
-        all.push(other.as_mut().map_err(|failed| failed.clone()).map(|it| {
+        all.push(other.as_mut().map_err(|failed| *failed).map(|it| {
             let cells = std::mem::take(&mut it.cells);
             let same_attempt = at_reference.filter(|(_, reference)| it.attempt == reference.attempt);
             let against = same_attempt.map(|(made, reference)| it.against(reference, &made.cells, &cells));

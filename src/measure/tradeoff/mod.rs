@@ -132,8 +132,8 @@ pub(crate) enum TradeoffError {
          name other groups"
     )]
     NoSetting { groups: String },
-    #[error("no scene could be made at the reference setting; the first said: {reason}")]
-    NoScene { reason: String },
+    #[error("none of {scenes} scenes could be made at the reference setting; the first said: {reason}")]
+    NoScene { scenes: usize, reason: String },
     #[error(
         "classifiers cannot be judged: none of the {scenes} test scenes' families holds traversable and untraversable cells; put obstacles into the \
          config's yards, or give more by --test-scenes"
@@ -148,6 +148,8 @@ pub(crate) fn run(
     tell: &mut (dyn FnMut(Event) + Send),
 ) -> Result<Option<Report>, TradeoffError> {
     let begun = Instant::now();
+    let reference = settings::reference(&options.config, &options.sets)?;
+    measure::refuse_if_none_can_be_made(&reference, &scenes(&reference, options.scenes), stop)?;
     let Some(surrogate) = surrogate_of(options, stop)? else { return Ok(None) };
     let settings = settings::settings(options, &surrogate)?;
     if !options.only.is_empty() && settings.list.iter().all(|setting| setting.group.is_none()) {

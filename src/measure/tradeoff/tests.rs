@@ -369,12 +369,14 @@ fn extreme_a_raised_stop_ends_it_without_a_report() {
 }
 
 #[test]
-fn extreme_a_yard_where_no_scene_can_be_made_says_why() {
+fn extreme_a_yard_where_no_scene_can_be_made_says_why_before_any_setting_is_tried() {
     // Rocks shoulder to shoulder leave no place for a rover.
     let sets = ["scene.rocks={count: 2000, diameter_m: 0.9}"];
     let options = options("tests/fixtures/training.yaml", &sets, &[Group::Cast]);
-    match run(&options, &AtomicBool::new(false), &mut |_| ()) {
-        Err(TradeoffError::NoScene { reason }) => assert!(!reason.is_empty()),
+    match run(&options, &AtomicBool::new(false), &mut |event| panic!("{event:?}")) {
+        Err(TradeoffError::NoScene { scenes, reason }) => {
+            assert!(scenes as u64 == options.scenes && !reason.is_empty())
+        }
         other => panic!("{other:?}"),
     }
 }
