@@ -23,7 +23,7 @@ import study
 
 PROGRAM = study.ROOT / "target" / "release" / "examples" / "poses"
 # The shipped configs, and longer drives on paper.yaml's ground with two stops a metre of way.
-CONFIGS = ["paper", "mixed", "mars", "quickstart", "quickstart, 1500 scenes", "holes", "paper, 10 m", "paper, 60 m", "paper, 60 m, 300 particles"]
+CONFIGS = ["paper", "mixed", "mars", "quickstart", "quickstart, 1500 scenes", "holes", "paper, 10 m", "paper, 60 m", "paper, 60 m, 300 particles", "paper, 60 m, 1000 particles"]
 # Of one config more, for a narrower band than that of --scenes.
 SCENES = {"quickstart, 1500 scenes": 1500}
 # Whose handicaps are taken apart too.
@@ -35,7 +35,7 @@ SETS = {"mixed": ["slam={fastslam: {particles: 100}}"],
         "holes": ["slam={fastslam: {particles: 100}}"],
         "paper, 10 m": ["drive.path={planned: {goal_m: 10}}", "drive.stops=20"],
         "paper, 60 m": LONG,
-        "paper, 60 m, 300 particles": [*LONG, "slam={fastslam: {particles: 300}}"]}
+        **{f"paper, 60 m, {count} particles": [*LONG, f"slam={{fastslam: {{particles: {count}}}}}"] for count in (300, 1000)}}
 RECKONED, FILTERED = "dead_reckoning", "fastslam"
 # Whose errors are split into those along the way and those across it.
 WAYS = [RECKONED, FILTERED, "fastslam, features alone", "fastslam, registration alone"]
