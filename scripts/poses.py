@@ -85,7 +85,7 @@ def on_the_way(scenes, errors):
     along = np.sum(plane * ahead, axis=1)
     across = ahead[:, 0] * plane[:, 1] - ahead[:, 1] * plane[:, 0]
     share = float(along @ long_m / (long_m @ long_m))
-    return {"share": share, "share_error": float(np.std(along - share * long_m) / np.linalg.norm(long_m)),
+    return {"share": share, "share_error": float(np.sqrt(np.sum(((along - share * long_m) * long_m) ** 2)) / (long_m @ long_m)),
             "along_rms_m": float(np.sqrt(np.mean(along ** 2))), "across_rms_m": float(np.sqrt(np.mean(across ** 2)))}
 
 

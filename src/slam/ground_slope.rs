@@ -9,17 +9,17 @@
 use super::motion::{Control, DEGREE, MotionNoise, READING_GATE, turned_tilt};
 use crate::math;
 
-/// Where a wheel rolls over a stone or into a hole, the body is lifted or lowered by more than its pitch tells, for the other wheels stand as they
-/// stood: by so much, metres, for each radian of slope. Elsewhere the height follows the pitch: on the drives of the shipped configs what else it does
-/// is not told apart from nothing (NEES of z in scripts/poses.py).
+/// Where a wheel rolls over a stone, the body is lifted by more than its pitch tells, for the other wheels stand as they stood: by so much, metres, for
+/// each radian of slope. Elsewhere the height follows the pitch: on the drives of quickstart, paper, mixed and mars.yaml what else it does is not told
+/// apart from nothing (NEES of z in scripts/poses.py). What rolls into a trench and tilts by less falls by more than is told (holes.yaml).
 const STONE_CLIMB_M_PER_RAD: f64 = 0.3;
 /// Random walk of the ground's slope until readings tell of it, radians per square root of a metre, and the way of readings that it counts for.
 pub(super) const USUAL_SLOPE_RAD_PER_SQRT_M: f64 = 3.0 * DEGREE;
 const USUAL_SLOPE_WAY_M: f64 = 0.2;
 /// A step whose slope changes by so many times the walk's variance is taken for as steep as it reads.
 const STEEP: f64 = 4.0;
-/// Where a step changes by so many times what walk and instrument explain together, a wheel rolls over a stone: by 3.5 standard deviations, which of
-/// a thousand readings of roll and pitch of smooth ground one exceeds. With fewer, a noisy instrument makes stones of nothing.
+/// Where a step changes by so many times what walk and instrument explain together, a wheel rolls over a stone: by 3.5 standard deviations, which on
+/// smooth ground the instrument's noise alone exceeds in one step of a thousand, in roll or in pitch.
 const STONE: f64 = 12.0;
 /// Smoothest and roughest ground that is believed, radians per square root of a metre.
 const SLOPE_BOUNDS_RAD_PER_SQRT_M: [f64; 2] = [0.5 * DEGREE, 30.0 * DEGREE];
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn law_a_step_that_the_instruments_noise_explains_lifts_nothing() {
-        // 2.3 degrees, of two readings with half a degree of noise each, are beyond the walk of smooth ground over 5 cm, not beyond both together.
+        // 2.3 degrees, of two readings with half a degree of noise each, are beyond the walk of smooth ground over 5 cm, not by 3.5 standard deviations beyond both together.
         let smooth = vec![(AHEAD, 0.0, 0.0); 40];
         let [within, beyond] =
             [2.3, 3.0].map(|pitch_deg| after(&[smooth.clone(), vec![(AHEAD, 0.0, pitch_deg)]].concat()).1);

@@ -126,7 +126,7 @@ pub(super) fn measure(
     let numbered: Vec<(usize, u64)> = scenes.iter().copied().enumerate().collect();
     let one_scene = |(k, scene): (usize, u64), (scratch, is_warm): &mut (Scratch, bool)| {
         if !std::mem::replace(is_warm, true) {
-            // What it fails of is told when it is counted.
+            // Whether it can be made is of no account here.
             let _ = replay_scene(&prepared[0], scene, scratch, &mut Unobserved);
         }
         let scene = AssertUnwindSafe(|| scene_everywhere(prepared, scene, k, &columns, scratch));

@@ -150,7 +150,7 @@ pub(crate) fn run(
     let begun = Instant::now();
     let reference = settings::reference(&options.config, &options.sets)?;
     measure::refuse_if_none_can_be_made(&reference, &scenes(&reference, options.scenes), stop)?;
-    let Some(surrogate) = surrogate_of(options, stop)? else { return Ok(None) };
+    let Some(surrogate) = surrogate_of(&reference, options, stop)? else { return Ok(None) };
     let settings = settings::settings(options, &surrogate)?;
     if !options.only.is_empty() && settings.list.iter().all(|setting| setting.group.is_none()) {
         let groups: Vec<&str> = options.only.iter().map(|group| group.name()).collect();
@@ -164,12 +164,15 @@ pub(crate) fn run(
 }
 
 /// Pose errors as large as the reference's, where it is asked for them; `None` where `stop` was raised before the end.
-fn surrogate_of(options: &Options, stop: &AtomicBool) -> Result<Option<SurrogateParams>, TradeoffError> {
+fn surrogate_of(
+    reference: &Plan,
+    options: &Options,
+    stop: &AtomicBool,
+) -> Result<Option<SurrogateParams>, TradeoffError> {
     if !options.wants(Group::Slam) {
         return Ok(Some(SurrogateParams::default()));
     }
-    let reference = settings::reference(&options.config, &options.sets)?;
-    surrogate::calibrated(&reference, &scenes(&reference, options.scenes), options.threads, stop)
+    surrogate::calibrated(reference, &scenes(reference, options.scenes), options.threads, stop)
 }
 
 /// The scenes at all settings; `None` where `stop` was raised before the end.

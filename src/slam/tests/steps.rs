@@ -39,7 +39,7 @@ fn exact_dead_reckoning_variance_grows_by_the_metre() {
     assert!((estimate.covariance[0][0] - 4.0 * 0.0025).abs() < 1e-12, "{}", estimate.covariance[0][0]);
 }
 
-/// Ground that the same drive reads as rough leaves the height as much less certain.
+/// Ground on which the same drive's slope changes more leaves the height less certain, and a stone much less.
 #[test]
 fn law_the_height_is_as_uncertain_as_the_ground_is_rough() {
     let sigma_z_m = |steps_rad: f64| {
@@ -59,7 +59,7 @@ fn law_the_height_is_as_uncertain_as_the_ground_is_rough() {
     // What exact odometry and the IMU's 0.5 degrees leave, up to centimetres.
     assert!(0.002 < smooth && smooth < 0.008, "{smooth}");
     assert!(1.3 * smooth < rough && 2.0 * rough < rougher && rougher < 0.1, "{smooth} {rough} {rougher}");
-    // Bent ground is less certain by its slope alone: it does not lift the body.
+    // Without a stone it is less certain by its slope alone.
     assert!(1.1 * smooth < bent && bent < 1.3 * smooth, "{smooth} {bent}");
 }
 
