@@ -77,7 +77,7 @@ def nees(errors, covariances, block):
 def on_the_way(scenes, errors):
     """Of errors at the end, in the plane: along the line from the start, as a share of it with its standard error, and across; root mean squares in metres.
     Scenes whose drive came back to where it began have no such line."""
-    line = np.array([[*np.subtract(s["end_m"], s["start_m"])[:2]] for s in scenes])
+    line = np.array([np.subtract(s["end_m"], s["start_m"])[:2] for s in scenes])
     long_m = np.linalg.norm(line, axis=1)
     goes = long_m > 0
     ahead = line[goes] / long_m[goes, None]
@@ -146,8 +146,7 @@ sweep. The band of 95 %: {low:.2f} to {high:.2f} for one number, {config['band_3
 
 {study.markdown(head, rows)}""")
     rows = [[name, variant, f"{1000 * w['share']:+.1f} ± {1000 * w['share_error']:.1f}", f"{w['along_rms_m']:.3f}", f"{w['across_rms_m']:.3f}"]
-            for name, config in results["configs"].items() for variant in WAYS
-            if (v := config["variants"].get(variant)) and (w := v.get("on_the_way"))]
+            for name, config in results["configs"].items() for variant in WAYS for w in [config["variants"][variant]["on_the_way"]]]
     parts.append(f"""## Along the way and across it
 
 Errors at the end, along the line from the start and across it: what is told too far (+) or too short, in thousandths of the line, with its standard error,

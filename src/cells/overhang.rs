@@ -17,11 +17,11 @@ use crate::geometry::{DVec3, Transform};
 use crate::math;
 use crate::sweep::{Returns, Status};
 
-/// Width of a column. Wide enough that beams beside a trunk speak for the crown behind it: measured on orchards, 0.5 degrees leave half of
+/// In a whole turn: of 4 degrees, wide enough that beams beside a trunk speak for the crown behind it. Measured on orchards, 0.5 degrees leave half of
 /// the crowns' cells standing that 4 degrees take away, and walls, boxes and rocks keep theirs at either.
-const COLUMN_RAD: f64 = 4.0 * std::f64::consts::PI / 180.0;
-/// In a whole turn.
 const COLUMNS: u32 = 90;
+/// Width of a column.
+const COLUMN_RAD: f64 = std::f64::consts::TAU / COLUMNS as f64;
 /// Other returns that must have passed beneath.
 const WITNESSES: usize = 2;
 

@@ -146,7 +146,8 @@ mod tests {
 
     #[test]
     fn law_a_step_that_the_instruments_noise_explains_lifts_nothing() {
-        // 2.3 degrees, of two readings with half a degree of noise each, are beyond the walk of smooth ground over 5 cm, not by 3.5 standard deviations beyond both together.
+        // 2.3 degrees, of two readings with half a degree of noise each, are beyond the walk of smooth ground over 5 cm, but not beyond 3.5
+        // standard deviations of both together.
         let smooth = vec![(AHEAD, 0.0, 0.0); 40];
         let [within, beyond] =
             [2.3, 3.0].map(|pitch_deg| after(&[smooth.clone(), vec![(AHEAD, 0.0, pitch_deg)]].concat()).1);

@@ -5,19 +5,18 @@
 //! kinds. Kept: each scene's cells, as the trainer holds them.
 
 use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 
 use serde::{Deserialize, Serialize};
 
 use super::compare::SceneCells;
 use super::measure::inputs;
-use super::{Event, TradeoffError};
+use super::{Event, TradeoffError, caught};
 use crate::cells::Label;
 use crate::corpus::Split;
 use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
 use crate::evaluate::Confusion;
-use crate::parallel::{self, panic_message};
+use crate::parallel;
 use crate::plan::{Family, Plan};
 use crate::statistics::scores::Scores;
 use crate::train::rows::Rows;
@@ -85,15 +84,14 @@ pub(super) fn make(
         .flat_map(|(k, (_, plan))| train_scenes(plan, &numbers).map(move |id| (k, id)))
         .collect();
     let one_scene = |(group, id): (usize, u64), scratch: &mut Scratch| {
-        let rows = AssertUnwindSafe(|| {
+        caught(|| {
             let mut rows = Rows::new(features.len());
             // One that cannot be made is counted with those that have no cells.
             if let Ok(replay) = replay_scene(&prepared[group], id, scratch, &mut Unobserved) {
                 SceneCells::of(&replay.scans, &columns).learn(&mut rows);
             }
             (group, rows)
-        });
-        catch_unwind(rows).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })
+        })
     };
     let of = wanted.len();
     let made = parallel::map(threads, wanted, stop, one_scene, |done| tell(Event::TestScene { done, of }))?;

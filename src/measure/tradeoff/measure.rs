@@ -4,19 +4,18 @@
 //! is rotated by one from scene to scene. Each thread warms up on a scene that is not counted.
 //! Memory: the cells that classifiers learn of every scene at every setting, some 80 bytes a cell; for `configs/paper.yaml` 3 MB a scene.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::compare::{Change, SceneCells, compare};
 use super::ranges::{RangeErrors, range_errors};
-use super::{Event, TradeoffError};
+use super::{Event, TradeoffError, caught};
 use crate::cells::{Label, feature_columns};
 use crate::episode::{Prepared, Replay, Scratch, Unobserved, replay_scene};
 use crate::geometry::{Pose, Transform};
 use crate::math;
 use crate::measure::clock::Costs;
 use crate::measure::interleave::rotated;
-use crate::parallel::{self, panic_message};
+use crate::parallel;
 use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::slam::{Estimate, matrix};
@@ -129,8 +128,7 @@ pub(super) fn measure(
             // Whether it can be made is of no account here.
             let _ = replay_scene(&prepared[0], scene, scratch, &mut Unobserved);
         }
-        let scene = AssertUnwindSafe(|| scene_everywhere(prepared, scene, k, &columns, scratch));
-        catch_unwind(scene).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })
+        caught(|| scene_everywhere(prepared, scene, k, &columns, scratch))
     };
     let of = scenes.len();
     let made = parallel::map(threads, numbered, stop, one_scene, |done| tell(Event::Scene { done, of }))?;
@@ -151,8 +149,7 @@ pub(super) fn refuse_if_none_can_be_made(
         if stop.load(Ordering::Relaxed) {
             return Ok(());
         }
-        let made = AssertUnwindSafe(|| replay_scene(&prepared, scene, &mut scratch, &mut Unobserved).map(drop));
-        match catch_unwind(made).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })? {
+        match caught(|| replay_scene(&prepared, scene, &mut scratch, &mut Unobserved).map(drop))? {
             Ok(()) => return Ok(()),
             Err(failed) => first = first.or_else(|| Some(failed.to_string())),
         }

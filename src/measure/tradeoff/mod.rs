@@ -48,6 +48,7 @@ mod tests;
 mod words;
 mod worth;
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -55,7 +56,7 @@ use std::time::{Duration, Instant};
 use crate::config::ConfigError;
 use crate::corpus::Split;
 use crate::episode::Prepared;
-use crate::parallel::PoolError;
+use crate::parallel::{PoolError, panic_message};
 use crate::plan::Plan;
 use crate::slam::params::SurrogateParams;
 use crate::sweep::PatternError;
@@ -139,6 +140,11 @@ pub(crate) enum TradeoffError {
          config's yards, or give more by --test-scenes"
     )]
     OneClass { scenes: u64 },
+}
+
+/// What the work gives; its panic as an error.
+fn caught<T>(work: impl FnOnce() -> T) -> Result<T, TradeoffError> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })
 }
 
 /// Measures; `None` where `stop` was raised before the end.

@@ -6,13 +6,12 @@
 //! one after another (two sweeps of a window lie farther apart than the filter lays them); that they are the larger the longer the
 //! drive, and the sigmas with them; tails.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 
-use super::TradeoffError;
 use super::measure::axis_errors;
+use super::{TradeoffError, caught};
 use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
-use crate::parallel::{self, panic_message};
+use crate::parallel;
 use crate::plan::Plan;
 use crate::slam::SlamParams;
 use crate::slam::params::SurrogateParams;
@@ -49,10 +48,7 @@ fn errors(
 ) -> Result<Option<Vec<[f64; 6]>>, TradeoffError> {
     let prepared = Prepared::new(plan.clone())?;
     let scenes: Vec<u64> = scenes.iter().copied().take(ENOUGH_SCENES).collect();
-    let one_scene = |scene: u64, scratch: &mut Scratch| {
-        let errors = AssertUnwindSafe(|| errors_of(&prepared, scene, scratch));
-        catch_unwind(errors).map_err(|panic| TradeoffError::Panic { message: panic_message(panic) })
-    };
+    let one_scene = |scene: u64, scratch: &mut Scratch| caught(|| errors_of(&prepared, scene, scratch));
     let made = parallel::map(threads, scenes, stop, one_scene, |_| ())?;
     Ok(made.map(|errors| errors.concat()))
 }
