@@ -38,7 +38,7 @@ SETS = {"mixed": ["slam={fastslam: {particles: 100}}"],
         **{f"paper, 60 m, {count} particles": [*LONG, f"slam={{fastslam: {{particles: {count}}}}}"] for count in (300, 1000)}}
 RECKONED, FILTERED = "dead_reckoning", "fastslam"
 # Whose errors are split into those along the way and those across it.
-WAYS = [RECKONED, FILTERED, "fastslam, features alone", "fastslam, registration alone"]
+WAYS = [RECKONED, "registration", FILTERED, "fastslam, features alone", "fastslam, registration alone"]
 # The estimate of the config as shipped.
 OWN = {"mixed": RECKONED, "holes": RECKONED}
 # Rows and columns of the covariance.

@@ -1,4 +1,4 @@
-//! The marsyard side of `scripts/poses.py`: drives of a config's scenes, located by its own filter, by dead reckoning, and by the filter
+//! The marsyard side of `scripts/poses.py`: drives of a config's scenes, located by its own filter, by registration alone, by dead reckoning, and by the filter
 //! with one handicap after the other taken away.
 //!
 //! `poses CONFIG --scenes N [--set KEY=VALUE]` prints a line of JSON a scene: the way driven, and per variant the error and the covariance
@@ -17,7 +17,7 @@ use marsyard::plan::Family;
 use marsyard::random::Stage;
 use marsyard::scene::Scene;
 use marsyard::slam::features::Extractor;
-use marsyard::slam::{Estimate, FastslamParams, Feature, Slam, SlamParams};
+use marsyard::slam::{Estimate, FastslamParams, Feature, RegistrationParams, Slam, SlamParams};
 use marsyard::sweep::{self, Caster, Sweep};
 use marsyard::{config, math};
 use serde_json::{Value as Json, json};
@@ -34,7 +34,7 @@ struct Arguments {
     /// Override a key (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
-    /// The config's own filter and dead reckoning alone.
+    /// Dead reckoning, registration and the config's own filter, without the handicaps.
     #[arg(long)]
     shipped_only: bool,
 }
@@ -50,8 +50,9 @@ const EXACT: f64 = 0.01;
 #[derive(Clone, Copy, PartialEq)]
 enum Given {
     Nothing,
-    /// The sweep, as in a build.
+    /// The sweep, as in a build: to FastSLAM, or to the Kalman filter that lays sweeps on one another.
     Sweep,
+    SweepToRegister,
     /// The extractor's features, each with the number of the body that it is; those of no body are left out.
     ExtractedKnown,
     /// Exact features of the bodies that the extractor found.
@@ -86,6 +87,7 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
     let (known, unknown) = (true, false);
     let mut all = vec![
         variant("dead_reckoning", Given::Nothing, FastslamParams { particles: 1, ..FastslamParams::default() }),
+        variant("registration", Given::SweepToRegister, own()),
         variant("fastslam", Given::Sweep, own()),
         variant("fastslam, features alone", Given::Sweep, FastslamParams { registration: false, ..own() }),
         variant("fastslam, registration alone", Given::Sweep, FastslamParams { max_features: 0, ..own() }),
@@ -177,6 +179,9 @@ impl Study<'_> {
         let noise = InstrumentNoise::of(&self.family.drive.instruments, drawn);
         let params = match variant.given {
             Given::Nothing => SlamParams::DeadReckoning,
+            Given::SweepToRegister => {
+                SlamParams::Registration(RegistrationParams { range_m: variant.params.feature_range_m })
+            }
             _ => SlamParams::Fastslam(variant.params.clone()),
         };
         let mut slam = Slam::new(&params, &noise, &drive.truth[0], rover_from_sensor)?;
@@ -188,7 +193,7 @@ impl Study<'_> {
             let Some(stop) = stops.get(&step) else { continue };
             let estimate = match variant.given {
                 Given::Nothing => continue,
-                Given::Sweep => slam.observe(&stop.sweep.returns, &streams)?,
+                Given::Sweep | Given::SweepToRegister => slam.observe(&stop.sweep.returns, &streams)?,
                 given => {
                     let believed = slam.estimate().pose;
                     let sight = extractor.extract(&stop.sweep.returns, believed.roll_rad, believed.pitch_rad);
@@ -216,7 +221,7 @@ fn seen(given: Given, stop: &Stop, owned: &[Feature]) -> Vec<Feature> {
     let anonymous =
         |known: bool| move |feature: &Feature| Feature { known: feature.known.filter(|_| known), ..*feature };
     match given {
-        Given::Nothing | Given::Sweep => Vec::new(),
+        Given::Nothing | Given::Sweep | Given::SweepToRegister => Vec::new(),
         Given::ExtractedKnown => owned.to_vec(),
         Given::AllExact { known } => stop.all.iter().map(anonymous(known)).collect(),
         Given::FoundExact { known } => {

@@ -7,6 +7,7 @@ mod sweeps;
 use std::path::Path;
 
 pub(super) use args::LocaliseArgs;
+use args::Method;
 use sweeps::SweepReader;
 
 use super::output::errln;
@@ -21,7 +22,7 @@ use crate::geometry::{DVec3, Pose, Transform};
 use crate::recording::{
     self, LocateParams, Located, Observation, Recording, RecordingError, Score, SightLog, Step, read,
 };
-use crate::slam::{self, FastslamParams, SlamError, SlamParams};
+use crate::slam::{self, FastslamParams, RegistrationParams, SlamError, SlamParams};
 
 /// What the files are, and a first try.
 pub(super) const FILES: &str = "\
@@ -65,7 +66,7 @@ pub(super) fn run(args: &LocaliseArgs, log: LogFormat) -> Result<(), Failure> {
     let located = match args.features.as_ref().or(args.sweeps.as_ref()) {
         None => reckoned.clone(),
         Some(_) => {
-            let params = LocateParams { slam: SlamParams::Fastslam(fastslam(args, &recording)), ..reckoning };
+            let params = LocateParams { slam: method(args, &recording), ..reckoning };
             let mut progress = LocaliseProgress::new(log);
             let each_step = |done, of| progress.take(done, of);
             let located = recording::locate(&recording, &params, |name| reader.returns(name), each_step);
@@ -195,6 +196,15 @@ fn start_without_truth(args: &LocaliseArgs, recording: &Recording) -> Result<Pos
 }
 
 /// Of a log as many features of a time are taken as there are, but of those without ids one within 0.3 m; of sweeps as many as in corpora.
+fn method(args: &LocaliseArgs, recording: &Recording) -> SlamParams {
+    match args.method {
+        Method::Registration if args.sweeps.is_some() => {
+            SlamParams::Registration(RegistrationParams { range_m: args.feature_range_m })
+        }
+        Method::Registration | Method::Fastslam => SlamParams::Fastslam(fastslam(args, recording)),
+    }
+}
+
 fn fastslam(args: &LocaliseArgs, recording: &Recording) -> FastslamParams {
     let of_log = recording.observations.iter().map(|(_, observation)| match observation {
         Observation::Features(features) => features.len() as u32,

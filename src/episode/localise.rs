@@ -9,7 +9,7 @@ use crate::slam::{self, Estimate, Slam, SlamError, SlamParams};
 use crate::sweep::Returns;
 
 pub(super) enum Localiser<'p> {
-    /// FastSLAM or dead reckoning.
+    /// FastSLAM, registration or dead reckoning.
     Slam {
         filter: Box<Slam>,
         /// Dead reckoning reads none.
@@ -29,9 +29,9 @@ impl<'p> Localiser<'p> {
         Ok(match params {
             SlamParams::Truth => Localiser::Truth,
             SlamParams::Surrogate(surrogate) => Localiser::Surrogate(surrogate),
-            SlamParams::Fastslam(_) | SlamParams::DeadReckoning => {
+            SlamParams::Fastslam(_) | SlamParams::Registration(_) | SlamParams::DeadReckoning => {
                 let filter = Box::new(Slam::new(params, noise, start, rover_from_sensor)?);
-                Localiser::Slam { filter, reads_sweeps: matches!(params, SlamParams::Fastslam(_)) }
+                Localiser::Slam { filter, reads_sweeps: params.reads_sweeps() }
             }
         })
     }

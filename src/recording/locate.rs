@@ -62,7 +62,7 @@ pub fn locate<E: From<SlamError>>(
     let mut filter = Slam::new(slam, noise, start, rover_from_sensor)?.with_feature_sigmas(feature_sigmas);
     // Nothing is known of where the sensor looked and saw nothing.
     let visibility = Visibility::blind(f64::INFINITY);
-    let reads_sights = matches!(slam, SlamParams::Fastslam(_));
+    let reads_sights = slam.reads_sweeps();
     let (mut steps, mut sweep_steps) = (Vec::with_capacity(recording.readings.len()), Vec::new());
     let (mut sweeps_read, mut sweeps_found_again, mut rolled_m) = (0, 0, f64::INFINITY);
     let parts = cut(recording);

@@ -45,6 +45,10 @@ pub(super) struct Filter {
     started: bool,
     /// The cloud's moments right after the last sweep, before the draw; until the next step.
     at_sweep: Option<ParticleMoments>,
+    /// Whether particles are drawn wherever a surface is seen; else only where features are. A cloud of one Gaussian keeps what is unsure of it.
+    draws_at_surfaces: bool,
+    /// Whether a stop showed anything yet, and whether the particles were drawn there.
+    saw: bool,
     drew: bool,
     scan: ScanCounts,
     counters: Counters,
@@ -72,6 +76,7 @@ impl Filter {
         noise: &InstrumentNoise,
         attitude: Vector<3>,
         mounting: Mounting,
+        draws_at_surfaces: bool,
     ) -> Filter {
         let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
         let belief = GaussianPose { mean, scale: ScaleFactor::of_slip(noise.slip), ..GaussianPose::default() };
@@ -79,6 +84,8 @@ impl Filter {
             cloud: Cloud::new(params.particles as usize, belief),
             started: false,
             at_sweep: None,
+            draws_at_surfaces,
+            saw: false,
             drew: false,
             scan: ScanCounts::default(),
             counters: Counters::default(),
@@ -211,8 +218,7 @@ impl Filter {
 
         let telling =
             |p: &Particle| p.associations.iter().any(|a| matches!(a, Association::Matched(_) | Association::New));
-        // A keyframe needs particles whose poses were drawn.
-        let draws = surface.is_some() || self.cloud.particles.iter().any(telling);
+        let draws = (self.draws_at_surfaces && surface.is_some()) || self.cloud.particles.iter().any(telling);
         let thin = moments.effective_samples < self.resample_below * self.cloud.particles.len() as f64;
         // Without a draw as well: readings alone wear weights thin while no feature is matched.
         if thin {
@@ -228,6 +234,7 @@ impl Filter {
             }
             self.drew = true;
         }
+        self.saw |= draws || surface.is_some();
         let seen =
             SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
         in_fours(UpdateMap { particles: &mut self.cloud.particles, seen, visibility, scratch: &mut scratch });
@@ -278,12 +285,12 @@ impl Filter {
 
     /// Whether the last stop's features or surface were found in the map.
     pub(super) fn found_again(&self) -> bool {
-        self.drew && self.stops_without_match == 0
+        self.saw && self.stops_without_match == 0
     }
 
     /// Found nothing again for more than two stops.
     pub(super) fn lost(&self) -> bool {
-        self.stops_without_match > 2 || !self.drew
+        self.stops_without_match > 2 || !self.saw
     }
 
     pub(super) fn mean_innovation(&self) -> Option<f64> {

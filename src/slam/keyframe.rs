@@ -1,12 +1,13 @@
-//! What stood up at one stop and the particles' poses there -> the poses at the next, corrected.
+//! What was seen at one stop and the particles' poses there -> the poses at the next, corrected.
 //!
 //! In: a [`Surface`] and the particles that saw it; later another surface and the same particles. Out: particles whose x, y and heading took in
-//! where the one lies on the other. Each particle drew its pose where the keyframe was seen, so that the way since is its own: the map
-//! stays one of paths, as in FastSLAM. Source: sweeps laid on one another in a Rao-Blackwellised filter are Haehnel et al. 2003; deviation: the
+//! where the one lies on the other. A particle of FastSLAM drew its pose where the keyframe was seen, so that the way since is its own: the map
+//! stays one of paths. One that did not carries that pose along, unsure as it is ([`ClonedPose`]). Source: sweeps laid on one another in a Rao-Blackwellised filter are Haehnel et al. 2003; deviation: the
 //! registration is made once, from the mean of the cloud. A rock's points are in the fix, and their middle is a feature matched after it: taken
 //! for independent, for what a middle errs (which side was seen, how far it was pushed back) is not what the points err.
 
-use super::matrix::{Matrix, Vector, cholesky, half_solve, ln_determinant, product, square, sum, transpose};
+use super::cloned::ClonedPose;
+use super::matrix::{Matrix, Vector, half_solve, ln_determinant, square};
 use super::motion::YAW;
 use super::particle::Particle;
 use super::registration::{Fix, Motion, Registration, Surface, register};
@@ -21,11 +22,10 @@ pub(super) struct Keyframe {
 }
 
 impl Keyframe {
-    /// Of the particles as they now stand; their poses are drawn.
+    /// Of the particles as they now stand.
     pub(super) fn new(surface: Surface, tilt_rad2: f64, particles: &mut [Particle]) -> Keyframe {
         for particle in particles {
-            let [x, y, z, .., yaw] = particle.belief.mean;
-            particle.keyframe = [x, y, z, yaw];
+            particle.belief.keyframe = ClonedPose::of(&particle.belief);
         }
         Keyframe { surface, tilt_rad2 }
     }
@@ -44,11 +44,11 @@ impl Keyframe {
 
 /// How the cloud came here from the keyframe.
 fn motion(particles: &[Particle], weights: &[f64], tilt_rad2: f64) -> Motion {
-    let (reference, _) = particles[0].since_keyframe();
+    let (reference, ..) = particles[0].since_keyframe();
     let apart = |particle: &Particle| {
         let (state, slopes) = particle.since_keyframe();
         let [x, y, heading_rad]: Vector<3> = std::array::from_fn(|i| state[i] - reference[i]);
-        let climb_m = particle.belief.mean[2] - particle.keyframe[2];
+        let climb_m = particle.belief.mean[2] - particle.belief.keyframe.mean[2];
         ([x, y, math::wrap_angle(heading_rad), climb_m], slopes)
     };
     let mut mean = [0.0; 4];
@@ -58,44 +58,51 @@ fn motion(particles: &[Particle], weights: &[f64], tilt_rad2: f64) -> Motion {
     }
     let (mut covariance, mut climb_m2) = ([[0.0; 3]; 3], 0.0);
     for (particle, &weight) in particles.iter().zip(weights) {
-        let (d, slopes) = apart(particle);
-        let own = product(&product(&slopes, &particle.belief.covariance), &transpose(&slopes));
+        let (d, WaySlopes { by_pose, by_keyframe }) = apart(particle);
+        let own = particle.belief.keyframe.spread(&particle.belief.covariance, &by_pose, &by_keyframe);
         for r in 0..3 {
             for c in 0..3 {
                 covariance[r][c] += weight * (own[r][c] + (d[r] - mean[r]) * (d[c] - mean[c]));
             }
         }
-        climb_m2 += weight * (particle.belief.covariance[2][2] + (d[3] - mean[3]) * (d[3] - mean[3]));
+        climb_m2 += weight
+            * (particle.belief.keyframe.climb_m2(&particle.belief.covariance) + (d[3] - mean[3]) * (d[3] - mean[3]));
     }
     let heading_rad = math::wrap_angle(reference[2] + mean[2]);
     let mean_of_way = [reference[0] + mean[0], reference[1] + mean[1], heading_rad];
     Motion { mean: mean_of_way, covariance, climb_m: mean[3], climb_m2, tilt_rad2 }
 }
 
+/// Slopes of x, y and heading since the keyframe, by the pose now and by that of the keyframe.
+struct WaySlopes {
+    by_pose: Matrix<3, 6>,
+    by_keyframe: Matrix<3, 4>,
+}
+
 impl Particle {
-    /// x, y and heading since the keyframe, in its level axes, and their slopes by the state.
+    /// x, y and heading since the keyframe, in its level axes, and their slopes.
     #[inline(always)]
-    fn since_keyframe(&self) -> (Vector<3>, Matrix<3, 6>) {
-        let [x, y, _, heading_rad] = self.keyframe;
+    fn since_keyframe(&self) -> (Vector<3>, WaySlopes) {
+        let [x, y, _, heading_rad] = self.belief.keyframe.mean;
         let (sin, cos) = math::sin_cos(heading_rad);
         let (east, north) = (self.belief.mean[0] - x, self.belief.mean[1] - y);
         let heading_rad = math::wrap_angle(self.belief.mean[YAW] - heading_rad);
-        let ahead = [cos, sin, 0.0, 0.0, 0.0, 0.0];
-        let aside = [-sin, cos, 0.0, 0.0, 0.0, 0.0];
-        let turn = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
-        ([cos * east + sin * north, cos * north - sin * east, heading_rad], [ahead, aside, turn])
+        let (along, across) = (cos * east + sin * north, cos * north - sin * east);
+        let by_pose = [[cos, sin, 0.0, 0.0, 0.0, 0.0], [-sin, cos, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]];
+        let by_keyframe = [[-cos, -sin, 0.0, across], [sin, -cos, 0.0, -along], [0.0, 0.0, 0.0, -1.0]];
+        ([along, across, heading_rad], WaySlopes { by_pose, by_keyframe })
     }
 
     /// Kalman update of the pose by where the sweep lies on the keyframe's, and its part of the weight.
     #[inline(always)]
     pub(super) fn take_fix(&mut self, fix: &Fix) {
-        let (state, slopes) = self.since_keyframe();
+        let (state, WaySlopes { by_pose, by_keyframe }) = self.since_keyframe();
         let innovation = fix.innovation(&state);
-        let pull = product(&slopes, &self.belief.covariance);
-        let Some(factor) = cholesky(&sum(&product(&pull, &transpose(&slopes)), &fix.covariance)) else { return };
+        let Some(factor) = self.belief.measure_way(&by_pose, &by_keyframe, &innovation, &fix.covariance) else {
+            return;
+        };
         let distance2 = square(&half_solve(&factor, &innovation));
         self.log_weight -= 0.5 * (distance2 + ln_determinant(&factor));
-        self.belief.measure(&slopes, &pull, &factor, &innovation, &fix.covariance);
     }
 }
 
@@ -107,18 +114,16 @@ mod tests {
 
     fn particle(mean: Vector<6>, keyframe: Vector<4>) -> Particle {
         let covariance = diagonal(&[4e-4, 9e-4, 1e-4, 1e-5, 1e-5, 1e-3]);
-        Particle {
-            belief: GaussianPose { mean, covariance, ..GaussianPose::default() },
-            keyframe,
-            ..Particle::default()
-        }
+        let keyframe = ClonedPose { mean: keyframe, ..ClonedPose::default() };
+        let belief = GaussianPose { mean, covariance, keyframe, ..GaussianPose::default() };
+        Particle { belief, ..Particle::default() }
     }
 
     #[test]
     fn exact_slopes_of_the_way_are_its_differences() {
         let keyframe = [1.0, -2.0, 0.1, 2.8];
         let mean = [1.7, -1.4, 0.2, 0.05, -0.1, -3.0];
-        let (way, slopes) = particle(mean, keyframe).since_keyframe();
+        let (way, WaySlopes { by_pose, by_keyframe }) = particle(mean, keyframe).since_keyframe();
         assert!((way[2] - (std::f64::consts::TAU - 5.8)).abs() < 1e-12, "through the half turn: {way:?}");
         assert!((math::hypot(way[0], way[1]) - math::hypot(0.7, 0.6)).abs() < 1e-12);
         for k in 0..6 {
@@ -126,7 +131,15 @@ mod tests {
             moved[k] += 1e-6;
             let (other, _) = particle(moved, keyframe).since_keyframe();
             for r in 0..3 {
-                assert!(((other[r] - way[r]) / 1e-6 - slopes[r][k]).abs() < 1e-8, "({r}, {k})");
+                assert!(((other[r] - way[r]) / 1e-6 - by_pose[r][k]).abs() < 1e-8, "({r}, {k})");
+            }
+        }
+        for k in 0..4 {
+            let mut moved = keyframe;
+            moved[k] += 1e-6;
+            let (other, _) = particle(mean, moved).since_keyframe();
+            for r in 0..3 {
+                assert!(((other[r] - way[r]) / 1e-6 - by_keyframe[r][k]).abs() < 2e-6, "keyframe's ({r}, {k})");
             }
         }
     }

@@ -62,6 +62,8 @@ pub struct Slam {
     extractor: Option<Extractor>,
     /// Whether sweeps are laid on one another.
     registers: bool,
+    /// Whether features of sweeps are landmarks.
+    maps: bool,
     start_m: DVec3,
 }
 
@@ -79,8 +81,12 @@ impl Slam {
         rover_from_sensor: &Transform,
     ) -> Result<Slam, SlamError> {
         let alone = FastslamParams { particles: 1, ..FastslamParams::default() };
+        let maps = matches!(params, SlamParams::Fastslam(_));
         let (params, extractor) = match params {
             SlamParams::Fastslam(params) => (params, Some(Extractor::new(params.feature_range_m, rover_from_sensor))),
+            SlamParams::Registration(params) => {
+                (&alone, Some(Extractor::new(params.range_m, rover_from_sensor).with_ground()))
+            }
             SlamParams::DeadReckoning => (&alone, None),
             SlamParams::Surrogate(_) => return Err(SlamError::NoFilter { method: "surrogate" }),
             SlamParams::Truth => return Err(SlamError::NoFilter { method: "truth" }),
@@ -99,8 +105,8 @@ impl Slam {
             return Err(SlamError::Slip { slip: noise.slip });
         }
         upright(start.pitch_rad)?;
-        let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor));
-        Ok(Slam { filter, extractor, registers: params.registration, start_m: start.position_m })
+        let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor), maps);
+        Ok(Slam { filter, extractor, registers: params.registration, maps, start_m: start.position_m })
     }
 
     /// The noise of one's own features: range (metres), bearing, elevation (radians), before the inflation. Sweeps' features keep their own
@@ -122,7 +128,8 @@ impl Slam {
             let mean = self.filter.believed().mean;
             let sight = extractor.extract(returns, mean[motion::ROLL], mean[motion::PITCH]);
             let surface = self.registers.then(|| sight.surface());
-            self.filter.observe(sight.features, surface, &sight.visibility, streams);
+            let features = if self.maps { sight.features } else { &[] };
+            self.filter.observe(features, surface, &sight.visibility, streams);
         }
         upright(self.filter.cloud().angle(motion::PITCH).0)?;
         Ok(self.estimate())

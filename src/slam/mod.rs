@@ -62,6 +62,7 @@
 //! ```
 
 mod associate;
+pub mod cloned;
 mod cloud;
 mod estimate;
 pub mod features;
@@ -90,7 +91,7 @@ pub use landmark::Landmark;
 pub(crate) use localiser::MOST_SLIP;
 pub use localiser::{Counters, Mode, Slam, SlamError};
 pub use observation::Feature;
-pub use params::{FastslamParams, SlamParams, SurrogateParams};
+pub use params::{FastslamParams, RegistrationParams, SlamParams, SurrogateParams};
 pub use tum::tum;
 pub use visibility::Visibility;
 

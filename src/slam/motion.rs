@@ -1,7 +1,8 @@
 //! Odometry, IMU and sun readings -> a pose's mean and covariance: the filter without features.
 //!
 //! In: [`GaussianPose`] and readings. Out: the same belief, later or sharper. State order x, y, z, roll, pitch, yaw; metres,
-//! radians; position relative to the start; the odometry's scale is a seventh number ([`ScaleFactor`]). Source: Thrun et al. 2005, chapter 5
+//! radians; position relative to the start; the odometry's scale is a seventh number ([`ScaleFactor`]), and the pose at a keyframe stands beside
+//! them ([`ClonedPose`]). Source: Thrun et al. 2005, chapter 5
 //! (velocity motion), on a slope; scalar Kalman updates. Deviation: the yaw of the middle of the step, so that a circle closes; noise grows with
 //! the root of the distance, not with time. Not modelled: wheel contact; the filter does not know the ground, so to it the slope is a random
 //! walk, as rough as roll and pitch read (`ground_slope`).
@@ -9,6 +10,7 @@
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
 
+use super::cloned::ClonedPose;
 use super::ground_slope::USUAL_SLOPE_RAD_PER_SQRT_M;
 use super::kalman;
 use super::matrix::{Matrix, Vector, apply, cholesky_clamped, symmetrise};
@@ -36,12 +38,13 @@ pub(super) const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// A step longer or a turn wider than this is a broken reading.
 const MOST_STEP: f64 = 100.0;
 
-/// Mean and covariance of a pose, and of the odometry's scale beside it.
+/// Mean and covariance of a pose, and of the odometry's scale and a former pose beside it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaussianPose {
     pub mean: Vector<6>,
     pub covariance: Matrix<6, 6>,
     pub scale: ScaleFactor,
+    pub keyframe: ClonedPose,
 }
 
 /// Distance driven and yaw turned in one step.
@@ -149,9 +152,11 @@ impl GaussianPose {
             [row[ROLL], row[PITCH]] = turned_tilt(tilt, whole);
         };
         p.iter_mut().for_each(carry);
+        let by_scale = ahead.map(|share| counted_m * share);
+        self.keyframe.drive(carry, &by_scale);
         if !self.scale.is_known() {
             carry(&mut self.scale.with_pose);
-            self.scale.stretch(p, &ahead.map(|share| counted_m * share));
+            self.scale.stretch(p, &by_scale);
         }
         let root = d.abs().sqrt();
         let of_wheels = |sigma: f64| noise.inflation * sigma * sigma;
@@ -182,7 +187,8 @@ impl GaussianPose {
         symmetrise(p);
     }
 
-    /// Kalman update by three numbers of slopes `by_pose`; `pull` is H P, and `factor` that of H P H' + the noise.
+    /// Kalman update by three numbers of slopes `by_pose`; `pull` is H P, and `factor` that of H P H' + the noise. A keyframe that is unsure is told of
+    /// it by [`GaussianPose::measure_way`] alone.
     #[inline(always)]
     pub(super) fn measure(
         &mut self,
@@ -207,6 +213,7 @@ impl GaussianPose {
         }
         self.wrap();
         self.covariance = [[0.0; 6]; 6];
+        self.keyframe.draw(&factor, normals, &self.scale);
         self.scale.draw(&factor, normals);
     }
 
@@ -217,6 +224,7 @@ impl GaussianPose {
         let spread = p[component][component] + variance_rad2;
         let innovation = math::wrap_angle(reading_rad - self.mean[component]);
         let row = p[component];
+        self.keyframe.read(component, &row, &self.scale, spread, innovation);
         self.scale.read(component, &row, spread, innovation);
         for r in 0..6 {
             let gain = row[r] / spread;

@@ -35,8 +35,6 @@ pub(super) struct Particle {
     pub belief: GaussianPose,
     pub log_weight: f64,
     pub landmarks: Vec<Landmark>,
-    /// Where it stood when the surface was seen that sweeps are laid on: x, y, z, heading.
-    pub keyframe: Vector<4>,
     /// Of the current sweep's features, in their order.
     pub associations: Vec<Association>,
     /// Normalised innovations squared of the current sweep's matches, summed.
@@ -55,7 +53,6 @@ impl Clone for Particle {
         self.belief.clone_from(&source.belief);
         self.log_weight = source.log_weight;
         self.landmarks.clone_from(&source.landmarks);
-        self.keyframe = source.keyframe;
         self.associations.clone_from(&source.associations);
         self.innovation_sum = source.innovation_sum;
     }

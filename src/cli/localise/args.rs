@@ -2,10 +2,19 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use crate::cli::options::{parse_six, parse_three};
 use crate::slam;
+
+/// How sweeps correct what the odometry says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Method {
+    /// Each sweep is laid on the one read before, by what stands up and by the ground, in one Kalman filter.
+    Registration,
+    /// What stands up is laid on the sweep before, and rocks are landmarks that are found again, in particles.
+    Fastslam,
+}
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct LocaliseArgs {
@@ -42,7 +51,10 @@ pub(in crate::cli) struct LocaliseArgs {
     /// width and height, metres.
     #[arg(long, value_name = "L,W,H", requires = "sweeps", value_parser = sizes)]
     pub(super) self_filter: Option<[f64; 3]>,
-    /// Particles: recordings are long, and with few of them all descend from one ancestor, and sigmas are too small.
+    /// How sweeps are used.
+    #[arg(long, requires = "sweeps", value_enum, default_value_t = Method::Fastslam)]
+    pub(super) method: Method,
+    /// Particles of FastSLAM: recordings are long, and with few of them all descend from one ancestor, and sigmas are too small.
     #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub(super) particles: u32,
     /// Leave the ids out: the filter finds out which landmark each feature is.

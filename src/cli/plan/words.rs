@@ -81,6 +81,7 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     parts.push(("effects", if on.is_empty() { "none".into() } else { on.join(", ") }));
     let slam = match &family.slam {
         SlamParams::Fastslam(f) => format!("FastSLAM 2.0, {} particles", f.particles),
+        SlamParams::Registration(r) => format!("sweeps laid on one another, up to {} m", r.range_m),
         SlamParams::DeadReckoning => "dead reckoning".into(),
         SlamParams::Surrogate(_) => "surrogate: truth plus noise".into(),
         SlamParams::Truth => "truth".into(),
@@ -106,10 +107,11 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     parts
 }
 
-/// Parts that no family names; dead reckoning is a choice among pose estimates and no part of its own.
+/// Parts that no family names; registration and dead reckoning are choices among pose estimates and no parts of their own.
 pub(super) fn absent(plan: &Plan) -> Vec<&'static str> {
     let is_absent = |part: &Part| (0..plan.families.len()).all(|family| !part.is_on(plan, family));
-    let absent = Part::ALL.into_iter().filter(|part| *part != Part::DeadReckoning && is_absent(part));
+    let is_choice = |part: &Part| matches!(part, Part::Registration | Part::DeadReckoning);
+    let absent = Part::ALL.into_iter().filter(|part| !is_choice(part) && is_absent(part));
     absent.map(Part::name).collect()
 }
 

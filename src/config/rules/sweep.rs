@@ -75,9 +75,11 @@ impl Rules<'_, '_, '_> {
 
     pub(super) fn slam(&mut self) {
         let sensor: &Sensor = &self.family.sweep.sensor;
-        if !matches!(self.family.slam, SlamParams::Fastslam(_)) {
-            return;
-        }
+        let (name, needs) = match self.family.slam {
+            SlamParams::Fastslam(_) => ("fastslam", "features"),
+            SlamParams::Registration(_) => ("registration", "surfaces"),
+            SlamParams::DeadReckoning | SlamParams::Surrogate(_) | SlamParams::Truth => return,
+        };
         let lines = match &sensor.pattern {
             PatternParams::Tilted(p) => ((p.tilt_to_deg - p.tilt_from_deg).abs() / p.tilt_step_deg).floor() + 1.0,
             PatternParams::Spinning(p) => p.elevations_deg.len() as f64,
@@ -85,10 +87,8 @@ impl Rules<'_, '_, '_> {
             PatternParams::Rosette(_) | PatternParams::File(_) => f64::INFINITY,
         };
         if lines < 2.0 {
-            let rule = format!(
-                "fastslam has nothing to read: '{}' sweeps a single line, and features need several",
-                sensor.name
-            );
+            let rule =
+                format!("{name} has nothing to read: '{}' sweeps a single line, and {needs} need several", sensor.name);
             let also = [("sweep.sensor.pattern", "one line")];
             self.fault("slam", rule, "choose dead_reckoning or surrogate, or a sensor of several lines", &also);
         }

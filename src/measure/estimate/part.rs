@@ -32,6 +32,7 @@ pub(crate) enum Part {
     TiltJitter,
     Intensity,
     Fastslam,
+    Registration,
     DeadReckoning,
     WindowScans,
     FittedPlane,
@@ -48,7 +49,7 @@ pub(crate) enum Part {
 }
 
 impl Part {
-    pub(crate) const ALL: [Part; 33] = [
+    pub(crate) const ALL: [Part; 34] = [
         Part::Roughness,
         Part::Landforms,
         Part::Rocks,
@@ -69,6 +70,7 @@ impl Part {
         Part::TiltJitter,
         Part::Intensity,
         Part::Fastslam,
+        Part::Registration,
         Part::DeadReckoning,
         Part::WindowScans,
         Part::FittedPlane,
@@ -107,6 +109,7 @@ impl Part {
             Part::TiltJitter => "tilt_jitter",
             Part::Intensity => "intensity",
             Part::Fastslam => "fastslam",
+            Part::Registration => "registration",
             Part::DeadReckoning => "dead_reckoning",
             Part::WindowScans => "window_scans",
             Part::FittedPlane => "fitted_plane",
@@ -164,6 +167,7 @@ impl Part {
             Part::TiltJitter => effects.tilt_jitter_deg.is_some(),
             Part::Intensity => effects.intensity.is_some(),
             Part::Fastslam => matches!(family.slam, SlamParams::Fastslam(_)),
+            Part::Registration => matches!(family.slam, SlamParams::Registration(_)),
             Part::DeadReckoning => family.slam == SlamParams::DeadReckoning,
             Part::WindowScans => family.cells.window_scans > 1,
             Part::FittedPlane => family.cells.frame == CellFrame::FittedPlane,
@@ -205,7 +209,7 @@ impl Part {
             Part::MixedPixels => effects.mixed_pixels = None,
             Part::TiltJitter => effects.tilt_jitter_deg = None,
             Part::Intensity => effects.intensity = None,
-            Part::Fastslam | Part::DeadReckoning => family.slam = SlamParams::Truth,
+            Part::Fastslam | Part::Registration | Part::DeadReckoning => family.slam = SlamParams::Truth,
             Part::WindowScans => family.cells.window_scans = 1,
             Part::FittedPlane => family.cells.frame = CellFrame::EstimatedPose,
             Part::Overhang => family.cells.overhang = None,

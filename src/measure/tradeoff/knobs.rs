@@ -72,7 +72,9 @@ pub(super) fn knobs(
     }
     let drawn = super::surrogate::written(surrogate);
     knobs.push(one(Group::Slam, "surrogate", "slam", &drawn));
-    for (name, value) in [("dead_reckoning", "dead_reckoning"), ("truth", "truth")] {
+    for (name, value) in
+        [("registration", "{registration: {}}"), ("dead_reckoning", "dead_reckoning"), ("truth", "truth")]
+    {
         knobs.push(one(Group::Slam, name, "slam", value));
     }
     for rays in ["1", "7", "19"] {

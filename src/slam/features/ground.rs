@@ -1,7 +1,7 @@
 //! Levelled points -> a smooth ground under them.
 //!
 //! In: points, sensor at the origin, x and y level. Out: the ground's height anywhere on the grid, metres above the sensor
-//! (so usually negative). Planes fitted to the cells' lowest points (see [`Planes`]), with outliers (rocks above, noise below)
+//! (so usually negative); and, where asked for, the mean of each cell of ground. Planes fitted to the cells' lowest points (see [`Planes`]), with outliers (rocks above, noise below)
 //! weighed down up to four times over, until no weight changes. The planes stand at nodes four cells apart, and the ground is
 //! bilinear between: over 0.4 m its bend is millimetres.
 
@@ -9,6 +9,7 @@ mod planes;
 
 use std::ops::Range;
 
+use crate::geometry::DVec3;
 use crate::wide::{LANES, Work, widest};
 use planes::Planes;
 
@@ -32,6 +33,8 @@ pub(super) struct GroundGrid {
     /// How far each cell's highest point stands above the ground; not a number where there is no point or no ground.
     standing_m: Vec<f64>,
     cells: Cells,
+    /// Count, x, y and z of each cell's points, summed; empty where nobody asks for means.
+    sums: Vec<[f64; 4]>,
     /// Per block of `LANES` columns: rows outside which no cell holds a point, or has another weight than at the last fit.
     held: Vec<Range<usize>>,
     changed: Vec<Range<usize>>,
@@ -72,12 +75,22 @@ impl GroundGrid {
                 weight: vec![0.0; count],
                 weighted_m: vec![0.0; count],
             },
+            sums: Vec::new(),
             held: none(),
             changed: none(),
             nodes,
             node_m: vec![f64::NAN; nodes * nodes],
             planes: Planes::new(side, cell_m, nodes),
         }
+    }
+
+    /// One that keeps the means of its cells.
+    pub(super) fn with_means(self) -> GroundGrid {
+        GroundGrid { sums: vec![[0.0; 4]; self.highest_m.len()], ..self }
+    }
+
+    pub(super) fn keeps_means(&self) -> bool {
+        !self.sums.is_empty()
     }
 
     /// Rows, and cells from one row to the next.
@@ -94,6 +107,7 @@ impl GroundGrid {
     pub(super) fn clear(&mut self) {
         self.cells.lowest_m.fill(f64::INFINITY);
         self.highest_m.fill(f64::NEG_INFINITY);
+        self.sums.fill([0.0; 4]);
     }
 
     /// Finds the cells of points that are `taken`; leaves those of others, and of points that are not on the grid.
@@ -120,6 +134,25 @@ impl GroundGrid {
         let (lowest_m, highest_m) = (&mut self.cells.lowest_m[cell as usize], &mut self.highest_m[cell as usize]);
         *lowest_m = if height_m < *lowest_m { height_m } else { *lowest_m };
         *highest_m = if height_m > *highest_m { height_m } else { *highest_m };
+    }
+
+    /// Adds a point to the mean of its cell.
+    #[inline(always)]
+    pub(super) fn add(&mut self, cell: u32, place_m: DVec3) {
+        let DVec3 { x, y, z } = place_m;
+        for (sum, value) in self.sums[cell as usize].iter_mut().zip([1.0, x, y, z]) {
+            *sum += value;
+        }
+    }
+
+    /// The means of the cells in which nothing stands higher than that above the fitted ground.
+    pub(super) fn means_m(&self, most_m: f64) -> impl Iterator<Item = DVec3> {
+        let is_ground = move |cell: &usize| self.standing_m[*cell] <= most_m;
+        // Of no cell, the last entry, nothing stands.
+        (0..self.standing_m.len()).filter(is_ground).filter_map(|cell| {
+            let [count, x, y, z] = *self.sums.get(cell)?;
+            (count > 0.0).then(|| DVec3::new(x, y, z) / count)
+        })
     }
 
     /// Fits the ground to what has been entered.

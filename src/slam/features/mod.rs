@@ -1,7 +1,7 @@
 //! One sweep -> the rocks in it, as seen: range, bearing, elevation of each; and the surface of all that stands up.
 //!
 //! In: [`Returns`]: ranges and statuses, and the believed roll and pitch, which only level it. Out:
-//! [`Feature`]s in the sensor frame, the surface, and where the sweep looked. Source: ground-plane fitting and clustering after Di et al.
+//! [`Feature`]s in the sensor frame, the surface (with the ground, where sweeps are laid on one another by it), and where the sweep looked. Source: ground-plane fitting and clustering after Di et al.
 //! 2013. What stands up from the ground is clustered; a cluster's centroid lies on the near side of its rock and moves with
 //! the viewpoint, so it is pushed back along the ray by a fitted share of the half width. Not modelled: walls, crater
 //! rims, trees thinner than 6 cm; slopes and dunes give no features by design.
@@ -69,14 +69,21 @@ pub struct Sight<'e, 's> {
     /// Where the sweep looked.
     pub visibility: Visibility<'s>,
     clusters: &'e Clusters,
+    grid: &'e GroundGrid,
     sensor_m: DVec3,
 }
 
 impl Sight<'_, '_> {
-    /// All that stands up, rocks or not, in level axes ahead of the rover with the rover as origin.
+    /// All that stands up, rocks or not, in level axes ahead of the rover with the rover as origin; with the ground where the extractor keeps it.
     pub(super) fn surface(&self) -> Surface {
         let points = self.clusters.found().iter().filter(|cluster| cluster.points.len() >= LEAST_POINTS);
-        Surface::of(points.flat_map(|cluster| &cluster.points).map(|point| point.place_m + self.sensor_m))
+        let standing =
+            Surface::of(points.flat_map(|cluster| &cluster.points).map(|point| point.place_m + self.sensor_m));
+        if self.grid.keeps_means() {
+            standing.with_ground(self.grid.means_m(OBJECT_M).map(|cell_m| cell_m + self.sensor_m))
+        } else {
+            standing
+        }
     }
 }
 
@@ -101,6 +108,11 @@ impl Extractor {
         }
     }
 
+    /// One that keeps the ground, to lay sweeps on one another by it.
+    pub(super) fn with_ground(self) -> Extractor {
+        Extractor { grid: self.grid.with_means(), ..self }
+    }
+
     /// What a sweep holds.
     pub fn extract<'s>(&mut self, returns: &'s Returns, roll_rad: f64, pitch_rad: f64) -> Sight<'_, 's> {
         let level_from_rover = Pose { roll_rad, pitch_rad, ..Pose::default() }.rotation();
@@ -118,6 +130,7 @@ impl Extractor {
             features: &self.features,
             visibility: Visibility::of_sweep(EXPECTED_SHARE * self.range_m, returns, bins),
             clusters: &self.clusters,
+            grid: &self.grid,
             sensor_m: level_from_rover * self.rover_from_sensor.translation_m,
         }
     }
@@ -144,6 +157,11 @@ impl Extractor {
                 self.grid.place(&x_m, &y_m, &taken, cells);
                 for (&cell, &z_m) in cells.iter().zip(&z_m) {
                     self.grid.enter(cell, z_m);
+                }
+                if self.grid.keeps_means() {
+                    for (l, &cell) in cells.iter().enumerate() {
+                        self.grid.add(cell, DVec3::new(x_m[l], y_m[l], z_m[l]));
+                    }
                 }
             }
         }

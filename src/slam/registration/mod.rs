@@ -3,12 +3,14 @@
 //! In: [`Surface`]s of what stands up around two stops, each in axes that are level and ahead of the rover, with the rover as origin, and
 //! the [`Motion`] between them as reckoned. Out: a [`Fix`] of x, y and heading; metres, radians. Source: point to plane, with the normals of both
 //! sides (Rusinkiewicz 2019), by Gauss-Newton steps with Geman-McClure weights. Height and tilt are estimated too and marginalised: instruments tell
-//! them better. Only what stands up takes part: of the ground each stop sees the rings that its own beams draw, which move with the rover. The
+//! them better. What stands up takes part point by point; of the ground each stop sees the rings that its own beams draw, which move with the rover, so
+//! that it takes part, where a surface has it, by planes fitted over a metre. The
 //! fix is without the guess: what normals seem to tell because they err, as along a wall, is taken off the information. Deviation from least squares
 //! with known normals: that, and a covariance that lets the points of one spot err together. Not modelled: surfaces that move, like leaves.
 
 mod columns;
 mod equations;
+mod ground;
 mod placement;
 mod surface;
 
@@ -17,16 +19,16 @@ use crate::geometry::DVec3;
 use crate::math;
 use crate::wide::{Work, in_fours};
 use equations::{NormalEquations, Pair};
+use ground::GroundPlane;
 use placement::Placement;
 pub(crate) use surface::Surface;
 
 /// Fewer points tell no place.
 const LEAST_POINTS: usize = 20;
-/// Of the newer surface so many points are laid on the older, evenly drawn.
+/// Fewer planes of ground tell none.
+const LEAST_PLANES: usize = 50;
+/// Of the newer surface so many points, and so many planes, are laid on the older, evenly drawn.
 const MOST_POINTS: usize = 600;
-/// Least standard deviation of a point across its surface, metres: bent surfaces have normals of a neighbourhood.
-const LEAST_SIGMA_M: f64 = 0.02;
-const MOST_SIGMA_M: f64 = 0.1;
 /// What no number of points takes away: metres, metres, radians.
 const LEAST_FIX: Vector<3> = [4e-3, 4e-3, 2e-3];
 /// Side of a spot, metres: what its points err together is seen in the spread of the spots' pulls.
@@ -36,14 +38,31 @@ const LEAST_INFORMATION: f64 = 0.01;
 /// Normals that err seem to tell of directions that no surface tells of, as along a wall. This share of what they add to the information is
 /// taken off; the rest is what the estimate of that sum may err by.
 const NORMALS_SHARE: f64 = 0.9;
-/// Points that lie on the older surface, over those that were tried, at least; fewer are found on anything.
+/// Points that lie on the older surface, over those that were tried, at least; fewer are found on anything. And planes that lie where the older has some.
 const LEAST_SHARE: f64 = 0.2;
+const LEAST_GROUND_SHARE: f64 = 0.3;
+/// A plane of ground farther than this from the older one is of other ground, metres.
+const GROUND_REACH_M: f64 = 0.2;
 /// Chi-square of three degrees of freedom at 99.9 %: a fix farther off what was reckoned is of other things.
 const GATE: f64 = 16.3;
 /// Least standard deviations of the guess: x, y, z, metres, and the three turns, radians.
 const LEAST_GUESS: Vector<6> = [1e-3, 1e-3, 0.01, 2e-3, 2e-3, 1e-3];
 /// A step shorter than this, metres and radians, is the last one of its stage.
 const SETTLED: f64 = 2e-4;
+
+/// What the distances of one kind of pair err.
+struct Kind {
+    /// Standard deviation of a point across its surface, metres, at least and at most: bent surfaces have normals of a neighbourhood.
+    least_sigma_m: f64,
+    most_sigma_m: f64,
+    /// So many pairs err as one, beyond what the spread of the spots finds; by the NEES of fixes on the shipped configs.
+    correlated: f64,
+}
+
+const STANDING: Kind = Kind { least_sigma_m: 0.02, most_sigma_m: 0.1, correlated: 2.0 };
+/// A plane shares most of its cells with its neighbours.
+const GROUND: Kind = Kind { least_sigma_m: 0.004, most_sigma_m: 0.03, correlated: 4.0 };
+const KINDS: [Kind; 2] = [STANDING, GROUND];
 
 /// Which points are taken for the same while the steps come nearer.
 struct Stage {
@@ -106,26 +125,30 @@ pub(super) enum Registration {
 
 /// Lays `newer` on `older`.
 pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Registration {
-    if newer.len() < LEAST_POINTS || older.len() < LEAST_POINTS {
+    let both_have = |least: usize, count: fn(&Surface) -> usize| count(newer) >= least && count(older) >= least;
+    if !both_have(LEAST_POINTS, Surface::len) && !both_have(LEAST_PLANES, |surface| surface.ground.len()) {
         return Registration::Apart;
     }
     let mut placed = Placement::of(motion);
     let guess = placed;
     let information = guess_information(motion);
     let reach_m = REACH_SIGMAS * (motion.covariance[0][0] + motion.covariance[1][1]).max(0.0).sqrt();
-    let mut variance_m2 = LEAST_SIGMA_M * LEAST_SIGMA_M;
+    let mut variances_m2 = KINDS.map(|kind| kind.least_sigma_m * kind.least_sigma_m);
     for (k, stage) in STAGES.iter().enumerate() {
         let reach_m = if k == 0 { reach_m.clamp(LEAST_REACH_M, stage.reach_m) } else { stage.reach_m };
         let stage = Stage { reach_m, ..*stage };
         for _ in 0..stage.steps {
-            let equations =
-                NormalEquations::of(&Laid { newer, older, placed: &placed, stage: &stage }.pairs(), variance_m2);
-            if let Some(told_m2) = equations.told_m2() {
-                variance_m2 = told_m2.clamp(LEAST_SIGMA_M * LEAST_SIGMA_M, MOST_SIGMA_M * MOST_SIGMA_M);
+            let by_kind = Laid { newer, older, placed: &placed, stage: &stage }.equations(&variances_m2);
+            for ((variance_m2, equations), kind) in variances_m2.iter_mut().zip(&by_kind).zip(&KINDS) {
+                if let Some(told_m2) = equations.told_m2() {
+                    let [least_m2, most_m2] = [kind.least_sigma_m, kind.most_sigma_m].map(|sigma_m| sigma_m * sigma_m);
+                    *variance_m2 = told_m2.clamp(least_m2, most_m2);
+                }
             }
             let pull = apply(&information, &guess.from(&placed));
-            let towards: Vector<6> = std::array::from_fn(|i| equations.gradient[i] + pull[i]);
-            let Some(factor) = cholesky(&sum(&equations.information, &information)) else { return Registration::Apart };
+            let (told, gradient) = total(&by_kind);
+            let towards: Vector<6> = std::array::from_fn(|i| gradient[i] + pull[i]);
+            let Some(factor) = cholesky(&sum(&told, &information)) else { return Registration::Apart };
             let step = solve(&factor, &towards.map(|t| [t])).map(|[s]| s);
             placed.shift(&step);
             if step.iter().all(|s| s.abs() < SETTLED) {
@@ -135,22 +158,30 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
     }
     // Once more where it ended, so that gradient and information are of one place.
     let last = &STAGES[STAGES.len() - 1];
-    let pairs = Laid { newer, older, placed: &placed, stage: last }.pairs();
-    let equations = NormalEquations::of(&pairs, variance_m2);
-    let tried = newer.len().div_ceil(last.stride(newer));
-    if equations.weight < (LEAST_POINTS as f64).max(LEAST_SHARE * tried as f64) {
+    let by_kind = Laid { newer, older, placed: &placed, stage: last }.equations(&variances_m2);
+    let [standing, ground] = &by_kind;
+    let enough = |least: usize, share: f64, of: usize| (least as f64).max(share * of.div_ceil(last.stride(of)) as f64);
+    let stands = standing.weight >= enough(LEAST_POINTS, LEAST_SHARE, newer.len());
+    let lies = ground.pairs.len() as f64 >= enough(LEAST_PLANES, LEAST_GROUND_SHARE, newer.ground.len());
+    if !stands && !lies {
         return Registration::Apart;
     }
-    match fix(&equations, &pairs, &placed, &information, &guess.from(&placed)) {
+    match fix(&by_kind, &placed, &information, &guess.from(&placed)) {
         Some(fix) => gated(fix, motion),
         None => Registration::Apart,
     }
 }
 
+/// Information and gradient of all kinds of pair.
+fn total([standing, ground]: &[NormalEquations; 2]) -> (Matrix<6, 6>, Vector<6>) {
+    let gradient = std::array::from_fn(|i| standing.gradient[i] + ground.gradient[i]);
+    (sum(&standing.information, &ground.information), gradient)
+}
+
 impl Stage {
-    /// Of the points of a surface every so-manieth is tried.
-    fn stride(&self, newer: &Surface) -> usize {
-        self.every * newer.len().div_ceil(MOST_POINTS)
+    /// Of so many points of a surface every so-manieth is tried.
+    fn stride(&self, count: usize) -> usize {
+        self.every * count.div_ceil(MOST_POINTS).max(1)
     }
 }
 
@@ -163,8 +194,11 @@ struct Laid<'a> {
 }
 
 impl Laid<'_> {
-    fn pairs(self) -> Vec<Pair> {
-        in_fours(self)
+    /// Of what stands up, and of the ground.
+    fn equations(self, &[standing_m2, ground_m2]: &[f64; 2]) -> [NormalEquations; 2] {
+        let ground = self.ground_pairs();
+        let standing = in_fours(self);
+        [NormalEquations::of(standing, standing_m2, &STANDING), NormalEquations::of(ground, ground_m2, &GROUND)]
     }
 
     /// The pair of a point and its normal, if there is one.
@@ -182,12 +216,20 @@ impl Laid<'_> {
             return None;
         }
         // Normals have no side: both are taken to look the same way.
-        let own = own * cosine.signum();
-        let normal = (other + own).try_normalize()?;
-        let spot = [other_m.x, other_m.y].map(|t_m| (t_m / SPOT_M).floor() as i32);
-        let across_m = normal.dot(other_m - here_m);
-        // The mean of two normals errs by half of what they are apart.
-        Some(Pair { normal, normal_error: 0.5 * (other - own), arm_m, across_m, spot })
+        Pair::of(arm_m, here_m, own * cosine.signum(), other_m, other)
+    }
+
+    /// Planes of the newer ground and those of the older at the same places.
+    fn ground_pairs(&self) -> Vec<Pair> {
+        let Laid { newer, older, placed, stage } = self;
+        let pair = |plane: &GroundPlane| {
+            let arm_m = placed.turn * plane.place_m;
+            let here_m = placed.place_m + arm_m;
+            let other = older.ground.at(here_m)?;
+            Pair::of(arm_m, here_m, placed.turn * plane.normal, other.place_m, other.normal)
+                .filter(|pair| pair.across_m.abs() < GROUND_REACH_M)
+        };
+        newer.ground.planes().step_by(stage.stride(newer.ground.len())).filter_map(pair).collect()
     }
 }
 
@@ -196,7 +238,7 @@ impl Work for Laid<'_> {
 
     #[inline(always)]
     fn run(self) -> Vec<Pair> {
-        let (newer, stride) = (self.newer, self.stage.stride(self.newer));
+        let (newer, stride) = (self.newer, self.stage.stride(self.newer.len()));
         let mut pairs = Vec::with_capacity(newer.len().div_ceil(stride));
         for k in (0..newer.len()).step_by(stride) {
             if let Some(pair) = self.pair(newer.columns.places_m()[k], newer.normals[k]) {
@@ -228,17 +270,12 @@ const REST: [usize; 3] = [2, 3, 4];
 
 /// Where the points, and of height and tilt the guess, would have the placement, and how surely: what every point errs alone, and what those
 /// of one spot err together (the sandwich of White 1980, by spots).
-fn fix(
-    equations: &NormalEquations,
-    pairs: &[Pair],
-    placed: &Placement,
-    guess: &Matrix<6, 6>,
-    to_guess: &Vector<6>,
-) -> Option<Fix> {
-    let errors = equations.by_normals(pairs);
+fn fix(by_kind: &[NormalEquations; 2], placed: &Placement, guess: &Matrix<6, 6>, to_guess: &Vector<6>) -> Option<Fix> {
+    let [standing, ground] = by_kind;
+    let errors = sum(&standing.by_normals(), &ground.by_normals());
+    let (told, mut towards) = total(by_kind);
     let mut information: Matrix<6, 6> =
-        std::array::from_fn(|r| std::array::from_fn(|c| equations.information[r][c] - NORMALS_SHARE * errors[r][c]));
-    let mut towards = equations.gradient;
+        std::array::from_fn(|r| std::array::from_fn(|c| told[r][c] - NORMALS_SHARE * errors[r][c]));
     for k in PLAN {
         information[k][k] += LEAST_INFORMATION;
     }
@@ -247,12 +284,13 @@ fn fix(
         towards[k] += guess[k][k] * to_guess[k];
     }
     let mut scores = information;
-    let by_spot = equations.by_spot(pairs);
-    let spots = by_spot.len() as f64;
-    for pull in by_spot.values() {
-        for r in 0..6 {
-            for c in 0..6 {
-                scores[r][c] += pull[r] * pull[c] * spots / (spots - 1.0).max(1.0);
+    for by_spot in by_kind.iter().map(NormalEquations::by_spot) {
+        let spots = by_spot.len() as f64;
+        for pull in by_spot.values() {
+            for r in 0..6 {
+                for c in 0..6 {
+                    scores[r][c] += pull[r] * pull[c] * spots / (spots - 1.0).max(1.0);
+                }
             }
         }
     }

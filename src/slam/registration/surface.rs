@@ -1,10 +1,11 @@
-//! The returns of one sweep that stand up from the ground -> a thinned surface with normals.
+//! The returns of one sweep that stand up from the ground -> a thinned surface with normals; and beside it the ground's planes, where they are asked for.
 //!
 //! In: points in levelled axes, metres. Out: [`Surface`]: points some [`THIN_M`] apart, each the mean of its neighbourhood, and the direction
 //! in which that is thinnest (Hoppe et al. 1992). Points whose neighbourhood is too small to tell a normal are left out, and those on what lies
 //! flat. Deviation: normals have no side, for nothing here asks which way a surface looks.
 
 use super::columns::Columns;
+use super::ground::GroundMap;
 use crate::geometry::DVec3;
 use crate::wide::{Work, in_fours};
 
@@ -23,12 +24,13 @@ const LEAST_WIDTH: f64 = 1e-6;
 /// After so many, an axis that is a tenth less thin than the thinnest has a twentieth of its weight.
 const SQUARINGS: usize = 5;
 
-/// What stood up in a sweep.
+/// What a sweep is laid on another by.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Surface {
     pub(super) columns: Columns,
     /// Of the columns' points, in their order; unit vectors.
     pub(super) normals: Vec<DVec3>,
+    pub(super) ground: GroundMap,
 }
 
 impl Surface {
@@ -37,15 +39,20 @@ impl Surface {
         let (thinned, _) = Columns::of(&thinned(points_m));
         let (means_m, normals) = in_fours(Neighbourhoods(&thinned));
         let (columns, order) = Columns::of(&means_m);
-        Surface { columns, normals: order.iter().map(|&k| normals[k as usize]).collect() }
+        Surface { columns, normals: order.iter().map(|&k| normals[k as usize]).collect(), ground: GroundMap::default() }
     }
 
-    /// Whether it has points enough to be laid on another.
+    /// With the ground around it, of which the means of small cells are given.
+    pub(crate) fn with_ground(self, cells_m: impl Iterator<Item = DVec3>) -> Surface {
+        Surface { ground: GroundMap::of(cells_m), ..self }
+    }
+
+    /// Whether it has points or ground enough to be laid on another.
     pub(crate) fn is_enough(&self) -> bool {
-        self.len() >= super::LEAST_POINTS
+        self.len() >= super::LEAST_POINTS || self.ground.len() >= super::LEAST_PLANES
     }
 
-    /// How many points it has.
+    /// How many points it has that stand up.
     pub(crate) fn len(&self) -> usize {
         self.normals.len()
     }

@@ -36,12 +36,12 @@ fn seen(points_m: &[DVec3], moved: &Vector<3>) -> Surface {
     Surface::of(points_m.iter().map(back))
 }
 
-fn reckoned(mean: Vector<3>, sigmas: Vector<3>) -> Motion {
+pub(super) fn reckoned(mean: Vector<3>, sigmas: Vector<3>) -> Motion {
     let covariance = diagonal(&sigmas.map(|s| s * s));
     Motion { mean, covariance, climb_m: 0.0, climb_m2: 1e-4, tilt_rad2: 1e-4 }
 }
 
-fn fixed(registration: Registration) -> Fix {
+pub(super) fn fixed(registration: Registration) -> Fix {
     match registration {
         Registration::Fixed(fix) => fix,
         other => panic!("{other:?}"),

@@ -19,7 +19,7 @@ const CONTROL: Control = Control { distance_m: 0.4, turn_rad: 0.3 };
 fn unsure() -> GaussianPose {
     let scale = ScaleFactor { mean: 0.95, variance: 0.01, with_pose: [0.0; 6] };
     let covariance = diagonal(&[1e-3, 2e-3, 1e-3, 1e-4, 2e-4, 1e-3]);
-    GaussianPose { mean: [0.3, -0.2, 0.1, 0.1, -0.05, 0.8], covariance, scale }
+    GaussianPose { mean: [0.3, -0.2, 0.1, 0.1, -0.05, 0.8], covariance, scale, ..Default::default() }
 }
 
 /// Mean and covariance of all seven.
@@ -73,7 +73,12 @@ fn equal_a_step_and_that_of_a_filter_of_seven_numbers() {
     let (mean, covariance) = seven(&before);
     let at = |mean: Vector<7>| {
         let scale = ScaleFactor { mean: mean[6], ..ScaleFactor::default() };
-        let known = GaussianPose { mean: std::array::from_fn(|i| mean[i]), covariance: [[0.0; 6]; 6], scale };
+        let known = GaussianPose {
+            mean: std::array::from_fn(|i| mean[i]),
+            covariance: [[0.0; 6]; 6],
+            scale,
+            ..Default::default()
+        };
         seven(&driven(known))
     };
     let columns: Matrix<7, 7> = std::array::from_fn(|column| {
@@ -199,7 +204,7 @@ fn extreme_turns_on_the_spot_ways_back_and_wheels_that_spin() {
     assert_eq!(spun.scale, unsure().scale);
     let level = |mean: f64| {
         let scale = ScaleFactor { mean, variance: 0.81, with_pose: [0.0; 6] };
-        GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6], scale }
+        GaussianPose { mean: [0.0; 6], covariance: [[0.0; 6]; 6], scale, ..Default::default() }
     };
     let [ahead, back] = [0.4, -0.4].map(|distance_m| {
         let mut belief = level(1.0);

@@ -43,7 +43,7 @@ fn exact_the_papers_config_has_every_knob_but_the_references_own_values() {
     for (group, expected) in [
         // As written it is the reference, for it models no mixed pixels.
         (Group::Presets, "draft"),
-        (Group::Slam, "1 particle|10 particles|60 particles|300 particles|surrogate|dead_reckoning|truth"),
+        (Group::Slam, "1 particle|10 particles|60 particles|300 particles|surrogate|registration|dead_reckoning|truth"),
         (Group::Cast, "raster 0.05 m|raster 0.1 m|raster 0.2 m|mesh 0.05 m|mesh 0.1 m|mesh 0.2 m"),
         (Group::SubRays, ""),
         (Group::Resolution, "every 2nd beam|every 4th beam"),
