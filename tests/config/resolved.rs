@@ -70,6 +70,7 @@ fn equal_plans_with_every_part_switched_on_and_off() {
         &["scene.vegetation={grass: {count: 3, radius_m: 1, sigma_m: 0.05}, brush: null}"],
         &["slam=truth"],
         &["slam=dead_reckoning"],
+        &["slam={registration: {range_m: 8}}"],
         &["slam={surrogate: {}}"],
         &["drive.keep={every: 2}", "drive.path={waypoints: {points_m: [[3, 3], [6, 6.5]]}}"],
         &["sweep.cast={mesh: {spacing_m: 0.1}}", "sweep.mount={z_m: {uniform: [0.5, 1]}}", "sweep.sensor=os1-64"],

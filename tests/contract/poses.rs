@@ -81,6 +81,50 @@ fn equal_nees_of_a_corpus_and_of_the_filter_that_made_it() {
     assert!(judged > 10, "{judged} rows have a covariance with an inverse");
 }
 
+/// The mean distance of the poses of a corpus from the truth, metres, over all rows.
+fn mean_error_m(yard: &Yard, corpus: &str) -> f64 {
+    let table = TableFile::open(&LocalFolder::new(yard.path(corpus)), &Table::Poses.path(0)).expect("a shard");
+    let (mut sum_m, mut rows) = (0.0, 0);
+    for scene in 0..20 {
+        let Ok(stored) = table.rows_of_scene(scene) else { continue };
+        for row in 0..stored.num_rows() {
+            let apart_m = |axis: &str| {
+                let of = |column: String| numbers(&stored, &column).value(row);
+                of(format!("{axis}_m")) - of(format!("truth_{axis}_m"))
+            };
+            sum_m += square(&["x", "y", "z"].map(apart_m)).sqrt();
+            rows += 1;
+        }
+    }
+    assert!(rows > 100, "{rows}");
+    sum_m / f64::from(rows)
+}
+
+#[test]
+fn law_a_corpus_located_by_registration_is_nearer_to_the_truth_and_the_same_on_any_number_of_threads() {
+    let yard = Yard::new();
+    let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml");
+    let build = |out: &str, slam: &str, threads: &str| {
+        let slam = format!("slam={slam}");
+        yard.generate(
+            &paper,
+            out,
+            &["--set", "scenes=20", "--set", "scenes_per_shard=20", "--set", &slam, "--threads", threads],
+        );
+    };
+    build("registered", "{registration: {}}", "1");
+    build("again", "{registration: {range_m: 5.3}}", "2");
+    build("reckoned", "dead_reckoning", "2");
+    let manifest = |out: &str| {
+        let text = std::fs::read_to_string(yard.path(out).join("manifest.json")).expect("a manifest");
+        serde_json::from_str::<Json>(&text).expect("JSON")["corpus_id"].clone()
+    };
+    assert!(manifest("registered").is_string());
+    assert_eq!(manifest("registered"), manifest("again"));
+    let (registered_m, reckoned_m) = (mean_error_m(&yard, "registered"), mean_error_m(&yard, "reckoned"));
+    assert!(registered_m < 0.85 * reckoned_m, "{registered_m} {reckoned_m}");
+}
+
 fn logs() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/logs")
 }

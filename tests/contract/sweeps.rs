@@ -133,7 +133,7 @@ fn localise(yard: &Yard, drive: &Drive, extra: &[&str]) -> Json {
 #[test]
 fn law_points_of_sweeps_locate_a_drive_as_whole_sweeps_do() {
     let number = |said: &Json, of: &str| said[of]["last_error_m"].as_f64().expect("a number");
-    let (mut of_points_m, mut of_sweeps_m, mut reckoned_m) = (0.0, 0.0, 0.0);
+    let (mut of_points_m, mut of_sweeps_m, mut reckoned_m, mut registered_m) = (0.0, 0.0, 0.0, 0.0);
     for scene in 0..12 {
         let (yard, drive) = (Yard::new(), Drive::of(scene));
         drive.record(&yard);
@@ -142,6 +142,9 @@ fn law_points_of_sweeps_locate_a_drive_as_whole_sweeps_do() {
         reckoned_m += number(&said, "dead_reckoning");
         let off_m = drive.located().position_m - drive.replay.drive.truth[drive.last()].position_m;
         of_sweeps_m += off_m.truncate().length();
+        let registered = localise(&yard, &drive, &["--method", "registration", "--out", "registered"]);
+        registered_m += number(&registered, "score");
+        assert!(registered["sweeps"]["found_again"].as_u64() > Some(0), "{registered}");
         // Each sweep has a row, at the sweep's time, so that `classify --trajectory` finds one for each cloud.
         let trajectory = std::fs::read_to_string(yard.path("located/sweeps.tum")).expect("a file");
         let poses = trajectory::parse("sweeps.tum", &trajectory).expect("poses");
@@ -153,6 +156,7 @@ fn law_points_of_sweeps_locate_a_drive_as_whole_sweeps_do() {
     let all_m = [of_points_m, of_sweeps_m, reckoned_m];
     assert!(of_points_m < 0.6 * reckoned_m && of_sweeps_m < 0.6 * reckoned_m, "{all_m:?}");
     assert!((of_points_m / of_sweeps_m - 1.0).abs() < 0.25, "{all_m:?}");
+    assert!(registered_m < 0.6 * reckoned_m, "{registered_m} {all_m:?}");
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use super::extraction::{Finding, Study, Tally};
 use super::params;
-use super::trial::{ate_m, error, fastslam, mean, run, seeds};
+use super::trial::{ate_m, error, fastslam, mean, nees, run, seeds};
 use super::world::Scenario;
 use marsyard::random::{Stage, Streams};
-use marsyard::slam::{FastslamParams, Slam, SlamParams};
+use marsyard::slam::{FastslamParams, RegistrationParams, Slam, SlamParams};
 
 /// Yards of the extraction study, ten scans in each.
 const YARDS: u64 = 20;
@@ -110,4 +110,39 @@ fn dist_extracted_features_beat_dead_reckoning_and_come_near_to_points() {
     assert!(extracted_m <= 0.9 * reckoned_m, "{extracted_m} {reckoned_m}");
     println!("with sweeps laid on one another {registered_m:.3} m");
     assert!(registered_m <= 0.9 * extracted_m, "{registered_m} {extracted_m}");
+}
+
+#[test]
+fn dist_registration_alone_beats_dead_reckoning_and_owns_up_to_its_errors() {
+    let study = Study::new();
+    let scenario = Scenario::a();
+    let (mut reckoned_m, mut registered_m, mut of_ends) = (Vec::new(), Vec::new(), Vec::new());
+    for seed in 1..=20.min(*seeds().end()) {
+        let ring = study.ring(seed, &scenario);
+        let (drive, noise) = (&ring.drive, scenario.noise());
+        reckoned_m.push(run(&SlamParams::DeadReckoning, drive, &noise, seed).ate_m);
+        let method = SlamParams::Registration(RegistrationParams::default());
+        let mut slam = Slam::new(&method, &noise, &drive.truth[0], &drive.rover_from_sensor).expect("a filter");
+        let mut errors = Vec::new();
+        for (k, truth) in drive.truth.iter().enumerate() {
+            slam.step(&drive.readings[k]).expect("upright");
+            if let Some(sweep) = &ring.sweeps[k] {
+                let streams = Streams { seed, scene: 0, attempt: 0, stage: Stage::Slam, step: k as u32 };
+                slam.observe(&sweep.returns, &streams).expect("upright");
+            }
+            let estimate = slam.estimate();
+            // Nothing is drawn, so that no ancestor can be lost.
+            assert!(!estimate.sigma_optimistic && slam.ancestors() == 1);
+            errors.push((error(&estimate.pose, truth), estimate.covariance));
+        }
+        registered_m.push(ate_m(&errors));
+        of_ends.push(nees::<3>(errors.last().expect("a step"), 0));
+    }
+    let (registered_m, reckoned_m, of_ends) = (mean(registered_m), mean(reckoned_m), mean(of_ends));
+    println!(
+        "ring: registration alone {registered_m:.3} m, dead reckoning {reckoned_m:.3}; NEES of the position {of_ends:.2}"
+    );
+    assert!(registered_m <= 0.7 * reckoned_m, "{registered_m} {reckoned_m}");
+    // Of the means of 20 honest drives 99.9 % lie between 1.5 and 5.1.
+    assert!(of_ends <= 5.1, "{of_ends}");
 }
