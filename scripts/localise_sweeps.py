@@ -37,8 +37,8 @@ IMU_DEG = 0.5
 SIDEWAYS = 0.1
 WAYS = {
     "as it is (sight 10 m, spacing 0.4 m, 1000 particles)": [],
-    "registration alone": ["--method", "registration"],
-    "registration alone, all sweeps": ["--method", "registration", "--sweep-spacing-m", "0"],
+    "registration alone": ["--registration"],
+    "registration alone, all sweeps": ["--registration", "--sweep-spacing-m", "0"],
     "sight 5.3 m": ["--feature-range-m", "5.3"],
     "sight 20 m": ["--feature-range-m", "20"],
     "all sweeps": ["--sweep-spacing-m", "0"],

@@ -7,7 +7,6 @@ mod sweeps;
 use std::path::Path;
 
 pub(super) use args::LocaliseArgs;
-use args::Method;
 use sweeps::SweepReader;
 
 use super::output::errln;
@@ -66,7 +65,7 @@ pub(super) fn run(args: &LocaliseArgs, log: LogFormat) -> Result<(), Failure> {
     let located = match args.features.as_ref().or(args.sweeps.as_ref()) {
         None => reckoned.clone(),
         Some(_) => {
-            let params = LocateParams { slam: method(args, &recording), ..reckoning };
+            let params = LocateParams { slam: corrected(args, &recording), ..reckoning };
             let mut progress = LocaliseProgress::new(log);
             let each_step = |done, of| progress.take(done, of);
             let located = recording::locate(&recording, &params, |name| reader.returns(name), each_step);
@@ -195,16 +194,16 @@ fn start_without_truth(args: &LocaliseArgs, recording: &Recording) -> Result<Pos
     Ok(told.unwrap_or_default())
 }
 
-/// Of a log as many features of a time are taken as there are, but of those without ids one within 0.3 m; of sweeps as many as in corpora.
-fn method(args: &LocaliseArgs, recording: &Recording) -> SlamParams {
-    match args.method {
-        Method::Registration if args.sweeps.is_some() => {
-            SlamParams::Registration(RegistrationParams { range_m: args.feature_range_m })
-        }
-        Method::Registration | Method::Fastslam => SlamParams::Fastslam(fastslam(args, recording)),
+/// How features or sweeps correct what the odometry says.
+fn corrected(args: &LocaliseArgs, recording: &Recording) -> SlamParams {
+    if args.registration {
+        SlamParams::Registration(RegistrationParams { range_m: args.feature_range_m })
+    } else {
+        SlamParams::Fastslam(fastslam(args, recording))
     }
 }
 
+/// Of a log as many features of a time are taken as there are, but of those without ids one within 0.3 m; of sweeps as many as in corpora.
 fn fastslam(args: &LocaliseArgs, recording: &Recording) -> FastslamParams {
     let of_log = recording.observations.iter().map(|(_, observation)| match observation {
         Observation::Features(features) => features.len() as u32,

@@ -1,9 +1,11 @@
 //! The pose now and the pose at a keyframe, as one Gaussian -> what a measurement of the way between them tells of both.
 //!
 //! In: the steps, readings, measurements and draws of a pose. Out: x, y, z and heading at the keyframe, with what they have in common with the
-//! pose now and with the odometry's scale. Metres, radians, state order of [`GaussianPose`]. Source: stochastic cloning, Roumeliotis & Burdick 2002.
+//! pose now and with the odometry's scale. Metres, radians, state order of [`GaussianPose`]. Source: stochastic cloning, Roumeliotis & Burdick 2002;
+//! deviation: of the pose at the keyframe only what a way in the plane hangs on is kept, without roll and pitch.
 //! A pose that was drawn at its keyframe knows it exactly, and nothing is carried: so it is with the particles of FastSLAM. A Gaussian that was not
-//! drawn keeps what its heading there errs, and a later reading of the sun corrects the way since. Not modelled: more than one keyframe.
+//! drawn keeps what its heading there errs, and a later reading of the sun corrects the way since. Not modelled: more than one keyframe, and that two
+//! ways in a row share a sweep, so that they err together.
 
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
@@ -104,35 +106,31 @@ impl ClonedPose {
         unsure.with_pose = [[0.0; 6]; 4];
     }
 
-    /// Variance of the climb since the keyframe, of a pose whose covariance is given.
-    pub(super) fn climb_m2(&self, covariance: &Matrix<6, 6>) -> f64 {
-        match &self.covariances {
-            None => covariance[2][2],
-            Some(unsure) => covariance[2][2] + unsure.own[2][2] - 2.0 * unsure.with_pose[2][2],
-        }
-    }
-
-    /// Covariance of three numbers of slopes `by_pose` and `by_keyframe`.
-    #[inline(always)]
-    pub(super) fn spread(
-        &self,
-        covariance: &Matrix<6, 6>,
-        by_pose: &Matrix<3, 6>,
-        by_keyframe: &Matrix<3, 4>,
-    ) -> Matrix<3, 3> {
-        let of_pose = product(&product(by_pose, covariance), &transpose(by_pose));
-        let Some(unsure) = &self.covariances else { return of_pose };
-        let across = product(&product(by_keyframe, &unsure.with_pose), &transpose(by_pose));
-        let of_keyframe = product(&product(by_keyframe, &unsure.own), &transpose(by_keyframe));
-        sum(&sum(&of_pose, &of_keyframe), &sum(&across, &transpose(&across)))
-    }
-
     pub(super) fn is_known(&self) -> bool {
         self.covariances.is_none()
     }
 }
 
 impl GaussianPose {
+    /// Variance of the climb since the keyframe.
+    pub(super) fn climb_m2(&self) -> f64 {
+        let own_m2 = self.covariance[2][2];
+        self.keyframe
+            .covariances
+            .as_ref()
+            .map_or(own_m2, |unsure| own_m2 + unsure.own[2][2] - 2.0 * unsure.with_pose[2][2])
+    }
+
+    /// Covariance of three numbers of slopes `by_pose` and `by_keyframe`.
+    #[inline(always)]
+    pub(super) fn way_covariance(&self, by_pose: &Matrix<3, 6>, by_keyframe: &Matrix<3, 4>) -> Matrix<3, 3> {
+        let of_pose = product(&product(by_pose, &self.covariance), &transpose(by_pose));
+        let Some(unsure) = &self.keyframe.covariances else { return of_pose };
+        let across = product(&product(by_keyframe, &unsure.with_pose), &transpose(by_pose));
+        let of_keyframe = product(&product(by_keyframe, &unsure.own), &transpose(by_keyframe));
+        sum(&sum(&of_pose, &of_keyframe), &sum(&across, &transpose(&across)))
+    }
+
     /// Kalman update of pose, keyframe and scale by three numbers of slopes `by_pose` and `by_keyframe`; the factor of the innovation's covariance,
     /// or `None`, and nothing is updated, where that has none.
     pub(super) fn measure_way(
@@ -148,6 +146,17 @@ impl GaussianPose {
             self.measure(by_pose, &pull, &factor, innovation, noise);
             return Some(factor);
         }
+        self.measure_all(by_pose, by_keyframe, innovation, noise)
+    }
+
+    /// The same of all numbers, stacked.
+    pub(super) fn measure_all(
+        &mut self,
+        by_pose: &Matrix<3, 6>,
+        by_keyframe: &Matrix<3, 4>,
+        innovation: &Vector<3>,
+        noise: &Matrix<3, 3>,
+    ) -> Option<Matrix<3, 3>> {
         let (mut mean, mut covariance) = self.stacked();
         let mut slopes = [[0.0; ALL]; 3];
         for r in 0..3 {
@@ -162,7 +171,7 @@ impl GaussianPose {
         Some(factor)
     }
 
-    /// Pose, keyframe and scale in one column, and their covariance.
+    /// Pose, keyframe and scale in one column, and their covariance. A scale that is known has nothing in common with anything.
     fn stacked(&self) -> (Vector<ALL>, Matrix<ALL, ALL>) {
         let GaussianPose { mean: pose, covariance: of_pose, scale, keyframe } = self;
         let (mut mean, mut covariance) = ([0.0; ALL], [[0.0; ALL]; ALL]);
@@ -178,7 +187,8 @@ impl GaussianPose {
                 let row = KEYFRAME + k;
                 covariance[row][..KEYFRAME].copy_from_slice(&unsure.with_pose[k]);
                 covariance[row][KEYFRAME..SCALE].copy_from_slice(&unsure.own[k]);
-                (covariance[row][SCALE], covariance[SCALE][row]) = (unsure.with_scale[k], unsure.with_scale[k]);
+                let with_scale = if scale.is_known() { 0.0 } else { unsure.with_scale[k] };
+                (covariance[row][SCALE], covariance[SCALE][row]) = (with_scale, with_scale);
                 for r in 0..KEYFRAME {
                     covariance[r][row] = unsure.with_pose[k][r];
                 }
@@ -203,8 +213,7 @@ impl GaussianPose {
             }
         }
         if !self.scale.is_known() {
-            let with_pose = std::array::from_fn(|r| covariance[SCALE][r]);
-            self.scale = ScaleFactor { mean: mean[SCALE], variance: covariance[SCALE][SCALE].max(0.0), with_pose };
+            self.scale.take(mean[SCALE], covariance[SCALE][SCALE], std::array::from_fn(|r| covariance[SCALE][r]));
         }
     }
 }

@@ -59,14 +59,13 @@ fn motion(particles: &[Particle], weights: &[f64], tilt_rad2: f64) -> Motion {
     let (mut covariance, mut climb_m2) = ([[0.0; 3]; 3], 0.0);
     for (particle, &weight) in particles.iter().zip(weights) {
         let (d, WaySlopes { by_pose, by_keyframe }) = apart(particle);
-        let own = particle.belief.keyframe.spread(&particle.belief.covariance, &by_pose, &by_keyframe);
+        let own = particle.belief.way_covariance(&by_pose, &by_keyframe);
         for r in 0..3 {
             for c in 0..3 {
                 covariance[r][c] += weight * (own[r][c] + (d[r] - mean[r]) * (d[c] - mean[c]));
             }
         }
-        climb_m2 += weight
-            * (particle.belief.keyframe.climb_m2(&particle.belief.covariance) + (d[3] - mean[3]) * (d[3] - mean[3]));
+        climb_m2 += weight * (particle.belief.climb_m2() + (d[3] - mean[3]) * (d[3] - mean[3]));
     }
     let heading_rad = math::wrap_angle(reference[2] + mean[2]);
     let mean_of_way = [reference[0] + mean[0], reference[1] + mean[1], heading_rad];

@@ -82,6 +82,10 @@ impl Slam {
     ) -> Result<Slam, SlamError> {
         let alone = FastslamParams { particles: 1, ..FastslamParams::default() };
         let maps = matches!(params, SlamParams::Fastslam(_));
+        let registers = match params {
+            SlamParams::Fastslam(params) => params.registration,
+            _ => matches!(params, SlamParams::Registration(_)),
+        };
         let (params, extractor) = match params {
             SlamParams::Fastslam(params) => (params, Some(Extractor::new(params.feature_range_m, rover_from_sensor))),
             SlamParams::Registration(params) => {
@@ -106,7 +110,7 @@ impl Slam {
         }
         upright(start.pitch_rad)?;
         let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor), maps);
-        Ok(Slam { filter, extractor, registers: params.registration, maps, start_m: start.position_m })
+        Ok(Slam { filter, extractor, registers, maps, start_m: start.position_m })
     }
 
     /// The noise of one's own features: range (metres), bearing, elevation (radians), before the inflation. Sweeps' features keep their own

@@ -152,7 +152,7 @@ impl GaussianPose {
             [row[ROLL], row[PITCH]] = turned_tilt(tilt, whole);
         };
         p.iter_mut().for_each(carry);
-        let by_scale = ahead.map(|share| counted_m * share);
+        let by_scale = if self.scale.is_known() { [0.0; 3] } else { ahead.map(|share| counted_m * share) };
         self.keyframe.drive(carry, &by_scale);
         if !self.scale.is_known() {
             carry(&mut self.scale.with_pose);
@@ -187,8 +187,7 @@ impl GaussianPose {
         symmetrise(p);
     }
 
-    /// Kalman update by three numbers of slopes `by_pose`; `pull` is H P, and `factor` that of H P H' + the noise. A keyframe that is unsure is told of
-    /// it by [`GaussianPose::measure_way`] alone.
+    /// Kalman update by three numbers of slopes `by_pose`; `pull` is H P, and `factor` that of H P H' + the noise.
     #[inline(always)]
     pub(super) fn measure(
         &mut self,
@@ -198,6 +197,10 @@ impl GaussianPose {
         innovation: &Vector<3>,
         noise: &Matrix<3, 3>,
     ) {
+        if !self.keyframe.is_known() {
+            self.measure_all(by_pose, &[[0.0; 4]; 3], innovation, noise);
+            return;
+        }
         self.scale.measure(by_pose, pull, factor, innovation);
         kalman::update((&mut self.mean, &mut self.covariance), by_pose, pull, factor, innovation, noise);
         self.wrap();

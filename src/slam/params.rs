@@ -13,7 +13,7 @@ pub enum SlamParams {
     /// FastSLAM 2.0 on features and surfaces of the sweeps, IMU, sun sensor and odometry.
     Fastslam(#[garde(dive)] FastslamParams),
     /// A Kalman filter of IMU, sun sensor and odometry that lays each sweep on the one before, by what stands up and by the ground. No landmarks and
-    /// no particles: cheaper than FastSLAM, nearer to the truth on the shipped configs, and honest about its errors on long drives.
+    /// no particles: on the shipped configs nearer to the truth than FastSLAM, for as much CPU, and honest about its errors on long drives.
     Registration(#[garde(dive)] RegistrationParams),
     /// IMU, sun sensor and odometry alone.
     DeadReckoning,

@@ -40,6 +40,12 @@ impl ScaleFactor {
         self.variance == 0.0
     }
 
+    /// As a filter of all numbers tells it.
+    pub(super) fn take(&mut self, mean: f64, variance: f64, with_pose: Vector<6>) {
+        *self = ScaleFactor { mean, variance, with_pose };
+        self.learn(0.0);
+    }
+
     /// Takes what was learnt off the variance. Where rounding leaves none or less, the scale is known, and uncorrelated with the pose.
     #[inline(always)]
     fn learn(&mut self, variance: f64) {

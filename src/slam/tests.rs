@@ -3,6 +3,7 @@
 mod extremes;
 mod maps;
 mod readings;
+mod registered;
 mod steps;
 mod sweeps;
 mod textbook;

@@ -2,19 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use crate::cli::options::{parse_six, parse_three};
 use crate::slam;
-
-/// How sweeps correct what the odometry says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Method {
-    /// Each sweep is laid on the one read before, by what stands up and by the ground, in one Kalman filter.
-    Registration,
-    /// What stands up is laid on the sweep before, and rocks are landmarks that are found again, in particles.
-    Fastslam,
-}
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct LocaliseArgs {
@@ -24,7 +15,7 @@ pub(in crate::cli) struct LocaliseArgs {
     #[arg(long, value_name = "CSV", conflicts_with = "sweeps")]
     pub(super) features: Option<PathBuf>,
     /// Sweeps of a LiDAR: a list (CSV) of times and files, each file the points of one sweep in the sensor's frame. Rocks in them are the
-    /// features, and what stands up in each is laid on the one before.
+    /// features, and what stands up in each is laid on the one before; or see --registration.
     #[arg(long, value_name = "CSV", requires = "sensor")]
     pub(super) sweeps: Option<PathBuf>,
     /// Where the rover truly was (CSV): the drive starts where it says that it began, and errors are told.
@@ -39,7 +30,7 @@ pub(in crate::cli) struct LocaliseArgs {
     /// The sensor on the rover, metres: forward, left, up; and how it is turned, degrees. Features: at the rover's origin unless told.
     #[arg(long, value_name = "X,Y,Z[,YAW,PITCH,ROLL]", allow_hyphen_values = true, value_parser = three_or_six)]
     pub(super) sensor: Option<[f64; 6]>,
-    /// In sweeps rocks are looked for up to this far from the sensor, and what stands up is laid on the sweep before, metres, 0.5 to 20;
+    /// In sweeps rocks are looked for up to this far from the sensor, and what stands up (and the ground) is laid on the sweep before, metres, 0.5 to 20;
     /// at most nine tenths of the sensor's reach.
     #[arg(long, value_name = "M", requires = "sweeps", default_value_t = 10.0, value_parser = feature_range)]
     pub(super) feature_range_m: f64,
@@ -51,10 +42,10 @@ pub(in crate::cli) struct LocaliseArgs {
     /// width and height, metres.
     #[arg(long, value_name = "L,W,H", requires = "sweeps", value_parser = sizes)]
     pub(super) self_filter: Option<[f64; 3]>,
-    /// How sweeps are used.
-    #[arg(long, requires = "sweeps", value_enum, default_value_t = Method::Fastslam)]
-    pub(super) method: Method,
-    /// Particles of FastSLAM: recordings are long, and with few of them all descend from one ancestor, and sigmas are too small.
+    /// Without rocks and particles: one Kalman filter lays each sweep on the one read before, by what stands up and by the ground.
+    #[arg(long, requires = "sweeps", conflicts_with_all = ["particles", "measurement_inflation", "motion_inflation", "range_m", "bearing_deg"])]
+    pub(super) registration: bool,
+    /// Particles: recordings are long, and with few of them all descend from one ancestor, and sigmas are too small.
     #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub(super) particles: u32,
     /// Leave the ids out: the filter finds out which landmark each feature is.

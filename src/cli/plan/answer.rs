@@ -135,7 +135,7 @@ impl Answer<'_> {
         if !self.plan.families.iter().any(|family| matches!(family.slam, SlamParams::Fastslam(_))) {
             return Vec::new();
         }
-        let cheaper = ["slam: registration", "slam: dead_reckoning", "slam: surrogate"];
+        let cheaper = ["slam: dead_reckoning", "slam: surrogate"];
         let settings = self.study.settings.iter().filter(|setting| cheaper.contains(&setting.name.as_str()));
         settings
             .filter_map(|setting| Some((setting, setting.told?)))

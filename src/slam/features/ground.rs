@@ -5,11 +5,11 @@
 //! weighed down up to four times over, until no weight changes. The planes stand at nodes four cells apart, and the ground is
 //! bilinear between: over 0.4 m its bend is millimetres.
 
+mod means;
 mod planes;
 
 use std::ops::Range;
 
-use crate::geometry::DVec3;
 use crate::wide::{LANES, Work, widest};
 use planes::Planes;
 
@@ -84,15 +84,6 @@ impl GroundGrid {
         }
     }
 
-    /// One that keeps the means of its cells.
-    pub(super) fn with_means(self) -> GroundGrid {
-        GroundGrid { sums: vec![[0.0; 4]; self.highest_m.len()], ..self }
-    }
-
-    pub(super) fn keeps_means(&self) -> bool {
-        !self.sums.is_empty()
-    }
-
     /// Rows, and cells from one row to the next.
     pub(super) fn rows_and_width(&self) -> (usize, usize) {
         (self.side, self.cells.width)
@@ -134,25 +125,6 @@ impl GroundGrid {
         let (lowest_m, highest_m) = (&mut self.cells.lowest_m[cell as usize], &mut self.highest_m[cell as usize]);
         *lowest_m = if height_m < *lowest_m { height_m } else { *lowest_m };
         *highest_m = if height_m > *highest_m { height_m } else { *highest_m };
-    }
-
-    /// Adds a point to the mean of its cell.
-    #[inline(always)]
-    pub(super) fn add(&mut self, cell: u32, place_m: DVec3) {
-        let DVec3 { x, y, z } = place_m;
-        for (sum, value) in self.sums[cell as usize].iter_mut().zip([1.0, x, y, z]) {
-            *sum += value;
-        }
-    }
-
-    /// The means of the cells in which nothing stands higher than that above the fitted ground.
-    pub(super) fn means_m(&self, most_m: f64) -> impl Iterator<Item = DVec3> {
-        let is_ground = move |cell: &usize| self.standing_m[*cell] <= most_m;
-        // Of no cell, the last entry, nothing stands.
-        (0..self.standing_m.len()).filter(is_ground).filter_map(|cell| {
-            let [count, x, y, z] = *self.sums.get(cell)?;
-            (count > 0.0).then(|| DVec3::new(x, y, z) / count)
-        })
     }
 
     /// Fits the ground to what has been entered.

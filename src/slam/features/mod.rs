@@ -159,7 +159,8 @@ impl Extractor {
                     self.grid.enter(cell, z_m);
                 }
                 if self.grid.keeps_means() {
-                    for (l, &cell) in cells.iter().enumerate() {
+                    let nowhere = self.grid.nowhere();
+                    for (l, &cell) in cells.iter().enumerate().filter(|(_, cell)| **cell != nowhere) {
                         self.grid.add(cell, DVec3::new(x_m[l], y_m[l], z_m[l]));
                     }
                 }

@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Kind, LEAST_POINTS, SPOT_M};
+use super::pairs::{Kind, LEAST_POINTS, SPOT_M};
 use crate::geometry::DVec3;
 use crate::slam::matrix::{Matrix, Vector};
 

@@ -1,10 +1,11 @@
 //! The ground around a stop -> planes that were fitted to it piece by piece, on a grid.
 //!
 //! In: the means of small cells of ground, in levelled axes, metres. Out: [`GroundMap`]: at nodes [`NODE_M`] apart the plane that fits a square of five nodes'
-//! side best, by least squares, where that square holds enough, spreads both ways and is a plane to two centimetres. Of the ground each stop sees the rings
+//! side best, by least squares (own design; of known ones nearest to maps of planes by cells, as of normal distributions, Biber & Strasser 2003), where that square holds enough, spreads both ways and is a plane to two centimetres. Of the ground each stop sees the rings
 //! that its own beams draw: nearest points would lie ring on ring and tell that the rover stands still. A plane over a metre tells of the ground between the
 //! rings, and narrower ones were found to err more than they tell. Not modelled: relief that is smaller.
 
+use super::surface::FARTHEST_M;
 use crate::geometry::DVec3;
 
 /// From one node to the next, metres.
@@ -18,8 +19,6 @@ const LEAST_CELLS: f64 = 8.0;
 const LEAST_WIDTH_M: f64 = 0.2;
 /// Standard deviation of the cells about the plane, metres: more is an edge or a bush.
 const MOST_REST_M: f64 = 0.02;
-/// Ground farther off than this is left out, as by a [`Surface`](super::Surface).
-const FARTHEST_M: f64 = 50.0;
 
 /// The ground's planes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +26,7 @@ pub(super) struct GroundMap {
     /// Column and row of the first node, counted from the origin.
     first: [i64; 2],
     width: usize,
+    rows: usize,
     /// Row by row.
     planes: Vec<Option<GroundPlane>>,
     count: usize,
@@ -64,7 +64,7 @@ impl GroundMap {
         }
         let planes: Vec<_> = along_columns(&along_rows(&moments, width), width).iter().map(Moments::plane).collect();
         let count = planes.iter().flatten().count();
-        GroundMap { first, width, planes, count }
+        GroundMap { first, width, rows, planes, count }
     }
 
     /// How many planes there are.
@@ -80,12 +80,11 @@ impl GroundMap {
     /// The plane of the node that a place lies at.
     #[inline(always)]
     pub(super) fn at(&self, place_m: DVec3) -> Option<&GroundPlane> {
-        let column = (place_m.x / NODE_M).floor() as i64 - self.first[0];
-        let row = (place_m.y / NODE_M).floor() as i64 - self.first[1];
-        if column < 0 || row < 0 || column as usize >= self.width {
-            return None;
-        }
-        self.planes.get(row as usize * self.width + column as usize)?.as_ref()
+        // In floats: a place may be far off, or no number.
+        let column = (place_m.x / NODE_M).floor() - self.first[0] as f64;
+        let row = (place_m.y / NODE_M).floor() - self.first[1] as f64;
+        let is_inside = column >= 0.0 && row >= 0.0 && column < self.width as f64 && row < self.rows as f64;
+        if is_inside { self.planes[row as usize * self.width + column as usize].as_ref() } else { None }
     }
 }
 

@@ -6,43 +6,34 @@
 //! them better. What stands up takes part point by point; of the ground each stop sees the rings that its own beams draw, which move with the rover, so
 //! that it takes part, where a surface has it, by planes fitted over a metre. The
 //! fix is without the guess: what normals seem to tell because they err, as along a wall, is taken off the information. Deviation from least squares
-//! with known normals: that, and a covariance that lets the points of one spot err together. Not modelled: surfaces that move, like leaves.
+//! with known normals: that, and a covariance that lets the points of one spot err together. Not modelled: surfaces that move, like leaves; and a
+//! keyframe with more to lie on than the sweep that replaces it.
 
 mod columns;
 mod equations;
 mod ground;
+mod pairs;
 mod placement;
 mod surface;
 
-use super::matrix::{Matrix, Vector, apply, cholesky, diagonal, half_solve, solve, square, sum, symmetrise, transpose};
-use crate::geometry::DVec3;
+use super::matrix::{
+    Matrix, Vector, apply, cholesky, diagonal, half_solve, ln_determinant, solve, square, sum, symmetrise, transpose,
+};
 use crate::math;
-use crate::wide::{Work, in_fours};
-use equations::{NormalEquations, Pair};
-use ground::GroundPlane;
+use equations::NormalEquations;
+use pairs::{KINDS, Laid, STAGES, Stage};
 use placement::Placement;
 pub(crate) use surface::Surface;
 
-/// Fewer points tell no place.
-const LEAST_POINTS: usize = 20;
-/// Fewer planes of ground tell none.
-const LEAST_PLANES: usize = 50;
-/// Of the newer surface so many points, and so many planes, are laid on the older, evenly drawn.
-const MOST_POINTS: usize = 600;
+/// What a fix by the ground alone must at least tell, in nats: less is level ground, and finds nothing again.
+const LEAST_TOLD_NATS: f64 = 0.1;
 /// What no number of points takes away: metres, metres, radians.
 const LEAST_FIX: Vector<3> = [4e-3, 4e-3, 2e-3];
-/// Side of a spot, metres: what its points err together is seen in the spread of the spots' pulls.
-const SPOT_M: f64 = 0.4;
 /// Information that no point gives, a place known to ten metres: numbers stay finite along a wall.
 const LEAST_INFORMATION: f64 = 0.01;
 /// Normals that err seem to tell of directions that no surface tells of, as along a wall. This share of what they add to the information is
 /// taken off; the rest is what the estimate of that sum may err by.
 const NORMALS_SHARE: f64 = 0.9;
-/// Points that lie on the older surface, over those that were tried, at least; fewer are found on anything. And planes that lie where the older has some.
-const LEAST_SHARE: f64 = 0.2;
-const LEAST_GROUND_SHARE: f64 = 0.3;
-/// A plane of ground farther than this from the older one is of other ground, metres.
-const GROUND_REACH_M: f64 = 0.2;
 /// Chi-square of three degrees of freedom at 99.9 %: a fix farther off what was reckoned is of other things.
 const GATE: f64 = 16.3;
 /// Least standard deviations of the guess: x, y, z, metres, and the three turns, radians.
@@ -50,38 +41,6 @@ const LEAST_GUESS: Vector<6> = [1e-3, 1e-3, 0.01, 2e-3, 2e-3, 1e-3];
 /// A step shorter than this, metres and radians, is the last one of its stage.
 const SETTLED: f64 = 2e-4;
 
-/// What the distances of one kind of pair err.
-struct Kind {
-    /// Standard deviation of a point across its surface, metres, at least and at most: bent surfaces have normals of a neighbourhood.
-    least_sigma_m: f64,
-    most_sigma_m: f64,
-    /// So many pairs err as one, beyond what the spread of the spots finds; by the NEES of fixes on the shipped configs.
-    correlated: f64,
-}
-
-const STANDING: Kind = Kind { least_sigma_m: 0.02, most_sigma_m: 0.1, correlated: 2.0 };
-/// A plane shares most of its cells with its neighbours.
-const GROUND: Kind = Kind { least_sigma_m: 0.004, most_sigma_m: 0.03, correlated: 4.0 };
-const KINDS: [Kind; 2] = [STANDING, GROUND];
-
-/// Which points are taken for the same while the steps come nearer.
-struct Stage {
-    /// Distance at most, in all and within the surface, metres.
-    reach_m: f64,
-    aside_m: f64,
-    /// Cosine between the normals at least.
-    least_cosine: f64,
-    /// Stride over the newer surface's points, once they are no more than [`MOST_POINTS`].
-    every: usize,
-    steps: usize,
-}
-
-/// From what the guess allows to what only the same spot passes; the first reach is by the guess.
-const STAGES: [Stage; 3] = [
-    Stage { reach_m: 0.5, aside_m: f64::INFINITY, least_cosine: 0.3, every: 2, steps: 6 },
-    Stage { reach_m: 0.2, aside_m: 0.1, least_cosine: 0.5, every: 2, steps: 5 },
-    Stage { reach_m: 0.2, aside_m: 0.05, least_cosine: 0.7, every: 1, steps: 10 },
-];
 /// The first stage reaches so many standard deviations of the guess, within these bounds.
 const REACH_SIGMAS: f64 = 3.0;
 const LEAST_REACH_M: f64 = 0.2;
@@ -106,6 +65,13 @@ pub(super) struct Fix {
 }
 
 impl Fix {
+    /// How much surer of the way the fix makes whoever reckoned it: half the logarithm of by how much the covariance's determinant falls.
+    fn told_nats(&self, motion: &Motion) -> f64 {
+        let [told, all] = [self.covariance, sum(&self.covariance, &motion.covariance)].map(|m| cholesky(&m));
+        // |P - P (P + R)^-1 P| = |P| |R| / |P + R|.
+        told.zip(all).map_or(0.0, |(told, all)| 0.5 * (ln_determinant(&all) - ln_determinant(&told)))
+    }
+
     /// What the measurement has over a belief.
     pub(super) fn innovation(&self, state: &Vector<3>) -> Vector<3> {
         let [x, y, heading] = self.mean;
@@ -125,8 +91,9 @@ pub(super) enum Registration {
 
 /// Lays `newer` on `older`.
 pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Registration {
-    let both_have = |least: usize, count: fn(&Surface) -> usize| count(newer) >= least && count(older) >= least;
-    if !both_have(LEAST_POINTS, Surface::len) && !both_have(LEAST_PLANES, |surface| surface.ground.len()) {
+    let counts = [newer.counts(), older.counts()];
+    let takes_part = [0, 1].map(|kind| counts.iter().all(|counts| counts[kind] >= KINDS[kind].least));
+    if takes_part == [false; 2] {
         return Registration::Apart;
     }
     let mut placed = Placement::of(motion);
@@ -138,7 +105,7 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
         let reach_m = if k == 0 { reach_m.clamp(LEAST_REACH_M, stage.reach_m) } else { stage.reach_m };
         let stage = Stage { reach_m, ..*stage };
         for _ in 0..stage.steps {
-            let by_kind = Laid { newer, older, placed: &placed, stage: &stage }.equations(&variances_m2);
+            let by_kind = Laid { newer, older, placed: &placed, stage: &stage, takes_part }.equations(&variances_m2);
             for ((variance_m2, equations), kind) in variances_m2.iter_mut().zip(&by_kind).zip(&KINDS) {
                 if let Some(told_m2) = equations.told_m2() {
                     let [least_m2, most_m2] = [kind.least_sigma_m, kind.most_sigma_m].map(|sigma_m| sigma_m * sigma_m);
@@ -158,17 +125,20 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
     }
     // Once more where it ended, so that gradient and information are of one place.
     let last = &STAGES[STAGES.len() - 1];
-    let by_kind = Laid { newer, older, placed: &placed, stage: last }.equations(&variances_m2);
-    let [standing, ground] = &by_kind;
-    let enough = |least: usize, share: f64, of: usize| (least as f64).max(share * of.div_ceil(last.stride(of)) as f64);
-    let stands = standing.weight >= enough(LEAST_POINTS, LEAST_SHARE, newer.len());
-    let lies = ground.pairs.len() as f64 >= enough(LEAST_PLANES, LEAST_GROUND_SHARE, newer.ground.len());
+    let mut by_kind = Laid { newer, older, placed: &placed, stage: last, takes_part }.equations(&variances_m2);
+    for ((equations, kind), count) in by_kind.iter_mut().zip(&KINDS).zip(newer.counts()) {
+        let tried = count.div_ceil(last.stride(count)) as f64;
+        if equations.weight < (kind.least as f64).max(kind.least_share * tried) {
+            *equations = NormalEquations::of(Vec::new(), kind.least_sigma_m * kind.least_sigma_m, kind);
+        }
+    }
+    let [stands, lies] = [0, 1].map(|kind| !by_kind[kind].pairs.is_empty());
     if !stands && !lies {
         return Registration::Apart;
     }
     match fix(&by_kind, &placed, &information, &guess.from(&placed)) {
-        Some(fix) => gated(fix, motion),
-        None => Registration::Apart,
+        Some(fix) if stands || fix.told_nats(motion) >= LEAST_TOLD_NATS => gated(fix, motion),
+        _ => Registration::Apart,
     }
 }
 
@@ -176,77 +146,6 @@ pub(super) fn register(newer: &Surface, older: &Surface, motion: &Motion) -> Reg
 fn total([standing, ground]: &[NormalEquations; 2]) -> (Matrix<6, 6>, Vector<6>) {
     let gradient = std::array::from_fn(|i| standing.gradient[i] + ground.gradient[i]);
     (sum(&standing.information, &ground.information), gradient)
-}
-
-impl Stage {
-    /// Of so many points of a surface every so-manieth is tried.
-    fn stride(&self, count: usize) -> usize {
-        self.every * count.div_ceil(MOST_POINTS).max(1)
-    }
-}
-
-/// Which points of the newer surface, placed, lie on which of the older.
-struct Laid<'a> {
-    newer: &'a Surface,
-    older: &'a Surface,
-    placed: &'a Placement,
-    stage: &'a Stage,
-}
-
-impl Laid<'_> {
-    /// Of what stands up, and of the ground.
-    fn equations(self, &[standing_m2, ground_m2]: &[f64; 2]) -> [NormalEquations; 2] {
-        let ground = self.ground_pairs();
-        let standing = in_fours(self);
-        [NormalEquations::of(standing, standing_m2, &STANDING), NormalEquations::of(ground, ground_m2, &GROUND)]
-    }
-
-    /// The pair of a point and its normal, if there is one.
-    #[inline(always)]
-    fn pair(&self, point_m: DVec3, normal: DVec3) -> Option<Pair> {
-        let Laid { older, placed, stage, .. } = self;
-        let arm_m = placed.turn * point_m;
-        let (here_m, own) = (placed.place_m + arm_m, placed.turn * normal);
-        let (at, apart_m2) = older.columns.nearest(here_m, stage.reach_m)?;
-        let (other_m, other) = (older.columns.places_m()[at], older.normals[at]);
-        let cosine = own.dot(other);
-        let across_m = other.dot(other_m - here_m);
-        let aside_m2 = apart_m2 - across_m * across_m;
-        if cosine.abs() < stage.least_cosine || aside_m2 > stage.aside_m * stage.aside_m {
-            return None;
-        }
-        // Normals have no side: both are taken to look the same way.
-        Pair::of(arm_m, here_m, own * cosine.signum(), other_m, other)
-    }
-
-    /// Planes of the newer ground and those of the older at the same places.
-    fn ground_pairs(&self) -> Vec<Pair> {
-        let Laid { newer, older, placed, stage } = self;
-        let pair = |plane: &GroundPlane| {
-            let arm_m = placed.turn * plane.place_m;
-            let here_m = placed.place_m + arm_m;
-            let other = older.ground.at(here_m)?;
-            Pair::of(arm_m, here_m, placed.turn * plane.normal, other.place_m, other.normal)
-                .filter(|pair| pair.across_m.abs() < GROUND_REACH_M)
-        };
-        newer.ground.planes().step_by(stage.stride(newer.ground.len())).filter_map(pair).collect()
-    }
-}
-
-impl Work for Laid<'_> {
-    type Out = Vec<Pair>;
-
-    #[inline(always)]
-    fn run(self) -> Vec<Pair> {
-        let (newer, stride) = (self.newer, self.stage.stride(self.newer.len()));
-        let mut pairs = Vec::with_capacity(newer.len().div_ceil(stride));
-        for k in (0..newer.len()).step_by(stride) {
-            if let Some(pair) = self.pair(newer.columns.places_m()[k], newer.normals[k]) {
-                pairs.push(pair);
-            }
-        }
-        pairs
-    }
 }
 
 /// The inverse of the guess's covariance, with its least standard deviations.

@@ -15,7 +15,7 @@ const THIN_M: f64 = 0.04;
 const NEIGHBOURHOOD_M: f64 = 0.1;
 const LEAST_NEIGHBOURS: usize = 6;
 /// The index spans the box around the points: none of them may be far from all others.
-const FARTHEST_M: f64 = 50.0;
+pub(super) const FARTHEST_M: f64 = 50.0;
 /// Vertical part of the normal from which on a surface lies flat: tops and banks tell little of x, y and heading, and where they end depends on
 /// how high the sensor stands.
 const LEVEL: f64 = 0.85;
@@ -49,7 +49,12 @@ impl Surface {
 
     /// Whether it has points or ground enough to be laid on another.
     pub(crate) fn is_enough(&self) -> bool {
-        self.len() >= super::LEAST_POINTS || self.ground.len() >= super::LEAST_PLANES
+        self.len() >= super::pairs::LEAST_POINTS || self.ground.len() >= super::pairs::LEAST_PLANES
+    }
+
+    /// How many points it has that stand up, and how many planes of ground.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        [self.len(), self.ground.len()]
     }
 
     /// How many points it has that stand up.

@@ -1,7 +1,7 @@
 //! Surfaces of posts and walls laid on themselves after a known motion; degenerate ones and nonsense.
 
 use super::*;
-use crate::geometry::DVec2;
+use crate::geometry::{DVec2, DVec3};
 use crate::random::{Purpose, Stage, Streams};
 use crate::slam::matrix::product;
 use crate::wide::every_form;
@@ -56,7 +56,7 @@ fn equal_normals_and_pairs_in_every_form() {
     let surfaces = every_form(|| Neighbourhoods(&older.columns));
     assert!(surfaces[0].1.len() > 100 && surfaces.iter().all(|other| *other == surfaces[0]));
     let (placed, stage) = (Placement::of(&reckoned([0.28, -0.08, 0.07], [0.05; 3])), &STAGES[0]);
-    let laid = every_form(|| Laid { newer: &newer, older: &older, placed: &placed, stage });
+    let laid = every_form(|| Laid { newer: &newer, older: &older, placed: &placed, stage, takes_part: [true, false] });
     assert!(laid[0].len() > 100 && laid.iter().all(|other| *other == laid[0]));
 }
 

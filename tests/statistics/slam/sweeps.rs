@@ -143,6 +143,6 @@ fn dist_registration_alone_beats_dead_reckoning_and_owns_up_to_its_errors() {
         "ring: registration alone {registered_m:.3} m, dead reckoning {reckoned_m:.3}; NEES of the position {of_ends:.2}"
     );
     assert!(registered_m <= 0.7 * reckoned_m, "{registered_m} {reckoned_m}");
-    // Of the means of 20 honest drives 99.9 % lie between 1.5 and 5.1.
-    assert!(of_ends <= 5.1, "{of_ends}");
+    // Of the means of 20 honest drives 99.9 % lie between 1.5 and 5.1; long drives have headings that err less than they tell.
+    assert!((1.0..=5.1).contains(&of_ends), "{of_ends}");
 }
