@@ -8,6 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Parser;
 use marsyard::drive::InstrumentNoise;
@@ -18,7 +19,7 @@ use marsyard::random::Stage;
 use marsyard::scene::Scene;
 use marsyard::slam::features::Extractor;
 use marsyard::slam::{Estimate, FastslamParams, Feature, RegistrationParams, Slam, SlamParams};
-use marsyard::sweep::{self, Caster, Sweep};
+use marsyard::sweep::{self, Caster, Pattern, Sweep};
 use marsyard::{config, math};
 use serde_json::{Value as Json, json};
 
@@ -46,13 +47,19 @@ const BESIDE_M: f64 = 0.15;
 /// Takes the filter's feature noise to its floor of 1 cm and a quarter of a degree.
 const EXACT: f64 = 0.01;
 
+/// Of sweeps on the way that are thinned every so-manieth line and beam is left.
+const EVERY: u32 = 2;
+
 /// What a filter is given at a stop.
 #[derive(Clone, Copy, PartialEq)]
 enum Given {
     Nothing,
-    /// The sweep, as in a build: to FastSLAM, or to the Kalman filter that lays sweeps on one another.
+    /// The sweep, as in a build: to FastSLAM.
     Sweep,
-    SweepToRegister,
+    /// The same to the Kalman filter that lays sweeps on one another; thinned where it is not the last one.
+    SweepToRegister {
+        thinned: bool,
+    },
     /// The extractor's features, each with the number of the body that it is; those of no body are left out.
     ExtractedKnown,
     /// Exact features of the bodies that the extractor found.
@@ -75,6 +82,7 @@ struct Variant {
 /// A sweep and what is known of its bodies.
 struct Stop {
     sweep: Sweep,
+    thinned: Sweep,
     /// Exact features of the bodies in view.
     all: Vec<Feature>,
 }
@@ -87,7 +95,8 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
     let (known, unknown) = (true, false);
     let mut all = vec![
         variant("dead_reckoning", Given::Nothing, FastslamParams { particles: 1, ..FastslamParams::default() }),
-        variant("registration", Given::SweepToRegister, own()),
+        variant("registration", Given::SweepToRegister { thinned: false }, own()),
+        variant("registration, every 2nd beam and line on the way", Given::SweepToRegister { thinned: true }, own()),
         variant("fastslam", Given::Sweep, own()),
         variant("fastslam, features alone", Given::Sweep, FastslamParams { registration: false, ..own() }),
         variant("fastslam, registration alone", Given::Sweep, FastslamParams { max_features: 0, ..own() }),
@@ -165,13 +174,17 @@ impl Study<'_> {
         let Replay { scene, drive, drawn, rover_from_sensor, attempts, .. } = self.replay;
         let world_from_sensor = drive.truth[step].transform() * *rover_from_sensor;
         let params = &self.family.sweep;
-        let pattern = self.prepared.pattern(self.replay.family);
+        let whole = self.prepared.pattern(self.replay.family);
+        let thinned = Arc::new(whole.thinned(EVERY));
         let streams = self.prepared.plan.streams(self.scene, attempts - 1, Stage::Sweep).at_step(stop);
         let caster = Caster::new(scene, &params.cast);
         let mut memory = sweep::Scratch::default();
-        let sweep = sweep::sweep(params, pattern, &caster, &world_from_sensor, drawn, &streams, &mut memory)?;
+        let mut made = |pattern: &Arc<Pattern>| {
+            sweep::sweep(params, pattern, &caster, &world_from_sensor, drawn, &streams, &mut memory)
+        };
+        let (sweep, thinned) = (made(whole)?, made(&thinned)?);
         let all = exact_features(scene, &sweep, &world_from_sensor);
-        Ok(Stop { sweep, all })
+        Ok(Stop { sweep, thinned, all })
     }
 
     fn locate(&self, variant: &Variant, stops: &BTreeMap<usize, Stop>, last: usize) -> Result<Json, Fault> {
@@ -179,9 +192,10 @@ impl Study<'_> {
         let noise = InstrumentNoise::of(&self.family.drive.instruments, drawn);
         let params = match variant.given {
             Given::Nothing => SlamParams::DeadReckoning,
-            Given::SweepToRegister => {
-                SlamParams::Registration(RegistrationParams { range_m: variant.params.feature_range_m })
-            }
+            Given::SweepToRegister { .. } => SlamParams::Registration(RegistrationParams {
+                range_m: variant.params.feature_range_m,
+                ..Default::default()
+            }),
             _ => SlamParams::Fastslam(variant.params.clone()),
         };
         let mut slam = Slam::new(&params, &noise, &drive.truth[0], rover_from_sensor)?;
@@ -193,7 +207,10 @@ impl Study<'_> {
             let Some(stop) = stops.get(&step) else { continue };
             let estimate = match variant.given {
                 Given::Nothing => continue,
-                Given::Sweep | Given::SweepToRegister => slam.observe(&stop.sweep.returns, &streams)?,
+                Given::SweepToRegister { thinned: true } if step != last => {
+                    slam.observe(&stop.thinned.returns, &streams)?
+                }
+                Given::Sweep | Given::SweepToRegister { .. } => slam.observe(&stop.sweep.returns, &streams)?,
                 given => {
                     let believed = slam.estimate().pose;
                     let sight = extractor.extract(&stop.sweep.returns, believed.roll_rad, believed.pitch_rad);
@@ -221,7 +238,7 @@ fn seen(given: Given, stop: &Stop, owned: &[Feature]) -> Vec<Feature> {
     let anonymous =
         |known: bool| move |feature: &Feature| Feature { known: feature.known.filter(|_| known), ..*feature };
     match given {
-        Given::Nothing | Given::Sweep | Given::SweepToRegister => Vec::new(),
+        Given::Nothing | Given::Sweep | Given::SweepToRegister { .. } => Vec::new(),
         Given::ExtractedKnown => owned.to_vec(),
         Given::AllExact { known } => stop.all.iter().map(anonymous(known)).collect(),
         Given::FoundExact { known } => {

@@ -197,7 +197,7 @@ fn start_without_truth(args: &LocaliseArgs, recording: &Recording) -> Result<Pos
 /// How features or sweeps correct what the odometry says.
 fn corrected(args: &LocaliseArgs, recording: &Recording) -> SlamParams {
     if args.registration {
-        SlamParams::Registration(RegistrationParams { range_m: args.feature_range_m })
+        SlamParams::Registration(RegistrationParams { range_m: args.feature_range_m, ..RegistrationParams::default() })
     } else {
         SlamParams::Fastslam(fastslam(args, recording))
     }

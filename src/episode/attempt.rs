@@ -59,7 +59,7 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
                 self.observer.end(Stage::Slam, |_| ());
                 let world_from_sensor = truth.transform() * rover_from_sensor;
                 window.make_room(&mut self.scratch.sweep);
-                let sweep = self.sweep(&caster, &world_from_sensor, stop)?;
+                let sweep = self.sweep(&caster, &world_from_sensor, stop, kept.reads_sweep_of(stop))?;
                 estimate = localiser.observe(&sweep.returns, estimate, &slam_streams)?;
                 self.observer.end(Stage::Slam, |hasher| estimate.hash_into(hasher));
                 window.push(sweep, estimate.clone(), &rover_from_sensor, world_from_sensor);
@@ -97,8 +97,16 @@ impl<'a, O: StageObserver> Attempt<'a, O> {
         caster
     }
 
-    fn sweep(&mut self, caster: &Caster, world_from_sensor: &Transform, stop: usize) -> Result<Sweep, SceneFailure> {
-        let (params, pattern) = (&self.family().sweep, self.prepared.pattern(self.family_index));
+    fn sweep(
+        &mut self,
+        caster: &Caster,
+        world_from_sensor: &Transform,
+        stop: usize,
+        is_read: bool,
+    ) -> Result<Sweep, SceneFailure> {
+        let params = &self.family().sweep;
+        let patterns = if is_read { &self.prepared.patterns } else { &self.prepared.on_the_way };
+        let pattern = &patterns[self.family_index];
         let streams = self.streams(Stage::Sweep).at_step(stop as u32);
         let memory = &mut self.scratch.sweep;
         let sweep = sweep::sweep(params, pattern, caster, world_from_sensor, self.drawn, &streams, memory)?;

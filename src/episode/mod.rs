@@ -13,14 +13,14 @@ mod window;
 
 use std::sync::Arc;
 
-use crate::cells::Label;
+use crate::cells::{self, Label};
 use crate::drive::{self, DriveLog};
 use crate::geometry::Transform;
 use crate::plan::{Family, Plan, Table};
 use crate::random::{Drawn, Stage};
 use crate::scene::{self, Scene};
+use crate::slam::{self, RegistrationParams, SlamParams};
 use crate::sweep::{self, Pattern, Sensor};
-use crate::{cells, slam};
 
 use attempt::{Attempt, Drive};
 pub use observer::{StageHashes, StageObserver, StageRecord, StageTimes, Unobserved};
@@ -31,6 +31,8 @@ pub struct Prepared {
     pub plan: Plan,
     /// Per family: the beams of its sensor.
     patterns: Vec<Arc<Pattern>>,
+    /// Those of sweeps that no cell reads.
+    on_the_way: Vec<Arc<Pattern>>,
     /// The points table is written, so sweeps are kept.
     keep_points: bool,
 }
@@ -104,9 +106,14 @@ impl Prepared {
             None => Pattern::build(sensor).map(Arc::new),
         };
         let sensors = plan.families.iter().map(|family| &*family.sweep.sensor);
-        let patterns = sensors.enumerate().map(beams).collect::<Result<_, _>>()?;
+        let patterns: Vec<Arc<Pattern>> = sensors.enumerate().map(beams).collect::<Result<_, _>>()?;
+        let thinned = |(family, pattern): (&Family, &Arc<Pattern>)| match family.slam {
+            SlamParams::Registration(RegistrationParams { every, .. }) if every > 1 => Arc::new(pattern.thinned(every)),
+            _ => Arc::clone(pattern),
+        };
+        let on_the_way = plan.families.iter().zip(&patterns).map(thinned).collect();
         let keep_points = plan.tables.contains(&Table::Points);
-        Ok(Prepared { plan, patterns, keep_points })
+        Ok(Prepared { plan, patterns, on_the_way, keep_points })
     }
 
     /// The beams of a family's sensor.

@@ -84,11 +84,15 @@ pub struct RegistrationParams {
     /// Sweeps are laid on one another by what lies up to this distance from the sensor, metres.
     #[garde(custom(within(0.5, 20.0)))]
     pub range_m: f64,
+    /// Of sweeps on the way, whose points no cell reads, every so-manieth line and beam is cast, as long as 32 of either are left: 2 takes half of what
+    /// the sweeps cost beside dead reckoning, for a few hundredths of its error.
+    #[garde(range(min = 1, max = 8))]
+    pub every: u32,
 }
 
 impl Default for RegistrationParams {
     fn default() -> Self {
-        RegistrationParams { range_m: FastslamParams::default().feature_range_m }
+        RegistrationParams { range_m: FastslamParams::default().feature_range_m, every: 1 }
     }
 }
 

@@ -30,6 +30,9 @@ pub enum PatternError {
     NotADirection { path: String, row: usize, time_s: f64, azimuth_deg: f64, elevation_deg: f64 },
 }
 
+/// Of lines, and of the beams of a line, at least so many are left of a pattern that is thinned; of fewer none is left out.
+const LEAST_LEFT: u32 = 32;
+
 impl Pattern {
     /// Builds the beam directions of a sensor; once per plan.
     pub fn build(sensor: &Sensor) -> Result<Pattern, PatternError> {
@@ -47,6 +50,24 @@ impl Pattern {
         };
         debug_assert_eq!(pattern.directions.len(), pattern.slots(), "one direction a slot");
         Ok(pattern)
+    }
+
+    /// Every so-manieth line, and of it every so-manieth beam, where so many are left of either that surfaces are still seen.
+    pub fn thinned(&self, every: u32) -> Pattern {
+        let stride = |count: u32| (1..=every.max(1)).rev().find(|by| count / by >= LEAST_LEFT).unwrap_or(1);
+        let (by_line, by_beam) = (stride(self.lines), stride(self.beams));
+        let (lines, beams) = (self.lines.div_ceil(by_line), self.beams.div_ceil(by_beam));
+        let left = (0..self.lines).step_by(by_line as usize).flat_map(|line| {
+            (0..self.beams)
+                .step_by(by_beam as usize)
+                .map(move |beam| line as usize * self.beams as usize + beam as usize)
+        });
+        let (mut directions, mut times_s) = (Vec::new(), Vec::new());
+        for slot in left {
+            directions.push(self.directions[slot]);
+            times_s.extend(self.times_s.get(slot));
+        }
+        Pattern { lines, beams, directions, times_s }
     }
 
     /// Number of beam slots.

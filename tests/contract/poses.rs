@@ -123,6 +123,11 @@ fn law_a_corpus_located_by_registration_is_nearer_to_the_truth_and_the_same_on_a
     assert_eq!(manifest("registered"), manifest("again"));
     let (registered_m, reckoned_m) = (mean_error_m(&yard, "registered"), mean_error_m(&yard, "reckoned"));
     assert!(registered_m < 0.85 * reckoned_m, "{registered_m} {reckoned_m}");
+    // Sweeps on the way of a quarter of the beams: other poses, not much farther off, by the same kept sweeps.
+    build("thinned", "{registration: {every: 2}}", "2");
+    assert_ne!(manifest("registered"), manifest("thinned"));
+    let thinned_m = mean_error_m(&yard, "thinned");
+    assert!(thinned_m < 0.9 * reckoned_m && thinned_m != registered_m, "{thinned_m} {registered_m} {reckoned_m}");
 }
 
 fn logs() -> std::path::PathBuf {

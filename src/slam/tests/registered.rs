@@ -13,7 +13,7 @@ const NOISE: InstrumentNoise = InstrumentNoise {
     slip: 0.0,
     heading_rad_per_sqrt_m: 0.03,
 };
-const METHOD: SlamParams = SlamParams::Registration(RegistrationParams { range_m: 5.3 });
+const METHOD: SlamParams = SlamParams::Registration(RegistrationParams { range_m: 5.3, every: 1 });
 const DRIVEN_M: f64 = 0.5;
 
 fn posts() -> crate::scene::Scene {

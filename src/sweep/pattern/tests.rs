@@ -153,3 +153,26 @@ fn extreme_patterns_that_cannot_be_are_named() {
     let error = Pattern::build(&with_pattern(PatternParams::Raster(huge))).unwrap_err();
     assert!(matches!(error, PatternError::TooLarge { slots: 10_000_000_000, .. }), "{error}");
 }
+
+#[test]
+fn exact_a_thinned_pattern_holds_every_second_line_and_beam_and_spares_what_has_few() {
+    let whole = Pattern::build(&shipped("urg-04lx")).unwrap();
+    let thinned = whole.thinned(2);
+    assert_eq!((thinned.lines, thinned.beams, thinned.slots()), (50, 341, thinned.directions.len()));
+    for line in 0..50 {
+        for beam in 0..341 {
+            let (slot, of_whole) = (line * 341 + beam, 2 * line * 682 + 2 * beam);
+            assert_eq!(thinned.directions[slot], whole.directions[of_whole]);
+            assert_eq!(thinned.times_s[slot], whole.times_s[of_whole]);
+        }
+    }
+    assert_eq!(whole.thinned(1).directions, whole.directions);
+    // 100 lines may be taken thrice as far apart, not more: 32 are left at least.
+    assert_eq!((whole.thinned(8).lines, whole.thinned(8).beams), (34, 86));
+    // Sixteen rings stay sixteen, and a single line one.
+    for (name, lines) in [("vlp-16", 16), ("os1-64", 32), ("rosette", 1)] {
+        let whole = Pattern::build(&shipped(name)).unwrap();
+        let thinned = whole.thinned(2);
+        assert_eq!((thinned.lines, thinned.beams), (lines, whole.beams.div_ceil(2)), "{name}");
+    }
+}
