@@ -84,8 +84,8 @@ pub struct RegistrationParams {
     /// Sweeps are laid on one another by what lies up to this distance from the sensor, metres.
     #[garde(custom(within(0.5, 20.0)))]
     pub range_m: f64,
-    /// Of sweeps on the way, whose points no cell reads, every so-manieth line and beam is cast, as long as 32 of either are left: 2 takes half of what
-    /// the sweeps cost beside dead reckoning, for a few hundredths of its error.
+    /// Of sweeps on the way, whose points no cell reads, every so-manieth line and beam is cast, as long as 32 of either are left: 2 takes about half of
+    /// what the estimate costs beside dead reckoning, and leaves a tenth more of its error.
     #[garde(range(min = 1, max = 8))]
     pub every: u32,
 }
