@@ -1,12 +1,11 @@
 //! Readings and features -> a cloud of particles: FastSLAM 2.0; of one Gaussian that is never drawn: registration alone, and dead reckoning.
 //!
-//! In: control steps, angle readings, a sweep's features and surface. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo et al.
-//! 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Deviation: draws
-//! of a Latin hypercube, whose margins a hundred particles fill evenly. Between sweeps every particle is a local Kalman filter whose covariance is carried; it is drawn from only when a sweep had
-//! features or, where features are mapped, a surface. The
-//! constant bias of roll and pitch is not a state: what it does to the pose is added to the covariance that is told (a consider filter, Schmidt
-//! 1966), because on a straight drive a map that is tilted as a whole contradicts no feature. Where the rover turns, landmarks would
-//! observe the bias, and the sigma of z is too large.
+//! In: control steps, angle readings, a sweep's features and surface. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo
+//! et al. 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Deviation: draws of a Latin
+//! hypercube, whose margins a hundred particles fill evenly. Between sweeps every particle is a local Kalman filter whose covariance is carried; it
+//! is drawn from only when a sweep had features or, where features are mapped, a surface. The constant bias of roll and pitch is not a state: what it
+//! does to the pose is added to the covariance that is told (a consider filter, Schmidt 1966), because on a straight drive a map that is tilted as a
+//! whole contradicts no feature. Where the rover turns, landmarks would observe the bias, and the sigma of z is too large.
 
 use super::cloud::{Cloud, ParticleMoments};
 use super::ground_slope::GroundSlope;

@@ -1,9 +1,9 @@
 //! Levelled points -> a smooth ground under them.
 //!
-//! In: points, sensor at the origin, x and y level. Out: the ground's height anywhere on the grid, metres above the sensor
-//! (so usually negative); and, where asked for, the mean of each cell of ground. Planes fitted to the cells' lowest points (see [`Planes`]), with outliers (rocks above, noise below)
-//! weighed down up to four times over, until no weight changes. The planes stand at nodes four cells apart, and the ground is
-//! bilinear between: over 0.4 m its bend is millimetres.
+//! In: points, sensor at the origin, x and y level. Out: the ground's height anywhere on the grid, metres above the sensor (so usually negative);
+//! and, where asked for, the mean of each cell of ground. Planes fitted to the cells' lowest points (see [`Planes`]), with outliers (rocks above,
+//! noise below) weighed down up to four times over, until no weight changes. The planes stand at nodes four cells apart, and the ground is bilinear
+//! between: over 0.4 m its bend is millimetres.
 
 mod means;
 mod planes;

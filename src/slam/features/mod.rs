@@ -1,10 +1,10 @@
 //! One sweep -> the rocks in it, as seen: range, bearing, elevation of each; and the surface of all that stands up.
 //!
-//! In: [`Returns`]: ranges and statuses, and the believed roll and pitch, which only level it. Out:
-//! [`Feature`]s in the sensor frame, the surface (with the ground, where sweeps are laid on one another by it), and where the sweep looked. Source: ground-plane fitting and clustering after Di et al.
-//! 2013. What stands up from the ground is clustered; a cluster's centroid lies on the near side of its rock and moves with
-//! the viewpoint, so it is pushed back along the ray by a fitted share of the half width. Not modelled: walls, crater
-//! rims, trees thinner than 6 cm; slopes and dunes give no features by design.
+//! In: [`Returns`]: ranges and statuses, and the believed roll and pitch, which only level it. Out: [`Feature`]s in the sensor frame, the surface
+//! (with the ground, where sweeps are laid on one another by it), and where the sweep looked. Source: ground-plane fitting and clustering after Di et
+//! al. 2013. What stands up from the ground is clustered; a cluster's centroid lies on the near side of its rock and moves with the viewpoint, so it
+//! is pushed back along the ray by a fitted share of the half width. Not modelled: walls, crater rims, trees thinner than 6 cm; slopes and dunes give
+//! no features by design.
 
 mod clusters;
 mod ground;

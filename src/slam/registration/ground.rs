@@ -1,9 +1,11 @@
 //! The ground around a stop -> planes that were fitted to it piece by piece, on a grid.
 //!
-//! In: the means of small cells of ground, in levelled axes, metres. Out: [`GroundMap`]: at nodes [`NODE_M`] apart the plane that fits a square of five nodes'
-//! side best, by least squares (own design; of known ones nearest to maps of planes by cells, as of normal distributions, Biber & Strasser 2003), where that square holds enough, spreads both ways and is a plane to two centimetres. Of the ground each stop sees the rings
-//! that its own beams draw: nearest points would lie ring on ring and tell that the rover stands still. A plane over a metre tells of the ground between the
-//! rings, and narrower ones were found to err more than they tell. Not modelled: relief that is smaller.
+//! In: the means of small cells of ground, in levelled axes, metres. Out: [`GroundMap`]: at nodes [`NODE_M`] apart the plane of least squares through
+//! a square of five nodes' side, where that square holds enough cells, spreads both ways and is a plane to two centimetres. Of the ground each stop
+//! sees the rings that its own beams draw: nearest points would lie ring on ring and tell that the rover stands still. A plane over a metre tells of
+//! the ground between the rings; narrower ones err more than they tell (docs/localise.md). Source: planes of the cells of a grid in the place of
+//! points, as the normal distributions of Biber & Strasser 2003; deviation: cells overlap, and only the plane is kept. Not modelled: relief that is
+//! smaller.
 
 use super::surface::FARTHEST_M;
 use crate::geometry::DVec3;

@@ -1,8 +1,8 @@
 //! Two surfaces and a placement -> which points of the one lie on which of the other, and their normal equations.
 //!
-//! In: [`Surface`]s, a [`Placement`] of the newer in the older's axes, metres, and a [`Stage`]. Out: [`NormalEquations`], kind by kind: of what stands up, whose points
-//! are laid on the nearest point, and of the ground, whose planes are laid on the plane at the same place. Source: as of the registration. Not modelled: that a
-//! point may lie between two surfaces.
+//! In: [`Surface`]s, a [`Placement`] of the newer in the older's axes, metres, and a [`Stage`]. Out: [`NormalEquations`], kind by kind: of what
+//! stands up, whose points are laid on the nearest point, and of the ground, whose planes are laid on the plane at the same place. Source: as of the
+//! registration. Not modelled: that a point may lie between two surfaces.
 
 use super::Surface;
 use super::equations::{NormalEquations, Pair};
