@@ -146,17 +146,6 @@ impl GaussianPose {
             self.measure(by_pose, &pull, &factor, innovation, noise);
             return Some(factor);
         }
-        self.measure_all(by_pose, by_keyframe, innovation, noise)
-    }
-
-    /// The same of all numbers, stacked.
-    pub(super) fn measure_all(
-        &mut self,
-        by_pose: &Matrix<3, 6>,
-        by_keyframe: &Matrix<3, 4>,
-        innovation: &Vector<3>,
-        noise: &Matrix<3, 3>,
-    ) -> Option<Matrix<3, 3>> {
         let (mut mean, mut covariance) = self.stacked();
         let mut slopes = [[0.0; ALL]; 3];
         for r in 0..3 {

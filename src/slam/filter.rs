@@ -47,8 +47,6 @@ pub(super) struct Filter {
     at_sweep: Option<ParticleMoments>,
     /// Whether particles are drawn wherever a surface is seen; else only where features are. A cloud of one Gaussian keeps what is unsure of it.
     draws_at_surfaces: bool,
-    /// Whether a stop showed anything yet, and whether the particles were drawn there.
-    saw: bool,
     drew: bool,
     scan: ScanCounts,
     counters: Counters,
@@ -85,7 +83,6 @@ impl Filter {
             started: false,
             at_sweep: None,
             draws_at_surfaces,
-            saw: false,
             drew: false,
             scan: ScanCounts::default(),
             counters: Counters::default(),
@@ -234,7 +231,6 @@ impl Filter {
             }
             self.drew = true;
         }
-        self.saw |= draws || surface.is_some();
         let seen =
             SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
         in_fours(UpdateMap { particles: &mut self.cloud.particles, seen, visibility, scratch: &mut scratch });
@@ -283,14 +279,19 @@ impl Filter {
         self.counters
     }
 
+    /// Whether a stop showed features or a surface yet.
+    fn has_map(&self) -> bool {
+        self.drew || self.keyframe.is_some()
+    }
+
     /// Whether the last stop's features or surface were found in the map.
     pub(super) fn found_again(&self) -> bool {
-        self.saw && self.stops_without_match == 0
+        self.has_map() && self.stops_without_match == 0
     }
 
     /// Found nothing again for more than two stops.
     pub(super) fn lost(&self) -> bool {
-        self.stops_without_match > 2 || !self.saw
+        self.stops_without_match > 2 || !self.has_map()
     }
 
     pub(super) fn mean_innovation(&self) -> Option<f64> {

@@ -81,17 +81,11 @@ impl Slam {
         rover_from_sensor: &Transform,
     ) -> Result<Slam, SlamError> {
         let alone = FastslamParams { particles: 1, ..FastslamParams::default() };
-        let maps = matches!(params, SlamParams::Fastslam(_));
-        let registers = match params {
-            SlamParams::Fastslam(params) => params.registration,
-            _ => matches!(params, SlamParams::Registration(_)),
-        };
-        let (params, extractor) = match params {
-            SlamParams::Fastslam(params) => (params, Some(Extractor::new(params.feature_range_m, rover_from_sensor))),
-            SlamParams::Registration(params) => {
-                (&alone, Some(Extractor::new(params.range_m, rover_from_sensor).with_ground()))
-            }
-            SlamParams::DeadReckoning => (&alone, None),
+        let sees = |range_m| Extractor::new(range_m, rover_from_sensor);
+        let (params, extractor, registers, maps) = match params {
+            SlamParams::Fastslam(params) => (params, Some(sees(params.feature_range_m)), params.registration, true),
+            SlamParams::Registration(params) => (&alone, Some(sees(params.range_m).with_ground()), true, false),
+            SlamParams::DeadReckoning => (&alone, None, false, false),
             SlamParams::Surrogate(_) => return Err(SlamError::NoFilter { method: "surrogate" }),
             SlamParams::Truth => return Err(SlamError::NoFilter { method: "truth" }),
         };

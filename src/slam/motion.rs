@@ -198,7 +198,8 @@ impl GaussianPose {
         noise: &Matrix<3, 3>,
     ) {
         if !self.keyframe.is_known() {
-            self.measure_all(by_pose, &[[0.0; 4]; 3], innovation, noise);
+            // Nothing that hangs on the keyframe, but what is in common with it.
+            self.measure_way(by_pose, &[[0.0; 4]; 3], innovation, noise);
             return;
         }
         self.scale.measure(by_pose, pull, factor, innovation);

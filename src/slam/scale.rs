@@ -128,4 +128,4 @@ impl ScaleFactor {
 }
 
 #[cfg(test)]
-mod tests;
+pub(in crate::slam) mod tests;

@@ -1,37 +1,19 @@
 //! Pose, keyframe and scale, held against a Kalman filter of all eleven numbers written out, and against samples.
 
 use super::*;
-use crate::drive::InstrumentNoise;
 use crate::random::{Purpose, Stage, Streams};
 use crate::slam::matrix::{apply, cholesky_clamped, diagonal, half_solve, square};
-use crate::slam::motion::{Control, MotionNoise, PITCH, ROLL};
+use crate::slam::motion::{PITCH, ROLL};
+use crate::slam::scale::tests::{driven, unsure};
 
-const NOISE: InstrumentNoise = InstrumentNoise {
-    imu_rad: 0.01,
-    imu_bias_rad: 0.0,
-    sun_rad: 0.03,
-    odometry_m_per_sqrt_m: 0.02,
-    sideways_m_per_sqrt_m: 0.01,
-    slip: 0.1,
-    heading_rad_per_sqrt_m: 0.03,
-};
-const CONTROL: Control = Control { distance_m: 0.4, turn_rad: 0.3 };
 const BY_POSE: Matrix<3, 6> =
     [[0.8, 0.6, 0.0, 0.0, 0.0, 0.0], [-0.6, 0.8, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]];
 const BY_KEYFRAME: Matrix<3, 4> = [[-0.8, -0.6, 0.0, 0.2], [0.6, -0.8, 0.0, -0.5], [0.0, 0.0, 0.0, -1.0]];
 const WAY_SIGMAS: Vector<3> = [0.01, 0.015, 0.005];
 
-fn driven(mut belief: GaussianPose) -> GaussianPose {
-    belief.drive(CONTROL, &MotionNoise::new(&NOISE, 1.0));
-    belief
-}
-
 /// Two steps, a keyframe, and another: pose, keyframe and scale have something in common.
 fn under_way() -> GaussianPose {
-    let scale = ScaleFactor { mean: 0.95, variance: 0.01, with_pose: [0.0; 6] };
-    let covariance = diagonal(&[1e-3, 2e-3, 1e-3, 1e-4, 2e-4, 1e-3]);
-    let start = GaussianPose { mean: [0.3, -0.2, 0.1, 0.1, -0.05, 0.8], covariance, scale, ..Default::default() };
-    let mut belief = driven(driven(start));
+    let mut belief = driven(driven(unsure()));
     belief.keyframe = ClonedPose::of(&belief);
     driven(belief)
 }

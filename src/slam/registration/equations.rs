@@ -63,25 +63,26 @@ pub(super) struct NormalEquations {
     pub weight: f64,
     weighted_m2: f64,
     variance_m2: f64,
-    correlated: f64,
+    /// The variance that a pair counts with: that times how many err as one.
+    counted_m2: f64,
 }
 
 impl NormalEquations {
     pub(super) fn of(pairs: Vec<Pair>, variance_m2: f64, kind: &Kind) -> NormalEquations {
         let (mut information, mut gradient) = ([[0.0; 6]; 6], [0.0; 6]);
         let (mut total, mut weighted_m2) = (0.0, 0.0);
-        let correlated = kind.correlated;
+        let counted_m2 = variance_m2 * kind.correlated;
         for pair in &pairs {
             let weight = pair.weight(variance_m2);
             total += weight;
             weighted_m2 += weight * pair.across_m * pair.across_m;
-            let (by, slopes) = (weight / (variance_m2 * correlated), pair.slopes(pair.normal));
+            let (by, slopes) = (weight / counted_m2, pair.slopes(pair.normal));
             for r in 0..6 {
                 gradient[r] += by * slopes[r] * pair.across_m;
             }
             add_square(&mut information, by, &slopes);
         }
-        NormalEquations { information, gradient, pairs, weight: total, weighted_m2, variance_m2, correlated }
+        NormalEquations { information, gradient, pairs, weight: total, weighted_m2, variance_m2, counted_m2 }
     }
 
     /// The variance that the distances across tell; `None` of too few pairs.
@@ -91,7 +92,7 @@ impl NormalEquations {
 
     /// A pair's weight divided by its variance.
     fn information(&self, pair: &Pair) -> f64 {
-        pair.weight(self.variance_m2) / (self.variance_m2 * self.correlated)
+        pair.weight(self.variance_m2) / self.counted_m2
     }
 
     /// What the errors of the normals add to the information.

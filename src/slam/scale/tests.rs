@@ -16,7 +16,7 @@ const NOISE: InstrumentNoise = InstrumentNoise {
 };
 const CONTROL: Control = Control { distance_m: 0.4, turn_rad: 0.3 };
 
-fn unsure() -> GaussianPose {
+pub(in crate::slam) fn unsure() -> GaussianPose {
     let scale = ScaleFactor { mean: 0.95, variance: 0.01, with_pose: [0.0; 6] };
     let covariance = diagonal(&[1e-3, 2e-3, 1e-3, 1e-4, 2e-4, 1e-3]);
     GaussianPose { mean: [0.3, -0.2, 0.1, 0.1, -0.05, 0.8], covariance, scale, ..Default::default() }
@@ -46,7 +46,7 @@ fn assert_near(got: &(Vector<7>, Matrix<7, 7>), wanted: &(Vector<7>, Matrix<7, 7
 }
 
 /// One step further, with what the instruments leave unsure of it.
-fn driven(mut belief: GaussianPose) -> GaussianPose {
+pub(in crate::slam) fn driven(mut belief: GaussianPose) -> GaussianPose {
     belief.drive(CONTROL, &MotionNoise::new(&NOISE, 1.0));
     belief
 }
