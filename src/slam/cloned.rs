@@ -3,7 +3,7 @@
 //! In: the steps, readings, measurements and draws of a pose. Out: x, y, z and heading at the keyframe, with what they have in common with the
 //! pose now and with the odometry's scale. Metres, radians, state order of [`GaussianPose`]. Source: stochastic cloning, Roumeliotis & Burdick 2002;
 //! deviation: of the pose at the keyframe only what a way in the plane hangs on is kept, without roll and pitch.
-//! A pose that was drawn at its keyframe knows it exactly, and nothing is carried: so it is with the particles of FastSLAM. A Gaussian that was not
+//! A pose that was drawn at its keyframe knows it exactly, and nothing is carried: so it is with particles of FastSLAM that saw features there. A Gaussian that was not
 //! drawn keeps what its heading there errs, and a later reading of the sun corrects the way since. Not modelled: more than one keyframe, and that two
 //! ways in a row share a sweep, so that they err together.
 

@@ -3,7 +3,7 @@
 //! In: control steps, angle readings, a sweep's features and surface. Out: [`Estimate`](super::Estimate)s relative to the start. Source: Montemerlo
 //! et al. 2003; order of T. Bailey's fastslam2r: weigh, resample, then draw, so that no fresh draw is thrown away. Deviation: draws of a Latin
 //! hypercube, whose margins a hundred particles fill evenly. Between sweeps every particle is a local Kalman filter whose covariance is carried; it
-//! is drawn from only when a sweep had features or, where features are mapped, a surface. The constant bias of roll and pitch is not a state: what it
+//! is drawn from only when a sweep had features. The constant bias of roll and pitch is not a state: what it
 //! does to the pose is added to the covariance that is told (a consider filter, Schmidt 1966), because on a straight drive a map that is tilted as a
 //! whole contradicts no feature. Where the rover turns, landmarks would observe the bias, and the sigma of z is too large.
 
@@ -45,8 +45,6 @@ pub(super) struct Filter {
     started: bool,
     /// The cloud's moments right after the last sweep, before the draw; until the next step.
     at_sweep: Option<ParticleMoments>,
-    /// Whether particles are drawn wherever a surface is seen; else only where features are. A cloud of one Gaussian keeps what is unsure of it.
-    draws_at_surfaces: bool,
     drew: bool,
     scan: ScanCounts,
     counters: Counters,
@@ -74,7 +72,6 @@ impl Filter {
         noise: &InstrumentNoise,
         attitude: Vector<3>,
         mounting: Mounting,
-        draws_at_surfaces: bool,
     ) -> Filter {
         let mean = [0.0, 0.0, 0.0, attitude[0], attitude[1], attitude[2]];
         let belief = GaussianPose { mean, scale: ScaleFactor::of_slip(noise.slip), ..GaussianPose::default() };
@@ -82,7 +79,6 @@ impl Filter {
             cloud: Cloud::new(params.particles as usize, belief),
             started: false,
             at_sweep: None,
-            draws_at_surfaces,
             drew: false,
             scan: ScanCounts::default(),
             counters: Counters::default(),
@@ -215,7 +211,7 @@ impl Filter {
 
         let telling =
             |p: &Particle| p.associations.iter().any(|a| matches!(a, Association::Matched(_) | Association::New));
-        let draws = (self.draws_at_surfaces && surface.is_some()) || self.cloud.particles.iter().any(telling);
+        let draws = self.cloud.particles.iter().any(telling);
         let thin = moments.effective_samples < self.resample_below * self.cloud.particles.len() as f64;
         // Without a draw as well: readings alone wear weights thin while no feature is matched.
         if thin {

@@ -1,7 +1,7 @@
 //! What was seen at one stop and the particles' poses there -> the poses at the next, corrected.
 //!
 //! In: a [`Surface`] and the particles that saw it; later another surface and the same particles. Out: particles whose x, y and heading took in where
-//! the one lies on the other. A particle of FastSLAM drew its pose where the keyframe was seen, so that the way since is its own: the map stays one
+//! the one lies on the other. A particle that drew its pose where the keyframe was seen, as of FastSLAM with features in sight, has the way since to itself: the map stays one
 //! of paths. One that did not carries that pose along, unsure as it is ([`ClonedPose`]). Source: sweeps laid on one another in a Rao-Blackwellised
 //! filter are Haehnel et al. 2003; deviation: the registration is made once, from the mean of the cloud. A rock's points are in the fix, and their
 //! middle is a feature matched after it: taken for independent, for what a middle errs (which side was seen, how far it was pushed back) is not what

@@ -83,7 +83,10 @@ impl Slam {
         let alone = FastslamParams { particles: 1, ..FastslamParams::default() };
         let sees = |range_m| Extractor::new(range_m, rover_from_sensor);
         let (params, extractor, registers, maps) = match params {
-            SlamParams::Fastslam(params) => (params, Some(sees(params.feature_range_m)), params.registration, true),
+            SlamParams::Fastslam(params) => {
+                let sees = sees(params.feature_range_m);
+                (params, Some(if params.registration { sees.with_ground() } else { sees }), params.registration, true)
+            }
             SlamParams::Registration(params) => (&alone, Some(sees(params.range_m).with_ground()), true, false),
             SlamParams::DeadReckoning => (&alone, None, false, false),
             SlamParams::Surrogate(_) => return Err(SlamError::NoFilter { method: "surrogate" }),
@@ -103,7 +106,7 @@ impl Slam {
             return Err(SlamError::Slip { slip: noise.slip });
         }
         upright(start.pitch_rad)?;
-        let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor), maps);
+        let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor));
         Ok(Slam { filter, extractor, registers, maps, start_m: start.position_m })
     }
 

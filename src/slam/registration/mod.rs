@@ -4,7 +4,7 @@
 //! the [`Motion`] between them as reckoned. Out: a [`Fix`] of x, y and heading; metres, radians. Source: point to plane, with the normals of both
 //! sides (Rusinkiewicz 2019), by Gauss-Newton steps with Geman-McClure weights. Height and tilt are estimated too and marginalised: instruments tell
 //! them better. What stands up takes part point by point; of the ground each stop sees the rings that its own beams draw, which move with the rover, so
-//! that it takes part, where a surface has it, by planes fitted over a metre. The
+//! that it takes part by planes fitted over a metre. The
 //! fix is without the guess: what normals seem to tell because they err, as along a wall, is taken off the information. Deviation from least squares
 //! with known normals: that, and a covariance that lets the points of one spot err together. Not modelled: surfaces that move, like leaves; and a
 //! keyframe with more to lie on than the sweep that replaces it.
