@@ -87,6 +87,10 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
         outln!("{:#}", as_json(&plan, estimate.as_ref(), &warnings));
     } else {
         tell(&plan, estimate.as_ref(), &warnings);
+        outln!(
+            "\nwhat such scenes teach a classifier, and from how many on more teach nothing: marsyard plan {} --hours 8",
+            args.config.config.display()
+        );
     }
     Ok(())
 }

@@ -111,7 +111,7 @@ pub(super) fn run(args: &TrainArgs, log: LogFormat) -> Result<(), Failure> {
     }
     joined.sources.shared_scenes.iter().for_each(|leak| tracing::warn!("{leak}"));
     if let Some([rule, cure]) = &joined.unlike_labels {
-        tracing::warn!(event = "unlike_labels", "{rule}; {cure}");
+        tracing::warn!("{rule}; {cure}");
     }
     let setup = Setup {
         config_yaml: config::train_yaml(&params),

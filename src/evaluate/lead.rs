@@ -98,9 +98,14 @@ impl Display for Lead<'_> {
         }
         if let Some(doubt) = &report.doubt {
             let [false_alarms, missed] = doubt.wrong_shares().map(percent);
+            // The other lines are of one threshold, by which no cell is doubtful.
+            let would = match doubt.allowed_share {
+                Some(share) if last == 0 => format!(" would be, by --doubtful {}%:", 100.0 * share),
+                _ => ", with".to_string(),
+            };
             writeln!(
                 f,
-                "{:<9} {:>6} %  {:<16} of the cells, with outputs of {:.3} to {:.3}; of the others {missed} % are missed, {false_alarms} % false",
+                "{:<9} {:>6} %  {:<16} of the cells{would} outputs of {:.3} to {:.3}; of the others {missed} % are missed, {false_alarms} % false",
                 "doubtful",
                 percent(Some(doubt.share())),
                 "",
@@ -111,7 +116,7 @@ impl Display for Lead<'_> {
         if let Some(of) = &report.families {
             let [worst, mean] =
                 [of.worst_balanced_accuracy, of.mean_balanced_accuracy].map(|share| percent(Some(share)));
-            let most_missed = if of.most_missed.is_empty() {
+            let most_missed = if of.most_missed.is_empty() || of.most_missed_untraversable == 0.0 {
                 String::new()
             } else {
                 let (family, missed) = (&of.most_missed, percent(Some(of.most_missed_untraversable)));
@@ -119,17 +124,27 @@ impl Display for Lead<'_> {
             };
             writeln!(
                 f,
-                "{:<9} {worst:>6} %  {:<16} balanced accuracy on family {}{}{}; mean of {} families {mean} %{most_missed}",
+                "{:<9} {worst:>6} %  {:<16} balanced accuracy on family {}{}{}{}; mean of {} families {mean} %{most_missed}",
                 "worst",
                 "",
                 of.worst,
                 report.data.mark(&of.worst),
+                cells_of(report, &of.worst),
                 if last > 0 { ", what is doubtful not counted as wrong" } else { "" },
                 of.families
             )?;
         }
         Ok(())
     }
+}
+
+/// How much a family's figure rests on.
+fn cells_of(report: &Report, family: &str) -> String {
+    let group = report.groups.iter().find(|group| matches!(&group.group, Group::Family(name) if name == family));
+    let counts = group.and_then(|group| Some(group.network.at.first()?.cells.counts));
+    counts.map_or(String::new(), |counts| {
+        format!(" ({} untraversable of {} cells)", thousands(counts.untraversable()), thousands(counts.total()))
+    })
 }
 
 #[cfg(test)]

@@ -94,7 +94,11 @@ impl Report {
     /// One line for each group, classifier and threshold.
     fn rates(&self, f: &mut Formatter<'_>) -> fmt::Result {
         rates_head(f)?;
-        self.groups.iter().try_for_each(|group| rates_of(f, group, &self.data))?;
+        let all = self.groups.first().map(|all| all.cells);
+        // The one family of a corpus, or its one sensor, is all of it.
+        let tells =
+            |group: &&GroupReport| matches!(group.group, Group::All | Group::Points(_)) || Some(group.cells) != all;
+        self.groups.iter().filter(tells).try_for_each(|group| rates_of(f, group, &self.data))?;
         rates_legend(f)
     }
 

@@ -103,10 +103,10 @@ impl TrainProgress {
         let resumed =
             if start.resumed_at > 0 { format!(", going on after {} rows", start.resumed_at) } else { String::new() };
         let is_thinned = start.look_rows < start.validation_rows;
-        let of_them = if is_thinned { format!(", {} of them", start.look_rows) } else { String::new() };
+        let of_them = if is_thinned { format!("{} of ", start.look_rows) } else { String::new() };
         self.teller.say(&format!(
-            "{} -> {}: {} rows to learn ({:.1} % untraversable), {} to validate by every {}{of_them}; {} features, {} weights; {}B for the \
-             stream{resumed}",
+            "{} -> {}: {} rows to learn ({:.1} % untraversable), judged by {of_them}{} to validate after every {}; {} features, {} weights; \
+             {}B for the stream{resumed}",
             self.corpora,
             self.out,
             start.train_rows,

@@ -84,8 +84,10 @@ pub(super) fn tell_end(args: &TrainArgs, setup: &Setup, summary: &Summary, log: 
     corpora.for_each(|corpus| errln!("all of it: marsyard evaluate {} {corpus}{labels}", out.display()));
     untrained.iter().for_each(|note| errln!("warning: {note}"));
     errln!(
-        "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error)\n{}",
+        "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error of targets {} and {})\n{}",
         best.rows,
+        setup.params.targets[0],
+        setup.params.targets[1],
         out.join(folder::MODEL).display()
     );
 }

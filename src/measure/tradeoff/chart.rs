@@ -3,7 +3,7 @@
 //! One panel for the pipeline and one for the trainer. CPU time of making the scenes and of training grows to the right, in its logarithm;
 //! the balanced error grows upwards, so that better is to the lower left. The reference is drawn thick, with the intervals of its sizes;
 //! a setting has the colour of its knob and stands out where it is told apart from the reference; what was followed to more scenes goes on to them. The broad band is the front of the
-//! pipeline's settings, the ring what is recommended.
+//! pipeline's settings, the ring what is recommended. Names have the settings that are told apart, and those that the front passes through.
 
 use super::front::front;
 use super::report::{CurveRow, Recommendation, Report, Row, Told, WorthRow};
@@ -39,11 +39,7 @@ pub(crate) fn svg(report: &Report) -> Option<String> {
         .filter_map(|(side, title, recommended)| {
             let curves: Vec<&Row> = report.side(side).filter(|row| row.worth.is_some()).collect();
             let title = format!("{}: {title}, learning curves", report.name);
-            let on_front: Vec<Point> = if side == Side::Pipeline {
-                front(report).into_iter().map(|(_, size)| at(size)).collect()
-            } else {
-                Vec::new()
-            };
+            let on_front = if side == Side::Pipeline { front(report) } else { Vec::new() };
             (!curves.is_empty()).then(|| panel(title, &report.judged_by(), &curves, on_front, recommended.as_ref()))
         })
         .collect();
@@ -66,7 +62,7 @@ fn panel(
     title: String,
     judged_by: &str,
     rows: &[&Row],
-    front: Vec<Point>,
+    front: Vec<(&Row, &CurveRow)>,
     recommended: Option<&Recommendation>,
 ) -> Panel {
     let all = || rows.iter().flat_map(|row| sizes(row));
@@ -92,9 +88,8 @@ fn panel(
     };
     let mut series = Vec::new();
     if front.len() > 1 {
-        series.push(
-            Series::named("front: no other is both cheaper and better", GREY, Marks::Line(front, 9)).with_opacity(0.35),
-        );
+        let band = Marks::Line(front.iter().map(|(_, size)| at(size)).collect(), 9);
+        series.push(Series::named("front: no other is both cheaper and better", GREY, band).with_opacity(0.35));
     }
     let mut named = Vec::new();
     for row in rows.iter().skip(1) {
@@ -118,19 +113,23 @@ fn panel(
         series.push(Series::named(name, BLACK, Marks::Rings(vec![point], 10)));
     }
     let y = Axis::of_values(format!("balanced error on {judged_by}, %"), errors.iter().copied());
-    series.push(Series::unnamed(BLACK, Marks::Words(names(rows, &errors))));
+    series.push(Series::unnamed(BLACK, Marks::Words(names(rows, &front, &errors))));
     Panel { title, x: Axis::logarithmic("CPU time of generating and training, s", cost_range), y, series }
 }
 
-/// Names of the settings that are told apart, at their last points: of those that are better below these, of those that are worse above, away from the
-/// reference. Those that would stand on another's are moved on.
-fn names(rows: &[&Row], errors: &[f64]) -> Vec<(Point, i32, String)> {
+/// Names of the settings that are told apart or stand on the front, at their last points: of those that are worse above these, of the others below, away from the
+/// reference, which the legend names. Those that would stand on another's are moved on.
+fn names(rows: &[&Row], front: &[(&Row, &CurveRow)], errors: &[f64]) -> Vec<(Point, i32, String)> {
     let span = errors.iter().copied().fold(0.0, f64::max) - errors.iter().copied().fold(f64::INFINITY, f64::min);
     let pixel = span.max(1e-9) / f64::from(PANEL.1);
-    let of = |told: Told, away: f64| {
-        let is_told = |row: &&&Row| row.told() == Some(told);
+    let is_worse = |row: &Row| row.told() == Some(Told::Worse);
+    let is_named = |row: &Row| {
+        let is_on_front = front.iter().any(|(other, _)| other.label() == row.label());
+        row.told() == Some(Told::Better) || (is_on_front && row.group.is_some())
+    };
+    let of = |is_of: &dyn Fn(&Row) -> bool, away: f64| {
         let end = |row: &&Row| Some((at(sizes(row).next_back()?), row.name.clone()));
-        let mut ends: Vec<(Point, String)> = rows.iter().filter(is_told).filter_map(end).collect();
+        let mut ends: Vec<(Point, String)> = rows.iter().filter(|row| is_of(row)).filter_map(end).collect();
         ends.sort_by(|a, b| (away * a.0.1).total_cmp(&(away * b.0.1)));
         let mut last = f64::NEG_INFINITY;
         let moved = ends.into_iter().map(move |(point, name)| {
@@ -141,5 +140,5 @@ fn names(rows: &[&Row], errors: &[f64]) -> Vec<(Point, i32, String)> {
         });
         moved.collect::<Vec<_>>()
     };
-    [of(Told::Better, -1.0), of(Told::Worse, 1.0)].concat()
+    [of(&|row| is_named(row) && !is_worse(row), -1.0), of(&is_worse, 1.0)].concat()
 }

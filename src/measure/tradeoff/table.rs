@@ -86,10 +86,12 @@ fn closing(report: &Report) -> String {
     }
     out += &ended(report);
     if let Some(floor) = report.noise_floor {
+        let gain = report.rows.iter().find(|row| row.name == OTHER_DRAWS).and_then(Row::gain);
         let _ = writeln!(
             out,
-            "noise floor: other draws of the same config differ by {:.2} points; smaller gains are not told apart, nor those within their interval",
-            100.0 * floor
+            "noise floor: other draws of the same config differ by {:.2} points (they gain {}); smaller gains are not told apart, nor those within their interval",
+            100.0 * floor,
+            shown(gain, |gain| points(&gain.balanced_accuracy))
         );
     }
     if let Some(ratio) = report.variance_ratio {
@@ -174,7 +176,7 @@ fn grids(report: &Report) -> Vec<Grid> {
 fn worths(report: &Report, title: &str, rows: &[&Row]) -> Grid {
     let has_families = report.test.iter().any(|group| group.judges && group.held_out.is_some());
     let mut head = vec!["setting", "CPU s, all scenes\ngenerate + train", "balanced\naccuracy, %"];
-    head.extend(has_families.then_some("worst\nfamily, %"));
+    head.extend(has_families.then_some(["worst\nfamily, %", "own\nkinds, %"]).into_iter().flatten());
     head.extend([
         "missed, %\nat 2 % false",
         "flat from\nscenes",
@@ -191,10 +193,10 @@ fn worths(report: &Report, title: &str, rows: &[&Row]) -> Grid {
             format!("{} + {}", figures(whole.generate_cpu_s), figures(whole.train_cpu_s)),
             percent(&whole.balanced_accuracy),
         ];
-        cells.extend(
-            has_families
-                .then(|| shown(whole.worst.as_ref(), |worst| format!("{:.2}", 100.0 * worst.balanced_accuracy))),
-        );
+        if has_families {
+            cells.push(shown(whole.worst.as_ref(), |worst| format!("{:.2}", 100.0 * worst.balanced_accuracy)));
+            cells.push(shown(whole.own, |own| format!("{:.2}", 100.0 * own)));
+        }
         cells.extend([
             shown(whole.missed, |missed| format!("{:.2}", 100.0 * missed)),
             shown(worth.flat_from, |scenes| scenes.to_string()),

@@ -47,9 +47,19 @@ fn with_both() -> TrainParams {
 }
 
 /// What learns in unlike ways, by name.
-fn of_filters() -> [(&'static str, TrainParams); 4] {
+fn of_filters() -> [(&'static str, TrainParams); 8] {
     let [squared, logarithmic] = ["squared", "logarithmic"].map(by_batches);
-    [("ekf", params()), ("squared", squared), ("rectified", with_both()), ("logarithmic", logarithmic)]
+    let by = |filter: &str| with(&[&format!("filter={{{filter}}}")]);
+    [
+        ("ekf", params()),
+        ("robust", by("ekf: {robust: true}")),
+        ("decoupled", by("decoupled: {}")),
+        ("ukf", by("ukf: {}")),
+        ("backprop", by("backprop: {}")),
+        ("squared", squared),
+        ("rectified", with_both()),
+        ("logarithmic", logarithmic),
+    ]
 }
 
 #[test]
