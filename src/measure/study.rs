@@ -39,6 +39,9 @@ pub(crate) struct Study {
     pub training: serde_json::Value,
     /// The reference first.
     pub settings: Vec<StudySetting>,
+    /// Which of them is the config as it is asked for; `None` where none is, or nobody looked.
+    #[serde(skip)]
+    pub written: Option<usize>,
 }
 
 /// What every version of the file has.
@@ -133,6 +136,7 @@ impl Study {
             seeds: report.seeds,
             training: usual_training(),
             settings,
+            written: None,
         })
     }
 
@@ -141,9 +145,10 @@ impl Study {
         as_noted_now(&self.training) == usual_training()
     }
 
-    /// The config as it is written; where it is the reference itself, that.
+    /// The config as it is written; where it is the reference itself, or none of the settings, that.
     pub(crate) fn as_written(&self) -> &StudySetting {
-        self.settings.iter().find(|setting| setting.sets.is_empty()).unwrap_or(&self.settings[0])
+        let found = self.written.and_then(|index| self.settings.get(index));
+        found.or_else(|| self.settings.iter().find(|setting| setting.sets.is_empty())).unwrap_or(&self.settings[0])
     }
 
     /// The study of a config: the one that `tradeoff` wrote where it writes by itself, else the one that lies beside the config.

@@ -2,7 +2,7 @@
 //!
 //! In: the choices, the best first, with what they rest on. Out: standard output, and the file of `--write`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde_json::json;
@@ -40,6 +40,10 @@ pub(super) struct Answer<'a> {
     pub measured_here: Vec<String>,
     /// Overrides of the config that make the first choice.
     pub sets: Vec<String>,
+    /// Where it is built.
+    pub place: PathBuf,
+    /// Another corpus, where the config's builds go.
+    pub there: Option<Plan>,
     pub warnings: Vec<String>,
     /// What makes a corpus of the first choice weak, by the scenes that were made for the answer.
     pub advice: Vec<Advice>,
@@ -85,9 +89,19 @@ impl Answer<'_> {
             outln!("\n{}", lines.join("\n"));
         }
         let sets = typed_sets(self.args.config.sets.iter().chain(&self.sets));
-        let out = self.args.out.as_ref().map_or(String::new(), |out| format!(" --out '{}'", out.display()));
-        outln!("\nmarsyard generate {}{sets}{out}", self.args.config.config.display());
-        outln!("marsyard train '{}'", self.args.place(self.plan).display());
+        outln!("");
+        if let Some(there) = &self.there {
+            let (place, scenes) = (self.args.place(self.plan), counted(there.scenes, "scene"));
+            outln!(
+                "{} holds another corpus, of {scenes} in shards of {}; beside it:",
+                place.display(),
+                there.scenes_per_shard
+            );
+        }
+        let is_named = self.args.out.is_some() || self.there.is_some();
+        let out = if is_named { format!(" --out '{}'", self.place.display()) } else { String::new() };
+        outln!("marsyard generate {}{sets}{out}", self.args.config.config.display());
+        outln!("marsyard train '{}'", self.place.display());
     }
 
     fn tell_choice(&self, title: &str, choice: &Choice) {
@@ -111,7 +125,11 @@ impl Answer<'_> {
             return;
         }
         outln!("  {}", ends(choice));
-        if best.setting == self.study.as_written() && choice.expected.mean > best.expected.mean {
+        if choice.by_reference {
+            outln!(
+                "  Its scenes are taken to teach what as many of the reference do, for the study does not tell the two apart and did not follow it to more scenes."
+            );
+        } else if best.setting == self.study.as_written() && choice.expected.mean > best.expected.mean {
             let why = match choice.setting.told {
                 Some(Told::Better) => "the study did not follow it to more scenes, or CPU time does not bind",
                 _ => "the study does not tell the two apart at equal CPU",
@@ -154,6 +172,7 @@ impl Answer<'_> {
                 "balanced_accuracy": {
                     "mean": choice.expected.mean, "low": choice.expected.low, "high": choice.expected.high,
                 },
+                "by_the_references_curve": choice.by_reference,
                 "twice_would_bring": {"mean": choice.twice.0, "at_most": choice.twice.1},
                 "more_would_bring": {"mean": choice.left.0, "at_most": choice.left.1},
             })

@@ -20,6 +20,7 @@ use crate::cli::progress::si;
 use crate::cli::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::advice::{self, Content};
+use crate::corpus::plan_file;
 use crate::measure::budget::{Budget, Choice, DISK_MARGIN, Here, choices};
 use crate::measure::estimate::{self, Estimate, Options};
 use crate::measure::study::{Study, StudySetting};
@@ -177,6 +178,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
         content.test_scenes = test_scenes;
     }
     let warnings = warnings(args, &study, &study_file, cores)?;
+    let (place, there) = free_place(args, plan, &sets)?;
     let answer = Answer {
         args,
         plan,
@@ -188,6 +190,8 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
         choices: &all,
         measured_here,
         sets,
+        place,
+        there,
         warnings,
         advice: advice::advise(&contents),
     };
@@ -200,6 +204,22 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
         answer.write(path)?;
     }
     Ok(())
+}
+
+/// Where the choice is built, and the corpus, if there is one, that lies where the config's builds go and is no beginning of it.
+fn free_place(args: &PlanArgs, plan: &Plan, sets: &[String]) -> Result<(PathBuf, Option<Plan>), Failure> {
+    let place = args.place(plan);
+    let sets = [args.config.sets.as_slice(), sets].concat();
+    let to_build = config::load(&args.config.config, &sets).map_err(config_failure)?;
+    let grows = |there: &Plan| there.scene_plan_hash() == to_build.scene_plan_hash() && there.scenes <= to_build.scenes;
+    let there = config::load(&place.join(plan_file::NAME), &[]).ok().filter(|there| !grows(there));
+    match there {
+        Some(there) => {
+            let beside = format!("{}-{}", place.display(), to_build.scenes);
+            Ok((beside.into(), Some(there)))
+        }
+        None => Ok((place, None)),
+    }
 }
 
 /// The overrides without those that say what the config says anyway.

@@ -15,7 +15,8 @@ use crate::cli::options::{default_threads, typed_sets};
 use crate::cli::output::errln;
 use crate::cli::progress::{counted, human};
 use crate::cli::{Failure, LogFormat, config_failure, tradeoff};
-use crate::measure::study::{Study, StudyError};
+use crate::config;
+use crate::measure::study::{Study, StudyError, StudySetting};
 use crate::measure::tradeoff::settings::reference;
 use crate::measure::tradeoff::{Group, Options, TradeoffError};
 use crate::plan::Plan;
@@ -40,11 +41,27 @@ const RESOLVED: f64 = 0.003;
 
 /// The study, and its file.
 pub(super) fn of(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool) -> Result<(PathBuf, Study), Failure> {
+    let (path, study) = found(args, plan, log, stop)?;
+    Ok((path, with_written(args, plan, study)))
+}
+
+/// With the setting that makes the plan as it is asked for, if there is one.
+fn with_written(args: &PlanArgs, plan: &Plan, study: Study) -> Study {
+    let makes = |setting: &StudySetting| {
+        let sets = [args.config.sets.as_slice(), &setting.sets].concat();
+        config::load(&args.config.config, &sets).is_ok_and(|made| made.scene_plan_hash() == plan.scene_plan_hash())
+    };
+    let written = study.settings.iter().position(makes);
+    Study { written, ..study }
+}
+
+fn found(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool) -> Result<(PathBuf, Study), Failure> {
     let asked = &args.budget;
     if let Some(path) = &asked.study {
         return Study::read(path).map(|study| (path.clone(), study)).map_err(|error| failure(&error, args));
     }
     let found = Study::find(&args.config.config, &plan.name);
+    let found = found.map(|(path, study)| (path, with_written(args, plan, study)));
     let Some(minutes) = asked.study_minutes else { return found.map_err(|error| failure(&error, args)) };
     let reason = match found {
         Ok((path, study)) => match doubts(args, &study, &path)?.into_iter().next() {
@@ -183,6 +200,11 @@ pub(super) fn doubts(args: &PlanArgs, study: &Study, file: &Path) -> Result<Vec<
     } else if own.scene_plan_hash() != study.scene_plan_hash {
         doubts.push(format!(
             "{file} was made of another state of this config: what it says of accuracy is of that; {cure}"
+        ));
+    }
+    if own.name == study.name && study.written.is_none() {
+        doubts.push(format!(
+            "none of the settings of {file} is this config as it is asked for: what is planned takes the place of its own choices (below, --set); {cure}"
         ));
     }
     if !study.is_trained_as_now() {

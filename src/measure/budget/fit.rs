@@ -68,6 +68,11 @@ impl Fit {
         Fit { believed, largest_scenes: last.scenes, half_width: largest.half_width }
     }
 
+    /// Of the largest measured size.
+    pub(super) fn largest_scenes(&self) -> f64 {
+        self.largest_scenes
+    }
+
     /// Balanced accuracy at a number of scenes.
     pub(super) fn expected(&self, scenes: f64) -> Expected {
         let error = |law: &Law| law.error(scenes / self.largest_scenes);

@@ -18,6 +18,7 @@ use self::passes::Passes;
 use self::ranking::{Candidate, ranked};
 use super::estimate::RowCost;
 use super::study::{Study, StudySetting, StudySize};
+use super::tradeoff::report::Told;
 use super::tradeoff::sizes::SIZES;
 use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
@@ -45,8 +46,6 @@ pub(crate) const DISK_MARGIN: f64 = 1.05;
 const FLAT_UP_TO: f64 = 32.0;
 /// Settings are ranked up to so many times the largest size that all of them were measured at.
 const RANKED_UP_TO: f64 = 2.0;
-/// A curve is told to be flat where the budget would allow so many times the scenes.
-const WORTH_STOPPING: u64 = 2;
 /// Steps in the logarithm of the scenes at which a curve is looked through for where it is flat.
 const STEPS: u32 = 200;
 
@@ -105,6 +104,8 @@ pub(crate) struct Choice<'s> {
     pub left: (f64, f64),
     /// Scenes over the scenes of the largest measured size; above 1 the curve is extrapolated.
     pub beyond: f64,
+    /// Whether what is expected is read off the reference's curve.
+    pub by_reference: bool,
 }
 
 impl Choice<'_> {
@@ -118,6 +119,7 @@ impl Choice<'_> {
 struct Curve<'s> {
     setting: &'s StudySetting,
     fit: Fit,
+    by_reference: bool,
     scene_cpu_s: f64,
     /// Of learning a row once, and rows to learn of a scene of the study.
     row_cpu_s: f64,
@@ -144,7 +146,7 @@ pub(crate) fn choices<'s>(
     let common = study.settings.first().map_or(0.0, |setting| setting.sizes[compared - 1].scenes as f64);
     let candidates = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
-        let curve = Curve::of(setting, &errors, passes, &here, multiple);
+        let curve = Curve::of(setting, stands_for(setting, study), &errors, passes, &here, multiple);
         let choice = curve.choice(budget, &here, common, multiple)?;
         let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * common);
         Some(Candidate { ranked_by: curve.fit.expected(ranked_at).mean, choice, curve, here })
@@ -155,8 +157,20 @@ pub(crate) fn choices<'s>(
     {
         let time = Budget { wall_s: first.choice.seconds(), ..*budget };
         others.iter_mut().for_each(|other| other.cut_to(&time, common, multiple));
+        // What ended them before, such as the disk, may do so no more.
+        let others = self::ranked(ranked.split_off(1), study);
+        ranked.extend(others);
     }
     ranked.into_iter().map(|candidate| candidate.choice).collect()
+}
+
+/// Whose curve tells what to expect of a setting: the reference's, where that was followed to more scenes and the setting, which is not told apart
+/// from it, was not. A short curve of its own would promise what a few trainings happened to bring.
+fn stands_for<'s>(setting: &'s StudySetting, study: &'s Study) -> &'s StudySetting {
+    let (compared, reference) = (compared_sizes(study), &study.settings[0]);
+    let is_followed = |setting: &StudySetting| setting.sizes.len() > compared;
+    let is_same = matches!(setting.told, Some(Told::NotApart | Told::OneSeed));
+    if is_same && is_followed(reference) && !is_followed(setting) { reference } else { setting }
 }
 
 /// At how many sizes settings are compared; those that were followed to more scenes have more.
@@ -188,8 +202,16 @@ fn standard_errors(study: &Study) -> Vec<f64> {
 }
 
 impl<'s> Curve<'s> {
-    fn of(setting: &'s StudySetting, errors: &[f64], passes: Passes, here: &Here, multiple: u64) -> Curve<'s> {
-        let measured: Vec<Measured> = setting
+    /// `teaches`: the setting whose accuracies tell what to expect; costs are the setting's own.
+    fn of(
+        setting: &'s StudySetting,
+        teaches: &StudySetting,
+        errors: &[f64],
+        passes: Passes,
+        here: &Here,
+        multiple: u64,
+    ) -> Curve<'s> {
+        let measured: Vec<Measured> = teaches
             .sizes
             .iter()
             .zip(errors)
@@ -201,9 +223,15 @@ impl<'s> Curve<'s> {
             .collect();
         let largest = setting.largest();
         let scenes = largest.scenes as f64;
+        let by_reference = teaches != setting;
+        let mut interval = teaches.largest().balanced_accuracy;
+        if let Some(gain) = setting.gain.filter(|_| by_reference) {
+            interval.half_width = math::hypot(interval.half_width, gain.half_width);
+        }
         Curve {
             setting,
-            fit: Fit::of(&measured, &largest.balanced_accuracy),
+            fit: Fit::of(&measured, &interval),
+            by_reference,
             scene_cpu_s: here.slowness * setting.scene_cpu_s() + here.writing_cpu_s,
             row_cpu_s: here.slowness * largest.train_cpu_s / largest.rows_learnt,
             rows_a_scene: largest.train_rows / scenes,
@@ -248,12 +276,12 @@ impl<'s> Curve<'s> {
         if most_scenes == 0 {
             return None;
         }
-        let flat = self.flat_from(common, most_scenes).div_ceil(multiple).max(1) * multiple;
-        let (scenes, bound) = match () {
-            () if flat.saturating_mul(WORTH_STOPPING) <= most_scenes => (flat, Bound::Flat),
-            () if by_rows < by_hours.min(by_disk) => (most_scenes, Bound::Rows),
-            () if by_disk < by_hours => (most_scenes, Bound::Disk),
-            () => (most_scenes, Bound::Hours),
+        let flat = self.flat_from(common).map(|flat| flat.div_ceil(multiple).max(1) * multiple);
+        let (scenes, bound) = match flat {
+            Some(flat) if flat <= most_scenes => (flat, Bound::Flat),
+            _ if by_rows < by_hours.min(by_disk) => (most_scenes, Bound::Rows),
+            _ if by_disk < by_hours => (most_scenes, Bound::Disk),
+            _ => (most_scenes, Bound::Hours),
         };
         let study_scenes = |scenes: u64| STUDY_SCENES * scenes as f64;
         let (build_s, train_s) = self.seconds(scenes as f64, budget.cores);
@@ -270,22 +298,20 @@ impl<'s> Curve<'s> {
             twice: self.fit.gain(study_scenes(scenes), 2.0 * study_scenes(scenes)),
             left: self.fit.gain(study_scenes(scenes), study_scenes(most_scenes)),
             beyond: study_scenes(scenes) / self.largest,
+            by_reference: self.by_reference,
         })
     }
 
-    /// The fewest scenes, none fewer than all settings were measured at, from which on twice as many bring at most [`FLAT_TWICE`]; `most_scenes` where
-    /// there are none up to [`FLAT_UP_TO`].
-    fn flat_from(&self, common: f64, most_scenes: u64) -> u64 {
-        let (first, last) = (common / STUDY_SCENES, (most_scenes as f64).min(FLAT_UP_TO * self.largest / STUDY_SCENES));
-        if first > last {
-            return most_scenes;
-        }
+    /// The fewest scenes, none fewer than all settings were measured at, from which on twice as many bring at most [`FLAT_TWICE`]; `None` where
+    /// there are none up to [`FLAT_UP_TO`]. The budget does not say.
+    fn flat_from(&self, common: f64) -> Option<u64> {
+        let (first, last) = (common / STUDY_SCENES, FLAT_UP_TO * self.fit.largest_scenes() / STUDY_SCENES);
         let at = |step: u32| first * math::pow(last / first, f64::from(step) / f64::from(STEPS));
         let is_flat = |scenes: &f64| {
             let (expected, most) = self.fit.gain(STUDY_SCENES * scenes, 2.0 * STUDY_SCENES * scenes);
             expected <= FLAT_TWICE.0 && most <= FLAT_TWICE.1
         };
-        (0..=STEPS).map(at).find(is_flat).map_or(most_scenes, |scenes| scenes.ceil() as u64)
+        (0..=STEPS).map(at).find(is_flat).map(|scenes| scenes.ceil() as u64)
     }
 }
 

@@ -2,12 +2,12 @@
 //!
 //! By what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
 //! as written and are expected to be no worse. Where settings were followed to more scenes, what is told better of the others was not put to that
-//! test and ranks nothing. The config as written comes before the rest. Of that the cheapest scenes come first, of settings which lose no more than half
-//! a point at equal CPU at the lower end of the interval: where a curve is flat they are there soonest, and of what curves promise the luckiest
+//! test and ranks nothing. The config as written comes before the rest. Of that the cheapest scenes come first, of settings which lose no more than a
+//! tenth of a point at equal CPU, and half a one at the lower end of the interval: where a curve is flat they are there soonest, and of what curves promise the luckiest
 //! would be the highest. Then, where disk or rows bind, and among what is told better, what is expected no farther than twice the largest size that
 //! all have decides. Left out: what is told to be worse.
 
-use super::{Bound, Budget, Choice, Curve, FLAT, Here, STUDY_SCENES, compared_sizes};
+use super::{Bound, Budget, Choice, Curve, FLAT, FLAT_TWICE, Here, STUDY_SCENES, compared_sizes};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::report::Told;
 
@@ -24,10 +24,10 @@ pub(super) struct Candidate<'s> {
 }
 
 impl Candidate<'_> {
-    /// CPU time of a scene, as the study has it, where the setting loses no more than half a point and CPU time is what binds.
+    /// CPU time of a scene, as the study has it, where the setting loses little and CPU time is what binds.
     fn cheap_s(&self) -> Option<f64> {
         let setting = self.choice.setting;
-        let loses_little = setting.gain.is_some_and(|gain| gain.lower() >= -FLAT);
+        let loses_little = setting.gain.is_some_and(|gain| gain.mean >= -FLAT_TWICE.1 && gain.lower() >= -FLAT);
         (loses_little && !is_capped(&self.choice)).then(|| setting.scene_cpu_s())
     }
 

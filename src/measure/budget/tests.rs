@@ -122,16 +122,18 @@ fn law_of_what_is_not_told_apart_the_cheapest_comes_next_that_loses_little_at_wo
         setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
         of("lucky", 0.01, 0.02, Some((0.001, 0.002))),
         of("cheap", 0.031, 0.005, Some((-0.001, 0.003))),
+        of("cheap, and all but told to be worse", 0.009, 0.004, Some((-0.0021, 0.0022))),
         of("cheaper, and hardly known", 0.02, 0.001, Some((0.004, 0.02))),
         of("nothing is known", 0.015, 0.001, None),
     ]);
     let names: Vec<_> =
         choices(&study, &budget(600.0, None), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
-    assert_eq!(names, ["reference", "cheap", "lucky", "nothing is known", "cheaper, and hardly known"]);
+    let lucky = ["cheap, and all but told to be worse", "nothing is known", "cheaper, and hardly known"];
+    assert_eq!(names, [["reference", "cheap", "lucky"], lucky].concat());
     // Where the disk binds CPU time buys nothing: what is expected decides.
     let names: Vec<_> =
         choices(&study, &budget(600.0, Some(5e7)), |_| HERE, 10).iter().map(|of| of.setting.name.clone()).collect();
-    assert_eq!(names, ["reference", "lucky", "nothing is known", "cheaper, and hardly known", "cheap"]);
+    assert_eq!(names, [["reference", lucky[0], "lucky"], [lucky[1], lucky[2], "cheap"]].concat());
 }
 
 #[test]
@@ -218,6 +220,70 @@ fn exact_the_next_choices_have_the_time_of_the_first_where_its_curve_is_flat() {
     // Where the hours bind, all have the hours.
     let of = choices(&study, &budget(0.5, None), |_| HERE, 1);
     assert!(of.iter().all(|choice| choice.bound == Bound::Hours), "{of:?}");
+}
+
+#[test]
+fn law_what_the_budget_is_beyond_where_the_first_is_flat_changes_no_choice() {
+    let cheap = |name: &str, floor: f64, scene_s: f64| StudySetting {
+        gain: Some(Interval { mean: 0.0, half_width: 0.002 }),
+        ..setting(name, Some(Told::NotApart), (floor, 4.0), (scene_s, 0.01))
+    };
+    // The others' curves rise up to any budget, so that the disk would end them.
+    let study = study(vec![
+        setting("reference", None, (0.03, 0.1), (0.02, 0.01)),
+        cheap("lucky", 0.01, 0.04),
+        cheap("cheap", 0.02, 0.005),
+    ]);
+    let of = |wall_s: f64, disk: Option<f64>| -> Vec<(String, u64)> {
+        let of = choices(&study, &budget(wall_s, disk), |_| HERE, 10);
+        of.iter().map(|choice| (choice.setting.name.clone(), choice.scenes)).collect()
+    };
+    let hours = of(3600.0, Some(2e9));
+    assert_eq!(hours.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["reference", "cheap", "lucky"]);
+    assert_eq!(of(8.0 * 3600.0, Some(2e9)), hours);
+    assert_eq!(of(8.0 * 3600.0, None), hours);
+    // More time never builds fewer: from where the flat size is paid it is built.
+    let flat = hours[0].1;
+    let first = |wall_s: f64| of(wall_s, None)[0].1;
+    let sizes = [0.2, 0.5, 0.9, 1.1, 1.5, 1.9, 2.1, 10.0].map(|share| first(share * 0.039 * flat as f64));
+    assert!(sizes.is_sorted() && sizes[7] == flat && sizes[0] < flat, "{sizes:?} {flat}");
+}
+
+#[test]
+fn law_what_is_not_told_apart_and_was_not_followed_is_expected_to_teach_as_the_reference() {
+    let mut study = study(vec![
+        setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+        StudySetting {
+            gain: Some(Interval { mean: 0.01, half_width: 0.02 }),
+            ..setting("lucky", Some(Told::NotApart), (0.005, 1.0), (0.01, 0.01))
+        },
+    ]);
+    let of = |study: &Study| -> Vec<(f64, f64, bool)> {
+        let of = choices(study, &budget(3600.0, None), |_| HERE, 10);
+        of.iter().map(|of| (of.expected.mean, of.expected.high - of.expected.low, of.by_reference)).collect()
+    };
+    // As long as none was followed each is told by its own sizes.
+    let [(reference, ..), (own, _, by_reference)] = of(&study)[..] else { panic!("two") };
+    assert!(own > reference + 0.02 && !by_reference);
+    follow(&mut study.settings[0], 0.03 + 1.0 / 256.0);
+    let [(reference, width, _), (shared, wider, by_reference)] = of(&study)[..] else { panic!("two") };
+    assert!((shared - reference).abs() < 2e-3 && by_reference, "{shared} {reference}");
+    // What is open of its gain is open of it.
+    assert!(wider > width + 0.02, "{wider} {width}");
+    study.settings[1].told = Some(Told::Better);
+    assert!(!choices(&study, &budget(3600.0, None), |_| HERE, 10).iter().any(|of| of.by_reference));
+}
+
+#[test]
+fn exact_the_config_as_it_is_asked_for_comes_before_the_rest_whichever_setting_it_is() {
+    let mut study = study(vec![
+        setting("reference", None, (0.03, 1.0), (0.02, 0.01)),
+        setting("asked for", Some(Told::NotApart), (0.031, 1.0), (0.02, 0.01)),
+    ]);
+    let first = |study: &Study| choices(study, &budget(600.0, None), |_| HERE, 10)[0].setting.name.clone();
+    assert_eq!(first(&study), "reference");
+    study.written = Some(1);
+    assert_eq!(first(&study), "asked for");
 }
 
 #[test]

@@ -35,6 +35,7 @@ pub(crate) fn study(settings: Vec<StudySetting>) -> Study {
         seeds: 3,
         training: usual_training(),
         settings,
+        written: None,
     }
 }
 
