@@ -50,7 +50,7 @@ pub struct FastslamParams {
     /// Features are taken up to this distance from the sensor, metres.
     #[garde(custom(within(0.5, 20.0)))]
     pub feature_range_m: f64,
-    /// Lay what stands up in a sweep on what stood up at the stop before: tells the way between the two to a centimetre where
+    /// Lay each sweep on that of the stop before, by what stands up and by the ground: tells the way between the two to a centimetre where
     /// rocks are seen twice. Without it the features alone correct the odometry, as in the paper.
     #[garde(skip)]
     pub registration: bool,
