@@ -98,6 +98,9 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
 /// A plan takes no longer, whatever it is asked, unless it is given longer, or a number of scenes.
 const MOST: Duration = Duration::from_secs(30);
 
+/// Where cores are free a build takes so many times its CPU time over the threads at most.
+const BUSY: f64 = 1.3;
+
 /// What writing the sampled scenes takes, and the last of them, before anybody is told that they are waited for.
 const GRACE: Duration = Duration::from_secs(3);
 
@@ -261,6 +264,14 @@ fn tell_cost(estimate: &Estimate) {
     );
     if [&estimate.rows, &estimate.bytes, &estimate.wall_s].iter().any(|figure| !figure.relative_error().is_finite()) {
         outln!("  \u{b1} ?: no family had two measured scenes, so no error can be told; raise --sample or --limit");
+    }
+    let free_s = estimate.cpu_s.value / estimate.threads as f64
+        + estimate.storage.as_ref().map_or(0.0, |storage| storage.build_s);
+    if estimate.wall_s.value > BUSY * free_s {
+        outln!(
+            "  measured beside other work: on free cores it would take some {}",
+            human(Duration::from_secs_f64(free_s))
+        );
     }
     let needed = si(estimate.needed_bytes_per_s());
     match &estimate.storage {

@@ -3,7 +3,7 @@
 //! One panel for the pipeline and one for the trainer. CPU time of making the scenes and of training grows to the right, in its logarithm;
 //! the balanced error grows upwards, so that better is to the lower left. The reference is drawn thick, with the intervals of its sizes;
 //! a setting has the colour of its knob and stands out where it is told apart from the reference; what was followed to more scenes goes on to them. The broad band is the front of the
-//! pipeline's settings, the ring what is recommended. Names have the settings that are told apart, and those that the front passes through.
+//! pipeline's settings, the ring what is recommended. Names have the settings that are told apart, and those that the front passes through at two sizes and more.
 
 use super::front::front;
 use super::report::{CurveRow, Recommendation, Report, Row, Told, WorthRow};
@@ -117,15 +117,16 @@ fn panel(
     Panel { title, x: Axis::logarithmic("CPU time of generating and training, s", cost_range), y, series }
 }
 
-/// Names of the settings that are told apart or stand on the front, at their last points: of those that are worse above these, of the others below, away from the
+/// Names of the settings that are told apart or stand on the front at two sizes and more, at their last points: of those that are worse above these, of the others below, away from the
 /// reference, which the legend names. Those that would stand on another's are moved on.
 fn names(rows: &[&Row], front: &[(&Row, &CurveRow)], errors: &[f64]) -> Vec<(Point, i32, String)> {
     let span = errors.iter().copied().fold(0.0, f64::max) - errors.iter().copied().fold(f64::INFINITY, f64::min);
     let pixel = span.max(1e-9) / f64::from(PANEL.1);
     let is_worse = |row: &Row| row.told() == Some(Told::Worse);
     let is_named = |row: &Row| {
-        let is_on_front = front.iter().any(|(other, _)| other.label() == row.label());
-        row.told() == Some(Told::Better) || (is_on_front && row.group.is_some())
+        // One size alone stands there by the luck of its trainings.
+        let sizes_on_front = front.iter().filter(|(other, _)| other.label() == row.label()).count();
+        row.told() == Some(Told::Better) || (sizes_on_front > 1 && row.group.is_some())
     };
     let of = |is_of: &dyn Fn(&Row) -> bool, away: f64| {
         let end = |row: &&Row| Some((at(sizes(row).next_back()?), row.name.clone()));

@@ -142,7 +142,12 @@ fn recommended(what: &str, of: &Recommendation, rows: &[&Row]) -> String {
         }
         () => "nothing is told apart from the reference for the better",
     };
-    let sets = if of.sets.is_empty() { "the config as written".to_owned() } else { of.sets.join(" ") };
+    let is_reference = rows.first().is_some_and(|row| row.group.is_none() && row.name == of.name);
+    let sets = match () {
+        () if of.sets.is_empty() => "the config as written".to_owned(),
+        () if is_reference => "the config at fidelity: reference".to_owned(),
+        () => of.sets.join(" "),
+    };
     format!(
         "recommended {what}: {} ({why}): balanced accuracy {} % of {} scenes, the most that it was measured at, in {} s CPU: {sets}\n",
         of.name,
