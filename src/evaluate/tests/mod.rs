@@ -174,7 +174,7 @@ fn exact_groups_are_all_well_seen_family_and_sensor() {
         "missed     50.00 %  ",
         "false      33.33 %  ",
         "precision  50.00 %  ",
-        "worst      58.33 %                   balanced accuracy on family even (10 untraversable of 25 cells); mean of 2 families 58.33 %; most missed on even: 50.00 %",
+        "worst      58.33 %                   balanced accuracy on family even (12 untraversable of 30 cells); mean of 2 families 58.33 %; most missed on even: 50.00 %",
         "in 10 scans of 5 scenes, over which intervals are of 95 %",
     ] {
         assert!(text.contains(line), "{line} in {text}");
