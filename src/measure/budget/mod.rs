@@ -225,9 +225,8 @@ impl<'s> Curve<'s> {
         let scenes = largest.scenes as f64;
         let by_reference = teaches != setting;
         let mut interval = teaches.largest().balanced_accuracy;
-        if let Some(gain) = setting.gain.filter(|_| by_reference) {
-            interval.half_width = math::hypot(interval.half_width, gain.half_width);
-        }
+        // What is open of its own accuracy is open of it with the other's curve, too.
+        interval.half_width = interval.half_width.max(largest.balanced_accuracy.half_width);
         Curve {
             setting,
             fit: Fit::of(&measured, &interval),
