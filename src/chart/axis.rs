@@ -81,7 +81,7 @@ impl Axis {
     }
 
     /// Where a value stands: 0 at the low end, 1 at the high one; a little beyond where it lies outside.
-    fn position(&self, value: f64) -> f64 {
+    pub(crate) fn position(&self, value: f64) -> f64 {
         let on_scale = |value: f64| match self.scale {
             Scale::Linear => value,
             Scale::Logarithmic => math::ln(value.max(f64::MIN_POSITIVE)),

@@ -12,6 +12,8 @@ use crate::chart::{self, Axis, Colour, Marks, Panel, Point, Series};
 use crate::math;
 
 const PANEL: (u32, u32) = (920, 600);
+/// Pixels from the foot of a panel's axis to its head.
+const PLOT_PX: f64 = 456.0;
 /// Pixels between a point and its name, and between two names.
 const CLEAR_PX: f64 = 12.0;
 const LINE_PX: f64 = 15.0;
@@ -113,15 +115,13 @@ fn panel(
         series.push(Series::named(name, BLACK, Marks::Rings(vec![point], 10)));
     }
     let y = Axis::of_values(format!("balanced error on {judged_by}, %"), errors.iter().copied());
-    series.push(Series::unnamed(BLACK, Marks::Words(names(rows, &front, &errors))));
+    series.push(Series::unnamed(BLACK, Marks::Words(names(rows, &front, &y))));
     Panel { title, x: Axis::logarithmic("CPU time of generating and training, s", cost_range), y, series }
 }
 
 /// Names of the settings that are told apart or stand on the front at two sizes and more, at their last points: of those that are worse above these, of the others below, away from the
 /// reference, which the legend names. Those that would stand on another's are moved on.
-fn names(rows: &[&Row], front: &[(&Row, &CurveRow)], errors: &[f64]) -> Vec<(Point, i32, String)> {
-    let span = errors.iter().copied().fold(0.0, f64::max) - errors.iter().copied().fold(f64::INFINITY, f64::min);
-    let pixel = span.max(1e-9) / f64::from(PANEL.1);
+fn names(rows: &[&Row], front: &[(&Row, &CurveRow)], y: &Axis) -> Vec<(Point, i32, String)> {
     let is_worse = |row: &Row| row.told() == Some(Told::Worse);
     let is_named = |row: &Row| {
         // One size alone stands there by the luck of its trainings.
@@ -134,7 +134,7 @@ fn names(rows: &[&Row], front: &[(&Row, &CurveRow)], errors: &[f64]) -> Vec<(Poi
         ends.sort_by(|a, b| (away * a.0.1).total_cmp(&(away * b.0.1)));
         let mut last = f64::NEG_INFINITY;
         let moved = ends.into_iter().map(move |(point, name)| {
-            let own = away * point.1 / pixel;
+            let own = away * y.position(point.1) * PLOT_PX;
             let at = (own + CLEAR_PX).max(last + LINE_PX);
             last = at;
             (point, (away * (at - own)) as i32, name)
