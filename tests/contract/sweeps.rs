@@ -154,8 +154,8 @@ fn law_points_of_sweeps_locate_a_drive_as_whole_sweeps_do() {
         let names: Vec<String> = (0..poses.len()).map(|stop| format!("{stop:03}")).collect();
         assert_eq!(trajectory::match_clouds("sweeps.tum", &poses, &names, 1e-6).expect("as many").len(), names.len());
     }
-    // Measured: 0.34 and 0.39 of dead reckoning's error.
     let all_m = [of_points_m, of_sweeps_m, reckoned_m];
+    println!("errors at the end, m: of points, of whole sweeps, reckoned {all_m:?}; registration alone {registered_m}");
     assert!(of_points_m < 0.6 * reckoned_m && of_sweeps_m < 0.6 * reckoned_m, "{all_m:?}");
     assert!((of_points_m / of_sweeps_m - 1.0).abs() < 0.25, "{all_m:?}");
     assert!(registered_m < 0.6 * reckoned_m, "{registered_m} {all_m:?}");
