@@ -13,7 +13,7 @@ use clap::Args;
 use serde_json::json;
 
 use self::words::{absent, parts};
-use super::options::{default_out, default_threads, parse_positive, parse_threads, split_warnings};
+use super::options::{default_out, default_threads, parse_positive, parse_threads, split_warnings, typed_sets};
 use super::output::{errln, out, outln};
 use super::place::corpus_failure;
 use super::progress::{counted, human, si};
@@ -88,8 +88,10 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
     } else {
         tell(&plan, estimate.as_ref(), &warnings);
         outln!(
-            "\nwhat such scenes teach a classifier, and from how many on more teach nothing: marsyard plan {} --hours 8",
-            args.config.config.display()
+            "\nwhat such scenes teach a classifier, and from how many on more teach nothing: marsyard plan {}{}{} --hours 8",
+            args.config.config.display(),
+            typed_sets(&args.config.sets),
+            args.out.as_ref().map_or(String::new(), |out| format!(" --out '{}'", out.display()))
         );
     }
     Ok(())
@@ -98,7 +100,7 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
 /// A plan takes no longer, whatever it is asked, unless it is given longer, or a number of scenes.
 const MOST: Duration = Duration::from_secs(30);
 
-/// Where cores are free a build takes so many times its CPU time over the threads at most.
+/// Beyond so many times the CPU time over the threads, other work is taken to hold a build up.
 const BUSY: f64 = 1.3;
 
 /// What writing the sampled scenes takes, and the last of them, before anybody is told that they are waited for.

@@ -284,9 +284,8 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[En
     );
 }
 
-/// What a search by its default filter does not compare with.
-const BY_KALMAN_FILTER: &str =
-    "\nlearnt by the Kalman filter, one by one: what train takes by default, larger and by batches, errs less";
+/// What a search by the extended Kalman filter does not compare with.
+const BY_KALMAN_FILTER: &str = "\nlearnt by the Kalman filter, each alone; what train takes by default, larger and by batches, is not among them (docs/accuracy.md sets the two beside each other)";
 
 /// How sure that is.
 fn over_scenes(board: &Leaderboard) -> String {

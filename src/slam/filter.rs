@@ -171,7 +171,7 @@ impl Filter {
         &self.cloud
     }
 
-    /// A sweep's features, what stands up in it where sweeps are laid on one another, and where it looked. The streams stand at the step.
+    /// A sweep's features, its surface where sweeps are laid on one another, and where it looked. The streams stand at the step.
     pub(super) fn observe(
         &mut self,
         found: &[Feature],

@@ -1,8 +1,8 @@
 //! Readings and sweeps -> estimated poses with covariance. Never the truth.
 //!
 //! In: [`SlamParams`], the start pose (known), [`Reading`](crate::drive::Reading)s, [`Returns`](crate::sweep::Returns)s. Out: an [`Estimate`] per step, frame `map`.
-//! Source: Montemerlo et al. 2003 (FastSLAM 2.0), in six degrees of freedom on terrain; deviation: what stands up in a sweep is also laid
-//! on what stood up at the stop before (`registration`, `keyframe`). All of it runs relative to the start, so that coordinates of
+//! Source: Montemerlo et al. 2003 (FastSLAM 2.0), in six degrees of freedom on terrain; deviation: each sweep is also laid
+//! on that of the stop before (`registration`, `keyframe`). All of it runs relative to the start, so that coordinates of
 //! any size lose no digits. Of the start only the position is believed: the attitude comes from the first readings, where the rover
 //! has the instruments.
 //!

@@ -13,7 +13,7 @@ pub enum SlamParams {
     /// FastSLAM 2.0 on features and surfaces of the sweeps, IMU, sun sensor and odometry.
     Fastslam(#[garde(dive)] FastslamParams),
     /// A Kalman filter of IMU, sun sensor and odometry that lays each sweep on the one before, by what stands up and by the ground. No landmarks and
-    /// no particles: on the shipped configs nearer to the truth than FastSLAM, for as much CPU, and honest about its errors on long drives.
+    /// no particles: on the shipped configs as near to the truth as FastSLAM, for as much CPU, and over tens of metres nearer and honest about its errors.
     Registration(#[garde(dive)] RegistrationParams),
     /// IMU, sun sensor and odometry alone.
     DeadReckoning,
@@ -47,7 +47,7 @@ pub struct FastslamParams {
     /// Features a sweep, at most (the ones with most points).
     #[garde(range(min = 1, max = 1000))]
     pub max_features: u32,
-    /// Features are taken up to this distance from the sensor, metres.
+    /// Features, and what sweeps are laid on one another by, are taken up to this distance from the sensor, metres.
     #[garde(custom(within(0.5, 20.0)))]
     pub feature_range_m: f64,
     /// Lay each sweep on that of the stop before, by what stands up and by the ground: tells the way between the two to a centimetre where

@@ -169,3 +169,60 @@ fn law_a_study_of_the_config_as_it_stands_is_made_once() {
     assert!(again.status.success() && said.contains("no other is made") && !said.contains("a study of"), "{said}");
     assert_eq!(fs::read_to_string(&file).expect("the study"), written);
 }
+
+/// The answer for paper.yaml by its shipped study, with some overrides.
+fn of_paper(yard: &Yard, extra: &[&str]) -> serde_json::Value {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml").display().to_string();
+    let plan = ["plan", &config, "--hours", "0.05", "--cores", "2", "--disk", "2GB", "--limit", "1", "--json"];
+    let output = yard.marsyard(plan.iter().chain(extra));
+    assert!(output.status.success(), "{extra:?}: {}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON on stdout")
+}
+
+#[test]
+fn law_the_setting_that_is_asked_for_is_planned_and_what_the_study_does_not_know_is_told() {
+    let yard = Yard::new();
+    let answer = |sets: &[&str]| {
+        let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
+        let answer = of_paper(&yard, &sets);
+        (answer["choices"][0]["setting"].as_str().expect("a name").to_owned(), answer["warnings"].to_string())
+    };
+    for (sets, setting) in [
+        (&[][..], "reference"),
+        (&["slam=dead_reckoning"], "slam: dead_reckoning"),
+        (&["slam={fastslam: {particles: 300}}", "scenes_per_shard=10"], "slam: 300 particles"),
+    ] {
+        let (first, warnings) = answer(sets);
+        assert_eq!((first.as_str(), warnings.as_str()), (setting, "[]"), "{sets:?}");
+    }
+    let (_, warnings) = answer(&["slam={fastslam: {particles: 42}}"]);
+    assert!(
+        warnings.contains("is this config as it is asked for") && !warnings.contains("another state"),
+        "{warnings}"
+    );
+    // What the study's settings do not undo is another config to it, though one of them has the same beams.
+    let beams = "sweep.sensor.pattern.tilted";
+    let (_, warnings) = answer(&[&format!("{beams}.beams=341"), &format!("{beams}.beam_step_deg=0.703125")]);
+    assert!(warnings.contains("another state"), "{warnings}");
+}
+
+#[test]
+fn law_nothing_is_planned_into_a_place_that_holds_something_else() {
+    let yard = Yard::new();
+    let place = |out: &str| {
+        let answer = of_paper(&yard, &["--out", out]);
+        let scenes = answer["choices"][0]["scenes"].as_u64().expect("scenes");
+        (answer["place"].as_str().expect("a path").to_owned(), scenes)
+    };
+    assert_eq!(place("new").0, "new");
+    fs::create_dir(yard.path("empty")).expect("a folder");
+    assert_eq!(place("empty").0, "empty");
+    fs::create_dir(yard.path("full")).expect("a folder");
+    fs::write(yard.path("full/plan.yaml"), "no plan of marsyard's").expect("a file");
+    // How many scenes are flat hangs on the study alone, and is the same for all.
+    let (beside, scenes) = place("full/");
+    assert_eq!(beside, format!("full-{scenes}"));
+    fs::create_dir(yard.path(&beside)).expect("a folder");
+    fs::write(yard.path(&beside).join("notes.txt"), "mine").expect("a file");
+    assert_eq!(place("full").0, format!("full-{scenes}-2"));
+}

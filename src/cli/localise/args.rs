@@ -15,7 +15,7 @@ pub(in crate::cli) struct LocaliseArgs {
     #[arg(long, value_name = "CSV", conflicts_with = "sweeps")]
     pub(super) features: Option<PathBuf>,
     /// Sweeps of a LiDAR: a list (CSV) of times and files, each file the points of one sweep in the sensor's frame. Rocks in them are the
-    /// features, and what stands up in each is laid on the one before; or see --registration.
+    /// features, and each is laid on the one before, by what stands up and by the ground; or see --registration.
     #[arg(long, value_name = "CSV", requires = "sensor")]
     pub(super) sweeps: Option<PathBuf>,
     /// Where the rover truly was (CSV): the drive starts where it says that it began, and errors are told.

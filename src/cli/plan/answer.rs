@@ -42,8 +42,6 @@ pub(super) struct Answer<'a> {
     pub sets: Vec<String>,
     /// Where it is built.
     pub place: PathBuf,
-    /// Another corpus, where the config's builds go.
-    pub there: Option<Plan>,
     pub warnings: Vec<String>,
     /// What makes a corpus of the first choice weak, by the scenes that were made for the answer.
     pub advice: Vec<Advice>,
@@ -90,15 +88,11 @@ impl Answer<'_> {
         }
         let sets = typed_sets(self.args.config.sets.iter().chain(&self.sets));
         outln!("");
-        if let Some(there) = &self.there {
-            let (place, scenes) = (self.args.place(self.plan), counted(there.scenes, "scene"));
-            outln!(
-                "{} holds another corpus, of {scenes} in shards of {}; beside it:",
-                place.display(),
-                there.scenes_per_shard
-            );
+        let usual = self.args.place(self.plan);
+        if self.place != usual {
+            outln!("{} holds something else, or more scenes; beside it:", usual.display());
         }
-        let is_named = self.args.out.is_some() || self.there.is_some();
+        let is_named = self.args.out.is_some() || self.place != usual;
         let out = if is_named { format!(" --out '{}'", self.place.display()) } else { String::new() };
         outln!("marsyard generate {}{sets}{out}", self.args.config.config.display());
         outln!("marsyard train '{}'", self.place.display());
@@ -119,17 +113,15 @@ impl Answer<'_> {
         );
         outln!("  expected balanced accuracy: {}", expected(choice));
         extrapolated(choice).iter().for_each(|doubt| outln!("  {doubt}"));
+        by_reference(choice).iter().for_each(|doubt| outln!("  {doubt}"));
         let best = &self.choices[0];
         if choice.setting == best.setting {
             outln!("  {}", self.why(choice));
             return;
         }
         outln!("  {}", ends(choice));
-        if choice.by_reference {
-            outln!(
-                "  Its scenes are taken to teach what as many of the reference do, for the study does not tell the two apart and did not follow it to more scenes."
-            );
-        } else if best.setting == self.study.as_written() && choice.expected.mean > best.expected.mean {
+        if !choice.by_reference && best.setting == self.study.as_written() && choice.expected.mean > best.expected.mean
+        {
             let why = match choice.setting.told {
                 Some(Told::Better) => "the study did not follow it to more scenes, or CPU time does not bind",
                 _ => "the study does not tell the two apart at equal CPU",
@@ -182,7 +174,7 @@ impl Answer<'_> {
             "hours": self.hours, "cores": self.cores, "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
             "warnings": self.warnings, "advice": self.advice, "how_to_vary": words::how_to_vary(self.plan),
             "poses_not_told_worse_than_fastslam": self.poses_not_told_worse().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
-            "sets": self.sets, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),
+            "sets": self.sets, "place": self.place, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),
         })
     }
 
@@ -193,7 +185,7 @@ impl Answer<'_> {
         let best = &self.choices[0];
         let text = format!(
             "# Written by `marsyard plan {} --hours {} --cores {}{}{}`, from the study {}.\n\
-             # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.\n# Differs from the config by:{}\n{}",
+             # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.{}\n# Differs from the config by:{}\n{}",
             self.args.config.config.display(),
             self.hours,
             self.cores,
@@ -204,6 +196,7 @@ impl Answer<'_> {
             self.why(best),
             self.study.judged_by,
             expected(best),
+            by_reference(best).map_or(String::new(), |doubt| format!(" {doubt}")),
             self.sets.iter().map(|set| format!(" {set}")).collect::<String>(),
             plan.to_yaml()
         );
@@ -212,6 +205,13 @@ impl Answer<'_> {
         errln!("written: {}; `marsyard generate {0}` builds it", path.display());
         Ok(())
     }
+}
+
+/// Whose curve tells what is expected, where it is not the setting's own.
+fn by_reference(choice: &Choice) -> Option<&'static str> {
+    choice.by_reference.then_some(
+        "By the reference's curve: the study does not tell the two apart at equal CPU, and did not follow this one to more scenes.",
+    )
 }
 
 /// What ends the number of scenes.

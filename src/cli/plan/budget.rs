@@ -20,10 +20,11 @@ use crate::cli::progress::si;
 use crate::cli::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::advice::{self, Content};
-use crate::corpus::plan_file;
+use crate::corpus::plan_file::{self, Extent};
 use crate::measure::budget::{Budget, Choice, DISK_MARGIN, Here, choices};
 use crate::measure::estimate::{self, Estimate, Options};
 use crate::measure::study::{Study, StudySetting};
+use crate::measure::tradeoff::report::Told;
 use crate::plan::Plan;
 
 /// From so many shards on each split has one.
@@ -178,7 +179,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
         content.test_scenes = test_scenes;
     }
     let warnings = warnings(args, &study, &study_file, cores)?;
-    let (place, there) = free_place(args, plan, &sets)?;
+    let place = free_place(args, plan, &sets)?;
     let answer = Answer {
         args,
         plan,
@@ -191,7 +192,6 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
         measured_here,
         sets,
         place,
-        there,
         warnings,
         advice: advice::advise(&contents),
     };
@@ -206,20 +206,27 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     Ok(())
 }
 
-/// Where the choice is built, and the corpus, if there is one, that lies where the config's builds go and is no beginning of it.
-fn free_place(args: &PlanArgs, plan: &Plan, sets: &[String]) -> Result<(PathBuf, Option<Plan>), Failure> {
-    let place = args.place(plan);
+/// Where the choice is built: where the config's builds go if that is free, or holds a beginning of it, else beside it.
+fn free_place(args: &PlanArgs, plan: &Plan, sets: &[String]) -> Result<PathBuf, Failure> {
     let sets = [args.config.sets.as_slice(), sets].concat();
     let to_build = config::load(&args.config.config, &sets).map_err(config_failure)?;
-    let grows = |there: &Plan| there.scene_plan_hash() == to_build.scene_plan_hash() && there.scenes <= to_build.scenes;
-    let there = config::load(&place.join(plan_file::NAME), &[]).ok().filter(|there| !grows(there));
-    match there {
-        Some(there) => {
-            let beside = format!("{}-{}", place.display(), to_build.scenes);
-            Ok((beside.into(), Some(there)))
-        }
-        None => Ok((place, None)),
-    }
+    let takes = |place: &Path| match std::fs::read(place.join(plan_file::NAME)) {
+        Ok(bytes) => plan_file::head_of(&bytes).is_some_and(|there| {
+            let grows = |extent: Extent| {
+                extent.scenes_per_shard == to_build.scenes_per_shard && extent.scenes <= to_build.scenes
+            };
+            there.scene_plan_hash == to_build.scene_plan_hash() && there.extent.is_some_and(grows)
+        }),
+        Err(_) => std::fs::read_dir(place).map_or(true, |mut inside| inside.next().is_none()),
+    };
+    let usual = args.place(plan);
+    let Some(name) = usual.file_name().map(|name| name.to_string_lossy().into_owned()) else { return Ok(usual) };
+    let beside = (1..).map(|k| {
+        let again = if k > 1 { format!("-{k}") } else { String::new() };
+        usual.with_file_name(format!("{name}-{}{again}", to_build.scenes))
+    });
+    let mut places = std::iter::once(usual.clone()).chain(beside);
+    Ok(places.find(|place| takes(place)).unwrap_or(usual))
 }
 
 /// The overrides without those that say what the config says anyway.
@@ -282,6 +289,13 @@ fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {
 /// What speaks against the study, and against the machine.
 fn warnings(args: &PlanArgs, study: &Study, study_file: &Path, cores: usize) -> Result<Vec<String>, Failure> {
     let mut warnings = study::doubts(args, study, study_file)?;
+    let written = study.as_written();
+    if written.told == Some(Told::Worse) {
+        warnings.push(format!(
+            "the config as it is asked for ({}) is told to be worse than the study's reference at equal CPU: the reference is planned in its place",
+            written.name
+        ));
+    }
     if cores > default_threads() {
         warnings.push(format!(
             "measured on {}: hours are extrapolated to {cores} cores as fast as these, each free",

@@ -41,27 +41,12 @@ const RESOLVED: f64 = 0.003;
 
 /// The study, and its file.
 pub(super) fn of(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool) -> Result<(PathBuf, Study), Failure> {
-    let (path, study) = found(args, plan, log, stop)?;
-    Ok((path, with_written(args, plan, study)))
-}
-
-/// With the setting that makes the plan as it is asked for, if there is one.
-fn with_written(args: &PlanArgs, plan: &Plan, study: Study) -> Study {
-    let makes = |setting: &StudySetting| {
-        let sets = [args.config.sets.as_slice(), &setting.sets].concat();
-        config::load(&args.config.config, &sets).is_ok_and(|made| made.scene_plan_hash() == plan.scene_plan_hash())
-    };
-    let written = study.settings.iter().position(makes);
-    Study { written, ..study }
-}
-
-fn found(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool) -> Result<(PathBuf, Study), Failure> {
     let asked = &args.budget;
+    let known = |(path, study)| (path, with_written(args, plan, study));
     if let Some(path) = &asked.study {
-        return Study::read(path).map(|study| (path.clone(), study)).map_err(|error| failure(&error, args));
+        return Study::read(path).map(|study| known((path.clone(), study))).map_err(|error| failure(&error, args));
     }
-    let found = Study::find(&args.config.config, &plan.name);
-    let found = found.map(|(path, study)| (path, with_written(args, plan, study)));
+    let found = Study::find(&args.config.config, &plan.name).map(known);
     let Some(minutes) = asked.study_minutes else { return found.map_err(|error| failure(&error, args)) };
     let reason = match found {
         Ok((path, study)) => match doubts(args, &study, &path)?.into_iter().next() {
@@ -80,7 +65,37 @@ fn found(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool) -> Res
         Err(error) => error.to_string(),
     };
     say(log, &reason);
-    make(args, plan, Duration::from_secs_f64(60.0 * minutes), log, stop)
+    make(args, plan, Duration::from_secs_f64(60.0 * minutes), log, stop).map(known)
+}
+
+/// With the setting that makes the plan as it is asked for, if there is one.
+fn with_written(args: &PlanArgs, plan: &Plan, study: Study) -> Study {
+    let asked_for = of_scenes(plan);
+    let makes = |setting: &StudySetting| made(args, &study.sets, setting).as_ref() == Some(&asked_for);
+    let written = study.settings.iter().position(makes).filter(|_| is_of_this_state(args, &study));
+    Study { written, ..study }
+}
+
+/// The scenes of a config with a setting of the study over some overrides; `None` where the config's rules refuse it.
+fn made(args: &PlanArgs, sets: &[String], setting: &StudySetting) -> Option<String> {
+    let sets = [sets, &setting.sets].concat();
+    config::load(&args.config.config, &sets).ok().as_ref().map(of_scenes)
+}
+
+/// Hash of what a plan's scenes are like; how many lie in a shard makes no other scenes.
+fn of_scenes(plan: &Plan) -> String {
+    Plan { scenes_per_shard: 1, ..plan.clone() }.scene_plan_hash()
+}
+
+/// Whether the study's settings, over what is asked for, make what was measured.
+fn is_of_this_state(args: &PlanArgs, study: &Study) -> bool {
+    let reference = &study.settings[0];
+    let [here, there] = [&args.config.sets, &study.sets].map(|sets| made(args, sets, reference));
+    // What it was made of is the file as it was then.
+    let sets = [study.sets.as_slice(), &reference.sets].concat();
+    let is_of_file =
+        config::load(&args.config.config, &sets).is_ok_and(|plan| plan.scene_plan_hash() == study.scene_plan_hash);
+    here == there && is_of_file
 }
 
 fn say(log: LogFormat, words: &str) {
@@ -197,14 +212,13 @@ pub(super) fn doubts(args: &PlanArgs, study: &Study, file: &Path) -> Result<Vec<
             "{file} was made of another config, '{}': what it says of accuracy is of that; --study-minutes 10 makes one of this, and so does `{command}`",
             study.name
         ));
-    } else if own.scene_plan_hash() != study.scene_plan_hash {
+    } else if !is_of_this_state(args, study) {
         doubts.push(format!(
             "{file} was made of another state of this config: what it says of accuracy is of that; {cure}"
         ));
-    }
-    if own.name == study.name && study.written.is_none() {
+    } else if study.written.is_none() {
         doubts.push(format!(
-            "none of the settings of {file} is this config as it is asked for: what is planned takes the place of its own choices (below, --set); {cure}"
+            "none of the settings of {file} is this config as it is asked for: the command below overrides its own choices by settings that the study knows; {cure}"
         ));
     }
     if !study.is_trained_as_now() {

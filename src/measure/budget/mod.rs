@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use self::fit::{Fit, Measured};
 use self::passes::Passes;
-use self::ranking::{Candidate, ranked};
+use self::ranking::{Candidate, Written, ranked};
 use super::estimate::RowCost;
 use super::study::{Study, StudySetting, StudySize};
 use super::tradeoff::report::Told;
@@ -146,31 +146,51 @@ pub(crate) fn choices<'s>(
     let common = study.settings.first().map_or(0.0, |setting| setting.sizes[compared - 1].scenes as f64);
     let candidates = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
-        let curve = Curve::of(setting, stands_for(setting, study), &errors, passes, &here, multiple);
+        let curve = Curve::of(setting, Teaches::of(setting, study), &errors, passes, &here, multiple);
         let choice = curve.choice(budget, &here, common, multiple)?;
-        let ranked_at = (STUDY_SCENES * choice.most_scenes as f64).min(RANKED_UP_TO * common);
-        Some(Candidate { ranked_by: curve.fit.expected(ranked_at).mean, choice, curve, here })
+        Some(Candidate { ranked_by: curve.ranked_by(choice.most_scenes, common), choice, curve, here })
     });
-    let mut ranked = ranked(candidates.collect(), study);
+    let candidates: Vec<Candidate> = candidates.collect();
+    let written = Written::of(&candidates, study);
+    let mut ranked = ranked(candidates, study, written);
     if let Some((first, others)) = ranked.split_first_mut()
         && first.choice.bound == Bound::Flat
     {
         let time = Budget { wall_s: first.choice.seconds(), ..*budget };
         others.iter_mut().for_each(|other| other.cut_to(&time, common, multiple));
         // What ended them before, such as the disk, may do so no more.
-        let others = self::ranked(ranked.split_off(1), study);
+        let others = self::ranked(ranked.split_off(1), study, written);
         ranked.extend(others);
     }
     ranked.into_iter().map(|candidate| candidate.choice).collect()
 }
 
-/// Whose curve tells what to expect of a setting: the reference's, where that was followed to more scenes and the setting, which is not told apart
-/// from it, was not. A short curve of its own would promise what a few trainings happened to bring.
-fn stands_for<'s>(setting: &'s StudySetting, study: &'s Study) -> &'s StudySetting {
-    let (compared, reference) = (compared_sizes(study), &study.settings[0]);
-    let is_followed = |setting: &StudySetting| setting.sizes.len() > compared;
-    let is_same = matches!(setting.told, Some(Told::NotApart | Told::OneSeed));
-    if is_same && is_followed(reference) && !is_followed(setting) { reference } else { setting }
+/// Whose accuracies tell what to expect of a setting.
+struct Teaches<'s> {
+    setting: &'s StudySetting,
+    by_reference: bool,
+    /// What the setting errs more than the other on as many scenes.
+    more_error: f64,
+}
+
+impl<'s> Teaches<'s> {
+    /// The reference, where that was followed to more scenes and the setting, which is not told apart from it at equal CPU, was not: a short
+    /// curve of its own would promise what a few trainings happened to bring. What it errs more on the most scenes of both it is expected to err
+    /// more on any; what it errs less is not believed.
+    fn of(setting: &'s StudySetting, study: &'s Study) -> Teaches<'s> {
+        let (compared, reference) = (compared_sizes(study), &study.settings[0]);
+        let is_followed = |setting: &StudySetting| setting.sizes.len() > compared;
+        let is_same = matches!(setting.told, Some(Told::NotApart | Told::OneSeed));
+        if !is_same || !is_followed(reference) || is_followed(setting) {
+            return Teaches { setting, by_reference: false, more_error: 0.0 };
+        }
+        let accuracy = |of: &StudySetting| of.sizes[compared - 1].balanced_accuracy.mean;
+        Teaches {
+            setting: reference,
+            by_reference: true,
+            more_error: (accuracy(reference) - accuracy(setting)).max(0.0),
+        }
+    }
 }
 
 /// At how many sizes settings are compared; those that were followed to more scenes have more.
@@ -202,29 +222,29 @@ fn standard_errors(study: &Study) -> Vec<f64> {
 }
 
 impl<'s> Curve<'s> {
-    /// `teaches`: the setting whose accuracies tell what to expect; costs are the setting's own.
+    /// Costs are the setting's own.
     fn of(
         setting: &'s StudySetting,
-        teaches: &StudySetting,
+        teaches: Teaches,
         errors: &[f64],
         passes: Passes,
         here: &Here,
         multiple: u64,
     ) -> Curve<'s> {
-        let measured: Vec<Measured> = teaches
+        let Teaches { setting: teacher, by_reference, more_error } = teaches;
+        let measured: Vec<Measured> = teacher
             .sizes
             .iter()
             .zip(errors)
             .map(|(size, &standard_error)| Measured {
                 scenes: size.scenes as f64,
-                error: 1.0 - size.balanced_accuracy.mean,
+                error: 1.0 - size.balanced_accuracy.mean + more_error,
                 standard_error,
             })
             .collect();
         let largest = setting.largest();
         let scenes = largest.scenes as f64;
-        let by_reference = teaches != setting;
-        let mut interval = teaches.largest().balanced_accuracy;
+        let mut interval = teacher.largest().balanced_accuracy;
         // What is open of its own accuracy is open of it with the other's curve, too.
         interval.half_width = interval.half_width.max(largest.balanced_accuracy.half_width);
         Curve {
@@ -240,6 +260,11 @@ impl<'s> Curve<'s> {
             passes,
             largest: scenes,
         }
+    }
+
+    /// What is expected of as many scenes, or of twice the largest size that all settings have.
+    fn ranked_by(&self, scenes: u64, common: f64) -> f64 {
+        self.fit.expected((STUDY_SCENES * scenes as f64).min(RANKED_UP_TO * common)).mean
     }
 
     /// Seconds of wall: building on all cores, and training on one; a second one would read while the first learns.

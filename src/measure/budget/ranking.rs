@@ -2,9 +2,9 @@
 //!
 //! By what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
 //! as written and are expected to be no worse. Where settings were followed to more scenes, what is told better of the others was not put to that
-//! test and ranks nothing. The config as written comes before the rest. Of that the cheapest scenes come first, of settings which lose no more than a
-//! tenth of a point at equal CPU, and half a one at the lower end of the interval: where a curve is flat they are there soonest, and of what curves promise the luckiest
-//! would be the highest. Then, where disk or rows bind, and among what is told better, what is expected no farther than twice the largest size that
+//! test and ranks nothing. The config as written comes before the rest; the reference, where that is told to be worse. Among the rest the cheapest scenes come first, of settings that lose no more than a
+//! tenth of a point at equal CPU, and half a one at the lower end of the interval: where a curve is flat they are there soonest. What curves promise would put the luckiest
+//! first. Then, where disk or rows bind, and among what is told better, what is expected no farther than twice the largest size that
 //! all have decides. Left out: what is told to be worse.
 
 use super::{Bound, Budget, Choice, Curve, FLAT, FLAT_TWICE, Here, STUDY_SCENES, compared_sizes};
@@ -37,6 +37,7 @@ impl Candidate<'_> {
             let bound = if choice.bound == Bound::Hours { Bound::SameTime } else { choice.bound };
             let most_scenes = self.choice.most_scenes;
             let [from, to] = [choice.scenes, most_scenes].map(|scenes| STUDY_SCENES * scenes as f64);
+            self.ranked_by = self.curve.ranked_by(choice.most_scenes, common);
             self.choice = Choice { bound, most_scenes, left: self.curve.fit.gain(from, to), ..choice };
         }
     }
@@ -47,12 +48,33 @@ fn is_capped(choice: &Choice) -> bool {
     matches!(choice.bound, Bound::Disk | Bound::Rows)
 }
 
+/// What the config as written would bring within the budget, and take.
+#[derive(Clone, Copy)]
+pub(super) struct Written<'s> {
+    setting: &'s StudySetting,
+    brings: Option<(f64, f64)>,
+}
+
+impl<'s> Written<'s> {
+    /// The reference in its place, where it is told to be worse.
+    pub(super) fn of(candidates: &[Candidate<'s>], study: &'s Study) -> Written<'s> {
+        let written = study.as_written();
+        let setting = if written.told == Some(Told::Worse) { &study.settings[0] } else { written };
+        let found = candidates.iter().find(|candidate| candidate.choice.setting == setting);
+        Written { setting, brings: found.map(|found| (found.ranked_by, found.choice.seconds())) }
+    }
+}
+
 /// Without what is told to be worse, the best first.
-pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> Vec<Candidate<'s>> {
-    let written = candidates.iter().find(|candidate| candidate.choice.setting == study.as_written());
-    let written = written.map(|written| (written.ranked_by, written.choice.seconds()));
+pub(super) fn ranked<'s>(
+    mut candidates: Vec<Candidate<'s>>,
+    study: &Study,
+    written: Written<'s>,
+) -> Vec<Candidate<'s>> {
     let is_no_dearer = |Candidate { choice, ranked_by, .. }: &Candidate| {
-        written.is_none_or(|(other, of_other)| *ranked_by >= other && choice.seconds() <= SAME_SECONDS * of_other)
+        written
+            .brings
+            .is_none_or(|(other, of_other)| *ranked_by >= other && choice.seconds() <= SAME_SECONDS * of_other)
     };
     let is_followed = |setting: &StudySetting| setting.sizes.len() > compared_sizes(study);
     let is_put_to_test = |setting: &StudySetting| is_followed(setting) || !study.settings.iter().any(is_followed);
@@ -63,7 +85,7 @@ pub(super) fn ranked<'s>(mut candidates: Vec<Candidate<'s>>, study: &Study) -> V
         {
             2
         }
-        _ => u8::from(candidate.choice.setting == study.as_written()),
+        _ => u8::from(candidate.choice.setting == written.setting),
     };
     candidates.retain(|candidate| candidate.choice.setting.told != Some(Told::Worse));
     let cost = |candidate: &Candidate| candidate.cheap_s().filter(|_| rank(candidate) == 0).unwrap_or(f64::INFINITY);

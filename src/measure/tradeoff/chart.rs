@@ -3,7 +3,7 @@
 //! One panel for the pipeline and one for the trainer. CPU time of making the scenes and of training grows to the right, in its logarithm;
 //! the balanced error grows upwards, so that better is to the lower left. The reference is drawn thick, with the intervals of its sizes;
 //! a setting has the colour of its knob and stands out where it is told apart from the reference; what was followed to more scenes goes on to them. The broad band is the front of the
-//! pipeline's settings, the ring what is recommended. Names have the settings that are told apart, and those that the front passes through at two sizes and more.
+//! pipeline's settings, the ring what is recommended. Settings that are told apart, and those that the front passes through at two sizes and more, are named.
 
 use super::front::front;
 use super::report::{CurveRow, Recommendation, Report, Row, Told, WorthRow};

@@ -89,9 +89,9 @@ fn closing(report: &Report) -> String {
         let gain = report.rows.iter().find(|row| row.name == OTHER_DRAWS).and_then(Row::gain);
         let _ = writeln!(
             out,
-            "noise floor: other draws of the same config differ by {:.2} points (they gain {}); smaller gains are not told apart, nor those within their interval",
-            100.0 * floor,
-            shown(gain, |gain| points(&gain.balanced_accuracy))
+            "noise floor: other draws of the same config gain {} points; gains of less than {:.2} are not told apart, nor those within their interval",
+            shown(gain, |gain| points(&gain.balanced_accuracy)),
+            100.0 * floor
         );
     }
     if let Some(ratio) = report.variance_ratio {

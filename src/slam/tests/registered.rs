@@ -59,6 +59,30 @@ fn law_the_second_sweep_brings_the_pose_in_and_is_told_to_be_found_again() {
 }
 
 #[test]
+fn equal_fastslam_that_is_given_no_feature_is_registration_alone() {
+    // Nothing is drawn, so that all particles stay one Gaussian that carries the pose at the keyframe along.
+    let particles = FastslamParams { particles: 20, max_features: 0, ..FastslamParams::default() };
+    let run = |method: &SlamParams| {
+        let mut slam = at_start(method, 0.02);
+        slam.step(&reading(DRIVEN_M + 0.08, None)).expect("upright");
+        slam.observe(&scan(&posts(), &tilted(), &stop(DRIVEN_M)), &streams(1)).expect("upright");
+        slam.step(&reading(0.0, Some(0.0))).expect("upright");
+        assert!(slam.found_again() && slam.ancestors() == method_particles(method));
+        slam.estimate()
+    };
+    let [of_particles, alone] = [&SlamParams::Fastslam(particles), &METHOD].map(run);
+    assert!((of_particles.pose.position_m - alone.pose.position_m).length() < 1e-9);
+    assert!((of_particles.pose.yaw_rad - alone.pose.yaw_rad).abs() < 1e-9);
+    for (own, other) in of_particles.covariance.iter().flatten().zip(alone.covariance.iter().flatten()) {
+        assert!((own - other).abs() < 1e-9, "{own} {other}");
+    }
+}
+
+fn method_particles(method: &SlamParams) -> usize {
+    if let SlamParams::Fastslam(params) = method { params.particles as usize } else { 1 }
+}
+
+#[test]
 fn law_what_the_sun_tells_later_corrects_the_way_before_as_particles_cannot() {
     let wrong_rad = 0.05;
     let aside_m = |method: &SlamParams| {
