@@ -2,6 +2,7 @@
 
 mod answer;
 mod budget;
+mod place;
 mod study;
 mod words;
 

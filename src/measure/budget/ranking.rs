@@ -7,7 +7,8 @@
 //! first. Then, where disk or rows bind, and among what is told better, what is expected no farther than twice the largest size that
 //! all have decides. Left out: what is told to be worse.
 
-use super::{Bound, Budget, Choice, Curve, FLAT, FLAT_TWICE, Here, STUDY_SCENES, compared_sizes};
+use super::curve::Curve;
+use super::{Bound, Budget, Choice, FLAT, FLAT_TWICE, Here, STUDY_SCENES, compared_sizes};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::report::Told;
 

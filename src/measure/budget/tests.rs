@@ -1,4 +1,6 @@
+use super::curve::most;
 use super::*;
+use crate::math;
 use crate::measure::study::tests::{setting, study};
 use crate::measure::tradeoff::report::Told;
 use crate::statistics::Interval;
