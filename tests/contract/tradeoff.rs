@@ -26,7 +26,7 @@ fn law_tradeoff_writes_its_files_and_recommends() {
     let (told, talk) = (text(&output.stdout), text(&output.stderr));
     assert!(told.contains("cast: raster 0.1 m") && told.contains("batch: 8 rows"), "{told}");
     assert!(told.contains("recommended pipeline: ") && told.contains("recommended filter: "), "{told}");
-    assert!(told.contains("noise floor: other draws of the same config differ by "), "{told}");
+    assert!(told.contains("noise floor: other draws of the same config gain "), "{told}");
     assert!(talk.contains("8 scenes at 8 settings"), "{talk}");
     let folder = yard.path("tradeoffs/training");
     for name in ["tradeoff.parquet", "tradeoff.json", "tradeoff.md", "tradeoff.svg", "study.json"] {
