@@ -68,6 +68,11 @@ pub(super) fn typed_sets<'s>(sets: impl IntoIterator<Item = &'s String>) -> Stri
     sets.into_iter().map(|set| format!(" --set '{set}'")).collect()
 }
 
+/// A place as it is typed behind a command.
+pub(super) fn typed_out(out: &Path) -> String {
+    format!(" --out '{}'", out.display())
+}
+
 /// A rule of labels as an override.
 pub(super) fn labels_set(rule: &str) -> Result<String, Failure> {
     Ok(format!("labels={}", rule_mapping(rule)?))

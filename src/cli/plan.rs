@@ -14,7 +14,9 @@ use clap::Args;
 use serde_json::json;
 
 use self::words::{absent, parts};
-use super::options::{default_out, default_threads, parse_positive, parse_threads, split_warnings, typed_sets};
+use super::options::{
+    default_out, default_threads, parse_positive, parse_threads, split_warnings, typed_out, typed_sets,
+};
 use super::output::{errln, out, outln};
 use super::place::corpus_failure;
 use super::progress::{counted, human, si};
@@ -92,7 +94,7 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
             "\nwhat such scenes teach a classifier, and from how many on more teach nothing: marsyard plan {}{}{} --hours 8",
             args.config.config.display(),
             typed_sets(&args.config.sets),
-            args.out.as_ref().map_or(String::new(), |out| format!(" --out '{}'", out.display()))
+            args.out.as_deref().map_or(String::new(), typed_out)
         );
     }
     Ok(())
@@ -268,8 +270,9 @@ fn tell_cost(estimate: &Estimate) {
     if [&estimate.rows, &estimate.bytes, &estimate.wall_s].iter().any(|figure| !figure.relative_error().is_finite()) {
         outln!("  \u{b1} ?: no family had two measured scenes, so no error can be told; raise --sample or --limit");
     }
-    let free_s = estimate.cpu_s.value / estimate.threads as f64
-        + estimate.storage.as_ref().map_or(0.0, |storage| storage.build_s);
+    // Waiting for the place is of all threads together, as CPU time is.
+    let storing_s = estimate.storage.as_ref().map_or(0.0, |storage| storage.build_s);
+    let free_s = (estimate.cpu_s.value + storing_s) / estimate.threads as f64;
     if estimate.wall_s.value > BUSY * free_s {
         outln!(
             "  measured beside other work: on free cores it would take some {}",

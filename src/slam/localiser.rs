@@ -60,8 +60,6 @@ pub struct Slam {
     pub(super) filter: Filter,
     /// `None` for dead reckoning.
     extractor: Option<Extractor>,
-    /// Whether sweeps are laid on one another.
-    registers: bool,
     /// Whether features of sweeps are landmarks.
     maps: bool,
     start_m: DVec3,
@@ -82,13 +80,13 @@ impl Slam {
     ) -> Result<Slam, SlamError> {
         let alone = FastslamParams { particles: 1, ..FastslamParams::default() };
         let sees = |range_m| Extractor::new(range_m, rover_from_sensor);
-        let (params, extractor, registers, maps) = match params {
+        let (params, extractor, maps) = match params {
             SlamParams::Fastslam(params) => {
                 let sees = sees(params.feature_range_m);
-                (params, Some(if params.registration { sees.with_ground() } else { sees }), params.registration, true)
+                (params, Some(if params.registration { sees.with_ground() } else { sees }), true)
             }
-            SlamParams::Registration(params) => (&alone, Some(sees(params.range_m).with_ground()), true, false),
-            SlamParams::DeadReckoning => (&alone, None, false, false),
+            SlamParams::Registration(params) => (&alone, Some(sees(params.range_m).with_ground()), false),
+            SlamParams::DeadReckoning => (&alone, None, false),
             SlamParams::Surrogate(_) => return Err(SlamError::NoFilter { method: "surrogate" }),
             SlamParams::Truth => return Err(SlamError::NoFilter { method: "truth" }),
         };
@@ -107,7 +105,7 @@ impl Slam {
         }
         upright(start.pitch_rad)?;
         let filter = Filter::new(params, noise, attitude, Mounting::new(rover_from_sensor));
-        Ok(Slam { filter, extractor, registers, maps, start_m: start.position_m })
+        Ok(Slam { filter, extractor, maps, start_m: start.position_m })
     }
 
     /// The noise of one's own features: range (metres), bearing, elevation (radians), before the inflation. Sweeps' features keep their own
@@ -128,9 +126,8 @@ impl Slam {
         if let Some(extractor) = &mut self.extractor {
             let mean = self.filter.believed().mean;
             let sight = extractor.extract(returns, mean[motion::ROLL], mean[motion::PITCH]);
-            let surface = self.registers.then(|| sight.surface());
             let features = if self.maps { sight.features } else { &[] };
-            self.filter.observe(features, surface, &sight.visibility, streams);
+            self.filter.observe(features, sight.surface(), &sight.visibility, streams);
         }
         upright(self.filter.cloud().angle(motion::PITCH).0)?;
         Ok(self.estimate())

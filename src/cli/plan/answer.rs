@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::budget::{TOLD, extrapolated};
 use super::{PlanArgs, words};
-use crate::cli::options::typed_sets;
+use crate::cli::options::{typed_out, typed_sets};
 use crate::cli::output::{errln, outln};
 use crate::cli::place::corpus_failure;
 use crate::cli::progress::{counted, human, si};
@@ -93,7 +93,7 @@ impl Answer<'_> {
             outln!("{} holds something else, or more scenes; beside it:", usual.display());
         }
         let is_named = self.args.out.is_some() || self.place != usual;
-        let out = if is_named { format!(" --out '{}'", self.place.display()) } else { String::new() };
+        let out = if is_named { typed_out(&self.place) } else { String::new() };
         outln!("marsyard generate {}{sets}{out}", self.args.config.config.display());
         outln!("marsyard train '{}'", self.place.display());
     }

@@ -177,7 +177,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     for (content, test_scenes) in contents.iter_mut().zip(estimate::test_scenes(&to_build)) {
         content.test_scenes = test_scenes;
     }
-    let warnings = warnings(args, &study, &study_file, cores)?;
+    let warnings = warnings(args, plan, &study, &study_file, cores);
     let place = free_place(args, plan, &sets)?;
     let answer = Answer {
         args,
@@ -248,8 +248,8 @@ fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {
 }
 
 /// What speaks against the study, and against the machine.
-fn warnings(args: &PlanArgs, study: &Study, study_file: &Path, cores: usize) -> Result<Vec<String>, Failure> {
-    let mut warnings = study::doubts(args, study, study_file)?;
+fn warnings(args: &PlanArgs, plan: &Plan, study: &Study, study_file: &Path, cores: usize) -> Vec<String> {
+    let mut warnings = study::doubts(args, plan, study, study_file);
     let written = study.as_written();
     if written.told == Some(Told::Worse) {
         warnings.push(format!(
@@ -263,7 +263,7 @@ fn warnings(args: &PlanArgs, study: &Study, study_file: &Path, cores: usize) -> 
             super::machine()
         ));
     }
-    Ok(warnings)
+    warnings
 }
 
 /// How far a choice is from what was measured of its setting.

@@ -9,7 +9,7 @@ use super::PlanArgs;
 use crate::cli::place::must_be_local;
 use crate::cli::{Failure, config_failure};
 use crate::config;
-use crate::corpus::plan_file::{self, Extent};
+use crate::corpus::plan_file;
 use crate::plan::Plan;
 
 /// Where the choice is built: where the config's builds go if that is free, or holds a beginning of it, else beside it.
@@ -18,10 +18,8 @@ pub(super) fn free_place(args: &PlanArgs, plan: &Plan, sets: &[String]) -> Resul
     let to_build = config::load(&args.config.config, &sets).map_err(config_failure)?;
     let takes = |place: &Path| match std::fs::read(place.join(plan_file::NAME)) {
         Ok(bytes) => plan_file::head_of(&bytes).is_some_and(|there| {
-            let grows = |extent: Extent| {
-                extent.scenes_per_shard == to_build.scenes_per_shard && extent.scenes <= to_build.scenes
-            };
-            there.scene_plan_hash == to_build.scene_plan_hash() && there.extent.is_some_and(grows)
+            there.scene_plan_hash == to_build.scene_plan_hash()
+                && there.extent.is_some_and(|extent| extent.scenes <= to_build.scenes)
         }),
         Err(_) => std::fs::read_dir(place).map_or(true, |mut inside| inside.next().is_none()),
     };

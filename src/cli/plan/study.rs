@@ -14,10 +14,9 @@ use super::PlanArgs;
 use crate::cli::options::{default_threads, typed_sets};
 use crate::cli::output::errln;
 use crate::cli::progress::{counted, human};
-use crate::cli::{Failure, LogFormat, config_failure, tradeoff};
+use crate::cli::{Failure, LogFormat, tradeoff};
 use crate::config;
 use crate::measure::study::{Study, StudyError, StudySetting};
-use crate::measure::tradeoff::settings::reference;
 use crate::measure::tradeoff::{Group, Options, TradeoffError};
 use crate::plan::Plan;
 
@@ -49,7 +48,7 @@ pub(super) fn of(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool
     let found = Study::find(&args.config.config, &plan.name).map(known);
     let Some(minutes) = asked.study_minutes else { return found.map_err(|error| failure(&error, args)) };
     let reason = match found {
-        Ok((path, study)) => match doubts(args, &study, &path)?.into_iter().next() {
+        Ok((path, study)) => match doubts(args, plan, &study, &path).into_iter().next() {
             Some(doubt) => doubt,
             None => {
                 let file = path.display();
@@ -71,15 +70,12 @@ pub(super) fn of(args: &PlanArgs, plan: &Plan, log: LogFormat, stop: &AtomicBool
 /// With the setting that makes the plan as it is asked for, if there is one.
 fn with_written(args: &PlanArgs, plan: &Plan, study: Study) -> Study {
     let asked_for = of_scenes(plan);
-    let makes = |setting: &StudySetting| made(args, &study.sets, setting).as_ref() == Some(&asked_for);
-    let written = study.settings.iter().position(makes).filter(|_| is_of_this_state(args, &study));
+    let makes = |setting: &StudySetting| {
+        let sets = [study.sets.as_slice(), &setting.sets].concat();
+        config::load(&args.config.config, &sets).is_ok_and(|made| of_scenes(&made) == asked_for)
+    };
+    let written = if is_of_this_state(args, &study) { study.settings.iter().position(makes) } else { None };
     Study { written, ..study }
-}
-
-/// The scenes of a config with a setting of the study over some overrides; `None` where the config's rules refuse it.
-fn made(args: &PlanArgs, sets: &[String], setting: &StudySetting) -> Option<String> {
-    let sets = [sets, &setting.sets].concat();
-    config::load(&args.config.config, &sets).ok().as_ref().map(of_scenes)
 }
 
 /// Hash of what a plan's scenes are like; how many lie in a shard makes no other scenes.
@@ -89,13 +85,14 @@ fn of_scenes(plan: &Plan) -> String {
 
 /// Whether the study's settings, over what is asked for, make what was measured.
 fn is_of_this_state(args: &PlanArgs, study: &Study) -> bool {
-    let reference = &study.settings[0];
-    let [here, there] = [&args.config.sets, &study.sets].map(|sets| made(args, sets, reference));
+    let with_reference =
+        |sets: &[String]| config::load(&args.config.config, &[sets, &study.settings[0].sets].concat()).ok();
     // What it was made of is the file as it was then.
-    let sets = [study.sets.as_slice(), &reference.sets].concat();
-    let is_of_file =
-        config::load(&args.config.config, &sets).is_ok_and(|plan| plan.scene_plan_hash() == study.scene_plan_hash);
-    here == there && is_of_file
+    let Some(there) = with_reference(&study.sets).filter(|there| there.scene_plan_hash() == study.scene_plan_hash)
+    else {
+        return false;
+    };
+    with_reference(&args.config.sets).is_some_and(|here| of_scenes(&here) == of_scenes(&there))
 }
 
 fn say(log: LogFormat, words: &str) {
@@ -202,12 +199,11 @@ fn following(made: &[Made], left_s: f64, most_scenes: f64) -> Option<Next> {
 }
 
 /// What speaks against a study: it is of another config, of another state of it, or of another training.
-pub(super) fn doubts(args: &PlanArgs, study: &Study, file: &Path) -> Result<Vec<String>, Failure> {
-    let own = reference(&args.config.config, &args.config.sets).map_err(config_failure)?;
+pub(super) fn doubts(args: &PlanArgs, plan: &Plan, study: &Study, file: &Path) -> Vec<String> {
     let (file, command) = (file.display(), command(args));
     let cure = format!("--study-minutes 10 makes a new one, and so does `{command}`");
     let mut doubts = Vec::new();
-    if own.name != study.name {
+    if plan.name != study.name {
         doubts.push(format!(
             "{file} was made of another config, '{}': what it says of accuracy is of that; --study-minutes 10 makes one of this, and so does `{command}`",
             study.name
@@ -226,7 +222,7 @@ pub(super) fn doubts(args: &PlanArgs, study: &Study, file: &Path) -> Result<Vec<
             "{file} was made with another training than the default of `marsyard train` now: hours to train and accuracy are of that; {cure}"
         ));
     }
-    Ok(doubts)
+    doubts
 }
 
 fn command(args: &PlanArgs) -> String {

@@ -5,7 +5,7 @@
 
 use super::fit::{Fit, Measured};
 use super::passes::Passes;
-use super::{Bound, Budget, Choice, DISK_MARGIN, FLAT_TWICE, Here, SPLITS, STUDY_SCENES, compared_sizes};
+use super::{Bound, Budget, Choice, DISK_MARGIN, FLAT_TWICE, Here, SPLITS, STUDY_SCENES, compared_sizes, is_followed};
 use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
 use crate::measure::estimate::RowCost;
@@ -54,12 +54,12 @@ impl<'s> Teaches<'s> {
     /// curve of its own would promise what a few trainings happened to bring. What it errs more on the most scenes of both it is expected to err
     /// more on any; what it errs less is not believed.
     pub(super) fn of(setting: &'s StudySetting, study: &'s Study) -> Teaches<'s> {
-        let (compared, reference) = (compared_sizes(study), &study.settings[0]);
-        let is_followed = |setting: &StudySetting| setting.sizes.len() > compared;
+        let reference = &study.settings[0];
         let is_same = matches!(setting.told, Some(Told::NotApart | Told::OneSeed));
-        if !is_same || !is_followed(reference) || is_followed(setting) {
+        if !is_same || !is_followed(reference, study) || is_followed(setting, study) {
             return Teaches { setting, by_reference: false, more_error: 0.0 };
         }
+        let compared = compared_sizes(study);
         let accuracy = |of: &StudySetting| of.sizes[compared - 1].balanced_accuracy.mean;
         Teaches {
             setting: reference,

@@ -122,22 +122,27 @@ pub(crate) fn choices<'s>(
     });
     let candidates: Vec<Candidate> = candidates.collect();
     let written = Written::of(&candidates, study);
-    let mut ranked = ranked(candidates, study, written);
-    if let Some((first, others)) = ranked.split_first_mut()
+    let mut in_order = ranked(candidates, study, written);
+    if let Some((first, others)) = in_order.split_first_mut()
         && first.choice.bound == Bound::Flat
     {
         let time = Budget { wall_s: first.choice.seconds(), ..*budget };
         others.iter_mut().for_each(|other| other.cut_to(&time, common, multiple));
         // What ended them before, such as the disk, may do so no more.
-        let others = self::ranked(ranked.split_off(1), study, written);
-        ranked.extend(others);
+        let others = ranked(in_order.split_off(1), study, written);
+        in_order.extend(others);
     }
-    ranked.into_iter().map(|candidate| candidate.choice).collect()
+    in_order.into_iter().map(|candidate| candidate.choice).collect()
 }
 
 /// At how many sizes settings are compared; those that were followed to more scenes have more.
 fn compared_sizes(study: &Study) -> usize {
     study.settings.iter().map(|setting| setting.sizes.len().min(SIZES.len())).min().unwrap_or(0)
+}
+
+/// Whether a setting was followed to more scenes than all are compared at.
+fn is_followed(setting: &StudySetting, study: &Study) -> bool {
+    setting.sizes.len() > compared_sizes(study)
 }
 
 /// Of the mean over trainings, by size: pooled over the settings, for a few trainings alone say little of their own spread; and over all sizes

@@ -8,7 +8,7 @@
 //! all have decides. Left out: what is told to be worse.
 
 use super::curve::Curve;
-use super::{Bound, Budget, Choice, FLAT, FLAT_TWICE, Here, STUDY_SCENES, compared_sizes};
+use super::{Bound, Budget, Choice, FLAT, FLAT_TWICE, Here, STUDY_SCENES, is_followed};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::report::Told;
 
@@ -77,8 +77,8 @@ pub(super) fn ranked<'s>(
             .brings
             .is_none_or(|(other, of_other)| *ranked_by >= other && choice.seconds() <= SAME_SECONDS * of_other)
     };
-    let is_followed = |setting: &StudySetting| setting.sizes.len() > compared_sizes(study);
-    let is_put_to_test = |setting: &StudySetting| is_followed(setting) || !study.settings.iter().any(is_followed);
+    let none_followed = !study.settings.iter().any(|setting| is_followed(setting, study));
+    let is_put_to_test = |setting: &StudySetting| none_followed || is_followed(setting, study);
     let rank = |candidate: &Candidate| match candidate.choice.setting.told {
         Some(Told::Better)
             if is_put_to_test(candidate.choice.setting)

@@ -74,16 +74,16 @@ pub struct Sight<'e, 's> {
 }
 
 impl Sight<'_, '_> {
-    /// All that stands up, rocks or not, in level axes ahead of the rover with the rover as origin; with the ground where the extractor keeps it.
-    pub(super) fn surface(&self) -> Surface {
+    /// All that stands up, rocks or not, and the ground, in level axes ahead of the rover with the rover as origin; `None` of an extractor that
+    /// does not keep the ground.
+    pub(super) fn surface(&self) -> Option<Surface> {
+        if !self.grid.keeps_means() {
+            return None;
+        }
         let points = self.clusters.found().iter().filter(|cluster| cluster.points.len() >= LEAST_POINTS);
         let standing =
             Surface::of(points.flat_map(|cluster| &cluster.points).map(|point| point.place_m + self.sensor_m));
-        if self.grid.keeps_means() {
-            standing.with_ground(self.grid.means_m(OBJECT_M).map(|cell_m| cell_m + self.sensor_m))
-        } else {
-            standing
-        }
+        Some(standing.with_ground(self.grid.means_m(OBJECT_M).map(|cell_m| cell_m + self.sensor_m)))
     }
 }
 
