@@ -22,7 +22,6 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 TRAINER = ROOT / "target" / "release" / "examples" / "train_rows"
 NEIGHBOURS = [f"neighbour_{place}_m" for place in ("sw", "s", "se", "w", "e", "nw", "n", "ne")]
 LISTED = ["mean_height_m", "height_variance_m2", "height_difference_m", "point_count", "pitch_rad", "roll_rad", *NEIGHBOURS]
-FULL = [*LISTED, "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"]
 #: What tables call marsyard's networks: of the Kalman filter, of the trainer's defaults, and the same by the squared error.
 NETWORK, DEFAULT_NETWORK, SQUARED_NETWORK = "network (EKF)", "network (default)", "network (squared)"
 
@@ -40,7 +39,7 @@ SQUARED = settings_of(study.SQUARED)
 class Cells:
     """The labelled rows of one split, all or at most so many: then drawn at random from all scenes alike, by a seed of their own."""
 
-    def __init__(self, corpus, split, names=tuple(FULL), at_most=0):
+    def __init__(self, corpus, split, names=tuple(LISTED), at_most=0):
         files = sorted(pathlib.Path(corpus, "data", "cells").glob(f"{split}-*.parquet"))
         if not files:
             raise SystemExit(f"{corpus} has no {split} cells: build it with `marsyard generate`, with more scenes if it is small")

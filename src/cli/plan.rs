@@ -2,8 +2,10 @@
 
 mod answer;
 mod budget;
+mod budget_args;
 mod place;
 mod study;
+mod told;
 mod words;
 
 use std::path::{Path, PathBuf};
@@ -11,22 +13,20 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use clap::Args;
-use serde_json::json;
 
-use self::words::{absent, parts};
+use self::told::{as_json, tell};
 use super::options::{
     default_out, default_threads, parse_positive, parse_threads, split_warnings, typed_out, typed_sets,
 };
-use super::output::{errln, out, outln};
+use super::output::{errln, outln};
 use super::place::corpus_failure;
 use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::build::KEEP_FREE_BYTES;
-use crate::corpus::advice::Views;
-use crate::corpus::{Split, Table};
+use crate::corpus::Table;
 use crate::cpu;
-use crate::measure::estimate::{self, Estimate, EstimateError, FamilyCost, Figure, Options};
+use crate::measure::estimate::{self, Estimate, EstimateError, Options};
 use crate::plan::Plan;
 
 #[derive(Debug, Args)]
@@ -50,7 +50,7 @@ pub(super) struct PlanArgs {
     #[arg(long, default_value_t = default_threads(), value_parser = parse_threads, conflicts_with = "hours")]
     threads: usize,
     #[command(flatten)]
-    budget: budget::BudgetArgs,
+    budget: budget_args::BudgetArgs,
     /// One JSON object on stdout instead of text.
     #[arg(long)]
     json: bool,
@@ -103,9 +103,6 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
 /// A plan takes no longer, whatever it is asked, unless it is given longer, or a number of scenes.
 const MOST: Duration = Duration::from_secs(30);
 
-/// Beyond so many times the CPU time over the threads, other work is taken to hold a build up.
-const BUSY: f64 = 1.3;
-
 /// What writing the sampled scenes takes, and the last of them, before anybody is told that they are waited for.
 const GRACE: Duration = Duration::from_secs(3);
 
@@ -137,44 +134,6 @@ fn estimate_failure(error: EstimateError) -> Failure {
         EstimateError::Corpus(error) => corpus_failure(error),
         EstimateError::Interrupted => Failure::new(Failure::TRY_AGAIN, miette::Report::msg(error.to_string())),
         other => Failure::failed(other),
-    }
-}
-
-fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
-    outln!(
-        "{}: {} scenes in {} shards of {}, seed {}",
-        plan.name,
-        plan.scenes,
-        plan.shards(),
-        plan.scenes_per_shard,
-        plan.seed
-    );
-    let of = |split| (0..plan.shards()).filter(|&s| Split::of_shard(s) == split).count();
-    outln!("shards: {} train, {} validation, {} test", of(Split::Train), of(Split::Validation), of(Split::Test));
-    warnings.iter().for_each(|warning| outln!("warning: {warning}"));
-    if let Some(fidelity) = plan.fidelity {
-        let sets: Vec<String> = fidelity.settings().iter().map(|(key, value)| format!("{key}: {value}")).collect();
-        outln!("fidelity {}: {}; what the config names itself wins", fidelity.name(), sets.join(", "));
-    }
-    for (k, family) in plan.families.iter().enumerate() {
-        let held = if family.hold_out { ", held out for the test split" } else { "" };
-        outln!("\nfamily {} ({:.1} % of the scenes{held})", family.name, 100.0 * plan.expected_share(k));
-        for (part, detail) in parts(plan, k) {
-            outln!("  {part:<14} {detail}");
-        }
-        if let Some(cost) = estimate.map(|estimate| &estimate.families[k]) {
-            tell_parts(cost);
-        }
-    }
-    outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
-    if let Some(estimate) = estimate {
-        tell_cost(estimate);
-        let mut views = Views::default();
-        estimate.contents.iter().for_each(|content| views += &content.views);
-        if views.scans > 0 {
-            out!("\n{views}");
-        }
-        estimate.advice.iter().for_each(|advice| outln!("{advice}"));
     }
 }
 
@@ -218,147 +177,8 @@ fn machine_warnings(estimate: &Estimate, plan: &Plan, args: &PlanArgs) -> Vec<St
     warnings
 }
 
-fn tell_parts(cost: &FamilyCost) {
-    let Some(scene_s) = cost.scene_s else { return };
-    outln!("  what each part costs: CPU ms a scene, less those of the same scenes without it, \u{b1} a standard error");
-    outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
-    let (told, lost): (Vec<_>, Vec<_>) = cost.parts.iter().copied().partition(|(_, price)| price.is_told_apart());
-    for (part, price) in &told {
-        let saves = if price.cpu_s < 0.0 { "  saves more behind it than it costs" } else { "" };
-        let (cost_ms, error_ms) = (1e3 * price.cpu_s, 1e3 * price.standard_error_s);
-        outln!("    {:<14} {cost_ms:>9.2} \u{b1} {error_ms:.2}{saves}", part.name());
-    }
-    let names = |of: &[(estimate::Part, estimate::PartCost)]| {
-        of.iter().map(|(part, _)| part.name()).collect::<Vec<_>>().join(", ")
-    };
-    let (measured, once): (Vec<_>, Vec<_>) =
-        lost.into_iter().partition(|(_, price)| price.standard_error_s.is_finite());
-    if let Some(bound_s) = measured.iter().map(|(_, price)| price.most_s()).reduce(f64::max) {
-        outln!("    not told apart from nothing, below {:.2} ms each: {}", 1e3 * bound_s, names(&measured));
-    }
-    if !once.is_empty() && once.len() == cost.parts.len() {
-        outln!("    its parts were measured on one scene alone, so without an error: raise --limit");
-    } else if !once.is_empty() {
-        outln!("    measured on one scene alone, so without an error: {}", names(&once));
-    }
-}
-
-fn tell_cost(estimate: &Estimate) {
-    outln!(
-        "\ncost, measured on {} of its scenes, {} at a time, on {}; CPU ms a scene",
-        estimate.scenes,
-        estimate.threads,
-        machine()
-    );
-    for (stage, cpu_s) in &estimate.stages {
-        outln!("  {stage:<12} {:>9.2}", 1e3 * cpu_s);
-    }
-    for (table, cpu_s) in &estimate.tables {
-        outln!("    {:<10} {:>9.2}", table.name(), 1e3 * cpu_s);
-    }
-    outln!(
-        "\nwhole build: {} rows of cells ({}), {}B on disk ({}), {} on {} ({}), {} of CPU",
-        si(estimate.rows.value),
-        error(&estimate.rows),
-        si(estimate.bytes.value),
-        error(&estimate.bytes),
-        human(Duration::from_secs_f64(estimate.wall_s.value)),
-        counted(estimate.threads as u64, "thread"),
-        error(&estimate.wall_s),
-        human(Duration::from_secs_f64(estimate.cpu_s.value))
-    );
-    if [&estimate.rows, &estimate.bytes, &estimate.wall_s].iter().any(|figure| !figure.relative_error().is_finite()) {
-        outln!("  \u{b1} ?: no family had two measured scenes, so no error can be told; raise --sample or --limit");
-    }
-    // Waiting for the place is of all threads together, as CPU time is.
-    let storing_s = estimate.storage.as_ref().map_or(0.0, |storage| storage.build_s);
-    let free_s = (estimate.cpu_s.value + storing_s) / estimate.threads as f64;
-    if estimate.wall_s.value > BUSY * free_s {
-        outln!(
-            "  measured beside other work: on free cores it would take some {}",
-            human(Duration::from_secs_f64(free_s))
-        );
-    }
-    let needed = si(estimate.needed_bytes_per_s());
-    match &estimate.storage {
-        None => outln!("storage: must take {needed}B/s, or it holds the build up; --out PLACE measures it"),
-        Some(storage) => {
-            let share = storage.build_s / threads_s(estimate).max(1e-9);
-            outln!(
-                "storage: the build makes {needed}B/s, {} takes {}B/s (measured with a shard): {:.1} % of the time",
-                storage.place,
-                si(storage.bytes_per_s),
-                100.0 * share
-            );
-            if share > 0.5 {
-                outln!("warning: storage is what bounds this build; another --out, or fewer columns, would be faster");
-            }
-        }
-    }
-}
-
 /// What is measured on, in words.
 fn machine() -> String {
     let cores = counted(default_threads() as u64, "core");
     cpu::name().map_or_else(|| cores.clone(), |name| format!("{cores} of {name}"))
-}
-
-/// Seconds of all threads together.
-fn threads_s(estimate: &Estimate) -> f64 {
-    estimate.wall_s.value * estimate.threads as f64
-}
-
-/// One standard error of the sample.
-fn error(figure: &Figure) -> String {
-    match 100.0 * figure.relative_error() {
-        percent if percent.is_finite() => format!("\u{b1} {percent:.1} %"),
-        _ => "\u{b1} ?".into(),
-    }
-}
-
-fn as_json(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) -> serde_json::Value {
-    let families = plan.families.iter().enumerate().map(|(k, family)| {
-        let words: serde_json::Map<_, _> = parts(plan, k).into_iter().map(|(k, v)| (k.into(), v.into())).collect();
-        let cost = estimate.map(|estimate| &estimate.families[k]);
-        let prices: Option<serde_json::Map<_, _>> = cost.filter(|cost| cost.scene_s.is_some()).map(|cost| {
-            let price = |(part, price): &(estimate::Part, estimate::PartCost)| {
-                let value = json!({"cpu_s": price.cpu_s, "standard_error_s": price.standard_error_s});
-                (part.name().to_string(), value)
-            };
-            cost.parts.iter().map(price).collect()
-        });
-        json!({
-            "name": family.name, "weight": family.weight, "hold_out": family.hold_out,
-            "scenes": cost.map(|cost| cost.scenes), "parts": words,
-            "views": estimate.map(|estimate| &estimate.contents[k].views),
-            "cpu_s_of_one_attempt": cost.and_then(|cost| cost.scene_s), "cpu_s_of_parts": prices,
-        })
-    });
-    let families: Vec<_> = families.collect();
-    json!({
-        "name": plan.name, "seed": plan.seed, "scenes": plan.scenes, "shards": plan.shards(),
-        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity, "warnings": warnings,
-        "families": families, "absent": absent(plan), "estimate": estimate.map(estimate_json),
-    })
-}
-
-fn estimate_json(estimate: &Estimate) -> serde_json::Value {
-    let figure = |figure: &Figure| json!({"value": figure.value, "standard_error": figure.standard_error});
-    let stages: serde_json::Map<_, _> =
-        estimate.stages.iter().map(|(name, cpu_s)| ((*name).to_string(), (*cpu_s).into())).collect();
-    let tables: serde_json::Map<_, _> =
-        estimate.tables.iter().map(|(table, cpu_s)| (table.name().to_string(), (*cpu_s).into())).collect();
-    let failed: u64 = estimate.contents.iter().map(|content| content.failed).sum();
-    let storage = estimate.storage.as_ref().map(|storage| {
-        json!({
-            "place": storage.place, "bytes_per_s": storage.bytes_per_s, "thread_s": storage.build_s,
-        })
-    });
-    json!({
-        "machine": {"cpu": cpu::name(), "cores": default_threads()}, "families_not_reached": estimate.not_reached,
-        "scenes_measured": estimate.scenes, "scenes_failed": failed, "advice": estimate.advice, "threads": estimate.threads,
-        "cpu_s": figure(&estimate.cpu_s), "wall_s": figure(&estimate.wall_s), "rows": figure(&estimate.rows),
-        "bytes": figure(&estimate.bytes), "needed_bytes_per_s": estimate.needed_bytes_per_s(),
-        "stage_cpu_s_per_scene": stages, "table_cpu_s_per_scene": tables, "storage": storage,
-    })
 }

@@ -52,14 +52,14 @@ fn is_of_the_ground(name: &str) -> bool {
         || is_beams(name)
 }
 
-/// With what else is worth having by any sensor. Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
+/// With what else is worth having by any sensor. Standard deviations of the pose are one number for all cells of a scan: a network that takes
+/// them learns the scans of few scenes by heart, and gains nothing of many (`scripts/pose_columns.py`). Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
 /// a network that takes it calls whole scans on slopes that its training never had untraversable. Where it is also known how the ground
 /// bends or what the squares around hold, heights above the rover and steps to the neighbours say more of the slope than of what stands on
 /// it; so does the height above a percentile of the ground, where squares of heights above the plane are known. Measured by
 /// `scripts/ablation.py`.
 fn is_full(plane: bool, bends: bool, squares: bool, name: &str) -> bool {
-    let of_the_pose = ["pitch_rad", "roll_rad", "sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
-    if of_the_pose.contains(&name) {
+    if ["pitch_rad", "roll_rad"].contains(&name) {
         !plane
     } else if name == MEAN_HEIGHT || is_neighbour(name) {
         !(plane && (bends || squares))
@@ -87,7 +87,7 @@ mod tests {
     use crate::cells::{CellParams, feature_columns};
 
     #[test]
-    fn exact_listed_is_the_papers_list_and_full_takes_the_ground_around_and_three_sigmas_or_the_plane() {
+    fn exact_listed_is_the_papers_list_and_full_takes_the_ground_around_and_the_plane_for_the_pose() {
         let chosen = |set: FeatureSet, params: &CellParams| {
             let names: Vec<String> = feature_columns(params, true).into_iter().map(|column| column.name).collect();
             let taken = taken(&set, names.iter().map(String::as_str));
@@ -98,11 +98,9 @@ mod tests {
         let listed = chosen(FeatureSet::Listed, &local);
         assert_eq!((listed.len(), &listed), (14, &chosen(FeatureSet::Listed, &bare)));
         assert_eq!(listed[13], "neighbour_ne_m");
-        let sigmas = ["sigma_z_m", "sigma_roll_rad", "sigma_pitch_rad"];
-        assert_eq!(chosen(FeatureSet::Full, &bare)[14..], sigmas);
+        assert_eq!(chosen(FeatureSet::Full, &bare), listed, "standard deviations of the pose are left out");
         let full = chosen(FeatureSet::Full, &local);
-        assert_eq!((full[..14] == listed, full[14].as_str()), (true, "local_height_m"));
-        assert_eq!(full[15..], sigmas);
+        assert_eq!((&full[..14], &full[14..]), (&listed[..], &["local_height_m".to_owned()][..]));
         let around = Some(LocalHeightParams { plane: true, ..LocalHeightParams::default() });
         let plane = CellParams { local_height: around, ..CellParams::default() };
         let of_the_plane = ["local_height_m", "plane_height_m", "plane_slope"];
@@ -126,12 +124,12 @@ mod tests {
         assert_eq!(with_squares[7..], squares.map(|name| format!("surroundings_{name}")));
         let without_plane = CellParams { curvature, ..bare };
         assert_eq!(chosen(FeatureSet::Full, &without_plane)[..14], listed);
-        assert_eq!(chosen(FeatureSet::Full, &without_plane)[14..16], bends);
+        assert_eq!(chosen(FeatureSet::Full, &without_plane)[14..], bends);
         assert_eq!(chosen(FeatureSet::Listed, &without_plane), listed);
         // Cells without points have columns of their own, which no other preset takes.
         let params = CellParams { unseen: Some(Default::default()), ..CellParams::default() };
         let count = |set| chosen(set, &params).len();
-        assert_eq!([FeatureSet::Full, FeatureSet::SeenUnseen, FeatureSet::All].map(count), [17, 33, 38]);
+        assert_eq!([FeatureSet::Full, FeatureSet::SeenUnseen, FeatureSet::All].map(count), [14, 30, 38]);
         assert_eq!(serde_json::to_string(&FeatureSet::SeenUnseen).unwrap(), "\"seen+unseen\"");
     }
 }

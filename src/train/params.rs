@@ -153,8 +153,8 @@ impl Default for NetworkParams {
 pub enum FeatureSet {
     /// The paper's list: 14 with 8 neighbours.
     Listed,
-    /// Listed, the height above the ground around the cell where the corpus has it, and the sigmas of z, roll and pitch. Where the corpus
-    /// has the plane around (`cells.local_height.plane`): with that, and without anything of the pose; where it has the curvature
+    /// Listed, and the height above the ground around the cell where the corpus has it. Where the corpus
+    /// has the plane around (`cells.local_height.plane`): with that, and without pitch and roll; where it has the curvature
     /// (`cells.curvature`) or the squares around (`cells.surroundings`) too: with those, and without heights above the rover and neighbours.
     /// Where it has the squares: without the height above the ground around. Where it has the beams (`cells.beams`): with those.
     Full,

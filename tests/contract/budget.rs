@@ -144,9 +144,8 @@ fn law_a_study_of_the_config_as_it_stands_is_made_once() {
     let yard = Yard::new();
     // Beside the config lies a study of another one.
     fs::copy(config(), yard.path("yard.yaml")).expect("the config");
-    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/studies/quickstart.json");
     fs::create_dir(yard.path("studies")).expect("a folder");
-    fs::copy(shipped, yard.path("studies/training.json")).expect("the study");
+    fs::copy(shipped("studies/quickstart.json"), yard.path("studies/training.json")).expect("the study");
     // A time that pays nothing beyond the least.
     let plan = ["plan", "yard.yaml", "--hours", "0.002", "--limit", "1", "--json", "--study-minutes", "0.01"];
     let made = yard.marsyard(plan);
@@ -170,10 +169,18 @@ fn law_a_study_of_the_config_as_it_stands_is_made_once() {
     assert_eq!(fs::read_to_string(&file).expect("the study"), written);
 }
 
+/// A file of the shipped configs.
+fn shipped(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name).display().to_string()
+}
+
 /// The answer for paper.yaml by its shipped study, with some overrides.
 fn of_paper(yard: &Yard, extra: &[&str]) -> serde_json::Value {
-    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/paper.yaml").display().to_string();
-    let plan = ["plan", &config, "--hours", "0.05", "--cores", "2", "--disk", "2GB", "--limit", "1", "--json"];
+    answer_of(yard, &shipped("paper.yaml"), extra)
+}
+
+fn answer_of(yard: &Yard, config: &str, extra: &[&str]) -> serde_json::Value {
+    let plan = ["plan", config, "--hours", "0.05", "--cores", "2", "--disk", "2GB", "--limit", "1", "--json"];
     let output = yard.marsyard(plan.iter().chain(extra));
     assert!(output.status.success(), "{extra:?}: {}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("JSON on stdout")
@@ -204,6 +211,24 @@ fn law_the_setting_that_is_asked_for_is_planned_and_what_the_study_does_not_know
     let beams = "sweep.sensor.pattern.tilted";
     let (_, warnings) = answer(&[&format!("{beams}.beams=341"), &format!("{beams}.beam_step_deg=0.703125")]);
     assert!(warnings.contains("another state"), "{warnings}");
+}
+
+#[test]
+fn law_what_a_plan_wrote_is_planned_by_the_same_study_and_gives_the_same() {
+    let yard = Yard::new();
+    let written = of_paper(&yard, &["--write", "night.yaml"]);
+    let again = answer_of(&yard, "night.yaml", &["--study", &shipped("studies/paper.json")]);
+    assert_eq!(again["warnings"], serde_json::json!([]), "{again}");
+    let told =
+        |answer: &serde_json::Value| [answer["choices"][0]["setting"].clone(), answer["choices"][0]["scenes"].clone()];
+    assert_eq!(told(&again), told(&written));
+    // Of other yards it is told that the study is of another config.
+    let other = answer_of(
+        &yard,
+        "night.yaml",
+        &["--study", &shipped("studies/paper.json"), "--set", "scene.rocks.diameter_m=0.5"],
+    );
+    assert!(other["warnings"].to_string().contains("of another config, 'paper'"), "{other}");
 }
 
 #[test]

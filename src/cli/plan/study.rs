@@ -203,15 +203,16 @@ pub(super) fn doubts(args: &PlanArgs, plan: &Plan, study: &Study, file: &Path) -
     let (file, command) = (file.display(), command(args));
     let cure = format!("--study-minutes 10 makes a new one, and so does `{command}`");
     let mut doubts = Vec::new();
-    if plan.name != study.name {
-        doubts.push(format!(
-            "{file} was made of another config, '{}': what it says of accuracy is of that; --study-minutes 10 makes one of this, and so does `{command}`",
-            study.name
-        ));
-    } else if !is_of_this_state(args, study) {
-        doubts.push(format!(
-            "{file} was made of another state of this config: what it says of accuracy is of that; {cure}"
-        ));
+    // A config that a plan wrote has another name, and is the same config where its yards and rovers are.
+    if !is_of_this_state(args, study) {
+        doubts.push(if plan.name == study.name {
+            format!("{file} was made of another state of this config: what it says of accuracy is of that; {cure}")
+        } else {
+            format!(
+                "{file} was made of another config, '{}': what it says of accuracy is of that; --study-minutes 10 makes one of this, and so does `{command}`",
+                study.name
+            )
+        });
     } else if study.written.is_none() {
         doubts.push(format!(
             "none of the settings of {file} is this config as it is asked for: the command below overrides its own choices by settings that the study knows; {cure}"
