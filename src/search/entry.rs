@@ -74,7 +74,7 @@ pub(crate) fn course(params: &TrainParams, held: &Held, rung: &Rung) -> Course {
 
 /// Trains a network from its first row to a rung; `None` where `stop` was raised before.
 ///
-/// It begins anew at each rung: to keep the f32 covariances of the paper's 33,824 networks of 17 inputs takes 69 GB (4 bytes for each of
+/// It begins anew at each rung: to keep the f32 covariances of the paper's 33,824 networks of 14 inputs takes 62 GB (4 bytes for each of
 /// w (w + 1) / 2 elements, w weights). To learn the first rows again is a fifth of all rows learnt by three rungs that keep a quarter.
 pub(crate) fn train(
     setup: &Setup,

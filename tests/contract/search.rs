@@ -61,7 +61,7 @@ fn law_search_writes_a_leaderboard_and_a_config_that_trains() {
     let board: serde_json::Value =
         serde_json::from_slice(&std::fs::read(run.join("search.json")).expect("a leaderboard")).expect("JSON");
     assert_eq!(board["networks"], 12);
-    assert_eq!(board["begun_with"]["data"]["features"].as_array().map(Vec::len), Some(17));
+    assert_eq!(board["begun_with"]["data"]["features"].as_array().map(Vec::len), Some(14));
     let config = run.join("train.yaml").display().to_string();
     let output = yard.marsyard(["train", "corpus", "--config", &config, "--set", "epochs=1", "--out", "trained"]);
     assert!(output.status.success(), "{}", text(&output.stderr));

@@ -49,7 +49,7 @@ fn law_train_writes_a_run_folder_and_judges_on_the_test_split() {
     let summary: serde_json::Value =
         serde_json::from_slice(&std::fs::read(yard.path("runs/training-1/training.json")).expect("a summary"))
             .expect("JSON");
-    assert_eq!(summary["features"].as_array().map(Vec::len), Some(17));
+    assert_eq!(summary["features"].as_array().map(Vec::len), Some(14));
     assert_eq!(summary["corpora"][0]["corpus_id"].as_str().map(str::len), Some(64));
     // The resolved config is a config, and the next run gets the next number.
     let config = yard.path("runs/training-1/train.yaml").display().to_string();
