@@ -43,7 +43,7 @@ marsyard() {
 wanted="no error"
 config=tests/fixtures/training.yaml
 step "valgrind, generate" "14 scenes, 2 threads" marsyard generate "$config" --out "$scratch/corpus" --threads 2
-step "valgrind, train" "one epoch, 17 inputs, 6 neurons" marsyard train "$scratch/corpus" --set epochs=1 --set "network.hidden=[6]" --out "$scratch/run"
+step "valgrind, train" "one epoch, 14 inputs, 6 neurons" marsyard train "$scratch/corpus" --set epochs=1 --set "network.hidden=[6]" --out "$scratch/run"
 step "valgrind, preview" "one scene" marsyard preview "$scratch/corpus" --scene 0 --out "$scratch/preview"
 cloud=$(find "$scratch/preview" -name '*.ply' | head -n 1)
 step "valgrind, classify" "one scan" marsyard classify "$scratch/run/model.safetensors" "$cloud" --sensor-height 0.4 --out "$scratch/classified"

@@ -2,8 +2,8 @@
 
 configs/paper.yaml has no columns of the ground around a cell, so that pitch and roll are the only ones that tell its slope. Its corpora of
 --sizes scenes are learnt by all defaults (`features: full`: pitch and roll, no standard deviation), with the standard deviations of z, roll and
-pitch besides, and without anything of the pose; --seeds trainings each, judged on 400 scenes of another seed. Intervals: 95 %, over scenes and
-trainings, differences in pairs.
+pitch besides, and without anything of the pose. Each of --seeds trainings has a corpus of its own seed, smaller ones the beginnings of the larger; all are judged on 400
+scenes of another seed. Intervals: 95 %, over judged scenes and trainings, with their corpora; differences in pairs.
 
     cargo build --release && python scripts/pose_columns.py            # some ten minutes on 2 cores
 
@@ -40,10 +40,11 @@ def main():
     config = study.ROOT / "configs" / "paper.yaml"
     yards = unseen.Yards(marsyard, "paper", [], LISTED + SIGMAS, JUDGED_SCENES)
     for scenes in map(int, options.sizes.split(",")):
-        place, base = marsyard.corpus(f"paper-{scenes}", config, [], scenes, scenes // SHARDS), None
+        base, seeds = None, range(1, options.seeds + 1)
+        places = [marsyard.corpus(f"paper-{scenes}-{seed}", config, [f"seed={seed}"], scenes, scenes // SHARDS) for seed in seeds]
         for k, (way, columns) in enumerate(WAYS.items()):
             sets = [f"features={{columns: [{', '.join(columns)}]}}"] if columns else []
-            runs = [marsyard.train(f"paper-{scenes}-{k}", [place], seed, sets) for seed in range(1, options.seeds + 1)]
+            runs = [marsyard.train(f"paper-{scenes}-{k}", [place], seed, sets) for seed, place in zip(seeds, places)]
             accuracy = yards.accuracy([held_out.network(marsyard, run) for run in runs])
             base = base or accuracy
             difference = held_out.told_difference(accuracy, base) if accuracy is not base else ""
@@ -52,7 +53,7 @@ def main():
             results[f"{scenes} scenes, {way}"] = {"accuracy": [float(value) for value in (accuracy[0], low, high)], "difference": difference}
     text = "\n\n".join([
         "# What a network gains by the pose",
-        f"`python scripts/pose_columns.py`, {study.versions(marsyard)['marsyard']}; paper.yaml, {options.seeds} trainings each, judged on {yards.scenes} scenes of another seed. What is\n"
+        f"`python scripts/pose_columns.py`, {study.versions(marsyard)['marsyard']}; paper.yaml, {options.seeds} trainings each, of as many corpora, judged on {yards.scenes} scenes of another seed. What is\n"
         "compared is said at the head of the script.",
         study.markdown(["scenes", "columns of the pose", "balanced accuracy, %", "difference, points"], rows)]) + "\n"
     study.write_results(options.out, "pose_columns", {"versions": study.versions(marsyard), "runs": results}, text)

@@ -18,8 +18,9 @@ import json
 import math
 
 from study import ROOT, Marsyard, add_arguments, markdown, note, versions, write_results
+from train_rows import LISTED
 
-INPUTS = 17  # features: full
+INPUTS = len(LISTED)  # what features: full takes of paper.yaml
 WIDTHS = range(1, 33)
 KEEP = 1 / 3
 

@@ -39,7 +39,7 @@ SQUARED = settings_of(study.SQUARED)
 class Cells:
     """The labelled rows of one split, all or at most so many: then drawn at random from all scenes alike, by a seed of their own."""
 
-    def __init__(self, corpus, split, names=tuple(LISTED), at_most=0):
+    def __init__(self, corpus, split, names, at_most=0):
         files = sorted(pathlib.Path(corpus, "data", "cells").glob(f"{split}-*.parquet"))
         if not files:
             raise SystemExit(f"{corpus} has no {split} cells: build it with `marsyard generate`, with more scenes if it is small")

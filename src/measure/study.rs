@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::tradeoff::Report;
 use super::tradeoff::report::Told;
 use super::tradeoff::settings::Side;
+use super::tradeoff::{Report, inputs};
+use crate::plan::Plan;
 use crate::statistics::Interval;
 use crate::train::{TrainParams, as_noted_now};
 
@@ -37,6 +38,9 @@ pub(crate) struct Study {
     pub seeds: u64,
     /// How the networks were trained, every key.
     pub training: serde_json::Value,
+    /// What the networks read; empty in files that do not say.
+    #[serde(default)]
+    pub features: Vec<String>,
     /// The reference first.
     pub settings: Vec<StudySetting>,
     /// Which of them is the config as it is asked for; `None` where none is, or nobody looked.
@@ -135,14 +139,16 @@ impl Study {
             test_scenes: report.test.iter().filter(|group| group.judges).map(|group| group.scenes).sum(),
             seeds: report.seeds,
             training: usual_training(),
+            features: report.features.clone(),
             settings,
             written: None,
         })
     }
 
-    /// Whether its networks were trained as `train` does it by default now; what an earlier marsyard did not note, it did not do.
-    pub(crate) fn is_trained_as_now(&self) -> bool {
-        as_noted_now(&self.training) == usual_training()
+    /// Whether its networks were trained as `train` does it by default now, on the columns that it takes of such a plan's cells; what an
+    /// earlier marsyard did not note, it did not do.
+    pub(crate) fn is_trained_as_now(&self, plan: &Plan) -> bool {
+        as_noted_now(&self.training) == usual_training() && self.features == inputs(plan).0
     }
 
     /// The config as it is written; where it is the reference itself, or none of the settings, that.

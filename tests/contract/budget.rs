@@ -217,11 +217,14 @@ fn law_the_setting_that_is_asked_for_is_planned_and_what_the_study_does_not_know
 fn law_what_a_plan_wrote_is_planned_by_the_same_study_and_gives_the_same() {
     let yard = Yard::new();
     let written = of_paper(&yard, &["--write", "night.yaml"]);
+    let night = fs::read_to_string(yard.path("night.yaml")).expect("the config");
+    assert!(night.contains("plan night.yaml --hours 0.05 --study "), "{night}");
     let again = answer_of(&yard, "night.yaml", &["--study", &shipped("studies/paper.json")]);
-    assert_eq!(again["warnings"], serde_json::json!([]), "{again}");
-    let told =
-        |answer: &serde_json::Value| [answer["choices"][0]["setting"].clone(), answer["choices"][0]["scenes"].clone()];
+    assert_eq!((&again["warnings"], again["name"].as_str()), (&serde_json::json!([]), Some("night")), "{again}");
+    // The curve alone says how many, and it is the same.
+    let told = |answer: &serde_json::Value| ["setting", "scenes", "bound"].map(|key| answer["choices"][0][key].clone());
     assert_eq!(told(&again), told(&written));
+    assert_eq!(told(&again)[2], "flat");
     // Of other yards it is told that the study is of another config.
     let other = answer_of(
         &yard,

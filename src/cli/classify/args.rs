@@ -45,7 +45,8 @@ pub(in crate::cli) struct ClassifyArgs {
     #[arg(long, value_name = "X,Y,Z,YAW,PITCH,ROLL", value_parser = parse_six, allow_hyphen_values = true)]
     pub(super) mount: Option<[f64; 6]>,
 
-    /// Standard deviation of the pose's x and y, metres. Default of all four: what the model saw in training (median), or 0.
+    /// Standard deviation of the pose's x and y, metres. Only models that take such columns (`features: all`, or named) mind it. Default of all
+    /// four: what the model saw in training (median), or 0.
     #[arg(long, value_name = "M")]
     pub(super) sigma_xy: Option<f64>,
     /// Standard deviation of the pose's z, metres.

@@ -41,13 +41,17 @@ pub(super) fn assumed(args: &ClassifyArgs, model: &Model, judge: &ScanJudge) {
         );
         return;
     }
+    let takes_sigmas = model.about.features.iter().any(|name| name.starts_with("sigma_"));
+    let (tilt_deg, yaw_deg) = (tilt_rad.to_degrees(), yaw_rad.to_degrees());
+    let sigmas = takes_sigmas.then(|| {
+        format!(", pose sigmas: xy {xy_m} m, z {z_m} m, tilt {tilt_deg:.3} degrees, yaw {yaw_deg:.3} degrees")
+    });
     outln!(
-        "model {}: range {} m, window {}, pose sigmas: xy {xy_m} m, z {z_m} m, tilt {:.3} degrees, yaw {:.3} degrees",
+        "model {}: range {} m, window {}{}",
         model.short_sha256().unwrap_or_default(),
         setup.max_range_m,
         setup.window,
-        tilt_rad.to_degrees(),
-        yaw_rad.to_degrees()
+        sigmas.unwrap_or_default()
     );
     outln!("  {}", borders(model, judge.thresholds()));
     if let Some(above_m) = setup.overhang_m {

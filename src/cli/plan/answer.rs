@@ -53,7 +53,7 @@ impl Answer<'_> {
         let rows = self.args.budget.rows.map_or(String::new(), |rows| format!(", {} rows", si(rows)));
         outln!(
             "{}: {} h on {}, {disk}{rows}; by {}: {}, the farthest up to {} scenes, judged on {} scenes, {}",
-            self.study.name,
+            self.plan.name,
             self.hours,
             counted(self.cores as u64, "core"),
             self.study_file.display(),
@@ -170,7 +170,7 @@ impl Answer<'_> {
             })
         };
         json!({
-            "name": self.study.name, "study": self.study_file, "judged_by": self.study.judged_by,
+            "name": self.plan.name, "study": self.study_file, "judged_by": self.study.judged_by,
             "hours": self.hours, "cores": self.cores, "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
             "warnings": self.warnings, "advice": self.advice, "how_to_vary": words::how_to_vary(self.plan),
             "poses_not_told_worse_than_fastslam": self.poses_not_told_worse().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
@@ -185,12 +185,16 @@ impl Answer<'_> {
         let best = &self.choices[0];
         let text = format!(
             "# Written by `marsyard plan {} --hours {} --cores {}{}{}`, from the study {}.\n\
+             # `marsyard plan {} --hours {} --study {}` plans it anew.\n\
              # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.{}\n# Differs from the config by:{}\n{}",
             self.args.config.config.display(),
             self.hours,
             self.cores,
             self.args.budget.disk.map_or(String::new(), |bytes| format!(" --disk {bytes}")),
             self.args.budget.rows.map_or(String::new(), |rows| format!(" --rows {rows}")),
+            self.study_file.display(),
+            path.display(),
+            self.hours,
             self.study_file.display(),
             best.setting.name,
             self.why(best),

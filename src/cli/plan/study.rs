@@ -218,7 +218,7 @@ pub(super) fn doubts(args: &PlanArgs, plan: &Plan, study: &Study, file: &Path) -
             "none of the settings of {file} is this config as it is asked for: the command below overrides its own choices by settings that the study knows; {cure}"
         ));
     }
-    if !study.is_trained_as_now() {
+    if !study.is_trained_as_now(plan) {
         doubts.push(format!(
             "{file} was made with another training than the default of `marsyard train` now: hours to train and accuracy are of that; {cure}"
         ));

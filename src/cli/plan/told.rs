@@ -39,7 +39,7 @@ pub(super) fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]
     let of_families: Vec<_> = (0..plan.families.len()).map(|family| parts(plan, family)).collect();
     let common = common(&of_families);
     if !common.is_empty() {
-        outln!("\nevery family");
+        outln!("\nevery family, besides what is told of each");
         tell_lines(&common);
     }
     for (k, family) in plan.families.iter().enumerate() {

@@ -1,6 +1,7 @@
 //! A plan in words: what a family models, and what no family names.
 
 use crate::cells::CellFrame;
+use crate::cells::params::{BeamParams, CurvatureParams, SurroundingsParams};
 use crate::cli::progress::counted;
 use crate::drive::params::Keep;
 use crate::measure::estimate::Part;
@@ -88,22 +89,28 @@ pub(super) fn parts(plan: &Plan, index: usize) -> Vec<(&'static str, String)> {
     };
     parts.push(("slam", slam));
     let cells = &family.cells;
-    let local = cells.local_height.as_ref().map_or(String::new(), |local| format!(", height above {}", local.words()));
-    let curvature = cells.curvature.as_ref().map_or(String::new(), |curvature| format!(", {}", curvature.words()));
-    let around = cells.surroundings.as_ref().map_or(String::new(), |around| format!(", {}", around.words()));
-    let beams = cells.beams.as_ref().map_or(String::new(), |beams| format!(", {}", beams.words()));
-    let frame = if cells.frame == CellFrame::FittedPlane { ", levelled by a fitted plane" } else { "" };
-    let unseen = cells.unseen.as_ref().map_or(String::new(), |unseen| format!(", unseen ones: {}", unseen.words()));
-    let overhang = cells.overhang.as_ref().map_or(String::new(), |overhang| format!(", without {}", overhang.words()));
-    parts.push((
-        "cells",
-        format!(
-            "{} m, {} neighbours, {}{frame}{overhang}{local}{curvature}{around}{beams}{unseen}",
-            cells.size_m,
-            cells.neighbours,
-            if cells.window_scans > 1 { format!("{} sweeps together", cells.window_scans) } else { "one sweep".into() }
-        ),
-    ));
+    let sweeps =
+        if cells.window_scans > 1 { format!("{} sweeps together", cells.window_scans) } else { "one sweep".into() };
+    parts.push(("cells", format!("{} m, {} neighbours, {sweeps}", cells.size_m, cells.neighbours)));
+    if cells.frame == CellFrame::FittedPlane {
+        parts.push(("frame", "levelled by a fitted plane".into()));
+    }
+    if let Some(overhang) = &cells.overhang {
+        parts.push(("overhang", format!("without {}", overhang.words())));
+    }
+    let around = [
+        cells.local_height.as_ref().map(|local| format!("height above {}", local.words())),
+        cells.curvature.as_ref().map(CurvatureParams::words),
+        cells.surroundings.as_ref().map(SurroundingsParams::words),
+        cells.beams.as_ref().map(BeamParams::words),
+    ];
+    let around: Vec<String> = around.into_iter().flatten().collect();
+    if !around.is_empty() {
+        parts.push(("around a cell", around.join(", ")));
+    }
+    if let Some(unseen) = &cells.unseen {
+        parts.push(("unseen cells", unseen.words()));
+    }
     parts
 }
 

@@ -77,7 +77,7 @@ pub(super) fn make(
 ) -> Result<Option<TestScenes>, TradeoffError> {
     let plans = plans(reference);
     let prepared = plans.iter().map(|(_, plan)| Prepared::new(plan.clone())).collect::<Result<Vec<_>, _>>()?;
-    let (features, columns) = inputs(&prepared[0]);
+    let (features, columns) = inputs(&prepared[0].plan);
     let wanted: Vec<(usize, u64)> = plans
         .iter()
         .enumerate()

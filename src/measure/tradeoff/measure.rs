@@ -121,7 +121,7 @@ pub(super) fn measure(
     stop: &AtomicBool,
     tell: &mut (dyn FnMut(Event) + Send),
 ) -> Result<Option<Measured>, TradeoffError> {
-    let (features, columns) = inputs(&prepared[0]);
+    let (features, columns) = inputs(&prepared[0].plan);
     let numbered: Vec<(usize, u64)> = scenes.iter().copied().enumerate().collect();
     let one_scene = |(k, scene): (usize, u64), (scratch, is_warm): &mut (Scratch, bool)| {
         if !std::mem::replace(is_warm, true) {
@@ -157,9 +157,9 @@ pub(super) fn refuse_if_none_can_be_made(
     first.map_or(Ok(()), |reason| Err(TradeoffError::NoScene { scenes: scenes.len(), reason }))
 }
 
-/// The classifier's inputs: names, and positions among the feature columns.
-pub(super) fn inputs(prepared: &Prepared) -> (Vec<String>, Vec<usize>) {
-    let family = &prepared.plan.families[0];
+/// The inputs of a classifier that is trained by default: names, and positions among the feature columns.
+pub(crate) fn inputs(plan: &Plan) -> (Vec<String>, Vec<usize>) {
+    let family = &plan.families[0];
     let columns = feature_columns(&family.cells, family.sweep.effects.intensity.is_some());
     let taken = taken(&FeatureSet::Full, columns.iter().map(|column| column.name.as_str()));
     let kept = columns.iter().enumerate().filter(|(_, column)| taken(&column.name));

@@ -63,6 +63,7 @@ use crate::sweep::PatternError;
 use crate::train::TrainError;
 
 use measure::Measured;
+pub(crate) use measure::inputs;
 pub(crate) use report::Report;
 pub(crate) use settings::Group;
 use settings::Settings;
