@@ -52,8 +52,8 @@ fn is_of_the_ground(name: &str) -> bool {
         || is_beams(name)
 }
 
-/// With what else is worth having by any sensor. Standard deviations of the pose are one number for all cells of a scan: a network that takes
-/// them learns the scans of few scenes by heart, and gains nothing of many (`scripts/pose_columns.py`). Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
+/// With what else is worth having by any sensor. Standard deviations of the pose bring a network nothing (`scripts/pose_columns.py`).
+/// Where a plane tells the slope of the ground around, the pose says nothing more of a cell;
 /// a network that takes it calls whole scans on slopes that its training never had untraversable. Where it is also known how the ground
 /// bends or what the squares around hold, heights above the rover and steps to the neighbours say more of the slope than of what stands on
 /// it; so does the height above a percentile of the ground, where squares of heights above the plane are known. Measured by
