@@ -48,10 +48,11 @@ def trained(marsyard, name, place, title, config, sets):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     study.add_arguments(parser, "trainers")
-    parser.add_argument("--only", choices=CONFIGS, action="append", help="one config (repeatable)")
+    parser.add_argument("--only", choices=CONFIGS, action="append", help="one config (repeatable); the rows of the others stay")
     options = parser.parse_args()
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
-    results, rows = {}, []
+    kept = options.out / "trainers.json"
+    results = json.loads(kept.read_text()) if kept.exists() else {}
     for name in options.only or CONFIGS:
         sets, scenes, training = CONFIGS[name]
         place = options.work / "corpora" / name
@@ -64,14 +65,16 @@ def main():
             accuracy = yards.accuracy(models)
             base = base or accuracy
             low, high = np.percentile(accuracy[1], [2.5, 97.5])
-            results.setdefault(name, {})[title] = {"accuracy": [float(accuracy[0]), float(low), float(high)], "train_cpu_s": cpu_s, "rows_learnt": learnt}
-            rows.append([name, title, f"{learnt * 1e-3:.0f}", f"{cpu_s:.1f}", held_out.told(accuracy),
-                         held_out.told_difference(base, accuracy) if title != "default" else ""])
+            lead = held_out.told_difference(base, accuracy) if title != "default" else ""
+            results.setdefault(name, {})[title] = {"accuracy": [float(accuracy[0]), float(low), float(high)], "lead": lead, "train_cpu_s": cpu_s, "rows_learnt": learnt}
+    percent = lambda of: "{:.1f} [{:.1f}, {:.1f}]".format(*(100 * value for value in of))
+    rows = [[name, title, f"{of['rows_learnt'] * 1e-3:.0f}", f"{of['train_cpu_s']:.1f}", percent(of["accuracy"]), of["lead"]]
+            for name in CONFIGS if name in results for title, of in results[name].items()]
     head = ["config", "trainer", "rows learnt, thousands", "CPU s, train", "balanced accuracy, %", "the default's lead, points"]
     text = f"""# The default trainer beside the Kalman filter
 
-{marsyard.version()}, {platform.machine()}; `python scripts/trainers.py{''.join(f' --only {name}' for name in options.only or [])}`: {len(SEEDS)} trainings each, judged on scenes of another seed. Intervals: 95 %,
-over scenes and trainings, differences in pairs. CPU seconds of this machine. mixed.yaml: [learning_curve.md](learning_curve.md).
+{marsyard.version()}, {platform.machine()}; `python scripts/trainers.py`: {len(SEEDS)} trainings each, judged on scenes of another seed. Intervals: 95 %,
+over scenes and trainings, differences in pairs. CPU seconds of this machine, of a config's rows at one time. mixed.yaml: [learning_curve.md](learning_curve.md).
 
 {study.markdown(head, rows)}
 """
