@@ -8,8 +8,8 @@
 Everybody is given the same: the columns that `marsyard train` takes by default, read off a model of it; the same training rows (small: whole
 scenes of about 20,000 rows, other scenes for each seed; full: all, of mixed and mars some 300,000 drawn from all scenes), class weights, standardised and cut at 8; the same validation rows,
 drawn from all validation scenes, to stop training by, to choose the form of the columns by (compare_rows.py: each form is tried for each
-classifier on the small rows of seed 1, the form of the best balanced accuracy is kept, for full size too) and to choose the threshold by (best
-balanced accuracy). Nothing is ever chosen on test rows, which are drawn from all test scenes. How each classifier is set: compare_models.py.
+classifier on the small rows of seed 1, the form of the best balanced accuracy is kept; at full size the better of the two best, both learnt on all rows
+with seed 1) and to choose the threshold by (best balanced accuracy). Nothing is ever chosen on test rows, which are drawn from all test scenes. How each classifier is set: compare_models.py.
 
 Corpora are configs/paper.yaml; configs/mixed.yaml, judged on another seed's corpus, family by held-out family, led by the worst; configs/mars.yaml.
 Intervals are 95 % of 2000 resamples of the test scenes and of the seeds, which stand for other rows to learn (small) and other trainings; the same resamples for all, so that
@@ -78,7 +78,6 @@ YARDS = {
 
 
 #: marsyard's networks, and what sets them. All take normal scores: those by batches by themselves, the Kalman filter because its best form has them.
-SCORES = "normal scores"
 NETWORKS = {DEFAULT_NETWORK: [], SQUARED_NETWORK: study.SQUARED, NETWORK: [*study.KALMAN_FILTER, "network.normal_scores=true"]}
 
 
@@ -158,17 +157,18 @@ def all_of(tasks):
 
 
 def compared(name, classifiers):
-    """All runs on a corpus, and the form that each classifier has chosen."""
+    """All runs on a corpus, and what trials of forms gave: all on few rows, the two best of each classifier on all."""
     tried = lambda classifier: [form for form, parts in forms(CORPUS.names).items() if classifier not in OWN_SCORES or "scores" not in parts]
-    trials = all_of([(name, classifier, form, 1, False, True) for classifier in classifiers for form in tried(classifier)])
+    score = lambda run: run["validation_balanced_accuracy"]
     order = list(forms(CORPUS.names))
-    chosen = {}
-    for classifier in classifiers:
-        tried = sorted((run for run in trials if run["classifier"] == classifier), key=lambda run: order.index(run["form"]))
-        chosen[classifier] = max(tried, key=lambda run: run["validation_balanced_accuracy"])["form"]
-    small, full = ([(name, classifier, chosen[classifier], seed, many, False) for classifier in classifiers
-                    if not (many and classifier in SMALL_ALONE) for seed in range(1, OPTIONS.seeds + 1)] for many in (False, True))
-    return trials, all_of(full + small), chosen
+    best_first = lambda runs, classifier: [run["form"] for run in sorted((run for run in runs if run["classifier"] == classifier), key=lambda run: (-score(run), order.index(run["form"])))]
+    trials = all_of([(name, classifier, form, 1, False, True) for classifier in classifiers for form in tried(classifier)])
+    of_all = [classifier for classifier in classifiers if classifier not in SMALL_ALONE]
+    # Judged like any other run, for one of the two is of those that are told; the choice looks at validation rows alone.
+    finals = all_of([(name, classifier, form, 1, True, False) for classifier in of_all for form in best_first(trials, classifier)[:2]])
+    small, full = ([(name, classifier, best_first(found, classifier)[0], seed, many, False) for classifier in among for seed in range(1, OPTIONS.seeds + 1)]
+                   for many, found, among in ((False, trials, classifiers), (True, finals, of_all)))
+    return trials + [{key: value for key, value in run.items() if key != "scenes"} for run in finals], all_of(full + small)
 
 
 def told(run):
@@ -186,14 +186,15 @@ def is_of_earlier_state(found):
     return set(found["about"].get("networks", ())) != set(NETWORKS) or any("scenes" not in run for run in found["runs"])
 
 
-def kept_beside(kept, trials, runs, chosen):
+def kept_beside(kept, trials, runs):
     """What an earlier run measured of the classifiers that this one did not run, before what this one measured."""
     earlier = [counted(run) for run in kept["runs"]]
     of_default = lambda of: {(run["full"], run["seed"]): run["scenes"] for run in of if run["classifier"] == DEFAULT_NETWORK}
     if of_default(earlier) != of_default(runs):
         sys.exit(f"{OPTIONS.kept}: the default network called other cells untraversable then: trainer or corpus is another")
-    lacking = lambda of: [one for one in of if one["classifier"] not in chosen]
-    return lacking(kept["trials"]) + trials, lacking(earlier) + runs, {line["classifier"]: line["form"] for line in kept["summary"]} | chosen
+    measured = {run["classifier"] for run in runs}
+    lacking = lambda of: [one for one in of if one["classifier"] not in measured]
+    return lacking(kept["trials"]) + trials, lacking(earlier) + runs
 
 
 def main():
@@ -226,13 +227,12 @@ def main():
             about = {"config": yard.config, "scenes": yard.scenes} | CORPUS.about() | {"networks": networks}
             TASK_KEY = [about, OPTIONS.rows]
             measured = {line["classifier"] for line in kept[name]["summary"]} if name in kept else set()
-            trials, runs, chosen = compared(name, [of for of in CLASSIFIERS if of == DEFAULT_NETWORK or of not in measured])
-            # A file of marsyard's is weighed only where it takes the form that the table tells of.
-            weighed = {of: network["bytes"] for of, network in networks.items() if of in OWN_SCORES or SCORES in chosen.get(of, "")}
+            trials, runs = compared(name, [of for of in CLASSIFIERS if of == DEFAULT_NETWORK or of not in measured])
+            weighed = {of: network["bytes"] for of, network in networks.items()}
             if name in kept:
-                trials, runs, chosen = kept_beside(kept[name], trials, runs, chosen)
+                trials, runs = kept_beside(kept[name], trials, runs)
                 weighed = {line["classifier"]: line["bytes"] for line in kept[name]["summary"] if line["classifier"] in networks} | weighed
-            found = compare_report.summary(runs, chosen, CORPUS.families, weighed)
+            found = compare_report.summary(runs, CORPUS.families, weighed)
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": [told(run) for run in runs]}))
     finished = kept | {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}
     if former := [name for name, found in finished.items() if is_of_earlier_state(found)]:

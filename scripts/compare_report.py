@@ -11,24 +11,27 @@ import numpy as np
 
 import study
 from compare_measures import Bootstrap, interval
+from compare_models import OWN_SCORES
 from train_rows import DEFAULT_NETWORK, NETWORK, SQUARED_NETWORK
 
 SIZES = {False: "small", True: "full"}
 MEANS = ["auc", "log_loss", "calibration_error", "cpu_s", "judge_us", "parameters", "bytes", "train_rows", "rounds"]
 
 
-def summary(runs, chosen, families, network_bytes):
-    """One line a classifier and size: means over the seeds, intervals over scenes and seeds, differences to the default network of the same size."""
+def summary(runs, families, network_bytes):
+    """One line a classifier and size: means over the seeds, intervals over scenes and seeds, differences to the default network of the same size.
+
+    `network_bytes`: of marsyard's files, which count where the line is of the form that they have."""
     bootstrap, lines = Bootstrap(families, {run["seed"] for run in runs}), []
     for full, size in SIZES.items():
-        of = {name: [run for run in runs if run["classifier"] == name and run["full"] == full] for name in chosen}
+        of = {name: [run for run in runs if run["classifier"] == name and run["full"] == full] for name in dict.fromkeys(run["classifier"] for run in runs)}
         resampled = {name: bootstrap.by_seed(found) for name, found in of.items() if found}
         for name, rates in resampled.items():
-            line = {"classifier": name, "size": size, "form": chosen[name], "seeds": len(of[name])}
+            line = {"classifier": name, "size": size, "form": of[name][0]["form"], "seeds": len(of[name])}
             for key in MEANS:
                 values = [run[key] for run in of[name] if run.get(key) is not None]
                 line[key] = float(np.mean(values)) if values else None
-            if name in network_bytes:
+            if name in network_bytes and (name in OWN_SCORES or "normal scores" in line["form"]):
                 line["bytes"] = network_bytes[name]
             for rate in ("balanced_accuracy", "missed", "false", "precision", "worst_family", "mean_of_families"):
                 line[rate] = interval(rates[rate])
@@ -94,11 +97,11 @@ def by_family(lines, size):
 
 
 def tried_forms(trials, names):
-    """What each form gave on validation rows."""
+    """What each form gave on validation rows, and the two best of each on all rows."""
     rows = []
-    for classifier in dict.fromkeys(run["classifier"] for run in sorted(trials, key=lambda run: run["classifier"])):
-        of = {run["form"]: run["validation_balanced_accuracy"] for run in trials if run["classifier"] == classifier}
-        rows.append([classifier, *(study.percent(of.get(name)) for name in names)])
+    for classifier in sorted({run["classifier"] for run in trials}):
+        small, full = ({run["form"]: run["validation_balanced_accuracy"] for run in trials if run["classifier"] == classifier and run["full"] == size} for size in (False, True))
+        rows.append([classifier, *(study.percent(small.get(name)) + (f"; {study.percent(full[name])}" if name in full else "") for name in names)])
     return study.markdown(["balanced accuracy % on validation rows", *names], rows)
 
 
@@ -120,7 +123,7 @@ def corpus_part(name, found):
         parts += [f"### {name}, {size}", details(lines, size)]
         if families > 1:
             parts.append(by_family(lines, size))
-    return parts + [f"### {name}: forms tried on the small rows of seed 1", tried_forms(found["trials"], about["forms"])]
+    return parts + [f"### {name}: forms tried on the small rows of seed 1; the two best on all rows", tried_forms(found["trials"], about["forms"])]
 
 
 def tables(results):
