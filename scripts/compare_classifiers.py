@@ -228,10 +228,11 @@ def main():
             TASK_KEY = [about, OPTIONS.rows]
             measured = {line["classifier"] for line in kept[name]["summary"]} if name in kept else set()
             trials, runs = compared(name, [of for of in CLASSIFIERS if of == DEFAULT_NETWORK or of not in measured])
-            weighed = {of: network["bytes"] for of, network in networks.items()}
+            # A file of marsyard's is weighed only where it takes the form that the table tells of.
+            weighed = {(of, form): network["bytes"] for of, network in networks.items() for form, parts in forms(names).items() if of in OWN_SCORES or "scores" in parts}
             if name in kept:
                 trials, runs = kept_beside(kept[name], trials, runs)
-                weighed = {line["classifier"]: line["bytes"] for line in kept[name]["summary"] if line["classifier"] in networks} | weighed
+                weighed = {(line["classifier"], line["form"]): line["bytes"] for line in kept[name]["summary"] if line["classifier"] in networks} | weighed
             found = compare_report.summary(runs, CORPUS.families, weighed)
             (OPTIONS.work / f"{name}.json").write_text(json.dumps({"about": about, "summary": found, "trials": trials, "runs": [told(run) for run in runs]}))
     finished = kept | {name: json.loads((OPTIONS.work / f"{name}.json").read_text()) for name in YARDS if (OPTIONS.work / f"{name}.json").exists()}

@@ -11,7 +11,6 @@ import numpy as np
 
 import study
 from compare_measures import Bootstrap, interval
-from compare_models import OWN_SCORES
 from train_rows import DEFAULT_NETWORK, NETWORK, SQUARED_NETWORK
 
 SIZES = {False: "small", True: "full"}
@@ -21,7 +20,7 @@ MEANS = ["auc", "log_loss", "calibration_error", "cpu_s", "judge_us", "parameter
 def summary(runs, families, network_bytes):
     """One line a classifier and size: means over the seeds, intervals over scenes and seeds, differences to the default network of the same size.
 
-    `network_bytes`: of marsyard's files, which count where the line is of the form that they have."""
+    `network_bytes`: of marsyard's files, by network and the form that it takes."""
     bootstrap, lines = Bootstrap(families, {run["seed"] for run in runs}), []
     for full, size in SIZES.items():
         of = {name: [run for run in runs if run["classifier"] == name and run["full"] == full] for name in dict.fromkeys(run["classifier"] for run in runs)}
@@ -31,8 +30,7 @@ def summary(runs, families, network_bytes):
             for key in MEANS:
                 values = [run[key] for run in of[name] if run.get(key) is not None]
                 line[key] = float(np.mean(values)) if values else None
-            if name in network_bytes and (name in OWN_SCORES or "normal scores" in line["form"]):
-                line["bytes"] = network_bytes[name]
+            line["bytes"] = network_bytes.get((name, line["form"]), line["bytes"])
             for rate in ("balanced_accuracy", "missed", "false", "precision", "worst_family", "mean_of_families"):
                 line[rate] = interval(rates[rate])
             line["families"] = {family: interval(of_family) for family, of_family in rates["families"].items()}

@@ -144,11 +144,19 @@ class Judgement:
         return {family: dict(zip(names, map(float, self.by_family[family]))) for family in self.families}
 
 
-def told(value_and_draws):
-    """Percent with its interval: `97.3 [96.9, 97.6]`."""
+def interval(value_and_draws):
+    """A value and the ends of its interval of 95 %, as results keep them."""
     value, draws = value_and_draws
-    low, high = np.percentile(draws, [2.5, 97.5])
-    return f"{100 * value:.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+    return [float(value), *map(float, np.percentile(draws, [2.5, 97.5]))]
+
+
+def told_interval(ends):
+    """Percent with its interval: `97.3 [96.9, 97.6]`."""
+    return "{:.1f} [{:.1f}, {:.1f}]".format(*(100 * value for value in ends))
+
+
+def told(value_and_draws):
+    return told_interval(interval(value_and_draws))
 
 
 def told_difference(one, other):

@@ -12,8 +12,6 @@ Needs numpy and pyarrow.
 
 import argparse
 
-import numpy as np
-
 import held_out
 import study
 import unseen
@@ -49,8 +47,7 @@ def main():
             base = base or accuracy
             difference = held_out.told_difference(accuracy, base) if accuracy is not base else ""
             rows.append([f"{scenes:,}", way, held_out.told(accuracy), difference])
-            low, high = np.percentile(accuracy[1], [2.5, 97.5])
-            results[f"{scenes} scenes, {way}"] = {"accuracy": [float(value) for value in (accuracy[0], low, high)], "difference": difference}
+            results[f"{scenes} scenes, {way}"] = {"accuracy": held_out.interval(accuracy), "difference": difference}
     text = "\n\n".join([
         "# What a network gains by the pose",
         f"`python scripts/pose_columns.py`, {study.versions(marsyard)['marsyard']}; paper.yaml, {options.seeds} trainings each, of as many corpora, judged on {yards.scenes} scenes of another seed. What is\n"

@@ -64,11 +64,9 @@ def main():
                 yards = unseen.Yards(marsyard, name, [], models[0]["about"]["features"], scenes)
             accuracy = yards.accuracy(models)
             base = base or accuracy
-            low, high = np.percentile(accuracy[1], [2.5, 97.5])
             lead = held_out.told_difference(base, accuracy) if title != "default" else ""
-            results.setdefault(name, {})[title] = {"accuracy": [float(accuracy[0]), float(low), float(high)], "lead": lead, "train_cpu_s": cpu_s, "rows_learnt": learnt}
-    percent = lambda of: "{:.1f} [{:.1f}, {:.1f}]".format(*(100 * value for value in of))
-    rows = [[name, title, f"{of['rows_learnt'] * 1e-3:.0f}", f"{of['train_cpu_s']:.1f}", percent(of["accuracy"]), of["lead"]]
+            results.setdefault(name, {})[title] = {"accuracy": held_out.interval(accuracy), "lead": lead, "train_cpu_s": cpu_s, "rows_learnt": learnt}
+    rows = [[name, title, f"{of['rows_learnt'] * 1e-3:.0f}", f"{of['train_cpu_s']:.1f}", held_out.told_interval(of["accuracy"]), of["lead"]]
             for name in CONFIGS if name in results for title, of in results[name].items()]
     head = ["config", "trainer", "rows learnt, thousands", "CPU s, train", "balanced accuracy, %", "the default's lead, points"]
     text = f"""# The default trainer beside the Kalman filter

@@ -95,8 +95,7 @@ def verify(marsyard, name, options):
             yards = unseen.Yards(marsyard, name, reference["sets"], models[0]["about"]["features"], JUDGED_SCENES[name])
         accuracy = yards.accuracy(models)
         base = accuracy if base is None else base
-        low, high = np.percentile(accuracy[1], [2.5, 97.5])
-        row |= {"choice": title, "study_commit": study_commit(name), "accuracy": [float(value) for value in (accuracy[0], low, high)], "judged_on": yards.scenes,
+        row |= {"choice": title, "study_commit": study_commit(name), "accuracy": held_out.interval(accuracy), "judged_on": yards.scenes,
                 "against_first": held_out.told_difference(accuracy, base) if title != "first" else None}
         if title != "more":
             row["forecast"] = {"accuracy": choice["balanced_accuracy"], "generate_cpu_s": choice["generate_s"] * options.threads,
