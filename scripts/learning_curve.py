@@ -4,7 +4,7 @@ Usage:  cargo build --release
         python scripts/learning_curve.py [--sizes 70,140,500,2000,8000,32000] [--seeds 1,2,3,4,5] [--test-seed 51] [--squared] [--quick]
 
 Cuts configs/mixed.yaml to each size and trains on it: the default network; the Kalman filter's (configs/train/ekf.yaml, 16-16 neurons); a network
-of four times the default's weights at the largest size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards
+of three times the default's weights at the largest size but one (`--wide`); and trees (LightGBM) on the same columns, so that it is the yards
 that are judged and not the trainer. Of these two the first seed alone, of the Kalman filter and of more than 8000 scenes the first two. Trees learn no more scenes
 than hold the rows that they take. Beside them stand trees that learnt from the held-out families' own yards, of a third seed: what is left of their error is in the columns and labels, and no variety of other yards takes it away. All are judged
 on one corpus of the held-out families alone, of another seed; see held_out.py for the intervals.

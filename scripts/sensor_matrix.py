@@ -131,7 +131,7 @@ def main():
     text = f"""# Trained with one sensor, judged with another
 
 `python scripts/sensor_matrix.py --scenes {scenes} --seeds {','.join(map(str, seeds))}`: {scenes} yards of the training families of
-`configs/mixed.yaml`, the same for all sensors; default training; mean of {len(seeds)} seeds; at 0.5, by cells, percent. The largest standard
+`configs/mixed.yaml`, the same for all sensors; trained by the Kalman filter; mean of {len(seeds)} seeds; at 0.5, by cells, percent. The largest standard
 deviation of any balanced accuracy over seeds is {study.percent(largest_sd)} points; 15 in 100 yards are for testing, so that a column as a whole may
 be a few points easier or harder than another set of yards would be.
 

@@ -6,6 +6,7 @@
 //! (to first order in the ground's slope), no farther than the edge of the patch. Source: Hewitt et al. 2017, "added variance on
 //! measurements from designated areas": N(0, sigma), `height_law: normal`, which puts half of the returns below the ground. Deviation, and
 //! the default: |N(0, sigma)|, blades on ground that light does not enter; sigma is then the root mean square height above the ground.
+//! Where patches overlap, a return is that of the one that makes a label, brush before grass, and of two alike the first one's.
 //! Not modelled: blades that stop a ray on its way to something beyond the patch; what stands where a return below the ground comes to lie.
 //!
 //! Volumes: a ray travels an exponential optical depth (Macedo et al. 2000: free path ~ Exp(extinction)) and returns where it
@@ -124,9 +125,8 @@ impl Vegetation {
         rays.draws.normal(stream, &mut draws[..returns.len()]);
         for (i, ret) in returns.iter_mut().enumerate().filter(|(_, ret)| ret.object == Hit::GROUND) {
             let point = foot(i, ret.range_m);
-            let Some(patch) = self.patches.iter().find(|p| p.centre_m.distance(point) <= p.radius_m) else {
-                continue;
-            };
+            let holding = self.patches.iter().filter(|p| p.centre_m.distance(point) <= p.radius_m);
+            let Some(patch) = holding.min_by_key(|p| !p.untraversable) else { continue };
             let direction = rays.directions[i];
             let normal = caster.normal_at(Hit::GROUND, rays.origin_m + direction * ret.range_m);
             let added_m = patch.sigma_m * draws[i];

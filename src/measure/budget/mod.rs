@@ -117,7 +117,7 @@ pub(crate) fn choices<'s>(
     let candidates = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
         let curve = Curve::of(setting, Teaches::of(setting, study), &errors, passes, &here, multiple);
-        let choice = curve.choice(budget, &here, common, multiple)?;
+        let choice = curve.choice(budget, &here, multiple)?;
         Some(Candidate { ranked_by: curve.ranked_by(choice.most_scenes, common), choice, curve, here })
     });
     let candidates: Vec<Candidate> = candidates.collect();

@@ -34,7 +34,7 @@ impl Candidate<'_> {
 
     /// As many scenes as the time of another choice pays; as it was where that pays none.
     pub(super) fn cut_to(&mut self, time: &Budget, common: f64, multiple: u64) {
-        if let Some(choice) = self.curve.choice(time, &self.here, common, multiple) {
+        if let Some(choice) = self.curve.choice(time, &self.here, multiple) {
             let bound = if choice.bound == Bound::Hours { Bound::SameTime } else { choice.bound };
             let most_scenes = self.choice.most_scenes;
             let [from, to] = [choice.scenes, most_scenes].map(|scenes| STUDY_SCENES * scenes as f64);

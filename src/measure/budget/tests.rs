@@ -92,6 +92,10 @@ fn law_a_flat_curve_ends_the_scenes_long_before_the_hours() {
     let of = &choices(&study, &budget(8.0 * 3600.0, None), |_| HERE, 50)[0];
     assert_eq!(of.bound, Bound::Flat);
     assert!(of.scenes < 5000 && of.most_scenes > 500_000, "{of:?}");
+    // No fewer than the study measured: 128 scenes that train and stop, of a corpus 153.
+    assert!(STUDY_SCENES * of.scenes as f64 >= 128.0, "{of:?}");
+    let flatter = self::study(vec![setting("flat from the first", None, (0.03, 0.0), (0.02, 0.01))]);
+    assert_eq!(choices(&flatter, &budget(8.0 * 3600.0, None), |_| HERE, 1)[0].scenes, 153);
     assert!(of.twice.0 <= FLAT_TWICE.0 && of.twice.1 <= FLAT_TWICE.1, "{of:?}");
     assert!(of.twice.0 <= of.twice.1 && of.twice.1 <= of.left.1, "{of:?}");
     // Where it is flat the budget does not say.

@@ -1,6 +1,6 @@
 //! What a setting costs and brings at four sizes -> where it stands at any cost between, and what it gains on another at equal cost.
 //!
-//! Cost is seconds of CPU: of making the scenes that train and that stop, and of training. Between two sizes balanced accuracy and the number
+//! Cost is seconds of CPU: of making the scenes that train and that stop, and of training. Between two sizes balanced accuracy, the share missed and the number
 //! of scenes are taken to run straight in the logarithm of the cost. Beyond the ends nothing is said: two settings are compared at the
 //! largest cost that both reach, and not at all where one's smallest size is dearer than the other's largest.
 
@@ -14,6 +14,8 @@ pub(super) struct CurvePoint {
     pub scenes: f64,
     pub cpu_s: f64,
     pub accuracy: Resampled,
+    /// Share of the untraversable missed at a fixed share of false calls.
+    pub missed: Resampled,
 }
 
 /// The sizes of a setting, ascending in cost. More scenes may cost less where training ends earlier: the order is the cost's.
@@ -29,8 +31,9 @@ pub(super) struct EqualCost {
     /// Scenes that each makes for it.
     pub scenes: f64,
     pub base_scenes: f64,
-    /// Balanced accuracy.
+    /// Balanced accuracy, and how much less of the untraversable is missed.
     pub gain: Interval,
+    pub fewer_missed: Interval,
     /// How many times larger the variance would be without common scenes, trainings and draws; `None` where it is not known.
     pub variance_ratio: Option<f64>,
 }
@@ -46,8 +49,8 @@ impl Curve {
         (self.points[0].cpu_s, self.points[self.points.len() - 1].cpu_s)
     }
 
-    /// Scenes and accuracy at a cost; `None` beyond the ends.
-    fn at(&self, cpu_s: f64) -> Option<(f64, Resampled)> {
+    /// The size that a cost pays; `None` beyond the ends.
+    fn at(&self, cpu_s: f64) -> Option<CurvePoint> {
         let (first, last) = self.ends();
         if !(first..=last).contains(&cpu_s) {
             return None;
@@ -55,18 +58,19 @@ impl Curve {
         let above = self.points.iter().position(|point| point.cpu_s >= cpu_s)?;
         let high = &self.points[above];
         if high.cpu_s == cpu_s {
-            return Some((high.scenes, high.accuracy.clone()));
+            return Some(high.clone());
         }
         let low = &self.points[above - 1];
         let share = math::ln(cpu_s / low.cpu_s) / math::ln(high.cpu_s / low.cpu_s);
         let scenes = low.scenes * math::pow(high.scenes / low.scenes, share);
-        Some((scenes, low.accuracy.towards(&high.accuracy, share)))
+        let (accuracy, missed) = (low.accuracy.towards(&high.accuracy, share), low.missed.towards(&high.missed, share));
+        Some(CurvePoint { scenes, cpu_s, accuracy, missed })
     }
 
     /// Mean accuracy for at most so much: at the largest size where that costs less, since more scenes would not harm. `None` where the
     /// smallest size costs more.
     pub(super) fn mean_within(&self, cpu_s: f64) -> Option<f64> {
-        self.at(cpu_s.min(self.ends().1)).map(|(_, accuracy)| accuracy.mean())
+        self.at(cpu_s.min(self.ends().1)).map(|size| size.accuracy.mean())
     }
 
     /// What the largest size costs.
@@ -77,16 +81,17 @@ impl Curve {
     /// What this curve gains on another at the largest cost that both reach; `None` where there is none.
     pub(super) fn against(&self, base: &Curve, resampling: &Resampling) -> Option<EqualCost> {
         let cpu_s = self.ends().1.min(base.ends().1);
-        let ((scenes, here), (base_scenes, there)) = (self.at(cpu_s)?, base.at(cpu_s)?);
-        let gain = here.minus(&there);
+        let (here, there) = (self.at(cpu_s)?, base.at(cpu_s)?);
+        let gain = here.accuracy.minus(&there.accuracy);
         let variance = resampling.variance(&gain);
-        let apart = resampling.variance(&here) + resampling.variance(&there);
+        let apart = resampling.variance(&here.accuracy) + resampling.variance(&there.accuracy);
         let is_known = variance > 0.0 && variance.is_finite() && apart.is_finite();
         Some(EqualCost {
             cpu_s,
-            scenes,
-            base_scenes,
+            scenes: here.scenes,
+            base_scenes: there.scenes,
             gain: resampling.interval(&gain),
+            fewer_missed: resampling.interval(&there.missed.minus(&here.missed)),
             variance_ratio: is_known.then(|| apart / variance),
         })
     }
@@ -105,6 +110,7 @@ pub(super) fn flat_from(sizes: &[Resampled], resampling: &Resampling, limit: f64
 mod tests {
     use super::*;
     use crate::evaluate::Confusion;
+    use crate::measure::tradeoff::missed::WrongByThreshold;
 
     /// Of scenes that are all alike, each training missing so many of 1000.
     fn accuracy(resampling: &Resampling, missed: [u64; 2]) -> Resampled {
@@ -120,6 +126,16 @@ mod tests {
         resampling.balanced_accuracy(&[&scenes[0], &scenes[1]])
     }
 
+    /// The share missed of the same: at any threshold nothing is called wrongly, and so many of 1000 are below.
+    fn wrong(resampling: &Resampling, missed: [u64; 2]) -> Resampled {
+        let cell = |missed: u64| {
+            move |row: usize| (row % 2 == 0, if row % 2 == 0 && row % 2000 / 2 >= missed as usize { 0.9 } else { 0.1 })
+        };
+        let scenes: Vec<_> = (0..4).map(|scene| 2000 * scene..2000 * (scene + 1)).collect();
+        let kept = missed.map(|missed| [WrongByThreshold::of(&scenes, cell(missed))]);
+        resampling.missed(&[&kept[0], &kept[1]])
+    }
+
     fn resampling() -> Resampling {
         Resampling::new(3, std::iter::once(0..4).collect(), 2)
     }
@@ -127,7 +143,7 @@ mod tests {
     fn curve(resampling: &Resampling, points: &[(f64, f64, u64)]) -> Curve {
         let point = |&(scenes, cpu_s, missed): &(f64, f64, u64)| {
             let accuracy = accuracy(resampling, [missed, missed + 10]);
-            CurvePoint { scenes, cpu_s, accuracy }
+            CurvePoint { scenes, cpu_s, accuracy, missed: wrong(resampling, [missed, missed + 10]) }
         };
         Curve::new(points.iter().map(point).collect())
     }
@@ -142,6 +158,8 @@ mod tests {
         assert_eq!((equal.cpu_s, equal.scenes), (8.0, 160.0));
         assert!((equal.base_scenes - 80.0).abs() < 1e-9);
         assert!((equal.gain.mean - 0.015).abs() < 1e-12, "{equal:?}");
+        // Balanced accuracy loses half of what is missed.
+        assert!((equal.fewer_missed.mean - 0.03).abs() < 1e-12 && equal.fewer_missed.half_width < 1e-9, "{equal:?}");
         // Both seeds gain the same, and scenes are alike: the gain is sure, though neither accuracy is.
         assert!(equal.gain.half_width < 1e-9);
         // Seen from the other side.

@@ -33,8 +33,10 @@ pub(super) fn farther(rows: &[&Row]) -> Option<Grid> {
                 size.scenes.to_string(),
                 format!("{} + {}", figures(size.generate_cpu_s), figures(size.train_cpu_s)),
                 percent(&size.balanced_accuracy),
+                percent(&size.missed),
                 shown(gain, |gain| format!("{}, {}", gain.scenes, gain.reference_scenes)),
                 shown(gain, |gain| points(&gain.balanced_accuracy)),
+                shown(gain, |gain| points(&gain.fewer_missed)),
                 gain.map_or(String::new(), |gain| told_in_words(gain.told).to_owned()),
             ]
         })
@@ -45,8 +47,10 @@ pub(super) fn farther(rows: &[&Row]) -> Option<Grid> {
         "scenes",
         "CPU s\ngenerate + train",
         "balanced\naccuracy, %",
+        "missed, %\nat 2 % false",
         "at equal CPU,\nreference's",
         "gain,\npoints",
+        "fewer missed,\npoints",
         "told",
     ];
     let title = "Farther: what is told better, and the reference, on more scenes".into();

@@ -94,7 +94,7 @@ mod tests {
             by_seed: vec![0.9; 2],
             own: None,
             worst: None,
-            missed: None,
+            missed: Interval { mean: 0.1, half_width: 0.01 },
         }
     }
 

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::compare::SceneCells;
 use super::measure::inputs;
+use super::missed::WrongByThreshold;
 use super::{Event, TradeoffError, caught};
 use crate::cells::Label;
 use crate::corpus::Split;
@@ -18,13 +19,10 @@ use crate::episode::{Prepared, Scratch, Unobserved, replay_scene};
 use crate::evaluate::Confusion;
 use crate::parallel;
 use crate::plan::{Family, Plan};
-use crate::statistics::scores::Scores;
 use crate::train::rows::Rows;
 
 /// Above it, an output calls a cell untraversable.
 const THRESHOLD: f64 = 0.5;
-/// Share of the traversable cells called untraversable at which the missed ones are told.
-pub(super) const FALSE_SHARE: f64 = 0.02;
 /// What the seed of the test scenes differs by.
 const OTHER_SEED: u64 = 0x7465_7374;
 
@@ -60,9 +58,8 @@ pub(super) struct TestScenes {
 pub(super) struct Verdicts {
     /// By scene.
     pub scenes: Vec<Confusion>,
-    /// Share of the untraversable missed where [`FALSE_SHARE`] of the traversable are called untraversable, mean of the groups that judge;
-    /// `None` where none holds both classes.
-    pub missed: Option<f64>,
+    /// Of each group that judges: what is missed at a fixed share of false calls.
+    pub missed: Vec<WrongByThreshold>,
 }
 
 /// Makes test scenes of the own kinds and of each held-out family, those of these numbers, and puts them behind the ones that are there.
@@ -183,18 +180,11 @@ impl TestScenes {
             }
             counts
         };
-        let missed = self.judging().into_iter().filter_map(|scenes| {
-            let mut scores = Scores::new(1.0);
-            for row in self.scenes[scenes].iter().flat_map(Range::clone) {
-                scores.add(self.rows.labels[row].is_untraversable(), outputs[row]);
-            }
-            // From "everything untraversable" on: the first that calls few enough so.
-            scores.roc().iter().find(|at| at.false_untraversable <= FALSE_SHARE).map(|at| at.missed_untraversable)
-        });
-        let missed: Vec<f64> = missed.collect();
+        let cell = |row: usize| (self.rows.labels[row].is_untraversable(), outputs[row]);
+        let missed = |scenes: Range<usize>| WrongByThreshold::of(&self.scenes[scenes], cell);
         Verdicts {
             scenes: self.scenes.iter().map(scene).collect(),
-            missed: (!missed.is_empty()).then(|| missed.iter().sum::<f64>() / missed.len() as f64),
+            missed: self.judging().into_iter().map(missed).collect(),
         }
     }
 }
@@ -232,6 +222,6 @@ mod tests {
         };
         assert_eq!((counts(0), counts(1), counts(2)), ((1, 0, 0, 1), (1, 1, 1, 0), (0, 0, 0, 1)));
         // Of 0.4 and 0.7 untraversable, 0.3 and 0.6 traversable: no false call from above 0.6 on, and 0.4 is missed there.
-        assert_eq!(verdicts.missed, Some(0.5));
+        assert_eq!(verdicts.missed.iter().map(|of| of.missed(&[1, 1])).collect::<Vec<_>>(), [Some(0.5)]);
     }
 }

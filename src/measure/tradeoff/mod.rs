@@ -32,6 +32,7 @@ mod judging;
 mod knobs;
 mod learning;
 mod measure;
+mod missed;
 mod ranges;
 mod recommend;
 pub(crate) mod records;

@@ -55,7 +55,14 @@ mod tests {
 
     fn row(name: &str, told: Option<Told>, within: f64) -> Row {
         let balanced_accuracy = Interval { mean: within, half_width: 0.01 };
-        let gain = told.map(|told| GainRow { cpu_s: 1.0, scenes: 9, reference_scenes: 3, balanced_accuracy, told });
+        let gain = told.map(|told| GainRow {
+            cpu_s: 1.0,
+            scenes: 9,
+            reference_scenes: 3,
+            balanced_accuracy,
+            fewer_missed: balanced_accuracy,
+            told,
+        });
         let size = |scenes: u64| CurveRow {
             scenes,
             train_rows: 0.0,
@@ -67,7 +74,7 @@ mod tests {
             by_seed: Vec::new(),
             own: None,
             worst: None,
-            missed: None,
+            missed: Interval { mean: 0.1, half_width: 0.01 },
         };
         Row {
             side: Side::Pipeline,

@@ -214,8 +214,8 @@ pub(crate) struct CurveRow {
     pub own: Option<f64>,
     /// The held-out family that is judged worst.
     pub worst: Option<WorstRow>,
-    /// Share of the untraversable missed at the report's `false_share`.
-    pub missed: Option<f64>,
+    /// Share of the untraversable missed at the report's `false_share`, mean of the groups that judge.
+    pub missed: Interval,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -232,6 +232,9 @@ pub(crate) struct GainRow {
     pub scenes: u64,
     pub reference_scenes: u64,
     pub balanced_accuracy: Interval,
+    /// How much less of the untraversable is missed at the report's `false_share`, as a share.
+    pub fewer_missed: Interval,
+    /// By balanced accuracy.
     pub told: Told,
 }
 

@@ -9,6 +9,7 @@
 
 use std::ops::Range;
 
+use super::missed::WrongByThreshold;
 use crate::evaluate::Confusion;
 use crate::random::{Purpose, Stage, Streams};
 use crate::statistics::{Interval, Moments, student};
@@ -61,23 +62,33 @@ impl Resampling {
 
     /// The mean balanced accuracy of the groups that hold both classes; of each training what it makes of all scenes.
     pub(super) fn balanced_accuracy(&self, trainings: &[&[Confusion]]) -> Resampled {
-        let ones = vec![1; self.groups.iter().map(Range::len).sum()];
-        let of =
-            |scenes: &[u64]| trainings.iter().map(|tested| self.mean_of_groups(tested, scenes)).collect::<Vec<_>>();
-        Resampled { by_seed: of(&ones), by_draw: self.draws.iter().flat_map(|draw| of(&draw.scenes)).collect() }
+        self.resampled(trainings.len(), |training, group, weights| {
+            pooled(&trainings[training][self.groups[group].clone()], weights)
+        })
     }
 
-    fn mean_of_groups(&self, tested: &[Confusion], scenes: &[u64]) -> f64 {
-        let (mut sum, mut count, mut first) = (0.0, 0.0, 0);
-        for group in &self.groups {
-            let weights = &scenes[first..first + group.len()];
-            first += group.len();
-            if let Some(accuracy) = pooled(&tested[group.clone()], weights) {
-                sum += accuracy;
-                count += 1.0;
+    /// The mean share of the untraversable missed at a fixed share of false calls; of each training what it makes of each group.
+    pub(super) fn missed(&self, trainings: &[&[WrongByThreshold]]) -> Resampled {
+        self.resampled(trainings.len(), |training, group, weights| trainings[training][group].missed(weights))
+    }
+
+    /// The mean over groups of a figure of a training, a group and how often each of its scenes counts.
+    fn resampled(&self, trainings: usize, figure: impl Fn(usize, usize, &[u64]) -> Option<f64>) -> Resampled {
+        let mean = |training: usize, scenes: &[u64]| {
+            let (mut sum, mut count, mut first) = (0.0, 0.0, 0);
+            for (group, members) in self.groups.iter().enumerate() {
+                let weights = &scenes[first..first + members.len()];
+                first += members.len();
+                if let Some(value) = figure(training, group, weights) {
+                    sum += value;
+                    count += 1.0;
+                }
             }
-        }
-        sum / count
+            sum / count
+        };
+        let of = |scenes: &[u64]| (0..trainings).map(|training| mean(training, scenes)).collect::<Vec<_>>();
+        let ones = vec![1; self.groups.iter().map(Range::len).sum()];
+        Resampled { by_seed: of(&ones), by_draw: self.draws.iter().flat_map(|draw| of(&draw.scenes)).collect() }
     }
 
     /// Variance of the mean over trainings, of scenes and trainings together; infinite for a single training, which says nothing of others.

@@ -1,9 +1,10 @@
 //! What was measured -> the report: spreads over scenes, errors added up, losses by pairs of seeds.
 
 use super::Options;
-use super::judging::{FALSE_SHARE, TestScenes};
+use super::judging::TestScenes;
 use super::learning::Trainings;
 use super::measure::{Counts, Measured, PoseError, SceneMeasurement};
+use super::missed::FALSE_SHARE;
 use super::ranges::RangeErrors;
 use super::recommend::recommend;
 use super::report::{CellRow, DriveRow, Ended, PipelineRow, PoseRow, RangeRow, Report, Row, ShiftRow, StageRow, Told};
@@ -41,7 +42,7 @@ pub(super) fn report(
     let noise_floor = tell_apart(&mut rows);
     let build = Build::of_this_binary();
     Report {
-        marsyard_tradeoff: 2,
+        marsyard_tradeoff: 3,
         version: build.version.clone(),
         commit: build.commit.clone(),
         name: plan.name.clone(),

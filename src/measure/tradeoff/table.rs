@@ -42,7 +42,7 @@ fn opening(report: &Report) -> String {
          Worth: the default network trained on an eighth, a quarter, a half and all of the scenes, {} training{} each, judged on {}:\n\
          {} scenes, {} cells of another seed, made at the reference{}. CPU: of one thread, making the scenes that train and that stop\n\
          it, and training; nothing is written. Gain: balanced accuracy on the reference at the largest CPU time that both reach,\n\
-         straight between sizes in its logarithm. {}.\n\
+         straight between sizes in its logarithm; missed: of the untraversable, at the threshold that calls 2 % of the traversable so. {}.\n\
          Errors: CPU of the thread per kept scan, median [quartiles] over scenes; range error against the exact surface, before\n\
          noise{beams}; position and heading of the estimate, median [quartiles] over scans; NEES: its mean; drive moved: the true\n\
          pose against the reference's, at most; cells other: only here or only at the reference; labels other: of those at both;\n\
@@ -188,6 +188,7 @@ fn worths(report: &Report, title: &str, rows: &[&Row]) -> Grid {
         "equal\nCPU s",
         "scenes for it,\nreference's",
         "gain,\npoints",
+        "fewer missed,\npoints",
         "told",
     ]);
     let rows = rows.iter().filter_map(|row| {
@@ -203,11 +204,12 @@ fn worths(report: &Report, title: &str, rows: &[&Row]) -> Grid {
             cells.push(shown(whole.own, |own| format!("{:.2}", 100.0 * own)));
         }
         cells.extend([
-            shown(whole.missed, |missed| format!("{:.2}", 100.0 * missed)),
+            percent(&whole.missed),
             shown(worth.flat_from, |scenes| scenes.to_string()),
             shown(gain, |gain| figures(gain.cpu_s)),
             shown(gain, |gain| format!("{}, {}", gain.scenes, gain.reference_scenes)),
             shown(gain, |gain| points(&gain.balanced_accuracy)),
+            shown(gain, |gain| points(&gain.fewer_missed)),
             told(row),
         ]);
         Some(cells)

@@ -4,6 +4,7 @@ use super::curve::{Curve, CurvePoint, flat_from};
 use super::judging::TestScenes;
 use super::learning::{Training, Trainings};
 use super::measure::{Measured, cpu_s};
+use super::missed::WrongByThreshold;
 use super::report::{CurveRow, GainRow, Told, WorstRow, WorthRow};
 use super::resample::{Resampled, Resampling, of_group};
 use super::settings::{Settings, Variant};
@@ -65,6 +66,7 @@ pub(super) fn worth(
                     scenes: equal.scenes.round() as u64,
                     reference_scenes: equal.base_scenes.round() as u64,
                     balanced_accuracy: equal.gain,
+                    fewer_missed: equal.fewer_missed,
                     told: Told::of(&equal.gain, None),
                 }),
                 flat_from: flat_from(
@@ -85,6 +87,7 @@ struct Size {
     generate_cpu_s: f64,
     train_cpu_s: f64,
     accuracy: Resampled,
+    missed: Resampled,
 }
 
 impl Size {
@@ -100,11 +103,13 @@ impl Size {
         let made_s =
             chosen.iter().flat_map(Chosen::all).map(|scene| cpu_s(&measured.scenes[scene][corpus])).sum::<f64>();
         let tested: Vec<&[Confusion]> = trainings.iter().map(|one| one.verdicts.scenes.as_slice()).collect();
+        let missed: Vec<&[WrongByThreshold]> = trainings.iter().map(|one| one.verdicts.missed.as_slice()).collect();
         Size {
             scenes: chosen[0].count(),
             generate_cpu_s: made_s / seeds as f64,
             train_cpu_s: trainings.iter().map(|one| one.cpu_s).sum::<f64>() / seeds as f64,
             accuracy: resampling.balanced_accuracy(&tested),
+            missed: resampling.missed(&missed),
         }
     }
 
@@ -129,7 +134,7 @@ impl Size {
             by_seed: self.accuracy.by_seed().to_vec(),
             own: mean(&|one| of_group(&one.verdicts.scenes, test.own())),
             worst: families.min_by(|a, b| a.balanced_accuracy.total_cmp(&b.balanced_accuracy)),
-            missed: mean(&|one| one.verdicts.missed),
+            missed: resampling.interval(&self.missed),
         }
     }
 }
@@ -139,6 +144,7 @@ fn curve(sizes: &[Size]) -> Curve {
         scenes: size.scenes as f64,
         cpu_s: size.generate_cpu_s + size.train_cpu_s,
         accuracy: size.accuracy.clone(),
+        missed: size.missed.clone(),
     };
     debug_assert_eq!(sizes.len(), SIZES.len());
     Curve::new(sizes.iter().map(point).collect())

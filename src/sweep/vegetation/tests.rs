@@ -137,6 +137,25 @@ fn foot_ahead() -> (DVec3, TrueReturn) {
 }
 
 #[test]
+fn exact_where_patches_overlap_a_return_is_of_the_one_that_makes_the_label() {
+    let patch = |id: i32, untraversable: bool| {
+        let class = if untraversable { Class::Bush } else { Class::Grass };
+        Patch { id, class, untraversable, ..grassy_yard(0.05, HeightLaw::HalfNormal).patches[0] }
+    };
+    let (direction, solid) = foot_ahead();
+    for (patches, expected) in [
+        (vec![patch(0, false), patch(1, true)], (1, Class::Bush)),
+        (vec![patch(0, true), patch(1, false)], (0, Class::Bush)),
+        (vec![patch(0, false), patch(1, false)], (0, Class::Grass)),
+        (vec![patch(0, true), patch(1, true)], (0, Class::Bush)),
+    ] {
+        let scene = Scene { patches, ..flat_yard() };
+        let returns = scattered(&scene, &[direction; 40], solid, 5);
+        assert!(returns.iter().all(|ret| (ret.object, ret.class) == (expected.0, Some(expected.1))), "{returns:?}");
+    }
+}
+
+#[test]
 fn dist_grass_stands_above_the_ground_with_half_normal_heights() {
     let scene = grassy_yard(0.1, HeightLaw::HalfNormal);
     // The foot lies 2.5 m ahead, 2 m inside the patch: no height within reach of 7 sigma meets its edge.
