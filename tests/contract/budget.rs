@@ -25,6 +25,7 @@ fn law_hours_become_a_config_that_is_built() {
     let output = yard.marsyard(plan.iter().chain(&["--json", "--write", "night.yaml"]));
     assert!(output.status.success(), "{}", text(&output.stderr));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    assert!(json["machine"]["cores"].as_u64().is_some_and(|cores| cores > 0), "{json}");
     let best = &json["choices"][0];
     let figure = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap_or_else(|| panic!("{key}: {of}"));
     assert!(figure(best, "generate_s") + figure(best, "train_s") <= 7.2 * 1.0001, "{best}");

@@ -63,7 +63,7 @@ impl Answer<'_> {
             self.study.test_scenes,
             self.study.judged_by
         );
-        outln!("rows, bytes and times: of scenes made here, on {}", machine());
+        outln!("rows and bytes: of scenes made on {}; times: the study's, by what such scenes took here", machine());
         self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
         for (k, choice) in self.choices.iter().take(TOLD).enumerate() {
             self.tell_choice(if k == 0 { "build" } else { "next best" }, choice);
@@ -174,7 +174,7 @@ impl Answer<'_> {
         json!({
             "name": self.plan.name, "study": self.study_file, "judged_by": self.study.judged_by,
             "hours": self.hours, "cores": self.cores, "machine": {"cpu": cpu::name(), "cores": default_threads()},
-             "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
+            "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
             "warnings": self.warnings, "advice": self.advice, "how_to_vary": words::how_to_vary(self.plan),
             "poses_not_told_worse_than_fastslam": self.poses_not_told_worse().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
             "sets": self.sets, "place": self.place, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),

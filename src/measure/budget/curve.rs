@@ -175,8 +175,8 @@ impl<'s> Curve<'s> {
     }
 
     /// The fewest scenes, none fewer than the most that the curve was measured at, from which on twice as many bring at most [`FLAT_TWICE`];
-    /// `None` where there are none up to [`FLAT_UP_TO`]. What was measured is cheap, and the noise of its sizes hides a tenth of a point: quickstart.yaml,
-    /// measured up to 768 scenes, was once told flat from 231 on, and twice as many brought 0.12 points. The budget does not say.
+    /// `None` where there are none up to [`FLAT_UP_TO`]. A study's own sizes are affordable, and their noise hides a tenth of a point:
+    /// quickstart.yaml, measured up to 768 scenes, was once told flat from 231 on, and twice as many brought 0.12. The budget does not say.
     fn flat_from(&self) -> Option<u64> {
         let largest = self.fit.largest_scenes() / STUDY_SCENES;
         let (first, last) = (largest, FLAT_UP_TO * largest);

@@ -1,9 +1,9 @@
-//! What a classifier says of the cells of some scenes -> the share of the untraversable that it misses where 2 % of the traversable are called untraversable.
+//! Outputs for the cells of some scenes -> the share of the untraversable missed where 2 % of the traversable are called so.
 //!
 //! In: outputs in [0, 1] and labels, scene by scene. Kept: how many cells of either class lie on the wrong side of some thresholds in each
 //! scene, so that the share can be told of the scenes counted by any weights, as a bootstrap needs it: of other scenes another threshold calls
 //! 2 % wrongly. The thresholds are those at which all scenes together have 0.125 to 32 % called so, each a quarter of an octave from the
-//! next; between two of them the missed run straight in the falsely called. Not kept: the outputs.
+//! next, and those that call all and none; between two of them the missed run straight in the falsely called. Not kept: the outputs.
 
 use std::ops::Range;
 
@@ -39,58 +39,56 @@ impl WrongByThreshold {
             let share = FALSE_SHARE * math::pow(2.0, f64::from(step) / AN_OCTAVE);
             roc.iter().find(|at| at.false_untraversable <= share).map(|at| at.threshold)
         };
-        let mut thresholds: Vec<f64> = (-ON_A_SIDE..=ON_A_SIDE).rev().filter_map(threshold).collect();
+        let between = (-ON_A_SIDE..=ON_A_SIDE).rev().filter_map(threshold).filter(|&threshold| threshold < 1.0);
+        let mut thresholds: Vec<f64> = [f64::NEG_INFINITY].into_iter().chain(between).chain([f64::INFINITY]).collect();
         thresholds.dedup();
-        let of_scene = |rows: &Range<usize>, is_counted: &dyn Fn(bool, f64) -> bool| {
-            let mut counts = [0; 2];
+        let mut kept = WrongByThreshold { cells: Vec::new(), wrong: vec![Vec::new(); thresholds.len()] };
+        for rows in scenes {
+            // By how many thresholds a cell is called untraversable -> such cells of either class.
+            let mut called = vec![[0; 2]; thresholds.len() + 1];
             for (untraversable, output) in rows.clone().map(&cell) {
-                counts[usize::from(untraversable)] += u32::from(is_counted(untraversable, output));
+                called[thresholds.partition_point(|&threshold| threshold <= output)][usize::from(untraversable)] += 1;
             }
-            counts
-        };
-        let at = |threshold: f64| {
-            let is_wrong = move |untraversable: bool, output: f64| untraversable != (output >= threshold);
-            scenes.iter().map(|rows| of_scene(rows, &is_wrong)).collect()
-        };
-        WrongByThreshold {
-            cells: scenes.iter().map(|rows| of_scene(rows, &|_, _| true)).collect(),
-            wrong: thresholds.into_iter().map(at).collect(),
+            let all = called.iter().fold([0; 2], |sum, counts| [sum[0] + counts[0], sum[1] + counts[1]]);
+            let mut below = [0; 2];
+            for (at, counts) in kept.wrong.iter_mut().zip(&called) {
+                below = [below[0] + counts[0], below[1] + counts[1]];
+                at.push([all[0] - below[0], below[1]]);
+            }
+            kept.cells.push(all);
         }
+        kept
     }
 
-    /// Share of the untraversable missed at [`FALSE_SHARE`], each scene counted so often; at the outermost threshold where the share lies
-    /// beyond them all. `None` where a class is absent.
+    /// Share of the untraversable missed at [`FALSE_SHARE`], each scene counted so often; `None` where a class is absent.
     pub(super) fn missed(&self, weights: &[u64]) -> Option<f64> {
         let sum = |scenes: &[[u32; 2]], class: usize| {
             scenes.iter().zip(weights).map(|(counts, weight)| weight * u64::from(counts[class])).sum::<u64>() as f64
         };
-        let of = [sum(&self.cells, 0), sum(&self.cells, 1)];
-        if of.contains(&0.0) {
+        let (traversable, untraversable) = (sum(&self.cells, 0), sum(&self.cells, 1));
+        if traversable == 0.0 || untraversable == 0.0 {
             return None;
         }
-        let false_share = |threshold: usize| sum(&self.wrong[threshold], 0) / of[0];
-        let missed = |threshold: usize| sum(&self.wrong[threshold], 1) / of[1];
-        let above = self.wrong.partition_point(|scenes| sum(scenes, 0) / of[0] > FALSE_SHARE);
-        if above == 0 || above == self.wrong.len() {
-            return (!self.wrong.is_empty()).then(|| missed(above.min(self.wrong.len() - 1)));
-        }
-        let (low, high) = (false_share(above - 1), false_share(above));
-        let share = (low - FALSE_SHARE) / (low - high);
-        Some(missed(above - 1) + share * (missed(above) - missed(above - 1)))
+        let rates = |scenes: &[[u32; 2]]| [sum(scenes, 0) / traversable, sum(scenes, 1) / untraversable];
+        // The first threshold calls all, the last one none.
+        let above = self.wrong.partition_point(|scenes| sum(scenes, 0) > FALSE_SHARE * traversable);
+        let [[low_false, low_missed], [high_false, high_missed]] = [above - 1, above].map(|k| rates(&self.wrong[k]));
+        let share = (low_false - FALSE_SHARE) / (low_false - high_false);
+        Some(low_missed + share * (high_missed - low_missed))
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::random::{Purpose, Stage, Streams};
 
     /// Scenes of cells that were drawn: an untraversable one in five, the outputs of either class overlapping.
-    fn drawn(scenes: usize, cells: usize) -> (Vec<Range<usize>>, Vec<(bool, f64)>) {
+    pub(in super::super) fn drawn(scenes: usize, cells: usize) -> (Vec<Range<usize>>, Vec<(bool, f64)>) {
         let stream =
             Streams { seed: 5, scene: 0, attempt: 0, stage: Stage::Train, step: 0 }.open(Purpose::TradeoffBootstrap);
         let cell = |k: usize| {
-            let untraversable = k % 5 == 0;
+            let untraversable = k.is_multiple_of(5);
             let middle = if untraversable { 1.5 } else { -1.5 } + 0.5 * math::sin((k / cells) as f64);
             (untraversable, 1.0 / (1.0 + math::exp(-middle - stream.normal(k as u64))))
         };
@@ -98,7 +96,7 @@ mod tests {
     }
 
     /// All outputs tried as a threshold, each scene's cells repeated as often as it counts.
-    fn brute_force(scenes: &[Range<usize>], cells: &[(bool, f64)], weights: &[u64]) -> f64 {
+    pub(in super::super) fn brute_force(scenes: &[Range<usize>], cells: &[(bool, f64)], weights: &[u64]) -> f64 {
         let mut all: Vec<(bool, f64)> = Vec::new();
         for (rows, &weight) in scenes.iter().zip(weights) {
             (0..weight).for_each(|_| all.extend(&cells[rows.clone()]));
@@ -131,13 +129,17 @@ mod tests {
         };
         assert_eq!(one_scene(&[(true, 0.9), (true, 0.1)]).missed(&[1]), None);
         assert_eq!(one_scene(&[(true, 0.9), (false, 0.1)]).missed(&[0]), None);
-        // Told apart without a fault; all alike; and the wrong way round.
         assert_eq!(one_scene(&[(true, 0.9), (false, 0.1)]).missed(&[1]), Some(0.0));
-        assert_eq!(one_scene(&[(true, 0.5), (false, 0.5)]).missed(&[1]), Some(1.0));
-        assert_eq!(one_scene(&[(true, 0.0), (false, 1.0)]).missed(&[1]), Some(1.0));
+        // All alike, also where outputs have come to their end; and the wrong way round: by chance 2 % of both are called.
+        for (untraversable, traversable) in [(0.5, 0.5), (0.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            let found = one_scene(&[(true, untraversable), (false, traversable)]).missed(&[1]).unwrap();
+            assert!((found - 0.98).abs() < 1e-12, "{untraversable} {traversable}: {found}");
+        }
         // Scenes of one class each: together they hold both.
         let cells = [(true, 0.9), (true, 0.2), (false, 0.4), (false, 0.1)];
         let kept = WrongByThreshold::of(&[0..2, 2..4], |row| cells[row]);
-        assert_eq!((kept.missed(&[1, 1]), kept.missed(&[1, 0])), (Some(0.5), None));
+        assert_eq!(kept.missed(&[1, 0]), None);
+        // No threshold lies between the two traversable: half is missed without a false call, nothing where all are called.
+        assert!((kept.missed(&[1, 1]).unwrap() - 0.49).abs() < 1e-12);
     }
 }

@@ -162,6 +162,7 @@ impl Resampled {
 
 #[cfg(test)]
 mod tests {
+    use super::super::missed::tests::{brute_force, drawn};
     use super::*;
 
     /// Scenes of 1000 cells of each class: balanced accuracy is then a mean over scenes, whose variance is known on paper.
@@ -216,6 +217,42 @@ mod tests {
         assert!((interval.mean - 0.01).abs() < 1e-12 && interval.half_width < 1e-12, "{interval:?}");
         let of_one = resampling.interval(&resampled(&resampling, &one));
         assert!(of_one.half_width > 0.005, "{of_one:?}");
+    }
+
+    #[test]
+    fn equal_missed_of_each_draw_and_its_cells_repeated() {
+        // Two groups behind a scene that is in none; the second has every fourth output lowered, and each training its own outputs.
+        let (scenes, cells) = drawn(14, 400);
+        let groups = [1..6, 6..14];
+        let output = |training: usize, row: usize| {
+            let (untraversable, output) = cells[(row + 5 * training) % cells.len()];
+            let lower = row >= scenes[6].start && row.is_multiple_of(4);
+            (untraversable, if lower { 0.3 * output } else { output })
+        };
+        let all: Vec<Vec<(bool, f64)>> =
+            (0..3).map(|training| (0..cells.len()).map(|row| output(training, row)).collect()).collect();
+        let kept: Vec<Vec<WrongByThreshold>> = all
+            .iter()
+            .map(|cells| groups.iter().map(|g| WrongByThreshold::of(&scenes[g.clone()], |row| cells[row])).collect())
+            .collect();
+        let resampling = Resampling::new(3, groups.to_vec(), 3);
+        let figure = resampling.missed(&kept.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        let expected = |cells: &[(bool, f64)], weights: &[u64]| {
+            0.5 * (brute_force(&scenes[1..6], cells, &weights[..5]) + brute_force(&scenes[6..14], cells, &weights[5..]))
+        };
+        let mut off = Vec::new();
+        for (draw, found) in resampling.draws.iter().zip(figure.by_draw.chunks_exact(3)) {
+            off.extend(found.iter().zip(&all).map(|(found, cells)| found - expected(cells, &draw.scenes)));
+        }
+        // The missed are no straight line between two thresholds, and 2 % of 1280 cells are 25 or 26.
+        let (mean, most) =
+            (off.iter().sum::<f64>() / off.len() as f64, off.iter().fold(0.0, |most: f64, o| most.max(o.abs())));
+        assert!(mean.abs() < 0.005 && most < 0.04, "{mean} {most}");
+        let means: Vec<f64> = all.iter().map(|cells| expected(cells, &[1; 13])).collect();
+        assert!((figure.mean() - means.iter().sum::<f64>() / 3.0).abs() < 0.01, "{} {means:?}", figure.mean());
+        assert!(resampling.interval(&figure).half_width > 0.01);
+        // What trainings share is in no difference.
+        assert!(resampling.interval(&figure.minus(&figure)).half_width < 1e-12);
     }
 
     #[test]
