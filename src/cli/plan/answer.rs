@@ -63,7 +63,10 @@ impl Answer<'_> {
             self.study.test_scenes,
             self.study.judged_by
         );
-        outln!("rows and bytes: of scenes made on {}; times: the study's, by what such scenes took here", machine());
+        outln!(
+            "rows, bytes and what a row takes: of scenes made on {}; times of scenes: the study's, as much slower as these",
+            machine()
+        );
         self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
         for (k, choice) in self.choices.iter().take(TOLD).enumerate() {
             self.tell_choice(if k == 0 { "build" } else { "next best" }, choice);

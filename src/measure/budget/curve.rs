@@ -19,6 +19,8 @@ use crate::train::quantiles::SAMPLE_ROWS;
 const WINDOWS_LEFT: f64 = 2.5;
 /// Nobody is told that a curve is flat beyond so many times the most scenes that it was measured at.
 const FLAT_UP_TO: f64 = 32.0;
+/// Learning with its looks, over learning alone: looks take a twentieth at most where there are many rows (docs/training.md).
+const WITH_LOOKS: f64 = 1.05;
 /// Settings are ranked up to so many times the largest size that all of them were measured at.
 const RANKED_UP_TO: f64 = 2.0;
 /// Steps in the logarithm of the scenes at which a curve is looked through for where it is flat.
@@ -100,7 +102,11 @@ impl<'s> Curve<'s> {
             fit: Fit::of(&measured, &interval),
             by_reference,
             scene_cpu_s: here.slowness * setting.scene_cpu_s() + here.writing_cpu_s,
-            row_cpu_s: here.slowness * largest.train_cpu_s / largest.rows_learnt,
+            row_cpu_s: if here.row_cost.learning_s > 0.0 {
+                WITH_LOOKS * here.row_cost.learning_s
+            } else {
+                here.slowness * largest.train_cpu_s / largest.rows_learnt
+            },
             rows_a_scene: largest.train_rows / scenes,
             rows_a_corpus_scene: here.rows_per_scene,
             rows_a_group: (here.rows_per_scene * multiple as f64).min(ROW_GROUP_ROWS as f64),
@@ -128,7 +134,7 @@ impl<'s> Curve<'s> {
         let [of_train, of_validation] = [train, validation].map(|rows| rows.min(most));
         let ahead = WINDOWS_LEFT * train.min(WINDOW_GROUPS as f64 * self.rows_a_group);
         let read = train * passes + ahead + samples + of_train + of_validation + 3.0 * validation + test;
-        let RowCost { reading_s, judging_s, judging_f32_s } = self.row_cost;
+        let RowCost { reading_s, judging_s, judging_f32_s, .. } = self.row_cost;
         let beside_s =
             reading_s * read + judging_s * (2.0 * validation + test) + judging_f32_s * 2.0 * (of_train + of_validation);
         (self.scene_cpu_s * scenes / cores, self.row_cpu_s * rows * passes + beside_s)

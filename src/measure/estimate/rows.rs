@@ -1,8 +1,11 @@
-//! The sampled scenes' cells -> what training takes of a row beside learning it: reading it, and judging it.
+//! The sampled scenes' cells -> what training takes of a row: reading it, learning it, and judging it.
 //!
 //! Read as training reads it: decoded, checked, laid out row by row in memory that held rows before. Judged: scaled and put through a network of the
-//! default size: in f64, as calibration and reports do it, and in f32, as what is left to learn is told. CPU seconds of one thread, by every cell that is there.
+//! default size: in f64, as calibration and reports do it, and in f32, as what is left to learn is told. Learnt by the default training from
+//! memory, without its looks. CPU seconds of one thread, by every cell that is there.
 //! Not measured: checksums of files and reading their footers; what reports read and tally of a row beside its features and output.
+
+use std::sync::atomic::AtomicBool;
 
 use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
@@ -15,7 +18,7 @@ use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, Table};
 use crate::measure::clock::thread_cpu_s;
 use crate::random::{Stage, Streams};
 use crate::train::feature_choice::taken;
-use crate::train::memory::outputs;
+use crate::train::memory::{self, Course, Held, outputs};
 use crate::train::rows::{Rows, Wanted};
 use crate::train::scaling::{moments_of, scaler_of, scores_of, subtracted};
 use crate::train::validation::Objective;
@@ -25,11 +28,17 @@ use crate::train::{Network, TrainParams};
 const LEAST_S: f64 = 0.05;
 /// Cells that are read at most: what a row takes does not depend on how many there are.
 const MOST_CELLS: usize = 200_000;
+/// Rows that are learnt, those of later passes counted again: some tenths of a second.
+const LEARNT_ROWS: u64 = 150_000;
+/// Rows that the trial's looks judge: looks are not counted, and few keep them short.
+const LOOK_ROWS: usize = 500;
 
 /// CPU seconds of a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RowCost {
     pub reading_s: f64,
+    /// 0 where the sampled rows could not be learnt, such as those of one class.
+    pub learning_s: f64,
     /// In f64.
     pub judging_s: f64,
     /// In f32.
@@ -61,7 +70,26 @@ pub(super) fn cost(spec: &CorpusSpec, shard: &FinishedShard) -> Result<Option<Ro
     let reading_s = (thread_cpu_s() - begun) / cells as f64;
     let minus = subtracted(&features, params.neighbours);
     let [judging_s, judging_f32_s] = judging(&rows, minus, &params).map(|all_s| all_s / rows.len() as f64);
-    Ok(Some(RowCost { reading_s, judging_s, judging_f32_s }))
+    let learning_s = learning(&features, rows, &params).unwrap_or(0.0);
+    Ok(Some(RowCost { reading_s, learning_s, judging_s, judging_f32_s }))
+}
+
+/// Of a row, by the default training of these rows; `None` where they cannot be learnt.
+fn learning(features: &[String], rows: Rows, params: &TrainParams) -> Option<f64> {
+    let params = TrainParams { allow_few_rows: true, ..params.clone() };
+    let validation = rows.clone().thinned(rows.len().div_ceil(LOOK_ROWS));
+    let held = Held::new(features, rows, validation, &[1.0], &params).ok()?;
+    let course = Course { rows: LEARNT_ROWS, ..held.course(&params) };
+    let (mut learnt_s, mut since_s) = (0.0, thread_cpu_s());
+    let trained = memory::train(&params, &held, course, &AtomicBool::new(false), &mut |event| {
+        let now_s = thread_cpu_s();
+        if let memory::Event::Rows(_) = event {
+            learnt_s += now_s - since_s;
+        }
+        since_s = now_s;
+    });
+    let rows_learnt = trained.ok()??.rows_learnt;
+    Some(learnt_s / rows_learnt as f64)
 }
 
 /// Adds the rows of a file of cells, up to [`MOST_CELLS`]; how many cells were read.
@@ -126,6 +154,7 @@ mod tests {
         for config in ["configs/quickstart.yaml", "configs/paper.yaml", "configs/holes.yaml"] {
             let told = cost_of(config, &few).unwrap();
             assert!(told.reading_s > 1e-9 && told.reading_s < 1e-3, "{config}: {told:?}");
+            assert!(told.learning_s > 1e-8 && told.learning_s < 1e-3, "{config}: {told:?}");
             assert!(told.judging_s > 1e-9 && told.judging_s < 1e-3, "{config}: {told:?}");
             assert!(told.judging_f32_s > 1e-9 && told.judging_f32_s < 1e-3, "{config}: {told:?}");
         }
