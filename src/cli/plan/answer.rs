@@ -64,7 +64,7 @@ impl Answer<'_> {
             self.study.judged_by
         );
         outln!(
-            "rows, bytes and what a row takes: of scenes made on {}; times of scenes: the study's, as much slower as these",
+            "measured here, on {}: rows, bytes, what learning a row takes, and how much slower a scene is made than in the study",
             machine()
         );
         self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
