@@ -182,3 +182,8 @@ fn machine() -> String {
     let cores = counted(default_threads() as u64, "core");
     cpu::name().map_or_else(|| cores.clone(), |name| format!("{cores} of {name}"))
 }
+
+/// The same for programs.
+fn machine_json() -> serde_json::Value {
+    serde_json::json!({"cpu": cpu::name(), "cores": default_threads()})
+}

@@ -1,9 +1,10 @@
-//! Wall time, and the CPU time of the calling thread: what a stage costs when threads share cores.
+//! Wall time, and the CPU time of the calling thread: what a stage, or learning, costs when threads share cores.
 
 use std::time::Instant;
 
 use crate::episode::{StageObserver, StageTimes};
 use crate::random::Stage;
+use crate::train::memory::Event;
 
 /// Seconds that this thread has spent on a CPU (Linux).
 pub fn thread_cpu_s() -> f64 {
@@ -38,6 +39,28 @@ impl Costs {
     pub fn finish(mut self) -> Costs {
         self.whole = passed(self.begun, now());
         self
+    }
+}
+
+/// CPU seconds that a training from memory spends learning, without its looks.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LearningTime {
+    pub cpu_s: f64,
+    since_s: f64,
+}
+
+impl LearningTime {
+    pub(crate) fn start() -> LearningTime {
+        LearningTime { cpu_s: 0.0, since_s: thread_cpu_s() }
+    }
+
+    /// To be told each event of the training.
+    pub(crate) fn hear(&mut self, event: Event) {
+        let now_s = thread_cpu_s();
+        if let Event::Rows(_) = event {
+            self.cpu_s += now_s - self.since_s;
+        }
+        self.since_s = now_s;
     }
 }
 

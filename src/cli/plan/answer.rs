@@ -8,8 +8,8 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::budget::{TOLD, extrapolated};
-use super::{PlanArgs, machine, words};
-use crate::cli::options::{default_threads, typed_out, typed_sets};
+use super::{PlanArgs, machine, machine_json, words};
+use crate::cli::options::{typed_out, typed_sets};
 use crate::cli::output::{errln, outln};
 use crate::cli::place::corpus_failure;
 use crate::cli::progress::{counted, human, si};
@@ -18,7 +18,6 @@ use crate::config;
 use crate::corpus::CorpusError;
 use crate::corpus::advice::Advice;
 use crate::corpus::store::write_whole;
-use crate::cpu;
 use crate::measure::budget::{Bound, Choice, FLAT_TWICE};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::points;
@@ -176,7 +175,7 @@ impl Answer<'_> {
         };
         json!({
             "name": self.plan.name, "study": self.study_file, "judged_by": self.study.judged_by,
-            "hours": self.hours, "cores": self.cores, "machine": {"cpu": cpu::name(), "cores": default_threads()},
+            "hours": self.hours, "cores": self.cores, "machine": machine_json(),
             "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
             "warnings": self.warnings, "advice": self.advice, "how_to_vary": words::how_to_vary(self.plan),
             "poses_not_told_worse_than_fastslam": self.poses_not_told_worse().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),

@@ -6,14 +6,12 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::machine;
 use super::words::{absent, parts};
-use crate::cli::options::default_threads;
+use super::{machine, machine_json};
 use crate::cli::output::{out, outln};
 use crate::cli::progress::{counted, human, si};
 use crate::corpus::Split;
 use crate::corpus::advice::Views;
-use crate::cpu;
 use crate::measure::estimate::{self, Estimate, FamilyCost, Figure};
 use crate::plan::Plan;
 
@@ -212,7 +210,7 @@ fn estimate_json(estimate: &Estimate) -> serde_json::Value {
         })
     });
     json!({
-        "machine": {"cpu": cpu::name(), "cores": default_threads()}, "families_not_reached": estimate.not_reached,
+        "machine": machine_json(), "families_not_reached": estimate.not_reached,
         "scenes_measured": estimate.scenes, "scenes_failed": failed, "advice": estimate.advice, "threads": estimate.threads,
         "cpu_s": figure(&estimate.cpu_s), "wall_s": figure(&estimate.wall_s), "rows": figure(&estimate.rows),
         "bytes": figure(&estimate.bytes), "needed_bytes_per_s": estimate.needed_bytes_per_s(),

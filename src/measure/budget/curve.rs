@@ -94,6 +94,7 @@ impl<'s> Curve<'s> {
             .collect();
         let largest = setting.largest();
         let scenes = largest.scenes as f64;
+        let by_scenes_s = here.slowness * largest.train_cpu_s / largest.rows_learnt;
         let mut interval = teacher.largest().balanced_accuracy;
         // What is open of its own accuracy is open of it with the other's curve, too.
         interval.half_width = interval.half_width.max(largest.balanced_accuracy.half_width);
@@ -102,11 +103,7 @@ impl<'s> Curve<'s> {
             fit: Fit::of(&measured, &interval),
             by_reference,
             scene_cpu_s: here.slowness * setting.scene_cpu_s() + here.writing_cpu_s,
-            row_cpu_s: if here.row_cost.learning_s > 0.0 {
-                WITH_LOOKS * here.row_cost.learning_s
-            } else {
-                here.slowness * largest.train_cpu_s / largest.rows_learnt
-            },
+            row_cpu_s: here.row_cost.learning_s.map_or(by_scenes_s, |learning_s| WITH_LOOKS * learning_s),
             rows_a_scene: largest.train_rows / scenes,
             rows_a_corpus_scene: here.rows_per_scene,
             rows_a_group: (here.rows_per_scene * multiple as f64).min(ROW_GROUP_ROWS as f64),
@@ -185,8 +182,7 @@ impl<'s> Curve<'s> {
     /// quickstart.yaml, measured up to 768 scenes, was once told flat from 231 on, and twice as many brought 0.12. The budget does not say.
     fn flat_from(&self) -> Option<u64> {
         let largest = self.fit.largest_scenes() / STUDY_SCENES;
-        let (first, last) = (largest, FLAT_UP_TO * largest);
-        let at = |step: u32| first * math::pow(last / first, f64::from(step) / f64::from(STEPS));
+        let at = |step: u32| largest * math::pow(FLAT_UP_TO, f64::from(step) / f64::from(STEPS));
         let is_flat = |scenes: &f64| {
             let (expected, most) = self.fit.gain(STUDY_SCENES * scenes, 2.0 * STUDY_SCENES * scenes);
             expected <= FLAT_TWICE.0 && most <= FLAT_TWICE.1

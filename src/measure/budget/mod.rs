@@ -3,8 +3,8 @@
 //! In: learning curves of the study; what one scene costs here, of a few that were made on this machine. Out: scenes of a corpus, seconds of wall
 //! for building it on all cores and for training on one, bytes, and the balanced accuracy to be expected, with an interval. What a setting's
 //! scenes took in the study is scaled by how long this machine takes for such scenes; what reading, learning and judging a row takes is
-//! measured here, for learning suffers otherwise from another processor, or from busy memory, than casting. Of a corpus's scenes 14 in 20 train and 3 stop, of a study's 5 in 6
-//! and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`curve`, `fit`), and how often a training goes through its rows (`passes`).
+//! measured here, for learning suffers otherwise from another processor, or from busy memory, than casting. Of a corpus's scenes 14 in 20
+//! train and 3 stop, of a study's 5 in 6 and 1, so that n scenes of a corpus are worth 0.84 n of a study. Fitted: the curve (`curve`, `fit`), and how often a training goes through its rows (`passes`).
 //! In which order settings come: `ranking`.
 
 mod curve;

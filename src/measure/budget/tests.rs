@@ -10,7 +10,7 @@ const HERE: Here = Here {
     writing_cpu_s: 0.005,
     bytes_per_scene: 80_000.0,
     rows_per_scene: 1700.0,
-    row_cost: RowCost { reading_s: 0.0, learning_s: 0.0, judging_s: 0.0, judging_f32_s: 0.0 },
+    row_cost: RowCost { reading_s: 0.0, learning_s: None, judging_s: 0.0, judging_f32_s: 0.0 },
 };
 
 fn budget(wall_s: f64, disk_bytes: Option<f64>) -> Budget {
@@ -53,7 +53,7 @@ fn exact_what_a_training_reads_and_judges_is_told_beside_what_it_learns() {
     let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
     let train_s = |reading_s, judging_s, judging_f32_s| {
         let here = |_: &StudySetting| Here {
-            row_cost: RowCost { reading_s, learning_s: 0.0, judging_s, judging_f32_s },
+            row_cost: RowCost { reading_s, learning_s: None, judging_s, judging_f32_s },
             ..HERE
         };
         choices(&study, &budget(20.0, Some(4.2e6)), here, 50)[0].train_s
@@ -72,18 +72,18 @@ fn exact_what_a_training_reads_and_judges_is_told_beside_what_it_learns() {
 #[test]
 fn exact_a_row_costs_what_learning_it_took_here() {
     let study = study(vec![setting("slow", None, (0.05, 4.0), (0.02, 0.01))]);
-    let train_s = |slowness: f64, learning_s: f64| {
+    let train_s = |slowness: f64, learning_s: Option<f64>| {
         let here = Here { slowness, row_cost: RowCost { learning_s, ..HERE.row_cost }, ..HERE };
         choices(&study, &budget(2000.0, Some(4.2e6)), |_| here, 50)[0].train_s
     };
     // By the scenes' slowness where no row was learnt here, by the rows themselves where some were, with a twentieth for looks.
-    assert!((train_s(4.0, 0.0) / train_s(2.0, 0.0) - 2.0).abs() < 1e-12);
-    assert_eq!(train_s(4.0, 1e-6), train_s(2.0, 1e-6));
+    assert!((train_s(4.0, None) / train_s(2.0, None) - 2.0).abs() < 1e-12);
+    assert_eq!(train_s(4.0, Some(1e-6)), train_s(2.0, Some(1e-6)));
     let row_s = |study: &Study| {
         let last = study.settings[0].largest();
         2.0 * last.train_cpu_s / last.rows_learnt
     };
-    assert!((train_s(2.0, 1e-6) / train_s(2.0, 0.0) - 1.05e-6 / row_s(&study)).abs() < 1e-9);
+    assert!((train_s(2.0, Some(1e-6)) / train_s(2.0, None) - 1.05e-6 / row_s(&study)).abs() < 1e-9);
 }
 
 #[test]

@@ -15,13 +15,11 @@ use super::EstimateError;
 use crate::cells::is_gap;
 use crate::corpus::cells::{CellBatch, LABEL, POINTS};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, Table};
-use crate::measure::clock::thread_cpu_s;
+use crate::measure::clock::{LearningTime, thread_cpu_s};
 use crate::random::{Stage, Streams};
 use crate::train::feature_choice::taken;
-use crate::train::memory::{self, Course, Held, outputs};
+use crate::train::memory::{self, Course, Held};
 use crate::train::rows::{Rows, Wanted};
-use crate::train::scaling::{moments_of, scaler_of, scores_of, subtracted};
-use crate::train::validation::Objective;
 use crate::train::{Network, TrainParams};
 
 /// Rows are read again until this is over: a clock of microseconds and a cold cache are then a few percent.
@@ -37,8 +35,8 @@ const LOOK_ROWS: usize = 500;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct RowCost {
     pub reading_s: f64,
-    /// 0 where the sampled rows could not be learnt, such as those of one class.
-    pub learning_s: f64,
+    /// `None` where the sampled rows could not be learnt, such as those of one class.
+    pub learning_s: Option<f64>,
     /// In f64.
     pub judging_s: f64,
     /// In f32.
@@ -49,7 +47,7 @@ pub(crate) struct RowCost {
 pub(super) fn cost(spec: &CorpusSpec, shard: &FinishedShard) -> Result<Option<RowCost>, EstimateError> {
     let path = Table::Cells.path(shard.receipt.shard);
     let Some((_, bytes)) = shard.files.iter().find(|(name, _)| *name == path) else { return Ok(None) };
-    let params = TrainParams::default();
+    let params = TrainParams { allow_few_rows: true, ..TrainParams::default() };
     let columns = spec.features.iter().map(|column| column.name.as_str());
     let is_taken = taken(&params.features, columns.clone());
     let features: Vec<String> = columns.clone().filter(|name| is_taken(name)).map(String::from).collect();
@@ -68,28 +66,18 @@ pub(super) fn cost(spec: &CorpusSpec, shard: &FinishedShard) -> Result<Option<Ro
         cells += read(&path, &bytes, &wanted, &mut rows)?;
     }
     let reading_s = (thread_cpu_s() - begun) / cells as f64;
-    let minus = subtracted(&features, params.neighbours);
-    let [judging_s, judging_f32_s] = judging(&rows, minus, &params).map(|all_s| all_s / rows.len() as f64);
-    let learning_s = learning(&features, rows, &params).unwrap_or(0.0);
-    Ok(Some(RowCost { reading_s, learning_s, judging_s, judging_f32_s }))
+    let validation = rows.clone().thinned(rows.len().div_ceil(LOOK_ROWS));
+    let Ok(held) = Held::new(&features, rows, validation, &[1.0], &params) else { return Ok(None) };
+    let [judging_s, judging_f32_s] = judging(&held, &params);
+    Ok(Some(RowCost { reading_s, learning_s: learning(&held, &params), judging_s, judging_f32_s }))
 }
 
-/// Of a row, by the default training of these rows; `None` where they cannot be learnt.
-fn learning(features: &[String], rows: Rows, params: &TrainParams) -> Option<f64> {
-    let params = TrainParams { allow_few_rows: true, ..params.clone() };
-    let validation = rows.clone().thinned(rows.len().div_ceil(LOOK_ROWS));
-    let held = Held::new(features, rows, validation, &[1.0], &params).ok()?;
-    let course = Course { rows: LEARNT_ROWS, ..held.course(&params) };
-    let (mut learnt_s, mut since_s) = (0.0, thread_cpu_s());
-    let trained = memory::train(&params, &held, course, &AtomicBool::new(false), &mut |event| {
-        let now_s = thread_cpu_s();
-        if let memory::Event::Rows(_) = event {
-            learnt_s += now_s - since_s;
-        }
-        since_s = now_s;
-    });
-    let rows_learnt = trained.ok()??.rows_learnt;
-    Some(learnt_s / rows_learnt as f64)
+/// Of a row; `None` where the rows cannot be learnt.
+fn learning(held: &Held, params: &TrainParams) -> Option<f64> {
+    let course = Course { rows: LEARNT_ROWS, ..held.course(params) };
+    let mut learning = LearningTime::start();
+    let trained = memory::train(params, held, course, &AtomicBool::new(false), &mut |event| learning.hear(event));
+    Some(learning.cpu_s / trained.ok()??.rows_learnt as f64)
 }
 
 /// Adds the rows of a file of cells, up to [`MOST_CELLS`]; how many cells were read.
@@ -113,19 +101,15 @@ fn read(name: &str, bytes: &Bytes, wanted: &Wanted, rows: &mut Rows) -> Result<u
     Ok(cells)
 }
 
-/// Of all rows, in f64 and in f32.
-fn judging(rows: &Rows, minus: Vec<Option<usize>>, params: &TrainParams) -> [f64; 2] {
-    let moments = moments_of(rows, &minus);
-    let scores = scores_of(rows, &minus, params);
-    let (scaler, _) = scaler_of(minus, moments.into_iter(), scores, params.clip);
+/// Of a row, in f64 and in f32.
+fn judging(held: &Held, params: &TrainParams) -> [f64; 2] {
     let streams = Streams { seed: 0, scene: 0, attempt: 0, stage: Stage::Train, step: 0 };
-    let network = Network::random(params.layout(rows.width), &streams);
-    let objective = Objective::new(scaler, params, &[[1; 2]], &[1.0]);
+    let network = Network::random(params.layout(held.train.width), &streams);
     let begun_s = thread_cpu_s();
-    outputs(&objective.scaler, &network, rows);
+    held.outputs(&network, &held.train);
     let between_s = thread_cpu_s();
-    objective.sum_here(&network, rows);
-    [between_s - begun_s, thread_cpu_s() - between_s]
+    held.objective.sum_here(&network, &held.train);
+    [between_s - begun_s, thread_cpu_s() - between_s].map(|all_s| all_s / held.train.len() as f64)
 }
 
 #[cfg(test)]
@@ -154,7 +138,10 @@ mod tests {
         for config in ["configs/quickstart.yaml", "configs/paper.yaml", "configs/holes.yaml"] {
             let told = cost_of(config, &few).unwrap();
             assert!(told.reading_s > 1e-9 && told.reading_s < 1e-3, "{config}: {told:?}");
-            assert!(told.learning_s > 1e-8 && told.learning_s < 1e-3, "{config}: {told:?}");
+            assert!(
+                told.learning_s.is_some_and(|learning_s| learning_s > 1e-8 && learning_s < 1e-3),
+                "{config}: {told:?}"
+            );
             assert!(told.judging_s > 1e-9 && told.judging_s < 1e-3, "{config}: {told:?}");
             assert!(told.judging_f32_s > 1e-9 && told.judging_f32_s < 1e-3, "{config}: {told:?}");
         }

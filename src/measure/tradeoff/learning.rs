@@ -14,7 +14,7 @@ use super::settings::{Settings, Variant};
 use super::sizes::{Chosen, SIZES};
 use super::{Event, Options, TradeoffError};
 use crate::cells::Label;
-use crate::measure::clock::thread_cpu_s;
+use crate::measure::clock::{LearningTime, thread_cpu_s};
 use crate::measure::interleave::rotation;
 use crate::parallel;
 use crate::train::memory::{self, Held, outputs};
@@ -139,18 +139,12 @@ fn training(
     let (train, validation) = (rows(measured, corpus, &chosen.train), rows(measured, corpus, &chosen.stop));
     let started_s = thread_cpu_s();
     let held = Held::new(&measured.features, train, validation, &[1.0], &params)?;
-    let (mut learning_cpu_s, mut since_s) = (0.0, thread_cpu_s());
-    let trained = memory::train(&params, &held, held.course(&params), stop, &mut |event| {
-        let now_s = thread_cpu_s();
-        if let memory::Event::Rows(_) = event {
-            learning_cpu_s += now_s - since_s;
-        }
-        since_s = now_s;
-    })?;
+    let mut learning = LearningTime::start();
+    let trained = memory::train(&params, &held, held.course(&params), stop, &mut |event| learning.hear(event))?;
     let cpu_s = thread_cpu_s() - started_s;
     Ok(trained.map(|trained| Training {
         cpu_s,
-        learning_cpu_s,
+        learning_cpu_s: learning.cpu_s,
         rows_learnt: trained.rows_learnt,
         train_rows: held.train.len() as u64,
         network: trained.network,

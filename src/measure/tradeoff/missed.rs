@@ -19,9 +19,8 @@ const AN_OCTAVE: f64 = 4.0;
 /// Wrong cells of each scene of a group at some thresholds.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct WrongByThreshold {
-    /// Of each scene: traversable and untraversable cells.
-    cells: Vec<[u32; 2]>,
-    /// Of each threshold, ascending, and each scene: traversable cells called untraversable, and untraversable ones that are not.
+    /// Of each threshold, ascending, and each scene: traversable cells called untraversable, and untraversable ones that are not. The first
+    /// threshold calls all cells so, the last one none.
     wrong: Vec<Vec<[u32; 2]>>,
 }
 
@@ -42,20 +41,18 @@ impl WrongByThreshold {
         let between = (-ON_A_SIDE..=ON_A_SIDE).rev().filter_map(threshold).filter(|&threshold| threshold < 1.0);
         let mut thresholds: Vec<f64> = [f64::NEG_INFINITY].into_iter().chain(between).chain([f64::INFINITY]).collect();
         thresholds.dedup();
-        let mut kept = WrongByThreshold { cells: Vec::new(), wrong: vec![Vec::new(); thresholds.len()] };
+        let mut kept = WrongByThreshold { wrong: vec![Vec::new(); thresholds.len()] };
         for rows in scenes {
             // By how many thresholds a cell is called untraversable -> such cells of either class.
             let mut called = vec![[0; 2]; thresholds.len() + 1];
             for (untraversable, output) in rows.clone().map(&cell) {
                 called[thresholds.partition_point(|&threshold| threshold <= output)][usize::from(untraversable)] += 1;
             }
-            let all = called.iter().fold([0; 2], |sum, counts| [sum[0] + counts[0], sum[1] + counts[1]]);
-            let mut below = [0; 2];
+            let mut wrong = [called.iter().map(|counts| counts[0]).sum(), 0];
             for (at, counts) in kept.wrong.iter_mut().zip(&called) {
-                below = [below[0] + counts[0], below[1] + counts[1]];
-                at.push([all[0] - below[0], below[1]]);
+                wrong = [wrong[0] - counts[0], wrong[1] + counts[1]];
+                at.push(wrong);
             }
-            kept.cells.push(all);
         }
         kept
     }
@@ -65,12 +62,11 @@ impl WrongByThreshold {
         let sum = |scenes: &[[u32; 2]], class: usize| {
             scenes.iter().zip(weights).map(|(counts, weight)| weight * u64::from(counts[class])).sum::<u64>() as f64
         };
-        let (traversable, untraversable) = (sum(&self.cells, 0), sum(&self.cells, 1));
+        let (traversable, untraversable) = (sum(&self.wrong[0], 0), sum(&self.wrong[self.wrong.len() - 1], 1));
         if traversable == 0.0 || untraversable == 0.0 {
             return None;
         }
         let rates = |scenes: &[[u32; 2]]| [sum(scenes, 0) / traversable, sum(scenes, 1) / untraversable];
-        // The first threshold calls all, the last one none.
         let above = self.wrong.partition_point(|scenes| sum(scenes, 0) > FALSE_SHARE * traversable);
         let [[low_false, low_missed], [high_false, high_missed]] = [above - 1, above].map(|k| rates(&self.wrong[k]));
         let share = (low_false - FALSE_SHARE) / (low_false - high_false);
