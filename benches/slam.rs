@@ -179,7 +179,7 @@ fn seen(rocks: &[DVec3], pose: &Pose, step: u32) -> Vec<Feature> {
         if range < RANGE_M && bearing.abs() < 120.0 * degree {
             let elevation = math::atan2(q.z, math::hypot(q.x, q.y));
             let polar = [range + 0.03 * n[0], bearing + degree * n[1], elevation + degree * n[2]];
-            features.push(Feature { polar, points: 20, half_width_m: 0.1, known: None });
+            features.push(Feature { polar, points: 20, half_width_m: 0.1, known: None, sigmas: [None; 3] });
         }
     }
     features

@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
 """What a split by cell flatters: classifiers that learnt random cells of few scenes, judged on other cells of these scenes and on test scenes.
 
-    python scripts/compare_classifiers.py --only paper     # its corpus, columns, forms and settings are taken
     python scripts/compare_splits.py [--seeds 3]
 
-For each seed, whole scenes of configs/paper.yaml are drawn until they hold enough; 70 % of their cells are learnt, 15 % stop training and choose
+Corpus, columns, settings and, of each classifier, the form of its small rows are those of scripts/results/compare_classifiers.json. For each seed, whole scenes of configs/paper.yaml are drawn until they hold enough; 70 % of their cells are learnt, 15 % stop training and choose
 the threshold, 15 % are judged. The same models and thresholds are judged on the test scenes of compare_classifiers.py. The paper does not say by
 what it split. Writes compare_splits.json and compare_splits.md into scripts/results.
 """
@@ -60,13 +59,12 @@ def main():
     options = parser.parse_args()
     if options.quick:
         options.seeds, options.rows = 1, 3000
-    kept = options.work / "paper.json"
-    if not kept.exists():
-        raise SystemExit(f"{kept} is missing: python scripts/compare_classifiers.py --only paper")
-    found = json.loads(kept.read_text())
-    form = {line["classifier"]: line["form"] for line in found["summary"]}
+    found = json.loads((study.RESULTS / "compare_classifiers.json").read_text())["corpora"]["paper"]
+    form = {line["classifier"]: line["form"] for line in found["summary"] if line["size"] == "small"}
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     corpus = Corpus("paper", *folders(marsyard, "paper", YARDS["paper"]), found["about"]["columns"], YARDS["paper"])
+    if corpus.about() != {part: found["about"][part] for part in corpus.about()}:
+        raise SystemExit("compare_classifiers.json is of another corpus of paper.yaml: python scripts/compare_classifiers.py --only paper")
     runs = [judged(corpus, name, form[name], seed, options.rows) for name in JUDGED for seed in range(1, options.seeds + 1)]
     rows = []
     for name in JUDGED:

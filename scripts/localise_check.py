@@ -4,9 +4,10 @@
     python scripts/localise_check.py [--seeds 100] [--check] [--sample]
 
 A rover drives a circle of 3 m twice among 20 landmarks, level ground: odometry, ranges and bearings with white noise of stated size, a
-feature half way within each fifth step. The reference is the textbook's (Thrun et al. 2005, table 10.1): one Gaussian over pose and map in
+feature half way within each fifth step. In a second kind of log each feature's noise is its own, by a factor of a sixth to six, as where a detector
+tells how sure it is, and stands in its row. The reference is the textbook's (Thrun et al. 2005, table 10.1): one Gaussian over pose and map in
 two dimensions, in NumPy, no code of marsyard's. --check fails where marsyard's mean error, 300 particles, exceeds 1.35 of the
-reference's, or where neither beats dead reckoning. --sample writes seed 1 to examples/logs.
+reference's in either kind, where what rows tell of their noise brings it nothing, or where it does not beat dead reckoning. --sample writes seed 1 to examples/logs.
 """
 
 import argparse
@@ -24,6 +25,9 @@ SAMPLE = study.ROOT / "examples" / "logs"
 STEP_M, RADIUS_M, LAPS = 0.1, 3.0, 2
 ODOMETRY, HEADING = 0.05, np.radians(2)  # per square root of a metre
 RANGE, BEARING, REACH_M = 0.05, np.radians(1.5), 4.0
+MOST_FACTOR = 6.0  # on the noise of a feature, and its inverse: drawn evenly in its logarithm
+RMS_FACTOR = np.sqrt(np.sinh(2 * np.log(MOST_FACTOR)) / (2 * np.log(MOST_FACTOR)))  # root mean square of such factors
+BY_ROW, BY_OPTIONS = "noise by row", "noise by row left out"
 LATERAL = 0.02  # what `localise` allows for sideways where it is not told, per square root of a metre
 
 
@@ -31,9 +35,9 @@ def wrap(angle):
     return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
-def simulate(seed):
-    """Odometry rows (time, speed, rate), feature rows (time, range, bearing, id), truth rows (time, x, y, yaw)."""
-    rng = np.random.default_rng(seed)
+def simulate(seed, by_row=False):
+    """Odometry rows (time, speed, rate), feature rows (time, range, bearing, id, their standard deviations), truth rows (time, x, y, yaw)."""
+    rng, rng_of_noise = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     landmarks = rng.uniform(-5.5, 5.5, (20, 2)) + [0, RADIUS_M]
     x, y, yaw, turn = 0.0, 0.0, 0.0, STEP_M / RADIUS_M
     odometry, features, truth = [(0.0, 0.0, 0.0)], [], [(0.0, x, y, yaw)]
@@ -49,7 +53,10 @@ def simulate(seed):
                 for number, (lx, ly) in enumerate(landmarks):
                     distance, bearing = np.hypot(lx - x, ly - y), wrap(np.arctan2(ly - y, lx - x) - yaw)
                     if 0.5 < distance < REACH_M and abs(bearing) < np.radians(120):
-                        features.append((time, distance + RANGE * rng.normal(), wrap(bearing + BEARING * rng.normal()), number))
+                        factors = MOST_FACTOR ** rng_of_noise.uniform(-1, 1, 2) if by_row else np.ones(2)
+                        sigmas = np.array([RANGE, BEARING]) * factors
+                        off = sigmas * [rng.normal(), rng.normal()]
+                        features.append((time, distance + off[0], wrap(bearing + off[1]), number, *sigmas))
         odometry.append((float(k), STEP_M + ODOMETRY * np.sqrt(STEP_M) * noise[0],
                          turn + (HEADING * np.sqrt(STEP_M) + 0.05 * turn) * noise[1]))
     return odometry, features, truth
@@ -75,9 +82,9 @@ def ekf(odometry, features, with_features=True):
         cov[:3, :3] += ODOMETRY**2 * abs(d) * np.outer(along, along) + LATERAL**2 * abs(d) * np.outer(across, across)
         cov[2, 2] += (HEADING * np.sqrt(abs(d)) + 0.05 * abs(turn)) ** 2
 
-    def observe(distance, bearing, number):
+    def observe(distance, bearing, number, *sigmas):
         nonlocal mean, cov
-        noise = np.diag([RANGE**2, BEARING**2])
+        noise = np.diag(np.square(sigmas))
         if number not in slots:
             angle = mean[2] + bearing
             slots[number] = n = len(mean)
@@ -129,16 +136,18 @@ def scored(out, truth):
     return float(np.sqrt(np.mean(np.square(off)))), float(np.mean(nees))
 
 
-def write_logs(folder, odometry, features, truth):
+def write_logs(folder, odometry, features, truth, with_sigmas=False):
     folder.mkdir(parents=True, exist_ok=True)
-    for name, head, rows in [("odometry", "time_s,speed_mps,yaw_rate_radps", odometry),
-                             ("features", "time_s,range_m,bearing_rad,id", features), ("truth", "time_s,x_m,y_m,yaw_rad", truth)]:
+    columns = ["time_s", "range_m", "bearing_rad", "id", *["range_sigma_m", "bearing_sigma_rad"] * with_sigmas]
+    for name, head, rows in [("odometry", "time_s,speed_mps,yaw_rate_radps", odometry), ("features", ",".join(columns), [row[: len(columns)] for row in features]),
+                             ("truth", "time_s,x_m,y_m,yaw_rad", truth)]:
         lines = [",".join(f"{v:.9g}" if isinstance(v, float) else str(v) for v in map(lambda v: v if isinstance(v, int) else float(v), row)) for row in rows]
         (folder / f"{name}.csv").write_text("\n".join([head, *lines]) + "\n")
 
 
-def localise(marsyard, logs, out, *options):
-    noise = ["--range-m", str(RANGE), "--bearing-deg", str(np.degrees(BEARING))]
+def localise(marsyard, logs, out, *options, factor=1.0):
+    """`factor`: on the noise that the options tell, which holds where rows tell none."""
+    noise = ["--range-m", str(factor * RANGE), "--bearing-deg", str(np.degrees(factor * BEARING))]
     files = [logs / "odometry.csv", "--features", logs / "features.csv", "--truth", logs / "truth.csv", "--out", out]
     done = subprocess.run([marsyard, "localise", *map(str, files), *noise, "--json", *map(str, options)], capture_output=True, text=True)
     if done.returncode:
@@ -159,7 +168,8 @@ def main():
     ways = {"30 particles": ["--particles", 30], "100 particles": ["--particles", 100], "300 particles": ["--particles", 300],
             "300 particles, inflation 1": ["--particles", 300, "--measurement-inflation", 1],
             "100 particles, ids unknown": ["--particles", 100, "--unknown-ids"]}
-    table = {name: [] for name in ["EKF-SLAM (NumPy)", "dead reckoning (NumPy)", "dead reckoning (marsyard)", *ways]}
+    table = {name: [] for name in ["EKF-SLAM (NumPy)", "dead reckoning (NumPy)", "dead reckoning (marsyard)", *ways,
+                                   f"EKF-SLAM (NumPy), {BY_ROW}", f"300 particles, {BY_ROW}", f"300 particles, {BY_OPTIONS}"]}
     for seed in range(1, arguments.seeds + 1):
         logs = simulate(seed)
         table["EKF-SLAM (NumPy)"].append(scored(ekf(*logs[:2]), logs[2]))
@@ -171,11 +181,20 @@ def main():
                 said = localise(arguments.marsyard, folder / "logs", folder / "out", *options)
                 table[name].append((said["score"]["ate_m"], said["score"]["nees"]))
             table["dead reckoning (marsyard)"].append((said["dead_reckoning"]["ate_m"], said["dead_reckoning"]["nees"]))
+        noisy = simulate(seed, by_row=True)
+        table[f"EKF-SLAM (NumPy), {BY_ROW}"].append(scored(ekf(*noisy[:2]), noisy[2]))
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            for name, with_sigmas in ((BY_ROW, True), (BY_OPTIONS, False)):
+                write_logs(folder / name, *noisy, with_sigmas)
+                said = localise(arguments.marsyard, folder / name, folder / "out", "--particles", 300, factor=1.0 if with_sigmas else RMS_FACTOR)
+                table[f"300 particles, {name}"].append((said["score"]["ate_m"], said["score"]["nees"]))
     means = {name: [float(np.mean([pair[k] for pair in pairs])) for k in (0, 1)] for name, pairs in table.items()}
     text = f"""# `marsyard localise` beside an EKF-SLAM written in NumPy
 
 `python scripts/localise_check.py --seeds {arguments.seeds}`: two laps of {RADIUS_M:g} m radius among 20 landmarks, ids known unless said. ATE: mean over seeds.
 NEES of x, y, yaw over all steps: 3 is honest; steps of a run hang together, and a filter of particles grows optimistic with the way.
+The last three are of logs in which each feature's noise is its own, by a factor of 1 / {MOST_FACTOR:g} to {MOST_FACTOR:g}, and stands in its row, or is left out.
 
 {study.markdown(["method", "ATE m", "NEES"], [[name, f"{ate:.4f}", f"{nees:.2f}"] for name, (ate, nees) in means.items()])}
 """
@@ -185,6 +204,9 @@ NEES of x, y, yaw over all steps: 3 is honest; steps of a run hang together, and
         own, own_reckoned = means["300 particles"][0], means["dead reckoning (marsyard)"][0]
         if not (own <= 1.35 * reference and own < reckoned and abs(own_reckoned / reckoned - 1) < 1e-3):
             sys.exit(f"300 particles {own:.4f} m, reference {reference:.4f}; dead reckoning {own_reckoned:.5f} and {reckoned:.5f}")
+        reference, told, untold = (means[name][0] for name in (f"EKF-SLAM (NumPy), {BY_ROW}", f"300 particles, {BY_ROW}", f"300 particles, {BY_OPTIONS}"))
+        if not (told <= 1.35 * reference and told < untold):
+            sys.exit(f"noise by row: 300 particles {told:.4f} m, by the options' noise {untold:.4f}, reference {reference:.4f}")
 
 
 if __name__ == "__main__":

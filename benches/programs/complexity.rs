@@ -100,7 +100,13 @@ fn slam_s(particles: u32, features: u32) -> f64 {
     let seen: Vec<Feature> = (0..features)
         .map(|k| {
             let turn = 2.0 * f64::from(k) / f64::from(features) - 1.0;
-            Feature { polar: [1.5 + f64::from(k % 4), 2.0 * turn, -0.2], points: 100, half_width_m: 0.15, known: None }
+            Feature {
+                polar: [1.5 + f64::from(k % 4), 2.0 * turn, -0.2],
+                points: 100,
+                half_width_m: 0.15,
+                known: None,
+                sigmas: [None; 3],
+            }
         })
         .collect();
     let ahead: Vec<DVec3> = (0..4000)

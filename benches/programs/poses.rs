@@ -265,7 +265,13 @@ fn exact_features(scene: &Scene, sweep: &Sweep, world_from_sensor: &Transform) -
         let place = sensor_from_world.point(scene.obstacles[id].body().centre_m);
         let polar =
             [place.length(), math::atan2(place.y, place.x), math::atan2(place.z, math::hypot(place.x, place.y))];
-        Feature { polar, points, half_width_m: scene.obstacles[id].body().radius_m, known: Some(id as u32) }
+        Feature {
+            polar,
+            points,
+            half_width_m: scene.obstacles[id].body().radius_m,
+            known: Some(id as u32),
+            sigmas: [None; 3],
+        }
     };
     beams.iter().enumerate().filter(|&(_, &count)| count as usize >= LEAST_BEAMS).map(of_body).collect()
 }

@@ -25,11 +25,16 @@ use crate::slam::{self, FastslamParams, RegistrationParams, SlamError, SlamParam
 
 /// What the files are, and a first try.
 pub(super) const FILES: &str = "\
-Odometry (CSV with a header): time_s, speed_mps, yaw_rate_radps, each over the step that ends at its time; where there are such instruments
-roll_rad, pitch_rad, yaw_rad (empty = no reading). Without roll and pitch the drive is level. Features: time_s, range_m, bearing_rad from
-the sensor (x forward, y left); elevation_rad and id where known. Sweeps: time_s, file (PLY, PCD, LAS, CSV / XYZ or KITTI .bin, points in the
-sensor's frame, one pose a sweep; names relative to the list). Truth: time_s, x_m, y_m, yaw_rad; z_m, roll_rad, pitch_rad. A line that
-begins with # is a comment.
+Files are CSV with a header, columns in any order, seconds of one clock, metres, radians; a line that begins with # is a comment.
+Odometry:  time_s, speed_mps, yaw_rate_radps, each over the step that ends at its time; where there
+           are such instruments roll_rad, pitch_rad, yaw_rad (empty: no reading). Without roll and
+           pitch the drive is level.
+Features:  time_s, range_m, bearing_rad from the sensor (x forward, y left); where known
+           elevation_rad, id, and the row's own noise: range_sigma_m, bearing_sigma_rad,
+           elevation_sigma_rad (empty: that of the options).
+Sweeps:    time_s, file (PLY, PCD, LAS, CSV / XYZ or KITTI .bin, points in the sensor's frame, one
+           pose a sweep; names relative to the list).
+Truth:     time_s, x_m, y_m, yaw_rad; z_m, roll_rad, pitch_rad.
 
 Try it:  marsyard localise examples/logs/odometry.csv --features examples/logs/features.csv --truth examples/logs/truth.csv --out located
 Sweeps:  marsyard localise odometry.csv --sweeps sweeps.csv --sensor 0.2,0,0.9 --out located

@@ -3,7 +3,7 @@
 //! In: text with a header that names its columns, in any order; lines that begin with `#` are skipped. Out: [`Recording`], [`TruePose`]s.
 //! Odometry: `time_s`, `speed_mps`, `yaw_rate_radps`, and where there are such instruments `roll_rad`, `pitch_rad`, `yaw_rad` (empty where
 //! nothing was read). Without the columns of roll and pitch the drive is taken as level. Features: `time_s`, `range_m`, `bearing_rad`,
-//! and where known `elevation_rad` (0 otherwise) and `id`. Sweeps: `time_s`, `file`. Truth: `time_s`, `x_m`, `y_m`, `yaw_rad`, and `z_m`, `roll_rad`, `pitch_rad`.
+//! and where known `elevation_rad` (0 otherwise), `id`, and the row's own noise, `range_sigma_m`, `bearing_sigma_rad`, `elevation_sigma_rad`. Sweeps: `time_s`, `file`. Truth: `time_s`, `x_m`, `y_m`, `yaw_rad`, and `z_m`, `roll_rad`, `pitch_rad`.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -15,6 +15,9 @@ use crate::slam::Feature;
 
 /// Ranges above it are no metres.
 const FARTHEST_M: f64 = 1e6;
+/// Columns of a feature's own noise, in the order of what is measured, and the most that each may be.
+const SIGMAS: [(&str, f64); 3] =
+    [("range_sigma_m", FARTHEST_M), ("bearing_sigma_rad", 3.0), ("elevation_sigma_rad", 3.0)];
 
 /// Where the rover truly was at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -158,6 +161,7 @@ fn features(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
     let times_s = table.times_s(false)?;
     let (range, bearing) = (table.needed("range_m")?, table.needed("bearing_rad")?);
     let (elevation, id) = (table.column("elevation_rad"), table.column("id"));
+    let noise = SIGMAS.map(|(name, _)| table.column(name));
     let mut observations: Vec<(f64, Vec<Feature>)> = Vec::new();
     for (row, &time_s) in table.rows.iter().zip(&times_s) {
         let range_m = table.number(row, range)?;
@@ -178,6 +182,7 @@ fn features(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
                 return Err(table.fault(Some(row.0), what, cure));
             }
         }
+        let sigmas = stated_sigmas(table, row, noise)?;
         let known = match id.map(|id| row.1[id].as_str()).filter(|text| !text.is_empty()) {
             None => None,
             Some(text) => Some(text.parse::<u32>().map_err(|_| {
@@ -188,13 +193,31 @@ fn features(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
                 )
             })?),
         };
-        let feature = Feature { polar: [range_m, bearing_rad, elevation_rad], points: 1, half_width_m: 0.0, known };
+        let feature =
+            Feature { polar: [range_m, bearing_rad, elevation_rad], points: 1, half_width_m: 0.0, known, sigmas };
         match observations.last_mut() {
             Some((last_s, features)) if *last_s == time_s => features.push(feature),
             _ => observations.push((time_s, vec![feature])),
         }
     }
     Ok(observations)
+}
+
+/// The noise that a row states of its own feature, by the columns of [`SIGMAS`].
+fn stated_sigmas(
+    table: &Table,
+    row: &(u64, Vec<String>),
+    columns: [Option<usize>; 3],
+) -> Result<[Option<f64>; 3], RecordingError> {
+    let mut sigmas = [None; 3];
+    for ((sigma, column), (name, most)) in sigmas.iter_mut().zip(columns).zip(SIGMAS) {
+        *sigma = table.number_if_any(row, column)?;
+        if let Some(number) = sigma.filter(|sigma| !(*sigma > 0.0 && *sigma <= most)) {
+            let cure = format!("a standard deviation is above 0 and {most} at most; empty where the options' holds");
+            return Err(table.fault(Some(row.0), format!("{name} is {number}"), cure));
+        }
+    }
+    Ok(sigmas)
 }
 
 fn sweeps(table: &Table) -> Result<Vec<(f64, Observation)>, RecordingError> {
@@ -232,68 +255,4 @@ pub fn truth(file: &str, text: &str) -> Result<Vec<TruePose>, RecordingError> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const ODOMETRY: &str = "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,0.5,0.1\n2.5,0.4,0\n";
-
-    fn error(odometry: &str, features: &str) -> String {
-        let features = SightLog::Features { file: "f.csv", text: features };
-        Recording::read(("o.csv", odometry), Some(features)).expect_err("nonsense").to_string()
-    }
-
-    #[test]
-    fn exact_columns_in_any_order_and_empty_values_are_no_readings() {
-        let odometry = "# a comment\nyaw_rad, speed_mps ,time_s,yaw_rate_radps\n0.1,0,0,0\n,0.5,1,0.2\n";
-        let features = "id,time_s,range_m,bearing_rad\n7,1,2.5,-0.5\n,1,3,0.25\n";
-        let features = SightLog::Features { file: "f", text: features };
-        let recording = Recording::read(("o", odometry), Some(features)).expect("a recording");
-        let [(_, first), (time_s, second)] = recording.readings[..] else { panic!("two readings") };
-        assert_eq!((first.dt_s, first.yaw_rad, first.roll_rad), (0.0, Some(0.1), Some(0.0)));
-        assert_eq!((time_s, second.dt_s, second.speed_mps, second.yaw_rad), (1.0, 1.0, 0.5, None));
-        let [(1.0, Observation::Features(ref seen))] = recording.observations[..] else { panic!("one observation") };
-        assert_eq!(
-            seen.iter().map(|f| (f.polar, f.known)).collect::<Vec<_>>(),
-            [([2.5, -0.5, 0.0], Some(7)), ([3.0, 0.25, 0.0], None)]
-        );
-    }
-
-    #[test]
-    fn exact_sweeps_are_named_in_order_of_time_one_a_time() {
-        let read = |text: &str| {
-            let sweeps = SightLog::Sweeps { file: "s.csv", text };
-            Recording::read(("o.csv", ODOMETRY), Some(sweeps)).map(|recording| recording.observations)
-        };
-        let sweep = |time_s: f64, file: &str, line: u64| (time_s, Observation::Sweep { file: file.into(), line });
-        let told = read("# a comment\nfile,time_s,note\nscans/a.bin,0.5,\n\"b, c.ply\",2,x\n");
-        assert_eq!(told, Ok(vec![sweep(0.5, "scans/a.bin", 3), sweep(2.0, "b, c.ply", 4)]));
-        for (text, said) in [
-            ("time_s,file\n1,a.bin\n1,b.bin\n", "s.csv:3: time_s goes from 1 to 1; sort the rows by time, one a time"),
-            ("time_s,file\n1,\n", "s.csv:2: file is empty; name the file"),
-            ("time_s,file\n1,a.bin\n2,a.bin\n", "s.csv:3: file a.bin stands in line 2 already; name each sweep's own"),
-            ("time_s,name\n1,a.bin\n", "s.csv:1: it has no column 'file'; the header names: time_s, name"),
-            ("time_s,file\n3,a.bin\n", "s.csv: time_s 3 lies outside the odometry, which goes from 0 to 2.5"),
-        ] {
-            let error = read(text).expect_err("nonsense").to_string();
-            assert!(error.starts_with(said), "{error}");
-        }
-    }
-
-    #[test]
-    fn extreme_nonsense_is_refused_with_file_line_and_cure() {
-        let features = "time_s,range_m,bearing_rad\n1,2,0\n";
-        for (odometry, features, said) in [
-            (ODOMETRY.replace("2.5", "0.5").as_str(), features, "o.csv:4: time_s goes from 1 to 0.5; sort the rows"),
-            (ODOMETRY.replace("0.4", "NaN").as_str(), features, "o.csv:4: speed_mps is 'NaN'; write a finite number"),
-            (ODOMETRY.replace("speed", "velocity").as_str(), features, "o.csv:1: it has no column 'speed_mps'"),
-            (ODOMETRY, "time_s,range_m,bearing_rad\n9,2,0\n", "f.csv: time_s 9 lies outside the odometry"),
-            (ODOMETRY, "time_s,range_m,bearing_rad\n1,-2,0\n", "f.csv:2: range_m is -2; a range is above 0"),
-            (ODOMETRY, "time_s,range_m,bearing_rad,id\n1,2,0,rock\n", "f.csv:2: id is 'rock'; an id is a whole number"),
-            (ODOMETRY, "time_s,range_m,bearing_rad\n1,2\n", "f.csv:2: it is no table"),
-            (ODOMETRY, "time_s,range_m,bearing_rad\n", "f.csv: it holds no row"),
-        ] {
-            let error = error(odometry, features);
-            assert!(error.starts_with(said), "{error}");
-        }
-    }
-}
+mod tests;

@@ -14,7 +14,7 @@ use super::landmark::Landmark;
 use super::matrix::Vector;
 use super::measurement::Mounting;
 use super::motion::{Control, GaussianPose, MotionNoise, PITCH, READING_GATE, ROLL, YAW, angle_sigma_rad};
-use super::observation::{FEATURE_SIGMA, Feature, choose, feature_variances};
+use super::observation::{FEATURE_SIGMA, Feature, FeatureNoise, choose};
 use super::particle::{Association, Particle, Scratch, SweepObservations};
 use super::per_particle::{Drive, ReadAngle, TakeFix, UpdateMap, UpdatePose};
 use super::registration::{Registration, Surface};
@@ -59,8 +59,7 @@ pub(super) struct Filter {
     /// Level way driven forwards: how far a bias of the pitch of one radian has lowered z.
     level_way_m: f64,
     sun_variance_rad2: f64,
-    feature_variances: Vector<3>,
-    measurement_inflation: f64,
+    feature_noise: FeatureNoise,
     resample_below: f64,
     max_features: usize,
 }
@@ -92,16 +91,15 @@ impl Filter {
             imu_bias_variance_rad2: noise.imu_bias_rad * noise.imu_bias_rad,
             level_way_m: 0.0,
             sun_variance_rad2: angle_sigma_rad(noise.sun_rad) * angle_sigma_rad(noise.sun_rad),
-            feature_variances: feature_variances(&FEATURE_SIGMA, params.measurement_inflation),
-            measurement_inflation: params.measurement_inflation,
+            feature_noise: FeatureNoise { sigmas: FEATURE_SIGMA, inflation: params.measurement_inflation },
             resample_below: params.resample_below,
             max_features: params.max_features as usize,
         }
     }
 
-    /// Other noise of features than that of sweeps.
+    /// Other noise of features than that of sweeps, for those that do not tell their own.
     pub(super) fn set_feature_sigmas(&mut self, sigmas: &Vector<3>) {
-        self.feature_variances = feature_variances(sigmas, self.measurement_inflation);
+        self.feature_noise.sigmas = *sigmas;
     }
 
     /// One control step and the angles read after it.
@@ -187,13 +185,12 @@ impl Filter {
         if is_registered {
             self.normalise();
         }
-        let (features, unusable) = choose(found, self.max_features);
+        let (features, unusable) = choose(found, &self.feature_noise, self.max_features);
         self.counters.not_finite += unusable;
         self.counters.passed_over += (found.len() - features.len()) as u32 - unusable;
         let prior = self.cloud.weights();
         let mut scratch = Scratch::default();
-        let seen =
-            SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        let seen = SweepObservations { observations: &features, mounting: &self.mounting };
         in_fours(UpdatePose { particles: &mut self.cloud.particles, seen, scratch: &mut scratch });
         self.mean_innovation = self.cloud.innovation(&prior);
         if !features.is_empty() {
@@ -227,8 +224,7 @@ impl Filter {
             }
             self.drew = true;
         }
-        let seen =
-            SweepObservations { observations: &features, variances: &self.feature_variances, mounting: &self.mounting };
+        let seen = SweepObservations { observations: &features, mounting: &self.mounting };
         in_fours(UpdateMap { particles: &mut self.cloud.particles, seen, visibility, scratch: &mut scratch });
         let map = &self.cloud.likeliest().landmarks;
         self.scan.landmarks = map.iter().filter(|landmark| landmark.is_sure()).count() as u32;

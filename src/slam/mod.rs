@@ -29,7 +29,7 @@
 //!     landmarks.map(|(x, y)| {
 //!         let d = DVec3::new(x - x_m, y, -0.3);
 //!         let polar = [d.length(), d.y.atan2(d.x), (d.z / d.length()).asin()];
-//!         Feature { polar, points: 20, half_width_m: 0.1, known: None }
+//!         Feature { polar, points: 20, half_width_m: 0.1, known: None, sigmas: [None; 3] }
 //!     })
 //! };
 //! let reading = |dt_s: f64, speed_mps: f64| Reading {

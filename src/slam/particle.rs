@@ -8,15 +8,14 @@
 // Algebra reads by its indices.
 #![allow(clippy::needless_range_loop)]
 
-use super::associate::{AssociationResult, Candidate, GATE, Pair};
+use super::associate::{AssociationResult, Candidate, Pair};
 use super::gating::LandmarkIndex;
 use super::landmark::Landmark;
-use super::matrix::{Vector, diagonal};
+use super::matrix::diagonal;
 use super::measurement::{Mounting, SensorView};
 use super::motion::GaussianPose;
 use super::observation::Observation;
 use super::visibility::Visibility;
-use crate::math;
 
 /// What a particle took a feature for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +60,6 @@ impl Clone for Particle {
 /// A sweep's features, and what all particles need to take them in.
 pub(super) struct SweepObservations<'a> {
     pub observations: &'a [Observation],
-    pub variances: &'a Vector<3>,
     pub mounting: &'a Mounting,
 }
 
@@ -77,25 +75,17 @@ pub(super) struct Scratch {
 /// -3/2 ln 2 pi: the constant of a density in three dimensions.
 const LN_DENSITY: f64 = -2.756_815_599_614_018_3;
 
-/// ln of the likelihood that a match has on the gate: what new and ambiguous features count as.
-fn ln_unmatched(variances: &Vector<3>) -> f64 {
-    let volume: f64 = variances.iter().map(|v| std::f64::consts::TAU * 2.0 * v).product();
-    -0.5 * (GATE + math::ln(volume))
-}
-
 impl Particle {
     /// Associates each feature in order (nearest first), refines the pose by every match, and weighs the particle: one
     /// log term a feature whatever becomes of it, so that particles stay comparable.
     #[inline(always)]
     pub(super) fn update_pose(
         &mut self,
-        &SweepObservations { observations, variances, mounting }: &SweepObservations,
+        &SweepObservations { observations, mounting }: &SweepObservations,
         scratch: &mut Scratch,
     ) {
         self.associations.clear();
         self.innovation_sum = 0.0;
-        let noise = diagonal(variances);
-        let unmatched = ln_unmatched(variances);
         let Scratch { places, pair, taken } = scratch;
         places.fill(&self.landmarks);
         taken.clear();
@@ -107,6 +97,7 @@ impl Particle {
                 view = SensorView::new(&self.belief.mean, mounting);
             }
             moved = false;
+            let noise = diagonal(&observation.variances);
             let association = match self.associate(observation, &view, &noise, taken, places, pair) {
                 AssociationResult::Match { slot, ln_likelihood } => {
                     let candidate = &pair[slot];
@@ -122,11 +113,11 @@ impl Particle {
                     Association::Ambiguous([winner, loser])
                 }
                 AssociationResult::New => {
-                    self.log_weight += unmatched;
+                    self.log_weight += observation.ln_unmatched;
                     Association::New
                 }
                 AssociationResult::Unclear => {
-                    self.log_weight += unmatched;
+                    self.log_weight += observation.ln_unmatched;
                     Association::Unclear
                 }
             };
@@ -145,15 +136,15 @@ impl Particle {
     #[inline(always)]
     pub(super) fn update_map(
         &mut self,
-        &SweepObservations { observations, variances, mounting }: &SweepObservations,
+        &SweepObservations { observations, mounting }: &SweepObservations,
         visibility: &Visibility,
         Scratch { taken: seen, .. }: &mut Scratch,
     ) {
         let view = SensorView::new(&self.belief.mean, mounting);
-        let noise = diagonal(variances);
         seen.clear();
         seen.resize(self.landmarks.len(), false);
-        for (Observation { feature, .. }, association) in observations.iter().zip(&self.associations) {
+        for (Observation { feature, variances, .. }, association) in observations.iter().zip(&self.associations) {
+            let noise = diagonal(variances);
             match *association {
                 Association::Matched(index) => {
                     seen[index] = true;

@@ -65,7 +65,7 @@ fn rest(pose: &Pose) -> Reading {
 }
 
 fn feature(polar: [f64; 3]) -> Feature {
-    Feature { polar, points: 20, half_width_m: 0.1, known: None }
+    Feature { polar, points: 20, half_width_m: 0.1, known: None, sigmas: [None; 3] }
 }
 
 fn everywhere(max_range_m: f64) -> Visibility<'static> {

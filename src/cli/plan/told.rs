@@ -11,7 +11,7 @@ use super::{machine, machine_json};
 use crate::cli::output::{out, outln};
 use crate::cli::progress::{counted, human, si};
 use crate::corpus::Split;
-use crate::corpus::advice::Views;
+use crate::corpus::advice::{Content, Views};
 use crate::measure::estimate::{self, Estimate, FamilyCost, Figure};
 use crate::plan::Plan;
 
@@ -56,6 +56,9 @@ pub(super) fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]
         estimate.contents.iter().for_each(|content| views += &content.views);
         if views.scans > 0 {
             out!("\n{views}");
+            let all = |of: fn(&Content) -> u64| estimate.contents.iter().map(of).sum::<u64>();
+            let (cut_short, driven) = (all(|content| content.cut_short), all(Content::driven));
+            outln!("  drives that end before their length or goal: {cut_short} of {driven}");
         }
         estimate.advice.iter().for_each(|advice| outln!("{advice}"));
     }
@@ -186,6 +189,7 @@ pub(super) fn as_json(plan: &Plan, estimate: Option<&Estimate>, warnings: &[Stri
             "name": family.name, "weight": family.weight, "hold_out": family.hold_out,
             "scenes": cost.map(|cost| cost.scenes), "parts": words,
             "views": estimate.map(|estimate| &estimate.contents[k].views),
+            "drives": estimate.map(|estimate| &estimate.contents[k]).map(|of| json!({"driven": of.driven(), "cut_short": of.cut_short})),
             "cpu_s_of_one_attempt": cost.and_then(|cost| cost.scene_s), "cpu_s_of_parts": prices,
         })
     });

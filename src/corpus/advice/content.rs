@@ -84,6 +84,11 @@ impl Content {
         self.untraversable += u64::from(label == Some(Label::Untraversable));
     }
 
+    /// Scenes that were driven through.
+    pub(crate) fn driven(&self) -> u64 {
+        self.scenes - self.failed
+    }
+
     pub(super) fn cells(&self) -> u64 {
         self.cells_at.iter().sum()
     }

@@ -102,7 +102,7 @@ fn no_cell(contents: &[Content]) -> Vec<Advice> {
 
 fn cut_short(contents: &[Content]) -> Vec<Advice> {
     let said = named(contents, |content| {
-        let driven = content.scenes - content.failed;
+        let driven = content.driven();
         let cut = share(content.cut_short, driven);
         (cut > CUT_SHARE && driven >= LEAST_DRIVES).then(|| format!("{} of {driven}", percent(cut)))
     });

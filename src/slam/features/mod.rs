@@ -292,6 +292,7 @@ fn feature(cluster: &Cluster, returns: &Returns, level: &DMat3, most_m: f64) -> 
         points: cluster.points.len() as u32,
         half_width_m,
         known: None,
+        sigmas: [None; 3],
     })
 }
 

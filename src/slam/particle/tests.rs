@@ -2,13 +2,14 @@
 
 use super::*;
 use crate::geometry::{DVec3, Pose};
-use crate::slam::associate::NEW_BEYOND;
+use crate::math;
+use crate::slam::associate::{GATE, NEW_BEYOND};
 use crate::slam::landmark::MISSED;
 use crate::slam::matrix::{
-    Matrix, cholesky, half_solve, ln_determinant, product, product_across, solve, square, sum, transpose,
+    Matrix, Vector, cholesky, half_solve, ln_determinant, product, product_across, solve, square, sum, transpose,
 };
 use crate::slam::measurement::{self, Prediction, innovation};
-use crate::slam::observation::Feature;
+use crate::slam::observation::{Feature, FeatureNoise};
 
 const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
 const LANDMARKS: [Vector<3>; 3] = [[2.0, 0.5, 0.2], [-1.0, 2.0, 0.1], [1.5, -2.5, 0.4]];
@@ -50,19 +51,32 @@ fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Featu
         .map(|i| {
             let polar = view.predict(&LANDMARKS[i]).expect("in view").polar;
             let polar = std::array::from_fn(|k| polar[k] + off(i, k));
-            Feature { polar, points: 20, half_width_m: 0.1, known: Some(i as u32) }
+            Feature { polar, points: 20, half_width_m: 0.1, known: Some(i as u32), sigmas: [None; 3] }
         })
         .collect()
 }
 
 /// Lets a particle take in features from this mount.
 fn update_pose(particle: &mut Particle, features: &[Feature], variances: &Vector<3>) {
-    let seen = SweepObservations { observations: &sighted(features), variances, mounting: &mounting() };
+    let observations =
+        features.iter().map(|&feature| Observation { variances: *variances, ..observed(feature) }).collect::<Vec<_>>();
+    let seen = SweepObservations { observations: &observations, mounting: &mounting() };
     particle.update_pose(&seen, &mut Scratch::default());
 }
 
+/// ln of what a match on the gate counts, by its definition.
+fn ln_on_the_gate() -> f64 {
+    let determinant: f64 = VARIANCES.iter().map(|v| 2.0 * v).product();
+    -0.5 * (GATE + math::ln(std::f64::consts::TAU * std::f64::consts::TAU * std::f64::consts::TAU * determinant))
+}
+
+/// A feature of the noise of [`VARIANCES`], unless it tells its own.
+fn observed(feature: Feature) -> Observation {
+    Observation::new(feature, &FeatureNoise { sigmas: VARIANCES.map(f64::sqrt), inflation: 1.0 })
+}
+
 fn sighted(features: &[Feature]) -> Vec<Observation> {
-    features.iter().copied().map(Observation::new).collect()
+    features.iter().copied().map(observed).collect()
 }
 
 fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {
@@ -71,19 +85,22 @@ fn inverse(a: &Matrix<6, 6>) -> Matrix<6, 6> {
 
 #[test]
 fn equal_sequential_gain_form_and_stacked_information_form() {
-    // Measurements as predicted: the mean stays, so that one linearisation holds for all three.
+    // Measurements as predicted: the mean stays, so that one linearisation holds for all three. Each has a noise of its own, in part.
     let mut refined = particle(1.0);
-    let found = features(&refined, |_, _| 0.0);
+    let mut found = features(&refined, |_, _| 0.0);
+    (found[0].sigmas, found[1].sigmas) = ([Some(0.3), None, Some(0.05)], [None, Some(0.1), None]);
+    let variances = [[0.09, VARIANCES[1], 0.0025], [VARIANCES[0], 0.01, VARIANCES[2]], VARIANCES];
     let view = SensorView::new(&refined.belief.mean, &mounting());
     let mut information = inverse(&refined.belief.covariance);
-    for landmark in &refined.landmarks {
+    for (landmark, variances) in refined.landmarks.iter().zip(&variances) {
         let h = view.predict(&landmark.mean_m).expect("in view");
         let hm = &h.by_landmark;
-        let q = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), &diagonal(&VARIANCES));
+        let q = sum(&product(&product(hm, &landmark.covariance_m2), &transpose(hm)), &diagonal(variances));
         let l = cholesky(&q).expect("positive definite");
         information = sum(&information, &product_across(&solve(&l, &h.by_pose), &h.by_pose));
     }
-    update_pose(&mut refined, &found, &VARIANCES);
+    let seen = SweepObservations { observations: &sighted(&found), mounting: &mounting() };
+    refined.update_pose(&seen, &mut Scratch::default());
     let want = inverse(&information);
     for r in 0..6 {
         for c in 0..6 {
@@ -136,14 +153,14 @@ fn law_every_feature_adds_one_term_of_comparable_size() {
     let (mean_m, covariance_m2) = view.locate(&[3.0, 0.2, -0.1], &VARIANCES);
     sure.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
     let on_gate = 3.0 + (2.0 * GATE * (1.0 - 1e-9) * VARIANCES[0]).sqrt();
-    let found = Feature { polar: [on_gate, 0.2, -0.1], points: 9, half_width_m: 0.1, known: None };
+    let found = Feature { polar: [on_gate, 0.2, -0.1], points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
     update_pose(&mut sure, &[found], &VARIANCES);
     assert_eq!(sure.associations, [Association::Matched(0)]);
-    assert!((sure.log_weight - ln_unmatched(&VARIANCES)).abs() < 1e-6, "{}", sure.log_weight);
+    assert!((sure.log_weight - ln_on_the_gate()).abs() < 1e-6, "{}", sure.log_weight);
     let mut lone = Particle::default();
-    let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None };
+    let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
     update_pose(&mut lone, &[far, far], &VARIANCES);
-    assert!((lone.log_weight - 2.0 * ln_unmatched(&VARIANCES)).abs() < 1e-12);
+    assert!((lone.log_weight - 2.0 * ln_on_the_gate()).abs() < 1e-12);
 }
 
 #[test]
@@ -154,11 +171,11 @@ fn law_two_landmarks_of_like_likelihood_are_left_alone() {
         let (mean_m, covariance_m2) = view.locate(&[2.0, aside, 0.0], &VARIANCES);
         torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
     }
-    let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None };
+    let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
     update_pose(&mut torn, &[between], &VARIANCES);
     assert_eq!(torn.associations, vec![Association::Ambiguous([1, 0])]);
     // Both were seen; the less likely one is believed in less.
-    let seen = SweepObservations { observations: &sighted(&[between]), variances: &VARIANCES, mounting: &mounting() };
+    let seen = SweepObservations { observations: &sighted(&[between]), mounting: &mounting() };
     let everywhere: Vec<DVec3> =
         (0..360).map(|deg| DVec3::from(measurement::point_m(&[1.0, f64::from(deg).to_radians(), 0.0]))).collect();
     torn.update_map(&seen, &Visibility::free(10.0, &everywhere), &mut Scratch::default());
@@ -169,10 +186,15 @@ fn law_two_landmarks_of_like_likelihood_are_left_alone() {
 #[test]
 fn law_a_number_that_is_seen_twice_at_first_sight_is_one_landmark() {
     let mut lone = Particle::default();
-    let twice =
-        [3.0, 3.02].map(|range_m| Feature { polar: [range_m, 0.1, 0.0], points: 1, half_width_m: 0.0, known: Some(7) });
+    let twice = [3.0, 3.02].map(|range_m| Feature {
+        polar: [range_m, 0.1, 0.0],
+        points: 1,
+        half_width_m: 0.0,
+        known: Some(7),
+        sigmas: [None; 3],
+    });
     update_pose(&mut lone, &twice, &VARIANCES);
-    let seen = SweepObservations { observations: &sighted(&twice), variances: &VARIANCES, mounting: &mounting() };
+    let seen = SweepObservations { observations: &sighted(&twice), mounting: &mounting() };
     lone.update_map(&seen, &Visibility::blind(10.0), &mut Scratch::default());
     let [landmark] = lone.landmarks.as_slice() else { panic!("{} landmarks", lone.landmarks.len()) };
     let view = SensorView::new(&lone.belief.mean, &mounting());
@@ -198,7 +220,7 @@ fn looked_at(believed: &Particle, variances: &Vector<3>, draws: &mut dyn Iterato
             let [range_m, bearing_rad, elevation_rad] = at.polar;
             let polar =
                 [(range_m * (1.0 + 0.5 * off())).max(0.2), bearing_rad + 0.6 * off(), elevation_rad + 0.3 * off()];
-            let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None };
+            let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
             let mut candidate = Candidate::default();
             if believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate) {
                 let ring = believed.ring(&polar, &view, &noise);
@@ -277,7 +299,7 @@ fn law_a_landmark_that_the_range_rules_out_is_judged_too_far() {
             let prediction = view.predict(&believed.landmarks[index].mean_m).expect("in view");
             for off_m in draws.by_ref().take(20) {
                 let polar = [(prediction.polar[0] + 3.0 * off_m).max(0.2), prediction.polar[1], prediction.polar[2]];
-                let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None };
+                let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
                 let mut candidate = Candidate::default();
                 assert!(believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate));
                 let far = believed.ring(&polar, &view, &noise).rules_out(&believed.landmarks[index]);

@@ -221,7 +221,13 @@ fn seen(rocks: &[DVec3], world_from_sensor: &Transform, known: bool, normal: &mu
             math::wrap_angle(bearing + 1f64.to_radians() * normal()),
             elevation + 1f64.to_radians() * normal(),
         ];
-        features.push(Feature { polar, points: 20, half_width_m: 0.1, known: known.then_some(id as u32) });
+        features.push(Feature {
+            polar,
+            points: 20,
+            half_width_m: 0.1,
+            known: known.then_some(id as u32),
+            sigmas: [None; 3],
+        });
     }
     features
 }
