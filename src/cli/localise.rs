@@ -25,7 +25,8 @@ use crate::slam::{self, FastslamParams, RegistrationParams, SlamError, SlamParam
 
 /// What the files are, and a first try.
 pub(super) const FILES: &str = "\
-Files are CSV with a header, columns in any order, seconds of one clock, metres, radians; a line that begins with # is a comment.
+Files are CSV with a header, columns in any order, seconds of one clock, metres, radians; a line
+that begins with # is a comment.
 Odometry:  time_s, speed_mps, yaw_rate_radps, each over the step that ends at its time; where there
            are such instruments roll_rad, pitch_rad, yaw_rad (empty: no reading). Without roll and
            pitch the drive is level.

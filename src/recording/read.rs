@@ -16,8 +16,8 @@ use crate::slam::Feature;
 /// Ranges above it are no metres.
 const FARTHEST_M: f64 = 1e6;
 /// Columns of a feature's own noise, in the order of what is measured, and the most that each may be.
-const SIGMAS: [(&str, f64); 3] =
-    [("range_sigma_m", FARTHEST_M), ("bearing_sigma_rad", 3.0), ("elevation_sigma_rad", 3.0)];
+/// A bearing that is vaguer places no landmark: the filter takes a place for normal in the map.
+const SIGMAS: [(&str, f64); 3] = [("range_sigma_m", 10.0), ("bearing_sigma_rad", 0.5), ("elevation_sigma_rad", 0.5)];
 
 /// Where the rover truly was at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -213,7 +213,9 @@ fn stated_sigmas(
     for ((sigma, column), (name, most)) in sigmas.iter_mut().zip(columns).zip(SIGMAS) {
         *sigma = table.number_if_any(row, column)?;
         if let Some(number) = sigma.filter(|sigma| !(*sigma > 0.0 && *sigma <= most)) {
-            let cure = format!("a standard deviation is above 0 and {most} at most; empty where the options' holds");
+            let cure = format!(
+                "a standard deviation is above 0 and {most} at most, in the unit of the name; empty: the options'"
+            );
             return Err(table.fault(Some(row.0), format!("{name} is {number}"), cure));
         }
     }

@@ -91,7 +91,7 @@ impl Filter {
             imu_bias_variance_rad2: noise.imu_bias_rad * noise.imu_bias_rad,
             level_way_m: 0.0,
             sun_variance_rad2: angle_sigma_rad(noise.sun_rad) * angle_sigma_rad(noise.sun_rad),
-            feature_noise: FeatureNoise { sigmas: FEATURE_SIGMA, inflation: params.measurement_inflation },
+            feature_noise: FeatureNoise { default_sigmas: FEATURE_SIGMA, inflation: params.measurement_inflation },
             resample_below: params.resample_below,
             max_features: params.max_features as usize,
         }
@@ -99,7 +99,7 @@ impl Filter {
 
     /// Other noise of features than that of sweeps, for those that do not tell their own.
     pub(super) fn set_feature_sigmas(&mut self, sigmas: &Vector<3>) {
-        self.feature_noise.sigmas = *sigmas;
+        self.feature_noise.default_sigmas = *sigmas;
     }
 
     /// One control step and the angles read after it.

@@ -245,7 +245,7 @@ pub fn innovation(measured: &Polar, predicted: &Polar) -> Vector<3> {
 }
 
 /// Whether a measurement can be used at all; decided once, for all particles alike.
-pub(crate) fn usable(polar: &Polar) -> bool {
+pub(crate) fn is_usable(polar: &Polar) -> bool {
     polar.iter().all(|v| v.is_finite()) && polar[0] >= LEAST_RANGE_M && polar[2].abs() <= MOST_ELEVATION_RAD
 }
 

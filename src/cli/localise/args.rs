@@ -74,13 +74,13 @@ pub(in crate::cli) struct LocaliseArgs {
     /// Noise of yaw_rad, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 2.0, value_parser = at_least_0)]
     pub(super) sun_deg: f64,
-    /// Noise of a feature's range, metres; 0.01 at least.
+    /// Noise of a feature's range where its row tells none, metres; with the inflation 0.01 at least.
     #[arg(long, value_name = "M", default_value_t = 0.03, value_parser = at_least_0)]
     pub(super) range_m: f64,
-    /// Noise of a feature's bearing and elevation, degrees; 0.25 at least.
+    /// Noise of a feature's bearing and elevation where its row tells none, degrees; with the inflation 0.25 at least.
     #[arg(long, value_name = "DEG", default_value_t = 1.0, value_parser = at_least_0)]
     pub(super) bearing_deg: f64,
-    /// Factor on the variances of features, against optimism; 1 takes the noise above as it is.
+    /// Factor on the variances of features, those of rows among them, against optimism; 1 takes the noise above as it is.
     #[arg(long, value_name = "F", default_value_t = 4.0, value_parser = inflation)]
     pub(super) measurement_inflation: f64,
     /// Factor on the variances of what wheels tell, of the filter that reads features or sweeps; dead reckoning takes them as they are.

@@ -84,7 +84,7 @@ impl Content {
         self.untraversable += u64::from(label == Some(Label::Untraversable));
     }
 
-    /// Scenes that were driven through.
+    /// Scenes that did not fail.
     pub(crate) fn driven(&self) -> u64 {
         self.scenes - self.failed
     }

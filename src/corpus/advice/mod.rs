@@ -91,9 +91,8 @@ fn no_scene(contents: &[Content]) -> Vec<Advice> {
 }
 
 fn no_cell(contents: &[Content]) -> Vec<Advice> {
-    let said = named(contents, |content| {
-        (content.cells() == 0).then(|| format!("none in all {} scenes", content.scenes - content.failed))
-    });
+    let said =
+        named(contents, |content| (content.cells() == 0).then(|| format!("none in all {} scenes", content.driven())));
     Vec::from_iter(said.map(|said| Advice {
         finding: format!("scenes without any cell, of which nothing can be learnt: {said}"),
         cure: "raise cells.max_range_m beyond where the lowest beams meet the ground, or aim lower (sweep.mount.pitch_deg)".into(),

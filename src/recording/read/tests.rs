@@ -12,8 +12,7 @@ fn error(odometry: &str, features: &str) -> String {
 #[test]
 fn exact_columns_in_any_order_and_empty_values_are_no_readings() {
     let odometry = "# a comment\nyaw_rad, speed_mps ,time_s,yaw_rate_radps\n0.1,0,0,0\n,0.5,1,0.2\n";
-    let features =
-        "id,time_s,range_m,bearing_rad,bearing_sigma_rad,range_sigma_m\n7,1,2.5,-0.5,,0.2\n,1,3,0.25,0.01,\n";
+    let features = "id,time_s,range_m,bearing_rad,bearing_sigma_rad,range_sigma_m,elevation_sigma_rad\n7,1,2.5,-0.5,,0.2,0.03\n,1,3,0.25,0.01,,\n";
     let features = SightLog::Features { file: "f", text: features };
     let recording = Recording::read(("o", odometry), Some(features)).expect("a recording");
     let [(_, first), (time_s, second)] = recording.readings[..] else { panic!("two readings") };
@@ -22,7 +21,10 @@ fn exact_columns_in_any_order_and_empty_values_are_no_readings() {
     let [(1.0, Observation::Features(ref seen))] = recording.observations[..] else { panic!("one observation") };
     assert_eq!(
         seen.iter().map(|f| (f.polar, f.known, f.sigmas)).collect::<Vec<_>>(),
-        [([2.5, -0.5, 0.0], Some(7), [Some(0.2), None, None]), ([3.0, 0.25, 0.0], None, [None, Some(0.01), None])]
+        [
+            ([2.5, -0.5, 0.0], Some(7), [Some(0.2), None, Some(0.03)]),
+            ([3.0, 0.25, 0.0], None, [None, Some(0.01), None])
+        ]
     );
 }
 
@@ -60,12 +62,12 @@ fn extreme_nonsense_is_refused_with_file_line_and_cure() {
         (
             ODOMETRY,
             "time_s,range_m,bearing_rad,range_sigma_m\n1,2,0,0\n",
-            "f.csv:2: range_sigma_m is 0; a standard deviation is above 0 and 1000000 at most; empty",
+            "f.csv:2: range_sigma_m is 0; a standard deviation is above 0 and 10 at most, in the unit of the name; empty",
         ),
         (
             ODOMETRY,
             "time_s,range_m,bearing_rad,bearing_sigma_rad\n1,2,0,90\n",
-            "f.csv:2: bearing_sigma_rad is 90; a standard deviation is above 0 and 3 at most",
+            "f.csv:2: bearing_sigma_rad is 90; a standard deviation is above 0 and 0.5 at most",
         ),
         (ODOMETRY, "time_s,range_m,bearing_rad\n1,2\n", "f.csv:2: it is no table"),
         (ODOMETRY, "time_s,range_m,bearing_rad\n", "f.csv: it holds no row"),

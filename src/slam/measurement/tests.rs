@@ -85,10 +85,10 @@ fn exact_first_landmark_covariance_maps_back_to_the_measurement_noise() {
 
 #[test]
 fn extreme_features_without_a_bearing_are_unusable() {
-    assert!(!usable(&[0.1, 0.0, 0.0]));
-    assert!(!usable(&[2.0, 0.0, 1.5]));
-    assert!(!usable(&[f64::NAN, 0.0, 0.0]));
-    assert!(!usable(&[f64::INFINITY, 0.0, 0.0]));
+    assert!(!is_usable(&[0.1, 0.0, 0.0]));
+    assert!(!is_usable(&[2.0, 0.0, 1.5]));
+    assert!(!is_usable(&[f64::NAN, 0.0, 0.0]));
+    assert!(!is_usable(&[f64::INFINITY, 0.0, 0.0]));
     let identity = Mounting::new(&Transform::IDENTITY);
     assert!(SensorView::new(&[0.0; 6], &identity).predict(&[0.0, 0.0, 1.0]).is_none());
 }

@@ -72,7 +72,7 @@ fn ln_on_the_gate() -> f64 {
 
 /// A feature of the noise of [`VARIANCES`], unless it tells its own.
 fn observed(feature: Feature) -> Observation {
-    Observation::new(feature, &FeatureNoise { sigmas: VARIANCES.map(f64::sqrt), inflation: 1.0 })
+    Observation::new(feature, &FeatureNoise { default_sigmas: VARIANCES.map(f64::sqrt), inflation: 1.0 })
 }
 
 fn sighted(features: &[Feature]) -> Vec<Observation> {
@@ -161,6 +161,33 @@ fn law_every_feature_adds_one_term_of_comparable_size() {
     let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
     update_pose(&mut lone, &[far, far], &VARIANCES);
     assert!((lone.log_weight - 2.0 * ln_on_the_gate()).abs() < 1e-12);
+}
+
+#[test]
+fn law_a_sure_feature_where_a_vague_one_was_is_a_match_and_outweighs_a_new_one() {
+    let sigmas = |factor: f64| VARIANCES.map(|v| Some(factor * v.sqrt()));
+    let feature =
+        |factor| Feature { polar: [3.0, 0.2, -0.1], points: 1, half_width_m: 0.0, known: None, sigmas: sigmas(factor) };
+    let take = |particle: &mut Particle, factor: f64| {
+        let observations = sighted(&[feature(factor)]);
+        let seen = SweepObservations { observations: &observations, mounting: &mounting() };
+        particle.update_pose(&seen, &mut Scratch::default());
+        particle.update_map(&seen, &Visibility::blind(10.0), &mut Scratch::default());
+    };
+    let mut lone = Particle::default();
+    take(&mut lone, 6.0);
+    let view = SensorView::new(&lone.belief.mean, &mounting());
+    let (mean_m, covariance_m2) = view.locate(&[3.0, 0.2, -0.1], &VARIANCES.map(|v| 36.0 * v));
+    let landmark = &lone.landmarks[0];
+    assert_eq!(landmark.mean_m, mean_m);
+    for (got, want) in landmark.covariance_m2.iter().flatten().zip(covariance_m2.iter().flatten()) {
+        assert!((got - want).abs() < 1e-12 * covariance_m2[0][0], "{got} {want}");
+    }
+    let weight = lone.log_weight;
+    take(&mut lone, 1.0 / 6.0);
+    assert_eq!(lone.associations, [Association::Matched(0)]);
+    let as_new = sighted(&[feature(1.0 / 6.0)])[0].ln_unmatched;
+    assert!(lone.log_weight - weight > as_new, "{} {as_new}", lone.log_weight - weight);
 }
 
 #[test]
