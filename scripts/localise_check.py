@@ -30,13 +30,20 @@ LEAST_RANGE_M = 0.2
 MOST_FACTOR = 6.0  # on the noise of a feature, and its inverse: drawn evenly in its logarithm
 RMS_FACTOR = np.sqrt(np.sinh(2 * np.log(MOST_FACTOR)) / (2 * np.log(MOST_FACTOR)))  # root mean square of such factors
 INFLATION = 4.0  # that of `localise` on the variances of features where it is not told
-#: The reference on logs whose rows have each their own noise, and marsyard: whether rows tell it, the factor on the noise of the options where they do not.
-REFERENCES = {"EKF-SLAM (NumPy), told": np.square, f"EKF-SLAM (NumPy), told, inflation {INFLATION:g}": lambda sigmas: INFLATION * np.square(sigmas),
-              "EKF-SLAM (NumPy), root mean square": lambda _: np.square(RMS_FACTOR * np.array([RANGE, BEARING]))}
-TOLD, INFLATION_1 = "300 particles, told", ["--measurement-inflation", 1]
+INFLATION_1, WITHOUT_IDS = ["--measurement-inflation", 1], ["--unknown-ids"]
+EKF, TOLD = "EKF-SLAM (NumPy)", "300 particles, told"
 UNTOLD = ["300 particles, root mean square", "300 particles, root mean square, inflation 1", "300 particles, middle"]
-NOISY = {TOLD: (True, 1.0, []), UNTOLD[0]: (False, RMS_FACTOR, []), UNTOLD[1]: (False, RMS_FACTOR, INFLATION_1), UNTOLD[2]: (False, 1.0, []),
-         "300 particles, told, ids unknown": (True, 1.0, ["--unknown-ids"]), "300 particles, root mean square, ids unknown": (False, RMS_FACTOR, ["--unknown-ids"])}
+#: By the kind of log, whether each row has its own noise: the reference, by what it makes of standard deviations; and marsyard, by its particles, the
+#: factor on the noise of the options (`None`: it stands in the rows), and more options.
+REFERENCES = {False: {EKF: np.square},
+              True: {f"{EKF}, told": np.square, f"{EKF}, told, inflation {INFLATION:g}": lambda sigmas: INFLATION * np.square(sigmas),
+                     f"{EKF}, root mean square": lambda _: np.square(RMS_FACTOR * np.array([RANGE, BEARING]))}}
+WAYS = {False: {"30 particles": (30, 1.0, []), "100 particles": (100, 1.0, []), "300 particles": (300, 1.0, []),
+                "300 particles, inflation 1": (300, 1.0, INFLATION_1), "100 particles, ids unknown": (100, 1.0, WITHOUT_IDS)},
+        True: {TOLD: (300, None, []), UNTOLD[0]: (300, RMS_FACTOR, []), UNTOLD[1]: (300, RMS_FACTOR, INFLATION_1), UNTOLD[2]: (300, 1.0, []),
+               "300 particles, told, ids unknown": (300, None, WITHOUT_IDS),
+               "300 particles, root mean square, ids unknown": (300, RMS_FACTOR, WITHOUT_IDS)}}
+RECKONED = ["dead reckoning (NumPy)", "dead reckoning (marsyard)"]
 LATERAL = 0.02  # what `localise` allows for sideways where it is not told, per square root of a metre
 
 
@@ -156,11 +163,14 @@ def write_logs(folder, odometry, features, truth, with_sigmas=False):
         (folder / f"{name}.csv").write_text("\n".join([head, *lines]) + "\n")
 
 
-def localise(marsyard, logs, out, *options, factor=1.0):
-    """`factor`: on the noise that the options tell, which holds where rows tell none."""
-    noise = ["--range-m", str(factor * RANGE), "--bearing-deg", str(np.degrees(factor * BEARING))]
-    files = [logs / "odometry.csv", "--features", logs / "features.csv", "--truth", logs / "truth.csv", "--out", out]
-    done = subprocess.run([marsyard, "localise", *map(str, files), *noise, "--json", *map(str, options)], capture_output=True, text=True)
+def localise(marsyard, folder, logs, particles, factor, options):
+    """What marsyard says of logs; `factor` is on the noise that the options tell, and `None` where rows tell it."""
+    written = folder / ("told" if factor is None else "untold")
+    if not written.exists():
+        write_logs(written, *logs, with_sigmas=factor is None)
+    noise = ["--range-m", (factor or 1.0) * RANGE, "--bearing-deg", np.degrees((factor or 1.0) * BEARING)]
+    files = [written / "odometry.csv", "--features", written / "features.csv", "--truth", written / "truth.csv", "--out", folder / "out"]
+    done = subprocess.run([marsyard, "localise", *map(str, [*files, *noise, "--json", "--particles", particles, *options])], capture_output=True, text=True)
     if done.returncode:
         sys.exit(done.stderr)
     return json.loads(done.stdout)
@@ -176,32 +186,20 @@ def main():
     if arguments.sample:
         write_logs(SAMPLE, *simulate(1))
         return
-    ways = {"30 particles": ["--particles", 30], "100 particles": ["--particles", 100], "300 particles": ["--particles", 300],
-            "300 particles, inflation 1": ["--particles", 300, "--measurement-inflation", 1],
-            "100 particles, ids unknown": ["--particles", 100, "--unknown-ids"]}
-    table = {name: [] for name in ["EKF-SLAM (NumPy)", "dead reckoning (NumPy)", "dead reckoning (marsyard)", *ways,
-                                   *REFERENCES, *NOISY]}
+    table = {name: [] for name in [EKF, *RECKONED, *WAYS[False], *REFERENCES[True], *WAYS[True]]}
+    score_of = lambda score: (score["ate_m"], score["nees"])
     for seed in range(1, arguments.seeds + 1):
-        logs = simulate(seed)
-        table["EKF-SLAM (NumPy)"].append(scored(ekf(*logs[:2]), logs[2]))
-        table["dead reckoning (NumPy)"].append(scored(ekf(*logs[:2], with_features=False), logs[2]))
-        with tempfile.TemporaryDirectory() as folder:
-            folder = pathlib.Path(folder)
-            write_logs(folder / "logs", *logs)
-            for name, options in ways.items():
-                said = localise(arguments.marsyard, folder / "logs", folder / "out", *options)
-                table[name].append((said["score"]["ate_m"], said["score"]["nees"]))
-            table["dead reckoning (marsyard)"].append((said["dead_reckoning"]["ate_m"], said["dead_reckoning"]["nees"]))
-        noisy = simulate(seed, by_row=True)
-        for name, variances_of in REFERENCES.items():
-            table[name].append(scored(ekf(*noisy[:2], variances_of=variances_of), noisy[2]))
-        with tempfile.TemporaryDirectory() as folder:
-            folder = pathlib.Path(folder)
-            for with_sigmas in (True, False):
-                write_logs(folder / str(with_sigmas), *noisy, with_sigmas)
-            for name, (with_sigmas, factor, options) in NOISY.items():
-                said = localise(arguments.marsyard, folder / str(with_sigmas), folder / "out", "--particles", 300, *options, factor=factor)
-                table[name].append((said["score"]["ate_m"], said["score"]["nees"]))
+        for by_row in (False, True):
+            logs = simulate(seed, by_row)
+            for name, variances_of in REFERENCES[by_row].items():
+                table[name].append(scored(ekf(*logs[:2], variances_of=variances_of), logs[2]))
+            with tempfile.TemporaryDirectory() as folder:
+                for name, way in WAYS[by_row].items():
+                    said = localise(arguments.marsyard, pathlib.Path(folder), logs, *way)
+                    table[name].append(score_of(said["score"]))
+            if not by_row:
+                table[RECKONED[0]].append(scored(ekf(*logs[:2], with_features=False), logs[2]))
+                table[RECKONED[1]].append(score_of(said["dead_reckoning"]))
     means = {name: [float(np.mean([pair[k] for pair in pairs])) for k in (0, 1)] for name, pairs in table.items()}
     off_of = lambda name: np.array([ate for ate, _ in table[name]])
     gains = off_of(min(UNTOLD, key=lambda name: means[name][0])) - off_of(TOLD)
@@ -212,22 +210,22 @@ def main():
 `python scripts/localise_check.py --seeds {arguments.seeds}`: two laps of {RADIUS_M:g} m radius among 20 landmarks, ids known unless said. ATE: mean over seeds.
 NEES of x, y, yaw over all steps: 3 is honest; steps of a run hang together, and a filter of particles grows optimistic with the way.
 
-{of(["EKF-SLAM (NumPy)", "dead reckoning (NumPy)", "dead reckoning (marsyard)", *ways])}
+{of([EKF, *RECKONED, *WAYS[False]])}
 
 ## Noise of its own in each row
 
 The same laps, but each feature's noise is its own, by a factor of 1 / {MOST_FACTOR:g} to {MOST_FACTOR:g}, even in its logarithm; *told*: it stands in the row. Where it does not, all
 are taken to have the root mean square of it, or its middle. Told, marsyard's error is {gain[0]:.4f} ± {gain[1]:.4f} m (twice the standard error, over seeds) below the best of the other three with ids.
 
-{of([*REFERENCES, *NOISY])}
+{of([*REFERENCES[True], *WAYS[True]])}
 """
     study.write_results(study.RESULTS, "localise", {"seeds": arguments.seeds, "means": means, "gain_of_told_noise_m": gain}, text)
     if arguments.check:
-        reference, reckoned = means["EKF-SLAM (NumPy)"][0], means["dead reckoning (NumPy)"][0]
-        own, own_reckoned = means["300 particles"][0], means["dead reckoning (marsyard)"][0]
+        reference, reckoned = means[EKF][0], means[RECKONED[0]][0]
+        own, own_reckoned = means["300 particles"][0], means[RECKONED[1]][0]
         if not (own <= 1.35 * reference and own < reckoned and abs(own_reckoned / reckoned - 1) < 1e-3):
             sys.exit(f"300 particles {own:.4f} m, reference {reference:.4f}; dead reckoning {own_reckoned:.5f} and {reckoned:.5f}")
-        reference, told = means["EKF-SLAM (NumPy), told"][0], means[TOLD][0]
+        reference, told = means[f"{EKF}, told"][0], means[TOLD][0]
         if not (told <= 1.35 * reference and gain[0] > gain[1]):
             sys.exit(f"noise by row: 300 particles {told:.4f} m, reference {reference:.4f}; told noise gains {gain[0]:.4f} ± {gain[1]:.4f} m")
 

@@ -65,6 +65,11 @@ impl Table {
         RecordingError { file: self.file.clone(), line, what: what.into(), cure: cure.into() }
     }
 
+    /// Of a number that makes no sense.
+    fn senseless(&self, (line, row): &(u64, Vec<String>), column: usize, cure: impl Into<String>) -> RecordingError {
+        self.fault(Some(*line), format!("{} is {}", self.header[column], row[column]), cure)
+    }
+
     fn column(&self, name: &str) -> Option<usize> {
         self.header.iter().position(|column| column == name)
     }
@@ -178,8 +183,7 @@ fn features(table: &Table) -> Result<Vec<(f64, Vec<Feature>)>, RecordingError> {
             (elevation, elevation_rad.abs() < FRAC_PI_2, "an elevation is in radians, below a quarter of a turn"),
         ] {
             if let Some(column) = column.filter(|_| !is_sane) {
-                let what = format!("{} is {}", table.header[column], row.1[column]);
-                return Err(table.fault(Some(row.0), what, cure));
+                return Err(table.senseless(row, column, cure));
             }
         }
         let sigmas = stated_sigmas(table, row, noise)?;
@@ -210,13 +214,14 @@ fn stated_sigmas(
     columns: [Option<usize>; 3],
 ) -> Result<[Option<f64>; 3], RecordingError> {
     let mut sigmas = [None; 3];
-    for ((sigma, column), (name, most)) in sigmas.iter_mut().zip(columns).zip(SIGMAS) {
+    for ((sigma, column), (_, most)) in sigmas.iter_mut().zip(columns).zip(SIGMAS) {
         *sigma = table.number_if_any(row, column)?;
-        if let Some(number) = sigma.filter(|sigma| !(*sigma > 0.0 && *sigma <= most)) {
+        let senseless = sigma.filter(|sigma| !(*sigma > 0.0 && *sigma <= most));
+        if let (Some(_), Some(column)) = (senseless, column) {
             let cure = format!(
                 "a standard deviation is above 0 and {most} at most, in the unit of the name; empty: the options'"
             );
-            return Err(table.fault(Some(row.0), format!("{name} is {number}"), cure));
+            return Err(table.senseless(row, column, cure));
         }
     }
     Ok(sigmas)

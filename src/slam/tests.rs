@@ -64,7 +64,8 @@ fn rest(pose: &Pose) -> Reading {
     }
 }
 
-fn feature(polar: [f64; 3]) -> Feature {
+/// Of many points, and nothing told of it.
+pub(super) fn feature(polar: [f64; 3]) -> Feature {
     Feature { polar, points: 20, half_width_m: 0.1, known: None, sigmas: [None; 3] }
 }
 

@@ -11,7 +11,7 @@ use super::{machine, machine_json};
 use crate::cli::output::{out, outln};
 use crate::cli::progress::{counted, human, si};
 use crate::corpus::Split;
-use crate::corpus::advice::{Content, Views};
+use crate::corpus::advice::{Views, cut_short_of};
 use crate::measure::estimate::{self, Estimate, FamilyCost, Figure};
 use crate::plan::Plan;
 
@@ -57,21 +57,9 @@ pub(super) fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]
         if views.scans > 0 {
             out!("\n{views}");
         }
-        outln!("{}", drives(&estimate.contents));
+        outln!("drives that end before their length or goal: {}", cut_short_of(&estimate.contents));
         estimate.advice.iter().for_each(|advice| outln!("{advice}"));
     }
-}
-
-/// How many drives end early; of which families, where there are several.
-fn drives(contents: &[Content]) -> String {
-    let [cut_short, driven] =
-        [|content: &Content| content.cut_short, Content::driven].map(|of| contents.iter().map(of).sum::<u64>());
-    let ended_early = contents.iter().filter(|content| content.cut_short > 0 && contents.len() > 1);
-    let named: Vec<_> = ended_early
-        .map(|content| format!("{} {} of {}", content.family, content.cut_short, content.driven()))
-        .collect();
-    let named = if named.is_empty() { String::new() } else { format!(" ({})", named.join(", ")) };
-    format!("drives that end before their length or goal: {cut_short} of {driven}{named}")
 }
 
 /// A part and what it is set to.
@@ -243,21 +231,5 @@ mod tests {
         assert_eq!(common(&[a.clone(), b, c]), [("slam", "truth".to_owned())]);
         assert_eq!(common(&[a]), []);
         assert_eq!(common(&[]), []);
-    }
-
-    #[test]
-    fn exact_drives_that_end_early_are_told_of_all_and_of_the_families_that_have_some() {
-        let content = |family: &str, scenes, failed, cut_short| {
-            let mut content = Content::of(family, false, 0);
-            (content.scenes, content.failed, content.cut_short) = (scenes, failed, cut_short);
-            content
-        };
-        let one = drives(&[content("default", 30, 2, 6)]);
-        assert_eq!(one, "drives that end before their length or goal: 6 of 28");
-        let several = [content("orchard", 10, 0, 3), content("scrub", 20, 1, 0), content("banks", 5, 0, 1)];
-        assert_eq!(
-            drives(&several),
-            "drives that end before their length or goal: 4 of 34 (orchard 3 of 10, banks 1 of 5)"
-        );
     }
 }

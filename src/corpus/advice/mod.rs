@@ -111,6 +111,18 @@ fn cut_short(contents: &[Content]) -> Vec<Advice> {
     }))
 }
 
+/// How many drives were cut short; of which families, where there are several: "4 of 34 (a 3 of 10, b 1 of 5)".
+pub(crate) fn cut_short_of(contents: &[Content]) -> String {
+    let (cut_short, driven) =
+        contents.iter().fold((0, 0), |sum, content| (sum.0 + content.cut_short, sum.1 + content.driven()));
+    let families = named(contents, |content| {
+        (content.cut_short > 0).then(|| format!("{} of {}", content.cut_short, content.driven()))
+    });
+    let by_family =
+        families.filter(|_| contents.len() > 1).map_or_else(String::new, |families| format!(" ({families})"));
+    format!("{cut_short} of {driven}{by_family}")
+}
+
 fn one_view(contents: &[Content]) -> Vec<Advice> {
     let said = named(contents, |content| {
         let (share, middle_deg) = content.views.commonest_bearing(LEAST_SCANS)?;

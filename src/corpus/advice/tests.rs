@@ -96,6 +96,18 @@ fn exact_each_weakness_is_told_by_its_limit_from_both_sides() {
 }
 
 #[test]
+fn exact_drives_that_end_early_are_told_of_all_and_of_the_families_that_have_some() {
+    let content = |family: &str, scenes, failed, cut_short| {
+        let mut content = Content::of(family, false, 0);
+        (content.scenes, content.failed, content.cut_short) = (scenes, failed, cut_short);
+        content
+    };
+    assert_eq!(cut_short_of(&[content("default", 30, 2, 6)]), "6 of 28");
+    let several = [content("orchard", 10, 0, 3), content("scrub", 20, 1, 0), content("banks", 5, 0, 1)];
+    assert_eq!(cut_short_of(&several), "4 of 34 (orchard 3 of 10, banks 1 of 5)");
+}
+
+#[test]
 fn exact_a_held_out_family_needs_scenes_in_the_test_split_and_ranges_that_training_has() {
     let contents = |held_out_range_m: f32, test_scenes: u64| -> Vec<Content> {
         let of = |family: &str, is_held_out: bool| {

@@ -4,17 +4,15 @@ use super::*;
 
 const ODOMETRY: &str = "time_s,speed_mps,yaw_rate_radps\n0,0,0\n1,0.5,0.1\n2.5,0.4,0\n";
 
-fn error(odometry: &str, features: &str) -> String {
-    let features = SightLog::Features { file: "f.csv", text: features };
-    Recording::read(("o.csv", odometry), Some(features)).expect_err("nonsense").to_string()
+fn read_features(odometry: &str, features: &str) -> Result<Recording, RecordingError> {
+    Recording::read(("o.csv", odometry), Some(SightLog::Features { file: "f.csv", text: features }))
 }
 
 #[test]
 fn exact_columns_in_any_order_and_empty_values_are_no_readings() {
     let odometry = "# a comment\nyaw_rad, speed_mps ,time_s,yaw_rate_radps\n0.1,0,0,0\n,0.5,1,0.2\n";
     let features = "id,time_s,range_m,bearing_rad,bearing_sigma_rad,range_sigma_m,elevation_sigma_rad\n7,1,2.5,-0.5,,0.2,0.03\n,1,3,0.25,0.01,,\n";
-    let features = SightLog::Features { file: "f", text: features };
-    let recording = Recording::read(("o", odometry), Some(features)).expect("a recording");
+    let recording = read_features(odometry, features).expect("a recording");
     let [(_, first), (time_s, second)] = recording.readings[..] else { panic!("two readings") };
     assert_eq!((first.dt_s, first.yaw_rad, first.roll_rad), (0.0, Some(0.1), Some(0.0)));
     assert_eq!((time_s, second.dt_s, second.speed_mps, second.yaw_rad), (1.0, 1.0, 0.5, None));
@@ -72,7 +70,7 @@ fn extreme_nonsense_is_refused_with_file_line_and_cure() {
         (ODOMETRY, "time_s,range_m,bearing_rad\n1,2\n", "f.csv:2: it is no table"),
         (ODOMETRY, "time_s,range_m,bearing_rad\n", "f.csv: it holds no row"),
     ] {
-        let error = error(odometry, features);
+        let error = read_features(odometry, features).expect_err("nonsense").to_string();
         assert!(error.starts_with(said), "{error}");
     }
 }

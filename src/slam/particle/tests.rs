@@ -10,6 +10,7 @@ use crate::slam::matrix::{
 };
 use crate::slam::measurement::{self, Prediction, innovation};
 use crate::slam::observation::{Feature, FeatureNoise};
+use crate::slam::tests::feature;
 
 const VARIANCES: Vector<3> = [9e-4, 3e-4, 3e-4];
 const LANDMARKS: [Vector<3>; 3] = [[2.0, 0.5, 0.2], [-1.0, 2.0, 0.1], [1.5, -2.5, 0.4]];
@@ -51,7 +52,7 @@ fn features(particle: &Particle, off: impl Fn(usize, usize) -> f64) -> Vec<Featu
         .map(|i| {
             let polar = view.predict(&LANDMARKS[i]).expect("in view").polar;
             let polar = std::array::from_fn(|k| polar[k] + off(i, k));
-            Feature { polar, points: 20, half_width_m: 0.1, known: Some(i as u32), sigmas: [None; 3] }
+            Feature { known: Some(i as u32), ..feature(polar) }
         })
         .collect()
 }
@@ -153,24 +154,24 @@ fn law_every_feature_adds_one_term_of_comparable_size() {
     let (mean_m, covariance_m2) = view.locate(&[3.0, 0.2, -0.1], &VARIANCES);
     sure.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
     let on_gate = 3.0 + (2.0 * GATE * (1.0 - 1e-9) * VARIANCES[0]).sqrt();
-    let found = Feature { polar: [on_gate, 0.2, -0.1], points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
+    let found = feature([on_gate, 0.2, -0.1]);
     update_pose(&mut sure, &[found], &VARIANCES);
     assert_eq!(sure.associations, [Association::Matched(0)]);
     assert!((sure.log_weight - ln_on_the_gate()).abs() < 1e-6, "{}", sure.log_weight);
     let mut lone = Particle::default();
-    let far = Feature { polar: [3.0, 0.0, 0.0], points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
+    let far = feature([3.0, 0.0, 0.0]);
     update_pose(&mut lone, &[far, far], &VARIANCES);
     assert!((lone.log_weight - 2.0 * ln_on_the_gate()).abs() < 1e-12);
 }
 
 #[test]
 fn law_a_sure_feature_where_a_vague_one_was_is_a_match_and_outweighs_a_new_one() {
-    let sigmas = |factor: f64| VARIANCES.map(|v| Some(factor * v.sqrt()));
-    let feature =
-        |factor| Feature { polar: [3.0, 0.2, -0.1], points: 1, half_width_m: 0.0, known: None, sigmas: sigmas(factor) };
+    let of_noise = |factor: f64| {
+        let sigmas = VARIANCES.map(|v| Some(factor * v.sqrt()));
+        sighted(&[Feature { sigmas, ..feature([3.0, 0.2, -0.1]) }])
+    };
     let take = |particle: &mut Particle, factor: f64| {
-        let observations = sighted(&[feature(factor)]);
-        let seen = SweepObservations { observations: &observations, mounting: &mounting() };
+        let seen = SweepObservations { observations: &of_noise(factor), mounting: &mounting() };
         particle.update_pose(&seen, &mut Scratch::default());
         particle.update_map(&seen, &Visibility::blind(10.0), &mut Scratch::default());
     };
@@ -186,7 +187,7 @@ fn law_a_sure_feature_where_a_vague_one_was_is_a_match_and_outweighs_a_new_one()
     let weight = lone.log_weight;
     take(&mut lone, 1.0 / 6.0);
     assert_eq!(lone.associations, [Association::Matched(0)]);
-    let as_new = sighted(&[feature(1.0 / 6.0)])[0].ln_unmatched;
+    let as_new = of_noise(1.0 / 6.0)[0].ln_unmatched;
     assert!(lone.log_weight - weight > as_new, "{} {as_new}", lone.log_weight - weight);
 }
 
@@ -198,7 +199,7 @@ fn law_two_landmarks_of_like_likelihood_are_left_alone() {
         let (mean_m, covariance_m2) = view.locate(&[2.0, aside, 0.0], &VARIANCES);
         torn.landmarks.push(Landmark { mean_m, covariance_m2, existence: 1.0, known: None });
     }
-    let between = Feature { polar: [2.0, 0.001, 0.0], points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
+    let between = feature([2.0, 0.001, 0.0]);
     update_pose(&mut torn, &[between], &VARIANCES);
     assert_eq!(torn.associations, vec![Association::Ambiguous([1, 0])]);
     // Both were seen; the less likely one is believed in less.
@@ -213,13 +214,7 @@ fn law_two_landmarks_of_like_likelihood_are_left_alone() {
 #[test]
 fn law_a_number_that_is_seen_twice_at_first_sight_is_one_landmark() {
     let mut lone = Particle::default();
-    let twice = [3.0, 3.02].map(|range_m| Feature {
-        polar: [range_m, 0.1, 0.0],
-        points: 1,
-        half_width_m: 0.0,
-        known: Some(7),
-        sigmas: [None; 3],
-    });
+    let twice = [3.0, 3.02].map(|range_m| Feature { known: Some(7), ..feature([range_m, 0.1, 0.0]) });
     update_pose(&mut lone, &twice, &VARIANCES);
     let seen = SweepObservations { observations: &sighted(&twice), mounting: &mounting() };
     lone.update_map(&seen, &Visibility::blind(10.0), &mut Scratch::default());
@@ -247,7 +242,7 @@ fn looked_at(believed: &Particle, variances: &Vector<3>, draws: &mut dyn Iterato
             let [range_m, bearing_rad, elevation_rad] = at.polar;
             let polar =
                 [(range_m * (1.0 + 0.5 * off())).max(0.2), bearing_rad + 0.6 * off(), elevation_rad + 0.3 * off()];
-            let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
+            let feature = feature(polar);
             let mut candidate = Candidate::default();
             if believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate) {
                 let ring = believed.ring(&polar, &view, &noise);
@@ -326,7 +321,7 @@ fn law_a_landmark_that_the_range_rules_out_is_judged_too_far() {
             let prediction = view.predict(&believed.landmarks[index].mean_m).expect("in view");
             for off_m in draws.by_ref().take(20) {
                 let polar = [(prediction.polar[0] + 3.0 * off_m).max(0.2), prediction.polar[1], prediction.polar[2]];
-                let feature = Feature { polar, points: 9, half_width_m: 0.1, known: None, sigmas: [None; 3] };
+                let feature = feature(polar);
                 let mut candidate = Candidate::default();
                 assert!(believed.judge(index, &feature, &view, &noise, f64::INFINITY, &mut candidate));
                 let far = believed.ring(&polar, &view, &noise).rules_out(&believed.landmarks[index]);
