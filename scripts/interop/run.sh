@@ -18,12 +18,19 @@ trap 'rm -rf "$scratch"' EXIT
 "$python" "$here/../read_corpus.py" "$corpus" > /dev/null
 "$python" "$here/check_readme.py" "$here/../../README.md" "$here/../../docs/columns.md" "$corpus"
 
-"$marsyard" train "$corpus" --set epochs=1 --out "$scratch/run" > /dev/null
-"$marsyard" export "$scratch/run" --onnx "$scratch/model.onnx" --json "$scratch/model.json"
-"$python" "$here/../check_onnx.py" "$scratch/model.onnx" "$scratch/model.json" --tolerance 1e-6
-"$marsyard" train "$corpus" --set epochs=1 --set network.activation=both --set filter.kronecker.loss=squared --out "$scratch/squared" > /dev/null
-"$marsyard" export "$scratch/squared" --onnx "$scratch/squared.onnx" --json "$scratch/squared.json"
-"$python" "$here/../check_onnx.py" "$scratch/squared.onnx" "$scratch/squared.json" --tolerance 1e-6
+# A network of every form that a file may hold: the default, of both neurons by the squared error, one of rectified ones, on columns alone, and the Kalman filter's.
+exported() {
+  local name=$1
+  shift
+  "$marsyard" train "$corpus" "$@" --set epochs=1 --out "$scratch/$name" > /dev/null
+  "$marsyard" export "$scratch/$name" --onnx "$scratch/$name.onnx" --json "$scratch/$name.json"
+  "$python" "$here/../check_onnx.py" "$scratch/$name.onnx" "$scratch/$name.json" --tolerance 1e-6
+}
+exported run
+exported squared --set network.activation=both --set filter.kronecker.loss=squared
+exported rectified --set network.activation=relu --set network.members=1
+exported columns --set network.normal_scores=false
+exported kalman --config "$here/../../configs/train/ekf.yaml"
 "$python" "$here/check_clouds.py" "$marsyard" "$scratch/run/model.safetensors"
 "$python" "$here/../scale_out/check_kubernetes.py" "$marsyard"
 "$python" "$here/../store/check_store.py" "$stores"
