@@ -65,14 +65,14 @@ def side_by_side(lines, families):
     word = {"worst_family": "worst family" if families > 1 else "balanced accuracy", "mean_of_families": "mean of families"}
     head = ["balanced accuracy %"]
     for size in SIZES.values():
-        head += [f"{size}: {word[rate]}" for rate in rates] + [f"{size}: less the default network's"]
+        head += [told for rate in rates for told in (f"{size}: {word[rate]}", f"{size}: less the default network's")]
     rows = []
     for name in names:
         row = [name]
         for size in SIZES.values():
             line = by.get((name, size))
-            row += [ranged(line[rate]) if line else "-" for rate in rates]
-            row.append(signed(line["less_network"]["worst_family"]) if line and name != DEFAULT_NETWORK else "-")
+            for rate in rates:
+                row += [ranged(line[rate]) if line else "-", signed(line["less_network"][rate]) if line and name != DEFAULT_NETWORK else "-"]
         rows.append(row)
     return study.markdown(head, rows)
 

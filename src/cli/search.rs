@@ -45,7 +45,7 @@ pub(super) struct SearchArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
     /// Search all 33,824 networks of one to three hidden layers of up to 32 neurons (the paper's sweep), instead of a grid. At the
-    /// default rows and epochs some 4 CPU hours, 2 h on two free cores, with AVX-512; what it takes here is measured and said before
+    /// default rows and epochs some 3.5 CPU hours, 2 h on two free cores, with AVX-512; what it takes here is measured and said before
     /// the first network is trained.
     #[arg(long, conflicts_with_all = ["widths", "layers"])]
     full: bool,
