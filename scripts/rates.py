@@ -1,4 +1,4 @@
-"""What the trainer's normal scores, members and rate bring on the held-out families of configs/mixed.yaml, by size of the corpus.
+"""What the trainer's normal scores, members, rate and patience bring on the held-out families of configs/mixed.yaml, by size of the corpus.
 
 Usage:  cargo build --release
         python scripts/rates.py [--sizes 140,400,1200] [--seeds 1,2,3] [--quick]
@@ -24,6 +24,8 @@ WAYS = {
     "one member": ["network.members=1"],
     "three members": ["network.members=3"],
     "at the rate 0.02": ["filter.kronecker.rate=0.02"],
+    "patience of 3 looks": ["patience=3"],
+    "of 30": ["patience=30"],
 }
 
 
@@ -51,7 +53,7 @@ def main():
             facts[f"{size} scenes, {way}"] = {"train_cpu_s": seconds, "trainings": len(seeds), **judged.facts()}
             study.note(f"{size} scenes, {way}: judged")
     head = ["scenes", "trained", "CPU s, train", "mean of families", "worst family", "less all of it, mean", "less all of it, worst"]
-    text = f"""# Normal scores, members and rates
+    text = f"""# Normal scores, members, rates and patience
 
 `python scripts/rates.py`; {len(seeds)} trainings each. Balanced accuracy by cells on the held-out families of mixed.yaml, percent, with 95 % intervals over scenes
 and trainings; differences in points. CPU seconds of this machine, beside other work.

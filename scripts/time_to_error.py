@@ -21,7 +21,7 @@ trainer lowers by the squared error, and PyTorch's networks too. Networks have t
 - torch, fused Adam: constant rate; and one cycle (OneCycleLR), which knows its budget and is trained anew for each.
 - torch, second-order: Muon on the matrices with Adam on the rest; SOAP (written here from Vyas et al. 2024, no library has it); L-BFGS (strong Wolfe) and SSBroyden (dense, in f64,
   strong Wolfe; written here from Urbán, Stefanou & Pons 2025, which no library has) on 20,000 or 100,000 rows.
-- sklearn (batch 1000) and torch (Adam with one cycle, SOAP), less than 600 weights: a network of the same sizes on the same inputs.
+- sklearn (batches of 200 and 1000) and torch (Adam with one cycle, SOAP), less than 600 weights: a network of the same sizes on the same inputs.
 - torch, two of 64-64: of the default's size and form, by the squared error, neurons as the search finds: two networks that learn the same batches, each as if it were alone, on
   columns and normal scores; their mean is the output, of an average of the weights that forgets all but the last ninth of the steps. Adam (fused; constant rate or one cycle,
   which the search finds better), and SOAP.
@@ -32,8 +32,8 @@ trainer lowers by the squared error, and PyTorch's networks too. Networks have t
 
 What learns is in timed_engines.py, how in timed_learners.py, the page in timed_report.py. Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
 for longer budgets (--settings takes those of an earlier run, a quarter of the time saved).
---kept takes over what an earlier run measured on the same corpora; then two of 64-64 by the squared error learn each corpus once more for five seconds, which tells how fast the machine is beside then,
-and is looked at five times as often.
+--kept takes over the settings of an earlier run, and what it measured on the same rows; of corpora that are not among --corpora all of it. Where rows of a corpus were taken over and others are measured beside them, two of 64-64
+by the squared error learn once more for five seconds, which tells how fast the machine is beside then.
 The spread is the range over the seeds; a seed more may be of fewer budgets (--budgets), which the page says. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
 engine and seed, so that an interrupted run goes on.
 """
@@ -178,6 +178,14 @@ def begun_with(earlier, settings):
     return {"runs": {}, "settings": json.loads(settings.read_text())["settings"] if settings else {}}
 
 
+def forget(kept, name):
+    """What was measured of a corpus; not the settings that were found."""
+    for key in ("runs", "dates"):
+        kept[key] = {of: found for of, found in kept.get(key, {}).items() if of.split("/")[0] != name}
+    kept.get("again", {}).pop(name, None)
+    kept["judged_by"].pop(name)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--corpora", default="quickstart,paper,mixed")
@@ -185,7 +193,7 @@ def main():
     parser.add_argument("--budgets", default="1,2,5,10,30,100")
     parser.add_argument("--seeds", default="1,2")
     parser.add_argument("--settings", type=pathlib.Path, help="time_to_error.json of an earlier run, whose settings are taken instead of a search")
-    parser.add_argument("--kept", type=pathlib.Path, help="time_to_error.json of an earlier run on the same corpora: what it measured is not measured again, its settings are taken")
+    parser.add_argument("--kept", type=pathlib.Path, help="time_to_error.json of an earlier run: what it measured on the same rows is not measured again, its settings are taken")
     parser.add_argument("--jobs", default=1, type=int, help="engines that learn at the same time, each on one thread (default 1); what memory bounds then learns less in a CPU second")
     study.add_arguments(parser, "time_to_error")
     options = parser.parse_args()
@@ -211,18 +219,25 @@ def main():
         manifest = json.loads((place / "manifest.json").read_text())
         splits = drawn(place, name)
         judged_by = [manifest["corpus_id"], len(splits[2][1])]
+        of_earlier = earlier and earlier["judged_by"].get(name)
+        if of_earlier and of_earlier != judged_by and kept["judged_by"].get(name) == of_earlier:
+            forget(kept, name)
         if kept.setdefault("judged_by", {}).setdefault(name, judged_by) != judged_by:
             raise SystemExit(f"{options.kept or store} holds errors of {name}.yaml on other rows than these: give another --work, and no --kept")
         tasks = {form: Task(splits, COLUMNS[name], form == WITH_SCORES) for form in (STANDARDISED, WITH_SCORES)}
         task = tasks[STANDARDISED]
         about["corpora"][name] = {"rows": len(task.labels), "columns": task.x.shape[1], "corpus_id": manifest["corpus_id"], "scenes": int(len(np.unique(Cells(place, "train", COLUMNS[name][:1]).scenes))), "test_rows": len(splits[2][1])}
         measure_all(tasks, name, seeds, budgets, kept, store, options.jobs)
-        if earlier:
+        if of_earlier == judged_by:
             again, today = kept.setdefault("again", {}).setdefault(name, []), time.strftime("%Y-%m-%d")
             if not any(of["date"] == today for of in again):
                 looked = marsyard_looks(task, CALIBRATION_S, seeds[0], CALIBRATION_ROWS, SQUARED)
                 again.append({"seed": seeds[0], "date": today, "looks": looked})
                 store.write_text(json.dumps(kept))
+    if earlier:
+        # What was kept of others stands after what was measured.
+        about["corpora"] |= {name: {"command": earlier["about"]["command"]} | of for name, of in earlier["about"]["corpora"].items() if name not in corpora}
+        corpora = list(about["corpora"])
     text = markdown(about, kept, corpora, seeds)
     out = options.out
     (out / "time_to_error.json").write_text(json.dumps({"about": about, **kept}, indent=1) + "\n")

@@ -90,6 +90,7 @@ ENGINES = {
     "torch, Adam, one cycle": Engine(minibatches("Adam"), ONE_CYCLE_RATES, EITHER),
     "torch, SOAP": Engine(minibatches("SOAP"), RATES, EITHER),
     "torch, Muon": Engine(minibatches("Muon"), RATES, EITHER),
+    "sklearn, batch 200, less than 600 weights": Engine(mlp_classifier(200, less_than_600), RATES_OF_200, (WITH_SCORES,), hidden=less_than_600),
     "sklearn, batch 1000, less than 600 weights": Engine(mlp_classifier(1000, less_than_600), RATES_OF_1000, (WITH_SCORES,), hidden=less_than_600),
     "torch, Adam, one cycle, less than 600 weights": Engine(minibatches("Adam", hidden=less_than_600), ONE_CYCLE_RATES, (WITH_SCORES,), hidden=less_than_600),
     "torch, SOAP, less than 600 weights": Engine(minibatches("SOAP", hidden=less_than_600), RATES, (WITH_SCORES,), hidden=less_than_600),

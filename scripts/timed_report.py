@@ -16,7 +16,7 @@ import study
 from timed_engines import CLAIMED, ENGINES, MEMBERS, readable
 from timed_learners import best, thinned
 
-#: What --kept has learn once more, for how long, and rows from look to look: a fifth of those of its own row, whose looks lie half a second apart.
+#: What --kept has learn once more, for how long, and rows from look to look.
 CALIBRATED, CALIBRATION_S, CALIBRATION_ROWS = "marsyard, squared, two of 64-64", 5, 50_000
 
 
@@ -26,7 +26,7 @@ def markdown(about, kept, corpora, seeds):
             f"counted, is said at the head of the script. CPU seconds of this machine, beside other work.\n")
     for name in corpora:
         of = about["corpora"][name]
-        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['test_rows']:,} rows to judge, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}).{measured_when(kept, name, seeds)}{fewer_seeds(kept, name, seeds)}\n\n"
+        text += f"\n## {name}.yaml\n\n{of['rows']:,} rows of {of['scenes']} scenes to learn, {of['test_rows']:,} rows to judge, {of['columns']} columns (corpus_id {of['corpus_id'][:12]}{', kept of `' + of['command'] + '`' if 'command' in of else ''}).{measured_when(kept, name, seeds)}{fewer_seeds(kept, name, seeds)}\n\n"
         text += table(kept, name, seeds, of["columns"]) + "\n\n" + calibration(kept, name)
         for engine in CLAIMED:
             text += f"Less than {engine}, {ENGINES[engine].weights(of['columns'], None)} weights, err at equal CPU (percent by which its error is above theirs):\n\n{ahead_of(kept, name, seeds, engine)}\n\n"
@@ -106,7 +106,7 @@ def calibrated(kept, name, again):
     nearest = [(look, min(after_same_rows, key=lambda other: apart(look, other))) for look in former.values() if look]
     ratios = [other[0] / look[0] for look, other in nearest if apart(look, other) < 3e-3]
     errors = [best(thinned(again["looks"], int(budget)), int(budget)) for budget in former]
-    return (f"{CALIBRATED}, once more on {again['date']}, beside other work as the rows of that day, and looked at every {CALIBRATION_ROWS:,} rows in place of 250,000: "
+    return (f"{CALIBRATED}, once more on {again['date']}, beside other work as the rows of that day, and looked at every {CALIBRATION_ROWS:,} rows: "
             f"{', '.join(f'{1000 * look[2]:.2f}' for look in errors)} at {', '.join(former)} CPU s{f'; the same rows took {np.median(ratios):.2f} times the CPU seconds' if ratios else ''}.\n\n")
 
 

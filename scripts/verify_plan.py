@@ -13,6 +13,7 @@ Needs numpy and pyarrow.
 import argparse
 import json
 import platform
+import time
 
 import numpy as np
 
@@ -95,7 +96,7 @@ def verify(marsyard, name, options):
             yards = unseen.Yards(marsyard, name, reference["sets"], models[0]["about"]["features"], JUDGED_SCENES[name])
         accuracy = yards.accuracy(models)
         base = accuracy if base is None else base
-        row |= {"choice": title, "study_commit": study_commit(name), "accuracy": held_out.interval(accuracy), "judged_on": yards.scenes,
+        row |= {"choice": title, "date": time.strftime("%Y-%m-%d"), "study_commit": study_commit(name), "accuracy": held_out.interval(accuracy), "judged_on": yards.scenes,
                 "against_first": held_out.told_difference(accuracy, base) if title != "first" else None}
         if title != "more":
             row["forecast"] = {"accuracy": choice["balanced_accuracy"], "generate_cpu_s": choice["generate_s"] * options.threads,
@@ -136,6 +137,7 @@ def main():
     left_out = "".join(f"\n{name}.yaml was not built." for name in CONFIGS if name not in results)
     left_out += "".join(f"\nRows of {name}.yaml are of the study before the one that is stored now." for name, builds in results.items()
                         if builds[0].get("study_commit") != study_commit(name))
+    built = ", ".join(f"{name} {builds[0]['date']} by the study of commit {builds[0]['study_commit'][:9]}" for name, builds in results.items())
     text = f"""# What `plan --hours` recommends, built
 
 {marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: CPU seconds of all threads,
@@ -143,11 +145,13 @@ def main():
 trainings; differences in pairs. Forecasts are the plan's, in parentheses and beside.
 
 {table(results)}
-{left_out}
+
+Built: {built}.{left_out}
 
 ## For 1 and for 8 CPU hours
 
-What `plan CONFIG --hours H --cores {options.threads} --disk {DISK}` says of the shipped configs, H: the CPU hours over the cores.
+What `plan CONFIG --hours H --cores {options.threads} --disk {DISK}` says of the shipped configs now, H: the CPU hours over the cores. It measures anew what scenes and rows take, so
+that sizes differ by some percent from those above.
 
 {recommended}
 """

@@ -24,17 +24,19 @@ use super::progress::{counted, human, si};
 use super::signals::stop_on_signals;
 use super::{ConfigArgs, Failure, LogFormat};
 use crate::build::KEEP_FREE_BYTES;
+use crate::config;
+use crate::config::fidelity::{SUB_RAYS, Setting};
 use crate::corpus::Table;
 use crate::cpu;
 use crate::measure::estimate::{self, Estimate, EstimateError, Options};
-use crate::plan::Plan;
+use crate::plan::{Fidelity, Plan};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
     #[command(flatten)]
     config: ConfigArgs,
     /// Scenes to build (and throw away) for the estimate; default: as many as make it good to some 3 %; 0 = check only.
-    #[arg(long, conflicts_with = "hours")]
+    #[arg(long)]
     sample: Option<u64>,
     /// Seconds to measure for: half for the whole build, half for its parts. Where a scene of each family, with each part and without it, takes
     /// longer, up to 30; a scene in hand is finished.
@@ -46,9 +48,9 @@ pub(super) struct PlanArgs {
     /// Where the build will write: what storage takes there is measured (by a shard that goes away again).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Threads that the build will have. Measured is on no more than this machine has cores; what is beyond is told as such.
-    #[arg(long, default_value_t = default_threads(), value_parser = parse_threads, conflicts_with = "hours")]
-    threads: usize,
+    /// Threads that the build will have; default: as many as this machine has cores. Measured is on no more than those; what is beyond is told as such.
+    #[arg(long, value_parser = parse_threads)]
+    threads: Option<usize>,
     #[command(flatten)]
     budget: budget_args::BudgetArgs,
     /// One JSON object on stdout instead of text.
@@ -61,18 +63,41 @@ impl PlanArgs {
     fn place(&self, plan: &Plan) -> PathBuf {
         self.out.clone().unwrap_or_else(|| default_out(plan))
     }
+
+    fn threads(&self) -> usize {
+        self.threads.unwrap_or_else(default_threads)
+    }
+
+    /// With hours, what measures a whole build has no say.
+    fn check_of_budget(&self) -> Result<(), Failure> {
+        let cure_of = |option| match option {
+            "--threads" => "--cores says how many cores the build will have",
+            "--no-parts" => "with --hours no part is priced in any case",
+            _ => "with --hours scenes are made until rows, bytes and time are known; --limit gives that longer",
+        };
+        let given =
+            [("--threads", self.threads.is_some()), ("--sample", self.sample.is_some()), ("--no-parts", self.no_parts)];
+        match given.into_iter().find(|(_, is_given)| *is_given) {
+            None => Ok(()),
+            Some((option, _)) => {
+                let help = cure_of(option);
+                Err(Failure::usage(miette::miette!(help = help, "{option} is of a plan without --hours")))
+            }
+        }
+    }
 }
 
 pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
     let plan = args.config.load()?;
     let stop = stop_on_signals()?;
     if let Some(hours) = args.budget.hours {
+        args.check_of_budget()?;
         return budget::run(args, &plan, hours, log, &stop);
     }
     args.budget.check_unused()?;
     let half = Duration::from_secs_f64(0.5 * args.limit);
     let options = Options {
-        threads: args.threads.min(default_threads()),
+        threads: args.threads().min(default_threads()),
         scenes: args.sample,
         limit: half,
         parts_limit: if args.no_parts { Duration::ZERO } else { half },
@@ -87,9 +112,9 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
         warnings.extend(machine_warnings(estimate, &plan, args));
     }
     if args.json {
-        outln!("{:#}", as_json(&plan, estimate.as_ref(), &warnings));
+        outln!("{:#}", as_json(&plan, estimate.as_ref(), &own_choices(args, &plan), &warnings));
     } else {
-        tell(&plan, estimate.as_ref(), &warnings);
+        tell(&plan, estimate.as_ref(), !args.no_parts, &own_choices(args, &plan), &warnings);
         outln!(
             "\nwhat such scenes teach a classifier, and from how many on more teach nothing: marsyard plan {}{}{} --hours 8",
             args.config.config.display(),
@@ -98,6 +123,17 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
         );
     }
     Ok(())
+}
+
+/// Of the keys that the config's `fidelity` sets, with their values, those that the config names otherwise itself.
+fn own_choices(args: &PlanArgs, plan: &Plan) -> Vec<Setting> {
+    let settings = plan.fidelity.map_or(&[][..], Fidelity::settings);
+    let own = |(key, value): &&Setting| {
+        let with_words = [args.config.sets.as_slice(), &[format!("{key}={value}")]].concat();
+        let is_changed = |made: Plan| made.scene_plan_hash() != plan.scene_plan_hash();
+        *key != SUB_RAYS && config::load(&args.config.config, &with_words).is_ok_and(is_changed)
+    };
+    settings.iter().filter(own).copied().collect()
 }
 
 /// A plan takes no longer, whatever it is asked, unless it is given longer, or a number of scenes.
@@ -109,7 +145,8 @@ const GRACE: Duration = Duration::from_secs(3);
 fn most(args: &PlanArgs) -> Duration {
     match args.sample {
         Some(_) => Duration::MAX,
-        None => MOST.max(Duration::from_secs_f64(args.limit)),
+        // Half of the limit is for the whole build and half for its parts; writing a shard comes between.
+        None => MOST.max(Duration::from_secs_f64(1.5 * args.limit)),
     }
 }
 
@@ -154,7 +191,7 @@ fn machine_warnings(estimate: &Estimate, plan: &Plan, args: &PlanArgs) -> Vec<St
             si(free_bytes as f64)
         ));
     }
-    let threads = args.threads;
+    let threads = args.threads();
     if threads > estimate.threads {
         warnings.push(format!(
             "{} are asked for and this machine has {}: what is told is measured on those, and more threads make it no faster here; on {threads} \

@@ -16,8 +16,8 @@ use crate::statistics::Interval;
 use crate::train::{TrainParams, as_noted_now};
 
 /// Version of the file's format.
-const FORMAT: u32 = 3;
-/// The oldest that is read: its settings do not say what they gain.
+const FORMAT: u32 = 4;
+/// The oldest that is read: its settings do not say what they gain; those of format 3 not what they gain of few scenes.
 const OLDEST: u32 = 2;
 
 /// The file `study.json`.
@@ -65,8 +65,19 @@ pub(crate) struct StudySetting {
     /// By how much, as a share; `None` where nothing is told, and in files of format 2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain: Option<Interval>,
+    /// What is told of the sizes at which all settings are compared, where it was followed to more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub of_few_scenes: Option<OfFewScenes>,
     /// Ascending in scenes: those at which all settings are compared, and of some more.
     pub sizes: Vec<StudySize>,
+}
+
+/// Against the reference at the largest equal CPU of the sizes at which all settings are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct OfFewScenes {
+    pub told: Told,
+    pub gain: Interval,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -86,6 +97,12 @@ pub(crate) struct StudySize {
 }
 
 impl StudySetting {
+    /// Rows of a scene over those of the same scenes at another setting, by the most scenes that both were measured at.
+    pub(crate) fn rows_beside(&self, other: &StudySetting) -> f64 {
+        let common = self.sizes.iter().zip(&other.sizes).rfind(|(own, of_other)| own.scenes == of_other.scenes);
+        common.map_or(1.0, |(own, of_other)| own.train_rows / of_other.train_rows)
+    }
+
     /// The most scenes that it was measured at. A study that was read or made has sizes at every setting.
     pub(crate) fn largest(&self) -> &StudySize {
         &self.sizes[self.sizes.len() - 1]
@@ -124,8 +141,10 @@ impl Study {
                 by_seed: size.by_seed.clone(),
             });
             let gain = row.last_gain().map(|gain| gain.balanced_accuracy);
+            let of_few = worth.gain.as_ref().filter(|_| worth.farther_gain.is_some());
+            let of_few_scenes = of_few.map(|gain| OfFewScenes { told: gain.told, gain: gain.balanced_accuracy });
             let (name, sets) = (row.label(), row.sets.clone());
-            Some(StudySetting { name, sets, told: row.told(), gain, sizes: sizes.collect() })
+            Some(StudySetting { name, sets, told: row.told(), gain, of_few_scenes, sizes: sizes.collect() })
         });
         let settings: Vec<StudySetting> = settings.collect();
         (!settings.is_empty()).then(|| Study {
@@ -143,6 +162,16 @@ impl Study {
             settings,
             written: None,
         })
+    }
+
+    /// What it tells of as few scenes as all settings are compared at: there a cheaper scene may be worth more than it is where there are many.
+    pub(crate) fn of_few_scenes(mut self) -> Study {
+        for setting in &mut self.settings {
+            if let Some(of_few) = setting.of_few_scenes {
+                (setting.told, setting.gain) = (Some(of_few.told), Some(of_few.gain));
+            }
+        }
+        self
     }
 
     /// Whether its networks were trained as `train` does it by default now, on the columns that it takes of such a plan's cells; what an

@@ -20,6 +20,9 @@ use crate::random::{Stage, Streams};
 /// pass of its own.
 const PORTIONS_A_TRAINING_ERROR: usize = 8;
 
+/// Of the rows between two looks, the share (one over this) that a training error is of at least.
+const FEWEST_OF_A_TRAINING_ERROR: u64 = 10;
+
 /// Rows of a portion that a thread takes at a time.
 const ROWS_A_TASK: usize = 128;
 
@@ -163,10 +166,13 @@ impl Learner {
     /// far, which is then kept.
     pub(super) fn look(&mut self, epoch: u32, validation_error: f64) -> (Look, bool) {
         let finite = |error: f64| error.is_finite().then_some(error);
+        // The last look of a course that ends between two may come after a handful of rows, whose mean says nothing.
+        let since_look = self.learnt.rows - self.learnt.stopping.last.map_or(0, |last| last.rows);
+        let tells_train_error = since_look >= self.validate_every / FEWEST_OF_A_TRAINING_ERROR;
         let look = Look {
             rows: self.learnt.rows,
             epoch: epoch + u32::from(self.learnt.rows > 0),
-            train_error: finite(ErrorSum::from(self.learnt.train_sum).mean()),
+            train_error: finite(ErrorSum::from(self.learnt.train_sum).mean()).filter(|_| tells_train_error),
             validation_error: finite(validation_error),
         };
         self.learnt.train_sum = ErrorSum::default().into();

@@ -18,7 +18,8 @@ pub struct Look {
     pub rows: u64,
     /// Epochs begun before it.
     pub epoch: u32,
-    /// Weighted mean squared error of the rows since the last look, each judged before it was learnt; `None` at the first.
+    /// Weighted mean squared error of the rows since the last look, each judged before it was learnt; `None` at the first, and where fewer than a
+    /// tenth as many were learnt as lie between two looks.
     pub train_error: Option<f64>,
     /// Weighted mean squared error over the validation split; `None` where it is not finite.
     pub validation_error: Option<f64>,

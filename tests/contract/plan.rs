@@ -136,3 +136,21 @@ fn equal_plan_and_inspect_show_the_same_views_and_say_where_one_bearing_rules() 
         }
     }
 }
+
+#[test]
+fn law_what_the_config_names_in_place_of_its_fidelity_is_told_with_the_key_that_takes_the_words() {
+    let of = |config: &str, sets: &[&str]| {
+        let config = shipped(config);
+        let sets = sets.iter().flat_map(|set| ["--set", *set]);
+        let output = Yard::new().marsyard(["plan", config.as_str(), "--sample", "0"].into_iter().chain(sets));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    // paper.yaml names the keys itself, so that the word changes nothing of it.
+    let paper = of("configs/paper.yaml", &["fidelity=draft"]);
+    for own in ["drive.contact", "slam"] {
+        assert!(paper.contains(&format!("  but the config names {own} itself, which wins: --set '{own}=")), "{paper}");
+    }
+    let with_words = of("configs/paper.yaml", &["fidelity=draft", "slam={surrogate: {}}", "drive.contact=plane_fit"]);
+    assert!(with_words.contains("fidelity draft: ") && !with_words.contains("but the config names"), "{with_words}");
+}

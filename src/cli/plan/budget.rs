@@ -18,8 +18,8 @@ use crate::cli::progress::si;
 use crate::cli::{Failure, LogFormat, config_failure};
 use crate::config;
 use crate::corpus::advice::{self, Content};
-use crate::measure::budget::{Budget, Choice, DISK_MARGIN, Here, choices};
-use crate::measure::estimate::{self, Estimate, Options};
+use crate::measure::budget::{Budget, Choice, DISK_MARGIN, Here, choices, pays_few_scenes};
+use crate::measure::estimate::{self, Estimate, Options, RowCost};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::report::Told;
 use crate::plan::Plan;
@@ -40,7 +40,7 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     if let Some(path) = &asked.write {
         check_new(path, plan)?;
     }
-    let (study_file, study) = study::of(args, plan, log, stop)?;
+    let (study_file, mut study) = study::of(args, plan, log, stop)?;
     let cores = asked.cores.unwrap_or_else(default_threads);
     let disk_bytes = asked.disk.or_else(|| super::free_bytes(&args.place(plan)).map(|bytes| bytes as f64));
     let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes, rows: asked.rows };
@@ -48,8 +48,11 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let begun = Instant::now();
     let left = || super::most(args).saturating_sub(begun.elapsed());
     let measured = |setting: &StudySetting, sets: &[String]| measure(args, setting, sets, cores, left(), stop);
+    let mut base = measured(&study.settings[0], &[])?;
+    if pays_few_scenes(&study, &budget, base.here) {
+        study = study.of_few_scenes();
+    }
     let reference = &study.settings[0];
-    let mut base = measured(reference, &[])?;
     let first = choices(&study, &budget, |_| base.here, 1).into_iter().next();
     let first = first.ok_or_else(|| too_little(args, &budget, &base.here))?;
     let own = u64::from(plan.scenes_per_shard);
@@ -66,7 +69,11 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let base_here = base.here;
     let mut known = BTreeMap::from([(reference.name.as_str(), base)]);
     let all = loop {
-        let here = |setting: &StudySetting| known.get(setting.name.as_str()).map_or(base_here, |known| known.here);
+        let row_cost = RowCost::median(known.values().map(|known| known.here.row_cost));
+        let here = |setting: &StudySetting| {
+            let own = known.get(setting.name.as_str()).map_or(base_here, |known| known.here);
+            of_common_rows(own, base_here.rows_per_scene * setting.rows_beside(reference), row_cost)
+        };
         let mut all = choices(&study, &budget, here, per_shard);
         all.retain(|choice| choice.scenes >= LEAST_SHARDS);
         let told = all.iter().take(TOLD).map(|choice| choice.setting);
@@ -146,6 +153,13 @@ fn measure(
     };
     let estimate = super::measured(&plan, &options)?;
     Ok(Made { here: here(&estimate, plan.scenes as f64, setting), contents: estimate.contents })
+}
+
+/// With rows as the reference's sample has them, for each setting's sample is of other scenes; the study had the same scenes of both. What a row takes in
+/// training is one figure for all settings, whose columns are the same.
+fn of_common_rows(own: Here, rows_per_scene: f64, row_cost: RowCost) -> Here {
+    let bytes_per_row = own.bytes_per_scene / own.rows_per_scene.max(1e-3);
+    Here { bytes_per_scene: bytes_per_row * rows_per_scene, rows_per_scene, row_cost, ..own }
 }
 
 fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {

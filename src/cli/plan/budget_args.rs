@@ -13,28 +13,28 @@ pub(super) struct BudgetArgs {
     #[arg(long, value_parser = parse_hours)]
     pub hours: Option<f64>,
     /// Cores that the build will have; default: those of this machine.
-    #[arg(long, requires = "hours", value_parser = parse_threads)]
+    #[arg(long, value_parser = parse_threads)]
     pub cores: Option<usize>,
     /// Disk that the corpus may take, such as 200GB or 1.5TiB; default: what is free where it goes.
-    #[arg(long, requires = "hours", value_name = "BYTES", value_parser = parse_bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = parse_bytes)]
     pub disk: Option<f64>,
     /// Rows that the corpus may have, all splits together, such as 5e6; default: as many as there is time and room for.
-    #[arg(long, requires = "hours", value_parser = parse_rows)]
+    #[arg(long, value_parser = parse_rows)]
     pub rows: Option<f64>,
     /// The study.json that `marsyard tradeoff` wrote; default: tradeoffs/<name>/study.json, else studies/<name>.json beside the config.
-    #[arg(long, requires = "hours", value_name = "FILE")]
+    #[arg(long, value_name = "FILE")]
     pub study: Option<PathBuf>,
     /// Where there is no study of the config as it stands, make one first, in about so many minutes on all cores: --study-minutes 10. The least,
     /// of 12 scenes, is made whole. It lies in tradeoffs/<name>, and replaces one of another state there.
-    #[arg(long, requires = "hours", value_name = "MINUTES", conflicts_with = "study", value_parser = parse_positive)]
+    #[arg(long, value_name = "MINUTES", conflicts_with = "study", value_parser = parse_positive)]
     pub study_minutes: Option<f64>,
     /// Write the choice as a config; its name is the file's.
-    #[arg(long, requires = "hours", value_name = "FILE")]
+    #[arg(long, value_name = "FILE")]
     pub write: Option<PathBuf>,
 }
 
 impl BudgetArgs {
-    /// Without hours no option of a budget does anything. The parser's `requires` is silent beside an option that excludes hours.
+    /// Without hours no option of a budget does anything.
     pub(super) fn check_unused(&self) -> Result<(), Failure> {
         let given = [
             ("--cores", self.cores.is_some()),
@@ -47,8 +47,7 @@ impl BudgetArgs {
         match given.iter().find(|(_, is_given)| *is_given) {
             None => Ok(()),
             Some((option, _)) => {
-                let help =
-                    "give --hours, without --threads and --sample: --cores says how many cores the build will have";
+                let help = "give --hours: how long generating and training may take together";
                 Err(Failure::usage(miette::miette!(help = help, "{option} is of a budget, and none is given")))
             }
         }

@@ -10,6 +10,7 @@ use super::words::{absent, parts};
 use super::{machine, machine_json};
 use crate::cli::output::{out, outln};
 use crate::cli::progress::{counted, human, si};
+use crate::config::fidelity::Setting;
 use crate::corpus::Split;
 use crate::corpus::advice::{Views, cut_short_of};
 use crate::measure::estimate::{self, Estimate, FamilyCost, Figure};
@@ -18,7 +19,14 @@ use crate::plan::Plan;
 /// Beyond so many times the CPU time over the threads, other work is taken to hold a build up.
 const BUSY: f64 = 1.3;
 
-pub(super) fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) {
+/// `own_choices`: what the config names in place of what its `fidelity` would set.
+pub(super) fn tell(
+    plan: &Plan,
+    estimate: Option<&Estimate>,
+    asks_parts: bool,
+    own_choices: &[Setting],
+    warnings: &[String],
+) {
     outln!(
         "{}: {} scenes in {} shards of {}, seed {}",
         plan.name,
@@ -32,7 +40,10 @@ pub(super) fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]
     warnings.iter().for_each(|warning| outln!("warning: {warning}"));
     if let Some(fidelity) = plan.fidelity {
         let sets: Vec<String> = fidelity.settings().iter().map(|(key, value)| format!("{key}: {value}")).collect();
-        outln!("fidelity {}: {}; what the config names itself wins", fidelity.name(), sets.join(", "));
+        outln!("fidelity {}: {}", fidelity.name(), sets.join(", "));
+        for (key, value) in own_choices {
+            outln!("  but the config names {key} itself, which wins: --set '{key}={value}' takes that of the word");
+        }
     }
     let of_families: Vec<_> = (0..plan.families.len()).map(|family| parts(plan, family)).collect();
     let common = common(&of_families);
@@ -45,8 +56,9 @@ pub(super) fn tell(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]
         outln!("\nfamily {} ({:.1} % of the scenes{held})", family.name, 100.0 * plan.expected_share(k));
         let own: Vec<_> = of_families[k].iter().filter(|line| !common.contains(line)).cloned().collect();
         tell_lines(&own);
-        if let Some(cost) = estimate.map(|estimate| &estimate.families[k]) {
-            tell_parts(cost);
+        match estimate.map(|estimate| &estimate.families[k]) {
+            Some(cost) if asks_parts => tell_parts(cost),
+            _ => {}
         }
     }
     outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
@@ -81,7 +93,10 @@ fn tell_lines(lines: &[Line]) {
 }
 
 fn tell_parts(cost: &FamilyCost) {
-    let Some(scene_s) = cost.scene_s else { return };
+    let Some(scene_s) = cost.scene_s else {
+        outln!("  what each part costs was not reached in the time: raise --limit");
+        return;
+    };
     outln!("  what each part costs: CPU ms a scene, less those of the same scenes without it, \u{b1} a standard error");
     outln!("    {:<14} {:>9.2}", "one attempt", 1e3 * scene_s);
     let (told, lost): (Vec<_>, Vec<_>) = cost.parts.iter().copied().partition(|(_, price)| price.is_told_apart());
@@ -172,7 +187,12 @@ fn error(figure: &Figure) -> String {
     }
 }
 
-pub(super) fn as_json(plan: &Plan, estimate: Option<&Estimate>, warnings: &[String]) -> serde_json::Value {
+pub(super) fn as_json(
+    plan: &Plan,
+    estimate: Option<&Estimate>,
+    own_choices: &[Setting],
+    warnings: &[String],
+) -> serde_json::Value {
     let families = plan.families.iter().enumerate().map(|(k, family)| {
         let words: serde_json::Map<_, _> = parts(plan, k).into_iter().map(|(k, v)| (k.into(), v.into())).collect();
         let cost = estimate.map(|estimate| &estimate.families[k]);
@@ -194,7 +214,8 @@ pub(super) fn as_json(plan: &Plan, estimate: Option<&Estimate>, warnings: &[Stri
     let families: Vec<_> = families.collect();
     json!({
         "name": plan.name, "seed": plan.seed, "scenes": plan.scenes, "shards": plan.shards(),
-        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity, "warnings": warnings,
+        "scene_plan_hash": plan.scene_plan_hash(), "fidelity": plan.fidelity,
+        "own_choices": own_choices.iter().map(|(key, _)| key).collect::<Vec<_>>(), "warnings": warnings,
         "families": families, "absent": absent(plan), "estimate": estimate.map(estimate_json),
     })
 }

@@ -19,6 +19,7 @@ use self::passes::Passes;
 use self::ranking::{Candidate, Written, ranked};
 use super::estimate::RowCost;
 use super::study::{Study, StudySetting, StudySize};
+use super::tradeoff::report::Told;
 use super::tradeoff::sizes::SIZES;
 use crate::statistics::Moments;
 
@@ -133,6 +134,15 @@ pub(crate) fn choices<'s>(
         in_order.extend(others);
     }
     in_order.into_iter().map(|candidate| candidate.choice).collect()
+}
+
+/// Whether the budget pays the config as written no more scenes than all settings are compared at.
+pub(crate) fn pays_few_scenes(study: &Study, budget: &Budget, here: Here) -> bool {
+    let written = study.as_written();
+    let setting = if written.told == Some(Told::Worse) { &study.settings[0] } else { written };
+    let compared = setting.sizes[compared_sizes(study) - 1].scenes as f64;
+    let of_written = choices(study, budget, |_| here, 1).into_iter().find(|choice| choice.setting == setting);
+    of_written.is_none_or(|choice| STUDY_SCENES * choice.most_scenes as f64 <= compared)
 }
 
 /// At how many sizes settings are compared; those that were followed to more scenes have more.

@@ -3,8 +3,9 @@
 //! By what is told of them at equal CPU; where disk or rows bind, which know no CPU, only if they also take no longer than the config
 //! as written and are expected to be no worse. Where settings were followed to more scenes, what is told better of the others was not put to that
 //! test and ranks nothing. The config as written comes before the rest; the reference, where that is told to be worse. Among the rest the cheapest scenes come first, of settings that lose no more than a
-//! tenth of a point at equal CPU, and half a one at the lower end of the interval: where a curve is flat they are there soonest. What curves promise would put the luckiest
-//! first. Then, where disk or rows bind, and among what is told better, what is expected no farther than twice the largest size that
+//! tenth of a point at equal CPU, and half a one at the lower end of the interval: where a curve is flat they are there soonest. Where disk or rows
+//! bind, no more than a tenth of a point less is to be expected of them, too. What curves promise would put the luckiest
+//! first. Then, and among what is told better, what is expected no farther than twice the largest size that
 //! all have decides. Left out: what is told to be worse.
 
 use super::curve::Curve;
@@ -25,11 +26,14 @@ pub(super) struct Candidate<'s> {
 }
 
 impl Candidate<'_> {
-    /// CPU time of a scene, as the study has it, where the setting loses little and CPU time is what binds.
-    fn cheap_s(&self) -> Option<f64> {
+    /// CPU time of a scene, as the study has it, where the setting loses little at equal CPU time, and where disk or rows bind, so that a cheaper
+    /// scene is not another one more, of as many scenes as well.
+    fn cheap_s(&self, written: Written) -> Option<f64> {
         let setting = self.choice.setting;
+        let of_written = written.brings.map_or(f64::NEG_INFINITY, |(of_written, _)| of_written);
         let loses_little = setting.gain.is_some_and(|gain| gain.mean >= -FLAT_TWICE.1 && gain.lower() >= -FLAT);
-        (loses_little && !is_capped(&self.choice)).then(|| setting.scene_cpu_s())
+        let is_as_good = !is_capped(&self.choice) || self.ranked_by >= of_written - FLAT_TWICE.1;
+        (loses_little && is_as_good).then(|| setting.scene_cpu_s())
     }
 
     /// As many scenes as the time of another choice pays; as it was where that pays none.
@@ -89,7 +93,8 @@ pub(super) fn ranked<'s>(
         _ => u8::from(candidate.choice.setting == written.setting),
     };
     candidates.retain(|candidate| candidate.choice.setting.told != Some(Told::Worse));
-    let cost = |candidate: &Candidate| candidate.cheap_s().filter(|_| rank(candidate) == 0).unwrap_or(f64::INFINITY);
+    let cost =
+        |candidate: &Candidate| candidate.cheap_s(written).filter(|_| rank(candidate) == 0).unwrap_or(f64::INFINITY);
     candidates.sort_by(|a, b| {
         let by_rank = rank(b).cmp(&rank(a));
         by_rank.then(cost(a).total_cmp(&cost(b))).then(b.ranked_by.total_cmp(&a.ranked_by))

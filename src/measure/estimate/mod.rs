@@ -48,7 +48,7 @@ pub(crate) struct Options<'a> {
     pub scenes: Option<u64>,
     /// No new scene is begun after this.
     pub limit: Duration,
-    /// No new scene is begun for the parts after this much more; zero leaves them out.
+    /// No new scene is begun for the parts after this much more, but the first two of each family; zero leaves them out.
     pub parts_limit: Duration,
     /// Nothing at all is begun after this, counted from the start: not even the first scene of a family, nor a scene without the next part.
     pub most: Duration,

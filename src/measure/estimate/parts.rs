@@ -22,6 +22,8 @@ use crate::plan::Plan;
 const ENOUGH: f64 = 0.003;
 /// Repeats before a standard error means anything.
 const FIRST: usize = 4;
+/// Repeats that are begun though the limit is over: one alone has no error.
+const LEAST: usize = 2;
 /// Among the variants of a family: the plan at one attempt. Part k is variant k + 1.
 const ONE_ATTEMPT: usize = 0;
 
@@ -118,14 +120,14 @@ impl Schedule for Pricing<'_> {
     type Task = Repeat;
     type Output = Option<(usize, Vec<f64>)>;
 
-    /// The family that has had the fewest scenes; each has one at least.
+    /// The family that has had the fewest scenes; each has two at least.
     fn next(&mut self) -> Option<Repeat> {
         if self.clock.is_over() {
             return None;
         }
         let is_late = self.started.elapsed() > self.clock.options.parts_limit;
         let families = self.families.iter_mut().enumerate();
-        let open = families.filter(|(_, times)| !times.is_known() && (!is_late || times.begun == 0));
+        let open = families.filter(|(_, times)| !times.is_known() && (!is_late || times.begun < LEAST));
         let (family, times) = open.min_by_key(|(_, times)| times.begun)?;
         times.begun += 1;
         Some(Repeat { family, scene: times.order[times.begun - 1], number: times.begun })
@@ -160,8 +162,8 @@ pub(super) fn prices(whole: &Prepared, sample: &Sample, clock: &Clock) -> Result
     let mut pricing = Pricing { families, clock, started };
     let one_scene = |repeat: Repeat, (scratch, is_warm): &mut (Scratch, bool)| {
         let Repeat { family, scene, number } = repeat;
-        // Tasks wait for a thread: by now the time may be over, and a family's first scene is measured all the same.
-        if clock.is_over() || number > 1 && started.elapsed() > options.parts_limit {
+        // Tasks wait for a thread: by now the time may be over, and a family's first scenes are measured all the same.
+        if clock.is_over() || number > LEAST && started.elapsed() > options.parts_limit {
             return None;
         }
         if !std::mem::replace(is_warm, true) {

@@ -17,6 +17,7 @@ use crate::corpus::cells::{CellBatch, LABEL, POINTS};
 use crate::corpus::{CorpusError, CorpusSpec, FinishedShard, Table};
 use crate::measure::clock::{LearningTime, thread_cpu_s};
 use crate::random::{Stage, Streams};
+use crate::statistics::median;
 use crate::train::feature_choice::taken;
 use crate::train::memory::{self, Course, Held};
 use crate::train::rows::{Rows, Wanted};
@@ -41,6 +42,23 @@ pub(crate) struct RowCost {
     pub judging_s: f64,
     /// In f32.
     pub judging_f32_s: f64,
+}
+
+impl RowCost {
+    /// Of several samples, each figure by itself; nothing of none.
+    pub(crate) fn median(of: impl Iterator<Item = RowCost>) -> RowCost {
+        let of: Vec<RowCost> = of.collect();
+        let of_figure = |figure: fn(&RowCost) -> Option<f64>| {
+            let found: Vec<f64> = of.iter().filter_map(figure).collect();
+            median(&found)
+        };
+        RowCost {
+            reading_s: of_figure(|cost| Some(cost.reading_s)).unwrap_or_default(),
+            learning_s: of_figure(|cost| cost.learning_s),
+            judging_s: of_figure(|cost| Some(cost.judging_s)).unwrap_or_default(),
+            judging_f32_s: of_figure(|cost| Some(cost.judging_f32_s)).unwrap_or_default(),
+        }
+    }
 }
 
 /// Of the default training's features and network; `None` where there are no cells, or none that can be learnt.

@@ -19,7 +19,14 @@ pub(crate) fn setting(name: &str, told: Option<Told>, error: (f64, f64), seconds
         }
     };
     let sets = vec![format!("slam={name}")];
-    StudySetting { name: name.into(), sets, told, gain: None, sizes: [16, 32, 64, 128].map(size).into() }
+    StudySetting {
+        name: name.into(),
+        sets,
+        told,
+        gain: None,
+        of_few_scenes: None,
+        sizes: [16, 32, 64, 128].map(size).into(),
+    }
 }
 
 pub(crate) fn study(settings: Vec<StudySetting>) -> Study {

@@ -163,3 +163,14 @@ fn exact_looks_count_epochs_from_one_and_what_was_before_the_first_row_as_none()
     let expected = [(0, 0), (450, 1), (900, 1), (1350, 2), (1800, 2), (2250, 3), (2700, 3)];
     assert!(epochs.len() > 3 && epochs[..] == expected[..epochs.len()], "{epochs:?}");
 }
+
+#[test]
+fn exact_a_handful_of_rows_behind_the_last_look_tells_no_training_error() {
+    let params = params();
+    let held = held(&params);
+    for (rows, is_told) in [(450 + 44, false), (450 + 45, true)] {
+        let trained = whole(&params, &held, Course { rows, validate_every: 450 });
+        let told: Vec<(u64, bool)> = trained.looks.iter().map(|look| (look.rows, look.train_error.is_some())).collect();
+        assert_eq!(told, [(0, false), (450, true), (rows, is_told)]);
+    }
+}
