@@ -53,7 +53,7 @@ class Learners:
         if self.test is None:
             self.columns = model["about"]["features"]
             self.test = held_out.read(self.place, self.columns)
-        facts = {"train_cpu_s": seconds, "rows_learnt": training["rows_learnt"], "best_rows": training["best"]["rows"]}
+        facts = {"train_cpu_s": seconds, "rows_to_learn": training["train_rows"], "rows_learnt": training["rows_learnt"], "best_rows": training["best"]["rows"]}
         return facts, held_out.counts(self.test, outputs(model, self.test))
 
     def trees(self, corpus, seed):
@@ -74,6 +74,22 @@ def row(first, of, judged):
 def kinds_of_error(judged):
     rows = [[family, f"{100 * of['missed_untraversable']:.1f}", f"{100 * of['false_untraversable']:.1f}"] for family, of in judged.facts().items()]
     return study.markdown(["family", "missed %", "false %"], rows)
+
+
+def scaling(networks, generate_s):
+    """What a row takes by the size of the corpus, and what 10^9 rows would by the largest: CPU = passes x rows x microseconds."""
+    mean = lambda of, key: np.mean([facts[key] for facts in of["facts"]])
+    rows = []
+    for of in networks:
+        to_learn, learnt, seconds = mean(of, "rows_to_learn"), mean(of, "rows_learnt"), mean(of, "train_cpu_s")
+        rows.append([of["size"], f"{to_learn / 1e6:.2f}", f"{learnt / to_learn:.2f}", f"{1e6 * seconds / learnt:.2f}"])
+    passes, a_row_s = learnt / to_learn, seconds / learnt
+    scenes = 1e9 * of["size"] / to_learn
+    return "\n\n".join([
+        "## How it scales",
+        study.markdown(["scenes", "rows to learn, millions", "passes", "CPU us a row learnt, all of a training"], rows),
+        f"By the last row 10^9 rows, of {scenes:,.0f} scenes that take {scenes * generate_s[str(of['size'])] / of['size'] / 3600:.1f} CPU hours to generate, are learnt in {1e9 * a_row_s / 3600:.2f} CPU hours a pass, "
+        f"{passes:.2f} of which is {1e9 * passes * a_row_s / 3600:.2f}: extrapolated, to {1e9 / to_learn:.0f} times what was run."])
 
 
 def main():
@@ -133,7 +149,8 @@ def main():
         "## What each step brings the network, points",
         study.markdown(["", "worst family", "mean of families"], steps),
         f"## Kinds of error, network, {sizes[-1]} scenes",
-        kinds_of_error(networks[-1]["judged"])]) + "\n"
+        kinds_of_error(networks[-1]["judged"]),
+        scaling(networks, {str(size): seconds for size, seconds in generate_s.items()})]) + "\n"
     runs = [{"learner": of["learner"], "size": of["size"], "facts": of["facts"], "families": of["judged"].facts()} for of in found]
     results = {"versions": study.versions(marsyard), "generate_cpu_s": generate_s, "test_seed": options.test_seed, "runs": runs}
     study.write_results(options.out, f"learning_curve{'_squared' if options.squared else ''}", results, text)
