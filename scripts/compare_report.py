@@ -65,7 +65,7 @@ def side_by_side(lines, families):
     word = {"worst_family": "worst family" if families > 1 else "balanced accuracy", "mean_of_families": "mean of families"}
     head = ["balanced accuracy %"]
     for size in SIZES.values():
-        head += [told for rate in rates for told in (f"{size}: {word[rate]}", f"{size}: less the default network's")]
+        head += [told for rate in rates for told in (f"{size}: {word[rate]}", f"{size}: {word[rate]} less the default network's")]
     rows = []
     for name in names:
         row = [name]

@@ -4,7 +4,7 @@
 one at a time and combined, what is told better and the reference on 8 to 32 times the scenes, trained as `train` does it by default, judged on common unseen scenes. Writes the studies to configs/studies,
 the charts to docs/worth-<name>.svg, and the tables to scripts/results/studies.md.
 
-    cargo build --release && python scripts/studies.py            # 25 to 45 minutes on 2 idle cores
+    cargo build --release && python scripts/studies.py            # 43 minutes on 2 slow cores
     python scripts/studies.py --only paper                        # one of them; the tables of the others stay
 """
 

@@ -32,7 +32,7 @@ trainer lowers by the squared error, and PyTorch's networks too. Networks have t
 
 What learns is in timed_engines.py, how in timed_learners.py, the page in timed_report.py. Rate, batch, activation and inputs of each network are the best by validation error of a search at 3 CPU seconds with seed 1; the search is not charged, nor made again
 for longer budgets (--settings takes those of an earlier run, a quarter of the time saved).
---kept takes over the settings of an earlier run, and what it measured on the same rows; of corpora that are not among --corpora all of it. Where rows of a corpus were taken over and others are measured beside them, two of 64-64
+--kept takes over the settings of an earlier run, and what it measured on the same rows; of corpora that are not among --corpora all of it. Where rows of a corpus were taken over, two of 64-64
 by the squared error learn once more for five seconds, which tells how fast the machine is beside then.
 The spread is the range over the seeds; a seed more may be of fewer budgets (--budgets), which the page says. Writes time_to_error.json, .md and .svg into scripts/results; what was measured before is kept by corpus,
 engine and seed, so that an interrupted run goes on.

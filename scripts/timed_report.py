@@ -14,10 +14,10 @@ import numpy as np
 
 import study
 from timed_engines import CLAIMED, ENGINES, MEMBERS, readable
-from timed_learners import best, thinned
+from timed_learners import FINE_ROWS, best, thinned
 
-#: What --kept has learn once more, for how long, and rows from look to look.
-CALIBRATED, CALIBRATION_S, CALIBRATION_ROWS = "marsyard, squared, two of 64-64", 5, 50_000
+#: What --kept has learn once more, for how long, and rows from look to look: those of its own rows in the first seconds.
+CALIBRATED, CALIBRATION_S, CALIBRATION_ROWS = "marsyard, squared, two of 64-64", 5, FINE_ROWS
 
 
 def markdown(about, kept, corpora, seeds):
@@ -102,8 +102,7 @@ def calibrated(kept, name, again):
     """Looks after the same rows have all but the same errors (a look ends a batch), so that their CPU seconds can be compared."""
     former = {budget: look for budget, look in kept["runs"][f"{name}/{CALIBRATED}/{again['seed']}"].items() if int(budget) <= CALIBRATION_S}
     apart = lambda look, other: max(abs(look[k] / other[k] - 1) for k in (1, 2))
-    after_same_rows = again["looks"][::250_000 // CALIBRATION_ROWS]
-    nearest = [(look, min(after_same_rows, key=lambda other: apart(look, other))) for look in former.values() if look]
+    nearest = [(look, min(again["looks"], key=lambda other: apart(look, other))) for look in former.values() if look]
     ratios = [other[0] / look[0] for look, other in nearest if apart(look, other) < 3e-3]
     errors = [best(thinned(again["looks"], int(budget)), int(budget)) for budget in former]
     return (f"{CALIBRATED}, once more on {again['date']}, beside other work as the rows of that day, and looked at every {CALIBRATION_ROWS:,} rows: "

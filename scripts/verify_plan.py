@@ -43,10 +43,12 @@ def build(marsyard, name, title, choice, shards, scenes):
         for seed in SEEDS:
             cpu["train"].append(marsyard.cpu_s("train", place, "--out", marsyard.work / "runs" / f"{title}-{seed}", "--seed", seed,
                                                "--threads", marsyard.threads))
+        cpu |= {"date": time.strftime("%Y-%m-%d"), "study_commit": study_commit(name)}
         kept.write_text(json.dumps(cpu))
     models = [held_out.network(marsyard, marsyard.work / "runs" / f"{title}-{seed}") for seed in SEEDS]
     cpu = json.loads(kept.read_text())
-    return {"setting": choice["setting"], "scenes": scenes, "generate_cpu_s": cpu["generate"], "train_cpu_s": float(np.mean(cpu["train"]))}, models
+    return {"setting": choice["setting"], "scenes": scenes, "generate_cpu_s": cpu["generate"], "train_cpu_s": float(np.mean(cpu["train"])),
+            "date": cpu["date"], "study_commit": cpu["study_commit"]}, models
 
 
 def study_file(name):
@@ -96,7 +98,7 @@ def verify(marsyard, name, options):
             yards = unseen.Yards(marsyard, name, reference["sets"], models[0]["about"]["features"], JUDGED_SCENES[name])
         accuracy = yards.accuracy(models)
         base = accuracy if base is None else base
-        row |= {"choice": title, "date": time.strftime("%Y-%m-%d"), "study_commit": study_commit(name), "accuracy": held_out.interval(accuracy), "judged_on": yards.scenes,
+        row |= {"choice": title, "accuracy": held_out.interval(accuracy), "judged_on": yards.scenes,
                 "against_first": held_out.told_difference(accuracy, base) if title != "first" else None}
         if title != "more":
             row["forecast"] = {"accuracy": choice["balanced_accuracy"], "generate_cpu_s": choice["generate_s"] * options.threads,
@@ -137,7 +139,7 @@ def main():
     left_out = "".join(f"\n{name}.yaml was not built." for name in CONFIGS if name not in results)
     left_out += "".join(f"\nRows of {name}.yaml are of the study before the one that is stored now." for name, builds in results.items()
                         if builds[0].get("study_commit") != study_commit(name))
-    built = ", ".join(f"{name} {builds[0]['date']} by the study of commit {builds[0]['study_commit'][:9]}" for name, builds in results.items())
+    built = ", ".join(f"{name} {builds[0].get('date', 'on an unknown day')} by the study of commit {builds[0].get('study_commit', 'unknown')[:9]}" for name, builds in results.items())
     text = f"""# What `plan --hours` recommends, built
 
 {marsyard.version()}, {platform.machine()}; `python scripts/verify_plan.py --cpu-minutes {options.cpu_minutes:g} --beyond {options.beyond}`: CPU seconds of all threads,

@@ -38,8 +38,8 @@ pub(super) struct PlanArgs {
     /// Scenes to build (and throw away) for the estimate; default: as many as make it good to some 3 %; 0 = check only.
     #[arg(long)]
     sample: Option<u64>,
-    /// Seconds to measure for: half for the whole build, half for its parts. Where a scene of each family, with each part and without it, takes
-    /// longer, up to 30; a scene in hand is finished.
+    /// Seconds to measure for: half for the whole build, half for its parts. Where two scenes of each family, with each part and without it, take
+    /// longer, up to 30, or to one and a half times the limit; a scene in hand is finished.
     #[arg(long, default_value_t = 8.0, value_name = "SECONDS", value_parser = parse_positive)]
     limit: f64,
     /// Leave out what each part costs.
@@ -48,7 +48,7 @@ pub(super) struct PlanArgs {
     /// Where the build will write: what storage takes there is measured (by a shard that goes away again).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Threads that the build will have; default: as many as this machine has cores. Measured is on no more than those; what is beyond is told as such.
+    /// Threads that the build will have; default: as many as this machine has cores. No more than those measure, and what is beyond them is told as such.
     #[arg(long, value_parser = parse_threads)]
     threads: Option<usize>,
     #[command(flatten)]
@@ -136,7 +136,7 @@ fn own_choices(args: &PlanArgs, plan: &Plan) -> Vec<Setting> {
     settings.iter().filter(own).copied().collect()
 }
 
-/// A plan takes no longer, whatever it is asked, unless it is given longer, or a number of scenes.
+/// A plan takes no longer, whatever it is asked, unless its limit is two thirds of this or more, or it is given a number of scenes.
 const MOST: Duration = Duration::from_secs(30);
 
 /// What writing the sampled scenes takes, and the last of them, before anybody is told that they are waited for.
@@ -145,7 +145,7 @@ const GRACE: Duration = Duration::from_secs(3);
 fn most(args: &PlanArgs) -> Duration {
     match args.sample {
         Some(_) => Duration::MAX,
-        // Half of the limit is for the whole build and half for its parts; writing a shard comes between.
+        // Writing a shard comes between the whole build and its parts, and may take half as long as the limit.
         None => MOST.max(Duration::from_secs_f64(1.5 * args.limit)),
     }
 }

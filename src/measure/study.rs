@@ -46,6 +46,9 @@ pub(crate) struct Study {
     /// Which of them is the config as it is asked for; `None` where none is, or nobody looked.
     #[serde(skip)]
     pub written: Option<usize>,
+    /// Whether what is told and gained is of as few scenes as all settings are compared at ([`Study::of_few_scenes`]).
+    #[serde(skip)]
+    pub tells_few_scenes: bool,
 }
 
 /// What every version of the file has.
@@ -161,6 +164,7 @@ impl Study {
             features: report.features.clone(),
             settings,
             written: None,
+            tells_few_scenes: false,
         })
     }
 
@@ -171,7 +175,14 @@ impl Study {
                 (setting.told, setting.gain) = (Some(of_few.told), Some(of_few.gain));
             }
         }
+        self.tells_few_scenes = true;
         self
+    }
+
+    /// The config as it is written; the reference in its place, where that is told to be worse.
+    pub(crate) fn as_planned(&self) -> &StudySetting {
+        let written = self.as_written();
+        if written.told == Some(Told::Worse) { &self.settings[0] } else { written }
     }
 
     /// Whether its networks were trained as `train` does it by default now, on the columns that it takes of such a plan's cells; what an

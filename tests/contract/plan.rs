@@ -153,4 +153,24 @@ fn law_what_the_config_names_in_place_of_its_fidelity_is_told_with_the_key_that_
     }
     let with_words = of("configs/paper.yaml", &["fidelity=draft", "slam={surrogate: {}}", "drive.contact=plane_fit"]);
     assert!(with_words.contains("fidelity draft: ") && !with_words.contains("but the config names"), "{with_words}");
+    let config = shipped("configs/paper.yaml");
+    let output = Yard::new().marsyard(["plan", &config, "--sample", "0", "--json", "--set", "fidelity=draft"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    assert_eq!(json["own_choices"], serde_json::json!(["drive.contact", "slam"]));
+}
+
+#[test]
+fn law_parts_that_were_not_reached_are_told_of_families_that_the_plan_has_scenes_of() {
+    let of = |extra: &[&str]| {
+        let config = shipped("configs/mixed.yaml");
+        let few = ["--set", "scenes=3", "--set", "scenes_per_shard=1", "--limit", "0.001"];
+        let output = Yard::new().marsyard(["plan", config.as_str()].iter().chain(&few).chain(extra));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stdout)
+    };
+    let (told, without) = (of(&[]), of(&["--no-parts"]));
+    let families = told.matches("\nfamily ").count();
+    let parts = told.matches("what each part costs").count();
+    assert!(families == 15 && (1..=3).contains(&parts), "{parts} of {families}: {told}");
+    assert!(!without.contains("what each part costs"), "{without}");
 }

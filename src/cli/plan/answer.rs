@@ -36,7 +36,7 @@ pub(super) struct Answer<'a> {
     pub disk_bytes: Option<f64>,
     /// The best first.
     pub choices: &'a [Choice<'a>],
-    /// Names of the settings that scenes were made of here; others have rows and bytes of the reference.
+    /// Names of the settings that scenes were made of here; others have the speed and the bytes a row of the reference. Rows are of its scenes for all.
     pub measured_here: Vec<String>,
     /// Overrides of the config that make the first choice.
     pub sets: Vec<String>,
@@ -66,6 +66,11 @@ impl Answer<'_> {
             "measured here, on {}: rows, bytes, what learning a row takes, and how much slower a scene is made than in the study",
             machine()
         );
+        if self.study.tells_few_scenes {
+            outln!(
+                "so little pays few scenes: what settings gain is told as the study has it of few, and may be gone of many"
+            );
+        }
         self.warnings.iter().for_each(|warning| outln!("warning: {warning}"));
         for (k, choice) in self.choices.iter().take(TOLD).enumerate() {
             self.tell_choice(if k == 0 { "build" } else { "next best" }, choice);
@@ -176,7 +181,7 @@ impl Answer<'_> {
         json!({
             "name": self.plan.name, "study": self.study_file, "judged_by": self.study.judged_by,
             "hours": self.hours, "cores": self.cores, "machine": machine_json(),
-            "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
+            "by_few_scenes": self.study.tells_few_scenes, "disk_bytes": self.disk_bytes, "most_rows": self.args.budget.rows,
             "warnings": self.warnings, "advice": self.advice, "how_to_vary": words::how_to_vary(self.plan),
             "poses_not_told_worse_than_fastslam": self.poses_not_told_worse().iter().map(|(setting, _)| &setting.name).collect::<Vec<_>>(),
             "sets": self.sets, "place": self.place, "choices": self.choices.iter().map(choice).collect::<Vec<_>>(),

@@ -40,7 +40,8 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     if let Some(path) = &asked.write {
         check_new(path, plan)?;
     }
-    let (study_file, mut study) = study::of(args, plan, log, stop)?;
+    let (study_file, study) = study::of(args, plan, log, stop)?;
+    let of_few_scenes = study.clone().of_few_scenes();
     let cores = asked.cores.unwrap_or_else(default_threads);
     let disk_bytes = asked.disk.or_else(|| super::free_bytes(&args.place(plan)).map(|bytes| bytes as f64));
     let budget = Budget { wall_s: 3600.0 * hours, cores: cores as f64, disk_bytes, rows: asked.rows };
@@ -49,9 +50,6 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let left = || super::most(args).saturating_sub(begun.elapsed());
     let measured = |setting: &StudySetting, sets: &[String]| measure(args, setting, sets, cores, left(), stop);
     let mut base = measured(&study.settings[0], &[])?;
-    if pays_few_scenes(&study, &budget, base.here) {
-        study = study.of_few_scenes();
-    }
     let reference = &study.settings[0];
     let first = choices(&study, &budget, |_| base.here, 1).into_iter().next();
     let first = first.ok_or_else(|| too_little(args, &budget, &base.here))?;
@@ -68,20 +66,21 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     // What is told is told by scenes of its own; once it is measured, another may be told.
     let base_here = base.here;
     let mut known = BTreeMap::from([(reference.name.as_str(), base)]);
-    let all = loop {
-        let row_cost = RowCost::median(known.values().map(|known| known.here.row_cost));
+    let (study, all) = loop {
+        let row_cost = RowCost::median(known.values().filter_map(|known| known.row_cost));
         let here = |setting: &StudySetting| {
             let own = known.get(setting.name.as_str()).map_or(base_here, |known| known.here);
             of_common_rows(own, base_here.rows_per_scene * setting.rows_beside(reference), row_cost)
         };
-        let mut all = choices(&study, &budget, here, per_shard);
+        let study = if pays_few_scenes(&study, &budget, here) { &of_few_scenes } else { &study };
+        let mut all = choices(study, &budget, here, per_shard);
         all.retain(|choice| choice.scenes >= LEAST_SHARDS);
         let told = all.iter().take(TOLD).map(|choice| choice.setting);
         match told.into_iter().find(|setting| !known.contains_key(setting.name.as_str())) {
             Some(setting) if known.len() < MOST_MEASURED && !left().is_zero() => {
                 known.insert(&setting.name, measured(setting, &as_built)?);
             }
-            _ => break all,
+            _ => break (study, all),
         }
     };
     let Some(best) = all.first() else { return Err(too_little(args, &budget, &base_here)) };
@@ -97,12 +96,12 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     for (content, test_scenes) in contents.iter_mut().zip(estimate::test_scenes(&to_build)) {
         content.test_scenes = test_scenes;
     }
-    let warnings = warnings(args, plan, &study, &study_file, cores);
+    let warnings = warnings(args, plan, study, &study_file, cores);
     let place = free_place(args, plan, &sets)?;
     let answer = Answer {
         args,
         plan,
-        study: &study,
+        study,
         study_file: &study_file,
         hours,
         cores,
@@ -128,6 +127,8 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
 /// What is told by some scenes of a setting that were made here.
 struct Made {
     here: Here,
+    /// Where there were rows to read.
+    row_cost: Option<RowCost>,
     contents: Vec<Content>,
 }
 
@@ -152,14 +153,17 @@ fn measure(
         stop,
     };
     let estimate = super::measured(&plan, &options)?;
-    Ok(Made { here: here(&estimate, plan.scenes as f64, setting), contents: estimate.contents })
+    let here = here(&estimate, plan.scenes as f64, setting);
+    Ok(Made { here, row_cost: estimate.row_cost, contents: estimate.contents })
 }
 
 /// With rows as the reference's sample has them, for each setting's sample is of other scenes; the study had the same scenes of both. What a row takes in
 /// training is one figure for all settings, whose columns are the same.
 fn of_common_rows(own: Here, rows_per_scene: f64, row_cost: RowCost) -> Here {
-    let bytes_per_row = own.bytes_per_scene / own.rows_per_scene.max(1e-3);
-    Here { bytes_per_scene: bytes_per_row * rows_per_scene, rows_per_scene, row_cost, ..own }
+    // Scenes without a row have bytes all the same.
+    let has_rows = own.rows_per_scene > 0.0 && rows_per_scene > 0.0;
+    let scale = if has_rows { rows_per_scene / own.rows_per_scene } else { 1.0 };
+    Here { bytes_per_scene: scale * own.bytes_per_scene, rows_per_scene, row_cost, ..own }
 }
 
 fn here(estimate: &Estimate, scenes: f64, setting: &StudySetting) -> Here {
@@ -236,4 +240,30 @@ fn too_little(args: &PlanArgs, budget: &Budget, here: &Here) -> Failure {
         help = help,
         "{what} fewer than {LEAST_SHARDS} scenes of any setting, and a corpus that can be trained on has as many shards"
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_rows_are_of_one_sample_and_bytes_go_with_them() {
+        let cost = RowCost { reading_s: 1.0, ..RowCost::default() };
+        let own = Here {
+            slowness: 2.0,
+            writing_cpu_s: 0.1,
+            bytes_per_scene: 5000.0,
+            rows_per_scene: 100.0,
+            row_cost: RowCost::default(),
+        };
+        let of = |own: Here, rows: f64| {
+            let made = of_common_rows(own, rows, cost);
+            assert_eq!((made.slowness, made.writing_cpu_s, made.row_cost), (2.0, 0.1, cost));
+            (made.rows_per_scene, made.bytes_per_scene)
+        };
+        assert_eq!(of(own, 120.0), (120.0, 6000.0));
+        // Scenes without rows, here or in the reference's sample, have the bytes that they were found to have.
+        assert_eq!(of(Here { rows_per_scene: 0.0, ..own }, 120.0), (120.0, 5000.0));
+        assert_eq!(of(own, 0.0), (0.0, 5000.0));
+    }
 }

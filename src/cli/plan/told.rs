@@ -44,6 +44,9 @@ pub(super) fn tell(
         for (key, value) in own_choices {
             outln!("  but the config names {key} itself, which wins: --set '{key}={value}' takes that of the word");
         }
+        if !own_choices.is_empty() && plan.families.len() > 1 {
+            outln!("  (a family that names such a key keeps its own: --set families.N.KEY=VALUE)");
+        }
     }
     let of_families: Vec<_> = (0..plan.families.len()).map(|family| parts(plan, family)).collect();
     let common = common(&of_families);
@@ -56,9 +59,10 @@ pub(super) fn tell(
         outln!("\nfamily {} ({:.1} % of the scenes{held})", family.name, 100.0 * plan.expected_share(k));
         let own: Vec<_> = of_families[k].iter().filter(|line| !common.contains(line)).cloned().collect();
         tell_lines(&own);
-        match estimate.map(|estimate| &estimate.families[k]) {
-            Some(cost) if asks_parts => tell_parts(cost),
-            _ => {}
+        if let Some(cost) = estimate.map(|estimate| &estimate.families[k])
+            && asks_parts
+        {
+            tell_parts(cost);
         }
     }
     outln!("\nnot named in the config, so not modelled and not paid for: {}", absent(plan).join(", "));
@@ -94,6 +98,10 @@ fn tell_lines(lines: &[Line]) {
 
 fn tell_parts(cost: &FamilyCost) {
     let Some(scene_s) = cost.scene_s else {
+        // A family of which the plan has no scene costs nothing.
+        if cost.scenes == 0 {
+            return;
+        }
         outln!("  what each part costs was not reached in the time: raise --limit");
         return;
     };

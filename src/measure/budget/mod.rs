@@ -19,7 +19,6 @@ use self::passes::Passes;
 use self::ranking::{Candidate, Written, ranked};
 use super::estimate::RowCost;
 use super::study::{Study, StudySetting, StudySize};
-use super::tradeoff::report::Told;
 use super::tradeoff::sizes::SIZES;
 use crate::statistics::Moments;
 
@@ -137,11 +136,10 @@ pub(crate) fn choices<'s>(
 }
 
 /// Whether the budget pays the config as written no more scenes than all settings are compared at.
-pub(crate) fn pays_few_scenes(study: &Study, budget: &Budget, here: Here) -> bool {
-    let written = study.as_written();
-    let setting = if written.told == Some(Told::Worse) { &study.settings[0] } else { written };
+pub(crate) fn pays_few_scenes(study: &Study, budget: &Budget, here: impl Fn(&StudySetting) -> Here) -> bool {
+    let setting = study.as_planned();
     let compared = setting.sizes[compared_sizes(study) - 1].scenes as f64;
-    let of_written = choices(study, budget, |_| here, 1).into_iter().find(|choice| choice.setting == setting);
+    let of_written = choices(study, budget, here, 1).into_iter().find(|choice| choice.setting == setting);
     of_written.is_none_or(|choice| STUDY_SCENES * choice.most_scenes as f64 <= compared)
 }
 

@@ -26,8 +26,8 @@ pub(super) struct Candidate<'s> {
 }
 
 impl Candidate<'_> {
-    /// CPU time of a scene, as the study has it, where the setting loses little at equal CPU time, and where disk or rows bind, so that a cheaper
-    /// scene is not another one more, of as many scenes as well.
+    /// CPU time of a scene, as the study has it, where the setting loses little at equal CPU time. Where disk or rows bind, a cheaper scene buys no
+    /// further one, so that as many scenes must promise as much, too.
     fn cheap_s(&self, written: Written) -> Option<f64> {
         let setting = self.choice.setting;
         let of_written = written.brings.map_or(f64::NEG_INFINITY, |(of_written, _)| of_written);
@@ -63,8 +63,7 @@ pub(super) struct Written<'s> {
 impl<'s> Written<'s> {
     /// The reference in its place, where it is told to be worse.
     pub(super) fn of(candidates: &[Candidate<'s>], study: &'s Study) -> Written<'s> {
-        let written = study.as_written();
-        let setting = if written.told == Some(Told::Worse) { &study.settings[0] } else { written };
+        let setting = study.as_planned();
         let found = candidates.iter().find(|candidate| candidate.choice.setting == setting);
         Written { setting, brings: found.map(|found| (found.ranked_by, found.choice.seconds())) }
     }
@@ -82,7 +81,8 @@ pub(super) fn ranked<'s>(
             .is_none_or(|(other, of_other)| *ranked_by >= other && choice.seconds() <= SAME_SECONDS * of_other)
     };
     let none_followed = !study.settings.iter().any(|setting| is_followed(setting, study));
-    let is_put_to_test = |setting: &StudySetting| none_followed || is_followed(setting, study);
+    let is_put_to_test =
+        |setting: &StudySetting| none_followed || study.tells_few_scenes || is_followed(setting, study);
     let rank = |candidate: &Candidate| match candidate.choice.setting.told {
         Some(Told::Better)
             if is_put_to_test(candidate.choice.setting)

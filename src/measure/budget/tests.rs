@@ -374,11 +374,27 @@ fn law_small_budgets_go_by_what_is_told_of_few_scenes() {
     study.settings[1].of_few_scenes = Some(of_few_scenes);
     study.settings.iter_mut().for_each(|setting| follow(setting, 0.03));
     // The reference has 128 scenes of a study in some five seconds here: 152 of a corpus, of 0.0225 s on two cores and 0.0168 on one.
-    let few = |wall_s: f64| pays_few_scenes(&study, &budget(wall_s, None), HERE);
+    let few = |wall_s: f64| pays_few_scenes(&study, &budget(wall_s, None), |_| HERE);
     assert_eq!([0.01, 2.0, 5.5, 6.5, 3600.0].map(few), [true, true, true, false, false]);
     let first = |study: &Study, wall_s: f64| choices(study, &budget(wall_s, None), |_| HERE, 1)[0].setting.name.clone();
     assert_eq!(first(&study, 2.0), "reference");
     let of_few = study.of_few_scenes();
     assert_eq!(first(&of_few, 2.0), "cheaper");
     assert_eq!(of_few.settings[1].gain, Some(of_few_scenes.gain));
+    // Of rows and of disk as of hours; and by the reference, where the config as written is told to be worse.
+    let mut study = of_few;
+    let rows = |rows: f64| Budget { rows: Some(rows), ..budget(3600.0, None) };
+    let few = |study: &Study, budget: &Budget| pays_few_scenes(study, budget, |_| HERE);
+    assert!(few(&study, &rows(150.0 * 1700.0)) && !few(&study, &rows(154.0 * 1700.0)));
+    assert!(few(&study, &budget(3600.0, Some(1e7))) && !few(&study, &budget(3600.0, Some(2e7))));
+    study.written = Some(1);
+    study.settings[1].told = Some(Told::Worse);
+    assert!(few(&study, &rows(150.0 * 1700.0)) && !few(&study, &rows(154.0 * 1700.0)));
+    // What is told better of few scenes comes first though it was not followed to more.
+    let mut other = setting("not followed", Some(Told::Better), (0.02, 1.0), (0.005, 0.01));
+    other.gain = Some(Interval { mean: 0.02, half_width: 0.01 });
+    study.settings.push(other);
+    assert_eq!(first(&study, 2.0), "not followed");
+    study.tells_few_scenes = false;
+    assert_eq!(first(&study, 2.0), "reference");
 }

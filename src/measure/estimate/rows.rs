@@ -166,6 +166,19 @@ mod tests {
     }
 
     #[test]
+    fn exact_the_median_of_each_figure_by_itself_and_nothing_of_nothing() {
+        let of = |reading_s, learning_s| RowCost {
+            reading_s,
+            learning_s,
+            judging_s: 2.0 * reading_s,
+            judging_f32_s: reading_s,
+        };
+        let found = RowCost::median([of(3.0, Some(1.0)), of(1.0, None), of(2.0, Some(3.0))].into_iter());
+        assert_eq!(found, of(2.0, Some(2.0)));
+        assert_eq!(RowCost::median(std::iter::empty()), RowCost::default());
+    }
+
+    #[test]
     fn extreme_a_corpus_without_cells_costs_no_training() {
         let sets = ["scenes=2", "scenes_per_shard=2", "slam=truth", "tables=[scenes, poses]"];
         assert_eq!(cost_of("configs/quickstart.yaml", &sets), None);

@@ -44,6 +44,7 @@ pub(crate) fn study(settings: Vec<StudySetting>) -> Study {
         features: Vec::new(),
         settings,
         written: None,
+        tells_few_scenes: false,
     }
 }
 
@@ -102,10 +103,29 @@ fn law_files_are_read_back_and_looked_for_in_two_places() {
     let path = folder.path().join("studies/small.json");
     std::fs::create_dir(folder.path().join("studies")).unwrap();
     std::fs::write(&path, serde_json::to_string(&good).unwrap()).unwrap();
-    assert_eq!(Study::find(&config, "small").unwrap(), (path.clone(), good));
+    assert_eq!(Study::find(&config, "small").unwrap(), (path.clone(), good.clone()));
+    // Files of the two formats before have fewer keys.
+    for format in [2, 3] {
+        let mut earlier = serde_json::to_value(&good).unwrap();
+        earlier["marsyard_study"] = format.into();
+        std::fs::write(&path, earlier.to_string()).unwrap();
+        assert_eq!(Study::read(&path).unwrap(), Study { marsyard_study: format, ..good.clone() });
+    }
     for (text, told) in [("{}", "is no study"), (r#"{"marsyard_study": 1, "settings": []}"#, "format 1, and this")] {
         std::fs::write(&path, text).unwrap();
         let error = Study::find(&config, "small").unwrap_err().to_string();
         assert!(error.contains(told), "{error}");
     }
+}
+
+#[test]
+fn exact_rows_beside_another_setting_are_those_of_the_same_scenes() {
+    let (one, mut other) =
+        (setting("one", None, (0.03, 1.0), (0.01, 0.01)), setting("other", None, (0.03, 1.0), (0.01, 0.01)));
+    other.sizes.iter_mut().for_each(|size| size.train_rows *= 0.5);
+    assert_eq!((other.rows_beside(&one), one.rows_beside(&other)), (0.5, 2.0));
+    // Followed to more scenes than the other: by the most that both have.
+    let larger = StudySize { scenes: 256, train_rows: 1e9, ..other.largest().clone() };
+    other.sizes.push(larger);
+    assert_eq!(other.rows_beside(&one), 0.5);
 }

@@ -34,10 +34,13 @@ pub(super) fn add(
     };
     for (place, made) in places.into_iter().zip(made.rows) {
         if let Some((worth, made)) = report.rows[place].worth.as_mut().zip(made.worth) {
+            let measured_s = made.curve.last().map(CurveRow::cpu_s);
             worth.farther = beyond(&worth.curve, made.curve);
+            // In the seconds of the first measurement, too, by what its largest size took in either.
+            let scale = worth.farther.last().map(CurveRow::cpu_s).zip(measured_s).map_or(1.0, |(told, own)| told / own);
             // The floor of fewer scenes is higher than that of these, and no other draws of these were measured.
             let told = |gain: &GainRow| Told::of(&gain.balanced_accuracy, report.noise_floor);
-            worth.farther_gain = made.gain.map(|gain| GainRow { told: told(&gain), ..gain });
+            worth.farther_gain = made.gain.map(|gain| GainRow { told: told(&gain), cpu_s: scale * gain.cpu_s, ..gain });
         }
     }
     report.recommended_pipeline = recommend::recommend(&report.rows, Side::Pipeline);

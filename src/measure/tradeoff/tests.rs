@@ -290,6 +290,15 @@ fn law_what_is_recommended_is_followed_to_more_scenes() {
         Study::of(&worse).unwrap().settings.into_iter().filter(|setting| setting.sizes.len() == 6).collect();
     assert!(told_in_study[1..].iter().all(|setting| setting.told == Some(Told::Worse)) && told_in_study.len() == 3);
     assert_eq!(recommend::recommend(&worse.rows, Side::Pipeline).unwrap().name, "reference");
+    // What was told of fewer scenes is kept beside it, for plans of few.
+    let few: Vec<_> =
+        study.settings.iter().filter_map(|setting| Some((&setting.name, setting.of_few_scenes?))).collect();
+    let gain_of = |name: &str| made.rows.iter().find(|row| row.label() == name).and_then(Row::gain).unwrap();
+    assert_eq!(few.len(), 2);
+    for (name, of_few) in few {
+        let first = gain_of(name);
+        assert_eq!((of_few.told, of_few.gain), (first.told, first.balanced_accuracy), "{name}");
+    }
     // A stop meanwhile leaves what there is; once the scenes are as many, nothing follows.
     let stopped = followed(2, true);
     assert!(stopped == Report { ended: Ended::Interrupted, ..report.clone() });
