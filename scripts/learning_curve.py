@@ -88,7 +88,7 @@ def scaling(networks, generate_s):
     return "\n\n".join([
         "## How it scales",
         study.markdown(["scenes", "rows to learn, millions", "passes", "CPU us a row learnt, all of a training"], rows),
-        f"By the last row 10^9 rows, of {scenes:,.0f} scenes that take {scenes * generate_s[str(of['size'])] / of['size'] / 3600:.1f} CPU hours to generate, are learnt in {1e9 * a_row_s / 3600:.2f} CPU hours a pass, "
+        f"By the last row 10^9 rows, of {scenes:,.0f} scenes that take {scenes * generate_s[of['size']] / of['size'] / 3600:.1f} CPU hours to generate, are learnt in {1e9 * a_row_s / 3600:.2f} CPU hours a pass, "
         f"{passes:.2f} of which is {1e9 * passes * a_row_s / 3600:.2f}: extrapolated, to {1e9 / to_learn:.0f} times what was run."])
 
 
@@ -150,7 +150,7 @@ def main():
         study.markdown(["", "worst family", "mean of families"], steps),
         f"## Kinds of error, network, {sizes[-1]} scenes",
         kinds_of_error(networks[-1]["judged"]),
-        scaling(networks, {str(size): seconds for size, seconds in generate_s.items()})]) + "\n"
+        scaling(networks, generate_s)]) + "\n"
     runs = [{"learner": of["learner"], "size": of["size"], "facts": of["facts"], "families": of["judged"].facts()} for of in found]
     results = {"versions": study.versions(marsyard), "generate_cpu_s": generate_s, "test_seed": options.test_seed, "runs": runs}
     study.write_results(options.out, f"learning_curve{'_squared' if options.squared else ''}", results, text)

@@ -40,19 +40,15 @@ def main():
     options = parser.parse_args()
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
     sizes = [int(size) for size in options.sizes.split(",")]
-    places = {f"mixed, {size}": marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}
-    quickstart = marsyard.work / "corpora" / "quickstart"
-    if not (quickstart / "manifest.json").exists():
-        marsyard.run("generate", study.ROOT / "configs" / "quickstart.yaml", "--out", quickstart, "--threads", marsyard.threads)
-    places["quickstart"] = quickstart
+    places = {f"mixed, {size} scenes": (size, marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD)) for size in sizes}
+    places["quickstart"] = (0, marsyard.shipped("quickstart"))
     rows_in = lambda place: json.loads((place / "manifest.json").read_text())["tables"]["cells"]["rows"]
-    rows_of = {corpus: rows_in(place) for corpus, place in places.items()}
-    is_large = lambda corpus: corpus != "quickstart" and int(corpus.split()[-1]) > MOST_SCENES_OF_ALL
+    rows_of = {corpus: rows_in(place) for corpus, (_, place) in places.items()}
     results, table = [], []
     for title, sets, threads, prefetch in SETTINGS:
         row = [title, threads, prefetch]
-        for corpus, place in places.items():
-            if is_large(corpus) and (title, threads, prefetch) not in USUAL:
+        for corpus, (scenes, place) in places.items():
+            if scenes > MOST_SCENES_OF_ALL and (title, threads, prefetch) not in USUAL:
                 row.append("-")
                 continue
             run = options.work / "run"
@@ -63,7 +59,7 @@ def main():
             row.append(f"{most:.0f}")
             study.note(f"{title}, {threads} threads, {prefetch} ahead, {corpus}: {most:.0f} MB")
         table.append(row)
-    head = ["training", "threads", "windows ahead", *[f"{corpus} scenes: {rows / 1e6:.2f} M rows" if corpus != "quickstart" else f"quickstart: {rows / 1e6:.2f} M rows" for corpus, rows in rows_of.items()]]
+    head = ["training", "threads", "windows ahead", *[f"{corpus}: {rows / 1e6:.2f} M rows" for corpus, rows in rows_of.items()]]
     text = f"""# How much memory a training takes
 
 {marsyard.version()}, {platform.machine()}; `python scripts/memory.py`. Megabytes at most, of a pass over mixed.yaml cut to some scenes,

@@ -10,7 +10,6 @@ pose_costs.json and .md into scripts/results.
 import argparse
 import platform
 import shutil
-import statistics
 
 import study
 
@@ -34,10 +33,6 @@ def build_ms(marsyard, config, scenes, slam):
     return 1000 * marsyard.cpu_s("generate", study.ROOT / "configs" / f"{config}.yaml", "--out", place, "--threads", 1, *sets) / scenes
 
 
-def told(values, digits):
-    return f"{statistics.median(values):.{digits}f} ({min(values):.{digits}f} to {max(values):.{digits}f})"
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=5)
@@ -56,7 +51,7 @@ def main():
         for of in results.values():
             is_dearer = all(most > 1.1 * least for least, most in zip(of[CHEAPEST], of[DEAREST]))
             shares = [(own - least) / (most - least) for own, least, most in zip(of[name], of[CHEAPEST], of[DEAREST])] if is_dearer else []
-            row += [told(of[name], 1), "-" if name in (DEAREST, CHEAPEST) or not is_dearer else told(shares, 2)]
+            row += [study.median_and_range(of[name], 1), "-" if name in (DEAREST, CHEAPEST) or not is_dearer else study.median_and_range(shares, 2)]
         rows.append(row)
     head = ["estimate", *(title for config in results for title in (f"{config}, CPU ms a scene", "share of FastSLAM's"))]
     text = f"""# What estimates of the pose cost

@@ -52,6 +52,14 @@ class Marsyard:
             self.run("generate", config, "--out", place, "--threads", self.threads, *overrides([*sizes, *sets]))
         return place
 
+    def shipped(self, name, sets=()):
+        """The corpus of a shipped config as it is, but for `sets`; its folder."""
+        place = self.work / "corpora" / name
+        if not (place / "manifest.json").exists():
+            note(f"generate {name}")
+            self.run("generate", ROOT / "configs" / f"{name}.yaml", "--out", place, "--threads", self.threads, *overrides(sets))
+        return place
+
     def train(self, name, corpora, seed, sets=()):
         """A network; its run folder."""
         run = self.work / "runs" / f"{name}-{seed}"
@@ -119,6 +127,11 @@ def mean_spread(values):
         return {"mean": None, "sd": None, "seeds": []}
     spread = statistics.stdev(values) if len(values) > 1 else None
     return {"mean": statistics.fmean(values), "sd": spread, "seeds": values}
+
+
+def median_and_range(values, digits):
+    """Median (least to most)."""
+    return f"{statistics.median(values):.{digits}f} ({min(values):.{digits}f} to {max(values):.{digits}f})"
 
 
 def percent(value, digits=2):

@@ -210,12 +210,8 @@ def main():
     about = {"command": command, "marsyard": runner.version(), "torch": torch.__version__.split("+")[0], "lightgbm": lightgbm.__version__,
              "settings": options.settings and str(options.settings), "seeds": seeds, "corpora": {}}
     for name in corpora:
-        config = study.ROOT / "configs" / f"{name}.yaml"
         sizes = [f"scenes={options.scenes}", f"scenes_per_shard={max(1, options.scenes // 20)}"] if options.scenes else []
-        place = runner.work / "corpora" / name
-        if not (place / "manifest.json").exists():
-            study.note(f"generate {name}")
-            runner.run("generate", config, "--out", place, "--threads", options.threads, *(word for key in sizes for word in ("--set", key)))
+        place = runner.shipped(name, sizes)
         manifest = json.loads((place / "manifest.json").read_text())
         splits = drawn(place, name)
         judged_by = [manifest["corpus_id"], len(splits[2][1])]

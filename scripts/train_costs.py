@@ -22,12 +22,10 @@ import platform
 import shutil
 import subprocess
 import time
-from statistics import median
 
 import held_out
 import study
 
-QUICKSTART = study.ROOT / "configs" / "quickstart.yaml"
 #: A look every so many rows is none between the first and the last.
 NEVER = 10**12
 CORES = sorted(os.sched_getaffinity(0))[:2]
@@ -91,11 +89,6 @@ def measured(trainings, quickstart, mixed, rounds):
     return found
 
 
-def range_of(values, digits):
-    """Median (least to most)."""
-    return f"{median(values):.{digits}f} ({min(values):.{digits}f} to {max(values):.{digits}f})"
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", default=3, type=int)
@@ -104,23 +97,21 @@ def main():
     assert len(CORES) == 2, "two cores are compared with one: this machine has one"
     rounds, sizes, cut = options.rounds, [70, 140, 500], []
     if options.quick:
-        rounds, sizes, cut = 1, [70], ["scenes=100", "scenes_per_shard=10"]
+        rounds, sizes, cut, options.work = 1, [70], ["scenes=100", "scenes_per_shard=10"], options.work / "quick"
     marsyard = study.Marsyard(options.marsyard, options.work, options.threads)
-    quickstart = options.work / "corpora" / f"quickstart{'-quick' if options.quick else ''}"
-    if not (quickstart / "manifest.json").exists():
-        marsyard.run("generate", QUICKSTART, "--out", quickstart, "--threads", options.threads, *study.overrides(cut))
+    quickstart = marsyard.shipped("quickstart", cut)
     mixed = {size: marsyard.corpus(f"mixed-{size}", held_out.CONFIG, [], size, held_out.PER_SHARD) for size in sizes}
     found = measured(Trainings(marsyard), quickstart, mixed, rounds)
 
-    times = lambda name, of=1: range_of([of * one / other for one, other in zip(found["one core"], found[name])], 2)
-    threads = [["one core", range_of(found["one core"], 1), "1"],
-               ["two cores, `--threads 1`: reading ahead has a thread of its own", range_of(found["one thread, two cores"], 1), times("one thread, two cores")],
-               ["two cores, `--threads 2`", range_of(found["two threads"], 1), times("two threads")],
-               ["two trainings at once, each on a core", range_of(found["two at once"], 1), times("two at once", 2)]]
+    times = lambda name, of=1: study.median_and_range([of * one / other for one, other in zip(found["one core"], found[name])], 2)
+    threads = [["one core", study.median_and_range(found["one core"], 1), "1"],
+               ["two cores, `--threads 1`: reading ahead has a thread of its own", study.median_and_range(found["one thread, two cores"], 1), times("one thread, two cores")],
+               ["two cores, `--threads 2`", study.median_and_range(found["two threads"], 1), times("two threads")],
+               ["two trainings at once, each on a core", study.median_and_range(found["two at once"], 1), times("two at once", 2)]]
     rows = 2 * rows_to_learn(quickstart)
     rates = {scores: [rows / took / 1e3 for took in found[f"scores {scores}"]] for scores in ("true", "false")}
-    looks = [[size, f"{rows_to_learn(place):,}", range_of(found[f"looks {size}"], 2), range_of(found[f"no looks {size}"], 2),
-              range_of([100 * (1 - none / some) for some, none in zip(found[f"looks {size}"], found[f"no looks {size}"])], 1)] for size, place in mixed.items()]
+    looks = [[size, f"{rows_to_learn(place):,}", study.median_and_range(found[f"looks {size}"], 2), study.median_and_range(found[f"no looks {size}"], 2),
+              study.median_and_range([100 * (1 - none / some) for some, none in zip(found[f"looks {size}"], found[f"no looks {size}"])], 1)] for size, place in mixed.items()]
     text = f"""# What a training takes
 
 `python scripts/train_costs.py`, {marsyard.version()}, {platform.machine()}. Medians of {rounds} interleaved rounds, in brackets the least and the most; what is measured is said at the head of
@@ -128,13 +119,13 @@ the script.
 
 ## Threads
 
-quickstart.yaml by default; with `--threads 2` it takes {range_of(found['two threads, CPU'], 1)} s of CPU and {range_of(found['two threads, MB'], 0)} MB at most.
+quickstart.yaml by default; with `--threads 2` it takes {study.median_and_range(found['two threads, CPU'], 1)} s of CPU and {study.median_and_range(found['two threads, MB'], 0)} MB at most.
 
 {study.markdown(["", "wall s", "times as fast"], threads)}
 
 ## Normal scores
 
-Of two passes over quickstart.yaml, {rows:,} rows: {range_of(rates['true'], 0)} thousand rows a CPU second with normal scores, {range_of(rates['false'], 0)} without.
+Of two passes over quickstart.yaml, {rows:,} rows: {study.median_and_range(rates['true'], 0)} thousand rows a CPU second with normal scores, {study.median_and_range(rates['false'], 0)} without.
 
 ## Looks at the validation split
 

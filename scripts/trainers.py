@@ -55,8 +55,7 @@ def main():
     results = json.loads(kept.read_text()) if kept.exists() else {}
     for name in options.only or CONFIGS:
         sets, scenes, training = CONFIGS[name]
-        place = options.work / "corpora" / name
-        marsyard.run("generate", study.ROOT / "configs" / f"{name}.yaml", "--out", place, "--threads", options.threads, *study.overrides(sets))
+        place = marsyard.shipped(name, sets)
         yards = base = None
         for title, config in TRAINERS.items():
             models, cpu_s, learnt = trained(marsyard, name, place, title, config, training)
