@@ -70,20 +70,13 @@ impl PlanArgs {
 
     /// With hours, what measures a whole build has no say.
     fn check_of_budget(&self) -> Result<(), Failure> {
-        let cure_of = |option| match option {
-            "--threads" => "--cores says how many cores the build will have",
-            "--no-parts" => "with --hours no part is priced in any case",
-            _ => "with --hours scenes are made until rows, bytes and time are known; --limit gives that longer",
-        };
-        let given =
-            [("--threads", self.threads.is_some()), ("--sample", self.sample.is_some()), ("--no-parts", self.no_parts)];
-        match given.into_iter().find(|(_, is_given)| *is_given) {
-            None => Ok(()),
-            Some((option, _)) => {
-                let help = cure_of(option);
-                Err(Failure::usage(miette::miette!(help = help, "{option} is of a plan without --hours")))
-            }
-        }
+        let of_sample = "with --hours scenes are made until rows, bytes and time are known; --limit gives that longer";
+        let given = [
+            ("--threads", self.threads.is_some(), "--cores says how many cores the build will have"),
+            ("--sample", self.sample.is_some(), of_sample),
+            ("--no-parts", self.no_parts, "with --hours no part is priced in any case"),
+        ];
+        budget_args::refuse(given, "is of a plan without --hours")
     }
 }
 
@@ -111,10 +104,11 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
     if let Some(estimate) = &estimate {
         warnings.extend(machine_warnings(estimate, &plan, args));
     }
+    let own_choices = own_choices(args, &plan);
     if args.json {
-        outln!("{:#}", as_json(&plan, estimate.as_ref(), &own_choices(args, &plan), &warnings));
+        outln!("{:#}", as_json(&plan, estimate.as_ref(), &own_choices, &warnings));
     } else {
-        tell(&plan, estimate.as_ref(), !args.no_parts, &own_choices(args, &plan), &warnings);
+        tell(&plan, estimate.as_ref(), !args.no_parts, &own_choices, &warnings);
         outln!(
             "\nwhat such scenes teach a classifier, and from how many on more teach nothing: marsyard plan {}{}{} --hours 8",
             args.config.config.display(),

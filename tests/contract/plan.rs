@@ -10,8 +10,13 @@ fn shipped(path: &str) -> String {
 
 /// What `plan` says of the small corpus with some keys set.
 fn said(extra: &[&str]) -> String {
-    let config = shipped("tests/fixtures/training.yaml");
-    let output = Yard::new().marsyard(["plan", &config, "--limit", "1", "--no-parts"].iter().chain(extra));
+    said_of("tests/fixtures/training.yaml", &[&["--limit", "1", "--no-parts"], extra].concat())
+}
+
+/// What it says of another.
+fn said_of(config: &str, extra: &[&str]) -> String {
+    let config = shipped(config);
+    let output = Yard::new().marsyard(["plan", config.as_str()].iter().chain(extra));
     assert!(output.status.success(), "{extra:?}: {}", text(&output.stderr));
     text(&output.stdout)
 }
@@ -139,35 +144,26 @@ fn equal_plan_and_inspect_show_the_same_views_and_say_where_one_bearing_rules() 
 
 #[test]
 fn law_what_the_config_names_in_place_of_its_fidelity_is_told_with_the_key_that_takes_the_words() {
-    let of = |config: &str, sets: &[&str]| {
-        let config = shipped(config);
+    let of = |sets: &[&str]| {
         let sets = sets.iter().flat_map(|set| ["--set", *set]);
-        let output = Yard::new().marsyard(["plan", config.as_str(), "--sample", "0"].into_iter().chain(sets));
-        assert!(output.status.success(), "{}", text(&output.stderr));
-        text(&output.stdout)
+        said_of("configs/paper.yaml", &["--sample", "0"].into_iter().chain(sets).collect::<Vec<_>>())
     };
     // paper.yaml names the keys itself, so that the word changes nothing of it.
-    let paper = of("configs/paper.yaml", &["fidelity=draft"]);
+    let paper = of(&["fidelity=draft"]);
     for own in ["drive.contact", "slam"] {
         assert!(paper.contains(&format!("  but the config names {own} itself, which wins: --set '{own}=")), "{paper}");
     }
-    let with_words = of("configs/paper.yaml", &["fidelity=draft", "slam={surrogate: {}}", "drive.contact=plane_fit"]);
+    let with_words = of(&["fidelity=draft", "slam={surrogate: {}}", "drive.contact=plane_fit"]);
     assert!(with_words.contains("fidelity draft: ") && !with_words.contains("but the config names"), "{with_words}");
-    let config = shipped("configs/paper.yaml");
-    let output = Yard::new().marsyard(["plan", &config, "--sample", "0", "--json", "--set", "fidelity=draft"]);
-    let json: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON on stdout");
+    let json = said_of("configs/paper.yaml", &["--sample", "0", "--json", "--set", "fidelity=draft"]);
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON on stdout");
     assert_eq!(json["own_choices"], serde_json::json!(["drive.contact", "slam"]));
 }
 
 #[test]
 fn law_parts_that_were_not_reached_are_told_of_families_that_the_plan_has_scenes_of() {
-    let of = |extra: &[&str]| {
-        let config = shipped("configs/mixed.yaml");
-        let few = ["--set", "scenes=3", "--set", "scenes_per_shard=1", "--limit", "0.001"];
-        let output = Yard::new().marsyard(["plan", config.as_str()].iter().chain(&few).chain(extra));
-        assert!(output.status.success(), "{}", text(&output.stderr));
-        text(&output.stdout)
-    };
+    let few = ["--set", "scenes=3", "--set", "scenes_per_shard=1", "--limit", "0.001"];
+    let of = |extra: &[&str]| said_of("configs/mixed.yaml", &[&few, extra].concat());
     let (told, without) = (of(&[]), of(&["--no-parts"]));
     let families = told.matches("\nfamily ").count();
     let parts = told.matches("what each part costs").count();

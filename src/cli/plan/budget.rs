@@ -49,8 +49,8 @@ pub(super) fn run(args: &PlanArgs, plan: &Plan, hours: f64, log: LogFormat, stop
     let begun = Instant::now();
     let left = || super::most(args).saturating_sub(begun.elapsed());
     let measured = |setting: &StudySetting, sets: &[String]| measure(args, setting, sets, cores, left(), stop);
-    let mut base = measured(&study.settings[0], &[])?;
     let reference = &study.settings[0];
+    let mut base = measured(reference, &[])?;
     let first = choices(&study, &budget, |_| base.here, 1).into_iter().next();
     let first = first.ok_or_else(|| too_little(args, &budget, &base.here))?;
     let own = u64::from(plan.scenes_per_shard);

@@ -44,13 +44,16 @@ impl BudgetArgs {
             ("--study-minutes", self.study_minutes.is_some()),
             ("--write", self.write.is_some()),
         ];
-        match given.iter().find(|(_, is_given)| *is_given) {
-            None => Ok(()),
-            Some((option, _)) => {
-                let help = "give --hours: how long generating and training may take together";
-                Err(Failure::usage(miette::miette!(help = help, "{option} is of a budget, and none is given")))
-            }
-        }
+        let help = "give --hours: how long generating and training may take together";
+        refuse(given.map(|(option, is_given)| (option, is_given, help)), "is of a budget, and none is given")
+    }
+}
+
+/// Refuses the first option that is given, with its cure.
+pub(super) fn refuse<const N: usize>(options: [(&str, bool, &'static str); N], why: &str) -> Result<(), Failure> {
+    match options.into_iter().find(|(_, is_given, _)| *is_given) {
+        None => Ok(()),
+        Some((option, _, help)) => Err(Failure::usage(miette::miette!(help = help, "{option} {why}"))),
     }
 }
 

@@ -111,9 +111,7 @@ pub(crate) fn choices<'s>(
     here: impl Fn(&StudySetting) -> Here,
     multiple: u64,
 ) -> Vec<Choice<'s>> {
-    let (errors, passes) = (standard_errors(study), Passes::of(study));
-    let compared = compared_sizes(study);
-    let common = study.settings.first().map_or(0.0, |setting| setting.sizes[compared - 1].scenes as f64);
+    let (errors, passes, common) = (standard_errors(study), Passes::of(study), common_scenes(study));
     let candidates = study.settings.iter().filter_map(|setting| {
         let here = here(setting);
         let curve = Curve::of(setting, Teaches::of(setting, study), &errors, passes, &here, multiple);
@@ -138,9 +136,13 @@ pub(crate) fn choices<'s>(
 /// Whether the budget pays the config as written no more scenes than all settings are compared at.
 pub(crate) fn pays_few_scenes(study: &Study, budget: &Budget, here: impl Fn(&StudySetting) -> Here) -> bool {
     let setting = study.as_planned();
-    let compared = setting.sizes[compared_sizes(study) - 1].scenes as f64;
     let of_written = choices(study, budget, here, 1).into_iter().find(|choice| choice.setting == setting);
-    of_written.is_none_or(|choice| STUDY_SCENES * choice.most_scenes as f64 <= compared)
+    of_written.is_none_or(|choice| STUDY_SCENES * choice.most_scenes as f64 <= common_scenes(study))
+}
+
+/// The most scenes at which all settings are compared.
+fn common_scenes(study: &Study) -> f64 {
+    study.settings.first().map_or(0.0, |setting| setting.sizes[compared_sizes(study) - 1].scenes as f64)
 }
 
 /// At how many sizes settings are compared; those that were followed to more scenes have more.
