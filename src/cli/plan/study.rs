@@ -227,8 +227,13 @@ pub(super) fn doubts(args: &PlanArgs, plan: &Plan, study: &Study, file: &Path) -
 }
 
 fn command(args: &PlanArgs) -> String {
+    command_of(args, 160)
+}
+
+/// The command that makes a study of presets and pose estimates, of so many scenes.
+pub(super) fn command_of(args: &PlanArgs, scenes: u64) -> String {
     let sets = typed_sets(&args.config.sets);
-    format!("marsyard tradeoff {}{sets} --only presets,slam --scenes 160 --seeds 3", args.config.config.display())
+    format!("marsyard tradeoff {}{sets} --only presets,slam --scenes {scenes} --seeds 3", args.config.config.display())
 }
 
 fn failure(error: &StudyError, args: &PlanArgs) -> Failure {

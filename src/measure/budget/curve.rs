@@ -5,7 +5,10 @@
 
 use super::fit::{Fit, Measured};
 use super::passes::Passes;
-use super::{Bound, Budget, Choice, DISK_MARGIN, FLAT_TWICE, Here, SPLITS, STUDY_SCENES, compared_sizes, is_followed};
+use super::{
+    BELIEVED_UP_TO, Bound, Budget, Choice, DISK_MARGIN, FLAT_TWICE, Here, SPLITS, STUDY_SCENES, compared_sizes,
+    is_followed,
+};
 use crate::corpus::write::ROW_GROUP_ROWS;
 use crate::math;
 use crate::measure::estimate::RowCost;
@@ -17,8 +20,6 @@ use crate::train::quantiles::SAMPLE_ROWS;
 
 /// Windows that are there, or in the making, when training ends: half of the one that is learnt, one that waits, and the one after it.
 const WINDOWS_LEFT: f64 = 2.5;
-/// Nobody is told that a curve is flat beyond so many times the most scenes that it was measured at.
-const FLAT_UP_TO: f64 = 32.0;
 /// Learning with its looks, over learning alone: looks take a twentieth at most where there are many rows (docs/training.md).
 const WITH_LOOKS: f64 = 1.05;
 /// Settings are ranked up to so many times the largest size that all of them were measured at.
@@ -152,8 +153,11 @@ impl<'s> Curve<'s> {
             return None;
         }
         let flat = self.flat_from().map(|flat| flat.div_ceil(multiple).max(1) * multiple);
+        let believed = (BELIEVED_UP_TO * self.fit.largest_scenes() / STUDY_SCENES) as u64;
+        let by_study = (believed / multiple).max(1) * multiple;
         let (scenes, bound) = match flat {
             Some(flat) if flat <= most_scenes => (flat, Bound::Flat),
+            _ if by_study < most_scenes => (by_study, Bound::Study),
             _ if by_rows < by_hours.min(by_disk) => (most_scenes, Bound::Rows),
             _ if by_disk < by_hours => (most_scenes, Bound::Disk),
             _ => (most_scenes, Bound::Hours),
@@ -178,11 +182,11 @@ impl<'s> Curve<'s> {
     }
 
     /// The fewest scenes, none fewer than the most that the curve was measured at, from which on twice as many bring at most [`FLAT_TWICE`];
-    /// `None` where there are none up to [`FLAT_UP_TO`]. A study's own sizes are affordable, and their noise hides a tenth of a point:
+    /// `None` where there are none up to [`BELIEVED_UP_TO`]. A study's own sizes are affordable, and their noise hides a tenth of a point:
     /// quickstart.yaml, measured up to 768 scenes, was once told flat from 231 on, and twice as many brought 0.12. The budget does not say.
     fn flat_from(&self) -> Option<u64> {
         let largest = self.fit.largest_scenes() / STUDY_SCENES;
-        let at = |step: u32| largest * math::pow(FLAT_UP_TO, f64::from(step) / f64::from(STEPS));
+        let at = |step: u32| largest * math::pow(BELIEVED_UP_TO, f64::from(step) / f64::from(STEPS));
         let is_flat = |scenes: &f64| {
             let (expected, most) = self.fit.gain(STUDY_SCENES * scenes, 2.0 * STUDY_SCENES * scenes);
             expected <= FLAT_TWICE.0 && most <= FLAT_TWICE.1

@@ -29,6 +29,8 @@ pub(crate) const FLAT: f64 = 0.005;
 /// Twice the scenes of a plan, and so twice its hours, are told to bring nothing where they are expected to bring no more than a twentieth of a point,
 /// and by any believed law no more than a tenth.
 pub(crate) const FLAT_TWICE: (f64, f64) = (0.0005, 0.001);
+/// A curve is believed up to so many times the most scenes that it was measured at: nobody is told to build more, nor that it is flat beyond.
+pub(crate) const BELIEVED_UP_TO: f64 = 32.0;
 /// Scenes of a study that train and stop as many as one scene of a corpus does: 14 / 20 of it train, 5 / 6 of the study's.
 const STUDY_SCENES: f64 = SPLITS[0] * 6.0 / 5.0;
 /// Shares of a corpus's scenes that train, stop and test.
@@ -69,7 +71,9 @@ pub(crate) enum Bound {
     Rows,
     /// More scenes bring next to nothing.
     Flat,
-    /// The first choice, whose curve is flat, takes no longer.
+    /// More scenes are too many times what the curve was measured at.
+    Study,
+    /// The first choice, which ends before the budget does, takes no longer.
     SameTime,
 }
 
@@ -103,8 +107,8 @@ impl Choice<'_> {
 }
 
 /// The settings of a study that can be built within the budget, the best first. `here` says what each costs on this machine; scenes are
-/// whole multiples of `multiple`. Where the first ends before the budget because its curve is flat, the others have the time that it takes, if
-/// that pays any scenes of theirs.
+/// whole multiples of `multiple`. Where the first ends before the budget because its curve is flat, or was not measured far enough, the others have
+/// the time that it takes, if that pays any scenes of theirs.
 pub(crate) fn choices<'s>(
     study: &'s Study,
     budget: &Budget,
@@ -122,7 +126,7 @@ pub(crate) fn choices<'s>(
     let written = Written::of(&candidates, study);
     let mut in_order = ranked(candidates, study, written);
     if let Some((first, others)) = in_order.split_first_mut()
-        && first.choice.bound == Bound::Flat
+        && matches!(first.choice.bound, Bound::Flat | Bound::Study)
     {
         let time = Budget { wall_s: first.choice.seconds(), ..*budget };
         others.iter_mut().for_each(|other| other.cut_to(&time, common, multiple));

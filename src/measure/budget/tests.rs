@@ -172,7 +172,27 @@ fn law_nobody_is_told_that_a_curve_is_flat_far_beyond_what_was_measured() {
         choices(&study, &budget(8.0 * 3600.0, None), |_| HERE, 1)[0].bound
     };
     // Of 128 scenes measured: twice as many bring less than a twentieth of a point from some hundred on, and from eight thousand.
-    assert_eq!((of(0.1), of(8.0)), (Bound::Flat, Bound::Hours));
+    assert_eq!((of(0.1), of(8.0)), (Bound::Flat, Bound::Study));
+}
+
+#[test]
+fn exact_nobody_is_told_to_build_more_than_a_curve_is_believed_for() {
+    let study = study(vec![
+        setting("steep", None, (0.03, 8.0), (0.02, 0.01)),
+        setting("cheap", Some(Told::NotApart), (0.03, 8.0), (0.002, 0.01)),
+    ]);
+    let of = |hours: f64, multiple: u64| choices(&study, &budget(3600.0 * hours, None), |_| HERE, multiple);
+    // 128 scenes that train and stop were measured, of a corpus 153 with those that test.
+    let most = (32.0 * 128.0 / STUDY_SCENES) as u64;
+    for (multiple, scenes) in [(1, most), (50, most / 50 * 50), (1_000_000, 1_000_000)] {
+        let choices = of(8000.0, multiple);
+        assert_eq!((choices[0].bound, choices[0].scenes), (Bound::Study, scenes));
+        assert!(choices[0].most_scenes > 100_000_000 && choices[0].left.1 >= choices[0].left.0);
+        // The others have no longer than the first, and are believed no farther.
+        assert!(choices[1].seconds() <= choices[0].seconds() && choices[1].scenes <= scenes, "{:?}", choices[1]);
+    }
+    // Fewer hours bind, as they did.
+    assert_eq!(of(0.01, 1)[0].bound, Bound::Hours);
 }
 
 /// Adds sizes of 256, 512 and 1024 scenes at which nothing more is gained.
