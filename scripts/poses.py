@@ -53,7 +53,7 @@ def scenes_of(name, arguments):
         study.note(f"{name}: {scenes} scenes")
         command = [PROGRAM, study.ROOT / "configs" / f"{name.split(',')[0]}.yaml", "--scenes", str(scenes),
                    *study.overrides(SETS.get(name, []))]
-        done = subprocess.run([*command, *([] if name in APART else ["--shipped-only"])], capture_output=True, text=True)
+        done = subprocess.run([*command, *([] if name in APART else ["--without-handicaps"])], capture_output=True, text=True)
         if done.returncode:
             sys.exit(f"{name} failed:\n{done.stderr[-3000:]}")
         kept.write_text(done.stdout)

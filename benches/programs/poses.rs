@@ -35,9 +35,9 @@ struct Arguments {
     /// Override a key (repeatable).
     #[arg(long = "set", value_name = "KEY=VALUE")]
     sets: Vec<String>,
-    /// Dead reckoning, registration and the config's own filter, without the handicaps.
+    /// Dead reckoning, registration, the config's own filter and its ceiling, without one handicap after the other.
     #[arg(long)]
-    shipped_only: bool,
+    without_handicaps: bool,
 }
 
 /// Beams that a body must return to be a feature: what the extractor asks of a cluster.
@@ -87,7 +87,7 @@ struct Stop {
     all: Vec<Feature>,
 }
 
-fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
+fn variants(own: &FastslamParams, without_handicaps: bool) -> Vec<Variant> {
     let own = || own.clone();
     let with = |particles, measurement_inflation| FastslamParams { particles, measurement_inflation, ..own() };
     let inflation = own().measurement_inflation;
@@ -99,12 +99,12 @@ fn variants(own: &FastslamParams, shipped_only: bool) -> Vec<Variant> {
         variant("registration, every 2nd beam and line on the way", Given::SweepToRegister { thinned: true }, own()),
         variant("fastslam", Given::Sweep, own()),
         variant("fastslam, features alone", Given::Sweep, FastslamParams { registration: false, ..own() }),
+        variant("ceiling", Given::AllExact { known }, with(100, EXACT)),
     ];
-    if shipped_only {
+    if without_handicaps {
         return all;
     }
     all.extend([
-        variant("ceiling", Given::AllExact { known }, with(100, EXACT)),
         variant("ceiling, unknown association", Given::AllExact { known: unknown }, with(100, EXACT)),
         variant("ceiling, noise told as shipped", Given::AllExact { known }, with(100, inflation)),
         variant("ceiling, only what the extractor finds", Given::FoundExact { known }, with(100, EXACT)),
@@ -126,7 +126,7 @@ fn main() -> Result<(), Fault> {
         let family = &plan.families[replay.family];
         let SlamParams::Fastslam(own) = &family.slam else { return Err("the config's slam is no fastslam".into()) };
         let study = Study { prepared: &prepared, scene, replay: &replay, family };
-        let mut variants = variants(own, arguments.shipped_only);
+        let mut variants = variants(own, arguments.without_handicaps);
         // Cells that read several sweeps are made of whole ones, which a build does not thin.
         variants.retain(|variant| {
             variant.given != Given::SweepToRegister { thinned: true } || family.cells.window_scans == 1

@@ -19,7 +19,7 @@ def page(result):
     imports = "; ".join(f"{kind} binary: {', '.join(names) or 'none'}" for kind, names in result["imports"].items())
     text = f"""# What a corpus can be trusted with
 
-Written by `python scripts/trust/run.py target/release/marsyard` (seed {result['seed']}, {result['machine']}), over
+Written by `python scripts/trust/run.py target/release/marsyard --times {result['times']}` (seed {result['seed']}, {result['machine']}), over
 `tests/fixtures/everything.yaml` with {result['scenes']} scenes: every stage and every effect.
 
 ## The same bytes

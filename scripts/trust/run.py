@@ -77,7 +77,7 @@ def main():
     taken = {kind: imports.imports(binary) for kind, binary in binaries.items()}
     lost = sum(len(row["lost"]) for row in rows) + sum(len(names) for names in taken.values())
     if not arguments.short and not arguments.only:
-        result = {"seed": arguments.seed, "machine": platform.platform(), "scenes": lab.scenes, "corpus_id": lab.corpus_id,
+        result = {"seed": arguments.seed, "times": times, "machine": platform.platform(), "scenes": lab.scenes, "corpus_id": lab.corpus_id,
                   "conditions": conditions, "imports": taken, "faults": rows, "scale": scales}
         (RESULTS / "trust.json").write_text(json.dumps(result, indent=1) + "\n")
         (RESULTS / "trust.md").write_text(page(result))
