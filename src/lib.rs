@@ -103,6 +103,9 @@ pub mod cloud;
 #[cfg(feature = "train")]
 pub mod judge;
 
+#[cfg(feature = "corpus")]
+pub(crate) mod shell;
+
 // The calls to begin with.
 mod front;
 

@@ -34,7 +34,7 @@ impl FromStr for Share {
         let fault = || format!("'{text}' is not a number of shards, a share such as 5%, or 'all'");
         match text.strip_suffix('%') {
             None if text == "all" => Ok(Share::All),
-            None => text.parse().map(Share::Count).map_err(|_| fault()),
+            None => text.parse().ok().filter(|count| *count > 0).map(Share::Count).ok_or_else(fault),
             Some(percent) => match percent.trim().parse::<f64>() {
                 Ok(percent) if percent > 0.0 && percent <= 100.0 => Ok(Share::Percent(percent)),
                 _ => Err(fault()),

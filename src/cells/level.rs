@@ -98,6 +98,15 @@ pub fn level(points_m: &[DVec3], sensor_height_m: f64) -> Result<Levelled, NoGro
     for _ in 0..20 {
         plane = refined(plane, &points).ok_or_else(|| none("the points near it lie on a line".into()))?;
     }
+    // The tried plane was at about the right height; what it was refined to may be another.
+    if !(is_about_there(&plane, sensor_height_m, 2.0 * tolerance_m) && plane.height_m > 0.0) {
+        return Err(none(format!(
+            "the points that lie on a plane lie {:.2} m below the sensor, tilted by {:.0} degrees, where {sensor_height_m} m (to within {:.2} m) was said; is the height right, and z up?",
+            plane.height_m,
+            math::acos(plane.normal.z.clamp(-1.0, 1.0)).to_degrees(),
+            2.0 * tolerance_m
+        )));
+    }
     let near: Vec<f64> = points.iter().map(|&p| plane.above_m(p)).filter(|above| above.abs() < BAND_M).collect();
     let rms_m = (near.iter().map(|a| a * a).sum::<f64>() / near.len().max(1) as f64).sqrt();
     let up = plane.normal;
@@ -143,11 +152,14 @@ fn tolerance_m(sensor_height_m: f64) -> f64 {
     (0.25 * sensor_height_m).max(0.1)
 }
 
+/// Whether a plane lies about as far below the sensor as was said, and is not a wall.
+fn is_about_there(plane: &Plane, sensor_height_m: f64, tolerance_m: f64) -> bool {
+    plane.normal.z >= COS_MOST_TILT && (plane.height_m - sensor_height_m).abs() <= tolerance_m
+}
+
 /// Of the planes through triples of the points that may be the ground, that for which the most points speak.
 fn best_plane(points: &[DVec3], sensor_height_m: f64) -> Option<Plane> {
-    let tolerance_m = tolerance_m(sensor_height_m);
-    let fits =
-        |plane: &Plane| plane.normal.z >= COS_MOST_TILT && (plane.height_m - sensor_height_m).abs() <= tolerance_m;
+    let fits = |plane: &Plane| is_about_there(plane, sensor_height_m, tolerance_m(sensor_height_m));
     let tried = triples(points.len()).filter_map(|triple| through(triple.map(|i| points[i]))).filter(fits);
     let best =
         tried.map(|plane| (plane.score(points), plane)).fold(None, |best: Option<(f64, Plane)>, one| match best {

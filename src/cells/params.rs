@@ -145,7 +145,7 @@ impl Default for LocalHeightParams {
 impl LocalHeightParams {
     /// For people: `percentile 10 within 1 m`.
     pub fn words(&self) -> String {
-        let plane = if self.plane { ", and the plane there" } else { "" };
+        let plane = if self.plane { ", and a plane" } else { "" };
         format!("percentile {} within {} m{plane}", self.percentile, self.radius_m)
     }
 

@@ -9,7 +9,7 @@ use super::build::{build_failure, interrupted, judge_corpus};
 use super::options::{default_threads, parse_threads, plan_of};
 use super::output::{errln, out, outln};
 use super::place::{self, corpus_failure};
-use super::progress::BuildProgress;
+use super::progress::{BuildProgress, counted};
 use super::rebuild::{self, tell_before};
 use super::signals::stop_on_signals;
 use super::{Failure, LogFormat, sign};
@@ -17,6 +17,7 @@ use crate::build::{CorpusBuild, Outcome, Share};
 use crate::corpus::verify::{self, Finding};
 use crate::corpus::{self, Build, CorpusError, CorpusSpec, Finished, Known, Manifest, Place, Store, owner, ranges};
 use crate::episode::Prepared;
+use crate::shell;
 
 #[derive(Debug, Args)]
 pub(super) struct PlaceArgs {
@@ -75,7 +76,7 @@ fn open(at: &Path) -> Result<(CorpusSpec, Arc<dyn Store>), Failure> {
             miette::miette!(
                 help = format!(
                     "marsyard generate CONFIG --out {}, with the config that it was built from, writes it anew",
-                    at.display()
+                    shell::word(at.display())
                 ),
                 "{}/plan.yaml: its keys give scene_plan_hash {}, its first line says {owner}: it was edited or damaged, or \
                  written by another version of marsyard",
@@ -92,7 +93,7 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
     let status = corpus::status(store.as_ref(), &spec).map_err(corpus_failure)?;
     if !args.missing {
         out!("{status}");
-        tell_faults(store.as_ref(), &spec)?;
+        tell_faults(store.as_ref(), &spec, status.to_build().is_empty())?;
     } else if !status.to_build().is_empty() {
         outln!("{}", ranges::to_text(&status.to_build()));
     }
@@ -103,10 +104,13 @@ pub(super) fn status(args: &StatusArgs) -> Result<(), Failure> {
 const MOST_TOLD: usize = 20;
 
 /// What readers would refuse of a finished corpus, and what is in the folders of an unfinished one and belongs to no shard.
-fn tell_faults(store: &dyn Store, spec: &CorpusSpec) -> Result<(), Failure> {
+fn tell_faults(store: &dyn Store, spec: &CorpusSpec, is_complete: bool) -> Result<(), Failure> {
     let faults: Vec<String> = match Manifest::read(store) {
         Err(CorpusError::BadManifest { .. }) if !is_finished(store)? => {
-            verify::strays(store, spec).map_err(corpus_failure)?.iter().map(ToString::to_string).collect()
+            let strays = verify::strays(store, spec).map_err(corpus_failure)?;
+            let verb = if is_complete { "finalize" } else { "generate" };
+            let unfinished = format!("not finished: `marsyard {verb} {}` does that", shell::word(store.place()));
+            std::iter::once(unfinished).chain(strays.iter().map(ToString::to_string)).collect()
         }
         Err(error @ (CorpusError::BadManifest { .. } | CorpusError::OtherFormat { .. })) => vec![error.to_string()],
         Err(error) => return Err(corpus_failure(error)),
@@ -165,13 +169,17 @@ fn shards_of(findings: &[Finding]) -> Vec<u64> {
 
 fn unsound(findings: &[Finding], place: &str) -> Failure {
     let shards = shards_of(findings);
-    let places = if shards.is_empty() { String::new() } else { format!(" in shards {}", ranges::to_text(&shards)) };
+    let places = match shards.as_slice() {
+        [] => String::new(),
+        [shard] => format!(" in shard {shard}"),
+        _ => format!(" in shards {}", ranges::to_text(&shards)),
+    };
     // What no repair mends says itself what does.
     let cure = match findings.iter().any(Finding::is_repairable) {
-        true => format!("; cure: marsyard verify {place} --repair"),
+        true => format!("; cure: marsyard verify {} --repair", shell::word(place)),
         false => findings.first().map_or_else(String::new, |first| format!("; the first: {first}")),
     };
-    Failure::failed(format!("{} findings{places}{cure}", findings.len()))
+    Failure::failed(format!("{}{places}{cure}", counted(findings.len() as u64, "finding")))
 }
 
 /// Builds shards anew in place of what is there, and merges the receipts again.
@@ -204,7 +212,7 @@ fn repair(
     }
     // By its plan: while shards are missing the corpus itself is refused.
     let plan_file = args.place.join("plan.yaml");
-    let replay = |scene| format!("marsyard explain {} --scene {scene}", plan_file.display());
+    let replay = |scene| format!("marsyard explain {} --scene {scene}", shell::word(plan_file.display()));
     let build = CorpusBuild {
         prepared: &Prepared::new(plan).map_err(Failure::failed)?,
         spec,

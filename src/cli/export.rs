@@ -78,7 +78,10 @@ fn is_one(a: &Path, b: &Path) -> bool {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
+    let failed = |source| match path.parent().filter(|above| !above.as_os_str().is_empty() && !above.exists()) {
+        Some(above) => CorpusError::of_path(above, source),
+        None => CorpusError::of_path(path, source),
+    };
     write_whole(path, bytes).map_err(|error| corpus_failure(failed(error)))?;
     errln!("{}: {} bytes", path.display(), bytes.len());
     Ok(())

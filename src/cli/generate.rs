@@ -16,6 +16,7 @@ use super::{ConfigArgs, Failure, LogFormat};
 use crate::build::{self, CorpusEvent, Generate, Generated, KEEP_FREE_BYTES, Tally, Whole};
 use crate::corpus::{Selection, owner, ranges};
 use crate::plan::Plan;
+use crate::shell;
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
@@ -107,7 +108,7 @@ fn tell_plan_laid(plan: &Plan, out: &Path, log: LogFormat) {
         plan.name,
         out.display(),
         plan.shards(),
-        out.display()
+        shell::word(out.display())
     );
 }
 
@@ -119,11 +120,11 @@ fn tell_start(plan: &Plan, out: &Path, selected: usize, shards: &[u64], threads:
     }
     let resumed = if there > 0 { format!(", {there} are there already") } else { String::new() };
     errln!(
-        "{} -> {}: {} of {selected} shards to build, {} scenes each{resumed}; {}",
+        "{} -> {}: {} of {selected} shards to build, {} each{resumed}; {}",
         plan.name,
         out.display(),
         shards.len(),
-        plan.scenes_per_shard,
+        counted(u64::from(plan.scenes_per_shard), "scene"),
         counted(threads as u64, "thread")
     );
     split_warnings(plan).iter().for_each(|warning| errln!("warning: {warning}"));
@@ -134,7 +135,7 @@ fn replay_command(config: &ConfigArgs, scene: u64) -> String {
     let sets = typed_sets(&config.sets);
     // Of a corpus its plan: while it is built the corpus itself is refused.
     let file = config_file(&config.config);
-    format!("marsyard explain {} --scene {scene}{sets}", file.display())
+    format!("marsyard explain {} --scene {scene}{sets}", shell::word(file.display()))
 }
 
 /// The end of a part: whether too many scenes failed is judged over the whole corpus, by `finalize`.
@@ -156,7 +157,7 @@ fn tell_part_end(place: &str, selected: &[u64], tally: &Tally, log: LogFormat) {
     if selected.is_empty() {
         errln!("{place}: this part has no shards, there are more parts than shards");
     } else {
-        errln!("{place}: shards {shards} are there{failed}; when all are: marsyard finalize {place}");
+        errln!("{place}: shards {shards} are there{failed}; when all are: marsyard finalize {}", shell::word(place));
     }
 }
 
@@ -189,6 +190,6 @@ fn tell_end(whole: &Whole, place: &str, threads: usize, is_good: bool, log: LogF
         manifest.corpus_id
     );
     if is_good {
-        errln!("next: marsyard inspect {place}");
+        errln!("next: marsyard inspect {}", shell::word(place));
     }
 }

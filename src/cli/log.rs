@@ -5,9 +5,16 @@ use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
+use std::fmt::Arguments;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::output::errln;
 use super::place::StoreFault;
 use super::{Failure, LogFormat};
+use crate::config::ConfigError;
+
+/// Whether what is told goes out as JSON, a line each.
+static IS_JSON: AtomicBool = AtomicBool::new(false);
 
 /// Sets the log up for the whole process.
 pub(super) fn start(format: LogFormat) {
@@ -16,6 +23,7 @@ pub(super) fn start(format: LogFormat) {
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_target(false).log_internal_errors(false);
     // What libraries log (an HTTP client its requests, say) is neither asked for nor known to be free of secrets.
     let ours = Targets::new().with_target("marsyard", LevelFilter::INFO);
+    IS_JSON.store(format == LogFormat::Json, Ordering::Relaxed);
     match format {
         LogFormat::Json => {
             let layer = layer.json().flatten_event(true).with_filter(ours);
@@ -27,6 +35,19 @@ pub(super) fn start(format: LogFormat) {
             tracing_subscriber::registry().with(layer).init();
         }
     }
+}
+
+/// Takes a line of talk, where machines listen; `false` where people do.
+pub(super) fn takes(text: Arguments) -> bool {
+    let is_json = IS_JSON.load(Ordering::Relaxed);
+    if is_json {
+        let text = text.to_string();
+        match text.trim().strip_prefix("warning: ") {
+            Some(warning) => tracing::warn!("{warning}"),
+            None => tracing::info!("{}", text.trim()),
+        }
+    }
+    is_json
 }
 
 /// Says why a verb failed.
@@ -49,9 +70,16 @@ pub(super) fn failure(format: LogFormat, failure: &Failure) {
                 }
                 None => tracing::error!(exit_code = failure.code, help, "{}", failure.report),
             }
-            for fault in failure.report.related().into_iter().flatten() {
-                let help = fault.help().map(|help| help.to_string()).unwrap_or_default();
-                tracing::error!(exit_code = failure.code, help, "{fault}");
+            for fault in failure.report.downcast_ref::<ConfigError>().into_iter().flat_map(|error| &error.faults) {
+                tracing::error!(
+                    exit_code = failure.code,
+                    file = fault.file(),
+                    line = fault.line,
+                    column = fault.column,
+                    help = fault.cure.as_deref().unwrap_or_default(),
+                    "{}",
+                    fault.rule
+                );
             }
         }
         LogFormat::Text => errln!("{:?}", failure.report),

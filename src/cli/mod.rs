@@ -230,7 +230,9 @@ fn run(cli: &Cli) -> Result<(), Failure> {
             Ok(())
         }
         Verb::Completions { shell } => {
-            clap_complete::generate(*shell, &mut command(), "marsyard", &mut std::io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut command(), "marsyard", &mut script);
+            output::out!("{}", String::from_utf8_lossy(&script));
             Ok(())
         }
     }

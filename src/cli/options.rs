@@ -6,6 +6,7 @@ use super::place::is_config;
 use super::{Failure, config_failure};
 use crate::config;
 use crate::plan::{Plan, Split};
+use crate::shell;
 
 /// As many as there are cores to be used.
 pub(super) fn default_threads() -> usize {
@@ -65,12 +66,12 @@ pub(super) fn read_share(text: &str) -> Option<f64> {
 
 /// Overrides as they are typed behind a command.
 pub(super) fn typed_sets<'s>(sets: impl IntoIterator<Item = &'s String>) -> String {
-    sets.into_iter().map(|set| format!(" --set '{set}'")).collect()
+    sets.into_iter().map(|set| format!(" --set {}", shell::quoted(set))).collect()
 }
 
 /// A place as it is typed behind a command.
 pub(super) fn typed_out(out: &Path) -> String {
-    format!(" --out '{}'", out.display())
+    format!(" --out {}", shell::quoted(out.display()))
 }
 
 /// A rule of labels as an override.

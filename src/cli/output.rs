@@ -34,8 +34,11 @@ pub(super) fn put(text: Arguments) {
     }
 }
 
-/// Writes a line to stderr; where nobody listens there is nobody to tell.
+/// Writes a line to stderr, as JSON with `--log json`; where nobody listens there is nobody to tell.
 pub(super) fn tell(text: Arguments) {
+    if super::log::takes(text) {
+        return;
+    }
     let _ = std::io::stderr().lock().write_fmt(format_args!("{text}\n"));
 }
 

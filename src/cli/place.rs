@@ -13,6 +13,7 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::store::may_pass;
 use crate::corpus::{CorpusError, Finished, Manifest, Store, address, manifest, plan_file};
 use crate::plan::Plan;
+use crate::shell;
 
 /// Storage that fails may work again; everything else will not.
 pub(super) fn corpus_failure(error: CorpusError) -> Failure {
@@ -166,7 +167,7 @@ pub(super) fn finished_plan(place: &Path) -> Result<Plan, Failure> {
         ),
         cure: format!(
             "`marsyard generate CONFIG --out {}`, with the config that the corpus was built from, writes it anew",
-            place.display()
+            shell::word(place.display())
         ),
     }))
 }

@@ -30,6 +30,7 @@ use crate::corpus::Table;
 use crate::cpu;
 use crate::measure::estimate::{self, Estimate, EstimateError, Options};
 use crate::plan::{Fidelity, Plan};
+use crate::shell;
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
@@ -111,7 +112,7 @@ pub(super) fn run(args: &PlanArgs, log: LogFormat) -> Result<(), Failure> {
         tell(&plan, estimate.as_ref(), !args.no_parts, &own_choices, &warnings);
         outln!(
             "\nwhat such scenes teach a classifier, and from how many on more teach nothing: marsyard plan {}{}{} --hours 8",
-            args.config.config.display(),
+            shell::word(args.config.config.display()),
             typed_sets(&args.config.sets),
             args.out.as_deref().map_or(String::new(), typed_out)
         );

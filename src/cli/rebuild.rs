@@ -10,6 +10,7 @@ use crate::build::{self, Compared, Share};
 use crate::corpus::rebuilt::{self, Rebuilt};
 use crate::corpus::{Manifest, Store, ranges};
 use crate::plan::Plan;
+use crate::shell;
 
 /// Builds a share of the shards again and says what came of it; `place` is the corpus as it was typed.
 pub(super) fn run(
@@ -20,7 +21,7 @@ pub(super) fn run(
     threads: usize,
     log: LogFormat,
 ) -> Result<(), Failure> {
-    let replay = |scene: u64| format!("marsyard explain {place} --scene {scene}");
+    let replay = |scene: u64| format!("marsyard explain {} --scene {scene}", shell::word(place));
     let stop = stop_on_signals()?;
     let mut progress = BuildProgress::new(log, place.into(), &replay);
     let compared = build::compare_again(plan, store, share, threads, &stop, &mut |event| progress.take(&event));

@@ -20,6 +20,7 @@ use crate::search::leaderboard::shown_interval;
 use crate::search::networks::{DEEPEST, Hidden, WIDEST, full, grid, sample, shown};
 use crate::search::over_scenes::ValidationScenes;
 use crate::search::{Entry, Leaderboard, Outcome, Setup, journal, leaderboard, search};
+use crate::shell;
 use crate::train::memory::Held;
 use crate::train::params::FilterParams;
 use crate::train::rows::only_class;
@@ -232,7 +233,7 @@ pub(super) fn run(args: &SearchArgs, log: LogFormat) -> Result<(), Failure> {
 
 fn interrupted(setup: &Setup, entries: usize) -> miette::Report {
     miette::miette!(
-        help = format!("the same command with --resume --out {} goes on from here", setup.out.display()),
+        help = format!("the same command with --resume --out {} goes on from here", shell::word(setup.out.display())),
         "interrupted with {entries} trainings in the journal"
     )
 }
@@ -279,8 +280,8 @@ fn tell_end(args: &SearchArgs, setup: &Setup, board: &Leaderboard, entries: &[En
         100.0 * setup.margin,
         over_scenes(board),
         if matches!(setup.params.filter, FilterParams::Ekf(_)) { BY_KALMAN_FILTER } else { "" },
-        args.corpus.display(),
-        config.display()
+        shell::word(args.corpus.display()),
+        shell::word(config.display())
     );
 }
 

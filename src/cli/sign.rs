@@ -14,6 +14,7 @@ use crate::corpus::limits::FileKind;
 use crate::corpus::owner::RULE;
 use crate::corpus::signature::{self, PublicKey, SignatureError, SigningKey};
 use crate::corpus::{CorpusError, Finished, Manifest, Store, address, finished, manifest, sha256};
+use crate::shell;
 
 /// Where a key's password is looked for before it is asked for.
 const PASSWORD: &str = "MARSYARD_KEY_PASSWORD";
@@ -60,7 +61,7 @@ fn sign(corpus: &Path, key: &Path, out: Option<&Path>) -> Result<(), Failure> {
     let Finished { manifest, manifest_sha256, .. } = Finished::open(store.as_ref()).map_err(corpus_failure)?;
     if manifest.format < 2 {
         return Err(Failure::usage(miette::miette!(
-            help = format!("`marsyard finalize {}` writes it anew with them", corpus.display()),
+            help = format!("`marsyard finalize {}` writes it anew with them", shell::word(corpus.display())),
             "{}: the manifest is of format 1 and lacks the hashes of other files: a signature over it would not cover them",
             corpus.display()
         )));

@@ -70,7 +70,8 @@ pub(super) fn shown(text: &str, most: usize) -> String {
 /// What should be a number and is none, as messages show it: a file may be anything, so only what was meant for a number.
 pub(super) fn no_number(word: &str) -> String {
     let meant = word.len() <= 24 && word.chars().all(|c| c.is_ascii_digit() || "+-.,eE".contains(c));
-    format!("'{}' is not a number", if meant { word } else { "..." })
+    let cure = if meant && word.contains(',') { "; decimals are written with points" } else { "" };
+    format!("'{}' is not a number{cure}", if meant { word } else { "..." })
 }
 
 /// The columns' names as messages show them, where they look like such.
@@ -117,16 +118,6 @@ impl FieldOffsets {
             label,
         })
     }
-
-    /// The largest column in use.
-    pub(super) fn last(&self) -> usize {
-        self.xyz.into_iter().chain(self.intensity).chain(self.label).max().unwrap_or(0)
-    }
-}
-
-/// A label as a number; what is none is -1.
-pub(super) fn label_of(value: f64) -> i64 {
-    if value.is_finite() { value.round() as i64 } else { -1 }
 }
 
 #[cfg(test)]
@@ -136,6 +127,7 @@ mod tests {
     #[test]
     fn exact_messages_show_numbers_and_names_and_nothing_else() {
         assert_eq!(no_number("1.2.3"), "'1.2.3' is not a number");
+        assert_eq!(no_number("3,6"), "'3,6' is not a number; decimals are written with points");
         assert_eq!(no_number("AKIDEXAMPLE"), "'...' is not a number");
         let names = |all: &[&str]| shown_names(&all.iter().map(|name| (*name).to_string()).collect::<Vec<_>>());
         assert_eq!(names(&["east", "north_m", "up"]), "'east north_m up'");

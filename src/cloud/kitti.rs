@@ -31,7 +31,7 @@ pub(super) fn read(file: &str, bytes: &[u8], labels: Option<&[u8]>) -> Result<Cl
     let mut gathered = Gathered::new(true, ids.is_some());
     for (i, point) in points.iter().enumerate() {
         let value = |k: usize| f64::from(f32::from_le_bytes(point.as_chunks::<4>().0[k]));
-        let label = ids.map_or(-1, |ids| i64::from(u32::from_le_bytes(ids[i]) & 0xffff));
+        let label = ids.map_or(f64::NAN, |ids| f64::from(u32::from_le_bytes(ids[i]) & 0xffff));
         gathered.push(DVec3::new(value(0), value(1), value(2)), value(3), label);
     }
     gathered.finish(file)

@@ -58,7 +58,7 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Cloud, CloudError> {
             raw::point::Flags::ThreeByte(_, _, class) => class,
         };
         let place = DVec3::new(scale(0, point.x), scale(1, point.y), scale(2, point.z));
-        gathered.push(place, f64::from(point.intensity), i64::from(class));
+        gathered.push(place, f64::from(point.intensity), f64::from(class));
     }
     gathered.finish(file)
 }

@@ -60,20 +60,37 @@ fn drop_from<T>(values: &mut Vec<T>, marks: &[bool]) {
     values.retain(|_| marks.next() != Some(&true));
 }
 
+/// Labels beyond are no longer told apart by a f64.
+const MOST_LABEL: f64 = 9e15;
+
+/// Whether so many bytes behind the announced points hold a further one; zeros are padding.
+fn holds_more(rest: &[u8], point_bytes: u64) -> bool {
+    point_bytes > 0 && rest.len() as u64 >= point_bytes && rest.iter().any(|byte| *byte != 0)
+}
+
+/// A file whose header announces fewer points than it holds.
+fn more_than_announced(file: &str, count: u64) -> CloudError {
+    let reason = format!("it announces {count} points, and more follow; set the count right, or write the file anew");
+    CloudError::Malformed { file: file.into(), place: "the header".into(), reason }
+}
+
 /// Points in the making: drops and counts what is no place.
 #[derive(Debug, Default)]
 struct Gathered {
     cloud: Cloud,
+    /// The first label that is no whole number, and whose it is.
+    no_label: Option<(u64, f64)>,
 }
 
 impl Gathered {
     /// For a file that has these columns. Nothing is reserved: sizes in headers are not to be trusted.
     fn new(intensity: bool, labels: bool) -> Gathered {
         let cloud = Cloud { intensity: intensity.then(Vec::new), labels: labels.then(Vec::new), ..Cloud::default() };
-        Gathered { cloud }
+        Gathered { cloud, no_label: None }
     }
 
-    fn push(&mut self, point_m: DVec3, intensity: f64, label: i64) {
+    /// `label`: a whole number; NaN, which is none, becomes -1.
+    fn push(&mut self, point_m: DVec3, intensity: f64, label: f64) {
         if !point_m.is_finite() {
             self.cloud.not_finite += 1;
             return;
@@ -83,12 +100,22 @@ impl Gathered {
             values.push(intensity as f32);
         }
         if let Some(values) = &mut self.cloud.labels {
-            values.push(label);
+            let is_label = label.fract() == 0.0 && label.abs() <= MOST_LABEL;
+            if !is_label && !label.is_nan() && self.no_label.is_none() {
+                self.no_label = Some((self.cloud.points_m.len() as u64 - 1 + self.cloud.not_finite, label));
+            }
+            values.push(if is_label { label as i64 } else { -1 });
         }
     }
 
     /// The cloud, if there is a point in it.
     fn finish(self, file: &str) -> Result<Cloud, CloudError> {
+        if let Some((point, label)) = self.no_label {
+            let reason = format!(
+                "its label is {label:e}, and labels are whole numbers; rename the column if it holds others, or name theirs with --label-field"
+            );
+            return Err(CloudError::Malformed { file: file.into(), place: format!("point {point}"), reason });
+        }
         if self.cloud.points_m.is_empty() {
             return Err(CloudError::NoPoints { file: file.into(), not_finite: self.cloud.not_finite });
         }

@@ -1,8 +1,8 @@
 //! PCD 0.6 and 0.7 (Point Cloud Library): ascii, binary, and binary_compressed (LZF, field by field). Little endian.
 
-use super::fields::{FieldOffsets, Number, label_of, no_number, shown};
+use super::fields::{FieldOffsets, Number, no_number, shown};
 use super::lzf::{self, Fault};
-use super::{Cloud, CloudError, Gathered};
+use super::{Cloud, CloudError, Gathered, holds_more, more_than_announced};
 use crate::geometry::DVec3;
 
 struct Header {
@@ -99,12 +99,16 @@ impl Header {
             .try_fold(0u64, |sum, size| sum.checked_add(size?))
     }
 
-    /// Bytes of all points, if so many are there.
-    fn check_size(&self, file: &str, there: usize) -> Result<usize, CloudError> {
-        let needed = self.point_size().and_then(|size| size.checked_mul(self.points)).unwrap_or(u64::MAX);
-        if needed > there as u64 {
+    /// Bytes of all points, if so many are there and not a point more.
+    fn check_size(&self, file: &str, data: &[u8]) -> Result<usize, CloudError> {
+        let (size, there) = (self.point_size(), data.len() as u64);
+        let needed = size.and_then(|size| size.checked_mul(self.points)).unwrap_or(u64::MAX);
+        if needed > there {
             let place = format!("the data of {} points", self.points);
-            return Err(CloudError::Truncated { file: file.into(), place, needed, there: there as u64 });
+            return Err(CloudError::Truncated { file: file.into(), place, needed, there });
+        }
+        if size.is_some_and(|size| holds_more(&data[needed as usize..], size)) {
+            return Err(more_than_announced(file, self.points));
         }
         Ok(needed as usize)
     }
@@ -168,12 +172,15 @@ impl PointData<'_> {
             }
             self.push(&mut gathered, |field| row[field]);
         }
+        if lines.next().is_some() {
+            return Err(more_than_announced(file, header.points));
+        }
         gathered.finish(file)
     }
 
     fn binary(&self) -> Result<Cloud, CloudError> {
         let PointData { file, header, bytes, .. } = *self;
-        let size = header.check_size(file, bytes.len())?;
+        let size = header.check_size(file, bytes)?;
         let mut gathered = self.gather()?;
         let starts = header.offsets();
         let point_size = size / (header.points as usize).max(1);
@@ -209,7 +216,7 @@ impl PointData<'_> {
             };
             malformed(file, "the compressed data", format!("{reason}: the file is damaged; copy it again"))
         })?;
-        header.check_size(file, expanded.len())?;
+        header.check_size(file, &expanded)?;
         let mut gathered = self.gather()?;
         let points = header.points as usize;
         // A block a field: its points' values, `count` each.
@@ -233,7 +240,7 @@ impl PointData<'_> {
     fn push(&self, gathered: &mut Gathered, value: impl Fn(usize) -> f64) {
         let [x, y, z] = self.offsets.xyz.map(&value);
         let of = |field: Option<usize>| field.map_or(f64::NAN, &value);
-        gathered.push(DVec3::new(x, y, z), of(self.offsets.intensity), label_of(of(self.offsets.label)));
+        gathered.push(DVec3::new(x, y, z), of(self.offsets.intensity), of(self.offsets.label));
     }
 }
 

@@ -1,7 +1,7 @@
 //! PLY (Turk 1994): ascii, binary little and big endian; the element `vertex`, lists in it skipped.
 
-use super::fields::{FieldOffsets, Number, label_of, no_number};
-use super::{Cloud, CloudError, Gathered};
+use super::fields::{FieldOffsets, Number, no_number};
+use super::{Cloud, CloudError, Gathered, holds_more, more_than_announced};
 use crate::geometry::DVec3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +21,16 @@ struct Element {
     name: String,
     count: u64,
     properties: Vec<Property>,
+}
+
+impl Element {
+    /// Bytes of one; `None` where it holds a list.
+    fn fixed_size(&self) -> Option<u64> {
+        self.properties.iter().try_fold(0u64, |sum, property| match property {
+            Property::One { number, .. } => Some(sum + number.size() as u64),
+            Property::List { .. } => None,
+        })
+    }
 }
 
 struct Header {
@@ -49,10 +59,12 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
     let places = FieldOffsets::of(file, "the element 'vertex'", &names, label_field)?;
     let mut gathered = Gathered::new(places.intensity.is_some(), places.label.is_some());
     let body = &bytes[header.body..];
+    // Of elements that stand behind the vertices nothing is read.
+    let is_last = at + 1 == header.elements.len();
     match header.encoding {
         Encoding::Ascii => {
             let skipped = header.elements[..at].iter().fold(0u64, |sum, element| sum.saturating_add(element.count));
-            read_ascii(file, body, header.lines, skipped, vertex, &places, &mut gathered)?;
+            read_ascii(file, body, header.lines, skipped, (vertex, is_last), &places, &mut gathered)?;
         }
         Encoding::Binary { big_endian } => {
             let mut reader = Binary { file, body, at: 0, big_endian };
@@ -64,6 +76,9 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
                 reader.row(vertex, i, &mut row)?;
                 push(&mut gathered, &places, &row);
             }
+            if is_last && vertex.fixed_size().is_some_and(|size| holds_more(&body[reader.at..], size)) {
+                return Err(more_than_announced(file, vertex.count));
+            }
         }
     }
     gathered.finish(file)
@@ -72,7 +87,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
 fn push(gathered: &mut Gathered, places: &FieldOffsets, row: &[f64]) {
     let [x, y, z] = places.xyz.map(|place| row[place]);
     let value = |place: Option<usize>| place.map_or(f64::NAN, |place| row[place]);
-    gathered.push(DVec3::new(x, y, z), value(places.intensity), label_of(value(places.label)));
+    gathered.push(DVec3::new(x, y, z), value(places.intensity), value(places.label));
 }
 
 fn malformed(file: &str, place: &str, reason: String) -> CloudError {
@@ -157,7 +172,7 @@ fn read_ascii(
     body: &[u8],
     header_lines: usize,
     skipped: u64,
-    vertex: &Element,
+    (vertex, is_last): (&Element, bool),
     places: &FieldOffsets,
     gathered: &mut Gathered,
 ) -> Result<(), CloudError> {
@@ -199,6 +214,9 @@ fn read_ascii(
         }
         push(gathered, places, &row);
     }
+    if is_last && lines.next().is_some() {
+        return Err(more_than_announced(file, vertex.count));
+    }
     Ok(())
 }
 
@@ -221,11 +239,7 @@ impl Binary<'_> {
 
     /// Passes over an element that stands before the vertices.
     fn skip(&mut self, element: &Element) -> Result<(), CloudError> {
-        let fixed = element.properties.iter().try_fold(0u64, |sum, property| match property {
-            Property::One { number, .. } => Some(sum + number.size() as u64),
-            Property::List { .. } => None,
-        });
-        if let Some(size) = fixed {
+        if let Some(size) = element.fixed_size() {
             let bytes = size.saturating_mul(element.count);
             self.need(bytes, || format!("the element '{}'", element.name))?;
             self.at += bytes as usize;

@@ -1,13 +1,20 @@
 //! CSV, XYZ and the like: one point a line.
 //!
-//! Values are separated by commas, semicolons, tabs or blanks. The first line may name the columns (`x y z ...`, in any order and
+//! Values of a line are separated by semicolons, else by commas, else by tabs and blanks; decimals have points. Between two semicolons or
+//! commas may be nothing: a coordinate that is not there is not finite. The first line may name the columns (`x y z ...`, in any order and
 //! case, also behind `#` or `//`). Without names the first three are x, y, z; a fourth, if there are exactly four, is the
-//! intensity; others are left out. Empty lines and lines that start with `#` or `//` are skipped; a line with a single whole number
-//! before the first point (the count of .pts files) too.
+//! intensity; others are left out. All lines have as many values as the first. Empty lines and lines that start with `#` or `//` are skipped; a
+//! line with a single whole number before the first point (the count of .pts files) too.
 
-use super::fields::{FieldOffsets, label_of, no_number};
+use super::fields::{FieldOffsets, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
+
+/// Where the columns in use stand, and how many there are.
+struct Columns {
+    offsets: FieldOffsets,
+    count: usize,
+}
 
 pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Result<Cloud, CloudError> {
     let malformed = |line: usize, reason: String| CloudError::Malformed {
@@ -16,58 +23,78 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         reason,
     };
     let text = String::from_utf8_lossy(bytes);
-    let mut places: Option<FieldOffsets> = None;
+    let mut columns: Option<Columns> = None;
     let mut gathered = Gathered::new(false, false);
+    let mut values = Vec::new();
     let mut first = true;
     for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let trimmed = line.trim();
         let bare = trimmed.trim_start_matches(['#', '/']);
         let comment = bare.len() < trimmed.len();
-        let values = || bare.split([',', ';', ' ', '\t']).map(str::trim).filter(|value| !value.is_empty());
-        if bare.is_empty() {
+        if bare.is_empty() || comment && columns.is_some() {
             continue;
         }
-        if places.is_none() {
-            let names: Vec<String> = values().map(|name| name.trim_matches('"').to_string()).collect();
-            let named = names.iter().any(|name| name.parse::<f64>().is_err());
+        split(bare, &mut values);
+        if columns.is_none() {
+            drop_end(&mut values, None);
+            let names: Vec<String> = values.iter().map(|name| name.trim_matches('"').to_string()).collect();
+            let named = names.iter().any(|name| !name.is_empty() && name.parse::<f64>().is_err());
             if named && (!comment || is_header(&names)) {
-                places =
-                    Some(FieldOffsets::of(file, &format!("line {} (column names)", number + 1), &names, label_field)?);
+                let place = format!("line {} (column names)", number + 1);
+                let offsets = FieldOffsets::of(file, &place, &names, label_field)?;
+                columns = Some(Columns { offsets, count: names.len() });
             } else if !(comment || first && names.len() == 1) {
                 if names.len() < 3 {
                     return Err(malformed(number, format!("{} values, a point has three", names.len())));
                 }
                 let intensity = (names.len() == 4).then_some(3);
-                places = Some(FieldOffsets { xyz: [0, 1, 2], intensity, label: unnamed(file, label_field)? });
+                let offsets = FieldOffsets { xyz: [0, 1, 2], intensity, label: unnamed(file, label_field)? };
+                columns = Some(Columns { offsets, count: names.len() });
             }
-            if let Some(places) = &places {
-                gathered = Gathered::new(places.intensity.is_some(), places.label.is_some());
+            if let Some(Columns { offsets, .. }) = &columns {
+                gathered = Gathered::new(offsets.intensity.is_some(), offsets.label.is_some());
             }
-            if named || comment || places.is_none() {
+            if named || comment || columns.is_none() {
                 first &= comment;
                 continue;
             }
         }
-        if comment {
-            continue;
+        let Some(Columns { offsets, count }) = &columns else { continue };
+        drop_end(&mut values, Some(*count));
+        if values.len() != *count {
+            return Err(malformed(
+                number,
+                format!(
+                    "{} values where the lines before have {count}; decimals are written with points",
+                    values.len()
+                ),
+            ));
         }
-        let Some(places) = &places else { continue };
-        let mut row = [f64::NAN; 5];
-        let wanted = [Some(places.xyz[0]), Some(places.xyz[1]), Some(places.xyz[2]), places.intensity, places.label];
-        let mut columns = 0;
-        for (column, value) in values().enumerate() {
-            columns = column + 1;
-            // One column may be asked for twice, as intensity and as label.
-            for (place, _) in row.iter_mut().zip(wanted).filter(|(_, wanted)| *wanted == Some(column)) {
-                *place = value.parse().map_err(|_| malformed(number, no_number(value)))?;
-            }
-        }
-        if columns <= places.last() {
-            return Err(malformed(number, format!("{columns} values, {} are needed", places.last() + 1)));
-        }
-        gathered.push(DVec3::new(row[0], row[1], row[2]), row[3], label_of(row[4]));
+        let value = |column: usize| match values[column] {
+            "" => Ok(f64::NAN),
+            value => value.parse().map_err(|_| malformed(number, no_number(value))),
+        };
+        let or_none = |column: Option<usize>| column.map_or(Ok(f64::NAN), value);
+        let [x, y, z] = offsets.xyz.map(value);
+        gathered.push(DVec3::new(x?, y?, z?), or_none(offsets.intensity)?, or_none(offsets.label)?);
     }
     gathered.finish(file)
+}
+
+/// The values of a line; between blanks alone none is empty.
+fn split<'t>(line: &'t str, values: &mut Vec<&'t str>) {
+    values.clear();
+    match [';', ','].into_iter().find(|separator| line.contains(*separator)) {
+        Some(separator) => values.extend(line.split(separator).map(str::trim)),
+        None => values.extend(line.split_ascii_whitespace()),
+    }
+}
+
+/// A separator at the end of a line is followed by no value of its own, unless one is wanted there.
+fn drop_end(values: &mut Vec<&str>, wanted: Option<usize>) {
+    if values.last() == Some(&"") && wanted.is_none_or(|wanted| values.len() > wanted) {
+        values.pop();
+    }
 }
 
 fn is_header(names: &[String]) -> bool {

@@ -38,7 +38,7 @@ fn read(path: Option<&Path>, shown: &str, sets: &[String], reader: &mut Reader) 
     let folder = path.and_then(Path::parent).map(Path::to_owned).unwrap_or_default();
     let text = path.map_or(Ok("{}".to_string()), |path| reader.text_of(path));
     let (text, unreadable) = text.map_or_else(|why| (String::new(), Some(why)), |text| (text, None));
-    let is_shown = path.is_none_or(|path| reader.may_show(path));
+    let is_shown = unreadable.is_some() || path.is_none_or(|path| reader.may_show(path));
     let source = Source { name: shown.into(), text: text.into(), folder, is_shown };
     if let Some(why) = unreadable {
         reader.sources.push(source);

@@ -1,12 +1,13 @@
 //! What can go wrong between rows and files; each message names the place, the rule and the cure.
 
+use crate::shell;
 use arrow_schema::ArrowError;
 use parquet::errors::ParquetError;
 
 /// Why a corpus could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum CorpusError {
-    #[error("{place}/{name}: {source}")]
+    #[error("{}: {source}", within(place, name))]
     Io { place: String, name: String, source: std::io::Error },
     #[error("{place} holds {name}, which {why}. {}; {cure}", super::owner::RULE)]
     Foreign { place: String, name: String, why: &'static str, cure: &'static str },
@@ -62,8 +63,9 @@ pub enum CorpusError {
     )]
     BeyondPlan { place: String, shard: u64, shards: u64 },
     #[error(
-        "{place}: {missing} of {shards} shards are missing or damaged ({ranges}); build them with `marsyard generate {place}`, on \
-             many machines with --shards, then finalize again"
+        "{place}: {missing} of {shards} shards are missing or damaged ({ranges}); build them with `marsyard generate {}`, on \
+             many machines with --shards, then finalize again",
+        shell::word(place)
     )]
     Gaps { place: String, missing: u64, shards: u64, ranges: String },
     #[error(
@@ -88,6 +90,12 @@ pub enum CorpusError {
     Parquet { name: String, source: ParquetError },
     #[error("{name}: {source}")]
     Arrow { name: String, source: ArrowError },
+}
+
+/// A file within a place, either of which may be without a name.
+fn within(place: &str, name: &str) -> String {
+    let between = if place.is_empty() || name.is_empty() || place.ends_with('/') { "" } else { "/" };
+    format!("{place}{between}{name}")
 }
 
 impl CorpusError {

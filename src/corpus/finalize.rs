@@ -11,6 +11,7 @@ use super::manifest::{self, Merge};
 use super::place::Place;
 use super::status::survey;
 use super::{CorpusError, CorpusSpec, Manifest, Receipt, Store, card, croissant, owner, plan_file, ranges, sha256};
+use crate::shell;
 
 /// What whoever asks for a merge knows beside the plan.
 #[derive(Clone, Copy, Debug, Default)]
@@ -115,11 +116,11 @@ impl Before {
         if finished::read_present(store, manifest::SHARDS, kind)?.as_deref() == Some(lines.as_bytes()) {
             return Ok(());
         }
-        let place = store.place();
+        let (place, at) = (store.place(), shell::word(store.place()));
         let reason = "its receipts_sha256 is not that of the receipts, and the list that would say which of them changed, \
                       shards.jsonl, is not the manifest's either";
         let cure = format!(
-            "bring shards.jsonl back, `marsyard verify {place}` then names the receipt; or remove {}, and `marsyard finalize {place}` \
+            "bring shards.jsonl back, `marsyard verify {at}` then names the receipt; or remove {}, and `marsyard finalize {at}` \
              takes the receipts as they are",
             manifest::NAME
         );
@@ -133,9 +134,9 @@ pub(crate) const CHANGED_RECEIPT: &str =
 
 fn refuse_changed(store: &dyn Store, changed: &[u64]) -> Result<(), CorpusError> {
     let Some(&first) = changed.first() else { return Ok(()) };
-    let place = store.place();
+    let (place, at) = (store.place(), shell::word(store.place()));
     let more = if changed.len() == 1 { String::new() } else { format!(" (and {} more)", changed.len() - 1) };
-    let cure = format!("`marsyard verify {place} --repair` builds its shard anew");
+    let cure = format!("`marsyard verify {at} --repair` builds its shard anew");
     Err(CorpusError::NotWhole { place, name: Receipt::path(first), reason: CHANGED_RECEIPT.to_string() + &more, cure })
 }
 

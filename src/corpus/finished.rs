@@ -20,6 +20,7 @@ use super::plan_file::{self, Extent};
 use super::reader::TableFile;
 use super::totals;
 use super::{CorpusError, Split, Store, Table, card, croissant, sha256};
+use crate::shell;
 
 /// A corpus, whole.
 pub struct Finished {
@@ -51,16 +52,17 @@ impl fmt::Display for Fault {
 impl Fault {
     /// A file that belongs to no shard.
     pub(crate) fn of_stray(place: &str, name: String, stray: &Stray) -> Fault {
+        let at = shell::word(place);
         let (what, cure) = match stray {
             Stray::Beyond { shard } => (
                 format!("it is of shard {shard}, behind the end of the corpus"),
                 format!(
-                    "`marsyard generate {place} --discard-beyond` removes such shards; with a config of more scenes they belong to it"
+                    "`marsyard generate {at} --discard-beyond` removes such shards; with a config of more scenes they belong to it"
                 ),
             ),
             Stray::Ours => (
                 "it belongs to no shard, and readers that go by *.parquet read it".into(),
-                format!("`marsyard verify {place} --repair` removes it"),
+                format!("`marsyard verify {at} --repair` removes it"),
             ),
             Stray::Foreign => {
                 ("it was not written for this corpus, and readers of the folder read it".into(), "move it away".into())
@@ -112,8 +114,8 @@ impl Finished {
         match refused {
             Refused::Store(error) => error,
             Refused::Other(reason) => {
-                let place = self.store.place();
-                let cure = format!("`marsyard verify {place}` says what else, with --repair it is built anew");
+                let (place, at) = (self.store.place(), shell::word(self.store.place()));
+                let cure = format!("`marsyard verify {at}` says what else, with --repair it is built anew");
                 CorpusError::NotWhole { place, name: table.path(line.shard), reason, cure }
             }
         }
@@ -146,7 +148,7 @@ impl Looked {
         if faults.is_empty() {
             listing = Listing::of(store)?;
             strays = listing.strays(manifest.shards, |table| manifest.tables.contains_key(&table));
-            let cure = format!("`marsyard verify {} --repair` builds its shard anew", store.place());
+            let cure = format!("`marsyard verify {} --repair` builds its shard anew", shell::word(store.place()));
             let fault = |(name, what)| Fault { name, what, cure: cure.clone() };
             faults.extend(listing.faults(&manifest, &lines).map(fault));
         }
@@ -172,18 +174,18 @@ fn unchecked(store: &dyn Store, manifest: &Manifest) -> Vec<String> {
     if manifest.format > 1 {
         return Vec::new();
     }
-    let place = store.place();
+    let (place, at) = (store.place(), shell::word(store.place()));
     vec![format!(
         "{place}: a corpus of format 1: nothing says whether the card, the Croissant file and the receipts are those that it was \
-         finished with, nor how many labels of each class a shard has; `marsyard finalize {place}` writes what is missing"
+         finished with, nor how many labels of each class a shard has; `marsyard finalize {at}` writes what is missing"
     )]
 }
 
 /// Why the plan is not the one that the corpus was finished with, if so.
 pub(crate) fn plan_fault(store: &dyn Store, manifest: &Manifest) -> Result<Option<Fault>, CorpusError> {
-    let place = store.place();
+    let at = shell::word(store.place());
     let anew = format!(
-        "`marsyard generate CONFIG --out {place}`, with the config that the corpus was built from, writes it anew"
+        "`marsyard generate CONFIG --out {at}`, with the config that the corpus was built from, writes it anew"
     );
     let fault = |what: String, cure: String| Some(Fault { name: plan_file::NAME.into(), what, cure });
     let Some(bytes) = read_present(store, plan_file::NAME, FileKind::Config)? else {
@@ -207,8 +209,8 @@ pub(crate) fn plan_fault(store: &dyn Store, manifest: &Manifest) -> Result<Optio
             ),
             // Fewer than there are: what is behind the end must be let go by name.
             match there.scenes < finished.scenes {
-                true => format!("`marsyard generate {place} --discard-beyond` completes it"),
-                false => format!("`marsyard generate {place}` completes it"),
+                true => format!("`marsyard generate {at} --discard-beyond` completes it"),
+                false => format!("`marsyard generate {at}` completes it"),
             },
         )),
         Some(_) if manifest.format == 1 || manifest.files.get(plan_file::NAME) == Some(&sha256(&bytes)) => Ok(None),
@@ -234,7 +236,7 @@ fn unlike(store: &dyn Store, name: &str, there: Option<&str>, expected: &str) ->
         Some(_) => "its SHA-256 is not the manifest's: it was edited or damaged, or a finalize was cut off",
         None => "it is missing",
     };
-    let anew = format!("`marsyard finalize {}` writes it anew from the receipts", store.place());
+    let anew = format!("`marsyard finalize {}` writes it anew from the receipts", shell::word(store.place()));
     // People may have added something of their own, which finalize does not replace.
     let cure = if there.is_some() && [card::NAME, croissant::NAME].contains(&name) {
         format!("move away what was edited by hand, and {anew}")
@@ -260,7 +262,7 @@ fn shard_lines(
     match parsed.and_then(|lines| totals::disagreement(manifest, &lines).map_or(Ok(lines), Err)) {
         Ok(lines) => Ok((lines, there)),
         Err(what) => {
-            let cure = format!("`marsyard finalize {}` writes both anew from the receipts", store.place());
+            let cure = format!("`marsyard finalize {}` writes both anew from the receipts", shell::word(store.place()));
             faults.push(Fault { name: manifest::SHARDS.into(), what, cure });
             Ok(Default::default())
         }

@@ -16,6 +16,7 @@ use super::{
     Build, CorpusError, FORMAT, Split, Store, Table, Yards, card, croissant, hex, names, plan_file, ranges, sha256,
 };
 use crate::cells::FeatureColumn;
+use crate::shell;
 
 pub(crate) const NAME: &str = "manifest.json";
 pub const SHARDS: &str = "shards.jsonl";
@@ -220,19 +221,18 @@ impl Manifest {
 
     /// The manifest, and the bytes that it was read from.
     pub(crate) fn read_with_bytes(store: &dyn Store) -> Result<(Manifest, Vec<u8>), CorpusError> {
-        let place = store.place();
+        let at = shell::word(store.place());
         let fault = |reason: String, cure: String| {
             let (place, name) = (store.place(), NAME.into());
             CorpusError::BadManifest { place, name, reason, cure }
         };
-        let bad =
-            |reason| fault(reason, format!("run `marsyard finalize {place}` to write it again from the receipts"));
+        let bad = |reason| fault(reason, format!("run `marsyard finalize {at}` to write it again from the receipts"));
         let bytes = match FileKind::Manifest.read(store, NAME) {
             Err(CorpusError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
                 return Err(match store.size(plan_file::NAME)? {
                     Some(_) => fault(
                         "there is no manifest: the corpus is not finished".into(),
-                        format!("`marsyard generate {place}` completes it"),
+                        format!("`marsyard generate {at}` completes it"),
                     ),
                     None => fault(
                         "there is no manifest, nor a plan: this is no corpus".into(),

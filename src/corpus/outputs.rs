@@ -35,6 +35,15 @@ pub(crate) struct Outputs {
 #[derive(Default, PartialEq)]
 struct Ledger(BTreeMap<String, Vec<String>>);
 
+/// Refuses a folder that nothing could be written into, before hours are spent on what is to go there.
+fn check_writable(folder: &Path) -> Result<(), CorpusError> {
+    let named = |path: &Path| if path.as_os_str().is_empty() { PathBuf::from(".") } else { path.to_path_buf() };
+    // It may not be there yet: then the nearest one above it is written into.
+    let Some(there) = folder.ancestors().map(named).find(|path| path.exists()) else { return Ok(()) };
+    let wanted = rustix::fs::Access::WRITE_OK | rustix::fs::Access::EXEC_OK;
+    rustix::fs::access(&there, wanted).map_err(|error| CorpusError::of_path(&there, error.into()))
+}
+
 impl Ledger {
     fn read(store: &dyn Store) -> Result<Option<Ledger>, CorpusError> {
         let Some(bytes) = finished::read_present(store, LEDGER, FileKind::Ledger)? else { return Ok(None) };
@@ -92,6 +101,7 @@ impl Outputs {
             Address::Folder(folder) => Some(folder),
             Address::Objects { .. } => None,
         };
+        folder.as_deref().map_or(Ok(()), check_writable)?;
         // Before the ledger is looked for: what another command writes meanwhile has one.
         let is_empty = owner::check_empty(store.as_ref());
         let ledger = match Ledger::read(store.as_ref())? {

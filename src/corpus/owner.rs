@@ -17,7 +17,7 @@ use super::{CorpusError, Receipt, Store, Table, card, croissant, finished, listi
 pub(crate) const RULE: &str = "marsyard writes into a place that is empty, not there yet, or its own; it never replaces a file that it did \
                         not write, nor its own input";
 
-pub(crate) const NOT_WRITTEN: &str = "marsyard did not write";
+pub(crate) const NOT_WRITTEN: &str = "marsyard did not write, or wrote for another purpose";
 pub(crate) const CHANGED: &str = "was changed since marsyard wrote it";
 pub(crate) const IS_INPUT: &str = "is an input of this very command";
 
@@ -139,7 +139,7 @@ pub(crate) fn check_file(path: &Path, inputs: &[PathBuf], is_ours: impl Fn(&[u8]
     if kind.is_fifo() || kind.is_char_device() {
         return Ok(()); // Nothing is there to be lost.
     }
-    let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
+    let failed = |source| CorpusError::of_path(path, source);
     let ours = kind.is_file() && {
         let mut bytes = Vec::new();
         let file = fs::File::open(path).map_err(failed)?;

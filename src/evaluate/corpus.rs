@@ -13,6 +13,7 @@ use crate::cells::params::{LabelParams, LocalHeightParams, UnseenParams};
 use crate::cells::{CellFrame, LabelRule, Unanswerable};
 use crate::corpus::{CorpusError, Finished, Split, Store};
 use crate::plan::{Family, Plan};
+use crate::shell;
 use crate::train::{Model, ModelError, OperatingPoint, leaks};
 
 /// What the plan says of a family.
@@ -90,7 +91,10 @@ pub enum EvaluateError {
     Corpus(#[from] CorpusError),
     #[error(transparent)]
     Model(#[from] ModelError),
-    #[error("{place}/{name}: {reason}; run `marsyard verify {place}` to see whether the corpus is whole")]
+    #[error(
+        "{place}/{name}: {reason}; run `marsyard verify {}` to see whether the corpus is whole",
+        shell::word(place)
+    )]
     Table { place: String, name: String, reason: String },
     #[error(
         "{place}: the {split} split holds no cell with a known label; build at least 7 shards, or choose another `--split`"

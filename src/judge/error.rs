@@ -36,8 +36,8 @@ pub enum JudgeError {
         "points in the map's frame need poses: the ground is looked for below the sensor; give poses, or points in the sensor's frame"
     )]
     MapWithoutPoses,
-    #[error("--sigma-{name} {value} (metres, radians): a standard deviation is 0 or more, and less than 1e6")]
-    Sigma { name: &'static str, value: f64 },
+    #[error("--sigma-{name} {value} {unit}: a standard deviation is 0 or more, and less than 1e6")]
+    Sigma { name: &'static str, value: f64, unit: &'static str },
     #[error(
         "a pose at {position_m}: positions lie within {MOST_COORDINATE_M:e} m of the map's origin; subtract the origin, or mend the unit"
     )]

@@ -171,9 +171,14 @@ fn sigmas(options: &Options, about: &About) -> Result<Sigmas, JudgeError> {
         tilt_rad: options.sigma_tilt_rad.unwrap_or_else(|| median("sigma_pitch_rad")),
         yaw_rad: options.sigma_yaw_rad.unwrap_or_else(|| median("sigma_yaw_rad")),
     };
-    let all = [("xy", sigmas.xy_m), ("z", sigmas.z_m), ("tilt", sigmas.tilt_rad), ("yaw", sigmas.yaw_rad)];
-    match all.into_iter().find(|(_, sigma)| !(0.0..1e6).contains(sigma)) {
-        Some((name, value)) => Err(JudgeError::Sigma { name, value }),
+    let all = [
+        ("xy", sigmas.xy_m, "m"),
+        ("z", sigmas.z_m, "m"),
+        ("tilt", sigmas.tilt_rad.to_degrees(), "degrees"),
+        ("yaw", sigmas.yaw_rad.to_degrees(), "degrees"),
+    ];
+    match all.into_iter().find(|(_, sigma, _)| !(0.0..1e6).contains(sigma)) {
+        Some((name, value, unit)) => Err(JudgeError::Sigma { name, value, unit }),
         None => Ok(sigmas),
     }
 }

@@ -5,6 +5,7 @@ use super::model::ModelError;
 use crate::cells::Unanswerable;
 use crate::corpus::CorpusError;
 use crate::parallel::PoolError;
+use crate::shell;
 
 /// Why a network could not be trained.
 #[derive(Debug, thiserror::Error)]
@@ -23,8 +24,9 @@ pub enum TrainError {
     #[error(transparent)]
     Threads(#[from] PoolError),
     #[error(
-        "{place}/{name}: {reason}; it is not the file that its corpus was finalized with: run `marsyard verify {place}`, which names \
-         the shards to build again"
+        "{place}/{name}: {reason}; it is not the file that its corpus was finalized with: run `marsyard verify {}`, which names \
+         the shards to build again",
+        shell::word(place)
     )]
     Shard { place: String, name: String, reason: String },
     #[error("{place} holds no table `cells`; build it with `cells` among its tables")]

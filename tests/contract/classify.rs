@@ -328,6 +328,12 @@ fn law_classify_says_what_is_wrong_and_exits_2() {
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
         assert!(flat.contains(needle), "{arguments:?}: {said}");
     }
+    // Where no point lies in reach nothing was judged, and that is no success.
+    std::fs::write(yard.path("far.csv"), "x,y,z\n900,2,0\n").expect("a file");
+    let output = yard.marsyard(["classify", "plain.safetensors", "far.csv", place, "--out", "far"]);
+    let said = text(&output.stderr);
+    assert!(output.status.code() == Some(1) && said.contains("no cell was judged"), "{said}");
+    assert!(!text(&output.stdout).contains("outside the training range"), "{}", text(&output.stdout));
     // A name that is wrong, though it is the last, is told before anything is judged.
     let output = yard.marsyard(["classify", "plain.safetensors", "c.csv", "none.csv", place]);
     assert!(output.status.code() == Some(2) && text(&output.stderr).contains("none.csv"), "{}", text(&output.stderr));

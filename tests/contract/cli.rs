@@ -136,6 +136,14 @@ fn law_explain_gives_the_arithmetic_of_a_cell() {
     {
         assert!(said.contains(part), "{part} is not in:\n{said}");
     }
+    // Under other keys it is another corpus's cell, and no fault of this one.
+    let others = ["--set", "name=other"];
+    let output = yard.marsyard(["explain", "corpus", "--scene", "1", "--cell", cell].iter().chain(&others));
+    let under_others = text(&output.stdout);
+    assert!(
+        output.status.success() && under_others.contains("--set makes another plan than the corpus's"),
+        "{under_others}"
+    );
     // The arithmetic of a neighbour names the cell beside, and its own mean.
     let (row, col) = cell.split_once(',').map(|(r, c)| (r.parse::<i32>().unwrap(), c.parse::<i32>().unwrap())).unwrap();
     let west = said.lines().find(|line| line.trim_start().starts_with("neighbour_w_m")).expect("a neighbour's line");
@@ -240,6 +248,67 @@ fn extreme_nobody_reads_stderr() {
         assert_eq!(status.code(), Some(wanted), "{arguments:?}");
     }
     crate::yard::assert_same(&yard.identity("corpus"), &yard.identity("other"));
+}
+
+#[test]
+fn extreme_nobody_reads_the_completions() {
+    let yard = Yard::new();
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let output = yard.command(["completions", "bash"]).stdout(writer).output().expect("the binary starts");
+    assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(0), ""));
+}
+
+#[test]
+fn law_commands_that_are_printed_are_as_a_shell_takes_them() {
+    let yard = Yard::new();
+    let config = Yard::everything().display().to_string();
+    let generate = |more: &[&str]| {
+        let output = yard.marsyard(["generate", &config, "--out", "my corpus"].iter().chain(more));
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr)
+    };
+    assert!(generate(&["--shards", "0/2"]).contains("marsyard finalize 'my corpus'"));
+    let status = || text(&yard.marsyard(["status", "my corpus"]).stdout);
+    assert!(status().contains("not finished: `marsyard generate 'my corpus'` does that"), "{}", status());
+    generate(&["--shards", "1/2"]);
+    assert!(status().contains("not finished: `marsyard finalize 'my corpus'` does that"), "{}", status());
+    assert!(generate(&[]).contains("next: marsyard inspect 'my corpus'"));
+    assert!(!status().contains("not finished"), "{}", status());
+}
+
+#[test]
+fn law_machines_are_told_of_all_in_json() {
+    let yard = Yard::new();
+    std::fs::write(yard.path("bad.yaml"), "marsyard: 1\nname: bad\nseed: 1\nscenes: ten\n").expect("a file");
+    yard.generate(&Yard::everything(), "corpus", &[]);
+    let lines = |arguments: &[&str]| -> Vec<serde_json::Value> {
+        let output = yard.marsyard(["--log", "json"].iter().chain(arguments));
+        let said = text(&output.stderr);
+        said.lines()
+            .map(|line| serde_json::from_str(line).unwrap_or_else(|_| panic!("{arguments:?}: {line}")))
+            .collect()
+    };
+    let faults = lines(&["plan", "bad.yaml"]);
+    let is_placed =
+        |fault: &serde_json::Value| fault["file"] == "bad.yaml" && fault["line"] == 4 && fault["column"] == 9;
+    assert!(faults.iter().any(is_placed), "{faults:?}");
+    for arguments in [&["verify", "corpus"] as &[&str], &["preview", "corpus", "--scene", "0", "--out", "seen"]] {
+        assert!(lines(arguments).iter().any(|line| line["level"] == "INFO"), "{arguments:?}");
+    }
+}
+
+#[test]
+fn law_a_file_or_folder_that_is_missing_is_named_as_it_was_given() {
+    let yard = Yard::new();
+    let model = crate::classify::model_file(&yard);
+    for (arguments, named, not_said) in [
+        (vec!["export", &model, "--onnx", "none/k.onnx"], "none: there is no such file or folder", "k.onnx"),
+        (vec!["train", "corpus", "--config", "none.yaml"], "the config cannot be read", "is not shown"),
+    ] {
+        let said = text(&yard.marsyard(&arguments).stderr);
+        assert!(said.contains(named) && !said.contains(not_said), "{arguments:?}: {said}");
+    }
 }
 
 #[test]

@@ -81,6 +81,19 @@ fn exact_a_second_level_of_the_yard_is_told_and_one_ground_has_no_rival() {
 }
 
 #[test]
+fn extreme_a_plane_that_is_refined_far_from_the_said_height_is_refused() {
+    let (points, _) = scan(0.5, 0.0, 0.0, 0.0);
+    for said_m in [2.0, 3.0, 5.0, 20.0] {
+        let error = level(&points, said_m).unwrap_err().to_string();
+        assert!(error.starts_with("no ground to level by: ") && error.contains(&format!("{said_m} m")), "{error}");
+    }
+    for said_m in [0.45, 0.5, 0.6] {
+        let found = level(&points, said_m).unwrap();
+        assert!((found.height_m - 0.5).abs() < 5e-3 && found.tilt_rad < 0.02, "{found:?}");
+    }
+}
+
+#[test]
 fn extreme_scans_without_ground_are_refused_with_the_reason() {
     let wall: Vec<DVec3> =
         (0..2000).map(|i| DVec3::new(2.0, 0.05 * f64::from(i % 50) - 1.0, 0.05 * f64::from(i / 50))).collect();

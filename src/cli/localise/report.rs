@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::args::LocaliseArgs;
 use super::sweeps::SweepsRead;
-use crate::cli::output::outln;
+use crate::cli::output::{errln, outln};
 use crate::recording::{Located, Score, Step};
 
 const STATE: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
@@ -100,6 +100,12 @@ pub(super) fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Sco
         left_out.not_finite,
         if is_filtered { of_features.as_str() } else { "" }
     );
+    if u64::from(left_out.not_finite) > located.steps.len() as u64 / 2 {
+        errln!(
+            "warning: most measurements make no sense, and the rover was taken to stand still meanwhile; times are in seconds and grow, ways in metres, \
+             angles in the unit that the columns name"
+        );
+    }
     if args.slip > 0.0 && is_filtered {
         outln!("{:.1} ± {:.1} % of the counted way was driven", 100.0 * scale, 100.0 * scale_sigma);
     }

@@ -23,6 +23,7 @@ use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::points;
 use crate::measure::tradeoff::report::Told;
 use crate::plan::Plan;
+use crate::shell;
 use crate::slam::SlamParams;
 
 /// All that an answer is made of.
@@ -103,8 +104,8 @@ impl Answer<'_> {
         }
         let is_named = self.args.out.is_some() || self.place != usual;
         let out = if is_named { typed_out(&self.place) } else { String::new() };
-        outln!("marsyard generate {}{sets}{out}", self.args.config.config.display());
-        outln!("marsyard train '{}'", self.place.display());
+        outln!("marsyard generate {}{sets}{out}", shell::word(self.args.config.config.display()));
+        outln!("marsyard train {}", shell::quoted(self.place.display()));
     }
 
     fn tell_choice(&self, title: &str, choice: &Choice) {
@@ -203,15 +204,15 @@ impl Answer<'_> {
             "# Written by `marsyard plan {} --hours {} --cores {}{}{}`, from the study {}.\n\
              # `marsyard plan {} --hours {} --study {}` plans it anew.\n\
              # Setting: {}. {}\n# Expected balanced accuracy on {}: {}.{}\n# Differs from the config by:{}\n{}",
-            self.args.config.config.display(),
+            shell::word(self.args.config.config.display()),
             self.hours,
             self.cores,
             self.args.budget.disk.map_or(String::new(), |bytes| format!(" --disk {bytes}")),
             self.args.budget.rows.map_or(String::new(), |rows| format!(" --rows {rows}")),
             self.study_file.display(),
-            path.display(),
+            shell::word(path.display()),
             self.hours,
-            self.study_file.display(),
+            shell::word(self.study_file.display()),
             best.setting.name,
             self.why(best),
             self.study.judged_by,
@@ -220,9 +221,9 @@ impl Answer<'_> {
             self.sets.iter().map(|set| format!(" {set}")).collect::<String>(),
             plan.to_yaml()
         );
-        let failed = |source| CorpusError::Io { place: path.display().to_string(), name: String::new(), source };
+        let failed = |source| CorpusError::of_path(path, source);
         write_whole(path, text.as_bytes()).map_err(|error| corpus_failure(failed(error)))?;
-        errln!("written: {}; `marsyard generate {0}` builds it", path.display());
+        errln!("written: {}; `marsyard generate {}` builds it", path.display(), shell::word(path.display()));
         Ok(())
     }
 }

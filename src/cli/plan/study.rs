@@ -19,6 +19,7 @@ use crate::config;
 use crate::measure::study::{Study, StudyError, StudySetting};
 use crate::measure::tradeoff::{Group, Options, TradeoffError};
 use crate::plan::Plan;
+use crate::shell;
 
 /// Scenes of the first measurement: ten train, and of these an eighth, a quarter and a half are different numbers.
 const FIRST_SCENES: u64 = 12;
@@ -233,7 +234,10 @@ fn command(args: &PlanArgs) -> String {
 /// The command that makes a study of presets and pose estimates, of so many scenes.
 pub(super) fn command_of(args: &PlanArgs, scenes: u64) -> String {
     let sets = typed_sets(&args.config.sets);
-    format!("marsyard tradeoff {}{sets} --only presets,slam --scenes {scenes} --seeds 3", args.config.config.display())
+    format!(
+        "marsyard tradeoff {}{sets} --only presets,slam --scenes {scenes} --seeds 3",
+        shell::word(args.config.config.display())
+    )
 }
 
 fn failure(error: &StudyError, args: &PlanArgs) -> Failure {

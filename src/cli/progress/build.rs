@@ -5,6 +5,7 @@ use super::{Teller, human, si};
 use crate::build::{CorpusEvent, Tally};
 use crate::cli::LogFormat;
 use crate::episode::SceneOutput;
+use crate::shell;
 
 /// Shows a build; `replay` gives the command that replays a scene.
 pub(in crate::cli) struct BuildProgress<'a> {
@@ -27,7 +28,7 @@ impl<'a> BuildProgress<'a> {
                 "{shards} of the shards there were written by another marsyard ({there}), this is {here}; equal values are \
                  promised for equal sources by one compiler: `marsyard verify {} --rebuild 3`, once it is whole, says whether this one \
                  builds them alike",
-                self.place
+                shell::word(&self.place)
             ),
             CorpusEvent::Damaged { shard, reason } => {
                 tracing::warn!("shard {shard} is damaged and is built anew: {reason}");

@@ -67,7 +67,11 @@ impl SearchProgress {
                     tracing::info!(event = "rung", rung = self.rung, rows, networks, done_before);
                 } else {
                     let before = if *done_before > 0 { format!(", {done_before} of them done") } else { String::new() };
-                    self.teller.say(&format!("rung {}: {networks} networks learn {rows} rows{before}", self.rung));
+                    self.teller.say(&format!(
+                        "rung {}: {} learn {rows} rows{before}",
+                        self.rung,
+                        counted(*networks as u64, "network")
+                    ));
                 }
             }
             Event::Done { entry, best, seconds } => self.done(entry, best, *seconds),

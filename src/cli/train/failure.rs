@@ -8,6 +8,7 @@ use std::path::Path;
 use crate::cli::Failure;
 use crate::cli::place::{StoreFault, corpus_failure};
 use crate::corpus::CorpusError;
+use crate::shell;
 use crate::train::{Setup, TrainError};
 
 /// Storage that fails may work again; what the user gave wrong is usage; everything else will not get better.
@@ -46,7 +47,7 @@ pub(in crate::cli) fn goes_on(failure: Failure, out: &Path) -> Failure {
     if failure.code != Failure::TRY_AGAIN {
         return failure;
     }
-    let flags = format!("with --resume --out {}", out.display());
+    let flags = format!("with --resume --out {}", shell::word(out.display()));
     let help = match failure.report.help() {
         Some(help) => format!("{help}: {flags}"),
         None => format!("the same command {flags} goes on from here"),
@@ -60,7 +61,7 @@ pub(in crate::cli) fn goes_on(failure: Failure, out: &Path) -> Failure {
 
 pub(super) fn interrupted(setup: &Setup, rows: u64) -> miette::Report {
     miette::miette!(
-        help = format!("the same command with --resume --out {} goes on from here", setup.out.display()),
+        help = format!("the same command with --resume --out {} goes on from here", shell::word(setup.out.display())),
         "interrupted after {rows} rows: the checkpoint is written"
     )
 }

@@ -9,6 +9,7 @@ use super::TrainArgs;
 use crate::cli::LogFormat;
 use crate::cli::output::errln;
 use crate::cli::progress::{TrainProgress, human, si};
+use crate::shell;
 use crate::train::filter::{Counters, MOST_WEIGHT};
 use crate::train::generalisation::Generalisation;
 use crate::train::run::Summary;
@@ -77,11 +78,11 @@ pub(super) fn tell_end(args: &TrainArgs, setup: &Setup, summary: &Summary, log: 
         tracing::info!(event = "done", run = %out.display(), rows = summary.rows_learnt, best_rows = best.rows, best_validation_error = error, generalisation_gap = gap);
         return;
     }
-    let corpora = args.corpora.iter().map(|(path, _)| path.display());
+    let corpora = args.corpora.iter().map(|(path, _)| shell::word(path.display()));
     // Judged by the corpus's own labels it would be another network's task.
     let labels = setup.params.labels.as_ref().and_then(|rule| serde_json::to_string(rule).ok());
-    let labels = labels.map_or(String::new(), |rule| format!(" --labels '{rule}'"));
-    corpora.for_each(|corpus| errln!("all of it: marsyard evaluate {} {corpus}{labels}", out.display()));
+    let labels = labels.map_or(String::new(), |rule| format!(" --labels {}", shell::quoted(rule)));
+    corpora.for_each(|corpus| errln!("all of it: marsyard evaluate {} {corpus}{labels}", shell::word(out.display())));
     untrained.iter().for_each(|note| errln!("warning: {note}"));
     errln!(
         "kept the weights after {} rows: validation error {error:.5} (weighted mean squared error of targets {} and {})\n{}",

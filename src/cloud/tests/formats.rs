@@ -48,6 +48,81 @@ fn exact_nameless_columns_are_x_y_z_and_of_four_the_intensity() {
 }
 
 #[test]
+fn exact_nothing_between_two_separators_is_a_value_that_is_not_there() {
+    let cloud = parse("a.csv", b",x,y,z,intensity,ring,label\n0,1,2,3,9,5,7\n1,4,5,,9,6,8\n2,7,8,9,,6,\n").unwrap();
+    assert_eq!(
+        (cloud.points_m.as_slice(), cloud.not_finite),
+        ([DVec3::new(1.0, 2.0, 3.0), DVec3::new(7.0, 8.0, 9.0)].as_slice(), 1)
+    );
+    assert_eq!(cloud.labels, Some(vec![7, -1]));
+    assert!(cloud.intensity.unwrap()[1].is_nan());
+    // A separator at the end of lines holds no value, unless a column is there.
+    assert_eq!(parse("a.csv", b"x;y;z;\n1;2;3;\n4;5;6\n").unwrap().points_m.len(), 2);
+    assert_eq!(parse("a.csv", b"x,y,z,intensity\n1,2,3,\n").unwrap().points_m.len(), 1);
+}
+
+#[test]
+fn exact_lines_of_other_lengths_and_decimal_commas_are_refused() {
+    let refused = |text: &str| parse("a.csv", text.as_bytes()).unwrap_err().to_string();
+    for text in ["x,y,z\n1,2,3\n1,2,3,4\n", "1 2 3\n1 2 3 4\n", "x,y,z,ring\n1,2,3,4\n1,2,3\n", "x y z\n1,5 2,5 3,5\n"]
+    {
+        let error = refused(text);
+        assert!(
+            error.contains("values where the lines before have") && error.contains("a.csv: line "),
+            "{text}: {error}"
+        );
+    }
+    assert_eq!(
+        refused("x;y;z\n3,6;3,6;-0,5\n"),
+        "a.csv: line 2: '3,6' is not a number; decimals are written with points"
+    );
+}
+
+#[test]
+fn exact_labels_are_whole_numbers() {
+    let error = parse("a.csv", b"x,y,z,label\nnan,0,0,1\n1,2,3,4.0\n1,2,3,0.5\n").unwrap_err().to_string();
+    assert!(error.contains("a.csv: point 2: its label is 5e-1"), "{error}");
+    assert_eq!(parse("a.csv", b"x,y,z,label\n1,2,3,4.0\n1,2,3,nan\n").unwrap().labels, Some(vec![4, -1]));
+    assert!(parse("a.csv", b"x,y,z,label\n1,2,3,1e300\n").is_err());
+}
+
+#[test]
+fn exact_files_that_hold_more_than_they_announce_are_refused() {
+    let ply = |format: &str, body: &[u8]| {
+        let head = format!(
+            "ply\nformat {format} 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+        );
+        parse("a.ply", &[head.as_bytes(), body].concat())
+    };
+    let pcd = |data: &str, body: &[u8]| {
+        let head = format!(
+            "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA {data}\n"
+        );
+        parse("a.pcd", &[head.as_bytes(), body].concat())
+    };
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let more = |result: Result<Cloud, CloudError>| result.unwrap_err().to_string();
+    let announced = "the header: it announces 1 points, and more follow";
+    for (text, format) in [("ascii", "ascii"), ("binary", "binary_little_endian")] {
+        let bodies = |values: &[f32]| match text {
+            "ascii" => values
+                .chunks(3)
+                .map(|row| format!("{} {} {}\n", row[0], row[1], row[2]))
+                .collect::<String>()
+                .into_bytes(),
+            _ => floats(values),
+        };
+        let (one, two) = (bodies(&[1.0, 2.0, 3.0]), bodies(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
+        assert_eq!((ply(format, &one).unwrap().points_m.len(), pcd(text, &one).unwrap().points_m.len()), (1, 1));
+        assert!(more(ply(format, &two)).contains(announced) && more(pcd(text, &two)).contains(announced));
+        // Blank lines, or zeros up to a full block, are no points.
+        let padding: &[u8] = if text == "ascii" { b"\n \n" } else { &[0; 40] };
+        let padded = [&one, padding].concat();
+        assert!(ply(format, &padded).is_ok() && pcd(text, &padded).is_ok());
+    }
+}
+
+#[test]
 fn exact_points_without_a_place_are_counted_and_left_out_with_their_labels() {
     let cloud = parse("a.csv", b"x,y,z,label\n1,2,3,7\nnan,0,0,8\n0,inf,0,9\n4,5,6,10\n0,0,0,11\n").unwrap();
     assert_eq!((cloud.points_m.len(), cloud.not_finite, cloud.labels.clone()), (3, 2, Some(vec![7, 10, 11])));
