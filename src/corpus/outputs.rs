@@ -38,8 +38,9 @@ struct Ledger(BTreeMap<String, Vec<String>>);
 /// Refuses a folder that nothing could be written into, before hours are spent on what is to go there.
 fn check_writable(folder: &Path) -> Result<(), CorpusError> {
     let named = |path: &Path| if path.as_os_str().is_empty() { PathBuf::from(".") } else { path.to_path_buf() };
-    // It may not be there yet: then the nearest one above it is written into.
-    let Some(there) = folder.ancestors().map(named).find(|path| path.exists()) else { return Ok(()) };
+    // It may not be there yet: then the nearest one above it is written into. What is no folder is refused by name when it is opened.
+    let nearest = folder.ancestors().map(named).find(|path| path.exists());
+    let Some(there) = nearest.filter(|path| path.is_dir()) else { return Ok(()) };
     let wanted = rustix::fs::Access::WRITE_OK | rustix::fs::Access::EXEC_OK;
     rustix::fs::access(&there, wanted).map_err(|error| CorpusError::of_path(&there, error.into()))
 }
