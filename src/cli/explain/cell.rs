@@ -101,12 +101,13 @@ pub(super) fn tell(family: &Family, replay: &Replay, scan: &ScanOutput, cell: Ce
     outln!("\nfeatures (as stored, f32)");
     let offsets = neighbour_offsets(family.cells.neighbours);
     let mut neighbours = offsets.iter();
+    let width = columns.iter().map(|column| column.name.len()).max().unwrap_or(0).max(24);
     for (column, value) in columns.iter().zip(features) {
         let source = match is_neighbour(&column.name).then(|| neighbours.next()).flatten() {
             Some(offset) => neighbour(scan, cell, *offset, columns.len()),
             None => column.description.clone(),
         };
-        outln!("  {:<24} {value:>14.6e} {:<3} {source}", column.name, column.unit);
+        outln!("  {:<width$} {value:>14.6e} {:<3} {source}", column.name, column.unit);
     }
     tell_label(family, replay, row);
     moments

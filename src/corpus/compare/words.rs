@@ -112,9 +112,10 @@ impl fmt::Display for RowComparison {
             "\n{} of {all} features (train split) have moved by {MOVED} standard deviations or more",
             moved.len()
         )?;
+        let width = moved.iter().map(|feature| feature.name.len()).max().unwrap_or(0).max(24);
         writeln!(
             f,
-            "  {:<24} {:>11} {:>11} {:>11} {:>11} {:>10} {:>8}",
+            "  {:<width$} {:>11} {:>11} {:>11} {:>11} {:>10} {:>8}",
             "feature", "mean A", "mean B", "sd A", "sd B", "difference", "sd B/A"
         )?;
         moved.into_iter().try_for_each(|feature| {
@@ -122,7 +123,7 @@ impl fmt::Display for RowComparison {
             let (a, b) = (feature.a.as_ref(), feature.b.as_ref());
             writeln!(
                 f,
-                "  {:<24} {:>11} {:>11} {:>11} {:>11} {:>10} {:>8}",
+                "  {:<width$} {:>11} {:>11} {:>11} {:>11} {:>10} {:>8}",
                 feature.name,
                 number(a.and_then(|a| a.mean)),
                 number(b.and_then(|b| b.mean)),

@@ -207,22 +207,23 @@ impl fmt::Display for Inspection {
                 balance(f, &family.labels)?;
             }
         }
+        let width = self.features.iter().map(|feature| feature.summary.name.len()).max().unwrap_or(0).max(24);
         writeln!(
             f,
-            "\n{:<24} {:<5} {:>12} {:>12} {:>12} {:>12}  train split",
+            "\n{:<width$} {:<5} {:>12} {:>12} {:>12} {:>12}  train split",
             "feature", "unit", "min", "mean", "sd", "max"
         )?;
-        for FeatureReport { summary, fault } in &self.features {
-            let moments = &summary.moments;
-            let (min, max) = (moments.min.unwrap_or(f64::NAN), moments.max.unwrap_or(f64::NAN));
+        for report in &self.features {
+            let (FeatureReport { summary, fault }, range) = (report, FeatureRange::from(report));
             let note = fault.map_or("", |fault| match fault {
                 FeatureFault::Empty => "  EMPTY",
                 FeatureFault::Constant => "  CONSTANT",
                 FeatureFault::NotFinite => "  NOT FINITE",
             });
-            let sd = moments.variance().sqrt();
+            let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.5}"));
             let (name, unit) = (&summary.name, &summary.unit);
-            writeln!(f, "{name:<24} {unit:<5} {min:>12.5} {:>12.5} {sd:>12.5} {max:>12.5}{note}", moments.mean)?;
+            let [min, mean, sd, max] = [range.min, range.mean, range.sd, range.max].map(number);
+            writeln!(f, "{name:<width$} {unit:<5} {min:>12} {mean:>12} {sd:>12} {max:>12}{note}")?;
         }
         let warnings = self.warnings();
         if !warnings.is_empty() {
