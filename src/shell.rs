@@ -34,9 +34,9 @@ mod tests {
             "name={a: [1, 2]}",
             "b\u{e4}ume",
         ] {
-            let said =
-                std::process::Command::new("sh").args(["-c", &format!("printf %s {}", word(text))]).output().unwrap();
-            assert_eq!(String::from_utf8_lossy(&said.stdout), text);
+            let script = format!("set -- {}; printf '%s:%s' $# \"$1\"", word(text));
+            let said = std::process::Command::new("sh").args(["-c", &script]).output().unwrap();
+            assert_eq!(String::from_utf8_lossy(&said.stdout), format!("1:{text}"));
         }
     }
 }

@@ -36,14 +36,18 @@ pub(super) fn run(args: &ClassifyArgs) -> Result<(), Failure> {
     let has_cells = scans.iter().any(|judged| !judged.cells.rows.is_empty());
     if has_cells {
         report::ranges(args, &judge.outside_training(&scans));
-    }
-    if let Some(evaluation) = judge.report(load::names(&args.clouds), &load::label_file(args)) {
-        report::evaluation(args, &evaluation);
-        written.extend(write::files(args, &mut outputs, vec![write::evaluation(&evaluation)])?);
+        if let Some(evaluation) = judge.report(load::names(&args.clouds), &load::label_file(args)) {
+            report::evaluation(args, &evaluation);
+            written.extend(write::files(args, &mut outputs, vec![write::evaluation(&evaluation)])?);
+        }
     }
     outputs.finish().map_err(corpus_failure)?;
     written.iter().for_each(|path| errln!("{}", path.display()));
-    if has_cells { Ok(()) } else { Err(Failure::failed("no cell was judged: the warnings above say why")) }
+    if has_cells {
+        Ok(())
+    } else {
+        Err(Failure::failed("no point of any scan fell into a cell: the warnings above say why"))
+    }
 }
 
 /// What was given is wrong, unless it is what came out that cannot be written.

@@ -37,7 +37,7 @@ pub(super) fn start(format: LogFormat) {
     }
 }
 
-/// Takes a line of talk, where machines listen; `false` where people do.
+/// Writes a line as JSON where machines listen, and says whether it did.
 pub(super) fn takes(text: Arguments) -> bool {
     let is_json = IS_JSON.load(Ordering::Relaxed);
     if is_json {

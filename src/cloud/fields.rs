@@ -69,9 +69,14 @@ pub(super) fn shown(text: &str, most: usize) -> String {
 
 /// What should be a number and is none, as messages show it: a file may be anything, so only what was meant for a number.
 pub(super) fn no_number(word: &str) -> String {
-    let meant = word.len() <= 24 && word.chars().all(|c| c.is_ascii_digit() || "+-.,eE".contains(c));
+    let meant = is_meant_for_number(word);
     let cure = if meant && word.contains(',') { "; decimals are written with points" } else { "" };
     format!("'{}' is not a number{cure}", if meant { word } else { "..." })
+}
+
+/// Whether a word has no letter but those of numbers.
+pub(super) fn is_meant_for_number(word: &str) -> bool {
+    word.len() <= 24 && word.chars().all(|c| c.is_ascii_digit() || "+-.,eE".contains(c))
 }
 
 /// The columns' names as messages show them, where they look like such.

@@ -63,9 +63,19 @@ fn drop_from<T>(values: &mut Vec<T>, marks: &[bool]) {
 /// Labels beyond are no longer told apart by a f64.
 const MOST_LABEL: f64 = 9e15;
 
-/// Whether so many bytes behind the announced points hold a further one; zeros are padding.
+/// Whether what follows the announced points has room for another one, and is more than zeros up to a full block.
 fn holds_more(rest: &[u8], point_bytes: u64) -> bool {
     point_bytes > 0 && rest.len() as u64 >= point_bytes && rest.iter().any(|byte| *byte != 0)
+}
+
+/// Whether a line of a text body holds nothing; zero bytes are padding.
+fn is_blank(line: &str) -> bool {
+    line.trim_matches(|c: char| c.is_whitespace() || c == '\0').is_empty()
+}
+
+/// Whether a line behind the announced points may be one, and not a remark.
+fn begins_with_number(line: &str) -> bool {
+    line.split_whitespace().next().is_some_and(|word| word.parse::<f64>().is_ok())
 }
 
 /// A file whose header announces fewer points than it holds.
@@ -102,19 +112,24 @@ impl Gathered {
         if let Some(values) = &mut self.cloud.labels {
             let is_label = label.fract() == 0.0 && label.abs() <= MOST_LABEL;
             if !is_label && !label.is_nan() && self.no_label.is_none() {
-                self.no_label = Some((self.cloud.points_m.len() as u64 - 1 + self.cloud.not_finite, label));
+                let point = self.cloud.points_m.len() as u64 - 1 + self.cloud.not_finite;
+                self.no_label = Some((point, label));
             }
             values.push(if is_label { label as i64 } else { -1 });
         }
     }
 
-    /// The cloud, if there is a point in it.
-    fn finish(self, file: &str) -> Result<Cloud, CloudError> {
-        if let Some((point, label)) = self.no_label {
-            let reason = format!(
-                "its label is {label:e}, and labels are whole numbers; rename the column if it holds others, or name theirs with --label-field"
-            );
-            return Err(CloudError::Malformed { file: file.into(), place: format!("point {point}"), reason });
+    /// The cloud, if there is a point in it. A column that holds other than whole numbers is none of labels; the user may have named it
+    /// as one all the same.
+    fn finish(mut self, file: &str, is_label_named: bool) -> Result<Cloud, CloudError> {
+        match self.no_label {
+            Some((point, label)) if is_label_named => {
+                let reason =
+                    format!("its label is {label}, and labels are whole numbers; name their column with --label-field");
+                return Err(CloudError::Malformed { file: file.into(), place: format!("point {point}"), reason });
+            }
+            Some(_) => self.cloud.labels = None,
+            None => {}
         }
         if self.cloud.points_m.is_empty() {
             return Err(CloudError::NoPoints { file: file.into(), not_finite: self.cloud.not_finite });

@@ -2,7 +2,7 @@
 
 use super::fields::{FieldOffsets, Number, no_number, shown};
 use super::lzf::{self, Fault};
-use super::{Cloud, CloudError, Gathered, holds_more, more_than_announced};
+use super::{Cloud, CloudError, Gathered, begins_with_number, holds_more, is_blank, more_than_announced};
 use crate::geometry::DVec3;
 
 struct Header {
@@ -22,6 +22,8 @@ struct PointData<'a> {
     header: &'a Header,
     bytes: &'a [u8],
     offsets: FieldOffsets,
+    /// Whether the user named the field of labels.
+    label_is_named: bool,
 }
 
 const MOST_HEADER_BYTES: usize = 1 << 16;
@@ -29,7 +31,13 @@ const MOST_HEADER_BYTES: usize = 1 << 16;
 pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Result<Cloud, CloudError> {
     let header = Header::of(file, bytes)?;
     let offsets = FieldOffsets::of(file, "the line FIELDS", &header.names, label_field)?;
-    let data = PointData { file, header: &header, bytes: &bytes[header.body..], offsets };
+    let data = PointData {
+        file,
+        header: &header,
+        bytes: &bytes[header.body..],
+        offsets,
+        label_is_named: label_field.is_some(),
+    };
     match header.data.as_str() {
         "ascii" => data.ascii(),
         "binary" => data.binary(),
@@ -146,7 +154,7 @@ impl PointData<'_> {
             columns.push(column);
             column = column.saturating_add(count);
         }
-        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        let mut lines = text.lines().enumerate().filter(|(_, line)| !is_blank(line));
         let mut row = vec![f64::NAN; header.names.len()];
         for i in 0..header.points {
             let Some((number, line)) = lines.next() else {
@@ -172,10 +180,10 @@ impl PointData<'_> {
             }
             self.push(&mut gathered, |field| row[field]);
         }
-        if lines.next().is_some() {
+        if lines.next().is_some_and(|(_, line)| begins_with_number(line)) {
             return Err(more_than_announced(file, header.points));
         }
-        gathered.finish(file)
+        gathered.finish(file, self.label_is_named)
     }
 
     fn binary(&self) -> Result<Cloud, CloudError> {
@@ -187,7 +195,7 @@ impl PointData<'_> {
         for i in 0..header.points as usize {
             self.push(&mut gathered, |field| header.numbers[field].take(bytes, i * point_size + starts[field], false));
         }
-        gathered.finish(file)
+        gathered.finish(file, self.label_is_named)
     }
 
     /// Two sizes, then LZF; expanded, the values lie field after field.
@@ -227,7 +235,7 @@ impl PointData<'_> {
                 header.numbers[field].take(&expanded, starts[field] + i * stride, false)
             });
         }
-        gathered.finish(file)
+        gathered.finish(file, self.label_is_named)
     }
 
     /// An empty cloud with the columns that the file has, once it is known that each field has a value to read.

@@ -1,7 +1,7 @@
 //! PLY (Turk 1994): ascii, binary little and big endian; the element `vertex`, lists in it skipped.
 
 use super::fields::{FieldOffsets, Number, no_number};
-use super::{Cloud, CloudError, Gathered, holds_more, more_than_announced};
+use super::{Cloud, CloudError, Gathered, begins_with_number, holds_more, is_blank, more_than_announced};
 use crate::geometry::DVec3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,7 +81,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
             }
         }
     }
-    gathered.finish(file)
+    gathered.finish(file, label_field.is_some())
 }
 
 fn push(gathered: &mut Gathered, places: &FieldOffsets, row: &[f64]) {
@@ -177,7 +177,7 @@ fn read_ascii(
     gathered: &mut Gathered,
 ) -> Result<(), CloudError> {
     let text = String::from_utf8_lossy(body);
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !is_blank(line));
     for _ in 0..skipped {
         if lines.next().is_none() {
             break;
@@ -214,7 +214,7 @@ fn read_ascii(
         }
         push(gathered, places, &row);
     }
-    if is_last && lines.next().is_some() {
+    if is_last && lines.next().is_some_and(|(_, line)| begins_with_number(line)) {
         return Err(more_than_announced(file, vertex.count));
     }
     Ok(())

@@ -1,19 +1,29 @@
 //! CSV, XYZ and the like: one point a line.
 //!
-//! Values of a line are separated by semicolons, else by commas, else by tabs and blanks; decimals have points. Between two semicolons or
-//! commas may be nothing: a coordinate that is not there is not finite. The first line may name the columns (`x y z ...`, in any order and
-//! case, also behind `#` or `//`). Without names the first three are x, y, z; a fourth, if there are exactly four, is the
-//! intensity; others are left out. All lines have as many values as the first. Empty lines and lines that start with `#` or `//` are skipped; a
-//! line with a single whole number before the first point (the count of .pts files) too.
+//! Values stand between semicolons, else commas, else tabs, else blanks, as the first point has them; decimals have points. Between two
+//! separators may be nothing: a coordinate that is not there is not finite. The first line may name the columns (`x y z ...`, in any order and
+//! case, with metres behind them or nothing, also behind `#` or `//`). Without names the first three are x, y, z; a fourth, if there are exactly
+//! four, is the intensity; others are left out. All lines have as many values as there are names, or as the first. Empty lines and lines
+//! that start with `#` or `//` are skipped; a line with a single whole number before the first point (a count) too.
 
-use super::fields::{FieldOffsets, no_number};
+use super::fields::{FieldOffsets, is_meant_for_number, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
 
-/// Where the columns in use stand, and how many there are.
+/// What stands between two values of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Separator {
+    Sign(char),
+    Blanks,
+}
+
+/// The columns of a file.
 struct Columns {
     offsets: FieldOffsets,
+    /// How many a line has.
     count: usize,
+    /// Known from the first point on.
+    separator: Option<Separator>,
 }
 
 pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Result<Cloud, CloudError> {
@@ -22,52 +32,83 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         place: format!("line {}", line + 1),
         reason,
     };
+    let named = |line: usize, names: &[String]| {
+        let offsets = FieldOffsets::of(file, &format!("line {} (column names)", line + 1), names, label_field)?;
+        Ok(Columns { offsets, count: names.len(), separator: None })
+    };
     let text = String::from_utf8_lossy(bytes);
     let mut columns: Option<Columns> = None;
-    let mut gathered = Gathered::new(false, false);
+    // The last comment before the first point, where it looks like names of columns, and its line.
+    let mut maybe_names: Option<(usize, Vec<String>)> = None;
+    let mut gathered: Option<Gathered> = None;
     let mut values = Vec::new();
-    let mut first = true;
     for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
-        let trimmed = line.trim();
-        let bare = trimmed.trim_start_matches(['#', '/']);
-        let comment = bare.len() < trimmed.len();
-        if bare.is_empty() || comment && columns.is_some() {
+        // A tab at the beginning has nothing before it, which is a value that is not there.
+        let trimmed = line.trim_matches(' ');
+        let bare = trimmed.trim_start_matches(['#', '/']).trim_matches(' ');
+        let is_comment = trimmed.starts_with(['#', '/']);
+        let is_first = columns.as_ref().is_none_or(|columns| columns.separator.is_none());
+        if bare.trim().is_empty() || is_comment && columns.is_some() || !is_comment && is_first && is_count(bare) {
             continue;
         }
-        split(bare, &mut values);
         if columns.is_none() {
-            drop_end(&mut values, None);
-            let names: Vec<String> = values.iter().map(|name| name.trim_matches('"').to_string()).collect();
-            let named = names.iter().any(|name| !name.is_empty() && name.parse::<f64>().is_err());
-            if named && (!comment || is_header(&names)) {
-                let place = format!("line {} (column names)", number + 1);
-                let offsets = FieldOffsets::of(file, &place, &names, label_field)?;
-                columns = Some(Columns { offsets, count: names.len() });
-            } else if !(comment || first && names.len() == 1) {
-                if names.len() < 3 {
-                    return Err(malformed(number, format!("{} values, a point has three", names.len())));
+            Separator::of_numbers(bare).split(bare, &mut values);
+            let is_point = values.iter().all(|value| value.is_empty() || is_number(value));
+            let separator = Separator::of(bare);
+            let names = names_of(bare, separator);
+            match (is_comment, is_point) {
+                (true, _) if is_header(&names) => columns = Some(named(number, &names)?),
+                (true, _) => {
+                    let is_list =
+                        separator != Separator::Blanks && names.len() >= 3 && !names.iter().any(|name| is_number(name));
+                    maybe_names = is_list.then_some((number, names));
                 }
-                let intensity = (names.len() == 4).then_some(3);
-                let offsets = FieldOffsets { xyz: [0, 1, 2], intensity, label: unnamed(file, label_field)? };
-                columns = Some(Columns { offsets, count: names.len() });
+                (false, false) if names.iter().all(|name| is_meant_for_number(&name.replace(' ', ""))) => {
+                    return Err(malformed(
+                        number,
+                        "numbers that cannot be told apart; decimals are written with points".into(),
+                    ));
+                }
+                (false, false) => columns = Some(named(number, &names)?),
+                (false, true) => {}
             }
-            if let Some(Columns { offsets, .. }) = &columns {
-                gathered = Gathered::new(offsets.intensity.is_some(), offsets.label.is_some());
-            }
-            if named || comment || columns.is_none() {
-                first &= comment;
+            if is_comment || !is_point {
                 continue;
             }
         }
-        let Some(Columns { offsets, count }) = &columns else { continue };
-        drop_end(&mut values, Some(*count));
+        let separator = match &columns {
+            Some(Columns { separator: Some(separator), .. }) => *separator,
+            Some(Columns { count, .. }) => Separator::of_point(bare, *count),
+            None => Separator::of_numbers(bare),
+        };
+        separator.split(bare, &mut values);
+        if columns.is_none() {
+            drop_empty_end(&mut values, 0);
+            if values.len() < 3 {
+                return Err(malformed(number, format!("{} values, a point has three", values.len())));
+            }
+            columns = Some(match maybe_names.take().filter(|(_, names)| names.len() == values.len()) {
+                Some((line, names)) => named(line, &names)?,
+                None => {
+                    let intensity = (values.len() == 4).then_some(3);
+                    let offsets = FieldOffsets { xyz: [0, 1, 2], intensity, label: unnamed(file, label_field)? };
+                    Columns { offsets, count: values.len(), separator: None }
+                }
+            });
+        }
+        let Some(Columns { offsets, count, separator: known }) = &mut columns else { unreachable!("set above") };
+        *known = Some(separator);
+        drop_empty_end(&mut values, *count);
         if values.len() != *count {
+            let cure = match separator {
+                Separator::Sign(',') if values.len() > *count => {
+                    "; decimals are written with points, and texts that hold commas in quotes"
+                }
+                _ => "; all lines need as many",
+            };
             return Err(malformed(
                 number,
-                format!(
-                    "{} values where the lines before have {count}; decimals are written with points",
-                    values.len()
-                ),
+                format!("{} values where the lines before have {count}{cure}", values.len()),
             ));
         }
         let value = |column: usize| match values[column] {
@@ -76,29 +117,101 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         };
         let or_none = |column: Option<usize>| column.map_or(Ok(f64::NAN), value);
         let [x, y, z] = offsets.xyz.map(value);
+        let gathered =
+            gathered.get_or_insert_with(|| Gathered::new(offsets.intensity.is_some(), offsets.label.is_some()));
         gathered.push(DVec3::new(x?, y?, z?), or_none(offsets.intensity)?, or_none(offsets.label)?);
     }
-    gathered.finish(file)
+    gathered.unwrap_or_default().finish(file, label_field.is_some())
 }
 
-/// The values of a line; between blanks alone none is empty.
-fn split<'t>(line: &'t str, values: &mut Vec<&'t str>) {
-    values.clear();
-    match [';', ','].into_iter().find(|separator| line.contains(*separator)) {
-        Some(separator) => values.extend(line.split(separator).map(str::trim)),
-        None => values.extend(line.split_ascii_whitespace()),
+impl Separator {
+    const SIGNS: [char; 3] = [';', ',', '\t'];
+
+    /// Of names.
+    fn of(line: &str) -> Separator {
+        Separator::SIGNS.into_iter().find(|sign| line.contains(*sign)).map_or(Separator::Blanks, Separator::Sign)
+    }
+
+    /// Of numbers without names, whose tabs may be as many as align them.
+    fn of_numbers(line: &str) -> Separator {
+        match Separator::of(line) {
+            Separator::Sign('\t') => Separator::Blanks,
+            separator => separator,
+        }
+    }
+
+    /// Of a point of so many values: a text among them may hold what separates nothing.
+    fn of_point(line: &str, count: usize) -> Separator {
+        let signs = Separator::SIGNS.into_iter().filter(|sign| line.contains(*sign)).map(Separator::Sign);
+        let fits = |separator: &Separator| {
+            let mut values = Vec::new();
+            separator.split(line, &mut values);
+            drop_empty_end(&mut values, count);
+            values.len() == count
+        };
+        signs.chain([Separator::Blanks]).find(fits).unwrap_or(Separator::of(line))
+    }
+
+    /// The values of a line, trimmed; between blanks none is empty. What stands in double quotes is one value.
+    fn split<'t>(self, line: &'t str, values: &mut Vec<&'t str>) {
+        values.clear();
+        let mut is_quoted = false;
+        let ends = |c: char| match self {
+            Separator::Sign(sign) => c == sign,
+            Separator::Blanks => c.is_ascii_whitespace(),
+        };
+        let parts = line.split(|c: char| {
+            is_quoted ^= c == '"';
+            !is_quoted && ends(c)
+        });
+        let parts = parts.map(str::trim);
+        match self {
+            Separator::Sign(_) => values.extend(parts),
+            Separator::Blanks => values.extend(parts.filter(|part| !part.is_empty())),
+        }
     }
 }
 
-/// A separator at the end of a line is followed by no value of its own, unless one is wanted there.
-fn drop_end(values: &mut Vec<&str>, wanted: Option<usize>) {
-    if values.last() == Some(&"") && wanted.is_none_or(|wanted| values.len() > wanted) {
+/// Nothing is missing behind the last separators of a line, unless so many values are wanted.
+fn drop_empty_end(values: &mut Vec<&str>, wanted: usize) {
+    while values.len() > wanted && values.last() == Some(&"") {
         values.pop();
     }
 }
 
+/// Names of columns, without quotes; a unit in brackets belongs to the name before it.
+fn names_of(line: &str, separator: Separator) -> Vec<String> {
+    let mut values = Vec::new();
+    separator.split(line, &mut values);
+    drop_empty_end(&mut values, 0);
+    let mut names: Vec<String> = Vec::new();
+    for value in values.iter().map(|name| name.trim_matches('"')) {
+        match names.last_mut().filter(|_| separator == Separator::Blanks && value.starts_with(['[', '('])) {
+            Some(name) => *name = format!("{name} {value}"),
+            None => names.push(value.into()),
+        }
+    }
+    names.iter().map(|name| without_metres(name)).collect()
+}
+
+/// `x [m]` is x; with another unit it is another name, of which no coordinate is made.
+fn without_metres(name: &str) -> String {
+    let metres = ["[m]", "(m)"].into_iter().find_map(|unit| name.strip_suffix(unit));
+    metres.unwrap_or(name).trim_end().into()
+}
+
+fn is_number(text: &str) -> bool {
+    text.parse::<f64>().is_ok()
+}
+
+/// A line that says how many points follow.
+fn is_count(line: &str) -> bool {
+    line.bytes().all(|byte| byte.is_ascii_digit())
+}
+
 fn is_header(names: &[String]) -> bool {
-    ["x", "y", "z"].iter().all(|axis| names.iter().any(|name| name.eq_ignore_ascii_case(axis)))
+    let is_axis = |name: &str, axis: &str| name.strip_suffix("_m").unwrap_or(name).eq_ignore_ascii_case(axis);
+    ["x", "y", "z"].iter().all(|axis| names.iter().any(|name| is_axis(name, axis)))
 }
 
 /// A file without names has no label column.

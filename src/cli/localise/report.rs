@@ -44,6 +44,14 @@ pub(super) fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Sco
     let (located_score, reckoned_score) = scores.unzip();
     let (scale, scale_sigma) = located.odometry_scale;
     let left_out = &located.left_out;
+    if u64::from(left_out.not_finite) > located.steps.len() as u64 / 2 {
+        errln!(
+            "warning: {} measurements at {} steps make no sense and are left out; times are in seconds and grow, ways in metres, angles in the \
+             unit that the columns name",
+            left_out.not_finite,
+            located.steps.len()
+        );
+    }
     if args.json {
         outln!(
             "{:#}",
@@ -100,12 +108,6 @@ pub(super) fn report(args: &LocaliseArgs, located: &Located, scores: Option<(Sco
         left_out.not_finite,
         if is_filtered { of_features.as_str() } else { "" }
     );
-    if u64::from(left_out.not_finite) > located.steps.len() as u64 / 2 {
-        errln!(
-            "warning: most measurements make no sense, and the rover was taken to stand still meanwhile; times are in seconds and grow, ways in metres, \
-             angles in the unit that the columns name"
-        );
-    }
     if args.slip > 0.0 && is_filtered {
         outln!("{:.1} ± {:.1} % of the counted way was driven", 100.0 * scale, 100.0 * scale_sigma);
     }

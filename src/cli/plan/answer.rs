@@ -146,12 +146,13 @@ impl Answer<'_> {
             Bound::Flat => {
                 format!("{} Stop here, and vary the yards instead: {}.", ends(choice), words::how_to_vary(self.plan))
             }
-            // Sizes four times as large tell whether a curve goes on to fall.
-            Bound::Study => format!(
-                "{} `{}` measures more.",
-                ends(choice),
-                super::study::command_of(self.args, 4 * choice.setting.largest().scenes)
-            ),
+            Bound::Study => {
+                format!(
+                    "{} `{}` measures more.",
+                    ends(choice),
+                    super::study::farther(self.args, choice.measured_scenes)
+                )
+            }
             _ => ends(choice),
         }
     }
@@ -243,11 +244,9 @@ fn ends(choice: &Choice) -> String {
         Bound::Rows => "The rows bind: more scenes would have more of them than asked for.".into(),
         Bound::SameTime => "As many scenes as take the time of the first choice.".into(),
         Bound::Study => format!(
-            "The study ends here: no curve is believed farther than {BELIEVED_UP_TO:.0} times the most scenes that it was measured at. \
-             The {} that the budget allows would bring {:.2} points more, and by every believed law {:.2} at most.",
-            choice.most_scenes,
-            100.0 * choice.left.0,
-            100.0 * choice.left.1
+            "The study ends here: no curve is believed farther than {BELIEVED_UP_TO:.0} times the most scenes that it was measured at, {}, and what the {} that \
+             the budget allows would bring is not known.",
+            choice.measured_scenes, choice.most_scenes
         ),
         Bound::Flat => format!(
             "The curve is flat from here on: twice as many scenes would bring {:.2} points, and by every believed law {:.2} at most; the {} that the budget allows {:.2}, and {:.2} at most.",

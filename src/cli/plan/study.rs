@@ -227,15 +227,18 @@ pub(super) fn doubts(args: &PlanArgs, plan: &Plan, study: &Study, file: &Path) -
     doubts
 }
 
-fn command(args: &PlanArgs) -> String {
-    command_of(args, 160)
+/// Scenes of a study of presets and pose estimates, as it is advised.
+const SCENES: u64 = 160;
+
+/// The command that follows the reference, and what is recommended, to four times as many scenes as a study did.
+pub(super) fn farther(args: &PlanArgs, measured_scenes: u64) -> String {
+    format!("{} --farther {}", command(args), (4 * measured_scenes).div_ceil(SCENES).max(8))
 }
 
-/// The command that makes a study of presets and pose estimates, of so many scenes.
-pub(super) fn command_of(args: &PlanArgs, scenes: u64) -> String {
+fn command(args: &PlanArgs) -> String {
     let sets = typed_sets(&args.config.sets);
     format!(
-        "marsyard tradeoff {}{sets} --only presets,slam --scenes {scenes} --seeds 3",
+        "marsyard tradeoff {}{sets} --only presets,slam --scenes {SCENES} --seeds 3",
         shell::word(args.config.config.display())
     )
 }

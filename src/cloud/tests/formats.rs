@@ -39,7 +39,7 @@ fn exact_every_format_gives_the_points_that_were_written() {
 
 #[test]
 fn exact_nameless_columns_are_x_y_z_and_of_four_the_intensity() {
-    let three = parse("a.xyz", b"# a comment\n1 2 3\n4,5,6\n").unwrap();
+    let three = parse("a.xyz", b"# a comment\n1 2 3\n4 5 6\n").unwrap();
     assert_eq!((three.points_m.len(), &three.intensity, &three.labels), (2, &None, &None));
     assert_eq!(three.points_m[1], DVec3::new(4.0, 5.0, 6.0));
     assert_eq!(parse("a.csv", b"1;2;3;9\n").unwrap().intensity, Some(vec![9.0]));
@@ -64,11 +64,17 @@ fn exact_nothing_between_two_separators_is_a_value_that_is_not_there() {
 #[test]
 fn exact_lines_of_other_lengths_and_decimal_commas_are_refused() {
     let refused = |text: &str| parse("a.csv", text.as_bytes()).unwrap_err().to_string();
-    for text in ["x,y,z\n1,2,3\n1,2,3,4\n", "1 2 3\n1 2 3 4\n", "x,y,z,ring\n1,2,3,4\n1,2,3\n", "x y z\n1,5 2,5 3,5\n"]
-    {
+    for (text, cure) in [
+        ("x,y,z\n1,2,3\n1,2,3,4\n", "decimals are written with points"),
+        ("1 2 3\n1 2 3 4\n", "all lines need as many"),
+        ("x,y,z,ring\n1,2,3,4\n1,2,3\n", "all lines need as many"),
+        ("x\ty\tz\n1\t2\t3\n1\t\t2\t3\n", "all lines need as many"),
+    ] {
         let error = refused(text);
         assert!(
-            error.contains("values where the lines before have") && error.contains("a.csv: line "),
+            error.starts_with("a.csv: line ")
+                && error.contains("values where the lines before have")
+                && error.contains(cure),
             "{text}: {error}"
         );
     }
@@ -76,14 +82,64 @@ fn exact_lines_of_other_lengths_and_decimal_commas_are_refused() {
         refused("x;y;z\n3,6;3,6;-0,5\n"),
         "a.csv: line 2: '3,6' is not a number; decimals are written with points"
     );
+    assert!(
+        refused("x y z\n1,5 2,5 3,5\n").ends_with("line 2: '1,5' is not a number; decimals are written with points")
+    );
+    for text in ["1,5;0,5;-0,1\n", "1,5 0,5 -0,1\n"] {
+        assert!(
+            refused(text).ends_with("line 1: numbers that cannot be told apart; decimals are written with points"),
+            "{}",
+            refused(text)
+        );
+    }
 }
 
 #[test]
-fn exact_labels_are_whole_numbers() {
-    let error = parse("a.csv", b"x,y,z,label\nnan,0,0,1\n1,2,3,4.0\n1,2,3,0.5\n").unwrap_err().to_string();
-    assert!(error.contains("a.csv: point 2: its label is 5e-1"), "{error}");
+fn exact_names_are_found_as_other_programs_write_them() {
+    let whole = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 5.0, 6.0)];
+    for text in [
+        "# z, y, x [m]\n3,2,1\n6,5,4\n",
+        "# intensity, x [m], y [m], z [m]\n9,1,2,3\n9,4,5,6\n",
+        "x (m) y (m) z (m)\n1 2 3\n4 5 6\n",
+        "# x y z intensity (normalized)\n1 2 3 9\n4 5 6 9\n",
+        "# x y z\n1,2,3\n4,5,6\n",
+        "//X Y Z\n2\n1 2 3\n4 5 6\n",
+        "\"X\" \"Y\" \"Z\" \"Scalar field\"\n1 2 3 9\n4 5 6 9\n",
+        "x,y,z,name\n1,2,3,\"a, b\"\n4,5,6,c\n",
+        "x,y,z,tag\n1,2,3,a;b\n4,5,6,c\n",
+        "x,y,z\n1,2,3,,\n4,5,6\n",
+        "\tx\ty\tz\n0\t1\t2\t3\n1\t4\t5\t6\n",
+        "1\t\t2\t3\n4\t5\t\t6\n",
+        "# made by a scanner, in a yard\n1,2,3,9\n4,5,6,9\n",
+        "x_m,y_m,z_m\n1,2,3\n4,5,6\n",
+    ] {
+        assert_eq!(
+            parse("a.txt", text.as_bytes()).unwrap_or_else(|error| panic!("{text}: {error}")).points_m,
+            whole,
+            "{text}"
+        );
+    }
+    // A list of names that lacks a coordinate, or has it in another unit, is not taken for a remark.
+    for text in [
+        "# TIMESTAMP (ns), RANGE (mm), X (mm), Y (mm), Z (mm)\n1,2,3,4,5\n",
+        "x [mm],y [mm],z [mm]\n1,2,3\n",
+        "# t, a, b\n1,2,3\n",
+    ] {
+        let error = parse("a.csv", text.as_bytes()).unwrap_err().to_string();
+        assert!(error.contains("line 1 (column names): there is no column x"), "{error}");
+    }
+}
+
+#[test]
+fn exact_labels_are_whole_numbers_and_other_columns_none() {
+    let text = b"x,y,z,label\nnan,0,0,1\n1,2,3,4.0\n1,2,3,0.5\n";
+    let cloud = parse("a.csv", text).unwrap();
+    assert_eq!((cloud.points_m.len(), cloud.labels), (2, None));
+    let named = Options { label_field: Some("label".into()) };
+    let error = read("a.csv", text, None, &named).unwrap_err().to_string();
+    assert!(error.contains("a.csv: point 2: its label is 0.5, "), "{error}");
     assert_eq!(parse("a.csv", b"x,y,z,label\n1,2,3,4.0\n1,2,3,nan\n").unwrap().labels, Some(vec![4, -1]));
-    assert!(parse("a.csv", b"x,y,z,label\n1,2,3,1e300\n").is_err());
+    assert!(read("a.csv", b"x,y,z,label\n1,2,3,1e300\n", None, &named).is_err());
 }
 
 #[test]
@@ -115,8 +171,8 @@ fn exact_files_that_hold_more_than_they_announce_are_refused() {
         let (one, two) = (bodies(&[1.0, 2.0, 3.0]), bodies(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
         assert_eq!((ply(format, &one).unwrap().points_m.len(), pcd(text, &one).unwrap().points_m.len()), (1, 1));
         assert!(more(ply(format, &two)).contains(announced) && more(pcd(text, &two)).contains(announced));
-        // Blank lines, or zeros up to a full block, are no points.
-        let padding: &[u8] = if text == "ascii" { b"\n \n" } else { &[0; 40] };
+        // Blank lines, remarks, or zeros up to a full block, are no points.
+        let padding: &[u8] = if text == "ascii" { b"\n \n\0\0\nmade by a scanner\n" } else { &[0; 40] };
         let padded = [&one, padding].concat();
         assert!(ply(format, &padded).is_ok() && pcd(text, &padded).is_ok());
     }

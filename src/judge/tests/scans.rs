@@ -184,6 +184,7 @@ fn extreme_options_that_no_scan_can_be_judged_by_are_refused_at_once() {
         (Options { pose_source: ground, ..in_map() }, "need poses"),
         (Options { sigma_z_m: Some(-1.0), ..in_map() }, "--sigma-z -1"),
         (Options { sigma_yaw_rad: Some(f64::INFINITY), ..in_map() }, "--sigma-yaw inf"),
+        (Options { sigma_tilt_rad: Some(-0.5 * std::f64::consts::PI), ..in_map() }, "--sigma-tilt -90 degrees"),
     ] {
         let error = ScanJudge::new(&model, options).unwrap_err().to_string();
         assert!(error.contains(needle), "{error}");

@@ -154,6 +154,7 @@ impl<'s> Curve<'s> {
         }
         let flat = self.flat_from().map(|flat| flat.div_ceil(multiple).max(1) * multiple);
         let believed = (BELIEVED_UP_TO * self.fit.largest_scenes() / STUDY_SCENES) as u64;
+        // A shard is the least that can be built.
         let by_study = (believed / multiple).max(1) * multiple;
         let (scenes, bound) = match flat {
             Some(flat) if flat <= most_scenes => (flat, Bound::Flat),
@@ -176,6 +177,7 @@ impl<'s> Curve<'s> {
             expected: self.fit.expected(study_scenes(scenes)),
             twice: self.fit.gain(study_scenes(scenes), 2.0 * study_scenes(scenes)),
             left: self.fit.gain(study_scenes(scenes), study_scenes(most_scenes)),
+            measured_scenes: self.fit.largest_scenes() as u64,
             beyond: study_scenes(scenes) / self.largest,
             by_reference: self.by_reference,
         })

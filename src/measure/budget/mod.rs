@@ -93,6 +93,8 @@ pub(crate) struct Choice<'s> {
     /// What twice as many scenes would bring, and what `most_scenes`: expected, and at most.
     pub twice: (f64, f64),
     pub left: (f64, f64),
+    /// The most scenes that the curve which tells what is expected was measured at.
+    pub measured_scenes: u64,
     /// Scenes over the scenes of the largest measured size; above 1 the curve is extrapolated.
     pub beyond: f64,
     /// Whether what is expected is read off the reference's curve.
