@@ -101,8 +101,11 @@ fn within(place: &str, name: &str) -> String {
 impl CorpusError {
     /// What a file system says of a file.
     pub(crate) fn of_path(path: &std::path::Path, source: std::io::Error) -> CorpusError {
-        let place = path.parent().map(|above| above.display().to_string()).unwrap_or_default();
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let place_name = path.parent().zip(path.file_name());
+        // `.` and `/` are in no other folder.
+        let (place, name) = place_name.map_or((path.display().to_string(), String::new()), |(above, name)| {
+            (above.display().to_string(), name.to_string_lossy().into_owned())
+        });
         CorpusError::Io { place, name, source }
     }
 
@@ -168,4 +171,17 @@ impl CorpusError {
 /// Whole megabytes, rounded up: no room is not "0 MB".
 fn mb(bytes: u64) -> u64 {
     bytes.div_ceil(1_000_000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_a_path_is_told_as_it_was_named() {
+        for path in ["run", "sub/run", "/run", "./run", ".", "/", ".."] {
+            let told = CorpusError::of_path(path.as_ref(), std::io::ErrorKind::NotFound.into()).to_string();
+            assert!(told.starts_with(&format!("{path}: ")), "{told}");
+        }
+    }
 }
