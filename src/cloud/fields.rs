@@ -57,6 +57,8 @@ pub(super) struct FieldOffsets {
     pub xyz: [usize; 3],
     pub intensity: Option<usize>,
     pub label: Option<usize>,
+    /// Whether the user named the column of labels.
+    pub is_label_named: bool,
 }
 
 /// A text of a file as messages show it: no longer than this many characters.
@@ -72,6 +74,10 @@ pub(super) fn no_number(word: &str) -> String {
     let meant = is_meant_for_number(word);
     let cure = if meant && word.contains(',') { "; decimals are written with points" } else { "" };
     format!("'{}' is not a number{cure}", if meant { word } else { "..." })
+}
+
+pub(super) fn is_number(word: &str) -> bool {
+    word.parse::<f64>().is_ok()
 }
 
 /// Whether a word has no letter but those of numbers.
@@ -121,6 +127,7 @@ impl FieldOffsets {
             xyz: [coordinate("x")?, coordinate("y")?, coordinate("z")?],
             intensity: INTENSITIES.iter().find_map(|name| find(name)),
             label,
+            is_label_named: label_field.is_some(),
         })
     }
 }

@@ -34,5 +34,5 @@ pub(super) fn read(file: &str, bytes: &[u8], labels: Option<&[u8]>) -> Result<Cl
         let label = ids.map_or(f64::NAN, |ids| f64::from(u32::from_le_bytes(ids[i]) & 0xffff));
         gathered.push(DVec3::new(value(0), value(1), value(2)), value(3), label);
     }
-    gathered.finish(file, false)
+    gathered.finish(file)
 }

@@ -60,5 +60,5 @@ pub(super) fn read(file: &str, bytes: &[u8]) -> Result<Cloud, CloudError> {
         let place = DVec3::new(scale(0, point.x), scale(1, point.y), scale(2, point.z));
         gathered.push(place, f64::from(point.intensity), f64::from(class));
     }
-    gathered.finish(file, false)
+    gathered.finish(file)
 }

@@ -25,6 +25,7 @@ pub(crate) use read::Format;
 pub use read::{Options, read};
 
 use crate::geometry::DVec3;
+use fields::FieldOffsets;
 
 /// The points of one scan.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,7 +76,7 @@ fn is_blank(line: &str) -> bool {
 
 /// Whether a line behind the announced points may be one, and not a remark.
 fn begins_with_number(line: &str) -> bool {
-    line.split_whitespace().next().is_some_and(|word| word.parse::<f64>().is_ok())
+    line.split_whitespace().next().is_some_and(fields::is_number)
 }
 
 /// A file whose header announces fewer points than it holds.
@@ -90,13 +91,20 @@ struct Gathered {
     cloud: Cloud,
     /// The first label that is no whole number, and whose it is.
     no_label: Option<(u64, f64)>,
+    is_label_named: bool,
 }
 
 impl Gathered {
     /// For a file that has these columns. Nothing is reserved: sizes in headers are not to be trusted.
     fn new(intensity: bool, labels: bool) -> Gathered {
         let cloud = Cloud { intensity: intensity.then(Vec::new), labels: labels.then(Vec::new), ..Cloud::default() };
-        Gathered { cloud, no_label: None }
+        Gathered { cloud, ..Gathered::default() }
+    }
+
+    /// For a file with these columns among others.
+    fn of(offsets: &FieldOffsets) -> Gathered {
+        let gathered = Gathered::new(offsets.intensity.is_some(), offsets.label.is_some());
+        Gathered { is_label_named: offsets.is_label_named, ..gathered }
     }
 
     /// `label`: a whole number; NaN, which is none, becomes -1.
@@ -121,9 +129,9 @@ impl Gathered {
 
     /// The cloud, if there is a point in it. A column that holds other than whole numbers is none of labels; the user may have named it
     /// as one all the same.
-    fn finish(mut self, file: &str, is_label_named: bool) -> Result<Cloud, CloudError> {
+    fn finish(mut self, file: &str) -> Result<Cloud, CloudError> {
         match self.no_label {
-            Some((point, label)) if is_label_named => {
+            Some((point, label)) if self.is_label_named => {
                 let reason =
                     format!("its label is {label}, and labels are whole numbers; name their column with --label-field");
                 return Err(CloudError::Malformed { file: file.into(), place: format!("point {point}"), reason });

@@ -22,8 +22,6 @@ struct PointData<'a> {
     header: &'a Header,
     bytes: &'a [u8],
     offsets: FieldOffsets,
-    /// Whether the user named the field of labels.
-    label_is_named: bool,
 }
 
 const MOST_HEADER_BYTES: usize = 1 << 16;
@@ -31,13 +29,7 @@ const MOST_HEADER_BYTES: usize = 1 << 16;
 pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Result<Cloud, CloudError> {
     let header = Header::of(file, bytes)?;
     let offsets = FieldOffsets::of(file, "the line FIELDS", &header.names, label_field)?;
-    let data = PointData {
-        file,
-        header: &header,
-        bytes: &bytes[header.body..],
-        offsets,
-        label_is_named: label_field.is_some(),
-    };
+    let data = PointData { file, header: &header, bytes: &bytes[header.body..], offsets };
     match header.data.as_str() {
         "ascii" => data.ascii(),
         "binary" => data.binary(),
@@ -183,7 +175,7 @@ impl PointData<'_> {
         if lines.next().is_some_and(|(_, line)| begins_with_number(line)) {
             return Err(more_than_announced(file, header.points));
         }
-        gathered.finish(file, self.label_is_named)
+        gathered.finish(file)
     }
 
     fn binary(&self) -> Result<Cloud, CloudError> {
@@ -195,7 +187,7 @@ impl PointData<'_> {
         for i in 0..header.points as usize {
             self.push(&mut gathered, |field| header.numbers[field].take(bytes, i * point_size + starts[field], false));
         }
-        gathered.finish(file, self.label_is_named)
+        gathered.finish(file)
     }
 
     /// Two sizes, then LZF; expanded, the values lie field after field.
@@ -235,13 +227,13 @@ impl PointData<'_> {
                 header.numbers[field].take(&expanded, starts[field] + i * stride, false)
             });
         }
-        gathered.finish(file, self.label_is_named)
+        gathered.finish(file)
     }
 
     /// An empty cloud with the columns that the file has, once it is known that each field has a value to read.
     fn gather(&self) -> Result<Gathered, CloudError> {
         self.header.check_fields(self.file)?;
-        Ok(Gathered::new(self.offsets.intensity.is_some(), self.offsets.label.is_some()))
+        Ok(Gathered::of(&self.offsets))
     }
 
     /// Adds one point, by the values of its fields.

@@ -57,7 +57,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
     };
     let names: Vec<String> = vertex.properties.iter().map(name).collect();
     let places = FieldOffsets::of(file, "the element 'vertex'", &names, label_field)?;
-    let mut gathered = Gathered::new(places.intensity.is_some(), places.label.is_some());
+    let mut gathered = Gathered::of(&places);
     let body = &bytes[header.body..];
     // Of elements that stand behind the vertices nothing is read.
     let is_last = at + 1 == header.elements.len();
@@ -81,7 +81,7 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
             }
         }
     }
-    gathered.finish(file, label_field.is_some())
+    gathered.finish(file)
 }
 
 fn push(gathered: &mut Gathered, places: &FieldOffsets, row: &[f64]) {

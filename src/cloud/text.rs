@@ -6,7 +6,7 @@
 //! four, is the intensity; others are left out. All lines have as many values as there are names, or as the first. Empty lines and lines
 //! that start with `#` or `//` are skipped; a line with a single whole number before the first point (a count) too.
 
-use super::fields::{FieldOffsets, is_meant_for_number, no_number};
+use super::fields::{FieldOffsets, is_meant_for_number, is_number, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
 
@@ -91,7 +91,8 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
                 Some((line, names)) => named(line, &names)?,
                 None => {
                     let intensity = (values.len() == 4).then_some(3);
-                    let offsets = FieldOffsets { xyz: [0, 1, 2], intensity, label: unnamed(file, label_field)? };
+                    let label = unnamed(file, label_field)?;
+                    let offsets = FieldOffsets { xyz: [0, 1, 2], intensity, label, is_label_named: false };
                     Columns { offsets, count: values.len(), separator: None }
                 }
             });
@@ -117,11 +118,10 @@ pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Resul
         };
         let or_none = |column: Option<usize>| column.map_or(Ok(f64::NAN), value);
         let [x, y, z] = offsets.xyz.map(value);
-        let gathered =
-            gathered.get_or_insert_with(|| Gathered::new(offsets.intensity.is_some(), offsets.label.is_some()));
+        let gathered = gathered.get_or_insert_with(|| Gathered::of(offsets));
         gathered.push(DVec3::new(x?, y?, z?), or_none(offsets.intensity)?, or_none(offsets.label)?);
     }
-    gathered.unwrap_or_default().finish(file, label_field.is_some())
+    gathered.unwrap_or_default().finish(file)
 }
 
 impl Separator {
@@ -198,10 +198,6 @@ fn names_of(line: &str, separator: Separator) -> Vec<String> {
 fn without_metres(name: &str) -> String {
     let metres = ["[m]", "(m)"].into_iter().find_map(|unit| name.strip_suffix(unit));
     metres.unwrap_or(name).trim_end().into()
-}
-
-fn is_number(text: &str) -> bool {
-    text.parse::<f64>().is_ok()
 }
 
 /// A line that says how many points follow.
