@@ -31,6 +31,7 @@
 //! assert!((value("height_difference_m") - 0.5).abs() < 1e-6);
 //! ```
 
+mod around;
 mod assign;
 mod beams;
 mod bin;
@@ -46,6 +47,7 @@ mod gaps;
 mod group;
 mod label;
 mod labels;
+mod layout;
 pub mod level;
 mod local;
 mod overhang;
@@ -57,6 +59,7 @@ mod rule;
 mod sectors;
 mod slope;
 mod squares;
+mod summary;
 mod surroundings;
 #[cfg(test)]
 mod tests;

@@ -7,30 +7,39 @@
 //! lowest one behind it; variance, difference, count and intensities are 0; neighbours, curvature, squares and the local ground are those of
 //! cells with points, as for any row. Own construction. Not modelled: earlier sweeps of a window; where they saw the cell, it has points.
 
-use super::bin::{FIRST_NEIGHBOUR, Scratch};
+use super::bin::Scratch;
 use super::columns::{GAP_COLUMNS, neighbour_offsets};
 use super::curvature::bend_at;
 use super::gaps::BeamColumns;
+use super::layout::Layout;
 use super::local::nearest_rank;
 use super::params::{LocalHeightParams, SurroundingsParams, UnseenParams};
 use super::surroundings::Surroundings;
 use super::{CellParams, CellRow, CellTruth, Cells};
 use crate::geometry::{CellIndex, GridSpec};
 
-/// Adds the rows and the columns. `width`: features of a row before and after.
-pub(super) fn add(params: &CellParams, unseen: &UnseenParams, scratch: &Scratch, max_range_m: f64, cells: &mut Cells) {
+/// Adds the rows and the columns. `layout`: of a row's features before the gaps.
+pub(super) fn add(
+    params: &CellParams,
+    unseen: &UnseenParams,
+    layout: &Layout,
+    scratch: &Scratch,
+    max_range_m: f64,
+    cells: &mut Cells,
+) {
     let beams = &scratch.columns;
     if cells.rows.is_empty() {
         return;
     }
     let grid = GridSpec { size_m: params.size_m };
-    let width = cells.features.len() / cells.rows.len();
+    let width = layout.width;
     let found = unseen_cells(unseen, beams, &grid, max_range_m, &cells.rows);
     let offsets = neighbour_offsets(params.neighbours);
-    let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
-    let squares = params.surroundings.as_ref();
-    let squares = squares.map(|of| (of, Surroundings::new(&scratch.squares, &cells.features, width, plane_height)));
-    let seen = SeenCells { rows: &cells.rows, features: &cells.features, width, scratch, squares };
+    let squares = params
+        .surroundings
+        .as_ref()
+        .map(|of| (of, Surroundings::new(&scratch.squares, &cells.features, width, layout.plane_height())));
+    let seen = SeenCells { rows: &cells.rows, features: &cells.features, layout, scratch, squares };
     let wide = width + GAP_COLUMNS.len();
     let mut rows = Vec::with_capacity(cells.rows.len() + found.len());
     let mut features = Vec::with_capacity(rows.capacity() * wide);
@@ -88,7 +97,7 @@ fn unseen_cells(
 struct SeenCells<'a> {
     rows: &'a [CellRow],
     features: &'a [f32],
-    width: usize,
+    layout: &'a Layout,
     scratch: &'a Scratch,
     /// The squares around cells, where they are asked for.
     squares: Option<(&'a SurroundingsParams, Surroundings<'a>)>,
@@ -108,15 +117,16 @@ impl SeenCells<'_> {
         features: &mut Vec<f32>,
     ) -> CellRow {
         let (x_m, y_m) = grid.centre_m(index);
+        let layout = self.layout;
         let first = features.len();
         // Pose and sigmas are those of any row; a scan without a cell has no gap either.
-        features.extend_from_slice(&self.features[..self.width]);
+        features.extend_from_slice(&self.features[..layout.width]);
         let own = &mut features[first..];
         (own[0], own[1], own[2], own[3]) = (height_m as f32, 0.0, 0.0, 0.0);
         let mut neighbour_mask = 0;
         for (k, offset) in offsets.iter().enumerate() {
             let there = CellIndex { row: index.row + offset.rows, col: index.col + offset.cols };
-            own[FIRST_NEIGHBOUR + k] = match self.find(there) {
+            own[Layout::NEIGHBOURS + k] = match self.find(there) {
                 Some(at) => {
                     neighbour_mask |= 1 << k;
                     self.height_m(at)
@@ -124,40 +134,33 @@ impl SeenCells<'_> {
                 None => height_m as f32,
             };
         }
-        let mut next = FIRST_NEIGHBOUR + offsets.len();
         if let Some(local) = &params.local_height {
-            own[next] = (height_m - self.local_ground_m(local, index, grid, height_m)) as f32;
+            own[layout.local] = (height_m - self.local_ground_m(local, index, grid, height_m)) as f32;
             if local.plane {
                 let of_plane = self.scratch.planes.features(index, height_m).map(|value| value as f32);
-                own[next + 1..][..2].copy_from_slice(&of_plane);
+                own[layout.plane_height()..][..2].copy_from_slice(&of_plane);
             }
-            next += local.columns();
         }
-        for &radius_m in params.curvature.iter().flat_map(|curvature| &curvature.radii_m) {
+        let radii_m = params.curvature.iter().flat_map(|curvature| &curvature.radii_m);
+        for (own, &radius_m) in own[layout.curvature..layout.squares].chunks_exact_mut(2).zip(radii_m) {
             let height_at = |index| self.find(index).map(|at| f64::from(self.height_m(at)));
-            let bend_m = bend_at(radius_m, grid.size_m, index, height_m, height_at).map(|value| value as f32);
-            own[next..][..2].copy_from_slice(&bend_m);
-            next += 2;
+            own.copy_from_slice(&bend_at(radius_m, grid.size_m, index, height_m, height_at).map(|value| value as f32));
         }
         if let Some((of_squares, squares)) = &self.squares {
-            let plane_height = FIRST_NEIGHBOUR + offsets.len() + 1;
-            for value in squares.of(of_squares, grid.size_m, index, own[plane_height]) {
-                own[next] = value;
-                next += 1;
-            }
+            let values = squares.of(of_squares, grid.size_m, index, own[layout.plane_height()]);
+            own[layout.squares..layout.beams].iter_mut().zip(values).for_each(|(own, value)| *own = value);
         }
         if let Some(of_beams) = &params.beams {
             let Scratch { squares, beams, passages, .. } = self.scratch;
             // A cell without points has no highest one: the height of the beam that passed over it stands in for it.
-            let plane_m = height_m - f64::from(own[FIRST_NEIGHBOUR + offsets.len() + 1]);
+            let plane_m = height_m - f64::from(own[layout.plane_height()]);
             let passage = beams.passage((x_m, y_m).into(), grid.size_m, plane_m, height_m);
-            for value in passages.of(of_beams, grid.size_m, squares, index, &passage) {
-                own[next] = value;
-                next += 1;
-            }
+            let values = passages.of(of_beams, grid.size_m, squares, index, &passage);
+            own[layout.beams..layout.sigmas].iter_mut().zip(values).for_each(|(own, value)| *own = value);
         }
-        // Behind the six sigmas stand intensities, where there are any.
-        own[next + 6..].fill(0.0);
+        if layout.intensity {
+            own[layout.width - 2..].fill(0.0);
+        }
         CellRow {
             index,
             label: None,
@@ -173,7 +176,7 @@ impl SeenCells<'_> {
     }
 
     fn height_m(&self, at: usize) -> f32 {
-        self.features[at * self.width]
+        self.features[at * self.layout.width]
     }
 
     /// The percentile of the mean heights around, the cell's own among them.
