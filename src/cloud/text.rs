@@ -6,6 +6,8 @@
 //! four, is the intensity; others are left out. All lines have as many values as there are names, or as the first. Empty lines and lines
 //! that start with `#` or `//` are skipped; a line with a single whole number before the first point (a count) too.
 
+use std::iter::Peekable;
+
 use super::fields::{FieldOffsets, is_meant_for_number, is_number, no_number};
 use super::{Cloud, CloudError, Gathered};
 use crate::geometry::DVec3;
@@ -22,106 +24,125 @@ struct Columns {
     offsets: FieldOffsets,
     /// How many a line has.
     count: usize,
-    /// Known from the first point on.
-    separator: Option<Separator>,
+    separator: Separator,
+}
+
+/// A line that is not empty.
+struct Line<'t> {
+    /// From 1 on.
+    number: usize,
+    is_comment: bool,
+    /// Without the sign of a comment, and without blanks around it: a tab at the beginning has nothing before it, which is a value that is not there.
+    text: &'t str,
 }
 
 pub(super) fn read(file: &str, bytes: &[u8], label_field: Option<&str>) -> Result<Cloud, CloudError> {
-    let malformed = |line: usize, reason: String| CloudError::Malformed {
-        file: file.into(),
-        place: format!("line {}", line + 1),
-        reason,
-    };
-    let named = |line: usize, names: &[String]| {
-        let offsets = FieldOffsets::of(file, &format!("line {} (column names)", line + 1), names, label_field)?;
-        Ok(Columns { offsets, count: names.len(), separator: None })
-    };
     let text = String::from_utf8_lossy(bytes);
-    let mut columns: Option<Columns> = None;
-    // The last comment before the first point, where it looks like names of columns, and its line.
-    let mut maybe_names: Option<(usize, Vec<String>)> = None;
-    let mut gathered: Option<Gathered> = None;
+    let mut lines = lines(&text).peekable();
+    let Some(columns) = columns(file, &mut lines, label_field)? else {
+        return Gathered::default().finish(file);
+    };
+    let mut gathered = Gathered::of(&columns.offsets);
     let mut values = Vec::new();
-    for (number, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
-        // A tab at the beginning has nothing before it, which is a value that is not there.
-        let trimmed = line.trim_matches(' ');
-        let bare = trimmed.trim_start_matches(['#', '/']).trim_matches(' ');
-        let is_comment = trimmed.starts_with(['#', '/']);
-        let is_first = columns.as_ref().is_none_or(|columns| columns.separator.is_none());
-        if bare.trim().is_empty() || is_comment && columns.is_some() || !is_comment && is_first && is_count(bare) {
+    for line in lines.filter(|line| !line.is_comment) {
+        let (point_m, intensity, label) =
+            columns.point(&line, &mut values).map_err(|reason| malformed(file, &line, reason))?;
+        gathered.push(point_m, intensity, label);
+    }
+    gathered.finish(file)
+}
+
+fn lines(text: &str) -> impl Iterator<Item = Line<'_>> {
+    let lines = text.trim_start_matches('\u{feff}').lines().enumerate().map(|(k, line)| {
+        let line = line.trim_matches(' ');
+        let text = line.trim_start_matches(['#', '/']).trim_matches(' ');
+        Line { number: k + 1, is_comment: line.starts_with(['#', '/']), text }
+    });
+    lines.filter(|line| !line.text.trim().is_empty())
+}
+
+fn malformed(file: &str, line: &Line, reason: String) -> CloudError {
+    CloudError::Malformed { file: file.into(), place: format!("line {}", line.number), reason }
+}
+
+/// Takes the lines before the first point, and has from them and from this what the columns are; `None` where there is no point.
+fn columns<'t>(
+    file: &str,
+    lines: &mut Peekable<impl Iterator<Item = Line<'t>>>,
+    label_field: Option<&str>,
+) -> Result<Option<Columns>, CloudError> {
+    let offsets_of = |line: usize, names: &[String]| {
+        FieldOffsets::of(file, &format!("line {line} (column names)"), names, label_field)
+    };
+    let mut named: Option<(FieldOffsets, usize)> = None;
+    // The last comment, where it looks like names of columns, and its line.
+    let mut maybe_names: Option<(usize, Vec<String>)> = None;
+    let is_head =
+        |line: &Line, is_named: bool| line.is_comment || is_count(line.text) || !is_named && !is_point(line.text);
+    while let Some(line) = lines.next_if(|line| is_head(line, named.is_some())) {
+        if named.is_some() || !line.is_comment && is_count(line.text) {
             continue;
         }
-        if columns.is_none() {
-            Separator::of_numbers(bare).split(bare, &mut values);
-            let is_point = values.iter().all(|value| value.is_empty() || is_number(value));
-            let separator = Separator::of(bare);
-            let names = names_of(bare, separator);
-            match (is_comment, is_point) {
-                (true, _) if is_header(&names) => columns = Some(named(number, &names)?),
-                (true, _) => {
-                    let is_list =
-                        separator != Separator::Blanks && names.len() >= 3 && !names.iter().any(|name| is_number(name));
-                    maybe_names = is_list.then_some((number, names));
-                }
-                (false, false) if names.iter().all(|name| is_meant_for_number(&name.replace(' ', ""))) => {
-                    return Err(malformed(
-                        number,
-                        "numbers that cannot be told apart; decimals are written with points".into(),
-                    ));
-                }
-                (false, false) => columns = Some(named(number, &names)?),
-                (false, true) => {}
-            }
-            if is_comment || !is_point {
-                continue;
-            }
+        let separator = Separator::of(line.text);
+        let names = names_of(line.text, separator);
+        if !line.is_comment && names.iter().all(|name| is_meant_for_number(&name.replace(' ', ""))) {
+            let reason = "numbers that cannot be told apart; decimals are written with points";
+            return Err(malformed(file, &line, reason.into()));
         }
-        let separator = match &columns {
-            Some(Columns { separator: Some(separator), .. }) => *separator,
-            Some(Columns { count, .. }) => Separator::of_point(bare, *count),
-            None => Separator::of_numbers(bare),
-        };
-        separator.split(bare, &mut values);
-        if columns.is_none() {
-            drop_empty_end(&mut values, 0);
-            if values.len() < 3 {
-                return Err(malformed(number, format!("{} values, a point has three", values.len())));
-            }
-            columns = Some(match maybe_names.take().filter(|(_, names)| names.len() == values.len()) {
-                Some((line, names)) => named(line, &names)?,
-                None => {
-                    let intensity = (values.len() == 4).then_some(3);
-                    let label = unnamed(file, label_field)?;
-                    let offsets = FieldOffsets { xyz: [0, 1, 2], intensity, label, is_label_named: false };
-                    Columns { offsets, count: values.len(), separator: None }
-                }
-            });
+        if !line.is_comment || is_header(&names) {
+            named = Some((offsets_of(line.number, &names)?, names.len()));
+        } else {
+            let is_list =
+                separator != Separator::Blanks && names.len() >= 3 && !names.iter().any(|name| is_number(name));
+            maybe_names = is_list.then_some((line.number, names));
         }
-        let Some(Columns { offsets, count, separator: known }) = &mut columns else { unreachable!("set above") };
-        *known = Some(separator);
-        drop_empty_end(&mut values, *count);
-        if values.len() != *count {
-            let cure = match separator {
-                Separator::Sign(',') if values.len() > *count => {
+    }
+    let Some(first) = lines.peek() else { return Ok(None) };
+    if let Some((offsets, count)) = named {
+        return Ok(Some(Columns { offsets, count, separator: Separator::of_point(first.text, count) }));
+    }
+    let separator = Separator::of_numbers(first.text);
+    let mut values = Vec::new();
+    separator.split(first.text, &mut values);
+    drop_empty_end(&mut values, 0);
+    let count = values.len();
+    if count < 3 {
+        return Err(malformed(file, first, format!("{count} values, a point has three")));
+    }
+    let offsets = match maybe_names.filter(|(_, names)| names.len() == count) {
+        Some((line, names)) => offsets_of(line, &names)?,
+        None => FieldOffsets {
+            xyz: [0, 1, 2],
+            intensity: (count == 4).then_some(3),
+            label: unnamed(file, label_field)?,
+            is_label_named: false,
+        },
+    };
+    Ok(Some(Columns { offsets, count, separator }))
+}
+
+impl Columns {
+    /// Coordinates, intensity and label of a line, NaN where there is none; or what is wrong with it. `values` is scratch.
+    fn point<'t>(&self, line: &Line<'t>, values: &mut Vec<&'t str>) -> Result<(DVec3, f64, f64), String> {
+        self.separator.split(line.text, values);
+        drop_empty_end(values, self.count);
+        if values.len() != self.count {
+            let cure = match self.separator {
+                Separator::Sign(',') if values.len() > self.count => {
                     "; decimals are written with points, and texts that hold commas in quotes"
                 }
                 _ => "; all lines need as many",
             };
-            return Err(malformed(
-                number,
-                format!("{} values where the lines before have {count}{cure}", values.len()),
-            ));
+            return Err(format!("{} values where the lines before have {}{cure}", values.len(), self.count));
         }
         let value = |column: usize| match values[column] {
             "" => Ok(f64::NAN),
-            value => value.parse().map_err(|_| malformed(number, no_number(value))),
+            value => value.parse().map_err(|_| no_number(value)),
         };
         let or_none = |column: Option<usize>| column.map_or(Ok(f64::NAN), value);
-        let [x, y, z] = offsets.xyz.map(value);
-        let gathered = gathered.get_or_insert_with(|| Gathered::of(offsets));
-        gathered.push(DVec3::new(x?, y?, z?), or_none(offsets.intensity)?, or_none(offsets.label)?);
+        let [x, y, z] = self.offsets.xyz.map(value);
+        Ok((DVec3::new(x?, y?, z?), or_none(self.offsets.intensity)?, or_none(self.offsets.label)?))
     }
-    gathered.unwrap_or_default().finish(file)
 }
 
 impl Separator {
@@ -198,6 +219,13 @@ fn names_of(line: &str, separator: Separator) -> Vec<String> {
 fn without_metres(name: &str) -> String {
     let metres = ["[m]", "(m)"].into_iter().find_map(|unit| name.strip_suffix(unit));
     metres.unwrap_or(name).trim_end().into()
+}
+
+/// Numbers and values that are not there, and nothing else.
+fn is_point(line: &str) -> bool {
+    let mut values = Vec::new();
+    Separator::of_numbers(line).split(line, &mut values);
+    values.iter().all(|value| value.is_empty() || is_number(value))
 }
 
 /// A line that says how many points follow.
