@@ -1,8 +1,8 @@
 //! A range of numbers -> an axis of a chart: its scale, and ticks at round numbers.
 //!
 //! Ticks of a linear axis are the multiples of 1, 2 or 5 times a power of ten; of a logarithmic one 1, 2 and 5 in each decade, or the powers
-//! of ten where there are many decades, or as on a linear axis where there is hardly one. An axis of categories has a name in the middle
-//! of each unit. Large numbers are written with k and M.
+//! of ten where there are many decades, or as on a linear axis where there is hardly one; of one of durations, round numbers of seconds,
+//! minutes, hours and days. An axis of categories has a name in the middle of each unit. Large numbers are written with k and M.
 
 use std::ops::Range;
 
@@ -14,6 +14,13 @@ use crate::math;
 const TICKS: f64 = 8.0;
 /// From this ratio of the highest to the lowest value on, a linear axis crowds the low ones into its bottom.
 const LOG_FROM_RATIO: f64 = 4.0;
+/// Units of time in seconds, and the numbers of each that make ticks: those from one unit to the next one.
+const UNITS_OF_TIME: [(&str, f64, &[f64]); 4] = [
+    ("s", 1.0, &[0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0]),
+    ("min", 60.0, &[1.0, 2.0, 5.0, 10.0, 20.0]),
+    ("h", 3600.0, &[1.0, 2.0, 5.0, 10.0]),
+    ("d", 86_400.0, &[1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]),
+];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Scale {
@@ -41,6 +48,12 @@ impl Axis {
     pub(crate) fn logarithmic(label: impl Into<String>, range: Range<f64>) -> Axis {
         let ticks = logarithmic_ticks(&range);
         Axis { label: label.into(), range, scale: Scale::Logarithmic, ticks, has_grid: true }
+    }
+
+    /// A logarithmic axis of seconds, whose ticks are read without reckoning: 20 s, 5 min, 2 h.
+    pub(crate) fn durations(label: impl Into<String>, range: Range<f64>) -> Axis {
+        let ticks = duration_ticks(&range);
+        Axis { ticks, ..Axis::logarithmic(label, range) }
     }
 
     /// An axis that shows all these values with a margin: logarithmic where they are above zero and span a factor of four, else linear from
@@ -139,6 +152,19 @@ fn logarithmic_ticks(range: &Range<f64>) -> Vec<(f64, String)> {
     all.filter(|(value, _)| range.contains(value)).collect()
 }
 
+/// Every second one where they would crowd; numbers of seconds where a range holds hardly one of them.
+fn duration_ticks(range: &Range<f64>) -> Vec<(f64, String)> {
+    let of_unit = |(unit, unit_s, numbers): (&'static str, f64, &'static [f64])| {
+        numbers.iter().map(move |number| (number * unit_s, format!("{number} {unit}")))
+    };
+    let round: Vec<(f64, String)> =
+        UNITS_OF_TIME.into_iter().flat_map(of_unit).filter(|(value, _)| range.contains(value)).collect();
+    match round.len() {
+        ..3 => logarithmic_ticks(range).into_iter().map(|(value, number)| (value, format!("{number} s"))).collect(),
+        count => round.into_iter().step_by((count as f64 / (1.5 * TICKS)).ceil() as usize).collect(),
+    }
+}
+
 /// The least of 1, 2, 5 times a power of ten that is not below a step.
 fn round_step(step: f64) -> f64 {
     let decade = power_of_ten((math::ln(step) / std::f64::consts::LN_10).floor() as i32);
@@ -189,6 +215,23 @@ mod tests {
         assert_eq!(texts(&Axis::logarithmic("", 3.0..300.0)), ["5", "10", "20", "50", "100", "200"]);
         assert_eq!(texts(&Axis::logarithmic("", 0.5..2e6)), ["1", "10", "100", "1000", "10k", "100k", "1M"]);
         assert_eq!(texts(&Axis::logarithmic("", 1.0..3.0)), ["1.0", "1.5", "2.0", "2.5", "3.0"]);
+    }
+
+    #[test]
+    fn exact_ticks_of_an_axis_of_durations() {
+        assert_eq!(
+            texts(&Axis::durations("", 1.7..1100.0)),
+            ["2 s", "5 s", "10 s", "20 s", "1 min", "2 min", "5 min", "10 min"]
+        );
+        assert_eq!(texts(&Axis::durations("", 0.4..4.0)), ["0.5 s", "1 s", "2 s"]);
+        assert_eq!(
+            texts(&Axis::durations("", 6.0..9.0)),
+            ["6.0 s", "6.5 s", "7.0 s", "7.5 s", "8.0 s", "8.5 s", "9.0 s"]
+        );
+        let night = Axis::durations("", 1.0..100_000.0);
+        assert_eq!(texts(&night), ["1 s", "5 s", "20 s", "2 min", "10 min", "1 h", "5 h", "1 d"]);
+        let at: Vec<f64> = night.ticks.iter().map(|tick| tick.0).collect();
+        assert_eq!(at, [1.0, 5.0, 20.0, 120.0, 600.0, 3600.0, 18_000.0, 86_400.0]);
     }
 
     #[test]

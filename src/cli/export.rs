@@ -7,9 +7,8 @@ use clap::Args;
 use super::Failure;
 use super::evaluate::{model_file, read_model};
 use super::output::{errln, out};
-use super::place::{corpus_failure, must_be_local};
-use crate::corpus::store::write_whole;
-use crate::corpus::{CorpusError, owner};
+use super::place::{corpus_failure, must_be_local, write_named};
+use crate::corpus::owner;
 use crate::train::{export, onnx};
 
 #[derive(Debug, Args)]
@@ -78,11 +77,7 @@ fn is_one(a: &Path, b: &Path) -> bool {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let failed = |source| match path.parent().filter(|above| !above.as_os_str().is_empty() && !above.exists()) {
-        Some(above) => CorpusError::of_path(above, source),
-        None => CorpusError::of_path(path, source),
-    };
-    write_whole(path, bytes).map_err(|error| corpus_failure(failed(error)))?;
+    write_named(path, bytes)?;
     errln!("{}: {} bytes", path.display(), bytes.len());
     Ok(())
 }

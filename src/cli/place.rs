@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::{Failure, config_failure};
 use crate::config::{self};
 use crate::corpus::limits::FileKind;
-use crate::corpus::store::may_pass;
+use crate::corpus::store::{may_pass, write_whole};
 use crate::corpus::{CorpusError, Finished, Manifest, Store, address, manifest, plan_file};
 use crate::plan::Plan;
 use crate::shell;
@@ -98,6 +98,15 @@ pub(super) fn named_failure(
     usage: impl FnOnce(std::io::Error) -> Failure,
 ) -> Failure {
     if may_pass(&source) { corpus_failure(CorpusError::of_path(path, source)) } else { usage(source) }
+}
+
+/// Writes a file that was named on the command line, whole or not at all; where its folder is missing, that is what is told.
+pub(super) fn write_named(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    let failed = |source| {
+        let missing = path.parent().filter(|above| !above.as_os_str().is_empty() && !above.exists());
+        corpus_failure(CorpusError::of_path(missing.unwrap_or(path), source))
+    };
+    write_whole(path, bytes).map_err(failed)
 }
 
 /// What is at a path, links followed; `None` where there is nothing.

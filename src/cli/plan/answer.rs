@@ -11,13 +11,11 @@ use super::budget::{TOLD, extrapolated};
 use super::{PlanArgs, machine, machine_json, words};
 use crate::cli::options::{typed_out, typed_sets};
 use crate::cli::output::{errln, outln};
-use crate::cli::place::corpus_failure;
+use crate::cli::place::write_named;
 use crate::cli::progress::{counted, human, si};
 use crate::cli::{Failure, config_failure};
 use crate::config;
-use crate::corpus::CorpusError;
 use crate::corpus::advice::Advice;
-use crate::corpus::store::write_whole;
 use crate::measure::budget::{BELIEVED_UP_TO, Bound, Choice, FLAT_TWICE};
 use crate::measure::study::{Study, StudySetting};
 use crate::measure::tradeoff::points;
@@ -222,8 +220,7 @@ impl Answer<'_> {
             self.sets.iter().map(|set| format!(" {set}")).collect::<String>(),
             plan.to_yaml()
         );
-        let failed = |source| CorpusError::of_path(path, source);
-        write_whole(path, text.as_bytes()).map_err(|error| corpus_failure(failed(error)))?;
+        write_named(path, text.as_bytes())?;
         errln!("written: {}; `marsyard generate {}` builds it", path.display(), shell::word(path.display()));
         Ok(())
     }

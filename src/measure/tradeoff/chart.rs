@@ -116,7 +116,7 @@ fn panel(
     }
     let y = Axis::of_values(format!("balanced error on {judged_by}, %"), errors.iter().copied());
     series.push(Series::unnamed(BLACK, Marks::Words(names(rows, &front, &y))));
-    Panel { title, x: Axis::logarithmic("CPU time of generating and training, s", cost_range), y, series }
+    Panel { title, x: Axis::durations("CPU time of generating and training", cost_range), y, series }
 }
 
 /// Names of the settings that are told apart or stand on the front at two sizes and more, at their last points: of those that are worse above these, of the others below, away from the
