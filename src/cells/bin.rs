@@ -1,8 +1,8 @@
 //! The sweeps or clouds of a window -> cells: place the points, number their cells, sum up each cell (`summary`), look at what stands around
 //! it (`around`), find the cells without points (`unseen`).
 //!
-//! Source: Hewitt et al. 2017, "Neural network input types". Points come in slot order, sweep after sweep, and heights are taken from the
-//! rover's estimated z before anything is summed.
+//! Source: Hewitt et al. 2017, "Neural network input types". Points come in slot order, sweep after sweep. Heights are taken from the
+//! rover's estimated z before anything is summed, so that a map a thousand kilometres up costs no more digits than its points have lost already.
 
 use super::assign::CellAssigner;
 use super::beams::{Beams, Passages};
@@ -18,7 +18,7 @@ use super::plane::GroundPlanes;
 use super::points::{Points, Scan, UNKNOWN};
 use super::squares::Squares;
 use super::summary::{CellSum, summarise};
-use super::{CellParams, CellRow, CellTruth, Cells, Label, around, unseen};
+use super::{CellParams, CellRow, CellTruth, Cells, around, unseen};
 use crate::geometry::{DVec3, GridSpec, Transform};
 use crate::scene::Scene;
 use crate::slam::Estimate;
@@ -175,7 +175,7 @@ pub fn bin_clouds(
         |point_m: DVec3| if kept.in_map { point_m - origin_m } else { kept.map_from_sensor.direction(point_m) };
     scratch.take_beams(params, origin_m, kept.estimate, kept.points_m.iter().map(|&point_m| offset_m(point_m)));
     let layout = Layout::of(params, intensity);
-    summarise(&layout, kept.estimate, |_: &CellTruth| -> Option<Label> { None }, scratch, &mut cells);
+    summarise(&layout, kept.estimate, |_| None, scratch, &mut cells);
     around::add(params, &layout, scratch, &mut cells);
     let mut known = vec![0; cells.rows.len()];
     for (&cell, point) in scratch.numbers.of_point.iter().zip(&scratch.points.returns) {

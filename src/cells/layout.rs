@@ -15,7 +15,7 @@ pub(super) struct Layout {
     pub squares: usize,
     pub beams: usize,
     pub sigmas: usize,
-    /// The last two features are of intensities.
+    /// Whether the last two features are of intensities.
     pub intensity: bool,
     /// Features of a row.
     pub width: usize,
@@ -51,27 +51,39 @@ mod tests {
         LOCAL_HEIGHT, PLANE_HEIGHT, feature_columns, is_beams, is_curvature, is_neighbour, is_surroundings,
     };
 
-    /// Each group of a config with all of them begins where its first column stands.
+    /// Every choice of groups: each that is there begins where its first column stands, and none of the others has room.
     #[test]
     fn law_groups_begin_where_their_first_columns_stand() {
-        for (neighbours, intensity) in [(4, true), (8, false), (24, true)] {
+        for choice in 0..3 * 2 * 2 * 2 * 2 * 3 {
+            let mut rest = choice;
+            let mut next = |count: u32| {
+                let own = rest % count;
+                rest /= count;
+                own
+            };
+            let neighbours = [4, 8, 24][next(3) as usize];
+            let intensity = next(2) == 1;
             let params = CellParams {
                 neighbours,
-                local_height: Some(LocalHeightParams { plane: true, ..Default::default() }),
-                curvature: Some(CurvatureParams { radii_m: vec![0.2, 0.4, 0.8] }),
-                surroundings: Some(SurroundingsParams { radii_m: vec![0.2, 0.4] }),
-                beams: Some(BeamParams { radii_m: vec![0.1, 0.4] }),
+                curvature: (next(2) == 1).then(|| CurvatureParams { radii_m: vec![0.2, 0.4, 0.8] }),
+                surroundings: (next(2) == 1).then(|| SurroundingsParams { radii_m: vec![0.2, 0.4] }),
+                beams: (next(2) == 1).then(|| BeamParams { radii_m: vec![0.1, 0.4] }),
+                local_height: match next(3) {
+                    0 => None,
+                    of => Some(LocalHeightParams { plane: of == 2, ..Default::default() }),
+                },
                 ..CellParams::default()
             };
             let names: Vec<String> = feature_columns(&params, intensity).into_iter().map(|of| of.name).collect();
             let first = |is: &dyn Fn(&str) -> bool| names.iter().position(|name| is(name));
             let layout = Layout::of(&params, intensity);
             assert_eq!(first(&is_neighbour), Some(Layout::NEIGHBOURS));
-            assert_eq!(first(&|name| name == LOCAL_HEIGHT), Some(layout.local));
-            assert_eq!(first(&|name| name == PLANE_HEIGHT), Some(layout.plane_height()));
-            assert_eq!(first(&is_curvature), Some(layout.curvature));
-            assert_eq!(first(&is_surroundings), Some(layout.squares));
-            assert_eq!(first(&is_beams), Some(layout.beams));
+            assert_eq!(first(&|name| name == LOCAL_HEIGHT), params.local_height.as_ref().map(|_| layout.local));
+            let has_plane = params.local_height.as_ref().is_some_and(|local| local.plane);
+            assert_eq!(first(&|name| name == PLANE_HEIGHT), has_plane.then(|| layout.plane_height()));
+            assert_eq!(first(&is_curvature), params.curvature.as_ref().map(|_| layout.curvature));
+            assert_eq!(first(&is_surroundings), params.surroundings.as_ref().map(|_| layout.squares));
+            assert_eq!(first(&is_beams), params.beams.as_ref().map(|_| layout.beams));
             assert_eq!(first(&|name| name.starts_with("sigma_")), Some(layout.sigmas));
             assert_eq!((first(&|name| name == "intensity_mean").is_some(), names.len()), (intensity, layout.width));
         }

@@ -1,7 +1,7 @@
 //! The points of numbered cells -> a row a cell, and the features that its own points give.
 //!
-//! Source: Hewitt et al. 2017, "Neural network input types", eqs 3 and 4. Sums run in slot order, sweep after sweep, and the variance is
-//! taken in two passes, so that a map a thousand kilometres up costs no more digits than its points have lost already.
+//! Source: Hewitt et al. 2017, "Neural network input types", eqs 3 and 4. Sums run in slot order, sweep after sweep. The variance is
+//! taken in two passes, for the difference of two large sums would lose its digits.
 
 use super::bin::Scratch;
 use super::group::Numbers;

@@ -152,17 +152,21 @@ fn logarithmic_ticks(range: &Range<f64>) -> Vec<(f64, String)> {
     all.filter(|(value, _)| range.contains(value)).collect()
 }
 
-/// Every second one where they would crowd; numbers of seconds where a range holds hardly one of them.
+/// Every second or third one where they would crowd; where a range holds hardly one of them, round numbers of the unit that it lies in.
 fn duration_ticks(range: &Range<f64>) -> Vec<(f64, String)> {
     let of_unit = |(unit, unit_s, numbers): (&'static str, f64, &'static [f64])| {
         numbers.iter().map(move |number| (number * unit_s, format!("{number} {unit}")))
     };
     let round: Vec<(f64, String)> =
         UNITS_OF_TIME.into_iter().flat_map(of_unit).filter(|(value, _)| range.contains(value)).collect();
-    match round.len() {
-        ..3 => logarithmic_ticks(range).into_iter().map(|(value, number)| (value, format!("{number} s"))).collect(),
-        count => round.into_iter().step_by((count as f64 / (1.5 * TICKS)).ceil() as usize).collect(),
+    if round.len() > 2 {
+        let stride = (round.len() as f64 / (1.5 * TICKS)).ceil() as usize;
+        return round.into_iter().step_by(stride).collect();
     }
+    let within = UNITS_OF_TIME.into_iter().rfind(|(_, unit_s, _)| *unit_s <= range.start);
+    let (unit, unit_s, _) = within.unwrap_or(UNITS_OF_TIME[0]);
+    let ticks = logarithmic_ticks(&(range.start / unit_s..range.end / unit_s));
+    ticks.into_iter().map(|(value, number)| (value * unit_s, format!("{number} {unit}"))).collect()
 }
 
 /// The least of 1, 2, 5 times a power of ten that is not below a step.
@@ -227,6 +231,14 @@ mod tests {
         assert_eq!(
             texts(&Axis::durations("", 6.0..9.0)),
             ["6.0 s", "6.5 s", "7.0 s", "7.5 s", "8.0 s", "8.5 s", "9.0 s"]
+        );
+        assert_eq!(
+            texts(&Axis::durations("", 6120.0..17_280.0)),
+            ["2.0 h", "2.5 h", "3.0 h", "3.5 h", "4.0 h", "4.5 h"]
+        );
+        assert_eq!(
+            texts(&Axis::durations("", 100.0..300.0)),
+            ["2.0 min", "2.5 min", "3.0 min", "3.5 min", "4.0 min", "4.5 min", "5.0 min"]
         );
         let night = Axis::durations("", 1.0..100_000.0);
         assert_eq!(texts(&night), ["1 s", "5 s", "20 s", "2 min", "10 min", "1 h", "5 h", "1 d"]);

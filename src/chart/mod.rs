@@ -27,6 +27,7 @@ const LETTER_WIDTH: f64 = 0.58;
 const X_LABELS_HEIGHT: u32 = 44;
 const Y_LABELS_WIDTH: u32 = 68;
 const GREY: Colour = RGBColor(120, 120, 120);
+
 /// x and y in the units of the axes.
 pub(crate) type Point = (f64, f64);
 
@@ -119,7 +120,7 @@ fn text(area: &Area, words: &str, at: (i32, i32), size: i32, colour: &Colour) ->
     Ok(area.draw(&Text::new(words.to_owned(), at, ("sans-serif", size).into_font().color(colour)))?)
 }
 
-/// Pixels that words take at most, in common fonts.
+/// Pixels that words take, estimated: rather more than in common fonts.
 fn width_of(words: &str, size: i32) -> i32 {
     (LETTER_WIDTH * f64::from(size) * words.chars().count() as f64).ceil() as i32
 }
@@ -179,15 +180,19 @@ impl Panel {
                 }
                 Marks::Intervals(lines) => chart
                     .draw_series(lines.iter().map(|&(x, low, high)| PathElement::new([(x, low), (x, high)], colour)))?,
-                Marks::Words(words) => chart.draw_series(words.iter().map(|(at, up, words)| {
-                    let style = ("sans-serif", WORDS_SIZE).into_font().color(&BLACK);
-                    let (left, top) = (9, -up - TEXT_SIZE / 2);
-                    // Lines that run below stay in sight, and the words can be read.
-                    let ground = [(left - 2, top - 2), (left + width_of(words, WORDS_SIZE) + 2, top + WORDS_SIZE)];
-                    EmptyElement::at(*at)
-                        + Rectangle::new(ground, WHITE.mix(0.75).filled())
-                        + Text::new(words.clone(), (left, top), style)
-                }))?,
+                Marks::Words(words) => {
+                    let corner = |up: &i32| (9, -up - TEXT_SIZE / 2);
+                    // On a light ground words are read over lines, which still show through; no ground lies on other words.
+                    chart.draw_series(words.iter().map(|(at, up, words)| {
+                        let (left, top) = corner(up);
+                        let ground = [(left - 2, top - 2), (left + width_of(words, WORDS_SIZE) + 2, top + WORDS_SIZE)];
+                        EmptyElement::at(*at) + Rectangle::new(ground, WHITE.mix(0.75).filled())
+                    }))?;
+                    chart.draw_series(words.iter().map(|(at, up, words)| {
+                        let style = ("sans-serif", WORDS_SIZE).into_font().color(&BLACK);
+                        EmptyElement::at(*at) + Text::new(words.clone(), corner(up), style)
+                    }))?
+                }
             };
         }
         Ok(())
@@ -243,6 +248,9 @@ mod tests {
         }
         assert!((ys[1] - 0.5 * (ys[0] + ys[2])).abs() <= 1.0 && ys[2] < ys[0], "{ys:?}");
         assert!(svg.contains("summit") && svg.contains("Title"));
+        let ground =
+            svg.split('<').find(|e| e.starts_with("rect") && e.contains("opacity=\"0.75\"")).expect("a ground");
+        assert_eq!(number(ground, "width") as i32, width_of("summit", WORDS_SIZE) + 4);
     }
 
     #[test]

@@ -27,12 +27,12 @@ struct Columns {
     separator: Separator,
 }
 
-/// A line that is not empty.
+/// A line that holds more than blanks and the sign of a comment.
 struct Line<'t> {
     /// From 1 on.
     number: usize,
     is_comment: bool,
-    /// Without the sign of a comment, and without blanks around it: a tab at the beginning has nothing before it, which is a value that is not there.
+    /// Without the sign of a comment and the spaces around it. A tab at the beginning stays: before it is a value that is not there.
     text: &'t str,
 }
 
@@ -65,7 +65,8 @@ fn malformed(file: &str, line: &Line, reason: String) -> CloudError {
     CloudError::Malformed { file: file.into(), place: format!("line {}", line.number), reason }
 }
 
-/// Takes the lines before the first point, and has from them and from this what the columns are; `None` where there is no point.
+/// Takes the lines before the first point; the columns follow from these and from that point, which is left in `lines`. `None` where there is no
+/// point.
 fn columns<'t>(
     file: &str,
     lines: &mut Peekable<impl Iterator<Item = Line<'t>>>,

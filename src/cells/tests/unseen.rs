@@ -47,6 +47,34 @@ fn params(unseen: bool) -> CellParams {
 }
 
 #[test]
+fn exact_a_row_without_points_has_no_intensity_and_the_sigmas_of_every_row() {
+    let (scene, points) = (trenched(), swept());
+    let pose = Pose { position_m: DVec3::new(2.0, 5.0, 1.0), ..Pose::default() };
+    let (mut sweep, estimate) = (sweep_of(&points), estimate_at(pose));
+    sweep.returns.intensity = Some(vec![0.5; points.len()]);
+    let scan = scan_at(&sweep, &estimate, &Transform::IDENTITY, pose.transform());
+    let cells = bin(&params(true), &[scan], 0.1, 1e9, &scene, &mut Scratch::default());
+    let columns = feature_columns(&params(true), true);
+    assert_eq!(cells.features.len(), cells.rows.len() * columns.len());
+    let of_pose = columns.iter().position(|column| column.name == "sigma_z_m").unwrap();
+    let gap = columns.iter().position(|column| column.name == "gap_length_m").unwrap();
+    assert_eq!(gap, of_pose + 8);
+    let mut unseen = 0;
+    for (row, features) in cells.rows.iter().zip(cells.features.chunks_exact(columns.len())) {
+        assert_eq!(features[of_pose..][..6], [3.0, 4.0, 5.0, 1.0, 2.0, 6.0]);
+        let [mean, variance] = [features[gap - 2], features[gap - 1]];
+        if row.points == 0 {
+            unseen += 1;
+            assert_eq!((mean, variance), (0.0, 0.0));
+            assert!(features[gap] > 0.0, "a long gap is near each of them");
+        } else {
+            assert!(mean > 0.0);
+        }
+    }
+    assert!(unseen > 0);
+}
+
+#[test]
 fn equal_cells_with_points_are_as_they_were_and_those_over_a_trench_are_there() {
     let (scene, points) = (trenched(), swept());
     let pose = Pose { position_m: DVec3::new(2.0, 5.0, 1.0), ..Pose::default() };

@@ -112,6 +112,8 @@ fn exact_names_are_found_as_other_programs_write_them() {
         "1\t\t2\t3\n4\t5\t\t6\n",
         "# made by a scanner, in a yard\n1,2,3,9\n4,5,6,9\n",
         "x_m,y_m,z_m\n1,2,3\n4,5,6\n",
+        "x,y,z\n# 9,9,9\n1,2,3\n4,5,6\n",
+        "2\nx y z\n1 2 3\n4 5 6\n",
     ] {
         assert_eq!(
             parse("a.txt", text.as_bytes()).unwrap_or_else(|error| panic!("{text}: {error}")).points_m,
