@@ -2,12 +2,14 @@
 
 use plotters::prelude::*;
 
-use super::{Area, Drawn, Marks, Series, TEXT_SIZE, text, width_of};
+use super::{Area, Drawn, Marks, Series, TEXT_SIZE, text};
 
 const LINE_HEIGHT: i32 = TEXT_SIZE + 6;
 /// From an entry's left end to its words, for the sign; and between entries.
 const SIGN_WIDTH: i32 = 24;
 const GAP: i32 = 18;
+/// Mean width of a letter, a little more than that of common fonts.
+const LETTER_WIDTH: f64 = 0.58;
 
 /// An entry: which series, and where its upper left corner is.
 pub(super) struct Entry {
@@ -22,7 +24,8 @@ pub(super) fn arranged(series: &[Series], width: i32) -> Vec<Entry> {
     let mut entries = Vec::new();
     for (k, series) in series.iter().enumerate() {
         let Some(name) = &series.name else { continue };
-        let entry = SIGN_WIDTH + width_of(name, TEXT_SIZE);
+        let words = (LETTER_WIDTH * f64::from(TEXT_SIZE) * name.chars().count() as f64).ceil() as i32;
+        let entry = SIGN_WIDTH + words;
         if x > 0 && x + entry > width {
             (x, line) = (0, line + 1);
         }

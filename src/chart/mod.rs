@@ -20,10 +20,6 @@ const MARGIN: i32 = 14;
 const TOP_MARGIN: i32 = 6;
 const TITLE_SIZE: i32 = 18;
 const TEXT_SIZE: i32 = 12;
-/// Of words that stand beside marks.
-const WORDS_SIZE: i32 = TEXT_SIZE + 1;
-/// Mean width of a letter over its size, a little more than that of common fonts.
-const LETTER_WIDTH: f64 = 0.58;
 const X_LABELS_HEIGHT: u32 = 44;
 const Y_LABELS_WIDTH: u32 = 68;
 const GREY: Colour = RGBColor(120, 120, 120);
@@ -120,11 +116,6 @@ fn text(area: &Area, words: &str, at: (i32, i32), size: i32, colour: &Colour) ->
     Ok(area.draw(&Text::new(words.to_owned(), at, ("sans-serif", size).into_font().color(colour)))?)
 }
 
-/// Pixels that words take, estimated: rather more than in common fonts.
-fn width_of(words: &str, size: i32) -> i32 {
-    (LETTER_WIDTH * f64::from(size) * words.chars().count() as f64).ceil() as i32
-}
-
 impl Panel {
     fn legend(&self, width: u32) -> Vec<legend::Entry> {
         legend::arranged(&self.series, width as i32 - Y_LABELS_WIDTH as i32 - 2 * MARGIN)
@@ -180,19 +171,10 @@ impl Panel {
                 }
                 Marks::Intervals(lines) => chart
                     .draw_series(lines.iter().map(|&(x, low, high)| PathElement::new([(x, low), (x, high)], colour)))?,
-                Marks::Words(words) => {
-                    let corner = |up: &i32| (9, -up - TEXT_SIZE / 2);
-                    // On a light ground words are read over lines, which still show through; no ground lies on other words.
-                    chart.draw_series(words.iter().map(|(at, up, words)| {
-                        let (left, top) = corner(up);
-                        let ground = [(left - 2, top - 2), (left + width_of(words, WORDS_SIZE) + 2, top + WORDS_SIZE)];
-                        EmptyElement::at(*at) + Rectangle::new(ground, WHITE.mix(0.75).filled())
-                    }))?;
-                    chart.draw_series(words.iter().map(|(at, up, words)| {
-                        let style = ("sans-serif", WORDS_SIZE).into_font().color(&BLACK);
-                        EmptyElement::at(*at) + Text::new(words.clone(), corner(up), style)
-                    }))?
-                }
+                Marks::Words(words) => chart.draw_series(words.iter().map(|(at, up, words)| {
+                    let style = ("sans-serif", TEXT_SIZE + 1).into_font().color(&BLACK);
+                    EmptyElement::at(*at) + Text::new(words.clone(), (9, -up - TEXT_SIZE / 2), style)
+                }))?,
             };
         }
         Ok(())
@@ -248,9 +230,6 @@ mod tests {
         }
         assert!((ys[1] - 0.5 * (ys[0] + ys[2])).abs() <= 1.0 && ys[2] < ys[0], "{ys:?}");
         assert!(svg.contains("summit") && svg.contains("Title"));
-        let ground =
-            svg.split('<').find(|e| e.starts_with("rect") && e.contains("opacity=\"0.75\"")).expect("a ground");
-        assert_eq!(number(ground, "width") as i32, width_of("summit", WORDS_SIZE) + 4);
     }
 
     #[test]
